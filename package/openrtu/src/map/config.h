@@ -1,0 +1,123 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The configuration as the map carries it: flat tables of fixed-size records, filled by rtud from
+ * the JSON file and read by every module. A module never sees the file.
+ *
+ * The tables refer to each other by index. Points are sorted by device, devices by line, so that a
+ * device's points and a line's devices are contiguous.
+ */
+#ifndef OPENRTU_MAP_CONFIG_H
+#define OPENRTU_MAP_CONFIG_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define MAP_NAME_SIZE         40 /* names of points, devices and modules, terminator included */
+#define MAP_PATH_SIZE         64 /* a serial device's path */
+#define MAP_CLOCK_MASTERS_MAX 8  /* addresses in "clock_masters" */
+#define MAP_ADDRESS_SIZE      46 /* INET6_ADDRSTRLEN */
+
+/* The information types of report 003's tables 4.1 and 4.2. */
+enum map_type {
+	MAP_SINGLE,     /* value.u 0, 1 */
+	MAP_DOUBLE,     /* value.u 0 intermediate, 1 off, 2 on, 3 indeterminate */
+	MAP_STEP,       /* value.i -64..63, detail bit 0: transient */
+	MAP_BITSTRING,  /* value.u, 32 bits */
+	MAP_NORMALIZED, /* value.i -32768..32767, the wire's NVA: value / 32768 */
+	MAP_SCALED,     /* value.i -32768..32767 */
+	MAP_FLOAT,      /* value.f */
+	MAP_COUNTER,    /* value.i, 32 bits */
+};
+
+/* The four Modbus tables; the order is that of the report's configuration file. */
+enum map_table {
+	MAP_COILS,             /* FC 1, 5, 15 */
+	MAP_DISCRETE_INPUTS,   /* FC 2 */
+	MAP_INPUT_REGISTERS,   /* FC 4 */
+	MAP_HOLDING_REGISTERS, /* FC 3, 6, 16 */
+};
+
+enum map_parity { MAP_PARITY_NONE, MAP_PARITY_ODD, MAP_PARITY_EVEN }; /* the report's 0, 1, 2 */
+
+enum map_point_flag {
+	MAP_POINT_SIGNED = 1u << 0,        /* the raw 16 bits are two's complement */
+	MAP_POINT_WORDS_SWAPPED = 1u << 1, /* low word first */
+	MAP_POINT_BYTES_SWAPPED = 1u << 2, /* low byte first in each word */
+	MAP_POINT_BITS_SWAPPED = 1u << 3,  /* double point: first bit ON, second OFF */
+	MAP_POINT_SELECT = 1u << 4,        /* a command needs a selection first */
+	MAP_POINT_COMMAND = 1u << 5,       /* coil or holding register: may be commanded */
+};
+
+/* One RS-485 line. */
+struct map_line {
+	uint16_t port;    /* the file's "value": 1..6 on this board */
+	uint16_t process; /* lines with one number share one rtu-modbus process */
+	uint16_t module;  /* index of that process in the module table; set by map_create */
+	uint16_t first_device;
+	uint16_t device_count;
+	uint8_t stop_bits; /* 1, 2 */
+	uint8_t parity;    /* enum map_parity */
+	uint32_t baud;     /* bit/s */
+	char device[MAP_PATH_SIZE];
+};
+
+/* One Modbus slave; also one IEC 104 station and one set of points. */
+struct map_device {
+	uint16_t line;
+	uint16_t ca;     /* common address: 1000 * port + unit */
+	uint8_t unit;    /* Modbus address 1..247; 0: broadcast, written and never read */
+	uint8_t retries; /* repeated reads before the device counts as dead; writes are never repeated */
+	uint16_t response_timeout_ms; /* end of request to first byte of the answer */
+	uint32_t first_point;
+	uint32_t point_count;
+	char name[MAP_NAME_SIZE]; /* the file's "description" */
+};
+
+/* One object of a device, seen by every protocol. */
+struct map_point {
+	char name[MAP_NAME_SIZE];
+	uint16_t device;
+	uint16_t address; /* Modbus address, from 0 */
+	uint8_t table;    /* enum map_table */
+	uint8_t type;     /* enum map_type */
+	uint8_t width;    /* bits or registers it covers: 1, 2 */
+	uint8_t flags;    /* enum map_point_flag */
+	uint32_t ioa;     /* information object address, 1..16777215 */
+	uint8_t group;    /* interrogation group 1..16, 0: none */
+	uint8_t reserved[3];
+	uint32_t cyclic_ms; /* period of cyclic transmission, 0: none */
+	float scale;        /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
+	float offset;
+	float deadband; /* in the unit of the value sent; 0: every change is an event */
+	uint32_t slot;  /* place in its owner's segment; set by map_create */
+};
+
+enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
+
+/* What belongs to no line. Times of IEC 60870-5-104, 9.6. */
+struct map_settings {
+	char address[MAP_ADDRESS_SIZE]; /* where rtu-iec104 listens */
+	uint16_t port;
+	uint16_t k, w; /* 1..32767, w <= k */
+	uint16_t t1_s, t2_s, t3_s;
+	uint16_t max_connections;
+	uint16_t select_timeout_s;  /* a selection that is not executed ends */
+	uint16_t command_timeout_s; /* oldest acceptable time tag, longest wait for the device */
+	uint8_t clock;              /* enum map_clock_mode */
+	uint8_t clock_master_count; /* 0: every master may set the clock */
+	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
+	uint8_t reserved;
+	uint32_t event_ring; /* events each module keeps, a power of two */
+	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
+};
+
+/* The whole configuration. The arrays belong to whoever filled it, or lie in the map. */
+struct map_config {
+	struct map_settings settings;
+	uint32_t line_count, device_count, point_count;
+	struct map_line *lines;
+	struct map_device *devices;
+	struct map_point *points;
+};
+
+#endif

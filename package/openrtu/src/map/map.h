@@ -1,0 +1,345 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The point map: what module processes know of each other.
+ *
+ * One shared segment a module, written by that module alone and mapped read-only by all others
+ * (DESIGN.md, "Rules"). rtud creates all segments, and its own carries the configuration, the
+ * module table and the clock. Whoever attaches without a module name is an observer and writes nothing.
+ *
+ * Values are published through a latch (latch.h), events, requests, answers and log lines through
+ * rings (ring.h). No call here blocks or allocates, except map_create, map_attach and map_detach.
+ *
+ * Times are CLOCK_MONOTONIC nanoseconds unless a name says wall. The wall time is the map's clock.
+ */
+#ifndef OPENRTU_MAP_H
+#define OPENRTU_MAP_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "config.h"
+
+#define MAP_MODULES_MAX         16
+#define MAP_NONE                UINT32_MAX
+#define MAP_ERROR_SIZE          256
+#define MAP_CURSORS             17  /* readers of events inside one module: rtu-iec104 has one a connection */
+#define MAP_HEARTBEAT_PERIOD_MS 25  /* how often a module that owns points calls map_heartbeat */
+#define MAP_HEARTBEAT_LIMIT_MS  100 /* an owner silent for longer has no valid points */
+#define MAP_RTUD                0   /* rtud's index in the module table */
+
+struct map;
+
+/* ---- values ------------------------------------------------------------------------------ */
+
+/* The quality descriptor's bits, at the places IEC 60870-5-101, 7.2.6.3 gives them. */
+enum map_quality {
+	MAP_GOOD = 0x00,
+	MAP_OVERFLOW = 0x01,
+	MAP_BLOCKED = 0x10,
+	MAP_SUBSTITUTED = 0x20,
+	MAP_NOT_TOPICAL = 0x40,
+	MAP_INVALID = 0x80,
+};
+
+union map_value {
+	int32_t i;
+	uint32_t u;
+	float f;
+};
+
+struct map_sample {
+	union map_value value; /* which member: enum map_type */
+	uint8_t quality;       /* enum map_quality, or-ed */
+	uint8_t detail;        /* MAP_STEP: bit 0 transient */
+	uint16_t reserved;
+	int64_t time_ns; /* acquisition */
+};
+
+/* ---- modules ----------------------------------------------------------------------------- */
+
+enum map_module_kind { MAP_MODULE_RTUD, MAP_MODULE_MODBUS, MAP_MODULE_IEC104, MAP_MODULE_RTUCTL };
+
+enum map_module_state {
+	MAP_MODULE_STOPPED,  /* no process, on purpose */
+	MAP_MODULE_STARTING, /* forked, has not attached yet */
+	MAP_MODULE_RUNNING,
+	MAP_MODULE_DOWN, /* died or hangs; rtud restarts it */
+};
+
+struct map_module {
+	char name[MAP_NAME_SIZE];
+	uint8_t kind;  /* enum map_module_kind */
+	uint8_t state; /* enum map_module_state, as rtud sees it */
+	bool alive;    /* derived: running, right generation, heart beats */
+	int32_t pid;
+	uint32_t generation; /* how often it was started */
+	uint32_t restarts;   /* how often after a failure */
+	uint32_t heartbeat_age_ms;
+	uint32_t point_count;
+	uint32_t lost_events; /* events this module read too late */
+	int64_t started_ns;
+};
+
+/* ---- create, attach ---------------------------------------------------------------------- */
+
+/*
+ * Creates the segments of rtud, of one module per process number in config->lines, of rtu-iec104 and
+ * of rtuctl in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
+ * lines[].module and points[].slot of the copy in the map. uid_base: as root, module i's segment belongs to
+ * user uid_base + i; 0: to the caller.
+ * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).
+ */
+int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t uid_base,
+	       char *error);
+
+/*
+ * Attaches to the map in dir as the module of that name (own segment writable, generation taken over from the module
+ * table, unfinished updates of the previous generation repaired, own points invalid), or as an observer when module is NULL.
+ * Fails with a message for another layout version, a missing map, or a module that is not in the table.
+ */
+int map_attach(struct map **map, const char *dir, const char *module, char *error);
+void map_detach(struct map *map);
+
+const struct map_config *map_config(const struct map *map);
+uint32_t map_self(const struct map *map); /* own index in the module table, MAP_NONE for an observer */
+uint32_t map_module_count(const struct map *map);
+/* What is known of a module. index < map_module_count. */
+void map_module(const struct map *map, uint32_t index, struct map_module *out);
+bool map_alive(const struct map *map, uint32_t module);
+uint32_t map_owner(const struct map *map, uint32_t point);
+/* Finds a point by common address and IOA; MAP_NONE when there is none. O(log n). */
+uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa);
+
+/* "I run." Own segment; every MAP_HEARTBEAT_PERIOD_MS by an owner of points, each second by others. */
+void map_heartbeat(struct map *map);
+/* False once rtud has ended this generation or is gone: the module must exit. */
+bool map_wanted(const struct map *map);
+
+/* ---- points ------------------------------------------------------------------------------ */
+
+/*
+ * Reads a point: stored quality, plus invalid when its owner is not alive. False when a writer overtook
+ * every one of a bounded number of tries (out is then not written): try again later.
+ */
+bool map_read(const struct map *map, uint32_t point, struct map_sample *out);
+
+struct map_update {
+	uint32_t point;
+	struct map_sample sample;
+};
+
+/*
+ * Publishes new samples of one device's points in one step: readers see all or none. Makes an event of
+ * each point whose quality changed or whose value left the deadband around the last event. Owner only.
+ */
+void map_publish(struct map *map, const struct map_update *updates, size_t count);
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+enum map_event_kind {
+	MAP_EVENT_CHANGE,      /* point, sample */
+	MAP_EVENT_MODULE_DOWN, /* point is a module's index: all its points are invalid since sample.time_ns */
+	MAP_EVENT_MODULE_UP,   /* point is a module's index: its points may be valid again, read them */
+	MAP_EVENT_CLOCK,       /* the map's clock was set */
+};
+
+struct map_event {
+	uint32_t point;
+	uint8_t kind; /* enum map_event_kind */
+	uint8_t reserved[3];
+	struct map_sample sample;
+};
+
+/* A place in every module's event ring. A plain value: copy it to look ahead, assign it back to commit. */
+struct map_cursor {
+	uint32_t next[MAP_MODULES_MAX];
+	uint32_t lost; /* events overwritten before they were read, since map_cursor_to_end */
+};
+
+/* The module's cursor in its own segment, which survives its restart. slot < MAP_CURSORS. */
+struct map_cursor *map_cursor(struct map *map, unsigned slot);
+/* Sets the cursor behind the newest event: all before count as read. */
+void map_cursor_to_end(const struct map *map, struct map_cursor *cursor);
+/* The oldest event behind the cursor, over all modules, and moves on. False: there is none now. */
+bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out);
+
+/* ---- bells ------------------------------------------------------------------------------- */
+
+/*
+ * A descriptor for poll/epoll that becomes readable when another module has left something: events (for
+ * rtu-iec104 and other readers of events), requests, answers. map_bell_clear before looking, or a ring is missed.
+ */
+int map_bell_fd(const struct map *map);
+void map_bell_clear(const struct map *map);
+
+/* ---- commands ---------------------------------------------------------------------------- */
+
+/* Seed 001, section 4: the ten states of a command. */
+enum map_command_state {
+	MAP_INACTIVE,
+	MAP_SELECTION_REQUEST,
+	MAP_ACCEPTED_SELECTION,
+	MAP_REFUSED_SELECTION,
+	MAP_INTERRUPTION_REQUEST,
+	MAP_INTERRUPTED_SELECTION,
+	MAP_EXECUTION_REQUEST,
+	MAP_EXECUTING,
+	MAP_REFUSED_COMMAND,
+	MAP_EXECUTED_COMMAND,
+};
+
+/* Why a state was reached. */
+enum map_command_result {
+	MAP_RESULT_NONE,
+	MAP_RESULT_DONE,         /* the device confirmed it (a broadcast: it was sent) */
+	MAP_RESULT_EXCEPTION,    /* the device refused: detail is the Modbus exception code */
+	MAP_RESULT_TIMEOUT,      /* the device did not answer: it may or may not have acted */
+	MAP_RESULT_TOO_OLD,      /* not begun before its deadline */
+	MAP_RESULT_NOT_SELECTED, /* needs a selection by this requester, with this value */
+	MAP_RESULT_INTERLOCK,    /* another command of this point is under way or selected */
+	MAP_RESULT_OUT_OF_RANGE, /* the point cannot hold this value */
+	MAP_RESULT_NOT_COMMANDABLE,
+	MAP_RESULT_UNKNOWN_FATE, /* the owner died while executing; never repeated */
+};
+
+enum map_action {
+	MAP_SELECT,
+	MAP_EXECUTE,
+	MAP_CANCEL,    /* interrupts the selection */
+	MAP_RELEASE,   /* the requester has seen the final state: back to inactive; no answer */
+	MAP_SET_CLOCK, /* to rtud: the wall time at time_ns was wall_ns */
+};
+
+struct map_request {
+	uint32_t id;         /* given by map_request_post */
+	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK */
+	uint32_t generation; /* of the owner it was meant for; given by map_request_post */
+	uint16_t requester;  /* module index; given by map_request_post */
+	uint8_t action;      /* enum map_action */
+	uint8_t detail;      /* MAP_STEP: bit 0 transient */
+	uint32_t
+	    session; /* who in the requester selected: connection and originator; compared, not understood */
+	union map_value value;
+	int64_t time_ns;     /* when it was issued */
+	int64_t deadline_ns; /* refused when not begun by then */
+	int64_t wall_ns;     /* MAP_SET_CLOCK: since 1970, UTC */
+};
+
+struct map_answer {
+	uint32_t id;
+	uint32_t point;
+	uint16_t requester;
+	uint8_t state;  /* enum map_command_state */
+	uint8_t result; /* enum map_command_result */
+	uint8_t detail; /* exception code */
+	uint8_t action; /* of the request it answers */
+	uint8_t reserved[2];
+	int64_t time_ns;
+};
+
+struct map_command {
+	uint8_t state;  /* enum map_command_state */
+	uint8_t result; /* enum map_command_result */
+	uint8_t detail;
+	uint8_t reserved;
+	uint16_t requester;
+	uint16_t reserved2;
+	uint32_t id;
+	uint32_t session;
+	uint32_t generation; /* of the requester's module */
+	union map_value value;
+	int64_t time_ns;  /* of the last change of state */
+	int64_t until_ns; /* end of the selection */
+};
+
+/*
+ * Posts a request in the own segment and rings the owner. Returns its id, or 0 when the owner is not
+ * alive (nothing was posted: answer negative). Exactly one answer follows while the owner lives, except
+ * MAP_RELEASE, which has none; a MAP_EXECUTE is answered twice: MAP_EXECUTING, then the end. An owner's
+ * MAP_EVENT_MODULE_DOWN is the answer to all that is open at it: unknown fate.
+ */
+uint32_t map_request_post(struct map *map, struct map_request request);
+/* The next request for this module. It is gone from the queue before it is returned, so that no crash repeats it. */
+bool map_request_next(struct map *map, struct map_request *out);
+
+/*
+ * Runs a request to a point's command through the state machine and answers it. True: the owner shall now write the
+ * value to the device and call map_command_finish. Owner only.
+ */
+bool map_command_request(struct map *map, const struct map_request *request);
+/* Ends an executing command with the device's answer. Owner only. */
+void map_command_finish(struct map *map, uint32_t point, enum map_command_result result, uint8_t detail);
+/* The next answer to a request of this module. */
+bool map_answer_next(struct map *map, struct map_answer *out);
+/* The command side of a point. False as for map_read. */
+bool map_command_read(const struct map *map, uint32_t point, struct map_command *out);
+
+const char *map_command_state_name(enum map_command_state state);
+const char *map_command_result_name(enum map_command_result result);
+
+/* ---- clock ------------------------------------------------------------------------------- */
+
+struct map_clock {
+	int64_t offset_ns; /* wall = monotonic + offset */
+	bool set;          /* by a master, or the system's clock is synchronised */
+};
+
+int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
+struct map_clock map_clock_read(const struct map *map);
+/* rtud only. */
+void map_clock_write(struct map *map, struct map_clock clock);
+
+/* ---- log --------------------------------------------------------------------------------- */
+
+enum map_log_level { MAP_LOG_ERROR, MAP_LOG_WARNING, MAP_LOG_INFO, MAP_LOG_DEBUG };
+
+#define MAP_LOG_TEXT_SIZE 112
+
+struct map_log_line {
+	int64_t time_ns;
+	uint8_t level; /* enum map_log_level */
+	uint8_t reserved[3];
+	char text[MAP_LOG_TEXT_SIZE];
+};
+
+/* Writes a line to the own log ring; rtud prints it. Longer text is cut. */
+void map_log(struct map *map, enum map_log_level level, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+/* The next line of a module's log behind *position; skips what was overwritten. */
+bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out);
+
+/* ---- counters of lines and devices --------------------------------------------------------- */
+
+/* 32-bit counters that wrap. Each is written by the line's owner alone and read by anyone, singly. */
+struct map_line_stats {
+	_Atomic uint32_t requests;
+	_Atomic uint32_t answers;
+	_Atomic uint32_t exceptions;
+	_Atomic uint32_t timeouts;
+	_Atomic uint32_t crc_errors;
+	_Atomic uint32_t wrong_answers; /* other slave, function or length */
+	_Atomic uint32_t late_answers;  /* drained after a time-out */
+	_Atomic uint32_t noise_bytes;   /* outside a transaction */
+	_Atomic uint32_t commands;
+	_Atomic uint32_t scan_us;     /* last time all living devices of the line were read once */
+	_Atomic uint32_t port_errors; /* open, read, write failed */
+	_Atomic uint32_t open;        /* 1: the port is open */
+};
+
+struct map_device_stats {
+	_Atomic uint32_t requests;
+	_Atomic uint32_t answers;
+	_Atomic uint32_t exceptions;
+	_Atomic uint32_t timeouts;
+	_Atomic uint32_t errors;           /* crc, wrong answers */
+	_Atomic uint32_t alive;            /* 1: the last request was answered */
+	_Atomic uint32_t next_probe_ms;    /* back-off now in force, 0 when alive */
+	_Atomic uint32_t latency_us;       /* last: end of request to first byte */
+	_Atomic uint32_t planned_requests; /* reads of one scan */
+};
+
+/* Owner: to count in. Others get the same memory read-only. */
+struct map_line_stats *map_line_stats(const struct map *map, uint32_t line);
+struct map_device_stats *map_device_stats(const struct map *map, uint32_t device);
+
+#endif
