@@ -88,8 +88,9 @@ struct map_point {
 	uint32_t cyclic_ms; /* period of cyclic transmission, 0: none */
 	float scale;        /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	float offset;
-	float deadband; /* in the unit of the value sent; 0: every change is an event */
-	uint32_t slot;  /* place in its owner's segment; set by map_create */
+	float deadband;   /* in the unit of the value sent; 0: every change is an event */
+	uint32_t slot;    /* place among its owner's points; set by map_create */
+	uint32_t command; /* place among its owner's commands; set by map_create */
 };
 
 enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
@@ -99,7 +100,8 @@ struct map_settings {
 	char address[MAP_ADDRESS_SIZE]; /* where rtu-iec104 listens */
 	uint16_t port;
 	uint16_t k, w; /* 1..32767, w <= k */
-	uint16_t t1_s, t2_s, t3_s;
+	uint16_t t1_s, t2_s;
+	uint32_t t3_s; /* up to 48 h */
 	uint16_t max_connections;
 	uint16_t select_timeout_s;  /* a selection that is not executed ends */
 	uint16_t command_timeout_s; /* oldest acceptable time tag, longest wait for the device */

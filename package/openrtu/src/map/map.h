@@ -19,13 +19,14 @@
 
 #include "config.h"
 
-#define MAP_MODULES_MAX         16
-#define MAP_NONE                UINT32_MAX
-#define MAP_ERROR_SIZE          256
-#define MAP_CURSORS             17  /* readers of events inside one module: rtu-iec104 has one a connection */
-#define MAP_HEARTBEAT_PERIOD_MS 25  /* how often a module that owns points calls map_heartbeat */
-#define MAP_HEARTBEAT_LIMIT_MS  100 /* an owner silent for longer has no valid points */
-#define MAP_RTUD                0   /* rtud's index in the module table */
+#define MAP_MODULES_MAX             16
+#define MAP_NONE                    UINT32_MAX
+#define MAP_ERROR_SIZE              256
+#define MAP_CURSORS                 17 /* readers of events inside one module: rtu-iec104 has one a connection */
+#define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
+#define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points */
+#define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
+#define MAP_RTUD                    0    /* rtud's index in the module table */
 
 struct map;
 
@@ -106,6 +107,8 @@ uint32_t map_module_count(const struct map *map);
 /* What is known of a module. index < map_module_count. */
 void map_module(const struct map *map, uint32_t index, struct map_module *out);
 bool map_alive(const struct map *map, uint32_t module);
+/* How old a module's heartbeat may be. */
+uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module);
 uint32_t map_owner(const struct map *map, uint32_t point);
 /* Finds a point by common address and IOA; MAP_NONE when there is none. O(log n). */
 uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa);
@@ -286,8 +289,6 @@ struct map_clock {
 
 int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
 struct map_clock map_clock_read(const struct map *map);
-/* rtud only. */
-void map_clock_write(struct map *map, struct map_clock clock);
 
 /* ---- log --------------------------------------------------------------------------------- */
 

@@ -1,0 +1,354 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * Commands: requests in the requester's segment, answers and the state machine in the owner's.
+ *
+ * Of seed 001's ten states three are a manager's wish: selection request, interruption of selection request, execution
+ * request. Here the wish is the record in the requester's ring; the command itself goes straight to the answer.
+ */
+#include "map/layout.h"
+#include "map/supervise.h"
+
+/* ---- requester --------------------------------------------------------------------------- */
+
+uint32_t map_request_post(struct map *map, struct map_request request)
+{
+	struct segment_header *header = map->segments[map->self].header;
+	uint32_t owner = request.action == MAP_SET_CLOCK ? MAP_RTUD : map_owner(map, request.point);
+
+	if (!map_alive(map, owner))
+		return 0;
+	request.id = atomic_fetch_add_explicit(&header->next_request, 1, memory_order_relaxed);
+	if (request.id == 0) /* wrapped: 0 means "not posted" */
+		request.id = atomic_fetch_add_explicit(&header->next_request, 1, memory_order_relaxed);
+	request.generation = atomic_load(&map->directory->modules[owner].generation);
+	request.requester = (uint16_t)map->self;
+	ring_put(&map->segments[map->self].requests, &request);
+	bell_ring(map, owner);
+	return request.id;
+}
+
+bool map_answer_next(struct map *map, struct map_answer *out)
+{
+	struct segment_header *header = map->segments[map->self].header;
+
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		uint32_t lost = 0;
+
+		while (ring_peek(&map->segments[i].answers, &header->answer_next[i], out, &lost)) {
+			header->answer_next[i]++;
+			if (out->requester == map->self)
+				return true;
+		}
+	}
+	return false;
+}
+
+/* ---- owner ------------------------------------------------------------------------------- */
+
+static bool is_for(const struct map *map, const struct map_request *request)
+{
+	if (request->generation != atomic_load(&map->directory->modules[map->self].generation))
+		return false;
+	if (request->action == MAP_SET_CLOCK)
+		return map->self == MAP_RTUD;
+	return request->point < map->config.point_count && map_owner(map, request->point) == map->self;
+}
+
+bool map_request_next(struct map *map, struct map_request *out)
+{
+	struct segment_header *header = map->segments[map->self].header;
+
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		uint32_t lost = 0;
+
+		while (ring_peek(&map->segments[i].requests, &header->request_next[i], out, &lost)) {
+			header->request_next[i]++;
+			out->requester = (uint16_t)i; /* whose ring it is, whatever it says */
+			if (is_for(map, out))
+				return true;
+		}
+		if (lost)
+			map_log(map, MAP_LOG_ERROR, "%u requests of %s were overwritten unread", lost,
+				map->directory->modules[i].name);
+	}
+	return false;
+}
+
+static void answer(struct map *map, const struct map_command *command, uint32_t point, enum map_action action)
+{
+	struct map_answer record = {
+	    .id = command->id,
+	    .point = point,
+	    .requester = command->requester,
+	    .state = command->state,
+	    .result = command->result,
+	    .detail = command->detail,
+	    .action = (uint8_t)action,
+	    .time_ns = map_now_ns(),
+	};
+
+	ring_put(&map->segments[map->self].answers, &record);
+	bell_ring(map, command->requester);
+}
+
+static struct command_cell *own_cell(const struct map *map, uint32_t point)
+{
+	return &map->segments[map->self].commands[map->config.points[point].command];
+}
+
+/* The owner is the only writer: what it wrote last is in either copy. */
+static struct map_command current(const struct command_cell *cell)
+{
+	return cell->copies[0];
+}
+
+static void store(struct command_cell *cell, const struct map_command *command)
+{
+	for (int copy = 0; copy < 2; copy++) {
+		unsigned turn = latch_turn(&cell->latch);
+
+		cell->copies[turn] = *command;
+	}
+}
+
+static struct map_command command_of(const struct map *map, const struct map_request *request,
+				     enum map_command_state state, enum map_command_result result)
+{
+	return (struct map_command){
+	    .state = (uint8_t)state,
+	    .result = (uint8_t)result,
+	    .requester = request->requester,
+	    .id = request->id,
+	    .session = request->session,
+	    .generation = atomic_load(&map->segments[request->requester].header->generation),
+	    .value = request->value,
+	    .time_ns = map_now_ns(),
+	};
+}
+
+static bool same_requester(const struct map *map, const struct map_command *command,
+			   const struct map_request *request)
+{
+	return command->requester == request->requester && command->session == request->session &&
+	       command->generation == atomic_load(&map->segments[request->requester].header->generation);
+}
+
+static bool is_selected(const struct map_command *command)
+{
+	return command->state == MAP_ACCEPTED_SELECTION && map_now_ns() <= command->until_ns;
+}
+
+/* What the request is refused for, before the point is touched. */
+static enum map_command_result objection(const struct map *map, const struct map_command *command,
+					 const struct map_request *request)
+{
+	bool selected = is_selected(command), same = same_requester(map, command, request);
+
+	if (map_now_ns() > request->deadline_ns)
+		return MAP_RESULT_TOO_OLD;
+	if (command->state == MAP_EXECUTING || (selected && !same))
+		return MAP_RESULT_INTERLOCK;
+	if (request->action != MAP_EXECUTE)
+		return MAP_RESULT_NONE;
+	if (selected && command->value.u != request->value.u)
+		return MAP_RESULT_NOT_SELECTED;
+	if (!selected && (map->config.points[request->point].flags & MAP_POINT_SELECT))
+		return MAP_RESULT_NOT_SELECTED;
+	return MAP_RESULT_NONE;
+}
+
+static void refuse(struct map *map, const struct map_request *request, enum map_command_result result)
+{
+	enum map_command_state state =
+	    request->action == MAP_EXECUTE ? MAP_REFUSED_COMMAND : MAP_REFUSED_SELECTION;
+	struct map_command refusal = command_of(map, request, state, result);
+
+	answer(map, &refusal, request->point, request->action);
+}
+
+static void move(struct map *map, struct command_cell *cell, const struct map_request *request,
+		 enum map_command_state state, enum map_command_result result)
+{
+	struct map_command command = command_of(map, request, state, result);
+
+	if (state == MAP_ACCEPTED_SELECTION)
+		command.until_ns = command.time_ns + map->config.settings.select_timeout_s * 1000000000LL;
+	store(cell, &command);
+	answer(map, &command, request->point, request->action);
+}
+
+static void select_point(struct map *map, struct command_cell *cell, const struct map_request *request)
+{
+	struct map_command command = current(cell);
+	enum map_command_result result = objection(map, &command, request);
+
+	if (result != MAP_RESULT_NONE)
+		refuse(map, request, result);
+	else
+		move(map, cell, request, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+}
+
+static void cancel_selection(struct map *map, struct command_cell *cell, const struct map_request *request)
+{
+	struct map_command command = current(cell);
+
+	if (is_selected(&command) && same_requester(map, &command, request))
+		move(map, cell, request, MAP_INTERRUPTED_SELECTION, MAP_RESULT_DONE);
+	else
+		refuse(map, request, MAP_RESULT_NOT_SELECTED);
+}
+
+static bool execute(struct map *map, struct command_cell *cell, const struct map_request *request)
+{
+	struct map_command command = current(cell);
+	enum map_command_result result = objection(map, &command, request);
+
+	if (result == MAP_RESULT_NONE) {
+		move(map, cell, request, MAP_EXECUTING, MAP_RESULT_NONE);
+		return true;
+	}
+	/* A selection is good for one execution as selected; anything else of its holder ends it. */
+	if (is_selected(&command) && same_requester(map, &command, request))
+		move(map, cell, request, MAP_REFUSED_COMMAND, result);
+	else
+		refuse(map, request, result);
+	return false;
+}
+
+static void release(const struct map *map, struct command_cell *cell, const struct map_request *request)
+{
+	struct map_command command = current(cell);
+
+	if (command.state == MAP_EXECUTING || !same_requester(map, &command, request))
+		return;
+	command.state = MAP_INACTIVE;
+	command.time_ns = map_now_ns();
+	store(cell, &command);
+}
+
+bool map_command_request(struct map *map, const struct map_request *request)
+{
+	struct command_cell *cell;
+
+	if (!(map->config.points[request->point].flags & MAP_POINT_COMMAND)) {
+		if (request->action != MAP_RELEASE)
+			refuse(map, request, MAP_RESULT_NOT_COMMANDABLE);
+		return false;
+	}
+	cell = own_cell(map, request->point);
+	switch (request->action) {
+	case MAP_SELECT:
+		select_point(map, cell, request);
+		return false;
+	case MAP_EXECUTE:
+		return execute(map, cell, request);
+	case MAP_CANCEL:
+		cancel_selection(map, cell, request);
+		return false;
+	case MAP_RELEASE:
+		release(map, cell, request);
+		return false;
+	default:
+		return false;
+	}
+}
+
+void map_command_finish(struct map *map, uint32_t point, enum map_command_result result, uint8_t detail)
+{
+	struct command_cell *cell = own_cell(map, point);
+	struct map_command command = current(cell);
+
+	if (command.state != MAP_EXECUTING)
+		return;
+	command.state = result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND;
+	command.result = (uint8_t)result;
+	command.detail = detail;
+	command.time_ns = map_now_ns();
+	store(cell, &command);
+	answer(map, &command, point, MAP_EXECUTE);
+}
+
+void map_clock_answer(struct map *map, const struct map_request *request, enum map_command_result result)
+{
+	struct map_command command = command_of(
+	    map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND, result);
+
+	answer(map, &command, MAP_NONE, MAP_SET_CLOCK);
+}
+
+/* What was under way when the former generation died is never repeated, and nobody knows its fate. */
+static void recover_command(struct command_cell *cell)
+{
+	unsigned whole = latch_whole_copy(&cell->latch);
+	struct map_command command = cell->copies[whole];
+
+	cell->copies[!whole] = command;
+	if (command.state == MAP_EXECUTING) {
+		command.state = MAP_REFUSED_COMMAND;
+		command.result = MAP_RESULT_UNKNOWN_FATE;
+	} else if (command.state == MAP_ACCEPTED_SELECTION) {
+		command.state = MAP_INTERRUPTED_SELECTION;
+	} else {
+		return;
+	}
+	command.time_ns = map_now_ns();
+	store(cell, &command);
+}
+
+void commands_recover(struct map *map)
+{
+	for (uint32_t i = 0; i < map->directory->modules[map->self].command_count; i++)
+		recover_command(&map->segments[map->self].commands[i]);
+}
+
+/* ---- anyone ------------------------------------------------------------------------------ */
+
+bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
+{
+	const struct segment *segment = &map->segments[map_owner(map, point)];
+	struct command_cell *cell;
+
+	if (!(map->config.points[point].flags & MAP_POINT_COMMAND)) {
+		*out = (struct map_command){.state = MAP_INACTIVE};
+		return true;
+	}
+	cell = &segment->commands[map->config.points[point].command];
+	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		uint32_t sequence = latch_read_begin(&cell->latch);
+		struct map_command command = cell->copies[sequence & 1];
+
+		if (!latch_read_done(&cell->latch, sequence))
+			continue;
+		*out = command;
+		return true;
+	}
+	return false;
+}
+
+const char *map_command_state_name(enum map_command_state state)
+{
+	static const char *const names[] = {
+	    "inactive command",
+	    "selection request",
+	    "accepted selection",
+	    "refused selection",
+	    "interruption of selection request",
+	    "interrupted selection",
+	    "execution request",
+	    "executing command",
+	    "refused command",
+	    "executed command",
+	};
+
+	return (unsigned)state < sizeof(names) / sizeof(names[0]) ? names[state] : "unknown state";
+}
+
+const char *map_command_result_name(enum map_command_result result)
+{
+	static const char *const names[] = {
+	    "none",         "done",      "exception",    "time-out",        "too old",
+	    "not selected", "interlock", "out of range", "not commandable", "unknown fate",
+	};
+
+	return (unsigned)result < sizeof(names) / sizeof(names[0]) ? names[result] : "unknown result";
+}

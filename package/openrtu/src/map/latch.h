@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * A latch: two copies of something and a sequence. The writer fills one copy while readers take the
+ * other, so a writer that is preempted, stopped or killed anywhere leaves a whole copy to read, and a
+ * real-time reader above it on one core never spins (a plain sequence lock would).
+ *
+ * Even sequence: copy 0 is readable; odd: copy 1. One writer. The sequence has 32 bits because ARMv5
+ * has no wider atomic.
+ */
+#ifndef OPENRTU_MAP_LATCH_H
+#define OPENRTU_MAP_LATCH_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+_Static_assert(ATOMIC_INT_LOCK_FREE == 2, "atomics in shared memory must be lock-free");
+
+typedef _Atomic uint32_t map_latch;
+
+/* Gives the copy that the writer may fill now: first copy 0, then copy 1 after latch_turn. */
+static inline unsigned latch_turn(map_latch *latch)
+{
+	uint32_t sequence = atomic_load_explicit(latch, memory_order_relaxed) + 1;
+
+	atomic_store_explicit(latch, sequence, memory_order_release);
+	/* The sequence must be seen before what follows in the copy it takes from the readers. */
+	atomic_thread_fence(memory_order_release);
+	return (sequence & 1) ? 0 : 1;
+}
+
+/* The copy that is whole, whatever a former writer left half done. */
+static inline unsigned latch_whole_copy(map_latch *latch)
+{
+	return atomic_load_explicit(latch, memory_order_relaxed) & 1;
+}
+
+static inline uint32_t latch_read_begin(map_latch *latch)
+{
+	return atomic_load_explicit(latch, memory_order_acquire);
+}
+
+/* True when the copy (sequence & 1) was not touched since latch_read_begin gave that sequence. */
+static inline bool latch_read_done(map_latch *latch, uint32_t sequence)
+{
+	atomic_thread_fence(memory_order_acquire);
+	return atomic_load_explicit(latch, memory_order_relaxed) == sequence;
+}
+
+/*
+ * How often a reader tries. A try fails only when the writer published twice within one copy of a
+ * few bytes; writers publish at the pace of a serial line.
+ */
+#define LATCH_TRIES 64
+
+#endif

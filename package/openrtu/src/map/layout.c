@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "map/layout.h"
+
+#include <string.h>
+
+#define SECTION_ALIGNMENT 32 /* a cache line of the ARM926 */
+
+static size_t section(struct layout *layout, size_t bytes)
+{
+	size_t offset = (layout->size + SECTION_ALIGNMENT - 1) & ~(size_t)(SECTION_ALIGNMENT - 1);
+
+	layout->size = offset + bytes;
+	return offset;
+}
+
+struct layout layout_of(const struct module_entry *entry, const struct map_config *config)
+{
+	struct layout layout = {.size = sizeof(struct segment_header)};
+
+	if (entry->kind == MAP_MODULE_RTUD) {
+		layout.directory = section(&layout, sizeof(struct directory));
+		layout.lines = section(&layout, config->line_count * sizeof(struct map_line));
+		layout.devices = section(&layout, config->device_count * sizeof(struct map_device));
+		layout.points = section(&layout, config->point_count * sizeof(struct map_point));
+		layout.by_address = section(&layout, config->point_count * sizeof(uint32_t));
+	}
+	layout.event_capacity = entry->kind == MAP_MODULE_MODBUS ? config->settings.event_ring : RTUD_EVENTS;
+	layout.requests = section(&layout, ring_size(REQUEST_RING, sizeof(struct map_request)));
+	layout.answers = section(&layout, ring_size(ANSWER_RING, sizeof(struct map_answer)));
+	layout.events = section(&layout, ring_size(layout.event_capacity, sizeof(struct map_event)));
+	layout.log = section(&layout, ring_size(LOG_RING, sizeof(struct map_log_line)));
+	if (entry->kind != MAP_MODULE_MODBUS)
+		return layout;
+	layout.latches = section(&layout, config->device_count * sizeof(map_latch));
+	layout.samples[0] = section(&layout, entry->point_count * sizeof(struct map_sample));
+	layout.samples[1] = section(&layout, entry->point_count * sizeof(struct map_sample));
+	layout.commands = section(&layout, entry->command_count * sizeof(struct command_cell));
+	layout.line_stats = section(&layout, config->line_count * sizeof(struct map_line_stats));
+	layout.device_stats = section(&layout, config->device_count * sizeof(struct map_device_stats));
+	return layout;
+}
+
+static void *at(void *memory, size_t offset)
+{
+	return offset ? (uint8_t *)memory + offset : NULL;
+}
+
+void segment_place(struct segment *segment, void *memory, const struct layout *layout)
+{
+	segment->header = memory;
+	segment->requests = ring_at(at(memory, layout->requests), REQUEST_RING, sizeof(struct map_request));
+	segment->answers = ring_at(at(memory, layout->answers), ANSWER_RING, sizeof(struct map_answer));
+	segment->events =
+	    ring_at(at(memory, layout->events), layout->event_capacity, sizeof(struct map_event));
+	segment->log = ring_at(at(memory, layout->log), LOG_RING, sizeof(struct map_log_line));
+	segment->latches = at(memory, layout->latches);
+	segment->samples[0] = at(memory, layout->samples[0]);
+	segment->samples[1] = at(memory, layout->samples[1]);
+	segment->commands = at(memory, layout->commands);
+	segment->line_stats = at(memory, layout->line_stats);
+	segment->device_stats = at(memory, layout->device_stats);
+	segment->size = layout->size;
+}
+
+uint32_t layout_fingerprint(void)
+{
+	const uint32_t sizes[] = {
+	    sizeof(struct segment_header), sizeof(struct directory),        sizeof(struct map_line),
+	    sizeof(struct map_device),     sizeof(struct map_point),        sizeof(struct map_settings),
+	    sizeof(struct map_sample),     sizeof(struct map_event),        sizeof(struct map_request),
+	    sizeof(struct map_answer),     sizeof(struct command_cell),     sizeof(struct map_log_line),
+	    sizeof(struct map_line_stats), sizeof(struct map_device_stats),
+	};
+	uint32_t hash = 2166136261u; /* FNV-1a */
+
+	for (size_t i = 0; i < sizeof(sizes) / sizeof(sizes[0]); i++)
+		hash = (hash ^ sizes[i]) * 16777619u;
+	return hash;
+}

@@ -1,0 +1,125 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * How the segments lie in memory. Private to this room.
+ *
+ * Every offset follows from the configuration in rtud's segment, so each process computes it for itself and
+ * believes no other writer's segment about sizes.
+ */
+#ifndef OPENRTU_MAP_LAYOUT_H
+#define OPENRTU_MAP_LAYOUT_H
+
+#include "map/latch.h"
+#include "map/map.h"
+#include "map/ring.h"
+
+#define MAP_MAGIC    0x5552544Fu /* "ORTU" */
+#define MAP_LAYOUT   1u          /* raise with every change of what lies in the segments */
+#define REQUEST_RING 256u
+#define ANSWER_RING  256u
+#define LOG_RING     128u
+#define RTUD_EVENTS  256u /* rtud's own: modules going down and up, clock */
+
+/* The first bytes of every segment, written by its owner. */
+struct segment_header {
+	uint32_t magic;
+	uint32_t layout;
+	uint32_t fingerprint; /* sizes of all records: catches another compiler's idea of them */
+	uint32_t size;
+	_Atomic uint32_t generation;   /* of the process that attached last */
+	_Atomic uint32_t heartbeat_ms; /* CLOCK_MONOTONIC, low 32 bits */
+	_Atomic uint32_t next_request; /* id of the next request */
+	uint32_t reserved;
+	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
+	uint32_t answer_next[MAP_MODULES_MAX];
+	struct map_cursor cursors[MAP_CURSORS];
+};
+
+/* A command's state as one latched record. */
+struct command_cell {
+	map_latch latch;
+	uint32_t reserved;
+	struct map_command copies[2];
+};
+
+/* A module as rtud knows it. In rtud's segment. */
+struct module_entry {
+	char name[MAP_NAME_SIZE];
+	uint32_t kind;
+	uint32_t point_count;
+	uint32_t command_count;
+	_Atomic uint32_t state; /* enum map_module_state */
+	_Atomic uint32_t pid;
+	_Atomic uint32_t generation;
+	_Atomic uint32_t restarts;
+	_Atomic uint32_t started_s; /* CLOCK_MONOTONIC */
+};
+
+/* What rtud's segment holds besides the sections that every segment has. */
+struct directory {
+	uint32_t module_count;
+	map_latch clock_latch;
+	struct map_clock clock[2];
+	struct module_entry modules[MAP_MODULES_MAX];
+	struct map_settings settings;
+	uint32_t line_count, device_count, point_count;
+};
+
+/* Where the sections of one segment begin; 0 where it has none. */
+struct layout {
+	size_t directory; /* rtud's only, first: it holds the counts that the rest follows from */
+	size_t lines, devices, points, by_address;
+	size_t requests, answers, events, log;
+	size_t latches; /* one a device of the configuration */
+	size_t samples[2];
+	size_t commands;
+	size_t line_stats, device_stats;
+	size_t size;
+	uint32_t event_capacity;
+};
+
+/* One segment as mapped here. */
+struct segment {
+	struct segment_header *header;
+	struct ring requests, answers, events, log;
+	map_latch *latches;
+	struct map_sample *samples[2];
+	struct command_cell *commands;
+	struct map_line_stats *line_stats;
+	struct map_device_stats *device_stats;
+	size_t size;
+	int bell;
+};
+
+/* What a point's last event said; private to its owner. */
+struct reported {
+	union map_value value;
+	uint8_t quality, detail;
+	bool valid;
+};
+
+struct map {
+	int directory_fd; /* of the map's folder; rtud holds its lock through it */
+	uint32_t self;
+	struct directory *directory;
+	struct map_config config; /* its arrays lie in rtud's segment */
+	const uint32_t *by_address;
+	struct segment segments[MAP_MODULES_MAX];
+	struct reported *reported;
+};
+
+uint32_t layout_fingerprint(void);
+/* The sections of a module's segment; counts of the entry and of the configuration decide. */
+struct layout layout_of(const struct module_entry *entry, const struct map_config *config);
+void segment_place(struct segment *segment, void *memory, const struct layout *layout);
+
+/* Rings the bell of a module; a full pipe has been heard already. */
+void bell_ring(const struct map *map, uint32_t module);
+void bell_ring_event_readers(const struct map *map);
+
+uint32_t now_ms(void);
+
+/* What attaching as an owner repairs after a former generation. */
+void points_recover(struct map *map);
+void commands_recover(struct map *map);
+
+#endif

@@ -1,0 +1,525 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The segments: creating them, attaching to them, letting go. */
+#include "map/map.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "map/layout.h"
+#include "map/supervise.h"
+
+#define FILE_NAME_SIZE (MAP_NAME_SIZE + 8)
+
+int64_t map_now_ns(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+uint32_t now_ms(void)
+{
+	return (uint32_t)(map_now_ns() / 1000000);
+}
+
+__attribute__((format(printf, 2, 3))) static int fail(char *error, const char *format, ...)
+{
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(error, MAP_ERROR_SIZE, format, arguments);
+	va_end(arguments);
+	return -1;
+}
+
+static void segment_file(char *name, const char *module)
+{
+	snprintf(name, FILE_NAME_SIZE, "%s.seg", module);
+}
+
+static void bell_file(char *name, const char *module)
+{
+	snprintf(name, FILE_NAME_SIZE, "%s.bell", module);
+}
+
+/* ---- create ------------------------------------------------------------------------------ */
+
+static int add_module(struct directory *directory, const char *name, enum map_module_kind kind)
+{
+	struct module_entry *entry;
+
+	if (directory->module_count == MAP_MODULES_MAX)
+		return -1;
+	entry = &directory->modules[directory->module_count++];
+	snprintf(entry->name, sizeof(entry->name), "%s", name);
+	entry->kind = kind;
+	return 0;
+}
+
+static int modbus_module(struct directory *directory, uint16_t process)
+{
+	char name[MAP_NAME_SIZE];
+
+	snprintf(name, sizeof(name), "rtu-modbus-%u", process);
+	for (uint32_t i = 0; i < directory->module_count; i++)
+		if (strcmp(directory->modules[i].name, name) == 0)
+			return (int)i;
+	if (add_module(directory, name, MAP_MODULE_MODBUS) < 0)
+		return -1;
+	return (int)directory->module_count - 1;
+}
+
+static int assign_modules(struct directory *directory, const struct map_config *config, char *error)
+{
+	add_module(directory, "rtud", MAP_MODULE_RTUD);
+	add_module(directory, "rtu-iec104", MAP_MODULE_IEC104);
+	add_module(directory, "rtuctl", MAP_MODULE_RTUCTL);
+	for (uint32_t i = 0; i < config->line_count; i++) {
+		int module = modbus_module(directory, config->lines[i].process);
+
+		if (module < 0)
+			return fail(error, "too many processes: %d modules at most", MAP_MODULES_MAX);
+		config->lines[i].module = (uint16_t)module;
+	}
+	return 0;
+}
+
+static void assign_slots(struct directory *directory, const struct map_config *config)
+{
+	for (uint32_t i = 0; i < config->point_count; i++) {
+		struct map_point *point = &config->points[i];
+		const struct map_line *line = &config->lines[config->devices[point->device].line];
+		struct module_entry *owner = &directory->modules[line->module];
+
+		point->slot = owner->point_count++;
+		point->command = (point->flags & MAP_POINT_COMMAND) ? owner->command_count++ : MAP_NONE;
+	}
+}
+
+struct address_key {
+	uint64_t key; /* CA, IOA */
+	uint32_t point;
+};
+
+static uint64_t address_key(const struct map_config *config, uint32_t point)
+{
+	return (uint64_t)config->devices[config->points[point].device].ca << 32 | config->points[point].ioa;
+}
+
+static int compare_keys(const void *left, const void *right)
+{
+	const struct address_key *a = left, *b = right;
+
+	return (a->key > b->key) - (a->key < b->key);
+}
+
+static int index_addresses(const struct map_config *config, uint32_t *by_address)
+{
+	struct address_key *keys = calloc(config->point_count + 1, sizeof(*keys));
+
+	if (!keys)
+		return -1;
+	for (uint32_t i = 0; i < config->point_count; i++)
+		keys[i] = (struct address_key){address_key(config, i), i};
+	qsort(keys, config->point_count, sizeof(*keys), compare_keys);
+	for (uint32_t i = 0; i < config->point_count; i++)
+		by_address[i] = keys[i].point;
+	free(keys);
+	return 0;
+}
+
+/* A new file of that size, all zero and really there, so that a full tmpfs shows now and not as SIGBUS. */
+static void *create_segment(int directory_fd, const char *module, size_t size, uint32_t uid, char *error)
+{
+	char name[FILE_NAME_SIZE];
+	void *memory = MAP_FAILED;
+	int fd;
+
+	segment_file(name, module);
+	unlinkat(directory_fd, name, 0);
+	fd = openat(directory_fd, name, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0644);
+	if (fd < 0) {
+		fail(error, "cannot create the map's segment %s: %s", name, strerror(errno));
+		return NULL;
+	}
+	if (fchmod(fd, 0644) < 0 || (uid && fchown(fd, uid, uid) < 0) ||
+	    (errno = posix_fallocate(fd, 0, (off_t)size)) != 0 ||
+	    (memory = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0)) == MAP_FAILED)
+		fail(error, "cannot give the map's segment %s %zu bytes: %s", name, size, strerror(errno));
+	close(fd);
+	return memory == MAP_FAILED ? NULL : memory;
+}
+
+static int create_bell(int directory_fd, const char *module, uint32_t group, char *error)
+{
+	char name[FILE_NAME_SIZE];
+
+	bell_file(name, module);
+	unlinkat(directory_fd, name, 0);
+	if (mkfifoat(directory_fd, name, 0660) < 0 || fchmodat(directory_fd, name, 0660, 0) < 0 ||
+	    (group && fchownat(directory_fd, name, (uid_t)-1, group, AT_SYMLINK_NOFOLLOW) < 0))
+		return fail(error, "cannot create the bell %s: %s", name, strerror(errno));
+	return 0;
+}
+
+static void sign_header(struct segment_header *header, size_t size)
+{
+	header->layout = MAP_LAYOUT;
+	header->fingerprint = layout_fingerprint();
+	header->size = (uint32_t)size;
+	header->next_request = 1;
+	atomic_thread_fence(memory_order_release);
+	header->magic = MAP_MAGIC;
+}
+
+static int create_module_segment(int directory_fd, const struct module_entry *entry,
+				 const struct map_config *config, uint32_t uid, char *error)
+{
+	struct layout layout = layout_of(entry, config);
+	void *memory = create_segment(directory_fd, entry->name, layout.size, uid, error);
+
+	if (!memory)
+		return -1;
+	sign_header(memory, layout.size);
+	munmap(memory, layout.size);
+	return 0;
+}
+
+static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struct directory *directory,
+			     const struct map_config *config)
+{
+	directory->settings = config->settings;
+	directory->line_count = config->line_count;
+	directory->device_count = config->device_count;
+	directory->point_count = config->point_count;
+	memcpy(memory + layout->directory, directory, sizeof(*directory));
+	memcpy(memory + layout->lines, config->lines, config->line_count * sizeof(*config->lines));
+	memcpy(memory + layout->devices, config->devices, config->device_count * sizeof(*config->devices));
+	memcpy(memory + layout->points, config->points, config->point_count * sizeof(*config->points));
+	return index_addresses(config, (uint32_t *)(void *)(memory + layout->by_address));
+}
+
+static int create_segments(int directory_fd, const struct map_config *config, uint32_t uid_base, char *error)
+{
+	struct directory directory = {0};
+	struct layout layout;
+	uint8_t *memory;
+	int result;
+
+	if (assign_modules(&directory, config, error) < 0)
+		return -1;
+	assign_slots(&directory, config);
+	for (uint32_t i = 0; i < directory.module_count; i++) {
+		const struct module_entry *entry = &directory.modules[i];
+		bool own_user = entry->kind == MAP_MODULE_MODBUS || entry->kind == MAP_MODULE_IEC104;
+
+		if (create_bell(directory_fd, entry->name, uid_base, error) < 0)
+			return -1;
+		if (i != MAP_RTUD &&
+		    create_module_segment(directory_fd, entry, config,
+					  uid_base && own_user ? uid_base + i : 0, error) < 0)
+			return -1;
+	}
+	layout = layout_of(&directory.modules[MAP_RTUD], config);
+	memory = create_segment(directory_fd, directory.modules[MAP_RTUD].name, layout.size, 0, error);
+	if (!memory)
+		return -1;
+	result = fill_rtud_segment(memory, &layout, &directory, config);
+	if (result == 0)
+		sign_header((void *)memory, layout.size);
+	else
+		fail(error, "out of memory for %u points", config->point_count);
+	munmap(memory, layout.size);
+	return result;
+}
+
+static int lock_directory(const char *dir, char *error)
+{
+	int fd;
+
+	if (mkdir(dir, 0755) < 0 && errno != EEXIST)
+		return fail(error, "cannot create the map's folder %s: %s", dir, strerror(errno));
+	fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	if (fd < 0)
+		return fail(error, "cannot open the map's folder %s: %s", dir, strerror(errno));
+	if (flock(fd, LOCK_EX | LOCK_NB) < 0) {
+		close(fd);
+		return fail(error, "another rtud runs on the map in %s: stop it or use another --map", dir);
+	}
+	return fd;
+}
+
+int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t uid_base,
+	       char *error)
+{
+	int fd = lock_directory(dir, error);
+
+	if (fd < 0)
+		return -1;
+	if (create_segments(fd, config, uid_base, error) < 0 || map_attach(map, dir, "rtud", error) < 0) {
+		close(fd);
+		return -1;
+	}
+	close((*map)->directory_fd);
+	(*map)->directory_fd = fd;
+	atomic_store(&(*map)->directory->modules[MAP_RTUD].state, MAP_MODULE_RUNNING);
+	atomic_store(&(*map)->directory->modules[MAP_RTUD].pid, (uint32_t)getpid());
+	atomic_store(&(*map)->directory->modules[MAP_RTUD].started_s, now_ms() / 1000);
+	return 0;
+}
+
+void map_remove(struct map *map)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		char name[FILE_NAME_SIZE];
+
+		segment_file(name, map->directory->modules[i].name);
+		unlinkat(map->directory_fd, name, 0);
+		bell_file(name, map->directory->modules[i].name);
+		unlinkat(map->directory_fd, name, 0);
+	}
+}
+
+/* ---- attach ------------------------------------------------------------------------------ */
+
+static int check_header(const struct segment_header *header, size_t size, const char *name, char *error)
+{
+	if (size < sizeof(*header) || header->magic != MAP_MAGIC)
+		return fail(error, "%s is no segment of a point map", name);
+	if (header->layout != MAP_LAYOUT)
+		return fail(error,
+			    "%s has layout %u, this program was built for layout %u: restart rtud and all "
+			    "modules of one version",
+			    name, header->layout, MAP_LAYOUT);
+	if (header->fingerprint != layout_fingerprint() || header->size != size)
+		return fail(
+		    error, "%s has records of other sizes: it was made by a program built differently", name);
+	return 0;
+}
+
+static void *map_file(int directory_fd, const char *module, bool writable, size_t *size, char *error)
+{
+	char name[FILE_NAME_SIZE];
+	struct stat status;
+	void *memory = MAP_FAILED;
+	int fd;
+
+	segment_file(name, module);
+	fd = openat(directory_fd, name, (writable ? O_RDWR : O_RDONLY) | O_CLOEXEC | O_NOFOLLOW);
+	if (fd < 0) {
+		fail(error, "cannot open %s: %s", name, strerror(errno));
+		return NULL;
+	}
+	if (fstat(fd, &status) == 0 && status.st_size >= (off_t)sizeof(struct segment_header))
+		memory = mmap(NULL, (size_t)status.st_size, writable ? PROT_READ | PROT_WRITE : PROT_READ,
+			      MAP_SHARED, fd, 0);
+	close(fd);
+	if (memory == MAP_FAILED) {
+		fail(error, "cannot map %s: it is empty or memory is short", name);
+		return NULL;
+	}
+	*size = (size_t)status.st_size;
+	if (check_header(memory, *size, name, error) < 0) {
+		munmap(memory, *size);
+		return NULL;
+	}
+	return memory;
+}
+
+/* rtud's segment first: it says what else there is. */
+static int attach_directory(struct map *map, bool writable, char *error)
+{
+	const struct module_entry rtud = {.kind = MAP_MODULE_RTUD};
+	struct layout layout = layout_of(&rtud, &(struct map_config){0});
+	struct directory *directory;
+	size_t size;
+	uint8_t *memory = map_file(map->directory_fd, "rtud", writable, &size, error);
+
+	if (!memory)
+		return -1;
+	directory = (void *)(memory + layout.directory);
+	map->config.settings = directory->settings;
+	map->config.line_count = directory->line_count;
+	map->config.device_count = directory->device_count;
+	map->config.point_count = directory->point_count;
+	layout = layout_of(&rtud, &map->config);
+	segment_place(&map->segments[MAP_RTUD], memory, &layout);
+	if (layout.size != size)
+		return fail(error, "rtud.seg has %zu bytes, its contents need %zu", size, layout.size);
+	map->directory = directory;
+	map->config.lines = (void *)(memory + layout.lines);
+	map->config.devices = (void *)(memory + layout.devices);
+	map->config.points = (void *)(memory + layout.points);
+	map->by_address = (void *)(memory + layout.by_address);
+	return 0;
+}
+
+static int find_self(struct map *map, const char *module, char *error)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		if (strcmp(map->directory->modules[i].name, module) == 0) {
+			map->self = i;
+			return 0;
+		}
+	}
+	return fail(error, "the map has no module %s", module);
+}
+
+static int attach_segments(struct map *map, char *error)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		const struct module_entry *entry = &map->directory->modules[i];
+		struct layout layout = layout_of(entry, &map->config);
+		size_t size;
+		void *memory;
+
+		if (i == MAP_RTUD)
+			continue;
+		memory = map_file(map->directory_fd, entry->name, i == map->self, &size, error);
+		if (!memory)
+			return -1;
+		segment_place(&map->segments[i], memory, &layout);
+		if (size != layout.size)
+			return fail(error, "%s.seg has %zu bytes, its contents need %zu", entry->name, size,
+				    layout.size);
+	}
+	return 0;
+}
+
+/* Opened for reading too: then it never fails for want of a listener, and never raises SIGPIPE. */
+static int attach_bells(struct map *map, char *error)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		char name[FILE_NAME_SIZE];
+
+		bell_file(name, map->directory->modules[i].name);
+		map->segments[i].bell =
+		    openat(map->directory_fd, name, O_RDWR | O_NONBLOCK | O_CLOEXEC | O_NOFOLLOW);
+		if (map->segments[i].bell < 0)
+			return fail(error, "cannot open the bell %s: %s", name, strerror(errno));
+	}
+	return 0;
+}
+
+/* What was asked of the former generation is not done by this one. */
+static void begin_generation(struct map *map)
+{
+	struct segment_header *header = map->segments[map->self].header;
+	struct module_entry *entry = &map->directory->modules[map->self];
+
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		header->request_next[i] = ring_head(&map->segments[i].requests);
+		header->answer_next[i] = ring_head(&map->segments[i].answers);
+	}
+	points_recover(map);
+	commands_recover(map);
+	map_heartbeat(map);
+	if (entry->kind == MAP_MODULE_RTUCTL)
+		atomic_fetch_add(&header->generation, 1);
+	else
+		atomic_store(&header->generation, atomic_load(&entry->generation));
+}
+
+static int attach_all(struct map *map, const char *module, char *error)
+{
+	bool is_rtud = module && strcmp(module, "rtud") == 0;
+
+	if (attach_directory(map, is_rtud, error) < 0)
+		return -1;
+	if (module && find_self(map, module, error) < 0)
+		return -1;
+	if (attach_segments(map, error) < 0)
+		return -1;
+	if (!module)
+		return 0;
+	if (attach_bells(map, error) < 0)
+		return -1;
+	map->reported = calloc(map->directory->modules[map->self].point_count + 1, sizeof(*map->reported));
+	if (!map->reported)
+		return fail(error, "out of memory");
+	begin_generation(map);
+	return 0;
+}
+
+int map_attach(struct map **out, const char *dir, const char *module, char *error)
+{
+	struct map *map = calloc(1, sizeof(*map));
+
+	if (!map)
+		return fail(error, "out of memory");
+	map->self = MAP_NONE;
+	for (unsigned i = 0; i < MAP_MODULES_MAX; i++)
+		map->segments[i].bell = -1;
+	map->directory_fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	if (map->directory_fd < 0)
+		fail(error, "no map in %s: %s (does rtud run?)", dir, strerror(errno));
+	else if (attach_all(map, module, error) == 0) {
+		*out = map;
+		return 0;
+	}
+	map_detach(map);
+	return -1;
+}
+
+void map_detach(struct map *map)
+{
+	for (unsigned i = 0; i < MAP_MODULES_MAX; i++) {
+		if (map->segments[i].header)
+			munmap(map->segments[i].header, map->segments[i].size);
+		if (map->segments[i].bell >= 0)
+			close(map->segments[i].bell);
+	}
+	if (map->directory_fd >= 0)
+		close(map->directory_fd);
+	free(map->reported);
+	free(map);
+}
+
+const struct map_config *map_config(const struct map *map)
+{
+	return &map->config;
+}
+
+uint32_t map_self(const struct map *map)
+{
+	return map->self;
+}
+
+/* ---- bells ------------------------------------------------------------------------------- */
+
+int map_bell_fd(const struct map *map)
+{
+	return map->segments[map->self].bell;
+}
+
+void map_bell_clear(const struct map *map)
+{
+	char heard[64];
+
+	while (read(map_bell_fd(map), heard, sizeof(heard)) == (ssize_t)sizeof(heard))
+		;
+}
+
+void bell_ring(const struct map *map, uint32_t module)
+{
+	ssize_t written = write(map->segments[module].bell, "", 1);
+
+	(void)written; /* a full pipe has been heard already */
+}
+
+void bell_ring_event_readers(const struct map *map)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++)
+		if (map->directory->modules[i].kind == MAP_MODULE_IEC104)
+			bell_ring(map, i);
+}

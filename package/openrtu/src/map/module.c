@@ -1,0 +1,188 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Module states, the clock, the log, counters: the parts of the map that are plain words. */
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "map/layout.h"
+#include "map/supervise.h"
+
+uint32_t map_module_count(const struct map *map)
+{
+	return map->directory->module_count;
+}
+
+static uint32_t heartbeat_age_ms(const struct map *map, uint32_t module)
+{
+	return now_ms() -
+	       atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
+}
+
+static bool attached(const struct map *map, uint32_t module)
+{
+	const struct module_entry *entry = &map->directory->modules[module];
+
+	return atomic_load_explicit(&map->segments[module].header->generation, memory_order_acquire) ==
+	       atomic_load_explicit(&entry->generation, memory_order_acquire);
+}
+
+bool map_alive(const struct map *map, uint32_t module)
+{
+	uint32_t state = atomic_load_explicit(&map->directory->modules[module].state, memory_order_acquire);
+
+	return (state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING) && attached(map, module) &&
+	       heartbeat_age_ms(map, module) <= map_heartbeat_limit_ms(map, module);
+}
+
+uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
+{
+	return map->directory->modules[module].kind == MAP_MODULE_MODBUS ? MAP_HEARTBEAT_LIMIT_MS
+									 : MAP_IDLE_HEARTBEAT_LIMIT_MS;
+}
+
+void map_module(const struct map *map, uint32_t index, struct map_module *out)
+{
+	const struct module_entry *entry = &map->directory->modules[index];
+	const struct segment_header *header = map->segments[index].header;
+
+	*out = (struct map_module){
+	    .kind = (uint8_t)entry->kind,
+	    .state = (uint8_t)atomic_load(&entry->state),
+	    .alive = map_alive(map, index),
+	    .pid = (int32_t)atomic_load(&entry->pid),
+	    .generation = atomic_load(&entry->generation),
+	    .restarts = atomic_load(&entry->restarts),
+	    .heartbeat_age_ms = heartbeat_age_ms(map, index),
+	    .point_count = entry->point_count,
+	    .started_ns = (int64_t)atomic_load(&entry->started_s) * 1000000000,
+	};
+	memcpy(out->name, entry->name, sizeof(out->name));
+	for (unsigned i = 0; i < MAP_CURSORS; i++)
+		out->lost_events += header->cursors[i].lost;
+}
+
+void map_heartbeat(struct map *map)
+{
+	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
+}
+
+bool map_wanted(const struct map *map)
+{
+	uint32_t state = atomic_load(&map->directory->modules[map->self].state);
+
+	return (state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING) && attached(map, map->self);
+}
+
+/* ---- supervision ------------------------------------------------------------------------- */
+
+void map_module_starting(struct map *map, uint32_t module)
+{
+	struct module_entry *entry = &map->directory->modules[module];
+
+	atomic_fetch_add(&entry->generation, 1);
+	atomic_store(&entry->started_s, now_ms() / 1000);
+	atomic_store(&entry->state, MAP_MODULE_STARTING);
+}
+
+void map_module_started(struct map *map, uint32_t module, int32_t pid)
+{
+	atomic_store(&map->directory->modules[module].pid, (uint32_t)pid);
+}
+
+bool map_module_attached(const struct map *map, uint32_t module)
+{
+	return attached(map, module);
+}
+
+void map_module_running(struct map *map, uint32_t module)
+{
+	atomic_store(&map->directory->modules[module].state, MAP_MODULE_RUNNING);
+}
+
+void map_module_ended(struct map *map, uint32_t module, bool failed)
+{
+	struct module_entry *entry = &map->directory->modules[module];
+
+	atomic_store(&entry->state, failed ? MAP_MODULE_DOWN : MAP_MODULE_STOPPED);
+	atomic_store(&entry->pid, 0);
+	if (failed)
+		atomic_fetch_add(&entry->restarts, 1);
+}
+
+void map_announce(struct map *map, enum map_event_kind kind, uint32_t module)
+{
+	struct map_event event = {
+	    .point = module,
+	    .kind = (uint8_t)kind,
+	    .sample = {.quality = MAP_INVALID, .time_ns = map_now_ns()},
+	};
+
+	ring_put(&map->segments[MAP_RTUD].events, &event);
+	bell_ring_event_readers(map);
+}
+
+/* ---- clock ------------------------------------------------------------------------------- */
+
+struct map_clock map_clock_read(const struct map *map)
+{
+	struct directory *directory = map->directory;
+	struct map_clock clock = {0};
+
+	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		uint32_t sequence = latch_read_begin(&directory->clock_latch);
+
+		clock = directory->clock[sequence & 1];
+		if (latch_read_done(&directory->clock_latch, sequence))
+			return clock;
+	}
+	clock.set = false; /* rtud sets it a few times a day: not reached, and if so, not to be trusted */
+	return clock;
+}
+
+void map_clock_write(struct map *map, struct map_clock clock)
+{
+	for (int copy = 0; copy < 2; copy++) {
+		unsigned turn = latch_turn(&map->directory->clock_latch);
+
+		map->directory->clock[turn] = clock;
+	}
+}
+
+/* ---- log --------------------------------------------------------------------------------- */
+
+void map_log(struct map *map, enum map_log_level level, const char *format, ...)
+{
+	struct map_log_line line = {.time_ns = map_now_ns(), .level = (uint8_t)level};
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(line.text, sizeof(line.text), format, arguments);
+	va_end(arguments);
+	ring_put(&map->segments[map->self].log, &line);
+	bell_ring(map, MAP_RTUD);
+}
+
+bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out)
+{
+	uint32_t lost = 0;
+
+	if (!ring_peek(&map->segments[module].log, position, out, &lost))
+		return false;
+	*position += 1;
+	out->text[sizeof(out->text) - 1] = '\0';
+	return true;
+}
+
+/* ---- counters ---------------------------------------------------------------------------- */
+
+struct map_line_stats *map_line_stats(const struct map *map, uint32_t line)
+{
+	return &map->segments[map->config.lines[line].module].line_stats[line];
+}
+
+struct map_device_stats *map_device_stats(const struct map *map, uint32_t device)
+{
+	const struct map_line *line = &map->config.lines[map->config.devices[device].line];
+
+	return &map->segments[line->module].device_stats[device];
+}

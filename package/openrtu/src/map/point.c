@@ -1,0 +1,213 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Points and the events that their changes make. */
+#include <math.h>
+#include <string.h>
+
+#include "map/layout.h"
+
+uint32_t map_owner(const struct map *map, uint32_t point)
+{
+	return map->config.lines[map->config.devices[map->config.points[point].device].line].module;
+}
+
+uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa)
+{
+	uint32_t low = 0, high = map->config.point_count;
+
+	while (low < high) {
+		uint32_t middle = low + (high - low) / 2;
+		uint32_t candidate = map->by_address[middle];
+		const struct map_point *point = &map->config.points[candidate];
+		uint16_t point_ca = map->config.devices[point->device].ca;
+
+		if (point_ca == ca && point->ioa == ioa)
+			return candidate;
+		if (point_ca < ca || (point_ca == ca && point->ioa < ioa))
+			low = middle + 1;
+		else
+			high = middle;
+	}
+	return MAP_NONE;
+}
+
+bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
+{
+	const struct map_point *config = &map->config.points[point];
+	uint32_t owner = map_owner(map, point);
+	const struct segment *segment = &map->segments[owner];
+	map_latch *latch = &segment->latches[config->device];
+
+	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		uint32_t sequence = latch_read_begin(latch);
+		struct map_sample sample = segment->samples[sequence & 1][config->slot];
+
+		if (!latch_read_done(latch, sequence))
+			continue;
+		if (!map_alive(map, owner))
+			sample.quality |= MAP_INVALID;
+		*out = sample;
+		return true;
+	}
+	return false;
+}
+
+/* ---- publishing -------------------------------------------------------------------------- */
+
+static double distance(enum map_type type, union map_value a, union map_value b)
+{
+	switch (type) {
+	case MAP_FLOAT:
+		return fabs((double)a.f - (double)b.f);
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_COUNTER:
+		return fabs((double)a.i - (double)b.i);
+	default:
+		return a.u == b.u ? 0 : INFINITY;
+	}
+}
+
+/* A value that is not a number is at no distance from another: any change of its bits counts. */
+static bool value_left(const struct map_point *point, union map_value from, union map_value to)
+{
+	double by = distance(point->type, from, to);
+
+	return isnan(by) ? from.u != to.u : by > (double)point->deadband;
+}
+
+static bool is_event(const struct map_point *point, struct reported *last, const struct map_sample *sample)
+{
+	if (last->valid && last->quality == sample->quality && last->detail == sample->detail &&
+	    !value_left(point, last->value, sample->value))
+		return false;
+	*last = (struct reported){
+	    .value = sample->value, .quality = sample->quality, .detail = sample->detail, .valid = true};
+	return true;
+}
+
+static bool put_events(struct map *map, const struct map_update *updates, size_t count)
+{
+	bool any = false;
+
+	for (size_t i = 0; i < count; i++) {
+		const struct map_point *point = &map->config.points[updates[i].point];
+		struct map_event event = {
+		    .point = updates[i].point, .kind = MAP_EVENT_CHANGE, .sample = updates[i].sample};
+
+		if (!is_event(point, &map->reported[point->slot], &updates[i].sample))
+			continue;
+		ring_put(&map->segments[map->self].events, &event);
+		any = true;
+	}
+	return any;
+}
+
+void map_publish(struct map *map, const struct map_update *updates, size_t count)
+{
+	const struct segment *own = &map->segments[map->self];
+
+	if (count == 0)
+		return;
+	for (int copy = 0; copy < 2; copy++) {
+		unsigned turn = latch_turn(&own->latches[map->config.points[updates[0].point].device]);
+
+		for (size_t i = 0; i < count; i++)
+			own->samples[turn][map->config.points[updates[i].point].slot] = updates[i].sample;
+	}
+	if (put_events(map, updates, count))
+		bell_ring_event_readers(map);
+}
+
+/*
+ * A former generation may have died inside map_publish. The copy that readers take is whole: it is copied over the
+ * other one before the latch turns again. The values stay to be looked at, and are invalid until this
+ * generation has read the device.
+ */
+static void recover_device(struct map *map, const struct map_device *device, map_latch *latch)
+{
+	const struct segment *own = &map->segments[map->self];
+	uint32_t first = map->config.points[device->first_point].slot;
+	unsigned whole = latch_whole_copy(latch);
+
+	memcpy(&own->samples[!whole][first], &own->samples[whole][first],
+	       device->point_count * sizeof(struct map_sample));
+	for (int copy = 0; copy < 2; copy++) {
+		unsigned turn = latch_turn(latch);
+
+		for (uint32_t i = first; i < first + device->point_count; i++)
+			own->samples[turn][i].quality |= MAP_INVALID;
+	}
+}
+
+void points_recover(struct map *map)
+{
+	for (uint32_t i = 0; i < map->config.device_count; i++) {
+		const struct map_device *device = &map->config.devices[i];
+
+		if (device->point_count && map->config.lines[device->line].module == map->self)
+			recover_device(map, device, &map->segments[map->self].latches[i]);
+	}
+}
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+struct map_cursor *map_cursor(struct map *map, unsigned slot)
+{
+	return &map->segments[map->self].header->cursors[slot];
+}
+
+void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++)
+		cursor->next[i] = ring_head(&map->segments[i].events);
+	cursor->lost = 0;
+}
+
+/* What a module wrote is believed about its own points only. */
+static bool event_makes_sense(const struct map *map, uint32_t writer, const struct map_event *event)
+{
+	switch (event->kind) {
+	case MAP_EVENT_CHANGE:
+		return event->point < map->config.point_count && map_owner(map, event->point) == writer;
+	case MAP_EVENT_MODULE_DOWN:
+	case MAP_EVENT_MODULE_UP:
+		return writer == MAP_RTUD && event->point < map->directory->module_count;
+	case MAP_EVENT_CLOCK:
+		return writer == MAP_RTUD;
+	default:
+		return false;
+	}
+}
+
+static bool peek_event(const struct map *map, struct map_cursor *cursor, uint32_t writer,
+		       struct map_event *out)
+{
+	for (uint32_t skipped = 0; skipped <= map->segments[writer].events.capacity; skipped++) {
+		if (!ring_peek(&map->segments[writer].events, &cursor->next[writer], out, &cursor->lost))
+			return false;
+		if (event_makes_sense(map, writer, out))
+			return true;
+		cursor->next[writer]++;
+	}
+	return false;
+}
+
+bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out)
+{
+	uint32_t oldest = MAP_NONE;
+
+	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+		struct map_event event;
+
+		if (!peek_event(map, cursor, i, &event))
+			continue;
+		if (oldest != MAP_NONE && event.sample.time_ns >= out->sample.time_ns)
+			continue;
+		*out = event;
+		oldest = i;
+	}
+	if (oldest == MAP_NONE)
+		return false;
+	cursor->next[oldest]++;
+	return true;
+}

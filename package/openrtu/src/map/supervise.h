@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * What only rtud may do to the map: begin and end generations of modules, tell everyone, set the clock.
+ */
+#ifndef OPENRTU_MAP_SUPERVISE_H
+#define OPENRTU_MAP_SUPERVISE_H
+
+#include "map/map.h"
+
+/* Begins a new generation, before the process is forked. */
+void map_module_starting(struct map *map, uint32_t module);
+/* The generation's process; after the fork. */
+void map_module_started(struct map *map, uint32_t module, int32_t pid);
+/* The process of this generation has attached. */
+bool map_module_attached(const struct map *map, uint32_t module);
+void map_module_running(struct map *map, uint32_t module);
+/* Ends the generation. failed: counts as a restart to come; otherwise it stops on purpose. */
+void map_module_ended(struct map *map, uint32_t module, bool failed);
+/* Puts MAP_EVENT_MODULE_DOWN, MAP_EVENT_MODULE_UP or MAP_EVENT_CLOCK before all readers of events. */
+void map_announce(struct map *map, enum map_event_kind kind, uint32_t module);
+
+void map_clock_write(struct map *map, struct map_clock clock);
+/* Answers a MAP_SET_CLOCK request. */
+void map_clock_answer(struct map *map, const struct map_request *request, enum map_command_result result);
+
+/* The folder's lock and the segments' files are kept by the process that created them; this removes the files. */
+void map_remove(struct map *map);
+
+#endif

@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "rtud/process.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <grp.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#define EXIT_NOT_STARTED 127 /* the shell's word for "could not be executed" */
+
+int process_set_priority(int priority)
+{
+	struct sched_param parameter = {.sched_priority = priority};
+
+	return sched_setscheduler(0, priority ? SCHED_FIFO : SCHED_OTHER, &parameter);
+}
+
+/* The group that Debian and Buildroot give serial devices to, so that the module may open them. */
+static int set_groups(gid_t gid)
+{
+	const struct group *serial = getgrnam("dialout");
+	gid_t groups[1] = {serial ? serial->gr_gid : gid};
+
+	return setgroups(1, groups) < 0 || setgid(gid) < 0 ? -1 : 0;
+}
+
+static int drop_privileges(const struct process_plan *plan)
+{
+	if (plan->uid && (set_groups(plan->gid) < 0 || setuid(plan->uid) < 0))
+		return -1;
+	return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+}
+
+static void reset_signals(void)
+{
+	sigset_t none;
+
+	sigemptyset(&none);
+	sigprocmask(SIG_SETMASK, &none, NULL);
+	signal(SIGPIPE, SIG_DFL);
+}
+
+__attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
+{
+	char *const arguments[] = {(char *)plan->program, "--map", (char *)plan->map, "--module",
+				   (char *)plan->module,  "--dev", (char *)plan->dev, NULL};
+	char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
+	const struct rlimit unlimited = {RLIM_INFINITY, RLIM_INFINITY};
+
+	reset_signals();
+	setrlimit(RLIMIT_MEMLOCK, &unlimited); /* the module says when it cannot lock its memory */
+	if (process_set_priority(plan->priority) < 0 && plan->priority)
+		process_set_priority(0);
+	if (drop_privileges(plan) < 0) {
+		fprintf(stderr, "rtud: cannot give up privileges for %s: %s\n", plan->module,
+			strerror(errno));
+		_exit(EXIT_NOT_STARTED);
+	}
+	/* After setuid, which clears it; and the parent may have gone before. */
+	prctl(PR_SET_PDEATHSIG, SIGTERM);
+	if (getppid() != parent)
+		_exit(EXIT_NOT_STARTED);
+	fexecve(program, arguments, environment);
+	fprintf(stderr, "rtud: cannot execute %s: %s\n", plan->program, strerror(errno));
+	_exit(EXIT_NOT_STARTED);
+}
+
+pid_t process_start(const struct process_plan *plan)
+{
+	/* Opened here: the module's user need not be able to walk to the program's folder. */
+	int program = open(plan->program, O_PATH | O_CLOEXEC);
+	pid_t parent = getpid(), pid;
+
+	if (program < 0)
+		return -1;
+	pid = fork();
+	if (pid == 0)
+		run(plan, program, parent);
+	close(program);
+	return pid;
+}

@@ -1,0 +1,366 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* rtud's loop: starts the modules, ends and restarts the generations of those that die or hang. */
+#include "rtud/supervise.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+#include <sys/timerfd.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "map/map.h"
+#include "map/supervise.h"
+#include "rtud/clock.h"
+#include "rtud/process.h"
+
+#define TICK_MS          50 /* how often heartbeats are looked at */
+#define SECOND_MS        1000
+#define HANG_FACTOR      20 /* a module silent for so many heartbeat limits is killed */
+#define HANG_LIMIT_MS    10000
+#define QUICK_RESTART_MS 100  /* pause after a life shorter than a second */
+#define SLOW_RESTART_MS  5000 /* longest pause for a module that does not even attach */
+#define STOP_MS          3000 /* a module that takes longer to stop is killed */
+
+struct child {
+	pid_t pid;     /* 0: none */
+	bool attached; /* this generation has */
+	bool silent;   /* heartbeat too old, said to all readers of events */
+	int64_t started_ns;
+	int64_t restart_at_ns;
+	uint32_t pause_ms; /* grows while it does not even attach */
+};
+
+struct supervisor {
+	const struct supervise_options *options;
+	struct map *map;
+	struct child children[MAP_MODULES_MAX];
+	uint32_t log_position[MAP_MODULES_MAX];
+	bool stopping;
+};
+
+static const int64_t MS = 1000000;
+
+/* ---- log --------------------------------------------------------------------------------- */
+
+static void print_line(const struct map *map, uint32_t module, const struct map_log_line *line)
+{
+	static const char *const levels[] = {"error", "warning", "info", "debug"};
+	int64_t wall = line->time_ns + map_clock_read(map).offset_ns;
+	time_t seconds = (time_t)(wall / (1000 * MS));
+	struct map_module description;
+	struct tm utc;
+	char date[32];
+
+	map_module(map, module, &description);
+	gmtime_r(&seconds, &utc);
+	strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &utc);
+	fprintf(stderr, "%s.%03dZ %s %s: %s\n", date, (int)(wall / MS % 1000), description.name,
+		line->level < 4 ? levels[line->level] : "?", line->text);
+}
+
+static void print_logs(struct supervisor *supervisor)
+{
+	struct map_log_line line;
+
+	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
+		while (map_log_next(supervisor->map, i, &supervisor->log_position[i], &line))
+			print_line(supervisor->map, i, &line);
+}
+
+/* ---- one module -------------------------------------------------------------------------- */
+
+static const char *program_of(uint8_t kind)
+{
+	switch (kind) {
+	case MAP_MODULE_MODBUS:
+		return "rtu-modbus";
+	case MAP_MODULE_IEC104:
+		return "rtu-iec104";
+	default:
+		return NULL; /* rtud itself, and rtuctl, which people run */
+	}
+}
+
+static void start_module(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
+{
+	const struct supervise_options *options = supervisor->options;
+	struct child *child = &supervisor->children[index];
+	char program[PATH_MAX];
+	struct process_plan plan = {
+	    .program = program,
+	    .map = options->map,
+	    .module = module->name,
+	    .dev = options->dev,
+	    .uid = options->uid_base ? options->uid_base + index : 0,
+	    .gid = options->uid_base,
+	};
+
+	if (module->kind == MAP_MODULE_MODBUS)
+		plan.priority = map_config(supervisor->map)->settings.modbus_priority;
+	snprintf(program, sizeof(program), "%s/%s", options->modules, program_of(module->kind));
+	map_module_starting(supervisor->map, index);
+	child->attached = false;
+	child->silent = false;
+	child->started_ns = map_now_ns();
+	child->pid = process_start(&plan);
+	if (child->pid < 0) {
+		map_log(supervisor->map, MAP_LOG_ERROR, "cannot start %s: %s", program, strerror(errno));
+		child->pid = 0;
+		child->restart_at_ns = map_now_ns() + SLOW_RESTART_MS * MS;
+		map_module_ended(supervisor->map, index, true);
+		return;
+	}
+	map_module_started(supervisor->map, index, child->pid);
+}
+
+/* At once after a decent life, else with a pause, so that a module that cannot run does not eat the core. */
+static void plan_restart(struct child *child)
+{
+	int64_t now = map_now_ns();
+
+	if (child->attached)
+		child->pause_ms = now - child->started_ns < SECOND_MS * MS ? QUICK_RESTART_MS : 0;
+	else if (child->pause_ms == 0)
+		child->pause_ms = QUICK_RESTART_MS;
+	else
+		child->pause_ms =
+		    child->pause_ms * 2 < SLOW_RESTART_MS ? child->pause_ms * 2 : SLOW_RESTART_MS;
+	child->restart_at_ns = now + child->pause_ms * MS;
+}
+
+static void log_end(struct supervisor *supervisor, const char *name, int status)
+{
+	if (WIFSIGNALED(status))
+		map_log(supervisor->map, MAP_LOG_ERROR, "%s was ended by signal %d (%s)", name,
+			WTERMSIG(status), strsignal(WTERMSIG(status)));
+	else
+		map_log(supervisor->map, MAP_LOG_ERROR, "%s exited with code %d", name, WEXITSTATUS(status));
+}
+
+static void module_ended(struct supervisor *supervisor, uint32_t index, int status)
+{
+	struct child *child = &supervisor->children[index];
+	struct map_module module;
+
+	map_module_ended(supervisor->map, index, !supervisor->stopping);
+	child->pid = 0;
+	if (supervisor->stopping)
+		return;
+	if (!child->silent)
+		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
+	map_module(supervisor->map, index, &module);
+	log_end(supervisor, module.name, status);
+	plan_restart(child);
+}
+
+static void reap(struct supervisor *supervisor)
+{
+	pid_t pid;
+	int status;
+
+	while ((pid = waitpid(-1, &status, WNOHANG)) > 0)
+		for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
+			if (supervisor->children[i].pid == pid)
+				module_ended(supervisor, i, status);
+}
+
+/* A silent module's points are invalid to every reader already; events tell those who do not ask. */
+static void watch_heartbeat(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
+{
+	struct child *child = &supervisor->children[index];
+	uint32_t limit = map_heartbeat_limit_ms(supervisor->map, index);
+	uint32_t hang = limit * HANG_FACTOR < HANG_LIMIT_MS ? limit * HANG_FACTOR : HANG_LIMIT_MS;
+
+	if (module->heartbeat_age_ms > limit && !child->silent) {
+		child->silent = true;
+		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
+		map_log(supervisor->map, MAP_LOG_WARNING, "%s is silent", module->name);
+	} else if (module->heartbeat_age_ms <= limit && child->silent) {
+		child->silent = false;
+		map_announce(supervisor->map, MAP_EVENT_MODULE_UP, index);
+		map_log(supervisor->map, MAP_LOG_WARNING, "%s is back", module->name);
+	} else if (module->heartbeat_age_ms > hang) {
+		kill(child->pid, SIGKILL);
+	}
+}
+
+static void watch_module(struct supervisor *supervisor, uint32_t index)
+{
+	struct child *child = &supervisor->children[index];
+	struct map_module module;
+
+	map_module(supervisor->map, index, &module);
+	if (!program_of(module.kind))
+		return;
+	if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
+		start_module(supervisor, index, &module);
+	} else if (child->pid && child->attached) {
+		watch_heartbeat(supervisor, index, &module);
+	} else if (child->pid && map_module_attached(supervisor->map, index)) {
+		child->attached = true;
+		map_module_running(supervisor->map, index);
+	} else if (child->pid && map_now_ns() - child->started_ns > HANG_LIMIT_MS * MS) {
+		kill(child->pid, SIGKILL);
+	}
+}
+
+static void watch_modules(struct supervisor *supervisor)
+{
+	map_heartbeat(supervisor->map);
+	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
+		watch_module(supervisor, i);
+}
+
+/* ---- requests to rtud -------------------------------------------------------------------- */
+
+static void serve_requests(struct supervisor *supervisor)
+{
+	struct map_request request;
+
+	while (map_request_next(supervisor->map, &request))
+		if (request.action == MAP_SET_CLOCK)
+			clock_set(supervisor->map, &request);
+}
+
+/* ---- stopping ---------------------------------------------------------------------------- */
+
+static bool any_child(const struct supervisor *supervisor)
+{
+	for (unsigned i = 0; i < MAP_MODULES_MAX; i++)
+		if (supervisor->children[i].pid)
+			return true;
+	return false;
+}
+
+static void signal_children(const struct supervisor *supervisor, int signal_number)
+{
+	for (unsigned i = 0; i < MAP_MODULES_MAX; i++)
+		if (supervisor->children[i].pid)
+			kill(supervisor->children[i].pid, signal_number);
+}
+
+static void stop_modules(struct supervisor *supervisor)
+{
+	int64_t deadline = map_now_ns() + STOP_MS * MS;
+	sigset_t child_ended;
+
+	supervisor->stopping = true;
+	signal_children(supervisor, SIGTERM);
+	signal_children(supervisor, SIGCONT); /* a stopped one would not hear the first */
+	sigemptyset(&child_ended);
+	sigaddset(&child_ended, SIGCHLD);
+	for (reap(supervisor); any_child(supervisor); reap(supervisor)) {
+		const struct timespec tick = {.tv_nsec = TICK_MS * MS};
+
+		sigtimedwait(&child_ended, NULL, &tick);
+		if (map_now_ns() > deadline)
+			signal_children(supervisor, SIGKILL);
+	}
+}
+
+/* ---- the loop ---------------------------------------------------------------------------- */
+
+static int watch_fd(int epoll, int fd)
+{
+	struct epoll_event event = {.events = EPOLLIN, .data.fd = fd};
+
+	return fd < 0 ? -1 : epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &event);
+}
+
+static int create_tick(void)
+{
+	const struct itimerspec tick = {.it_interval.tv_nsec = TICK_MS * MS, .it_value.tv_nsec = 1};
+	int fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+
+	if (fd >= 0)
+		timerfd_settime(fd, 0, &tick, NULL);
+	return fd;
+}
+
+static int create_signals(void)
+{
+	sigset_t signals;
+
+	sigemptyset(&signals);
+	sigaddset(&signals, SIGTERM);
+	sigaddset(&signals, SIGINT);
+	sigaddset(&signals, SIGCHLD);
+	sigprocmask(SIG_BLOCK, &signals, NULL);
+	return signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
+}
+
+static bool asked_to_stop(int signals)
+{
+	struct signalfd_siginfo info;
+	bool stop = false;
+
+	while (read(signals, &info, sizeof(info)) == (ssize_t)sizeof(info))
+		stop |= info.ssi_signo != SIGCHLD;
+	return stop;
+}
+
+static void loop(struct supervisor *supervisor, int epoll, int signals, int tick)
+{
+	for (;;) {
+		struct epoll_event events[3];
+		uint64_t ticks;
+
+		epoll_wait(epoll, events, 3, -1);
+		if (asked_to_stop(signals))
+			return;
+		if (read(tick, &ticks, sizeof(ticks)) == (ssize_t)sizeof(ticks))
+			clock_follow(supervisor->map);
+		map_bell_clear(supervisor->map);
+		reap(supervisor);
+		serve_requests(supervisor);
+		watch_modules(supervisor);
+		print_logs(supervisor);
+	}
+}
+
+/* Above the line processes: a line that runs wild must not keep rtud from ending it. */
+static void raise_priority(struct supervisor *supervisor)
+{
+	int lines = map_config(supervisor->map)->settings.modbus_priority;
+
+	if (lines && process_set_priority(lines < 99 ? lines + 1 : lines) < 0)
+		map_log(supervisor->map, MAP_LOG_WARNING, "no real-time priority for the line processes: %s",
+			strerror(errno));
+}
+
+int supervise(const struct map_config *config, const struct supervise_options *options)
+{
+	static struct supervisor supervisor;
+	char error[MAP_ERROR_SIZE];
+	int epoll = epoll_create1(EPOLL_CLOEXEC), signals = create_signals(), tick = create_tick();
+
+	supervisor.options = options;
+	if (map_create(&supervisor.map, options->map, config, options->uid_base, error) < 0) {
+		fprintf(stderr, "rtud: %s\n", error);
+		return 1;
+	}
+	if (watch_fd(epoll, signals) < 0 || watch_fd(epoll, tick) < 0 ||
+	    watch_fd(epoll, map_bell_fd(supervisor.map)) < 0) {
+		fprintf(stderr, "rtud: cannot watch for events: %s\n", strerror(errno));
+		return 1;
+	}
+	raise_priority(&supervisor);
+	clock_begin(supervisor.map);
+	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
+		config->line_count, config->device_count, config->point_count, options->map);
+	loop(&supervisor, epoll, signals, tick);
+	stop_modules(&supervisor);
+	map_log(supervisor.map, MAP_LOG_INFO, "stopped");
+	print_logs(&supervisor);
+	map_remove(supervisor.map);
+	map_detach(supervisor.map);
+	return 0;
+}

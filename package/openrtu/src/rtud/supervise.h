@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#ifndef OPENRTU_RTUD_SUPERVISE_H
+#define OPENRTU_RTUD_SUPERVISE_H
+
+#include <stdint.h>
+
+#include "map/config.h"
+
+struct supervise_options {
+	const char *map;     /* folder of the map, on a tmpfs */
+	const char *modules; /* folder of the module executables */
+	const char *dev;     /* folder of the serial devices */
+	uint32_t uid_base;   /* as root: module i runs as user uid_base + i; 0: all as the caller */
+};
+
+/*
+ * Creates the map, runs and watches the modules until SIGTERM or SIGINT, stops them and removes the map.
+ * Returns rtud's exit code: 0 stopped as asked, 1 could not start (said on stderr).
+ */
+int supervise(const struct map_config *config, const struct supervise_options *options);
+
+#endif
