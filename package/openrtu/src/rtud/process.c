@@ -48,9 +48,9 @@ static void reset_signals(void)
 
 __attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
 {
-	char *const arguments[] = {(char *)plan->program, "--map", (char *)plan->map, "--module",
-				   (char *)plan->module,  "--dev", (char *)plan->dev, NULL};
-	char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
+	const char *const arguments[] = {plan->program, "--map", plan->map, "--module",
+					 plan->module,  "--dev", plan->dev, NULL};
+	const char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
 	const struct rlimit unlimited = {RLIM_INFINITY, RLIM_INFINITY};
 
 	reset_signals();
@@ -66,7 +66,7 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	prctl(PR_SET_PDEATHSIG, SIGTERM);
 	if (getppid() != parent)
 		_exit(EXIT_NOT_STARTED);
-	fexecve(program, arguments, environment);
+	fexecve(program, (char *const *)arguments, (char *const *)environment); /* which does not write */
 	fprintf(stderr, "rtud: cannot execute %s: %s\n", plan->program, strerror(errno));
 	_exit(EXIT_NOT_STARTED);
 }

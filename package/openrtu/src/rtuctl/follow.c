@@ -1,0 +1,225 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What happened and what happens: events and the log. */
+#include "rtuctl/rtuctl.h"
+
+#include <err.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#include <jansson.h>
+
+#include "rtuctl/listing.h"
+#include "rtuctl/words.h"
+
+/* Nobody rings an observer's bell: it looks for events often enough for a reader's eye. */
+static const struct timespec LOOK_PERIOD = {.tv_nsec = 50 * 1000 * 1000};
+
+static void event_time(const struct map *map, int64_t time_ns, char *out)
+{
+	words_time(time_ns + map_clock_read(map).offset_ns, out);
+}
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+static json_t *change_row(const struct map *map, const struct map_event *event)
+{
+	const struct map_point *point = &map_config(map)->points[event->point];
+	char time[WORDS_SIZE], quality[WORDS_SIZE];
+	json_t *row = json_object();
+
+	event_time(map, event->sample.time_ns, time);
+	words_quality(event->sample.quality, quality);
+	json_object_set_new(row, "time", json_string(time));
+	json_object_set_new(row, "event", json_string("change"));
+	json_object_set_new(row, "name", json_string(point->name));
+	json_object_set_new(row, "value", words_value(point->type, &event->sample.value));
+	if (point->type == MAP_STEP)
+		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));
+	json_object_set_new(row, "quality", json_string(quality));
+	return row;
+}
+
+static json_t *other_row(const struct map *map, const struct map_event *event)
+{
+	static const char *const words[] = {[MAP_EVENT_MODULE_DOWN] = "module down",
+					    [MAP_EVENT_MODULE_UP] = "module up",
+					    [MAP_EVENT_CLOCK] = "clock set"};
+	char time[WORDS_SIZE];
+	json_t *row = json_object();
+	struct map_module module;
+
+	event_time(map, event->sample.time_ns, time);
+	json_object_set_new(row, "time", json_string(time));
+	json_object_set_new(row, "event", json_string(words[event->kind]));
+	if (event->kind != MAP_EVENT_CLOCK) {
+		map_module(map, event->point, &module);
+		json_object_set_new(row, "name", json_string(module.name));
+	}
+	return row;
+}
+
+static const char *text_of(const json_t *row, const char *key)
+{
+	const char *text = json_string_value(json_object_get(row, key));
+
+	return text != NULL ? text : "";
+}
+
+static void print_change(const json_t *row)
+{
+	const json_t *value = json_object_get(row, "value");
+	char *number = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(7));
+
+	printf("%s  %s = %s  %s%s\n", text_of(row, "time"), text_of(row, "name"),
+	       json_is_string(value) ? json_string_value(value) : number, text_of(row, "quality"),
+	       json_is_true(json_object_get(row, "transient")) ? ",transient" : "");
+	free(number);
+}
+
+static void print_event(const struct map *map, const struct map_event *event, bool json)
+{
+	bool change = event->kind == MAP_EVENT_CHANGE;
+	json_t *row = change ? change_row(map, event) : other_row(map, event);
+
+	if (json) {
+		listing_print_json(row);
+		return;
+	}
+	if (change)
+		print_change(row);
+	else
+		printf("%s  %s %s\n", text_of(row, "time"), text_of(row, "event"), text_of(row, "name"));
+	json_decref(row);
+}
+
+static bool is_wanted(const struct map *map, const struct map_event *event, const char *pattern)
+{
+	return event->kind != MAP_EVENT_CHANGE ||
+	       rtuctl_matches(&map_config(map)->points[event->point], pattern);
+}
+
+static void report_lost(struct map_cursor *cursor)
+{
+	if (cursor->lost > 0)
+		fprintf(stderr, "rtuctl: %u events were overwritten before they were read\n", cursor->lost);
+	cursor->lost = 0;
+}
+
+int rtuctl_watch(struct map *map, const struct rtuctl_request *request)
+{
+	unsigned long printed = 0;
+	struct map_cursor cursor;
+	struct map_event event;
+
+	setvbuf(stdout, NULL, _IOLBF, 0);
+	map_cursor_to_end(map, &cursor);
+	while (map_alive(map, MAP_RTUD)) {
+		while (map_event_next(map, &cursor, &event)) {
+			if (!is_wanted(map, &event, request->arguments[0]))
+				continue;
+			print_event(map, &event, request->json);
+			if (++printed == request->count)
+				return RTUCTL_DONE;
+		}
+		report_lost(&cursor);
+		nanosleep(&LOOK_PERIOD, NULL);
+	}
+	fputs("rtuctl: rtud has ended\n", stderr);
+	return RTUCTL_FAILED;
+}
+
+static unsigned long count_events(const struct map *map)
+{
+	struct map_cursor cursor = {.lost = 0};
+	struct map_event event;
+	unsigned long count = 0;
+
+	while (map_event_next(map, &cursor, &event))
+		count++;
+	return count;
+}
+
+/* A cursor of zeros is behind everything: it moves to the oldest event that is left. */
+int rtuctl_events(struct map *map, const struct rtuctl_request *request)
+{
+	unsigned long count = count_events(map);
+	unsigned long skip = request->count != 0 && count > request->count ? count - request->count : 0;
+	struct map_cursor cursor = {.lost = 0};
+	struct map_event event;
+
+	for (unsigned long i = 0; i < count && map_event_next(map, &cursor, &event); i++)
+		if (i >= skip)
+			print_event(map, &event, request->json);
+	return RTUCTL_DONE;
+}
+
+/* ---- log --------------------------------------------------------------------------------- */
+
+struct log_entry {
+	struct map_log_line line;
+	uint32_t module;
+};
+
+struct log {
+	struct log_entry *entries;
+	size_t count;
+};
+
+static void append(struct log *log, const struct map_log_line *line, uint32_t module)
+{
+	log->entries = reallocarray(log->entries, log->count + 1, sizeof(*log->entries));
+	if (log->entries == NULL)
+		errx(RTUCTL_FAILED, "out of memory");
+	log->entries[log->count++] = (struct log_entry){.line = *line, .module = module};
+}
+
+static void read_logs(const struct map *map, struct log *log)
+{
+	struct map_log_line line;
+
+	for (uint32_t module = 0; module < map_module_count(map); module++) {
+		uint32_t position = 0;
+
+		while (map_log_next(map, module, &position, &line))
+			append(log, &line, module);
+	}
+}
+
+static int by_time(const void *left, const void *right)
+{
+	const struct log_entry *a = left, *b = right;
+
+	return (a->line.time_ns > b->line.time_ns) - (a->line.time_ns < b->line.time_ns);
+}
+
+static void print_log_entry(const struct map *map, const struct log_entry *entry, bool json)
+{
+	const char *level = words_log_level(entry->line.level);
+	struct map_module module;
+	char time[WORDS_SIZE];
+
+	map_module(map, entry->module, &module);
+	event_time(map, entry->line.time_ns, time);
+	if (json)
+		listing_print_json(json_pack("{s:s, s:s, s:s, s:s}", "time", time, "module", module.name,
+					     "level", level, "text", entry->line.text));
+	else
+		printf("%s  %s  %s: %s\n", time, module.name, level, entry->line.text);
+}
+
+int rtuctl_log(struct map *map, const struct rtuctl_request *request)
+{
+	struct log log = {.count = 0};
+	size_t first = 0;
+
+	read_logs(map, &log);
+	if (log.count > 0)
+		qsort(log.entries, log.count, sizeof(*log.entries), by_time);
+	if (request->count != 0 && log.count > request->count)
+		first = log.count - request->count;
+	for (size_t i = first; i < log.count; i++)
+		print_log_entry(map, &log.entries[i], request->json);
+	free(log.entries);
+	return RTUCTL_DONE;
+}

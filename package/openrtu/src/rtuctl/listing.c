@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "rtuctl/listing.h"
+
+#include <err.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "rtuctl/rtuctl.h"
+#include "rtuctl/words.h"
+
+#define FLOAT_DIGITS 9 /* what a 32-bit float needs to be read back */
+#define GAP          2
+
+static void print_json(const json_t *row)
+{
+	json_dumpf(row, stdout, JSON_REAL_PRECISION(FLOAT_DIGITS));
+}
+
+void listing_print_json(json_t *row)
+{
+	print_json(row);
+	putchar('\n');
+	json_decref(row);
+}
+
+static void *need(void *memory)
+{
+	if (memory == NULL)
+		errx(RTUCTL_FAILED, "out of memory");
+	return memory;
+}
+
+static char *cell_text(const json_t *value, enum listing_format format)
+{
+	char text[WORDS_SIZE] = "-";
+
+	if (json_is_string(value))
+		return need(strdup(json_string_value(value)));
+	if (format == LISTING_AGE && json_is_real(value))
+		words_age(json_real_value(value), text);
+	else if (json_is_real(value))
+		snprintf(text, sizeof(text), "%.7g", json_real_value(value));
+	else if (json_is_integer(value))
+		snprintf(text, sizeof(text), "%lld", (long long)json_integer_value(value));
+	else if (json_is_boolean(value))
+		strcpy(text, json_is_true(value) ? "yes" : "no");
+	return need(strdup(text));
+}
+
+/* Row 0 holds the titles. */
+static char **row_cells(struct listing *listing, size_t row)
+{
+	return listing->cells + row * listing->column_count;
+}
+
+static void grow(struct listing *listing, size_t rows)
+{
+	listing->cells =
+	    need(reallocarray(listing->cells, rows * listing->column_count, sizeof(*listing->cells)));
+}
+
+void listing_begin(struct listing *listing, const struct listing_column *columns, size_t count, bool json)
+{
+	*listing = (struct listing){.columns = columns, .column_count = count, .json = json};
+	if (json) {
+		putchar('[');
+		return;
+	}
+	grow(listing, 1);
+	for (size_t i = 0; i < count; i++)
+		row_cells(listing, 0)[i] = need(strdup(columns[i].title));
+}
+
+void listing_add(struct listing *listing, json_t *row)
+{
+	listing->rows++;
+	if (listing->json) {
+		fputs(listing->rows == 1 ? "\n" : ",\n", stdout);
+		print_json(row);
+	} else {
+		grow(listing, listing->rows + 1);
+		for (size_t i = 0; i < listing->column_count; i++)
+			row_cells(listing, listing->rows)[i] = cell_text(
+			    json_object_get(row, listing->columns[i].key), listing->columns[i].format);
+	}
+	json_decref(row);
+}
+
+/* Characters, not bytes: names may be UTF-8. */
+static size_t width_of(const char *text)
+{
+	size_t width = 0;
+
+	for (; *text != '\0'; text++)
+		width += ((unsigned char)*text & 0xc0) != 0x80;
+	return width;
+}
+
+static size_t column_width(struct listing *listing, size_t column)
+{
+	size_t width = 0;
+
+	for (size_t row = 0; row <= listing->rows; row++) {
+		size_t cell = width_of(row_cells(listing, row)[column]);
+
+		width = cell > width ? cell : width;
+	}
+	return width;
+}
+
+static void print_cell(const char *text, enum listing_format format, size_t width, bool last)
+{
+	int padding = (int)(width - width_of(text));
+
+	if (format != LISTING_TEXT)
+		printf("%*s%s%*s", padding, "", text, last ? 0 : GAP, "");
+	else
+		printf("%s%*s", text, last ? 0 : padding + GAP, "");
+}
+
+static void print_table(struct listing *listing)
+{
+	size_t *widths = need(calloc(listing->column_count, sizeof(*widths)));
+
+	for (size_t column = 0; column < listing->column_count; column++)
+		widths[column] = column_width(listing, column);
+	for (size_t row = 0; row <= listing->rows; row++) {
+		for (size_t column = 0; column < listing->column_count; column++)
+			print_cell(row_cells(listing, row)[column], listing->columns[column].format,
+				   widths[column], column + 1 == listing->column_count);
+		putchar('\n');
+	}
+	free(widths);
+}
+
+void listing_end(struct listing *listing)
+{
+	if (listing->json) {
+		puts(listing->rows == 0 ? "]" : "\n]");
+		return;
+	}
+	print_table(listing);
+	for (size_t i = 0; i < (listing->rows + 1) * listing->column_count; i++)
+		free(listing->cells[i]);
+	free(listing->cells);
+}

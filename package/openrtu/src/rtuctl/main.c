@@ -1,0 +1,259 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include <ctype.h>
+#include <fcntl.h>
+#include <getopt.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+
+#include "rtuctl/rtuctl.h"
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+enum { TAKES_COUNT = 1, TAKES_SELECT = 2 };
+
+struct command {
+	const char *name;
+	const char *arguments; /* as in the help */
+	size_t least, most;    /* arguments */
+	unsigned takes;
+	const char *module; /* to attach as; NULL: an observer */
+	const char *summary;
+	const char *details;
+	rtuctl_command *run;
+};
+
+static const struct command commands[] = {
+    {"points", "[PATTERN]", 0, 1, 0, NULL, "points with value, quality and age",
+     "PATTERN is matched against names: \"p3.67.*\", \"feeder7/*\". The age is the time since the value was "
+     "read\n"
+     "from the device; quality \"good\" means all is well.\n",
+     rtuctl_points},
+    {"watch", "[PATTERN] [--count N]", 0, 1, TAKES_COUNT, NULL, "changes as they happen, until Ctrl-C",
+     "Prints each change of a matching point, and modules going down and up. Ends after N lines with "
+     "--count.\n",
+     rtuctl_watch},
+    {"commands", "[PATTERN]", 0, 1, 0, NULL, "points that can be commanded, with the state of their command",
+     "The states are those of the telecontrol command: selection, execution, and the device's answer as "
+     "result.\n",
+     rtuctl_commands},
+    {"modules", "", 0, 0, 0, NULL, "the processes around the map",
+     "RESTARTS counts restarts after a failure.\n", rtuctl_modules},
+    {"lines", "", 0, 0, 0, NULL, "serial lines and their devices, with counters",
+     "Counters count since the module started and wrap at 2^32.\n", rtuctl_lines},
+    {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "events that are still kept, oldest first",
+     "With --count only the newest N.\n", rtuctl_events},
+    {"log", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the modules' log lines that are still kept",
+     "With --count only the newest N.\n", rtuctl_log},
+    {"set", "NAME VALUE [--select]", 2, 2, TAKES_SELECT, "rtuctl",
+     "command a point and wait for the device's answer",
+     "VALUE is on or off for single and double points, a number otherwise (a fraction of 1 for normalized "
+     "ones).\n"
+     "--select selects before it executes. The exit code is 0 only when the device has done it.\n",
+     rtuctl_set},
+};
+
+struct line {
+	struct rtuctl_request request;
+	const struct command *command;
+	size_t argument_count;
+	bool help, counted;
+};
+
+/* ---- help -------------------------------------------------------------------------------- */
+
+static void print_help(void)
+{
+	puts("usage: rtuctl [--map DIR] [--json] COMMAND [ARGUMENT]...\n");
+	for (size_t i = 0; i < COUNT(commands); i++)
+		printf("  %-9s %-23s %s\n", commands[i].name, commands[i].arguments, commands[i].summary);
+	puts("\n"
+	     "  --map DIR   folder of the point map [$OPENRTU_MAP, else /run/openrtu]\n"
+	     "  --json      for scripts: one array; one object a line for watch, events, log and set\n"
+	     "  --help      this text, or after a command that command's\n"
+	     "\n"
+	     "Exit code: 0 done, 1 nothing found or refused, 2 wrong usage or no map.");
+}
+
+static void print_command_help(const struct command *command)
+{
+	printf("usage: rtuctl [--map DIR] [--json] %s %s\n\n%s\n", command->name, command->arguments,
+	       command->details);
+}
+
+static int wrong_usage(const struct command *command, const char *what, const char *which)
+{
+	fprintf(stderr, "rtuctl: %s%s: try \"rtuctl %s%s--help\"\n", what, which,
+		command ? command->name : "", command ? " " : "");
+	return RTUCTL_USAGE;
+}
+
+/* ---- the command line -------------------------------------------------------------------- */
+
+static const struct command *find_command(const char *name)
+{
+	for (size_t i = 0; i < COUNT(commands); i++)
+		if (strcmp(commands[i].name, name) == 0)
+			return &commands[i];
+	return NULL;
+}
+
+/* A negative number is a value, not an option. */
+static bool is_option(const char *word)
+{
+	return word[0] == '-' && !isdigit((unsigned char)word[1]) && word[1] != '.';
+}
+
+static bool parse_count(const char *text, struct line *line)
+{
+	char *end;
+
+	line->request.count = strtoul(text, &end, 10);
+	line->counted = true;
+	return isdigit((unsigned char)text[0]) && *end == '\0' && line->request.count > 0;
+}
+
+static int take_option(struct line *line, int argc, char **argv)
+{
+	static const struct option options[] = {
+	    {"map", required_argument, NULL, 'm'},   {"json", no_argument, NULL, 'j'},
+	    {"count", required_argument, NULL, 'c'}, {"select", no_argument, NULL, 's'},
+	    {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0},
+	};
+
+	switch (getopt_long(argc, argv, "+", options, NULL)) {
+	case 'm':
+		line->request.dir = optarg;
+		return RTUCTL_DONE;
+	case 'j':
+		line->request.json = true;
+		return RTUCTL_DONE;
+	case 'c':
+		return parse_count(optarg, line)
+			   ? RTUCTL_DONE
+			   : wrong_usage(line->command, "--count needs a number from 1 on, not ", optarg);
+	case 's':
+		line->request.select = true;
+		return RTUCTL_DONE;
+	case 'h':
+		line->help = true;
+		return RTUCTL_DONE;
+	default:
+		return wrong_usage(line->command, "unknown option or missing value: ", argv[optind - 1]);
+	}
+}
+
+static int take_word(struct line *line, const char *word)
+{
+	if (line->command == NULL) {
+		line->command = find_command(word);
+		return line->command != NULL ? RTUCTL_DONE : wrong_usage(NULL, "unknown command ", word);
+	}
+	if (line->argument_count == line->command->most)
+		return wrong_usage(line->command, "one argument too many: ", word);
+	line->request.arguments[line->argument_count++] = word;
+	return RTUCTL_DONE;
+}
+
+static int check_line(const struct line *line)
+{
+	if (line->help)
+		return RTUCTL_DONE;
+	if (line->command == NULL)
+		return wrong_usage(NULL, "a command is missing", "");
+	if (line->argument_count < line->command->least)
+		return wrong_usage(line->command, "an argument is missing, expected ",
+				   line->command->arguments);
+	if (line->counted && !(line->command->takes & TAKES_COUNT))
+		return wrong_usage(line->command, "it takes no --count", "");
+	if (line->request.select && !(line->command->takes & TAKES_SELECT))
+		return wrong_usage(line->command, "it takes no --select", "");
+	return RTUCTL_DONE;
+}
+
+static int parse(struct line *line, int argc, char **argv)
+{
+	int result = RTUCTL_DONE;
+
+	opterr = 0;
+	while (result == RTUCTL_DONE && optind < argc) {
+		if (is_option(argv[optind]))
+			result = take_option(line, argc, argv);
+		else
+			result = take_word(line, argv[optind++]);
+	}
+	return result == RTUCTL_DONE ? check_line(line) : result;
+}
+
+/* ---- running ----------------------------------------------------------------------------- */
+
+/*
+ * Two requesters at once would take each other's answers from the one segment. The lock ends with the process; a folder
+ * without a map is map_attach's to complain about.
+ */
+static bool lock_requester(const char *dir, const char *module)
+{
+	char path[PATH_MAX];
+	int fd;
+
+	snprintf(path, sizeof(path), "%s/%s.seg", dir, module);
+	fd = open(path, O_RDONLY | O_CLOEXEC);
+	return fd < 0 || flock(fd, LOCK_EX | LOCK_NB) == 0;
+}
+
+static int report_no_map(const struct line *line, const char *error)
+{
+	char ignored[MAP_ERROR_SIZE];
+	struct map *map;
+
+	fprintf(stderr, "rtuctl: %s\n", error);
+	if (line->command->module != NULL && map_attach(&map, line->request.dir, NULL, ignored) == 0) {
+		fputs("The map can be read: to command, be root or the user that runs rtud.\n", stderr);
+		map_detach(map);
+	} else {
+		fputs("Start the gateway with \"rtud FILE\", or name its map's folder with --map DIR or "
+		      "OPENRTU_MAP.\n",
+		      stderr);
+	}
+	return RTUCTL_USAGE;
+}
+
+static int run(const struct line *line)
+{
+	const char *dir = line->request.dir, *module = line->command->module;
+	char error[MAP_ERROR_SIZE];
+	struct map *map;
+	int result;
+
+	if (module != NULL && !lock_requester(dir, module)) {
+		fputs("rtuctl: another rtuctl waits for its command's answer: try again when it has ended\n",
+		      stderr);
+		return RTUCTL_FAILED;
+	}
+	if (map_attach(&map, dir, module, error) < 0)
+		return report_no_map(line, error);
+	if (!map_alive(map, MAP_RTUD))
+		fputs("rtuctl: rtud does not run: this is what it left behind\n", stderr);
+	result = line->command->run(map, &line->request);
+	map_detach(map);
+	return result;
+}
+
+int main(int argc, char **argv)
+{
+	const char *dir = getenv("OPENRTU_MAP");
+	struct line line = {.request.dir = dir != NULL ? dir : "/run/openrtu"};
+	int result = parse(&line, argc, argv);
+
+	if (result != RTUCTL_DONE)
+		return result;
+	if (!line.help)
+		return run(&line);
+	if (line.command != NULL)
+		print_command_help(line.command);
+	else
+		print_help();
+	return RTUCTL_DONE;
+}

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set attach as observers and write nothing.
+ */
+#ifndef OPENRTU_RTUCTL_H
+#define OPENRTU_RTUCTL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "map/map.h"
+
+enum rtuctl_exit {
+	RTUCTL_DONE,
+	RTUCTL_FAILED, /* nothing found, or the command was refused */
+	RTUCTL_USAGE,  /* wrong usage, or no map */
+};
+
+#define RTUCTL_ARGUMENTS_MAX 2
+
+/* What the command line says. */
+struct rtuctl_request {
+	const char *dir;
+	const char *arguments[RTUCTL_ARGUMENTS_MAX];
+	unsigned long count; /* 0: no limit */
+	bool json;
+	bool select;
+};
+
+/* One command: runs on an attached map and returns an exit code. */
+typedef int rtuctl_command(struct map *map, const struct rtuctl_request *request);
+
+rtuctl_command rtuctl_points;
+rtuctl_command rtuctl_commands;
+rtuctl_command rtuctl_modules;
+rtuctl_command rtuctl_lines;
+rtuctl_command rtuctl_watch;
+rtuctl_command rtuctl_events;
+rtuctl_command rtuctl_log;
+rtuctl_command rtuctl_set;
+
+/* True when the point's name matches the pattern; no pattern matches all. */
+bool rtuctl_matches(const struct map_point *point, const char *pattern);
+
+#endif

@@ -1,0 +1,311 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What is in the map now: points, commands, modules, lines. */
+#include "rtuctl/rtuctl.h"
+
+#include <fnmatch.h>
+#include <stdio.h>
+
+#include <jansson.h>
+
+#include "rtuctl/listing.h"
+#include "rtuctl/words.h"
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+static const double NS_PER_S = 1e9;
+static const double US_PER_MS = 1e3;
+
+bool rtuctl_matches(const struct map_point *point, const char *pattern)
+{
+	return pattern == NULL || fnmatch(pattern, point->name, 0) == 0;
+}
+
+/* Seconds since a time of the map; null when there was none. */
+static json_t *age_of(int64_t time_ns)
+{
+	return time_ns == 0 ? json_null() : json_real((double)(map_now_ns() - time_ns) / NS_PER_S);
+}
+
+static json_t *module_name(const struct map *map, uint32_t index)
+{
+	struct map_module module;
+
+	if (index >= map_module_count(map))
+		return json_null();
+	map_module(map, index, &module);
+	return json_string(module.name);
+}
+
+static int found(const struct listing *listing, const char *what, const char *pattern)
+{
+	if (listing->rows > 0 || pattern == NULL)
+		return RTUCTL_DONE;
+	fprintf(stderr, "rtuctl: no %s matches \"%s\": \"rtuctl points\" lists all\n", what, pattern);
+	return RTUCTL_FAILED;
+}
+
+/* ---- points ------------------------------------------------------------------------------ */
+
+static const struct listing_column point_columns[] = {
+    {"name", "NAME", LISTING_TEXT},       {"type", "TYPE", LISTING_TEXT}, {"value", "VALUE", LISTING_RIGHT},
+    {"quality", "QUALITY", LISTING_TEXT}, {"age_s", "AGE", LISTING_AGE},  {"owner", "OWNER", LISTING_TEXT},
+};
+
+static json_t *point_row(const struct map *map, uint32_t index)
+{
+	const struct map_config *config = map_config(map);
+	const struct map_point *point = &config->points[index];
+	const struct map_device *device = &config->devices[point->device];
+	struct map_sample sample = {.quality = MAP_INVALID};
+	json_t *row = json_object();
+	char quality[WORDS_SIZE];
+
+	map_read(map, index, &sample);
+	words_quality(sample.quality, quality);
+	json_object_set_new(row, "name", json_string(point->name));
+	json_object_set_new(row, "type", json_string(words_type(point->type)));
+	json_object_set_new(row, "value",
+			    sample.time_ns != 0 ? words_value(point->type, &sample.value) : json_null());
+	if (point->type == MAP_STEP)
+		json_object_set_new(row, "transient", json_boolean(sample.detail & 1));
+	json_object_set_new(row, "quality", json_string(quality));
+	json_object_set_new(row, "age_s", age_of(sample.time_ns));
+	json_object_set_new(row, "owner", module_name(map, map_owner(map, index)));
+	json_object_set_new(row, "ca", json_integer(device->ca));
+	json_object_set_new(row, "ioa", json_integer(point->ioa));
+	json_object_set_new(row, "broadcast", json_boolean(device->unit == 0));
+	return row;
+}
+
+int rtuctl_points(struct map *map, const struct rtuctl_request *request)
+{
+	const struct map_config *config = map_config(map);
+	const char *pattern = request->arguments[0];
+	struct listing listing;
+
+	listing_begin(&listing, point_columns, COUNT(point_columns), request->json);
+	for (uint32_t i = 0; i < config->point_count; i++)
+		if (rtuctl_matches(&config->points[i], pattern))
+			listing_add(&listing, point_row(map, i));
+	listing_end(&listing);
+	return found(&listing, "point", pattern);
+}
+
+/* ---- commands ---------------------------------------------------------------------------- */
+
+static const struct listing_column command_columns[] = {
+    {"name", "NAME", LISTING_TEXT},     {"state", "STATE", LISTING_TEXT},
+    {"result", "RESULT", LISTING_TEXT}, {"value", "VALUE", LISTING_RIGHT},
+    {"age_s", "AGE", LISTING_AGE},      {"requester", "REQUESTER", LISTING_TEXT},
+};
+
+static json_t *command_row(const struct map *map, uint32_t index)
+{
+	const struct map_point *point = &map_config(map)->points[index];
+	struct map_command command = {.state = MAP_INACTIVE};
+	bool used = map_command_read(map, index, &command) && command.time_ns != 0;
+	json_t *row = json_object();
+
+	json_object_set_new(row, "name", json_string(point->name));
+	json_object_set_new(row, "state", json_string(map_command_state_name(command.state)));
+	json_object_set_new(row, "result", json_string(map_command_result_name(command.result)));
+	if (command.result == MAP_RESULT_EXCEPTION)
+		json_object_set_new(row, "exception", json_integer(command.detail));
+	json_object_set_new(row, "value", used ? words_value(point->type, &command.value) : json_null());
+	json_object_set_new(row, "age_s", age_of(command.time_ns));
+	json_object_set_new(row, "requester", used ? module_name(map, command.requester) : json_null());
+	json_object_set_new(row, "select", json_boolean(point->flags & MAP_POINT_SELECT));
+	return row;
+}
+
+int rtuctl_commands(struct map *map, const struct rtuctl_request *request)
+{
+	const struct map_config *config = map_config(map);
+	const char *pattern = request->arguments[0];
+	struct listing listing;
+
+	listing_begin(&listing, command_columns, COUNT(command_columns), request->json);
+	for (uint32_t i = 0; i < config->point_count; i++)
+		if ((config->points[i].flags & MAP_POINT_COMMAND) &&
+		    rtuctl_matches(&config->points[i], pattern))
+			listing_add(&listing, command_row(map, i));
+	listing_end(&listing);
+	return found(&listing, "command", pattern);
+}
+
+/* ---- modules ----------------------------------------------------------------------------- */
+
+static const struct listing_column module_columns[] = {
+    {"name", "NAME", LISTING_TEXT},
+    {"kind", "KIND", LISTING_TEXT},
+    {"state", "STATE", LISTING_TEXT},
+    {"alive", "ALIVE", LISTING_TEXT},
+    {"pid", "PID", LISTING_RIGHT},
+    {"up_s", "UP", LISTING_AGE},
+    {"restarts", "RESTARTS", LISTING_RIGHT},
+    {"points", "POINTS", LISTING_RIGHT},
+    {"lost_events", "LOST EVENTS", LISTING_RIGHT},
+};
+
+static json_t *module_row(const struct map *map, uint32_t index)
+{
+	struct map_module module;
+	json_t *row = json_object();
+
+	map_module(map, index, &module);
+	json_object_set_new(row, "name", json_string(module.name));
+	json_object_set_new(row, "kind", json_string(words_module_kind(module.kind)));
+	json_object_set_new(row, "state", json_string(words_module_state(module.state)));
+	json_object_set_new(row, "alive", json_boolean(module.alive));
+	json_object_set_new(row, "pid", module.pid != 0 ? json_integer(module.pid) : json_null());
+	json_object_set_new(row, "up_s", module.alive ? age_of(module.started_ns) : json_null());
+	json_object_set_new(row, "starts", json_integer(module.generation));
+	json_object_set_new(row, "restarts", json_integer(module.restarts));
+	json_object_set_new(row, "points", json_integer(module.point_count));
+	json_object_set_new(row, "lost_events", json_integer(module.lost_events));
+	return row;
+}
+
+int rtuctl_modules(struct map *map, const struct rtuctl_request *request)
+{
+	struct listing listing;
+
+	listing_begin(&listing, module_columns, COUNT(module_columns), request->json);
+	for (uint32_t i = 0; i < map_module_count(map); i++)
+		listing_add(&listing, module_row(map, i));
+	listing_end(&listing);
+	return RTUCTL_DONE;
+}
+
+/* ---- lines and their devices ------------------------------------------------------------- */
+
+static const struct listing_column line_columns[] = {
+    {"port", "PORT", LISTING_RIGHT},
+    {"device", "DEVICE", LISTING_TEXT},
+    {"format", "FORMAT", LISTING_TEXT},
+    {"open", "OPEN", LISTING_TEXT},
+    {"scan_ms", "SCAN MS", LISTING_RIGHT},
+    {"requests", "REQUESTS", LISTING_RIGHT},
+    {"answers", "ANSWERS", LISTING_RIGHT},
+    {"exceptions", "EXCEPT", LISTING_RIGHT},
+    {"timeouts", "TIME-OUTS", LISTING_RIGHT},
+    {"crc_errors", "CRC", LISTING_RIGHT},
+    {"wrong_answers", "WRONG", LISTING_RIGHT},
+    {"late_answers", "LATE", LISTING_RIGHT},
+    {"noise_bytes", "NOISE", LISTING_RIGHT},
+    {"commands", "COMMANDS", LISTING_RIGHT},
+    {"port_errors", "PORT ERR", LISTING_RIGHT},
+};
+
+static const struct listing_column device_columns[] = {
+    {"port", "PORT", LISTING_RIGHT},
+    {"id", "ID", LISTING_RIGHT},
+    {"description", "DESCRIPTION", LISTING_TEXT},
+    {"ca", "CA", LISTING_RIGHT},
+    {"alive", "ALIVE", LISTING_TEXT},
+    {"latency_ms", "LATENCY MS", LISTING_RIGHT},
+    {"planned_requests", "READS", LISTING_RIGHT},
+    {"requests", "REQUESTS", LISTING_RIGHT},
+    {"answers", "ANSWERS", LISTING_RIGHT},
+    {"exceptions", "EXCEPT", LISTING_RIGHT},
+    {"timeouts", "TIME-OUTS", LISTING_RIGHT},
+    {"errors", "ERRORS", LISTING_RIGHT},
+    {"next_probe_ms", "PROBE MS", LISTING_RIGHT},
+};
+
+static json_t *milliseconds(uint32_t us)
+{
+	return json_real(us / US_PER_MS);
+}
+
+static json_t *device_row(const struct map *map, uint32_t index)
+{
+	const struct map_config *config = map_config(map);
+	const struct map_device *device = &config->devices[index];
+	const struct map_device_stats *stats = map_device_stats(map, index);
+	json_t *row = json_object();
+
+	json_object_set_new(row, "port", json_integer(config->lines[device->line].port));
+	json_object_set_new(row, "id", json_integer(device->unit));
+	json_object_set_new(row, "description", json_string(device->name));
+	json_object_set_new(row, "ca", json_integer(device->ca));
+	json_object_set_new(row, "alive", json_boolean(stats->alive));
+	json_object_set_new(row, "latency_ms", milliseconds(stats->latency_us));
+	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
+	json_object_set_new(row, "requests", json_integer(stats->requests));
+	json_object_set_new(row, "answers", json_integer(stats->answers));
+	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));
+	json_object_set_new(row, "timeouts", json_integer(stats->timeouts));
+	json_object_set_new(row, "errors", json_integer(stats->errors));
+	json_object_set_new(row, "next_probe_ms", json_integer(stats->next_probe_ms));
+	return row;
+}
+
+/* As engineers write it: 19200 8N2 */
+static json_t *line_format(const struct map_line *line)
+{
+	static const char parities[] = {
+	    [MAP_PARITY_NONE] = 'N', [MAP_PARITY_ODD] = 'O', [MAP_PARITY_EVEN] = 'E'};
+
+	return json_sprintf("%u 8%c%u", line->baud, parities[line->parity], line->stop_bits);
+}
+
+static json_t *line_devices(const struct map *map, const struct map_line *line)
+{
+	json_t *devices = json_array();
+
+	for (uint32_t i = 0; i < line->device_count; i++)
+		json_array_append_new(devices, device_row(map, line->first_device + i));
+	return devices;
+}
+
+static json_t *line_row(const struct map *map, uint32_t index)
+{
+	const struct map_line *line = &map_config(map)->lines[index];
+	const struct map_line_stats *stats = map_line_stats(map, index);
+	json_t *row = json_object();
+
+	json_object_set_new(row, "port", json_integer(line->port));
+	json_object_set_new(row, "device", json_string(line->device));
+	json_object_set_new(row, "format", line_format(line));
+	json_object_set_new(row, "module", module_name(map, line->module));
+	json_object_set_new(row, "open", json_boolean(stats->open));
+	json_object_set_new(row, "scan_ms", milliseconds(stats->scan_us));
+	json_object_set_new(row, "requests", json_integer(stats->requests));
+	json_object_set_new(row, "answers", json_integer(stats->answers));
+	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));
+	json_object_set_new(row, "timeouts", json_integer(stats->timeouts));
+	json_object_set_new(row, "crc_errors", json_integer(stats->crc_errors));
+	json_object_set_new(row, "wrong_answers", json_integer(stats->wrong_answers));
+	json_object_set_new(row, "late_answers", json_integer(stats->late_answers));
+	json_object_set_new(row, "noise_bytes", json_integer(stats->noise_bytes));
+	json_object_set_new(row, "commands", json_integer(stats->commands));
+	json_object_set_new(row, "port_errors", json_integer(stats->port_errors));
+	json_object_set_new(row, "devices", line_devices(map, line));
+	return row;
+}
+
+static void list_devices(const struct map *map)
+{
+	struct listing listing;
+
+	listing_begin(&listing, device_columns, COUNT(device_columns), false);
+	for (uint32_t i = 0; i < map_config(map)->device_count; i++)
+		listing_add(&listing, device_row(map, i));
+	listing_end(&listing);
+}
+
+int rtuctl_lines(struct map *map, const struct rtuctl_request *request)
+{
+	struct listing listing;
+
+	listing_begin(&listing, line_columns, COUNT(line_columns), request->json);
+	for (uint32_t i = 0; i < map_config(map)->line_count; i++)
+		listing_add(&listing, line_row(map, i));
+	listing_end(&listing);
+	if (!request->json) {
+		putchar('\n');
+		list_devices(map);
+	}
+	return RTUCTL_DONE;
+}

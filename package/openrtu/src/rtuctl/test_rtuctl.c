@@ -1,0 +1,404 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The program itself on a map whose rtud and rtu-modbus are played by this test. argv[1]: the program. */
+#include <fcntl.h>
+#include <poll.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+#include <jansson.h>
+
+#include "map/map.h"
+#include "map/supervise.h"
+
+#define OUTPUT_SIZE 8192
+#define DEADLINE_S  20
+#define PUBLISH_MS  5
+
+enum { LAMP, BREAKER, LEVEL, CURRENT, POINTS };
+
+static struct map_line lines[] = {
+    {.port = 3, .process = 1, .device_count = 1, .stop_bits = 2, .baud = 19200, .device = "ttyS3"}};
+static struct map_device devices[] = {
+    {.ca = 3067, .unit = 67, .response_timeout_ms = 500, .point_count = POINTS, .name = "Pump"}};
+static struct map_point points[POINTS] = {
+    [LAMP] =
+	{.name = "pump/lamp", .table = MAP_COILS, .type = MAP_SINGLE, .ioa = 1, .flags = MAP_POINT_COMMAND},
+    [BREAKER] = {.name = "pump/breaker",
+		 .table = MAP_COILS,
+		 .type = MAP_DOUBLE,
+		 .ioa = 2,
+		 .flags = MAP_POINT_COMMAND | MAP_POINT_SELECT},
+    [LEVEL] = {.name = "level", .table = MAP_INPUT_REGISTERS, .type = MAP_SCALED, .ioa = 30001},
+    [CURRENT] = {.name = "current", .table = MAP_INPUT_REGISTERS, .type = MAP_FLOAT, .ioa = 30002},
+};
+static const struct map_config config = {
+    .settings = {.command_timeout_s = 10, .select_timeout_s = 30, .event_ring = 64},
+    .line_count = 1,
+    .device_count = 1,
+    .point_count = POINTS,
+    .lines = lines,
+    .devices = devices,
+    .points = points,
+};
+
+static const char *program;
+static char dir[] = "/dev/shm/test_rtuctl.XXXXXX";
+static struct map *rtud, *owner;
+
+static struct {
+	enum map_command_result result; /* the device's answer to commands */
+	uint8_t detail;
+	union map_value value; /* of the last command that reached it */
+	int32_t level;         /* published again and again while changing */
+	bool changing;
+} device;
+
+static char output[OUTPUT_SIZE];
+
+/* ---- the gateway ------------------------------------------------------------------------- */
+
+static void publish(int32_t level)
+{
+	struct map_update updates[POINTS] = {
+	    {LAMP, {.value.u = 1, .time_ns = map_now_ns()}},
+	    {BREAKER, {.value.u = 3, .time_ns = map_now_ns()}},
+	    {LEVEL, {.value.i = level, .quality = MAP_OVERFLOW, .time_ns = map_now_ns()}},
+	    {CURRENT, {.value.f = 0.1f, .quality = MAP_INVALID | MAP_NOT_TOPICAL, .time_ns = map_now_ns()}},
+	};
+
+	map_publish(owner, updates, POINTS);
+}
+
+static void serve_commands(void)
+{
+	struct map_request request;
+
+	while (map_request_next(owner, &request)) {
+		if (!map_command_request(owner, &request))
+			continue;
+		device.value = request.value;
+		map_command_finish(owner, request.point, device.result, device.detail);
+	}
+}
+
+static void run_gateway(void)
+{
+	map_heartbeat(rtud);
+	map_heartbeat(owner);
+	serve_commands();
+	if (device.changing)
+		publish(++device.level);
+}
+
+/* ---- the program ------------------------------------------------------------------------- */
+
+static pid_t start(const char *const *words, int write_end)
+{
+	const char *arguments[16] = {program, "--map", dir};
+	size_t count = 3;
+	pid_t pid;
+
+	while (*words != NULL)
+		arguments[count++] = *words++;
+	pid = fork();
+	if (pid != 0)
+		return pid;
+	dup2(write_end, STDOUT_FILENO);
+	dup2(write_end, STDERR_FILENO);
+	execv(program, (char *const *)arguments);
+	_exit(127);
+}
+
+/* Runs rtuctl with these arguments while the gateway works. Returns its exit code, its output is in output. */
+static int run(const char *const *words)
+{
+	int64_t deadline_ns = map_now_ns() + DEADLINE_S * 1000000000ll;
+	struct pollfd pipe_end = {.events = POLLIN};
+	size_t used = 0;
+	int ends[2], status;
+	ssize_t got = 1;
+	pid_t pid;
+
+	assert_int_equal(pipe2(ends, O_CLOEXEC), 0);
+	pid = start(words, ends[1]);
+	close(ends[1]);
+	pipe_end.fd = ends[0];
+	while (got > 0) {
+		run_gateway();
+		if (map_now_ns() > deadline_ns)
+			kill(pid, SIGKILL);
+		if (poll(&pipe_end, 1, PUBLISH_MS) > 0) {
+			got = read(ends[0], output + used, sizeof(output) - 1 - used);
+			used += got > 0 ? (size_t)got : 0;
+		}
+	}
+	output[used] = '\0';
+	close(ends[0]);
+	assert_int_equal(waitpid(pid, &status, 0), pid);
+	assert_true(WIFEXITED(status));
+	return WEXITSTATUS(status);
+}
+
+#define RUN(...) run((const char *const[]){__VA_ARGS__, NULL})
+
+static void assert_contains(const char *text)
+{
+	if (strstr(output, text) == NULL)
+		fail_msg("\"%s\" is not in:\n%s", text, output);
+}
+
+static json_t *parse_output(void)
+{
+	json_error_t error;
+	json_t *json = json_loads(output, 0, &error);
+
+	if (json == NULL)
+		fail_msg("%s in:\n%s", error.text, output);
+	return json;
+}
+
+/* ---- tests ------------------------------------------------------------------------------- */
+
+static void test_points(void **state)
+{
+	(void)state;
+	assert_int_equal(RUN("points"), 0);
+	assert_contains("NAME          TYPE            VALUE  QUALITY                AGE  OWNER\n");
+	assert_contains("pump/lamp     single             on  good ");
+	assert_contains("pump/breaker  double  indeterminate  good ");
+	assert_contains("level         scaled             -5  overflow ");
+	assert_contains("current       float             0.1  invalid,not topical  ");
+	assert_contains("  rtu-modbus-1\n");
+}
+
+static void test_pattern(void **state)
+{
+	(void)state;
+	assert_int_equal(RUN("points", "pump/*"), 0);
+	assert_contains("pump/lamp");
+	assert_null(strstr(output, "level"));
+	assert_int_equal(RUN("points", "none*"), 1);
+	assert_contains("rtuctl: no point matches \"none*\"");
+}
+
+static void test_points_json(void **state)
+{
+	json_t *json, *row;
+
+	(void)state;
+	assert_int_equal(RUN("--json", "points"), 0);
+	json = parse_output();
+	assert_int_equal(json_array_size(json), POINTS);
+	row = json_array_get(json, LEVEL);
+	assert_string_equal(json_string_value(json_object_get(row, "name")), "level");
+	assert_int_equal(json_integer_value(json_object_get(row, "value")), -5);
+	assert_string_equal(json_string_value(json_object_get(row, "quality")), "overflow");
+	assert_int_equal(json_integer_value(json_object_get(row, "ca")), 3067);
+	assert_int_equal(json_integer_value(json_object_get(row, "ioa")), 30001);
+	assert_true(json_is_real(json_object_get(row, "age_s")));
+	json_decref(json);
+}
+
+static void test_modules(void **state)
+{
+	(void)state;
+	assert_int_equal(RUN("modules"), 0);
+	assert_contains("rtu-modbus-1  modbus      running  yes");
+	assert_contains("rtu-iec104    iec104      stopped  no");
+}
+
+static void test_lines(void **state)
+{
+	json_t *json, *row;
+
+	(void)state;
+	map_line_stats(owner, 0)->requests = 17;
+	map_device_stats(owner, 0)->timeouts = 4;
+	assert_int_equal(RUN("lines"), 0);
+	assert_contains("   3  ttyS3   19200 8N2  no          0        17");
+	assert_contains("   3  67  Pump         3067");
+	assert_int_equal(RUN("lines", "--json"), 0);
+	json = parse_output();
+	row = json_array_get(json_object_get(json_array_get(json, 0), "devices"), 0);
+	assert_int_equal(json_integer_value(json_object_get(row, "timeouts")), 4);
+	json_decref(json);
+}
+
+static void test_set(void **state)
+{
+	(void)state;
+	device.result = MAP_RESULT_DONE;
+	assert_int_equal(RUN("set", "pump/lamp", "on"), 0);
+	assert_string_equal(output, "pump/lamp = on: executed command: done\n");
+	assert_int_equal(device.value.u, 1);
+	assert_int_equal(RUN("commands", "pump/lamp"), 0);
+	assert_contains("pump/lamp  inactive command  done       on");
+	assert_contains("  rtuctl\n");
+}
+
+static void test_set_refused_by_device(void **state)
+{
+	(void)state;
+	device.result = MAP_RESULT_EXCEPTION;
+	device.detail = 2;
+	assert_int_equal(RUN("set", "pump/lamp", "off"), 1);
+	assert_string_equal(output,
+			    "pump/lamp = off: refused command: the device answered with exception 2\n");
+	assert_int_equal(RUN("--json", "set", "pump/lamp", "off"), 1);
+	assert_contains("\"state\": \"refused command\", \"result\": \"exception\"");
+	assert_contains("\"exception\": 2");
+}
+
+static void test_set_with_selection(void **state)
+{
+	(void)state;
+	device.result = MAP_RESULT_DONE;
+	assert_int_equal(RUN("set", "pump/breaker", "on"), 1);
+	assert_string_equal(output,
+			    "pump/breaker = on: refused command: not selected: the point needs --select\n");
+	assert_int_equal(RUN("set", "pump/breaker", "on", "--select"), 0);
+	assert_string_equal(output, "pump/breaker = on: executed command: done\n");
+	assert_int_equal(device.value.u, 2);
+}
+
+static void test_set_what_cannot_be_set(void **state)
+{
+	(void)state;
+	assert_int_equal(RUN("set", "level", "5"), 1);
+	assert_contains("refused command: not commandable");
+	assert_int_equal(RUN("set", "pump/lamp", "5"), 2);
+	assert_string_equal(output, "rtuctl: \"5\" is no single value, expected on or off\n");
+	assert_int_equal(RUN("set", "lamp", "on"), 1);
+	assert_contains("there is no point \"lamp\"");
+}
+
+static void test_watch(void **state)
+{
+	(void)state;
+	device.changing = true;
+	assert_int_equal(RUN("watch", "level", "--count", "3"), 0);
+	device.changing = false;
+	assert_contains("Z  level = ");
+	assert_contains("  overflow\n");
+	assert_null(strstr(output, "pump"));
+}
+
+static void test_events(void **state)
+{
+	json_t *row;
+
+	(void)state;
+	map_announce(rtud, MAP_EVENT_MODULE_DOWN, map_self(owner));
+	assert_int_equal(RUN("events", "--count", "1", "--json"), 0);
+	row = parse_output();
+	assert_string_equal(json_string_value(json_object_get(row, "event")), "module down");
+	assert_string_equal(json_string_value(json_object_get(row, "name")), "rtu-modbus-1");
+	json_decref(row);
+}
+
+static void test_log(void **state)
+{
+	(void)state;
+	map_log(owner, MAP_LOG_WARNING, "device 67 is dead");
+	map_log(rtud, MAP_LOG_INFO, "later");
+	assert_int_equal(RUN("log", "--count", "2"), 0);
+	assert_contains("Z  rtu-modbus-1  warning: device 67 is dead\n");
+	assert_int_equal(RUN("log", "--count", "1"), 0);
+	assert_contains("Z  rtud  info: later\n");
+	assert_null(strstr(output, "dead"));
+}
+
+static void test_wrong_usage(void **state)
+{
+	(void)state;
+	assert_int_equal(RUN("pionts"), 2);
+	assert_contains("unknown command pionts: try \"rtuctl --help\"");
+	assert_int_equal(RUN("set", "pump/lamp"), 2);
+	assert_int_equal(RUN("points", "--count", "3"), 2);
+	assert_contains("takes no --count");
+	assert_int_equal(RUN("watch", "--count", "many"), 2);
+	assert_int_equal(RUN("--map", "/nowhere", "points"), 2);
+	assert_contains("no map in /nowhere");
+	assert_contains("Start the gateway");
+	assert_int_equal(RUN("set", "--help"), 0);
+	assert_contains("usage: rtuctl [--map DIR] [--json] set NAME VALUE [--select]\n");
+}
+
+/* ---- set-up ------------------------------------------------------------------------------ */
+
+static uint32_t module_index(const char *name)
+{
+	struct map_module module;
+
+	for (uint32_t i = 0; i < map_module_count(rtud); i++) {
+		map_module(rtud, i, &module);
+		if (strcmp(module.name, name) == 0)
+			return i;
+	}
+	return MAP_NONE;
+}
+
+static int set_up(void **state)
+{
+	char error[MAP_ERROR_SIZE] = "";
+	uint32_t modbus;
+
+	(void)state;
+	for (size_t i = 0; i < POINTS; i++)
+		points[i].width = 1;
+	assert_non_null(mkdtemp(dir));
+	if (map_create(&rtud, dir, &config, 0, error) < 0)
+		fail_msg("%s", error);
+	modbus = module_index("rtu-modbus-1");
+	map_module_starting(rtud, modbus);
+	if (map_attach(&owner, dir, "rtu-modbus-1", error) < 0)
+		fail_msg("%s", error);
+	map_module_started(rtud, modbus, getpid());
+	map_module_running(rtud, modbus);
+	device.level = -5;
+	publish(device.level);
+	return 0;
+}
+
+static int tear_down(void **state)
+{
+	(void)state;
+	map_detach(owner);
+	map_remove(rtud);
+	map_detach(rtud);
+	return rmdir(dir);
+}
+
+int main(int argc, char **argv)
+{
+	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test(test_points),
+	    cmocka_unit_test(test_pattern),
+	    cmocka_unit_test(test_points_json),
+	    cmocka_unit_test(test_modules),
+	    cmocka_unit_test(test_lines),
+	    cmocka_unit_test(test_set),
+	    cmocka_unit_test(test_set_refused_by_device),
+	    cmocka_unit_test(test_set_with_selection),
+	    cmocka_unit_test(test_set_what_cannot_be_set),
+	    cmocka_unit_test(test_watch),
+	    cmocka_unit_test(test_events),
+	    cmocka_unit_test(test_log),
+	    cmocka_unit_test(test_wrong_usage),
+	};
+
+	if (argc != 2) {
+		fputs("usage: test_rtuctl RTUCTL\n", stderr);
+		return 2;
+	}
+	program = argv[1];
+	return cmocka_run_group_tests(tests, set_up, tear_down);
+}

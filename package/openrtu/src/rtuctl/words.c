@@ -1,0 +1,230 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "rtuctl/words.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <time.h>
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+static const int64_t NS_PER_S = 1000000000;
+static const int64_t NS_PER_MS = 1000000;
+static const double NVA_ONE = 32768; /* IEC 60870-5-101, 7.2.6.6 */
+
+static const char *word(const char *const *words, size_t count, unsigned index)
+{
+	return index < count ? words[index] : "unknown";
+}
+
+const char *words_type(enum map_type type)
+{
+	static const char *const words[] = {"single",     "double", "step",  "bitstring",
+					    "normalized", "scaled", "float", "counter"};
+
+	return word(words, COUNT(words), type);
+}
+
+const char *words_module_kind(enum map_module_kind kind)
+{
+	static const char *const words[] = {"supervisor", "modbus", "iec104", "rtuctl"};
+
+	return word(words, COUNT(words), kind);
+}
+
+const char *words_module_state(enum map_module_state state)
+{
+	static const char *const words[] = {"stopped", "starting", "running", "down"};
+
+	return word(words, COUNT(words), state);
+}
+
+const char *words_log_level(enum map_log_level level)
+{
+	static const char *const words[] = {"error", "warning", "info", "debug"};
+
+	return word(words, COUNT(words), level);
+}
+
+void words_quality(uint8_t quality, char *out)
+{
+	static const struct {
+		uint8_t bit;
+		const char *word;
+	} bits[] = {
+	    {MAP_INVALID, "invalid"}, {MAP_NOT_TOPICAL, "not topical"}, {MAP_SUBSTITUTED, "substituted"},
+	    {MAP_BLOCKED, "blocked"}, {MAP_OVERFLOW, "overflow"},
+	};
+	size_t used = 0;
+
+	strcpy(out, "good");
+	for (size_t i = 0; i < COUNT(bits); i++)
+		if (quality & bits[i].bit)
+			used += (size_t)snprintf(out + used, WORDS_SIZE - used, "%s%s", used ? "," : "",
+						 bits[i].word);
+}
+
+void words_age(double seconds, char *out)
+{
+	static const struct {
+		double below, unit;
+		int decimals;
+		const char *name;
+	} steps[] = {
+	    {9.95, 1, 1, "s"},      {120, 1, 0, "s"},          {7200, 60, 0, "min"},
+	    {172800, 3600, 0, "h"}, {INFINITY, 86400, 0, "d"},
+	};
+	size_t i = 0;
+
+	while (i + 1 < COUNT(steps) && seconds >= steps[i].below)
+		i++;
+	snprintf(out, WORDS_SIZE, "%.*f %s", steps[i].decimals, seconds / steps[i].unit, steps[i].name);
+}
+
+void words_time(int64_t wall_ns, char *out)
+{
+	time_t seconds = (time_t)(wall_ns / NS_PER_S);
+	char date[WORDS_SIZE / 2];
+	struct tm utc;
+
+	gmtime_r(&seconds, &utc);
+	strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &utc);
+	snprintf(out, WORDS_SIZE, "%s.%03dZ", date, (int)(wall_ns % NS_PER_S / NS_PER_MS));
+}
+
+/* ---- values ------------------------------------------------------------------------------ */
+
+static const char *const single_words[] = {"off", "on"};
+static const char *const double_words[] = {"intermediate", "off", "on", "indeterminate"};
+
+json_t *words_value(enum map_type type, const union map_value *value)
+{
+	switch (type) {
+	case MAP_SINGLE:
+		return json_string(single_words[value->u & 1]);
+	case MAP_DOUBLE:
+		return json_string(double_words[value->u & 3]);
+	case MAP_BITSTRING:
+		return json_integer(value->u);
+	case MAP_NORMALIZED:
+		return json_real(value->i / NVA_ONE);
+	case MAP_FLOAT:
+		return isfinite(value->f) ? json_real((double)value->f) : json_null();
+	case MAP_STEP:
+	case MAP_SCALED:
+	case MAP_COUNTER:
+		return json_integer(value->i);
+	}
+	return json_null();
+}
+
+static bool parse_integer(const char *text, long long low, long long high, long long *out)
+{
+	char *end;
+
+	errno = 0;
+	*out = strtoll(text, &end, 0);
+	return *text != '\0' && *end == '\0' && errno == 0 && *out >= low && *out <= high;
+}
+
+static bool parse_number(const char *text, double *out)
+{
+	char *end;
+
+	*out = strtod(text, &end);
+	return *text != '\0' && *end == '\0' && isfinite(*out);
+}
+
+static bool parse_signed(const char *text, long long low, long long high, union map_value *out)
+{
+	long long number;
+
+	if (!parse_integer(text, low, high, &number))
+		return false;
+	out->i = (int32_t)number;
+	return true;
+}
+
+static bool parse_on_off(const char *text, uint32_t off, uint32_t on, union map_value *out)
+{
+	bool is_on = strcasecmp(text, "on") == 0 || strcmp(text, "1") == 0;
+	bool is_off = strcasecmp(text, "off") == 0 || strcmp(text, "0") == 0;
+
+	out->u = is_on ? on : off;
+	return is_on || is_off;
+}
+
+static bool parse_bits(const char *text, union map_value *out)
+{
+	long long number;
+
+	if (!parse_integer(text, 0, UINT32_MAX, &number))
+		return false;
+	out->u = (uint32_t)number;
+	return true;
+}
+
+static bool parse_fraction(const char *text, union map_value *out)
+{
+	double number;
+
+	if (!parse_number(text, &number))
+		return false;
+	number = round(number * NVA_ONE);
+	if (number < -NVA_ONE || number > NVA_ONE - 1)
+		return false;
+	out->i = (int32_t)number;
+	return true;
+}
+
+static bool parse_float(const char *text, union map_value *out)
+{
+	double number;
+
+	if (!parse_number(text, &number))
+		return false;
+	out->f = (float)number;
+	return isfinite(out->f);
+}
+
+bool words_parse_value(enum map_type type, const char *text, union map_value *out)
+{
+	switch (type) {
+	case MAP_SINGLE:
+		return parse_on_off(text, 0, 1, out);
+	case MAP_DOUBLE:
+		return parse_on_off(text, 1, 2, out);
+	case MAP_STEP:
+		return parse_signed(text, -64, 63, out);
+	case MAP_BITSTRING:
+		return parse_bits(text, out);
+	case MAP_NORMALIZED:
+		return parse_fraction(text, out);
+	case MAP_SCALED:
+		return parse_signed(text, INT16_MIN, INT16_MAX, out);
+	case MAP_FLOAT:
+		return parse_float(text, out);
+	case MAP_COUNTER:
+		return parse_signed(text, INT32_MIN, INT32_MAX, out);
+	}
+	return false;
+}
+
+const char *words_expected_value(enum map_type type)
+{
+	static const char *const words[] = {
+	    [MAP_SINGLE] = "on or off",
+	    [MAP_DOUBLE] = "on or off",
+	    [MAP_STEP] = "an integer from -64 to 63",
+	    [MAP_BITSTRING] = "an integer from 0 to 0xffffffff",
+	    [MAP_NORMALIZED] = "a number from -1 to 0.99997",
+	    [MAP_SCALED] = "an integer from -32768 to 32767",
+	    [MAP_FLOAT] = "a number",
+	    [MAP_COUNTER] = "an integer from -2147483648 to 2147483647",
+	};
+
+	return word(words, COUNT(words), type);
+}

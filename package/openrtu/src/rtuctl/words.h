@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Values, qualities and times as an engineer reads and writes them. */
+#ifndef OPENRTU_RTUCTL_WORDS_H
+#define OPENRTU_RTUCTL_WORDS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <jansson.h>
+
+#include "map/map.h"
+
+#define WORDS_SIZE 64 /* of every text made here, terminator included */
+
+const char *words_type(enum map_type type);
+const char *words_module_kind(enum map_module_kind kind);
+const char *words_module_state(enum map_module_state state);
+const char *words_log_level(enum map_log_level level);
+
+/* "good", or what is wrong, joined by commas: "invalid,not topical". */
+void words_quality(uint8_t quality, char *out);
+/* Seconds as "0.3 s", "12 s", "5 min", "3 h", "2 d". */
+void words_age(double seconds, char *out);
+/* A wall time in nanoseconds since 1970 as "2026-11-20T23:46:01.123Z". */
+void words_time(int64_t wall_ns, char *out);
+
+/*
+ * A value: "on" and "off", a double's four states, numbers; a normalized value as a fraction of 1. A new reference; null for a
+ * float that is not a number.
+ */
+json_t *words_value(enum map_type type, const union map_value *value);
+/* The reverse, for commands. False when the text is no value of the type. */
+bool words_parse_value(enum map_type type, const char *text, union map_value *out);
+/* What words_parse_value takes, for the message when it does not. */
+const char *words_expected_value(enum map_type type);
+
+#endif

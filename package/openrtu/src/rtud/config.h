@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * Reads the gateway's configuration file: report 003, section 4.4 and figures 4.8 and 4.9, and the optional keys of
+ * docs/configuration.md. config.schema.json says the same as a JSON Schema.
+ */
+#ifndef OPENRTU_RTUD_CONFIG_H
+#define OPENRTU_RTUD_CONFIG_H
+
+#include <stdio.h>
+
+#include "map/config.h"
+
+#define CONFIG_FILE_SIZE_MAX (4u * 1024u * 1024u)
+#define CONFIG_POINTS_MAX    65535
+
+/* The exit code of a program that was asked to check the file. */
+enum config_result {
+	CONFIG_GOOD,
+	CONFIG_WRONG,    /* JSON, but not a configuration: every error was reported */
+	CONFIG_UNUSABLE, /* unreadable, too large or not JSON */
+};
+
+/*
+ * Reads the file into out, whose arrays the caller frees with config_free. Every error becomes one line in messages, with its
+ * place and what was expected. Anything but CONFIG_GOOD leaves out empty.
+ */
+enum config_result config_load(const char *path, struct map_config *out, FILE *messages);
+void config_free(struct map_config *config);
+
+/* rtud --check: reports the errors on stderr, or on stdout what the file describes. Returns the exit code. */
+int config_check(const char *path);
+
+#endif

@@ -1,0 +1,115 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include <getopt.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include "rtud/config.h"
+#include "rtud/supervise.h"
+
+#define UID_BASE 61200 /* systemd's range of users that need no account, 61184..65519 */
+
+static const char usage[] =
+    "usage: rtud [OPTION]... FILE    run the gateway that the configuration FILE describes\n"
+    "       rtud --check FILE        report every error in FILE\n"
+    "\n"
+    "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
+    "  --dev DIR        folder of the serial devices            [/dev]\n"
+    "  --modules DIR    folder of the module programs           [" OPENRTU_MODULES "]\n"
+    "  --uid-base N     as root: module number i runs as user N + i, group N; 0: as root  [61200]\n"
+    "  --help           this text\n"
+    "\n"
+    "It stays in the foreground, logs to stderr and stops at SIGTERM or SIGINT.\n"
+    "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage or not readable as JSON.\n";
+
+struct arguments {
+	struct supervise_options supervise;
+	const char *file;
+	bool check;
+	bool help;
+};
+
+static bool parse_uid(const char *text, uint32_t *uid)
+{
+	char *end;
+	unsigned long number = strtoul(text, &end, 10);
+
+	*uid = (uint32_t)number;
+	return *text && !*end && number <= 4000000000ul;
+}
+
+static bool parse(int argc, char **argv, struct arguments *arguments)
+{
+	static const struct option options[] = {
+	    {"check", no_argument, NULL, 'c'},
+	    {"map", required_argument, NULL, 'm'},
+	    {"dev", required_argument, NULL, 'd'},
+	    {"modules", required_argument, NULL, 'p'},
+	    {"uid-base", required_argument, NULL, 'u'},
+	    {"help", no_argument, NULL, 'h'},
+	    {NULL, 0, NULL, 0},
+	};
+	int option;
+
+	while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
+		switch (option) {
+		case 'c':
+			arguments->check = true;
+			break;
+		case 'm':
+			arguments->supervise.map = optarg;
+			break;
+		case 'd':
+			arguments->supervise.dev = optarg;
+			break;
+		case 'p':
+			arguments->supervise.modules = optarg;
+			break;
+		case 'u':
+			if (!parse_uid(optarg, &arguments->supervise.uid_base))
+				return false;
+			break;
+		case 'h':
+			arguments->help = true;
+			return true;
+		default:
+			return false;
+		}
+	}
+	arguments->file = argv[optind];
+	return optind + 1 == argc;
+}
+
+static int run(const struct arguments *arguments)
+{
+	struct map_config config;
+	enum config_result result = config_load(arguments->file, &config, stderr);
+	int code;
+
+	if (result != CONFIG_GOOD)
+		return result;
+	code = supervise(&config, &arguments->supervise);
+	config_free(&config);
+	return code;
+}
+
+int main(int argc, char **argv)
+{
+	struct arguments arguments = {
+	    .supervise = {.map = "/run/openrtu",
+			  .dev = "/dev",
+			  .modules = OPENRTU_MODULES,
+			  .uid_base = geteuid() == 0 ? UID_BASE : 0},
+	};
+
+	if (!parse(argc, argv, &arguments)) {
+		fputs("rtud: try \"rtud --help\"\n", stderr);
+		return CONFIG_UNUSABLE;
+	}
+	if (arguments.help) {
+		fputs(usage, stdout);
+		return 0;
+	}
+	return arguments.check ? config_check(arguments.file) : run(&arguments);
+}

@@ -1,0 +1,209 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What a good file becomes in the map's tables. Wrong files: tests/test_config.py, through rtud --check. */
+#include "rtud/config.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+/* The JSON of these tests has ' for ", for the reader's sake. */
+#define LINE(value, slaves)                                                                                  \
+	"{'value': " value                                                                                   \
+	", 'active': 1, 'baud_rate': 19200, 'data_bits': 8, 'stop_bits': 2, 'parity': 0, "                   \
+	"'slaves': [" slaves "]}"
+
+static struct map_config load(const char *text)
+{
+	struct map_config config;
+	int file = memfd_create("gateway.json", 0);
+	char path[32];
+
+	for (const char *c = text; *c != '\0'; c++)
+		assert_int_equal(write(file, *c == '\'' ? "\"" : c, 1), 1);
+	snprintf(path, sizeof(path), "/proc/self/fd/%d", file);
+	assert_int_equal(config_load(path, &config, stderr), CONFIG_GOOD);
+	close(file);
+	return config;
+}
+
+/* Figure 4.9, with its objects in another order. */
+static void test_report_file(void **state)
+{
+	struct map_config config = load("{'port': ["
+					"{'value': 1, 'active': 0, 'baud_rate': 0, 'data_bits': 0, "
+					"'stop_bits': 0, 'parity': 0, 'slaves': []}," LINE(
+					    "3", "{'id': 35, 'description': 'Temperature sensor',"
+						 "'holding_registers': [{'address': 1}, {'address': 0}],"
+						 "'coils': [{'address': 2}],"
+						 "'input_registers': [{'address': 9999}],"
+						 "'discrete_inputs': [{'address': 0}]}") "]}");
+	static const struct {
+		const char *name;
+		uint32_t ioa;
+		enum map_type type;
+		unsigned flags;
+	} expected[] = {
+	    {"p3.35.c2", 3, MAP_SINGLE, MAP_POINT_COMMAND},
+	    {"p3.35.d0", 10001, MAP_SINGLE, 0},
+	    {"p3.35.i9999", 40000, MAP_SCALED, MAP_POINT_SIGNED},
+	    {"p3.35.h0", 40001, MAP_SCALED, MAP_POINT_SIGNED | MAP_POINT_COMMAND},
+	    {"p3.35.h1", 40002, MAP_SCALED, MAP_POINT_SIGNED | MAP_POINT_COMMAND},
+	};
+
+	(void)state;
+	assert_int_equal(config.line_count, 1);
+	assert_int_equal(config.lines[0].port, 3);
+	assert_int_equal(config.lines[0].baud, 19200);
+	assert_int_equal(config.lines[0].stop_bits, 2);
+	assert_int_equal(config.lines[0].parity, MAP_PARITY_NONE);
+	assert_int_equal(config.lines[0].process, 1);
+	assert_string_equal(config.lines[0].device, "ttyS3");
+	assert_int_equal(config.device_count, 1);
+	assert_int_equal(config.devices[0].ca, 3035);
+	assert_int_equal(config.devices[0].unit, 35);
+	assert_int_equal(config.devices[0].retries, 1);
+	assert_int_equal(config.devices[0].response_timeout_ms, 500);
+	assert_string_equal(config.devices[0].name, "Temperature sensor");
+	assert_int_equal(config.point_count, 5);
+	for (size_t i = 0; i < config.point_count; i++) {
+		assert_string_equal(config.points[i].name, expected[i].name);
+		assert_int_equal(config.points[i].ioa, expected[i].ioa);
+		assert_int_equal(config.points[i].type, expected[i].type);
+		assert_int_equal(config.points[i].flags, expected[i].flags);
+		assert_int_equal(config.points[i].width, 1);
+		assert_true(config.points[i].scale == 1.0f && config.points[i].offset == 0.0f);
+	}
+	config_free(&config);
+}
+
+static void test_settings_defaults(void **state)
+{
+	struct map_config config = load("{'port': []}");
+	const struct map_settings *settings = &config.settings;
+
+	(void)state;
+	assert_string_equal(settings->address, "0.0.0.0");
+	assert_int_equal(settings->port, 2404);
+	assert_int_equal(settings->k, 12);
+	assert_int_equal(settings->w, 8);
+	assert_int_equal(settings->t1_s, 15);
+	assert_int_equal(settings->t2_s, 10);
+	assert_int_equal(settings->t3_s, 20);
+	assert_int_equal(settings->max_connections, 8);
+	assert_int_equal(settings->select_timeout_s, 30);
+	assert_int_equal(settings->command_timeout_s, 10);
+	assert_int_equal(settings->clock, MAP_CLOCK_GATEWAY);
+	assert_int_equal(settings->clock_master_count, 0);
+	assert_int_equal(settings->modbus_priority, 50);
+	assert_int_equal(settings->event_ring, 4096);
+	config_free(&config);
+}
+
+static void test_settings(void **state)
+{
+	struct map_config config =
+	    load("{'port': [], 'iec104': {'address': '::1', 'port': 2405, 'k': 6, 'w': 4, 't1': 9,"
+		 "'t2': 5, 't3': 172800, 'max_connections': 1, 'select_timeout': 7, 'command_timeout': "
+		 "8,"
+		 "'clock_masters': ['192.0.2.1', '2001:db8::1']}, 'clock': 'system',"
+		 "'modbus': {'priority': 0}, 'event_ring': 64}");
+	const struct map_settings *settings = &config.settings;
+
+	(void)state;
+	assert_string_equal(settings->address, "::1");
+	assert_int_equal(settings->port, 2405);
+	assert_int_equal(settings->k, 6);
+	assert_int_equal(settings->w, 4);
+	assert_int_equal(settings->t1_s, 9);
+	assert_int_equal(settings->t2_s, 5);
+	assert_int_equal(settings->t3_s, 172800);
+	assert_int_equal(settings->max_connections, 1);
+	assert_int_equal(settings->select_timeout_s, 7);
+	assert_int_equal(settings->command_timeout_s, 8);
+	assert_int_equal(settings->clock, MAP_CLOCK_SYSTEM);
+	assert_int_equal(settings->clock_master_count, 2);
+	assert_string_equal(settings->clock_masters[1], "2001:db8::1");
+	assert_int_equal(settings->modbus_priority, 0);
+	assert_int_equal(settings->event_ring, 64);
+	config_free(&config);
+}
+
+static void test_object_keys(void **state)
+{
+	struct map_config config = load("{'port': [" LINE(
+	    "6", "{'id': 1, 'coils': [{'address': 4, 'type': 'double', 'bit_order': "
+		 "'on_off', 'select': true, 'name': 'breaker'}],"
+		 "'input_registers': ["
+		 "{'address': 0, 'signed': false, 'scale': 0.5, 'offset': -2, 'deadband': 3,"
+		 " 'group': 16, 'cyclic_ms': 1000, 'byte_order': 'little'},"
+		 "{'address': 65534, 'type': 'float', 'word_order': 'little', "
+		 "'ioa': 16777215}]}") "]}");
+	const struct map_point *point = config.points;
+
+	(void)state;
+	assert_string_equal(config.lines[0].device, "ttyS8");
+	assert_string_equal(config.devices[0].name, "p6.1");
+	assert_int_equal(config.point_count, 3);
+	assert_string_equal(point[0].name, "breaker");
+	assert_int_equal(point[0].type, MAP_DOUBLE);
+	assert_int_equal(point[0].width, 2);
+	assert_int_equal(point[0].ioa, 5);
+	assert_int_equal(point[0].flags, MAP_POINT_BITS_SWAPPED | MAP_POINT_SELECT | MAP_POINT_COMMAND);
+	assert_int_equal(point[1].flags, MAP_POINT_BYTES_SWAPPED);
+	assert_true(point[1].scale == 0.5f && point[1].offset == -2.0f && point[1].deadband == 3.0f);
+	assert_int_equal(point[1].group, 16);
+	assert_int_equal(point[1].cyclic_ms, 1000);
+	assert_int_equal(point[2].flags, MAP_POINT_WORDS_SWAPPED);
+	assert_int_equal(point[2].address, 65534);
+	assert_int_equal(point[2].width, 2);
+	assert_int_equal(point[2].ioa, 16777215);
+	config_free(&config);
+}
+
+/* Points by device, devices by line; the second line's first device has none. */
+static void test_tables_refer_to_each_other(void **state)
+{
+	struct map_config config = load("{'port': [" LINE(
+	    "2", "{'id': 9, 'coils': [{'address': 1}, {'address': 0}]},"
+		 "{'id': 0, 'coils': [{'address': 5}]}") "," LINE("1", "{'id': 4}, {'id': 3, 'coils': "
+								       "[{'address': 7}]}") "]}");
+
+	(void)state;
+	assert_int_equal(config.line_count, 2);
+	assert_int_equal(config.lines[0].port, 2);
+	assert_int_equal(config.lines[0].first_device, 0);
+	assert_int_equal(config.lines[0].device_count, 2);
+	assert_int_equal(config.lines[1].first_device, 2);
+	assert_int_equal(config.lines[1].device_count, 2);
+	assert_int_equal(config.devices[1].ca, 2000);
+	assert_int_equal(config.devices[1].first_point, 2);
+	assert_int_equal(config.devices[1].point_count, 1);
+	assert_int_equal(config.devices[2].line, 1);
+	assert_int_equal(config.devices[2].first_point, 3);
+	assert_int_equal(config.devices[2].point_count, 0);
+	assert_int_equal(config.devices[3].first_point, 3);
+	assert_int_equal(config.devices[3].point_count, 1);
+	assert_string_equal(config.points[0].name, "p2.9.c0");
+	assert_string_equal(config.points[1].name, "p2.9.c1");
+	assert_int_equal(config.points[3].device, 3);
+	config_free(&config);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test(test_report_file),
+	    cmocka_unit_test(test_settings_defaults),
+	    cmocka_unit_test(test_settings),
+	    cmocka_unit_test(test_object_keys),
+	    cmocka_unit_test(test_tables_refer_to_each_other),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,462 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""rtud --check against the report's file, wrong files, the JSON Schema and the page that documents it."""
+
+import copy
+import json
+import random
+import re
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from conftest import ROOT
+
+REPORT = ROOT / "tests/fixtures/report/figure-4.8-4.9.json"
+EXAMPLES = [*sorted((ROOT / "docs/examples").glob("*.json")), ROOT / "tests/fixtures/chapter5/gateway.json"]
+EVERY_KEY = ROOT / "docs/examples/every-key.json"
+PAGE = ROOT / "docs/configuration.md"
+SCHEMA = json.loads((ROOT / "package/openrtu/src/rtud/config.schema.json").read_text())
+VALIDATOR = Draft202012Validator(SCHEMA, format_checker=Draft202012Validator.FORMAT_CHECKER)
+REMOVED = object()
+
+Json = dict[str, "Json"] | list["Json"] | str | float | bool | None
+
+
+def check(programs: Path, path: Path) -> subprocess.CompletedProcess[str]:
+    command = [programs / "rtud/rtud", "--check", path]
+    return subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=20, check=False)
+
+
+def check_document(programs: Path, directory: Path, document: Json) -> subprocess.CompletedProcess[str]:
+    path = directory / "gateway.json"
+    path.write_text(json.dumps(document))
+    return check(programs, path)
+
+
+def report_file() -> dict[str, Any]:
+    """The report's file: figure 4.8 with the slave of figure 4.9 on port 3."""
+    return json.loads(REPORT.read_text())
+
+
+def edit(document: Json, place: str, value: Json | object) -> None:
+    """Sets, appends or removes what is at a place like port[2].slaves[0].id"""
+    *path, last = [int(index) if index else key for key, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", place)]
+    target = document
+    for step in path:
+        target = target[step]
+    if value is REMOVED:
+        del target[last]
+    elif isinstance(target, list) and last == len(target):
+        target.append(value)
+    else:
+        target[last] = value
+
+
+# ---- good files --------------------------------------------------------------------------------------------
+
+
+def test_report_file_loads(programs: Path, tmp_path: Path) -> None:
+    full = check(programs, REPORT)
+    assert (full.returncode, full.stderr) == (0, "")
+    assert full.stdout == f"{REPORT}: good: lines 1, devices 1, points 12\n"
+    figure_4_8 = report_file()
+    figure_4_8["port"][2]["slaves"] = []
+    empty = check_document(programs, tmp_path, figure_4_8)
+    assert (empty.returncode, empty.stderr) == (0, "")
+    assert empty.stdout.endswith("gateway.json: good: lines 1, devices 0, points 0\n")
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
+def test_examples_load(programs: Path, path: Path) -> None:
+    result = check(programs, path)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert list(VALIDATOR.iter_errors(json.loads(path.read_text()))) == []
+
+
+def test_inactive_port_with_slaves_is_noted(programs: Path, tmp_path: Path) -> None:
+    document = report_file()
+    document["port"][2]["active"] = 0
+    result = check_document(programs, tmp_path, document)
+    assert result.returncode == 0
+    assert result.stderr == "note: port[2]: not active, its slaves (1) are not polled and have no points\n"
+    assert result.stdout.endswith("good: lines 0, devices 0, points 0\n")
+
+
+# ---- wrong files -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A change to the report's file, and what rtud says of it."""
+
+    name: str
+    messages: list[str]
+    set: dict[str, Json] = field(default_factory=dict)
+    remove: list[str] = field(default_factory=list)
+    schema_sees: bool = True  # a schema compares no two values
+
+
+WRONG = [Wrong(**case) for case in json.loads((ROOT / "tests/fixtures/config/wrong.json").read_text())]
+
+
+@pytest.mark.parametrize("case", WRONG, ids=lambda case: case.name)
+def test_wrong_file(programs: Path, tmp_path: Path, case: Wrong) -> None:
+    document = report_file()
+    for place, value in case.set.items():
+        edit(document, place, value)
+    for place in case.remove:
+        edit(document, place, REMOVED)
+    result = check_document(programs, tmp_path, document)
+    assert result.stderr.splitlines() == case.messages
+    assert (result.returncode, result.stdout) == (1, "")
+    assert VALIDATOR.is_valid(document) is not case.schema_sees
+
+
+def test_more_than_there_is_room_for(programs: Path, tmp_path: Path) -> None:
+    document = report_file()
+    document["port"] += [{"value": 1, "active": 0}] * 62
+    result = check_document(programs, tmp_path, document)
+    assert (result.returncode, result.stderr) == (1, "port: has 65 elements, expected at most 64\n")
+    assert not VALIDATOR.is_valid(document)
+    document = report_file()
+    document["port"][2]["slaves"] = [{"id": unit % 248} for unit in range(249)]
+    result = check_document(programs, tmp_path, document)
+    assert (result.returncode, result.stderr) == (
+        1,
+        "port[2].slaves: has 249 elements, expected at most 248\n",
+    )
+    assert not VALIDATOR.is_valid(document)
+
+
+def test_more_points_than_the_map_holds(programs: Path, tmp_path: Path) -> None:
+    document = report_file()
+    slave = document["port"][2]["slaves"][0]
+    slave["coils"] = [{"address": address, "ioa": 100000 + address} for address in range(32768)]
+    slave["input_registers"] = [{"address": address, "ioa": 200000 + address} for address in range(32768)]
+    result = check_document(programs, tmp_path, document)
+    assert (result.returncode, result.stderr) == (1, "port: has 65542 objects, expected at most 65535\n")
+
+
+@dataclass(frozen=True)
+class Unusable:
+    name: str
+    content: bytes
+    code: int
+    message: str  # after the file's name
+
+
+UNUSABLE = [
+    Unusable("empty", b"", 2, ":1:0: '[' or '{' expected near end of file"),
+    Unusable("scalar", b"5\n", 2, ":1:1: '[' or '{' expected near '5'"),
+    Unusable("excerpt-of-figure-4.9", b'{\n  "port": []\n},\n', 2, ":3:2: end of file expected near ','"),
+    Unusable("trailing-comma", b'{"port": [],}', 2, ":1:13: string or '}' expected near '}'"),
+    Unusable("not-utf8", b'{"port": "\xff"}', 2, ":1:10: unable to decode byte 0xff near '\"'"),
+    Unusable("cut", b'{"port": [{"value": 1', 2, ":1:21: '}' expected near end of file"),
+    Unusable(
+        "huge-integer",
+        b'{"port": 99999999999999999999}',
+        2,
+        ":1:29: too big integer near '99999999999999999999'",
+    ),
+    Unusable("too-large", b" " * (4 * 1024 * 1024 + 1), 2, ": is too large, expected at most 4194304 bytes"),
+    Unusable("deep", b"[" * 100000, 2, ":1:2049: maximum parsing depth reached near '['"),
+]
+
+
+@pytest.mark.parametrize("case", UNUSABLE, ids=lambda case: case.name)
+def test_not_json(programs: Path, tmp_path: Path, case: Unusable) -> None:
+    path = tmp_path / "gateway.json"
+    path.write_bytes(case.content)
+    result = check(programs, path)
+    assert (result.returncode, result.stdout, result.stderr) == (case.code, "", f"{path}{case.message}\n")
+
+
+def test_key_given_twice_hides_no_other_error(programs: Path, tmp_path: Path) -> None:
+    path = tmp_path / "gateway.json"
+    path.write_text('{\n "port": [],\n "event_ring": 5,\n "port": []\n}\n')
+    result = check(programs, path)
+    assert result.returncode == 1
+    assert result.stderr.splitlines() == [
+        f"{path}:4:7: duplicate object key near '\"port\"'",
+        "event_ring: 5 is out of range, expected 64 to 65536",
+    ]
+
+
+def test_root_is_an_array(programs: Path, tmp_path: Path) -> None:
+    result = check_document(programs, tmp_path, [])
+    assert (result.returncode, result.stderr) == (1, "the file: is an array, expected an object { }\n")
+
+
+def test_unreadable(programs: Path, tmp_path: Path) -> None:
+    missing = tmp_path / "missing.json"
+    result = check(programs, missing)
+    assert (result.returncode, result.stderr) == (
+        2,
+        f"{missing}: cannot be read: No such file or directory\n",
+    )
+    result = check(programs, tmp_path)
+    assert (result.returncode, result.stderr) == (2, f"{tmp_path}: cannot be read: Is a directory\n")
+
+
+# ---- the schema and the loader say the same ----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Site:
+    """An object of the file: where the schema describes it, and where it is in a small file that has it."""
+
+    definition: str
+    place: str
+    keys_in: tuple[str, ...]  # definitions whose properties it has
+
+    def properties(self) -> dict[str, Any]:
+        return {key: rule for name in self.keys_in for key, rule in definition(name)["properties"].items()}
+
+
+def definition(name: str) -> dict[str, Any]:
+    return SCHEMA if name == "" else SCHEMA["$defs"][name]
+
+
+SITES = [
+    Site("", "", ("",)),
+    Site("iec104", "iec104", ("iec104",)),
+    Site("modbus", "modbus", ("modbus",)),
+    Site("port", "port[0]", ("port",)),
+    Site("inactive_port", "port[1]", ("inactive_port",)),
+    Site("slave", "port[0].slaves[0]", ("slave",)),
+    Site("coil", "port[0].slaves[1].coils[0]", ("object", "bits", "command")),
+    Site("discrete_input", "port[0].slaves[1].discrete_inputs[0]", ("object", "bits")),
+    Site("input_register", "port[0].slaves[1].input_registers[0]", ("object", "registers")),
+    Site("holding_register", "port[0].slaves[1].holding_registers[0]", ("object", "registers", "command")),
+]
+# What a key needs beside it: a type that gives it a meaning, or another key that limits it.
+COMPANIONS: dict[str, dict[str, Any]] = {
+    "k": {"w": 1},
+    "w": {"k": 32767},
+    "t1": {"t2": 1},
+    "t2": {"t1": 255},
+    "value": {"device": "ttyUSB0"},
+    "address": {"ioa": 70000},
+    "bit_order": {"type": "double"},
+    "word_order": {"type": "float"},
+}
+
+
+def small_file() -> dict[str, Any]:
+    """No value here is at a bound of its key."""
+    line = {"baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
+    slaves = [{"id": 1}, {"id": 2} | {table: [{"address": 5}] for table in tables}]
+    ports = [{"value": 3, "active": 1, **line, "slaves": slaves}, {"value": 5, "active": 0}]
+    return {"port": ports, "iec104": {}, "modbus": {}}
+
+
+def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
+    document = small_file()
+    prefix = f"{site.place}." if site.place else ""
+    for companion, companion_value in COMPANIONS.get(key, {}).items():
+        if companion in site.properties():
+            edit(document, prefix + companion, companion_value)
+    edit(document, prefix + key, value)
+    return document
+
+
+def resolved(rule: Json) -> dict[str, Any]:
+    if not isinstance(rule, dict):
+        return {}
+    return (SCHEMA["$defs"][rule["$ref"].rsplit("/", 1)[1]] if "$ref" in rule else {}) | rule
+
+
+def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
+    if key == "address" and "maxLength" in rule:
+        return ["127.0.0.1", "::"]
+    if "enum" in rule:
+        return rule["enum"]
+    if rule.get("type") == "boolean":
+        return [False, True]
+    if "maxLength" in rule:
+        return ["x" * max(rule["minLength"], 1), "x" * rule["maxLength"]]
+    if rule.get("type") == "number":
+        return [rule.get("minimum", -1.5), 2, 1e30]
+    return [rule[bound] for bound in ("minimum", "maximum") if bound in rule]
+
+
+def refused_values(rule: dict[str, Any]) -> list[Any]:
+    if "enum" in rule:
+        return [None, "nothing"]
+    if "maxLength" in rule:
+        return [None, 5, "x" * (rule["maxLength"] + 1)] + ([""] if rule["minLength"] > 0 else [])
+    if "minimum" in rule:
+        return [None, "1", rule["minimum"] - 1] + ([rule["maximum"] + 1] if "maximum" in rule else [])
+    return [None, "1"] if "type" in rule else []
+
+
+VALUES = [
+    pytest.param(site, key, rule, id=f"{site.definition or 'file'}.{key}")
+    for site in SITES
+    for key, rule in ((key, resolved(rule)) for key, rule in site.properties().items())
+]
+
+
+@pytest.mark.parametrize(("site", "key", "rule"), VALUES)
+def test_schema_and_loader_agree_on_values(
+    programs: Path, tmp_path: Path, site: Site, key: str, rule: dict[str, Any]
+) -> None:
+    for value in accepted_values(key, rule):
+        document = with_key(site, key, value)
+        assert [error.message for error in VALIDATOR.iter_errors(document)] == [], value
+        result = check_document(programs, tmp_path, document)
+        assert result.returncode == 0, (value, result.stderr)
+    for value in refused_values(rule):
+        document = with_key(site, key, value)
+        assert not VALIDATOR.is_valid(document), value
+        assert check_document(programs, tmp_path, document).returncode == 1, value
+
+
+@pytest.mark.parametrize("site", SITES, ids=lambda site: site.definition or "file")
+def test_schema_and_loader_know_the_same_keys(programs: Path, tmp_path: Path, site: Site) -> None:
+    document = with_key(site, "zzzzzzzzzz", 0)
+    assert not VALIDATOR.is_valid(document)
+    message = check_document(programs, tmp_path, document).stderr
+    known = set(message.strip().partition("expected one of ")[2].split(", "))
+    is_object = "object" in site.keys_in
+    assert known == (all_object_keys() if is_object else set(site.properties()))
+
+
+def all_object_keys() -> set[str]:
+    return {
+        key for name in ("object", "bits", "registers", "command") for key in definition(name)["properties"]
+    }
+
+
+@pytest.mark.parametrize("site", SITES, ids=lambda site: site.definition or "file")
+def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path, site: Site) -> None:
+    required = set(definition("object" if "object" in site.keys_in else site.definition).get("required", []))
+    target = f"{site.place}." if site.place else ""
+    for key in set(site.properties()) - {"active"}:
+        document = with_key(site, key, 0)
+        edit(document, target + key, REMOVED)
+        message = f"{target}{key}: is missing"
+        assert (message in check_document(programs, tmp_path, document).stderr) == (key in required), key
+
+
+def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Every key of the schema: the definition it is in, its name, its rule."""
+    for name in ("", "iec104", "modbus", "port", "slave", "object", "command", "bits", "registers"):
+        for key, rule in definition(name)["properties"].items():
+            yield name, key, resolved(rule)
+
+
+@pytest.mark.parametrize(("name", "key", "rule"), list(described()))
+def test_every_key_is_described(name: str, key: str, rule: dict[str, Any]) -> None:
+    assert rule["description"].endswith(".")
+    assert {"type", "enum"} & rule.keys()
+
+
+# ---- the page ----------------------------------------------------------------------------------------------
+
+
+def values_cell(key: str, rule: dict[str, Any]) -> str:
+    """A key's values as the page's tables show them."""
+    if key == "address" and "maxLength" in rule:
+        return "IP address"
+    if key == "event_ring":
+        return "64, 128, … 65536"
+    if "enum" in rule:
+        return ", ".join(f"`{value}`" for value in rule["enum"])
+    if "maxLength" in rule:
+        return f"{rule['minLength']} … {rule['maxLength']} bytes"
+    if "minimum" in rule and rule["minimum"] == rule.get("maximum"):
+        return str(rule["minimum"])
+    if "maximum" in rule:
+        return f"{rule['minimum']} … {rule['maximum']}"
+    if rule["type"] == "number":
+        return "number ≥ 0" if "minimum" in rule else "number"
+    return {"boolean": "`true`, `false`"}.get(rule["type"], rule["type"])
+
+
+def default_cell(name: str, key: str, rule: dict[str, Any]) -> str:
+    if key in definition(name).get("required", []):
+        return "required"
+    default = rule.get("default")
+    if default is None or default == []:
+        return "none"
+    return f"`{default}`" if isinstance(default, str) else json.dumps(default)
+
+
+def page_rows() -> dict[str, set[tuple[str, str]]]:
+    rows: dict[str, set[tuple[str, str]]] = {}
+    for line in PAGE.read_text().splitlines():
+        if match := re.fullmatch(r"\| `(\w+)` \| (.*?) \| (.*?) \| .+ \|", line):
+            rows.setdefault(match[1], set()).add((match[2], match[3]))
+    return rows
+
+
+@pytest.mark.parametrize(("name", "key", "rule"), list(described()))
+def test_page_has_every_key(name: str, key: str, rule: dict[str, Any]) -> None:
+    assert (values_cell(key, rule), default_cell(name, key, rule)) in page_rows()[key]
+
+
+def test_page_invents_no_key() -> None:
+    assert set(page_rows()) <= {key for _, key, _ in described()}
+
+
+def test_page_shows_the_examples() -> None:
+    blocks = re.findall(r"^```json\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    assert json.loads(blocks[0]) == report_file()
+    assert json.loads(blocks[1]) == json.loads(EVERY_KEY.read_text())
+
+
+# ---- hostile files -----------------------------------------------------------------------------------------
+
+ODD_VALUES = [None, True, -1, 0, 2**31, 2**63 - 1, 1e308, "", "x" * 300, "\n", [], {}, [[]], {"": 0}]
+
+
+def places(document: Json, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    children = document.items() if isinstance(document, dict) else enumerate(document)
+    for key, child in children:
+        yield (*path, key)
+        if isinstance(child, dict | list):
+            yield from places(child, (*path, key))
+
+
+def mutate_document(random_source: random.Random, document: Json) -> bytes:
+    """Puts odd values, or parts of the file itself, at some places."""
+    result = copy.deepcopy(document)
+    for _ in range(random_source.randint(1, 4)):
+        *path, last = random_source.choice(list(places(result)))
+        target = result
+        for step in path:
+            target = target[step]
+        target[last] = copy.deepcopy(random_source.choice([*ODD_VALUES, document["port"], target]))
+    return json.dumps(result).encode()
+
+
+def mutate_bytes(random_source: random.Random, content: bytes) -> bytes:
+    result = bytearray(content)
+    for _ in range(random_source.randint(1, 6)):
+        at = random_source.randrange(len(result))
+        result[at : at + random_source.choice([0, 1, 20])] = random_source.randbytes(
+            random_source.randint(0, 3)
+        )
+    return bytes(result)
+
+
+@pytest.mark.slow
+def test_fuzz(asan_programs: Path, tmp_path: Path) -> None:
+    content = EVERY_KEY.read_bytes()
+    document = json.loads(content)
+    path = tmp_path / "gateway.json"
+    for seed in range(200):
+        random_source = random.Random(seed)
+        mutants = [mutate_document(random_source, document), mutate_bytes(random_source, content)]
+        path.write_bytes(mutants[seed % 2])
+        result = check(asan_programs, path)
+        assert result.returncode in (0, 1, 2), (seed, result.stderr)
+        assert "ERROR: AddressSanitizer" not in result.stderr, (seed, result.stderr)
+        assert "runtime error" not in result.stderr, (seed, result.stderr)
