@@ -115,7 +115,7 @@ uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa);
 
 /* "I run." Own segment; every MAP_HEARTBEAT_PERIOD_MS by an owner of points, each second by others. */
 void map_heartbeat(struct map *map);
-/* False once rtud has ended this generation or is gone: the module must exit. */
+/* False once rtud has ended this generation: the module must exit. (When rtud itself goes, the kernel ends the module.) */
 bool map_wanted(const struct map *map);
 
 /* ---- points ------------------------------------------------------------------------------ */

@@ -590,11 +590,45 @@ static void test_a_writer_killed_anywhere_leaves_whole_values(void **state)
 	}
 }
 
-/* As a real-time process on the writer's own core, where it allows that: a lock would never be released. */
-static void become_real_time_on(pid_t writer)
+/* Where the writer below stops: before, inside and after the filling of each copy. */
+enum stop { STOP_AFTER_FIRST_TURN, STOP_IN_FIRST_COPY, STOP_AFTER_SECOND_TURN, STOP_IN_SECOND_COPY, STOPS };
+
+static void stop_here(enum stop wanted, int copy, bool inside)
 {
+	if (wanted == (enum stop)(copy * 2 + inside))
+		raise(SIGSTOP);
+}
+
+/* map_publish, with a stop in the middle. */
+__attribute__((noreturn)) static void publish_and_stop(struct stage *stage, enum stop stop)
+{
+	char error[MAP_ERROR_SIZE];
+	const struct segment *own;
+	struct map *map;
+
+	if (map_attach(&map, stage->dir, FIRST, error) < 0)
+		_exit(1);
+	for (uint32_t point = 0; point < 4; point++)
+		map_publish(map, &(struct map_update){point, {.value.i = 1, .time_ns = 1}}, 1);
+	own = &map->segments[map->self];
+	for (int copy = 0; copy < 2; copy++) {
+		unsigned turn = latch_turn(&own->latches[0]);
+
+		stop_here(stop, copy, false);
+		for (uint32_t point = 0; point < 4; point++) {
+			own->samples[turn][point] = (struct map_sample){.value.i = 2, .time_ns = 2};
+			if (point == 1)
+				stop_here(stop, copy, true);
+		}
+	}
+	_exit(0);
+}
+
+/* A real-time process on the writer's own core, where that is allowed: it would wait for ever for a lock. */
+static void become_real_time_on_core_of(pid_t writer)
+{
+	const struct sched_param priority = {.sched_priority = 50};
 	cpu_set_t one;
-	struct sched_param priority = {.sched_priority = 50};
 
 	CPU_ZERO(&one);
 	CPU_SET(0, &one);
@@ -605,7 +639,7 @@ static void become_real_time_on(pid_t writer)
 
 static void become_ordinary(const cpu_set_t *cpus)
 {
-	struct sched_param priority = {0};
+	const struct sched_param priority = {0};
 
 	sched_setscheduler(0, SCHED_OTHER, &priority);
 	sched_setaffinity(0, sizeof(*cpus), cpus);
@@ -615,31 +649,30 @@ static void test_a_stopped_writer_does_not_hold_up_a_real_time_reader(void **sta
 {
 	struct stage *stage = *state;
 	cpu_set_t cpus;
-	unsigned odd = 0;
-	pid_t writer;
 
 	sched_getaffinity(0, sizeof(cpus), &cpus);
-	writer = start_publisher(stage);
-	for (int round = 0; round < 200; round++) {
-		const struct segment *segment = &stage->rtud->segments[index_of(stage, FIRST)];
+	for (enum stop stop = 0; stop < STOPS; stop++) {
 		struct map_sample sample;
+		pid_t writer;
 		int status;
 
-		kill(writer, SIGSTOP);
+		map_module_starting(stage->rtud, index_of(stage, FIRST));
+		writer = fork();
+		if (writer == 0)
+			publish_and_stop(stage, stop);
 		waitpid(writer, &status, WUNTRACED);
 		assert_true(WIFSTOPPED(status));
-		become_real_time_on(writer);
-		odd += atomic_load(&segment->latches[0]) & 1;
-		for (uint32_t point = 0; point < 4; point++)
+		become_real_time_on_core_of(writer);
+		for (uint32_t point = 0; point < 4; point++) {
 			assert_true(map_read(stage->rtud, point, &sample));
-		assert_readable_copy_is_whole(stage);
+			assert_int_equal(sample.value.i, stop < STOP_AFTER_SECOND_TURN ? 1 : 2);
+		}
 		become_ordinary(&cpus);
-		sched_setaffinity(writer, sizeof(cpus), &cpus);
-		kill(writer, SIGCONT);
+		kill(writer, SIGKILL);
+		waitpid(writer, &status, 0);
+		map_module_ended(stage->rtud, index_of(stage, FIRST), true);
+		assert_readable_copy_is_whole(stage);
 	}
-	kill(writer, SIGKILL);
-	waitpid(writer, NULL, 0);
-	assert_true(odd > 0); /* some stops were in the middle of an update */
 }
 
 int main(void)

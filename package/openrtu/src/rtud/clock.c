@@ -47,7 +47,7 @@ void clock_follow(struct map *map)
 static int set_system_clock(int64_t wall_ns)
 {
 	const struct timespec wall = {.tv_sec = (time_t)(wall_ns / SECOND_NS),
-				      .tv_nsec = wall_ns % SECOND_NS};
+				      .tv_nsec = (long)(wall_ns % SECOND_NS)};
 
 	return clock_settime(CLOCK_REALTIME, &wall);
 }

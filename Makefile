@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# The one front door. Every target brings what it needs, so `make run` and `make test` are enough on a fresh machine.
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+.PHONY: help setup build unit asan cross lint test-quick test soak run bench clean distclean
+
+SRC     := package/openrtu/src
+LINESIM := tests/linesim
+BENCH   := tests/bench
+PYTHON  := .venv/bin/python
+
+PACKAGES := build/packages.done
+VENV     := .venv/done
+SYSROOT  := build/arm-sysroot/done
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
+
+# ---- what is needed ------------------------------------------------------------------------------
+
+setup: $(PACKAGES) $(VENV) ## bring what is missing: Debian packages, Python packages into .venv
+
+$(PACKAGES): scripts/packages.txt scripts/setup-packages.sh
+	scripts/setup-packages.sh $<
+	mkdir -p $(@D) && touch $@
+
+$(VENV): requirements.txt scripts/setup-python.sh | $(PACKAGES)
+	scripts/setup-python.sh $(@D) $<
+	touch $@
+
+$(SYSROOT): scripts/setup-sysroot.sh | $(PACKAGES)
+	scripts/setup-sysroot.sh $(@D)
+	touch $@
+
+# ---- C -------------------------------------------------------------------------------------------
+
+MESON_TEST = meson test --print-errorlogs --timeout-multiplier 4
+
+build: build/native/build.ninja build/linesim/build.ninja ## build the gateway and the line simulator for this machine
+	ninja -C build/native
+	ninja -C build/linesim
+
+unit: build ## run the C unit tests
+	$(MESON_TEST) -C build/native
+
+asan: build/asan/build.ninja ## build with AddressSanitizer and UBSan, run the C unit tests
+	ninja -C build/asan
+	$(MESON_TEST) -C build/asan
+
+cross: build/arm/build.ninja ## cross-compile for ARMv5, run the C unit tests under qemu-arm
+	ninja -C build/arm
+	$(MESON_TEST) -C build/arm
+
+build/native/build.ninja: | $(PACKAGES)
+	meson setup $(@D) $(SRC) -Dtests=enabled
+
+build/asan/build.ninja: | $(PACKAGES)
+	meson setup $(@D) $(SRC) -Dtests=enabled -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+
+build/arm/build.ninja: | $(SYSROOT)
+	printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > build/sysroot.ini
+	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file build/sysroot.ini --cross-file scripts/armel.ini
+
+build/linesim/build.ninja: | $(PACKAGES)
+	meson setup $(@D) $(LINESIM)
+
+build/bench/build.ninja: | $(PACKAGES)
+	meson setup $(@D) $(BENCH)
+
+# ---- tests ---------------------------------------------------------------------------------------
+
+C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) -name '*.[ch]')
+SHELL_FILES = .ci/run $(wildcard scripts/*.sh)
+
+lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
+	$(PYTHON) -m ruff check .
+	$(PYTHON) -m ruff format --check .
+	clang-format --dry-run -Werror $(C_FILES)
+	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
+	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH)
+	shellcheck $(SHELL_FILES)
+
+test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, quick pytest
+	$(PYTHON) -m pytest -m "not slow and not soak"
+
+test: lint unit asan cross $(VENV) ## all tests
+	$(PYTHON) -m pytest
+
+soak: build $(VENV) ## the tests of hours
+	$(PYTHON) -m pytest -m soak
+
+# ---- see it --------------------------------------------------------------------------------------
+
+run: build $(VENV) ## show the gateway at work on simulated devices (KEEP=1: stay up for your own master)
+	PYTHONPATH=scripts $(PYTHON) -m lab $(if $(KEEP),--keep)
+
+bench: build build/bench/build.ninja $(VENV) ## measure the gateway beside the report's method
+	ninja -C build/bench
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
+
+# ---- away with it --------------------------------------------------------------------------------
+
+clean: ## remove what was built
+	rm -rf build
+
+distclean: clean ## remove the Python environment as well
+	rm -rf .venv .pytest_cache .ruff_cache

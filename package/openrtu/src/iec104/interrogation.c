@@ -1,0 +1,190 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Interrogations, and confirmations of a clock synchronisation: procedures that go from station to station. */
+#include "iec104/station_parts.h"
+
+#define QOI_STATION    20
+#define QOI_GROUP_LAST 36
+#define RQT_GENERAL    5 /* of QCC; its other bits are FRZ */
+
+static struct iec104_procedure *procedure_at(struct iec104_connection *connection, unsigned place)
+{
+	return &connection->procedures[(connection->first_procedure + place) % IEC104_INTERROGATIONS_MAX];
+}
+
+static void end_first_procedure(struct iec104_connection *connection)
+{
+	connection->first_procedure = (connection->first_procedure + 1) % IEC104_INTERROGATIONS_MAX;
+	connection->procedure_count--;
+}
+
+/* The place of a procedure like this one; procedure_count: there is none. */
+static unsigned find_procedure(struct iec104_connection *connection, const struct iec104_procedure *like)
+{
+	unsigned place = 0;
+
+	while (place < connection->procedure_count) {
+		const struct iec104_procedure *other = procedure_at(connection, place);
+
+		if (other->type == like->type && other->broadcast == like->broadcast &&
+		    other->device == like->device)
+			break;
+		place++;
+	}
+	return place;
+}
+
+bool iec104_add_procedure(struct iec104_connection *connection, const struct iec104_procedure *procedure)
+{
+	if (connection->procedure_count == IEC104_INTERROGATIONS_MAX)
+		return false;
+	*procedure_at(connection, connection->procedure_count++) = *procedure;
+	return true;
+}
+
+static void remove_procedure(struct iec104_connection *connection, unsigned place)
+{
+	connection->procedure_count--;
+	for (; place < connection->procedure_count; place++)
+		*procedure_at(connection, place) = *procedure_at(connection, place + 1);
+}
+
+static bool interrogated(const struct iec104_station *station, const struct iec104_connection *connection,
+			 uint32_t point)
+{
+	const struct iec104_procedure *procedure = &connection->procedures[connection->first_procedure];
+	const struct map_point *object = iec104_point(station, point);
+
+	if (procedure->type == IEC104_C_CI_NA_1)
+		return object->type == MAP_COUNTER;
+	return object->type != MAP_COUNTER &&
+	       (procedure->qualifier == QOI_STATION || object->group == procedure->qualifier - QOI_STATION);
+}
+
+/* The system command itself, as this station confirms and terminates it. */
+static void send_procedure(const struct iec104_station *station, struct iec104_connection *connection,
+			   const struct iec104_procedure *procedure, enum iec104_cause cause, int64_t now_ns)
+{
+	struct iec104_builder builder;
+	uint8_t element[IEC104_TIME56_SIZE] = {procedure->qualifier};
+	size_t size = 1;
+
+	if (procedure->type == IEC104_C_CS_NA_1) { /* the station's own time, now that it is synchronised */
+		struct map_clock clock = map_clock_read(station->map);
+
+		iec104_time56_encode(element, now_ns + clock.offset_ns, !clock.set);
+		size = IEC104_TIME56_SIZE;
+	}
+	iec104_asdu_begin(&builder, &(struct iec104_asdu){
+					.type = procedure->type,
+					.cause = (uint8_t)cause,
+					.test = procedure->test,
+					.originator = procedure->originator,
+					.ca = station->config->devices[procedure->device].ca,
+				    });
+	iec104_asdu_add(&builder, 0, element, size);
+	iec104_send(connection, &builder, now_ns);
+}
+
+static void next_station(const struct iec104_station *station, struct iec104_connection *connection,
+			 struct iec104_procedure *procedure)
+{
+	procedure->phase = IEC104_CONFIRM;
+	if (!procedure->broadcast || ++procedure->device == station->config->device_count)
+		end_first_procedure(connection);
+}
+
+static void begin_procedure(const struct iec104_station *station, struct iec104_connection *connection,
+			    struct iec104_procedure *procedure, int64_t now_ns)
+{
+	send_procedure(station, connection, procedure, IEC104_ACTIVATION_CON, now_ns);
+	if (procedure->type == IEC104_C_CS_NA_1) {
+		next_station(station, connection, procedure);
+		return;
+	}
+	procedure->phase = IEC104_DATA;
+	iec104_begin_sweep(station, connection, &procedure->sweep, procedure->device, procedure->device + 1,
+			   interrogated);
+}
+
+static bool continue_procedure(const struct iec104_station *station, struct iec104_connection *connection,
+			       struct iec104_procedure *procedure, int64_t now_ns)
+{
+	const struct iec104_manner manner = {
+	    .wanted = interrogated,
+	    .cause = procedure->type == IEC104_C_CI_NA_1 ? IEC104_COUNTERS_REQUESTED : procedure->qualifier,
+	    .originator = procedure->originator,
+	    .test = procedure->test,
+	};
+	enum iec104_progress progress =
+	    iec104_send_points(station, connection, &procedure->sweep, &manner, now_ns);
+
+	if (progress == IEC104_SWEEP_DONE)
+		procedure->phase = IEC104_TERMINATE;
+	return progress != IEC104_SWEEP_TRY_LATER;
+}
+
+bool iec104_advance_procedure(const struct iec104_station *station, struct iec104_connection *connection,
+			      int64_t now_ns)
+{
+	struct iec104_procedure *procedure = procedure_at(connection, 0);
+
+	if (connection->procedure_count == 0)
+		return false;
+	switch (procedure->phase) {
+	case IEC104_CONFIRM:
+		begin_procedure(station, connection, procedure, now_ns);
+		return true;
+	case IEC104_DATA:
+		return continue_procedure(station, connection, procedure, now_ns);
+	case IEC104_TERMINATE:
+		send_procedure(station, connection, procedure, IEC104_ACTIVATION_TERM, now_ns);
+		next_station(station, connection, procedure);
+		return true;
+	}
+	return false;
+}
+
+bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint32_t *device)
+{
+	for (*device = 0; *device < station->config->device_count; ++*device)
+		if (ca == IEC104_CA_BROADCAST || station->config->devices[*device].ca == ca)
+			return true;
+	return false;
+}
+
+struct iec104_procedure iec104_procedure_of(const struct iec104_station *station,
+					    const struct iec104_asdu *asdu)
+{
+	struct iec104_procedure procedure = {
+	    .type = asdu->type,
+	    .qualifier = asdu->objects[IEC104_IOA_SIZE],
+	    .originator = asdu->originator,
+	    .test = asdu->test,
+	    .broadcast = asdu->ca == IEC104_CA_BROADCAST,
+	};
+
+	iec104_find_device(station, asdu->ca, &procedure.device);
+	return procedure;
+}
+
+static bool can_interrogate(const struct iec104_procedure *procedure)
+{
+	if (procedure->type == IEC104_C_CI_NA_1)
+		return procedure->qualifier == RQT_GENERAL; /* FRZ = 0: read without freeze or reset */
+	return procedure->qualifier >= QOI_STATION && procedure->qualifier <= QOI_GROUP_LAST;
+}
+
+bool iec104_interrogate(const struct iec104_station *station, struct iec104_connection *connection,
+			const struct iec104_asdu *asdu)
+{
+	struct iec104_procedure procedure = iec104_procedure_of(station, asdu);
+	unsigned place = find_procedure(connection, &procedure);
+	bool found = place < connection->procedure_count;
+
+	if (asdu->cause == IEC104_DEACTIVATION) {
+		if (found)
+			remove_procedure(connection, place);
+		return found;
+	}
+	return !found && can_interrogate(&procedure) && iec104_add_procedure(connection, &procedure);
+}

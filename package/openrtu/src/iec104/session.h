@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * One TCP connection of IEC 60870-5-104, clause 5: the state machine of the transfer of APDUs, at the side that
+ * is started and stopped. Received octets and the time come in, octets to be sent go out; nothing here
+ * knows a socket, a clock or what an ASDU means.
+ *
+ * Times are CLOCK_MONOTONIC nanoseconds, so that setting the wall clock fires none of t1..t3.
+ */
+#ifndef OPENRTU_IEC104_SESSION_H
+#define OPENRTU_IEC104_SESSION_H
+
+#include "iec104/apdu.h"
+
+#define IEC104_INPUT_SIZE  2048
+#define IEC104_OUTPUT_SIZE 4096 /* the usual k of 12 I frames of full size, and the control frames between */
+
+/* Clause 9.6. */
+struct iec104_times {
+	uint16_t k; /* sent and unacknowledged I frames at most, 1..32767 */
+	uint16_t w; /* received I frames that are acknowledged at the latest, 1..k */
+	int64_t t1_ns, t2_ns, t3_ns;
+};
+
+/* Why a session is over. */
+enum iec104_closing {
+	IEC104_OPEN,
+	IEC104_BAD_APDU,         /* start octet, length or control field */
+	IEC104_BAD_ASDU,         /* no ASDU, or not the size its type and number of objects demand */
+	IEC104_BAD_NS,           /* a frame was lost or repeated */
+	IEC104_BAD_NR,           /* acknowledges what was never sent */
+	IEC104_I_WHILE_STOPPED,  /* between STOPDT act, or the beginning, and STARTDT act */
+	IEC104_T1_I_FRAME,       /* no acknowledgement in t1 */
+	IEC104_T1_TESTFR,        /* no TESTFR con in t1 */
+	IEC104_UNREAD_ANSWERS,   /* the peer asks on and on, and takes no answers */
+	IEC104_CLOSED_BY_PEER,   /* end of file or error of the connection */
+	IEC104_CLOSED_BY_STATION /* the process ends */
+};
+
+struct iec104_session {
+	const struct iec104_times *times;
+	enum iec104_closing closing;
+	bool started;  /* I frames may be sent and received */
+	bool stopping; /* STOPDT act has come; its con waits until all sent I frames are acknowledged */
+
+	uint16_t next_ns;        /* V(S) */
+	uint16_t next_nr;        /* V(R) */
+	uint16_t unacknowledged; /* own I frames */
+	uint16_t owed;           /* received I frames not yet acknowledged */
+
+	int64_t *sent_ns; /* a ring of k places: when each unacknowledged I frame was sent */
+	uint16_t oldest;  /* its place in the ring */
+	int64_t owed_since_ns;
+	int64_t testfr_ns; /* when the unconfirmed TESTFR act was sent */
+	bool testfr_open;
+	int64_t heard_ns; /* the last frame received */
+
+	uint16_t input_begin, input_end;
+	uint16_t output_begin, output_end;
+	uint8_t input[IEC104_INPUT_SIZE];
+	uint8_t output[IEC104_OUTPUT_SIZE];
+};
+
+/* Begins a session on a new connection, stopped. times, and room for k times in sent_ns, must outlive it. */
+void iec104_session_open(struct iec104_session *session, const struct iec104_times *times, int64_t *sent_ns,
+			 int64_t now_ns);
+
+/*
+ * Where the next received octets go: *size octets, 0 while the peer does not take what is to be sent to it, so
+ * that TCP holds the rest back. iec104_session_received then tells how many came.
+ */
+uint8_t *iec104_session_space(struct iec104_session *session, size_t *size);
+void iec104_session_received(struct iec104_session *session, size_t count);
+
+/*
+ * Takes the next APDU from what was received. True: one was taken, and *asdu is its ASDU until the next
+ * call (NULL unless it is an I frame). False: none is complete, its answer has no room yet, or the session
+ * is over.
+ */
+bool iec104_session_next(struct iec104_session *session, int64_t now_ns, const uint8_t **asdu, size_t *size);
+
+/* An ASDU may be sent now: data transfer is started, fewer than k are unacknowledged, and there is room. */
+bool iec104_session_may_send(const struct iec104_session *session);
+/* Sends an ASDU of 1..IEC104_ASDU_MAX octets. Only while iec104_session_may_send. */
+void iec104_session_send(struct iec104_session *session, const uint8_t *asdu, size_t size, int64_t now_ns);
+
+/* Does what is due without a frame from the peer: w, t1, t2, t3. After each change and at each deadline. */
+void iec104_session_run(struct iec104_session *session, int64_t now_ns);
+/* When iec104_session_run is due next; INT64_MAX when the session is over. */
+int64_t iec104_session_deadline(const struct iec104_session *session);
+
+/* The octets to be sent, in order; iec104_session_written tells how many of them went. */
+const uint8_t *iec104_session_output(const struct iec104_session *session, size_t *size);
+void iec104_session_written(struct iec104_session *session, size_t count);
+
+/* Ends the session; the first reason stands. */
+void iec104_session_close(struct iec104_session *session, enum iec104_closing reason);
+/* The reason in words, for the log. */
+const char *iec104_closing_text(enum iec104_closing reason);
+
+#endif

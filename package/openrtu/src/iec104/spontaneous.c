@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Events, and what is sent in their place when a module goes, comes back, or events were lost. */
+#include "iec104/station_parts.h"
+
+#include <inttypes.h>
+
+static bool of_down_module(const struct iec104_station *station, const struct iec104_connection *connection,
+			   uint32_t point)
+{
+	return map_owner(station->map, point) == connection->down_module;
+}
+
+static bool to_be_refreshed(const struct iec104_station *station, const struct iec104_connection *connection,
+			    uint32_t point)
+{
+	return connection->refresh_all ||
+	       (connection->refresh_modules & 1u << map_owner(station->map, point)) != 0;
+}
+
+static void begin_refresh(const struct iec104_station *station, struct iec104_connection *connection)
+{
+	connection->refresh = true;
+	iec104_begin_sweep_of_all(station, connection, &connection->refresh_sweep, to_be_refreshed);
+}
+
+bool iec104_send_invalid(const struct iec104_station *station, struct iec104_connection *connection,
+			 int64_t now_ns)
+{
+	const struct iec104_manner manner = {
+	    .wanted = of_down_module,
+	    .cause = IEC104_SPONTANEOUS,
+	    .tagged = true,
+	    .invalid = true,
+	    .invalid_since_ns = connection->down_ns,
+	};
+	enum iec104_progress progress =
+	    iec104_send_points(station, connection, &connection->down_sweep, &manner, now_ns);
+
+	if (progress == IEC104_SWEEP_DONE)
+		connection->down = false;
+	return progress != IEC104_SWEEP_TRY_LATER;
+}
+
+bool iec104_send_refresh(const struct iec104_station *station, struct iec104_connection *connection,
+			 int64_t now_ns)
+{
+	const struct iec104_manner manner = {
+	    .wanted = to_be_refreshed,
+	    .cause = IEC104_SPONTANEOUS,
+	    .tagged = true,
+	    .valid_only = !connection->refresh_all, /* an owner that was down was reported invalid */
+	};
+	enum iec104_progress progress;
+
+	if (!connection->refresh)
+		return false;
+	progress = iec104_send_points(station, connection, &connection->refresh_sweep, &manner, now_ns);
+	if (progress == IEC104_SWEEP_DONE) {
+		connection->refresh = connection->refresh_all = false;
+		connection->refresh_modules = 0;
+	}
+	return progress != IEC104_SWEEP_TRY_LATER;
+}
+
+/* What an event of a whole module means: further ASDUs, or nothing. */
+static void take_module_event(const struct iec104_station *station, struct iec104_connection *connection,
+			      const struct map_event *event)
+{
+	switch (event->kind) {
+	case MAP_EVENT_MODULE_DOWN:
+		connection->refresh_modules &= ~(1u << event->point);
+		connection->down = true;
+		connection->down_module = event->point;
+		connection->down_ns = event->sample.time_ns;
+		iec104_begin_sweep_of_all(station, connection, &connection->down_sweep, of_down_module);
+		break;
+	case MAP_EVENT_MODULE_UP:
+		connection->refresh_modules |= 1u << event->point;
+		begin_refresh(station, connection);
+		break;
+	default:
+		break; /* the clock's change is in the time tags */
+	}
+}
+
+static void note_lost_events(const struct iec104_station *station, struct iec104_connection *connection)
+{
+	if (connection->cursor->lost == connection->lost)
+		return;
+	map_log(station->map, MAP_LOG_WARNING, "%s: %" PRIu32 " events lost, sending all points",
+		connection->peer, connection->cursor->lost - connection->lost);
+	connection->lost = connection->cursor->lost;
+	connection->refresh_all = true;
+	begin_refresh(station, connection);
+}
+
+/* Adds an event to the ASDU; the first one begins it. False: it does not belong into this one. */
+static bool add_event(const struct iec104_station *station, struct iec104_builder *builder,
+		      const struct map_event *first, const struct map_event *event)
+{
+	static const struct iec104_manner manner = {.cause = IEC104_SPONTANEOUS, .tagged = true};
+
+	if (event == first)
+		iec104_begin_asdu(station, builder, event->point, &manner, false);
+	else if (event->kind != MAP_EVENT_CHANGE ||
+		 iec104_point(station, event->point)->type != iec104_point(station, first->point)->type ||
+		 iec104_point(station, event->point)->device != iec104_point(station, first->point)->device)
+		return false;
+	return iec104_add_sample(station, builder, event->point, &event->sample, true);
+}
+
+/* As many events as come one after another and go into one ASDU, in their order. */
+static void send_changes(const struct iec104_station *station, struct iec104_connection *connection,
+			 const struct map_event *first, int64_t now_ns)
+{
+	struct map_cursor ahead = *connection->cursor;
+	struct iec104_builder builder;
+	struct map_event event;
+
+	add_event(station, &builder, first, first);
+	while (map_event_next(station->map, &ahead, &event) && add_event(station, &builder, first, &event))
+		*connection->cursor = ahead;
+	iec104_send(connection, &builder, now_ns);
+}
+
+bool iec104_send_event(const struct iec104_station *station, struct iec104_connection *connection,
+		       int64_t now_ns)
+{
+	struct map_event event;
+
+	if (!map_event_next(station->map, connection->cursor, &event))
+		return false;
+	if (event.kind == MAP_EVENT_CHANGE)
+		send_changes(station, connection, &event, now_ns);
+	else
+		take_module_event(station, connection, &event);
+	note_lost_events(station, connection);
+	return true;
+}

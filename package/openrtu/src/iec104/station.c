@@ -1,0 +1,181 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec104/station_parts.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define NS_PER_S 1000000000LL
+
+void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns)
+{
+	const struct map_settings *settings = &map_config(map)->settings;
+
+	station->map = map;
+	station->config = map_config(map);
+	station->next_serial = 0;
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		station->connections[i].open = false;
+	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++)
+		station->open_commands[i].request.id = 0;
+	station->sent_ns = sent_ns;
+	station->times = (struct iec104_times){
+	    .k = settings->k,
+	    .w = settings->w,
+	    .t1_ns = settings->t1_s * NS_PER_S,
+	    .t2_ns = settings->t2_s * NS_PER_S,
+	    .t3_ns = settings->t3_s * NS_PER_S,
+	};
+}
+
+/* ---- connections ------------------------------------------------------------------------- */
+
+struct iec104_connection *iec104_station_connect(struct iec104_station *station, const char *peer,
+						 bool clock_master, int64_t now_ns)
+{
+	const struct map_settings *settings = &station->config->settings;
+
+	for (unsigned i = 0; i < settings->max_connections && i < IEC104_CONNECTIONS_MAX; i++) {
+		struct iec104_connection *connection = &station->connections[i];
+
+		if (connection->open)
+			continue;
+		memset(connection, 0, sizeof(*connection));
+		connection->open = true;
+		connection->clock_master = clock_master;
+		connection->serial = ++station->next_serial;
+		connection->cursor = map_cursor(station->map, i);
+		connection->retry_ns = INT64_MAX;
+		snprintf(connection->peer, sizeof(connection->peer), "%s", peer);
+		iec104_session_open(&connection->session, &station->times,
+				    station->sent_ns + (size_t)i * settings->k, now_ns);
+		map_log(station->map, MAP_LOG_INFO, "%s: connected", peer);
+		return connection;
+	}
+	map_log(station->map, MAP_LOG_WARNING, "%s: refused, %u connections are open", peer,
+		(unsigned)settings->max_connections);
+	return NULL;
+}
+
+void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection)
+{
+	iec104_session_close(&connection->session, IEC104_CLOSED_BY_STATION);
+	map_log(station->map, MAP_LOG_INFO, "%s: connection ends: %s", connection->peer,
+		iec104_closing_text(connection->session.closing));
+	connection->open = false;
+}
+
+/* ---- what is due ------------------------------------------------------------------------- */
+
+/* Sends one ASDU, or gets nearer to it. False: there is nothing to send now. */
+static bool send_next(const struct iec104_station *station, struct iec104_connection *connection,
+		      int64_t now_ns)
+{
+	if (iec104_send_confirmation(connection, now_ns))
+		return true;
+	if (connection->down) /* later events wait until all of the module's points are reported */
+		return iec104_send_invalid(station, connection, now_ns);
+	return iec104_send_event(station, connection, now_ns) ||
+	       iec104_answer_read(station, connection, now_ns) ||
+	       iec104_send_refresh(station, connection, now_ns) ||
+	       iec104_advance_procedure(station, connection, now_ns) ||
+	       iec104_send_periodic(station, connection, now_ns);
+}
+
+static void send_all(const struct iec104_station *station, struct iec104_connection *connection,
+		     int64_t now_ns)
+{
+	connection->retry_ns = INT64_MAX;
+	while (iec104_session_may_send(&connection->session) && send_next(station, connection, now_ns))
+		;
+}
+
+/*
+ * The first STARTDT begins with what happens from now on: the interrogation brings the state. A later one
+ * goes on where STOPDT left the events.
+ */
+static void begin_transfer(const struct iec104_station *station, struct iec104_connection *connection,
+			   int64_t now_ns)
+{
+	if (!connection->ever_started) {
+		map_cursor_to_end(station->map, connection->cursor);
+		connection->lost = connection->cursor->lost;
+		connection->ever_started = true;
+	}
+	iec104_schedule_periodic(station, connection, now_ns);
+	map_log(station->map, MAP_LOG_INFO, "%s: data transfer started", connection->peer);
+}
+
+/* A controlling station that stops data transfer waits for no confirmation and no interrogation any more. */
+static void end_transfer(const struct iec104_station *station, struct iec104_connection *connection)
+{
+	connection->replies.begin = connection->replies.end = 0;
+	connection->procedure_count = 0;
+	map_log(station->map, MAP_LOG_INFO, "%s: data transfer stopped", connection->peer);
+}
+
+static void note_transfer(const struct iec104_station *station, struct iec104_connection *connection,
+			  int64_t now_ns)
+{
+	if (connection->transfer == connection->session.started)
+		return;
+	connection->transfer = connection->session.started;
+	if (connection->transfer)
+		begin_transfer(station, connection, now_ns);
+	else
+		end_transfer(station, connection);
+}
+
+static void run_connection(struct iec104_station *station, struct iec104_connection *connection,
+			   int64_t now_ns)
+{
+	const uint8_t *asdu;
+	size_t size;
+
+	if (connection->transfer)
+		iec104_begin_periodic(station, connection, now_ns);
+	send_all(station, connection, now_ns);
+	while (iec104_session_next(&connection->session, now_ns, &asdu, &size)) {
+		note_transfer(station, connection, now_ns);
+		if (asdu != NULL)
+			iec104_take_asdu(station, connection, asdu, size, now_ns);
+		send_all(station, connection, now_ns);
+		iec104_session_run(&connection->session, now_ns);
+	}
+	iec104_session_run(&connection->session, now_ns);
+}
+
+void iec104_station_run(struct iec104_station *station, int64_t now_ns)
+{
+	struct map_answer answer;
+
+	while (map_answer_next(station->map, &answer))
+		iec104_take_answer(station, &answer);
+	iec104_conclude_orphans(station);
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		if (station->connections[i].open)
+			run_connection(station, &station->connections[i], now_ns);
+}
+
+static int64_t earlier(int64_t a, int64_t b)
+{
+	return a < b ? a : b;
+}
+
+static int64_t connection_deadline(const struct iec104_connection *connection)
+{
+	int64_t deadline = earlier(iec104_session_deadline(&connection->session), connection->retry_ns);
+
+	if (connection->transfer && !connection->periodic)
+		deadline = earlier(deadline, connection->periodic_due_ns);
+	return deadline;
+}
+
+int64_t iec104_station_deadline(const struct iec104_station *station)
+{
+	int64_t deadline = INT64_MAX;
+
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		if (station->connections[i].open)
+			deadline = earlier(deadline, connection_deadline(&station->connections[i]));
+	return deadline;
+}

@@ -1,0 +1,190 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Many points, as many ASDUs as it takes, resumed whenever k and the connection allow. */
+#include "iec104/station_parts.h"
+
+#define RETRY_NS 1000000LL
+
+void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns)
+{
+	connection->retry_ns = now_ns + RETRY_NS;
+}
+
+bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection)
+{
+	struct map_cursor ahead = *connection->cursor;
+	struct map_event event;
+
+	return map_event_next(station->map, &ahead, &event);
+}
+
+bool iec104_add_sample(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
+		       const struct map_sample *sample, bool tagged)
+{
+	const struct map_point *object = iec104_point(station, point);
+	uint8_t element[IEC104_ELEMENT_MAX];
+	size_t size = iec104_element_encode(element, (enum map_type)object->type, sample);
+
+	if (tagged) {
+		struct map_clock clock = map_clock_read(station->map);
+
+		iec104_time56_encode(element + size, sample->time_ns + clock.offset_ns, !clock.set);
+		size += IEC104_TIME56_SIZE;
+	}
+	return iec104_asdu_add(builder, object->ioa, element, size);
+}
+
+void iec104_send(struct iec104_connection *connection, const struct iec104_builder *builder, int64_t now_ns)
+{
+	iec104_session_send(&connection->session, builder->bytes, builder->size, now_ns);
+}
+
+static void enter_device(const struct iec104_station *station, const struct iec104_connection *connection,
+			 struct iec104_sweep *sweep, uint32_t index, iec104_wanted *wanted)
+{
+	const struct map_device *device;
+
+	sweep->device = index;
+	sweep->types = 0;
+	if (index == sweep->end_device)
+		return;
+	device = &station->config->devices[index];
+	sweep->next = device->first_point;
+	for (uint32_t i = 0; i < device->point_count; i++)
+		if (wanted(station, connection, device->first_point + i))
+			sweep->types |= (uint8_t)(1u << iec104_point(station, device->first_point + i)->type);
+}
+
+void iec104_begin_sweep(const struct iec104_station *station, const struct iec104_connection *connection,
+			struct iec104_sweep *sweep, uint32_t first, uint32_t end, iec104_wanted *wanted)
+{
+	sweep->end_device = end;
+	enter_device(station, connection, sweep, first, wanted);
+}
+
+void iec104_begin_sweep_of_all(const struct iec104_station *station,
+			       const struct iec104_connection *connection, struct iec104_sweep *sweep,
+			       iec104_wanted *wanted)
+{
+	iec104_begin_sweep(station, connection, sweep, 0, station->config->device_count, wanted);
+}
+
+/* Moves to the next wanted point and returns it; MAP_NONE: there is none. */
+static uint32_t find_point(const struct iec104_station *station, const struct iec104_connection *connection,
+			   struct iec104_sweep *sweep, iec104_wanted *wanted)
+{
+	while (sweep->device < sweep->end_device) {
+		const struct map_device *device = &station->config->devices[sweep->device];
+
+		for (; sweep->types != 0; sweep->types &= (uint8_t)(sweep->types - 1)) {
+			int type = __builtin_ctz(sweep->types);
+
+			for (; sweep->next < device->first_point + device->point_count; sweep->next++)
+				if (iec104_point(station, sweep->next)->type == type &&
+				    wanted(station, connection, sweep->next))
+					return sweep->next;
+			sweep->next = device->first_point;
+		}
+		enter_device(station, connection, sweep, sweep->device + 1, wanted);
+	}
+	return MAP_NONE;
+}
+
+/* The next point is the same station's, of the same type, at the next address. */
+static bool neighbour_follows(const struct iec104_station *station,
+			      const struct iec104_connection *connection, uint32_t point,
+			      iec104_wanted *wanted)
+{
+	const struct map_point *here = iec104_point(station, point), *there = here + 1;
+
+	return point + 1 < station->config->point_count && there->device == here->device &&
+	       there->type == here->type && there->ioa == here->ioa + 1 &&
+	       wanted(station, connection, point + 1);
+}
+
+/* IEC 60870-5-101, 7.3.1: only measured values may be cyclic, integrated totals only spontaneous. */
+static uint8_t periodic_cause(uint8_t type)
+{
+	switch (type) {
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_FLOAT:
+		return IEC104_CYCLIC;
+	case MAP_COUNTER:
+		return IEC104_SPONTANEOUS;
+	default:
+		return IEC104_BACKGROUND;
+	}
+}
+
+void iec104_begin_asdu(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
+		       const struct iec104_manner *manner, bool sequence)
+{
+	uint8_t type = iec104_point(station, point)->type;
+
+	iec104_asdu_begin(builder,
+			  &(struct iec104_asdu){
+			      .type = iec104_monitor_type((enum map_type)type, manner->tagged),
+			      .sequence = sequence,
+			      .cause = manner->cause == IEC104_CYCLIC ? periodic_cause(type) : manner->cause,
+			      .test = manner->test,
+			      .originator = manner->originator,
+			      .ca = iec104_device(station, point)->ca,
+			  });
+}
+
+/*
+ * Fills the ASDU with points of one station and type from the sweep on. Neighbours go into an ASDU with
+ * SQ = 1, so one without it ends before them. False: a point could not be read just now.
+ */
+static bool fill_asdu(const struct iec104_station *station, const struct iec104_connection *connection,
+		      struct iec104_builder *builder, struct iec104_sweep *sweep,
+		      const struct iec104_manner *manner)
+{
+	uint32_t device = sweep->device, point = sweep->next;
+	uint8_t type = iec104_point(station, point)->type;
+	bool sequence = !manner->tagged && neighbour_follows(station, connection, point, manner->wanted);
+
+	iec104_begin_asdu(station, builder, point, manner, sequence);
+	do {
+		struct map_sample sample;
+
+		if (!map_read(station->map, point, &sample))
+			return false;
+		if (manner->invalid) {
+			sample.quality |= MAP_INVALID;
+			sample.time_ns = manner->invalid_since_ns;
+		}
+		if (!(manner->valid_only && (sample.quality & MAP_INVALID)) &&
+		    !iec104_add_sample(station, builder, point, &sample, manner->tagged))
+			return true;
+		sweep->next++;
+		point = find_point(station, connection, sweep, manner->wanted);
+	} while (
+	    point != MAP_NONE && sweep->device == device && iec104_point(station, point)->type == type &&
+	    (manner->tagged || sequence || !neighbour_follows(station, connection, point, manner->wanted)));
+	return true;
+}
+
+enum iec104_progress iec104_send_points(const struct iec104_station *station,
+					struct iec104_connection *connection, struct iec104_sweep *sweep,
+					const struct iec104_manner *manner, int64_t now_ns)
+{
+	struct iec104_sweep ahead;
+	struct iec104_builder builder;
+	bool readable;
+
+	if (find_point(station, connection, sweep, manner->wanted) == MAP_NONE)
+		return IEC104_SWEEP_DONE;
+	ahead = *sweep;
+	readable = fill_asdu(station, connection, &builder, &ahead, manner);
+	/* An event that waits now may be older than what was read: it goes first, then all is read again. */
+	if (!manner->invalid && iec104_event_waits(station, connection))
+		return IEC104_SWEEP_GOES_ON;
+	*sweep = ahead;
+	if (iec104_asdu_count(&builder) > 0)
+		iec104_send(connection, &builder, now_ns);
+	if (readable)
+		return IEC104_SWEEP_GOES_ON;
+	iec104_retry_soon(connection, now_ns);
+	return IEC104_SWEEP_TRY_LATER;
+}

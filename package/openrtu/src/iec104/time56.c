@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec104/time56.h"
+
+#define NS_PER_MS   1000000LL
+#define MS_PER_DAY  86400000LL
+#define MS_OF_2000  (10957 * MS_PER_DAY) /* 1970-01-01 to 2000-01-01 */
+#define DAYS_100    36525                /* 2000..2099: every fourth year is a leap year, 2000 too */
+#define DAYS_4      1461
+#define IV_BIT      0x80
+#define MINUTE_MASK 0x3f
+#define HOUR_MASK   0x1f
+#define DAY_MASK    0x1f
+#define MONTH_MASK  0x0f
+#define YEAR_MASK   0x7f
+
+static int days_in_month(int year, int month)
+{
+	static const uint8_t days[] = {31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31};
+
+	return days[month - 1] + (month == 2 && year % 4 == 0);
+}
+
+/* Days from 2000-01-01 to the first of January of 2000 + year. */
+static int days_before_year(int year)
+{
+	return year * 365 + (year + 3) / 4;
+}
+
+void iec104_time56_encode(uint8_t octets[IEC104_TIME56_SIZE], int64_t wall_ns, bool invalid)
+{
+	int64_t ms = wall_ns / NS_PER_MS - MS_OF_2000;
+	int days, ms_of_day, year, month = 1;
+
+	if (ms < 0 || ms >= DAYS_100 * MS_PER_DAY) {
+		ms = ms < 0 ? 0 : DAYS_100 * MS_PER_DAY - 1;
+		invalid = true;
+	}
+	days = (int)(ms / MS_PER_DAY);
+	ms_of_day = (int)(ms % MS_PER_DAY);
+	year = days * 4 / DAYS_4;
+	days -= days_before_year(year);
+	while (days >= days_in_month(year, month))
+		days -= days_in_month(year, month++);
+
+	octets[0] = (uint8_t)(ms_of_day % 60000);
+	octets[1] = (uint8_t)(ms_of_day % 60000 >> 8);
+	octets[2] = (uint8_t)(ms_of_day / 60000 % 60 | (invalid ? IV_BIT : 0));
+	octets[3] = (uint8_t)(ms_of_day / 3600000);
+	octets[4] = (uint8_t)(days + 1);
+	octets[5] = (uint8_t)month;
+	octets[6] = (uint8_t)year;
+}
+
+bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], int64_t *wall_ns)
+{
+	int ms = octets[0] | octets[1] << 8, minute = octets[2] & MINUTE_MASK, hour = octets[3] & HOUR_MASK,
+	    day = octets[4] & DAY_MASK, month = octets[5] & MONTH_MASK, year = octets[6] & YEAR_MASK;
+	int64_t days;
+
+	if (octets[2] & IV_BIT)
+		return false;
+	if (ms > 59999 || minute > 59 || hour > 23 || month < 1 || month > 12 || year > 99)
+		return false;
+	if (day < 1 || day > days_in_month(year, month))
+		return false;
+	days = days_before_year(year) + day - 1;
+	for (int m = 1; m < month; m++)
+		days += days_in_month(year, m);
+	*wall_ns = (MS_OF_2000 + days * MS_PER_DAY + ((hour * 60 + minute) * 60000LL) + ms) * NS_PER_MS;
+	return true;
+}

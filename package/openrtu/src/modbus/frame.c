@@ -1,0 +1,153 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "frame.h"
+
+#define CRC_POLYNOMIAL   0xA001 /* 0x8005, bits reversed */
+#define HEAD_LENGTH      2      /* unit, function */
+#define CRC_LENGTH       2
+#define EXCEPTION_LENGTH 5
+#define COIL_ON          0xFF00
+
+uint16_t modbus_crc(const uint8_t *bytes, size_t length)
+{
+	uint16_t crc = 0xFFFF;
+
+	for (size_t i = 0; i < length; i++) {
+		crc ^= bytes[i];
+		for (int bit = 0; bit < 8; bit++)
+			crc = (uint16_t)((crc >> 1) ^ ((crc & 1) ? CRC_POLYNOMIAL : 0));
+	}
+	return crc;
+}
+
+bool modbus_crc_valid(const uint8_t *frame, size_t length)
+{
+	if (length < HEAD_LENGTH + CRC_LENGTH)
+		return false;
+	uint16_t crc = modbus_crc(frame, length - CRC_LENGTH);
+	return frame[length - 2] == (crc & 0xFF) && frame[length - 1] == crc >> 8;
+}
+
+bool modbus_is_bit_function(uint8_t function)
+{
+	return function == MODBUS_READ_COILS || function == MODBUS_READ_DISCRETE_INPUTS ||
+	       function == MODBUS_WRITE_COIL || function == MODBUS_WRITE_COILS;
+}
+
+bool modbus_is_read(uint8_t function)
+{
+	return function >= MODBUS_READ_COILS && function <= MODBUS_READ_INPUT_REGISTERS;
+}
+
+static size_t put_word(uint8_t *frame, size_t at, uint16_t word)
+{
+	frame[at] = (uint8_t)(word >> 8);
+	frame[at + 1] = (uint8_t)(word & 0xFF);
+	return at + 2;
+}
+
+static size_t put_coils(uint8_t *frame, size_t at, const struct modbus_request *request)
+{
+	uint8_t bits = 0;
+
+	for (uint16_t i = 0; i < request->count && i < MODBUS_WRITE_MAX; i++)
+		bits |= (uint8_t)((request->values[i] ? 1u : 0u) << i);
+	frame[at++] = 1;
+	frame[at++] = bits;
+	return at;
+}
+
+static size_t put_registers(uint8_t *frame, size_t at, const struct modbus_request *request)
+{
+	frame[at++] = (uint8_t)(2 * request->count);
+	for (uint16_t i = 0; i < request->count && i < MODBUS_WRITE_MAX; i++)
+		at = put_word(frame, at, request->values[i]);
+	return at;
+}
+
+/* The four bytes behind unit and function: all that the answer to a write repeats. */
+static size_t put_echoed(uint8_t *frame, size_t at, const struct modbus_request *request)
+{
+	at = put_word(frame, at, request->address);
+	switch (request->function) {
+	case MODBUS_WRITE_COIL:
+		return put_word(frame, at, request->values[0] ? COIL_ON : 0);
+	case MODBUS_WRITE_REGISTER:
+		return put_word(frame, at, request->values[0]);
+	default:
+		return put_word(frame, at, request->count);
+	}
+}
+
+size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[MODBUS_FRAME_MAX])
+{
+	frame[0] = request->unit;
+	frame[1] = request->function;
+	size_t at = put_echoed(frame, HEAD_LENGTH, request);
+
+	if (request->function == MODBUS_WRITE_COILS)
+		at = put_coils(frame, at, request);
+	else if (request->function == MODBUS_WRITE_REGISTERS)
+		at = put_registers(frame, at, request);
+
+	uint16_t crc = modbus_crc(frame, at);
+	frame[at++] = (uint8_t)(crc & 0xFF);
+	frame[at++] = (uint8_t)(crc >> 8);
+	return at;
+}
+
+uint16_t modbus_read_bytes(uint8_t function, uint16_t count)
+{
+	return (uint16_t)(modbus_is_bit_function(function) ? (count + 7u) / 8u : 2u * count);
+}
+
+size_t modbus_answer_length(const struct modbus_request *request)
+{
+	if (modbus_is_read(request->function))
+		return HEAD_LENGTH + 1u + modbus_read_bytes(request->function, request->count) + CRC_LENGTH;
+	return HEAD_LENGTH + 4 + CRC_LENGTH;
+}
+
+/* What stands between unit, function and the data or CRC: the byte count of a read, the echo of a write. */
+static size_t expected_fields(const struct modbus_request *request, uint8_t fields[4])
+{
+	if (!modbus_is_read(request->function))
+		return put_echoed(fields, 0, request);
+	fields[0] = (uint8_t)modbus_read_bytes(request->function, request->count);
+	return 1;
+}
+
+static enum modbus_verdict judge_crc(const uint8_t *bytes, size_t have, size_t whole,
+				     enum modbus_verdict complete)
+{
+	if (have < whole)
+		return MODBUS_INCOMPLETE;
+	return modbus_crc_valid(bytes, whole) ? complete : MODBUS_GARBLED;
+}
+
+enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, const uint8_t *bytes,
+					size_t length)
+{
+	uint8_t fields[4];
+	size_t field_count = expected_fields(request, fields);
+
+	if (length > 0 && bytes[0] != request->unit)
+		return MODBUS_NOT_ITS_OWN;
+	if (length > 1 && bytes[1] == (request->function | MODBUS_EXCEPTION_BIT))
+		return judge_crc(bytes, length, EXCEPTION_LENGTH, MODBUS_EXCEPTION);
+	if (length > 1 && bytes[1] != request->function)
+		return MODBUS_NOT_ITS_OWN;
+	for (size_t i = 0; i < field_count && HEAD_LENGTH + i < length; i++)
+		if (bytes[HEAD_LENGTH + i] != fields[i])
+			return MODBUS_NOT_ITS_OWN;
+	return judge_crc(bytes, length, modbus_answer_length(request), MODBUS_ANSWER);
+}
+
+bool modbus_bit(const uint8_t *data, uint16_t index)
+{
+	return (data[index / 8] >> (index % 8)) & 1;
+}
+
+uint16_t modbus_register(const uint8_t *data, uint16_t index)
+{
+	return (uint16_t)((data[2u * index] << 8) | data[2u * index + 1]);
+}

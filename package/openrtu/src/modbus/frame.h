@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * Modbus RTU frames of the controlling station: building requests, judging answers. MODBUS Application
+ * Protocol V1.1b3 (functions, exceptions) and MODBUS over Serial Line V1.02 (RTU frame, CRC).
+ */
+#ifndef OPENRTU_MODBUS_FRAME_H
+#define OPENRTU_MODBUS_FRAME_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define MODBUS_FRAME_MAX     256 /* RTU frame: unit, PDU of 253, CRC */
+#define MODBUS_BITS_MAX      2000
+#define MODBUS_REGISTERS_MAX 125
+#define MODBUS_WRITE_MAX     2 /* an object has at most two bits or registers */
+#define MODBUS_BROADCAST     0
+#define MODBUS_EXCEPTION_BIT 0x80
+
+enum modbus_function {
+	MODBUS_READ_COILS = 1,
+	MODBUS_READ_DISCRETE_INPUTS = 2,
+	MODBUS_READ_HOLDING_REGISTERS = 3,
+	MODBUS_READ_INPUT_REGISTERS = 4,
+	MODBUS_WRITE_COIL = 5,
+	MODBUS_WRITE_REGISTER = 6,
+	MODBUS_WRITE_COILS = 15,
+	MODBUS_WRITE_REGISTERS = 16,
+};
+
+struct modbus_request {
+	uint8_t unit;
+	uint8_t function; /* enum modbus_function */
+	uint16_t address;
+	uint16_t count;                    /* bits or registers; 1 for functions 5 and 6 */
+	uint16_t values[MODBUS_WRITE_MAX]; /* writes: registers, or a bit (0, 1) each */
+};
+
+/* What the bytes received so far are, taken as the answer to a request. */
+enum modbus_verdict {
+	MODBUS_INCOMPLETE,  /* the beginning of its answer */
+	MODBUS_ANSWER,      /* its answer */
+	MODBUS_EXCEPTION,   /* the device's refusal; byte 2 is the exception code */
+	MODBUS_GARBLED,     /* begins like its answer, but the CRC is wrong */
+	MODBUS_NOT_ITS_OWN, /* of another unit, function, length or, for writes, with another echo */
+};
+
+/* CRC-16 of MODBUS over Serial Line, 6.2.2; sent low byte first. */
+uint16_t modbus_crc(const uint8_t *bytes, size_t length);
+
+/* True for a frame of at least four bytes that ends in its own CRC. */
+bool modbus_crc_valid(const uint8_t *frame, size_t length);
+
+bool modbus_is_bit_function(uint8_t function);
+bool modbus_is_read(uint8_t function);
+
+/*
+ * Writes the request's frame and returns its length. The request must be within the protocol's limits:
+ * count 1..MODBUS_BITS_MAX or MODBUS_REGISTERS_MAX, for writes 1..MODBUS_WRITE_MAX.
+ */
+size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[MODBUS_FRAME_MAX]);
+
+/* Data bytes of the answer to a read of count bits or registers. */
+uint16_t modbus_read_bytes(uint8_t function, uint16_t count);
+
+/* Length of the positive answer's whole frame. */
+size_t modbus_answer_length(const struct modbus_request *request);
+
+/*
+ * Judges the first bytes received. A complete answer is recognised at its last byte, since its length follows
+ * from the request; what comes behind that is not looked at.
+ */
+enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, const uint8_t *bytes,
+					size_t length);
+
+/* Bit or register number index of an answer's data bytes. */
+bool modbus_bit(const uint8_t *data, uint16_t index);
+uint16_t modbus_register(const uint8_t *data, uint16_t index);
+
+#endif

@@ -1,0 +1,194 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * One RS-485 line: who is asked what, and when. Bytes and time come in, frames and results go out;
+ * there is no clock, no port and no allocation in here.
+ *
+ * Late answers. A Modbus RTU answer does not say which request it answers: after a time-out, the answer
+ * to the old request may come while a new one is under way, and two reads of one length look alike. So,
+ * after a request that was not answered, its device gets only requests whose answer no missing one
+ * could be mistaken for (another function or another byte count), until one of these is answered. A
+ * device answers in order, so nothing older can follow then. The first such request is one short read,
+ * which also tells a deaf device from a dead one. Where there is none, the device rests until
+ * MODBUS_LATE_NS after the time-out; the other devices of the line go on. A port that was just opened
+ * may still bring the answer to a request of a process that was killed: there, two short reads that
+ * differ must be answered. What is guaranteed: an answer that begins less than MODBUS_LATE_NS after its
+ * time-out never becomes another register's value or another command's confirmation, provided the
+ * device answers in order.
+ */
+#ifndef OPENRTU_MODBUS_LINE_H
+#define OPENRTU_MODBUS_LINE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "frame.h"
+#include "plan.h"
+
+#define MODBUS_NEVER           INT64_MAX
+#define MODBUS_LATE_NS         1000000000LL  /* how long after its time-out an answer may still come */
+#define MODBUS_GAP_NS          50000000LL    /* inside a frame; what a busy system's driver may add */
+#define MODBUS_BABBLE_NS       1000000000LL  /* a line that is not silent for so long is unusable */
+#define MODBUS_BROADCAST_NS    100000000LL   /* MODBUS over Serial Line, 2.4.1: turnaround 100..200 ms */
+#define MODBUS_FIRST_PROBE_NS  1000000000LL  /* back-off of a dead device or a refused object: */
+#define MODBUS_RAREST_PROBE_NS 60000000000LL /* doubled from there to here */
+#define MODBUS_SILENT_READS    3             /* unanswered so often, a read is split: less may be noise */
+#define MODBUS_UNANSWERED_MAX  8
+
+enum modbus_result {
+	MODBUS_DONE,      /* the device confirmed it; a broadcast: it was sent */
+	MODBUS_REFUSED,   /* the device answered with an exception */
+	MODBUS_TIMED_OUT, /* no answer that could be understood: the device may or may not have acted */
+	MODBUS_TOO_OLD,   /* not sent: its deadline passed in the queue */
+};
+
+struct modbus_command {
+	uint32_t device; /* index in the line's devices */
+	uint32_t tag;    /* the caller's; not looked at */
+	int64_t deadline_ns;
+	struct modbus_request request; /* function 5, 6, 15, 16 */
+};
+
+struct modbus_device_counters {
+	uint32_t requests, answers, exceptions, timeouts;
+	uint32_t errors; /* CRC, wrong answers */
+	uint32_t latency_us;
+};
+
+struct modbus_line_counters {
+	uint32_t requests, answers, exceptions, timeouts, crc_errors;
+	uint32_t wrong_answers; /* sound frames that nobody waited for */
+	uint32_t late_answers;  /* sound frames of a device that owed one */
+	uint32_t noise_bytes;
+	uint32_t commands;
+	uint32_t scan_us;
+};
+
+struct modbus_device {
+	/* Filled in by the caller, who owns the memory. */
+	uint8_t unit;    /* MODBUS_BROADCAST: written, never read */
+	uint8_t retries; /* unanswered requests in a row beyond the first before it counts as dead */
+	int64_t response_timeout_ns;   /* end of request to first byte of the answer */
+	struct modbus_object *objects; /* sorted by modbus_line_init */
+	uint32_t object_count;
+	struct modbus_read *reads; /* room for object_count of them */
+
+	/* For the caller to look at. */
+	struct modbus_device_counters counters;
+	uint32_t read_count;
+	int64_t backoff_ns; /* in force while it is dead, else 0 */
+	bool alive;
+
+	/* The line's own. */
+	uint32_t cursor;   /* the next read of this scan */
+	uint32_t failures; /* unanswered requests in a row */
+	int64_t next_probe_ns;
+	int64_t trust_ns; /* when no answer can come any more to what is unanswered */
+	bool inherited;   /* whoever had the port before may have left a request unanswered */
+	uint8_t unanswered_count;
+	struct modbus_unanswered {
+		uint8_t function;
+		uint16_t bytes;
+	} unanswered[MODBUS_UNANSWERED_MAX];
+};
+
+/* What the line tells. Called from within modbus_line_receive, _poll and _close. */
+struct modbus_events {
+	/* A read was answered; data: modbus_bit, modbus_register, counted from read->address. */
+	void (*read)(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
+		     int64_t now_ns);
+	/*
+	 * The device lives but does not give these objects any more; exception 0: it is silent when
+	 * asked for them.
+	 */
+	void (*refused)(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
+			int64_t now_ns);
+	/* A device died or answers again. Every device begins as dead. */
+	void (*alive)(void *context, uint32_t device, bool alive, int64_t now_ns);
+	/* A command has ended. */
+	void (*command)(void *context, const struct modbus_command *command, enum modbus_result result,
+			uint8_t exception);
+};
+
+enum modbus_line_state {
+	MODBUS_CLOSED,
+	MODBUS_IDLE,       /* or waiting for silence */
+	MODBUS_WAITING,    /* for an answer */
+	MODBUS_TURNAROUND, /* after a broadcast */
+};
+
+enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND };
+
+struct modbus_line {
+	/* Filled in by the caller, who owns the memory. */
+	const struct modbus_events *events;
+	void *context;
+	struct modbus_device *devices;
+	uint32_t device_count;
+	struct modbus_command *commands; /* FIFO */
+	uint32_t command_capacity;
+	struct modbus_wire wire;
+
+	/* For the caller to look at. */
+	struct modbus_line_counters counters;
+	enum modbus_line_state state;
+
+	/* The line's own. */
+	uint32_t command_count;
+	uint32_t turn;   /* the device being scanned */
+	bool urgent;     /* some read may be marked urgent */
+	bool scan_begun; /* some device was read in this scan */
+	int64_t scan_began_ns;
+	int64_t scan_ended_ns;
+
+	int64_t silent_ns;   /* when the line may be used, if nothing more comes */
+	int64_t restless_ns; /* since when silence is being waited for */
+	int64_t last_byte_ns;
+
+	/* The transaction under way. */
+	enum modbus_purpose purpose;
+	struct modbus_request request;
+	struct modbus_command command;
+	uint32_t device;
+	uint32_t read;
+	int64_t sent_ns; /* its last character has left */
+	int64_t deadline_ns;
+	bool garbled; /* something began like the answer */
+
+	uint8_t frame[MODBUS_FRAME_MAX];
+	uint8_t received[2 * MODBUS_FRAME_MAX];
+	size_t received_count;
+	size_t strays; /* of these, the first that belong to no answer */
+};
+
+struct modbus_output {
+	const uint8_t *frame; /* to be sent at once; valid until the next call */
+	size_t length;        /* 0: nothing to send */
+	int64_t deadline_ns;  /* when to poll again at the latest */
+};
+
+/* Plans the reads of all devices. The line is closed then. */
+void modbus_line_init(struct modbus_line *line);
+
+/* The port is there: every device is probed, and scanned when it answers. */
+void modbus_line_open(struct modbus_line *line, int64_t now_ns);
+
+/* The port is lost: devices die, commands end as timed out. */
+void modbus_line_close(struct modbus_line *line, int64_t now_ns);
+
+/*
+ * Queues a command; it goes ahead of polling, and is sent once at most. False when the line is closed
+ * or the queue full. Poll then.
+ */
+bool modbus_line_command(struct modbus_line *line, const struct modbus_command *command);
+
+/* Takes bytes that arrived by now_ns. Before a poll, everything that is readable must have been given. */
+void modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
+
+/*
+ * Does what is due at now_ns. A returned frame is taken to leave now_ns, at the line's speed. Call it
+ * at the deadline, and after modbus_line_receive, _open and _command.
+ */
+struct modbus_output modbus_line_poll(struct modbus_line *line, int64_t now_ns);
+
+#endif

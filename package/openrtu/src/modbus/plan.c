@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "plan.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "frame.h"
+
+#define NS_PER_S            1000000000LL
+#define FAST_BAUD           19200
+#define FAST_SILENCE_NS     1750000 /* MODBUS over Serial Line, 2.5.1.1: fixed above 19200 bit/s */
+#define REQUEST_CHARS       8
+#define ANSWER_CHARS        5       /* besides the data */
+#define TYPICAL_REACTION_NS 5000000 /* of a device, between request and answer */
+
+struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char)
+{
+	struct modbus_wire wire = {.char_ns = NS_PER_S * bits_per_char / baud};
+
+	wire.silence_ns = baud > FAST_BAUD ? FAST_SILENCE_NS : wire.char_ns * 7 / 2;
+	return wire;
+}
+
+static int compare_objects(const void *left, const void *right)
+{
+	const struct modbus_object *a = left, *b = right;
+
+	if (a->function != b->function)
+		return a->function < b->function ? -1 : 1;
+	return (a->address > b->address) - (a->address < b->address);
+}
+
+void modbus_objects_sort(struct modbus_object *objects, size_t count)
+{
+	if (count > 1)
+		qsort(objects, count, sizeof(*objects), compare_objects);
+}
+
+/* Widens the read so that it covers its last object. */
+static void cover_last(struct modbus_read *read, const struct modbus_object *objects)
+{
+	const struct modbus_object *last = &objects[read->first + read->objects - 1];
+	uint32_t count = (uint32_t)last->address + last->width - read->address;
+
+	if (count > read->count)
+		read->count = (uint16_t)count;
+}
+
+static struct modbus_read read_of(const struct modbus_object *objects, uint32_t first, uint32_t count)
+{
+	struct modbus_read read = {
+	    .first = first, .address = objects[first].address, .function = objects[first].function};
+
+	while (read.objects < count) {
+		read.objects++;
+		cover_last(&read, objects);
+	}
+	return read;
+}
+
+static bool fits(const struct modbus_read *read)
+{
+	return read->count <=
+	       (modbus_is_bit_function(read->function) ? MODBUS_BITS_MAX : MODBUS_REGISTERS_MAX);
+}
+
+static int64_t duration(const struct modbus_wire *wire, const struct modbus_read *read)
+{
+	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(read->function, read->count);
+
+	return chars * wire->char_ns + 2 * wire->silence_ns + TYPICAL_REACTION_NS;
+}
+
+/* Takes the object behind the read into it when that is allowed and not slower than a read of its own. */
+static bool merge_next(const struct modbus_wire *wire, const struct modbus_object *objects,
+		       struct modbus_read *read)
+{
+	uint32_t next = read->first + read->objects;
+
+	if (objects[next].function != read->function ||
+	    (uint32_t)objects[next].address + objects[next].width - read->address > MODBUS_BITS_MAX)
+		return false;
+
+	struct modbus_read alone = read_of(objects, next, 1);
+	struct modbus_read merged = *read;
+
+	merged.objects++;
+	cover_last(&merged, objects);
+	if (!fits(&merged) || duration(wire, &merged) > duration(wire, read) + duration(wire, &alone))
+		return false;
+	*read = merged;
+	return true;
+}
+
+uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
+		     struct modbus_read *reads)
+{
+	uint32_t made = 0;
+
+	for (uint32_t next = 0; next < count; next = reads[made - 1].first + reads[made - 1].objects) {
+		struct modbus_read *read = &reads[made++];
+
+		*read = read_of(objects, next, 1);
+		while (read->first + read->objects < count && merge_next(wire, objects, read))
+			;
+	}
+	return made;
+}
+
+bool modbus_plan_halve(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
+		       uint32_t index)
+{
+	struct modbus_read whole = reads[index];
+	uint32_t half = whole.objects / 2;
+
+	if (half == 0)
+		return false;
+	memmove(&reads[index + 2], &reads[index + 1], (*count - index - 1) * sizeof(*reads));
+	reads[index] = read_of(objects, whole.first, half);
+	reads[index + 1] = read_of(objects, whole.first + half, whole.objects - half);
+	reads[index].urgent = reads[index + 1].urgent = whole.urgent;
+	(*count)++;
+	return true;
+}

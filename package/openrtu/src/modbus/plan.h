@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The read plan of one device: which requests bring all its objects in the least time on the wire.
+ */
+#ifndef OPENRTU_MODBUS_PLAN_H
+#define OPENRTU_MODBUS_PLAN_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* What a device offers at one address. Its bits or registers always travel in one answer. */
+struct modbus_object {
+	uint32_t tag;     /* the caller's; not looked at */
+	uint16_t address; /* from 0 */
+	uint8_t function; /* that reads it: 1..4 */
+	uint8_t width;    /* bits or registers: 1, 2 */
+};
+
+/* One request of the plan: the objects first .. first + objects - 1 of the sorted table. */
+struct modbus_read {
+	uint32_t first;
+	uint32_t objects;
+	uint16_t address;
+	uint16_t count; /* bits or registers */
+	uint8_t function;
+	uint16_t failures;     /* in a row, while the device answered other requests */
+	bool urgent;           /* wanted before its turn */
+	int64_t pause_ns;      /* not 0: an object that the device does not give is asked for this seldom */
+	int64_t not_before_ns; /* when it is asked for again */
+};
+
+/* Durations of one line. */
+struct modbus_wire {
+	int64_t char_ns;
+	int64_t silence_ns; /* between frames: 3.5 characters */
+};
+
+/* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
+struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
+
+/* Sorts by function, address: the order modbus_plan needs. */
+void modbus_objects_sort(struct modbus_object *objects, size_t count);
+
+/*
+ * Plans the reads of count sorted objects into reads, which has room for count of them. Returns how
+ * many reads it made. Neighbours are merged, over a hole too when carrying the hole takes less time
+ * than another request.
+ */
+uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
+		     struct modbus_read *reads);
+
+/*
+ * Replaces reads[index] by its two halves, for a device that refuses the whole; *count grows by one.
+ * False when it is a single object and nothing was changed.
+ */
+bool modbus_plan_halve(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
+		       uint32_t index);
+
+#endif

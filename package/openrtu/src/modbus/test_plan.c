@@ -1,0 +1,194 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "modbus/frame.h"
+#include "modbus/plan.h"
+
+#define OBJECTS_MAX 4096
+#define COUNT(a)    ((uint32_t)(sizeof(a) / sizeof((a)[0])))
+
+static struct modbus_read reads[OBJECTS_MAX];
+static struct modbus_object many[OBJECTS_MAX];
+
+static struct modbus_wire slow_wire(void)
+{
+	return modbus_wire(9600, 10);
+}
+
+static void assert_read(const struct modbus_read *read, uint8_t function, uint16_t address, uint16_t count,
+			uint32_t objects)
+{
+	assert_int_equal(read->function, function);
+	assert_int_equal(read->address, address);
+	assert_int_equal(read->count, count);
+	assert_int_equal(read->objects, objects);
+}
+
+static void durations_of_the_wire(void **state)
+{
+	(void)state;
+	struct modbus_wire slow = modbus_wire(9600, 11);
+	struct modbus_wire fast = modbus_wire(38400, 11);
+
+	assert_int_equal(slow.char_ns, 1145833);
+	assert_int_equal(slow.silence_ns, 4010415);
+	assert_int_equal(modbus_wire(19200, 11).silence_ns, 2005206);
+	assert_int_equal(fast.silence_ns, 1750000);
+}
+
+static void neighbours_are_one_request_and_tables_are_not(void **state)
+{
+	(void)state;
+	struct modbus_object objects[] = {
+	    {0, 2, 3, 1}, {1, 0, 3, 2}, {2, 0, 1, 1}, {3, 1, 1, 2}, {4, 0, 4, 1}};
+	struct modbus_wire wire = slow_wire();
+
+	modbus_objects_sort(objects, COUNT(objects));
+	assert_int_equal(modbus_plan(&wire, objects, COUNT(objects), reads), 3);
+	assert_read(&reads[0], 1, 0, 3, 2);
+	assert_read(&reads[1], 3, 0, 3, 2);
+	assert_read(&reads[2], 4, 0, 1, 1);
+	assert_int_equal(objects[reads[1].first].tag, 1);
+}
+
+/*
+ * 9600 8N1: a request of its own costs 13 characters, two silences of 3.5 and 5 ms (4.8 characters): 24.8 characters.
+ * A register of the hole costs two.
+ */
+static void holes_are_carried_while_that_is_shorter(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	struct modbus_object near[] = {{0, 0, 3, 1}, {0, 13, 3, 1}};
+	struct modbus_object far[] = {{0, 0, 3, 1}, {0, 14, 3, 1}};
+
+	assert_int_equal(modbus_plan(&wire, near, 2, reads), 1);
+	assert_read(&reads[0], 3, 0, 14, 2);
+	assert_int_equal(modbus_plan(&wire, far, 2, reads), 2);
+	assert_read(&reads[0], 3, 0, 1, 1);
+	assert_read(&reads[1], 3, 14, 1, 1);
+}
+
+static void bits_bridge_wider_holes(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	struct modbus_object near[] = {{0, 0, 1, 1}, {0, 190, 1, 1}};
+	struct modbus_object far[] = {{0, 0, 1, 1}, {0, 230, 1, 1}};
+
+	assert_int_equal(modbus_plan(&wire, near, 2, reads), 1);
+	assert_int_equal(modbus_plan(&wire, far, 2, reads), 2);
+}
+
+static void limits_are_kept_and_no_object_is_torn(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+
+	for (uint32_t i = 0; i < 100; i++)
+		many[i] = (struct modbus_object){i, (uint16_t)(2 * i), 3, 2};
+	assert_int_equal(modbus_plan(&wire, many, 100, reads), 2);
+	assert_read(&reads[0], 3, 0, 124, 62);
+	assert_read(&reads[1], 3, 124, 76, 38);
+
+	for (uint32_t i = 0; i < 2001; i++)
+		many[i] = (struct modbus_object){i, (uint16_t)i, 2, 1};
+	assert_int_equal(modbus_plan(&wire, many, 2001, reads), 2);
+	assert_read(&reads[0], 2, 0, 2000, 2000);
+	assert_read(&reads[1], 2, 2000, 1, 1);
+}
+
+static void the_ends_of_the_address_space(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	struct modbus_object objects[] = {{0, 0, 3, 1}, {0, 65534, 3, 1}, {0, 65535, 3, 1}};
+
+	assert_int_equal(modbus_plan(&wire, objects, 3, reads), 2);
+	assert_read(&reads[0], 3, 0, 1, 1);
+	assert_read(&reads[1], 3, 65534, 2, 2);
+}
+
+static void halving_ends_at_single_objects(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	struct modbus_object objects[] = {{0, 0, 3, 1}, {1, 1, 3, 1}, {2, 4, 3, 2}, {3, 40, 3, 1}};
+	uint32_t count = modbus_plan(&wire, objects, 4, reads);
+
+	assert_int_equal(count, 2);
+	assert_true(modbus_plan_halve(objects, reads, &count, 0));
+	assert_int_equal(count, 3);
+	assert_read(&reads[0], 3, 0, 1, 1);
+	assert_read(&reads[1], 3, 1, 5, 2);
+	assert_read(&reads[2], 3, 40, 1, 1);
+	assert_true(modbus_plan_halve(objects, reads, &count, 1));
+	assert_read(&reads[1], 3, 1, 1, 1);
+	assert_read(&reads[2], 3, 4, 2, 1);
+	for (uint32_t i = 0; i < count; i++)
+		assert_false(modbus_plan_halve(objects, reads, &count, i));
+	assert_int_equal(count, 4);
+}
+
+static uint32_t random_next(uint32_t *seed)
+{
+	*seed = *seed * 1664525u + 1013904223u;
+	return *seed >> 8;
+}
+
+/* Whatever the objects: each is read whole, once, within the limits, also when all reads are halved to the end. */
+static void every_object_is_in_one_read(void **state)
+{
+	(void)state;
+	uint32_t seed = 7;
+
+	for (int round = 0; round < 200; round++) {
+		struct modbus_wire wire = modbus_wire(round % 2 ? 9600 : 115200, 11);
+		uint32_t total = 1 + random_next(&seed) % 300, address = 0;
+
+		for (uint32_t i = 0; i < total; i++) {
+			many[i] = (struct modbus_object){i, (uint16_t)address, (uint8_t)(1 + i * 4 / total),
+							 (uint8_t)(1 + random_next(&seed) % 2)};
+			address += 2 + random_next(&seed) % 3 * (random_next(&seed) % 60);
+		}
+		uint32_t count = modbus_plan(&wire, many, total, reads);
+		for (uint32_t i = 0, next = 0; i < count; i++) {
+			const struct modbus_read *read = &reads[i];
+
+			assert_int_equal(read->first, next);
+			next += read->objects;
+			assert_in_range(read->count, 1, modbus_is_bit_function(read->function) ? 2000 : 125);
+			for (uint32_t j = read->first; j < next; j++) {
+				assert_int_equal(many[j].function, read->function);
+				assert_true(many[j].address >= read->address);
+				assert_true(many[j].address + many[j].width <= read->address + read->count);
+			}
+			if (i + 1 == count)
+				assert_int_equal(next, total);
+		}
+		for (uint32_t i = 0; i < count; i++)
+			while (modbus_plan_halve(many, reads, &count, i))
+				;
+		assert_int_equal(count, total);
+	}
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test(durations_of_the_wire),
+	    cmocka_unit_test(neighbours_are_one_request_and_tables_are_not),
+	    cmocka_unit_test(holes_are_carried_while_that_is_shorter),
+	    cmocka_unit_test(bits_bridge_wider_holes),
+	    cmocka_unit_test(limits_are_kept_and_no_object_is_torn),
+	    cmocka_unit_test(the_ends_of_the_address_space),
+	    cmocka_unit_test(halving_ends_at_single_objects),
+	    cmocka_unit_test(every_object_is_in_one_read),
+	};
+	return cmocka_run_group_tests_name("modbus plan", tests, NULL, NULL);
+}

@@ -1,0 +1,369 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * rtu-iec104: the controlled station on TCP. One thread, one epoll loop; all of IEC 60870-5-104 is in iec104/.
+ */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <getopt.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "iec104/station.h"
+#include "map/map.h"
+
+#define NS_PER_MS 1000000LL
+#define IDLE_MS   250 /* well below the second in which rtud expects a heartbeat */
+#define BACKLOG   16
+#define EVENTS    (IEC104_CONNECTIONS_MAX + 3)
+
+/* What an epoll event is about: a connection's index, or one of these. */
+enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL };
+
+static struct iec104_station station;
+static struct socket {
+	int fd;
+	uint32_t interest; /* what epoll watches it for */
+} sockets[IEC104_CONNECTIONS_MAX];
+
+static struct map *map;
+static int64_t *sent_ns; /* k times a connection */
+static int poll_fd, listen_fd, signal_fd;
+
+/* ---- addresses --------------------------------------------------------------------------- */
+
+/* An IPv4 peer of an IPv6 socket is seen as a mapped address; here both are the same. */
+static void map_to_ipv6(const struct sockaddr_storage *address, struct in6_addr *out)
+{
+	if (address->ss_family == AF_INET6) {
+		memcpy(out, &((const struct sockaddr_in6 *)address)->sin6_addr, sizeof(*out));
+		return;
+	}
+	memset(out, 0, sizeof(*out));
+	out->s6_addr[10] = out->s6_addr[11] = 0xff;
+	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)address)->sin_addr, sizeof(struct in_addr));
+}
+
+static bool parse_address(const char *text, struct in6_addr *out)
+{
+	struct sockaddr_storage ipv4 = {.ss_family = AF_INET};
+
+	if (inet_pton(AF_INET6, text, out) == 1)
+		return true;
+	if (inet_pton(AF_INET, text, &((struct sockaddr_in *)&ipv4)->sin_addr) != 1)
+		return false;
+	map_to_ipv6(&ipv4, out);
+	return true;
+}
+
+static bool may_set_clock(const struct map_settings *settings, const struct sockaddr_storage *peer)
+{
+	struct in6_addr address, master;
+
+	map_to_ipv6(peer, &address);
+	for (unsigned i = 0; i < settings->clock_master_count; i++)
+		if (parse_address(settings->clock_masters[i], &master) &&
+		    memcmp(&address, &master, sizeof(address)) == 0)
+			return true;
+	return settings->clock_master_count == 0;
+}
+
+static void name_peer(const struct sockaddr_storage *peer, char name[IEC104_PEER_SIZE])
+{
+	struct in6_addr address;
+	char text[INET6_ADDRSTRLEN];
+	/* the port has the same place in both families */
+	unsigned port = ntohs(((const struct sockaddr_in *)peer)->sin_port);
+
+	map_to_ipv6(peer, &address);
+	if (IN6_IS_ADDR_V4MAPPED(&address))
+		inet_ntop(AF_INET, &address.s6_addr[12], text, sizeof(text));
+	else
+		inet_ntop(AF_INET6, &address, text, sizeof(text));
+	snprintf(name, IEC104_PEER_SIZE, "%s port %u", text, port);
+}
+
+/* ---- connections ------------------------------------------------------------------------- */
+
+static void watch(int operation, int fd, uint32_t interest, uint32_t source)
+{
+	struct epoll_event event = {.events = interest, .data.u32 = source};
+
+	epoll_ctl(poll_fd, operation, fd, &event);
+}
+
+static bool accept_one(void)
+{
+	struct sockaddr_storage peer;
+	socklen_t size = sizeof(peer);
+	struct iec104_connection *connection;
+	char name[IEC104_PEER_SIZE];
+	const int on = 1;
+	int fd = accept4(listen_fd, (struct sockaddr *)&peer, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+	uint32_t index;
+
+	if (fd < 0)
+		return errno == ECONNABORTED;
+	name_peer(&peer, name);
+	connection = iec104_station_connect(&station, name, may_set_clock(&map_config(map)->settings, &peer),
+					    map_now_ns());
+	if (connection == NULL) {
+		close(fd);
+		return true;
+	}
+	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+	index = (uint32_t)(connection - station.connections);
+	sockets[index] = (struct socket){.fd = fd, .interest = EPOLLIN};
+	watch(EPOLL_CTL_ADD, fd, EPOLLIN, index);
+	return true;
+}
+
+static void receive(uint32_t index)
+{
+	struct iec104_session *session = &station.connections[index].session;
+	size_t room;
+	uint8_t *place = iec104_session_space(session, &room);
+	ssize_t count;
+
+	if (room == 0)
+		return;
+	count = read(sockets[index].fd, place, room);
+	if (count > 0)
+		iec104_session_received(session, (size_t)count);
+	else if (count == 0 || (errno != EAGAIN && errno != EINTR))
+		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
+}
+
+/* Writes what the connection takes. True: something went, so there may be room for more. */
+static bool transmit(uint32_t index)
+{
+	struct iec104_session *session = &station.connections[index].session;
+	size_t size;
+	const uint8_t *bytes = iec104_session_output(session, &size);
+	ssize_t count;
+
+	if (size == 0)
+		return false;
+	count = send(sockets[index].fd, bytes, size, MSG_NOSIGNAL);
+	if (count > 0)
+		iec104_session_written(session, (size_t)count);
+	else if (errno != EAGAIN && errno != EINTR)
+		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
+	return count > 0;
+}
+
+static void end_connection(uint32_t index)
+{
+	iec104_station_disconnect(&station, &station.connections[index]);
+	close(sockets[index].fd);
+}
+
+/* Watches for input while there is space for it, and for output while some is left. */
+static void watch_connection(uint32_t index)
+{
+	struct iec104_session *session = &station.connections[index].session;
+	uint32_t interest = 0;
+	size_t size;
+
+	iec104_session_space(session, &size);
+	if (size > 0)
+		interest |= EPOLLIN;
+	iec104_session_output(session, &size);
+	if (size > 0)
+		interest |= EPOLLOUT;
+	if (interest == sockets[index].interest)
+		return;
+	sockets[index].interest = interest;
+	watch(EPOLL_CTL_MOD, sockets[index].fd, interest, index);
+}
+
+/* ---- the loop ---------------------------------------------------------------------------- */
+
+static void serve(void)
+{
+	bool moved;
+
+	do {
+		moved = false;
+		iec104_station_run(&station, map_now_ns());
+		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+			moved |= station.connections[i].open && transmit(i);
+	} while (moved);
+	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
+		if (!station.connections[i].open)
+			continue;
+		if (station.connections[i].session.closing != IEC104_OPEN)
+			end_connection(i);
+		else
+			watch_connection(i);
+	}
+}
+
+static int wait_ms(void)
+{
+	int64_t now_ns = map_now_ns(), deadline_ns = iec104_station_deadline(&station);
+
+	if (deadline_ns <= now_ns)
+		return 0;
+	if (deadline_ns >= now_ns + IDLE_MS * NS_PER_MS)
+		return IDLE_MS;
+	return (int)((deadline_ns - now_ns + NS_PER_MS - 1) / NS_PER_MS);
+}
+
+/* False: the process shall end. */
+static bool handle(const struct epoll_event *event)
+{
+	switch (event->data.u32) {
+	case SOURCE_LISTENER:
+		while (accept_one())
+			;
+		return true;
+	case SOURCE_BELL:
+		map_bell_clear(map);
+		return true;
+	case SOURCE_SIGNAL:
+		return false;
+	default:
+		if (event->events & EPOLLIN)
+			receive(event->data.u32);
+		else if (event->events & (EPOLLHUP | EPOLLERR))
+			iec104_session_close(&station.connections[event->data.u32].session,
+					     IEC104_CLOSED_BY_PEER);
+		return true;
+	}
+}
+
+static void run(void)
+{
+	bool wanted = true;
+
+	while (wanted && map_wanted(map)) {
+		struct epoll_event events[EVENTS];
+		int count = epoll_wait(poll_fd, events, EVENTS, wait_ms());
+
+		for (int i = 0; i < count; i++)
+			wanted &= handle(&events[i]);
+		serve();
+		map_heartbeat(map);
+	}
+	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		if (station.connections[i].open)
+			end_connection(i);
+}
+
+/* ---- start ------------------------------------------------------------------------------- */
+
+static int fail(const char *what, const char *why)
+{
+	fprintf(stderr, "rtu-iec104: %s: %s\n", what, why);
+	return -1;
+}
+
+static int open_listener(const struct map_settings *settings)
+{
+	const struct addrinfo hints = {.ai_flags = AI_PASSIVE | AI_NUMERICHOST | AI_NUMERICSERV,
+				       .ai_socktype = SOCK_STREAM};
+	struct addrinfo *address;
+	char port[8];
+	const int on = 1;
+	int error, status = -1;
+
+	snprintf(port, sizeof(port), "%u", (unsigned)settings->port);
+	error = getaddrinfo(settings->address, port, &hints, &address);
+	if (error != 0)
+		return fail(settings->address, gai_strerror(error));
+	listen_fd = socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (listen_fd < 0)
+		goto out;
+	setsockopt(listen_fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
+	status = bind(listen_fd, address->ai_addr, address->ai_addrlen);
+	if (status == 0)
+		status = listen(listen_fd, BACKLOG);
+out:
+	if (status < 0) {
+		map_log(map, MAP_LOG_ERROR, "cannot listen on %s port %s: %s", settings->address, port,
+			strerror(errno));
+		fail(settings->address, strerror(errno));
+	}
+	freeaddrinfo(address);
+	return status;
+}
+
+static int open_signals(void)
+{
+	sigset_t signals;
+
+	sigemptyset(&signals);
+	sigaddset(&signals, SIGTERM);
+	sigaddset(&signals, SIGINT);
+	sigprocmask(SIG_BLOCK, &signals, NULL);
+	signal_fd = signalfd(-1, &signals, SFD_CLOEXEC);
+	return signal_fd;
+}
+
+static int start(void)
+{
+	const struct map_settings *settings = &map_config(map)->settings;
+
+	sent_ns = calloc((size_t)settings->max_connections * settings->k, sizeof(*sent_ns));
+	poll_fd = epoll_create1(EPOLL_CLOEXEC);
+	if (sent_ns == NULL || poll_fd < 0 || open_signals() < 0)
+		return fail("cannot start", strerror(errno));
+	if (open_listener(settings) < 0)
+		return -1;
+	iec104_station_init(&station, map, sent_ns);
+	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
+	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);
+	watch(EPOLL_CTL_ADD, signal_fd, EPOLLIN, SOURCE_SIGNAL);
+	map_log(map, MAP_LOG_INFO, "listening on %s port %u", settings->address, (unsigned)settings->port);
+	return 0;
+}
+
+static int usage(void)
+{
+	fputs("usage: rtu-iec104 --map DIR --module NAME [--dev DIR]\n"
+	      "rtud starts it so; --dev is for the modules that have serial devices\n",
+	      stderr);
+	return 2;
+}
+
+int main(int argc, char **argv)
+{
+	static const struct option options[] = {
+	    {"map", required_argument, NULL, 'm'},
+	    {"module", required_argument, NULL, 'n'},
+	    {"dev", required_argument, NULL, 'd'},
+	    {0},
+	};
+	const char *directory = NULL, *module = NULL;
+	char error[MAP_ERROR_SIZE];
+	int option;
+
+	while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
+		if (option == 'm')
+			directory = optarg;
+		else if (option == 'n')
+			module = optarg;
+		else if (option != 'd')
+			return usage();
+	}
+	if (directory == NULL || module == NULL || optind != argc)
+		return usage();
+	if (map_attach(&map, directory, module, error) < 0) {
+		fail(directory, error);
+		return 1;
+	}
+	if (start() < 0)
+		return 1;
+	run();
+	map_detach(map);
+	return 0;
+}

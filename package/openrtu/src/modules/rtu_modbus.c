@@ -1,0 +1,643 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * rtu-modbus: the controlling station of some RS-485 lines. One loop serves all lines that the
+ * configuration gives to this process: it carries bytes between ports and lines, and results between
+ * lines and the map.
+ */
+#include <errno.h>
+#include <getopt.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/mman.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include "map/map.h"
+#include "modbus/line.h"
+#include "modules/convert.h"
+#include "modules/serial.h"
+
+#define NS_PER_MS      1000000LL
+#define NS_PER_S       1000000000LL
+#define REOPEN_NS      NS_PER_S
+#define HEARTBEAT_NS   (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
+#define READ_SIZE      512
+#define EPOLL_EVENTS   16
+#define WRONG_USAGE    2
+#define PORT_PATH_SIZE 512
+
+struct options {
+	const char *map;
+	const char *module;
+	const char *devices;
+};
+
+struct gateway;
+
+/* One line and its port. */
+struct port {
+	struct gateway *gateway;
+	const struct map_line *config;
+	uint32_t number; /* of the line in the configuration */
+	char path[PORT_PATH_SIZE];
+	int fd;       /* -1: not open */
+	bool failing; /* said in the log */
+	bool pty_logged;
+	int64_t deadline_ns; /* of the line, or of the next try to open the port */
+	struct modbus_line line;
+};
+
+struct gateway {
+	struct map *map;
+	const struct map_config *config;
+	struct port *ports;
+	uint32_t port_count;
+	struct map_update *updates; /* room for the largest device */
+	int epoll_fd;
+	int timer_fd;
+	int64_t heartbeat_ns; /* the next one */
+};
+
+static volatile sig_atomic_t stop_requested;
+
+static void request_stop(int signal_number)
+{
+	(void)signal_number;
+	stop_requested = 1;
+}
+
+static int64_t earlier(int64_t a, int64_t b)
+{
+	return a < b ? a : b;
+}
+
+static void count_port_error(struct port *port)
+{
+	atomic_fetch_add_explicit(&map_line_stats(port->gateway->map, port->number)->port_errors, 1,
+				  memory_order_relaxed);
+}
+
+/* ---- what a line tells goes into the map ---------------------------------------------------------- */
+
+static const struct map_device *device_config(const struct port *port, uint32_t device)
+{
+	return &port->gateway->config->devices[port->config->first_device + device];
+}
+
+static uint16_t raw_word(const struct modbus_read *read, const uint8_t *data, uint32_t index)
+{
+	if (index >= read->count)
+		return 0;
+	return modbus_is_bit_function(read->function) ? modbus_bit(data, (uint16_t)index)
+						      : modbus_register(data, (uint16_t)index);
+}
+
+static void publish_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
+			 int64_t now_ns)
+{
+	struct port *port = context;
+	struct gateway *gateway = port->gateway;
+
+	for (uint32_t i = 0; i < read->objects; i++) {
+		uint32_t point = port->line.devices[device].objects[read->first + i].tag;
+		const struct map_point *config = &gateway->config->points[point];
+		uint32_t index = (uint32_t)config->address - read->address;
+		const uint16_t raw[CONVERT_WIDTH_MAX] = {raw_word(read, data, index),
+							 raw_word(read, data, index + 1)};
+		struct map_update *update = &gateway->updates[i];
+
+		*update = (struct map_update){.point = point, .sample = {.time_ns = now_ns}};
+		convert_to_sample(config, raw, &update->sample);
+	}
+	map_publish(gateway->map, gateway->updates, read->objects);
+}
+
+/* The last value, which is no longer the device's. */
+static struct map_update invalid_update(struct map *map, uint32_t point, int64_t now_ns)
+{
+	struct map_update update = {.point = point};
+
+	if (!map_read(map, point, &update.sample))
+		update.sample = (struct map_sample){0};
+	update.sample.quality |= MAP_INVALID;
+	update.sample.time_ns = now_ns;
+	return update;
+}
+
+static void invalidate_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
+			    int64_t now_ns)
+{
+	struct port *port = context;
+	struct gateway *gateway = port->gateway;
+
+	for (uint32_t i = 0; i < read->objects; i++)
+		gateway->updates[i] = invalid_update(
+		    gateway->map, port->line.devices[device].objects[read->first + i].tag, now_ns);
+	map_publish(gateway->map, gateway->updates, read->objects);
+	if (exception == 0)
+		map_log(gateway->map, MAP_LOG_WARNING, "%s: no answer to function %u, address %u",
+			device_config(port, device)->name, read->function, read->address);
+	else
+		map_log(gateway->map, MAP_LOG_WARNING, "%s: exception %u to function %u, address %u",
+			device_config(port, device)->name, exception, read->function, read->address);
+}
+
+static void invalidate_device(struct gateway *gateway, const struct map_device *device, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < device->point_count; i++)
+		gateway->updates[i] = invalid_update(gateway->map, device->first_point + i, now_ns);
+	map_publish(gateway->map, gateway->updates, device->point_count);
+}
+
+static void device_changed(void *context, uint32_t device, bool alive, int64_t now_ns)
+{
+	struct port *port = context;
+	const struct map_device *config = device_config(port, device);
+
+	if (!alive)
+		invalidate_device(port->gateway, config, now_ns);
+	map_log(port->gateway->map, alive ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: unit %u on port %u %s",
+		config->name, config->unit, port->config->port, alive ? "answers" : "is dead");
+}
+
+static enum map_command_result map_result(enum modbus_result result)
+{
+	switch (result) {
+	case MODBUS_DONE:
+		return MAP_RESULT_DONE;
+	case MODBUS_REFUSED:
+		return MAP_RESULT_EXCEPTION;
+	case MODBUS_TOO_OLD:
+		return MAP_RESULT_TOO_OLD;
+	case MODBUS_TIMED_OUT:
+		break;
+	}
+	return MAP_RESULT_TIMEOUT;
+}
+
+static void finish_command(void *context, const struct modbus_command *command, enum modbus_result result,
+			   uint8_t exception)
+{
+	struct port *port = context;
+
+	map_command_finish(port->gateway->map, command->tag, map_result(result), exception);
+}
+
+static const struct modbus_events line_events = {publish_read, invalidate_read, device_changed,
+						 finish_command};
+
+/* ---- commands ---------------------------------------------------------------------------------------- */
+
+static struct port *port_of_line(struct gateway *gateway, uint32_t line)
+{
+	for (uint32_t i = 0; i < gateway->port_count; i++)
+		if (gateway->ports[i].number == line)
+			return &gateway->ports[i];
+	return NULL;
+}
+
+static uint8_t write_function(const struct map_point *point)
+{
+	if (point->table == MAP_COILS)
+		return point->width == 1 ? MODBUS_WRITE_COIL : MODBUS_WRITE_COILS;
+	return point->width == 1 ? MODBUS_WRITE_REGISTER : MODBUS_WRITE_REGISTERS;
+}
+
+/* Hands an accepted request to its line. MAP_RESULT_NONE: the line will end it. */
+static enum map_command_result begin_command(struct gateway *gateway, const struct map_request *request)
+{
+	const struct map_point *point = &gateway->config->points[request->point];
+	const struct map_device *device = &gateway->config->devices[point->device];
+	struct port *port = port_of_line(gateway, device->line);
+	struct modbus_command command = {
+	    .tag = request->point,
+	    .deadline_ns = request->deadline_ns,
+	    .request = {.unit = device->unit,
+			.function = write_function(point),
+			.address = point->address,
+			.count = point->width},
+	};
+
+	if (port == NULL)
+		return MAP_RESULT_NOT_COMMANDABLE;
+	if (!convert_to_raw(point, request->value, request->detail, command.request.values))
+		return MAP_RESULT_OUT_OF_RANGE;
+	command.device = (uint32_t)point->device - port->config->first_device;
+	return modbus_line_command(&port->line, &command) ? MAP_RESULT_NONE : MAP_RESULT_TIMEOUT;
+}
+
+static void take_requests(struct gateway *gateway)
+{
+	struct map_request request;
+
+	map_bell_clear(gateway->map);
+	while (map_request_next(gateway->map, &request)) {
+		if (!map_command_request(gateway->map, &request))
+			continue;
+		enum map_command_result result = begin_command(gateway, &request);
+		if (result != MAP_RESULT_NONE)
+			map_command_finish(gateway->map, request.point, result, 0);
+	}
+}
+
+/* ---- ports -------------------------------------------------------------------------------------------- */
+
+static void open_port(struct port *port, int64_t now_ns)
+{
+	struct map *map = port->gateway->map;
+	struct epoll_event event = {.events = EPOLLIN, .data.ptr = port};
+	char error[SERIAL_ERROR_SIZE];
+	bool carries_parity;
+
+	port->fd = serial_open(port->path, port->config, &carries_parity, error);
+	if (port->fd < 0) {
+		count_port_error(port);
+		if (!port->failing)
+			map_log(map, MAP_LOG_ERROR, "port %u: %s %s; tried again each second",
+				port->config->port, port->path, error);
+		port->failing = true;
+		port->deadline_ns = now_ns + REOPEN_NS;
+		return;
+	}
+	if (!carries_parity && port->config->parity != MAP_PARITY_NONE && !port->pty_logged) {
+		map_log(map, MAP_LOG_INFO, "port %u: %s is a pseudo-terminal, which carries no parity",
+			port->config->port, port->path);
+		port->pty_logged = true;
+	}
+	epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_ADD, port->fd, &event);
+	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
+		(unsigned)port->config->baud);
+	port->failing = false;
+	modbus_line_open(&port->line, now_ns);
+}
+
+static void lose_port(struct port *port, const char *cause, int64_t now_ns)
+{
+	close(port->fd);
+	port->fd = -1;
+	port->failing = true;
+	port->deadline_ns = now_ns + REOPEN_NS;
+	count_port_error(port);
+	map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
+		cause);
+	modbus_line_close(&port->line, now_ns);
+}
+
+/* Gives everything that is readable to the line. */
+static void read_port(struct port *port)
+{
+	while (port->fd >= 0) {
+		uint8_t bytes[READ_SIZE];
+		ssize_t length = read(port->fd, bytes, sizeof(bytes));
+		int64_t now_ns = map_now_ns();
+
+		if (length > 0) {
+			modbus_line_receive(&port->line, bytes, (size_t)length, now_ns);
+			if ((size_t)length < sizeof(bytes))
+				return;
+		} else if (length < 0 && errno == EINTR) {
+			continue;
+		} else if (length < 0 && errno == EAGAIN) {
+			return;
+		} else {
+			lose_port(port, length == 0 ? "hung up" : strerror(errno), now_ns);
+		}
+	}
+}
+
+/*
+ * What the port has not sent of an older request, which has timed out by now, it shall not send any
+ * more. A request that the driver does not take whole stays unanswered.
+ */
+static void write_port(struct port *port, const struct modbus_output *output, int64_t now_ns)
+{
+	serial_discard_output(port->fd);
+	ssize_t length = write(port->fd, output->frame, output->length);
+
+	if (length == (ssize_t)output->length)
+		return;
+	if (length < 0 && errno != EAGAIN && errno != EINTR)
+		lose_port(port, strerror(errno), now_ns);
+	else
+		count_port_error(port);
+}
+
+static void serve_port(struct port *port)
+{
+	int64_t now_ns = map_now_ns();
+
+	if (port->fd < 0 && now_ns >= port->deadline_ns)
+		open_port(port, now_ns);
+	if (port->fd < 0)
+		return;
+	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
+	port->deadline_ns = output.deadline_ns;
+	if (output.length > 0)
+		write_port(port, &output, now_ns);
+}
+
+/*
+ * ---- counters
+ * --------------------------------------------------------------------------------------------
+ */
+
+static void show(_Atomic uint32_t *counter, uint32_t value)
+{
+	atomic_store_explicit(counter, value, memory_order_relaxed);
+}
+
+static void show_device(struct map_device_stats *stats, const struct modbus_device *device)
+{
+	show(&stats->requests, device->counters.requests);
+	show(&stats->answers, device->counters.answers);
+	show(&stats->exceptions, device->counters.exceptions);
+	show(&stats->timeouts, device->counters.timeouts);
+	show(&stats->errors, device->counters.errors);
+	show(&stats->alive, device->alive);
+	show(&stats->next_probe_ms, (uint32_t)(device->backoff_ns / NS_PER_MS));
+	show(&stats->latency_us, device->counters.latency_us);
+	show(&stats->planned_requests, device->read_count);
+}
+
+static void show_counters(struct port *port)
+{
+	const struct modbus_line_counters *counters = &port->line.counters;
+	struct map *map = port->gateway->map;
+	struct map_line_stats *stats = map_line_stats(map, port->number);
+
+	show(&stats->requests, counters->requests);
+	show(&stats->answers, counters->answers);
+	show(&stats->exceptions, counters->exceptions);
+	show(&stats->timeouts, counters->timeouts);
+	show(&stats->crc_errors, counters->crc_errors);
+	show(&stats->wrong_answers, counters->wrong_answers);
+	show(&stats->late_answers, counters->late_answers);
+	show(&stats->noise_bytes, counters->noise_bytes);
+	show(&stats->commands, counters->commands);
+	show(&stats->scan_us, counters->scan_us);
+	show(&stats->open, port->fd >= 0);
+	for (uint32_t i = 0; i < port->line.device_count; i++)
+		show_device(map_device_stats(map, port->config->first_device + i), &port->line.devices[i]);
+}
+
+/*
+ * ---- start
+ * ------------------------------------------------------------------------------------------------
+ */
+
+static void *allocate(size_t count, size_t size)
+{
+	void *memory = calloc(count ? count : 1, size);
+
+	if (memory == NULL) {
+		fputs("rtu-modbus: not enough memory for the configuration\n", stderr);
+		exit(EXIT_FAILURE);
+	}
+	return memory;
+}
+
+static uint8_t read_function(uint8_t table)
+{
+	switch ((enum map_table)table) {
+	case MAP_COILS:
+		return MODBUS_READ_COILS;
+	case MAP_DISCRETE_INPUTS:
+		return MODBUS_READ_DISCRETE_INPUTS;
+	case MAP_INPUT_REGISTERS:
+		return MODBUS_READ_INPUT_REGISTERS;
+	case MAP_HOLDING_REGISTERS:
+		break;
+	}
+	return MODBUS_READ_HOLDING_REGISTERS;
+}
+
+static void set_up_device(const struct map_config *config, const struct map_device *from,
+			  struct modbus_device *device)
+{
+	*device = (struct modbus_device){
+	    .unit = from->unit,
+	    .retries = from->retries,
+	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
+	    .object_count = from->point_count,
+	    .objects = allocate(from->point_count, sizeof(*device->objects)),
+	    .reads = allocate(from->point_count, sizeof(*device->reads)),
+	};
+	for (uint32_t i = 0; i < from->point_count; i++) {
+		const struct map_point *point = &config->points[from->first_point + i];
+
+		device->objects[i] = (struct modbus_object){.tag = from->first_point + i,
+							    .address = point->address,
+							    .function = read_function(point->table),
+							    .width = point->width};
+	}
+}
+
+/* A point has one command at a time: a line's queue with room for each of its points is never full. */
+static uint32_t points_of_line(const struct map_config *config, const struct map_line *line)
+{
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < line->device_count; i++)
+		count += config->devices[line->first_device + i].point_count;
+	return count;
+}
+
+static void set_up_port(struct gateway *gateway, struct port *port, uint32_t number, const char *directory)
+{
+	const struct map_config *config = gateway->config;
+	const struct map_line *line = &config->lines[number];
+	uint32_t commands = points_of_line(config, line);
+
+	*port = (struct port){.gateway = gateway, .config = line, .number = number, .fd = -1};
+	if (line->device[0] == '/')
+		snprintf(port->path, sizeof(port->path), "%s", line->device);
+	else
+		snprintf(port->path, sizeof(port->path), "%s/%s", directory, line->device);
+	port->line = (struct modbus_line){
+	    .events = &line_events,
+	    .context = port,
+	    .devices = allocate(line->device_count, sizeof(struct modbus_device)),
+	    .device_count = line->device_count,
+	    .commands = allocate(commands, sizeof(struct modbus_command)),
+	    .command_capacity = commands,
+	    .wire = modbus_wire(line->baud, serial_bits_per_char(line)),
+	};
+	for (uint32_t i = 0; i < line->device_count; i++)
+		set_up_device(config, &config->devices[line->first_device + i], &port->line.devices[i]);
+	modbus_line_init(&port->line);
+}
+
+static void set_up_ports(struct gateway *gateway, const char *directory)
+{
+	const struct map_config *config = gateway->config;
+	uint32_t largest = 0;
+
+	gateway->ports = allocate(config->line_count, sizeof(*gateway->ports));
+	for (uint32_t i = 0; i < config->line_count; i++)
+		if (config->lines[i].module == map_self(gateway->map))
+			set_up_port(gateway, &gateway->ports[gateway->port_count++], i, directory);
+	for (uint32_t i = 0; i < config->device_count; i++)
+		if (config->devices[i].point_count > largest)
+			largest = config->devices[i].point_count;
+	gateway->updates = allocate(largest, sizeof(*gateway->updates));
+}
+
+static void release_ports(struct gateway *gateway)
+{
+	for (uint32_t i = 0; i < gateway->port_count; i++) {
+		struct modbus_line *line = &gateway->ports[i].line;
+
+		for (uint32_t device = 0; device < line->device_count; device++) {
+			free(line->devices[device].objects);
+			free(line->devices[device].reads);
+		}
+		free(line->devices);
+		free(line->commands);
+	}
+	free(gateway->ports);
+	free(gateway->updates);
+}
+
+static bool set_up_waiting(struct gateway *gateway)
+{
+	struct epoll_event bell = {.events = EPOLLIN, .data.ptr = gateway};
+	struct epoll_event timer = {.events = EPOLLIN, .data.ptr = &gateway->timer_fd};
+
+	gateway->epoll_fd = epoll_create1(EPOLL_CLOEXEC);
+	gateway->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+	return gateway->epoll_fd >= 0 && gateway->timer_fd >= 0 &&
+	       epoll_ctl(gateway->epoll_fd, EPOLL_CTL_ADD, map_bell_fd(gateway->map), &bell) == 0 &&
+	       epoll_ctl(gateway->epoll_fd, EPOLL_CTL_ADD, gateway->timer_fd, &timer) == 0;
+}
+
+static void set_up_signals(void)
+{
+	struct sigaction stop = {.sa_handler = request_stop}; /* without SA_RESTART: the loop shall wake */
+	struct sigaction ignore = {.sa_handler = SIG_IGN};
+
+	sigaction(SIGTERM, &stop, NULL);
+	sigaction(SIGINT, &stop, NULL);
+	sigaction(SIGPIPE, &ignore, NULL);
+}
+
+/*
+ * ---- the loop
+ * ----------------------------------------------------------------------------------------------
+ */
+
+static void arm_timer(const struct gateway *gateway)
+{
+	int64_t at_ns = gateway->heartbeat_ns;
+
+	for (uint32_t i = 0; i < gateway->port_count; i++)
+		at_ns = earlier(at_ns, gateway->ports[i].deadline_ns);
+	if (at_ns < 1)
+		at_ns = 1; /* 0 would disarm */
+	struct itimerspec timer = {
+	    .it_value = {.tv_sec = (time_t)(at_ns / NS_PER_S), .tv_nsec = (long)(at_ns % NS_PER_S)}};
+	timerfd_settime(gateway->timer_fd, TFD_TIMER_ABSTIME, &timer, NULL);
+}
+
+static void wait_and_take(struct gateway *gateway)
+{
+	struct epoll_event events[EPOLL_EVENTS];
+	int count = epoll_wait(gateway->epoll_fd, events, EPOLL_EVENTS, -1);
+
+	for (int i = 0; i < count; i++) {
+		if (events[i].data.ptr == gateway)
+			take_requests(gateway);
+		else if (events[i].data.ptr != &gateway->timer_fd)
+			read_port(events[i].data.ptr);
+	}
+}
+
+/* A delayed process reads its ports before it judges what has timed out. */
+static void read_late_bytes(struct gateway *gateway)
+{
+	int64_t now_ns = map_now_ns();
+
+	for (uint32_t i = 0; i < gateway->port_count; i++)
+		if (now_ns >= gateway->ports[i].deadline_ns)
+			read_port(&gateway->ports[i]);
+}
+
+static void beat(struct gateway *gateway)
+{
+	int64_t now_ns = map_now_ns();
+
+	if (now_ns < gateway->heartbeat_ns)
+		return;
+	gateway->heartbeat_ns = now_ns + HEARTBEAT_NS;
+	map_heartbeat(gateway->map);
+	for (uint32_t i = 0; i < gateway->port_count; i++)
+		show_counters(&gateway->ports[i]);
+}
+
+static void serve(struct gateway *gateway)
+{
+	while (!stop_requested && map_wanted(gateway->map)) {
+		beat(gateway);
+		read_late_bytes(gateway);
+		for (uint32_t i = 0; i < gateway->port_count; i++)
+			serve_port(&gateway->ports[i]);
+		arm_timer(gateway);
+		wait_and_take(gateway);
+	}
+}
+
+static bool parse_options(int argc, char **argv, struct options *options)
+{
+	static const struct option known[] = {{"map", required_argument, NULL, 'm'},
+					      {"module", required_argument, NULL, 'n'},
+					      {"dev", required_argument, NULL, 'd'},
+					      {0}};
+
+	options->devices = "/dev";
+	for (int option; (option = getopt_long(argc, argv, "", known, NULL)) >= 0;) {
+		if (option == 'm')
+			options->map = optarg;
+		else if (option == 'n')
+			options->module = optarg;
+		else if (option == 'd')
+			options->devices = optarg;
+		else
+			return false;
+	}
+	return options->map && options->module && optind == argc;
+}
+
+int main(int argc, char **argv)
+{
+	struct options options = {0};
+	struct gateway gateway = {0};
+	char error[MAP_ERROR_SIZE];
+
+	if (!parse_options(argc, argv, &options)) {
+		fputs("usage: rtu-modbus --map DIR --module NAME [--dev DIR]\n"
+		      "It is started by rtud. DIR of --dev holds the ports that the configuration names "
+		      "without a path.\n",
+		      stderr);
+		return WRONG_USAGE;
+	}
+	set_up_signals();
+	if (map_attach(&gateway.map, options.map, options.module, error) < 0) {
+		fprintf(stderr, "rtu-modbus: %s\n", error);
+		return WRONG_USAGE;
+	}
+	gateway.config = map_config(gateway.map);
+	set_up_ports(&gateway, options.devices);
+	if (!set_up_waiting(&gateway)) {
+		map_log(gateway.map, MAP_LOG_ERROR, "no epoll or timer: %s", strerror(errno));
+		return EXIT_FAILURE;
+	}
+	if (mlockall(MCL_CURRENT | MCL_FUTURE) < 0)
+		map_log(gateway.map, MAP_LOG_INFO, "memory is not locked: %s", strerror(errno));
+	serve(&gateway);
+	map_detach(gateway.map);
+	release_ports(&gateway);
+	return EXIT_SUCCESS;
+}

@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "serial.h"
+
+/*
+ * Not <termios.h>: any baud rate needs struct termios2, which it hides; and its tcsetattr fails on a
+ * pseudo-terminal that does not take the parity.
+ */
+#include <asm/termbits.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+#include <unistd.h>
+
+#define PTY_MAJOR_FIRST        136 /* Linux, Documentation/admin-guide/devices.txt: Unix98 PTY slaves */
+#define PTY_MAJOR_LAST         143
+#define BAUD_TOLERANCE_PERCENT 2
+#define CHECKED_FLAGS          (CSIZE | PARENB | PARODD | CSTOPB | CRTSCTS)
+
+unsigned serial_bits_per_char(const struct map_line *line)
+{
+	return 1u + 8u + (line->parity != MAP_PARITY_NONE) + line->stop_bits;
+}
+
+void serial_discard_output(int fd)
+{
+	ioctl(fd, TCFLSH, TCOFLUSH);
+}
+
+static bool is_pty(int fd)
+{
+	struct stat status;
+
+	if (fstat(fd, &status) < 0)
+		return false;
+	return major(status.st_rdev) >= PTY_MAJOR_FIRST && major(status.st_rdev) <= PTY_MAJOR_LAST;
+}
+
+static struct termios2 wanted_settings(const struct map_line *line)
+{
+	/* A character with a parity error is read as 0, and the CRC finds it. */
+	struct termios2 settings = {
+	    .c_iflag = IGNBRK | (line->parity == MAP_PARITY_NONE ? 0 : INPCK),
+	    .c_cflag = CS8 | CREAD | CLOCAL | BOTHER,
+	    .c_ispeed = line->baud,
+	    .c_ospeed = line->baud,
+	};
+
+	if (line->parity != MAP_PARITY_NONE)
+		settings.c_cflag |= PARENB;
+	if (line->parity == MAP_PARITY_ODD)
+		settings.c_cflag |= PARODD;
+	if (line->stop_bits == 2)
+		settings.c_cflag |= CSTOPB;
+	settings.c_cc[VMIN] = 1; /* no byte is EAGAIN, 0 is a hang-up */
+	return settings;
+}
+
+static bool is_near(uint32_t baud, uint32_t wanted)
+{
+	uint32_t difference = baud > wanted ? baud - wanted : wanted - baud;
+
+	return difference <= wanted / 100 * BAUD_TOLERANCE_PERCENT;
+}
+
+static bool took(const struct termios2 *settings, const struct termios2 *wanted, bool carries_parity)
+{
+	tcflag_t checked = carries_parity ? CHECKED_FLAGS : CHECKED_FLAGS & ~(tcflag_t)(PARENB | PARODD);
+
+	return ((settings->c_cflag ^ wanted->c_cflag) & checked) == 0 &&
+	       is_near(settings->c_ospeed, wanted->c_ospeed);
+}
+
+static bool configure(int fd, const struct map_line *line, bool carries_parity, char *error)
+{
+	struct termios2 wanted = wanted_settings(line), settings;
+
+	if (ioctl(fd, TCSETS2, &wanted) < 0 || ioctl(fd, TCGETS2, &settings) < 0) {
+		snprintf(error, SERIAL_ERROR_SIZE, "is not a serial port: %s", strerror(errno));
+		return false;
+	}
+	if (!took(&settings, &wanted, carries_parity)) {
+		snprintf(error, SERIAL_ERROR_SIZE, "cannot do %u bit/s with this parity and these stop bits",
+			 (unsigned)line->baud);
+		return false;
+	}
+	ioctl(fd, TCFLSH, TCIOFLUSH);
+	return true;
+}
+
+/*
+ * flock keeps away those who ask, TIOCEXCL those who do not. The latter lasts until nobody has the port
+ * open: on a pseudo-terminal, which its other side may hold open, it would outlive a killed owner and
+ * keep out the next.
+ */
+static bool seize(int fd, char *error)
+{
+	if (flock(fd, LOCK_EX | LOCK_NB) < 0) {
+		snprintf(error, SERIAL_ERROR_SIZE, "is used by another process");
+		return false;
+	}
+	if (!is_pty(fd) && ioctl(fd, TIOCEXCL) < 0) {
+		snprintf(error, SERIAL_ERROR_SIZE, "is not a serial port: %s", strerror(errno));
+		return false;
+	}
+	return true;
+}
+
+int serial_open(const char *path, const struct map_line *line, bool *carries_parity, char *error)
+{
+	int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+
+	if (fd < 0) {
+		snprintf(error, SERIAL_ERROR_SIZE, "cannot be opened: %s", strerror(errno));
+		return -1;
+	}
+	*carries_parity = !is_pty(fd);
+	if (seize(fd, error) && configure(fd, line, *carries_parity, error))
+		return fd;
+	close(fd);
+	return -1;
+}

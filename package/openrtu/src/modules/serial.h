@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A serial port as a Modbus line needs it. */
+#ifndef OPENRTU_MODULES_SERIAL_H
+#define OPENRTU_MODULES_SERIAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "map/config.h"
+
+#define SERIAL_ERROR_SIZE 96
+
+/*
+ * Opens the port for us alone, raw, non-blocking, 8 data bits, with the line's baud rate, parity and
+ * stop bits, and checks what it took. *carries_parity is false for a pseudo-terminal, which has none to
+ * carry. Returns the descriptor, or -1 with a message in error (SERIAL_ERROR_SIZE bytes).
+ */
+int serial_open(const char *path, const struct map_line *line, bool *carries_parity, char *error);
+
+/* Forgets what was written and has not been sent. */
+void serial_discard_output(int fd);
+
+/* Bits of one character: start, data, parity, stop. */
+unsigned serial_bits_per_char(const struct map_line *line);
+
+#endif

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Starts and watches the gateway: rtud and the modules that it starts."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+START_TIMEOUT_S = 15.0
+STOP_TIMEOUT_S = 10.0
+
+
+class GatewayError(Exception):
+    """The gateway did not do what was waited for; the text holds the end of its log."""
+
+
+def default_build() -> Path:
+    """The folder that `make build` fills, or the one that OPENRTU_BUILD names."""
+    return Path(os.environ.get("OPENRTU_BUILD", REPOSITORY / "build" / "native"))
+
+
+def free_port() -> int:
+    """A TCP port of 127.0.0.1 that nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
+    """A copy of a configuration whose station listens on 127.0.0.1, at that TCP port."""
+    changed = copy.deepcopy(config)
+    changed.setdefault("iec104", {}).update(address="127.0.0.1", port=port)
+    return changed
+
+
+def run_directory() -> Path:
+    """A new folder on a tmpfs that the modules' unprivileged users may enter."""
+    folder = Path(tempfile.mkdtemp(prefix="openrtu-", dir="/dev/shm"))
+    folder.chmod(0o755)
+    return folder
+
+
+class Gateway:
+    """A running rtud. `directory` gets its configuration, log and map; `directory`/dev holds the serial devices."""
+
+    def __init__(self, config: dict[str, Any], directory: Path, build: Path | None = None) -> None:
+        self.build = build or default_build()
+        self.directory = directory
+        self.map = directory / "map"
+        self.dev = directory / "dev"
+        self.config_file = directory / "gateway.json"
+        self.log_file = directory / "rtud.log"
+        settings = config.get("iec104", {})
+        self.address = (settings.get("address", "127.0.0.1"), settings.get("port", 2404))
+        self.config_file.write_text(json.dumps(config, indent=2))
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self) -> None:
+        """Starts rtud and waits until its modules run and the station answers on its port."""
+        command = [self.build / "rtud" / "rtud", "--map", self.map, "--dev", self.dev]
+        command += ["--modules", self.build / "modules", self.config_file]
+        with self.log_file.open("ab") as log:
+            self.process = subprocess.Popen(command, stderr=log, stdin=subprocess.DEVNULL)
+        try:
+            self.wait_for(self._is_up, START_TIMEOUT_S, "the gateway is up")
+        except GatewayError:
+            self.stop()
+            raise
+
+    def stop(self) -> int:
+        """Stops rtud as an init system does. Returns its exit code."""
+        if self.process is None:
+            return 0
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        try:
+            return self.process.wait(STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise GatewayError(f"rtud did not stop within {STOP_TIMEOUT_S} s\n{self.log()}") from None
+
+    def ctl(self, *arguments: str, check: bool = True) -> str:
+        """What `rtuctl` prints."""
+        command = [self.build / "rtuctl" / "rtuctl", "--map", self.map, *arguments]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        if check and result.returncode != 0:
+            raise GatewayError(
+                f"rtuctl {' '.join(arguments)}: {result.stderr.strip() or result.stdout.strip()}"
+            )
+        return result.stdout
+
+    def query(self, *arguments: str) -> Any:
+        """What `rtuctl --json` prints, decoded."""
+        return json.loads(self.ctl("--json", *arguments))
+
+    def modules(self) -> dict[str, dict[str, Any]]:
+        """The module table by name."""
+        return {module["name"]: module for module in self.query("modules")}
+
+    def points(self, pattern: str = "*") -> dict[str, dict[str, Any]]:
+        """The points whose names match a glob, by name."""
+        return {point["name"]: point for point in self.query("points", pattern)}
+
+    def log(self, lines: int = 40) -> str:
+        """The end of rtud's log."""
+        return "\n".join(self.log_file.read_text(errors="replace").splitlines()[-lines:])
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
+        """Waits until condition() is true; returns the seconds it took. Raises GatewayError with the log."""
+        begin = time.monotonic()
+        while not condition():
+            if self.process is not None and self.process.poll() is not None:
+                raise GatewayError(f"rtud exited with {self.process.returncode}\n{self.log()}")
+            if time.monotonic() - begin > timeout_s:
+                raise GatewayError(f"not within {timeout_s} s: {what}\n{self.log()}")
+            time.sleep(0.005)
+        return time.monotonic() - begin
+
+    def _is_up(self) -> bool:
+        try:
+            running = [module for module in self.query("modules") if module["state"] == "running"]
+            with socket.create_connection(self.address, timeout=1.0):
+                return len(running) >= 2
+        except (GatewayError, OSError):
+            return False
+
+
+def remove(directory: Path) -> None:
+    """Removes a run directory."""
+    shutil.rmtree(directory, ignore_errors=True)

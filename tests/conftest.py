@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the tests share: the tree's root and the built programs, a gateway on a desk."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from desk import Desk, chapter_5, desk_of
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def built(variable: str, default: str) -> Path:
+    """What the environment variable names, or the default below the tree's root."""
+    path = Path(os.environ.get(variable, ROOT / default)).resolve()
+    if not path.exists():
+        pytest.fail(f"{path} is not there: run `make build asan`, or set {variable}", pytrace=False)
+    return path
+
+
+@pytest.fixture(scope="session")
+def programs() -> Path:
+    """The folder of the native build: rtud/rtud, rtuctl/rtuctl, modules/…"""
+    return built("OPENRTU_BUILD", "build/native")
+
+
+@pytest.fixture(scope="session")
+def asan_programs() -> Path:
+    """The same under AddressSanitizer and UBSan, for slow tests: `make test-quick` does not build them."""
+    return built("OPENRTU_ASAN_BUILD", "build/asan")
+
+
+@pytest.fixture(scope="session")
+def linesim_program() -> Path:
+    return built("OPENRTU_LINESIM", "build/linesim/linesim")
+
+
+@pytest.fixture(scope="session")
+def desk(programs: Path) -> Iterator[Desk]:
+    """The gateway of chapter 5 between simulated devices and a controlling station."""
+    with desk_of(chapter_5(), programs) as desk:
+        yield desk

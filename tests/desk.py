@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A gateway with simulated devices behind it and a controlling station in front of it, for the tests."""
+
+import contextlib
+import copy
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.linesim import LineSim
+from lab.master import Master
+
+CHAPTER_5 = Path(__file__).parent / "fixtures" / "chapter5"
+
+
+def chapter_5() -> dict[str, Any]:
+    """The configuration of `make run`."""
+    loaded: dict[str, Any] = json.loads((CHAPTER_5 / "gateway.json").read_text())
+    return loaded
+
+
+def values() -> dict[str, dict[str, dict[str, int]]]:
+    """Its devices' initial values."""
+    loaded: dict[str, dict[str, dict[str, int]]] = json.loads((CHAPTER_5 / "values.json").read_text())
+    return loaded
+
+
+def of_port(config: dict[str, Any], number: int) -> dict[str, Any]:
+    """One port of a configuration."""
+    return next(port for port in config["port"] if port["value"] == number)
+
+
+@dataclass
+class Desk:
+    """What stands on it."""
+
+    lines: LineSim
+    gateway: Gateway
+    master: Master
+
+    def ca(self, device: str) -> int:
+        """The common address of device "port.unit"."""
+        port, unit = device.split(".")
+        return 1000 * int(port) + int(unit)
+
+    def device(self, ca: int) -> str:
+        return f"{ca // 1000}.{ca % 1000}"
+
+    def set_and_scan(self, device: str, table: str, address: int, values: list[int]) -> None:
+        """Changes values at a device; returns when the gateway has read them."""
+        unit = int(device.split(".")[1])
+        mark = self.lines.mark()
+        self.lines.set(device, table, address, *values)
+        self.lines.wait_frame(
+            lambda f: (
+                (f.kind, f.unit, f.table, f.address, f.value) == ("reading", unit, table, address, values[0])
+            ),
+            since=mark,
+        )
+
+    def wait_all_good(self, ca: int, timeout_s: float = 30.0) -> None:
+        """Until every point of a station is good again."""
+
+        def good() -> bool:
+            return all(p["quality"] != "invalid" for p in self.gateway.points().values() if p["ca"] == ca)
+
+        self.gateway.wait_for(good, timeout_s, f"all points of CA {ca} are valid")
+
+
+@contextlib.contextmanager
+def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[LineSim, Gateway]]:
+    """Simulated devices and a gateway on a free TCP port of its own; removed afterwards."""
+    directory = run_directory()
+    config = listening_on(copy.deepcopy(config), free_port())
+    with contextlib.ExitStack() as stack:
+        stack.callback(remove, directory)
+        file = directory / "linesim.json"
+        file.write_text(json.dumps(config))
+        lines = stack.enter_context(LineSim(file, CHAPTER_5 / "values.json", directory / "dev"))
+        yield lines, stack.enter_context(Gateway(config, directory, build))
+
+
+@contextlib.contextmanager
+def desk_of(config: dict[str, Any], build: Path) -> Iterator[Desk]:
+    """All three, once every device has been read."""
+    with gateway_on_lines(config, build) as (lines, gateway):
+        gateway.wait_for(lambda: everything_read(gateway), 30.0, "every device has been read")
+        with Master(*gateway.address) as master:
+            master.synchronise_clock(next(iter(gateway.points().values()))["ca"])
+            yield Desk(lines, gateway, master)
+
+
+def everything_read(gateway: Gateway) -> bool:
+    """All points are valid, but those behind a broadcast address."""
+    return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])

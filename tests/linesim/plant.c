@@ -1,0 +1,310 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "plant.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PORT_MAX 64
+
+static int fail(char *error, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static int fail(char *error, const char *format, ...)
+{
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(error, PLANT_ERROR_SIZE, format, arguments);
+	va_end(arguments);
+	return -1;
+}
+
+bool plant_number(const char *text, long min, long max, long *value)
+{
+	char *end;
+
+	errno = 0;
+	*value = strtol(text, &end, 10);
+	return end != text && *end == '\0' && !errno && *value >= min && *value <= max;
+}
+
+static int get_integer(json_t *object, const char *path, const char *key, long min, long max, long *value,
+		       char *error)
+{
+	json_t *member = json_object_get(object, key);
+
+	if (!json_is_integer(member) || json_integer_value(member) < min || json_integer_value(member) > max)
+		return fail(error, "%s.%s: expected an integer %ld to %ld", path, key, min, max);
+	*value = (long)json_integer_value(member);
+	return 0;
+}
+
+static json_t *load(const char *path, char *error)
+{
+	json_error_t place;
+	json_t *root = json_load_file(path, JSON_REJECT_DUPLICATES, &place);
+
+	if (!root && place.line > 0)
+		fail(error, "line %d: %s", place.line, place.text);
+	else if (!root)
+		fail(error, "%s", place.text);
+	return root;
+}
+
+/* ---- the gateway's configuration --------------------------------------------------------- */
+
+/* Types of table 4.1 that cover two neighbours; all others cover one. */
+static long width(json_t *object)
+{
+	static const char *const wide[] = {"double", "float", "counter", "bitstring"};
+	const char *type = json_string_value(json_object_get(object, "type"));
+
+	for (size_t i = 0; type && i < sizeof wide / sizeof *wide; i++)
+		if (strcmp(type, wide[i]) == 0)
+			return 2;
+	return 1;
+}
+
+static int load_table(struct slave *slave, enum slave_table table, json_t *objects, const char *slave_path,
+		      char *error)
+{
+	size_t index;
+	json_t *object;
+
+	json_array_foreach(objects, index, object)
+	{
+		char path[128];
+		long address;
+		const long cells = width(object);
+
+		snprintf(path, sizeof path, "%s.%s[%zu]", slave_path, slave_table_name(table), index);
+		if (get_integer(object, path, "address", 0, SLAVE_TABLE_CELLS - cells, &address, error))
+			return -1;
+		for (long i = 0; i < cells; i++)
+			slave->table[table].exists[address + i] = true;
+	}
+	return 0;
+}
+
+static int load_slave(struct line *line, json_t *description, const char *path, char *error)
+{
+	long unit;
+
+	if (get_integer(description, path, "id", 0, SLAVE_UNIT_MAX, &unit, error))
+		return -1;
+	if (line->slaves[unit])
+		return fail(error, "%s.id: slave %ld is on this line already", path, unit);
+
+	struct slave *slave = calloc(1, sizeof *slave);
+
+	if (!slave)
+		return fail(error, "%s: out of memory", path);
+	slave->unit = (uint8_t)unit;
+	line->slaves[unit] = slave;
+	for (enum slave_table table = SLAVE_COILS; table < SLAVE_TABLES; table++)
+		if (load_table(slave, table, json_object_get(description, slave_table_name(table)), path,
+			       error))
+			return -1;
+	return 0;
+}
+
+static int load_pace(struct line *line, json_t *description, const char *path, int64_t latency_ns,
+		     char *error)
+{
+	long baud, data_bits, stop_bits, parity;
+
+	if (get_integer(description, path, "baud_rate", 300, 4000000, &baud, error) ||
+	    get_integer(description, path, "data_bits", 8, 8, &data_bits, error) ||
+	    get_integer(description, path, "stop_bits", 1, 2, &stop_bits, error) ||
+	    get_integer(description, path, "parity", 0, 2, &parity, error))
+		return -1;
+	line_set_pace(line, (unsigned)baud, (unsigned)(1 + data_bits + (parity ? 1 : 0) + stop_bits),
+		      latency_ns);
+	return 0;
+}
+
+/* The board's six ports are these (report 003, chapter 2); "device" names another. */
+static int name_line(struct line *line, json_t *description, const char *path, char *error)
+{
+	static const char *const board[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", "ttyS6", "ttyS8"};
+	const char *device = json_string_value(json_object_get(description, "device"));
+
+	if (!device && line->port <= sizeof board / sizeof *board)
+		device = board[line->port - 1];
+	if (!device)
+		return fail(error, "%s.device: port %u is not one of the board's 1 to 6 and needs a device",
+			    path, line->port);
+
+	const char *slash = strrchr(device, '/');
+	const char *name = slash ? slash + 1 : device;
+
+	if (!*name || strcmp(name, ".") == 0 || strcmp(name, "..") == 0 || strlen(name) >= sizeof line->name)
+		return fail(error, "%s.device: \"%s\" does not end in the name of a device", path, device);
+	snprintf(line->name, sizeof line->name, "%s", name);
+	return 0;
+}
+
+static int check_line_is_new(const struct plant *plant, const struct line *line, const char *path,
+			     char *error)
+{
+	for (size_t i = 0; i < plant->line_count; i++) {
+		if (plant->lines[i].port == line->port)
+			return fail(error, "%s.value: port %u is there already", path, line->port);
+		if (strcmp(plant->lines[i].name, line->name) == 0)
+			return fail(error, "%s.device: %s is port %u's already", path, line->name,
+				    plant->lines[i].port);
+	}
+	return 0;
+}
+
+static int load_line(struct plant *plant, json_t *description, const char *path, int64_t latency_ns,
+		     char *error)
+{
+	struct line *line = &plant->lines[plant->line_count];
+	long port;
+	size_t index;
+	json_t *slave;
+
+	if (plant->line_count == PLANT_LINES_MAX)
+		return fail(error, "%s: more than %d active ports", path, PLANT_LINES_MAX);
+	if (get_integer(description, path, "value", 1, PORT_MAX, &port, error))
+		return -1;
+	line->port = (uint16_t)port;
+	if (name_line(line, description, path, error) || check_line_is_new(plant, line, path, error) ||
+	    load_pace(line, description, path, latency_ns, error))
+		return -1;
+	json_array_foreach(json_object_get(description, "slaves"), index, slave)
+	{
+		char slave_path[64];
+
+		snprintf(slave_path, sizeof slave_path, "%s.slaves[%zu]", path, index);
+		if (load_slave(line, slave, slave_path, error))
+			return -1;
+	}
+	plant->line_count++;
+	return 0;
+}
+
+int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns, char *error)
+{
+	size_t index;
+	json_t *port;
+	json_auto_t *root = load(path, error);
+
+	if (!root)
+		return -1;
+
+	json_t *ports = json_object_get(root, "port");
+
+	if (!json_is_array(ports))
+		return fail(error, "port: expected an array (report 003, figure 4.8)");
+	json_array_foreach(ports, index, port)
+	{
+		char place[32];
+		long active;
+
+		snprintf(place, sizeof place, "port[%zu]", index);
+		if (get_integer(port, place, "active", 0, 1, &active, error) ||
+		    (active && load_line(plant, port, place, latency_ns, error)))
+			return -1;
+	}
+	return 0;
+}
+
+/* ---- initial values ---------------------------------------------------------------------- */
+
+static int load_value(struct slave *slave, enum slave_table table, const char *where, const char *address,
+		      json_t *value, char *error)
+{
+	long cell;
+
+	if (!plant_number(address, 0, SLAVE_TABLE_CELLS - 1, &cell) || !slave_exists(slave, table, cell))
+		return fail(error, "%s: the configuration has no address \"%s\" there", where, address);
+	if (!json_is_integer(value) || !slave_set(slave, table, cell, (long)json_integer_value(value)))
+		return fail(error, "%s.%s: expected an integer %s", where, address,
+			    slave_table_has_bits(table) ? "0 or 1" : "-32768 to 65535");
+	return 0;
+}
+
+static int load_slave_values(struct slave *slave, const char *name, json_t *tables, char *error)
+{
+	const char *table_name, *address;
+	json_t *cells, *value;
+
+	json_object_foreach(tables, table_name, cells)
+	{
+		const enum slave_table table = slave_table_named(table_name);
+		char where[64];
+
+		if (table == SLAVE_TABLES)
+			return fail(
+			    error,
+			    "%s: unknown table \"%s\", expected coils, discrete_inputs, input_registers or "
+			    "holding_registers",
+			    name, table_name);
+		snprintf(where, sizeof where, "%s.%s", name, table_name);
+		json_object_foreach(cells, address, value)
+		{
+			if (load_value(slave, table, where, address, value, error))
+				return -1;
+		}
+	}
+	return 0;
+}
+
+int plant_load_values(struct plant *plant, const char *path, char *error)
+{
+	const char *name;
+	json_t *tables;
+	json_auto_t *root = load(path, error);
+
+	if (!root)
+		return -1;
+	if (!json_is_object(root))
+		return fail(error, "expected an object with a member for each slave");
+	json_object_foreach(root, name, tables)
+	{
+		struct slave *slave = plant_slave(plant, name);
+
+		if (!slave)
+			return fail(error,
+				    "the configuration has no slave \"%s\" (port.unit) on an active port",
+				    name);
+		if (load_slave_values(slave, name, tables, error))
+			return -1;
+	}
+	return 0;
+}
+
+/* ---- finding ----------------------------------------------------------------------------- */
+
+struct line *plant_line(struct plant *plant, const char *port)
+{
+	long number;
+
+	if (!plant_number(port, 1, PORT_MAX, &number))
+		return NULL;
+	for (size_t i = 0; i < plant->line_count; i++)
+		if (plant->lines[i].port == number)
+			return &plant->lines[i];
+	return NULL;
+}
+
+struct slave *plant_slave(struct plant *plant, const char *name)
+{
+	const char *dot = strchr(name, '.');
+	char port[8];
+	long unit;
+
+	if (!dot || dot - name >= (long)sizeof port || !plant_number(dot + 1, 0, SLAVE_UNIT_MAX, &unit))
+		return NULL;
+	memcpy(port, name, (size_t)(dot - name));
+	port[dot - name] = '\0';
+
+	struct line *line = plant_line(plant, port);
+
+	return line ? line->slaves[unit] : NULL;
+}

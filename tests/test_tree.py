@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tree itself: licences, layout, front door, links. What a reader would otherwise find out too late."""
+
+import fnmatch
+import os
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+THIS = Path("tests/test_tree.py")
+TAG = "SPDX-License-Identifier"
+
+# The first pattern that fits a path names its licence: issue 2, "The frame".
+LICENCES = [
+    ("patches/linux/*", "GPL-2.0-only"),
+    ("patches/*", "GPL-2.0-or-later"),
+    ("board/nuc980/qemu/*", "GPL-2.0-or-later"),
+    ("dts/bindings/*", "GPL-2.0-only OR BSD-2-Clause"),
+    ("dts/*", "GPL-2.0-only OR MIT"),
+    ("*", "GPL-3.0-or-later"),
+]
+NO_COMMENT = {".json", ".pcap"}
+
+# A registry's host or one machine's path ties the tree to where it was written; a mkdtemp template does not.
+PLACE = re.compile(
+    r"(?<![\w./-])/(?:work|home|root|tmp(?!/[\w.-]*XXXXXX))/"
+    r"|/opt/(?:wheels|pypi)"
+    r"|\b(?:pypi\.org|pythonhosted\.org|(?:deb|security|snapshot|ftp)\.debian\.org)\b"
+    r"|\b(?:registry\.npmjs\.org|crates\.io|docker\.io|ghcr\.io|proxy\.golang\.org)\b"
+)
+
+
+def git_files() -> list[Path]:
+    """Every file of the tree, also one not yet added, without what .gitignore leaves out."""
+    # A checkout that another user owns, as in a container, is no reason to stop.
+    git = ["git", "-c", "safe.directory=*", "ls-files", "-z", "-co", "--exclude-standard"]
+    names = subprocess.run(git, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split("\0")
+    return sorted({Path(name) for name in names if name and (ROOT / name).is_file()})
+
+
+FILES = git_files()
+PAGES = [path for path in FILES if path.suffix == ".md"]
+LICENSED = [path for path in FILES if path.parent != Path("LICENSES")]
+
+
+def text_of(path: Path) -> str:
+    return (ROOT / path).read_text(encoding="utf-8", errors="replace")
+
+
+def expected_licence(path: Path) -> str:
+    return next(licence for pattern, licence in LICENCES if fnmatch.fnmatch(str(path), pattern))
+
+
+def declared_licence(path: Path) -> str | None:
+    """From the SPDX line at the file's head, or from REUSE.toml for a file that cannot hold one."""
+    head = "".join(text_of(path).splitlines(keepends=True)[:3])
+    found = re.search(rf"{TAG}: \(?([\w.\- ]+?)\)?\s*(?:\*/|-->|$)", head, re.MULTILINE)
+    return found[1] if found else table_licence(path)
+
+
+def table_licence(path: Path) -> str | None:
+    tables = tomllib.loads(text_of(Path("REUSE.toml")))["annotations"]
+    licences = [table[TAG] for table in tables if TAG in table and fnmatch.fnmatch(str(path), table["path"])]
+    return licences[-1] if licences else None
+
+
+def test_licence_is_the_folders() -> None:
+    wrong = {
+        str(path): declared_licence(path)
+        for path in LICENSED
+        if declared_licence(path) != expected_licence(path)
+    }
+    assert wrong == {}
+
+
+def test_table_is_only_for_files_without_comments() -> None:
+    assert [path for path in LICENSED if table_licence(path) and path.suffix not in NO_COMMENT] == []
+
+
+def test_every_licence_has_its_text() -> None:
+    named = {name for _, licence in LICENCES for name in licence.split(" OR ")}
+    assert {path.stem for path in FILES if path.parent == Path("LICENSES")} == named
+
+
+def test_layout_is_the_documented_one() -> None:
+    block = re.search(r"```text\n(.*?)```", text_of(Path("docs/development.md")), re.DOTALL)
+    assert block is not None
+    documented = {line.split("/")[0] for line in block[1].splitlines() if re.match(r"[\w.-]+/", line)}
+    present = {path.parts[0] for path in FILES if len(path.parts) > 1 and not path.parts[0].startswith(".")}
+    assert present == documented
+
+
+def test_no_place_of_one_machine() -> None:
+    found = [
+        f"{path}:{number}: {line.strip()}"
+        for path in LICENSED
+        for number, line in enumerate(text_of(path).splitlines(), 1)
+        if path != THIS and PLACE.search(line)
+    ]
+    assert found == []
+
+
+# ---- the front door ------------------------------------------------------------------------------
+
+
+def targets() -> set[str]:
+    return set(re.findall(r"^([a-z][a-z-]*):", text_of(Path("Makefile")), re.MULTILINE))
+
+
+def test_make_help_lists_every_target() -> None:
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))
+    }
+    done = subprocess.run(
+        ["make", "--no-print-directory"],
+        cwd=ROOT,
+        env=environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    lines = [re.fullmatch(r"make (\S+) +\S.*", line) for line in done.stdout.splitlines()]
+    assert None not in lines
+    assert {line[1] for line in lines if line} == targets()
+
+
+def test_every_target_is_phony() -> None:
+    phony = re.search(r"^\.PHONY: (.*)$", text_of(Path("Makefile")), re.MULTILINE)
+    assert phony is not None
+    assert set(phony[1].split()) == targets()
+
+
+def test_ci_types_what_the_readme_says() -> None:
+    commands = [line for line in text_of(Path(".ci/run")).splitlines() if line.startswith("make")]
+    assert commands == ["make test"]
+    assert "make test" in code_of(Path("README.md"))
+
+
+# ---- pages ---------------------------------------------------------------------------------------
+
+
+def code_of(page: Path) -> str:
+    """Fenced blocks and inline code: where a page says what to type."""
+    text = text_of(page)
+    fenced = re.findall(r"^```.*?\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    return "\n".join(fenced + re.findall(r"`([^`\n]+)`", text))
+
+
+def anchors(page: Path) -> set[str]:
+    """Headings as GitHub names them."""
+    headings = re.findall(r"^#+ (.*)$", text_of(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_commands_of_a_page_exist(page: Path) -> None:
+    typed = code_of(page)
+    made = " ".join(re.findall(r"^make ([a-z -]+)", typed, re.MULTILINE)).split()
+    assert set(made) - targets() == set()
+    programs = re.findall(r"(?<![\w/])((?:scripts|tests|\.ci)/[\w./-]+)", typed)
+    assert [name for name in programs if not (ROOT / name).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_links_of_a_page_resolve(page: Path) -> None:
+    broken = []
+    for target, anchor in re.findall(r"\]\((?!\w+:)([^)#\s]*)(?:#([^)\s]+))?\)", text_of(page)):
+        linked = (ROOT / page.parent / target).resolve() if target else ROOT / page
+        if not linked.exists() or (anchor and anchor not in anchors(linked.relative_to(ROOT))):
+            broken.append(f"{target}#{anchor}" if anchor else target)
+    assert broken == []
