@@ -37,8 +37,8 @@ def linesim_program() -> Path:
     return built("OPENRTU_LINESIM", "build/linesim/linesim")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def desk(programs: Path) -> Iterator[Desk]:
-    """The gateway of chapter 5 between simulated devices and a controlling station."""
+    """The gateway of chapter 5 between simulated devices and a controlling station; one for a module's tests."""
     with desk_of(chapter_5(), programs) as desk:
         yield desk

@@ -61,6 +61,12 @@ class Desk:
             since=mark,
         )
 
+    def wait_scan(self, device: str) -> None:
+        """Until the device has been asked twice: what was queued before has been sent."""
+        unit, mark = int(device.split(".")[1]), self.lines.mark()
+        first = self.lines.wait_frame(lambda f: f.kind == "received" and f.unit == unit, since=mark)
+        self.lines.wait_frame(lambda f: f.kind == "received" and f.unit == unit, since=first.number)
+
     def wait_all_good(self, ca: int, timeout_s: float = 30.0) -> None:
         """Until every point of a station is good again."""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The whole gateway between simulated devices (linesim) and a controlling station of another make (c104, lib60870)."""
+"""The whole gateway between simulated devices (linesim) and a controlling station of another make (c104)."""
 
 import datetime
 import math
@@ -281,13 +281,6 @@ def test_failed_command_is_negative_and_never_repeated(
     assert len(sent) == writes
 
 
-def test_object_that_needs_a_selection(desk: Desk) -> None:
-    command = c104.DoubleCmd(state=c104.Double.ON)
-    assert not desk.master.command(1010, 1, "C_DC_NA_1", command)
-    assert desk.master.command(1010, 1, "C_DC_NA_1", command, select=True)
-    assert [desk.lines.get("1.10", "coils", address) for address in (0, 1)] == [0, 1]
-
-
 @pytest.mark.parametrize(
     ("ioa", "kind", "info"),
     [
@@ -352,6 +345,7 @@ def test_unplugged_line_is_invalid_and_the_others_are_not(desk: Desk) -> None:
         desk.wait_all_good(ca)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fault", [("noise", 20), ("late", 700), ("wrong-unit",), ("truncate",), ("echo",), ("delay", 100)]
 )

@@ -52,7 +52,7 @@ def run_directory() -> Path:
 
 
 class Gateway:
-    """A running rtud. `directory` gets its configuration, log and map; `directory`/dev holds the serial devices."""
+    """A running rtud. `directory` gets its configuration, log and map; its dev holds the serial devices."""
 
     def __init__(self, config: dict[str, Any], directory: Path, build: Path | None = None) -> None:
         self.build = build or default_build()

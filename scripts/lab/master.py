@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A controlling station of another make: c104, which is lib60870. It knows nothing of the gateway's configuration."""
+"""A controlling station of another make: c104, which is lib60870. It knows nothing of the configuration."""
 
 # No `from __future__ import annotations` here: c104 compares the annotations of callbacks, as objects.
 import datetime
@@ -94,8 +94,8 @@ def _utc(time_tag: datetime.datetime | None) -> datetime.datetime | None:
 
 class Master:
     """
-    A controlling station on two connections: one to monitor, one to command. (c104 allows one point an address, and
-    the gateway's commands have the addresses of what they change.)
+    A controlling station on two connections, one to monitor and one to command: c104 allows one point an
+    address, and the gateway's commands have the addresses of what they change.
     """
 
     def __init__(self, address: str, port: int) -> None:
@@ -108,7 +108,7 @@ class Master:
         self.connection = self._monitor.add_connection(ip=address, port=port, init=c104.Init.NONE)
         self.connection.on_receive_raw(callable=self._on_receive_raw)
         self.connection.on_unexpected_message(callable=self._on_unexpected_message)
-        self._operator = c104.Client(tick_rate_ms=50, command_timeout_ms=10_000)
+        self._operator = c104.Client(tick_rate_ms=50, command_timeout_ms=1_000)
         self.commands = self._operator.add_connection(ip=address, port=port, init=c104.Init.NONE)
         self.commands.on_receive_raw(callable=self._on_receive_raw)
 
@@ -150,7 +150,7 @@ class Master:
     def _on_unexpected_message(
         self, connection: c104.Connection, message: c104.IncomingMessage, cause: c104.Umc
     ) -> None:
-        """A point has one type for c104: the one it came with first. Its events have a time tag, and so another."""
+        """For c104 a point has the type that it came with first; with a time tag, events have another."""
         more = cause == c104.Umc.MISMATCHED_TYPE_ID
         while more:
             self._keep(message)
@@ -235,7 +235,7 @@ class Master:
             raise MasterError(f"CA {ca} refused the clock synchronisation")
 
     def command(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
-        """Sends a direct command, such as ("C_SC_NA_1", c104.SingleCmd(True)); True when confirmed positively."""
+        """Sends a direct command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively."""
         station = self.commands.get_station(ca) or self.commands.add_station(common_address=ca)
         if station.get_point(ioa):
             station.remove_point(ioa)

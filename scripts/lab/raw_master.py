@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A controlling station on a bare socket, for stop-watches: no threads, objects dated as they arrive."""
+"""A controlling station on a bare socket: no threads, every octet its own, objects dated as they arrive."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Object:
     """One information object as it arrived."""
 
     type: int
-    cause: int
+    cause: int  # with the bits of P/N and test
     ca: int
     ioa: int
     value: int
@@ -67,6 +67,7 @@ class Asdu:
     count: int
     sequence: bool
     cause: int
+    originator: int
     ca: int
     body: bytes
     arrived_ns: int
@@ -76,7 +77,7 @@ class Asdu:
         if len(asdu) < 6:
             raise StationError(f"an ASDU of {len(asdu)} octets")
         number, ca = asdu[1], int.from_bytes(asdu[4:6], "little")
-        return cls(asdu[0], number & 0x7F, bool(number & 0x80), asdu[2] & 0x7F, ca, asdu[6:], arrived_ns)
+        return cls(asdu[0], number & 0x7F, bool(number & 0x80), asdu[2], asdu[3], ca, asdu[6:], arrived_ns)
 
     def objects(self) -> list[Object]:
         """Its information objects; none for a type that is not of ELEMENT_SIZE."""
@@ -145,6 +146,23 @@ class RawMaster:
                 interrogation.objects += asdu.objects()
         self._acknowledge()
         return interrogation
+
+    def request(
+        self, kind: int, ca: int, ioa: int, element: bytes, cause: int = ACTIVATION, originator: int = 0
+    ) -> None:
+        """Sends one information object. What arrived before and was not asked for is dropped."""
+        self._asdus.clear()
+        head = bytes((kind, 1, cause, originator)) + ca.to_bytes(2, "little")
+        self._send_i(head + ioa.to_bytes(3, "little") + element)
+
+    def answer(self, kind: int, timeout_s: float = ANSWER_TIMEOUT_S) -> Asdu:
+        """The next ASDU of that type, acknowledged. Raises StationError when none comes in time."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            asdu = self._next_asdu(deadline, f"answer of type {kind}")
+            self._acknowledge()
+            if asdu.type == kind:
+                return asdu
 
     def spontaneous(self, deadline: float) -> list[Object]:
         """The objects of the next spontaneous ASDU. deadline: time.monotonic()."""

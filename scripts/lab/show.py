@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`make run`: chapter 5 of report 003, live. Exit code 0 when all of it was seen, 1 with the reason when not."""
+"""`make run`: chapter 5 of report 003, live. Exit code 0: all of it was seen; 1: not, with the reason."""
 
 from __future__ import annotations
 
@@ -243,9 +243,7 @@ def keep_up(stage: Stage) -> None:
     host, port = stage.gateway.address
     rtuctl = f"{stage.gateway.build}/rtuctl/rtuctl --map {stage.gateway.map}"
     say()
-    say(
-        f"The gateway stays up: a controlled station on {host}:{port}, common addresses as in the table above."
-    )
+    say(f"The gateway stays up: a controlled station on {host}:{port}.")
     say("In another terminal:")
     for command in ("points 'p3.67.*'", "watch", "lines", "modules", "set p3.67.c3 off"):
         say(f"  {rtuctl} {command}")
@@ -270,9 +268,7 @@ def show(port: int, keep: bool) -> None:
         gateway = start_gateway(stack, directory, config)
         master = stack.enter_context(Master(*gateway.address))
         master.synchronise_clock(STATION)
-        say(
-            f"   * a master of another make (c104, lib60870) is connected to 127.0.0.1:{port}; clock synchronised"
-        )
+        say(f"   * a master of another make (c104, lib60870) on 127.0.0.1:{port}; clock synchronised")
         stage = Stage(lines, gateway, master)
         run_steps(stage)
         say()

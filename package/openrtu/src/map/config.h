@@ -86,9 +86,9 @@ struct map_point {
 	uint8_t group;    /* interrogation group 1..16, 0: none */
 	uint8_t reserved[3];
 	uint32_t cyclic_ms; /* period of cyclic transmission, 0: none */
-	float scale;        /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
-	float offset;
-	float deadband;   /* in the unit of the value sent; 0: every change is an event */
+	double scale;       /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
+	double offset;
+	double deadband;  /* in the unit of the value sent; 0: every change is an event */
 	uint32_t slot;    /* place among its owner's points; set by map_create */
 	uint32_t command; /* place among its owner's commands; set by map_create */
 };

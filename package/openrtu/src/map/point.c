@@ -38,12 +38,14 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	map_latch *latch = &segment->latches[config->device];
 
 	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		/* First: a generation that begins after the sample was read must not vouch for its predecessor's. */
+		bool alive = map_alive(map, owner);
 		uint32_t sequence = latch_read_begin(latch);
 		struct map_sample sample = segment->samples[sequence & 1][config->slot];
 
 		if (!latch_read_done(latch, sequence))
 			continue;
-		if (!map_alive(map, owner))
+		if (!alive)
 			sample.quality |= MAP_INVALID;
 		*out = sample;
 		return true;
@@ -72,7 +74,7 @@ static bool value_left(const struct map_point *point, union map_value from, unio
 {
 	double by = distance(point->type, from, to);
 
-	return isnan(by) ? from.u != to.u : by > (double)point->deadband;
+	return isnan(by) ? from.u != to.u : by > point->deadband;
 }
 
 static bool is_event(const struct map_point *point, struct reported *last, const struct map_sample *sample)

@@ -42,12 +42,12 @@ static void split(const struct map_point *point, uint32_t both, uint16_t raw[2])
 /* The raw value in the unit of the value sent. */
 static double scaled(const struct map_point *point, double raw)
 {
-	return raw * (double)point->scale + (double)point->offset;
+	return raw * point->scale + point->offset;
 }
 
 static double unscaled(const struct map_point *point, double value)
 {
-	return (value - (double)point->offset) / (double)point->scale;
+	return (value - point->offset) / point->scale;
 }
 
 static int32_t rounded_within(double value, int32_t min, int32_t max, uint8_t *quality)

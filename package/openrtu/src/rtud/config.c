@@ -297,7 +297,7 @@ static void check_scale(struct loader *loader, const struct config_place *object
 {
 	const struct config_place here = key_of(object, object_rules[OBJECT_SCALE].name);
 
-	if (fpclassify((float)scale) == FP_ZERO)
+	if (fpclassify(scale) == FP_ZERO)
 		config_error(&loader->report, &here, "is 0, expected another number");
 }
 
@@ -347,9 +347,9 @@ static struct map_point object_point(const struct config_value *values, enum map
 		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
 	    .group = (uint8_t)values[OBJECT_GROUP].integer,
 	    .cyclic_ms = (uint32_t)values[OBJECT_CYCLIC].integer,
-	    .scale = (float)values[OBJECT_SCALE].number,
-	    .offset = (float)values[OBJECT_OFFSET].number,
-	    .deadband = (float)values[OBJECT_DEADBAND].number,
+	    .scale = values[OBJECT_SCALE].number,
+	    .offset = values[OBJECT_OFFSET].number,
+	    .deadband = values[OBJECT_DEADBAND].number,
 	};
 }
 
