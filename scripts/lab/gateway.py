@@ -19,6 +19,9 @@ from typing import Any, Self
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_TIMEOUT_S = 15.0
 STOP_TIMEOUT_S = 10.0
+RESTARTS_MAX = 3
+TESTFR_ACT = bytes.fromhex("680443000000")
+TESTFR_CON = bytes.fromhex("680483000000")
 
 
 class GatewayError(Exception):
@@ -137,10 +140,21 @@ class Gateway:
 
     def _is_up(self) -> bool:
         try:
-            running = [module for module in self.query("modules") if module["state"] == "running"]
-            with socket.create_connection(self.address, timeout=1.0):
-                return len(running) >= 2
-        except (GatewayError, OSError):
+            modules = self.query("modules")
+        except GatewayError:
+            return False  # there is no map yet
+        failing = [module["name"] for module in modules if module["restarts"] >= RESTARTS_MAX]
+        if failing:
+            raise GatewayError(f"{failing[0]} does not stay up\n{self.log()}")
+        return self._station_answers()
+
+    def _station_answers(self) -> bool:
+        """Somebody else may listen on the port: only a controlled station confirms a test frame."""
+        try:
+            with socket.create_connection(self.address, timeout=1.0) as connection:
+                connection.sendall(TESTFR_ACT)
+                return connection.recv(len(TESTFR_CON)) == TESTFR_CON
+        except OSError:
             return False
 
 

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The server of pymodbus, in an event loop of its own."""
+
+import asyncio
+import threading
+from collections.abc import Coroutine, Sequence
+from typing import Any
+
+from pymodbus.pdu import ModbusPDU
+from pymodbus.server import ModbusSerialServer
+from pymodbus.simulator import DataType, SimData, SimDevice
+
+from peers.device import BAUD_RATE, FIRST_ADDRESS, TABLE_SIZE, UNIT, Device
+
+ANSWER_TIMEOUT_S = 10.0
+FUNCTION = {"coils": 1, "discrete_inputs": 2, "holding_registers": 3, "input_registers": 4}
+BIT_TABLES = ("coils", "discrete_inputs")
+
+
+def _bits() -> list[SimData]:
+    return [SimData(FIRST_ADDRESS, values=[False] * TABLE_SIZE, datatype=DataType.BITS)]
+
+
+def _registers() -> list[SimData]:
+    return [SimData(FIRST_ADDRESS, count=TABLE_SIZE, values=0, datatype=DataType.REGISTERS)]
+
+
+class PymodbusDevice(Device):
+    _server: ModbusSerialServer
+
+    def start(self) -> None:
+        self._loop = asyncio.new_event_loop()
+        # A daemon, so that a server that cannot start does not keep the tests from ending.
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._run(self._listen())
+
+    def stop(self) -> None:
+        self._run(self._server.shutdown())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def get(self, table: str, address: int, count: int) -> list[int]:
+        values = self._run(self._server.async_getValues(UNIT, FUNCTION[table], address, count))
+        return [int(value) for value in values]
+
+    def set(self, table: str, address: int, values: Sequence[int]) -> None:
+        own = [bool(value) for value in values] if table in BIT_TABLES else list(values)
+        self._run(self._server.async_setValues(UNIT, FUNCTION[table], address, own))
+
+    async def _listen(self) -> None:
+        self._server = ModbusSerialServer(
+            SimDevice(UNIT, (_bits(), _bits(), _registers(), _registers())),
+            port=str(self.path),
+            baudrate=BAUD_RATE,
+            trace_pdu=self._trace,
+        )
+        await self._server.serve_forever(background=True)
+
+    def _trace(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:
+        if not sending:
+            self.requests.append(bytes([pdu.function_code]) + pdu.encode())
+        return pdu
+
+    def _run(self, work: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(ANSWER_TIMEOUT_S)
