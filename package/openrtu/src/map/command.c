@@ -8,6 +8,20 @@
 #include "map/layout.h"
 #include "map/supervise.h"
 
+#define RECORDS_A_TURN 256u /* a ring's worth: more in one turn of the loop is somebody gone wild */
+
+static bool turn_is_over(const struct map *map)
+{
+	return map->taken >= RECORDS_A_TURN;
+}
+
+/* The rest is taken in the next turn of the caller's loop, which this bell begins. */
+static void ring_own_bell_for_the_rest(const struct map *map)
+{
+	if (turn_is_over(map))
+		bell_ring(map, map->self);
+}
+
 /* ---- requester --------------------------------------------------------------------------- */
 
 uint32_t map_request_post(struct map *map, struct map_request request)
@@ -34,12 +48,15 @@ bool map_answer_next(struct map *map, struct map_answer *out)
 	for (uint32_t i = 0; i < map->directory->module_count; i++) {
 		uint32_t lost = 0;
 
-		while (ring_peek(&map->segments[i].answers, &header->answer_next[i], out, &lost)) {
+		while (!turn_is_over(map) &&
+		       ring_peek(&map->segments[i].answers, &header->answer_next[i], out, &lost)) {
 			header->answer_next[i]++;
+			map->taken++;
 			if (out->requester == map->self)
 				return true;
 		}
 	}
+	ring_own_bell_for_the_rest(map);
 	return false;
 }
 
@@ -61,8 +78,12 @@ bool map_request_next(struct map *map, struct map_request *out)
 	for (uint32_t i = 0; i < map->directory->module_count; i++) {
 		uint32_t lost = 0;
 
-		while (ring_peek(&map->segments[i].requests, &header->request_next[i], out, &lost)) {
+		if (map->directory->modules[i].kind == MAP_MODULE_MODBUS)
+			continue; /* which answers and has nothing to ask, unless gone wild */
+		while (!turn_is_over(map) &&
+		       ring_peek(&map->segments[i].requests, &header->request_next[i], out, &lost)) {
 			header->request_next[i]++;
+			map->taken++;
 			out->requester = (uint16_t)i; /* whose ring it is, whatever it says */
 			if (is_for(map, out))
 				return true;
@@ -71,6 +92,7 @@ bool map_request_next(struct map *map, struct map_request *out)
 			map_log(map, MAP_LOG_ERROR, "%u requests of %s were overwritten unread", lost,
 				map->directory->modules[i].name);
 	}
+	ring_own_bell_for_the_rest(map);
 	return false;
 }
 
@@ -126,23 +148,30 @@ static struct map_command command_of(const struct map *map, const struct map_req
 	};
 }
 
+/* The process that asked has not been replaced by another since. */
+static bool requester_is_there(const struct map *map, const struct map_command *command)
+{
+	return command->generation == atomic_load(&map->segments[command->requester].header->generation);
+}
+
 static bool same_requester(const struct map *map, const struct map_command *command,
 			   const struct map_request *request)
 {
 	return command->requester == request->requester && command->session == request->session &&
-	       command->generation == atomic_load(&map->segments[request->requester].header->generation);
+	       requester_is_there(map, command);
 }
 
-static bool is_selected(const struct map_command *command)
+static bool is_selected(const struct map *map, const struct map_command *command)
 {
-	return command->state == MAP_ACCEPTED_SELECTION && map_now_ns() <= command->until_ns;
+	return command->state == MAP_ACCEPTED_SELECTION && map_now_ns() <= command->until_ns &&
+	       requester_is_there(map, command);
 }
 
 /* What the request is refused for, before the point is touched. */
 static enum map_command_result objection(const struct map *map, const struct map_command *command,
 					 const struct map_request *request)
 {
-	bool selected = is_selected(command), same = same_requester(map, command, request);
+	bool selected = is_selected(map, command), same = same_requester(map, command, request);
 
 	if (map_now_ns() > request->deadline_ns)
 		return MAP_RESULT_TOO_OLD;
@@ -192,7 +221,7 @@ static void cancel_selection(struct map *map, struct command_cell *cell, const s
 {
 	struct map_command command = current(cell);
 
-	if (is_selected(&command) && same_requester(map, &command, request))
+	if (is_selected(map, &command) && same_requester(map, &command, request))
 		move(map, cell, request, MAP_INTERRUPTED_SELECTION, MAP_RESULT_DONE);
 	else
 		refuse(map, request, MAP_RESULT_NOT_SELECTED);
@@ -208,7 +237,7 @@ static bool execute(struct map *map, struct command_cell *cell, const struct map
 		return true;
 	}
 	/* A selection is good for one execution as selected; anything else of its holder ends it. */
-	if (is_selected(&command) && same_requester(map, &command, request))
+	if (is_selected(map, &command) && same_requester(map, &command, request))
 		move(map, cell, request, MAP_REFUSED_COMMAND, result);
 	else
 		refuse(map, request, result);
@@ -319,7 +348,7 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 
 		if (!latch_read_done(&cell->latch, sequence))
 			continue;
-		*out = command;
+		*out = is_past(command.time_ns) ? command : (struct map_command){.state = MAP_INACTIVE};
 		return true;
 	}
 	return false;

@@ -49,8 +49,8 @@ static inline bool latch_read_done(map_latch *latch, uint32_t sequence)
 }
 
 /*
- * How often a reader tries. A try fails only when the writer published twice within one copy of a
- * few bytes; writers publish at the pace of a serial line.
+ * How often a reader tries. A try fails only when the writer turned the latch within one copy of a few
+ * bytes; writers publish at the pace of a serial line.
  */
 #define LATCH_TRIES 64
 

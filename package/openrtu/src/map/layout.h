@@ -21,7 +21,7 @@
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
-	uint32_t magic;
+	uint32_t magic; /* this and the next three: written by rtud, and believed in its own segment only */
 	uint32_t layout;
 	uint32_t fingerprint; /* sizes of all records: catches another compiler's idea of them */
 	uint32_t size;
@@ -105,6 +105,7 @@ struct map {
 	const uint32_t *by_address;
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
+	uint32_t taken; /* requests and answers since the bell was cleared */
 };
 
 uint32_t layout_fingerprint(void);
@@ -116,7 +117,11 @@ void segment_place(struct segment *segment, void *memory, const struct layout *l
 void bell_ring(const struct map *map, uint32_t module);
 void bell_ring_event_readers(const struct map *map);
 
+/* CLOCK_MONOTONIC in words that any core stores at once. The first wraps after 49.7 days: for differences only. */
 uint32_t now_ms(void);
+uint32_t now_s(void);
+/* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
+bool is_past(int64_t time_ns);
 
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);

@@ -32,6 +32,16 @@ uint32_t now_ms(void)
 	return (uint32_t)(map_now_ns() / 1000000);
 }
 
+uint32_t now_s(void)
+{
+	return (uint32_t)(map_now_ns() / 1000000000);
+}
+
+bool is_past(int64_t time_ns)
+{
+	return time_ns >= 0 && time_ns <= map_now_ns();
+}
+
 __attribute__((format(printf, 2, 3))) static int fail(char *error, const char *format, ...)
 {
 	va_list arguments;
@@ -139,7 +149,7 @@ static int index_addresses(const struct map_config *config, uint32_t *by_address
 }
 
 /* A new file of that size, all zero and really there, so that a full tmpfs shows now and not as SIGBUS. */
-static void *create_segment(int directory_fd, const char *module, size_t size, uint32_t uid, char *error)
+static void *create_segment(int directory_fd, const char *module, size_t size, char *error)
 {
 	char name[FILE_NAME_SIZE];
 	void *memory = MAP_FAILED;
@@ -152,8 +162,7 @@ static void *create_segment(int directory_fd, const char *module, size_t size, u
 		fail(error, "cannot create the map's segment %s: %s", name, strerror(errno));
 		return NULL;
 	}
-	if (fchmod(fd, 0644) < 0 || (uid && fchown(fd, uid, uid) < 0) ||
-	    (errno = posix_fallocate(fd, 0, (off_t)size)) != 0 ||
+	if (fchmod(fd, 0644) < 0 || (errno = posix_fallocate(fd, 0, (off_t)size)) != 0 ||
 	    (memory = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0)) == MAP_FAILED)
 		fail(error, "cannot give the map's segment %s %zu bytes: %s", name, size, strerror(errno));
 	close(fd);
@@ -183,10 +192,10 @@ static void sign_header(struct segment_header *header, size_t size)
 }
 
 static int create_module_segment(int directory_fd, const struct module_entry *entry,
-				 const struct map_config *config, uint32_t uid, char *error)
+				 const struct map_config *config, char *error)
 {
 	struct layout layout = layout_of(entry, config);
-	void *memory = create_segment(directory_fd, entry->name, layout.size, uid, error);
+	void *memory = create_segment(directory_fd, entry->name, layout.size, error);
 
 	if (!memory)
 		return -1;
@@ -209,7 +218,7 @@ static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struc
 	return index_addresses(config, (uint32_t *)(void *)(memory + layout->by_address));
 }
 
-static int create_segments(int directory_fd, const struct map_config *config, uint32_t uid_base, char *error)
+static int create_segments(int directory_fd, const struct map_config *config, uint32_t group, char *error)
 {
 	struct directory directory = {0};
 	struct layout layout;
@@ -221,17 +230,14 @@ static int create_segments(int directory_fd, const struct map_config *config, ui
 	assign_slots(&directory, config);
 	for (uint32_t i = 0; i < directory.module_count; i++) {
 		const struct module_entry *entry = &directory.modules[i];
-		bool own_user = entry->kind == MAP_MODULE_MODBUS || entry->kind == MAP_MODULE_IEC104;
 
-		if (create_bell(directory_fd, entry->name, uid_base, error) < 0)
+		if (create_bell(directory_fd, entry->name, group, error) < 0)
 			return -1;
-		if (i != MAP_RTUD &&
-		    create_module_segment(directory_fd, entry, config,
-					  uid_base && own_user ? uid_base + i : 0, error) < 0)
+		if (i != MAP_RTUD && create_module_segment(directory_fd, entry, config, error) < 0)
 			return -1;
 	}
 	layout = layout_of(&directory.modules[MAP_RTUD], config);
-	memory = create_segment(directory_fd, directory.modules[MAP_RTUD].name, layout.size, 0, error);
+	memory = create_segment(directory_fd, directory.modules[MAP_RTUD].name, layout.size, error);
 	if (!memory)
 		return -1;
 	result = fill_rtud_segment(memory, &layout, &directory, config);
@@ -243,30 +249,49 @@ static int create_segments(int directory_fd, const struct map_config *config, ui
 	return result;
 }
 
-static int lock_directory(const char *dir, char *error)
+/*
+ * A folder that somebody else may write to, made before us in a place like /tmp, would let him exchange the
+ * segments.
+ */
+static int take_directory(int fd, const char *dir, char *error)
 {
-	int fd;
+	struct stat status;
 
-	if (mkdir(dir, 0755) < 0 && errno != EEXIST)
-		return fail(error, "cannot create the map's folder %s: %s", dir, strerror(errno));
-	fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-	if (fd < 0)
-		return fail(error, "cannot open the map's folder %s: %s", dir, strerror(errno));
-	if (flock(fd, LOCK_EX | LOCK_NB) < 0) {
-		close(fd);
+	if (fstat(fd, &status) < 0 || status.st_uid != geteuid() || (status.st_mode & (S_IWGRP | S_IWOTH)))
+		return fail(error,
+			    "the map's folder %s belongs to or is writable by another user: remove it or use "
+			    "another --map",
+			    dir);
+	if (flock(fd, LOCK_EX | LOCK_NB) < 0)
 		return fail(error, "another rtud runs on the map in %s: stop it or use another --map", dir);
-	}
-	return fd;
+	return 0;
 }
 
-int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t uid_base,
+/* Others may pass through the folder, whatever the umask, and not open it: so nobody but this user can hold its lock. */
+static int open_directory(const char *dir, char *error)
+{
+	bool made = mkdir(dir, 0711) == 0;
+	int fd;
+
+	if (!made && errno != EEXIST)
+		return fail(error, "cannot create the map's folder %s: %s", dir, strerror(errno));
+	fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+	if (fd < 0)
+		return fail(error, "cannot open the map's folder %s: %s", dir, strerror(errno));
+	if (take_directory(fd, dir, error) == 0 && (!made || fchmod(fd, 0711) == 0))
+		return fd;
+	close(fd);
+	return -1;
+}
+
+int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t group,
 	       char *error)
 {
-	int fd = lock_directory(dir, error);
+	int fd = open_directory(dir, error);
 
 	if (fd < 0)
 		return -1;
-	if (create_segments(fd, config, uid_base, error) < 0 || map_attach(map, dir, "rtud", error) < 0) {
+	if (create_segments(fd, config, group, error) < 0 || map_attach(map, dir, "rtud", error) < 0) {
 		close(fd);
 		return -1;
 	}
@@ -274,8 +299,16 @@ int map_create(struct map **map, const char *dir, const struct map_config *confi
 	(*map)->directory_fd = fd;
 	atomic_store(&(*map)->directory->modules[MAP_RTUD].state, MAP_MODULE_RUNNING);
 	atomic_store(&(*map)->directory->modules[MAP_RTUD].pid, (uint32_t)getpid());
-	atomic_store(&(*map)->directory->modules[MAP_RTUD].started_s, now_ms() / 1000);
+	atomic_store(&(*map)->directory->modules[MAP_RTUD].started_s, now_s());
 	return 0;
+}
+
+int map_segment_open(const struct map *map, uint32_t module)
+{
+	char name[FILE_NAME_SIZE];
+
+	segment_file(name, map->directory->modules[module].name);
+	return openat(map->directory_fd, name, O_RDWR | O_CLOEXEC | O_NOFOLLOW);
 }
 
 void map_remove(struct map *map)
@@ -292,19 +325,38 @@ void map_remove(struct map *map)
 
 /* ---- attach ------------------------------------------------------------------------------ */
 
-static int check_header(const struct segment_header *header, size_t size, const char *name, char *error)
+static int check_header(const struct segment_header *header, size_t size, char *error)
 {
-	if (size < sizeof(*header) || header->magic != MAP_MAGIC)
-		return fail(error, "%s is no segment of a point map", name);
+	if (header->magic != MAP_MAGIC)
+		return fail(error, "rtud.seg is no segment of a point map");
 	if (header->layout != MAP_LAYOUT)
 		return fail(error,
-			    "%s has layout %u, this program was built for layout %u: restart rtud and all "
-			    "modules of one version",
-			    name, header->layout, MAP_LAYOUT);
+			    "rtud.seg has layout %u, this program was built for layout %u: restart rtud and "
+			    "all modules of one version",
+			    header->layout, MAP_LAYOUT);
 	if (header->fingerprint != layout_fingerprint() || header->size != size)
 		return fail(
-		    error, "%s has records of other sizes: it was made by a program built differently", name);
+		    error, "rtud.seg has records of other sizes: it was made by a program built differently");
 	return 0;
+}
+
+/* Whether rtud opened this segment for us, whose user may not. */
+static bool is_handed(int directory_fd, const char *name)
+{
+	struct stat file, handed;
+
+	return (fcntl(MAP_SEGMENT_FD, F_GETFL) & O_ACCMODE) == O_RDWR &&
+	       fstat(MAP_SEGMENT_FD, &handed) == 0 &&
+	       fstatat(directory_fd, name, &file, AT_SYMLINK_NOFOLLOW) == 0 && file.st_dev == handed.st_dev &&
+	       file.st_ino == handed.st_ino;
+}
+
+/* The descriptor is closed once the segment is mapped: what takes over the process later cannot truncate the file. */
+static int open_segment(int directory_fd, const char *name, bool writable)
+{
+	if (writable && is_handed(directory_fd, name))
+		return MAP_SEGMENT_FD;
+	return openat(directory_fd, name, (writable ? O_RDWR : O_RDONLY) | O_CLOEXEC | O_NOFOLLOW);
 }
 
 static void *map_file(int directory_fd, const char *module, bool writable, size_t *size, char *error)
@@ -315,7 +367,7 @@ static void *map_file(int directory_fd, const char *module, bool writable, size_
 	int fd;
 
 	segment_file(name, module);
-	fd = openat(directory_fd, name, (writable ? O_RDWR : O_RDONLY) | O_CLOEXEC | O_NOFOLLOW);
+	fd = open_segment(directory_fd, name, writable);
 	if (fd < 0) {
 		fail(error, "cannot open %s: %s", name, strerror(errno));
 		return NULL;
@@ -329,14 +381,10 @@ static void *map_file(int directory_fd, const char *module, bool writable, size_
 		return NULL;
 	}
 	*size = (size_t)status.st_size;
-	if (check_header(memory, *size, name, error) < 0) {
-		munmap(memory, *size);
-		return NULL;
-	}
 	return memory;
 }
 
-/* rtud's segment first: it says what else there is. */
+/* rtud's segment first: it says what else there is, and which version. The others' headers are their owners' to write. */
 static int attach_directory(struct map *map, bool writable, char *error)
 {
 	const struct module_entry rtud = {.kind = MAP_MODULE_RTUD};
@@ -347,15 +395,18 @@ static int attach_directory(struct map *map, bool writable, char *error)
 
 	if (!memory)
 		return -1;
+	map->segments[MAP_RTUD] = (struct segment){.header = (void *)memory, .size = size, .bell = -1};
+	if (check_header((void *)memory, size, error) < 0)
+		return -1;
 	directory = (void *)(memory + layout.directory);
 	map->config.settings = directory->settings;
 	map->config.line_count = directory->line_count;
 	map->config.device_count = directory->device_count;
 	map->config.point_count = directory->point_count;
 	layout = layout_of(&rtud, &map->config);
-	segment_place(&map->segments[MAP_RTUD], memory, &layout);
 	if (layout.size != size)
 		return fail(error, "rtud.seg has %zu bytes, its contents need %zu", size, layout.size);
+	segment_place(&map->segments[MAP_RTUD], memory, &layout);
 	map->directory = directory;
 	map->config.lines = (void *)(memory + layout.lines);
 	map->config.devices = (void *)(memory + layout.devices);
@@ -388,10 +439,12 @@ static int attach_segments(struct map *map, char *error)
 		memory = map_file(map->directory_fd, entry->name, i == map->self, &size, error);
 		if (!memory)
 			return -1;
-		segment_place(&map->segments[i], memory, &layout);
-		if (size != layout.size)
+		if (size != layout.size) {
+			munmap(memory, size);
 			return fail(error, "%s.seg has %zu bytes, its contents need %zu", entry->name, size,
 				    layout.size);
+		}
+		segment_place(&map->segments[i], memory, &layout);
 	}
 	return 0;
 }
@@ -460,7 +513,7 @@ int map_attach(struct map **out, const char *dir, const char *module, char *erro
 	map->self = MAP_NONE;
 	for (unsigned i = 0; i < MAP_MODULES_MAX; i++)
 		map->segments[i].bell = -1;
-	map->directory_fd = open(dir, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	map->directory_fd = open(dir, O_PATH | O_DIRECTORY | O_CLOEXEC);
 	if (map->directory_fd < 0)
 		fail(error, "no map in %s: %s (does rtud run?)", dir, strerror(errno));
 	else if (attach_all(map, module, error) == 0) {
@@ -502,12 +555,14 @@ int map_bell_fd(const struct map *map)
 	return map->segments[map->self].bell;
 }
 
-void map_bell_clear(const struct map *map)
+/* One read: who rings faster than it empties the pipe is heard again, and holds nobody up. */
+void map_bell_clear(struct map *map)
 {
-	char heard[64];
+	char heard[4096];
+	ssize_t rings = read(map_bell_fd(map), heard, sizeof(heard));
 
-	while (read(map_bell_fd(map), heard, sizeof(heard)) == (ssize_t)sizeof(heard))
-		;
+	(void)rings;
+	map->taken = 0;
 }
 
 void bell_ring(const struct map *map, uint32_t module)

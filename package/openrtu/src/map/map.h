@@ -86,15 +86,16 @@ struct map_module {
 /*
  * Creates the segments of rtud, of one module per process number in config->lines, of rtu-iec104 and
  * of rtuctl in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
- * lines[].module and points[].slot of the copy in the map. uid_base: as root, module i's segment belongs to
- * user uid_base + i; 0: to the caller.
+ * lines[].module, points[].slot and points[].command, in config and in the map. Segments and folder belong to the
+ * caller's user; group, unless 0, is the modules' and may ring the bells.
  * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).
  */
-int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t uid_base,
+int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t group,
 	       char *error);
 
 /*
- * Attaches to the map in dir as the module of that name (own segment writable, generation taken over from the module
+ * Attaches to the map in dir as the module of that name (own segment writable, by the descriptor that rtud left
+ * or else by name, generation taken over from the module
  * table, unfinished updates of the previous generation repaired, own points invalid), or as an observer when module is NULL.
  * Fails with a message for another layout version, a missing map, or a module that is not in the table.
  */
@@ -173,7 +174,7 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
  * rtu-iec104 and other readers of events), requests, answers. map_bell_clear before looking, or a ring is missed.
  */
 int map_bell_fd(const struct map *map);
-void map_bell_clear(const struct map *map);
+void map_bell_clear(struct map *map);
 
 /* ---- commands ---------------------------------------------------------------------------- */
 
@@ -262,7 +263,11 @@ struct map_command {
  * MAP_EVENT_MODULE_DOWN is the answer to all that is open at it: unknown fate.
  */
 uint32_t map_request_post(struct map *map, struct map_request request);
-/* The next request for this module. It is gone from the queue before it is returned, so that no crash repeats it. */
+/*
+ * The next request for this module. It is gone from the queue before it is returned, so that no crash repeats it. False:
+ * there is none, or so many were taken since map_bell_clear that the own bell was rung and the caller's loop shall go
+ * round first: a requester gone wild holds nobody up.
+ */
 bool map_request_next(struct map *map, struct map_request *out);
 
 /*
@@ -272,7 +277,7 @@ bool map_request_next(struct map *map, struct map_request *out);
 bool map_command_request(struct map *map, const struct map_request *request);
 /* Ends an executing command with the device's answer. Owner only. */
 void map_command_finish(struct map *map, uint32_t point, enum map_command_result result, uint8_t detail);
-/* The next answer to a request of this module. */
+/* The next answer to a request of this module. False: as for map_request_next. */
 bool map_answer_next(struct map *map, struct map_answer *out);
 /* The command side of a point. False as for map_read. */
 bool map_command_read(const struct map *map, uint32_t point, struct map_command *out);
@@ -306,7 +311,7 @@ struct map_log_line {
 /* Writes a line to the own log ring; rtud prints it. Longer text is cut. */
 void map_log(struct map *map, enum map_log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* The next line of a module's log behind *position; skips what was overwritten. */
+/* The next line of a module's log behind *position, without control characters; skips what was overwritten. */
 bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out);
 
 /* ---- counters of lines and devices --------------------------------------------------------- */

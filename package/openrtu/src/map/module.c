@@ -14,8 +14,11 @@ uint32_t map_module_count(const struct map *map)
 
 static uint32_t heartbeat_age_ms(const struct map *map, uint32_t module)
 {
-	return now_ms() -
-	       atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
+	/* Before the clock: one that beats in between would come out 49.7 days old. */
+	uint32_t beaten =
+	    atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
+
+	return now_ms() - beaten;
 }
 
 static bool attached(const struct map *map, uint32_t module)
@@ -80,7 +83,7 @@ void map_module_starting(struct map *map, uint32_t module)
 	struct module_entry *entry = &map->directory->modules[module];
 
 	atomic_fetch_add(&entry->generation, 1);
-	atomic_store(&entry->started_s, now_ms() / 1000);
+	atomic_store(&entry->started_s, now_s());
 	atomic_store(&entry->state, MAP_MODULE_STARTING);
 }
 
@@ -135,7 +138,7 @@ struct map_clock map_clock_read(const struct map *map)
 		if (latch_read_done(&directory->clock_latch, sequence))
 			return clock;
 	}
-	clock.set = false; /* rtud sets it a few times a day: not reached, and if so, not to be trusted */
+	clock.set = false; /* rtud sets it once a tick at most: not reached, and if so, not to be trusted */
 	return clock;
 }
 
@@ -162,6 +165,15 @@ void map_log(struct map *map, enum map_log_level level, const char *format, ...)
 	bell_ring(map, MAP_RTUD);
 }
 
+/* A module gone wild shall not forge other modules' lines, nor speak to the reader's terminal. */
+static void make_printable(char text[MAP_LOG_TEXT_SIZE])
+{
+	text[MAP_LOG_TEXT_SIZE - 1] = '\0';
+	for (; *text; text++)
+		if ((unsigned char)*text < ' ' || *text == 0x7f)
+			*text = '?';
+}
+
 bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out)
 {
 	uint32_t lost = 0;
@@ -169,7 +181,9 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 	if (!ring_peek(&map->segments[module].log, position, out, &lost))
 		return false;
 	*position += 1;
-	out->text[sizeof(out->text) - 1] = '\0';
+	make_printable(out->text);
+	if (!is_past(out->time_ns))
+		out->time_ns = map_now_ns();
 	return true;
 }
 

@@ -45,6 +45,8 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 
 		if (!latch_read_done(latch, sequence))
 			continue;
+		if (!is_past(sample.time_ns))
+			sample = (struct map_sample){.quality = MAP_INVALID};
 		if (!alive)
 			sample.quality |= MAP_INVALID;
 		*out = sample;
@@ -168,6 +170,8 @@ void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
 /* What a module wrote is believed about its own points only. */
 static bool event_makes_sense(const struct map *map, uint32_t writer, const struct map_event *event)
 {
+	if (!is_past(event->sample.time_ns))
+		return false;
 	switch (event->kind) {
 	case MAP_EVENT_CHANGE:
 		return event->point < map->config.point_count && map_owner(map, event->point) == writer;

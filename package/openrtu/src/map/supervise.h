@@ -7,6 +7,8 @@
 
 #include "map/map.h"
 
+#define MAP_SEGMENT_FD 3
+
 /* Begins a new generation, before the process is forked. */
 void map_module_starting(struct map *map, uint32_t module);
 /* The generation's process; after the fork. */
@@ -22,6 +24,13 @@ void map_announce(struct map *map, enum map_event_kind kind, uint32_t module);
 void map_clock_write(struct map *map, struct map_clock clock);
 /* Answers a MAP_SET_CLOCK request. */
 void map_clock_answer(struct map *map, const struct map_request *request, enum map_command_result result);
+
+/*
+ * Opens a module's segment for the process that rtud starts: it finds it at MAP_SEGMENT_FD. All segments are files of
+ * rtud's user: a module that wrote to the file by name could truncate it too, and SIGBUS every other.
+ * Returns a descriptor that is closed on exec, or -1 with errno.
+ */
+int map_segment_open(const struct map *map, uint32_t module);
 
 /* The folder's lock and the segments' files are kept by the process that created them; this removes the files. */
 void map_remove(struct map *map);

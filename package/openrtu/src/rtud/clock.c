@@ -9,6 +9,7 @@
 #include "map/supervise.h"
 
 #define SECOND_NS 1000000000LL
+#define LATEST_NS (INT64_MAX / 2) /* in 2116; CP56Time2a ends with 2099 */
 
 static int64_t system_offset_ns(void)
 {
@@ -52,11 +53,23 @@ static int set_system_clock(int64_t wall_ns)
 	return clock_settime(CLOCK_REALTIME, &wall);
 }
 
+/* No sum with such an offset overflows. */
+static bool is_possible(const struct map_request *request)
+{
+	return request->time_ns >= 0 && request->time_ns <= map_now_ns() && request->wall_ns >= 0 &&
+	       request->wall_ns <= LATEST_NS;
+}
+
 void clock_set(struct map *map, const struct map_request *request)
 {
-	struct map_clock clock = {.offset_ns = request->wall_ns - request->time_ns, .set = true};
+	struct map_clock clock = {.set = true};
 	struct map_module requester;
 
+	if (!is_possible(request)) {
+		map_clock_answer(map, request, MAP_RESULT_OUT_OF_RANGE);
+		return;
+	}
+	clock.offset_ns = request->wall_ns - request->time_ns;
 	map_module(map, request->requester, &requester);
 	if (map_config(map)->settings.clock == MAP_CLOCK_SYSTEM &&
 	    set_system_clock(map_now_ns() + clock.offset_ns) < 0) {

@@ -332,7 +332,7 @@ static bool read_value(struct config_report *report, const struct config_place *
 static void read_key(struct config_report *report, const struct config_place *place, const json_t *object,
 		     const struct config_rule *rule, struct config_value *value)
 {
-	const struct config_place here = {.in = place, .key = rule->name};
+	const struct config_place here = config_key_of(place, rule->name);
 	char words[EXPECTED_SIZE];
 
 	*value = (struct config_value){.integer = (int64_t)rule->fallback, .number = rule->fallback};
@@ -349,7 +349,7 @@ static void read_key(struct config_report *report, const struct config_place *pl
 static void refuse_unknown_key(struct config_report *report, const struct config_place *place,
 			       const char *key, const struct config_rule *rules, size_t count)
 {
-	const struct config_place here = {.in = place, .key = key};
+	const struct config_place here = config_key_of(place, key);
 	struct candidate best = {.word = NULL};
 	char words[EXPECTED_SIZE] = "";
 

@@ -56,6 +56,16 @@ struct config_value {
 	const json_t *json;
 };
 
+static inline struct config_place config_key_of(const struct config_place *in, const char *key)
+{
+	return (struct config_place){.in = in, .key = key};
+}
+
+static inline struct config_place config_element_of(const struct config_place *in, size_t index)
+{
+	return (struct config_place){.in = in, .index = index};
+}
+
 /* Writes a place in words. out: CONFIG_PLACE_SIZE bytes; longer places are cut. */
 void config_place_text(const struct config_place *place, char *out);
 

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
+#include <fcntl.h>
 #include <getopt.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -20,7 +21,7 @@ static const char usage[] =
     "  --uid-base N     as root: module number i runs as user N + i, group N; 0: as root  [61200]\n"
     "  --help           this text\n"
     "\n"
-    "It stays in the foreground, logs to stderr and stops at SIGTERM or SIGINT.\n"
+    "It stays in the foreground, logs to stderr and stops at SIGTERM, SIGINT or SIGHUP.\n"
     "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage or not readable as JSON.\n";
 
 struct arguments {
@@ -81,6 +82,17 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 	return optind + 1 == argc;
 }
 
+/* Whoever starts rtud without them: no segment or serial port may get the number that messages are written to. */
+static void open_standard_streams(void)
+{
+	int fd;
+
+	do
+		fd = open("/dev/null", O_RDWR);
+	while (fd >= 0 && fd <= STDERR_FILENO);
+	close(fd);
+}
+
 static int run(const struct arguments *arguments)
 {
 	struct map_config config;
@@ -103,6 +115,7 @@ int main(int argc, char **argv)
 			  .uid_base = geteuid() == 0 ? UID_BASE : 0},
 	};
 
+	open_standard_streams();
 	if (!parse(argc, argv, &arguments)) {
 		fputs("rtud: try \"rtud --help\"\n", stderr);
 		return CONFIG_UNUSABLE;

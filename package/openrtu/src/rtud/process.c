@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <grp.h>
+#include <limits.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdio.h>
@@ -11,6 +12,8 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
+
+#include "map/supervise.h"
 
 #define EXIT_NOT_STARTED 127 /* the shell's word for "could not be executed" */
 
@@ -21,18 +24,17 @@ int process_set_priority(int priority)
 	return sched_setscheduler(0, priority ? SCHED_FIFO : SCHED_OTHER, &parameter);
 }
 
-/* The group that Debian and Buildroot give serial devices to, so that the module may open them. */
-static int set_groups(gid_t gid)
+/* The group that Debian and Buildroot give serial devices to. Who faces the network shall not reach a line. */
+static int set_groups(const struct process_plan *plan)
 {
-	const struct group *serial = getgrnam("dialout");
-	gid_t groups[1] = {serial ? serial->gr_gid : gid};
+	const struct group *serial = plan->serial ? getgrnam("dialout") : NULL;
 
-	return setgroups(1, groups) < 0 || setgid(gid) < 0 ? -1 : 0;
+	return setgroups(serial ? 1 : 0, serial ? &serial->gr_gid : NULL);
 }
 
 static int drop_privileges(const struct process_plan *plan)
 {
-	if (plan->uid && (set_groups(plan->gid) < 0 || setuid(plan->uid) < 0))
+	if (plan->uid && (set_groups(plan) < 0 || setgid(plan->gid) < 0 || setuid(plan->uid) < 0))
 		return -1;
 	return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
 }
@@ -41,9 +43,17 @@ static void reset_signals(void)
 {
 	sigset_t none;
 
+	signal(SIGPIPE, SIG_DFL);
 	sigemptyset(&none);
 	sigprocmask(SIG_SETMASK, &none, NULL);
-	signal(SIGPIPE, SIG_DFL);
+}
+
+/* rtud may have inherited more than it opened. Its epoll came first: neither descriptor has the segment's number. */
+static void keep_only(int segment, int program)
+{
+	dup2(segment, MAP_SEGMENT_FD);
+	close_range(MAP_SEGMENT_FD + 1, (unsigned)program - 1, 0);
+	close_range((unsigned)program + 1, UINT_MAX, 0);
 }
 
 __attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
@@ -54,6 +64,7 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	const struct rlimit unlimited = {RLIM_INFINITY, RLIM_INFINITY};
 
 	reset_signals();
+	keep_only(plan->segment, program);
 	setrlimit(RLIMIT_MEMLOCK, &unlimited); /* the module says when it cannot lock its memory */
 	if (process_set_priority(plan->priority) < 0 && plan->priority)
 		process_set_priority(0);
@@ -62,8 +73,11 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 			strerror(errno));
 		_exit(EXIT_NOT_STARTED);
 	}
-	/* After setuid, which clears it; and the parent may have gone before. */
-	prctl(PR_SET_PDEATHSIG, SIGTERM);
+	/*
+	 * After setuid, which clears it; and the parent may have gone before. SIGKILL: a module that hangs must not stay on its
+	 * line beside the next rtud's.
+	 */
+	prctl(PR_SET_PDEATHSIG, SIGKILL);
 	if (getppid() != parent)
 		_exit(EXIT_NOT_STARTED);
 	fexecve(program, (char *const *)arguments, (char *const *)environment); /* which does not write */

@@ -3,6 +3,7 @@
 #ifndef OPENRTU_RTUD_PROCESS_H
 #define OPENRTU_RTUD_PROCESS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <sys/types.h>
 
@@ -11,14 +12,17 @@ struct process_plan {
 	const char *map;     /* folder of the map */
 	const char *module;  /* name in the module table */
 	const char *dev;     /* folder of the serial devices */
+	int segment;         /* descriptor of the module's own segment, writable */
 	int priority;        /* SCHED_FIFO 1..99, 0: ordinary scheduling */
+	bool serial;         /* opens serial devices */
 	uid_t uid;           /* user of the process, 0: the caller's */
 	gid_t gid;           /* group shared by all modules */
 };
 
 /*
- * Forks and executes `program --map M --module N --dev D`. The child dies with its parent, holds no capability, can gain
- * none, and may lock its memory. Returns its pid, or -1 with errno.
+ * Forks and executes `program --map M --module N --dev D`. The child dies with its parent, has no descriptors but the
+ * standard ones and its segment at MAP_SEGMENT_FD, may lock its memory, can gain no privilege, and as a user of its own
+ * has none. Returns its pid, or -1 with errno.
  */
 pid_t process_start(const struct process_plan *plan);
 

@@ -21,12 +21,14 @@
 #include "rtud/clock.h"
 #include "rtud/process.h"
 
-#define TICK_MS          50 /* how often heartbeats are looked at */
+#define TICK_MS          50 /* how often heartbeats are looked at and logs are printed */
 #define SECOND_MS        1000
 #define HANG_FACTOR      20 /* a module silent for so many heartbeat limits is killed */
 #define HANG_LIMIT_MS    10000
 #define QUICK_RESTART_MS 100  /* pause after a life shorter than a second */
-#define SLOW_RESTART_MS  5000 /* longest pause for a module that does not even attach */
+#define SLOW_RESTART_MS  5000 /* longest pause for a module that cannot run */
+#define LINES_A_TICK     16   /* of each module's log */
+#define LINES_AT_END     128
 #define STOP_MS          3000 /* a module that takes longer to stop is killed */
 
 struct child {
@@ -35,7 +37,7 @@ struct child {
 	bool silent;   /* heartbeat too old, said to all readers of events */
 	int64_t started_ns;
 	int64_t restart_at_ns;
-	uint32_t pause_ms; /* grows while it does not even attach */
+	uint32_t pause_ms; /* before the next start; grows while it ends young */
 };
 
 struct supervisor {
@@ -66,12 +68,15 @@ static void print_line(const struct map *map, uint32_t module, const struct map_
 		line->level < 4 ? levels[line->level] : "?", line->text);
 }
 
-static void print_logs(struct supervisor *supervisor)
+/* lines: of each module at most. One that writes faster loses lines, and fills neither the log nor rtud's time. */
+static void print_logs(struct supervisor *supervisor, unsigned lines)
 {
 	struct map_log_line line;
 
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		while (map_log_next(supervisor->map, i, &supervisor->log_position[i], &line))
+		for (unsigned printed = 0;
+		     printed < lines && map_log_next(supervisor->map, i, &supervisor->log_position[i], &line);
+		     printed++)
 			print_line(supervisor->map, i, &line);
 }
 
@@ -89,30 +94,45 @@ static const char *program_of(uint8_t kind)
 	}
 }
 
-static void start_module(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
+static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
+			   const struct map_module *module)
 {
 	const struct supervise_options *options = supervisor->options;
-	struct child *child = &supervisor->children[index];
+	bool line_process = module->kind == MAP_MODULE_MODBUS;
 	char program[PATH_MAX];
-	struct process_plan plan = {
+	const struct process_plan plan = {
 	    .program = program,
 	    .map = options->map,
 	    .module = module->name,
 	    .dev = options->dev,
+	    .segment = map_segment_open(supervisor->map, index),
+	    .priority = line_process ? map_config(supervisor->map)->settings.modbus_priority : 0,
+	    .serial = line_process,
 	    .uid = options->uid_base ? options->uid_base + index : 0,
 	    .gid = options->uid_base,
 	};
+	pid_t pid;
 
-	if (module->kind == MAP_MODULE_MODBUS)
-		plan.priority = map_config(supervisor->map)->settings.modbus_priority;
+	if (plan.segment < 0)
+		return -1;
 	snprintf(program, sizeof(program), "%s/%s", options->modules, program_of(module->kind));
+	pid = process_start(&plan);
+	close(plan.segment);
+	return pid;
+}
+
+static void start_module(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
+{
+	struct child *child = &supervisor->children[index];
+
 	map_module_starting(supervisor->map, index);
 	child->attached = false;
 	child->silent = false;
 	child->started_ns = map_now_ns();
-	child->pid = process_start(&plan);
+	child->pid = start_process(supervisor, index, module);
 	if (child->pid < 0) {
-		map_log(supervisor->map, MAP_LOG_ERROR, "cannot start %s: %s", program, strerror(errno));
+		map_log(supervisor->map, MAP_LOG_ERROR, "cannot start %s from %s: %s", module->name,
+			supervisor->options->modules, strerror(errno));
 		child->pid = 0;
 		child->restart_at_ns = map_now_ns() + SLOW_RESTART_MS * MS;
 		map_module_ended(supervisor->map, index, true);
@@ -121,14 +141,17 @@ static void start_module(struct supervisor *supervisor, uint32_t index, const st
 	map_module_started(supervisor->map, index, child->pid);
 }
 
-/* At once after a decent life, else with a pause, so that a module that cannot run does not eat the core. */
-static void plan_restart(struct child *child)
+/*
+ * At once after a decent life. A module that ends young by itself cannot run, and trying is not to eat the core nor to
+ * fill the log; one that was killed is not to blame.
+ */
+static void plan_restart(struct child *child, int status)
 {
 	int64_t now = map_now_ns();
 
-	if (child->attached)
-		child->pause_ms = now - child->started_ns < SECOND_MS * MS ? QUICK_RESTART_MS : 0;
-	else if (child->pause_ms == 0)
+	if (now - child->started_ns >= SECOND_MS * MS)
+		child->pause_ms = 0;
+	else if (child->pause_ms == 0 || (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL))
 		child->pause_ms = QUICK_RESTART_MS;
 	else
 		child->pause_ms =
@@ -148,17 +171,18 @@ static void log_end(struct supervisor *supervisor, const char *name, int status)
 static void module_ended(struct supervisor *supervisor, uint32_t index, int status)
 {
 	struct child *child = &supervisor->children[index];
+	bool attached = map_module_attached(supervisor->map, index); /* maybe since the last look at it */
 	struct map_module module;
 
 	map_module_ended(supervisor->map, index, !supervisor->stopping);
 	child->pid = 0;
 	if (supervisor->stopping)
 		return;
-	if (!child->silent)
+	if (attached && !child->silent)
 		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
 	map_module(supervisor->map, index, &module);
 	log_end(supervisor, module.name, status);
-	plan_restart(child);
+	plan_restart(child, status);
 }
 
 static void reap(struct supervisor *supervisor)
@@ -285,14 +309,29 @@ static int create_tick(void)
 	return fd;
 }
 
+static bool is_ignored(int signal_number)
+{
+	struct sigaction action;
+
+	return sigaction(signal_number, NULL, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+/*
+ * The end of who reads the log is not the gateway's. And whoever started rtud may have left SIGCHLD ignored: then the
+ * kernel would reap the modules, and their pids would be other processes'.
+ */
 static int create_signals(void)
 {
 	sigset_t signals;
 
+	signal(SIGPIPE, SIG_IGN);
+	signal(SIGCHLD, SIG_DFL);
 	sigemptyset(&signals);
 	sigaddset(&signals, SIGTERM);
 	sigaddset(&signals, SIGINT);
 	sigaddset(&signals, SIGCHLD);
+	if (!is_ignored(SIGHUP)) /* by nohup */
+		sigaddset(&signals, SIGHUP);
 	sigprocmask(SIG_BLOCK, &signals, NULL);
 	return signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
 }
@@ -307,6 +346,12 @@ static bool asked_to_stop(int signals)
 	return stop;
 }
 
+static void tick_passed(struct supervisor *supervisor)
+{
+	clock_follow(supervisor->map);
+	print_logs(supervisor, LINES_A_TICK);
+}
+
 static void loop(struct supervisor *supervisor, int epoll, int signals, int tick)
 {
 	for (;;) {
@@ -317,12 +362,11 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 		if (asked_to_stop(signals))
 			return;
 		if (read(tick, &ticks, sizeof(ticks)) == (ssize_t)sizeof(ticks))
-			clock_follow(supervisor->map);
+			tick_passed(supervisor);
 		map_bell_clear(supervisor->map);
 		reap(supervisor);
 		serve_requests(supervisor);
 		watch_modules(supervisor);
-		print_logs(supervisor);
 	}
 }
 
@@ -359,7 +403,7 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 	loop(&supervisor, epoll, signals, tick);
 	stop_modules(&supervisor);
 	map_log(supervisor.map, MAP_LOG_INFO, "stopped");
-	print_logs(&supervisor);
+	print_logs(&supervisor, LINES_AT_END);
 	map_remove(supervisor.map);
 	map_detach(supervisor.map);
 	return 0;

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What two points must not have in common: a Modbus address, an IOA of one CA, a name. */
+#include "rtud/config_parts.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Negative, 0 or positive, for qsort. */
+static int order(uint32_t a, uint32_t b)
+{
+	return (a > b) - (a < b);
+}
+
+static int by_file(const struct config_entry *a, const struct config_entry *b)
+{
+	int by_device = order(a->point.device, b->point.device);
+	int by_table = order(a->point.table, b->point.table);
+
+	return by_device != 0 ? by_device : by_table != 0 ? by_table : order(a->object, b->object);
+}
+
+static int by_address(const void *left, const void *right)
+{
+	const struct config_entry *a = left, *b = right;
+	int by_device = order(a->point.device, b->point.device);
+	int by_table = order(a->point.table, b->point.table);
+	int by_start = order(a->point.address, b->point.address);
+	int by_width = order(a->point.width, b->point.width);
+
+	if (by_device != 0 || by_table != 0)
+		return by_device != 0 ? by_device : by_table;
+	if (by_start != 0 || by_width != 0)
+		return by_start != 0 ? by_start : by_width;
+	return by_file(a, b);
+}
+
+static int by_ioa(const void *left, const void *right)
+{
+	const struct config_entry *a = left, *b = right;
+	int by_device = order(a->point.device, b->point.device);
+	int by_number = order(a->point.ioa, b->point.ioa);
+
+	if (by_device != 0)
+		return by_device;
+	return by_number != 0 ? by_number : by_file(a, b);
+}
+
+static int by_name(const void *left, const void *right)
+{
+	const struct config_entry *a = left, *b = right;
+	int by_text = strcmp(a->point.name, b->point.name);
+
+	return by_text != 0 ? by_text : by_file(a, b);
+}
+
+#define ENTRY_LINKS 7
+
+static const struct config_place *entry_place(const struct config_entry *entry,
+					      struct config_place links[ENTRY_LINKS])
+{
+	links[0] = (struct config_place){.in = NULL};
+	links[1] = config_key_of(&links[0], CONFIG_KEY_PORTS);
+	links[2] = config_element_of(&links[1], entry->port);
+	links[3] = config_key_of(&links[2], CONFIG_KEY_SLAVES);
+	links[4] = config_element_of(&links[3], entry->slave);
+	links[5] = config_key_of(&links[4], config_table_names[entry->point.table]);
+	links[6] = config_element_of(&links[5], entry->object);
+	return &links[6];
+}
+
+/* what: how the entry collides with the other one */
+static void refuse_pair(struct config_loader *loader, const struct config_entry *entry,
+			const struct config_entry *other, const char *what)
+{
+	struct config_place links[ENTRY_LINKS], other_links[ENTRY_LINKS];
+	char there[CONFIG_PLACE_SIZE];
+
+	config_place_text(entry_place(other, other_links), there);
+	config_error(&loader->report, entry_place(entry, links), "%s %s", what, there);
+}
+
+static uint32_t end_of(const struct config_entry *entry)
+{
+	return entry->point.address + (uint32_t)entry->point.width;
+}
+
+static bool in_one_table(const struct config_entry *a, const struct config_entry *b)
+{
+	return a->point.device == b->point.device && a->point.table == b->point.table;
+}
+
+static bool overlap(const struct config_entry *a, const struct config_entry *b)
+{
+	return in_one_table(a, b) && a->point.address < end_of(b) && b->point.address < end_of(a);
+}
+
+/* The widest object covers two addresses: in the order of address and width, neighbours show every overlap. */
+static void check_overlaps(struct config_loader *loader, const struct config_entry *entries, uint32_t count)
+{
+	for (uint32_t i = 1; i < count; i++)
+		if (overlap(&entries[i - 1], &entries[i]))
+			refuse_pair(loader, &entries[i], &entries[i - 1], "covers an address of");
+}
+
+static void check_ioas(struct config_loader *loader, const struct config_entry *entries, uint32_t count)
+{
+	for (uint32_t i = 1; i < count; i++) {
+		const struct config_entry *one = &entries[i - 1], *other = &entries[i];
+		char what[64];
+
+		if (one->point.device != other->point.device || one->point.ioa != other->point.ioa ||
+		    overlap(one, other))
+			continue;
+		snprintf(what, sizeof(what), "has the CA %u and IOA %u of",
+			 loader->config->devices[one->point.device].ca, one->point.ioa);
+		refuse_pair(loader, other, one, what);
+	}
+}
+
+/* Default names differ when addresses do, and what is wrong with those has been said. */
+static void check_names(struct config_loader *loader, const struct config_entry *entries, uint32_t count)
+{
+	for (uint32_t i = 1; i < count; i++) {
+		const struct config_entry *one = &entries[i - 1], *other = &entries[i];
+		char what[MAP_NAME_SIZE + 32];
+
+		if (strcmp(one->point.name, other->point.name) != 0 || (!one->named && !other->named))
+			continue;
+		snprintf(what, sizeof(what), "has the name \"%s\" of", one->point.name);
+		refuse_pair(loader, other, one, what);
+	}
+}
+
+void config_check_collisions(struct config_loader *loader)
+{
+	struct config_entry *entries = loader->entries;
+	uint32_t count = loader->config->point_count;
+
+	qsort(entries, count, sizeof(*entries), by_ioa);
+	check_ioas(loader, entries, count);
+	qsort(entries, count, sizeof(*entries), by_name);
+	check_names(loader, entries, count);
+	qsort(entries, count, sizeof(*entries), by_address);
+	check_overlaps(loader, entries, count);
+}

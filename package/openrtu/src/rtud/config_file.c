@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The file's outermost object, and the settings: what belongs to no port. */
+#include "rtud/config_parts.h"
+
+#include <arpa/inet.h>
+
+#define EVENT_RING_LEAST  64
+#define SECONDS_OF_2_DAYS 172800
+
+static const char *const clocks[] = {[MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_SYSTEM] = "system", NULL};
+
+enum { FILE_PORT, FILE_IEC104, FILE_CLOCK, FILE_MODBUS, FILE_EVENT_RING, FILE_KEYS };
+static const struct config_rule file_rules[FILE_KEYS] = {
+    [FILE_PORT] = {CONFIG_KEY_PORTS, CONFIG_ARRAY, .required = true, .high = CONFIG_PORTS_MAX},
+    [FILE_IEC104] = {"iec104", CONFIG_OBJECT},
+    [FILE_CLOCK] = {"clock", CONFIG_CHOICE, .choices = clocks},
+    [FILE_MODBUS] = {"modbus", CONFIG_OBJECT},
+    [FILE_EVENT_RING] = {"event_ring", CONFIG_INTEGER, .low = EVENT_RING_LEAST, .high = 65536,
+			 .fallback = 4096},
+};
+
+enum {
+	IEC104_ADDRESS,
+	IEC104_PORT,
+	IEC104_K,
+	IEC104_W,
+	IEC104_T1,
+	IEC104_T2,
+	IEC104_T3,
+	IEC104_MAX_CONNECTIONS,
+	IEC104_SELECT_TIMEOUT,
+	IEC104_COMMAND_TIMEOUT,
+	IEC104_CLOCK_MASTERS,
+	IEC104_KEYS
+};
+static const struct config_rule iec104_rules[IEC104_KEYS] = {
+    [IEC104_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
+    [IEC104_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = 2404},
+    [IEC104_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
+    [IEC104_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
+    [IEC104_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
+    [IEC104_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10},
+    [IEC104_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20},
+    [IEC104_MAX_CONNECTIONS] = {"max_connections", CONFIG_INTEGER, .low = 1, .high = 16, .fallback = 8},
+    [IEC104_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 30},
+    [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 10},
+    [IEC104_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = MAP_CLOCK_MASTERS_MAX},
+};
+
+enum { MODBUS_PRIORITY, MODBUS_KEYS };
+static const struct config_rule modbus_rules[MODBUS_KEYS] = {
+    [MODBUS_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 99, .fallback = 50},
+};
+
+static bool is_ip_address(const char *text)
+{
+	struct in6_addr parsed;
+
+	return inet_pton(AF_INET, text, &parsed) == 1 || inet_pton(AF_INET6, text, &parsed) == 1;
+}
+
+static void read_address(struct config_loader *loader, const struct config_place *place, const char *text,
+			 char out[MAP_ADDRESS_SIZE])
+{
+	if (is_ip_address(text))
+		snprintf(out, MAP_ADDRESS_SIZE, "%s", text);
+	else
+		config_error(&loader->report, place,
+			     "is no IP address, expected one like 192.0.2.1 or 2001:db8::1");
+}
+
+static void read_clock_masters(struct config_loader *loader, const struct config_place *iec104,
+			       const json_t *masters)
+{
+	const struct config_place array = config_key_of(iec104, iec104_rules[IEC104_CLOCK_MASTERS].name);
+	struct map_settings *settings = &loader->config->settings;
+	const json_t *json;
+	size_t i;
+
+	json_array_foreach(masters, i, json)
+	{
+		const struct config_place place = config_element_of(&array, i);
+
+		if (json_is_string(json))
+			read_address(loader, &place, json_string_value(json), settings->clock_masters[i]);
+		else
+			config_error(&loader->report, &place, "is not a string, expected an IP address");
+	}
+	settings->clock_master_count = (uint8_t)json_array_size(masters);
+}
+
+/* IEC 60870-5-104, 5.5: w should not exceed two thirds of k; more than k would never be reached. */
+static void check_window(struct config_loader *loader, const struct config_place *iec104,
+			 const struct config_value *values)
+{
+	const struct config_place here = config_key_of(iec104, iec104_rules[IEC104_W].name);
+
+	if (!values[IEC104_W].wrong && !values[IEC104_K].wrong &&
+	    values[IEC104_W].integer > values[IEC104_K].integer)
+		config_error(&loader->report, &here,
+			     "%lld is more than k (%lld), expected at most k, better two thirds of it",
+			     (long long)values[IEC104_W].integer, (long long)values[IEC104_K].integer);
+}
+
+/* IEC 60870-5-104, 9.6: an acknowledgement later than t1 would come when the peer has closed. */
+static void check_times(struct config_loader *loader, const struct config_place *iec104,
+			const struct config_value *values)
+{
+	const struct config_place here = config_key_of(iec104, iec104_rules[IEC104_T2].name);
+
+	if (!values[IEC104_T1].wrong && !values[IEC104_T2].wrong &&
+	    values[IEC104_T2].integer >= values[IEC104_T1].integer)
+		config_error(&loader->report, &here,
+			     "%lld s is not shorter than t1 (%lld s), expected less than t1",
+			     (long long)values[IEC104_T2].integer, (long long)values[IEC104_T1].integer);
+}
+
+static void read_iec104(struct config_loader *loader, const struct config_place *file, const json_t *json)
+{
+	const struct config_place place = config_key_of(file, file_rules[FILE_IEC104].name);
+	const struct config_place address = config_key_of(&place, iec104_rules[IEC104_ADDRESS].name);
+	struct map_settings *settings = &loader->config->settings;
+	struct config_value values[IEC104_KEYS];
+
+	config_read_keys(&loader->report, &place, json, iec104_rules, IEC104_KEYS, values);
+	check_window(loader, &place, values);
+	check_times(loader, &place, values);
+	settings->port = (uint16_t)values[IEC104_PORT].integer;
+	settings->k = (uint16_t)values[IEC104_K].integer;
+	settings->w = (uint16_t)values[IEC104_W].integer;
+	settings->t1_s = (uint16_t)values[IEC104_T1].integer;
+	settings->t2_s = (uint16_t)values[IEC104_T2].integer;
+	settings->t3_s = (uint32_t)values[IEC104_T3].integer;
+	settings->max_connections = (uint16_t)values[IEC104_MAX_CONNECTIONS].integer;
+	settings->select_timeout_s = (uint16_t)values[IEC104_SELECT_TIMEOUT].integer;
+	settings->command_timeout_s = (uint16_t)values[IEC104_COMMAND_TIMEOUT].integer;
+	if (!values[IEC104_ADDRESS].wrong)
+		read_address(loader, &address,
+			     values[IEC104_ADDRESS].given ? values[IEC104_ADDRESS].text : "0.0.0.0",
+			     settings->address);
+	if (values[IEC104_CLOCK_MASTERS].given)
+		read_clock_masters(loader, &place, values[IEC104_CLOCK_MASTERS].json);
+}
+
+static void read_modbus(struct config_loader *loader, const struct config_place *file, const json_t *json)
+{
+	const struct config_place place = config_key_of(file, file_rules[FILE_MODBUS].name);
+	struct config_value values[MODBUS_KEYS];
+
+	config_read_keys(&loader->report, &place, json, modbus_rules, MODBUS_KEYS, values);
+	loader->config->settings.modbus_priority = (uint8_t)values[MODBUS_PRIORITY].integer;
+}
+
+static void read_event_ring(struct config_loader *loader, const struct config_place *file,
+			    const struct config_value *value)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_EVENT_RING].name);
+
+	loader->config->settings.event_ring = (uint32_t)value->integer;
+	if (value->given && (value->integer & (value->integer - 1)) != 0)
+		config_error(&loader->report, &here, "%lld is no power of two, expected 64, 128, ... 65536",
+			     (long long)value->integer);
+}
+
+static void check_point_count(struct config_loader *loader, const struct config_place *file)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_PORT].name);
+
+	if (loader->objects > CONFIG_POINTS_MAX)
+		config_error(&loader->report, &here, "has %u objects, expected at most %d", loader->objects,
+			     CONFIG_POINTS_MAX);
+}
+
+void config_read_file(struct config_loader *loader, const json_t *root)
+{
+	const struct config_place file = {.in = NULL};
+	struct config_value values[FILE_KEYS];
+
+	config_read_keys(&loader->report, &file, root, file_rules, FILE_KEYS, values);
+	if (!json_is_object(root))
+		return;
+	read_iec104(loader, &file, values[FILE_IEC104].given ? values[FILE_IEC104].json : NULL);
+	read_modbus(loader, &file, values[FILE_MODBUS].given ? values[FILE_MODBUS].json : NULL);
+	read_event_ring(loader, &file, &values[FILE_EVENT_RING]);
+	loader->config->settings.clock = (uint8_t)values[FILE_CLOCK].integer;
+	if (values[FILE_PORT].given)
+		config_read_ports(loader, &file, values[FILE_PORT].json);
+	check_point_count(loader, &file);
+}

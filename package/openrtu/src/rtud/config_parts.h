@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * What the files of the configuration's loader know of each other. file, port, slave and object each read one level of the
+ * file by its rules, report what is wrong there and call the next; collisions looks at all points together. config_load starts
+ * them.
+ */
+#ifndef OPENRTU_RTUD_CONFIG_PARTS_H
+#define OPENRTU_RTUD_CONFIG_PARTS_H
+
+#include "rtud/config.h"
+#include "rtud/config_keys.h"
+
+#define CONFIG_PORTS_MAX 64 /* 1000 * 64 + 247 is still a common address */
+#define CONFIG_UNIT_MAX  247
+#define CONFIG_TABLES    (MAP_HOLDING_REGISTERS + 1)
+
+/* The keys that lead to an object; a slave's tables follow, see config_table_names. */
+#define CONFIG_KEY_PORTS  "port"
+#define CONFIG_KEY_SLAVES "slaves"
+
+/* A point, and the indices that lead to it in the file. */
+struct config_entry {
+	struct map_point point;
+	uint32_t port, slave, object;
+	bool named; /* by the file */
+};
+
+struct config_loader {
+	struct config_report report;
+	struct map_config *config;
+	struct config_entry *entries; /* config->point_count of them */
+	uint32_t entries_max;
+	uint32_t objects;                        /* in the file, of active ports */
+	size_t port_of[CONFIG_PORTS_MAX + 1];    /* 1 + index in the file of the port with that value */
+	uint32_t port_of_line[CONFIG_PORTS_MAX]; /* index in the file */
+};
+
+static inline bool config_is_writable(enum map_table table)
+{
+	return table == MAP_COILS || table == MAP_HOLDING_REGISTERS;
+}
+
+/* ---- config_file.c ----------------------------------------------------------------------- */
+
+/* Fills the settings, then lines, devices and entries from the ports. root: any JSON. */
+void config_read_file(struct config_loader *loader, const json_t *root);
+
+/* ---- config_port.c ----------------------------------------------------------------------- */
+
+/* Adds a line for every active port, with its devices and entries. ports: an array of at most CONFIG_PORTS_MAX. */
+void config_read_ports(struct config_loader *loader, const struct config_place *file, const json_t *ports);
+
+/* ---- config_slave.c ---------------------------------------------------------------------- */
+
+/* The key of each table in a slave, by enum map_table. */
+extern const char *const config_table_names[CONFIG_TABLES];
+
+/* Adds a device for every slave to the last line, with its entries. slaves: an array of at most CONFIG_UNIT_MAX + 1. */
+void config_read_slaves(struct config_loader *loader, const struct config_place *port, const json_t *slaves);
+
+/* ---- config_object.c --------------------------------------------------------------------- */
+
+/*
+ * Adds an entry for every object without errors to the last device. objects: an array, or NULL for none;
+ * entry: where the slave is in the file.
+ */
+void config_read_objects(struct config_loader *loader, const struct config_place *slave,
+			 const json_t *objects, enum map_table table, struct config_entry entry);
+
+/* ---- config_collisions.c ----------------------------------------------------------------- */
+
+/* Reports entries that share what must be a point's own. Leaves the entries in the order map/config.h asks for. */
+void config_check_collisions(struct config_loader *loader);
+
+#endif

@@ -1,0 +1,178 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* One port, and the line it becomes. */
+#include "rtud/config_parts.h"
+
+#include <string.h>
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+#define DATA_BITS_RTU 8
+
+/* The report's /dev names of ports 1 to 6: the NUC980's UARTs behind the board's RS-485 terminals. */
+static const char *const board_devices[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", "ttyS6", "ttyS8"};
+
+enum {
+	PORT_VALUE,
+	PORT_ACTIVE,
+	PORT_BAUD_RATE,
+	PORT_DATA_BITS,
+	PORT_STOP_BITS,
+	PORT_PARITY,
+	PORT_SLAVES,
+	PORT_DEVICE,
+	PORT_PROCESS,
+	PORT_KEYS
+};
+static const struct config_rule port_rules[PORT_KEYS] = {
+    [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = CONFIG_PORTS_MAX},
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
+    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .required = true, .low = 300, .high = 460800},
+    [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .required = true, .low = 4, .high = 8},
+    [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .required = true, .low = 1, .high = 2},
+    [PORT_PARITY] = {"parity", CONFIG_INTEGER, .required = true, .low = 0, .high = 2},
+    [PORT_SLAVES] = {CONFIG_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = CONFIG_UNIT_MAX + 1},
+    [PORT_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MAP_PATH_SIZE - 1},
+    [PORT_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1},
+};
+/* Figure 4.8: the parameters of a port that is not active are zeros and mean nothing. */
+static const struct config_rule inactive_port_rules[PORT_KEYS] = {
+    [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = CONFIG_PORTS_MAX},
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
+    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_ANYTHING},
+    [PORT_DATA_BITS] = {"data_bits", CONFIG_ANYTHING},
+    [PORT_STOP_BITS] = {"stop_bits", CONFIG_ANYTHING},
+    [PORT_PARITY] = {"parity", CONFIG_ANYTHING},
+    [PORT_SLAVES] = {CONFIG_KEY_SLAVES, CONFIG_ANYTHING},
+    [PORT_DEVICE] = {"device", CONFIG_ANYTHING},
+    [PORT_PROCESS] = {"process", CONFIG_ANYTHING},
+};
+
+static bool is_inactive(const json_t *port)
+{
+	const json_t *active = json_object_get(port, port_rules[PORT_ACTIVE].name);
+
+	return json_is_integer(active) && json_integer_value(active) == 0;
+}
+
+static void claim_value(struct config_loader *loader, const struct config_place *port,
+			const struct config_value *value)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_VALUE].name);
+	size_t *claimed;
+
+	if (!value->given)
+		return;
+	claimed = &loader->port_of[value->integer];
+	if (*claimed != 0)
+		config_error(&loader->report, &here, "%lld is already the value of port[%zu]",
+			     (long long)value->integer, *claimed - 1);
+	else
+		*claimed = port->index + 1;
+}
+
+static void check_data_bits(struct config_loader *loader, const struct config_place *port,
+			    const struct config_value *value)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_DATA_BITS].name);
+
+	if (value->given && value->integer != DATA_BITS_RTU)
+		config_error(&loader->report, &here, "%lld, expected %d: Modbus RTU sends whole bytes",
+			     (long long)value->integer, DATA_BITS_RTU);
+}
+
+/* The path of the port's serial device, NULL when the file does not say it. */
+static const char *port_device(struct config_loader *loader, const struct config_place *port,
+			       const struct config_value *values)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_DEVICE].name);
+	int64_t value = values[PORT_VALUE].integer;
+
+	if (values[PORT_DEVICE].given)
+		return values[PORT_DEVICE].text;
+	if (values[PORT_DEVICE].wrong || !values[PORT_VALUE].given)
+		return NULL;
+	if (value <= (int64_t)COUNT(board_devices))
+		return board_devices[value - 1];
+	config_error(&loader->report, &here,
+		     "is missing: the board has only ports 1 to %zu, expected a device "
+		     "name for port %lld",
+		     COUNT(board_devices), (long long)value);
+	return NULL;
+}
+
+static void claim_device(struct config_loader *loader, const struct config_place *port, const char *device)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_DEVICE].name);
+	const struct map_config *config = loader->config;
+
+	for (uint32_t line = 0; device != NULL && line < config->line_count; line++)
+		if (strcmp(config->lines[line].device, device) == 0)
+			config_error(&loader->report, &here, "%s is already the device of port[%u]", device,
+				     loader->port_of_line[line]);
+}
+
+static void add_line(struct config_loader *loader, const struct config_place *port,
+		     const struct config_value *values, const char *device)
+{
+	struct map_config *config = loader->config;
+	struct map_line *line = &config->lines[config->line_count];
+
+	*line = (struct map_line){
+	    .port = (uint16_t)values[PORT_VALUE].integer,
+	    .process = (uint16_t)values[PORT_PROCESS].integer,
+	    .first_device = (uint16_t)config->device_count,
+	    .stop_bits = (uint8_t)values[PORT_STOP_BITS].integer,
+	    .parity = (uint8_t)values[PORT_PARITY].integer,
+	    .baud = (uint32_t)values[PORT_BAUD_RATE].integer,
+	};
+	if (device != NULL)
+		snprintf(line->device, sizeof(line->device), "%s", device);
+	loader->port_of_line[config->line_count++] = (uint32_t)port->index;
+}
+
+static void read_inactive_port(struct config_loader *loader, const struct config_place *place,
+			       const json_t *json)
+{
+	struct config_value values[PORT_KEYS];
+	size_t slaves;
+
+	config_read_keys(&loader->report, place, json, inactive_port_rules, PORT_KEYS, values);
+	claim_value(loader, place, &values[PORT_VALUE]);
+	slaves = json_array_size(values[PORT_SLAVES].json);
+	if (slaves > 0)
+		config_note(&loader->report, place,
+			    "not active, its slaves (%zu) are not polled and have no points", slaves);
+}
+
+static void read_active_port(struct config_loader *loader, const struct config_place *place,
+			     const json_t *json)
+{
+	struct config_value values[PORT_KEYS];
+	const char *device;
+
+	config_read_keys(&loader->report, place, json, port_rules, PORT_KEYS, values);
+	claim_value(loader, place, &values[PORT_VALUE]);
+	check_data_bits(loader, place, &values[PORT_DATA_BITS]);
+	device = port_device(loader, place, values);
+	claim_device(loader, place, device);
+	add_line(loader, place, values, device);
+	if (values[PORT_SLAVES].given)
+		config_read_slaves(loader, place, values[PORT_SLAVES].json);
+}
+
+void config_read_ports(struct config_loader *loader, const struct config_place *file, const json_t *ports)
+{
+	const struct config_place array = config_key_of(file, CONFIG_KEY_PORTS);
+	const json_t *json;
+	size_t i;
+
+	json_array_foreach(ports, i, json)
+	{
+		const struct config_place place = config_element_of(&array, i);
+
+		if (is_inactive(json))
+			read_inactive_port(loader, &place, json);
+		else
+			read_active_port(loader, &place, json);
+	}
+}

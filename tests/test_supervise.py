@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""rtud against what it meets: wrong folders, programs that cannot run, a log that nobody reads."""
+
+import contextlib
+import itertools
+import json
+import os
+import re
+import resource
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from desk import chapter_5
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+
+STATION = "rtu-iec104"
+LINES = ("rtu-modbus-1", "rtu-modbus-2")
+
+
+def command(gateway: Gateway, **changed: Path) -> list[str | Path]:
+    options = {"map": gateway.map, "dev": gateway.dev, "modules": gateway.build / "modules"} | changed
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    return [gateway.build / "rtud" / "rtud", *words, gateway.config_file]
+
+
+@contextlib.contextmanager
+def rtud(gateway: Gateway, **popen: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """rtud as a child with a log file, started in another way than Gateway does; ended by SIGKILL."""
+    with gateway.log_file.open("ab") as log:
+        options = {"stdin": subprocess.DEVNULL, "stderr": log} | popen
+        process = subprocess.Popen(options.pop("args", command(gateway)), **options)
+    gateway.process = process
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        gateway.process = None
+
+
+def wait_running(gateway: Gateway) -> dict[str, dict[str, Any]]:
+    """Until all modules run. Their rows of the table."""
+
+    def running() -> bool:
+        with contextlib.suppress(Exception):
+            return all(gateway.modules()[name]["state"] == "running" for name in (STATION, *LINES))
+        return False
+
+    gateway.wait_for(running, 15, "all modules run")
+    return gateway.modules()
+
+
+def wait_gone(pid: int) -> None:
+    deadline = time.monotonic() + 5
+    with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+        while Path(f"/proc/{pid}/stat").read_text().rsplit(") ", 1)[1][0] != "Z":
+            assert time.monotonic() < deadline, f"process {pid} is still there"
+            time.sleep(0.01)
+
+
+@pytest.fixture
+def gateway(programs: Path) -> Iterator[Gateway]:
+    """Chapter 5 without its devices, not yet started."""
+    directory = run_directory()
+    try:
+        yield Gateway(listening_on(chapter_5(), free_port()), directory, programs)
+    finally:
+        remove(directory)
+
+
+# ---- what a module has -----------------------------------------------------------------------
+
+
+def status_of(pid: int) -> dict[str, list[str]]:
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return {key: value.split() for key, _, value in (line.partition(":") for line in lines)}
+
+
+def test_modules_have_what_they_need_and_no_more(gateway: Gateway) -> None:
+    with Path("/etc/hostname").open() as leaked, rtud(gateway, pass_fds=[leaked.fileno()]):
+        modules = wait_running(gateway)
+        for name in (STATION, *LINES):
+            pid = modules[name]["pid"]
+            status = status_of(pid)
+            files = [str(entry.readlink()) for entry in Path(f"/proc/{pid}/fd").iterdir()]
+            assert "/etc/hostname" not in files
+            assert not [file for file in files if file.endswith(".seg")]  # mapped, and let go of
+            assert Path(f"/proc/{pid}/environ").read_bytes() == b"PATH=/usr/bin:/bin\0"
+            assert status["NoNewPrivs"] == ["1"]
+            if os.geteuid() == 0:
+                assert len(set(status["Uid"])) == 1
+                assert status["Uid"][0] != "0"
+                for kind in ("CapInh", "CapPrm", "CapEff", "CapAmb"):
+                    assert int(status[kind][0], 16) == 0
+        if os.geteuid() == 0:
+            users = {status_of(modules[name]["pid"])["Uid"][0] for name in (STATION, *LINES)}
+            assert len(users) == 3
+            assert status_of(modules[STATION]["pid"])["Groups"] == []  # the network cannot reach a line
+
+
+def test_files_of_the_map_are_nobody_elses_to_write(gateway: Gateway) -> None:
+    with rtud(gateway, umask=0o077):
+        wait_running(gateway)  # modules reach it, whatever rtud's umask
+        assert gateway.map.stat().st_mode & 0o777 == 0o711
+        for segment in gateway.map.glob("*.seg"):
+            assert segment.stat().st_uid == os.geteuid()
+            assert segment.stat().st_mode & 0o777 == 0o644
+
+
+# ---- where it is started ------------------------------------------------------------------------
+
+
+def refused(gateway: Gateway, **changed: Path) -> str:
+    run = subprocess.run(
+        command(gateway, **changed), stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=10
+    )
+    assert run.returncode == 1
+    return run.stderr
+
+
+def test_second_rtud_is_refused_and_the_first_goes_on(gateway: Gateway) -> None:
+    with rtud(gateway):
+        before = wait_running(gateway)
+        assert "another rtud runs on the map" in refused(gateway)
+        assert wait_running(gateway)[STATION]["pid"] == before[STATION]["pid"]
+
+
+def test_map_folder_that_is_not_ours_is_refused(gateway: Gateway) -> None:
+    writable = gateway.directory / "writable"
+    writable.mkdir()
+    writable.chmod(0o777)
+    link = gateway.directory / "link"
+    link.symlink_to("/etc")
+    assert "writable by another user" in refused(gateway, map=writable)
+    assert "cannot open the map's folder" in refused(gateway, map=link)
+    assert "cannot open the map's folder" in refused(gateway, map=gateway.config_file)
+    assert "cannot create the map's folder" in refused(gateway, map=gateway.directory / "no" / "map")
+    assert not list(writable.iterdir())
+
+
+def test_full_file_system_is_said(gateway: Gateway) -> None:
+    """As by a full tmpfs: now, and not by SIGBUS later."""
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+    run = subprocess.run(
+        command(gateway),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=10,
+        preexec_fn=limit,
+    )
+    assert run.returncode == 1
+    assert re.search(r"cannot give the map's segment \S+ \d+ bytes: File too large", run.stderr)
+
+
+def test_runs_without_standard_streams(gateway: Gateway) -> None:
+    def close_all() -> None:
+        for number in range(3):
+            os.close(number)
+
+    with rtud(gateway, preexec_fn=close_all) as process:
+        modules = wait_running(gateway)
+        for pid in (process.pid, modules[STATION]["pid"], modules[LINES[0]]["pid"]):
+            for number in range(3):
+                assert str(Path(f"/proc/{pid}/fd/{number}").readlink()) == "/dev/null"
+
+
+def test_end_of_the_logs_reader_is_not_the_gateways(gateway: Gateway) -> None:
+    read_end, write_end = os.pipe()
+    with rtud(gateway, stderr=write_end) as process:
+        os.close(write_end)
+        pid = wait_running(gateway)[STATION]["pid"]
+        os.close(read_end)
+        os.kill(pid, signal.SIGKILL)  # which rtud says in its log
+        gateway.wait_for(lambda: gateway.modules()[STATION]["pid"] not in (0, pid), 10, "a new station")
+        process.terminate()
+        assert process.wait(10) == 0
+
+
+def test_deaths_are_seen_though_sigchld_was_ignored(gateway: Gateway) -> None:
+    def ignore() -> None:
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+
+    with rtud(gateway, preexec_fn=ignore):
+        pid = wait_running(gateway)[STATION]["pid"]
+        os.kill(pid, signal.SIGKILL)
+        gateway.wait_for(lambda: gateway.modules()[STATION]["pid"] not in (0, pid), 10, "a new station")
+        assert gateway.modules()[STATION]["restarts"] == 1
+
+
+# ---- how it ends --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_stops_cleanly_with_a_stopped_module(gateway: Gateway, number: signal.Signals) -> None:
+    with rtud(gateway) as process:
+        os.kill(wait_running(gateway)[LINES[0]]["pid"], signal.SIGSTOP)
+        begin = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(10) == 0
+        assert time.monotonic() - begin < 2.5
+        assert not list(gateway.map.iterdir())
+
+
+def test_a_hanging_module_does_not_outlive_a_killed_rtud(gateway: Gateway) -> None:
+    """It would stay on its line beside the next rtud's process."""
+    with rtud(gateway) as process:
+        pid = wait_running(gateway)[LINES[0]]["pid"]
+        os.kill(pid, signal.SIGSTOP)
+        process.kill()
+        wait_gone(pid)
+
+
+# ---- programs that cannot run --------------------------------------------------------------------
+
+
+def exits_of(gateway: Gateway, name: str) -> list[float]:
+    """The times at which the log says that a module exited, in seconds of its day."""
+    stamps = re.findall(rf"T(\d+):(\d+):([\d.]+)Z rtud error: {name} exited", gateway.log_file.read_text())
+    return [int(hours) * 3600 + int(minutes) * 60 + float(seconds) for hours, minutes, seconds in stamps]
+
+
+def wait_exits(gateway: Gateway, name: str, count: int) -> list[float]:
+    gateway.wait_for(lambda: len(exits_of(gateway, name)) >= count, 10, f"{name} exited {count} times")
+    return exits_of(gateway, name)[:count]
+
+
+def assert_ever_rarer(times: list[float]) -> None:
+    gaps = [(later - earlier) % 86400 for earlier, later in itertools.pairwise(times)]
+    for shorter, longer in itertools.pairwise(gaps):
+        assert longer > 1.5 * shorter, gaps
+
+
+def test_station_whose_port_is_taken_tries_ever_more_rarely(gateway: Gateway) -> None:
+    with contextlib.ExitStack() as stack:
+        taken = stack.enter_context(socket.create_server(gateway.address))
+        stack.enter_context(rtud(gateway))
+        assert_ever_rarer(wait_exits(gateway, STATION, 5))
+        assert "Address already in use" in gateway.log()
+        taken.close()
+        wait_running(gateway)
+
+
+def test_module_that_cannot_run_is_tried_ever_more_rarely(gateway: Gateway) -> None:
+    """A program that knows nothing of the map, and one that is not there."""
+    modules = gateway.directory / "modules"
+    modules.mkdir(mode=0o755)
+    (modules / "rtu-modbus").symlink_to("/bin/false")
+    with rtud(gateway, args=command(gateway, modules=modules)) as process:
+        assert_ever_rarer(wait_exits(gateway, LINES[0], 5))
+        assert gateway.log_file.read_text().count("cannot start rtu-iec104") == 1
+        assert "module down" not in gateway.ctl("events")  # none was up
+        process.terminate()
+        assert process.wait(10) == 0
+
+
+# ---- a configuration without lines -------------------------------------------------------------------
+
+
+def test_runs_without_lines(gateway: Gateway) -> None:
+    """As before the first device is connected: a station with no points."""
+    gateway.config_file.write_text(json.dumps(listening_on({"port": []}, gateway.address[1])))
+    with rtud(gateway) as process:
+        gateway.wait_for(lambda: accepts(gateway.address), 10, "the station listens")
+        assert json.loads(gateway.ctl("--json", "points")) == []
+        process.terminate()
+        assert process.wait(10) == 0
+
+
+def accepts(address: tuple[str, int]) -> bool:
+    with contextlib.suppress(OSError), socket.create_connection(address, timeout=1.0):
+        return True
+    return False
