@@ -186,7 +186,6 @@ static void device_answered(struct modbus_line *line, uint32_t index, int64_t no
 		replan(line, device);
 	device->alive = true;
 	device->cursor = 0;
-	line->turn = index;
 	line->events->alive(line->context, index, true, now_ns);
 }
 
@@ -212,10 +211,12 @@ static void device_silent(struct modbus_line *line, uint32_t index, int64_t now_
 	struct modbus_device *device = &line->devices[index];
 
 	device->failures++;
-	if (!device->alive && line->purpose == MODBUS_PROBE)
+	if (!device->alive && line->purpose == MODBUS_PROBE) {
 		set_backoff(device, doubled(device->backoff_ns), now_ns);
-	else if (device->failures > device->retries)
+		line->probed_in_vain = true;
+	} else if (device->failures > device->retries) {
 		device_died(line, index, now_ns);
+	}
 }
 
 /* ---- commands ------------------------------------------------------------------------------------ */
@@ -328,7 +329,8 @@ static size_t begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 
 	line->purpose = purpose;
 	line->device = index;
-	line->garbled = false;
+	line->garbled = line->echoed = false;
+	line->frame_length = length;
 	line->sent_ns = now_ns + (int64_t)length * line->wire.char_ns;
 	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
 	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : device->response_timeout_ns);
@@ -389,6 +391,8 @@ static void request_answered(struct modbus_line *line, const uint8_t *frame, boo
 	uint8_t exception = is_exception ? frame[2] : 0;
 
 	count_answer(line, is_exception);
+	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
+		device->echoes--;
 	settle_unanswered(device, &line->request, is_exception, line->sent_ns, now_ns);
 
 	if (line->purpose == MODBUS_COMMAND)
@@ -426,6 +430,35 @@ static void timed_out(struct modbus_line *line, int64_t now_ns)
 	line->counters.timeouts++;
 	line->devices[line->device].counters.timeouts++;
 	request_unanswered(line, now_ns);
+}
+
+static bool looks_like_its_answer(const struct modbus_line *line)
+{
+	return modbus_answer_judge(&line->request, line->frame, line->frame_length) == MODBUS_ANSWER;
+}
+
+/*
+ * A line whose transceiver hears itself brings every request back before the answer. The answer to
+ * functions 5 and 6 looks the same, and that to a read of 17 to 24 bits at 0x03xx may: which of the two
+ * it is, the reads before have shown. True when what was received is the echo, or may become it.
+ */
+static bool take_echo(struct modbus_line *line)
+{
+	struct modbus_device *device = &line->devices[line->device];
+
+	if (line->echoed || line->received_count > line->frame_length ||
+	    memcmp(line->received, line->frame, line->received_count) != 0)
+		return false;
+	if (line->received_count < line->frame_length)
+		return device->echoes > 0;
+	if (device->echoes == 0 && looks_like_its_answer(line))
+		return false;
+	line->echoed = true;
+	device->echoes = MODBUS_ECHO_MEMORY;
+	line->garbled = false;
+	line->counters.wrong_answers++;
+	line->received_count = line->strays = 0;
+	return true;
 }
 
 /* Searches what was received for the answer. True when it was there; what follows it is left over. */
@@ -547,6 +580,7 @@ static size_t begin_command(struct modbus_line *line, int64_t now_ns)
 			line->command = take_command(line, place);
 			line->request = line->command.request;
 			line->counters.commands++;
+			line->commands_in_row++;
 			return begin(line, MODBUS_COMMAND, index, now_ns);
 		}
 		if (device->alive)
@@ -575,12 +609,31 @@ static size_t begin_urgent_read(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
+/* The next dead device whose probe is due, after the one that was probed last. */
+static size_t begin_due_probe(struct modbus_line *line, int64_t now_ns)
+{
+	for (uint32_t tried = 0; tried < line->device_count; tried++) {
+		uint32_t index = line->probe_turn;
+		struct modbus_device *device = &line->devices[index];
+		size_t length = 0;
+
+		line->probe_turn = (line->probe_turn + 1) % line->device_count;
+		forget_unanswered(device, now_ns);
+		if (!device->alive && is_readable(device) && now_ns >= device->next_probe_ns)
+			length = begin_probe(line, index, now_ns);
+		if (length > 0)
+			return length;
+	}
+	return 0;
+}
+
 static void next_turn(struct modbus_line *line)
 {
 	line->devices[line->turn].cursor = 0;
 	if (++line->turn < line->device_count)
 		return;
 	line->turn = 0;
+	line->probed_in_vain = false;
 	if (line->scan_begun)
 		line->counters.scan_us = (uint32_t)((line->scan_ended_ns - line->scan_began_ns) / NS_PER_US);
 	line->scan_begun = false;
@@ -608,9 +661,9 @@ static size_t begin_for_turn(struct modbus_line *line, int64_t now_ns)
 	struct modbus_device *device = &line->devices[line->turn];
 
 	forget_unanswered(device, now_ns);
-	if (!is_readable(device) || (!device->alive && now_ns < device->next_probe_ns))
+	if (!device->alive)
 		return 0;
-	if (!device->alive || device->unanswered_count > 0)
+	if (device->unanswered_count > 0)
 		return begin_probe(line, line->turn, now_ns);
 	return begin_scan_read(line, now_ns);
 }
@@ -628,14 +681,31 @@ static size_t begin_scan(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
+/*
+ * However many devices are dead, the living ones are scanned after each probe that nobody answered; and
+ * however many commands come, polling goes on.
+ */
 static size_t begin_next(struct modbus_line *line, int64_t now_ns)
 {
-	size_t length = begin_command(line, now_ns);
+	size_t length = 0;
 
-	if (length == 0)
-		length = begin_urgent_read(line, now_ns);
+	if (line->commands_in_row < MODBUS_COMMANDS_IN_ROW)
+		length = begin_command(line, now_ns);
+	if (length > 0)
+		return length;
+	length = begin_urgent_read(line, now_ns);
+	if (length > 0)
+		return length;
+	line->commands_in_row = 0;
+	if (!line->probed_in_vain)
+		length = begin_due_probe(line, now_ns);
 	if (length == 0)
 		length = begin_scan(line, now_ns);
+	if (length == 0)
+		length = begin_command(line, now_ns);
+	/* Nobody is kept waiting. */
+	if (length == 0)
+		length = begin_due_probe(line, now_ns);
 	return length;
 }
 
@@ -652,7 +722,7 @@ static int64_t next_due(const struct modbus_line *line, int64_t now_ns)
 		if (!device->alive && is_readable(device) && device->next_probe_ns > now_ns)
 			due = earlier(due, device->next_probe_ns);
 		for (uint32_t read = 0; device->alive && read < device->read_count; read++)
-			if (device->reads[read].pause_ns > 0)
+			if (device->reads[read].not_before_ns > now_ns)
 				due = earlier(due, device->reads[read].not_before_ns);
 	}
 	return due;
@@ -682,12 +752,15 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 		line->devices[i].backoff_ns = 0;
 		line->devices[i].next_probe_ns = now_ns;
 		line->devices[i].inherited = is_readable(&line->devices[i]);
-		line->devices[i].trust_ns = later(line->devices[i].trust_ns, now_ns + MODBUS_LATE_NS);
+		line->devices[i].trust_ns =
+		    later(line->devices[i].trust_ns,
+			  now_ns + line->devices[i].response_timeout_ns + MODBUS_LATE_NS);
 	}
 	line->received_count = 0;
 	line->last_byte_ns = now_ns - MODBUS_GAP_NS;
-	line->turn = 0;
-	line->scan_begun = false;
+	line->turn = line->probe_turn = 0;
+	line->probed_in_vain = line->scan_begun = false;
+	line->commands_in_row = 0;
 	/* Whatever was under way when the port was opened must have ended. */
 	end(line, now_ns + MODBUS_GAP_NS, now_ns);
 }
@@ -736,13 +809,17 @@ static void receive_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 	if (first)
 		line->devices[line->device].counters.latency_us =
 		    (uint32_t)(later(now_ns - line->sent_ns, 0) / NS_PER_US);
-	take_answer(line, now_ns);
+	if (!take_echo(line))
+		take_answer(line, now_ns);
 }
 
 void modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
 {
 	if (line->state == MODBUS_CLOSED || length == 0)
 		return;
+	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_SCAN &&
+	    now_ns >= last_moment(line) + MODBUS_LATE_NS)
+		timed_out(line, now_ns);
 	line->last_byte_ns = now_ns;
 	for (size_t i = 0; i < length; i++)
 		receive_byte(line, bytes[i], now_ns);

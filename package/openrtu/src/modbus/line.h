@@ -11,9 +11,15 @@
  * which also tells a deaf device from a dead one. Where there is none, the device rests until
  * MODBUS_LATE_NS after the time-out; the other devices of the line go on. A port that was just opened
  * may still bring the answer to a request of a process that was killed: there, two short reads that
- * differ must be answered. What is guaranteed: an answer that begins less than MODBUS_LATE_NS after its
- * time-out never becomes another register's value or another command's confirmation, provided the
- * device answers in order.
+ * differ must be answered, which is enough for one such request. What is guaranteed: an answer that
+ * begins less than MODBUS_LATE_NS after its time-out never becomes another register's value or another
+ * command's confirmation, provided the device answers in order. Values that a process finds later than
+ * that, because it did not run, are nobody's.
+ *
+ * Whose turn it is. Commands go first, then what was written is read back; after
+ * MODBUS_COMMANDS_IN_ROW of them the scan goes on by one request. Living devices are scanned in turn;
+ * after a probe that no dead one answered, they are scanned once before the next. So the age of their
+ * values grows by one time-out, not with the number of the dead.
  */
 #ifndef OPENRTU_MODBUS_LINE_H
 #define OPENRTU_MODBUS_LINE_H
@@ -34,6 +40,8 @@
 #define MODBUS_RAREST_PROBE_NS 60000000000LL /* doubled from there to here */
 #define MODBUS_SILENT_READS    3             /* unanswered so often, a read is split: less may be noise */
 #define MODBUS_UNANSWERED_MAX  8
+#define MODBUS_ECHO_MEMORY     8 /* one echo may be lost among noise */
+#define MODBUS_COMMANDS_IN_ROW 8 /* then the scan goes on by one read: a flood of them stops no polling */
 
 enum modbus_result {
 	MODBUS_DONE,      /* the device confirmed it; a broadcast: it was sent */
@@ -84,6 +92,7 @@ struct modbus_device {
 	uint32_t failures; /* unanswered requests in a row */
 	int64_t next_probe_ns;
 	int64_t trust_ns; /* when no answer can come any more to what is unanswered */
+	uint8_t echoes;   /* answered reads without an echo until none is expected any more */
 	bool inherited;   /* whoever had the port before may have left a request unanswered */
 	uint8_t unanswered_count;
 	struct modbus_unanswered {
@@ -135,9 +144,12 @@ struct modbus_line {
 
 	/* The line's own. */
 	uint32_t command_count;
-	uint32_t turn;   /* the device being scanned */
-	bool urgent;     /* some read may be marked urgent */
-	bool scan_begun; /* some device was read in this scan */
+	uint32_t commands_in_row; /* since the last read of the scan */
+	uint32_t turn;            /* the device being scanned */
+	uint32_t probe_turn;      /* the device to be probed next, if it is dead and due */
+	bool probed_in_vain;      /* in this scan */
+	bool urgent;              /* some read may be marked urgent */
+	bool scan_begun;          /* some device was read in this scan */
 	int64_t scan_began_ns;
 	int64_t scan_ended_ns;
 
@@ -154,8 +166,10 @@ struct modbus_line {
 	int64_t sent_ns; /* its last character has left */
 	int64_t deadline_ns;
 	bool garbled; /* something began like the answer */
+	bool echoed;  /* the request came back */
 
 	uint8_t frame[MODBUS_FRAME_MAX];
+	size_t frame_length;
 	uint8_t received[2 * MODBUS_FRAME_MAX];
 	size_t received_count;
 	size_t strays; /* of these, the first that belong to no answer */

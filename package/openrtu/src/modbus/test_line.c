@@ -14,7 +14,7 @@
 #define SECOND        1000000000LL
 #define DEVICES_MAX   3
 #define OBJECTS_MAX   64
-#define ADDRESSES     64
+#define ADDRESSES     1024
 #define COMMANDS_MAX  8
 #define WIRE_MAX      8192
 #define TRACE_MAX     4096
@@ -71,10 +71,14 @@ struct bus {
 	size_t wire_count;
 	int64_t now_ns;
 	int64_t busy_ns; /* end of the last character on the wire */
+	bool echoing;    /* the transceiver hears what it sends */
+	uint32_t chance; /* not 0: the process runs late, at random */
+	unsigned still;  /* polls in a row that neither sent nor let time pass */
 	struct sent sent[TRACE_MAX];
 	size_t sent_count;
 	unsigned reads_done[DEVICES_MAX], objects_read[DEVICES_MAX];
-	uint64_t refused_addresses[DEVICES_MAX]; /* a bit each */
+	uint64_t refused_addresses[DEVICES_MAX];                    /* a bit each */
+	int64_t last_read_ns[DEVICES_MAX], longest_ns[DEVICES_MAX]; /* between two reads */
 	unsigned deaths[DEVICES_MAX], births[DEVICES_MAX];
 	int64_t died_ns[DEVICES_MAX];
 	unsigned commands_done;
@@ -106,7 +110,9 @@ static void on_read(void *context, uint32_t device, const struct modbus_read *re
 		else
 			assert_int_equal(modbus_register(data, index), slave->registers[object->address]);
 	}
-	bus.reads_done[device]++;
+	if (bus.reads_done[device]++ > 0 && now_ns - bus.last_read_ns[device] > bus.longest_ns[device])
+		bus.longest_ns[device] = now_ns - bus.last_read_ns[device];
+	bus.last_read_ns[device] = now_ns;
 	bus.objects_read[device] += read->objects;
 }
 
@@ -134,7 +140,12 @@ static void on_alive(void *context, uint32_t device, bool alive, int64_t now_ns)
 static void on_command(void *context, const struct modbus_command *command, enum modbus_result result,
 		       uint8_t exception)
 {
+	const struct modbus_request *write = &command->request;
+
 	(void)context;
+	if (result == MODBUS_DONE && write->unit != MODBUS_BROADCAST &&
+	    write->function == MODBUS_WRITE_REGISTER)
+		assert_int_equal(bus.slaves[command->device].registers[write->address], write->values[0]);
 	bus.tags[bus.commands_done++ % 16] = command->tag;
 	bus.last_tag = command->tag;
 	bus.last_result = result;
@@ -308,6 +319,8 @@ static void take_output(const struct modbus_output *output)
 	if (output->length == 0)
 		return;
 	assert_true(bus.now_ns >= bus.busy_ns + bus.line.wire.silence_ns);
+	if (bus.echoing)
+		put_on_wire(bus.now_ns, output->frame, output->length);
 	bus.busy_ns = bus.now_ns + (int64_t)output->length * bus.line.wire.char_ns;
 	struct modbus_request request = parse(output->frame, output->length);
 	if (bus.sent_count < TRACE_MAX)
@@ -316,15 +329,34 @@ static void take_output(const struct modbus_output *output)
 		slave_takes(&bus.slaves[i], &request, output->frame);
 }
 
-static void deliver_byte(void)
+/* What has arrived by now comes in one piece. */
+static void deliver(void)
 {
-	uint8_t byte = bus.wire[0].byte;
+	uint8_t bytes[WIRE_MAX];
+	size_t count = 0;
 
-	bus.wire_count--;
-	memmove(&bus.wire[0], &bus.wire[1], bus.wire_count * sizeof(bus.wire[0]));
-	if (bus.now_ns > bus.busy_ns)
-		bus.busy_ns = bus.now_ns;
-	modbus_line_receive(&bus.line, &byte, 1, bus.now_ns);
+	for (; count < bus.wire_count && bus.wire[count].time_ns <= bus.now_ns; count++) {
+		bytes[count] = bus.wire[count].byte;
+		if (bus.wire[count].time_ns > bus.busy_ns)
+			bus.busy_ns = bus.wire[count].time_ns;
+	}
+	bus.wire_count -= count;
+	memmove(&bus.wire[0], &bus.wire[count], bus.wire_count * sizeof(bus.wire[0]));
+	modbus_line_receive(&bus.line, bytes, count, bus.now_ns);
+}
+
+static uint32_t random_next(uint32_t *seed)
+{
+	*seed = *seed * 1664525u + 1013904223u;
+	return *seed >> 8;
+}
+
+/* Now and then others have the processor for up to 200 ms. */
+static int64_t delay(void)
+{
+	if (bus.chance == 0 || random_next(&bus.chance) % 8 != 0)
+		return 0;
+	return (int64_t)(random_next(&bus.chance) % 200) * MS;
 }
 
 static void run_until(int64_t until_ns)
@@ -338,12 +370,15 @@ static void run_until(int64_t until_ns)
 			next_ns = bus.wire[0].time_ns;
 		if (next_ns > until_ns)
 			break;
+		bus.still = output.length == 0 && next_ns <= bus.now_ns ? bus.still + 1 : 0;
+		assert_true(bus.still < 3);
 		if (next_ns > bus.now_ns)
 			bus.now_ns = next_ns;
-		while (bus.wire_count > 0 && bus.wire[0].time_ns <= bus.now_ns)
-			deliver_byte();
+		bus.now_ns += delay();
+		deliver();
 	}
-	bus.now_ns = until_ns;
+	if (until_ns > bus.now_ns)
+		bus.now_ns = until_ns;
 }
 
 static void run_for(int64_t ns)
@@ -356,6 +391,7 @@ static void forget_trace(void)
 	bus.sent_count = 0;
 	memset(bus.reads_done, 0, sizeof(bus.reads_done));
 	memset(bus.objects_read, 0, sizeof(bus.objects_read));
+	memset(bus.longest_ns, 0, sizeof(bus.longest_ns));
 	memset(&bus.line.counters, 0, sizeof(bus.line.counters));
 }
 
@@ -611,6 +647,89 @@ static void a_babbling_line_is_given_up(void **state)
 }
 
 /*
+ * ---- a line that hears itself
+ * ----------------------------------------------------------------------------
+ */
+
+static void an_echo_is_not_a_confirmation(void **state)
+{
+	(void)state;
+	start_simple(3);
+	bus.echoing = true;
+	run_for(SECOND);
+	assert_int_equal(bus.deaths[0], 0);
+	assert_true(bus.reads_done[0] > 10);
+	assert_int_equal(bus.devices[0].counters.errors, 0);
+	command(0, MODBUS_WRITE_REGISTER, 3, 900, 1);
+	run_for(200 * MS);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
+	assert_int_equal(bus.slaves[0].registers[3], 900);
+	bus.slaves[0].missing = 60;
+	command(0, MODBUS_WRITE_REGISTER, 60, 1, 2);
+	run_for(200 * MS);
+	assert_int_equal(bus.last_result, MODBUS_REFUSED);
+	bus.slaves[0].present = false;
+	command(0, MODBUS_WRITE_COIL, 3, 1, 3);
+	run_for(SECOND);
+	assert_int_equal(bus.last_result, MODBUS_TIMED_OUT);
+	assert_int_equal(bus.commands_done, 3);
+	bus.slaves[0].present = true;
+	bus.echoing = false;
+	run_for(3 * SECOND);
+	command(0, MODBUS_WRITE_REGISTER, 3, 901, 4);
+	run_for(200 * MS);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
+}
+
+/* Noise may hide an echo, and the line hears itself all the same. */
+static void one_lost_echo_does_not_make_the_next_a_confirmation(void **state)
+{
+	(void)state;
+	start_simple(3);
+	bus.echoing = true;
+	run_for(SECOND);
+	bus.echoing = false;
+	for (unsigned reads = bus.reads_done[0]; bus.reads_done[0] < reads + 2;)
+		run_for(MS);
+	bus.echoing = true;
+	bus.slaves[0].present = false;
+	command(0, MODBUS_WRITE_REGISTER, 3, 900, 1);
+	run_for(SECOND);
+	assert_int_equal(bus.commands_done, 1);
+	assert_int_equal(bus.last_result, MODBUS_TIMED_OUT);
+}
+
+/* The request 17 1 3 0 0 24 looks like the answer with the three data bytes 0, 0, 24. */
+static void an_echo_is_not_a_value(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 1);
+	add_objects(MODBUS_READ_COILS, 0x0300, 24);
+	bus.echoing = true;
+	start();
+	run_for(SECOND);
+	assert_int_equal(bus.sent[bus.sent_count - 1].request.count, 24);
+	assert_true(bus.reads_done[0] > 10);
+}
+
+/* Without an echo it is the answer. */
+static void a_value_is_not_an_echo(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 1);
+	add_objects(MODBUS_READ_COILS, 0x0300, 24);
+	for (uint16_t bit = 0; bit < 24; bit++)
+		bus.slaves[0].registers[0x0300 + bit] = !(bit == 19 || bit == 20);
+	start();
+	run_for(SECOND);
+	assert_int_equal(bus.sent[bus.sent_count - 1].request.count, 24);
+	assert_true(bus.reads_done[0] > 10);
+	assert_int_equal(bus.line.counters.timeouts, 0);
+}
+
+/*
  * ---- late answers
  * ----------------------------------------------------------------------------------------
  */
@@ -672,6 +791,80 @@ static void a_killed_processs_answer_is_nobodys(void **state)
 		assert_true(bus.devices[0].alive);
 		assert_true(bus.reads_done[0] > 20);
 	}
+}
+
+/* It may still come when nothing but another device's silence was waited for since. */
+static void a_killed_processs_confirmation_is_nobodys(void **state)
+{
+	(void)state;
+	start_simple(0);
+	add_device(18, 0);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 1);
+	bus.slaves[1].present = false;
+	bus.devices[0].response_timeout_ns = bus.devices[1].response_timeout_ns = 2 * SECOND;
+	start();
+	run_for(3 * SECOND);
+	bus.slaves[0].late = 1;
+	bus.slaves[0].late_ns = 2500 * MS;
+	command(0, MODBUS_WRITE_REGISTER, 3, 7, 1);
+	while (sent_with(17, MODBUS_WRITE_REGISTER) == 0)
+		run_for(MS);
+	modbus_line_close(&bus.line, bus.now_ns);
+	for (int i = 0; i < 2; i++) {
+		bus.devices[i].unanswered_count = 0; /* a new process knows nothing */
+		bus.devices[i].trust_ns = 0;
+	}
+	bus.slaves[0].exception = 4;
+	modbus_line_open(&bus.line, bus.now_ns);
+	bus.devices[0].next_probe_ns += 5 * SECOND; /* the other one is probed first */
+	command(0, MODBUS_WRITE_REGISTER, 3, 7, 2);
+	run_for(6 * SECOND);
+	assert_int_equal(bus.last_tag, 2);
+	assert_int_equal(bus.last_result, MODBUS_REFUSED);
+}
+
+/* A process that was stopped finds an answer, and cannot know how old its values are. */
+static void an_old_answer_is_no_news(void **state)
+{
+	(void)state;
+	start_simple(3);
+	while (bus.sent_count == 0)
+		run_for(MS);
+	bus.slaves[0].registers[4] = 1; /* on_read knows the new value only */
+	bus.now_ns += 2 * SECOND;
+	deliver();
+	run_for(SECOND);
+	assert_int_equal(bus.line.counters.timeouts, 1);
+	assert_int_equal(bus.line.counters.late_answers, 1);
+	assert_true(bus.reads_done[0] > 10);
+}
+
+/*
+ * Nothing that could be asked has an unmistakable answer, and an object that was refused comes due: time
+ * must pass all the same (run_until).
+ */
+static void a_device_that_rests_is_at_rest(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 9);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 40, 1);
+	bus.slaves[0].missing = 40;
+	start();
+	run_for(700 * MS);
+	assert_int_equal(bus.refused_addresses[0], 1ULL << 40);
+	bus.slaves[0].fault = MUTE;
+	bus.slaves[0].faults = 1;
+	while (bus.slaves[0].faults > 0)
+		run_for(MS);
+	bus.slaves[0].exception = 2;
+	run_for(500 * MS);
+	bus.slaves[0].exception = 0;
+	bus.slaves[0].missing = -1;
+	run_for(5 * SECOND);
+	assert_int_equal(bus.devices[0].read_count, 2);
+	assert_true(bus.devices[0].alive);
 }
 
 /*
@@ -780,6 +973,25 @@ static void a_dead_device_delays_its_line_by_its_probes_only(void **state)
 	/* two seconds' worth less than a line of its own would give */
 	assert_true(bus.reads_done[1] > 58 * 1000 / 25);
 	assert_int_equal(bus.deaths[1], 0);
+}
+
+/* Of many dead devices one at a time is probed: between two probes without an answer, the others are read. */
+static void dead_devices_are_probed_one_a_scan(void **state)
+{
+	(void)state;
+	set_up();
+	for (uint8_t unit = 1; unit <= DEVICES_MAX; unit++) {
+		add_device(unit, 0);
+		add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+		bus.slaves[unit - 1].present = unit == 3;
+	}
+	start();
+	run_for(30 * SECOND);
+	assert_int_equal(bus.line.counters.timeouts, 2 * 5); /* 0, 1, 3, 7, 15 seconds after the start */
+	assert_in_range(bus.longest_ns[2], TIMEOUT_NS, TIMEOUT_NS + 50 * MS);
+	bus.slaves[0].present = bus.slaves[1].present = true;
+	run_for(33 * SECOND);
+	assert_true(bus.devices[0].alive && bus.devices[1].alive);
 }
 
 static void writes_are_never_repeated(void **state)
@@ -928,6 +1140,27 @@ static void commands_go_ahead_of_polling_in_order(void **state)
 	assert_int_equal(bus.slaves[0].registers[3], 903);
 }
 
+static void a_flood_of_commands_stops_no_polling(void **state)
+{
+	(void)state;
+	set_up();
+	for (uint8_t unit = 1; unit <= 2; unit++) {
+		add_device(unit, 0);
+		add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	}
+	start();
+	run_for(SECOND);
+	forget_trace();
+	for (int i = 0; i < 300; i++) {
+		while (bus.line.command_count < 3)
+			command(0, MODBUS_WRITE_REGISTER, 3, (uint16_t)i, 1);
+		run_for(10 * MS);
+	}
+	assert_true(bus.commands_done > 90);
+	assert_true(bus.reads_done[1] > 4);
+	assert_true(bus.longest_ns[1] < SECOND);
+}
+
 static void what_was_written_is_read_back_next(void **state)
 {
 	(void)state;
@@ -1059,24 +1292,19 @@ static void two_registers_are_written_in_one_request(void **state)
  * -------------------
  */
 
-static uint32_t random_next(uint32_t *seed)
-{
-	*seed = *seed * 1664525u + 1013904223u;
-	return *seed >> 8;
-}
-
 /*
- * Faults of every kind at random: no value is ever another's (on_read), every command ends once, all
- * come back.
+ * Faults of every kind at random: no value is ever another's (on_read), no command is confirmed that was
+ * not executed (on_command), each ends once, all devices come back.
  */
-static void a_bad_line(void **state)
+static void a_bad_line(bool echoing, bool late_process)
 {
-	(void)state;
 	for (uint32_t seed = 1; seed <= 20; seed++) {
 		uint32_t chance = seed;
 		unsigned commands = 0;
 
 		set_up();
+		bus.echoing = echoing;
+		bus.chance = late_process ? seed : 0;
 		for (uint8_t unit = 1; unit <= DEVICES_MAX; unit++) {
 			add_device(unit, unit);
 			add_objects(MODBUS_READ_COILS, 0, 5);
@@ -1108,6 +1336,24 @@ static void a_bad_line(void **state)
 		for (int i = 0; i < DEVICES_MAX; i++)
 			assert_true(bus.devices[i].alive);
 	}
+}
+
+static void faults_at_random(void **state)
+{
+	(void)state;
+	a_bad_line(false, false);
+}
+
+static void faults_on_a_line_that_hears_itself(void **state)
+{
+	(void)state;
+	a_bad_line(true, false);
+}
+
+static void faults_under_a_late_process(void **state)
+{
+	(void)state;
+	a_bad_line(false, true);
 }
 
 /* Bytes of any kind in pieces of any size at any time: nothing breaks, and the deadline is always ahead. */
@@ -1150,14 +1396,22 @@ int main(void)
 	    cmocka_unit_test(a_strangers_frame_does_not_hide_the_answer),
 	    cmocka_unit_test(noise_between_frames_delays_the_next_request),
 	    cmocka_unit_test(a_babbling_line_is_given_up),
+	    cmocka_unit_test(an_echo_is_not_a_confirmation),
+	    cmocka_unit_test(one_lost_echo_does_not_make_the_next_a_confirmation),
+	    cmocka_unit_test(an_echo_is_not_a_value),
+	    cmocka_unit_test(a_value_is_not_an_echo),
 	    cmocka_unit_test(a_late_answer_is_never_anothers),
 	    cmocka_unit_test(a_late_answer_is_counted),
 	    cmocka_unit_test(a_killed_processs_answer_is_nobodys),
+	    cmocka_unit_test(a_killed_processs_confirmation_is_nobodys),
+	    cmocka_unit_test(an_old_answer_is_no_news),
+	    cmocka_unit_test(a_device_that_rests_is_at_rest),
 	    cmocka_unit_test(a_device_with_one_object_rests),
 	    cmocka_unit_test(a_late_confirmation_is_not_another_commands),
 	    cmocka_unit_test(a_dead_device_is_probed_ever_more_rarely),
 	    cmocka_unit_test(a_device_that_returns_is_scanned_at_once),
 	    cmocka_unit_test(a_dead_device_delays_its_line_by_its_probes_only),
+	    cmocka_unit_test(dead_devices_are_probed_one_a_scan),
 	    cmocka_unit_test(writes_are_never_repeated),
 	    cmocka_unit_test(a_refused_read_is_halved_down_to_the_object),
 	    cmocka_unit_test(all_objects_refused_leaves_a_living_device),
@@ -1166,6 +1420,7 @@ int main(void)
 	    cmocka_unit_test(one_lost_answer_does_not_split_a_read),
 	    cmocka_unit_test(a_silent_read_is_halved_too),
 	    cmocka_unit_test(commands_go_ahead_of_polling_in_order),
+	    cmocka_unit_test(a_flood_of_commands_stops_no_polling),
 	    cmocka_unit_test(what_was_written_is_read_back_next),
 	    cmocka_unit_test(a_refused_command_tells_why),
 	    cmocka_unit_test(a_command_past_its_deadline_is_not_sent),
@@ -1174,7 +1429,9 @@ int main(void)
 	    cmocka_unit_test(a_broadcast_goes_out_at_once),
 	    cmocka_unit_test(a_device_that_never_answered_is_commanded),
 	    cmocka_unit_test(two_registers_are_written_in_one_request),
-	    cmocka_unit_test(a_bad_line),
+	    cmocka_unit_test(faults_at_random),
+	    cmocka_unit_test(faults_on_a_line_that_hears_itself),
+	    cmocka_unit_test(faults_under_a_late_process),
 	    cmocka_unit_test(hostile_bytes),
 	};
 	return cmocka_run_group_tests_name("modbus line", tests, NULL, NULL);

@@ -26,6 +26,7 @@
 #define REOPEN_NS      NS_PER_S
 #define HEARTBEAT_NS   (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
 #define READ_SIZE      512
+#define READS_A_TURN   16
 #define EPOLL_EVENTS   16
 #define WRONG_USAGE    2
 #define PORT_PATH_SIZE 512
@@ -60,6 +61,7 @@ struct gateway {
 	int epoll_fd;
 	int timer_fd;
 	int64_t heartbeat_ns; /* the next one */
+	int64_t armed_ns;     /* what the timer is set to */
 };
 
 static volatile sig_atomic_t stop_requested;
@@ -254,6 +256,11 @@ static void open_port(struct port *port, int64_t now_ns)
 	bool carries_parity;
 
 	port->fd = serial_open(port->path, port->config, &carries_parity, error);
+	if (port->fd >= 0 && epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_ADD, port->fd, &event) < 0) {
+		snprintf(error, sizeof(error), "cannot be waited for: %s", strerror(errno));
+		serial_close(port->fd);
+		port->fd = -1;
+	}
 	if (port->fd < 0) {
 		count_port_error(port);
 		if (!port->failing)
@@ -268,7 +275,6 @@ static void open_port(struct port *port, int64_t now_ns)
 			port->config->port, port->path);
 		port->pty_logged = true;
 	}
-	epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_ADD, port->fd, &event);
 	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
 		(unsigned)port->config->baud);
 	port->failing = false;
@@ -277,7 +283,7 @@ static void open_port(struct port *port, int64_t now_ns)
 
 static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 {
-	close(port->fd);
+	serial_close(port->fd);
 	port->fd = -1;
 	port->failing = true;
 	port->deadline_ns = now_ns + REOPEN_NS;
@@ -287,43 +293,35 @@ static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 	modbus_line_close(&port->line, now_ns);
 }
 
-/* Gives everything that is readable to the line. */
+/* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
 static void read_port(struct port *port)
 {
-	while (port->fd >= 0) {
+	for (int reads = 0; reads < READS_A_TURN && port->fd >= 0; reads++) {
 		uint8_t bytes[READ_SIZE];
 		ssize_t length = read(port->fd, bytes, sizeof(bytes));
 		int64_t now_ns = map_now_ns();
 
-		if (length > 0) {
+		if (length > 0)
 			modbus_line_receive(&port->line, bytes, (size_t)length, now_ns);
-			if ((size_t)length < sizeof(bytes))
-				return;
-		} else if (length < 0 && errno == EINTR) {
-			continue;
-		} else if (length < 0 && errno == EAGAIN) {
-			return;
-		} else {
+		else if (length == 0 || (errno != EAGAIN && errno != EINTR))
 			lose_port(port, length == 0 ? "hung up" : strerror(errno), now_ns);
-		}
+		if (length < (ssize_t)sizeof(bytes))
+			return;
 	}
 }
 
 /*
  * What the port has not sent of an older request, which has timed out by now, it shall not send any
- * more. A request that the driver does not take whole stays unanswered.
+ * more. A port that does not even then take a request whole is broken, and what was to be sent is not
+ * confirmed: a broadcast, too, was not sent.
  */
 static void write_port(struct port *port, const struct modbus_output *output, int64_t now_ns)
 {
 	serial_discard_output(port->fd);
 	ssize_t length = write(port->fd, output->frame, output->length);
 
-	if (length == (ssize_t)output->length)
-		return;
-	if (length < 0 && errno != EAGAIN && errno != EINTR)
-		lose_port(port, strerror(errno), now_ns);
-	else
-		count_port_error(port);
+	if (length != (ssize_t)output->length)
+		lose_port(port, length < 0 ? strerror(errno) : "it does not send", now_ns);
 }
 
 static void serve_port(struct port *port)
@@ -332,6 +330,9 @@ static void serve_port(struct port *port)
 
 	if (port->fd < 0 && now_ns >= port->deadline_ns)
 		open_port(port, now_ns);
+	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
+	if (port->fd >= 0 && now_ns >= port->deadline_ns)
+		read_port(port);
 	if (port->fd < 0)
 		return;
 	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
@@ -529,7 +530,7 @@ static void set_up_signals(void)
  * ----------------------------------------------------------------------------------------------
  */
 
-static void arm_timer(const struct gateway *gateway)
+static void arm_timer(struct gateway *gateway)
 {
 	int64_t at_ns = gateway->heartbeat_ns;
 
@@ -537,6 +538,9 @@ static void arm_timer(const struct gateway *gateway)
 		at_ns = earlier(at_ns, gateway->ports[i].deadline_ns);
 	if (at_ns < 1)
 		at_ns = 1; /* 0 would disarm */
+	if (at_ns == gateway->armed_ns)
+		return; /* most wake-ups bring bytes and change nothing */
+	gateway->armed_ns = at_ns;
 	struct itimerspec timer = {
 	    .it_value = {.tv_sec = (time_t)(at_ns / NS_PER_S), .tv_nsec = (long)(at_ns % NS_PER_S)}};
 	timerfd_settime(gateway->timer_fd, TFD_TIMER_ABSTIME, &timer, NULL);
@@ -555,16 +559,6 @@ static void wait_and_take(struct gateway *gateway)
 	}
 }
 
-/* A delayed process reads its ports before it judges what has timed out. */
-static void read_late_bytes(struct gateway *gateway)
-{
-	int64_t now_ns = map_now_ns();
-
-	for (uint32_t i = 0; i < gateway->port_count; i++)
-		if (now_ns >= gateway->ports[i].deadline_ns)
-			read_port(&gateway->ports[i]);
-}
-
 static void beat(struct gateway *gateway)
 {
 	int64_t now_ns = map_now_ns();
@@ -581,7 +575,6 @@ static void serve(struct gateway *gateway)
 {
 	while (!stop_requested && map_wanted(gateway->map)) {
 		beat(gateway);
-		read_late_bytes(gateway);
 		for (uint32_t i = 0; i < gateway->port_count; i++)
 			serve_port(&gateway->ports[i]);
 		arm_timer(gateway);

@@ -31,6 +31,12 @@ void serial_discard_output(int fd)
 	ioctl(fd, TCFLSH, TCOFLUSH);
 }
 
+void serial_close(int fd)
+{
+	serial_discard_output(fd);
+	close(fd);
+}
+
 static bool is_pty(int fd)
 {
 	struct stat status;

@@ -20,6 +20,9 @@ int serial_open(const char *path, const struct map_line *line, bool *carries_par
 /* Forgets what was written and has not been sent. */
 void serial_discard_output(int fd);
 
+/* Closes the port at once: close alone waits up to 30 s for what a stuck port has not sent. */
+void serial_close(int fd);
+
 /* Bits of one character: start, data, parity, stop. */
 unsigned serial_bits_per_char(const struct map_line *line);
 
