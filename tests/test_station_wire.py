@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The controlled station octet by octet, on bare sockets: what c104 does not show or does not send."""
 
+import contextlib
 import datetime
+import os
+import resource
+import signal
 import socket
 import struct
 import subprocess
@@ -11,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from desk import Desk, chapter_5, desk_of
+from desk import Desk, chapter_5, desk_of, gateway_on_lines
 from lab.raw_master import RawMaster, StationError
 from lab.show import DEVICE, FIGURE_5_5, STATION
 
@@ -87,6 +91,22 @@ def test_selection_is_deactivated(desk: Desk, master: RawMaster) -> None:
     master.request(C_DC, 1010, 1, bytes([1]))
     assert master.answer(C_DC).cause == ACT_CON | NEGATIVE
     assert not writes(desk, mark)
+
+
+def test_selection_ends_with_its_connection(desk: Desk, master: RawMaster) -> None:
+    with RawMaster(*desk.gateway.address) as leaving:
+        leaving.request(C_DC, 1010, 1, bytes([SELECT | 1]))
+        assert leaving.answer(C_DC).cause == ACT_CON
+        master.request(C_DC, 1010, 1, bytes([SELECT | 1]))
+        assert master.answer(C_DC).cause == ACT_CON | NEGATIVE
+
+    def selected() -> bool:
+        master.request(C_DC, 1010, 1, bytes([SELECT | 1]))
+        return master.answer(C_DC).cause == ACT_CON
+
+    desk.gateway.wait_for(selected, 5.0, "the point can be selected again")
+    master.request(C_DC, 1010, 1, bytes([SELECT | 1]), cause=DEACT)
+    assert master.answer(C_DC).cause == DEACT_CON
 
 
 def test_test_bit_is_confirmed_and_nothing_is_executed(desk: Desk, master: RawMaster) -> None:
@@ -260,6 +280,59 @@ def collect_frames(connection: socket.socket, until: Callable[[list[bytes]], boo
         head = received(connection, 2)
         frames.append(head + received(connection, head[1]))
     return frames
+
+
+# ---- hostile peers ----------------------------------------------------------------------------------
+
+
+def processor_seconds(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_peer_cannot_flood_the_log(desk: Desk, connection: socket.socket) -> None:
+    before = desk.gateway.log_file.stat().st_size
+    starts = 10_000
+    for _ in range(starts // 100):
+        connection.sendall((STARTDT + STOPDT) * 100)
+        assert received(connection, 100 * 12)[-6:] == STOPDT_CON
+    desk.wait_scan(DEVICE)
+    assert desk.gateway.log_file.stat().st_size - before < starts
+
+
+def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) -> None:
+    """What cannot be accepted must not wake the station again and again, and is accepted when it can be."""
+    config = chapter_5()
+    config["iec104"]["max_connections"] = 16
+    with gateway_on_lines(config, programs) as (_, gateway), contextlib.ExitStack() as stack:
+        assert gateway.process is not None
+        _, most = resource.prlimit(gateway.process.pid, resource.RLIMIT_NOFILE)
+        resource.prlimit(gateway.process.pid, resource.RLIMIT_NOFILE, (24, most))
+        former = gateway.modules()["rtu-iec104"]
+        os.kill(former["pid"], signal.SIGTERM)
+        gateway.wait_for(
+            lambda: (
+                (now := gateway.modules()["rtu-iec104"])["pid"] != former["pid"] and now["state"] == "running"
+            ),
+            10.0,
+            "the station is back",
+        )
+        station = gateway.modules()["rtu-iec104"]["pid"]
+        peers = [stack.enter_context(socket.create_connection(gateway.address, 5)) for _ in range(16)]
+        for peer in peers:
+            peer.sendall(TESTFR)
+        assert received(peers[0], 6) == TESTFR_CON
+        with pytest.raises(TimeoutError):
+            peers[-1].settimeout(1.0)
+            peers[-1].recv(1)
+        before = processor_seconds(station)
+        with pytest.raises(TimeoutError):
+            peers[-1].recv(1)
+        assert processor_seconds(station) - before < 0.3
+        for peer in peers[:8]:
+            peer.close()
+        peers[-1].settimeout(5.0)
+        assert received(peers[-1], 6) == TESTFR_CON
 
 
 # ---- tshark -------------------------------------------------------------------------------------------

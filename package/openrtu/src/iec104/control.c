@@ -35,6 +35,17 @@ static void confirm(const struct received *received, bool negative)
 
 /* ---- commands ---------------------------------------------------------------------------- */
 
+/* Selections are told apart by connection and originator. */
+static uint32_t session_of(const struct iec104_connection *connection, uint8_t originator)
+{
+	return connection->serial << 8 | originator;
+}
+
+static bool is_session_of(const struct iec104_connection *connection, uint32_t session)
+{
+	return session_of(connection, (uint8_t)session) == session;
+}
+
 static bool post(struct iec104_station *station, const struct received *received, struct map_request request)
 {
 	struct iec104_connection *connection = received->connection;
@@ -47,7 +58,7 @@ static bool post(struct iec104_station *station, const struct received *received
 	if (open == station->open_commands + IEC104_OPEN_COMMANDS_MAX)
 		return false;
 	map_module(station->map, owner, &module);
-	request.session = connection->serial << 8 | received->asdu.originator;
+	request.session = session_of(connection, received->asdu.originator);
 	request.time_ns = received->now_ns;
 	request.deadline_ns = received->now_ns + station->config->settings.command_timeout_s * NS_PER_S;
 	request.id = map_request_post(station->map, request);
@@ -131,8 +142,7 @@ static void take_clock(struct iec104_station *station, const struct received *re
 	int64_t wall_ns;
 
 	if (!received->connection->clock_master) {
-		map_log(station->map, MAP_LOG_WARNING, "%s: may not set the clock",
-			received->connection->peer);
+		iec104_log(station, MAP_LOG_WARNING, received->connection->peer, "may not set the clock");
 		confirm(received, true);
 		return;
 	}
@@ -150,6 +160,11 @@ static void take_clock(struct iec104_station *station, const struct received *re
 		confirm(received, true);
 }
 
+static bool is_still_there(const struct iec104_open_command *open)
+{
+	return open->connection->open && open->connection->serial == open->serial;
+}
+
 /* Tells the connection that asked, if it is still there and takes data. */
 static void report(const struct iec104_station *station, const struct iec104_open_command *open,
 		   bool positive)
@@ -158,7 +173,7 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 	struct received received = {.connection = connection, .bytes = open->asdu, .size = open->asdu_size};
 	struct iec104_procedure procedure;
 
-	if (!connection->open || connection->serial != open->serial || !connection->session.started)
+	if (!is_still_there(open) || !connection->session.started)
 		return;
 	iec104_asdu_decode(open->asdu, open->asdu_size, &received.asdu);
 	if (positive && open->request.action == MAP_SET_CLOCK) {
@@ -172,17 +187,36 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 		iec104_mirror(connection, open->asdu, open->asdu_size, IEC104_ACTIVATION_TERM, false);
 }
 
+/* Back to inactive. The owner sees to it that only the session that was last served can do that. */
+static void release(struct iec104_station *station, uint32_t point, uint32_t session)
+{
+	map_request_post(station->map,
+			 (struct map_request){.point = point, .action = MAP_RELEASE, .session = session});
+}
+
 static void conclude(struct iec104_station *station, struct iec104_open_command *open, bool positive)
 {
-	struct map_request release = open->request;
-	bool selected = positive && open->request.action == MAP_SELECT;
+	bool selected = positive && open->request.action == MAP_SELECT && is_still_there(open);
 
 	report(station, open, positive);
 	open->request.id = 0;
-	if (selected || open->request.action == MAP_SET_CLOCK)
-		return;
-	release.action = MAP_RELEASE;
-	map_request_post(station->map, release);
+	if (selected)
+		open->connection->selects = true;
+	else if (open->request.action != MAP_SET_CLOCK)
+		release(station, open->request.point, open->request.session);
+}
+
+/* Nobody else can use them, and each keeps everybody else from its point until it times out. */
+void iec104_end_selections(struct iec104_station *station, const struct iec104_connection *connection)
+{
+	for (uint32_t i = 0; connection->selects && i < station->config->point_count; i++) {
+		struct map_command command;
+
+		if ((iec104_point(station, i)->flags & MAP_POINT_COMMAND) &&
+		    map_command_read(station->map, i, &command) && command.state == MAP_ACCEPTED_SELECTION &&
+		    command.requester == map_self(station->map) && is_session_of(connection, command.session))
+			release(station, i, command.session);
+	}
 }
 
 void iec104_take_answer(struct iec104_station *station, const struct map_answer *answer)
@@ -205,18 +239,47 @@ void iec104_take_answer(struct iec104_station *station, const struct map_answer 
  * An owner whose generation has ended will not answer, and nobody knows what became of the command. One that
  * is only silent for a moment will: rtud decides, not the heartbeat's age.
  */
-void iec104_conclude_orphans(struct iec104_station *station)
+static bool owner_has_ended(const struct iec104_station *station, const struct iec104_open_command *open)
+{
+	struct map_module module;
+
+	if (open->request.point == MAP_NONE)
+		return false; /* rtud, which this process does not outlive */
+	map_module(station->map, map_owner(station->map, open->request.point), &module);
+	return module.state == MAP_MODULE_DOWN || module.state == MAP_MODULE_STOPPED ||
+	       module.generation != open->generation;
+}
+
+/*
+ * No command begins after its deadline; then its device has at most 10 s (response_timeout_ms), twice for two
+ * writes, and the octets take their time. Later than this, request or answer was overwritten in the map unread.
+ */
+static int64_t last_moment(const struct iec104_open_command *open)
+{
+	return open->request.deadline_ns + 30 * NS_PER_S;
+}
+
+void iec104_conclude_orphans(struct iec104_station *station, int64_t now_ns)
 {
 	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++) {
 		struct iec104_open_command *open = &station->open_commands[i];
-		struct map_module module;
 
-		if (open->request.id == 0 || open->request.point == MAP_NONE)
-			continue;
-		map_module(station->map, map_owner(station->map, open->request.point), &module);
-		if (module.state != MAP_MODULE_RUNNING || module.generation != open->generation)
+		if (open->request.id != 0 && (owner_has_ended(station, open) || now_ns >= last_moment(open)))
 			conclude(station, open, false);
 	}
+}
+
+int64_t iec104_orphan_deadline(const struct iec104_station *station)
+{
+	int64_t deadline = INT64_MAX;
+
+	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++) {
+		const struct iec104_open_command *open = &station->open_commands[i];
+
+		if (open->request.id != 0 && last_moment(open) < deadline)
+			deadline = last_moment(open);
+	}
+	return deadline;
 }
 
 /* ---- receiving --------------------------------------------------------------------------- */

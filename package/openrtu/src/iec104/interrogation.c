@@ -26,7 +26,7 @@ static unsigned find_procedure(struct iec104_connection *connection, const struc
 		const struct iec104_procedure *other = procedure_at(connection, place);
 
 		if (other->type == like->type && other->broadcast == like->broadcast &&
-		    other->device == like->device)
+		    (like->broadcast || other->device == like->device))
 			break;
 		place++;
 	}

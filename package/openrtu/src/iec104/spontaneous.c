@@ -4,6 +4,8 @@
 
 #include <inttypes.h>
 
+#define DOUBT_NS (MAP_HEARTBEAT_LIMIT_MS * 1000000LL)
+
 static bool of_down_module(const struct iec104_station *station, const struct iec104_connection *connection,
 			   uint32_t point)
 {
@@ -21,6 +23,20 @@ static void begin_refresh(const struct iec104_station *station, struct iec104_co
 {
 	connection->refresh = true;
 	iec104_begin_sweep_of_all(station, connection, &connection->refresh_sweep, to_be_refreshed);
+}
+
+void iec104_resolve_doubts(const struct iec104_station *station, struct iec104_connection *connection,
+			   int64_t now_ns)
+{
+	for (uint32_t i = 0; connection->doubted_modules >> i != 0; i++) {
+		if (!(connection->doubted_modules & 1u << i) || !map_alive(station->map, i))
+			continue;
+		connection->doubted_modules &= ~(1u << i);
+		connection->refresh_modules |= 1u << i;
+		begin_refresh(station, connection);
+	}
+	if (connection->doubted_modules != 0)
+		connection->retry_ns = now_ns + DOUBT_NS;
 }
 
 bool iec104_send_invalid(const struct iec104_station *station, struct iec104_connection *connection,
@@ -69,6 +85,7 @@ static void take_module_event(const struct iec104_station *station, struct iec10
 	switch (event->kind) {
 	case MAP_EVENT_MODULE_DOWN:
 		connection->refresh_modules &= ~(1u << event->point);
+		connection->doubted_modules &= ~(1u << event->point); /* its return is told */
 		connection->down = true;
 		connection->down_module = event->point;
 		connection->down_ns = event->sample.time_ns;
@@ -83,12 +100,12 @@ static void take_module_event(const struct iec104_station *station, struct iec10
 	}
 }
 
-static void note_lost_events(const struct iec104_station *station, struct iec104_connection *connection)
+static void note_lost_events(struct iec104_station *station, struct iec104_connection *connection)
 {
 	if (connection->cursor->lost == connection->lost)
 		return;
-	map_log(station->map, MAP_LOG_WARNING, "%s: %" PRIu32 " events lost, sending all points",
-		connection->peer, connection->cursor->lost - connection->lost);
+	iec104_log(station, MAP_LOG_WARNING, connection->peer, "%" PRIu32 " events lost, sending all points",
+		   connection->cursor->lost - connection->lost);
 	connection->lost = connection->cursor->lost;
 	connection->refresh_all = true;
 	begin_refresh(station, connection);
@@ -123,8 +140,7 @@ static void send_changes(const struct iec104_station *station, struct iec104_con
 	iec104_send(connection, &builder, now_ns);
 }
 
-bool iec104_send_event(const struct iec104_station *station, struct iec104_connection *connection,
-		       int64_t now_ns)
+bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
 	struct map_event event;
 

@@ -13,6 +13,8 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	station->map = map;
 	station->config = map_config(map);
 	station->next_serial = 0;
+	station->now_ns = station->log_paid_ns = 0;
+	station->log_withheld = 0;
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		station->connections[i].open = false;
 	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++)
@@ -34,6 +36,7 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 {
 	const struct map_settings *settings = &station->config->settings;
 
+	station->now_ns = now_ns;
 	for (unsigned i = 0; i < settings->max_connections && i < IEC104_CONNECTIONS_MAX; i++) {
 		struct iec104_connection *connection = &station->connections[i];
 
@@ -48,27 +51,27 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 		snprintf(connection->peer, sizeof(connection->peer), "%s", peer);
 		iec104_session_open(&connection->session, &station->times,
 				    station->sent_ns + (size_t)i * settings->k, now_ns);
-		map_log(station->map, MAP_LOG_INFO, "%s: connected", peer);
+		iec104_log(station, MAP_LOG_INFO, peer, "connected");
 		return connection;
 	}
-	map_log(station->map, MAP_LOG_WARNING, "%s: refused, %u connections are open", peer,
-		(unsigned)settings->max_connections);
+	iec104_log(station, MAP_LOG_WARNING, peer, "refused, %u connections are open",
+		   (unsigned)settings->max_connections);
 	return NULL;
 }
 
 void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection)
 {
 	iec104_session_close(&connection->session, IEC104_CLOSED_BY_STATION);
-	map_log(station->map, MAP_LOG_INFO, "%s: connection ends: %s", connection->peer,
-		iec104_closing_text(connection->session.closing));
+	iec104_log(station, MAP_LOG_INFO, connection->peer, "connection ends: %s",
+		   iec104_closing_text(connection->session.closing));
 	connection->open = false;
+	iec104_end_selections(station, connection);
 }
 
 /* ---- what is due ------------------------------------------------------------------------- */
 
 /* Sends one ASDU, or gets nearer to it. False: there is nothing to send now. */
-static bool send_next(const struct iec104_station *station, struct iec104_connection *connection,
-		      int64_t now_ns)
+static bool send_next(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
 	if (iec104_send_confirmation(connection, now_ns))
 		return true;
@@ -81,10 +84,10 @@ static bool send_next(const struct iec104_station *station, struct iec104_connec
 	       iec104_send_periodic(station, connection, now_ns);
 }
 
-static void send_all(const struct iec104_station *station, struct iec104_connection *connection,
-		     int64_t now_ns)
+static void send_all(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
 	connection->retry_ns = INT64_MAX;
+	iec104_resolve_doubts(station, connection, now_ns);
 	while (iec104_session_may_send(&connection->session) && send_next(station, connection, now_ns))
 		;
 }
@@ -93,7 +96,7 @@ static void send_all(const struct iec104_station *station, struct iec104_connect
  * The first STARTDT begins with what happens from now on: the interrogation brings the state. A later one
  * goes on where STOPDT left the events.
  */
-static void begin_transfer(const struct iec104_station *station, struct iec104_connection *connection,
+static void begin_transfer(struct iec104_station *station, struct iec104_connection *connection,
 			   int64_t now_ns)
 {
 	if (!connection->ever_started) {
@@ -102,18 +105,18 @@ static void begin_transfer(const struct iec104_station *station, struct iec104_c
 		connection->ever_started = true;
 	}
 	iec104_schedule_periodic(station, connection, now_ns);
-	map_log(station->map, MAP_LOG_INFO, "%s: data transfer started", connection->peer);
+	iec104_log(station, MAP_LOG_INFO, connection->peer, "data transfer started");
 }
 
 /* A controlling station that stops data transfer waits for no confirmation and no interrogation any more. */
-static void end_transfer(const struct iec104_station *station, struct iec104_connection *connection)
+static void end_transfer(struct iec104_station *station, struct iec104_connection *connection)
 {
 	connection->replies.begin = connection->replies.end = 0;
 	connection->procedure_count = 0;
-	map_log(station->map, MAP_LOG_INFO, "%s: data transfer stopped", connection->peer);
+	iec104_log(station, MAP_LOG_INFO, connection->peer, "data transfer stopped");
 }
 
-static void note_transfer(const struct iec104_station *station, struct iec104_connection *connection,
+static void note_transfer(struct iec104_station *station, struct iec104_connection *connection,
 			  int64_t now_ns)
 {
 	if (connection->transfer == connection->session.started)
@@ -148,9 +151,10 @@ void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 {
 	struct map_answer answer;
 
+	station->now_ns = now_ns;
 	while (map_answer_next(station->map, &answer))
 		iec104_take_answer(station, &answer);
-	iec104_conclude_orphans(station);
+	iec104_conclude_orphans(station, now_ns);
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		if (station->connections[i].open)
 			run_connection(station, &station->connections[i], now_ns);
@@ -172,7 +176,7 @@ static int64_t connection_deadline(const struct iec104_connection *connection)
 
 int64_t iec104_station_deadline(const struct iec104_station *station)
 {
-	int64_t deadline = INT64_MAX;
+	int64_t deadline = iec104_orphan_deadline(station);
 
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		if (station->connections[i].open)

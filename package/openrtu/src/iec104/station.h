@@ -20,10 +20,10 @@
  *   not set, the age cannot be known and is not judged;
  * - an interrogation of a station while one is under way; those of different stations wait for each other;
  * - a clock synchronisation by a controlling station that may not.
- * An ASDU of a known type whose size does not fit closes the connection: there is nothing to mirror.
+ * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
  * With the test bit, a command is checked and confirmed, and not carried out.
  * STOPDT ends interrogations and drops confirmations that wait; events wait for the next STARTDT. A
- * connection that ends leaves its commands to their devices, and its selections to their time-out.
+ * connection that ends leaves its commands to their devices; what it has selected is no longer.
  */
 #ifndef OPENRTU_IEC104_STATION_H
 #define OPENRTU_IEC104_STATION_H
@@ -70,6 +70,7 @@ struct iec104_connection {
 	bool clock_master; /* may set the clock */
 	bool transfer;     /* data transfer is started, as last logged */
 	bool ever_started;
+	bool selects;    /* has selected a point, which may have been executed or cancelled since */
 	uint32_t serial; /* tells this connection from an earlier one in this place */
 	char peer[IEC104_PEER_SIZE];
 	struct iec104_session session;
@@ -85,6 +86,7 @@ struct iec104_connection {
 	bool refresh_all;         /* of all points, after lost events, */
 	uint32_t refresh_modules; /* or of modules that are back, a bit each */
 	struct iec104_sweep refresh_sweep;
+	uint32_t doubted_modules; /* sent as invalid for want of a heartbeat, maybe unseen by rtud */
 
 	struct iec104_procedure procedures[IEC104_INTERROGATIONS_MAX]; /* a ring, the first is under way */
 	unsigned first_procedure, procedure_count;
@@ -94,7 +96,7 @@ struct iec104_connection {
 	int64_t periodic_due_ns;
 	struct iec104_sweep periodic_sweep;
 
-	int64_t retry_ns; /* a point could not be read just now; INT64_MAX: none */
+	int64_t retry_ns; /* a point could not be read just now, or its owner is doubted; INT64_MAX: none */
 };
 
 /* A request to a point's owner or to rtud that has not been answered. */
@@ -115,6 +117,10 @@ struct iec104_station {
 	uint32_t next_serial;
 	struct iec104_connection connections[IEC104_CONNECTIONS_MAX];
 	struct iec104_open_command open_commands[IEC104_OPEN_COMMANDS_MAX];
+
+	int64_t now_ns;        /* of the last call that had it */
+	int64_t log_paid_ns;   /* each line moves it on; far in the future, lines are left out */
+	uint32_t log_withheld; /* lines left out since the last one */
 };
 
 /*
@@ -131,7 +137,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
  */
 struct iec104_connection *iec104_station_connect(struct iec104_station *station, const char *peer,
 						 bool clock_master, int64_t now_ns);
-/* The connection is gone; logs why. Commands under way end at their devices, unanswered here. */
+/* The connection is gone; logs why. Commands under way end at their devices, unanswered here; selections end. */
 void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection);
 
 /* Does all there is to do now: after octets were received or written, after a bell, at the deadline. */

@@ -19,6 +19,12 @@ static inline const struct map_device *iec104_device(const struct iec104_station
 	return &station->config->devices[iec104_point(station, point)->device];
 }
 
+/* ---- log.c ------------------------------------------------------------------------------- */
+
+/* A line about a connection; left out, and counted, when there were too many just now. */
+void iec104_log(struct iec104_station *station, enum map_log_level level, const char *peer,
+		const char *format, ...) __attribute__((format(printf, 4, 5)));
+
 /* ---- sweep.c ----------------------------------------------------------------------------- */
 
 typedef bool iec104_wanted(const struct iec104_station *station, const struct iec104_connection *connection,
@@ -55,6 +61,9 @@ enum iec104_progress iec104_send_points(const struct iec104_station *station,
 
 /* An event waits to be sent: nothing that was read from the map just now may go before it. */
 bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection);
+/* map_read, and remembers an owner whose heartbeat is missing. */
+bool iec104_read_point(const struct iec104_station *station, struct iec104_connection *connection,
+		       uint32_t point, struct map_sample *sample);
 /* Begins an ASDU for this point and others of its station and type. */
 void iec104_begin_asdu(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct iec104_manner *manner, bool sequence);
@@ -67,11 +76,13 @@ void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns);
 
 /* ---- spontaneous.c ----------------------------------------------------------------------- */
 
-bool iec104_send_event(const struct iec104_station *station, struct iec104_connection *connection,
-		       int64_t now_ns);
+bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns);
 /* While connection->down, in the place of all events: the points of a module that is down. */
 bool iec104_send_invalid(const struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
+/* Has the points of doubted modules refreshed that are alive. */
+void iec104_resolve_doubts(const struct iec104_station *station, struct iec104_connection *connection,
+			   int64_t now_ns);
 /* Current values after lost events, or of a module that is back. */
 bool iec104_send_refresh(const struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
@@ -124,7 +135,11 @@ void iec104_take_asdu(struct iec104_station *station, struct iec104_connection *
 		      const uint8_t *bytes, size_t size, int64_t now_ns);
 /* An owner's or rtud's answer to a request of this process. */
 void iec104_take_answer(struct iec104_station *station, const struct map_answer *answer);
-/* Answers for owners that died: what they were asked is refused, and nobody knows what became of it. */
-void iec104_conclude_orphans(struct iec104_station *station);
+/* Answers for owners that died or whose answer was lost: refused, and nobody knows what became of it. */
+void iec104_conclude_orphans(struct iec104_station *station, int64_t now_ns);
+/* Ends what a connection that is going has selected. */
+void iec104_end_selections(struct iec104_station *station, const struct iec104_connection *connection);
+/* When a command that is still open will be answered for its owner at the latest; INT64_MAX: none is open. */
+int64_t iec104_orphan_deadline(const struct iec104_station *station);
 
 #endif

@@ -9,6 +9,22 @@ void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns)
 	connection->retry_ns = now_ns + RETRY_NS;
 }
 
+/*
+ * An owner without a heartbeat for a moment is invalid to every reader, also when rtud, which looks every now and
+ * then, sees nothing and puts no event.
+ */
+bool iec104_read_point(const struct iec104_station *station, struct iec104_connection *connection,
+		       uint32_t point, struct map_sample *sample)
+{
+	uint32_t owner = map_owner(station->map, point);
+
+	if (!map_read(station->map, point, sample))
+		return false;
+	if ((sample->quality & MAP_INVALID) && !map_alive(station->map, owner))
+		connection->doubted_modules |= 1u << owner;
+	return true;
+}
+
 bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection)
 {
 	struct map_cursor ahead = *connection->cursor;
@@ -136,7 +152,7 @@ void iec104_begin_asdu(const struct iec104_station *station, struct iec104_build
  * Fills the ASDU with points of one station and type from the sweep on. Neighbours go into an ASDU with
  * SQ = 1, so one without it ends before them. False: a point could not be read just now.
  */
-static bool fill_asdu(const struct iec104_station *station, const struct iec104_connection *connection,
+static bool fill_asdu(const struct iec104_station *station, struct iec104_connection *connection,
 		      struct iec104_builder *builder, struct iec104_sweep *sweep,
 		      const struct iec104_manner *manner)
 {
@@ -148,7 +164,7 @@ static bool fill_asdu(const struct iec104_station *station, const struct iec104_
 	do {
 		struct map_sample sample;
 
-		if (!map_read(station->map, point, &sample))
+		if (!iec104_read_point(station, connection, point, &sample))
 			return false;
 		if (manner->invalid) {
 			sample.quality |= MAP_INVALID;

@@ -374,6 +374,25 @@ static void test_t3_restarts_with_every_frame(void **state)
 	EXPECT_U(0x43);
 }
 
+/* A peer that sends an octet now and then does not hold its place: only a whole frame proves that it lives. */
+static void test_octets_are_no_frame(void **state)
+{
+	static const uint8_t frame[200] = {0x68, 0xfd};
+
+	(void)state;
+	open_session(&usual);
+	for (unsigned i = 0; i < 20; i++) {
+		receive(&frame[i], 1);
+		run_at(now + 1 * S);
+	}
+	EXPECT_U(0x43);
+	for (unsigned i = 20; i < 35; i++) {
+		receive(&frame[i], 1);
+		run_at(now + 1 * S);
+	}
+	assert_int_equal(session.closing, IEC104_T1_TESTFR);
+}
+
 /* STARTDT act, three I frames with different lengths, S, TESTFR act; cut in two at every octet, then octet by octet. */
 static void test_splits_at_every_octet(void **state)
 {
@@ -566,6 +585,7 @@ int main(void)
 	    cmocka_unit_test(test_t2_counts_from_the_first_frame),
 	    cmocka_unit_test(test_t3_and_t1_of_testfr),
 	    cmocka_unit_test(test_t3_restarts_with_every_frame),
+	    cmocka_unit_test(test_octets_are_no_frame),
 	    cmocka_unit_test(test_splits_at_every_octet),
 	    cmocka_unit_test(test_wrong_frames_close),
 	    cmocka_unit_test(test_largest_frame),

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The controlled station against a map of this file's own, so that a test decides what happens between two
- * reads. Frames are written out as octets, after IEC 60870-5-101 and -104 and report 003's chapter 5.
+ * The controlled station on a map that the test holds in its hand. Frames are written out as octets, after IEC 60870-5-101 and -104 and report 003's chapter 5.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,183 +12,11 @@
 
 #include <cmocka.h>
 
+#include "iec104/fake_map.h"
 #include "iec104/station.h"
 
-#define S  1000000000LL
-#define MS 1000000LL
-
-/* 2025-02-19 13:24:48.152, and its CP56Time2a */
-#define WALL_NS 1739971488152000000LL
-#define TIME    0x18, 0xbc, 24, 13, 19, 2, 25
-
-/* ---- the map ----------------------------------------------------------------------------- */
-
-#define COMMAND MAP_POINT_COMMAND
-#define POINTS  (sizeof(points) / sizeof(points[0]))
-#define EVENTS  4096
-
-static struct map_point points[] = {
-    /* CA 3067: report 003, figure 5.3 */
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 3},
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 4},
-    {.device = 0, .type = MAP_SINGLE, .ioa = 10001},
-    {.device = 0, .type = MAP_SINGLE, .ioa = 10002},
-    {.device = 0, .type = MAP_SINGLE, .ioa = 10003},
-    {.device = 0, .type = MAP_SCALED, .ioa = 30001},
-    {.device = 0, .type = MAP_SCALED, .ioa = 30002},
-    {.device = 0, .type = MAP_SCALED, .ioa = 30003},
-    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40001},
-    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40002},
-    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40003},
-    /* CA 4001: the other types */
-    {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2},
-    {.device = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
-    {.device = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
-    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .cyclic_ms = 1000},
-    {.device = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
-    {.device = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
-    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .cyclic_ms = 5000},
-};
-enum { COIL4 = 3, HOLDING3 = 12, DOUBLE1 = 13, BITS = 15, NORMALIZED = 16, FLOAT = 17, COUNTER = 18 };
-
-static struct map_device devices[] = {
-    {.line = 0, .ca = 3067, .first_point = 0, .point_count = 13},
-    {.line = 1, .ca = 4001, .first_point = 13, .point_count = 7},
-};
-static struct map_line lines[] = {{.module = 1, .device_count = 1}, {.module = 2, .device_count = 1}};
-
-struct map {
-	struct map_config config;
-	struct map_sample samples[POINTS];
-	struct map_event events[EVENTS];
-	uint32_t event_count;
-	struct map_cursor cursors[MAP_CURSORS];
-	struct map_request requests[16];
-	unsigned request_count;
-	struct map_answer answers[16];
-	unsigned answer_count, answers_read;
-	bool dead[3];
-	uint32_t generation[3];
-	struct map_clock clock;
-	void (*on_read)(uint32_t point); /* what happens elsewhere while a point is read */
-	unsigned unreadable;             /* so many reads fail */
-};
-
-static struct map fake;
-
-const struct map_config *map_config(const struct map *map)
-{
-	return &map->config;
-}
-
-uint32_t map_owner(const struct map *map, uint32_t point)
-{
-	return map->config.lines[map->config.devices[map->config.points[point].device].line].module;
-}
-
-void map_module(const struct map *map, uint32_t index, struct map_module *out)
-{
-	*out =
-	    (struct map_module){.state = (uint8_t)(map->dead[index] ? MAP_MODULE_DOWN : MAP_MODULE_RUNNING),
-				.generation = map->generation[index]};
-}
-
-uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa)
-{
-	for (uint32_t i = 0; i < map->config.point_count; i++)
-		if (points[i].ioa == ioa && devices[points[i].device].ca == ca)
-			return i;
-	return MAP_NONE;
-}
-
-bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
-{
-	if (fake.unreadable > 0) {
-		fake.unreadable--;
-		return false;
-	}
-	*out = map->samples[point];
-	if (map->dead[map_owner(map, point)])
-		out->quality |= MAP_INVALID;
-	if (map->on_read != NULL)
-		map->on_read(point);
-	return true;
-}
-
-struct map_cursor *map_cursor(struct map *map, unsigned slot)
-{
-	return &map->cursors[slot];
-}
-
-void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
-{
-	cursor->next[0] = map->event_count;
-	cursor->lost = 0;
-}
-
-bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out)
-{
-	if (cursor->next[0] == map->event_count)
-		return false;
-	*out = map->events[cursor->next[0]++];
-	return true;
-}
-
-uint32_t map_request_post(struct map *map, struct map_request request)
-{
-	uint32_t owner = request.action == MAP_SET_CLOCK ? MAP_RTUD : map_owner(map, request.point);
-
-	if (map->dead[owner])
-		return 0;
-	request.id = map->request_count + 1;
-	map->requests[map->request_count++] = request;
-	return request.id;
-}
-
-bool map_answer_next(struct map *map, struct map_answer *out)
-{
-	if (map->answers_read == map->answer_count)
-		return false;
-	*out = map->answers[map->answers_read++];
-	return true;
-}
-
-struct map_clock map_clock_read(const struct map *map)
-{
-	return map->clock;
-}
-
-void map_log(struct map *map, enum map_log_level level, const char *format, ...)
-{
-	(void)map;
-	(void)level;
-	(void)format;
-}
-
-static void put_event(enum map_event_kind kind, uint32_t point, struct map_sample sample)
-{
-	fake.events[fake.event_count++] =
-	    (struct map_event){.point = point, .kind = (uint8_t)kind, .sample = sample};
-}
-
-static int64_t now;
-
-/* The owner publishes a value: readers see it, and an event is made. */
-static void publish(uint32_t point, int32_t value)
-{
-	fake.samples[point] = (struct map_sample){.value.i = value, .time_ns = now};
-	put_event(MAP_EVENT_CHANGE, point, fake.samples[point]);
-}
-
-static void answer(uint32_t id, enum map_command_state state, enum map_command_result result)
-{
-	const struct map_request *request = &fake.requests[id - 1];
-
-	fake.answers[fake.answer_count++] = (struct map_answer){
-	    .id = id, .point = request->point, .state = (uint8_t)state, .result = (uint8_t)result};
-}
+/* CP56Time2a of WALL_NS */
+#define TIME 0x18, 0xbc, 24, 13, 19, 2, 25
 
 /* ---- the controlling stations -------------------------------------------------------------- */
 
@@ -313,27 +140,7 @@ static void start(unsigned master)
 static int set_up(void **state)
 {
 	(void)state;
-	memset(&fake, 0, sizeof(fake));
-	fake.config = (struct map_config){
-	    .settings = {.k = 12,
-			 .w = 8,
-			 .t1_s = 15,
-			 .t2_s = 10,
-			 .t3_s = 20,
-			 .max_connections = 3,
-			 .command_timeout_s = 10},
-	    .line_count = 2,
-	    .device_count = 2,
-	    .point_count = POINTS,
-	    .lines = lines,
-	    .devices = devices,
-	    .points = points,
-	};
-	now = 500 * S + 1;
-	fake.clock = (struct map_clock){.offset_ns = WALL_NS - now, .set = true};
-	for (uint32_t i = 0; i < POINTS; i++)
-		fake.samples[i].value.i = (int32_t)i & 1;
-	fake.samples[FLOAT].value.f = 1.5f;
+	fake_begin();
 	iec104_station_init(&station, &fake, sent_ns);
 	connect_master(0, true);
 	start(0);
@@ -459,6 +266,22 @@ static void test_second_interrogation(void **state)
 	expect_station_3067(0, 1);
 	acknowledge(&masters[0]);
 	expect_station_4001(0);
+	expect_nothing(0);
+}
+
+static void test_second_interrogation_of_all_stations(void **state)
+{
+	(void)state;
+	ASK(0, 100, 1, 6, 0, 0xff, 0xff, 0, 0, 0, 20);
+	expect_station_3067(0, 0);
+	while (next_frame(&masters[0]) != NULL)
+		; /* of the second station, up to k */
+	masters[0].mute = true;
+	ASK(0, 100, 1, 6, 2, 0xff, 0xff, 0, 0, 0, 20);
+	ASK(0, 100, 1, 8, 3, 0xff, 0xff, 0, 0, 0, 20);
+	acknowledge(&masters[0]);
+	EXPECT(0, 100, 1, 0x47, 2, 0xff, 0xff, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 9, 3, 0xff, 0xff, 0, 0, 0, 20);
 	expect_nothing(0);
 }
 
@@ -632,6 +455,25 @@ static void test_module_down_and_up(void **state)
 	put_event(MAP_EVENT_MODULE_UP, 2, (struct map_sample){.time_ns = now});
 	run();
 	EXPECT(0, 33, 1, 3, 0, 0xa1, 0x0f, 7, 0, 0, 5, 0, 0, 0, 0, TIME);
+	expect_nothing(0);
+}
+
+/* What was sent as invalid meanwhile is sent again. */
+static void test_heartbeat_is_missing_for_a_moment(void **state)
+{
+	(void)state;
+	fake.samples[FLOAT].time_ns = now;
+	fake.silent[2] = true;
+	ASK(0, 102, 1, 5, 0, 0xa1, 0x0f, 11, 0, 0);
+	EXPECT(0, 13, 1, 5, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0x80);
+	expect_nothing(0);
+	assert_true(iec104_station_deadline(&station) <= now + 100 * MS);
+	for (uint32_t i = DOUBLE1; i < POINTS; i++)
+		if (i != FLOAT)
+			fake.samples[i].quality = MAP_INVALID; /* at their device */
+	fake.silent[2] = false;
+	run();
+	EXPECT(0, 36, 1, 3, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0, TIME);
 	expect_nothing(0);
 }
 
@@ -891,6 +733,59 @@ static void test_select_execute_cancel(void **state)
 	expect_nothing(0);
 }
 
+static void select_coil4(uint32_t id)
+{
+	const struct map_request *request = &fake.requests[id - 1];
+
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	answer(id, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+	fake.commands[COIL4] =
+	    (struct map_command){.state = MAP_ACCEPTED_SELECTION, .session = request->session};
+}
+
+static void test_selection_ends_with_its_connection(void **state)
+{
+	(void)state;
+	connect_master(1, true);
+	start(1);
+	select_coil4(1);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	iec104_station_disconnect(&station, masters[1].connection);
+	assert_int_equal(fake.request_count, 1);
+	iec104_station_disconnect(&station, masters[0].connection);
+	assert_int_equal(fake.request_count, 2);
+	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
+	assert_int_equal(fake.requests[1].point, COIL4);
+	assert_int_equal(fake.requests[1].session, fake.requests[0].session);
+}
+
+static void test_selection_is_granted_after_its_connection_has_gone(void **state)
+{
+	(void)state;
+	select_coil4(1);
+	iec104_station_disconnect(&station, masters[0].connection);
+	connect_master(0, true); /* takes the same place */
+	start(0);
+	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
+	assert_int_equal(fake.requests[1].session, fake.requests[0].session);
+	expect_nothing(0);
+}
+
+/* A selection of a former process of this station: its owner tells the generations apart, this side does not ask. */
+static void test_only_own_selections_are_ended(void **state)
+{
+	(void)state;
+	select_coil4(1);
+	run();
+	fake.commands[COIL4].session += 1u << 8; /* another connection's */
+	iec104_station_disconnect(&station, masters[0].connection);
+	fake.commands[COIL4].session -= 1u << 8;
+	fake.commands[COIL4].requester = 1; /* another module's */
+	iec104_station_disconnect(&station, masters[0].connection);
+	assert_int_equal(fake.request_count, 1);
+}
+
 static void test_selections_are_told_apart(void **state)
 {
 	(void)state;
@@ -1007,6 +902,47 @@ static void test_owner_dies(void **state)
 	expect_nothing(0);
 }
 
+/* rtud has not looked yet at a module that is back; what it is asked, it carries out. */
+static void test_owner_is_starting(void **state)
+{
+	(void)state;
+	fake.generation[1]++;
+	fake.starting[1] = true;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+	fake.starting[1] = false;
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+}
+
+/* Reads on over values that have a period of their own. */
+static void expect_no_answer_to_a_command(unsigned master)
+{
+	const uint8_t *frame;
+
+	acknowledge(&masters[master]);
+	while ((frame = next_frame(&masters[master])) != NULL)
+		assert_int_not_equal(frame[6], 45);
+}
+
+static void test_answer_is_lost(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	for (int i = 0; i < 39; i++) {
+		now += S;
+		expect_no_answer_to_a_command(0);
+	}
+	assert_true(iec104_station_deadline(&station) <= now + S);
+	now += S; /* command_timeout, and the longest time-out of a device that was asked at its end */
+	run();
+	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	expect_no_answer_to_a_command(0);
+}
+
 static void test_answer_after_the_master_has_gone(void **state)
 {
 	(void)state;
@@ -1083,6 +1019,21 @@ static void test_master_that_only_asks(void **state)
 	assert_true(asked > 400);
 }
 
+static void test_log_is_not_flooded(void **state)
+{
+	(void)state;
+	now += 100 * S;
+	for (int i = 0; i < 1000; i++) {
+		iec104_station_disconnect(&station, masters[0].connection);
+		connect_master(0, true);
+	}
+	assert_in_range(fake.log_count, 10, 100);
+	fake.log_count = 0;
+	now += 250 * MS;
+	start(0);
+	assert_int_equal(fake.log_count, 2); /* how many were left out, and this one */
+}
+
 static uint32_t random_state = 1;
 
 static uint32_t random_below(uint32_t limit)
@@ -1125,9 +1076,6 @@ static void test_random_requests(void **state)
 			connect_master(0, true);
 			start(0);
 		}
-		fake.event_count = fake.event_count > EVENTS - 8 ? 0 : fake.event_count;
-		if (fake.event_count == 0)
-			map_cursor_to_end(&fake, masters[0].connection->cursor);
 		if (random_below(3) == 0)
 			put_event((enum map_event_kind)random_below(4), 1 + random_below(2),
 				  (struct map_sample){.time_ns = now});
@@ -1156,6 +1104,7 @@ int main(void)
 	    TEST(test_interrogation_of_counters),
 	    TEST(test_interrogation_is_resumed),
 	    TEST(test_second_interrogation),
+	    TEST(test_second_interrogation_of_all_stations),
 	    TEST(test_deactivated_interrogation),
 	    TEST(test_stop_ends_an_interrogation),
 	    TEST(test_test_bit_of_an_interrogation),
@@ -1165,6 +1114,7 @@ int main(void)
 	    TEST(test_event_is_not_overtaken_by_an_interrogation),
 	    TEST(test_read_value_is_not_followed_by_an_older_event),
 	    TEST(test_module_down_and_up),
+	    TEST(test_heartbeat_is_missing_for_a_moment),
 	    TEST(test_lost_events),
 	    TEST(test_point_that_cannot_be_read_now),
 	    TEST(test_periodic),
@@ -1179,17 +1129,23 @@ int main(void)
 	    TEST(test_single_command_of_figure_5_6),
 	    TEST(test_refused_command),
 	    TEST(test_select_execute_cancel),
+	    TEST(test_selection_ends_with_its_connection),
+	    TEST(test_selection_is_granted_after_its_connection_has_gone),
+	    TEST(test_only_own_selections_are_ended),
 	    TEST(test_selections_are_told_apart),
 	    TEST(test_values),
 	    TEST(test_values_that_cannot_be_carried_out),
 	    TEST(test_time_tags),
 	    TEST(test_test_bit_of_a_command),
 	    TEST(test_owner_dies),
+	    TEST(test_owner_is_starting),
+	    TEST(test_answer_is_lost),
 	    TEST(test_answer_after_the_master_has_gone),
 	    TEST(test_clock),
 	    TEST(test_clock_masters),
 	    TEST(test_number_of_connections),
 	    TEST(test_master_that_only_asks),
+	    TEST(test_log_is_not_flooded),
 	    TEST(test_random_requests),
 	};
 

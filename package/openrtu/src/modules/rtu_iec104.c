@@ -37,6 +37,7 @@ static struct socket {
 static struct map *map;
 static int64_t *sent_ns; /* k times a connection */
 static int poll_fd, listen_fd, signal_fd;
+static int64_t rest_until_ns; /* the listener's; 0: it is watched */
 
 /* ---- addresses --------------------------------------------------------------------------- */
 
@@ -100,6 +101,36 @@ static void watch(int operation, int fd, uint32_t interest, uint32_t source)
 	epoll_ctl(poll_fd, operation, fd, &event);
 }
 
+/* A connection that waits and cannot be taken would wake the loop again and again. */
+static void rest_listener(void)
+{
+	watch(EPOLL_CTL_MOD, listen_fd, 0, SOURCE_LISTENER);
+	rest_until_ns = map_now_ns() + IDLE_MS * NS_PER_MS;
+}
+
+static void wake_listener(void)
+{
+	if (rest_until_ns == 0 || map_now_ns() < rest_until_ns)
+		return;
+	rest_until_ns = 0;
+	watch(EPOLL_CTL_MOD, listen_fd, EPOLLIN, SOURCE_LISTENER);
+}
+
+static bool accept_failed(void)
+{
+	switch (errno) {
+	case EMFILE:
+	case ENFILE:
+	case ENOBUFS:
+	case ENOMEM:
+		rest_listener();
+		return false;
+	default: /* EAGAIN, or what happened to one connection */
+		return errno == ECONNABORTED;
+	}
+}
+
+/* False: none is waiting, or none can be taken now. */
 static bool accept_one(void)
 {
 	struct sockaddr_storage peer;
@@ -111,7 +142,7 @@ static bool accept_one(void)
 	uint32_t index;
 
 	if (fd < 0)
-		return errno == ECONNABORTED;
+		return accept_failed();
 	name_peer(&peer, name);
 	connection = iec104_station_connect(&station, name, may_set_clock(&map_config(map)->settings, &peer),
 					    map_now_ns());
@@ -223,8 +254,8 @@ static bool handle(const struct epoll_event *event)
 {
 	switch (event->data.u32) {
 	case SOURCE_LISTENER:
-		while (accept_one())
-			;
+		for (int i = 0; i < BACKLOG && accept_one(); i++)
+			; /* more are for the next turn: who is connected comes first */
 		return true;
 	case SOURCE_BELL:
 		map_bell_clear(map);
@@ -252,6 +283,7 @@ static void run(void)
 		for (int i = 0; i < count; i++)
 			wanted &= handle(&events[i]);
 		serve();
+		wake_listener();
 		map_heartbeat(map);
 	}
 	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)

@@ -214,6 +214,7 @@ static void counter(void **state)
 	assert_integer(point, 0x7FFF, 0xFFFF, INT32_MAX, MAP_GOOD);
 	assert_integer(point, 0x8000, 0x0000, INT32_MIN, MAP_GOOD);
 	assert_integer(point_of(MAP_COUNTER, MAP_POINT_WORDS_SWAPPED), 2, 1, 0x10002, MAP_GOOD);
+	assert_integer(point_of(MAP_COUNTER, MAP_POINT_BYTES_SWAPPED), 0x0100, 0x0200, 0x10002, MAP_GOOD);
 	assert_raw(point, integer(-2), 0xFFFF, 0xFFFE);
 	assert_raw(point, integer(INT32_MAX), 0x7FFF, 0xFFFF);
 	point.scale = 1000;

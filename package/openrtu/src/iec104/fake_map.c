@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec104/fake_map.h"
+
+#include <string.h>
+
+#define COMMAND MAP_POINT_COMMAND
+
+struct map_point points[POINTS] = {
+    /* CA 3067: report 003, figure 5.3 */
+    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
+    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
+    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 3},
+    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 4},
+    {.device = 0, .type = MAP_SINGLE, .ioa = 10001},
+    {.device = 0, .type = MAP_SINGLE, .ioa = 10002},
+    {.device = 0, .type = MAP_SINGLE, .ioa = 10003},
+    {.device = 0, .type = MAP_SCALED, .ioa = 30001},
+    {.device = 0, .type = MAP_SCALED, .ioa = 30002},
+    {.device = 0, .type = MAP_SCALED, .ioa = 30003},
+    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40001},
+    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40002},
+    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40003},
+    /* CA 4001: the other types */
+    {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2},
+    {.device = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
+    {.device = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
+    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .cyclic_ms = 1000},
+    {.device = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
+    {.device = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
+    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .cyclic_ms = 5000},
+};
+
+struct map_device devices[DEVICES] = {
+    {.line = 0, .ca = 3067, .first_point = 0, .point_count = 13},
+    {.line = 1, .ca = 4001, .first_point = 13, .point_count = 7},
+};
+static struct map_line lines[] = {{.module = 1, .device_count = 1}, {.module = 2, .device_count = 1}};
+
+struct map fake;
+int64_t now;
+
+const struct map_config *map_config(const struct map *map)
+{
+	return &map->config;
+}
+
+uint32_t map_owner(const struct map *map, uint32_t point)
+{
+	return map->config.lines[map->config.devices[map->config.points[point].device].line].module;
+}
+
+bool map_alive(const struct map *map, uint32_t module)
+{
+	return !map->dead[module] && !map->silent[module];
+}
+
+void map_module(const struct map *map, uint32_t index, struct map_module *out)
+{
+	*out = (struct map_module){.state = MAP_MODULE_RUNNING, .generation = map->generation[index]};
+	if (map->dead[index])
+		out->state = MAP_MODULE_DOWN;
+	else if (map->starting[index])
+		out->state = MAP_MODULE_STARTING;
+}
+
+uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa)
+{
+	for (uint32_t i = 0; i < map->config.point_count; i++)
+		if (points[i].ioa == ioa && devices[points[i].device].ca == ca)
+			return i;
+	return MAP_NONE;
+}
+
+bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
+{
+	if (fake.unreadable > 0) {
+		fake.unreadable--;
+		return false;
+	}
+	*out = map->samples[point];
+	if (!map_alive(map, map_owner(map, point)))
+		out->quality |= MAP_INVALID;
+	if (map->on_read != NULL)
+		map->on_read(point);
+	return true;
+}
+
+struct map_cursor *map_cursor(struct map *map, unsigned slot)
+{
+	return &map->cursors[slot];
+}
+
+void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
+{
+	cursor->next[0] = map->event_count;
+	cursor->lost = 0;
+}
+
+bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out)
+{
+	uint32_t behind = map->event_count - cursor->next[0];
+
+	if (behind == 0)
+		return false;
+	if (behind > map->event_capacity) {
+		cursor->lost += behind - map->event_capacity;
+		cursor->next[0] = map->event_count - map->event_capacity;
+	}
+	*out = map->events[cursor->next[0]++ % EVENTS];
+	return true;
+}
+
+uint32_t map_request_post(struct map *map, struct map_request request)
+{
+	uint32_t owner = request.action == MAP_SET_CLOCK ? MAP_RTUD : map_owner(map, request.point);
+
+	if (!map_alive(map, owner))
+		return 0;
+	request.id = map->request_count + 1;
+	map->requests[map->request_count++ % REQUESTS] = request;
+	return request.id;
+}
+
+uint32_t map_self(const struct map *map)
+{
+	(void)map;
+	return 0;
+}
+
+bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
+{
+	*out = map->commands[point];
+	return true;
+}
+
+bool map_answer_next(struct map *map, struct map_answer *out)
+{
+	if (map->answers_read == map->answer_count)
+		return false;
+	*out = map->answers[map->answers_read++ % ANSWERS];
+	return true;
+}
+
+struct map_clock map_clock_read(const struct map *map)
+{
+	return map->clock;
+}
+
+void map_log(struct map *map, enum map_log_level level, const char *format, ...)
+{
+	(void)level;
+	(void)format;
+	map->log_count++;
+}
+
+void put_event(enum map_event_kind kind, uint32_t point, struct map_sample sample)
+{
+	fake.events[fake.event_count++ % EVENTS] =
+	    (struct map_event){.point = point, .kind = (uint8_t)kind, .sample = sample};
+}
+
+void publish(uint32_t point, int32_t value)
+{
+	fake.samples[point] = (struct map_sample){.value.i = value, .time_ns = now};
+	put_event(MAP_EVENT_CHANGE, point, fake.samples[point]);
+}
+
+void answer(uint32_t id, enum map_command_state state, enum map_command_result result)
+{
+	const struct map_request *request = &fake.requests[(id - 1) % REQUESTS];
+
+	fake.answers[fake.answer_count++ % ANSWERS] = (struct map_answer){
+	    .id = id, .point = request->point, .state = (uint8_t)state, .result = (uint8_t)result};
+}
+
+void fake_begin(void)
+{
+	memset(&fake, 0, sizeof(fake));
+	fake.config = (struct map_config){
+	    .settings = {.k = 12,
+			 .w = 8,
+			 .t1_s = 15,
+			 .t2_s = 10,
+			 .t3_s = 20,
+			 .max_connections = 3,
+			 .command_timeout_s = 10},
+	    .line_count = DEVICES,
+	    .device_count = DEVICES,
+	    .point_count = POINTS,
+	    .lines = lines,
+	    .devices = devices,
+	    .points = points,
+	};
+	fake.event_capacity = EVENTS;
+	now = 500 * S + 1;
+	fake.clock = (struct map_clock){.offset_ns = WALL_NS - now, .set = true};
+	for (uint32_t i = 0; i < POINTS; i++)
+		fake.samples[i].value.i = (int32_t)i & 1;
+	fake.samples[FLOAT].value.f = 1.5f;
+}
