@@ -39,6 +39,6 @@ def linesim_program() -> Path:
 
 @pytest.fixture(scope="module")
 def desk(programs: Path) -> Iterator[Desk]:
-    """The gateway of chapter 5 between simulated devices and a controlling station; one for a module's tests."""
+    """The gateway of chapter 5 between simulated devices and a controlling station; one a module."""
     with desk_of(chapter_5(), programs) as desk:
         yield desk

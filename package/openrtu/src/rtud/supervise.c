@@ -178,7 +178,7 @@ static void module_ended(struct supervisor *supervisor, uint32_t index, int stat
 	child->pid = 0;
 	if (supervisor->stopping)
 		return;
-	if (attached && !child->silent)
+	if (attached) /* also when it was silent: it may have woken and published before it died */
 		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
 	map_module(supervisor->map, index, &module);
 	log_end(supervisor, module.name, status);
