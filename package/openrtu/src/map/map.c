@@ -204,6 +204,13 @@ static int create_module_segment(int directory_fd, const struct module_entry *en
 	return 0;
 }
 
+/* An empty table may be no table at all. */
+static void copy_table(uint8_t *to, const void *table, size_t size)
+{
+	if (size)
+		memcpy(to, table, size);
+}
+
 static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struct directory *directory,
 			     const struct map_config *config)
 {
@@ -212,9 +219,10 @@ static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struc
 	directory->device_count = config->device_count;
 	directory->point_count = config->point_count;
 	memcpy(memory + layout->directory, directory, sizeof(*directory));
-	memcpy(memory + layout->lines, config->lines, config->line_count * sizeof(*config->lines));
-	memcpy(memory + layout->devices, config->devices, config->device_count * sizeof(*config->devices));
-	memcpy(memory + layout->points, config->points, config->point_count * sizeof(*config->points));
+	copy_table(memory + layout->lines, config->lines, config->line_count * sizeof(*config->lines));
+	copy_table(memory + layout->devices, config->devices,
+		   config->device_count * sizeof(*config->devices));
+	copy_table(memory + layout->points, config->points, config->point_count * sizeof(*config->points));
 	return index_addresses(config, (uint32_t *)(void *)(memory + layout->by_address));
 }
 
