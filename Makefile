@@ -73,6 +73,8 @@ build/bench/build.ninja: | $(PACKAGES)
 # ---- tests ---------------------------------------------------------------------------------------
 
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) -name '*.[ch]')
+# Once more with the modules built under AddressSanitizer and UBSan.
+UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
 SHELL_FILES = .ci/run $(wildcard scripts/*.sh)
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
@@ -87,6 +89,7 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 	$(PYTHON) -m pytest -m "not slow and not soak"
 
 test: lint unit asan cross $(VENV) ## all tests
+	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 
 soak: build $(VENV) ## the tests of hours

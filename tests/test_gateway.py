@@ -332,6 +332,7 @@ def test_dead_device_is_invalid_and_its_neighbours_are_not(desk: Desk) -> None:
     desk.wait_all_good(STATION)
 
 
+@pytest.mark.slow
 def test_unplugged_line_is_invalid_and_the_others_are_not(desk: Desk) -> None:
     since = desk.master.mark()
     desk.lines.unplug(3)

@@ -22,6 +22,8 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
 
+pytestmark = pytest.mark.slow  # as a whole
+
 WILD = "ttyS9"  # port 6, which linesim does not serve here
 WILD_POINT = "wild.register"
 WILD_UNIT = 9

@@ -25,6 +25,8 @@ from pymodbus.framer.rtu import FramerRTU
 
 from lab.linesim import LineSim, LineSimError
 
+pytestmark = pytest.mark.slow  # as a whole
+
 CHAPTER5 = Path(__file__).parent / "fixtures" / "chapter5"
 CONFIG = CHAPTER5 / "gateway.json"
 VALUES = CHAPTER5 / "values.json"

@@ -54,6 +54,7 @@ def test_a_port_in_use_is_a_reason() -> None:
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_keep_stays_up_for_the_users_own_master() -> None:
     port = free_port()
     show = start("--port", str(port), "--keep")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -95,11 +96,18 @@ class Gateway:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
         try:
-            return self.process.wait(STOP_TIMEOUT_S)
+            code = self.process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
             raise GatewayError(f"rtud did not stop within {STOP_TIMEOUT_S} s\n{self.log()}") from None
+        self._check_sanitizers()
+        return code
+
+    def _check_sanitizers(self) -> None:
+        """A module that a sanitizer ended was restarted, and may have been missed by nobody."""
+        if re.search("Sanitizer:|runtime error:", self.log_file.read_text(errors="replace")):
+            raise GatewayError(f"a sanitizer found something\n{self.log()}")
 
     def ctl(self, *arguments: str, check: bool = True) -> str:
         """What `rtuctl` prints."""
