@@ -220,10 +220,8 @@ def start_lines(stack: contextlib.ExitStack, directory: Path, config: Path) -> L
 def start_gateway(stack: contextlib.ExitStack, directory: Path, config: dict[str, Any]) -> Gateway:
     gateway = stack.enter_context(Gateway(config, directory))
     seconds = gateway.wait_for(lambda: all_read(gateway), 20.0, "every device has been read")
-    modules = ", ".join(
-        f"{name} (pid {module['pid']})" for name, module in gateway.modules().items() if module["pid"]
-    )
-    say(f"   * rtud with {modules}; all points read after {seconds:.1f} s")
+    running = [f"{name} (pid {module['pid']})" for name, module in gateway.modules().items() if module["pid"]]
+    say(f"   * {', '.join(running)}; all points read after {seconds:.1f} s")
     return gateway
 
 
