@@ -39,9 +39,10 @@ $(SYSROOT): scripts/setup-sysroot.sh | $(PACKAGES)
 
 MESON_TEST = meson test --print-errorlogs --timeout-multiplier 4
 
-build: build/native/build.ninja build/linesim/build.ninja ## build the gateway and the line simulator for this machine
+build: build/native/build.ninja build/linesim/build.ninja build/bench/build.ninja ## build all for this machine
 	ninja -C build/native
 	ninja -C build/linesim
+	ninja -C build/bench
 
 unit: build ## run the C unit tests
 	$(MESON_TEST) -C build/native
@@ -100,8 +101,7 @@ soak: build $(VENV) ## the tests of hours
 run: build $(VENV) ## show the gateway at work on simulated devices (KEEP=1: stay up for your own master)
 	PYTHONPATH=scripts $(PYTHON) -m lab $(if $(KEEP),--keep)
 
-bench: build build/bench/build.ninja $(VENV) ## measure the gateway beside the report's method
-	ninja -C build/bench
+bench: build $(VENV) ## measure the gateway beside the report's method
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 
 # ---- away with it --------------------------------------------------------------------------------

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The stop-watch: what the raw controlling station makes of bytes, and the bench of readings."""
 
+import json
+import os
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from stopwatch import Memory, Spread, age_ms, readings_of
 
 from bench import Row, table
+from lab.gateway import REPOSITORY
 from lab.linesim import Frame
 from lab.raw_master import Asdu, Object, RawMaster, StationError
 
@@ -138,3 +144,15 @@ def test_table() -> None:
         "| time     | 3 / 2 | 0.5 ms (0.25..1.25)             | 150 ms (100..200) | 0.0033          |",
         "| memory   |       | PSS 20 KiB (RSS 30, private 10) |                   |                 |",
     ]
+
+
+@pytest.mark.slow
+def test_the_bench_runs_through(programs: Path, tmp_path: Path) -> None:
+    """Every row is measured on both sides; how fast is no test's business."""
+    bench = [sys.executable, Path(__file__).with_name("bench.py"), "--quick", "--output", tmp_path]
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY / "scripts")}
+    run = subprocess.run(bench, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert (run.returncode, run.stderr) == (0, "")
+    rows = json.loads((tmp_path / "bench.json").read_text())["rows"]
+    assert {row["measured"][:3] for row in rows} == {"(a)", "(b)", "(c)", "(d)"}
+    assert (tmp_path / "bench.md").read_text().count("\n| (") == len(rows)
