@@ -1,0 +1,348 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Commands to points and to the clock, and the answers of those who carry them out. */
+#include "iec104/test_masters.h"
+
+#include <string.h>
+
+static void test_single_command_of_figure_5_6(void **state)
+{
+	const struct map_request *request = &fake.requests[0];
+
+	(void)state;
+	ASK(0, 0x2d, 0x01, 0x06, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
+	expect_nothing(0); /* not before the device has answered */
+	assert_int_equal(fake.request_count, 1);
+	assert_int_equal(request->point, COIL4);
+	assert_int_equal(request->action, MAP_EXECUTE);
+	assert_int_equal(request->value.u, 1);
+	assert_true(request->deadline_ns == now + 10 * S);
+	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
+	ASK(0, 102, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0); /* the session goes on */
+	EXPECT(0, 1, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0, 0);
+	expect_nothing(0);
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 0x2d, 0x01, 0x07, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
+	EXPECT(0, 0x2d, 0x01, 0x0a, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
+	expect_nothing(0);
+	assert_int_equal(fake.request_count, 2);
+	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
+	assert_int_equal(fake.requests[1].session, request->session);
+}
+
+static void test_refused_command(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
+	answer(1, MAP_REFUSED_COMMAND, MAP_RESULT_TIMEOUT);
+	run();
+	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
+}
+
+static void test_select_execute_cancel(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	assert_int_equal(fake.requests[0].action, MAP_SELECT);
+	answer(1, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	expect_nothing(0); /* a selection has no termination and is not released */
+	assert_int_equal(fake.request_count, 1);
+	ASK(0, 45, 1, 8, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	assert_int_equal(fake.requests[1].action, MAP_CANCEL);
+	assert_int_equal(fake.requests[1].session, fake.requests[0].session);
+	answer(2, MAP_INTERRUPTED_SELECTION, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 45, 1, 9, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	ASK(0, 45, 1, 8, 1, 0xfb, 0x0b, 4, 0, 0, 0x01);
+	answer(4, MAP_REFUSED_SELECTION, MAP_RESULT_NOT_SELECTED);
+	run();
+	EXPECT(0, 45, 1, 0x49, 1, 0xfb, 0x0b, 4, 0, 0, 0x01);
+	expect_nothing(0);
+}
+
+static void select_coil4(uint32_t id)
+{
+	const struct map_request *request = &fake.requests[id - 1];
+
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	answer(id, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+	fake.commands[COIL4] =
+	    (struct map_command){.state = MAP_ACCEPTED_SELECTION, .session = request->session};
+}
+
+static void test_selection_ends_with_its_connection(void **state)
+{
+	(void)state;
+	connect_master(1, true);
+	start(1);
+	select_coil4(1);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	iec104_station_disconnect(&station, masters[1].connection);
+	assert_int_equal(fake.request_count, 1);
+	iec104_station_disconnect(&station, masters[0].connection);
+	assert_int_equal(fake.request_count, 2);
+	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
+	assert_int_equal(fake.requests[1].point, COIL4);
+	assert_int_equal(fake.requests[1].session, fake.requests[0].session);
+}
+
+static void test_selection_is_granted_after_its_connection_has_gone(void **state)
+{
+	(void)state;
+	select_coil4(1);
+	iec104_station_disconnect(&station, masters[0].connection);
+	connect_master(0, true); /* takes the same place */
+	start(0);
+	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
+	assert_int_equal(fake.requests[1].session, fake.requests[0].session);
+	expect_nothing(0);
+}
+
+/* A selection of a former process of this station: its owner tells the generations apart, this side does not ask. */
+static void test_only_own_selections_are_ended(void **state)
+{
+	(void)state;
+	select_coil4(1);
+	run();
+	fake.commands[COIL4].session += 1u << 8; /* another connection's */
+	iec104_station_disconnect(&station, masters[0].connection);
+	fake.commands[COIL4].session -= 1u << 8;
+	fake.commands[COIL4].requester = 1; /* another module's */
+	iec104_station_disconnect(&station, masters[0].connection);
+	assert_int_equal(fake.request_count, 1);
+}
+
+static void test_selections_are_told_apart(void **state)
+{
+	(void)state;
+	connect_master(1, true);
+	start(1);
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	ASK(0, 45, 1, 6, 2, 0xfb, 0x0b, 4, 0, 0, 0x01);
+	ASK(1, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x01);
+	assert_int_not_equal(fake.requests[0].session, fake.requests[1].session);
+	assert_int_not_equal(fake.requests[0].session, fake.requests[2].session);
+}
+
+struct value_case {
+	uint8_t asdu[21];
+	size_t size;
+	uint32_t point;
+	union map_value value;
+};
+
+static void test_values(void **state)
+{
+	static const struct value_case cases[] = {
+	    {{49, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 255, 0, 0}, 12, HOLDING3, {.i = 255}},
+	    {{62, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 255, 0, 0, TIME}, 19, HOLDING3, {.i = 255}},
+	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 2}, 10, DOUBLE1, {.u = 2}},
+	    {{48, 1, 6, 0, 0xa1, 0x0f, 9, 0, 0, 0xff, 0xff, 0}, 12, NORMALIZED, {.i = -1}},
+	    {{50, 1, 6, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0xbf, 0}, 14, FLOAT, {.f = -1.5f}},
+	    {{51, 1, 6, 0, 0xa1, 0x0f, 7, 0, 0, 1, 0, 0, 0x80}, 13, BITS, {.u = 0x80000001}},
+	    {{64, 1, 6, 0, 0xa1, 0x0f, 7, 0, 0, 1, 0, 0, 0x80, TIME}, 20, BITS, {.u = 0x80000001}},
+	};
+
+	(void)state;
+	for (unsigned i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		ask(&masters[0], cases[i].asdu, cases[i].size);
+		assert_int_equal(fake.request_count, i + 1);
+		assert_int_equal(fake.requests[i].point, cases[i].point);
+		assert_int_equal(fake.requests[i].value.u, cases[i].value.u);
+	}
+}
+
+static void test_values_that_cannot_be_carried_out(void **state)
+{
+	static const struct value_case cases[] = {
+	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1}, 10, 0, {0}}, /* short pulse */
+	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 2 << 2 | 1}, 10, 0, {0}}, /* long pulse */
+	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 0}, 10, 0, {0}},
+	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 3}, 10, 0, {0}},
+	    {{49, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 255, 0, 1}, 12, 0, {0}},
+	    {{50, 1, 6, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x7f, 0}, 14, 0, {0}}, /* not a number */
+	    {{50, 1, 6, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0x80, 0xff, 0}, 14, 0, {0}}, /* minus infinity */
+	};
+
+	(void)state;
+	for (unsigned i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		uint8_t expected[21];
+
+		memcpy(expected, cases[i].asdu, sizeof(expected));
+		expected[2] = 0x47;
+		ask(&masters[0], cases[i].asdu, cases[i].size);
+		expect_asdu(0, expected, cases[i].size);
+	}
+	assert_int_equal(fake.request_count, 0);
+}
+
+static void test_time_tags(void **state)
+{
+	(void)state;
+	fake.clock.offset_ns += 10 * S;
+	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	assert_int_equal(fake.request_count, 1);
+	fake.clock.offset_ns += 1 * MS; /* too old */
+	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	fake.clock.offset_ns -= 20 * S + 2 * MS; /* from the future */
+	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	assert_int_equal(fake.request_count, 1);
+	fake.clock.set = false; /* its age cannot be known */
+	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	assert_int_equal(fake.request_count, 2);
+	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25);
+	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25);
+	assert_int_equal(fake.request_count, 2);
+}
+
+static void test_test_bit_of_a_command(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 0x86, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 1, 0x87, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, 103, 1, 0x86, 1, 0xfb, 0x0b, 0, 0, 0, 0, 0, 0, 0, 1, 1, 30);
+	EXPECT(0, 103, 1, 0x87, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	expect_nothing(0);
+	assert_int_equal(fake.request_count, 0);
+}
+
+static void test_owner_dies(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
+	expect_nothing(0);
+	fake.dead[1] = true;
+	run();
+	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	fake.dead[1] = false;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+	fake.generation[1]++; /* died and came back between two looks */
+	run();
+	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+}
+
+/* rtud has not looked yet at a module that is back; what it is asked, it carries out. */
+static void test_owner_is_starting(void **state)
+{
+	(void)state;
+	fake.generation[1]++;
+	fake.starting[1] = true;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+	fake.starting[1] = false;
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+}
+
+/* Reads on over values that have a period of their own. */
+static void expect_no_answer_to_a_command(unsigned master)
+{
+	const uint8_t *frame;
+
+	acknowledge(&masters[master]);
+	while ((frame = next_frame(&masters[master])) != NULL)
+		assert_int_not_equal(frame[6], 45);
+}
+
+static void test_answer_is_lost(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	for (int i = 0; i < 39; i++) {
+		now += S;
+		expect_no_answer_to_a_command(0);
+	}
+	assert_true(iec104_station_deadline(&station) <= now + S);
+	now += S; /* command_timeout, and the longest time-out of a device that was asked at its end */
+	run();
+	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	expect_no_answer_to_a_command(0);
+}
+
+static void test_answer_after_the_master_has_gone(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	iec104_station_disconnect(&station, masters[0].connection);
+	connect_master(0, true); /* takes the same place */
+	start(0);
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	expect_nothing(0);
+	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
+}
+
+/* ---- clock -------------------------------------------------------------------------------------- */
+
+static void test_clock(void **state)
+{
+	(void)state;
+	ASK(0, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	expect_nothing(0);
+	assert_int_equal(fake.requests[0].action, MAP_SET_CLOCK);
+	assert_int_equal(fake.requests[0].point, MAP_NONE);
+	assert_true(fake.requests[0].wall_ns == WALL_NS);
+	assert_true(fake.requests[0].time_ns == now);
+	now += 3 * MS;
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 103, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, 0x1b, 0xbc, 24, 13, 19, 2, 25);
+	ASK(0, 103, 1, 6, 1, 0xff, 0xff, 0, 0, 0, TIME);
+	answer(2, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 103, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, 0x1b, 0xbc, 24, 13, 19, 2, 25);
+	EXPECT(0, 103, 1, 7, 1, 0xa1, 0x0f, 0, 0, 0, 0x1b, 0xbc, 24, 13, 19, 2, 25);
+	ASK(0, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 0, 0, 0, 0, 1, 13, 25);
+	EXPECT(0, 103, 1, 0x47, 1, 0xfb, 0x0b, 0, 0, 0, 0, 0, 0, 0, 1, 13, 25);
+	assert_int_equal(fake.request_count, 2);
+}
+
+static void test_clock_masters(void **state)
+{
+	(void)state;
+	connect_master(1, false);
+	start(1);
+	ASK(1, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	EXPECT(1, 103, 1, 0x47, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	assert_int_equal(fake.request_count, 0);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    TEST(test_single_command_of_figure_5_6),
+	    TEST(test_refused_command),
+	    TEST(test_select_execute_cancel),
+	    TEST(test_selection_ends_with_its_connection),
+	    TEST(test_selection_is_granted_after_its_connection_has_gone),
+	    TEST(test_only_own_selections_are_ended),
+	    TEST(test_selections_are_told_apart),
+	    TEST(test_values),
+	    TEST(test_values_that_cannot_be_carried_out),
+	    TEST(test_time_tags),
+	    TEST(test_test_bit_of_a_command),
+	    TEST(test_owner_dies),
+	    TEST(test_owner_is_starting),
+	    TEST(test_answer_is_lost),
+	    TEST(test_answer_after_the_master_has_gone),
+	    TEST(test_clock),
+	    TEST(test_clock_masters),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

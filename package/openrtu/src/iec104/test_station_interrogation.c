@@ -1,0 +1,225 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The process image on request: interrogation of stations, groups and counters, and read. */
+#include "iec104/test_masters.h"
+
+static void expect_station_3067(unsigned master, uint8_t originator)
+{
+	EXPECT(master, 100, 1, 7, originator, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(master, 1, 0x84, 20, originator, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+	EXPECT(master, 1, 0x83, 20, originator, 0xfb, 0x0b, 0x11, 0x27, 0, 0, 1, 0);
+	EXPECT(master, 11, 0x83, 20, originator, 0xfb, 0x0b, 0x31, 0x75, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0);
+	EXPECT(master, 11, 0x83, 20, originator, 0xfb, 0x0b, 0x41, 0x9c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0);
+	EXPECT(master, 100, 1, 10, originator, 0xfb, 0x0b, 0, 0, 0, 20);
+}
+
+static void expect_station_4001(unsigned master)
+{
+	EXPECT(master, 100, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 20);
+	EXPECT(master, 3, 2, 20, 0, 0xa1, 0x0f, 1, 0, 0, 1, 3, 0, 0, 1);
+	EXPECT(master, 5, 1, 20, 0, 0xa1, 0x0f, 5, 0, 0, 0, 0);
+	EXPECT(master, 7, 1, 20, 0, 0xa1, 0x0f, 7, 0, 0, 1, 0, 0, 0, 0);
+	EXPECT(master, 9, 1, 20, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0);
+	EXPECT(master, 13, 1, 20, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0);
+	EXPECT(master, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 20);
+}
+
+static void test_interrogation(void **state)
+{
+	(void)state;
+	ASK(0, 100, 1, 6, 9, 0xfb, 0x0b, 0, 0, 0, 20);
+	expect_station_3067(0, 9);
+	expect_nothing(0);
+}
+
+static void test_interrogation_of_all_stations(void **state)
+{
+	(void)state;
+	ASK(0, 100, 1, 6, 0, 0xff, 0xff, 0, 0, 0, 20);
+	expect_station_3067(0, 0);
+	acknowledge(&masters[0]); /* 13 ASDUs are one more than k */
+	expect_station_4001(0);
+	expect_nothing(0);
+}
+
+static void test_interrogation_of_a_group(void **state)
+{
+	(void)state;
+	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 22);
+	EXPECT(0, 100, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 22);
+	EXPECT(0, 3, 1, 22, 0, 0xa1, 0x0f, 1, 0, 0, 1);
+	EXPECT(0, 9, 1, 22, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0);
+	EXPECT(0, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 22);
+	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 36);
+	EXPECT(0, 100, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 36);
+	EXPECT(0, 5, 1, 36, 0, 0xa1, 0x0f, 5, 0, 0, 0, 0);
+	EXPECT(0, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 36);
+	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 37);
+	EXPECT(0, 100, 1, 0x47, 0, 0xa1, 0x0f, 0, 0, 0, 37);
+	expect_nothing(0);
+}
+
+static void test_interrogation_of_counters(void **state)
+{
+	(void)state;
+	fake.samples[COUNTER].value.i = 0x01020304;
+	ASK(0, 101, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 5);
+	EXPECT(0, 101, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 5);
+	EXPECT(0, 15, 1, 37, 0, 0xa1, 0x0f, 15, 0, 0, 4, 3, 2, 1, 0);
+	EXPECT(0, 101, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 5);
+	ASK(0, 101, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 0x45); /* freeze */
+	EXPECT(0, 101, 1, 0x47, 0, 0xa1, 0x0f, 0, 0, 0, 0x45);
+	expect_nothing(0);
+}
+
+/* Two masters' frames at once, k = 12, acknowledged one by one: nothing is lost, nothing comes twice. */
+static void test_interrogation_is_resumed(void **state)
+{
+	(void)state;
+	fake.config.settings.k = 1;
+	iec104_station_init(&station, &fake, sent_ns);
+	connect_master(0, true);
+	start(0);
+	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 7, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	expect_nothing(0);
+	acknowledge(&masters[0]);
+	EXPECT(0, 1, 0x84, 20, 0, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+	expect_nothing(0);
+	acknowledge(&masters[0]);
+	EXPECT(0, 1, 0x83, 20, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 0, 1, 0);
+	acknowledge(&masters[0]);
+	EXPECT(0, 11, 0x83, 20, 0, 0xfb, 0x0b, 0x31, 0x75, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0);
+	acknowledge(&masters[0]);
+	EXPECT(0, 11, 0x83, 20, 0, 0xfb, 0x0b, 0x41, 0x9c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0);
+	acknowledge(&masters[0]);
+	EXPECT(0, 100, 1, 10, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	acknowledge(&masters[0]);
+	expect_nothing(0);
+}
+
+static void test_second_interrogation(void **state)
+{
+	(void)state;
+	hold_back(0);
+	ASK(0, 100, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, 100, 1, 6, 2, 0xfb, 0x0b, 0, 0, 0, 21); /* of the same station */
+	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 20); /* of another */
+	acknowledge(&masters[0]);
+	EXPECT(0, 100, 1, 0x47, 2, 0xfb, 0x0b, 0, 0, 0, 21);
+	expect_station_3067(0, 1);
+	acknowledge(&masters[0]);
+	expect_station_4001(0);
+	expect_nothing(0);
+}
+
+static void test_second_interrogation_of_all_stations(void **state)
+{
+	(void)state;
+	ASK(0, 100, 1, 6, 0, 0xff, 0xff, 0, 0, 0, 20);
+	expect_station_3067(0, 0);
+	while (next_frame(&masters[0]) != NULL)
+		; /* of the second station, up to k */
+	masters[0].mute = true;
+	ASK(0, 100, 1, 6, 2, 0xff, 0xff, 0, 0, 0, 20);
+	ASK(0, 100, 1, 8, 3, 0xff, 0xff, 0, 0, 0, 20);
+	acknowledge(&masters[0]);
+	EXPECT(0, 100, 1, 0x47, 2, 0xff, 0xff, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 9, 3, 0xff, 0xff, 0, 0, 0, 20);
+	expect_nothing(0);
+}
+
+static void test_deactivated_interrogation(void **state)
+{
+	(void)state;
+	hold_back(0);
+	ASK(0, 100, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, 100, 1, 8, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, 100, 1, 8, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	acknowledge(&masters[0]);
+	EXPECT(0, 100, 1, 9, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 0x49, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	expect_nothing(0);
+}
+
+static void test_stop_ends_an_interrogation(void **state)
+{
+	static const uint8_t stopdt[] = {0x68, 4, 0x13, 0, 0, 0}, con[] = {0x68, 4, 0x23, 0, 0, 0};
+
+	(void)state;
+	hold_back(0);
+	ASK(0, 100, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	put_bytes(&masters[0], stopdt, sizeof(stopdt));
+	assert_null(next_frame(&masters[0]));
+	acknowledge(&masters[0]);
+	assert_memory_equal(next_frame(&masters[0]), con, sizeof(con));
+	start(0);
+	expect_nothing(0);
+}
+
+static void test_test_bit_of_an_interrogation(void **state)
+{
+	(void)state;
+	ASK(0, 100, 1, 0x86, 1, 0xa1, 0x0f, 0, 0, 0, 36);
+	EXPECT(0, 100, 1, 0x87, 1, 0xa1, 0x0f, 0, 0, 0, 36);
+	EXPECT(0, 5, 1, 0x80 | 36, 1, 0xa1, 0x0f, 5, 0, 0, 0, 0);
+	EXPECT(0, 100, 1, 0x8a, 1, 0xa1, 0x0f, 0, 0, 0, 36);
+}
+
+/* ---- read --------------------------------------------------------------------------------------- */
+
+static void test_read(void **state)
+{
+	(void)state;
+	ASK(0, 102, 1, 5, 7, 0xa1, 0x0f, 11, 0, 0);
+	EXPECT(0, 13, 1, 5, 7, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0);
+	expect_nothing(0);
+}
+
+/* A P/N bit in the request means nothing: it is not taken for a refusal that waits. */
+static void test_read_with_pn(void **state)
+{
+	(void)state;
+	ASK(0, 102, 1, 0x45, 7, 0xa1, 0x0f, 11, 0, 0);
+	EXPECT(0, 13, 1, 5, 7, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0);
+	expect_nothing(0);
+}
+
+static void test_point_that_cannot_be_read_now(void **state)
+{
+	(void)state;
+	fake.unreadable = 1;
+	ASK(0, 102, 1, 5, 7, 0xfb, 0x0b, 4, 0, 0);
+	assert_null(next_frame(&masters[0]));
+	assert_true(iec104_station_deadline(&station) == now + MS);
+	now += MS;
+	run();
+	EXPECT(0, 1, 1, 5, 7, 0xfb, 0x0b, 4, 0, 0, 1);
+	fake.unreadable = 1;
+	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 7, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	assert_null(next_frame(&masters[0]));
+	now += MS;
+	run();
+	EXPECT(0, 1, 0x84, 20, 0, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    TEST(test_interrogation),
+	    TEST(test_interrogation_of_all_stations),
+	    TEST(test_interrogation_of_a_group),
+	    TEST(test_interrogation_of_counters),
+	    TEST(test_interrogation_is_resumed),
+	    TEST(test_second_interrogation),
+	    TEST(test_second_interrogation_of_all_stations),
+	    TEST(test_deactivated_interrogation),
+	    TEST(test_stop_ends_an_interrogation),
+	    TEST(test_test_bit_of_an_interrogation),
+	    TEST(test_read),
+	    TEST(test_read_with_pn),
+	    TEST(test_point_that_cannot_be_read_now),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

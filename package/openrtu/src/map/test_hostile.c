@@ -1,0 +1,171 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A module gone wild: what it forges, floods and overwrites harms nobody else. */
+#include "map/test_stage.h"
+
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void test_a_forged_event_is_not_believed(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	struct map_cursor cursor = {0};
+	struct map_event event;
+	const struct map_event forged[] = {
+	    {.point = 4, .kind = MAP_EVENT_CHANGE}, /* another module's point */
+	    {.point = 4000000, .kind = MAP_EVENT_CHANGE},
+	    {.point = 0, .kind = MAP_EVENT_MODULE_DOWN}, /* rtud's to say */
+	    {.point = 0, .kind = 99},
+	    /* after its writer's end, and good */
+	    {.point = 0, .kind = MAP_EVENT_CHANGE, .sample.time_ns = map_now_ns() + 1000000000},
+	    {.point = 0, .kind = MAP_EVENT_CHANGE, .sample.time_ns = INT64_MIN},
+	};
+
+	for (size_t i = 0; i < sizeof(forged) / sizeof(forged[0]); i++)
+		ring_put(&owner->segments[owner->self].events, &forged[i]);
+	assert_false(map_event_next(stage->rtud, &cursor, &event));
+	map_detach(owner);
+}
+
+static bool bell_is_ringing(const struct map *map)
+{
+	struct pollfd bell = {.fd = map_bell_fd(map), .events = POLLIN};
+
+	return poll(&bell, 1, 0) == 1;
+}
+
+static void test_a_flood_of_requests_holds_nobody_up(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+	struct map_request taken;
+	unsigned count = 0;
+
+	for (int turn = 1; turn <= 3; turn++) {
+		map_bell_clear(commands.owner);
+		do
+			map_request_post(commands.requester, request(1, MAP_SELECT, 1, 1));
+		while (map_request_next(commands.owner, &taken) && ++count < 10000);
+		assert_int_equal(count, turn * 256);
+		assert_true(bell_is_ringing(commands.owner)); /* the rest is not forgotten */
+	}
+	end_commands(&commands);
+}
+
+static void test_a_flooded_bell_is_cleared_in_one_go(void **state)
+{
+	struct stage *stage = *state;
+	struct map *map = start(stage, FIRST);
+
+	for (int i = 0; i < 100000; i++)
+		bell_ring(stage->rtud, map->self);
+	map_bell_clear(map);
+	assert_true(bell_is_ringing(map)); /* it did not stay to empty the pipe */
+	for (int i = 0; i < 100; i++)
+		map_bell_clear(map);
+	assert_false(bell_is_ringing(map));
+	map_detach(map);
+}
+
+static void test_a_line_process_commands_nobody(void **state)
+{
+	struct stage *stage = *state;
+	struct map *wild = start(stage, FIRST), *owner = start(stage, SECOND);
+	struct map_request taken, clock = {.action = MAP_SET_CLOCK};
+
+	map_heartbeat(stage->rtud);
+	assert_int_not_equal(map_request_post(wild, request(5, MAP_EXECUTE, 1, 1)), 0);
+	assert_int_not_equal(map_request_post(wild, clock), 0);
+	assert_false(map_request_next(owner, &taken));
+	assert_false(map_request_next(stage->rtud, &taken));
+	map_detach(wild);
+	map_detach(owner);
+}
+
+/* Everything that others read of a module. Each loop ends, and nothing is read beyond the segment. */
+static void read_all(struct map *map)
+{
+	struct map_cursor cursor = {0};
+	struct map_event event;
+	struct map_answer answer;
+	struct map_request taken;
+	struct map_sample sample;
+	struct map_command command;
+
+	map_bell_clear(map);
+	while (map_event_next(map, &cursor, &event))
+		assert_true(is_past(event.sample.time_ns));
+	while (map_request_next(map, &taken))
+		map_command_request(map, &taken);
+	while (map_answer_next(map, &answer))
+		;
+	for (uint32_t i = 0; i < POINTS; i++) {
+		assert_true(map_read(map, i, &sample) && is_past(sample.time_ns));
+		assert_true(map_command_read(map, i, &command) && is_past(command.time_ns));
+	}
+	for (uint32_t i = 0; i < map_module_count(map); i++) {
+		struct map_module module;
+		struct map_log_line line;
+		uint32_t position = 0;
+
+		map_module(map, i, &module);
+		while (map_log_next(map, i, &position, &line))
+			assert_true(memchr(line.text, 0, sizeof(line.text)) && is_past(line.time_ns));
+	}
+}
+
+static void fill_with_noise(struct map *map, unsigned seed)
+{
+	struct segment *own = &map->segments[map->self];
+	uint8_t *bytes = (uint8_t *)own->header;
+
+	srandom(seed);
+	for (size_t i = 0; i < own->size; i++)
+		bytes[i] = (uint8_t)random();
+}
+
+static void test_noise_in_a_segment_harms_nobody_else(void **state)
+{
+	struct stage *stage = *state;
+	const char *const wild[] = {FIRST, "rtu-iec104"};
+
+	for (unsigned seed = 0; seed < 20; seed++) {
+		struct map *noisy = start(stage, wild[seed % 2]), *other = start(stage, SECOND), *observer;
+		struct map_update update = scaled(4, (int32_t)seed, MAP_GOOD, 1);
+		struct map_sample sample;
+		char error[MAP_ERROR_SIZE];
+
+		fill_with_noise(noisy, seed);
+		map_publish(other, &update, 1);
+		read_all(other);
+		assert_sample(stage->rtud, 4, (int32_t)seed, MAP_GOOD);
+		assert_int_equal(map_attach(&observer, stage->dir, NULL, error), 0);
+		map_detach(observer);
+		map_module_ended(stage->rtud, noisy->self, true);
+		map_detach(noisy);
+
+		noisy = start(stage, wild[seed % 2]); /* and its next generation is well */
+		read_all(noisy);
+		if (seed % 2 == 0) {
+			update = scaled(0, 9, MAP_GOOD, 1);
+			map_publish(noisy, &update, 1);
+			assert_sample(stage->rtud, 0, 9, MAP_GOOD);
+			assert_true(map_read(stage->rtud, 1, &sample));
+			assert_true(sample.quality & MAP_INVALID);
+		}
+		map_detach(noisy);
+		map_detach(other);
+	}
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    TEST(test_a_forged_event_is_not_believed),       TEST(test_a_flood_of_requests_holds_nobody_up),
+	    TEST(test_a_flooded_bell_is_cleared_in_one_go),  TEST(test_a_line_process_commands_nobody),
+	    TEST(test_noise_in_a_segment_harms_nobody_else),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,152 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What a module tells all others: samples of its points, events and its log. */
+#include "map/test_stage.h"
+
+static void test_points_are_found_by_address(void **state)
+{
+	struct stage *stage = *state;
+
+	for (uint32_t i = 0; i < POINTS; i++)
+		assert_int_equal(map_find(stage->rtud, i < 4 ? 1001 : 2001, 40001 + i % 4), i);
+	assert_int_equal(map_find(stage->rtud, 1001, 40005), MAP_NONE);
+	assert_int_equal(map_find(stage->rtud, 1002, 40001), MAP_NONE);
+	assert_int_equal(map_find(stage->rtud, 0, 0), MAP_NONE);
+}
+
+static void test_published_samples_are_read_by_others(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
+	struct map_update updates[] = {scaled(1, 1500, MAP_GOOD, 10), scaled(2, -1, MAP_OVERFLOW, 10)};
+
+	map_publish(owner, updates, 2);
+	assert_sample(reader, 1, 1500, MAP_GOOD);
+	assert_sample(reader, 2, -1, MAP_OVERFLOW);
+	map_detach(owner);
+	map_detach(reader);
+}
+
+static void test_points_are_invalid_before_the_first_sample_and_after_the_end(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	struct map_update update = scaled(0, 7, MAP_GOOD, 10);
+	uint32_t index = index_of(stage, FIRST);
+
+	assert_sample(stage->rtud, 0, 0, MAP_INVALID);
+	map_publish(owner, &update, 1);
+	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
+	map_module_ended(stage->rtud, index, true);
+	assert_sample(stage->rtud, 0, 7, MAP_INVALID);
+	assert_false(map_wanted(owner));
+	map_detach(owner);
+
+	owner = start(stage, FIRST); /* the next generation has not read the device yet */
+	assert_sample(stage->rtud, 0, 7, MAP_INVALID);
+	map_detach(owner);
+}
+
+static void test_events_are_changes_beyond_the_deadband(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner, *reader;
+	struct map_cursor *cursor;
+	struct map_event event;
+	const struct map_update updates[] = {scaled(0, 100, MAP_GOOD, 1), scaled(0, 105, MAP_GOOD, 2),
+					     scaled(0, 94, MAP_GOOD, 3), scaled(0, 94, MAP_INVALID, 4),
+					     scaled(0, 94, MAP_INVALID, 5)};
+	const int64_t expected[] = {1, 3, 4};
+
+	stage->rtud->config.points[0].deadband = 5;
+	owner = start(stage, FIRST);
+	reader = start(stage, "rtu-iec104");
+	cursor = map_cursor(reader, 0);
+	map_cursor_to_end(reader, cursor);
+	for (size_t i = 0; i < 5; i++)
+		map_publish(owner, &updates[i], 1);
+	for (size_t i = 0; i < 3; i++) {
+		assert_true(map_event_next(reader, cursor, &event));
+		assert_int_equal(event.kind, MAP_EVENT_CHANGE);
+		assert_int_equal(event.point, 0);
+		assert_int_equal(event.sample.time_ns, expected[i]);
+	}
+	assert_false(map_event_next(reader, cursor, &event));
+	map_detach(owner);
+	map_detach(reader);
+}
+
+static void test_events_of_several_modules_come_in_order_of_time(void **state)
+{
+	struct stage *stage = *state;
+	struct map *first = start(stage, FIRST), *second = start(stage, SECOND);
+	struct map_cursor cursor = {0};
+	struct map_event event;
+	const int64_t times[] = {10, 20, 30, 40};
+
+	for (int i = 0; i < 4; i++) {
+		struct map_update update = scaled(i % 2 ? 4 : 0, i + 1, MAP_GOOD, times[i]);
+
+		map_publish(i % 2 ? second : first, &update, 1);
+	}
+	for (int i = 0; i < 4; i++) {
+		assert_true(map_event_next(stage->rtud, &cursor, &event));
+		assert_int_equal(event.sample.time_ns, times[i]);
+	}
+	map_detach(first);
+	map_detach(second);
+}
+
+static void test_lost_events_are_counted(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	struct map_cursor cursor = {0};
+	struct map_event event;
+	uint32_t read = 0;
+
+	for (int i = 1; i <= 100; i++) {
+		struct map_update update = scaled(0, i, MAP_GOOD, i);
+
+		map_publish(owner, &update, 1);
+	}
+	while (map_event_next(stage->rtud, &cursor, &event)) {
+		read++;
+		assert_int_equal(event.sample.value.i, 100 - 63 + read); /* the newest 63 of a ring of 64 */
+	}
+	assert_int_equal(read, 63);
+	assert_int_equal(cursor.lost, 37);
+	map_detach(owner);
+}
+
+static void test_the_log_is_read_line_by_line(void **state)
+{
+	struct stage *stage = *state;
+	struct map *module = start(stage, FIRST);
+	struct map_log_line line;
+	uint32_t position = 0;
+
+	map_log(module, MAP_LOG_WARNING, "device %d is dead", 67);
+	assert_true(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line));
+	assert_string_equal(line.text, "device 67 is dead");
+	assert_int_equal(line.level, MAP_LOG_WARNING);
+	assert_false(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line));
+	map_log(module, MAP_LOG_ERROR, "x\n2026-01-01 rtud error: forged \x1b[2J\x7f \xc4\x8d");
+	assert_true(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line));
+	assert_string_equal(line.text, "x?2026-01-01 rtud error: forged ?[2J? \xc4\x8d");
+	map_detach(module);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    TEST(test_points_are_found_by_address),
+	    TEST(test_published_samples_are_read_by_others),
+	    TEST(test_points_are_invalid_before_the_first_sample_and_after_the_end),
+	    TEST(test_events_are_changes_beyond_the_deadband),
+	    TEST(test_events_of_several_modules_come_in_order_of_time),
+	    TEST(test_lost_events_are_counted),
+	    TEST(test_the_log_is_read_line_by_line),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

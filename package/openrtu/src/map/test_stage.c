@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "map/test_stage.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+int set_up(void **state)
+{
+	struct stage *stage = calloc(1, sizeof(*stage));
+	char error[MAP_ERROR_SIZE];
+
+	for (uint16_t i = 0; i < 2; i++) {
+		stage->lines[i] = (struct map_line){
+		    .port = i + 1, .process = i + 1, .first_device = i, .device_count = 1, .baud = 9600};
+		stage->devices[i] = (struct map_device){.line = i,
+							.unit = 1,
+							.ca = (uint16_t)(1000 * (i + 1) + 1),
+							.first_point = i * 4u,
+							.point_count = 4};
+	}
+	for (uint16_t i = 0; i < POINTS; i++)
+		stage->points[i] = (struct map_point){.device = i / 4,
+						      .address = i % 4,
+						      .table = MAP_HOLDING_REGISTERS,
+						      .type = MAP_SCALED,
+						      .width = 1,
+						      .flags = i % 4 ? MAP_POINT_COMMAND : 0,
+						      .ioa = 40001u + i % 4,
+						      .scale = 1};
+	stage->points[3].flags |= MAP_POINT_SELECT;
+	stage->config = (struct map_config){
+	    .settings = {.event_ring = 64, .select_timeout_s = 30, .command_timeout_s = 10},
+	    .line_count = 2,
+	    .device_count = 2,
+	    .point_count = POINTS,
+	    .lines = stage->lines,
+	    .devices = stage->devices,
+	    .points = stage->points};
+	strcpy(stage->dir, "/tmp/test_map.XXXXXX");
+	assert_non_null(mkdtemp(stage->dir));
+	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
+		fail_msg("%s", error);
+	*state = stage;
+	return 0;
+}
+
+int tear_down(void **state)
+{
+	struct stage *stage = *state;
+
+	map_remove(stage->rtud);
+	map_detach(stage->rtud);
+	assert_int_equal(rmdir(stage->dir), 0); /* nothing of the map is left behind */
+	free(stage);
+	return 0;
+}
+
+uint32_t index_of(const struct stage *stage, const char *name)
+{
+	for (uint32_t i = 0; i < map_module_count(stage->rtud); i++) {
+		struct map_module module;
+
+		map_module(stage->rtud, i, &module);
+		if (strcmp(module.name, name) == 0)
+			return i;
+	}
+	fail_msg("no module %s", name);
+	return MAP_NONE;
+}
+
+struct map *start(struct stage *stage, const char *name)
+{
+	char error[MAP_ERROR_SIZE];
+	struct map *map;
+
+	map_module_starting(stage->rtud, index_of(stage, name));
+	if (map_attach(&map, stage->dir, name, error) < 0)
+		fail_msg("%s", error);
+	return map;
+}
+
+struct map_update scaled(uint32_t point, int32_t value, uint8_t quality, int64_t time_ns)
+{
+	return (struct map_update){point, {.value.i = value, .quality = quality, .time_ns = time_ns}};
+}
+
+void assert_sample(const struct map *map, uint32_t point, int32_t value, uint8_t quality)
+{
+	struct map_sample sample;
+
+	assert_true(map_read(map, point, &sample));
+	assert_int_equal(sample.value.i, value);
+	assert_int_equal(sample.quality, quality);
+}
+
+struct command_stage start_commands(struct stage *stage)
+{
+	return (struct command_stage){start(stage, FIRST), start(stage, "rtu-iec104")};
+}
+
+void end_commands(struct command_stage *commands)
+{
+	map_detach(commands->owner);
+	map_detach(commands->requester);
+}
+
+struct map_request request(uint32_t point, enum map_action action, uint32_t session, int32_t value)
+{
+	return (struct map_request){.point = point,
+				    .action = (uint8_t)action,
+				    .session = session,
+				    .value.i = value,
+				    .time_ns = map_now_ns(),
+				    .deadline_ns = map_now_ns() + 1000000000};
+}
+
+bool post(struct command_stage *commands, struct map_request wish)
+{
+	struct map_request taken;
+
+	assert_int_not_equal(map_request_post(commands->requester, wish), 0);
+	assert_true(map_request_next(commands->owner, &taken));
+	return map_command_request(commands->owner, &taken);
+}
+
+void assert_answer(struct command_stage *commands, enum map_command_state state,
+		   enum map_command_result result)
+{
+	struct map_answer answer;
+
+	assert_true(map_answer_next(commands->requester, &answer));
+	assert_int_equal(answer.state, state);
+	assert_int_equal(answer.result, result);
+}

@@ -1,0 +1,390 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modbus/test_bus.h"
+
+#include <string.h>
+
+#define TAG_OF_OBJECT 1000
+
+struct bus bus;
+
+/* ---- what the line tells ------------------------------------------------------------------------ */
+
+/* Every value must be that of its own device and address: no answer may be taken for another's. */
+static void on_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
+		    int64_t now_ns)
+{
+	const struct slave *slave = &bus.slaves[device];
+
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	for (uint32_t i = 0; i < read->objects; i++) {
+		const struct modbus_object *object = &bus.objects[device][read->first + i];
+		uint16_t index = (uint16_t)(object->address - read->address);
+
+		assert_int_equal(object->function, read->function);
+		if (modbus_is_bit_function(read->function))
+			assert_int_equal(modbus_bit(data, index), slave->registers[object->address] % 3 == 0);
+		else
+			assert_int_equal(modbus_register(data, index), slave->registers[object->address]);
+	}
+	if (bus.reads_done[device]++ > 0 && now_ns - bus.last_read_ns[device] > bus.longest_ns[device])
+		bus.longest_ns[device] = now_ns - bus.last_read_ns[device];
+	bus.last_read_ns[device] = now_ns;
+	bus.objects_read[device] += read->objects;
+}
+
+static void on_refused(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
+		       int64_t now_ns)
+{
+	(void)context;
+	(void)now_ns;
+	bus.last_exception = exception;
+	for (uint32_t i = 0; i < read->objects; i++)
+		bus.refused_addresses[device] |= 1ULL << bus.objects[device][read->first + i].address;
+}
+
+static void on_alive(void *context, uint32_t device, bool alive, int64_t now_ns)
+{
+	(void)context;
+	if (alive) {
+		bus.births[device]++;
+	} else {
+		bus.deaths[device]++;
+		bus.died_ns[device] = now_ns;
+	}
+}
+
+static void on_command(void *context, const struct modbus_command *command, enum modbus_result result,
+		       uint8_t exception)
+{
+	const struct modbus_request *write = &command->request;
+
+	(void)context;
+	if (result == MODBUS_DONE && write->unit != MODBUS_BROADCAST &&
+	    write->function == MODBUS_WRITE_REGISTER)
+		assert_int_equal(bus.slaves[command->device].registers[write->address], write->values[0]);
+	bus.tags[bus.commands_done++ % 16] = command->tag;
+	bus.last_tag = command->tag;
+	bus.last_result = result;
+	bus.last_exception = exception;
+}
+
+static const struct modbus_events events = {on_read, on_refused, on_alive, on_command};
+
+/* ---- the devices -------------------------------------------------------------------------------- */
+
+void put_on_wire(int64_t time_ns, const uint8_t *bytes, size_t length)
+{
+	assert_true(bus.wire_count + length <= WIRE_MAX);
+	for (size_t i = 0; i < length; i++) {
+		size_t at = bus.wire_count++;
+
+		time_ns += bus.line.wire.char_ns;
+		for (; at > 0 && bus.wire[at - 1].time_ns > time_ns; at--)
+			bus.wire[at] = bus.wire[at - 1];
+		bus.wire[at] = (struct wire_byte){time_ns, bytes[i]};
+	}
+}
+
+size_t seal(uint8_t *frame, size_t length)
+{
+	uint16_t crc = modbus_crc(frame, length);
+
+	frame[length] = (uint8_t)(crc & 0xFF);
+	frame[length + 1] = (uint8_t)(crc >> 8);
+	return length + 2;
+}
+
+static bool covers(const struct modbus_request *request, int address)
+{
+	return address >= request->address && address < request->address + request->count;
+}
+
+static uint8_t exception_for(const struct slave *slave, const struct modbus_request *request)
+{
+	if (slave->exception)
+		return slave->exception;
+	return covers(request, slave->missing) || request->address + request->count > ADDRESSES ? 2 : 0;
+}
+
+static size_t read_answer(const struct slave *slave, const struct modbus_request *request, uint8_t *frame)
+{
+	uint16_t bytes = modbus_read_bytes(request->function, request->count);
+
+	frame[2] = (uint8_t)bytes;
+	memset(frame + 3, 0, bytes);
+	for (uint16_t i = 0; i < request->count; i++) {
+		uint16_t value = slave->registers[request->address + i];
+
+		if (modbus_is_bit_function(request->function)) {
+			frame[3 + i / 8] |= (uint8_t)((value % 3 == 0) << (i % 8));
+		} else {
+			frame[3 + 2 * i] = (uint8_t)(value >> 8);
+			frame[4 + 2 * i] = (uint8_t)(value & 0xFF);
+		}
+	}
+	return seal(frame, 3u + bytes);
+}
+
+/* bytes: the request's frame, whose first six bytes are the answer to a write. */
+static size_t answer_of(struct slave *slave, const struct modbus_request *request, const uint8_t *bytes,
+			uint8_t *frame)
+{
+	frame[0] = request->unit;
+	frame[1] = request->function;
+	frame[2] = exception_for(slave, request);
+	if (frame[2]) {
+		frame[1] |= MODBUS_EXCEPTION_BIT;
+		return seal(frame, 3);
+	}
+	if (modbus_is_read(request->function))
+		return read_answer(slave, request, frame);
+	for (uint16_t i = 0; i < request->count; i++)
+		slave->registers[request->address + i] = request->values[i];
+	memcpy(frame, bytes, 6);
+	return seal(frame, 6);
+}
+
+static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
+{
+	if (slave->faults == 0)
+		return length;
+	slave->faults--;
+	switch (slave->fault) {
+	case MUTE:
+		return 0;
+	case CORRUPT:
+		frame[3] ^= 0x10;
+		return length;
+	case TRUNCATED:
+		return length - 2;
+	case WRONG_UNIT:
+		frame[0] += 100;
+		return seal(frame, length - 2);
+	case WRONG_FUNCTION:
+		frame[1] = 0x2B;
+		return seal(frame, length - 2);
+	case WRONG_LENGTH:
+		frame[2]++;
+		return seal(frame, length - 1);
+	case NOISE_BEFORE:
+		memmove(frame + 3, frame, length);
+		frame[0] = frame[1] = frame[2] = 0xFF;
+		return length + 3;
+	case STRANGER_FIRST:
+		memmove(frame + 7, frame, length);
+		memcpy(frame, (const uint8_t[]){99, 3, 2, 0, 1}, 5);
+		seal(frame, 5);
+		return length + 7;
+	case SOUND:
+		break;
+	}
+	return length;
+}
+
+static void slave_takes(struct slave *slave, const struct modbus_request *request, const uint8_t *bytes)
+{
+	uint8_t frame[2 * MODBUS_FRAME_MAX];
+	int64_t start = bus.busy_ns > slave->free_ns ? bus.busy_ns : slave->free_ns;
+
+	if (!slave->present || (request->unit != slave->unit && request->unit != MODBUS_BROADCAST))
+		return;
+	if (covers(request, slave->deaf) && request->count > 1)
+		return;
+	size_t length = answer_of(slave, request, bytes, frame);
+	if (request->unit == MODBUS_BROADCAST)
+		return;
+	length = spoil(slave, frame, length);
+	if (length == 0)
+		return;
+	start += slave->reaction_ns;
+	if (slave->late > 0) {
+		slave->late--;
+		start += slave->late_ns;
+	}
+	put_on_wire(start, frame, length);
+	slave->free_ns = start + (int64_t)length * bus.line.wire.char_ns;
+}
+
+/* ---- the bus ------------------------------------------------------------------------------------ */
+
+static struct modbus_request parse(const uint8_t *bytes, size_t length)
+{
+	struct modbus_request request = {bytes[0], bytes[1], modbus_register(bytes, 1), 1, {0}};
+
+	assert_true(modbus_crc_valid(bytes, length));
+	switch (request.function) {
+	case MODBUS_WRITE_COIL:
+		request.values[0] = bytes[4] ? 1 : 0;
+		break;
+	case MODBUS_WRITE_REGISTER:
+		request.values[0] = modbus_register(bytes, 2);
+		break;
+	case MODBUS_WRITE_REGISTERS:
+		request.count = modbus_register(bytes, 2);
+		request.values[0] = modbus_register(bytes + 7, 0);
+		request.values[1] = modbus_register(bytes + 7, 1);
+		break;
+	default:
+		request.count = modbus_register(bytes, 2);
+	}
+	return request;
+}
+
+static void take_output(const struct modbus_output *output)
+{
+	if (output->length == 0)
+		return;
+	assert_true(bus.now_ns >= bus.busy_ns + bus.line.wire.silence_ns);
+	if (bus.echoing)
+		put_on_wire(bus.now_ns, output->frame, output->length);
+	bus.busy_ns = bus.now_ns + (int64_t)output->length * bus.line.wire.char_ns;
+	struct modbus_request request = parse(output->frame, output->length);
+	if (bus.sent_count < TRACE_MAX)
+		bus.sent[bus.sent_count++] = (struct sent){bus.now_ns, request};
+	for (uint32_t i = 0; i < bus.line.device_count; i++)
+		slave_takes(&bus.slaves[i], &request, output->frame);
+}
+
+void deliver(void)
+{
+	uint8_t bytes[WIRE_MAX];
+	size_t count = 0;
+
+	for (; count < bus.wire_count && bus.wire[count].time_ns <= bus.now_ns; count++) {
+		bytes[count] = bus.wire[count].byte;
+		if (bus.wire[count].time_ns > bus.busy_ns)
+			bus.busy_ns = bus.wire[count].time_ns;
+	}
+	bus.wire_count -= count;
+	memmove(&bus.wire[0], &bus.wire[count], bus.wire_count * sizeof(bus.wire[0]));
+	modbus_line_receive(&bus.line, bytes, count, bus.now_ns);
+}
+
+uint32_t random_next(uint32_t *seed)
+{
+	*seed = *seed * 1664525u + 1013904223u;
+	return *seed >> 8;
+}
+
+/* Now and then others have the processor for up to 200 ms. */
+static int64_t delay(void)
+{
+	if (bus.chance == 0 || random_next(&bus.chance) % 8 != 0)
+		return 0;
+	return (int64_t)(random_next(&bus.chance) % 200) * MS;
+}
+
+static void run_until(int64_t until_ns)
+{
+	for (;;) {
+		struct modbus_output output = modbus_line_poll(&bus.line, bus.now_ns);
+
+		take_output(&output);
+		int64_t next_ns = output.deadline_ns;
+		if (bus.wire_count > 0 && bus.wire[0].time_ns <= next_ns)
+			next_ns = bus.wire[0].time_ns;
+		if (next_ns > until_ns)
+			break;
+		bus.still = output.length == 0 && next_ns <= bus.now_ns ? bus.still + 1 : 0;
+		assert_true(bus.still < 3);
+		if (next_ns > bus.now_ns)
+			bus.now_ns = next_ns;
+		bus.now_ns += delay();
+		deliver();
+	}
+	if (until_ns > bus.now_ns)
+		bus.now_ns = until_ns;
+}
+
+void run_for(int64_t ns)
+{
+	run_until(bus.now_ns + ns);
+}
+
+/* ---- what a test does --------------------------------------------------------------------------- */
+
+void forget_trace(void)
+{
+	bus.sent_count = 0;
+	memset(bus.reads_done, 0, sizeof(bus.reads_done));
+	memset(bus.objects_read, 0, sizeof(bus.objects_read));
+	memset(bus.longest_ns, 0, sizeof(bus.longest_ns));
+	memset(&bus.line.counters, 0, sizeof(bus.line.counters));
+}
+
+void set_up(void)
+{
+	memset(&bus, 0, sizeof(bus));
+	bus.now_ns = 5 * SECOND;
+	bus.line = (struct modbus_line){.events = &events,
+					.context = &bus,
+					.devices = bus.devices,
+					.commands = bus.commands,
+					.command_capacity = COMMANDS_MAX,
+					.wire = modbus_wire(19200, 11)};
+}
+
+void add_device(uint8_t unit, uint8_t retries)
+{
+	uint32_t index = bus.line.device_count++;
+
+	bus.devices[index] = (struct modbus_device){.unit = unit,
+						    .retries = retries,
+						    .response_timeout_ns = TIMEOUT_NS,
+						    .objects = bus.objects[index],
+						    .reads = bus.reads[index]};
+	bus.slaves[index] = (struct slave){.unit = unit,
+					   .present = unit != MODBUS_BROADCAST,
+					   .missing = -1,
+					   .deaf = -1,
+					   .reaction_ns = REACTION_NS};
+	for (uint16_t i = 0; i < ADDRESSES; i++)
+		bus.slaves[index].registers[i] = (uint16_t)(256 * unit + i);
+}
+
+void add_objects(uint8_t function, uint16_t address, uint16_t count)
+{
+	uint32_t index = bus.line.device_count - 1;
+	struct modbus_device *device = &bus.devices[index];
+
+	for (uint16_t i = 0; i < count; i++)
+		bus.objects[index][device->object_count++] =
+		    (struct modbus_object){TAG_OF_OBJECT, (uint16_t)(address + i), function, 1};
+}
+
+void start(void)
+{
+	modbus_line_init(&bus.line);
+	modbus_line_open(&bus.line, bus.now_ns);
+}
+
+void start_simple(uint8_t retries)
+{
+	set_up();
+	add_device(17, retries);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	start();
+	run_for(SECOND);
+	assert_true(bus.devices[0].alive);
+	forget_trace();
+}
+
+void command(uint32_t device, uint8_t function, uint16_t address, uint16_t value, uint32_t tag)
+{
+	struct modbus_command order = {.device = device,
+				       .tag = tag,
+				       .deadline_ns = bus.now_ns + 10 * SECOND,
+				       .request = {bus.devices[device].unit, function, address, 1, {value}}};
+
+	assert_true(modbus_line_command(&bus.line, &order));
+}
+
+unsigned sent_with(uint8_t unit, uint8_t function)
+{
+	unsigned count = 0;
+
+	for (size_t i = 0; i < bus.sent_count; i++)
+		count += bus.sent[i].request.unit == unit && bus.sent[i].request.function == function;
+	return count;
+}

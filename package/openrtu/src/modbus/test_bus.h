@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A line and its devices in virtual time: the bus delivers bytes one by one, at the speed of the wire. */
+#ifndef OPENRTU_MODBUS_TEST_BUS_H
+#define OPENRTU_MODBUS_TEST_BUS_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "modbus/line.h"
+
+#define MS           1000000LL
+#define SECOND       1000000000LL
+#define DEVICES_MAX  3
+#define OBJECTS_MAX  64
+#define ADDRESSES    1024
+#define COMMANDS_MAX 8
+#define WIRE_MAX     8192
+#define TRACE_MAX    4096
+#define TIMEOUT_NS   (100 * MS)
+#define REACTION_NS  (5 * MS)
+
+enum fault {
+	SOUND,
+	MUTE,
+	CORRUPT,    /* a bit of the data */
+	TRUNCATED,  /* its last two bytes are missing */
+	WRONG_UNIT, /* the rest, CRC included, is sound */
+	WRONG_FUNCTION,
+	WRONG_LENGTH,   /* a byte more than asked for */
+	NOISE_BEFORE,   /* three bytes, then the answer */
+	STRANGER_FIRST, /* another unit's sound answer, then the right one */
+};
+
+/* A device: it answers one request after the other. Register a holds 256 * unit + a, coil a is a % 3 == 0. */
+struct slave {
+	uint8_t unit;
+	bool present;
+	enum fault fault;
+	unsigned faults;     /* how many answers it spoils */
+	int64_t reaction_ns; /* request to answer */
+	unsigned late;       /* how many answers take late_ns */
+	int64_t late_ns;
+	int64_t free_ns;   /* when it has dealt with all so far */
+	uint8_t exception; /* its answer to everything, when not 0 */
+	int missing;       /* address it answers with exception 2; -1: none */
+	int deaf;          /* address it does not answer to when read together with others */
+	uint16_t registers[ADDRESSES];
+};
+
+struct wire_byte {
+	int64_t time_ns;
+	uint8_t byte;
+};
+
+struct sent {
+	int64_t time_ns;
+	struct modbus_request request;
+};
+
+struct bus {
+	struct modbus_line line;
+	struct modbus_device devices[DEVICES_MAX];
+	struct modbus_object objects[DEVICES_MAX][OBJECTS_MAX];
+	struct modbus_read reads[DEVICES_MAX][OBJECTS_MAX];
+	struct modbus_command commands[COMMANDS_MAX];
+	struct slave slaves[DEVICES_MAX];
+	struct wire_byte wire[WIRE_MAX];
+	size_t wire_count;
+	int64_t now_ns;
+	int64_t busy_ns; /* end of the last character on the wire */
+	bool echoing;    /* the transceiver hears what it sends */
+	uint32_t chance; /* not 0: the process runs late, at random */
+	unsigned still;  /* polls in a row that neither sent nor let time pass */
+	struct sent sent[TRACE_MAX];
+	size_t sent_count;
+	unsigned reads_done[DEVICES_MAX], objects_read[DEVICES_MAX];
+	uint64_t refused_addresses[DEVICES_MAX];                    /* a bit each */
+	int64_t last_read_ns[DEVICES_MAX], longest_ns[DEVICES_MAX]; /* between two reads */
+	unsigned deaths[DEVICES_MAX], births[DEVICES_MAX];
+	int64_t died_ns[DEVICES_MAX];
+	unsigned commands_done;
+	uint32_t last_tag;
+	enum modbus_result last_result;
+	uint8_t last_exception;
+	uint32_t tags[16];
+};
+
+extern struct bus bus;
+
+/* An empty bus. Devices are added, objects to the latest of them; then the line starts. */
+void set_up(void);
+void add_device(uint8_t unit, uint8_t retries);
+void add_objects(uint8_t function, uint16_t address, uint16_t count);
+void start(void);
+/* One device with eight holding registers, scanned at least once. */
+void start_simple(uint8_t retries);
+
+void run_for(int64_t ns);
+/* What has arrived by now comes in one piece. */
+void deliver(void);
+
+/* A write that is good for ten seconds. */
+void command(uint32_t device, uint8_t function, uint16_t address, uint16_t value, uint32_t tag);
+
+/* How many requests of this kind were sent. */
+unsigned sent_with(uint8_t unit, uint8_t function);
+void forget_trace(void);
+
+/* Bytes that no device sends, from that moment on. */
+void put_on_wire(int64_t time_ns, const uint8_t *bytes, size_t length);
+/* Appends the CRC; returns the frame's length with it. */
+size_t seal(uint8_t *frame, size_t length);
+
+uint32_t random_next(uint32_t *seed);
+
+#endif

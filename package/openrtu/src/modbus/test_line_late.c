@@ -1,0 +1,193 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Late answers: none is ever taken for another's. */
+#include "modbus/test_bus.h"
+
+/* Two reads of one length: the answer to the first comes while the second would be under way. */
+static void a_late_answer_is_never_anothers(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 2);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 4);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 40, 4);
+	start();
+	run_for(SECOND);
+	assert_int_equal(bus.devices[0].read_count, 2);
+	for (int64_t late = 80; late < 400; late += 3) {
+		forget_trace();
+		bus.slaves[0].late = 1;
+		bus.slaves[0].late_ns = late * MS;
+		run_for(3 * SECOND);
+		assert_true(bus.devices[0].alive);
+		assert_true(bus.reads_done[0] > 20);
+	}
+}
+
+static void a_late_answer_is_counted(void **state)
+{
+	(void)state;
+	start_simple(2);
+	bus.slaves[0].late = 1;
+	bus.slaves[0].late_ns = 105 * MS;
+	run_for(2 * SECOND);
+	assert_int_equal(bus.line.counters.late_answers, 1);
+	assert_int_equal(bus.line.counters.timeouts, 1);
+	assert_int_equal(bus.line.counters.wrong_answers, 0);
+}
+
+/* The process was killed with a request under way; the next one has the port before the answer comes. */
+static void a_killed_processs_answer_is_nobodys(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 2);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 40, 1);
+	start();
+	run_for(3 * SECOND);
+	assert_int_equal(bus.devices[0].read_count, 2);
+	for (int64_t late = 0; late < 300; late++) {
+		bus.slaves[0].late = 1;
+		bus.slaves[0].late_ns = late * MS;
+		run_for(25 * MS);
+		modbus_line_close(&bus.line, bus.now_ns);
+		bus.devices[0].unanswered_count = 0; /* a new process knows nothing */
+		bus.devices[0].trust_ns = 0;
+		forget_trace();
+		modbus_line_open(&bus.line, bus.now_ns);
+		run_for(3 * SECOND);
+		assert_true(bus.devices[0].alive);
+		assert_true(bus.reads_done[0] > 20);
+	}
+}
+
+/* It may still come when nothing but another device's silence was waited for since. */
+static void a_killed_processs_confirmation_is_nobodys(void **state)
+{
+	(void)state;
+	start_simple(0);
+	add_device(18, 0);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 1);
+	bus.slaves[1].present = false;
+	bus.devices[0].response_timeout_ns = bus.devices[1].response_timeout_ns = 2 * SECOND;
+	start();
+	run_for(3 * SECOND);
+	bus.slaves[0].late = 1;
+	bus.slaves[0].late_ns = 2500 * MS;
+	command(0, MODBUS_WRITE_REGISTER, 3, 7, 1);
+	while (sent_with(17, MODBUS_WRITE_REGISTER) == 0)
+		run_for(MS);
+	modbus_line_close(&bus.line, bus.now_ns);
+	for (int i = 0; i < 2; i++) {
+		bus.devices[i].unanswered_count = 0; /* a new process knows nothing */
+		bus.devices[i].trust_ns = 0;
+	}
+	bus.slaves[0].exception = 4;
+	modbus_line_open(&bus.line, bus.now_ns);
+	bus.devices[0].next_probe_ns += 5 * SECOND; /* the other one is probed first */
+	command(0, MODBUS_WRITE_REGISTER, 3, 7, 2);
+	run_for(6 * SECOND);
+	assert_int_equal(bus.last_tag, 2);
+	assert_int_equal(bus.last_result, MODBUS_REFUSED);
+}
+
+/* A process that was stopped finds an answer, and cannot know how old its values are. */
+static void an_old_answer_is_no_news(void **state)
+{
+	(void)state;
+	start_simple(3);
+	while (bus.sent_count == 0)
+		run_for(MS);
+	bus.slaves[0].registers[4] = 1; /* on_read knows the new value only */
+	bus.now_ns += 2 * SECOND;
+	deliver();
+	run_for(SECOND);
+	assert_int_equal(bus.line.counters.timeouts, 1);
+	assert_int_equal(bus.line.counters.late_answers, 1);
+	assert_true(bus.reads_done[0] > 10);
+}
+
+/*
+ * Nothing that could be asked has an unmistakable answer, and an object that was refused comes due: time
+ * must pass all the same (run_until).
+ */
+static void a_device_that_rests_is_at_rest(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 9);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 40, 1);
+	bus.slaves[0].missing = 40;
+	start();
+	run_for(700 * MS);
+	assert_int_equal(bus.refused_addresses[0], 1ULL << 40);
+	bus.slaves[0].fault = MUTE;
+	bus.slaves[0].faults = 1;
+	while (bus.slaves[0].faults > 0)
+		run_for(MS);
+	bus.slaves[0].exception = 2;
+	run_for(500 * MS);
+	bus.slaves[0].exception = 0;
+	bus.slaves[0].missing = -1;
+	run_for(5 * SECOND);
+	assert_int_equal(bus.devices[0].read_count, 2);
+	assert_true(bus.devices[0].alive);
+}
+
+/*
+ * Where all objects are one register, something longer is read; a device that refuses that rests until
+ * nothing can come.
+ */
+static void a_device_with_one_object_rests(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 2);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 1);
+	bus.slaves[0].missing = 1;
+	start();
+	run_for(SECOND);
+	forget_trace();
+	bus.slaves[0].late = 1;
+	bus.slaves[0].late_ns = 130 * MS;
+	run_for(3 * SECOND);
+	assert_int_equal(bus.sent[1].request.count, 2);
+	assert_in_range(bus.sent[2].time_ns - bus.sent[1].time_ns, MODBUS_LATE_NS,
+			MODBUS_LATE_NS + TIMEOUT_NS);
+	assert_int_equal(bus.deaths[0], 0);
+	assert_true(bus.reads_done[0] > 10);
+}
+
+static void a_late_confirmation_is_not_another_commands(void **state)
+{
+	(void)state;
+	start_simple(2);
+	bus.slaves[0].late = 1;
+	bus.slaves[0].late_ns = 150 * MS;
+	bus.slaves[0].exception = 4;
+	command(0, MODBUS_WRITE_REGISTER, 3, 7, 1);
+	command(0, MODBUS_WRITE_REGISTER, 3, 7, 2);
+	run_for(60 * MS);
+	bus.slaves[0].exception = 0;
+	run_for(SECOND);
+	assert_int_equal(bus.commands_done, 2);
+	assert_int_equal(bus.tags[0], 1);
+	assert_int_equal(bus.last_tag, 2);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test(a_late_answer_is_never_anothers),
+	    cmocka_unit_test(a_late_answer_is_counted),
+	    cmocka_unit_test(a_killed_processs_answer_is_nobodys),
+	    cmocka_unit_test(a_killed_processs_confirmation_is_nobodys),
+	    cmocka_unit_test(an_old_answer_is_no_news),
+	    cmocka_unit_test(a_device_that_rests_is_at_rest),
+	    cmocka_unit_test(a_device_with_one_object_rests),
+	    cmocka_unit_test(a_late_confirmation_is_not_another_commands),
+	};
+	return cmocka_run_group_tests_name("modbus line late", tests, NULL, NULL);
+}
