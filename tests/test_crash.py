@@ -118,7 +118,7 @@ def test_killed_station_loses_nothing(desk: Desk) -> None:
 @pytest.mark.parametrize("name", STATIONS)
 def test_a_thousand_kills_of_a_line_process(desk: Desk, name: str) -> None:
     with Load(desk):
-        for _ in range(SOAK_KILLS // KILLS):  # each with a controlling station of its own, which is not under test
+        for _ in range(SOAK_KILLS // KILLS):  # each with a controlling station of its own
             kill_lines(desk, name, KILLS)
 
 
