@@ -3,7 +3,6 @@
 #include "rtud/supervise.h"
 
 #include <errno.h>
-#include <inttypes.h>
 #include <limits.h>
 #include <signal.h>
 #include <stdbool.h>
