@@ -93,7 +93,7 @@ test: lint unit asan cross $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 
-soak: build $(VENV) ## the tests of hours
+soak: build $(VENV) ## the tests of half an hour: 1000 kills of each module
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------

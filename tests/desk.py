@@ -34,12 +34,11 @@ def of_port(config: dict[str, Any], number: int) -> dict[str, Any]:
 
 
 @dataclass
-class Desk:
-    """What stands on it."""
+class Substation:
+    """The gateway and the simulated devices on its lines."""
 
     lines: LineSim
     gateway: Gateway
-    master: Master
 
     def ca(self, device: str) -> int:
         """The common address of device "port.unit"."""
@@ -76,6 +75,13 @@ class Desk:
         self.gateway.wait_for(good, timeout_s, f"all points of CA {ca} are valid")
 
 
+@dataclass
+class Desk(Substation):
+    """A controlling station besides."""
+
+    master: Master
+
+
 @contextlib.contextmanager
 def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[LineSim, Gateway]]:
     """Simulated devices and a gateway on a free TCP port of its own; removed afterwards."""
@@ -90,13 +96,21 @@ def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[Line
 
 
 @contextlib.contextmanager
-def desk_of(config: dict[str, Any], build: Path) -> Iterator[Desk]:
-    """All three, once every device has been read."""
+def substation_of(config: dict[str, Any], build: Path) -> Iterator[Substation]:
+    """Both, once every device has been read."""
     with gateway_on_lines(config, build) as (lines, gateway):
         gateway.wait_for(lambda: everything_read(gateway), 30.0, "every device has been read")
+        yield Substation(lines, gateway)
+
+
+@contextlib.contextmanager
+def desk_of(config: dict[str, Any], build: Path) -> Iterator[Desk]:
+    """All three, once every device has been read."""
+    with substation_of(config, build) as substation:
+        gateway = substation.gateway
         with Master(*gateway.address) as master:
             master.synchronise_clock(next(iter(gateway.points().values()))["ca"])
-            yield Desk(lines, gateway, master)
+            yield Desk(substation.lines, gateway, master)
 
 
 def everything_read(gateway: Gateway) -> bool:

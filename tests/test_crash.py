@@ -7,16 +7,18 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
-from desk import Desk, chapter_5, desk_of
+from desk import Substation, chapter_5, substation_of
 from lab.gateway import Gateway
-from lab.master import Master
+from lab.raw_master import INVALID, Object, RawMaster
 
 KILLS = 50
 SOAK_KILLS = 1000
+ARRIVES_WITHIN_S = 10.0
 INVALID_WITHIN = datetime.timedelta(milliseconds=100)
 # The stations of each line process; 1000 is only written, and never valid.
 STATIONS = {
@@ -25,11 +27,18 @@ STATIONS = {
 }
 
 
+@pytest.fixture(scope="module")
+def substation(programs: Path) -> Iterator[Substation]:
+    """The gateway of chapter 5 without a controlling station: each test connects its own."""
+    with substation_of(chapter_5(), programs) as substation:
+        yield substation
+
+
 class Load:
     """Values that change all the time while modules die."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, substation: Substation) -> None:
+        self._substation = substation
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -45,8 +54,8 @@ class Load:
             if self._stop.wait(0.01):
                 return
             for unit in ("3.35", "3.155"):
-                self._desk.lines.set(unit, "input_registers", 0, value)
-            self._desk.lines.set("4.40", "input_registers", 1, value)
+                self._substation.lines.set(unit, "input_registers", 0, value)
+            self._substation.lines.set("4.40", "input_registers", 1, value)
 
 
 def kill(
@@ -66,105 +75,111 @@ def wait_restarted(gateway: Gateway, name: str, pid: int) -> None:
     gateway.wait_for(restarted, 15, f"{name} runs again")
 
 
-def kill_lines(desk: Desk, name: str, times: int) -> None:
+def collect(master: RawMaster, wanted: Callable[[Object], bool], stations: Iterable[int]) -> list[Object]:
+    """What arrives until every one of the stations has reported an object that is wanted; all of it."""
+    missing, seen = set(stations), []
+    deadline = time.monotonic() + ARRIVES_WITHIN_S
+    while missing:
+        objects = master.spontaneous(deadline)
+        seen += objects
+        missing -= {found.ca for found in objects if wanted(found)}
+    return seen
+
+
+def kill_lines(substation: Substation, name: str, times: int) -> None:
     """Every point of its lines turns invalid, and good again; no point of another process is touched."""
-    stations = STATIONS[name]
+    gateway, stations = substation.gateway, STATIONS[name]
     others = {ca for other in STATIONS if other != name for ca in STATIONS[other]}
-    restarts = desk.gateway.modules()[name]["restarts"]
-    with Master(*desk.gateway.address) as master:
-        master.synchronise_clock(3067)
+    restarts = gateway.modules()[name]["restarts"]
+    with RawMaster(*gateway.address) as master:
         for _ in range(times):
-            since = master.mark()
-            pid, when = kill(desk.gateway, name)
-            for ca in stations:
-                report = master.wait(lambda r, c=ca: r.ca == c and "Invalid" in r.quality, since)
-                assert report.recorded_at is not None
-                assert report.recorded_at - when < INVALID_WITHIN
-            wait_restarted(desk.gateway, name, pid)
-            for ca in stations:
-                master.wait(lambda r, c=ca: r.ca == c and r.good, since)
-            assert not [r for r in master.reports_since(since) if r.ca in others and r.quality == "Invalid"]
-    assert desk.gateway.modules()[name]["restarts"] == restarts + times
+            pid, when = kill(gateway, name)
+            seen = collect(master, lambda found: bool(found.quality & INVALID), stations)
+            for found in seen:
+                if found.quality & INVALID:
+                    assert found.recorded_at is not None
+                    assert found.recorded_at - when < INVALID_WITHIN
+            wait_restarted(gateway, name, pid)
+            seen += collect(master, lambda found: found.quality == 0, stations)
+            assert not [found for found in seen if found.ca in others and found.quality & INVALID]
+    assert gateway.modules()[name]["restarts"] == restarts + times
     for ca in stations:
-        desk.wait_all_good(ca)
+        substation.wait_all_good(ca)
 
 
-def kill_station(desk: Desk, times: int) -> None:
+def kill_station(substation: Substation, times: int) -> None:
     """The lines go on, and the next connection finds the station as it was."""
-    restarts = desk.gateway.modules()["rtu-iec104"]["restarts"]
+    gateway = substation.gateway
+    restarts = gateway.modules()["rtu-iec104"]["restarts"]
     for _ in range(times):
-        pid, _ = kill(desk.gateway, "rtu-iec104")
-        wait_restarted(desk.gateway, "rtu-iec104", pid)
-        assert not [p for p in desk.gateway.points("p3.*").values() if p["quality"] == "invalid"]
-    assert desk.gateway.modules()["rtu-iec104"]["restarts"] == restarts + times
-    with Master(*desk.gateway.address) as master:
-        assert len(master.interrogate(3067)) == 13
+        pid, _ = kill(gateway, "rtu-iec104")
+        wait_restarted(gateway, "rtu-iec104", pid)
+        assert not [p for p in gateway.points("p3.*").values() if p["quality"] == "invalid"]
+    assert gateway.modules()["rtu-iec104"]["restarts"] == restarts + times
+    with RawMaster(*gateway.address) as master:
+        assert len(master.interrogate(3067).objects) == 13
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STATIONS)
-def test_killed_line_process_loses_nothing(desk: Desk, name: str) -> None:
-    with Load(desk):
-        kill_lines(desk, name, KILLS)
+def test_killed_line_process_loses_nothing(substation: Substation, name: str) -> None:
+    with Load(substation):
+        kill_lines(substation, name, KILLS)
 
 
 @pytest.mark.slow
-def test_killed_station_loses_nothing(desk: Desk) -> None:
-    with Load(desk):
-        kill_station(desk, KILLS)
+def test_killed_station_loses_nothing(substation: Substation) -> None:
+    with Load(substation):
+        kill_station(substation, KILLS)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("name", STATIONS)
-def test_a_thousand_kills_of_a_line_process(desk: Desk, name: str) -> None:
-    with Load(desk):
-        for _ in range(SOAK_KILLS // KILLS):  # each with a controlling station of its own
-            kill_lines(desk, name, KILLS)
+def test_a_thousand_kills_of_a_line_process(substation: Substation, name: str) -> None:
+    with Load(substation):
+        kill_lines(substation, name, SOAK_KILLS)
 
 
 @pytest.mark.soak
-def test_a_thousand_kills_of_the_station(desk: Desk) -> None:
-    with Load(desk):
-        kill_station(desk, SOAK_KILLS)
+def test_a_thousand_kills_of_the_station(substation: Substation) -> None:
+    with Load(substation):
+        kill_station(substation, SOAK_KILLS)
 
 
-def test_one_kill_of_each_module(desk: Desk) -> None:
+def test_one_kill_of_each_module(substation: Substation) -> None:
     for name in STATIONS:
-        kill_lines(desk, name, 1)
-    kill_station(desk, 1)
+        kill_lines(substation, name, 1)
+    kill_station(substation, 1)
 
 
-def test_stopped_line_process_is_invalid_until_it_goes_on(desk: Desk) -> None:
-    with Master(*desk.gateway.address) as master:
-        since = master.mark()
-        pid, _ = kill(desk.gateway, "rtu-modbus-2", signal.SIGSTOP)
-        master.wait(lambda r: r.ca == 4040 and "Invalid" in r.quality, since)
-        since = master.mark()
+def test_stopped_line_process_is_invalid_until_it_goes_on(substation: Substation) -> None:
+    with RawMaster(*substation.gateway.address) as master:
+        pid, _ = kill(substation.gateway, "rtu-modbus-2", signal.SIGSTOP)
+        collect(master, lambda found: bool(found.quality & INVALID), [4040])
         os.kill(pid, signal.SIGCONT)
-        for ca in (4040, 6001):
-            master.wait(lambda r, c=ca: r.ca == c and r.good, since)
-    assert desk.gateway.modules()["rtu-modbus-2"]["pid"] == pid  # it was given the time to come back
+        collect(master, lambda found: found.quality == 0, [4040, 6001])
+    assert substation.gateway.modules()["rtu-modbus-2"]["pid"] == pid  # it was given the time to come back
 
 
-def test_hung_line_process_is_killed_and_restarted(desk: Desk) -> None:
-    pid, _ = kill(desk.gateway, "rtu-modbus-2", signal.SIGSTOP)
-    wait_restarted(desk.gateway, "rtu-modbus-2", pid)
-    desk.wait_all_good(4040)
+def test_hung_line_process_is_killed_and_restarted(substation: Substation) -> None:
+    pid, _ = kill(substation.gateway, "rtu-modbus-2", signal.SIGSTOP)
+    wait_restarted(substation.gateway, "rtu-modbus-2", pid)
+    substation.wait_all_good(4040)
 
 
 def test_end_of_rtud_is_the_end_of_all(programs: Path) -> None:
     """Nothing goes on unsupervised, and the next rtud finds no obstacle."""
-    with desk_of(chapter_5(), programs) as desk:
-        pids = [module["pid"] for module in desk.gateway.modules().values() if module["pid"]]
-        assert desk.gateway.process is not None
-        desk.gateway.process.kill()
-        desk.gateway.process.wait()
+    with substation_of(chapter_5(), programs) as substation:
+        pids = [module["pid"] for module in substation.gateway.modules().values() if module["pid"]]
+        assert substation.gateway.process is not None
+        substation.gateway.process.kill()
+        substation.gateway.process.wait()
         deadline = time.monotonic() + 5
         while any(alive(pid) for pid in pids):
             assert time.monotonic() < deadline, "modules go on without rtud"
             time.sleep(0.01)
-        desk.gateway.start()
-        desk.wait_all_good(3067)
+        substation.gateway.start()
+        substation.wait_all_good(3067)
 
 
 def alive(pid: int) -> bool:
@@ -175,8 +190,8 @@ def alive(pid: int) -> bool:
 
 
 def test_stop_is_clean(programs: Path) -> None:
-    with desk_of(chapter_5(), programs) as desk:
+    with substation_of(chapter_5(), programs) as substation:
         begin = time.monotonic()
-        assert desk.gateway.stop() == 0
+        assert substation.gateway.stop() == 0
         assert time.monotonic() - begin < 3  # nobody had to be killed
-        assert not list(desk.gateway.map.iterdir())  # segments and bells are gone
+        assert not list(substation.gateway.map.iterdir())  # segments and bells are gone

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import datetime
 import select
 import socket
 import time
@@ -25,6 +26,9 @@ QOI_STATION = 20
 # Octets of an element, its time tag included, for the types that single points and scaled values come in.
 ELEMENT_SIZE = {1: 1, 11: 3, 30: 8, 35: 10}
 SINGLE_POINTS = {1, 30}
+TIME_TAG_SIZE = 7  # CP56Time2a, at the end of the element
+TIME_TAGGED = {30, 35}
+INVALID = 0x80  # IV of a quality descriptor
 
 ANSWER_TIMEOUT_S = 30.0
 
@@ -44,6 +48,7 @@ class Object:
     value: int
     quality: int  # the quality descriptor's bits; 0: good
     arrived_ns: int  # time.monotonic_ns() when its bytes had been read
+    recorded_at: datetime.datetime | None  # its time tag, taken as UTC
 
 
 @dataclass
@@ -95,14 +100,26 @@ class Asdu:
         ioa = int.from_bytes(self.body[begin : begin + 3], "little")
         if self.sequence:
             ioa, begin = ioa + index, index * size
-        value, quality = _decode(self.type, self.body[begin + 3 : begin + 3 + size])
-        return Object(self.type, self.cause, self.ca, ioa, value, quality, self.arrived_ns)
+        element = self.body[begin + 3 : begin + 3 + size]
+        value, quality = _decode(self.type, element)
+        recorded_at = _time_tag(element[-TIME_TAG_SIZE:]) if self.type in TIME_TAGGED else None
+        return Object(self.type, self.cause, self.ca, ioa, value, quality, self.arrived_ns, recorded_at)
 
 
 def _decode(type_id: int, element: bytes) -> tuple[int, int]:
     if type_id in SINGLE_POINTS:
         return element[0] & 0x01, element[0] & 0xF0
     return int.from_bytes(element[:2], "little", signed=True), element[2]
+
+
+def _time_tag(octets: bytes) -> datetime.datetime:
+    """CP56Time2a (101, 7.2.6.18): milliseconds, minute, hour, day, month, year of the century."""
+    milliseconds = int.from_bytes(octets[:2], "little")
+    minute, hour, day, month, year = (
+        octet & mask for octet, mask in zip(octets[2:], (0x3F, 0x1F, 0x1F, 0x0F, 0x7F), strict=True)
+    )
+    whole = datetime.datetime(2000 + year, month, day, hour, minute, tzinfo=datetime.UTC)
+    return whole + datetime.timedelta(milliseconds=milliseconds)
 
 
 class RawMaster:
