@@ -48,7 +48,7 @@ class Object:
     value: int
     quality: int  # the quality descriptor's bits; 0: good
     arrived_ns: int  # time.monotonic_ns() when its bytes had been read
-    recorded_at: datetime.datetime | None  # its time tag, taken as UTC
+    recorded_at: datetime.datetime | None = None  # its time tag, taken as UTC
 
 
 @dataclass
