@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The stop-watch: what the raw controlling station makes of bytes, and the bench of readings."""
 
+import datetime
 import json
 import os
 import socket
@@ -84,7 +85,10 @@ def test_lost_i_frame() -> None:
 
 def test_event() -> None:
     (found,) = Asdu.parse(bytes.fromhex(EVENT)[6:], arrived_ns=5).objects()
-    assert found == Object(type=30, cause=3, ca=3067, ioa=4, value=1, quality=0, arrived_ns=5)
+    recorded_at = datetime.datetime(2025, 2, 19, 13, 13, tzinfo=datetime.UTC)
+    assert found == Object(
+        type=30, cause=3, ca=3067, ioa=4, value=1, quality=0, arrived_ns=5, recorded_at=recorded_at
+    )
 
 
 def test_objects_that_do_not_fill_their_asdu() -> None:
