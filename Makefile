@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build unit asan cross lint test-quick test soak run bench clean distclean
+.PHONY: help setup build unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -17,13 +17,13 @@ VENV     := .venv/done
 SYSROOT  := build/arm-sysroot/done
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' Makefile
 
 # ---- what is needed ------------------------------------------------------------------------------
 
 setup: $(PACKAGES) $(VENV) ## bring what is missing: Debian packages, Python packages into .venv
 
-$(PACKAGES): scripts/packages.txt scripts/setup-packages.sh
+build/%.done: scripts/%.txt scripts/setup-packages.sh
 	scripts/setup-packages.sh $<
 	mkdir -p $(@D) && touch $@
 
@@ -71,12 +71,75 @@ build/linesim/build.ninja: | $(PACKAGES)
 build/bench/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(BENCH)
 
+# ---- the image -----------------------------------------------------------------------------------
+
+IMAGES        := nuc980_gateway nuc980_netboot
+IMAGE         ?= nuc980_gateway
+BUILDROOT_DIR ?= build/buildroot
+buildroot      = $(MAKE) -C $(BUILDROOT_DIR) O=$(CURDIR)/build/$(1) BR2_EXTERNAL=$(CURDIR)/br2-external
+BUILDROOT      = $(call buildroot,$(IMAGE))
+MAKEOVERRIDES :=# what was typed here means nothing to Buildroot
+export BR2_DL_DIR     ?= $(CURDIR)/build/dl
+export BR2_CCACHE_DIR ?= $(CURDIR)/build/ccache
+
+ifdef SITE
+$(if $(wildcard $(SITE)/.),,$(error SITE=$(SITE) is no folder; docs/image.md says what belongs in it))
+export OPENRTU_SITE := $(abspath $(SITE))
+endif
+
+image: $(IMAGES:%=build/%/images/manifest.json) ## build the images for the board (SITE=folder: with its settings)
+
+checkout: $(BUILDROOT_DIR)/Makefile ## bring Buildroot (BUILDROOT_DIR=folder: use that one)
+
+menuconfig: ## change an image's configuration (IMAGE=nuc980_netboot: of the other one)
+savedefconfig: ## write what menuconfig changed back into configs/
+linux-menuconfig: ## change the kernel's configuration; ends with the lines for a fragment
+sdk: ## pack the cross toolchain and the libraries of the target
+legal-info: ## collect licences and sources
+sbom: ## write the image's bill of materials (CycloneDX)
+
+menuconfig sdk legal-info: build/$(IMAGE)/.config
+	$(BUILDROOT) $@
+
+linux-menuconfig: build/$(IMAGE)/.config
+	$(BUILDROOT) $@ linux-diff-config
+
+savedefconfig: build/$(IMAGE)/.config
+	$(BUILDROOT) $@ BR2_DEFCONFIG=$(CURDIR)/build/$(IMAGE)/saved
+	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
+	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
+
+sbom: build/$(IMAGE)/.config
+	$(BUILDROOT) --silent show-info > build/$(IMAGE)/show-info.json
+	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name openrtu --in-file build/$(IMAGE)/show-info.json \
+	  --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { echo "sbom: $$(tail -n 1 \
+	  build/$(IMAGE)/sbom.log); Buildroot fetches the list of SPDX licences for it, once" >&2; exit 2; }
+
+check-image: $(VENV) ## check the configurations with Buildroot's own tools
+	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
+
+$(IMAGES:%=build/%/images/manifest.json): build/%/images/manifest.json: build/%/.config FORCE
+	$(call buildroot,$*)
+
+$(IMAGES:%=build/%/.config): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+	$(call buildroot,$*) $*_defconfig
+
+build/buildroot/Makefile: configs/kas.yml | $(VENV)
+	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \
+	  || { scripts/no-buildroot.sh $<; exit 2; }
+	touch $@
+
+%/Makefile:
+	@echo "BUILDROOT_DIR=$* is no Buildroot checkout" >&2; exit 2
+
+FORCE:
+
 # ---- tests ---------------------------------------------------------------------------------------
 
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
-SHELL_FILES = .ci/run $(wildcard scripts/*.sh)
+SHELL_FILES = .ci/run $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .

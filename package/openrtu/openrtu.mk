@@ -1,0 +1,38 @@
+################################################################################
+#
+# openrtu    SPDX-License-Identifier: GPL-3.0-or-later
+#
+################################################################################
+
+OPENRTU_VERSION = 0.1.0
+OPENRTU_SITE = $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu/src
+OPENRTU_SITE_METHOD = local
+OPENRTU_LICENSE = GPL-3.0-or-later
+OPENRTU_LICENSE_FILES = GPL-3.0-or-later.txt
+OPENRTU_DEPENDENCIES = host-pkgconf jansson
+
+# The unit tests run on the build machine (make test), and a newer compiler's
+# warning shall not stop a release.
+OPENRTU_CONF_OPTS = -Dtests=disabled -Dwerror=false
+
+# The licence's text is not in src/ but once in the tree.
+define OPENRTU_ADD_LICENSE
+	$(INSTALL) -m 0644 $(BR2_EXTERNAL_OPENRTU_PATH)/../LICENSES/GPL-3.0-or-later.txt $(@D)
+endef
+OPENRTU_POST_RSYNC_HOOKS += OPENRTU_ADD_LICENSE
+
+# rtud, started as root, runs module number i as user 61200 + i with the group
+# 61200 and no capability. Here they get names: the northbound module is number
+# 1, the first line process number 3.
+define OPENRTU_USERS
+	openrtu 61200 openrtu 61200 * - - - OpenRTU
+	rtu-iec104 61201 openrtu 61200 * - - - OpenRTU IEC 60870-5-104
+	rtu-modbus 61203 openrtu 61200 * - - dialout OpenRTU Modbus RTU
+endef
+
+define OPENRTU_INSTALL_INIT_SYSV
+	$(INSTALL) -D -m 0755 $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu/S80rtud \
+		$(TARGET_DIR)/etc/init.d/S80rtud
+endef
+
+$(eval $(meson-package))

@@ -1,0 +1,107 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""
+symbols.py BUILDROOT_DIR [LINUX_DIR]: writes configs/buildroot-symbols.txt, and configs/linux-symbols.txt when
+the kernel's source is named: the names that a defconfig or a kernel fragment may set. `make test` holds the
+configurations against these lists, without any checkout.
+
+Only names are kept, one a line. A name counts if Kconfig would read it: the files are followed from the top
+through their `source` lines, for this processor. Legacy symbols are left out: Buildroot refuses to build with
+one.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+# Where Buildroot has written of our own packages and its list of toolchains; Config.in.legacy is not for use.
+NOT_ITS_OWN = re.compile(r"\.br2-external\.|Config\.in\.legacy")
+LINE = re.compile(
+    r"^\s*(?:(?:menu)?config\s+(?P<name>\w+)|o?r?source\s+\"?(?P<file>[^\"\s]+)\"?)\s*(?:#.*)?$"
+)
+DEFINED_IN_HELP = re.compile(r"^\s*(?:---)?help(?:---)?\s*$")
+
+
+class UnusableInput(Exception):
+    """A folder that cannot be used. The message names it, the cause and the next step."""
+
+
+def names(folder: Path, top: str, variables: dict[str, str]) -> set[str]:
+    """The symbols that Kconfig reads from `top` on, with $(NAME) and $NAME in file names replaced."""
+    found: set[str] = set()
+    waiting, seen = [top], set()
+    while waiting:
+        name = waiting.pop()
+        if name in seen or NOT_ITS_OWN.search(name):
+            continue
+        seen.add(name)
+        for symbol, source in _lines(folder / name):
+            if symbol:
+                found.add(symbol)
+            else:
+                waiting.append(_replaced(source, variables))
+    return found
+
+
+def _lines(file: Path) -> Iterator[tuple[str | None, str | None]]:
+    """Name or file name of each `config` and `source` line; what a help text says is none."""
+    try:
+        text = file.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise UnusableInput(f"{file}: {error.strerror}; name a whole source tree") from error
+    help_indent: int | None = None
+    for line in text.expandtabs().splitlines():
+        indent = len(line) - len(line.lstrip())
+        if help_indent is not None and (not line.strip() or indent > help_indent):
+            continue
+        help_indent = indent if DEFINED_IN_HELP.match(line) else None
+        if found := LINE.match(line):
+            yield found["name"], found["file"]
+
+
+def _replaced(name: str, variables: dict[str, str]) -> str:
+    return re.sub(r"\$\(?(\w+)\)?", lambda found: variables.get(found[1], ""), name).lstrip("/")
+
+
+def write(file: Path, origin: str, found: set[str]) -> None:
+    head = (
+        "# SPDX-License-Identifier: GPL-3.0-or-later\n"
+        f"# The symbols of {origin}; written by scripts/image/symbols.py.\n"
+    )
+    file.write_text(head + "".join(f"{name}\n" for name in sorted(found)), encoding="utf-8")
+    print(f"{file}: {len(found)} symbols of {origin}")
+
+
+def makefile_value(folder: Path, expression: str) -> str:
+    makefile = folder / "Makefile"
+    found = re.search(expression, makefile.read_text() if makefile.is_file() else "", re.MULTILINE)
+    if found is None:
+        raise UnusableInput(f"{folder} is not what it should be: its Makefile has no line {expression}")
+    return ".".join(found.groups())
+
+
+def main(words: list[str]) -> int:
+    if len(words) not in (1, 2) or words[0].startswith("-"):
+        print(__doc__.strip().split("\n\n")[0] if __doc__ else "", file=sys.stderr)
+        return 2
+    try:
+        buildroot = Path(words[0])
+        release = makefile_value(buildroot, r"^export BR2_VERSION := (\S+)$")
+        write(CONFIGS / "buildroot-symbols.txt", f"Buildroot {release}", names(buildroot, "Config.in", {}))
+        if len(words) == 2:
+            linux = Path(words[1])
+            version = makefile_value(linux, r"^VERSION = (\d+)\nPATCHLEVEL = (\d+)\nSUBLEVEL = (\d+)$")
+            found = names(linux, "Kconfig", {"SRCARCH": "arm", "HEADER_ARCH": "arm"})
+            write(CONFIGS / "linux-symbols.txt", f"the vendor's Linux {version}", found)
+    except UnusableInput as error:
+        print(f"symbols: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

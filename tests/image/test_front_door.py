@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The image's targets of the Makefile, in a copy of the tree, a stand-in for Buildroot, and kas itself."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+IMAGES = ["nuc980_gateway", "nuc980_netboot"]
+SAID = ["O", "BR2_EXTERNAL", "OPENRTU_SITE", "BR2_DL_DIR", "IMAGE"]
+BUILDROOT = f"""\
+all:
+	mkdir -p $(O)/images
+	printf '%s\\n' {" ".join(f"'{name} $({name})'" for name in SAID)} > $(O)/images/manifest.json
+%_defconfig:
+	mkdir -p $(O)
+	sed /^#.SPDX/d $(BR2_EXTERNAL)/configs/$@ > $(O)/.config
+savedefconfig:
+	cp $(O)/.config $(BR2_DEFCONFIG)
+"""
+
+
+class Tree:
+    """What the image's targets need of the tree, where `make setup` seems done."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for name in ("Makefile", "requirements.txt"):
+            shutil.copy(ROOT / name, folder / name)
+        for name in ("configs", "br2-external", "scripts"):
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=ignored)
+        (folder / "build").mkdir()
+        (folder / ".venv").mkdir()
+        (folder / ".venv" / "bin").symlink_to(Path(sys.prefix) / "bin")
+        for done in ("build/packages.done", "build/packages-image.done", ".venv/done"):
+            (folder / done).touch()
+        self.buildroot = folder / "buildroot"
+        self.buildroot.mkdir()
+        (self.buildroot / "Makefile").write_text(BUILDROOT)
+
+    def make(self, *words: str) -> subprocess.CompletedProcess[str]:
+        unwanted = ("MAKE", "MFLAGS", "BR2_", "OPENRTU", "SITE", "IMAGE", "BUILDROOT_DIR")
+        known = {name: value for name, value in os.environ.items() if not name.startswith(unwanted)}
+        return subprocess.run(["make", *words], cwd=self.folder, env=known, capture_output=True, text=True)
+
+    def make_with_stand_in(self, *words: str) -> subprocess.CompletedProcess[str]:
+        return self.make(*words, f"BUILDROOT_DIR={self.buildroot}")
+
+    def built(self, image: str) -> dict[str, str]:
+        lines = (self.folder / "build" / image / "images" / "manifest.json").read_text().splitlines()
+        return {name: value.strip() for name, _, value in (line.partition(" ") for line in lines)}
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Tree:
+    return Tree(tmp_path)
+
+
+def test_image_builds_both(tree: Tree) -> None:
+    site = tree.folder / "site"
+    site.mkdir()
+    (tree.buildroot / "Makefile").write_text(f"IMAGE :=\n{BUILDROOT}")  # which what was typed would override
+    done = tree.make_with_stand_in("image", "SITE=site", "IMAGE=nuc980_netboot")
+    assert done.returncode == 0, done.stderr
+    for image in IMAGES:
+        assert tree.built(image) == {
+            "O": str(tree.folder / "build" / image),
+            "BR2_EXTERNAL": str(tree.folder / "br2-external"),
+            "OPENRTU_SITE": str(site),
+            "BR2_DL_DIR": str(tree.folder / "build" / "dl"),
+            "IMAGE": "",
+        }
+
+
+def test_site_that_is_not_there_is_said_at_once(tree: Tree) -> None:
+    done = tree.make_with_stand_in("image", "SITE=nowhere")
+    assert done.returncode == 2
+    assert "SITE=nowhere is no folder" in done.stderr
+    assert not (tree.folder / "build" / IMAGES[0]).exists()
+
+
+def test_folder_without_buildroot_is_said(tree: Tree) -> None:
+    done = tree.make("image", "BUILDROOT_DIR=nowhere")
+    assert done.returncode == 2
+    assert "BUILDROOT_DIR=nowhere is no Buildroot checkout" in done.stderr
+
+
+def test_changed_configuration_is_built_until_the_defconfig_is_newer(tree: Tree) -> None:
+    assert tree.make_with_stand_in("image").returncode == 0
+    config = tree.folder / "build" / IMAGES[0] / ".config"
+    with config.open("a") as file:
+        file.write("BR2_BY_MENUCONFIG=y\n")
+    assert tree.make_with_stand_in("image").returncode == 0
+    assert "BR2_BY_MENUCONFIG=y" in config.read_text()
+    soon = time.time() + 10
+    os.utime(tree.folder / "configs" / "nuc980_gateway_defconfig", (soon, soon))
+    assert tree.make_with_stand_in("image").returncode == 0
+    assert "BR2_BY_MENUCONFIG=y" not in config.read_text()
+
+
+@pytest.mark.parametrize("image", IMAGES)
+def test_savedefconfig_writes_back_and_keeps_the_licence(tree: Tree, image: str) -> None:
+    assert tree.make_with_stand_in("image").returncode == 0
+    defconfig = tree.folder / "configs" / f"{image}_defconfig"
+    before = defconfig.read_text()
+    with (tree.folder / "build" / image / ".config").open("a") as file:
+        file.write("BR2_BY_MENUCONFIG=y\n")
+    done = tree.make_with_stand_in("savedefconfig", f"IMAGE={image}")
+    assert done.returncode == 0, done.stderr
+    assert defconfig.read_text() == f"{before}BR2_BY_MENUCONFIG=y\n"
+
+
+def pin(tree: Tree, url: str, commit: str) -> None:
+    """Another repository into kas.yml, without a tag."""
+    file = tree.folder / "configs" / "kas.yml"
+    lines = [line for line in file.read_text().splitlines() if "tag:" not in line]
+    new = {"url:": f"    url: {url}", "commit:": f"    commit: {commit}"}
+    lines = [next((row for key, row in new.items() if line.strip().startswith(key)), line) for line in lines]
+    file.write_text("\n".join(lines) + "\n")
+
+
+def git(folder: Path, *words: str) -> str:
+    author = ["-c", "user.name=x", "-c", "user.email=x@example.org", "-c", "commit.gpgsign=false"]
+    done = subprocess.run(["git", *author, *words], cwd=folder, check=True, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def test_checkout_brings_the_pinned_commit(tree: Tree) -> None:
+    git(tree.buildroot, "init", "--quiet")
+    git(tree.buildroot, "add", "Makefile")
+    git(tree.buildroot, "commit", "--quiet", "-m", "the pinned one")
+    commit = git(tree.buildroot, "rev-parse", "HEAD")
+    git(tree.buildroot, "commit", "--quiet", "--allow-empty", "-m", "a newer one")
+    pin(tree, f"file://{tree.buildroot}", commit)
+    done = tree.make("checkout")
+    assert done.returncode == 0, done.stderr
+    assert git(tree.folder / "build" / "buildroot", "rev-parse", "HEAD") == commit
+    assert tree.make("image").returncode == 0
+
+
+def test_without_network_checkout_says_what_it_could_not_reach(tree: Tree) -> None:
+    url, commit = "https://buildroot.invalid/buildroot.git", "0123456789abcdef0123456789abcdef01234567"
+    pin(tree, url, commit)
+    done = tree.make("image")
+    assert done.returncode == 2
+    assert f"Buildroot could not be brought from {url}" in done.stderr
+    assert f"With a checkout of commit {commit}: make image BUILDROOT_DIR=folder" in done.stderr
+    assert "Traceback" not in done.stderr
