@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build unit asan cross lint test-quick test soak run bench clean distclean
+.PHONY: help setup build dtb unit asan cross lint test-quick test soak run bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -71,12 +71,25 @@ build/linesim/build.ninja: | $(PACKAGES)
 build/bench/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(BENCH)
 
+# ---- device tree ---------------------------------------------------------------------------------
+
+DTS := dts/nuc980-gateway.dts
+DTB := build/dtb/nuc980-gateway.dtb
+# of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"
+SWITCHES :=
+
+dtb: $(VENV) ## generate, compile and check the board's device tree (SWITCHES=...: its first lines)
+	scripts/nuc980-pins generate
+	scripts/build-dtb.sh $(DTS) $(DTB) $(SWITCHES)
+	scripts/nuc980-pins check $(addprefix -D ,$(SWITCHES)) $(DTS) $(DTB)
+	scripts/validate-dtb.sh $(DTB)
+
 # ---- tests ---------------------------------------------------------------------------------------
 
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
-SHELL_FILES = .ci/run $(wildcard scripts/*.sh)
+SHELL_FILES = .ci/run scripts/nuc980-pins $(wildcard scripts/*.sh)
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .

@@ -37,7 +37,7 @@ def test_packages(package: str, port_pins: int) -> None:
 
 
 def test_every_signal_has_an_owner() -> None:
-    """But those that no device tree node owns: debug port, clock output, and two timers the vendor's tree lacks."""
+    """But those of no node: debug port, clock output, and two timers that the vendor's tree lacks."""
     ownerless = {signal.partition("_")[0] for signal in CHIP.signals if not CHIP.owners(signal)}
     assert ownerless == {"JTAG0", "JTAG1", "CLK", "TM4", "TM5"}
 

@@ -4,16 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from trees import CHIP, GATEWAY_PINS, TABLE, built, child, set_cells, set_string
 
-from nuc980.pins.board import load_board
+from nuc980.pins.board import Board, Device, load_board
 from nuc980.pins.chip import Peripheral, gpio_number
 from nuc980.pins.claims import PINS, claims, pin_controller
 from nuc980.pins.findings import Finding
+from nuc980.pins.generate import generated
+from nuc980.pins.importing import import_board
 from nuc980.pins.rules import RULES, check
+from nuc980.pins.source import read_source
 from nuc980.pins.tree import Node, Property, Tree
 
 BOARD = load_board(TABLE, CHIP)
@@ -62,13 +67,44 @@ def assignments(draw: st.DrawFn) -> Assignment:
 
 
 @given(assignments())
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=30)
 def test_what_the_chip_allows_has_no_findings(assignment: Assignment) -> None:
     tree = built(assignment)
     assert check(tree, CHIP) == []
     assert {claim.pin: claim.signal for claim in claims(tree, CHIP)} == {
         pin: signal for pins in assignment.values() for signal, pin in pins.items()
     }
+
+
+ON = 'status = "okay";'
+
+
+def table_of(assignment: Assignment) -> Board:
+    """A pin table, for the package that brings out every pin."""
+    part = "NUC980DF71YC"
+    devices = {label: Device(CHIP.peripherals[label], "", pins) for label, pins in assignment.items()}
+    return Board(Path("pins.yml"), "random", part, CHIP.packages[CHIP.parts[part]], devices)
+
+
+@given(assignments())
+@settings(deadline=None, max_examples=12)
+def test_a_pin_table_comes_back_from_its_device_tree(assignment: Assignment) -> None:
+    table = table_of(assignment)
+    files = generated(CHIP, table)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for path, text in files.items():
+            (folder / path.name).write_text(text, encoding="utf-8")
+        includes = "".join(f'#include "{path.name}"\n' for path in files)
+        switched_on = "".join(f"&{label} {{ {ON} }};\n" for label in assignment)
+        source = folder / "random.dts"
+        source.write_text(f"/dts-v1/;\n{includes}{switched_on}", encoding="utf-8")
+        tree = read_source(source)
+        assert check(tree, CHIP, table, table.package) == []
+        imported = folder / "pins.yml"
+        imported.write_text(import_board(tree, CHIP, table.part), encoding="utf-8")
+        back = load_board(imported, CHIP)
+    assert {label: device.pins for label, device in back.devices.items()} == assignment
 
 
 def group_of(tree: Tree, label: str) -> Node:
@@ -237,7 +273,7 @@ CONTENT = st.one_of(
 
 
 @given(st.lists(st.tuples(st.integers(0), st.sampled_from(READ_BY_RULES), CONTENT), min_size=1, max_size=12))
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=40)
 def test_whatever_the_properties_hold_is_judged(changes: list[tuple[int, str, bytes]]) -> None:
     tree = built(GATEWAY_PINS)
     nodes = list(tree.root.walk())

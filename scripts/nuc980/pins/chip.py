@@ -79,7 +79,8 @@ class Peripheral:
 
     @property
     def path(self) -> str:
-        return f"/{self.bus}/{self.full_node}"
+        """As in dts/nuc980.dtsi: what has no registers is on no bus."""
+        return f"/{self.full_node}" if self.address is None else f"/{self.bus}/{self.full_node}"
 
     def owns(self, signal: str) -> bool:
         """Whether a signal is one of this peripheral's."""

@@ -97,8 +97,10 @@ class Context:
         """
         if claim.signal in (None, GPIO) or claim.node is self.pinctrl:
             return False
-        peripheral, owners = self.peripherals.get(claim.node), self.chip.owners(claim.signal)
-        return peripheral is not None and bool(owners) and peripheral not in owners
+        peripheral = self.peripherals.get(claim.node)
+        if peripheral is None or peripheral.owns(claim.signal):
+            return False
+        return bool(self.chip.owners(claim.signal))
 
     def is_readable(self, node: Node) -> bool:
         """
