@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import subprocess
@@ -154,15 +155,14 @@ def _annotated_lines(annotated: str, here: Path) -> Iterator[tuple[str, tuple[Pl
         if not comment:
             text, end = end, ""
         found = (PLACE.fullmatch(place) for place in end.removesuffix(" */").split(", "))
-        yield text, tuple(_place(place, here) for place in found if place)
+        yield text, tuple(Place(_shown(place["file"], here), int(place["line"])) for place in found if place)
 
 
-def _place(found: re.Match[str], here: Path) -> Place:
-    """As seen from the current folder, where that is above: editors and terminals follow such a name."""
-    file = Path(found["file"])
-    if file.is_absolute() and file.is_relative_to(here):
-        file = file.relative_to(here)
-    return Place(str(file), int(found["line"]))
+@functools.cache
+def _shown(name: str, here: Path) -> str:
+    """A file as seen from the current folder, where that is above: what an editor can follow."""
+    file = Path(name)
+    return str(file.relative_to(here) if file.is_absolute() and file.is_relative_to(here) else file)
 
 
 def _child(node: Node | None, name: str) -> Node | None:

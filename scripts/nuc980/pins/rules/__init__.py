@@ -36,6 +36,7 @@ def _accept(findings: Iterable[Finding], board: Board | None) -> list[Finding]:
     return [replace(finding, accepted=reasons.get((finding.rule, finding.node))) for finding in findings]
 
 
-def _position(finding: Finding) -> tuple[bool, str, int, str, str]:
+def _position(finding: Finding) -> tuple[bool, str, int, str]:
+    """At one place the order of the rules stays, which is that of their weight."""
     place = finding.place
-    return place is None, place.file if place else "", place.line if place else 0, finding.node, finding.rule
+    return place is None, place.file if place else "", place.line if place else 0, finding.node
