@@ -114,8 +114,10 @@ soak: build $(VENV) ## the tests of half an hour: 1000 kills of each module
 run: build $(VENV) ## show the gateway at work on simulated devices (KEEP=1: stay up for your own master)
 	PYTHONPATH=scripts $(PYTHON) -m lab $(if $(KEEP),--keep)
 
-bench: build $(VENV) ## measure the gateway beside the report's method
+bench: build $(VENV) ## measure the gateway beside the report's method, nuc980-pins beside dt-validate
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
+	scripts/build-dtb.sh $(DTS) $(DTB)
+	$(PYTHON) $(BENCH)/pins.py
 
 # ---- away with it --------------------------------------------------------------------------------
 

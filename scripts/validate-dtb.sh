@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 # Both exit 0 also when they have found something: what they print decides.
-found=$(.venv/bin/dt-doc-validate dts/bindings 2>&1 && .venv/bin/dt-validate -s dts/bindings "$1" 2>&1) || found+=$'\nfailed'
+found=$(.venv/bin/dt-doc-validate dts/bindings 2>&1 && .venv/bin/dt-validate -m -s dts/bindings "$1" 2>&1) || found+=$'\nfailed'
 if [[ -n $found ]]; then
 	echo "$found" >&2
 	exit 1

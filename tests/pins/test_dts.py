@@ -113,7 +113,7 @@ def test_partitions_cover_what_the_factory_reads(setting: tuple[int, int, Tree])
     assert partitions is not None
     areas = {node.strings("label")[0]: node.cells("reg") for node in partitions}
     assert (areas["kernel"], areas["device-tree"]) == ([0x200000, 0x500000], [0x700000, 0x100000])
-    assert (areas["ubi"][0], "read-only" in partitions.children[0].properties) == (0x1600000, True)
+    assert (areas["rootfs"][0], "read-only" in partitions.children[0].properties) == (0x1600000, True)
     ends = [0, *(offset + size for offset, size in areas.values())]
     assert all(offset >= end for (offset, _), end in zip(areas.values(), ends, strict=False))
     assert ends[-1] <= 0x8000000

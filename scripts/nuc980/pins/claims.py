@@ -13,6 +13,7 @@ from nuc980.pins.tree import Node, Place, Tree
 PINCTRL = "nuvoton,nuc980-pinctrl"
 GPIO_CONTROLLER = "nuvoton,nuc980-gpio"
 KEYS = "nuvoton,nuc980-keys"
+BUSES = ("simple-bus", "simple-mfd")  # of these the kernel makes devices of the children (of/platform.c)
 PINS = "nuvoton,pins"
 CELLS_A_PIN = 4  # bank, pin, value of the multi-function field, a fourth that no driver reads
 
@@ -33,6 +34,11 @@ class Claim:
     def muxed(self) -> bool:
         """Whether the pin controller switches the pin for this node; a GPIO line alone switches nothing."""
         return self.group is not None
+
+    @property
+    def interrupts(self) -> bool:
+        """Whether the line is wanted for its interrupt."""
+        return self.property in ("interrupts", "interrupts-extended")
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ def _walk_enabled(node: Node) -> Iterator[Node]:
 
 def on_bus(node: Node) -> bool:
     """Whether a node is a device at an address of the chip: a child of a simple bus."""
-    return node.parent is not None and "simple-bus" in node.parent.strings("compatible")
+    return node.parent is not None and not set(BUSES).isdisjoint(node.parent.strings("compatible"))
 
 
 # ---- pins of groups ------------------------------------------------------------------------------
@@ -142,17 +148,19 @@ def _line_numbers(tree: Tree, node: Node, name: str) -> Iterator[int]:
         for controller, specifier in gpio_specifiers(tree, node, name):
             if GPIO_CONTROLLER in controller.strings("compatible"):
                 yield specifier[0]
-    elif name == "interrupts":
-        parent = interrupt_parent(tree, node)
-        if parent and GPIO_CONTROLLER in parent.strings("compatible"):
-            yield from node.cells(name)[:: _size(parent, "#interrupt-cells")]
+    elif name == interrupts_property(node):
+        for controller, specifier in interrupt_specifiers(tree, node):
+            if GPIO_CONTROLLER in controller.strings("compatible"):
+                yield specifier[0]
     elif name in ("gpio-keys-rows", "gpio-keys-cols") and KEYS in node.strings("compatible"):
         yield from _key_lines(node, name)
 
 
 def is_gpio_list(name: str) -> bool:
-    """Whether a property of this name lists GPIO lines (the kernel's gpio.txt)."""
-    return name in ("gpio", "gpios") or (name.endswith(("-gpio", "-gpios")) and not name.endswith("nr-gpios"))
+    """Whether a property of this name lists GPIO lines (the kernel's gpio.txt; of spi-gpio the old names)."""
+    if name in ("gpio", "gpios", "gpio-sck", "gpio-mosi", "gpio-miso"):
+        return True
+    return name.endswith(("-gpio", "-gpios")) and not name.endswith("nr-gpios")
 
 
 def gpio_specifiers(tree: Tree, node: Node, name: str) -> Iterator[tuple[Node, list[int]]]:
@@ -178,13 +186,35 @@ def gpio_specifiers(tree: Tree, node: Node, name: str) -> Iterator[tuple[Node, l
         del cells[:size]
 
 
+def interrupts_property(node: Node) -> str:
+    """The property that the kernel takes a node's interrupts from: it tries the longer name first."""
+    return "interrupts-extended" if "interrupts-extended" in node.properties else "interrupts"
+
+
+def interrupt_specifiers(tree: Tree, node: Node) -> Iterator[tuple[Node, list[int]]]:
+    """Controller and specifier of each interrupt of a node; raises MalformedError for what does not fit."""
+    name = interrupts_property(node)
+    cells = list(node.cells(name))
+    parent = None if name == "interrupts-extended" else interrupt_parent(tree, node)
+    while cells:
+        controller = parent or (tree.by_phandle.get(cells.pop(0)) if name != "interrupts" else None)
+        if controller is None:
+            raise MalformedError("of no interrupt controller")
+        size = _size(controller, "#interrupt-cells")
+        if len(cells) < size:
+            raise MalformedError(f"of {len(node.cells(name))} cells, no multiple of {size}")
+        yield controller, cells[:size]
+        del cells[:size]
+
+
 def interrupt_parent(tree: Tree, node: Node) -> Node | None:
-    """Where a node's interrupts go: the nearest interrupt-parent, its own or of a node above it."""
+    """Where a node's interrupts go, as the kernel looks for it (of_irq_find_parent); None: nowhere."""
     above: Node | None = node
     while above:
-        for phandle in above.cells("interrupt-parent"):
-            return tree.by_phandle.get(phandle)
-        above = above.parent
+        named = above.cells("interrupt-parent")
+        above = tree.by_phandle.get(named[0]) if named else above.parent
+        if above and "#interrupt-cells" in above.properties:
+            return above
     return None
 
 
@@ -194,7 +224,17 @@ def _size(controller: Node, name: str) -> int:
 
 
 def _key_lines(node: Node, name: str) -> list[int]:
-    """Of the vendor's key matrix <rows columns>: with one column, the columns' lines are not read."""
+    return node.cells(name)[: key_cells(node)[name]]
+
+
+def key_cells(node: Node) -> dict[str, int]:
+    """
+    Property of the vendor's keys: how many of its cells the driver reads. key-matrix is <rows columns>; with
+    one column, the columns' lines are not read.
+    """
     rows, columns = (*node.cells("key-matrix"), 0, 0)[:2]
-    wanted = rows if name == "gpio-keys-rows" else columns if columns > 1 else 0
-    return node.cells(name)[:wanted]
+    return {
+        "gpio-keys-rows": rows,
+        "gpio-keys-cols": columns if columns > 1 else 0,
+        "key-code": rows * columns,
+    }

@@ -3,18 +3,45 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import re
 from collections.abc import Iterator
 
 from nuc980.pins.chip import Peripheral
-from nuc980.pins.claims import interrupt_parent, on_bus
+from nuc980.pins.claims import (
+    BUSES,
+    MalformedError,
+    gpio_specifiers,
+    interrupt_specifiers,
+    interrupts_property,
+    is_gpio_list,
+    on_bus,
+)
 from nuc980.pins.findings import Claimant, Finding, at
 from nuc980.pins.rules.context import Context, grouped, listed, rule
-from nuc980.pins.rules.identity import address_of, has_driver_name, interrupt_sources, unit_number
+from nuc980.pins.rules.identity import (
+    NUMBERS,
+    address_of,
+    has_driver_name,
+    interrupt_sources,
+    names_of,
+    unit_number,
+)
 from nuc980.pins.tree import Node
 
+STATUS = re.compile(r"okay|ok|disabled|reserved|fail(-.*)?")
 INTERRUPT_CELLS = 3  # of the AIC; the kernels read the first, 6.6 the second as the trigger
-NEEDED_BY_UART = ("port-number", "map-addr", "pdma-enable")
+# Compatible string: what the driver gives up without, or, port-number of a smart card and bus_freq of an
+# I2C bus, what it goes on without: with an index that nobody set, and a division by zero.
+NEEDED = {
+    "nuvoton,nuc980-uart": ("port-number", "map-addr", "pdma-enable"),
+    "nuvoton,nuc980-scuart": ("port-number",),
+    "nuvoton,nuc980-sc": ("port-number",),
+    "nuvoton,nuc980-timer": ("port-number",),
+    "nuvoton,nuc980-ehci": ("ov_active",),
+    **{f"nuvoton,nuc980-i2c{number}": ("bus_freq",) for number in range(4)},
+}
 
 
 @rule(
@@ -28,7 +55,7 @@ def wrong_address(context: Context) -> Iterator[Finding]:
         address = address_of(node)
         if peripheral.address is None or peripheral.address == address:
             continue
-        if address is None and peripheral.label == "pinctrl":  # its driver has the address built in
+        if address is None and node is context.pinctrl:  # its driver has the address built in
             continue
         there = [other.label for other in context.chip.at(address)] if address is not None else []
         found = "has no reg" if address is None else f"has reg {address:#x}"
@@ -77,38 +104,157 @@ def unit_address(context: Context) -> Iterator[Finding]:
 def wrong_interrupt(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.peripherals.items():
         right = interrupt_sources(peripheral, context.chip)
-        parent = interrupt_parent(context.tree, node)
-        controlled = parent is None or context.peripherals.get(parent, peripheral).label == "aic"
-        if not right or "interrupts-extended" in node.properties or not controlled:
-            continue
-        if (
-            peripheral.label == "gpio"
-        ):  # its driver has the seven sources built in; the sources disagree on one
-            continue
-        cells = node.cells("interrupts")
-        if cells[::INTERRUPT_CELLS] == right and len(cells) == INTERRUPT_CELLS * len(right):
+        # The GPIO driver has the seven sources built in; the sources of our data disagree on one.
+        has = None if not right or peripheral.label == "gpio" else _wrong_interrupts(context, node, right)
+        if has is None:
             continue
         names = listed(
             f"{source} ({name})" for source, name in zip(right, peripheral.interrupts, strict=True)
         )
         yield Finding(
             "wrong-interrupt",
-            **at(node, "interrupts"),
-            message=f"{peripheral.label} has {_interrupts(context, cells)}; its own is {names}",
+            **at(node, interrupts_property(node)),
+            message=f"{peripheral.label} has {has}; its own is {names}",
             remedy=f"Set interrupts = {', '.join(f'<{source} 4 1>' for source in right)} in "
-            f"{peripheral.label}",
+            f"{peripheral.label}, and interrupt-parent in the root to the AIC",
         )
 
 
-def _interrupts(context: Context, cells: list[int]) -> str:
-    if not cells:
+def _wrong_interrupts(context: Context, node: Node, right: list[int]) -> str | None:
+    """What is wrong with a device's interrupts; None: nothing."""
+    if not node.cells(interrupts_property(node)):
         return "no interrupts"
-    if len(cells) % INTERRUPT_CELLS:
-        return f"interrupts of {len(cells)} cells, no multiple of {INTERRUPT_CELLS}"
+    try:
+        found = list(interrupt_specifiers(context.tree, node))
+    except MalformedError as error:
+        return f"interrupts {error}"
+    for controller, cells in found:
+        peripheral = context.peripherals.get(controller)
+        if peripheral is None or peripheral.label != "aic":
+            return f"interrupts of {context.name(controller)}, not of the AIC"
+        if len(cells) != INTERRUPT_CELLS:
+            return f"interrupts of {len(cells)} cells by #interrupt-cells of the AIC, not {INTERRUPT_CELLS}"
+    sources = [cells[0] for _, cells in found]
+    if sources == right:
+        return None
     names = {source: name for name, source in context.chip.interrupts.items()}
-    return listed(
-        f"interrupt {source} ({names.get(source, 'no source')})" for source in cells[::INTERRUPT_CELLS]
+    return listed(f"interrupt {source} ({names.get(source, 'no source')})" for source in sources)
+
+
+@rule(
+    "controller-off",
+    "A controller is off, or never becomes a device, whose lines or interrupts others use.",
+    "A driver that asks for a line of it waits for ever (-EPROBE_DEFER); without the AIC no device has an "
+    "interrupt.",
+)
+def controller_off(context: Context) -> Iterator[Finding]:
+    on = set(context.enabled)
+    users: dict[Node, list[Node]] = {}
+    for node in context.enabled:
+        for controller in _controllers(context, node):
+            if controller not in on and node is not controller:
+                users.setdefault(controller, []).append(node)
+    for controller, its in users.items():
+        names = [context.name(node) for node in its]
+        yield Finding(
+            "controller-off",
+            **at(controller, "status"),
+            message=f"{context.name(controller)} is off, but {listed(names)} "
+            f"{'use' if len(names) > 1 else 'uses'} it",
+            remedy=f'Set status = "okay" in {controller.path} and all above it',
+            claimants=tuple(
+                Claimant(node.path, f"lines or interrupts of {context.name(controller)}", node.place_of())
+                for node in its
+            ),
+        )
+
+
+def _controllers(context: Context, node: Node) -> Iterator[Node]:
+    """The controllers of a node's GPIO lines and interrupts, each once; none that cannot be read."""
+    found: dict[Node, None] = {}
+    for name in filter(is_gpio_list, node.properties):
+        with contextlib.suppress(MalformedError):
+            found |= dict.fromkeys(controller for controller, _ in gpio_specifiers(context.tree, node, name))
+    with contextlib.suppress(MalformedError):
+        found |= dict.fromkeys(controller for controller, _ in interrupt_specifiers(context.tree, node))
+    yield from found
+
+
+@rule(
+    "no-bus",
+    "Devices of the chip are under a node of which the kernel does not make a bus.",
+    "The kernel looks only at children of simple-bus and simple-mfd, and gives them registers only where "
+    "ranges says how: these devices are in the tree and never in the system.",
+)
+def no_bus(context: Context) -> Iterator[Finding]:
+    names = {name for one in context.chip.peripherals.values() for name in names_of(one)}
+    below = grouped(
+        (node for node in context.tree.root.walk() if not names.isdisjoint(node.strings("compatible"))),
+        lambda node: node.parent,
     )
+    for bus, devices in below.items():
+        fault = _bus_fault(bus) if bus and bus is not context.tree.root else None
+        if fault:
+            yield Finding(
+                "no-bus",
+                **at(bus, "compatible"),
+                message=f"{bus.path} {fault}, but {devices[0].path} is under it"
+                + (f", and {len(devices) - 1} more" if len(devices) > 1 else ""),
+                remedy='Set compatible = "simple-bus", #address-cells = <1>, #size-cells = <1> and an empty '
+                f"ranges in {bus.path}, or move what is under it to a bus",
+            )
+
+
+def _bus_fault(bus: Node) -> str | None:
+    if not set(BUSES).intersection(bus.strings("compatible")):
+        return f"is no {BUSES[0]}"
+    if "ranges" not in bus.properties:
+        return "has no ranges"
+    if bus.cells("ranges")[:1] != bus.cells("ranges")[1:2]:
+        return "has ranges that move addresses"
+    wrong = [name for name in ("#address-cells", "#size-cells") if bus.cells(name) not in ([], [1])]
+    return f"has {listed(f'{name} = <{bus.cells(name)[0]}>' for name in wrong)}" if wrong else None
+
+
+@rule(
+    "unknown-status",
+    "A status that the specification does not know.",
+    'For the kernel whatever is not "okay" or "ok" is off: with "enabled" or "Okay" the device is missing, '
+    "and nothing is logged.",
+)
+def unknown_status(context: Context) -> Iterator[Finding]:
+    for node in context.tree.root.walk():
+        values = node.strings("status")
+        if "status" not in node.properties or (len(values) == 1 and STATUS.fullmatch(values[0])):
+            continue
+        said = ", ".join(f'"{value}"' for value in values) or "no string"
+        yield Finding(
+            "unknown-status",
+            **at(node, "status"),
+            message=f"status of {context.name(node)} is {said}",
+            remedy='Write "okay" or "disabled"',
+        )
+
+
+@rule(
+    "wrong-number",
+    "A number by which the driver knows which of several devices it has is another's.",
+    "port-number chooses clock and port of a UART, map-addr its registers, id the channels of a PWM: with "
+    "another's, the driver works on the wrong block, and a second port of one number overwrites the first.",
+)
+def wrong_number(context: Context) -> Iterator[Finding]:
+    for node, peripheral in context.devices.items():
+        for name in NUMBERS:
+            own = peripheral.properties.get(name)
+            if own is None or node.cells(name)[:1] in ([], [own]):  # none: missing-property
+                continue
+            told = " ".join(map(_number, node.cells(name)))
+            yield Finding(
+                "wrong-number",
+                **at(node, name),
+                message=f"{peripheral.label} has {name} = <{told}>; its own is {_number(own)}",
+                remedy=f"Set {name} = <{_number(own)}> in {peripheral.label}",
+            )
 
 
 @rule(
@@ -209,9 +355,9 @@ def _meant(context: Context, stale: Node) -> Node | None:
 )
 def bus_num_twice(context: Context) -> Iterator[Finding]:
     numbered = [
-        (node, peripheral.label.rstrip("0123").removeprefix("q"), number)
+        (node, peripheral.label.rstrip("0123").removeprefix("q"), (node.cells("bus_num") or [0])[0])
         for node, peripheral in context.devices.items()
-        for number in node.cells("bus_num")[:1]
+        if "bus_num" in peripheral.properties  # the drivers take 0 where the node has none
     ]
     for (kind, number), same in grouped(numbered, lambda entry: entry[1:]).items():
         nodes = [node for node, _, _ in same]
@@ -257,17 +403,20 @@ def _is_uart(peripheral: Peripheral) -> bool:
     "missing-property",
     "A device lacks a property that its driver cannot do without.",
     "A UART without port-number, map-addr or pdma-enable does not probe, and the driver calls a missing "
-    "pdma-enable a missing map-addr; an I2C or SPI bus without #address-cells gives its devices no "
+    "pdma-enable a missing map-addr; without bus_freq the I2C "
+    "driver divides by zero; an I2C or SPI bus without #address-cells gives its devices no "
     "address that dtc checks.",
 )
 def missing_property(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.devices.items():
-        needed = {}
-        if _is_uart(peripheral):
-            needed = {name: peripheral.properties[name] for name in NEEDED_BY_UART}
-        elif "bus_num" in peripheral.properties and any("reg" in child.properties for child in node):
-            needed = {"#address-cells": 1, "#size-cells": 0}
-        lacks = [name for name in needed if name not in node.properties]
+        needed = {
+            name: value
+            for name, value in peripheral.properties.items()
+            if name in NEEDED.get(peripheral.compatible[0], ())
+        }
+        if "bus_num" in peripheral.properties and any("reg" in child.properties for child in node):
+            needed |= {"#address-cells": 1, "#size-cells": 0}
+        lacks = [name for name in needed if not node.cells(name)]
         if lacks:
             yield Finding(
                 "missing-property",
@@ -286,6 +435,10 @@ RULES = (
     wrong_address,
     unit_address,
     wrong_interrupt,
+    controller_off,
+    no_bus,
+    unknown_status,
+    wrong_number,
     wrong_compatible,
     address_twice,
     stale_node,

@@ -9,25 +9,28 @@ from collections.abc import Iterator
 from nuc980.pins.chip import BANKS
 from nuc980.pins.claims import (
     CELLS_A_PIN,
+    KEYS,
     PINS,
     MalformedError,
     gpio_specifiers,
     is_gpio_list,
     is_group,
+    key_cells,
     settings,
     states,
 )
 from nuc980.pins.findings import Claimant, Finding, at
 from nuc980.pins.rules.context import Context, grouped, is_well_formed, listed, rule
-from nuc980.pins.tree import CELL
+from nuc980.pins.tree import CELL, Node
 
+MOST_KEYS = 8  # rows, and columns (nuc980_keys.c, ROW_COL_MAX)
 PORT = re.compile(r"P([A-G])(?![A-Za-z])")
 
 
 @rule(
     "cell-count",
     "A property has a wrong number of cells: nuvoton,pins wants four a pin, a GPIO list what its "
-    "controller says.",
+    "controller says, a key matrix its rows and columns.",
     "One such group makes the whole pin controller fail, and with it every device that has a pin group; "
     "a GPIO list is refused, or read one cell off.",
 )
@@ -53,6 +56,26 @@ def cell_count(context: Context) -> Iterator[Finding]:
                     remedy=f"Write {name} as <&gpio NUMBER FLAGS>: the controller, then as many cells as its "
                     "#gpio-cells says (in a gpio-hog without the controller)",
                 )
+        if KEYS in node.strings("compatible"):
+            yield from _short_key_lists(context, node)
+
+
+def _short_key_lists(context: Context, node: Node) -> Iterator[Finding]:
+    """Of the vendor's keys: for a cell too few the driver gives up, beyond eight rows it overwrites."""
+    wanted = key_cells(node)
+    lacks = [f"{name} with {count} cells" for name, count in wanted.items() if len(node.cells(name)) < count]
+    if not wanted["key-code"]:
+        lacks = ["key-matrix with a number of rows and one of columns"]
+    elif any(count > MOST_KEYS for count in node.cells("key-matrix")[:2]):
+        lacks = [f"key-matrix with at most {MOST_KEYS} rows and columns"]
+    if lacks:
+        yield Finding(
+            "cell-count",
+            **at(node, "key-matrix"),
+            message=f"{context.name(node)} needs {listed(lacks)}",
+            remedy=f"Write key-matrix = <ROWS COLUMNS> in {context.name(node)}, a GPIO number a row in "
+            "gpio-keys-rows, for each of several columns in gpio-keys-cols, and a code for each key",
+        )
 
 
 def _cells(length: int) -> str:

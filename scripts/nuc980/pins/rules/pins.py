@@ -113,7 +113,7 @@ def _takes_turns(muxed: Sequence[Claim], rival: Claim, line: Claim) -> bool:
 
 
 def _gpio_use(line: Claim) -> str:
-    return "its interrupts" if line.property == "interrupts" else line.property
+    return "its interrupts" if line.interrupts else line.property
 
 
 @rule(
@@ -129,7 +129,7 @@ def gpio_conflict(context: Context) -> Iterator[Finding]:
         users = [
             user
             for user in users
-            if user.property != "interrupts"
+            if not user.interrupts
             or not any(other.node is user.node and other is not user for other in users)
         ]
         if len(users) < 2 or pin not in context.chip.pins:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nuc980.pins.chip import SignalSet
+from nuc980.pins.chip import GPIO, SignalSet
 from nuc980.pins.claims import Claim
 from nuc980.pins.findings import Finding, at
 from nuc980.pins.rules.context import (
@@ -21,6 +21,8 @@ from nuc980.pins.rules.context import (
 )
 from nuc980.pins.tree import Node
 
+TRIGGERS = 5  # gpio-nuc980.c, trigger_type
+
 
 @rule(
     "no-pins",
@@ -32,7 +34,8 @@ def no_pins(context: Context) -> Iterator[Finding]:
     # The pins of a camera interface are in the group of the camera.
     lent = {claim.signal for claim in context.claims if claim.muxed and claim.node not in context.peripherals}
     for node, peripheral in context.devices.items():
-        if not peripheral.needs_pins or context.muxed(node) or not context.is_readable(node):
+        own = [claim for claim in context.working_claims(node) if claim.signal != GPIO]
+        if not peripheral.needs_pins or own or not context.is_readable(node):
             continue
         if any(peripheral.owns(signal) for signal in lent if signal):
             continue
@@ -137,6 +140,20 @@ def eint(context: Context) -> Iterator[Finding]:
             continue
         for name, pins in context.chip.eint.items():
             yield from _eint(context, node, name, pins)
+        yield from _eint_not_reached(node, [f"{name}-config" for name in context.chip.eint])
+
+
+def _eint_not_reached(node: Node, settings: list[str]) -> Iterator[Finding]:
+    """The driver reads the settings in their order, and stops at the first that is missing."""
+    on = [number for number, name in enumerate(settings) if node.cells(name)[:1] == [1]]
+    missing = [name for name in settings[: max(on, default=0)] if name not in node.properties]
+    if missing:
+        yield Finding(
+            "eint",
+            **at(node, settings[max(on)]),
+            message=f"{settings[max(on)]} is never read, for {missing[0]} before it is missing",
+            remedy=f"Set {missing[0]} = <0 0 0> in the GPIO controller",
+        )
 
 
 def _eint(context: Context, node: Node, name: str, pins: tuple[str, ...]) -> Iterator[Finding]:
@@ -149,10 +166,18 @@ def _eint(context: Context, node: Node, name: str, pins: tuple[str, ...]) -> Ite
             **at(node, setting),
             message=f"{setting} has {len(cells)} cells",
             remedy=f"Write {setting} as three cells: 1 for on, the number of the pin "
-            f"({_numbered(pins)}), the trigger (0 to 4)",
+            f"({_numbered(pins)}), the trigger (0 to {TRIGGERS - 1})",
         )
         return
-    enabled, index = cells[:2] if cells else (0, len(pins))
+    enabled, index, trigger = cells or (0, len(pins), 0)
+    if enabled == 1 and trigger >= TRIGGERS:
+        yield Finding(
+            "eint",
+            **at(node, setting),
+            message=f"{setting} has trigger {trigger}, beyond the end of the driver's list",
+            remedy=f"Set the third cell of {setting} to 0 (both edges), 1 (rising), 2 (falling), 3 (high) "
+            "or 4 (low)",
+        )
     chosen = pins[index] if index < len(pins) else None
     if enabled == 1 and chosen is None:
         yield Finding(
