@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
+.PHONY: help setup build dtb unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -70,6 +70,19 @@ build/linesim/build.ninja: | $(PACKAGES)
 
 build/bench/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(BENCH)
+
+# ---- device tree ---------------------------------------------------------------------------------
+
+DTS := dts/nuc980-gateway.dts
+DTB := build/dtb/nuc980-gateway.dtb
+# of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"
+SWITCHES :=
+
+dtb: $(VENV) ## generate, compile and check the board's device tree (SWITCHES=...: its first lines)
+	scripts/nuc980-pins generate
+	scripts/build-dtb.sh $(DTS) $(DTB) $(SWITCHES)
+	scripts/nuc980-pins check $(addprefix -D ,$(SWITCHES)) $(DTS) $(DTB)
+	scripts/validate-dtb.sh $(DTB)
 
 # ---- the image -----------------------------------------------------------------------------------
 
@@ -139,7 +152,7 @@ FORCE:
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
-SHELL_FILES = .ci/run $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
+SHELL_FILES = .ci/run scripts/nuc980-pins $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
@@ -164,8 +177,10 @@ soak: build $(VENV) ## the tests of half an hour: 1000 kills of each module
 run: build $(VENV) ## show the gateway at work on simulated devices (KEEP=1: stay up for your own master)
 	PYTHONPATH=scripts $(PYTHON) -m lab $(if $(KEEP),--keep)
 
-bench: build $(VENV) ## measure the gateway beside the report's method
+bench: build $(VENV) ## measure the gateway beside the report's method, nuc980-pins beside dt-validate
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
+	scripts/build-dtb.sh $(DTS) $(DTB)
+	$(PYTHON) $(BENCH)/pins.py
 
 # ---- away with it --------------------------------------------------------------------------------
 

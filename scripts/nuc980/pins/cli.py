@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line of nuc980-pins. Exit codes: 0 done, 1 found or different, 2 unusable."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from nuc980.pins.board import Board, load_board
+from nuc980.pins.chip import Chip, Package, load_chip
+from nuc980.pins.claims import claims
+from nuc980.pins.diffing import format_diff, pin_diff
+from nuc980.pins.errors import UnusableInput
+from nuc980.pins.explain import explain
+from nuc980.pins.report import FORMATS, Checked
+from nuc980.pins.source import read_tree
+
+ROOT = Path(__file__).resolve().parents[3]
+TABLE = ROOT / "board" / "nuc980" / "pins.yml"
+DONE, FOUND, UNUSABLE = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one subcommand; returns the exit code."""
+    parsed = _parser().parse_args(arguments)
+    try:
+        return parsed.run(parsed)
+    except UnusableInput as error:
+        print(f"nuc980-pins: {error}", file=sys.stderr)
+    except OSError as error:
+        print(f"nuc980-pins: {error.filename}: {error.strerror}", file=sys.stderr)
+    return UNUSABLE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="nuc980-pins", description="From the pin table of a NUC980 board to a checked device tree."
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    command = commands.add_parser(
+        "generate", help="write the device-tree files that come from chip data and pin table"
+    )
+    command.add_argument(
+        "--check", action="store_true", help="write nothing; exit 1 when a file is not as it would be"
+    )
+    command.set_defaults(run=_generate)
+
+    command = commands.add_parser(
+        "check", help="check device trees, source or compiled, against chip and pin table"
+    )
+    command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a .dts or .dtb file")
+    command.add_argument(
+        "--chip-only", action="store_true", help="another board's tree: leave the pin table out"
+    )
+    command.add_argument(
+        "--part", help="with --chip-only: the chip's part number, to know what its package brings out"
+    )
+    command.add_argument("--format", choices=FORMATS, default="text", help="default: text")
+    _add_table(command)
+    _add_source_options(command)
+    command.set_defaults(run=_check)
+
+    command = commands.add_parser("map", help="draw the pins: of the pin table, or of a device tree")
+    command.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="a .dts or .dtb file; default: the pin table"
+    )
+    command.add_argument(
+        "-o", "--output", type=Path, required=True, help="the picture, .svg, or the page, .html"
+    )
+    command.add_argument("--part", help="of another board: its chip's part number, for the package to draw")
+    _add_table(command)
+    _add_source_options(command)
+    command.set_defaults(run=_map)
+
+    command = commands.add_parser("explain", help="tell about a pin, a signal, a device, a setting or a rule")
+    command.add_argument(
+        "words",
+        nargs="+",
+        metavar="WORD",
+        help="PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', pin-conflict",
+    )
+    _add_table(command)
+    command.set_defaults(run=_explain)
+
+    command = commands.add_parser(
+        "diff", help="show what changes at the pins from one device tree to another"
+    )
+    command.add_argument("before", type=Path, metavar="A")
+    command.add_argument("after", type=Path, metavar="B")
+    _add_source_options(command)
+    command.set_defaults(run=_diff)
+
+    command = commands.add_parser("import", help="write a pin table from an existing device tree")
+    command.add_argument("file", type=Path, metavar="FILE", help="a .dts or .dtb file")
+    command.add_argument(
+        "--part", default="NUC980DK61YC", help="the chip's part number (default: %(default)s)"
+    )
+    command.add_argument(
+        "-o", "--output", type=Path, help="default: standard output; an existing file is kept"
+    )
+    _add_source_options(command)
+    command.set_defaults(run=_import)
+    return parser
+
+
+def _add_table(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--table", type=Path, default=TABLE, help="the pin table (default: board/nuc980/pins.yml)"
+    )
+
+
+def _add_source_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "-I",
+        dest="include",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FOLDER",
+        help="for a source's #include",
+    )
+    command.add_argument(
+        "-D", dest="defines", action="append", default=[], metavar="NAME=VALUE", help="for a source"
+    )
+
+
+def _generate(parsed: argparse.Namespace) -> int:
+    # jinja2 takes longer to load than a check to run.
+    from nuc980.pins.generate import generated, stale, write
+
+    files = generated(load_chip(), load_board(TABLE, load_chip()))
+    if not parsed.check:
+        for path in write(files, ROOT):
+            print(f"{path}: written")
+        return DONE
+    out_of_date = stale(files, ROOT)
+    for path in out_of_date:
+        print(f"{path}: not what chip data and pin table say; run: make dtb, or nuc980-pins generate")
+    return FOUND if out_of_date else DONE
+
+
+def _check(parsed: argparse.Namespace) -> int:
+    chip = load_chip()
+    board = None if parsed.chip_only else load_board(parsed.table, chip)
+    if parsed.part and board:
+        raise UnusableInput("--part goes with --chip-only: a pin table names the part itself")
+    package = board.package if board else _package(parsed.part, chip)
+    checked, unusable = [], 0
+    for file in parsed.files:
+        try:
+            checked.append(_check_file(file, parsed, chip, board, package))
+        except UnusableInput as error:
+            unusable += 1
+            print(f"nuc980-pins: {error}", file=sys.stderr)
+    if checked:
+        print(FORMATS[parsed.format](checked))
+    if unusable:
+        return UNUSABLE
+    return FOUND if any(one.open for one in checked) else DONE
+
+
+def _check_file(
+    file: Path, parsed: argparse.Namespace, chip: Chip, board: Board | None, package: Package | None
+) -> Checked:
+    from nuc980.pins.rules import check
+
+    tree = read_tree(file, parsed.include, parsed.defines)
+    return Checked(file, tuple(check(tree, chip, board, package)))
+
+
+def _package(part: str | None, chip: Chip) -> Package | None:
+    if part is None:
+        return None
+    if part not in chip.parts:
+        raise UnusableInput(f"--part {part}: known are {', '.join(chip.parts)}")
+    return chip.packages[chip.parts[part]]
+
+
+def _map(parsed: argparse.Namespace) -> int:
+    from nuc980.pins.page import draw_page
+    from nuc980.pins.picture import draw_map, uses_of_board, uses_of_claims
+
+    draw = {".svg": draw_map, ".html": draw_page}.get(parsed.output.suffix)
+    if draw is None:
+        raise UnusableInput(f"{parsed.output}: the name ends in neither .svg nor .html")
+    chip = load_chip()
+    board = load_board(parsed.table, chip)
+    if parsed.file:
+        tree = read_tree(parsed.file, parsed.include, parsed.defines)
+        uses, title = uses_of_claims(claims(tree, chip), chip), parsed.file.name
+    else:
+        uses, title = uses_of_board(board), board.name
+    package = _package(parsed.part, chip) or board.package
+    parsed.output.write_text(draw(chip, package, uses, title), encoding="utf-8")
+    return DONE
+
+
+def _explain(parsed: argparse.Namespace) -> int:
+    chip = load_chip()
+    board = load_board(parsed.table, chip)
+    print("\n\n".join("\n".join(explain(word, chip, board)) for word in parsed.words))
+    return DONE
+
+
+def _diff(parsed: argparse.Namespace) -> int:
+    chip = load_chip()
+    before, after = (
+        read_tree(file, parsed.include, parsed.defines) for file in (parsed.before, parsed.after)
+    )
+    changes = pin_diff(before, after, chip)
+    for line in format_diff(changes):
+        print(line)
+    return FOUND if changes else DONE
+
+
+def _import(parsed: argparse.Namespace) -> int:
+    from nuc980.pins.importing import import_board
+
+    chip = load_chip()
+    _package(parsed.part, chip)
+    text = import_board(read_tree(parsed.file, parsed.include, parsed.defines), chip, parsed.part)
+    if parsed.output is None:
+        print(text, end="")
+        return DONE
+    if parsed.output.exists():
+        raise UnusableInput(f"{parsed.output} is there already and is kept; name another file")
+    parsed.output.write_text(text, encoding="utf-8")
+    return DONE

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The device-tree files that are made from chip data and pin table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from nuc980.pins.board import Board, Device
+from nuc980.pins.chip import Chip, Peripheral, pin_order
+
+TEMPLATES = Path(__file__).parent / "templates"
+SOC_FILE = Path("dts/nuc980.dtsi")
+PINS_FILE = Path("dts/nuc980-gateway-pins.dtsi")
+
+# What other nodes refer to, or what is on in every system: without a status, so on.
+ALWAYS_ON = ("aic", "pinctrl", "gpio")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A pin of a group, as the vendor's driver wants it: four cells, the last never read."""
+
+    cells: str
+    pin: str
+    signal: str
+
+
+def generated(chip: Chip, board: Board) -> dict[Path, str]:
+    """Path from the tree's root: the file's text."""
+    templates = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    templates.filters["hex"] = "0x{:x}".format
+    templates.filters["property"] = _property
+    described = [one for one in chip.peripherals.values() if one.has_driver]
+    return {
+        SOC_FILE: templates.get_template("nuc980.dtsi.j2").render(
+            chip=chip,
+            buses={bus: _of_bus(described, bus) for bus in ("apb", "ahb")},
+            without_registers=[one for one in described if one.address is None],
+            always_on=ALWAYS_ON,
+        ),
+        PINS_FILE: templates.get_template("pins.dtsi.j2").render(
+            board=board,
+            table=board.file.name,
+            groups={label: list(_settings(chip, device)) for label, device in board.devices.items()},
+        ),
+    }
+
+
+def write(files: dict[Path, str], root: Path) -> list[Path]:
+    """Writes the files that are not so already; returns their paths."""
+    changed = stale(files, root)
+    for path in changed:
+        (root / path).write_text(files[path], encoding="utf-8")
+    return changed
+
+
+def stale(files: dict[Path, str], root: Path) -> list[Path]:
+    """The files below root that are missing or have another text."""
+    return [
+        path
+        for path, text in files.items()
+        if not (root / path).is_file() or (root / path).read_text(encoding="utf-8") != text
+    ]
+
+
+def _of_bus(peripherals: list[Peripheral], bus: str) -> list[Peripheral]:
+    return [one for one in peripherals if one.bus == bus and one.address is not None]
+
+
+def _settings(chip: Chip, device: Device) -> Iterator[Setting]:
+    for signal, pin in device.pins.items():
+        bank, index = pin_order(pin)
+        yield Setting(f"{bank} {index} {chip.value(pin, signal)} 0", pin, signal)
+
+
+def _property(value: int | list[int], name: str) -> str:
+    """name = <value>; addresses in hexadecimal."""
+    numbers = value if isinstance(value, list) else [value]
+    return f"{name} = <{' '.join(hex(n) if name == 'map-addr' else str(n) for n in numbers)}>;"

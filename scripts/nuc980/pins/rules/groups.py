@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules on pin groups and on the properties that refer to them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from nuc980.pins.chip import BANKS
+from nuc980.pins.claims import (
+    CELLS_A_PIN,
+    KEYS,
+    PINS,
+    MalformedError,
+    gpio_specifiers,
+    is_gpio_list,
+    is_group,
+    key_cells,
+    settings,
+    states,
+)
+from nuc980.pins.findings import Claimant, Finding, at
+from nuc980.pins.rules.context import Context, grouped, is_well_formed, listed, rule
+from nuc980.pins.tree import CELL, Node
+
+MOST_KEYS = 8  # rows, and columns (nuc980_keys.c, ROW_COL_MAX)
+PORT = re.compile(r"P([A-G])(?![A-Za-z])")
+
+
+@rule(
+    "cell-count",
+    "A property has a wrong number of cells: nuvoton,pins wants four a pin, a GPIO list what its "
+    "controller says, a key matrix its rows and columns.",
+    "One such group makes the whole pin controller fail, and with it every device that has a pin group; "
+    "a GPIO list is refused, or read one cell off.",
+)
+def cell_count(context: Context) -> Iterator[Finding]:
+    for group in context.groups:
+        length = len(group.properties[PINS].raw) if PINS in group.properties else 0
+        if length % (CELL * CELLS_A_PIN):
+            yield Finding(
+                "cell-count",
+                **at(group, PINS),
+                message=f"the group {group.name} has {_cells(length)}, no multiple of {CELLS_A_PIN}",
+                remedy=f"Write four cells for each pin in {group.name}: bank, pin, function, 0",
+            )
+    for node in context.enabled:
+        for name in filter(is_gpio_list, node.properties):
+            try:
+                list(gpio_specifiers(context.tree, node, name))
+            except MalformedError as error:
+                yield Finding(
+                    "cell-count",
+                    **at(node, name),
+                    message=f"{name} of {context.name(node)} cannot be read: {error}",
+                    remedy=f"Write {name} as <&gpio NUMBER FLAGS>: the controller, then as many cells as its "
+                    "#gpio-cells says (in a gpio-hog without the controller)",
+                )
+        if KEYS in node.strings("compatible"):
+            yield from _short_key_lists(context, node)
+
+
+def _short_key_lists(context: Context, node: Node) -> Iterator[Finding]:
+    """Of the vendor's keys: for a cell too few the driver gives up, beyond eight rows it overwrites."""
+    wanted = key_cells(node)
+    lacks = [f"{name} with {count} cells" for name, count in wanted.items() if len(node.cells(name)) < count]
+    if not wanted["key-code"]:
+        lacks = ["key-matrix with a number of rows and one of columns"]
+    elif any(count > MOST_KEYS for count in node.cells("key-matrix")[:2]):
+        lacks = [f"key-matrix with at most {MOST_KEYS} rows and columns"]
+    if lacks:
+        yield Finding(
+            "cell-count",
+            **at(node, "key-matrix"),
+            message=f"{context.name(node)} needs {listed(lacks)}",
+            remedy=f"Write key-matrix = <ROWS COLUMNS> in {context.name(node)}, a GPIO number a row in "
+            "gpio-keys-rows, for each of several columns in gpio-keys-cols, and a code for each key",
+        )
+
+
+def _cells(length: int) -> str:
+    return f"{length // CELL} cells" if length % CELL == 0 else f"{length} bytes"
+
+
+@rule(
+    "group-name-twice",
+    "Two pin groups, or two functions, have one name before the @.",
+    "The vendor's driver looks a group up by that name alone, over all functions, and takes the first: a "
+    "device that refers to the second gets the pins of the first.",
+)
+def group_name_twice(context: Context) -> Iterator[Finding]:
+    functions = list(context.pinctrl or ())
+    for kind, nodes in (("groups", context.groups), ("functions", functions)):
+        for name, same in grouped(nodes, lambda node: node.base_name).items():
+            if len(same) < 2:
+                continue
+            yield Finding(
+                "group-name-twice",
+                **at(same[-1]),
+                message=f"{len(same)} {kind} are called {name}; whoever refers to one of them gets the first",
+                remedy=f"Give {listed(node.path for node in same[1:])} another name",
+                claimants=tuple(Claimant(node.path, f"the name {name}", node.place_of()) for node in same),
+            )
+
+
+@rule(
+    "group-missing",
+    "A pin state refers to nothing, or to a node that is no pin group, or a group or function is empty.",
+    "A device whose group is not found does not probe (-EINVAL); an empty group or function makes the "
+    "pin controller fail, and with it every device that has a pin group.",
+)
+def group_missing(context: Context) -> Iterator[Finding]:
+    yield from _bad_references(context)
+    for function in context.pinctrl or ():
+        if not function.children:
+            yield Finding(
+                "group-missing",
+                **at(function),
+                message=f"the function {function.name} has no groups",
+                remedy=f"Delete the node {function.path}, or give it a group with {PINS}",
+            )
+    for group in context.groups:
+        if not group.properties.get(PINS) or not group.properties[PINS].raw:
+            yield Finding(
+                "group-missing",
+                **at(group),
+                message=f"the group {group.name} has no {PINS}",
+                remedy=f"Give {group.path} its pins, four cells each, or delete it",
+            )
+
+
+def _bad_references(context: Context) -> Iterator[Finding]:
+    for node in context.enabled:
+        for state in states(node):
+            faults = list(dict.fromkeys(filter(None, (_fault(context, handle) for handle in state.phandles))))
+            if len(node.properties[state.property].raw) % CELL:
+                faults.append("no whole cells")
+            if faults:
+                yield Finding(
+                    "group-missing",
+                    **at(node, state.property),
+                    message=f"{state.property} of {context.name(node)} refers to {listed(faults)}",
+                    remedy=f"Let {state.property} of {context.name(node)} refer to a child of a function "
+                    f"of {context.pinctrl.path if context.pinctrl else 'the pin controller'}, or write "
+                    "such a group",
+                )
+
+
+def _fault(context: Context, phandle: int) -> str | None:
+    target = context.tree.by_phandle.get(phandle)
+    if target is None:
+        return "a node that is not there"
+    if not is_group(target):
+        return f"{target.path}, which is no pin group"
+    if not target.parent.parent.enabled:
+        return f"a group of {target.parent.parent.path}, which is off"
+    return None
+
+
+@rule(
+    "no-default-state",
+    "A device has pin groups, but no state called default.",
+    "The kernel applies the states called init and default by itself and no other: the pins stay as the "
+    "boot loader left them, on this chip GPIO.",
+)
+def no_default_state(context: Context) -> Iterator[Finding]:
+    for node in context.enabled:
+        found = list(states(node))
+        if any(state.phandles for state in found) and not any(state.name == "default" for state in found):
+            names = node.strings("pinctrl-names")
+            has = f"only {listed(names)}" if names else "no pinctrl-names"
+            yield Finding(
+                "no-default-state",
+                **at(node, "pinctrl-names" if names else "pinctrl-0"),
+                message=f"{context.name(node)} has {has}, so the kernel never applies its pinctrl-0",
+                remedy=f'Set pinctrl-names = "default" in {context.name(node)}',
+            )
+
+
+@rule(
+    "label-misleads",
+    "The label of a pin group names another group, or ports where it has no pin.",
+    "Who writes <&pinctrl_uart2_PG> expects these pins; dtc does not compare label and node.",
+)
+def label_misleads(context: Context) -> Iterator[Finding]:
+    names = {_plain(group.name): group for group in context.groups}
+    for group in context.groups:
+        pins = settings(group)
+        ports = {BANKS[bank] for bank, _, _ in pins if bank < len(BANKS)}
+        for label in group.labels:
+            meant = _plain(label.removeprefix("pinctrl_"))
+            told = set(PORT.findall(label.replace("_", "-")))
+            if names.get(meant, group) is not group:
+                what = f"names the group {names[meant].name}"
+            elif is_well_formed(group) and told and not told & ports:
+                what = (
+                    f"names port {listed(sorted(told))}, its pins are on {listed(sorted(ports) or ['none'])}"
+                )
+            else:
+                continue
+            yield Finding(
+                "label-misleads",
+                **at(group),
+                message=f"the label {label} of the group {group.name} {what}",
+                remedy=f"Rename the label {label} after its node, and look at every place that uses it",
+            )
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", "-").casefold()
+
+
+RULES = (cell_count, group_name_twice, group_missing, no_default_state, label_misleads)

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules on the pins of a device together: whether it can work with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nuc980.pins.chip import GPIO, SignalSet
+from nuc980.pins.claims import Claim
+from nuc980.pins.findings import Finding, at
+from nuc980.pins.rules.context import (
+    Context,
+    cells_of,
+    claimants,
+    grouped,
+    in_order,
+    listed,
+    places_of_signal,
+    ranged,
+    rule,
+)
+from nuc980.pins.tree import Node
+
+TRIGGERS = 5  # gpio-nuc980.c, trigger_type
+
+
+@rule(
+    "no-pins",
+    "A device that works through pins is enabled without any.",
+    "It probes and seems to be there, but nothing goes in or out: before Linux starts, U-Boot sets every "
+    "pin to GPIO.",
+)
+def no_pins(context: Context) -> Iterator[Finding]:
+    # The pins of a camera interface are in the group of the camera.
+    lent = {claim.signal for claim in context.claims if claim.muxed and claim.node not in context.peripherals}
+    for node, peripheral in context.devices.items():
+        own = [claim for claim in context.working_claims(node) if claim.signal != GPIO]
+        if not peripheral.needs_pins or own or not context.is_readable(node):
+            continue
+        if any(peripheral.owns(signal) for signal in lent if signal):
+            continue
+        yield Finding(
+            "no-pins",
+            **at(node, "pinctrl-0"),
+            message=f"{peripheral.label} is on and has no pins",
+            remedy=f'Set pinctrl-names = "default" and pinctrl-0 in {peripheral.label} to a group with its '
+            f'pins ({", ".join(peripheral.signals)}…), or status = "disabled"',
+        )
+
+
+def _used_sets(context: Context) -> Iterator[tuple[Node, str, SignalSet, list[str]]]:
+    """Device, prefix of its signals, what they must be, what they are; only of groups that can be read."""
+    for node, peripheral in context.devices.items():
+        if not context.is_readable(node):
+            continue
+        signals = [claim.signal for claim in context.working_claims(node) if claim.signal]
+        for prefix, needed in peripheral.signals.items():
+            used = [signal.removeprefix(prefix) for signal in signals if signal.startswith(prefix)]
+            if used:
+                yield node, prefix, needed, used
+
+
+@rule(
+    "incomplete-set",
+    "A device lacks a signal that it cannot do without.",
+    "A UART without TXD, an Ethernet port without its clock: the driver cannot see it.",
+)
+def incomplete_set(context: Context) -> Iterator[Finding]:
+    for node, prefix, needed, used in _used_sets(context):
+        missing = [f"{prefix}{signal}" for signal in needed.required if signal not in used]
+        choice = [
+            f"{prefix}{signal}" for signal in needed.some if f"{prefix}{signal}" in context.chip.signals
+        ]
+        lacks_choice = bool(needed.some) and not set(needed.some) & set(used)
+        if not missing and not lacks_choice:
+            continue
+        what = missing + ([f"one of {', '.join(choice)}"] if lacks_choice else [])
+        where = "; ".join(
+            f"{signal} is on {places_of_signal(context.chip, signal)}"
+            for signal in missing + choice * lacks_choice
+        )
+        yield Finding(
+            "incomplete-set",
+            **at(node, "pinctrl-0"),
+            message=f"{context.name(node)} has no pin for {listed(what)}",
+            remedy=f"Add {listed(what)} to its group: {where}",
+            claimants=claimants(context.working_claims(node)),
+        )
+
+
+@rule(
+    "half-set",
+    "Of signals that only work together a device has some: RTS without CTS, two data lines of four.",
+    "With flow control on, a UART without CTS waits for ever, one without RTS loses bytes; an SD card "
+    "is used with one data line or with four.",
+)
+def half_set(context: Context) -> Iterator[Finding]:
+    for node, prefix, needed, used in _used_sets(context):
+        for together in needed.together:
+            has = [f"{prefix}{signal}" for signal in together if signal in used]
+            lacks = [f"{prefix}{signal}" for signal in together if signal not in used]
+            if not has or not lacks or _turns_a_driver_round(node, has):
+                continue
+            extra = [claim for claim in context.working_claims(node) if claim.signal in has]
+            where = "; ".join(f"{signal} is on {places_of_signal(context.chip, signal)}" for signal in lacks)
+            yield Finding(
+                "half-set",
+                **at(node, "pinctrl-0"),
+                message=f"{context.name(node)} has {listed(has)} without {listed(lacks)}",
+                remedy=f"Take {listed(has)} out of the group {extra[0].group.name}, or add "
+                f"{listed(lacks)}: {where}{_rs485_hint(has)}",
+                claimants=claimants(extra),
+                pins=in_order(claim.pin for claim in extra),
+            )
+
+
+def _turns_a_driver_round(node: Node, has: list[str]) -> bool:
+    """Whether RTS is the direction of an RS-485 driver, which has no CTS (the kernel's rs485.yaml)."""
+    said = any(name.startswith(("rs485-", "linux,rs485-")) for name in node.properties)
+    return said and _is_rts(has)
+
+
+def _rs485_hint(has: list[str]) -> str:
+    return "; if it turns an RS-485 driver, say rs485-rts-active-high or -low" if _is_rts(has) else ""
+
+
+def _is_rts(has: list[str]) -> bool:
+    return all(signal.endswith("_RTS") for signal in has)
+
+
+@rule(
+    "eint",
+    "An external interrupt and the pins do not agree.",
+    "eintN-config switches an interrupt on, the pin group of the GPIO controller switches the pin; the "
+    "driver does not compare them, and takes the last pin for a number that it does not know.",
+)
+def eint(context: Context) -> Iterator[Finding]:
+    for node, peripheral in context.devices.items():
+        if peripheral.label != "gpio":
+            continue
+        for name, pins in context.chip.eint.items():
+            yield from _eint(context, node, name, pins)
+        yield from _eint_not_reached(node, [f"{name}-config" for name in context.chip.eint])
+
+
+def _eint_not_reached(node: Node, settings: list[str]) -> Iterator[Finding]:
+    """The driver reads the settings in their order, and stops at the first that is missing."""
+    on = [number for number, name in enumerate(settings) if node.cells(name)[:1] == [1]]
+    missing = [name for name in settings[: max(on, default=0)] if name not in node.properties]
+    if missing:
+        yield Finding(
+            "eint",
+            **at(node, settings[max(on)]),
+            message=f"{settings[max(on)]} is never read, for {missing[0]} before it is missing",
+            remedy=f"Set {missing[0]} = <0 0 0> in the GPIO controller",
+        )
+
+
+def _eint(context: Context, node: Node, name: str, pins: tuple[str, ...]) -> Iterator[Finding]:
+    setting = f"{name}-config"
+    muxed = [claim for claim in context.claims if claim.muxed and claim.signal == name.upper()]
+    cells = node.cells(setting)
+    if setting in node.properties and len(cells) != 3:
+        yield Finding(
+            "eint",
+            **at(node, setting),
+            message=f"{setting} has {len(cells)} cells",
+            remedy=f"Write {setting} as three cells: 1 for on, the number of the pin "
+            f"({_numbered(pins)}), the trigger (0 to {TRIGGERS - 1})",
+        )
+        return
+    enabled, index, trigger = cells or (0, len(pins), 0)
+    if enabled == 1 and trigger >= TRIGGERS:
+        yield Finding(
+            "eint",
+            **at(node, setting),
+            message=f"{setting} has trigger {trigger}, beyond the end of the driver's list",
+            remedy=f"Set the third cell of {setting} to 0 (both edges), 1 (rising), 2 (falling), 3 (high) "
+            "or 4 (low)",
+        )
+    chosen = pins[index] if index < len(pins) else None
+    if enabled == 1 and chosen is None:
+        yield Finding(
+            "eint",
+            **at(node, setting),
+            message=f"{setting} names pin {index}, the driver knows {_numbered(pins)} and takes {pins[-1]}",
+            remedy=f"Set the second cell of {setting} to the number of its pin",
+        )
+    elif enabled == 1 and chosen not in {claim.pin for claim in muxed}:
+        yield Finding(
+            "eint",
+            **at(node, setting),
+            message=f"{setting} switches on the interrupt of {chosen}, but no group makes it {name.upper()}",
+            remedy=f"Add {cells_of(chosen, context.chip.value(chosen, name.upper()))} to the group of the "
+            f"GPIO controller, or set the first cell of {setting} to 0",
+            claimants=claimants(muxed),
+            pins=(chosen,),
+        )
+    else:
+        yield from _idle_eint(context, setting, pins, [claim for claim in muxed if claim.pin != chosen])
+
+
+def _idle_eint(context: Context, setting: str, pins: tuple[str, ...], idle: list[Claim]) -> Iterator[Finding]:
+    """
+    Pins that are switched for an interrupt of another pin. One that is chosen and off is no mistake: the
+    vendor's default has PG15 ready for the board that switches it on.
+    """
+    for user, claims in grouped(idle, lambda claim: claim.node).items():
+        taken = in_order(claim.pin for claim in claims)
+        yield Finding(
+            "eint",
+            **at(user, claims[0].property),
+            message=f"{context.name(user)} makes {ranged(taken)} {claims[0].signal}, "
+            f"but {setting} does not name {ranged(taken)}",
+            remedy=f"Take {ranged(taken)} out of the group {claims[0].group.name}, or set {setting} to "
+            f"<1 {pins.index(taken[0])} TRIGGER>",
+            claimants=claimants(claims),
+            pins=taken,
+        )
+
+
+def _numbered(pins: tuple[str, ...]) -> str:
+    return ", ".join(f"{index} {pin}" for index, pin in enumerate(pins))
+
+
+RULES = (no_pins, incomplete_set, half_set, eint)

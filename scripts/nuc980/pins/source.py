@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Device trees as written: values as cpp and dtc make them, and the line that each of them comes from."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import subprocess
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from nuc980.pins.dtb import MAGIC, parse_dtb, read_dtb
+from nuc980.pins.errors import UnusableInput
+from nuc980.pins.tree import Node, Place, Tree
+
+PATIENCE = 10  # seconds: an #include of /dev/zero has no end
+SHOWN_ERRORS = 5  # lines of cpp's or dtc's
+DTC = ["dtc", "-q", "-I", "dts"]
+INSTALL = {"cpp": "install cpp", "dtc": "install device-tree-compiler"}
+MISSING_PHANDLE = 0xFFFFFFFF  # what dtc -f writes for a reference to a label that does not exist
+FORCED = "ERROR ("  # an error that dtc -f goes on after
+MISSING_LABEL = "ERROR (phandle_references)"
+
+# A property of dtc -T -T: "ranges;", "label: pins = <1 2>;"
+PROPERTY = re.compile(r"(?:\w+: )*(?P<name>[^\s:;]+)(?: =|;)")
+# A place of dtc -T -T: "board.dts:9:8-13:3", "board.dts:12:2-38"; of what dtc added "<no-file>:<no-line>"
+PLACE = re.compile(r"(?P<file>.+):(?P<line>\d+):\d+-(?:\d+:)?\d+")
+
+
+def read_tree(file: Path, include: Sequence[Path] = (), defines: Sequence[str] = ()) -> Tree:
+    """
+    The tree of a DTB, or of a source, whichever the file's first bytes say. Raises UnusableInput for what is
+    neither, and for an overlay.
+    """
+    try:
+        with file.open("rb") as stream:
+            compiled = stream.read(len(MAGIC)) == MAGIC
+    except OSError as error:
+        raise UnusableInput(f"{file}: {error.strerror}; name a device tree that can be read") from error
+    tree = read_dtb(file) if compiled else read_source(file, include, defines)
+    if any(node.name == "__overlay__" for fragment in tree.root for node in fragment):
+        raise UnusableInput(
+            f"{file} is an overlay, and overlays are not understood: the base is missing; "
+            "apply it with fdtoverlay, and name the result"
+        )
+    return tree
+
+
+def read_source(file: Path, include: Sequence[Path] = (), defines: Sequence[str] = ()) -> Tree:
+    """
+    The tree of a source, with places and labels. `include` are folders for #include and /include/, after the
+    file's own; `defines` are macros, NAME or NAME=VALUE. A pinctrl-N that refers to a label that does not
+    exist has MISSING_PHANDLE there. Raises UnusableInput with what cpp or dtc say.
+    """
+    source = _preprocessed(file, include, defines)
+    folders = [f"-i{folder}" for folder in (file.parent, *include)]
+    compiled = _run([*DTC, *folders, "-f", "-O", "dtb", "-"], file, source)
+    forced = [line for line in compiled.messages if FORCED in line]
+    mistakes = UnusableInput(f"{file}: dtc says\n{compiled.errors}\nmend the first of these lines")
+    if compiled.failed or any(MISSING_LABEL not in line for line in forced):
+        raise mistakes
+    tree = parse_dtb(compiled.output, file)
+    # A group of pins that is missing is for the check to name, at its line; what else is missing is not.
+    if _missing_groups(tree) < len(forced):
+        raise mistakes
+    annotated = _run([*DTC, *folders, "-f", "-T", "-T", "-O", "dts", "-"], file, source)
+    _annotate(tree, annotated.output.decode(errors="replace"))
+    return Tree(file, tree.root, from_source=True)
+
+
+@dataclass(frozen=True)
+class _Done:
+    """What a program left behind."""
+
+    failed: bool
+    output: bytes
+    messages: list[str]
+
+    @property
+    def errors(self) -> str:
+        """The first lines that tell of errors, or the first of all."""
+        telling = [line for line in self.messages if "error" in line.lower()] or self.messages
+        return "\n".join(f"  {line}" for line in telling[:SHOWN_ERRORS]) or "  nothing, but it failed"
+
+
+def _run(command: Sequence[str], file: Path, data: bytes = b"") -> _Done:
+    try:
+        done = subprocess.run(
+            command, input=data, capture_output=True, timeout=PATIENCE, env={**os.environ, "LC_ALL": "C"}
+        )
+    except FileNotFoundError as error:
+        raise UnusableInput(f"{command[0]} is missing; {INSTALL[command[0]]}") from error
+    except subprocess.TimeoutExpired as error:
+        raise UnusableInput(
+            f"{file}: {command[0]} has not ended after {PATIENCE} s; look at its #include lines"
+        ) from error
+    return _Done(done.returncode != 0, done.stdout, done.stderr.decode(errors="replace").splitlines())
+
+
+def _preprocessed(file: Path, include: Sequence[Path], defines: Sequence[str]) -> bytes:
+    # As the kernel calls it (scripts/Makefile.lib, cmd_dtc): no system headers, no macros but ours.
+    command = ["cpp", "-nostdinc", "-undef", "-D__DTS__", "-x", "assembler-with-cpp"]
+    command += [f"-I{folder}" for folder in (file.parent, *include)]
+    command += [f"-D{macro}" for macro in defines]
+    name = f"./{file}" if str(file).startswith("-") else str(file)
+    done = _run([*command, name], file)
+    if done.failed:
+        raise UnusableInput(
+            f"{file}: cpp says\n{done.errors}\n"
+            "mend the first of these lines; for a missing include, pass its folder with -I FOLDER"
+        )
+    return done.output
+
+
+def _missing_groups(tree: Tree) -> int:
+    return sum(
+        node.cells(name).count(MISSING_PHANDLE)
+        for node in tree.root.walk()
+        for name in node.properties
+        if name.startswith("pinctrl-")
+    )
+
+
+def _annotate(tree: Tree, annotated: str) -> None:
+    """Gives the nodes and properties their places and labels from the output of dtc -T -T."""
+    here = Path.cwd()
+    open_nodes: list[Node | None] = []
+    for text, places in _annotated_lines(annotated, here):
+        if text.endswith("{"):
+            *labels, name = text[:-1].split()
+            node = _child(open_nodes[-1], name) if open_nodes else tree.root
+            open_nodes.append(node)
+            if node:
+                node.places = places
+                node.labels = tuple(label.rstrip(":") for label in labels)
+        elif text == "};":
+            open_nodes.pop()
+        elif places and open_nodes and open_nodes[-1]:
+            _set_place(open_nodes[-1], text, places[-1])
+
+
+def _set_place(node: Node, text: str, place: Place) -> None:
+    found = PROPERTY.match(text)
+    its = node.properties.get(found["name"]) if found else None
+    if its:
+        its.place = place
+
+
+def _annotated_lines(annotated: str, here: Path) -> Iterator[tuple[str, tuple[Place, ...]]]:
+    """Each line's text, and the places in the comment at its end."""
+    for line in annotated.splitlines():
+        text, comment, end = line.strip().rpartition(" /* ")
+        if not comment:
+            text, end = end, ""
+        found = (PLACE.fullmatch(place) for place in end.removesuffix(" */").split(", "))
+        yield text, tuple(Place(_shown(place["file"], here), int(place["line"])) for place in found if place)
+
+
+@functools.cache
+def _shown(name: str, here: Path) -> str:
+    """A file as seen from the current folder, where that is above: what an editor can follow."""
+    file = Path(name)
+    return str(file.relative_to(here) if file.is_absolute() and file.is_relative_to(here) else file)
+
+
+def _child(node: Node | None, name: str) -> Node | None:
+    return next((child for child in node or () if child.name == name), None)

@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+# validate-dtb.sh DTB: the bindings against the meta-schema, then the device tree against the bindings.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+# Both exit 0 also when they have found something: what they print decides.
+found=$(.venv/bin/dt-doc-validate dts/bindings 2>&1 && .venv/bin/dt-validate -m -s dts/bindings "$1" 2>&1) || found+=$'\nfailed'
+if [[ -n $found ]]; then
+	echo "$found" >&2
+	exit 1
+fi
+echo "$1: valid"

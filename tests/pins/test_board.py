@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reading a pin table: the board's own, and every mistake one can make in one."""
+
+from pathlib import Path
+
+import pytest
+
+from nuc980.pins.board import load_board
+from nuc980.pins.chip import load_chip
+from nuc980.pins.errors import UnusableInput
+
+CHIP = load_chip()
+TABLE = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "pins.yml"
+
+
+def test_the_boards_table_is_table_2_1() -> None:
+    board = load_board(TABLE, CHIP)
+    found = {
+        label: (device.pins[f"{label.upper()}_RXD"], device.pins[f"{label.upper()}_TXD"])
+        for label, device in board.devices.items()
+        if "RS-485" in device.purpose
+    }
+    assert found == {
+        "uart1": ("PA0", "PF10"),
+        "uart2": ("PA9", "PA10"),
+        "uart3": ("PD3", "PD2"),
+        "uart4": ("PD13", "PD12"),
+        "uart6": ("PA4", "PA5"),
+        "uart8": ("PA11", "PA12"),
+    }
+    assert all(len(device.pins) == 2 for label, device in board.devices.items() if label.startswith("uart"))
+
+
+def table(tmp_path: Path, text: str) -> Path:
+    file = tmp_path / "pins.yml"
+    file.write_text(text)
+    return file
+
+
+def test_who_has_a_pin(tmp_path: Path) -> None:
+    text = "part: NUC980DK61YC\ndevices: {uart1: {pins: {RXD: PA0, TXD: PF10}}}\ngpios: {PE11: LED}\n"
+    board = load_board(table(tmp_path, text), CHIP)
+    assert board.use_of("PF10") == ("uart1", "UART1_TXD")
+    assert board.use_of("PE11") == ("gpios", "GPIO")
+    assert board.use_of("PA1") is None
+    assert (board.name, board.package.name) == ("pins", "LQFP128")
+
+
+PART = "part: NUC980DK61YC\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "mistakes"),
+    [
+        ("", ["part is missing"]),
+        ("[]", ["a mapping is wanted, not []"]),
+        ("part: NUC970", ["part NUC970: known are NUC980DR61YC"]),
+        ("part: [x]", ["part ['x']: known are"]),
+        (PART + "port: {}", ["port: no such key; known are accepted, board"]),
+        (PART + "devices: [uart1]", ["devices: a mapping is wanted, not ['uart1']"]),
+        (PART + "devices: {uart11: {}}", ["uart11: the chip has no such device; did you mean uart1"]),
+        (PART + "devices: {uart1: {rx: PA0}}", ["uart1: rx: no such key; known are for, pins"]),
+        (
+            PART + "devices: {uart1: {pins: {RX: PA0}}}",
+            ["uart1: RX: no signal of it; they begin with UART1_"],
+        ),
+        (PART + "devices: {uart1: {pins: {UART2_RXD: PA9}}}", ["uart1: UART2_RXD: no signal of it"]),
+        (
+            PART + "devices: {uart1: {pins: {RXD: PA1}}}",
+            ["PA1 cannot be UART1_RXD; that is on PA0, PC6, PF9"],
+        ),
+        (PART + "devices: {uart1: {pins: {RXD: PH1}}}", ["uart1: RXD: PH1: the chip has no such pin"]),
+        (PART + "devices: {uart1: {pins: {RXD: [PA0]}}}", ["['PA0']: the chip has no such pin"]),
+        (PART + "devices: {uart1: {pins: {RXD: PB14}}}", ["PB14: the chip has no such pin; did you mean"]),
+        (PART + "devices: {fmi: {pins: {DATA0: PC8}}}", ["fmi: DATA0: no signal of it"]),
+        (PART + "devices: {uart7: {pins: {RXD: PA14}}}", ["PA14 is not brought out by the package LQFP128"]),
+        (
+            PART + "devices: {uart1: {pins: {RXD: PA0}}, can3: {pins: {RXD: PA0}}}",
+            ["PA0 is used twice: uart1 UART1_RXD and can3 CAN3_RXD"],
+        ),
+        (
+            PART + "devices: {uart1: {pins: {RXD: PA0}}}\ngpios: {PA0: LED}\nnot_connected: [PA0]",
+            ["PA0 is used twice: uart1 UART1_RXD and gpios", "and not_connected"],
+        ),
+        (PART + "gpios: {PB15: LED}", ["gpios: PB15: the chip has no such pin"]),
+        (PART + "not_connected: PA1", ["not_connected: a list of pins is wanted"]),
+        (PART + "accepted: {}", ["accepted: a list of {rule, node, reason} is wanted"]),
+        (PART + "accepted: [{rule: pin-conflict, node: /x}]", ["rule, node and reason are wanted"]),
+        (PART + "accepted: [{rule: pin-conflict, node: /x, reason: ' '}]", ["none of them empty"]),
+        ("a: b: c", ["no YAML: mapping values are not allowed"]),
+        ("[" * 5000, ["no YAML"]),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, text: str, mistakes: list[str]) -> None:
+    file = table(tmp_path, text)
+    with pytest.raises(UnusableInput) as raised:
+        load_board(file, CHIP)
+    assert str(raised.value).startswith(str(file))
+    assert [mistake for mistake in mistakes if mistake not in str(raised.value)] == []
+
+
+def test_all_mistakes_at_once(tmp_path: Path) -> None:
+    text = PART + "devices: {uart1: {pins: {RX: PA0}}, uart11: {}}\ngpios: {PH1: LED}\n"
+    with pytest.raises(UnusableInput) as raised:
+        load_board(table(tmp_path, text), CHIP)
+    assert len(str(raised.value).splitlines()) == 1 + 3
+
+
+def test_missing_and_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(UnusableInput, match="No such file or directory; name another pin table"):
+        load_board(tmp_path / "none.yml", CHIP)
+    with pytest.raises(UnusableInput, match="Is a directory"):
+        load_board(tmp_path, CHIP)
+    (tmp_path / "binary.yml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UnusableInput, match="no YAML"):
+        load_board(tmp_path / "binary.yml", CHIP)

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""nuc980-pins as a user types it: what it prints where, and its exit codes."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from trees import ROOT, gateway, soc
+
+PROGRAM = ROOT / "scripts" / "nuc980-pins"
+DONE, FOUND, UNUSABLE = 0, 1, 2
+
+# What the report's own device tree has besides: figure 3.1's pins of EMAC1, and the SD host left on.
+SD_HOST_ON = """
+&pinctrl { sdh { pinctrl_sdh: sdh { nuvoton,pins =
+    <5 6 2 0 5 0 2 0 5 1 2 0 5 2 2 0 5 3 2 0 5 4 2 0 5 5 2 0>; }; }; };
+&sdh { pinctrl-names = "default"; pinctrl-0 = <&pinctrl_sdh>; status = "okay"; };
+"""
+
+
+def run(*words: str | Path, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([PROGRAM, *words], cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    return write(tmp_path / "good.dts", "")
+
+
+@pytest.fixture
+def bad(tmp_path: Path) -> Path:
+    return write(tmp_path / "bad.dts", SD_HOST_ON)
+
+
+def write(file: Path, more: str) -> Path:
+    (file.parent / "soc.dtsi").write_text(soc())
+    file.write_text(gateway(more))
+    return file
+
+
+def compiled(source: Path) -> Path:
+    """With its file's name, .dtb."""
+    text = subprocess.run(["cpp", "-P", "-nostdinc", "-undef", "-x", "assembler-with-cpp", source],
+                          check=True, capture_output=True).stdout  # fmt: skip
+    dtb = source.with_suffix(".dtb")
+    subprocess.run(["dtc", "-q", "-o", dtb, "-"], input=text, check=True)
+    return dtb
+
+
+def test_good_tree(good: Path) -> None:
+    done = run("check", good, compiled(good))
+    assert (done.returncode, done.stderr) == (DONE, "")
+    assert done.stdout.splitlines() == [f"{good}: no findings", f"{good.with_suffix('.dtb')}: no findings"]
+
+
+def test_finding_names_a_line_that_an_editor_can_follow(bad: Path) -> None:
+    done = run("check", "--chip-only", "bad.dts", cwd=bad.parent)
+    assert done.returncode == FOUND
+    file, line, rule = done.stdout.splitlines()[0].split(":")[:3]
+    assert rule == " pin-conflict"
+    assert "sdh" in (bad.parent / file).read_text().splitlines()[int(line) - 1]
+
+
+def test_findings_in_a_dtb_name_the_node(bad: Path) -> None:
+    done = run("check", compiled(bad))
+    assert done.returncode == FOUND
+    assert f"{bad.with_suffix('.dtb')}: /ahb/sdh@b0018000: pin-conflict: " in done.stdout
+
+
+def test_chip_only_leaves_the_pin_table_out(bad: Path) -> None:
+    rules = {
+        words: [finding["rule"] for file in json.loads(done.stdout)["files"] for finding in file["findings"]]
+        for words in ((), ("--chip-only",))
+        if (done := run("check", "--format", "json", *words, bad))
+    }
+    assert rules[("--chip-only",)] == ["pin-conflict"]
+    assert set(rules[()]) > {"pin-conflict"}
+
+
+@pytest.mark.parametrize("form", ["json", "sarif"])
+def test_machine_forms_are_json_also_beside_an_unusable_file(bad: Path, form: str) -> None:
+    done = run("check", "--format", form, bad, "none.dts")
+    assert done.returncode == UNUSABLE
+    assert "none.dts: No such file or directory" in done.stderr
+    assert "pin-conflict" in json.dumps(json.loads(done.stdout))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("check", "none.dts"), "none.dts: No such file or directory"),
+        (("check", "--table", "none.yml", "x.dts"), "none.yml: No such file or directory"),
+        (("check", "--part", "NUC980DK61YC", "x.dts"), "--part goes with --chip-only"),
+        (("check", "--chip-only", "--part", "NUC970", "x.dts"), "--part NUC970: known are NUC980DR61YC"),
+        (("map", "-o", "map.pdf"), "map.pdf: the name ends in neither .svg nor .html"),
+        (("map", "-o", "none/map.svg"), "none/map.svg: No such file or directory"),
+        (("explain", "UART8_TDX"), "UART8_TXD"),
+        (("diff", "none.dtb", "none.dtb"), "none.dtb: No such file or directory"),
+        (("import", "none.dtb"), "none.dtb: No such file or directory"),
+        (("import", "--part", "NUC970", "none.dtb"), "--part NUC970: known are"),
+        ((), "usage: nuc980-pins"),
+        (("paint",), "usage: nuc980-pins"),
+    ],
+)
+def test_unusable_input_is_told_and_no_traceback(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    done = run(*words, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (UNUSABLE, "")
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_map_draws_picture_and_page(tmp_path: Path, bad: Path) -> None:
+    for name in ("table.svg", "table.html"):
+        assert run("map", "-o", name, cwd=tmp_path).returncode == DONE
+    assert run("map", bad, "-o", tmp_path / "bad.svg").returncode == DONE
+    assert "<svg" in (tmp_path / "table.svg").read_text()
+    assert (tmp_path / "table.html").read_text().rstrip().endswith("</html>")
+    assert "in conflict" in (tmp_path / "bad.svg").read_text()
+
+
+def test_explain_takes_several_words() -> None:
+    done = run("explain", "PA0", "<4 7 1 0>")
+    assert done.returncode == DONE
+    assert "UART1_RXD" in done.stdout
+    assert "PE7 as RMII0_TXD0" in done.stdout
+
+
+def test_diff(good: Path, bad: Path) -> None:
+    same, different = run("diff", good, good), run("diff", good, bad)
+    assert (same.returncode, same.stdout) == (DONE, "")
+    assert different.returncode == FOUND
+    assert {line.split()[0] for line in different.stdout.splitlines()} == {f"PF{pin}" for pin in range(7)}
+
+
+def test_imported_table_checks_its_tree(tmp_path: Path, good: Path) -> None:
+    table = tmp_path / "mine.yml"
+    assert run("import", good, "-o", table).returncode == DONE
+    assert run("check", "--table", table, good).returncode == DONE
+    again = run("import", good, "-o", table)
+    assert again.returncode == UNUSABLE
+    assert "is there already and is kept" in again.stderr
+
+
+def test_accepted_finding_comes_with_its_reason(tmp_path: Path, good: Path, bad: Path) -> None:
+    table = tmp_path / "mine.yml"
+    run("import", good, "-o", table)
+    found = json.loads(run("check", "--table", table, "--format", "json", bad).stdout)["files"][0]["findings"]
+    entries = [{"rule": one["rule"], "node": one["node"], "reason": "on the bench only"} for one in found]
+    table.write_text(table.read_text() + f"\naccepted: {json.dumps(entries)}\n")
+    done = run("check", "--table", table, bad)
+    assert done.returncode == DONE
+    assert "pin-conflict: accepted: on the bench only" in done.stdout
+    assert f"no findings, {len(entries)} accepted" in done.stdout
+
+
+def test_works_from_any_folder_and_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "pins").symlink_to(PROGRAM)
+    done = subprocess.run([tmp_path / "pins", "explain", "PA0"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == DONE
+
+
+def test_without_its_packages_it_says_what_to_type(tmp_path: Path) -> None:
+    (tmp_path / "scripts").mkdir()
+    shutil.copy(PROGRAM, tmp_path / "scripts")
+    environment = {**os.environ, "LC_ALL": "C"}
+    done = subprocess.run(
+        [tmp_path / "scripts" / "nuc980-pins", "check"], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == UNUSABLE
+    assert f"make -C {tmp_path} setup" in done.stderr
+
+
+def test_a_reader_that_has_seen_enough(good: Path) -> None:
+    done = subprocess.run(
+        f"{PROGRAM} explain PA0 PA1 PA2 | head -1", shell=True, capture_output=True, text=True
+    )
+    assert (done.stderr, len(done.stdout.splitlines())) == ("", 1)

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sources: the values that dtc makes, the lines a person wrote, and what is said when it does not compile."""
+
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from nuc980.pins.dtb import read_dtb
+from nuc980.pins.errors import UnusableInput
+from nuc980.pins.source import MISSING_PHANDLE, read_source, read_tree
+from nuc980.pins.tree import Node, Place, Tree
+
+CHIP = """\
+#include <bank.h>
+/ {
+    apb {
+        group: group-PA {
+            pins =
+                <BANK 0 4 0
+                 BANK 1 4 0>;
+        };
+        uart1: serial1: serial@b0071000 {
+            reg = <0xb0071000 0x1000>;
+            status = "disabled";
+        };
+    };
+};
+"""
+BOARD = """\
+/dts-v1/;
+#include "chip.dtsi"
+
+/ {
+    model = "a /* b */ { };";
+};
+
+&uart1 {
+    pinctrl-0 = <&group>;
+    status = "okay";
+};
+
+&uart1 {
+    status = "okay";
+};
+"""
+
+
+@pytest.fixture
+def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Path]:
+    monkeypatch.chdir(tmp_path)
+
+    def written(name: str, text: str) -> Path:
+        file = Path(name)
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    return written
+
+
+@pytest.fixture
+def board(write: Callable[[str, str], Path]) -> Path:
+    write("include/bank.h", "#define BANK 0\n")
+    write("dts/chip.dtsi", CHIP)
+    return write("dts/board.dts", BOARD)
+
+
+def content(tree: Tree) -> list[tuple[str, list[tuple[str, bytes]]]]:
+    return [(n.path, [(p.name, p.raw) for p in n.properties.values()]) for n in tree.root.walk()]
+
+
+def node(tree: Tree, path: str) -> Node:
+    found = tree.find(path)
+    assert found is not None
+    return found
+
+
+def refusal(file: Path, *arguments: list[Path]) -> str:
+    with pytest.raises(UnusableInput) as raised:
+        read_tree(file, *arguments)
+    message = str(raised.value)
+    assert message.startswith(str(file))
+    return message
+
+
+def test_values_are_those_of_the_dtb(board: Path, tmp_path: Path) -> None:
+    preprocessed = subprocess.run(
+        ["cpp", "-nostdinc", "-undef", "-x", "assembler-with-cpp", "-Iinclude", board],
+        capture_output=True,
+        check=True,
+    ).stdout
+    dtb = tmp_path / "board.dtb"
+    subprocess.run(["dtc", "-q", "-O", "dtb", "-o", dtb, "-"], input=preprocessed, check=True)
+    assert content(read_tree(board, [Path("include")])) == content(read_dtb(dtb))
+
+
+def test_places_of_merged_nodes_and_of_properties(board: Path) -> None:
+    uart = node(read_tree(board, [Path("include")]), "/apb/serial@b0071000")
+    assert uart.places == (
+        Place("dts/chip.dtsi", 9),
+        Place("dts/board.dts", 8),
+        Place("dts/board.dts", 13),
+    )
+    assert uart.place_of("reg") == Place("dts/chip.dtsi", 10)
+    assert uart.place_of("pinctrl-0") == Place("dts/board.dts", 9)
+    assert uart.place_of("status") == Place("dts/board.dts", 14)
+
+
+def test_property_of_several_lines_begins_at_its_first(board: Path) -> None:
+    group = node(read_tree(board, [Path("include")]), "/apb/group-PA")
+    assert group.place_of("pins") == Place("dts/chip.dtsi", 5)
+    assert group.cells("pins") == [0, 0, 4, 0, 0, 1, 4, 0]
+    assert group.place_of("phandle") is None, "dtc made it"
+
+
+def test_strings_that_look_like_source_have_their_place(write: Callable[[str, str], Path]) -> None:
+    awkward = r'a = "/* x.dts:7:1-2 */", "y {\n"; b* = "};"; c = l: <1 m: 2>;'
+    tree = read_tree(write("x.dts", "/dts-v1/;\n/ {\n" + awkward.replace("; ", ";\n") + "\nn { }; };\n"))
+    assert [str(p.place) for p in tree.root.properties.values()] == ["x.dts:3", "x.dts:4", "x.dts:5"]
+    assert node(tree, "/n").places == (Place("x.dts", 6),)
+
+
+def test_labels(board: Path) -> None:
+    tree = read_tree(board, [Path("include")])
+    assert tree.from_source
+    assert set(node(tree, "/apb/serial@b0071000").labels) == {"uart1", "serial1"}
+    assert tree.root.labels == ()
+    assert tree.find("/__symbols__") is None
+
+
+def test_absolute_name_below_this_folder_is_told_relative_to_it(board: Path, tmp_path: Path) -> None:
+    tree = read_tree(tmp_path / board, [tmp_path / "include"])
+    assert node(tree, "/apb/serial@b0071000").places[1] == Place("dts/board.dts", 8)
+
+
+def test_absolute_name_elsewhere_is_kept(
+    board: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path / "include")
+    tree = read_tree(tmp_path / board, [Path()])
+    assert tree.root.places[-1] == Place(str(tmp_path / "dts" / "board.dts"), 4)
+
+
+def test_dtc_s_own_include_and_macros(write: Callable[[str, str], Path]) -> None:
+    write("more/part.dtsi", "/ { part; };\n")
+    file = write("x.dts", '/dts-v1/;\n/include/ "part.dtsi"\n/ { value = <VALUE>; };\n')
+    tree = read_source(file, [Path("more")], ["VALUE=7"])
+    assert tree.root.cells("value") == [7]
+    assert tree.root.place_of("part") == Place("more/part.dtsi", 1)
+
+
+def test_the_first_bytes_tell_what_a_file_is(write: Callable[[str, str], Path]) -> None:
+    source = write("named.dtb", '/dts-v1/;\n/ { model = "m"; };\n')
+    subprocess.run(["dtc", "-q", "-I", "dts", "-O", "dtb", "-o", "named.dts", source], check=True)
+    assert read_tree(source).from_source
+    compiled = read_tree(Path("named.dts"))
+    assert not compiled.from_source and compiled.root.strings("model") == ["m"]
+
+
+def test_missing_include_names_its_line_and_the_option(board: Path) -> None:
+    message = refusal(board)
+    assert "dts/chip.dtsi:1:10: fatal error: bank.h: No such file" in message
+    assert "-I FOLDER" in message
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("/ { model = ; };", "x.dts:2.13-14 syntax error"),
+        ("&nowhere { };", "x.dts:2.10-14 Label or path nowhere not found"),
+        ("/ { a { }; a { }; };", "ERROR (duplicate_node_names): /a: Duplicate node name"),
+        ("/ { gpios = <&nowhere 1 0>; };", 'non-existent node or label "nowhere"'),
+        ("/ { path = &nowhere; };", "nowhere"),
+        ("/ { l: a { }; l: b { }; };", "Duplicate label 'l'"),
+        ("\x7fELF\x01", "syntax error"),
+        ("#error not yet", "not yet"),
+    ],
+)
+def test_what_does_not_compile(line: str, said: str, write: Callable[[str, str], Path]) -> None:
+    file = write("x.dts", f"/dts-v1/;\n{line}\n")
+    message = refusal(file)
+    assert said in message and "mend the first of these lines" in message
+
+
+def test_group_that_is_missing_is_left_to_the_check(write: Callable[[str, str], Path]) -> None:
+    file = write("x.dts", "/dts-v1/;\n/ { u: serial {\n pinctrl-0 = <&g>, <&nowhere>; };\n g: g { }; };\n")
+    serial = node(read_tree(file), "/serial")
+    assert serial.cells("pinctrl-0")[1] == MISSING_PHANDLE
+    assert serial.place_of("pinctrl-0") == Place("x.dts", 3)
+    file.write_text(file.read_text() + "/ { keys { gpios = <&gone 1 1>; }; };\n")
+    assert '"gone"' in refusal(file)
+
+
+def test_overlays_are_refused(write: Callable[[str, str], Path]) -> None:
+    file = write("x.dts", '/dts-v1/;\n/plugin/;\n&uart1 { status = "okay"; };\n')
+    assert "overlay" in refusal(file)
+    subprocess.run(["dtc", "-q", "-@", "-O", "dtb", "-o", "x.dtbo", file], check=True)
+    assert "overlay" in refusal(Path("x.dtbo"))
+
+
+def test_name_that_looks_like_an_option(write: Callable[[str, str], Path]) -> None:
+    assert read_tree(write("-E.dts", "/dts-v1/;\n/ { };\n")).root.places == (Place("-E.dts", 2),)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    for file in (tmp_path / "missing.dts", tmp_path):
+        assert "name a device tree that can be read" in refusal(file)
+
+
+def test_missing_compiler(board: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(UnusableInput, match="cpp is missing; install cpp"):
+        read_tree(board)
+    (tmp_path / "cpp").write_text("#!/bin/sh\n")
+    (tmp_path / "cpp").chmod(0o755)
+    with pytest.raises(UnusableInput, match="dtc is missing; install device-tree-compiler"):
+        read_tree(board)
+
+
+def test_include_without_end(write: Callable[[str, str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nuc980.pins.source.PATIENCE", 0.2)
+    file = write("x.dts", '/dts-v1/;\n#include "pipe"\n')
+    os.mkfifo("pipe")
+    assert "cpp has not ended after 0.2 s; look at its #include lines" in refusal(file)
