@@ -62,7 +62,7 @@ def test_sarif() -> None:
     conflict, known = run["results"]
     location = conflict["locations"][0]
     assert location["physicalLocation"] == {
-        "artifactLocation": {"uri": "dts/a,b.dts"},
+        "artifactLocation": {"uri": "dts/a%2Cb.dts"},
         "region": {"startLine": 12},
     }
     assert location["logicalLocations"][0]["fullyQualifiedName"] == "/ahb/sdh@b0018000"
@@ -70,6 +70,16 @@ def test_sarif() -> None:
     assert "suppressions" not in conflict
     assert known["suppressions"] == [{"kind": "external", "justification": "tested without"}]
     assert known["locations"][0]["physicalLocation"] == {"artifactLocation": {"uri": "board.dtb"}}
+
+
+def test_sarif_names_files_by_uri() -> None:
+    files = [Path("a b/50%#1.dtb"), Path("/tmp/a b.dtb")]
+    log = json.loads(FORMATS["sarif"]([Checked(file, (KNOWN,)) for file in files]))
+    uris = [
+        result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
+        for result in log["runs"][0]["results"]
+    ]
+    assert uris == ["a%20b/50%25%231.dtb", "file:///tmp/a%20b.dtb"]
 
 
 def test_github_escapes_what_would_end_a_field() -> None:
