@@ -38,7 +38,8 @@ def main() -> int:
             if done.returncode:
                 print(f"{' '.join(command)}: exit {done.returncode}\n{done.stderr}", file=sys.stderr)
                 return 1
-    print(f"\n> {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}. Median (minimum..maximum) of {ROUNDS}.\n")
+    load = os.getloadavg()[0]
+    print(f"\n> {os.cpu_count()} cores, load {load:.1f}. Median (minimum..maximum) of {ROUNDS}.\n")
     print(f"| process | seconds | of {BESIDE} |")
     print("|---|---|---|")
     beside = statistics.median(times[BESIDE])

@@ -73,13 +73,13 @@ def test_sarif() -> None:
 
 
 def test_sarif_names_files_by_uri() -> None:
-    files = [Path("a b/50%#1.dtb"), Path("/tmp/a b.dtb")]
+    files = [Path("a b/50%#1.dtb"), Path("/a b.dtb")]
     log = json.loads(FORMATS["sarif"]([Checked(file, (KNOWN,)) for file in files]))
     uris = [
         result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
         for result in log["runs"][0]["results"]
     ]
-    assert uris == ["a%20b/50%25%231.dtb", "file:///tmp/a%20b.dtb"]
+    assert uris == ["a%20b/50%25%231.dtb", "file:///a%20b.dtb"]
 
 
 def test_github_escapes_what_would_end_a_field() -> None:

@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         "words",
         nargs="+",
         metavar="WORD",
-        help="PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', pin-conflict",
+        help="PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', 0xb0000070, pin-conflict, rules",
     )
     _add_table(command)
     command.set_defaults(run=_explain)

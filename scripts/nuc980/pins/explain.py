@@ -25,9 +25,10 @@ CELLS_A_PIN = 4
 
 def explain(word: str, chip: Chip, board: Board | None) -> list[str]:
     """
-    Lines of text on a pin (PA0), signal (UART8_TXD), device (uart8), pin setting (<4 7 1 0>), GPIO (gpio 138),
-    register (0xb0000070) or rule of the check (pin-conflict; rules: all of them); upper or lower case. Without a board nothing is
-    said of who has a pin. Raises UnusableInput, with what is like it, for a word that is none of these.
+    Lines of text on a pin (PA0), signal (UART8_TXD), device (uart8), pin setting (<4 7 1 0>), GPIO (gpio 138)
+    or register (0xb0000070), on a rule of the check (pin-conflict) or on all of them (rules); upper or lower
+    case. Without a board nothing is said of who has a pin. Raises UnusableInput, with what is like it, for a
+    word that is none of these.
     """
     return list(_Explainer(chip, board).lines(word.strip()))
 
@@ -65,7 +66,7 @@ class _Explainer:
         hint = f"; did you mean {' or '.join(upper[name] for name in alike)}?" if alike else ""
         raise UnusableInput(
             f"{word!r} is no pin, signal or device of the {self.chip.name}{hint}\n"
-            "  explain takes PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', 0xb0000070, pin-conflict or rules"
+            "  explain takes PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', 0xb0000070, pin-conflict, rules"
         )
 
     # ---- a pin ---------------------------------------------------------------------------------------------

@@ -148,7 +148,7 @@ def _sarif_location(checked: Checked, node: str, place: Place | None) -> dict[st
 
 
 def _uri(file: Path) -> str:
-    """A URI reference (SARIF 2.1.0, 3.4.3): a relative one stays relative, to where the reader has the tree."""
+    """A URI reference (SARIF 2.1.0, 3.4.3): what is relative stays so, as the tree lies elsewhere."""
     return file.as_uri() if file.is_absolute() else quote(file.as_posix())
 
 
