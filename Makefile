@@ -73,7 +73,7 @@ build/bench/build.ninja: | $(PACKAGES)
 
 # ---- device tree ---------------------------------------------------------------------------------
 
-DTS := dts/nuc980-gateway.dts
+DTS := dts/nuvoton/nuc980-gateway.dts
 # of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"; a build with switches has a folder of its own
 SWITCHES :=
 EMPTY :=

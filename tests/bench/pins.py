@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PINS = "scripts/nuc980-pins"
-DTS, DTB = "dts/nuc980-gateway.dts", "build/dtb/nuc980-gateway.dtb"
+DTS, DTB = "dts/nuvoton/nuc980-gateway.dts", "build/dtb/nuc980-gateway.dtb"
 ROUNDS = 15
 
 PROGRAMS = {

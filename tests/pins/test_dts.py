@@ -20,7 +20,7 @@ from nuc980.pins.tree import Tree
 
 CHIP = load_chip()
 BOARD = load_board(TABLE, CHIP)
-DTS = ROOT / "dts" / "nuc980-gateway.dts"
+DTS = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 BUILD = ROOT / "scripts" / "build-dtb.sh"
 PORTS = ("uart1", "uart2", "uart3", "uart4", "uart6", "uart8")
 SETTINGS = list(itertools.product((0, 1), repeat=2))
@@ -50,7 +50,7 @@ def test_generated_files_are_fresh() -> None:
 
 
 def test_write_touches_only_what_changed(tmp_path: Path) -> None:
-    (tmp_path / "dts").mkdir()
+    (tmp_path / "dts" / "nuvoton").mkdir(parents=True)
     files = generated(CHIP, BOARD)
     assert write(files, tmp_path) == list(files) == [SOC_FILE, PINS_FILE]
     assert write(files, tmp_path) == []
@@ -63,7 +63,7 @@ def test_soc_file_has_every_device_off(tmp_path: Path) -> None:
     """With a driver: the vendor's crypto_raw has none, and is left out."""
     file = tmp_path / "soc.dts"
     file.write_text('/dts-v1/;\n/include/ "nuc980.dtsi"\n')
-    tree = read_source(file, [ROOT / "dts"])
+    tree = read_source(file, [ROOT / "dts" / "nuvoton"])
     labelled = {label: node for node in tree.root.walk() for label in node.labels}
     assert set(labelled) == {one.label for one in CHIP.peripherals.values() if one.has_driver}
     assert {label for label, node in labelled.items() if node.enabled} == {"aic", "pinctrl", "gpio"}

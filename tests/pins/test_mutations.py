@@ -21,7 +21,7 @@ from nuc980.pins.source import read_source
 from nuc980.pins.tree import Tree
 
 BOARD = load_board(TABLE, CHIP)
-DTS = ROOT / "dts" / "nuc980-gateway.dts"
+DTS = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ CONFLICT = Finding(
     remedy='Set status of one of them to "disabled", 100 % sure',
     place=Place("dts/a,b.dts", 12),
     claimants=(
-        Claimant("/ahb/sdh@b0018000", "PF0 as SD1_CMD", Place("dts/nuc980.dtsi", 70)),
+        Claimant("/ahb/sdh@b0018000", "PF0 as SD1_CMD", Place("dts/nuvoton/nuc980.dtsi", 70)),
         Claimant("/ahb/emac1@b0022000", "PF0 as RMII1_RXERR"),
     ),
     pins=("PF0",),
@@ -32,7 +32,7 @@ def test_text_names_place_claimants_and_remedy() -> None:
     lines = FORMATS["text"]([COMPILED]).splitlines()
     assert lines == [
         "dts/a,b.dts:12: pin-conflict: PF0 is claimed by two devices",
-        "    /ahb/sdh@b0018000 (dts/nuc980.dtsi:70): PF0 as SD1_CMD",
+        "    /ahb/sdh@b0018000 (dts/nuvoton/nuc980.dtsi:70): PF0 as SD1_CMD",
         "    /ahb/emac1@b0022000: PF0 as RMII1_RXERR",
         '    To do: Set status of one of them to "disabled", 100 % sure',
         "",

@@ -13,8 +13,8 @@ from nuc980.pins.board import Board, Device
 from nuc980.pins.chip import Chip, Peripheral, pin_order
 
 TEMPLATES = Path(__file__).parent / "templates"
-SOC_FILE = Path("dts/nuc980.dtsi")
-PINS_FILE = Path("dts/nuc980-gateway-pins.dtsi")
+SOC_FILE = Path("dts/nuvoton/nuc980.dtsi")
+PINS_FILE = Path("dts/nuvoton/nuc980-gateway-pins.dtsi")
 
 # What other nodes refer to, or what is on in every system: without a status, so on.
 ALWAYS_ON = ("aic", "pinctrl", "gpio")
