@@ -73,10 +73,11 @@ build/bench/build.ninja: | $(PACKAGES)
 
 # ---- device tree ---------------------------------------------------------------------------------
 
-DTS := dts/nuc980-gateway.dts
-DTB := build/dtb/nuc980-gateway.dtb
-# of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"
+DTS := dts/nuvoton/nuc980-gateway.dts
+# of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"; a build with switches has a folder of its own
 SWITCHES :=
+EMPTY :=
+DTB := build/dtb/$(addsuffix /,$(subst $(EMPTY) $(EMPTY),_,$(strip $(SWITCHES))))nuc980-gateway.dtb
 
 dtb: $(VENV) ## generate, compile and check the board's device tree (SWITCHES=...: its first lines)
 	scripts/nuc980-pins generate

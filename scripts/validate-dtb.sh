@@ -2,10 +2,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # validate-dtb.sh DTB: the bindings against the meta-schema, then the device tree against the bindings.
 set -euo pipefail
+dtb=$(realpath "$1")
 cd "$(dirname "$0")/.."
 
-# Both exit 0 also when they have found something: what they print decides.
-found=$(.venv/bin/dt-doc-validate dts/bindings 2>&1 && .venv/bin/dt-validate -m -s dts/bindings "$1" 2>&1) || found+=$'\nfailed'
+# Both exit 0 also when they have found something: what they print decides. A compatible string without a binding is a
+# slip in the name of one of ours; gpio-leds and the like have theirs in the kernel.
+found=$(
+	.venv/bin/dt-doc-validate dts/bindings 2>&1
+	.venv/bin/dt-validate -m -s dts/bindings "$dtb" 2>&1 |
+		grep -vP "failed to match any schema with compatible: \[(?!.*'(nuvoton|openrtu),)" || [[ $? -eq 1 ]]
+) || found+=$'\nnot validated'
 if [[ -n $found ]]; then
 	echo "$found" >&2
 	exit 1

@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PINS = "scripts/nuc980-pins"
-DTS, DTB = "dts/nuc980-gateway.dts", "build/dtb/nuc980-gateway.dtb"
+DTS, DTB = "dts/nuvoton/nuc980-gateway.dts", "build/dtb/nuc980-gateway.dtb"
 ROUNDS = 15
 
 PROGRAMS = {
@@ -38,7 +38,8 @@ def main() -> int:
             if done.returncode:
                 print(f"{' '.join(command)}: exit {done.returncode}\n{done.stderr}", file=sys.stderr)
                 return 1
-    print(f"\n> {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}. Median (minimum..maximum) of {ROUNDS}.\n")
+    load = os.getloadavg()[0]
+    print(f"\n> {os.cpu_count()} cores, load {load:.1f}. Median (minimum..maximum) of {ROUNDS}.\n")
     print(f"| process | seconds | of {BESIDE} |")
     print("|---|---|---|")
     beside = statistics.median(times[BESIDE])

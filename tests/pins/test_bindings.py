@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 BINDINGS = ROOT / "dts" / "bindings"
-GATEWAY = ROOT / "dts" / "nuc980-gateway.dts"
+GATEWAY = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 FAULTY = "faults.dtb"
 SWITCHES = [(f"GATEWAY_PDMA={pdma}", f"GATEWAY_RTC={rtc}") for pdma in (0, 1) for rtc in (0, 1)]
 

@@ -54,6 +54,10 @@ PART = "part: NUC980DK61YC\n"
     [
         ("", ["part is missing"]),
         ("[]", ["a mapping is wanted, not []"]),
+        (
+            PART + "devices: {uart1: {pins: {RXD: PA0, UART1_RXD: PF9}}}",
+            ["uart1: UART1_RXD is on two pins, PA0 and PF9"],
+        ),
         ("part: NUC970", ["part NUC970: known are NUC980DR61YC"]),
         ("part: [x]", ["part ['x']: known are"]),
         (PART + "port: {}", ["port: no such key; known are accepted, board"]),
@@ -114,3 +118,16 @@ def test_missing_and_unreadable_files(tmp_path: Path) -> None:
     (tmp_path / "binary.yml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UnusableInput, match="no YAML"):
         load_board(tmp_path / "binary.yml", CHIP)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "devices: {uart1: {pins: {RXD: PA0, TXD: PF10}}, uart1: {}}",
+        "gpios: {PE11: LED, PE11: buzzer}",
+        "devices: {uart1: {pins: {RXD: PA0, RXD: PF9}}}",
+    ],
+)
+def test_what_is_there_twice_is_told_and_not_lost(tmp_path: Path, text: str) -> None:
+    with pytest.raises(UnusableInput, match=r"(uart1|PE11|RXD) is there twice(.|\n)* line 2"):
+        load_board(table(tmp_path, PART + text), CHIP)

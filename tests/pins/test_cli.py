@@ -3,12 +3,16 @@
 
 import json
 import os
+import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 from trees import ROOT, gateway, soc
+
+from nuc980.pins.rules import RULES
 
 PROGRAM = ROOT / "scripts" / "nuc980-pins"
 DONE, FOUND, UNUSABLE = 0, 1, 2
@@ -96,7 +100,7 @@ def test_machine_forms_are_json_also_beside_an_unusable_file(bad: Path, form: st
         (("check", "--part", "NUC980DK61YC", "x.dts"), "--part goes with --chip-only"),
         (("check", "--chip-only", "--part", "NUC970", "x.dts"), "--part NUC970: known are NUC980DR61YC"),
         (("map", "-o", "map.pdf"), "map.pdf: the name ends in neither .svg nor .html"),
-        (("map", "-o", "none/map.svg"), "none/map.svg: No such file or directory"),
+        (("map", "-o", "none/map.svg"), "none/map.svg: No such file or directory; name another file with -o"),
         (("explain", "UART8_TDX"), "UART8_TXD"),
         (("diff", "none.dtb", "none.dtb"), "none.dtb: No such file or directory"),
         (("import", "none.dtb"), "none.dtb: No such file or directory"),
@@ -119,6 +123,32 @@ def test_map_draws_picture_and_page(tmp_path: Path, bad: Path) -> None:
     assert "<svg" in (tmp_path / "table.svg").read_text()
     assert (tmp_path / "table.html").read_text().rstrip().endswith("</html>")
     assert "in conflict" in (tmp_path / "bad.svg").read_text()
+
+
+def test_github_has_nothing_to_say_of_a_good_tree(good: Path) -> None:
+    done = run("check", "--format", "github", good)
+    assert (done.returncode, done.stdout) == (DONE, "")
+
+
+def test_ending_of_a_map_may_be_in_capitals(tmp_path: Path) -> None:
+    assert run("map", "-o", "MAP.SVG", cwd=tmp_path).returncode == DONE
+    assert (tmp_path / "MAP.SVG").is_file()
+
+
+def without_line_numbers(text: str) -> str:
+    return re.sub(r":\d+(?=[:)])", "", text)
+
+
+@pytest.mark.parametrize("command", ["explain", "check"])
+def test_documentation_shows_what_is_printed(command: str) -> None:
+    page = (ROOT / "docs" / "device-tree.md").read_text()
+    [(words, shown)] = re.findall(rf"\$ scripts/nuc980-pins ({command} .*)\n((?:.*\n)*?)```", page)
+    assert without_line_numbers(run(*shlex.split(words)).stdout) == without_line_numbers(shown)
+
+
+def test_documentation_has_every_rule() -> None:
+    page = (ROOT / "docs" / "device-tree.md").read_text()
+    assert re.findall(r"^\| `([a-z-]+)` \|", page, re.MULTILINE) == list(RULES)
 
 
 def test_explain_takes_several_words() -> None:
@@ -149,7 +179,8 @@ def test_accepted_finding_comes_with_its_reason(tmp_path: Path, good: Path, bad:
     run("import", good, "-o", table)
     found = json.loads(run("check", "--table", table, "--format", "json", bad).stdout)["files"][0]["findings"]
     entries = [{"rule": one["rule"], "node": one["node"], "reason": "on the bench only"} for one in found]
-    table.write_text(table.read_text() + f"\naccepted: {json.dumps(entries)}\n")
+    text = table.read_text().replace("accepted: []", f"accepted: {json.dumps(entries)}")
+    table.write_text(text)
     done = run("check", "--table", table, bad)
     assert done.returncode == DONE
     assert "pin-conflict: accepted: on the bench only" in done.stdout

@@ -3,6 +3,7 @@
 
 import itertools
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ from nuc980.pins.tree import Tree
 
 CHIP = load_chip()
 BOARD = load_board(TABLE, CHIP)
-DTS = ROOT / "dts" / "nuc980-gateway.dts"
+DTS = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 BUILD = ROOT / "scripts" / "build-dtb.sh"
 PORTS = ("uart1", "uart2", "uart3", "uart4", "uart6", "uart8")
 SETTINGS = list(itertools.product((0, 1), repeat=2))
@@ -49,7 +50,7 @@ def test_generated_files_are_fresh() -> None:
 
 
 def test_write_touches_only_what_changed(tmp_path: Path) -> None:
-    (tmp_path / "dts").mkdir()
+    (tmp_path / "dts" / "nuvoton").mkdir(parents=True)
     files = generated(CHIP, BOARD)
     assert write(files, tmp_path) == list(files) == [SOC_FILE, PINS_FILE]
     assert write(files, tmp_path) == []
@@ -62,7 +63,7 @@ def test_soc_file_has_every_device_off(tmp_path: Path) -> None:
     """With a driver: the vendor's crypto_raw has none, and is left out."""
     file = tmp_path / "soc.dts"
     file.write_text('/dts-v1/;\n/include/ "nuc980.dtsi"\n')
-    tree = read_source(file, [ROOT / "dts"])
+    tree = read_source(file, [ROOT / "dts" / "nuvoton"])
     labelled = {label: node for node in tree.root.walk() for label in node.labels}
     assert set(labelled) == {one.label for one in CHIP.peripherals.values() if one.has_driver}
     assert {label for label, node in labelled.items() if node.enabled} == {"aic", "pinctrl", "gpio"}
@@ -120,6 +121,13 @@ def test_partitions_cover_what_the_factory_reads(setting: tuple[int, int, Tree])
     assert all(value % 0x20000 == 0 for area in areas.values() for value in area)  # whole blocks
 
 
+@pytest.mark.parametrize("switch", ["GATEWAY_PMDA=1", "GATEWAY_RTC=yes", "GATEWAY_PDMA=2", "GATEWAY_PDMA"])
+def test_wrong_switch_is_refused(tmp_path: Path, switch: str) -> None:
+    done = build(tmp_path / "bad.dtb", switch)
+    assert (done.returncode, done.stdout, list(tmp_path.iterdir())) == (2, "", [])
+    assert f"{switch}: {DTS} has the switches GATEWAY_PDMA GATEWAY_RTC" in done.stderr
+
+
 def test_each_warning_of_dtc_is_an_error(tmp_path: Path) -> None:
     source = tmp_path / "bad.dts"
     source.write_text("/dts-v1/;\n/ { node@1 { }; };\n")
@@ -134,7 +142,13 @@ def test_failed_build_leaves_the_last_good_file(tmp_path: Path) -> None:
     source.write_text("/dts-v1/;\n/ { };\n")
     assert build(dtb, source=source).returncode == 0
     good = dtb.read_bytes()
-    for mistake in ("/ { broken", '#include "none.dtsi"'):
+    for mistake in ("/ { broken", '#include "none.dtsi"', "#warning old"):
         source.write_text(f"/dts-v1/;\n{mistake}\n")
         assert build(dtb, source=source).returncode == 1
     assert dtb.read_bytes() == good
+
+
+def test_a_board_may_be_called_anything() -> None:
+    files = generated(CHIP, replace(BOARD, name="A*/ #error\nB"))
+    head = files[PINS_FILE].splitlines()[2]
+    assert head == " * Pin groups: A* / #error B (NUC980DK61YC)"

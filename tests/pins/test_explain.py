@@ -161,6 +161,10 @@ def test_a_rule(name: str) -> None:
     assert " ".join(map(str.strip, why)) == " ".join(RULES[name].why.split())
 
 
+def test_list_of_the_rules() -> None:
+    assert [row.split()[0] for row in explain("rules", CHIP, BOARD)] == list(RULES)
+
+
 @pytest.mark.parametrize(
     ("word", "hint"),
     [

@@ -199,3 +199,10 @@ def test_long_lists_are_wrapped_between_pins(tmp_path: Path) -> None:
 def test_gateway_s_own_tree_gives_its_pin_table(tmp_path: Path) -> None:
     _, found = imported(gateway(), tmp_path)
     assert pins_of(found) == pins_of(load_board(TABLE, CHIP))
+
+
+def test_an_interrupt_line_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+    touch = '/ { touch { compatible = "acme"; interrupt-parent = <&gpio>; interrupts = <6>; }; };'
+    table, found = imported(board(RXD, touch), tmp_path)
+    assert (pins_of(found), found.gpios) == (RXD, {})
+    assert comments(table) == ["# /touch: interrupts of 1 cells, no multiple of 2"]

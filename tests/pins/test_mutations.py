@@ -21,7 +21,7 @@ from nuc980.pins.source import read_source
 from nuc980.pins.tree import Tree
 
 BOARD = load_board(TABLE, CHIP)
-DTS = ROOT / "dts" / "nuc980-gateway.dts"
+DTS = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 
 
 @dataclass(frozen=True)
@@ -752,6 +752,211 @@ CHIP_MUTATIONS = [
         "pin without any setting",
         device("gpio", {"EINT3": "PG15"}) + "&gpio { /delete-property/ eint3-config; };",
         ("PG15",),
+    ),
+    Mutation(
+        "wrong-interrupt",
+        "through the GPIO controller",
+        "&uart1 { interrupt-parent = <&gpio>; };",
+        ("interrupts of 3 cells, no multiple of 2",),
+    ),
+    Mutation(
+        "wrong-interrupt",
+        "a line of the GPIO controller",
+        "&uart1 { interrupt-parent = <&gpio>; interrupts = <6 4>; };",
+        ("interrupts of gpio, not of the AIC",),
+    ),
+    Mutation(
+        "wrong-interrupt",
+        "no controller at all",
+        "/ { /delete-property/ interrupt-parent; };",
+        ("uart1 has interrupts of no interrupt controller",),
+    ),
+    Mutation(
+        "wrong-interrupt",
+        "another device's, in the longer property",
+        "&uart1 { interrupts-extended = <&aic 38 4 1>; };",
+        ("38 (UART2)",),
+    ),
+    Mutation(
+        "wrong-interrupt", "controller of one cell", "&aic { #interrupt-cells = <1>; };", ("1 cells by",)
+    ),
+    Mutation("controller-off", "AIC", f"&aic {{ {OFF} }};", ("aic is off", "uart1", "emac1")),
+    Mutation(
+        "controller-off",
+        "GPIO controller of a LED",
+        led("&gpio 6 0") + f"&gpio {{ {OFF} }};",
+        ("gpio is off, but /leds/led-0 uses it",),
+    ),
+    Mutation(
+        "controller-off",
+        "expander on a bus that is off",
+        root('k { compatible = "gpio-keys"; b { interrupts-extended = <&expander 1 1>; }; };')
+        + '&i2c3 { expander: e@20 { compatible = "nxp,pca9555"; reg = <0x20>; interrupt-controller;'
+        " #interrupt-cells = <2>; }; };",
+        ("/k/b",),
+    ),
+    Mutation(
+        "no-bus",
+        "bus of another kind",
+        root('apb { compatible = "acme,apb"; };'),
+        ("/apb is no simple-bus", "more"),
+        also=("wrong-interrupt",),  # the AIC is there too
+    ),
+    Mutation(
+        "no-bus", "without ranges", "/ { ahb { /delete-property/ ranges; }; };", ("/ahb has no ranges",)
+    ),
+    Mutation(
+        "no-bus", "ranges that move", root("ahb { ranges = <0 0xb0000000 0x100000>; };"), ("move addresses",)
+    ),
+    Mutation("no-bus", "wide addresses", root("ahb { #address-cells = <2>; };"), ("#address-cells = <2>",)),
+    Mutation(
+        "no-bus",
+        "device in a node of no kind",
+        root('soc { rtc@b0041000 { compatible = "nuvoton,nuc980-rtc"; reg = <0xb0041000 0x1000>; }; };'),
+        ("/soc is no simple-bus",),
+    ),
+    Mutation("unknown-status", "enabled", '&can0 { status = "enabled"; };', ('can0 is "enabled"',)),
+    Mutation("unknown-status", "capital letter", '&can0 { status = "Okay"; };', ('"Okay"',)),
+    Mutation("unknown-status", "two words", '&can0 { status = "okay", "ok"; };', ('"okay", "ok"',)),
+    Mutation("unknown-status", "number", "&can0 { status = <1>; };", ("no string",)),
+    Mutation("wrong-number", "port of another UART", on("uart1", "port-number = <2>;"), ("its own is 1",)),
+    Mutation(
+        "wrong-number",
+        "registers of another UART",
+        on("uart1", "map-addr = <0xf0072000>;"),
+        ("map-addr = <0xf0072000>; its own is 0xf0071000",),
+    ),
+    Mutation(
+        "wrong-number",
+        "timer's",
+        device("etimer1", {"TM1_TGL": "PG11"}) + "&etimer1 { port-number = <0>; };",
+        ("etimer1", "its own is 1"),
+    ),
+    Mutation(
+        "mux-and-gpio",
+        "interrupt line in the longer property",
+        root('touch { compatible = "acme"; interrupts-extended = <&gpio 9 1>; };'),
+        ("/touch", "PA9", "its interrupts"),
+    ),
+    Mutation(
+        "mux-and-gpio",
+        "interrupt line of a node under the controller",
+        '&gpio { wake { compatible = "acme"; interrupts = <9 1>; }; };',
+        ("PA9", "its interrupts"),
+    ),
+    Mutation(
+        "mux-and-gpio",
+        "old names of a bit-banged SPI",
+        root('spi { compatible = "spi-gpio"; gpio-sck = <&gpio 9 0>; gpio-mosi = <&gpio 10 0>; };'),
+        ("gpio-sck", "PA9"),
+    ),
+    Mutation(
+        "cell-count",
+        "interrupt line without flags",
+        root('touch { compatible = "acme"; interrupt-parent = <&gpio>; interrupts = <6>; };'),
+        ("/touch has interrupts of 1 cells, no multiple of 2",),
+    ),
+    Mutation(
+        "cell-count",
+        "interrupt of a node that is no controller",
+        root('touch { compatible = "acme"; interrupts-extended = <0x7777 6 1>; };'),
+        ("of no interrupt controller",),
+    ),
+    Mutation(
+        "cell-count",
+        "fewer rows than the key matrix has",
+        on("keys", "key-matrix = <3 1>; gpio-keys-rows = <6 7>; key-code = <1 2 3>;"),
+        ("gpio-keys-rows with 3 cells",),
+    ),
+    Mutation(
+        "cell-count",
+        "keys without codes",
+        on("keys", "key-matrix = <2 1>; gpio-keys-rows = <6 7>;"),
+        ("key-code with 2 cells",),
+    ),
+    Mutation(
+        "cell-count",
+        "keys without matrix",
+        on("keys", "gpio-keys-rows = <6>; key-code = <1>;"),
+        ("key-matrix",),
+    ),
+    Mutation(
+        "cell-count",
+        "nine rows of keys",
+        on(
+            "keys",
+            "key-matrix = <9 1>; gpio-keys-rows = <6 197 198 199 200 201 37 38 39>;"
+            " key-code = <1 2 3 4 5 6 7 8 9>;",
+        ),
+        ("at most 8",),
+    ),
+    Mutation(
+        "bus-num-twice",
+        "by default",
+        device("i2c0", I2C0)
+        + device("i2c3", {"I2C3_SDA": "PD15", "I2C3_SCL": "PD14"})
+        + "&i2c3 { /delete-property/ bus_num; };",
+        ("i2c0 and i2c3 are i2c bus 0",),
+    ),
+    Mutation(
+        "missing-property",
+        "speed of an I2C bus",
+        device("i2c3", {"I2C3_SDA": "PD15", "I2C3_SCL": "PD14"}) + "&i2c3 { /delete-property/ bus_freq; };",
+        ("bus_freq",),
+    ),
+    Mutation("missing-property", "empty pdma-enable", "&uart1 { pdma-enable; };", ("no pdma-enable",)),
+    Mutation(
+        "missing-property",
+        "over-current of the USB host",
+        on("usbh_ehci", "/delete-property/ ov_active;"),
+        ("ov_active",),
+    ),
+    Mutation(
+        "missing-property",
+        "number of a timer",
+        on("etimer1", "/delete-property/ port-number;"),
+        ("port-number = <1>",),
+    ),
+    Mutation(
+        "wrong-address",
+        "no size",
+        "&uart1 { reg = <0xb0071000 0>; };",
+        ("has a reg without size; uart1 is at",),
+    ),
+    Mutation(
+        "gpio-conflict",
+        "supply and LED",
+        led("&gpio 6 0") + root('supply { compatible = "regulator-fixed"; gpio = <&gpio 6 0>; };'),
+        ("/leds/led-0 (gpios) and /supply (gpio)",),
+    ),
+    Mutation(
+        "wrong-address",
+        "second pin controller",
+        root(
+            'apb { pins { compatible = "nuvoton,nuc980-pinctrl"; a { a { nuvoton,pins = <0 6 0 0>; }; };'
+            " }; };"
+        ),
+        ("/apb/pins has no reg",),
+    ),
+    Mutation(
+        "no-pins",
+        "all of them GPIO",
+        pins("uart1", "<0 0 0 0>, <5 10 0 0>"),
+        ("uart1 is on and has no pins",),
+    ),
+    Mutation("no-pins", "USB device without its VBUS", on("usbdev"), ("usbdev", "USB0_")),
+    Mutation(
+        "eint",
+        "settings that the driver never reaches",
+        device("gpio", {"EINT3": "PG15"})
+        + on("gpio", "eint3-config = <1 2 1>; /delete-property/ eint0-config;"),
+        ("eint3-config is never read, for eint0-config",),
+    ),
+    Mutation(
+        "eint",
+        "trigger that does not exist",
+        device("gpio", {"EINT3": "PG15"}) + on("gpio", "eint3-config = <1 2 5>;"),
+        ("trigger 5",),
     ),
     Mutation(
         "label-misleads",

@@ -252,6 +252,16 @@ def test_the_figure_in_the_documentation_is_fresh() -> None:
     )
 
 
+def test_the_figure_of_a_conflict_is_fresh() -> None:
+    file = ROOT / "docs" / "examples" / "sd-host-on.dts"
+    uses = uses_of_claims(claims(read_tree(file, [ROOT / "dts" / "nuvoton"]), CHIP), CHIP)
+    picture = draw_map(CHIP, BOARD.package, uses, file.name)
+    assert (ROOT / "docs" / "figures" / "pins-conflict.svg").read_text(encoding="utf-8") == picture, (
+        "run: scripts/nuc980-pins map -I dts/nuvoton "
+        "docs/examples/sd-host-on.dts -o docs/figures/pins-conflict.svg"
+    )
+
+
 # ---- uses of a device tree -------------------------------------------------------------------------------
 
 TREE = """

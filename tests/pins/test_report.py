@@ -17,7 +17,7 @@ CONFLICT = Finding(
     remedy='Set status of one of them to "disabled", 100 % sure',
     place=Place("dts/a,b.dts", 12),
     claimants=(
-        Claimant("/ahb/sdh@b0018000", "PF0 as SD1_CMD", Place("dts/nuc980.dtsi", 70)),
+        Claimant("/ahb/sdh@b0018000", "PF0 as SD1_CMD", Place("dts/nuvoton/nuc980.dtsi", 70)),
         Claimant("/ahb/emac1@b0022000", "PF0 as RMII1_RXERR"),
     ),
     pins=("PF0",),
@@ -32,7 +32,7 @@ def test_text_names_place_claimants_and_remedy() -> None:
     lines = FORMATS["text"]([COMPILED]).splitlines()
     assert lines == [
         "dts/a,b.dts:12: pin-conflict: PF0 is claimed by two devices",
-        "    /ahb/sdh@b0018000 (dts/nuc980.dtsi:70): PF0 as SD1_CMD",
+        "    /ahb/sdh@b0018000 (dts/nuvoton/nuc980.dtsi:70): PF0 as SD1_CMD",
         "    /ahb/emac1@b0022000: PF0 as RMII1_RXERR",
         '    To do: Set status of one of them to "disabled", 100 % sure',
         "",
@@ -62,7 +62,7 @@ def test_sarif() -> None:
     conflict, known = run["results"]
     location = conflict["locations"][0]
     assert location["physicalLocation"] == {
-        "artifactLocation": {"uri": "dts/a,b.dts"},
+        "artifactLocation": {"uri": "dts/a%2Cb.dts"},
         "region": {"startLine": 12},
     }
     assert location["logicalLocations"][0]["fullyQualifiedName"] == "/ahb/sdh@b0018000"
@@ -70,6 +70,16 @@ def test_sarif() -> None:
     assert "suppressions" not in conflict
     assert known["suppressions"] == [{"kind": "external", "justification": "tested without"}]
     assert known["locations"][0]["physicalLocation"] == {"artifactLocation": {"uri": "board.dtb"}}
+
+
+def test_sarif_names_files_by_uri() -> None:
+    files = [Path("a b/50%#1.dtb"), Path("/a b.dtb")]
+    log = json.loads(FORMATS["sarif"]([Checked(file, (KNOWN,)) for file in files]))
+    uris = [
+        result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
+        for result in log["runs"][0]["results"]
+    ]
+    assert uris == ["a%20b/50%25%231.dtb", "file:///a%20b.dtb"]
 
 
 def test_github_escapes_what_would_end_a_field() -> None:

@@ -142,6 +142,29 @@ QUIET = {
     "interrupt pin that is on": device("gpio", {"EINT3": "PG15"}) + "&gpio { eint3-config = <1 2 1>; };",
     "uart0, which has no PDMA": device("uart0", {"UART0_RXD": "PF11", "UART0_TXD": "PF12"})
     + "&uart0 { pdma-enable = <1>; };",
+    "chip select that is a GPIO line": device(
+        "spi1", {"SPI1_CLK": "PG12", "SPI1_MOSI": "PG13", "SPI1_MISO": "PG14"}
+    )
+    + "&spi1 { cs-gpios = <&gpio 203 1>; };",
+    "timer that only counts its clock": '&etimer0 { status = "okay"; };',
+    "interrupt in the longer property": RS485.replace(", <0 8 2 0>", "")
+    + "&uart2 { interrupts-extended = <&aic 38 4 1>; };",
+    "interrupt of the longer property that is read as well": I2C
+    + TOUCH.replace("interrupt-parent = <&gpio>;", "").replace(
+        "interrupts = <6 2>", "interrupts-extended = <&gpio 6 2>"
+    ),
+    "keys behind an expander": I2C
+    + """&i2c0 { e: e@20 { compatible = "nxp,pca9555"; reg = <0x20>; gpio-controller; #gpio-cells = <2>;
+      interrupt-controller; #interrupt-cells = <2>; interrupt-parent = <&gpio>; interrupts = <6 2>; }; };
+    / { k { compatible = "gpio-keys";
+      b { interrupt-parent = <&e>; interrupts = <9 1>; gpios = <&e 3 0>; }; }; };""",
+    "what the specification knows besides okay": '&uart5 { status = "fail-fuse"; };'
+    '&wwdt { status = "reserved"; };',
+    "two supplies that one line switches": "/ { "
+    + " ".join(
+        f'supply{number} {{ compatible = "regulator-fixed"; gpio = <&gpio 6 0>; }};' for number in (1, 2)
+    )
+    + " };",
     "PDMA with its controller": RS485.replace(", <0 8 2 0>", "")
     + '&uart2 { pdma-enable = <1>; }; &dma { status = "okay"; };',
     "name of the 6.6 kernel": device(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from trees import ROOT
 
 from nuc980.pins.dtb import read_dtb
 from nuc980.pins.errors import UnusableInput
@@ -225,3 +226,26 @@ def test_include_without_end(write: Callable[[str, str], Path], monkeypatch: pyt
     file = write("x.dts", '/dts-v1/;\n#include "pipe"\n')
     os.mkfifo("pipe")
     assert "cpp has not ended after 0.2 s; look at its #include lines" in refusal(file)
+
+
+def test_a_mistake_before_much_else_is_told(write: Callable[[str, str], Path]) -> None:
+    file = write("x.dts", "/dts-v1/;\n/ { = };\n" + "/ { node { }; };\n" * 20000)
+    done = subprocess.run(
+        [ROOT / "scripts" / "nuc980-pins", "check", "--chip-only", file], capture_output=True, text=True
+    )
+    assert (done.returncode, "x.dts:2" in done.stderr) == (2, True)
+
+
+def test_a_pipe_is_refused_before_it_is_opened(write: Callable[[str, str], Path]) -> None:
+    os.mkfifo("x.dts")
+    assert "is no regular file" in refusal(Path("x.dts"))
+
+
+def test_memory_has_an_end(write: Callable[[str, str], Path]) -> None:
+    file = write("x.dts", '/dts-v1/;\n#include "/dev/zero"\n')
+    assert "cpp says\n  cc1: out of memory" in refusal(file).replace("  \n", "")
+
+
+def test_what_is_quoted_does_not_reach_the_terminal(write: Callable[[str, str], Path]) -> None:
+    told = refusal(write("x.dts", '#error "\x1b[31mboo"\n'))
+    assert "boo" in told and "\x1b" not in told

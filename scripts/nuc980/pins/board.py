@@ -64,12 +64,26 @@ def load_board(file: Path, chip: Chip) -> Board:
     it, and no pin is used twice. Raises UnusableInput with every mistake of the table, one a line.
     """
     try:
-        data = yaml.load(file.read_text(encoding="utf-8"), Loader=YamlLoader)
+        data = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)
     except OSError as error:
         raise UnusableInput(f"{file}: {error.strerror}; name another pin table with --table") from error
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise UnusableInput(f"{file} is no YAML: {error}") from error
     return _Reader(file, chip).read(data)
+
+
+class _Loader(YamlLoader):
+    """YAML whose keys are given once: PyYAML keeps the last of several, and other pins are lost."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                problem = f"{key.value} is there twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
+            if isinstance(key, yaml.ScalarNode):
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
 
 
 class _Reader:
@@ -116,7 +130,11 @@ class _Reader:
             entry = self._mapping(entry, label)
             for key in entry.keys() - {"for", "pins"}:
                 self._mistake(f"{label}: {key}: no such key; known are for, pins")
-            pins = dict(self._signals(peripheral, self._mapping(entry.get("pins"), f"{label}: pins")))
+            pins: dict[str, str] = {}
+            for signal, pin in self._signals(peripheral, self._mapping(entry.get("pins"), f"{label}: pins")):
+                if signal in pins:
+                    self._mistake(f"{label}: {signal} is on two pins, {pins[signal]} and {pin}")
+                pins[signal] = pin
             yield label, Device(peripheral, str(entry.get("for", "")), pins)
 
     def _signals(self, peripheral: Peripheral, pins: dict[str, Any]) -> Iterator[tuple[str, str]]:

@@ -79,7 +79,7 @@ class Peripheral:
 
     @property
     def path(self) -> str:
-        """As in dts/nuc980.dtsi: what has no registers is on no bus."""
+        """As in dts/nuvoton/nuc980.dtsi: what has no registers is on no bus."""
         return f"/{self.full_node}" if self.address is None else f"/{self.bus}/{self.full_node}"
 
     def owns(self, signal: str) -> bool:

@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         "words",
         nargs="+",
         metavar="WORD",
-        help="PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', pin-conflict",
+        help="PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', 0xb0000070, pin-conflict, rules",
     )
     _add_table(command)
     command.set_defaults(run=_explain)
@@ -155,8 +155,9 @@ def _check(parsed: argparse.Namespace) -> int:
         except UnusableInput as error:
             unusable += 1
             print(f"nuc980-pins: {error}", file=sys.stderr)
-    if checked:
-        print(FORMATS[parsed.format](checked))
+    report = FORMATS[parsed.format](checked) if checked else ""
+    if report:
+        print(report)
     if unusable:
         return UNUSABLE
     return FOUND if any(one.open for one in checked) else DONE
@@ -183,7 +184,7 @@ def _map(parsed: argparse.Namespace) -> int:
     from nuc980.pins.page import draw_page
     from nuc980.pins.picture import draw_map, uses_of_board, uses_of_claims
 
-    draw = {".svg": draw_map, ".html": draw_page}.get(parsed.output.suffix)
+    draw = {".svg": draw_map, ".html": draw_page}.get(parsed.output.suffix.lower())
     if draw is None:
         raise UnusableInput(f"{parsed.output}: the name ends in neither .svg nor .html")
     chip = load_chip()
@@ -194,7 +195,7 @@ def _map(parsed: argparse.Namespace) -> int:
     else:
         uses, title = uses_of_board(board), board.name
     package = _package(parsed.part, chip) or board.package
-    parsed.output.write_text(draw(chip, package, uses, title), encoding="utf-8")
+    _write(parsed.output, draw(chip, package, uses, title))
     return DONE
 
 
@@ -227,5 +228,12 @@ def _import(parsed: argparse.Namespace) -> int:
         return DONE
     if parsed.output.exists():
         raise UnusableInput(f"{parsed.output} is there already and is kept; name another file")
-    parsed.output.write_text(text, encoding="utf-8")
+    _write(parsed.output, text)
     return DONE
+
+
+def _write(file: Path, text: str) -> None:
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UnusableInput(f"{file}: {error.strerror}; name another file with -o") from error

@@ -26,8 +26,9 @@ CELLS_A_PIN = 4
 def explain(word: str, chip: Chip, board: Board | None) -> list[str]:
     """
     Lines of text on a pin (PA0), signal (UART8_TXD), device (uart8), pin setting (<4 7 1 0>), GPIO (gpio 138)
-    register (0xb0000070) or rule of the check (pin-conflict); upper or lower case. Without a board nothing is
-    said of who has a pin. Raises UnusableInput, with what is like it, for a word that is none of these.
+    or register (0xb0000070), on a rule of the check (pin-conflict) or on all of them (rules); upper or lower
+    case. Without a board nothing is said of who has a pin. Raises UnusableInput, with what is like it, for a
+    word that is none of these.
     """
     return list(_Explainer(chip, board).lines(word.strip()))
 
@@ -44,6 +45,8 @@ class _Explainer:
             return self._signal(signal)
         if word.lower() in self.chip.peripherals:
             return self._device(self.chip.peripherals[word.lower()])
+        if word.lower() == "rules":
+            return _table([("", rule.name, rule.what) for rule in RULES.values()])
         if word.lower() in RULES:
             return _rule(RULES[word.lower()])
         if found := PIN.fullmatch(word):
@@ -63,7 +66,7 @@ class _Explainer:
         hint = f"; did you mean {' or '.join(upper[name] for name in alike)}?" if alike else ""
         raise UnusableInput(
             f"{word!r} is no pin, signal or device of the {self.chip.name}{hint}\n"
-            "  explain takes PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', 0xb0000070 or pin-conflict"
+            "  explain takes PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', 0xb0000070, pin-conflict, rules"
         )
 
     # ---- a pin ---------------------------------------------------------------------------------------------

@@ -13,8 +13,8 @@ from nuc980.pins.board import Board, Device
 from nuc980.pins.chip import Chip, Peripheral, pin_order
 
 TEMPLATES = Path(__file__).parent / "templates"
-SOC_FILE = Path("dts/nuc980.dtsi")
-PINS_FILE = Path("dts/nuc980-gateway-pins.dtsi")
+SOC_FILE = Path("dts/nuvoton/nuc980.dtsi")
+PINS_FILE = Path("dts/nuvoton/nuc980-gateway-pins.dtsi")
 
 # What other nodes refer to, or what is on in every system: without a status, so on.
 ALWAYS_ON = ("aic", "pinctrl", "gpio")
@@ -40,6 +40,7 @@ def generated(chip: Chip, board: Board) -> dict[Path, str]:
     )
     templates.filters["hex"] = "0x{:x}".format
     templates.filters["property"] = _property
+    templates.filters["comment"] = _comment
     described = [one for one in chip.peripherals.values() if one.has_driver]
     return {
         SOC_FILE: templates.get_template("nuc980.dtsi.j2").render(
@@ -81,6 +82,11 @@ def _settings(chip: Chip, device: Device) -> Iterator[Setting]:
     for signal, pin in device.pins.items():
         bank, index = pin_order(pin)
         yield Setting(f"{bank} {index} {chip.value(pin, signal)} 0", pin, signal)
+
+
+def _comment(text: str) -> str:
+    """On one line, and without the end of a comment: a board may be called anything."""
+    return " ".join(text.split()).replace("*/", "* /")
 
 
 def _property(value: int | list[int], name: str) -> str:

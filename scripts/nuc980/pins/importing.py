@@ -17,6 +17,7 @@ from nuc980.pins.claims import (
     claims,
     enabled_nodes,
     gpio_specifiers,
+    interrupt_specifiers,
     is_gpio_list,
     is_group,
     states,
@@ -118,6 +119,10 @@ def _unreadable(tree: Tree, node: Node) -> Iterator[str]:
             list(gpio_specifiers(tree, node, name))
         except MalformedError as error:
             yield f"{name}: {error}"
+    try:
+        list(interrupt_specifiers(tree, node))
+    except MalformedError as error:
+        yield f"interrupts {error}"
 
 
 def _purpose(claim: Claim) -> str:

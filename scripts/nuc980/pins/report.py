@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from nuc980.pins.findings import Claimant, Finding
 from nuc980.pins.rules import RULES
@@ -136,7 +137,7 @@ def _sarif_claimant(checked: Checked, claimant: Claimant) -> dict[str, Any]:
 
 def _sarif_location(checked: Checked, node: str, place: Place | None) -> dict[str, Any]:
     physical: dict[str, Any] = {
-        "artifactLocation": {"uri": Path(place.file if place else checked.file).as_posix()}
+        "artifactLocation": {"uri": _uri(Path(place.file if place else checked.file))}
     }
     if place:
         physical["region"] = {"startLine": place.line}
@@ -144,6 +145,11 @@ def _sarif_location(checked: Checked, node: str, place: Place | None) -> dict[st
         "physicalLocation": physical,
         "logicalLocations": [{"fullyQualifiedName": node, "kind": "member"}],
     }
+
+
+def _uri(file: Path) -> str:
+    """A URI reference (SARIF 2.1.0, 3.4.3): what is relative stays so, as the tree lies elsewhere."""
+    return file.as_uri() if file.is_absolute() else quote(file.as_posix())
 
 
 # ---- GitHub --------------------------------------------------------------------------------------

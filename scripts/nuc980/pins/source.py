@@ -6,7 +6,9 @@ from __future__ import annotations
 import functools
 import os
 import re
+import resource
 import subprocess
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +17,8 @@ from nuc980.pins.dtb import MAGIC, parse_dtb, read_dtb
 from nuc980.pins.errors import UnusableInput
 from nuc980.pins.tree import Node, Place, Tree
 
-PATIENCE = 10  # seconds: an #include of /dev/zero has no end
+PATIENCE = 5  # seconds for each program: macros can expand for ever
+MEMORY = 1 << 30  # bytes for each program: an #include of /dev/zero takes all there is
 SHOWN_ERRORS = 5  # lines of cpp's or dtc's
 DTC = ["dtc", "-q", "-I", "dts"]
 INSTALL = {"cpp": "install cpp", "dtc": "install device-tree-compiler"}
@@ -34,6 +37,9 @@ def read_tree(file: Path, include: Sequence[Path] = (), defines: Sequence[str] =
     The tree of a DTB, or of a source, whichever the file's first bytes say. Raises UnusableInput for what is
     neither, and for an overlay.
     """
+    # A pipe can be read once: what tells source from DTB would be missing in what is read then.
+    if file.exists() and not (file.is_file() or file.is_dir()):
+        raise UnusableInput(f"{file} is no regular file; write what it gives into one, and name that")
     try:
         with file.open("rb") as stream:
             compiled = stream.read(len(MAGIC)) == MAGIC
@@ -82,14 +88,25 @@ class _Done:
     def errors(self) -> str:
         """The first lines that tell of errors, or the first of all."""
         telling = [line for line in self.messages if "error" in line.lower()] or self.messages
-        return "\n".join(f"  {line}" for line in telling[:SHOWN_ERRORS]) or "  nothing, but it failed"
+        shown = "\n".join(f"  {line}" for line in telling[:SHOWN_ERRORS]) or "  nothing, but it failed"
+        # The lines quote the source, and go to a terminal.
+        return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in shown)
 
 
 def _run(command: Sequence[str], file: Path, data: bytes = b"") -> _Done:
     try:
-        done = subprocess.run(
-            command, input=data, capture_output=True, timeout=PATIENCE, env={**os.environ, "LC_ALL": "C"}
-        )
+        # No pipe: who reads no further, as dtc after a mistake, would end us (SIGPIPE).
+        with tempfile.TemporaryFile() as stdin:
+            stdin.write(data)
+            stdin.seek(0)
+            done = subprocess.run(
+                command,
+                stdin=stdin,
+                capture_output=True,
+                timeout=PATIENCE,
+                env={**os.environ, "LC_ALL": "C"},
+                preexec_fn=_bound_memory,
+            )
     except FileNotFoundError as error:
         raise UnusableInput(f"{command[0]} is missing; {INSTALL[command[0]]}") from error
     except subprocess.TimeoutExpired as error:
@@ -97,6 +114,10 @@ def _run(command: Sequence[str], file: Path, data: bytes = b"") -> _Done:
             f"{file}: {command[0]} has not ended after {PATIENCE} s; look at its #include lines"
         ) from error
     return _Done(done.returncode != 0, done.stdout, done.stderr.decode(errors="replace").splitlines())
+
+
+def _bound_memory() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
 def _preprocessed(file: Path, include: Sequence[Path], defines: Sequence[str]) -> bytes:

@@ -53,12 +53,14 @@ NEEDED = {
 def wrong_address(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.peripherals.items():
         address = address_of(node)
-        if peripheral.address is None or peripheral.address == address:
+        if peripheral.address is None or (peripheral.address == address and any(node.cells("reg")[1:2])):
             continue
         if address is None and node is context.pinctrl:  # its driver has the address built in
             continue
         there = [other.label for other in context.chip.at(address)] if address is not None else []
         found = "has no reg" if address is None else f"has reg {address:#x}"
+        if address == peripheral.address:
+            there, found = [], "has a reg without size"
         owner = f", where {listed(there)} is" if there else ""
         yield Finding(
             "wrong-address",

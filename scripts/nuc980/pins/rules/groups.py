@@ -13,6 +13,8 @@ from nuc980.pins.claims import (
     PINS,
     MalformedError,
     gpio_specifiers,
+    interrupt_specifiers,
+    interrupts_property,
     is_gpio_list,
     is_group,
     key_cells,
@@ -56,8 +58,23 @@ def cell_count(context: Context) -> Iterator[Finding]:
                     remedy=f"Write {name} as <&gpio NUMBER FLAGS>: the controller, then as many cells as its "
                     "#gpio-cells says (in a gpio-hog without the controller)",
                 )
+        if node not in context.peripherals:  # of those it is wrong-interrupt
+            yield from _odd_interrupts(context, node)
         if KEYS in node.strings("compatible"):
             yield from _short_key_lists(context, node)
+
+
+def _odd_interrupts(context: Context, node: Node) -> Iterator[Finding]:
+    try:
+        list(interrupt_specifiers(context.tree, node))
+    except MalformedError as error:
+        yield Finding(
+            "cell-count",
+            **at(node, interrupts_property(node)),
+            message=f"{context.name(node)} has interrupts {error}",
+            remedy=f"Write interrupts of {context.name(node)} as its interrupt-parent wants them: for gpio, "
+            "<NUMBER FLAGS>",
+        )
 
 
 def _short_key_lists(context: Context, node: Node) -> Iterator[Finding]:

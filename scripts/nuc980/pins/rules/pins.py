@@ -132,7 +132,7 @@ def gpio_conflict(context: Context) -> Iterator[Finding]:
             if not user.interrupts
             or not any(other.node is user.node and other is not user for other in users)
         ]
-        if len(users) < 2 or pin not in context.chip.pins:
+        if len(users) < 2 or pin not in context.chip.pins or all(map(_shares_its_line, users)):
             continue
         names = [f"{context.name(user.node)} ({_gpio_use(user)})" for user in users]
         yield Finding(
@@ -143,6 +143,11 @@ def gpio_conflict(context: Context) -> Iterator[Finding]:
             claimants=claimants(users),
             pins=(pin,),
         )
+
+
+def _shares_its_line(user: Claim) -> bool:
+    """Whether a driver lets others have its line: one pin can switch several supplies (fixed.c)."""
+    return "regulator-fixed" in user.node.strings("compatible")
 
 
 @rule(

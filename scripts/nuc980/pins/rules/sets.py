@@ -71,7 +71,10 @@ def incomplete_set(context: Context) -> Iterator[Finding]:
         choice = [
             f"{prefix}{signal}" for signal in needed.some if f"{prefix}{signal}" in context.chip.signals
         ]
-        lacks_choice = bool(needed.some) and not set(needed.some) & set(used)
+        # A controller of serial buses can select its devices by GPIO lines as well.
+        lacks_choice = (
+            bool(needed.some) and not {*needed.some} & {*used} and "cs-gpios" not in node.properties
+        )
         if not missing and not lacks_choice:
             continue
         what = missing + ([f"one of {', '.join(choice)}"] if lacks_choice else [])
