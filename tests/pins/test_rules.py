@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from trees import CHIP, GATEWAY_PINS, TABLE, board, cells, device, gateway, read
+from trees import CHIP, GATEWAY_PINS, TABLE, board, built, cells, device, gateway, read, set_cells
 
 from nuc980.pins.board import Accepted, load_board
 from nuc980.pins.chip import GPIO
@@ -347,3 +347,14 @@ def test_a_check_takes_less_than_50_milliseconds_of_the_processor(tmp_path: Path
         check(tree, CHIP, BOARD, BOARD.package)
         runs.append(time.process_time() - start)
     assert min(runs) < 0.05
+
+
+def test_interrupt_parents_in_a_circle_come_to_an_end() -> None:
+    tree = built(GATEWAY_PINS)
+    uart = tree.find("/apb/serial@b0071000")
+    assert uart is not None
+    set_cells(uart, "phandle", 0x900)
+    set_cells(uart, "interrupt-parent", 0x900)
+    findings = check(Tree(tree.file, tree.root, tree.from_source), CHIP)
+    assert [(finding.rule, finding.node) for finding in findings] == [("wrong-interrupt", uart.path)]
+    assert "of no interrupt controller" in findings[0].message

@@ -208,9 +208,14 @@ def interrupt_specifiers(tree: Tree, node: Node) -> Iterator[tuple[Node, list[in
 
 
 def interrupt_parent(tree: Tree, node: Node) -> Node | None:
-    """Where a node's interrupts go, as the kernel looks for it (of_irq_find_parent); None: nowhere."""
+    """
+    Where a node's interrupts go, as the kernel looks for it (of_irq_find_parent); None: nowhere, or round in
+    circles, where the kernel hangs.
+    """
     above: Node | None = node
-    while above:
+    passed: set[Node] = set()
+    while above and above not in passed:
+        passed.add(above)
         named = above.cells("interrupt-parent")
         above = tree.by_phandle.get(named[0]) if named else above.parent
         if above and "#interrupt-cells" in above.properties:
