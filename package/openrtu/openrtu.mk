@@ -23,12 +23,30 @@ OPENRTU_POST_RSYNC_HOOKS += OPENRTU_ADD_LICENSE
 
 # rtud, started as root, runs module number i as user 61200 + i with the group
 # 61200 and no capability. Here they get names: the northbound module is number
-# 1, the first line process number 3.
+# 1, the first line process number 3, whichever of them are built.
 define OPENRTU_USERS
 	openrtu 61200 openrtu 61200 * - - - OpenRTU
+	$(OPENRTU_IEC104_USER)
+	$(OPENRTU_MODBUS_USER)
+endef
+
+ifeq ($(BR2_PACKAGE_OPENRTU_IEC104),y)
+OPENRTU_CONF_OPTS += -Diec104=true
+define OPENRTU_IEC104_USER
 	rtu-iec104 61201 openrtu 61200 * - - - OpenRTU IEC 60870-5-104
+endef
+else
+OPENRTU_CONF_OPTS += -Diec104=false
+endif
+
+ifeq ($(BR2_PACKAGE_OPENRTU_MODBUS),y)
+OPENRTU_CONF_OPTS += -Dmodbus=true
+define OPENRTU_MODBUS_USER
 	rtu-modbus 61203 openrtu 61200 * - - dialout OpenRTU Modbus RTU
 endef
+else
+OPENRTU_CONF_OPTS += -Dmodbus=false
+endif
 
 define OPENRTU_INSTALL_INIT_SYSV
 	$(INSTALL) -D -m 0755 $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu/S80rtud \

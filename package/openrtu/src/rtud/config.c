@@ -125,7 +125,8 @@ static bool allocate_records(struct config_loader *loader, const json_t *root)
 	       loader->config->points != NULL;
 }
 
-static enum config_result build(struct config_loader *loader, const json_t *root)
+static enum config_result build(struct config_loader *loader, const json_t *root,
+				struct config_modules modules)
 {
 	if (!allocate_records(loader, root)) {
 		fputs("out of memory\n", loader->report.messages);
@@ -135,10 +136,14 @@ static enum config_result build(struct config_loader *loader, const json_t *root
 	config_check_collisions(loader);
 	for (uint32_t i = 0; i < loader->config->point_count; i++)
 		loader->config->points[i] = loader->entries[i].point;
-	return loader->report.errors == 0 ? CONFIG_GOOD : CONFIG_WRONG;
+	if (loader->report.errors > 0)
+		return CONFIG_WRONG;
+	config_check_modules(loader, root, modules);
+	return loader->report.errors == 0 ? CONFIG_GOOD : CONFIG_UNUSABLE;
 }
 
-enum config_result config_load(const char *path, struct map_config *out, FILE *messages)
+enum config_result config_load(const char *path, struct config_modules modules, struct map_config *out,
+			       FILE *messages)
 {
 	struct config_loader loader = {.report.messages = messages, .config = out};
 	enum config_result result = CONFIG_UNUSABLE;
@@ -147,7 +152,7 @@ enum config_result config_load(const char *path, struct map_config *out, FILE *m
 	*out = (struct map_config){.line_count = 0};
 	root = read_json(&loader.report, path);
 	if (root != NULL)
-		result = build(&loader, root);
+		result = build(&loader, root, modules);
 	if (result != CONFIG_GOOD)
 		config_free(out);
 	free(loader.entries);
@@ -163,10 +168,10 @@ void config_free(struct map_config *config)
 	*config = (struct map_config){.line_count = 0};
 }
 
-int config_check(const char *path)
+int config_check(const char *path, struct config_modules modules)
 {
 	struct map_config config;
-	enum config_result result = config_load(path, &config, stderr);
+	enum config_result result = config_load(path, modules, &config, stderr);
 
 	if (result == CONFIG_GOOD)
 		printf("%s: good: lines %u, devices %u, points %u\n", path, config.line_count,

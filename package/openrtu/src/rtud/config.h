@@ -6,6 +6,7 @@
 #ifndef OPENRTU_RTUD_CONFIG_H
 #define OPENRTU_RTUD_CONFIG_H
 
+#include <stdbool.h>
 #include <stdio.h>
 
 #include "map/config.h"
@@ -17,17 +18,23 @@
 enum config_result {
 	CONFIG_GOOD,
 	CONFIG_WRONG,    /* JSON, but not a configuration: every error was reported */
-	CONFIG_UNUSABLE, /* unreadable, too large or not JSON */
+	CONFIG_UNUSABLE, /* unreadable, too large, not JSON, or it needs a module that is not there */
+};
+
+/* The modules that there are programs of. */
+struct config_modules {
+	bool iec104, modbus;
 };
 
 /*
  * Reads the file into out, whose arrays the caller frees with config_free. Every error becomes one line in messages, with its
  * place and what was expected. Anything but CONFIG_GOOD leaves out empty.
  */
-enum config_result config_load(const char *path, struct map_config *out, FILE *messages);
+enum config_result config_load(const char *path, struct config_modules modules, struct map_config *out,
+			       FILE *messages);
 void config_free(struct map_config *config);
 
 /* rtud --check: reports the errors on stderr, or on stdout what the file describes. Returns the exit code. */
-int config_check(const char *path);
+int config_check(const char *path, struct config_modules modules);
 
 #endif

@@ -187,3 +187,19 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 		config_read_ports(loader, &file, values[FILE_PORT].json);
 	check_point_count(loader, &file);
 }
+
+void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place iec104 = config_key_of(&file, file_rules[FILE_IEC104].name);
+	const struct config_place ports = config_key_of(&file, file_rules[FILE_PORT].name);
+
+	if (!modules.iec104 && json_object_get(root, file_rules[FILE_IEC104].name) != NULL)
+		config_error(&loader->report, &iec104,
+			     "this build has no rtu-iec104: remove the object, or build with "
+			     "-Diec104=true, in Buildroot BR2_PACKAGE_OPENRTU_IEC104");
+	if (!modules.modbus && loader->config->line_count > 0)
+		config_error(&loader->report, &ports,
+			     "this build has no rtu-modbus: make no port active, or build with "
+			     "-Dmodbus=true, in Buildroot BR2_PACKAGE_OPENRTU_MODBUS");
+}

@@ -44,6 +44,8 @@ static inline bool config_is_writable(enum map_table table)
 
 /* Fills the settings, then lines, devices and entries from the ports. root: any JSON. */
 void config_read_file(struct config_loader *loader, const json_t *root);
+/* Reports what needs a module that is not there. root: a file without errors, which has been read. */
+void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules);
 
 /* ---- config_port.c ----------------------------------------------------------------------- */
 

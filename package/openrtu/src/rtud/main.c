@@ -11,6 +11,9 @@
 
 #define UID_BASE 61200 /* systemd's range of users that need no account, 61184..65519 */
 
+/* What meson's options of these names say. */
+static const struct config_modules modules = {.iec104 = OPENRTU_IEC104, .modbus = OPENRTU_MODBUS};
+
 static const char usage[] =
     "usage: rtud [OPTION]... FILE    run the gateway that the configuration FILE describes\n"
     "       rtud --check FILE        report every error in FILE\n"
@@ -22,7 +25,8 @@ static const char usage[] =
     "  --help           this text\n"
     "\n"
     "It stays in the foreground, logs to stderr and stops at SIGTERM, SIGINT or SIGHUP.\n"
-    "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage or not readable as JSON.\n";
+    "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage, FILE is not readable as\n"
+    "JSON or needs a module that this build has not.\n";
 
 struct arguments {
 	struct supervise_options supervise;
@@ -96,7 +100,7 @@ static void open_standard_streams(void)
 static int run(const struct arguments *arguments)
 {
 	struct map_config config;
-	enum config_result result = config_load(arguments->file, &config, stderr);
+	enum config_result result = config_load(arguments->file, modules, &config, stderr);
 	int code;
 
 	if (result != CONFIG_GOOD)
@@ -124,5 +128,5 @@ int main(int argc, char **argv)
 		fputs(usage, stdout);
 		return 0;
 	}
-	return arguments.check ? config_check(arguments.file) : run(&arguments);
+	return arguments.check ? config_check(arguments.file, modules) : run(&arguments);
 }

@@ -84,10 +84,10 @@ static void print_logs(struct supervisor *supervisor, unsigned lines)
 static const char *program_of(uint8_t kind)
 {
 	switch (kind) {
-	case MAP_MODULE_MODBUS:
+	case MAP_MODULE_MODBUS: /* without the program there are no lines: config_check_modules */
 		return "rtu-modbus";
-	case MAP_MODULE_IEC104:
-		return "rtu-iec104";
+	case MAP_MODULE_IEC104: /* in the map of every build, so that a module's number is the same in all */
+		return OPENRTU_IEC104 ? "rtu-iec104" : NULL;
 	default:
 		return NULL; /* rtud itself, and rtuctl, which people run */
 	}

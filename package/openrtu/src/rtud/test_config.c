@@ -18,17 +18,27 @@
 	", 'active': 1, 'baud_rate': 19200, 'data_bits': 8, 'stop_bits': 2, 'parity': 0, "                   \
 	"'slaves': [" slaves "]}"
 
-static struct map_config load(const char *text)
+static enum config_result load_with(struct config_modules modules, const char *text,
+				    struct map_config *config, FILE *messages)
 {
-	struct map_config config;
 	int file = memfd_create("gateway.json", 0);
+	enum config_result result;
 	char path[32];
 
 	for (const char *c = text; *c != '\0'; c++)
 		assert_int_equal(write(file, *c == '\'' ? "\"" : c, 1), 1);
 	snprintf(path, sizeof(path), "/proc/self/fd/%d", file);
-	assert_int_equal(config_load(path, &config, stderr), CONFIG_GOOD);
+	result = config_load(path, modules, config, messages);
 	close(file);
+	return result;
+}
+
+static struct map_config load(const char *text)
+{
+	const struct config_modules all = {.iec104 = true, .modbus = true};
+	struct map_config config;
+
+	assert_int_equal(load_with(all, text, &config, stderr), CONFIG_GOOD);
 	return config;
 }
 
@@ -195,6 +205,41 @@ static void test_tables_refer_to_each_other(void **state)
 	config_free(&config);
 }
 
+/* Each file with neither module, with one, with the other, with both: which are refused, and what is said. */
+static void test_modules_that_are_not_there(void **state)
+{
+	static const struct {
+		const char *text;
+		bool needs_iec104, needs_modbus;
+	} files[] = {
+	    {"{'port': []}", false, false},
+	    {"{'port': [{'value': 1, 'active': 0, 'slaves': [{'id': 1}]}], 'modbus': {}}", false, false},
+	    {"{'port': [], 'iec104': {}}", true, false},
+	    {"{'port': [" LINE("1", "") "]}", false, true},
+	    {"{'port': [" LINE("1", "{'id': 1}") "], 'iec104': {}}", true, true},
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(files) / sizeof(files[0]); i++)
+		for (unsigned mask = 0; mask < 4; mask++) {
+			const struct config_modules modules = {.iec104 = mask & 1u, .modbus = mask & 2u};
+			bool no_iec104 = files[i].needs_iec104 && !modules.iec104;
+			bool no_modbus = files[i].needs_modbus && !modules.modbus;
+			struct map_config config;
+			char said[1024] = "";
+			FILE *messages = fmemopen(said, sizeof(said), "w");
+			enum config_result result = load_with(modules, files[i].text, &config, messages);
+
+			fclose(messages);
+			assert_int_equal(result, no_iec104 || no_modbus ? CONFIG_UNUSABLE : CONFIG_GOOD);
+			assert_int_equal(strstr(said, "iec104: this build has no rtu-iec104: ") != NULL,
+					 no_iec104);
+			assert_int_equal(strstr(said, "port: this build has no rtu-modbus: ") != NULL,
+					 no_modbus);
+			config_free(&config);
+		}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -203,6 +248,7 @@ int main(void)
 	    cmocka_unit_test(test_settings),
 	    cmocka_unit_test(test_object_keys),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
+	    cmocka_unit_test(test_modules_that_are_not_there),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Builds that leave a module out: what they install, what they refuse and what they run."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from conftest import ROOT
+from desk import CHAPTER_5, chapter_5, everything_read
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.linesim import LineSim
+
+pytestmark = pytest.mark.slow
+
+SOURCES = ROOT / "package/openrtu/src"
+EVERYWHERE = {"rtud", "rtuctl"}
+LINES = ("rtu-modbus-1", "rtu-modbus-2")
+NO_IEC104 = (
+    "iec104: this build has no rtu-iec104: remove the object, or build with -Diec104=true, in Buildroot "
+    "BR2_PACKAGE_OPENRTU_IEC104\n"
+)
+NO_MODBUS = (
+    "port: this build has no rtu-modbus: make no port active, or build with -Dmodbus=true, in Buildroot "
+    "BR2_PACKAGE_OPENRTU_MODBUS\n"
+)
+
+
+def built(folder: Path, *options: str) -> Path:
+    for command in (
+        ["meson", "setup", folder, SOURCES, "-Dtests=disabled", *options],
+        ["meson", "install", "-C", folder, "--destdir", folder / "installed"],
+    ):
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stdout + run.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def without_iec104(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("build") / "without-iec104", "-Diec104=false")
+
+
+@pytest.fixture(scope="module")
+def without_modbus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("build") / "without-modbus", "-Dmodbus=false")
+
+
+@pytest.fixture
+def directory() -> Iterator[Path]:
+    directory = run_directory()
+    yield directory
+    remove(directory)
+
+
+def installed(build: Path) -> set[str]:
+    return {path.name for path in (build / "installed").rglob("*") if path.is_file()}
+
+
+def lines_only() -> dict[str, Any]:
+    """Chapter 5 without its IEC 60870-5-104 side."""
+    config = chapter_5()
+    del config["iec104"]
+    return config
+
+
+def station_only() -> dict[str, Any]:
+    """Chapter 5 with no port active."""
+    config = chapter_5()
+    for port in config["port"]:
+        port["active"] = 0
+    return listening_on(config, free_port())
+
+
+def refused(build: Path, directory: Path) -> str:
+    """What rtud says of chapter 5, when asked to check it and when started with it."""
+    file, segments = CHAPTER_5 / "gateway.json", directory / "map"
+    said = set()
+    for options in (["--check"], ["--map", segments, "--modules", build / "modules"]):
+        command = [build / "rtud" / "rtud", *options, file]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+        assert (run.returncode, run.stdout) == (2, "")
+        said.add(run.stderr)
+    assert not segments.exists()
+    assert len(said) == 1
+    return said.pop()
+
+
+def test_left_out_is_not_installed(without_iec104: Path, without_modbus: Path) -> None:
+    assert installed(without_iec104) == EVERYWHERE | {"rtu-modbus"}
+    assert installed(without_modbus) == EVERYWHERE | {"rtu-iec104"}
+
+
+def test_configuration_that_needs_what_is_left_out_is_refused(
+    without_iec104: Path, without_modbus: Path, directory: Path
+) -> None:
+    assert refused(without_iec104, directory) == NO_IEC104
+    assert refused(without_modbus, directory) == NO_MODBUS
+
+
+def test_lines_run_without_the_station(without_iec104: Path, directory: Path) -> None:
+    gateway = Gateway(lines_only(), directory, without_iec104)
+    command = [gateway.build / "rtud" / "rtud", "--map", gateway.map, "--dev", gateway.dev]
+    command += ["--modules", gateway.build / "modules", gateway.config_file]
+    with (
+        LineSim(gateway.config_file, CHAPTER_5 / "values.json", gateway.dev),
+        gateway.log_file.open("wb") as log,
+        subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=log) as gateway.process,
+    ):
+        try:
+            gateway.wait_for(lambda: gateway.ctl("modules", check=False) != "", 15, "there is a map")
+            gateway.wait_for(lambda: everything_read(gateway), 30, "every device has been read")
+            modules = gateway.modules()
+            assert {name: modules[name]["state"] for name in ("rtu-iec104", *LINES)} == {
+                "rtu-iec104": "stopped",
+                LINES[0]: "running",
+                LINES[1]: "running",
+            }
+            assert [module["restarts"] for module in modules.values()] == [0] * len(modules)
+            if os.geteuid() == 0:  # the numbers are those of a build with both
+                users = [Path(f"/proc/{modules[name]['pid']}").stat().st_uid for name in LINES]
+                assert users == [61203, 61204]
+        finally:
+            assert gateway.stop() == 0
+
+
+def test_station_runs_without_the_lines(without_modbus: Path, directory: Path) -> None:
+    with Gateway(station_only(), directory, without_modbus) as gateway:  # up: the station has answered
+        modules = gateway.modules()
+    assert set(modules) == {"rtud", "rtu-iec104", "rtuctl"}
+    assert modules["rtu-iec104"]["restarts"] == 0
