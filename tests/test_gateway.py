@@ -55,6 +55,7 @@ def test_broadcast_device_is_never_valid(desk: Desk) -> None:
 
 
 def test_read_command_answers_with_cause_requested(desk: Desk) -> None:
+    desk.master.interrogate(STATION)
     since = desk.master.mark()
     point = desk.master.connection.get_station(STATION).get_point(30002)
     point.read()  # what it returns is no judge: it misses an answer that comes within 0.3 ms
