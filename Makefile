@@ -97,8 +97,8 @@ export BR2_DL_DIR     ?= $(CURDIR)/build/dl
 export BR2_CCACHE_DIR ?= $(CURDIR)/build/ccache
 
 ifdef SITE
-$(if $(wildcard $(SITE)/.),,$(error SITE=$(SITE) is no folder; docs/image.md says what belongs in it))
-export OPENRTU_SITE := $(abspath $(SITE))
+export OPENRTU_SITE := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
+$(if $(OPENRTU_SITE),,$(error SITE=$(SITE) is no folder; docs/image.md says what belongs in it))
 endif
 
 image: $(IMAGES:%=build/%/images/manifest.json) ## build the images for the board (SITE=folder: with its settings)

@@ -6,3 +6,8 @@ define OPENRTU_LINUX_IMAGE_FOLDER
 	mkdir -p $(@D)/../image
 endef
 LINUX_PRE_BUILD_HOOKS += OPENRTU_LINUX_IMAGE_FOLDER
+
+# Buildroot builds local sources and device trees once: what changed since then would not be in the image.
+openrtu_sources := $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu -type f)
+$(OPENRTU_TARGET_RSYNC) $(OPENRTU_TARGET_BUILD): $(openrtu_sources)
+$(LINUX_TARGET_BUILD): $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../dts/nuvoton -type f)

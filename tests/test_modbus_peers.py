@@ -279,6 +279,7 @@ def test_command_that_the_device_refuses_is_negative(
 # ---- power -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_device_without_power_is_invalid_until_it_has_it_again(peer: Peer, peers: dict[str, Peer]) -> None:
     (other,) = (candidate for candidate in peers.values() if candidate is not peer)
     everything = set(peer.points())

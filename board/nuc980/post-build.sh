@@ -23,7 +23,7 @@ place() {
 set_root_password() {
 	[ -f "$site/root-password" ] || return 0
 	hash=$(<"$site/root-password")
-	[[ $hash =~ ^\$[0-9a-z]+\$[^:[:space:]]+$ ]] ||
+	[[ $hash =~ ^\$[0-9a-z]+\$[./0-9A-Za-z$=,]+$ ]] ||
 		fail "$site/root-password is no hash of crypt(5): make one with \"openssl passwd -6\""
 	sed -i "s|^root:[^:]*:|root:$hash:|" "$target/etc/shadow"
 }

@@ -65,10 +65,10 @@ def tree(tmp_path: Path) -> Tree:
 
 
 def test_image_builds_both(tree: Tree) -> None:
-    site = tree.folder / "site"
+    site = tree.folder / "a site"
     site.mkdir()
     (tree.buildroot / "Makefile").write_text(f"IMAGE :=\n{BUILDROOT}")  # which what was typed would override
-    done = tree.make_with_stand_in("image", "SITE=site", "IMAGE=nuc980_netboot")
+    done = tree.make_with_stand_in("image", "SITE=a site", "IMAGE=nuc980_netboot")
     assert done.returncode == 0, done.stderr
     for image in IMAGES:
         assert tree.built(image) == {

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow  # as a whole: `make dtb` validates the tree itself
+
 ROOT = Path(__file__).resolve().parents[2]
 BINDINGS = ROOT / "dts" / "bindings"
 GATEWAY = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"

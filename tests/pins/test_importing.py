@@ -63,6 +63,7 @@ def random_devices(dice: random.Random) -> dict[str, Pins]:
     return devices
 
 
+@pytest.mark.slow
 def test_random_assignments_come_back(tmp_path: Path) -> None:
     dice = random.Random(980)
     for _ in range(15):
@@ -72,6 +73,7 @@ def test_random_assignments_come_back(tmp_path: Path) -> None:
         assert not comments(table)
 
 
+@pytest.mark.slow
 def test_no_claim_of_random_cells_is_dropped(tmp_path: Path) -> None:
     dice = random.Random(980)
     for _ in range(15):

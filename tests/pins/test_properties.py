@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from trees import CHIP, GATEWAY_PINS, TABLE, built, child, set_cells, set_string
@@ -20,6 +21,8 @@ from nuc980.pins.importing import import_board
 from nuc980.pins.rules import RULES, check
 from nuc980.pins.source import read_source
 from nuc980.pins.tree import Node, Property, Tree
+
+pytestmark = pytest.mark.slow  # as a whole
 
 BOARD = load_board(TABLE, CHIP)
 Assignment = dict[str, dict[str, str]]
