@@ -93,6 +93,7 @@ PART = "part: NUC980DK61YC\n"
         (PART + "accepted: [{rule: pin-conflict, node: /x, reason: ' '}]", ["none of them empty"]),
         ("a: b: c", ["no YAML: mapping values are not allowed"]),
         ("[" * 5000, ["no YAML"]),
+        ("? [a, b]\n: c", ["no YAML"]),
     ],
 )
 def test_mistakes_are_told(tmp_path: Path, text: str, mistakes: list[str]) -> None:

@@ -1109,10 +1109,7 @@ def more_pins(pins: Mapping[str, Mapping[str, str]]) -> dict[str, Device]:
 
 
 def good_trees(folder: Path) -> list[Tree]:
-    trees = [read(folder, gateway())]
-    if DTS.exists():
-        trees.append(read_source(DTS))
-    return trees
+    return [read(folder, gateway()), read_source(DTS)]
 
 
 def test_good_trees_have_no_findings(tmp_path: Path) -> None:

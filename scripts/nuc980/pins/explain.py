@@ -11,16 +11,16 @@ from typing import NoReturn
 
 from nuc980.pins.board import Board
 from nuc980.pins.chip import BANKS, GPIO, Chip, Peripheral, gpio_number, pin_name, pin_of_gpio, pin_order
+from nuc980.pins.claims import CELLS_A_PIN
 from nuc980.pins.errors import UnusableInput
 from nuc980.pins.rules import RULES
-from nuc980.pins.rules.context import Rule
+from nuc980.pins.rules.context import Rule, cells_of, functions_of_pin
 
 PIN = re.compile(r"P?([A-G])\.?(\d{1,2})", re.IGNORECASE)  # table 2.1 of report 003 says A0
 NUMBER = r"(?:0x[0-9a-f]{1,8}|0|[1-9][0-9]{0,9})"
 LINE = re.compile(rf"<?\s*&?gpio\s*({NUMBER})(?:\s+{NUMBER})?\s*>?", re.IGNORECASE)  # <&gpio 138 0>
 CELLS = re.compile(rf"<?\s*({NUMBER}(?:\s+{NUMBER})*)\s*>?", re.IGNORECASE)
 REGISTER = re.compile(r"0x[0-9a-f]{8}", re.IGNORECASE)
-CELLS_A_PIN = 4
 
 
 def explain(word: str, chip: Chip, board: Board | None) -> list[str]:
@@ -92,7 +92,7 @@ class _Explainer:
                 "*" if use and use[1] == signal else " ",
                 str(value),
                 signal,
-                cells(pin, value),
+                cells_of(pin, value),
                 _devices(self.chip, signal),
             )
             for value, signal in self.chip.pins[pin].items()
@@ -157,7 +157,7 @@ class _Explainer:
             ]
             where = ", ".join(numbers) or f"not in {self.package.name if self.package else 'any package'}"
             here = self.board is not None and (self.board.use_of(pin) or ("", ""))[1] == signal
-            yield "*" if here else " ", pin, cells(pin, value), where, self._who(pin) if numbers else ""
+            yield "*" if here else " ", pin, cells_of(pin, value), where, self._who(pin) if numbers else ""
 
     # ---- a device ------------------------------------------------------------------------------------------
 
@@ -196,7 +196,7 @@ class _Explainer:
             here = self.board is not None and (self.board.use_of(pin) or ("", ""))[1] == signal
             lost = self.package is not None and pin not in self.package.bonded
             choices.append(
-                f"{pin} {cells(pin, value)}{'*' if here else ' (not brought out)' if lost else ''}"
+                f"{pin} {cells_of(pin, value)}{'*' if here else ' (not brought out)' if lost else ''}"
             )
         return ", ".join(choices)
 
@@ -221,11 +221,12 @@ class _Explainer:
             return
         signal = functions.get(value)
         owners = _devices(self.chip, signal or "")
+        function = signal or f"{pin} has {functions_of_pin(self.chip, pin)}"
         yield f"{written}: {pin} as {signal or 'nothing that it can be'}{f' of {owners}' if owners else ''}"
         rows = [
             ("bank", f"{bank}: P{BANKS[bank]}"),
             ("pin", f"{index}: {pin}, {self._package_pins(pin)}"),
-            ("function", f"{value}: {signal}" if signal else f"{value}: {pin} has {_listed(functions)}"),
+            ("function", f"{value}: {function}"),
             ("fourth cell", f"{conf}: pin configuration; the vendor's driver stores it and never uses it"),
             ("register", self._field(pin)),
             ("pin table", self._verdict(pin, signal)),
@@ -268,12 +269,6 @@ def _rule(rule: Rule) -> Iterator[str]:
     yield from textwrap.wrap(rule.why, 100, initial_indent="  ", subsequent_indent="  ")
 
 
-def cells(pin: str, value: int) -> str:
-    """The setting as nuvoton,pins has it: <0 0 4 0>."""
-    bank, index = pin_order(pin)
-    return f"<{bank} {index} {value} 0>"
-
-
 def _devices(chip: Chip, signal: str) -> str:
     return " or ".join(owner.label for owner in chip.owners(signal)) if signal != GPIO else ""
 
@@ -296,10 +291,6 @@ def _headed(name: str, texts: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 def _names(prefix: str, signals: Iterable[str]) -> str:
     return " ".join(prefix + signal for signal in signals)
-
-
-def _listed(functions: dict[int, str]) -> str:
-    return ", ".join(f"{value} {signal}" for value, signal in functions.items())
 
 
 def _natural(name: str) -> list[str | int]:

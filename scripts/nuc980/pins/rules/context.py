@@ -9,7 +9,18 @@ from functools import cached_property
 
 from nuc980.pins.board import Board
 from nuc980.pins.chip import GPIO, Chip, Package, Peripheral, pin_order
-from nuc980.pins.claims import Claim, State, claims, enabled_nodes, is_group, on_bus, pin_controller, states
+from nuc980.pins.claims import (
+    CELLS_A_PIN,
+    PINS,
+    Claim,
+    State,
+    claims,
+    enabled_nodes,
+    is_group,
+    on_bus,
+    pin_controller,
+    states,
+)
 from nuc980.pins.findings import Claimant, Finding
 from nuc980.pins.rules.identity import identify
 from nuc980.pins.tree import Node, Tree
@@ -120,8 +131,8 @@ class Context:
 
 def is_well_formed(group: Node) -> bool:
     """Whether a group has pins, of four cells each."""
-    cells = group.cells("nuvoton,pins")
-    return bool(cells) and len(cells) % 4 == 0
+    cells = group.cells(PINS)
+    return bool(cells) and len(cells) % CELLS_A_PIN == 0
 
 
 # ---- words ---------------------------------------------------------------------------------------

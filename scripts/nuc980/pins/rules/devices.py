@@ -106,7 +106,7 @@ def unit_address(context: Context) -> Iterator[Finding]:
 def wrong_interrupt(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.peripherals.items():
         right = interrupt_sources(peripheral, context.chip)
-        # The GPIO driver has the seven sources built in; the sources of our data disagree on one.
+        # The GPIO driver has its seven sources built in; the vendor's trees name one of them.
         has = None if not right or peripheral.label == "gpio" else _wrong_interrupts(context, node, right)
         if has is None:
             continue
