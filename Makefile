@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
+.PHONY: help setup build dtb qemu unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -85,6 +85,19 @@ dtb: $(VENV) ## generate, compile and check the board's device tree (SWITCHES=..
 	scripts/nuc980-pins check $(addprefix -D ,$(SWITCHES)) $(DTS) $(DTB)
 	scripts/validate-dtb.sh $(DTB)
 
+# ---- the twin ------------------------------------------------------------------------------------
+
+QEMU_PARTS := scripts/build-qemu.sh $(shell find board/nuc980/qemu patches/qemu -type f)
+
+qemu: build/qemu/done ## build the emulated board: QEMU with the machine nuc980
+
+build/qemu/done: $(QEMU_PARTS) build/qemu/debian.dsc | build/packages-twin.done
+	scripts/build-qemu.sh build/qemu/debian $(@D)
+	touch $@
+
+build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
+	scripts/debian-source.sh $* $(@D)/debian
+
 # ---- the image -----------------------------------------------------------------------------------
 
 IMAGES        := nuc980_gateway nuc980_netboot
@@ -161,7 +174,7 @@ lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	clang-format --dry-run -Werror $(C_FILES)
 	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
 	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH)
-	shellcheck $(SHELL_FILES)
+	shellcheck --external-sources $(SHELL_FILES)
 
 test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, quick pytest
 	$(PYTHON) -m pytest -m "not slow and not soak"

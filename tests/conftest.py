@@ -16,7 +16,7 @@ def built(variable: str, default: str) -> Path:
     """What the environment variable names, or the default below the tree's root."""
     path = Path(os.environ.get(variable, ROOT / default)).resolve()
     if not path.exists():
-        pytest.fail(f"{path} is not there: run `make build asan`, or set {variable}", pytrace=False)
+        pytest.fail(f"{path} is not there: run `make build asan qemu`, or set {variable}", pytrace=False)
     return path
 
 
@@ -35,6 +35,12 @@ def asan_programs() -> Path:
 @pytest.fixture(scope="session")
 def linesim_program() -> Path:
     return built("OPENRTU_LINESIM", "build/linesim/linesim")
+
+
+@pytest.fixture(scope="session")
+def qemu() -> Path:
+    """The program of `make qemu`."""
+    return built("OPENRTU_QEMU", "build/qemu/bin/qemu-system-arm")
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The device-tree files that are made from chip data and pin table."""
+"""What is made from chip data and pin table: device-tree files, and the pin routing of the emulated chip."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from nuc980.pins.board import Board, Device
-from nuc980.pins.chip import Chip, Peripheral, pin_order
+from nuc980.pins.chip import BANKS, Chip, Peripheral, pin_order
 
 TEMPLATES = Path(__file__).parent / "templates"
 SOC_FILE = Path("dts/nuvoton/nuc980.dtsi")
 PINS_FILE = Path("dts/nuvoton/nuc980-gateway-pins.dtsi")
+ROUTING_FILE = Path("board/nuc980/qemu/include/hw/misc/nuc980_pins_table.h")
 
 # What other nodes refer to, or what is on in every system: without a status, so on.
 ALWAYS_ON = ("aic", "pinctrl", "gpio")
@@ -53,6 +54,19 @@ def generated(chip: Chip, board: Board) -> dict[Path, str]:
             board=board,
             table=board.file.name,
             groups={label: list(_settings(chip, device)) for label, device in board.devices.items()},
+        ),
+        ROUTING_FILE: templates.get_template("nuc980_pins_table.h.j2").render(
+            table=board.file.name,
+            banks=[f"P{letter}" for letter in BANKS],
+            functions=[
+                (*pin_order(pin), sorted(functions.items()))
+                for pin, functions in sorted(chip.pins.items(), key=lambda one: pin_order(one[0]))
+            ],
+            wired=sorted(
+                (*pin_order(pin), signal)
+                for device in board.devices.values()
+                for signal, pin in device.pins.items()
+            ),
         ),
     }
 

@@ -1,0 +1,189 @@
+/*
+ * A gateway board with the Nuvoton NUC980
+ *
+ * SPDX-License-Identifier: GPL-2.0-or-later
+ */
+
+#include "qemu/osdep.h"
+#include "chardev/char.h"
+#include "exec/address-spaces.h"
+#include "hw/arm/boot.h"
+#include "hw/arm/nuc980.h"
+#include "hw/block/flash.h"
+#include "hw/boards.h"
+#include "hw/loader.h"
+#include "hw/misc/nuc980_pins_table.h"
+#include "hw/qdev-properties.h"
+#include "hw/qdev-properties-system.h"
+#include "net/net.h"
+#include "qapi/error.h"
+#include "qemu/error-report.h"
+#include "qemu/units.h"
+#include "sysemu/blockdev.h"
+#include "sysemu/reset.h"
+#include "sysemu/sysemu.h"
+
+#define TYPE_NUC980_MACHINE MACHINE_TYPE_NAME("nuc980")
+OBJECT_DECLARE_SIMPLE_TYPE(NUC980Machine, NUC980_MACHINE)
+
+#define MAX_RAM_MIB         128         /* the SDRAM controller's largest */
+#define LOADER_ADDR         0xe00000    /* U-Boot: CONFIG_SYS_TEXT_BASE */
+#define LOADER_MAX_SIZE     (1 * MiB)
+
+struct NUC980Machine {
+    MachineState parent_obj;
+
+    NUC980State soc;
+    struct arm_boot_info boot;
+    bool pace;
+};
+
+static void check_ram_size(MachineState *machine)
+{
+    uint64_t mib = machine->ram_size / MiB;
+
+    if (machine->ram_size % MiB || !is_power_of_2(mib) || mib < 2 ||
+        mib > MAX_RAM_MIB) {
+        error_report("RAM of a NUC980 is 2, 4, 8, 16, 32, 64 or 128 MiB");
+        exit(EXIT_FAILURE);
+    }
+}
+
+static bool uart_is_wired(int n)
+{
+    g_autofree char *rxd = g_strdup_printf("UART%d_RXD", n);
+
+    for (int port = 0; port < NUC980_PORTS; port++) {
+        for (int pin = 0; pin < NUC980_PINS_A_PORT; pin++) {
+            if (!g_strcmp0(nuc980_pin_wired[port][pin], rxd)) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+/* UART0 is -serial; any other that the board wires takes -chardev id=uartN. */
+static void connect_uarts(NUC980Machine *m)
+{
+    if (serial_hd(1)) {
+        error_report("only UART0 is -serial; for UART1 and up name a chardev, "
+                     "as in -chardev ...,id=uart1");
+        exit(EXIT_FAILURE);
+    }
+    for (int i = 0; i < NUC980_UARTS; i++) {
+        DeviceState *uart = DEVICE(&m->soc.uart[i]);
+        g_autofree char *id = g_strdup_printf("uart%d", i);
+        Chardev *chr = i ? qemu_chr_find(id) : serial_hd(0);
+
+        if (chr && !uart_is_wired(i)) {
+            error_report("chardev %s: the board wires no pins to UART%d "
+                         "(board/nuc980/pins.yml)", id, i);
+            exit(EXIT_FAILURE);
+        }
+        qdev_prop_set_chr(uart, "chardev", chr);
+        qdev_prop_set_bit(uart, "pace", m->pace);
+    }
+}
+
+static void connect_nics(NUC980Machine *m)
+{
+    for (int i = 0; i < NUC980_EMACS; i++) {
+        if (nd_table[i].used) {
+            qemu_check_nic_model(&nd_table[i], TYPE_NUC980_EMAC);
+            qdev_set_nic_properties(DEVICE(&m->soc.emac[i]), &nd_table[i]);
+        }
+    }
+}
+
+static void start_loader(void *opaque)
+{
+    ARMCPU *cpu = opaque;
+
+    cpu_reset(CPU(cpu));
+    cpu_set_pc(CPU(cpu), LOADER_ADDR);
+}
+
+/* What the boot ROM and the SPL do: U-Boot is in RAM, and runs. */
+static void load_loader(NUC980Machine *m, const char *file)
+{
+    if (load_image_targphys(file, LOADER_ADDR, LOADER_MAX_SIZE) < 0) {
+        error_report("cannot load %s, a boot loader of at most 1 MiB", file);
+        exit(EXIT_FAILURE);
+    }
+    qemu_register_reset(start_loader, &m->soc.cpu);
+}
+
+static void nuc980_machine_init(MachineState *machine)
+{
+    NUC980Machine *m = NUC980_MACHINE(machine);
+    DriveInfo *nand = drive_get(IF_MTD, 0, 0);
+
+    check_ram_size(machine);
+    memory_region_add_subregion(get_system_memory(), 0, machine->ram);
+
+    object_initialize_child(OBJECT(machine), "soc", &m->soc, TYPE_NUC980);
+    object_property_set_uint(OBJECT(&m->soc), "ram-mib",
+                             machine->ram_size / MiB, &error_abort);
+    object_property_set_bool(OBJECT(&m->soc), "booted",
+                             machine->kernel_filename || machine->firmware,
+                             &error_abort);
+    connect_uarts(m);
+    connect_nics(m);
+    qdev_realize(DEVICE(&m->soc), NULL, &error_fatal);
+
+    if (nand) {
+        /* 128 MiB, pages of 2 KiB and 64 spare bytes */
+        m->soc.fmi.nand = nand_init(blk_by_legacy_dinfo(nand), 0xec, 0xf1);
+    }
+    if (machine->firmware) {
+        load_loader(m, machine->firmware);
+    } else {
+        m->boot.ram_size = machine->ram_size;
+        m->boot.board_id = -1;          /* device tree only */
+        arm_load_kernel(&m->soc.cpu, machine, &m->boot);
+    }
+}
+
+static bool machine_get_pace(Object *obj, Error **errp)
+{
+    return NUC980_MACHINE(obj)->pace;
+}
+
+static void machine_set_pace(Object *obj, bool value, Error **errp)
+{
+    NUC980_MACHINE(obj)->pace = value;
+}
+
+static void nuc980_machine_instance_init(Object *obj)
+{
+    NUC980_MACHINE(obj)->pace = true;
+}
+
+static void nuc980_machine_class_init(ObjectClass *klass, void *data)
+{
+    MachineClass *mc = MACHINE_CLASS(klass);
+
+    mc->desc = "Gateway board with the Nuvoton NUC980 (ARM926EJ-S)";
+    mc->init = nuc980_machine_init;
+    mc->default_ram_size = 64 * MiB;
+    mc->default_ram_id = "nuc980.ram";
+    /* Reason: the vendor's kernel probes blocks that are not modelled */
+    mc->ignore_memory_transaction_failures = true;
+    object_class_property_add_bool(klass, "pace", machine_get_pace,
+                                   machine_set_pace);
+    object_class_property_set_description(klass, "pace",
+        "UARTs move characters at the programmed speed (default: on)");
+}
+
+static const TypeInfo nuc980_machine_types[] = {
+    {
+        .name = TYPE_NUC980_MACHINE,
+        .parent = TYPE_MACHINE,
+        .instance_size = sizeof(NUC980Machine),
+        .instance_init = nuc980_machine_instance_init,
+        .class_init = nuc980_machine_class_init,
+    },
+};
+
+DEFINE_TYPES(nuc980_machine_types)

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One run of the emulated board: its process, its monitor, its serial lines, and its bus as qtest sees it."""
+
+from __future__ import annotations
+
+import select
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from qemu.qmp.legacy import QEMUMonitorProtocol
+
+ANSWER_SECONDS = 60.0
+
+
+class MachineError(Exception):
+    """QEMU ended, refused a command, or kept silent; the text has what it said."""
+
+
+class SerialLine:
+    """The far end of a UART's wires, or of the bus that its transceiver drives."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self._socket = sock
+        self.seen = b""  # all that has come so far
+
+    def send(self, data: bytes) -> None:
+        """Puts bytes on the line."""
+        self._socket.sendall(data)
+
+    def receive(self, seconds: float) -> bytes:
+        """What comes within the time, at once when something is there; b"" when nothing does."""
+        ready, _, _ = select.select([self._socket], [], [], seconds)
+        data = self._socket.recv(65536) if ready else b""
+        self.seen += data
+        return data
+
+    def wait_for(self, text: bytes, seconds: float = ANSWER_SECONDS) -> bytes:
+        """Reads until text has come after the last wait_for; returns all up to its end."""
+        deadline = time.monotonic() + seconds
+        while text not in self.seen:
+            left = deadline - time.monotonic()
+            if left <= 0 or not self.receive(left):
+                raise MachineError(f"no {text!r} within {seconds} s; the line said {self.seen[-2000:]!r}")
+        end = self.seen.index(text) + len(text)
+        before, self.seen = self.seen[:end], self.seen[end:]
+        return before
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class Machine:
+    """The board under QEMU, from `with` to its end.
+
+    registers: only the bus, no processor runs, and time stands still but for step(). Else the machine runs,
+    and the bus can be looked at beside it.
+    uarts: the numbers whose far ends are wanted, as .uarts[n].
+    """
+
+    def __init__(
+        self,
+        program: Path,
+        *arguments: str | Path,
+        options: str = "",
+        registers: bool = False,
+        uarts: Sequence[int] = (0,),
+    ) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="twin-")
+        folder = Path(self._folder.name)
+        self.log = folder / "qemu.log"
+        self.uarts: dict[int, SerialLine] = {}
+        listeners = {name: _listen(folder / name) for name in ("qtest", *(f"uart{n}" for n in uarts))}
+        command: list[str | Path] = [
+            program, "-M", f"nuc980{options and ','}{options}", "-nodefaults", "-display", "none",
+            "-qmp", f"unix:{folder}/qmp,server=off", "-qtest", f"unix:{folder}/qtest", "-qtest-log", "none",
+            "-d", "guest_errors,unimp", "-D", self.log,
+        ]  # fmt: skip
+        if registers:
+            command += ["-accel", "qtest"]
+        for number in uarts:
+            command += ["-chardev", f"socket,id=uart{number},path={folder}/uart{number}"]
+        command += ["-serial", "chardev:uart0" if 0 in uarts else "none"]
+        self._qmp = QEMUMonitorProtocol(f"{folder}/qmp", server=True)
+        with (folder / "output").open("wb") as output:
+            self.process = subprocess.Popen(
+                [*command, *arguments], stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            )
+        try:
+            self._qtest = self._accept(listeners["qtest"])
+            self.uarts = {n: SerialLine(self._accept(listeners[f"uart{n}"])) for n in uarts}
+            self._qmp.accept(ANSWER_SECONDS)
+        except BaseException:
+            self.close()
+            raise
+        finally:
+            for listener in listeners.values():
+                listener.close()
+        self._answers = self._qtest.makefile("r", encoding="ascii")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the run and removes its files."""
+        self.process.kill()
+        self.process.wait()
+        self._qmp.close()
+        for line in self.uarts.values():
+            line.close()
+        self._folder.cleanup()
+
+    @property
+    def output(self) -> str:
+        """What QEMU itself has written to its standard output and error."""
+        return (Path(self._folder.name) / "output").read_text(errors="replace")
+
+    @property
+    def complaints(self) -> str:
+        """What the guest did wrong, and what is not modelled, as QEMU has logged it so far."""
+        return self.log.read_text(errors="replace") if self.log.exists() else ""
+
+    # ---- monitor
+
+    def command(self, name: str, **arguments: Any) -> Any:
+        """A QMP command's result."""
+        return self._qmp.cmd(name, **arguments)
+
+    def info(self, what: str) -> str:
+        """What the human monitor answers to `info what`."""
+        return self.command("human-monitor-command", command_line=f"info {what}")
+
+    def monitor(self, line: str) -> str:
+        """What the human monitor answers."""
+        return self.command("human-monitor-command", command_line=line)
+
+    # ---- bus
+
+    def read(self, address: int) -> int:
+        """A register's 32 bits."""
+        return int(self._ask(f"readl {address:#x}"), 16)
+
+    def write(self, address: int, value: int) -> None:
+        """Sets a register's 32 bits."""
+        self._ask(f"writel {address:#x} {value:#x}")
+
+    def read_byte(self, address: int) -> int:
+        return int(self._ask(f"readb {address:#x}"), 16)
+
+    def write_byte(self, address: int, value: int) -> None:
+        self._ask(f"writeb {address:#x} {value:#x}")
+
+    def read_memory(self, address: int, size: int) -> bytes:
+        """Memory's bytes, also those of a register block."""
+        return bytes.fromhex(self._ask(f"read {address:#x} {size:#x}")[2:])
+
+    def write_memory(self, address: int, data: bytes) -> None:
+        self._ask(f"write {address:#x} {len(data):#x} 0x{data.hex()}")
+
+    def step(self, nanoseconds: int) -> None:
+        """Lets virtual time pass (registers only); due timers run on the way, each at its time."""
+        self._ask(f"clock_step {nanoseconds}")
+
+    def _ask(self, line: str) -> str:
+        self._qtest.sendall(line.encode() + b"\n")
+        while True:
+            answer = self._answers.readline().split()
+            if not answer:
+                raise MachineError(f"QEMU ended at '{line}': {self.output}")
+            if answer[0] == "OK":
+                return answer[1] if len(answer) > 1 else ""
+            if answer[0] != "IRQ":
+                raise MachineError(f"'{line}': {' '.join(answer)}")
+
+    def _accept(self, listener: socket.socket) -> socket.socket:
+        while True:
+            ready, _, _ = select.select([listener], [], [], 0.1)
+            if ready:
+                connection, _ = listener.accept()
+                connection.settimeout(ANSWER_SECONDS)
+                return connection
+            if self.process.poll() is not None:
+                raise MachineError(f"QEMU ended with {self.process.returncode}: {self.output}")
+
+
+def _listen(path: Path) -> socket.socket:
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(str(path))
+    listener.listen(1)
+    return listener

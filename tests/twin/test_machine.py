@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The machine itself: its options, and what it refuses."""
+
+from collections.abc import Callable
+
+import pytest
+
+from nuc980.twin.machine import Machine, MachineError
+
+SDIC_SIZE0 = 0xB0002010
+
+
+@pytest.mark.parametrize(("option", "code"), [("64M", 6), ("32M", 5), ("128M", 7)])
+def test_ram_size_is_what_the_sdram_controller_says(
+    board: Callable[..., Machine], option: str, code: int
+) -> None:
+    assert board("-m", option, registers=True).read(SDIC_SIZE0) & 7 == code
+
+
+@pytest.mark.parametrize("size", ["3M", "256M", "1M"])
+def test_impossible_ram_is_refused(board: Callable[..., Machine], size: str) -> None:
+    with pytest.raises(MachineError, match="RAM of a NUC980 is 2, 4, 8, 16, 32, 64 or 128 MiB"):
+        board("-m", size, registers=True)
+
+
+def test_second_serial_is_refused(board: Callable[..., Machine]) -> None:
+    with pytest.raises(MachineError, match="only UART0 is -serial"):
+        board("-serial", "null", registers=True)
+
+
+def test_uart_without_wires_is_refused(board: Callable[..., Machine]) -> None:
+    with pytest.raises(MachineError, match="no pins to UART5"):
+        board(registers=True, uarts=(0, 5))
