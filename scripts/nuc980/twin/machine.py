@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from qemu.qmp import QMPError
 from qemu.qmp.legacy import QEMUMonitorProtocol
 
 ANSWER_SECONDS = 60.0
@@ -94,7 +95,7 @@ class Machine:
         try:
             self._qtest = self._accept(listeners["qtest"])
             self.uarts = {n: SerialLine(self._accept(listeners[f"uart{n}"])) for n in uarts}
-            self._qmp.accept(ANSWER_SECONDS)
+            self._greet()
         except BaseException:
             self.close()
             raise
@@ -184,6 +185,13 @@ class Machine:
                 return answer[1] if len(answer) > 1 else ""
             if answer[0] != "IRQ":
                 raise MachineError(f"'{line}': {' '.join(answer)}")
+
+    def _greet(self) -> None:
+        try:
+            self._qmp.accept(ANSWER_SECONDS)
+        except QMPError as error:
+            self.process.wait(ANSWER_SECONDS)
+            raise MachineError(f"QEMU ended with {self.process.returncode}: {self.output}") from error
 
     def _accept(self, listener: socket.socket) -> socket.socket:
         while True:
