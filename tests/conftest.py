@@ -43,6 +43,12 @@ def qemu() -> Path:
     return built("OPENRTU_QEMU", "build/qemu/bin/qemu-system-arm")
 
 
+@pytest.fixture(scope="session")
+def qemu_source() -> Path:
+    """What it was built from, QEMU's own tools among it."""
+    return built("OPENRTU_QEMU_SOURCE", "build/qemu/source")
+
+
 @pytest.fixture(scope="module")
 def desk(programs: Path) -> Iterator[Desk]:
     """The gateway of chapter 5 between simulated devices and a controlling station; one a module."""
