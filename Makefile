@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
+.PHONY: help setup build dtb qemu uboot unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -93,6 +93,14 @@ qemu: build/qemu/done ## build the emulated board: QEMU with the machine nuc980
 
 build/qemu/done: $(QEMU_PARTS) build/qemu/debian.dsc | build/packages-twin.done
 	scripts/build-qemu.sh build/qemu/debian $(@D)
+	touch $@
+
+UBOOT_PARTS := scripts/build-uboot.sh $(shell find patches/uboot dts/nuvoton -type f)
+
+uboot: build/u-boot/done ## build the board's U-Boot
+
+build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.done
+	scripts/build-uboot.sh build/u-boot/debian $(@D)
 	touch $@
 
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
