@@ -136,7 +136,7 @@ class Machine:
 
     # ---- monitor
 
-    def command(self, name: str, **arguments: Any) -> Any:
+    def command(self, name: str, /, **arguments: Any) -> Any:
         """A QMP command's result."""
         return self._qmp.cmd(name, **arguments)
 
