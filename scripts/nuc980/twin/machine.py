@@ -142,11 +142,11 @@ class Machine:
 
     def info(self, what: str) -> str:
         """What the human monitor answers to `info what`."""
-        return self.command("human-monitor-command", command_line=f"info {what}")
+        return self.monitor(f"info {what}")
 
     def monitor(self, line: str) -> str:
         """What the human monitor answers."""
-        return self.command("human-monitor-command", command_line=line)
+        return self.command("human-monitor-command", **{"command-line": line})
 
     # ---- bus
 
