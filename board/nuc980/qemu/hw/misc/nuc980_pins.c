@@ -72,7 +72,7 @@ static unsigned pin_value(NUC980PinsState *s, unsigned n)
     return extract32(s->mfp[n / 8], 4 * (n % 8), 4);
 }
 
-const char *nuc980_pins_signal(NUC980PinsState *s, unsigned n)
+static const char *pin_signal(NUC980PinsState *s, unsigned n)
 {
     return pin_function(n, pin_value(s, n));
 }
@@ -101,19 +101,34 @@ static bool is_eint(const char *signal)
     return signal && g_str_has_prefix(signal, "EINT");
 }
 
+bool nuc980_pin_exists(unsigned n)
+{
+    return pin_function(n, GPIO_VALUE);
+}
+
+int nuc980_pin_eint(unsigned n)
+{
+    for (unsigned value = 0; value < NUC980_PIN_VALUES; value++) {
+        if (is_eint(pin_function(n, value))) {
+            return pin_function(n, value)[strlen("EINT")] - '0';
+        }
+    }
+    return -1;
+}
+
 /* ---- conflicts */
 
 /* The first other pin that is the same signal, or -1 */
 static int pin_twin(NUC980PinsState *s, unsigned n)
 {
-    const char *signal = nuc980_pins_signal(s, n);
+    const char *signal = pin_signal(s, n);
 
     /* GPIO tells apart the pins of one external interrupt. */
     if (!signal || pin_value(s, n) == GPIO_VALUE || is_eint(signal)) {
         return -1;
     }
     for (int i = 0; i < NUC980_PIN_COUNT; i++) {
-        if (i != n && !g_strcmp0(nuc980_pins_signal(s, i), signal)) {
+        if (i != n && !g_strcmp0(pin_signal(s, i), signal)) {
             return i;
         }
     }
@@ -141,10 +156,10 @@ static char *pin_conflict(NUC980PinsState *s, unsigned n)
     int twin = pin_twin(s, n);
 
     if (value != GPIO_VALUE) {
-        if (!pin_function(n, GPIO_VALUE)) {
+        if (!nuc980_pin_exists(n)) {
             add_reason(reasons, "the chip has no such pin");
         } else if (!pin_function(n, value)) {
-            add_reason(reasons, "the pin has no function %u", value);
+            add_reason(reasons, "it has no function %u", value);
         }
         if (pin_closed(n)) {
             add_reason(reasons, "%s", pin_closed(n));
@@ -157,7 +172,7 @@ static char *pin_conflict(NUC980PinsState *s, unsigned n)
             add_reason(reasons, "the board wires it to %s", pin_wired(n));
         }
         if (twin >= 0) {
-            add_reason(reasons, "%s is that too", nuc980_pin_name(twin));
+            add_reason(reasons, "%s is the same", nuc980_pin_name(twin));
         }
     }
     return g_string_free(reasons, !reasons->len);
@@ -166,7 +181,7 @@ static char *pin_conflict(NUC980PinsState *s, unsigned n)
 /* Once for each function of a pin: a guest may switch it to and fro. */
 static void pin_warn(NUC980PinsState *s, unsigned n)
 {
-    const char *function = nuc980_pins_signal(s, n) ?: "nothing";
+    const char *function = pin_signal(s, n) ?: "nothing";
     g_autofree char *why = pin_conflict(s, n);
 
     if (!why) {
@@ -255,7 +270,7 @@ static void pin_connect(NUC980PinsState *s, unsigned n, bool on)
 static void pin_drive(NUC980PinsState *s, unsigned n)
 {
     qemu_set_irq(s->peripheral[n], pin_value(s, n) != GPIO_VALUE);
-    qemu_set_irq(s->eint[n], is_eint(nuc980_pins_signal(s, n)));
+    qemu_set_irq(s->eint[n], is_eint(pin_signal(s, n)));
 }
 
 static bool is_taken(unsigned n, unsigned from, unsigned to)
@@ -354,7 +369,7 @@ static const char *pin_state(NUC980PinsState *s, unsigned n)
 static QDict *view_pin(NUC980PinsState *s, unsigned n)
 {
     QDict *pin = qdict_new();
-    const char *function = nuc980_pins_signal(s, n);
+    const char *function = pin_signal(s, n);
     const char *owner = function ? signal_owner(function) : NULL;
     g_autofree char *conflict = pin_conflict(s, n);
 
@@ -401,7 +416,7 @@ static QDict *pins_view(NUC980PinsState *s)
     QList *devices = qlist_new();
 
     for (int n = 0; n < NUC980_PIN_COUNT; n++) {
-        if (pin_function(n, GPIO_VALUE) || pin_value(s, n) != GPIO_VALUE) {
+        if (nuc980_pin_exists(n) || pin_value(s, n) != GPIO_VALUE) {
             qlist_append(pins, view_pin(s, n));
         }
     }
@@ -567,7 +582,8 @@ static void pins_init(Object *obj)
     qdev_init_gpio_out_named(dev, s->emac_rmii, "emac-rmii", NUC980_EMACS);
     qdev_init_gpio_out_named(dev, s->emac_mdio, "emac-mdio", NUC980_EMACS);
     qdev_init_gpio_out_named(dev, &s->nand, "nand", 1);
-    qdev_init_gpio_out_named(dev, s->peripheral, "peripheral", NUC980_PIN_COUNT);
+    qdev_init_gpio_out_named(dev, s->peripheral, "peripheral",
+                             NUC980_PIN_COUNT);
     qdev_init_gpio_out_named(dev, s->eint, "eint", NUC980_PIN_COUNT);
     timer_init_ns(&s->settled, QEMU_CLOCK_VIRTUAL, pins_settled, s);
 }

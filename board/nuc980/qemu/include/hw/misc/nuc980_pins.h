@@ -56,7 +56,7 @@ struct NUC980PinsState {
     qemu_irq peripheral[NUC980_PIN_COUNT], eint[NUC980_PIN_COUNT];
 
     uint32_t mfp[NUC980_MFP_REGS];
-    uint8_t taken[NUC980_PIN_COUNT];     /* value that it was switched from */
+    uint8_t taken[NUC980_PIN_COUNT];    /* value that it was switched from */
 
     /* The wiring, and how much of it is connected: follows from mfp */
     NUC980PinLine line[NUC980_PIN_LINES];
@@ -64,7 +64,7 @@ struct NUC980PinsState {
     NUC980PinOwner owner[NUC980_PIN_OWNERS];
     NUC980PinLine *line_of[NUC980_PIN_COUNT];
     NUC980PinOwner *owner_of[NUC980_PIN_COUNT];
-    uint8_t wanted[NUC980_PIN_COUNT];    /* value of the wired signal */
+    uint8_t wanted[NUC980_PIN_COUNT];   /* value of the wired signal */
 
     /* Warnings: the values of each pin that one was given for */
     uint16_t told[NUC980_PIN_COUNT];
@@ -74,8 +74,9 @@ struct NUC980PinsState {
 /* The system registers' side: an MFP register, numbered from 0, was written */
 void nuc980_pins_write(NUC980PinsState *s, unsigned reg, uint32_t value);
 
-/* Name of a pin, and the signal it now is; NULL for no function */
+/* What is the same in every run: pins are numbered from PA0 */
 const char *nuc980_pin_name(unsigned pin);
-const char *nuc980_pins_signal(NUC980PinsState *s, unsigned pin);
+bool nuc980_pin_exists(unsigned pin);
+int nuc980_pin_eint(unsigned pin);  /* external interrupt it can be, or -1 */
 
 #endif /* HW_MISC_NUC980_PINS_H */
