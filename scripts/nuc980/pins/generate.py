@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,6 +69,8 @@ def generated(chip: Chip, board: Board) -> dict[Path, str]:
                 for device in board.devices.values()
                 for signal, pin in device.pins.items()
             ),
+            owners=sorted(_owners(chip).items()),
+            closed=sorted((*pin_order(pin), _c_string(why)) for pin, why in _closed(chip, board).items()),
         ),
     }
 
@@ -96,6 +100,29 @@ def _settings(chip: Chip, device: Device) -> Iterator[Setting]:
     for signal, pin in device.pins.items():
         bank, index = pin_order(pin)
         yield Setting(f"{bank} {index} {chip.value(pin, signal)} 0", pin, signal)
+
+
+def _owners(chip: Chip) -> dict[str, str]:
+    """Prefix of signals: the labels of whose they are; a smart card's are those of two."""
+    labels: dict[str, list[str]] = {}
+    for label, peripheral in chip.peripherals.items():
+        for prefix in peripheral.signals:
+            labels.setdefault(prefix, []).append(label)
+    return {prefix: " or ".join(names) for prefix, names in labels.items()}
+
+
+def _closed(chip: Chip, board: Board) -> dict[str, str]:
+    """Pin: why nothing may use it."""
+    hidden = {
+        pin: f"not brought out by {board.package.name}" for pin in chip.pins if pin not in board.package.bonded
+    }
+    reserved = {pin: f"reserved: {use}" for pin, use in board.reserved.items()}
+    return hidden | reserved | dict.fromkeys(board.not_connected, "not connected")
+
+
+def _c_string(text: str) -> str:
+    """A literal that leaves its line of C below 80 characters; json's escapes are among C's."""
+    return json.dumps(textwrap.shorten(text, 55, placeholder=" ..."), ensure_ascii=False)
 
 
 def _comment(text: str) -> str:

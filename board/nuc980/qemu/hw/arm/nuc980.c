@@ -164,6 +164,27 @@ static void nuc980_realize_emac(NUC980State *s, int i)
     nuc980_route(s, "emac-mdio", i, emac, "mdio");
 }
 
+static void nuc980_realize_gpio(NUC980State *s)
+{
+    static const int sources[NUC980_GPIO_PORTS + NUC980_GPIO_EINTS] = {
+        8, 9, 10, 11, 49, 57, 63,       /* ports A to G */
+        4, 5, 6, 7,                     /* EINT0 to EINT3 */
+    };
+    DeviceState *gpio = DEVICE(&s->gpio);
+
+    nuc980_place(gpio, 0xb0004000);
+    for (int i = 0; i < ARRAY_SIZE(sources); i++) {
+        nuc980_interrupt(s, gpio, i, sources[i]);
+    }
+    for (int n = 0; n < NUC980_PIN_COUNT; n++) {
+        qdev_connect_gpio_out_named(DEVICE(&s->pins), "peripheral", n,
+                                    qdev_get_gpio_in_named(gpio, "peripheral",
+                                                           n));
+        qdev_connect_gpio_out_named(DEVICE(&s->pins), "eint", n,
+                                    qdev_get_gpio_in_named(gpio, "eint", n));
+    }
+}
+
 static void nuc980_realize(DeviceState *dev, Error **errp)
 {
     NUC980State *s = NUC980(dev);
@@ -206,12 +227,13 @@ static void nuc980_realize(DeviceState *dev, Error **errp)
     }
     nuc980_realize_pdma(s);
 
-    nuc980_place(&s->gpio, 0xb0004000);
+    nuc980_realize_gpio(s);
     nuc980_place(&s->fmi, 0xb0019000);
     nuc980_interrupt(s, &s->fmi, 0, 28);
     nuc980_route(s, "nand", 0, &s->fmi, "pins");
     for (int i = 0; i < NUC980_SPIS; i++) {
         nuc980_place(&s->spi[i], spi_map[i].addr);
+        nuc980_interrupt(s, &s->spi[i], 0, spi_map[i].irq);
     }
     for (int i = 0; i < NUC980_EMACS; i++) {
         nuc980_realize_emac(s, i);

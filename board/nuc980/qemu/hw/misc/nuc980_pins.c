@@ -1,6 +1,20 @@
 /*
  * Nuvoton NUC980 pins: multi-function routing and the board's wiring
  *
+ * Each pin has a field of four bits in the MFP registers that makes it a GPIO
+ * (0) or one of up to eight signals of the peripherals. A peripheral's line
+ * works while the pin that the board wires to it carries its signal. Whatever
+ * cannot work on a board is warned of, and stands in `info nuc980-pins` while
+ * it lasts:
+ *  - a value without a function, a pin that does not exist, is not brought out
+ *    or must not be used;
+ *  - a pin switched straight from one peripheral to another, which takes it
+ *    from the first without its driver's knowledge;
+ *  - a signal on a pin that the board wires to another one: two drivers on
+ *    one wire, or none;
+ *  - one signal on two pins;
+ *  - a device of the board that has but a part of its pins.
+ *
  * SPDX-License-Identifier: GPL-2.0-or-later
  */
 
@@ -9,83 +23,324 @@
 #include "hw/misc/nuc980_pins.h"
 #include "hw/misc/nuc980_pins_table.h"
 #include "migration/vmstate.h"
+#include "monitor/monitor.h"
+#include "qapi/qmp/qdict.h"
+#include "qapi/qmp/qlist.h"
+#include "qapi/visitor.h"
+#include "qemu/error-report.h"
+#include "trace.h"
 
-static const char *pins_function(NUC980PinsState *s, int port, int pin)
+#define GPIO_VALUE          0
+
+/*
+ * Drivers switch a device's pins one by one. Only what is left of that after
+ * this time is a device without some of its pins.
+ */
+#define SETTLE_NS           (100 * SCALE_MS)
+
+QEMU_BUILD_BUG_ON(NUC980_PIN_COUNT != NUC980_PORTS * NUC980_PINS_A_PORT);
+QEMU_BUILD_BUG_ON(ARRAY_SIZE(nuc980_pin_owner) > NUC980_PIN_OWNERS);
+
+const char *nuc980_pin_name(unsigned n)
 {
-    uint32_t value = extract32(s->mfp[2 * port + pin / 8], 4 * (pin % 8), 4);
+    static char names[NUC980_PIN_COUNT][5];
 
-    return nuc980_pin_function[port][pin][value];
+    g_assert(n < NUC980_PIN_COUNT);
+    snprintf(names[n], sizeof(names[n]), "P%c%u",
+             'A' + n / NUC980_PINS_A_PORT, n % NUC980_PINS_A_PORT);
+    return names[n];
 }
 
-/* All pins that the board wires to a signal of this prefix carry it. */
-static bool pins_routed(NUC980PinsState *s, const char *prefix)
+static const char *pin_function(unsigned n, unsigned value)
 {
-    bool any = false;
+    return nuc980_pin_function[n / NUC980_PINS_A_PORT]
+                              [n % NUC980_PINS_A_PORT][value];
+}
 
-    for (int port = 0; port < NUC980_PORTS; port++) {
-        for (int pin = 0; pin < NUC980_PINS_A_PORT; pin++) {
-            const char *wired = nuc980_pin_wired[port][pin];
+static const char *pin_wired(unsigned n)
+{
+    return nuc980_pin_wired[n / NUC980_PINS_A_PORT][n % NUC980_PINS_A_PORT];
+}
 
-            if (wired && g_str_has_prefix(wired, prefix)) {
-                if (g_strcmp0(pins_function(s, port, pin), wired)) {
-                    return false;
-                }
-                any = true;
-            }
+static const char *pin_closed(unsigned n)
+{
+    return nuc980_pin_closed[n / NUC980_PINS_A_PORT][n % NUC980_PINS_A_PORT];
+}
+
+static unsigned pin_value(NUC980PinsState *s, unsigned n)
+{
+    return extract32(s->mfp[n / 8], 4 * (n % 8), 4);
+}
+
+static const char *pin_signal(NUC980PinsState *s, unsigned n)
+{
+    return pin_function(n, pin_value(s, n));
+}
+
+/* Index of a signal's prefix in the table; -1: of no peripheral there */
+static int signal_prefix(const char *signal)
+{
+    for (int i = 0; i < ARRAY_SIZE(nuc980_pin_owner); i++) {
+        if (g_str_has_prefix(signal, nuc980_pin_owner[i].prefix)) {
+            return i;
         }
     }
-    return any;
+    return -1;
 }
 
-static void pins_set(NUC980PinsState *s, qemu_irq line, const char *fmt, int n)
+/* Whose signal this is; NULL: of no peripheral in the table */
+static const char *signal_owner(const char *signal)
 {
-    g_autofree char *prefix = g_strdup_printf(fmt, n);
+    int prefix = signal_prefix(signal);
 
-    qemu_set_irq(line, pins_routed(s, prefix));
+    return prefix < 0 ? NULL : nuc980_pin_owner[prefix].owner;
 }
 
-static bool pins_all(NUC980PinsState *s, int n, const char *const *names)
+static bool is_eint(const char *signal)
 {
-    bool all = true;
-
-    for (; *names; names++) {
-        g_autofree char *name = g_strdup_printf("RMII%d_%s", n, *names);
-
-        all &= pins_routed(s, name);
-    }
-    return all;
+    return signal && g_str_has_prefix(signal, "EINT");
 }
 
-static void pins_update(NUC980PinsState *s)
+bool nuc980_pin_exists(unsigned n)
 {
-    static const char *const rmii[] = {
-        "RXERR", "CRSDV", "RXD1", "RXD0", "REFCLK", "TXEN", "TXD1", "TXD0", NULL
-    };
-    static const char *const mdio[] = { "MDIO", "MDC", NULL };
+    return pin_function(n, GPIO_VALUE);
+}
 
-    for (int i = 0; i < NUC980_UARTS; i++) {
-        pins_set(s, s->uart_rxd[i], "UART%d_RXD", i);
-        pins_set(s, s->uart_txd[i], "UART%d_TXD", i);
-        pins_set(s, s->uart_rts[i], "UART%d_RTS", i);
-        pins_set(s, s->uart_cts[i], "UART%d_CTS", i);
+int nuc980_pin_eint(unsigned n)
+{
+    for (unsigned value = 0; value < NUC980_PIN_VALUES; value++) {
+        if (is_eint(pin_function(n, value))) {
+            return pin_function(n, value)[strlen("EINT")] - '0';
+        }
     }
-    for (int i = 0; i < NUC980_EMACS; i++) {
-        qemu_set_irq(s->emac_rmii[i], pins_all(s, i, rmii));
-        qemu_set_irq(s->emac_mdio[i], pins_all(s, i, mdio));
+    return -1;
+}
+
+/* ---- conflicts */
+
+/* The first other pin that is the same signal, or -1 */
+static int pin_twin(NUC980PinsState *s, unsigned n)
+{
+    const char *signal = pin_signal(s, n);
+
+    /* GPIO tells apart the pins of one external interrupt. */
+    if (!signal || pin_value(s, n) == GPIO_VALUE || is_eint(signal)) {
+        return -1;
     }
-    qemu_set_irq(s->nand, pins_routed(s, "NAND_"));
+    for (int i = 0; i < NUC980_PIN_COUNT; i++) {
+        if (i != n && !g_strcmp0(pin_signal(s, i), signal)) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+static void G_GNUC_PRINTF(2, 3) add_reason(GString *reasons,
+                                           const char *fmt, ...)
+{
+    va_list args;
+
+    if (reasons->len) {
+        g_string_append(reasons, "; ");
+    }
+    va_start(args, fmt);
+    g_string_append_vprintf(reasons, fmt, args);
+    va_end(args);
+}
+
+/* Why a pin cannot be what it is switched to; NULL if it can */
+static char *pin_conflict(NUC980PinsState *s, unsigned n)
+{
+    GString *reasons = g_string_new(NULL);
+    unsigned value = pin_value(s, n);
+    int twin = pin_twin(s, n);
+
+    if (value != GPIO_VALUE) {
+        if (!nuc980_pin_exists(n)) {
+            add_reason(reasons, "the chip has no such pin");
+        } else if (!pin_function(n, value)) {
+            add_reason(reasons, "it has no function %u", value);
+        }
+        if (pin_closed(n)) {
+            add_reason(reasons, "%s", pin_closed(n));
+        }
+        if (s->taken[n]) {
+            add_reason(reasons, "taken from %s",
+                       pin_function(n, s->taken[n]));
+        }
+        if (pin_wired(n) && value != s->wanted[n]) {
+            add_reason(reasons, "the board wires it to %s", pin_wired(n));
+        }
+        if (twin >= 0) {
+            add_reason(reasons, "%s is the same", nuc980_pin_name(twin));
+        }
+    }
+    return g_string_free(reasons, !reasons->len);
+}
+
+/* Once for each function of a pin: a guest may switch it to and fro. */
+static void pin_warn(NUC980PinsState *s, unsigned n)
+{
+    const char *function = pin_signal(s, n) ?: "nothing";
+    g_autofree char *why = pin_conflict(s, n);
+
+    if (!why) {
+        return;
+    }
+    trace_nuc980_pins_conflict(nuc980_pin_name(n), function, why);
+    if (!(s->told[n] & BIT(pin_value(s, n)))) {
+        s->told[n] |= BIT(pin_value(s, n));
+        warn_report("pin %s is %s: %s", nuc980_pin_name(n), function, why);
+    }
+}
+
+static bool is_partial(const NUC980PinOwner *owner)
+{
+    return owner->connected && owner->connected < owner->wired;
+}
+
+static void pins_watch(NUC980PinsState *s)
+{
+    for (int i = 0; i < ARRAY_SIZE(nuc980_pin_owner); i++) {
+        s->owner[i].told &= is_partial(&s->owner[i]);
+        if (is_partial(&s->owner[i]) && !s->owner[i].told) {
+            timer_mod(&s->settled, SETTLE_NS +
+                      qemu_clock_get_ns(QEMU_CLOCK_VIRTUAL));
+        }
+    }
+}
+
+/* The wired pins that an owner has not got, as "UART1_RXD (PA0), ..." */
+static char *owner_lacks(NUC980PinsState *s, const NUC980PinOwner *owner)
+{
+    GString *lacks = g_string_new(NULL);
+
+    for (int n = 0; n < NUC980_PIN_COUNT; n++) {
+        if (s->owner_of[n] == owner && pin_value(s, n) != s->wanted[n]) {
+            g_string_append_printf(lacks, "%s%s (%s)", lacks->len ? ", " : "",
+                                   pin_wired(n), nuc980_pin_name(n));
+        }
+    }
+    return g_string_free(lacks, false);
+}
+
+static void pins_settled(void *opaque)
+{
+    NUC980PinsState *s = opaque;
+
+    for (int i = 0; i < ARRAY_SIZE(nuc980_pin_owner); i++) {
+        NUC980PinOwner *owner = &s->owner[i];
+
+        if (is_partial(owner) && !owner->told) {
+            const char *name = nuc980_pin_owner[i].owner;
+            g_autofree char *lacks = owner_lacks(s, owner);
+
+            owner->told = true;
+            trace_nuc980_pins_partial(name, owner->connected, owner->wired,
+                                      lacks);
+            warn_report("%s has %u of its %u pins, it lacks %s", name,
+                        owner->connected, owner->wired, lacks);
+        }
+    }
+}
+
+/* ---- routing */
+
+static bool is_connected(const NUC980PinLine *line)
+{
+    return line->wired && line->connected == line->wired;
+}
+
+static void pin_connect(NUC980PinsState *s, unsigned n, bool on)
+{
+    NUC980PinLine *line = s->line_of[n];
+
+    s->owner_of[n]->connected += on ? 1 : -1;
+    if (line) {
+        bool was = is_connected(line);
+
+        line->connected += on ? 1 : -1;
+        if (was != is_connected(line)) {
+            trace_nuc980_pins_line(line->prefix, !was);
+            qemu_set_irq(*line->out, !was);
+        }
+    }
+}
+
+static void pin_drive(NUC980PinsState *s, unsigned n)
+{
+    qemu_set_irq(s->peripheral[n], pin_value(s, n) != GPIO_VALUE);
+    qemu_set_irq(s->eint[n], is_eint(pin_signal(s, n)));
+}
+
+static bool is_taken(unsigned n, unsigned from, unsigned to)
+{
+    const char *loser = pin_function(n, from);
+    const char *winner = pin_function(n, to);
+
+    if (from == GPIO_VALUE || to == GPIO_VALUE || !loser || !winner) {
+        return false;
+    }
+    return !signal_owner(loser) ||
+           g_strcmp0(signal_owner(loser), signal_owner(winner));
+}
+
+static void pin_switch(NUC980PinsState *s, unsigned n, unsigned from)
+{
+    unsigned to = pin_value(s, n);
+
+    trace_nuc980_pins_select(nuc980_pin_name(n), to,
+                             pin_function(n, to) ?: "nothing");
+    s->taken[n] = is_taken(n, from, to) ? from : GPIO_VALUE;
+    if (pin_wired(n) && (from == s->wanted[n] || to == s->wanted[n])) {
+        pin_connect(s, n, to == s->wanted[n]);
+    }
+    pin_drive(s, n);
+    pin_warn(s, n);
 }
 
 void nuc980_pins_write(NUC980PinsState *s, unsigned reg, uint32_t value)
 {
+    uint32_t old;
+
     g_assert(reg < NUC980_MFP_REGS);
+    old = s->mfp[reg];
     s->mfp[reg] = value;
-    pins_update(s);
+    for (int i = 0; i < 8; i++) {
+        if (extract32(old ^ value, 4 * i, 4)) {
+            pin_switch(s, 8 * reg + i, extract32(old, 4 * i, 4));
+        }
+    }
+    pins_watch(s);
 }
 
 static int pins_post_load(void *opaque, int version_id)
 {
-    pins_update(opaque);
+    NUC980PinsState *s = opaque;
+
+    for (int n = 0; n < NUC980_PIN_COUNT; n++) {
+        if (s->taken[n] && (s->taken[n] >= NUC980_PIN_VALUES ||
+                            !pin_function(n, s->taken[n]))) {
+            return -EINVAL;
+        }
+    }
+    for (int i = 0; i < s->lines; i++) {
+        s->line[i].connected = 0;
+    }
+    for (int i = 0; i < ARRAY_SIZE(s->owner); i++) {
+        s->owner[i].connected = 0;
+    }
+    for (int n = 0; n < NUC980_PIN_COUNT; n++) {
+        if (pin_wired(n) && pin_value(s, n) == s->wanted[n]) {
+            pin_connect(s, n, true);
+        }
+        pin_drive(s, n);
+    }
+    /* A line that was high before and is not now had no edge above. */
+    for (int i = 0; i < s->lines; i++) {
+        qemu_set_irq(*s->line[i].out, is_connected(&s->line[i]));
+    }
+    pins_watch(s);
     return 0;
 }
 
@@ -96,9 +351,224 @@ static const VMStateDescription vmstate_nuc980_pins = {
     .post_load = pins_post_load,
     .fields = (VMStateField[]) {
         VMSTATE_UINT32_ARRAY(mfp, NUC980PinsState, NUC980_MFP_REGS),
+        VMSTATE_UINT8_ARRAY(taken, NUC980PinsState, NUC980_PIN_COUNT),
         VMSTATE_END_OF_LIST()
     }
 };
+
+/* ---- view */
+
+static const char *pin_state(NUC980PinsState *s, unsigned n)
+{
+    if (pin_value(s, n) == GPIO_VALUE) {
+        return pin_wired(n) ? "off" : "gpio";
+    }
+    return pin_wired(n) ? "connected" : "not wired";
+}
+
+static QDict *view_pin(NUC980PinsState *s, unsigned n)
+{
+    QDict *pin = qdict_new();
+    const char *function = pin_signal(s, n);
+    const char *owner = function ? signal_owner(function) : NULL;
+    g_autofree char *conflict = pin_conflict(s, n);
+
+    qdict_put_str(pin, "pin", nuc980_pin_name(n));
+    qdict_put_int(pin, "value", pin_value(s, n));
+    if (function) {
+        qdict_put_str(pin, "function", function);
+    }
+    if (owner) {
+        qdict_put_str(pin, "owner", owner);
+    }
+    if (pin_wired(n)) {
+        qdict_put_str(pin, "wired-to", pin_wired(n));
+    }
+    qdict_put_str(pin, "state", conflict ? "conflict" : pin_state(s, n));
+    if (conflict) {
+        qdict_put_str(pin, "conflict", conflict);
+    }
+    return pin;
+}
+
+static QDict *view_device(NUC980PinsState *s, int i)
+{
+    QDict *device = qdict_new();
+    const NUC980PinOwner *owner = &s->owner[i];
+    g_autofree char *lacks = owner_lacks(s, owner);
+
+    qdict_put_str(device, "device", nuc980_pin_owner[i].owner);
+    qdict_put_int(device, "wired", owner->wired);
+    qdict_put_int(device, "connected", owner->connected);
+    qdict_put_str(device, "state", is_partial(owner) ? "partial" :
+                  owner->connected ? "connected" : "off");
+    if (is_partial(owner)) {
+        qdict_put_str(device, "lacks", lacks);
+    }
+    return device;
+}
+
+/* Every pin of the chip, and every device that the board wires */
+static QDict *pins_view(NUC980PinsState *s)
+{
+    QDict *view = qdict_new();
+    QList *pins = qlist_new();
+    QList *devices = qlist_new();
+
+    for (int n = 0; n < NUC980_PIN_COUNT; n++) {
+        if (nuc980_pin_exists(n) || pin_value(s, n) != GPIO_VALUE) {
+            qlist_append(pins, view_pin(s, n));
+        }
+    }
+    for (int i = 0; i < ARRAY_SIZE(nuc980_pin_owner); i++) {
+        if (s->owner[i].wired) {
+            qlist_append(devices, view_device(s, i));
+        }
+    }
+    qdict_put(view, "pins", pins);
+    qdict_put(view, "devices", devices);
+    return view;
+}
+
+static void pins_get_view(Object *obj, Visitor *v, const char *name,
+                          void *opaque, Error **errp)
+{
+    QObject *view = QOBJECT(pins_view(NUC980_PINS(obj)));
+
+    visit_type_any(v, name, &view, errp);
+    qobject_unref(view);
+}
+
+static void print_pin(Monitor *mon, const QDict *pin)
+{
+    const char *conflict = qdict_get_try_str(pin, "conflict");
+
+    monitor_printf(mon, "%-5s %3" PRId64 "  %-14s %-10s %-14s %s%s%s\n",
+                   qdict_get_str(pin, "pin"), qdict_get_int(pin, "value"),
+                   qdict_get_try_str(pin, "function") ?: "-",
+                   qdict_get_try_str(pin, "owner") ?: "-",
+                   qdict_get_try_str(pin, "wired-to") ?: "-",
+                   qdict_get_str(pin, "state"), conflict ? ": " : "",
+                   conflict ?: "");
+}
+
+static void print_device(Monitor *mon, const QDict *device)
+{
+    const char *lacks = qdict_get_try_str(device, "lacks");
+
+    monitor_printf(mon, "%-7s %2" PRId64 " of %2" PRId64 "  %s%s%s\n",
+                   qdict_get_str(device, "device"),
+                   qdict_get_int(device, "connected"),
+                   qdict_get_int(device, "wired"),
+                   qdict_get_str(device, "state"), lacks ? ", lacks " : "",
+                   lacks ?: "");
+}
+
+/* info nuc980-pins: without -a only pins that are wired or in use */
+static void hmp_info_nuc980_pins(Monitor *mon, const QDict *args)
+{
+    Object *obj = object_resolve_path_type("", TYPE_NUC980_PINS, NULL);
+    g_autoptr(QDict) view = NULL;
+    const QListEntry *entry;
+
+    if (!obj) {
+        monitor_printf(mon, "This machine has no NUC980.\n");
+        return;
+    }
+    view = pins_view(NUC980_PINS(obj));
+    monitor_printf(mon, "pin   MFP  function       owner      wired to       "
+                   "state\n");
+    QLIST_FOREACH_ENTRY(qdict_get_qlist(view, "pins"), entry) {
+        const QDict *pin = qobject_to(QDict, qlist_entry_obj(entry));
+
+        if (qdict_get_try_bool(args, "all", false) ||
+            strcmp(qdict_get_str(pin, "state"), "gpio")) {
+            print_pin(mon, pin);
+        }
+    }
+    monitor_printf(mon, "\ndevice  pins      state\n");
+    QLIST_FOREACH_ENTRY(qdict_get_qlist(view, "devices"), entry) {
+        print_device(mon, qobject_to(QDict, qlist_entry_obj(entry)));
+    }
+}
+
+/* ---- device */
+
+static void G_GNUC_PRINTF(3, 4) add_line(NUC980PinsState *s, qemu_irq *out,
+                                         const char *prefix, ...)
+{
+    NUC980PinLine *line = &s->line[s->lines++];
+    va_list args;
+
+    va_start(args, prefix);
+    vsnprintf(line->prefix, sizeof(line->prefix), prefix, args);
+    va_end(args);
+    line->out = out;
+}
+
+/* A signal belongs to the first line that it begins like. */
+static void add_lines(NUC980PinsState *s)
+{
+    for (int i = 0; i < NUC980_UARTS; i++) {
+        add_line(s, &s->uart_rxd[i], "UART%d_RXD", i);
+        add_line(s, &s->uart_txd[i], "UART%d_TXD", i);
+        add_line(s, &s->uart_rts[i], "UART%d_RTS", i);
+        add_line(s, &s->uart_cts[i], "UART%d_CTS", i);
+    }
+    for (int i = 0; i < NUC980_EMACS; i++) {
+        add_line(s, &s->emac_mdio[i], "RMII%d_MD", i);      /* MDC, MDIO */
+        add_line(s, &s->emac_rmii[i], "RMII%d_", i);
+    }
+    add_line(s, &s->nand, "NAND_");
+    g_assert(s->lines == NUC980_PIN_LINES);
+}
+
+static NUC980PinLine *find_line(NUC980PinsState *s, const char *signal)
+{
+    for (int i = 0; i < s->lines; i++) {
+        if (g_str_has_prefix(signal, s->line[i].prefix)) {
+            return &s->line[i];
+        }
+    }
+    return NULL;
+}
+
+static uint8_t find_value(unsigned n, const char *signal)
+{
+    unsigned value = 0;
+
+    while (g_strcmp0(pin_function(n, value), signal)) {
+        value++;
+        g_assert(value < NUC980_PIN_VALUES);    /* as above */
+    }
+    return value;
+}
+
+static void wire_pin(NUC980PinsState *s, unsigned n, const char *signal)
+{
+    int prefix = signal_prefix(signal);
+
+    g_assert(prefix >= 0);                      /* the generator checks it */
+    s->wanted[n] = find_value(n, signal);
+    s->owner_of[n] = &s->owner[prefix];
+    s->owner_of[n]->wired++;
+    s->line_of[n] = find_line(s, signal);
+    if (s->line_of[n]) {
+        s->line_of[n]->wired++;
+    }
+}
+
+static void pins_realize(DeviceState *dev, Error **errp)
+{
+    NUC980PinsState *s = NUC980_PINS(dev);
+
+    add_lines(s);
+    for (int n = 0; n < NUC980_PIN_COUNT; n++) {
+        if (pin_wired(n)) {
+            wire_pin(s, n, pin_wired(n));
+        }
+    }
+}
 
 static void pins_init(Object *obj)
 {
@@ -112,21 +582,45 @@ static void pins_init(Object *obj)
     qdev_init_gpio_out_named(dev, s->emac_rmii, "emac-rmii", NUC980_EMACS);
     qdev_init_gpio_out_named(dev, s->emac_mdio, "emac-mdio", NUC980_EMACS);
     qdev_init_gpio_out_named(dev, &s->nand, "nand", 1);
+    qdev_init_gpio_out_named(dev, s->peripheral, "peripheral",
+                             NUC980_PIN_COUNT);
+    qdev_init_gpio_out_named(dev, s->eint, "eint", NUC980_PIN_COUNT);
+    timer_init_ns(&s->settled, QEMU_CLOCK_VIRTUAL, pins_settled, s);
+}
+
+static void pins_finalize(Object *obj)
+{
+    timer_del(&NUC980_PINS(obj)->settled);
 }
 
 static void pins_class_init(ObjectClass *klass, void *data)
 {
-    DEVICE_CLASS(klass)->vmsd = &vmstate_nuc980_pins;
+    DeviceClass *dc = DEVICE_CLASS(klass);
+
+    dc->desc = "NUC980 pins";
+    dc->realize = pins_realize;
+    dc->vmsd = &vmstate_nuc980_pins;
+    /* Reason: is wired by the chip, and the board's wiring is in its table */
+    dc->user_creatable = false;
+    object_class_property_add(klass, "view", "any", pins_get_view, NULL, NULL,
+                              NULL);
+    object_class_property_set_description(klass, "view",
+        "Function, owner and wiring of each pin; pins of each device");
 }
 
-static const TypeInfo pins_types[] = {
-    {
-        .name = TYPE_NUC980_PINS,
-        .parent = TYPE_DEVICE,
-        .instance_size = sizeof(NUC980PinsState),
-        .instance_init = pins_init,
-        .class_init = pins_class_init,
-    },
+static const TypeInfo pins_info = {
+    .name = TYPE_NUC980_PINS,
+    .parent = TYPE_DEVICE,
+    .instance_size = sizeof(NUC980PinsState),
+    .instance_init = pins_init,
+    .instance_finalize = pins_finalize,
+    .class_init = pins_class_init,
 };
 
-DEFINE_TYPES(pins_types)
+static void pins_register(void)
+{
+    type_register_static(&pins_info);
+    monitor_register_hmp("nuc980-pins", true, hmp_info_nuc980_pins);
+}
+
+type_init(pins_register)

@@ -846,6 +846,61 @@ nuc980_pin_function[NUC980_PORTS][NUC980_PINS_A_PORT][NUC980_PIN_VALUES] = {
     },
 };
 
+/* How a signal begins: whose it is, by the labels of the device tree */
+static const struct {
+    const char *prefix, *owner;
+} nuc980_pin_owner[] = {
+    { "ADC_", "nadc" },
+    { "CAN0_", "can0" },
+    { "CAN1_", "can1" },
+    { "CAN2_", "can2" },
+    { "CAN3_", "can3" },
+    { "EBI_", "ebi" },
+    { "EINT", "gpio" },
+    { "I2C0_", "i2c0" },
+    { "I2C1_", "i2c1" },
+    { "I2C2_", "i2c2" },
+    { "I2C3_", "i2c3" },
+    { "I2S_", "i2s" },
+    { "NAND_", "fmi" },
+    { "PWM0", "pwm0" },
+    { "PWM1", "pwm1" },
+    { "QSPI0_", "qspi0" },
+    { "RMII0_", "emac0" },
+    { "RMII1_", "emac1" },
+    { "SC0_", "sc0 or scuart0" },
+    { "SC1_", "sc1 or scuart1" },
+    { "SD0_", "fmi" },
+    { "SD1_", "sdh" },
+    { "SPI0_", "spi0" },
+    { "SPI1_", "spi1" },
+    { "TM0_", "etimer0" },
+    { "TM1_", "etimer1" },
+    { "TM2_", "etimer2" },
+    { "TM3_", "etimer3" },
+    { "UART0_", "uart0" },
+    { "UART1_", "uart1" },
+    { "UART2_", "uart2" },
+    { "UART3_", "uart3" },
+    { "UART4_", "uart4" },
+    { "UART5_", "uart5" },
+    { "UART6_", "uart6" },
+    { "UART7_", "uart7" },
+    { "UART8_", "uart8" },
+    { "UART9_", "uart9" },
+    { "USB0_", "usbdev" },
+    { "USBHL0_", "usbh_lite0" },
+    { "USBHL1_", "usbh_lite1" },
+    { "USBHL2_", "usbh_lite2" },
+    { "USBHL3_", "usbh_lite3" },
+    { "USBHL4_", "usbh_lite4" },
+    { "USBHL5_", "usbh_lite5" },
+    { "USBH_", "usbh_ehci or usbh_ohci" },
+    { "USB_", "usbh_ehci or usbh_ohci" },
+    { "VCAP0_", "ccap0" },
+    { "VCAP1_", "ccap1" },
+};
+
 /* Port, pin: the signal of the device on the board that hangs on it */
 static const char *const
 nuc980_pin_wired[NUC980_PORTS][NUC980_PINS_A_PORT] = {
@@ -898,6 +953,25 @@ nuc980_pin_wired[NUC980_PORTS][NUC980_PINS_A_PORT] = {
     [5][10] = "UART1_TXD",
     [5][11] = "UART0_RXD",
     [5][12] = "UART0_TXD",
+};
+
+/* Port, pin: why nothing may use it */
+static const char *const
+nuc980_pin_closed[NUC980_PORTS][NUC980_PINS_A_PORT] = {
+    [0][13] = "not brought out by LQFP128",
+    [0][14] = "not brought out by LQFP128",
+    [0][15] = "not brought out by LQFP128",
+    [1][9] = "not brought out by LQFP128",
+    [1][10] = "not brought out by LQFP128",
+    [1][11] = "not brought out by LQFP128",
+    [1][12] = "not brought out by LQFP128",
+    [3][0] = "not brought out by LQFP128",
+    [3][1] = "not brought out by LQFP128",
+    [6][0] = "reserved: boot strap, with PG1 low as well the chip ...",
+    [6][1] = "reserved: boot strap",
+    [6][2] = "not brought out by LQFP128",
+    [6][4] = "not brought out by LQFP128",
+    [6][10] = "not brought out by LQFP128",
 };
 
 #endif /* HW_MISC_NUC980_PINS_TABLE_H */
