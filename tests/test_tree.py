@@ -57,7 +57,7 @@ def expected_licence(path: Path) -> str:
 
 def declared_licence(path: Path) -> str | None:
     """From the SPDX line at the file's head, or from REUSE.toml for a file that cannot hold one."""
-    head = "".join(text_of(path).splitlines(keepends=True)[:10])
+    head = "".join(text_of(path).splitlines(keepends=True)[:30])
     found = re.search(rf"{TAG}: \(?([\w.\- ]+?)\)?\s*(?:\*/|-->|#}}|$)", head, re.MULTILINE)
     return found[1] if found else table_licence(path)
 
