@@ -175,6 +175,10 @@ class Machine:
         """Lets virtual time pass (registers only); due timers run on the way, each at its time."""
         self._ask(f"clock_step {nanoseconds}")
 
+    def set_line(self, device: str, name: str, level: int) -> None:
+        """Sets a device's named input line, whatever else drives it; device is its path below /machine/soc."""
+        self._ask(f"set_irq_in /machine/soc/{device} {name} 0 {level}")
+
     def _ask(self, line: str) -> str:
         self._qtest.sendall(line.encode() + b"\n")
         while True:

@@ -304,6 +304,14 @@ static void pdma_transfer(NUC980PDMAState *s, int n)
         pdma_fail(s, n, R_ALIGN, "address not aligned to the width");
         return;
     }
+    /*
+     * One request is one transfer of type single, all of a burst's. A
+     * peripheral's burst still heeds its line: BSP has bursts between
+     * memories only.
+     */
+    if (FIELD_EX32(ctl, DSCT_CTL, TXTYPE)) {
+        s->swreq &= ~BIT(n);
+    }
     if (!pdma_copy(task[R_DSCT_SA], task[R_DSCT_DA], width)) {
         pdma_fail(s, n, R_ABTSTS, "bus error");
         return;
@@ -316,14 +324,6 @@ static void pdma_transfer(NUC980PDMAState *s, int n)
     }
     if (pdma_source(s, n)) {
         pdma_restart_timeout(s, n);
-    }
-    /*
-     * One request is one transfer of type single, all of a burst's. A
-     * peripheral's burst still heeds its line: BSP has bursts between
-     * memories only.
-     */
-    if (FIELD_EX32(ctl, DSCT_CTL, TXTYPE)) {
-        s->swreq &= ~BIT(n);
     }
     if (FIELD_EX32(ctl, DSCT_CTL, TXCNT)) {
         task[R_DSCT_CTL] = ctl - (1 << R_DSCT_CTL_TXCNT_SHIFT);
