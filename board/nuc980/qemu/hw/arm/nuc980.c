@@ -8,7 +8,7 @@
 #include "exec/address-spaces.h"
 #include "hw/arm/nuc980.h"
 #include "hw/core/split-irq.h"
-#include "hw/misc/unimp.h"
+#include "hw/irq.h"
 #include "hw/qdev-clock.h"
 #include "hw/qdev-properties.h"
 #include "qapi/error.h"
@@ -16,7 +16,6 @@
 
 #define NUC980_SRAM         0xbc000000
 #define NUC980_IO           0xb0000000
-#define NUC980_IO_SIZE      (1 * MiB)
 
 static const struct {
     hwaddr addr;
@@ -52,6 +51,8 @@ static void nuc980_init(Object *obj)
     NUC980State *s = NUC980(obj);
 
     object_initialize_child(obj, "cpu", &s->cpu, ARM_CPU_TYPE_NAME("arm926"));
+    object_initialize_child(obj, "unmodelled", &s->unmodelled,
+                            TYPE_NUC980_UNMODELLED);
     object_initialize_child(obj, "aic", &s->aic, TYPE_NUC980_AIC);
     object_initialize_child(obj, "pins", &s->pins, TYPE_NUC980_PINS);
     object_initialize_child(obj, "sys", &s->sys, TYPE_NUC980_SYS);
@@ -63,6 +64,8 @@ static void nuc980_init(Object *obj)
                                 TYPE_NUC980_ETIMER);
     }
     object_initialize_child(obj, "wdt", &s->wdt, TYPE_NUC980_WDT);
+    object_initialize_child(obj, "wwdt", &s->wwdt, TYPE_NUC980_WWDT);
+    object_initialize_child(obj, "rtc", &s->rtc, TYPE_NUC980_RTC);
     for (int i = 0; i < NUC980_PDMAS; i++) {
         object_initialize_child(obj, "pdma[*]", &s->pdma[i], TYPE_NUC980_PDMA);
     }
@@ -185,6 +188,63 @@ static void nuc980_realize_gpio(NUC980State *s)
     }
 }
 
+static void nuc980_realize_watchdogs(NUC980State *s)
+{
+    DeviceState *sys = DEVICE(&s->sys);
+
+    nuc980_clock(s, &s->wdt, "clk", "wdt");
+    nuc980_place(&s->wdt, 0xb0040000);
+    nuc980_interrupt(s, &s->wdt, 0, 1);
+    qdev_connect_gpio_out_named(sys, "unlocked", 0,
+                                qdev_get_gpio_in_named(DEVICE(&s->wdt),
+                                                       "unlocked", 0));
+    qdev_connect_gpio_out_named(DEVICE(&s->wdt), "reset", 0,
+                                qdev_get_gpio_in_named(sys, "wdt-reset", 0));
+
+    nuc980_clock(s, &s->wwdt, "clk", "wwdt");
+    nuc980_place(&s->wwdt, 0xb0040100);
+    nuc980_interrupt(s, &s->wwdt, 0, 2);
+    qdev_connect_gpio_out_named(DEVICE(&s->wwdt), "reset", 0,
+                                qdev_get_gpio_in_named(sys, "wdt-reset", 1));
+}
+
+static void nuc980_reset_block(void *opaque, int n, int level)
+{
+    if (level) {
+        device_cold_reset(opaque);
+    }
+}
+
+/* The system registers' reset bit n resets this device. */
+static void nuc980_reset_line(NUC980State *s, int n, void *dev)
+{
+    qdev_connect_gpio_out_named(DEVICE(&s->sys), "reset", n,
+        qemu_allocate_irq(nuc980_reset_block, DEVICE(dev), n));
+}
+
+static void nuc980_realize_resets(NUC980State *s)
+{
+    nuc980_reset_line(s, NUC980_RESET_SDIC, &s->sdic);
+    nuc980_reset_line(s, NUC980_RESET_GPIO, &s->gpio);
+    nuc980_reset_line(s, NUC980_RESET_FMI, &s->fmi);
+    nuc980_reset_line(s, NUC980_RESET_AIC, &s->aic);
+    for (int i = 0; i < NUC980_PDMAS; i++) {
+        nuc980_reset_line(s, NUC980_RESET_PDMA0 + i, &s->pdma[i]);
+    }
+    for (int i = 0; i < NUC980_EMACS; i++) {
+        nuc980_reset_line(s, NUC980_RESET_EMAC0 + i, &s->emac[i]);
+    }
+    for (int i = 0; i < NUC980_TIMERS; i++) {
+        nuc980_reset_line(s, NUC980_RESET_ETIMER0 + i, &s->etimer[i]);
+    }
+    for (int i = 0; i < NUC980_UARTS; i++) {
+        nuc980_reset_line(s, NUC980_RESET_UART0 + i, &s->uart[i]);
+    }
+    for (int i = 0; i < NUC980_SPIS; i++) {
+        nuc980_reset_line(s, NUC980_RESET_QSPI0 + i, &s->spi[i]);
+    }
+}
+
 static void nuc980_realize(DeviceState *dev, Error **errp)
 {
     NUC980State *s = NUC980(dev);
@@ -196,7 +256,8 @@ static void nuc980_realize(DeviceState *dev, Error **errp)
     memory_region_init_ram(&s->sram, OBJECT(dev), "nuc980.sram", 16 * KiB,
                            &error_fatal);
     memory_region_add_subregion(memory, NUC980_SRAM, &s->sram);
-    create_unimplemented_device("nuc980.io", NUC980_IO, NUC980_IO_SIZE);
+    sysbus_realize(SYS_BUS_DEVICE(&s->unmodelled), &error_fatal);
+    sysbus_mmio_map_overlap(SYS_BUS_DEVICE(&s->unmodelled), 0, NUC980_IO, -1);
 
     nuc980_place(&s->aic, 0xb0042000);
     sysbus_connect_irq(SYS_BUS_DEVICE(&s->aic), 0,
@@ -215,12 +276,9 @@ static void nuc980_realize(DeviceState *dev, Error **errp)
         nuc980_place(&s->etimer[i], etimer_map[i].addr);
         nuc980_interrupt(s, &s->etimer[i], 0, etimer_map[i].irq);
     }
-    nuc980_clock(s, &s->wdt, "clk", "wdt");
-    nuc980_place(&s->wdt, 0xb0040000);
-    nuc980_interrupt(s, &s->wdt, 0, 1);
-    qdev_connect_gpio_out_named(DEVICE(&s->sys), "unlocked", 0,
-                                qdev_get_gpio_in_named(DEVICE(&s->wdt),
-                                                       "unlocked", 0));
+    nuc980_realize_watchdogs(s);
+    nuc980_place(&s->rtc, 0xb0041000);
+    nuc980_interrupt(s, &s->rtc, 0, 15);
 
     for (int i = 0; i < NUC980_UARTS; i++) {
         nuc980_realize_uart(s, i);
@@ -238,6 +296,7 @@ static void nuc980_realize(DeviceState *dev, Error **errp)
     for (int i = 0; i < NUC980_EMACS; i++) {
         nuc980_realize_emac(s, i);
     }
+    nuc980_realize_resets(s);
 }
 
 static void nuc980_class_init(ObjectClass *klass, void *data)

@@ -2,29 +2,42 @@
  * Nuvoton NUC980 SDRAM controller: what a boot loader reads of it
  *
  * SPDX-License-Identifier: GPL-2.0-or-later
+ *
+ * The RAM is there from the start, at address 0; timing and calibration are
+ * not modelled.
  */
 
 #include "qemu/osdep.h"
 #include "hw/misc/nuc980_sdic.h"
+#include "hw/misc/nuc980_unimp.h"
 #include "hw/qdev-properties.h"
+#include "hw/registerfields.h"
 #include "migration/vmstate.h"
 
-enum {
-    SDIC_SIZE0 = 0x10,              /* [2:0] 1: 2 MiB, 2: 4 MiB .. 7: 128 MiB */
-};
+REG32(SDIC_SIZE0, 0x10)             /* 0: no bank, 1: 2 MiB .. 7: 128 MiB */
+REG32(SDIC_SIZE1, 0x14)
 
 static uint64_t sdic_read(void *opaque, hwaddr addr, unsigned size)
 {
     NUC980SDICState *s = opaque;
 
-    return s->regs[addr / 4];
+    switch (addr) {
+    case A_SDIC_SIZE0 ... A_SDIC_SIZE1:
+        return s->size[(addr - A_SDIC_SIZE0) / 4];
+    default:
+        nuc980_unimp_once(s->seen, TYPE_NUC980_SDIC, addr);
+        return 0;
+    }
 }
 
 static void sdic_write(void *opaque, hwaddr addr, uint64_t value, unsigned size)
 {
     NUC980SDICState *s = opaque;
 
-    s->regs[addr / 4] = value;
+    nuc980_unimp_once(s->seen, TYPE_NUC980_SDIC, addr);
+    if (addr == A_SDIC_SIZE0 || addr == A_SDIC_SIZE1) {
+        s->size[(addr - A_SDIC_SIZE0) / 4] = value;     /* moves no RAM */
+    }
 }
 
 static const MemoryRegionOps sdic_ops = {
@@ -38,8 +51,8 @@ static void sdic_reset(DeviceState *dev)
 {
     NUC980SDICState *s = NUC980_SDIC(dev);
 
-    memset(s->regs, 0, sizeof(s->regs));
-    s->regs[SDIC_SIZE0 / 4] = ctz32(s->ram_mib);
+    s->size[0] = ctz32(s->ram_mib);
+    s->size[1] = 0;
 }
 
 static void sdic_init(Object *obj)
@@ -56,7 +69,7 @@ static const VMStateDescription vmstate_nuc980_sdic = {
     .version_id = 1,
     .minimum_version_id = 1,
     .fields = (VMStateField[]) {
-        VMSTATE_UINT32_ARRAY(regs, NUC980SDICState, NUC980_SDIC_REGS),
+        VMSTATE_UINT32_ARRAY(size, NUC980SDICState, 2),
         VMSTATE_END_OF_LIST()
     }
 };

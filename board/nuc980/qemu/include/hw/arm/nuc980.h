@@ -15,7 +15,9 @@
 #include "hw/misc/nuc980_pins.h"
 #include "hw/misc/nuc980_sdic.h"
 #include "hw/misc/nuc980_sys.h"
+#include "hw/misc/nuc980_unmodelled.h"
 #include "hw/net/nuc980_emac.h"
+#include "hw/rtc/nuc980_rtc.h"
 #include "hw/ssi/nuc980_spi.h"
 #include "hw/timer/nuc980_etimer.h"
 #include "hw/watchdog/nuc980_wdt.h"
@@ -32,12 +34,15 @@ struct NUC980State {
 
     ARMCPU cpu;
     MemoryRegion sram;
+    NUC980UnmodelledState unmodelled;
     NUC980AICState aic;
     NUC980PinsState pins;
     NUC980SysState sys;
     NUC980SDICState sdic;
     NUC980ETimerState etimer[NUC980_TIMERS];
     NUC980WDTState wdt;
+    NUC980WWDTState wwdt;
+    NUC980RTCState rtc;
     NUC980PDMAState pdma[NUC980_PDMAS];
     NUC980UARTState uart[NUC980_UARTS];
     NUC980GPIOState gpio;
