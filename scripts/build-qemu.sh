@@ -12,7 +12,7 @@ tree=$(realpath -e "$(dirname "$0")/..")
 
 # The files of QEMU that a patch changes.
 patched() {
-	sed -n 's|^+++ b/||p' "$tree"/patches/qemu/*.patch
+	sed -n 's|^+++ b/||p' "$tree"/patches/qemu/*.patch | sort -u
 }
 
 stage() {

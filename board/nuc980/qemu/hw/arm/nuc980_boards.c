@@ -17,8 +17,10 @@
 #include "hw/qdev-properties-system.h"
 #include "net/net.h"
 #include "qapi/error.h"
+#include "qemu/cutils.h"
 #include "qemu/error-report.h"
 #include "qemu/units.h"
+#include "sysemu/block-backend.h"
 #include "sysemu/blockdev.h"
 #include "sysemu/reset.h"
 #include "sysemu/sysemu.h"
@@ -29,6 +31,9 @@ OBJECT_DECLARE_SIMPLE_TYPE(NUC980Machine, NUC980_MACHINE)
 #define MAX_RAM_MIB         128         /* the SDRAM controller's largest */
 #define LOADER_ADDR         0xe00000    /* U-Boot: CONFIG_SYS_TEXT_BASE */
 #define LOADER_MAX_SIZE     (1 * MiB)
+#define NAND_PAGES          65536       /* 128 MiB */
+#define NAND_PAGE_SIZE      (2048 + 64) /* with the spare */
+#define NAND_SIZE           (NAND_PAGES * NAND_PAGE_SIZE)
 
 struct NUC980Machine {
     MachineState parent_obj;
@@ -96,6 +101,46 @@ static void connect_nics(NUC980Machine *m)
     }
 }
 
+static bool nand_page_is_zero(BlockBackend *blk, int64_t page)
+{
+    uint8_t data[NAND_PAGE_SIZE];
+
+    return blk_pread(blk, page * sizeof(data), sizeof(data), data, 0) >= 0 &&
+           buffer_is_zero(data, sizeof(data));
+}
+
+static void check_nand_image(BlockBackend *blk)
+{
+    int64_t size = blk_getlength(blk);
+
+    if (size != NAND_SIZE) {
+        error_report("the NAND's image has %" PRId64 " bytes instead of %d, "
+                     "which are %d pages of 2048 bytes and 64 spare ones",
+                     size, NAND_SIZE, NAND_PAGES);
+        exit(EXIT_FAILURE);
+    }
+    if (nand_page_is_zero(blk, 0) && nand_page_is_zero(blk, NAND_PAGES - 1)) {
+        error_report("the NAND's image is full of zeros: an erased NAND is "
+                     "full of 0xff, as from "
+                     "head -c %d /dev/zero | tr '\\0' '\\377'", NAND_SIZE);
+        exit(EXIT_FAILURE);
+    }
+}
+
+/* The board's flash has the size and pages of a Winbond W29N01HV: assumed. */
+static void connect_nand(NUC980Machine *m, DriveInfo *drive)
+{
+    BlockBackend *blk;
+
+    if (!drive) {
+        return;
+    }
+    blk = blk_by_legacy_dinfo(drive);
+    object_property_set_link(OBJECT(&m->soc.fmi), "nand",
+                             OBJECT(nand_init(blk, 0xef, 0xf1)), &error_abort);
+    check_nand_image(blk);
+}
+
 static void start_loader(void *opaque)
 {
     ARMCPU *cpu = opaque;
@@ -117,7 +162,6 @@ static void load_loader(NUC980Machine *m, const char *file)
 static void nuc980_machine_init(MachineState *machine)
 {
     NUC980Machine *m = NUC980_MACHINE(machine);
-    DriveInfo *nand = drive_get(IF_MTD, 0, 0);
 
     check_ram_size(machine);
     memory_region_add_subregion(get_system_memory(), 0, machine->ram);
@@ -130,12 +174,9 @@ static void nuc980_machine_init(MachineState *machine)
                              &error_abort);
     connect_uarts(m);
     connect_nics(m);
+    connect_nand(m, drive_get(IF_MTD, 0, 0));
     qdev_realize(DEVICE(&m->soc), NULL, &error_fatal);
 
-    if (nand) {
-        /* 128 MiB, pages of 2 KiB and 64 spare bytes */
-        m->soc.fmi.nand = nand_init(blk_by_legacy_dinfo(nand), 0xec, 0xf1);
-    }
     if (machine->firmware) {
         load_loader(m, machine->firmware);
     } else {
