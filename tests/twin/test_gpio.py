@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """GPIO: modes, pulls, masks, and the interrupts of ports and of EINT0 to EINT3."""
 
+from collections.abc import Callable
+
 import pytest
 
 from nuc980.pins.chip import GPIO, load_chip, pin_order
@@ -261,3 +263,25 @@ def test_what_is_not_modelled_is_told_once(bus: Machine) -> None:
     assert [line.split("0x")[1].split()[0] for line in told] == ["54", "1c0", "2c"]
     bus.write(register("PB0", PIN), 1)
     assert "write to PIN of port B" in bus.complaints
+
+
+def test_state_is_saved(bus: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    switch(bus, "PE10", "EINT2")
+    switch(bus, "PA4", "UART6_RXD")
+    bus.write(register("PA0", INTEN), RISING << 3 | RISING << 7)
+    bus.write(register("PE10", INTEN), FALLING << 10)
+    for pin, value in (("PA3", True), ("PA7", True), ("PE10", True), ("PE10", False)):
+        press(bus, pin, value)
+    bus.write(register("PA0", INTSRC), 1 << 7)
+    field(bus, "PA4", MODE, OUTPUT)
+    field(bus, "PB2", MODE, QUASI)
+    new = reborn(bus)
+    assert interrupts(new) == {"GPA", "EXTI2"}
+    assert new.read(register("PA0", INTSRC)) == 1 << 3  # PA7 has not risen again
+    assert new.read(register("PA0", PIN)) == 1 << 3 | 1 << 7  # PA4 is still the UART's
+    assert new.read(register("PB0", PIN)) == 1 << 2
+    new.write(register("PE10", INTSRC), 1 << 10)
+    press(new, "PE10", True)
+    assert interrupts(new) == {"GPA"}
+    press(new, "PE10", False)
+    assert interrupts(new) == {"GPA", "EXTI2"}

@@ -288,3 +288,22 @@ def test_view_has_the_owner_of_each_function(bus: Machine) -> None:
             signal = CHIP.pins[pin["pin"]].get(value, "GPIO")
             owners = " or ".join(owner.label for owner in CHIP.owners(signal))
             assert (pin["function"], pin.get("owner", "")) == (signal, owners)
+
+
+# ---- snapshot
+
+
+def test_state_is_saved(board: Callable[..., Machine], reborn: Callable[[Machine], Machine]) -> None:
+    old = board("-trace", "nuc980_pins*", registers=True, uarts=(1,))
+    switch_device(old, "uart1")
+    switch_device(old, "emac1")
+    switch(old, "PF6", "SD1_nCD")
+    before = view(old)
+    new = reborn(old)
+    assert view(new) == before
+    assert conflicts(new) == {"PF6": "taken from RMII1_TXD1; the board wires it to RMII1_TXD1"}
+    assert lines(new) == {"UART1_RXD": True, "UART1_TXD": True, "RMII1_MD": True}
+    send_byte(new, 0x42)
+    assert new.uarts[1].receive(5) == b"\x42"
+    switch(new, "PF10", "GPIO")
+    assert lines(new) == {"UART1_RXD": True, "UART1_TXD": False, "RMII1_MD": True}

@@ -195,3 +195,17 @@ def test_wide_unit_goes_by_bytes_selected_by_itself(flash: Machine, reorder: int
     for _ in range(2):  # between the two the flash is released
         flash.write(SPI0 + TX, READ_ID if reorder else READ_ID << 24)
         assert flash.read(SPI0 + RX) == answer
+
+
+def test_state_is_saved(flash: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    flash.write(SPI0 + CTL, width(8) | SPIEN | UNITIEN)
+    flash.write(SPI0 + SSCTL, SS0)
+    for byte in (READ_ID, 0, 0):
+        flash.write(SPI0 + TX, byte)
+    new = reborn(flash)
+    assert counts(new) == (0, 3)
+    assert interrupt(new)
+    new.write(SPI0 + TX, 0)
+    assert [new.read(SPI0 + RX) for _ in range(4)] == [0, *W25Q64]
+    new.write(SPI0 + STATUS, UNITIF)
+    assert not interrupt(new)
