@@ -357,6 +357,7 @@ static int spi_post_load(void *opaque, int version_id)
 {
     NUC980SPIState *s = opaque;
 
+    spi_update_select(s, false);
     spi_update_irq(s);
     return 0;
 }
