@@ -4,11 +4,11 @@
  * SPDX-License-Identifier: GPL-2.0-or-later
  *
  * The MAC is the one of hw/net/npcm7xx_emc.c, which models less of it (no
- * CAM but entry 0, no MII, no link, no runts, control frames or counters).
+ * CAM but entry 0, no MII, no link, no runts, control frames or counter).
  * No manual of the chip is public: the names are those of the vendor's
  * drivers, what a bit does is what Nuvoton's M480 BSP (emac_reg.h) says of
- * the same MAC, and reset values are those of npcm7xx_emc.c. The PHY is the
- * IC+ IP101G that the boards of this chip carry.
+ * the same MAC, and reset values are those of npcm7xx_emc.c. The PHY is
+ * the board's IC+ IP101G; of its own registers (16 to 31), none does anything.
  *
  * What QEMU's network has no notion of is left out: collisions and deferral
  * of half duplex, FIFO levels, alignment errors. MII accesses and pauses are
@@ -235,9 +235,8 @@ static uint16_t phy_read_bmsr(NUC980EMACState *s)
 
 static void phy_unimp(NUC980EMACState *s, unsigned reg)
 {
-    if (!test_and_set_bit(reg, s->phy_seen)) {
-        qemu_log_mask(LOG_UNIMP, "%s: PHY register %u is not modelled\n",
-                      emac_name(s), reg);
+    if (qemu_loglevel_mask(LOG_UNIMP) && !test_and_set_bit(reg, s->phy_seen)) {
+        qemu_log("%s: PHY register %u is not modelled\n", emac_name(s), reg);
     }
 }
 
