@@ -117,7 +117,7 @@ class Port:
         until(lambda: fcntl.ioctl(self._far, termios.TIOCOUTQ, unread) == 0 and not any(unread))
 
     def sent(self) -> bytes:
-        """The next frame that left the port, but QEMU's own RARP, by which a restored machine announces itself."""
+        """The next frame that left the port, but a restored QEMU's RARP."""
         while (data := self._far.recv(65536))[12:14] == b"\x80\x35":
             pass
         return data
@@ -659,7 +659,7 @@ def test_loop_back(port: Port, where: str) -> None:
 
 # ---- what a wrong driver does
 
-NOT_MEMORY = [RAM_SIZE, 0xFFFFFFF0, 0xB0012000 + TSDR]
+NOT_MEMORY = [RAM_SIZE, 0xFFFFFFF0, 0xB0012000 + TSDR, 0xB0022000 + CAM0M]
 
 
 @pytest.mark.parametrize("address", NOT_MEMORY)
