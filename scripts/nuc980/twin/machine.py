@@ -148,6 +148,22 @@ class Machine:
         """What the human monitor answers."""
         return self.command("human-monitor-command", **{"command-line": line})
 
+    def events(self, name: str) -> list[dict[str, Any]]:
+        """The data of the QMP events of this name that have come till now; others are dropped."""
+        self.command("query-status")  # its answer comes after all events before it
+        return [event["data"] for event in self._qmp.get_events() if event["event"] == name]
+
+    def wait_for_event(self, name: str) -> dict[str, Any]:
+        """The data of the next QMP event of this name; what came before it is dropped."""
+        deadline = time.monotonic() + ANSWER_SECONDS
+        while True:
+            try:
+                event = self._qmp.pull_event(wait=max(deadline - time.monotonic(), 0.001))
+            except TimeoutError as error:
+                raise MachineError(f"no event {name} within {ANSWER_SECONDS} s") from error
+            if event and event["event"] == name:
+                return event["data"]
+
     # ---- bus
 
     def read(self, address: int) -> int:
@@ -175,9 +191,9 @@ class Machine:
         """Lets virtual time pass (registers only); due timers run on the way, each at its time."""
         self._ask(f"clock_step {nanoseconds}")
 
-    def set_line(self, device: str, name: str, level: int) -> None:
+    def set_line(self, device: str, name: str, level: int, number: int = 0) -> None:
         """Sets a device's named input line, whatever else drives it; device is its path below /machine/soc."""
-        self._ask(f"set_irq_in /machine/soc/{device} {name} 0 {level}")
+        self._ask(f"set_irq_in /machine/soc/{device} {name} {number} {level}")
 
     def _ask(self, line: str) -> str:
         self._qtest.sendall(line.encode() + b"\n")
