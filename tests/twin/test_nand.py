@@ -3,8 +3,10 @@
 
 import functools
 import random
+import struct
 import subprocess
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -714,3 +716,85 @@ def test_places_outside_the_image(image: NandImage) -> None:
         image.flip(0, [8 * PAGE])
     with pytest.raises(NandError, match="is not there"):
         NandImage(image.path.with_name("none"))
+
+
+# ---- the boot ROM --------------------------------------------------------------------------------
+
+ENTRY = 0x200
+DDR_VALUES = bytes.fromhex("55aa55aa 02000000 002000b0 01000000 042000b0 02000000".replace(" ", ""))
+# ldr r0, =RESULT; ldr r1, =magic; str r1, [r0]; b .
+RESULT, MAGIC = 0x8000, 0x600DB007
+PROGRAM = struct.pack("<6I", 0xE59F0008, 0xE59F1008, 0xE5801000, 0xEAFFFFFE, RESULT, MAGIC)
+
+
+def boot_image(program: bytes, values: bytes = DDR_VALUES, size: int | None = None) -> bytes:
+    """As NuWriter writes it: header, values for the DDR controller, filled to 16 bytes, code."""
+    header = struct.pack("<4s3I16x", b" TVN", ENTRY, size or len(program), 0xFFFFFFFF)
+    return header + values.ljust(-(-len(values) // 16) * 16, b"\0") + program
+
+
+def put_boot_image(image: NandImage, block: int, content: bytes) -> None:
+    for number in range(0, len(content), DATA):
+        data = content[number : number + DATA].ljust(DATA, b"\xff")
+        image.write(block * PAGES + number // DATA, data + WRITTEN + parities(8, data, WRITTEN))
+
+
+@pytest.fixture
+def boot(board: Callable[..., Machine], image: NandImage) -> Iterator[Callable[[], Machine]]:
+    def start() -> Machine:
+        drive = f"if=mtd,format=raw,file={image.path}"
+        return board("-drive", drive, options="boot-source=nand", uarts=())
+
+    yield start
+    for page in range(4 * PAGES):
+        image.write(page, b"\xff" * PAGE)
+
+
+def wait_for_result(machine: Machine) -> None:
+    deadline = time.monotonic() + 20
+    while machine.read(RESULT) != MAGIC:
+        assert time.monotonic() < deadline, machine.info("registers")
+
+
+def test_boot_from_nand(boot: Callable[[], Machine], image: NandImage) -> None:
+    """Code of more than a page, with wrong bits in it."""
+    put_boot_image(image, 0, boot_image(PROGRAM + some_page(1) + some_page(2)))
+    image.flip(0, [8 * 70, 8 * 600, 8 * 2100])
+    image.flip(1, range(0, 800, 100))
+    machine = boot()
+    wait_for_result(machine)
+    start = ENTRY + len(PROGRAM)
+    assert machine.read_memory(start, 2 * DATA) == some_page(1) + some_page(2)
+    machine.write(RESULT, 0)
+    machine.command("system_reset")
+    wait_for_result(machine)
+
+
+def test_boot_from_the_first_good_block(boot: Callable[[], Machine], image: NandImage) -> None:
+    wrong = b"\xfe\xff\xff\xea" * 600  # b .
+    put_boot_image(image, 0, boot_image(wrong))
+    image.flip(1, range(0, 90, 10))
+    put_boot_image(image, 1, b"no header".ljust(DATA))
+    put_boot_image(image, 2, boot_image(wrong, size=PAGES * DATA))
+    put_boot_image(image, 3, boot_image(PROGRAM, values=b""))
+    wait_for_result(boot())
+
+
+def test_nothing_to_boot(boot: Callable[[], Machine]) -> None:
+    machine = boot()
+    assert "blocks 0 to 3 have no code to boot" in machine.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "words"),
+    [
+        ([], "boot-source=nand", "needs a NAND image"),
+        (["-kernel", "none"], "boot-source=nand", "cannot go with -kernel or -bios"),
+        ([], "boot-source=usb", "is nand or none, not usb"),
+    ],
+)
+def test_boot_source_that_cannot_be(
+    board: Callable[..., Machine], arguments: list[str], options: str, words: str
+) -> None:
+    with pytest.raises(MachineError, match=words):
+        board(*arguments, options=options, registers=True)

@@ -9,6 +9,7 @@
 #include "exec/address-spaces.h"
 #include "hw/arm/boot.h"
 #include "hw/arm/nuc980.h"
+#include "hw/arm/nuc980_bootrom.h"
 #include "hw/block/flash.h"
 #include "hw/boards.h"
 #include "hw/loader.h"
@@ -41,6 +42,7 @@ struct NUC980Machine {
     NUC980State soc;
     struct arm_boot_info boot;
     bool pace;
+    bool boot_nand;
 };
 
 static void check_ram_size(MachineState *machine)
@@ -141,6 +143,23 @@ static void connect_nand(NUC980Machine *m, DriveInfo *drive)
     check_nand_image(blk);
 }
 
+/* What starts: the image of -kernel or -bios, or what the NAND has. */
+static void check_boot_source(NUC980Machine *m, DriveInfo *nand)
+{
+    MachineState *machine = MACHINE(m);
+
+    if (m->boot_nand && (machine->kernel_filename || machine->firmware)) {
+        error_report("boot-source=nand starts what the NAND has: it cannot go "
+                     "with -kernel or -bios");
+        exit(EXIT_FAILURE);
+    }
+    if (m->boot_nand && !nand) {
+        error_report("boot-source=nand needs a NAND image: "
+                     "-drive if=mtd,format=raw,file=...");
+        exit(EXIT_FAILURE);
+    }
+}
+
 static void start_loader(void *opaque)
 {
     ARMCPU *cpu = opaque;
@@ -162,22 +181,26 @@ static void load_loader(NUC980Machine *m, const char *file)
 static void nuc980_machine_init(MachineState *machine)
 {
     NUC980Machine *m = NUC980_MACHINE(machine);
+    DriveInfo *nand = drive_get(IF_MTD, 0, 0);
 
     check_ram_size(machine);
+    check_boot_source(m, nand);
     memory_region_add_subregion(get_system_memory(), 0, machine->ram);
 
     object_initialize_child(OBJECT(machine), "soc", &m->soc, TYPE_NUC980);
     object_property_set_uint(OBJECT(&m->soc), "ram-mib",
                              machine->ram_size / MiB, &error_abort);
     object_property_set_bool(OBJECT(&m->soc), "booted",
-                             machine->kernel_filename || machine->firmware,
-                             &error_abort);
+                             machine->kernel_filename || machine->firmware ||
+                             m->boot_nand, &error_abort);
     connect_uarts(m);
     connect_nics(m);
-    connect_nand(m, drive_get(IF_MTD, 0, 0));
+    connect_nand(m, nand);
     qdev_realize(DEVICE(&m->soc), NULL, &error_fatal);
 
-    if (machine->firmware) {
+    if (m->boot_nand) {
+        nuc980_boot_from_nand(&m->soc.cpu, blk_by_legacy_dinfo(nand));
+    } else if (machine->firmware) {
         load_loader(m, machine->firmware);
     } else {
         m->boot.ram_size = machine->ram_size;
@@ -194,6 +217,21 @@ static bool machine_get_pace(Object *obj, Error **errp)
 static void machine_set_pace(Object *obj, bool value, Error **errp)
 {
     NUC980_MACHINE(obj)->pace = value;
+}
+
+static char *machine_get_boot_source(Object *obj, Error **errp)
+{
+    return g_strdup(NUC980_MACHINE(obj)->boot_nand ? "nand" : "none");
+}
+
+static void machine_set_boot_source(Object *obj, const char *value,
+                                    Error **errp)
+{
+    if (strcmp(value, "nand") && strcmp(value, "none")) {
+        error_setg(errp, "boot-source is nand or none, not %s", value);
+        return;
+    }
+    NUC980_MACHINE(obj)->boot_nand = !strcmp(value, "nand");
 }
 
 static void nuc980_machine_instance_init(Object *obj)
@@ -215,6 +253,10 @@ static void nuc980_machine_class_init(ObjectClass *klass, void *data)
                                    machine_set_pace);
     object_class_property_set_description(klass, "pace",
         "UARTs move characters at the programmed speed (default: on)");
+    object_class_property_add_str(klass, "boot-source", machine_get_boot_source,
+                                  machine_set_boot_source);
+    object_class_property_set_description(klass, "boot-source",
+        "nand: what the boot ROM finds in the NAND; none: -kernel or -bios");
 }
 
 static const TypeInfo nuc980_machine_types[] = {
