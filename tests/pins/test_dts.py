@@ -13,7 +13,7 @@ from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip
 from nuc980.pins.claims import claims
 from nuc980.pins.dtb import read_dtb
-from nuc980.pins.generate import PINS_FILE, SOC_FILE, generated, stale, write
+from nuc980.pins.generate import PINS_FILE, ROUTING_FILE, SOC_FILE, generated, stale, write
 from nuc980.pins.rules import check
 from nuc980.pins.source import read_source
 from nuc980.pins.tree import Tree
@@ -50,13 +50,23 @@ def test_generated_files_are_fresh() -> None:
 
 
 def test_write_touches_only_what_changed(tmp_path: Path) -> None:
-    (tmp_path / "dts" / "nuvoton").mkdir(parents=True)
     files = generated(CHIP, BOARD)
-    assert write(files, tmp_path) == list(files) == [SOC_FILE, PINS_FILE]
+    for path in files:
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+    assert write(files, tmp_path) == list(files) == [SOC_FILE, PINS_FILE, ROUTING_FILE]
     assert write(files, tmp_path) == []
     (tmp_path / PINS_FILE).write_text("/* somebody's own */")
     assert stale(files, tmp_path) == [PINS_FILE]
     assert write(files, tmp_path) == [PINS_FILE]
+
+
+def test_reserved_pins_reach_the_emulator_as_strings_of_c() -> None:
+    board = replace(BOARD, reserved={"PG0": 'a "strap" of the boot\n' + "and more " * 20})
+    lines = generated(CHIP, board)[ROUTING_FILE].splitlines()
+    line = next(line for line in lines if "reserved" in line)
+    assert line.startswith('    [6][0] = "reserved: a \\"strap\\" of the boot and more')
+    assert line.endswith('more ...",')
+    assert len(line) <= 80
 
 
 def test_soc_file_has_every_device_off(tmp_path: Path) -> None:

@@ -113,9 +113,9 @@ def _owners(chip: Chip) -> dict[str, str]:
 
 def _closed(chip: Chip, board: Board) -> dict[str, str]:
     """Pin: why nothing may use it."""
-    hidden = {
-        pin: f"not brought out by {board.package.name}" for pin in chip.pins if pin not in board.package.bonded
-    }
+    hidden = dict.fromkeys(
+        chip.pins.keys() - board.package.bonded, f"not brought out by {board.package.name}"
+    )
     reserved = {pin: f"reserved: {use}" for pin, use in board.reserved.items()}
     return hidden | reserved | dict.fromkeys(board.not_connected, "not connected")
 
