@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests of the emulated board share."""
 
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from nuc980.twin.machine import Machine
+
+PROBES = Path(__file__).parent / "probes"
 
 
 @pytest.fixture
@@ -27,3 +30,29 @@ def board(qemu: Path) -> Iterator[Callable[..., Machine]]:
 def bus(board: Callable[..., Machine]) -> Machine:
     """A board whose processor stands still: the registers, and time that only step() moves."""
     return board(registers=True)
+
+
+@pytest.fixture
+def reborn() -> Iterator[Callable[[Machine], Machine]]:
+    """Moves a machine's state through a file into a new one, and returns that: Machine.reborn."""
+    machines: list[Machine] = []
+
+    def move(machine: Machine) -> Machine:
+        machines.append(machine.reborn())
+        return machines[-1]
+
+    yield move
+    for machine in machines:
+        machine.close()
+
+
+@pytest.fixture(scope="session")
+def probes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the bare-metal probes, built: NAME.bin for -bios, NAME.elf for -kernel."""
+    folder = tmp_path_factory.mktemp("probes")
+    done = subprocess.run(
+        ["make", "-s", "-f", PROBES / "Makefile", f"O={folder}"], capture_output=True, text=True
+    )
+    if done.returncode:
+        pytest.fail(f"the probes do not build:\n{done.stderr}", pytrace=False)
+    return folder

@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -62,6 +63,7 @@ class Machine:
     registers: only the bus, no processor runs, and time stands still but for step(). Else the machine runs,
     and the bus can be looked at beside it.
     uarts: the numbers whose far ends are wanted, as .uarts[n].
+    incoming: does not start, but waits for the state of another: reborn().
     """
 
     def __init__(
@@ -71,7 +73,12 @@ class Machine:
         options: str = "",
         registers: bool = False,
         uarts: Sequence[int] = (0,),
+        incoming: bool = False,
     ) -> None:
+        self._again = partial(
+            Machine, program, *arguments, options=options, registers=registers, uarts=uarts, incoming=True
+        )
+        self._now = 0  # virtual time in nanoseconds, while only step() moves it
         self._folder = tempfile.TemporaryDirectory(prefix="twin-")
         folder = Path(self._folder.name)
         self.log = folder / "qemu.log"
@@ -84,6 +91,8 @@ class Machine:
         ]  # fmt: skip
         if registers:
             command += ["-accel", "qtest"]
+        if incoming:
+            command += ["-incoming", "defer"]
         for number in uarts:
             command += ["-chardev", f"socket,id=uart{number},path={folder}/uart{number}"]
         command += ["-serial", "chardev:uart0" if 0 in uarts else "none"]
@@ -189,7 +198,34 @@ class Machine:
 
     def step(self, nanoseconds: int) -> None:
         """Lets virtual time pass (registers only); due timers run on the way, each at its time."""
-        self._ask(f"clock_step {nanoseconds}")
+        self._now = int(self._ask(f"clock_step {nanoseconds}"))
+
+    # ---- snapshots
+
+    def reborn(self) -> Machine:
+        """A new machine that goes on where this one stops: a migration through a file."""
+        state = Path(self._folder.name) / "state"
+        self.command("migrate", uri=f"exec:cat > {state}")
+        self._wait_until("query-migrate", "completed")
+        new = self._again()
+        try:
+            if self._now:
+                new._ask(f"clock_set {self._now}")  # qtest's time is not part of the state
+                new._now = self._now
+            new.command("migrate-incoming", uri=f"exec:cat {state}")
+            new._wait_until("query-migrate", "completed")
+            new._wait_until("query-status", "running")
+        except BaseException:
+            new.close()
+            raise
+        return new
+
+    def _wait_until(self, query: str, status: str) -> None:
+        deadline = time.monotonic() + ANSWER_SECONDS
+        while (answer := self.command(query)).get("status") != status:
+            if answer.get("status") == "failed" or time.monotonic() > deadline:
+                raise MachineError(f"{query} says {answer}, not {status}: {self.output}")
+            time.sleep(0.005)
 
     def set_line(self, device: str, name: str, level: int, number: int = 0) -> None:
         """Sets a device's named input line, whatever else drives it; device is its path below /machine/soc."""
