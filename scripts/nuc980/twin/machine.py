@@ -87,10 +87,8 @@ class Machine:
         command: list[str | Path] = [
             program, "-M", f"nuc980{options and ','}{options}", "-nodefaults", "-display", "none",
             "-qmp", f"unix:{folder}/qmp,server=off", "-qtest", f"unix:{folder}/qtest", "-qtest-log", "none",
-            "-d", "guest_errors,unimp", "-D", self.log,
+            "-d", "guest_errors,unimp", "-D", self.log, "-accel", "qtest" if registers else "tcg", "-S",
         ]  # fmt: skip
-        if registers:
-            command += ["-accel", "qtest"]
         if incoming:
             command += ["-incoming", "defer"]
         for number in uarts:
@@ -112,6 +110,8 @@ class Machine:
             for listener in listeners.values():
                 listener.close()
         self._answers = self._qtest.makefile("r", encoding="ascii")
+        if not incoming:
+            self.command("cont")  # only now: nothing that the guest does is missed
 
     def __enter__(self) -> Self:
         return self
@@ -214,7 +214,7 @@ class Machine:
                 new._now = self._now
             new.command("migrate-incoming", uri=f"exec:cat {state}")
             new._wait_until("query-migrate", "completed")
-            new._wait_until("query-status", "running")
+            new.command("cont")
         except BaseException:
             new.close()
             raise
