@@ -86,6 +86,7 @@ def generator(t: int) -> int:
     return functools.reduce(product, {minimal_polynomial(i) for i in range(1, 2 * t)})
 
 
+@functools.cache
 def parity(t: int, message: bytes) -> bytes:
     bits = generator(t).bit_length() - 1
     size = -(-bits // 8)
@@ -655,6 +656,40 @@ def test_parity_without_room_is_refused(flash: Flash) -> None:
     assert "asks for a parity that 2048 bytes with 64 spare cannot have" in flash.bus.complaints
 
 
+# ---- a snapshot ----------------------------------------------------------------------------------
+
+
+def test_saved_while_the_flash_is_busy(flash: Flash, reborn: Callable[[Machine], Machine]) -> None:
+    flash.bus.write(INTEN, READY_EDGE)
+    flash.bus.write(INTSTS, READY_EDGE)
+    flash.command(0x60, 86 * PAGES & 0xFF, 86 * PAGES >> 8)
+    flash.command(0xD0)
+    flash.bus.step(ERASE_NS // 2)
+    flash.bus = reborn(flash.bus)
+    assert flash.status() == WRITABLE
+    flash.bus.step(ERASE_NS // 2 - 1)
+    assert flash.status() == WRITABLE
+    assert not flash.bus.read(AIC_RAWSTS) & IRQ
+    flash.bus.step(1)
+    assert flash.bus.read(AIC_RAWSTS) & IRQ
+    assert flash.status() == WRITABLE | IDLE
+
+
+def test_saved_while_an_error_holds_a_transfer(flash: Flash, reborn: Callable[[Machine], Machine]) -> None:
+    page = 87 * PAGES
+    flash.program(page, some_page(1))
+    good = flash.bus.read_memory(RA, SPARE)
+    flash.program(page + 1, turned(some_page(1), [8 * 600, 8 * 1600]))
+    flash.bus.write_memory(RA, good)
+    flash.seek(page + 1)
+    flash.transfer(READ)
+    flash.bus = reborn(flash.bus)
+    assert flash.finish_read() == (some_page(1), [0, 1, 0, 1])
+    assert flash.bus.read_memory(RA, SPARE) == good
+    flash.command(0x90, 0)
+    assert flash.get(2) == b"\xef\xf1"
+
+
 # ---- the image -----------------------------------------------------------------------------------
 
 
@@ -775,7 +810,7 @@ def test_boot_from_the_first_good_block(boot: Callable[[], Machine], image: Nand
     put_boot_image(image, 0, boot_image(wrong))
     image.flip(1, range(0, 90, 10))
     put_boot_image(image, 1, b"no header".ljust(DATA))
-    put_boot_image(image, 2, boot_image(wrong, size=PAGES * DATA))
+    put_boot_image(image, 2, boot_image(wrong * 60, size=PAGES * DATA)[: PAGES * DATA])  # to beyond its end
     put_boot_image(image, 3, boot_image(PROGRAM, values=b""))
     wait_for_result(boot())
 

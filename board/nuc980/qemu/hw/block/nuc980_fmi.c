@@ -364,7 +364,7 @@ static void fmi_check_field(NUC980FMIState *s, const Layout *l, unsigned field,
     int bits = nuc980_bch_decode(l->code, message, size,
                                  fmi_parity(s, l, field), where);
 
-    if (bits && !fmi_is_unused(s)) {
+    if (bits) {
         trace_nuc980_fmi_error(field, bits);
         if (bits < 0) {
             fmi_report_field(s, field, FIELD_UNCORRECTABLE);
@@ -412,7 +412,7 @@ static void fmi_read_page(NUC980FMIState *s)
             fmi_abort(s);
             return;
         }
-        if (check) {
+        if (check && !fmi_is_unused(s)) {
             fmi_check_field(s, &l, s->field, data);
         }
         s->field++;
