@@ -330,15 +330,17 @@ static int pins_post_load(void *opaque, int version_id)
     for (int i = 0; i < ARRAY_SIZE(s->owner); i++) {
         s->owner[i].connected = 0;
     }
+    /*
+     * Every device has saved its own end of a line: driving them one after the
+     * other would show edges that never were.
+     */
     for (int n = 0; n < NUC980_PIN_COUNT; n++) {
         if (pin_wired(n) && pin_value(s, n) == s->wanted[n]) {
-            pin_connect(s, n, true);
+            s->owner_of[n]->connected++;
+            if (s->line_of[n]) {
+                s->line_of[n]->connected++;
+            }
         }
-        pin_drive(s, n);
-    }
-    /* A line that was high before and is not now had no edge above. */
-    for (int i = 0; i < s->lines; i++) {
-        qemu_set_irq(*s->line[i].out, is_connected(&s->line[i]));
     }
     pins_watch(s);
     return 0;
