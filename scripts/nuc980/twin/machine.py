@@ -228,7 +228,7 @@ class Machine:
             time.sleep(0.005)
 
     def set_line(self, device: str, name: str, level: int, number: int = 0) -> None:
-        """Sets a device's named input line, whatever else drives it; device is its path below /machine/soc."""
+        """Sets a device's named input line, whoever drives it; device is its path below /machine/soc."""
         self._ask(f"set_irq_in /machine/soc/{device} {name} {number} {level}")
 
     def _ask(self, line: str) -> str:
