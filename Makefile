@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test soak run bench clean distclean
+.PHONY: help setup build dtb qemu uboot unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak run twin bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -181,13 +181,16 @@ lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff format --check .
 	clang-format --dry-run -Werror $(C_FILES)
 	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
-	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH)
+	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES)
 	shellcheck --external-sources $(SHELL_FILES)
 
 test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, quick pytest
 	$(PYTHON) -m pytest -m "not slow and not soak"
 
-test: lint unit asan cross $(VENV) ## all tests
+test-twin: qemu uboot $(VENV) ## the tests of the emulated board
+	$(PYTHON) -m pytest tests/twin
+
+test: lint unit asan cross qemu uboot $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 
@@ -198,6 +201,9 @@ soak: build $(VENV) ## the tests of half an hour: 1000 kills of each module
 
 run: build $(VENV) ## show the gateway at work on simulated devices (KEEP=1: stay up for your own master)
 	PYTHONPATH=scripts $(PYTHON) -m lab $(if $(KEEP),--keep)
+
+twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
+	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
 
 bench: build $(VENV) ## measure the gateway beside the report's method, nuc980-pins beside dt-validate
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py

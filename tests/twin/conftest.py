@@ -9,7 +9,15 @@ import pytest
 
 from nuc980.twin.machine import Machine
 
-PROBES = Path(__file__).parent / "probes"
+HERE = Path(__file__).parent
+PROBES = HERE / "probes"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """None of them is quick: they need `make qemu uboot`. `make test-twin` runs them alone, in two minutes."""
+    for item in items:
+        if item.path.is_relative_to(HERE):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture

@@ -14,15 +14,14 @@ from pathlib import Path
 
 import pytest
 
-from nuc980.twin.machine import Machine, SerialLine
+from nuc980.twin.machine import Machine
+from nuc980.twin.nand import NandImage
+from nuc980.twin.uboot import PROMPT, Console, text
 
 ROOT = Path(__file__).parents[2]
 PATCHES = sorted((ROOT / "patches/uboot").glob("*.patch"))
 BOARD = ROOT / "dts/nuvoton/nuc980-gateway.dts"
 
-PROMPT = b"\n=> "
-# What the receiver holds while U-Boot is busy with something else.
-UART_FIFO = 16
 # The vendor's SPL reads this much of U-Boot, and no more.
 SPL_READS = 500 * 1024
 SYS_MFP = range(0xB0000070, 0xB00000A8, 4)
@@ -60,50 +59,7 @@ def uboot_source() -> Path:
 
 @pytest.fixture(scope="session")
 def erased_nand(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    image = tmp_path_factory.mktemp("nand") / "erased"
-    block = b"\xff" * (64 * NAND_PAGE)
-    with image.open("wb") as file:
-        for _ in range(NAND_PAGES // 64):
-            file.write(block)
-    return image
-
-
-class Console:
-    """U-Boot's command line, from reset on."""
-
-    def __init__(self, machine: Machine) -> None:
-        self.machine = machine
-        self.line: SerialLine = machine.uarts[0]
-        self.banner = self.stop()
-
-    def stop(self) -> str:
-        """Stops the count-down of a start; returns what came before."""
-        before = self.line.wait_for(b"Hit any key to stop autoboot:")
-        self.line.send(b" ")
-        return text(before + self.line.wait_for(b"=> "))
-
-    def type(self, command: str) -> None:
-        for start in range(0, len(command), UART_FIFO):
-            part = command[start : start + UART_FIFO].encode()
-            self.line.send(part)
-            self.line.wait_for(part)
-        self.line.send(b"\r")
-
-    def run(self, command: str) -> str:
-        """What U-Boot answers."""
-        self.type(command)
-        return text(self.line.wait_for(PROMPT).removesuffix(PROMPT))
-
-    def reset(self) -> str:
-        self.type("reset")
-        return self.stop()
-
-    def environment(self) -> dict[str, str]:
-        return dict(line.split("=", 1) for line in self.run("printenv").splitlines() if "=" in line)
-
-
-def text(output: bytes) -> str:
-    return output.decode(errors="replace").replace("\r", "")
+    return NandImage.blank(tmp_path_factory.mktemp("nand") / "erased").path
 
 
 @pytest.fixture
