@@ -154,8 +154,7 @@ def test_program_that_resets_the_chip_starts_again(board: Callable[..., Machine]
 
 
 def test_no_reboot_ends_the_run(board: Callable[..., Machine], loader: Path) -> None:
-    machine = board("-bios", loader, "-no-reboot", "-no-shutdown", "-S")
-    machine.command("cont")
+    machine = board("-bios", loader, "-no-reboot", "-no-shutdown")
     assert machine.wait_for_event("SHUTDOWN")["reason"] == "guest-reset"
 
 
