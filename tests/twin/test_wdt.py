@@ -128,7 +128,10 @@ def test_restart_in_the_delay_still_saves(bus: Machine) -> None:
     start(bus, 5, RESET_ENABLE)
     bus.step(ticks((1 << 14) + 1000))
     bus.write(RSTCNT, KEY)
+    unlock(bus)
+    bus.write(CTL, bus.read(CTL))  # which clears the flag
     bus.step(ticks(1 << 14))
+    assert bus.read(CTL) & FLAG
     assert not resets(bus)
     bus.step(ticks(1026))
     assert resets(bus)
