@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The interrupt controller: which source comes first, and how each is masked, taken and told."""
 
+from collections.abc import Callable
+
 import pytest
 
 from nuc980.twin.machine import Machine
@@ -159,3 +161,15 @@ def test_register_without_a_name_is_logged_once(bus: Machine) -> None:
     for _ in range(3):
         assert bus.read(AIC + 0x140) == 0
     assert bus.complaints.count("nuc980-aic: register 0x140 is not modelled") == 1
+
+
+def test_edge_priority_and_mask_are_saved(bus: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    control(bus, 44, RISING | 3)
+    write_bit(bus, INTEN, 44)
+    drive(bus, 44, 1)
+    drive(bus, 44, 0)
+    new = reborn(bus)
+    assert bit(new, RAWSTS, 44) == 0
+    assert [new.read(IRQNUM) for _ in range(2)] == [44, 0]
+    drive(new, 44, 1)
+    assert new.read(IRQNUM) == 44

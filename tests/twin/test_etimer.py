@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The timers: exact to the nanosecond of virtual time, also after a long run, in every mode."""
 
+from collections.abc import Callable
+
 import pytest
 
 from nuc980.twin.machine import Machine
@@ -264,3 +266,30 @@ def test_capture_and_event_bits_are_told_once(bus: Machine) -> None:
     for _ in range(3):
         bus.write(TIMER0 + CTL, 0x10000)
     assert bus.complaints.count("nuc980-etimer: register 0x0 is not modelled") == 1
+
+
+@pytest.mark.parametrize(("mode", "again"), [(PERIODIC, 1000), (CONTINUOUS, WRAP)])
+def test_running_counter_is_saved_to_the_nanosecond(
+    bus: Machine, reborn: Callable[[Machine], Machine], mode: int, again: int
+) -> None:
+    start(bus, mode, 1000)
+    bus.step(1_300 * MICROSECOND + 333)
+    clear(bus)
+    new = reborn(bus)
+    now, left = (300, 700) if mode == PERIODIC else (1300, again - 300)
+    assert (new.read(TIMER0 + DR), interrupts(new)) == (now, False)
+    new.step(left * MICROSECOND - 334)
+    assert not interrupts(new)
+    new.step(1)
+    assert interrupts(new)
+
+
+def test_clock_source_can_be_changed_after_a_restart(
+    bus: Machine, reborn: Callable[[Machine], Machine]
+) -> None:
+    bus.write(CLK_DIV8, 3 << 16)
+    start(bus, CONTINUOUS, 0xFFFFFF, prescaler=1)
+    new = reborn(bus)
+    new.write(CLK_DIV8, 0)
+    new.step(MILLISECOND)
+    assert new.read(TIMER0 + DR) == 12_000

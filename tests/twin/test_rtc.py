@@ -98,6 +98,7 @@ def test_interrupts_and_format_need_no_key_as_in_linux(clock: Machine) -> None:
     [(0x00, 0x12), (0x01, 0x01), (0x11, 0x11), (0x12, 0x32), (0x13, 0x21), (0x23, 0x31)],
 )
 def test_twelve_hour_clock_counts_the_afternoon_from_21(clock: Machine, hour: int, half_day: int) -> None:
+    clock.step(3600 * SECOND)  # the host's time is another
     write(clock, TIME, hour << 16)
     clock.write(TIMEFMT, 0)
     assert clock.read(TIME) == half_day << 16
@@ -203,8 +204,21 @@ def test_battery_keeps_time_and_spare_registers_over_a_reset(clock: Machine) -> 
     assert (clock.read(INTEN), interrupts(clock)) == (0, False)
 
 
-@pytest.mark.parametrize(("register", "value"), [(FREQADJ, 1), (TALM, 1 << 28), (CALM, 1 << 30), (PWRCTL, 1 << 4)])
+@pytest.mark.parametrize(
+    ("register", "value"), [(FREQADJ, 1), (TALM, 1 << 28), (CALM, 1 << 30), (PWRCTL, 1 << 4)]
+)
 def test_bits_without_effect_are_told_once(clock: Machine, register: int, value: int) -> None:
     for _ in range(2):
         write(clock, register, value)
     assert clock.complaints.count(f"nuc980-rtc: register {register - RTC:#x} is not modelled") == 1
+
+
+def test_time_and_alarm_are_saved(clock: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    write(clock, TIME, 0x120000)
+    set_alarm(clock, 0x240228 | ANY_WEEKDAY, 0x120005)
+    new = reborn(clock)
+    assert (new.read(CAL), new.read(TIME)) == (0x240228, 0x120000)
+    new.step(5 * SECOND - 1)
+    assert not interrupts(new)
+    new.step(1)
+    assert (new.read(TIME), interrupts(new)) == (0x120005, True)

@@ -13,7 +13,9 @@ SYS = 0xB0000000
 PDID, PWRON, MISCFCR = SYS, SYS + 0x004, SYS + 0x030
 AHBIPRST, APBIPRST0, APBIPRST1, RSTSTS = SYS + 0x060, SYS + 0x064, SYS + 0x068, SYS + 0x06C
 GPA_MFPL, RSTDEBCTL, REGWPCTL = SYS + 0x070, SYS + 0x10C, SYS + 0x1FC
-HCLKEN, PCLKEN0, DIV0, DIV8, APLLCON, UPLLCON = (SYS + 0x200 + r for r in (0x10, 0x18, 0x20, 0x40, 0x60, 0x64))
+HCLKEN, PCLKEN0, DIV0, DIV8, APLLCON, UPLLCON = (
+    SYS + 0x200 + r for r in (0x10, 0x18, 0x20, 0x40, 0x60, 0x64)
+)
 POWER_ON, BY_CHIP = 1 << 0, 1 << 3
 
 TIMER0, TIMER1 = 0xB0050000, 0xB0050100
@@ -22,7 +24,8 @@ AIC_INTMSK0, AIC_INTEN0 = 0xB0042128, 0xB0042130
 
 KEYS = (0x59, 0x16, 0x88)
 
-# mov r0, #0xb0000000; then for each key: mov r1, #key; str r1, [r0, #0x1fc]; mov r1, #1; str r1, [r0, #0x60]; b .
+# mov r0, #0xb0000000; for each key: mov r1, #key; str r1, [r0, #0x1fc];
+# mov r1, #1; str r1, [r0, #0x60]; b .
 RESETS_ITSELF = struct.pack(
     "<10I",
     0xE3A0020B,
@@ -176,8 +179,12 @@ def test_block_is_reset_as_its_bit_rises(bus: Machine) -> None:
 
 @pytest.mark.parametrize(
     ("register", "bits"),
-    [(AHBIPRST, [4, 5, 6, 7, 16, 17, 20]), (APBIPRST0, [4, *range(8, 14), *range(16, 26)]), (APBIPRST1, [4, 5, 6])],
-)  # fmt: skip
+    [
+        (AHBIPRST, [4, 5, 6, 7, 16, 17, 20]),
+        (APBIPRST0, [4, *range(8, 14), *range(16, 26)]),
+        (APBIPRST1, [4, 5, 6]),
+    ],
+)
 def test_every_modelled_block_survives_its_reset(bus: Machine, register: int, bits: list[int]) -> None:
     for bit in bits:
         bus.write(register, 1 << bit)
@@ -278,3 +285,18 @@ def test_system_register_without_effect_is_told_once(bus: Machine, address: int)
         bus.write(address, 1)
         bus.read(address)
     assert bus.complaints.count("is not modelled") == 1
+
+
+# ---- snapshot
+
+
+def test_keys_and_cause_are_saved(bus: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    unlock(bus)
+    bus.write(AHBIPRST, 1)
+    bus.wait_for_event("RESET")
+    for key in KEYS[:2]:
+        bus.write(REGWPCTL, key)
+    new = reborn(bus)
+    assert (new.read(RSTSTS), new.read(REGWPCTL)) == (POWER_ON | BY_CHIP, 0)
+    new.write(REGWPCTL, KEYS[2])
+    assert new.read(REGWPCTL) == 1

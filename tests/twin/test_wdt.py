@@ -13,7 +13,8 @@ RLDCNT, WWDT_CTL, STATUS, CNT = 0xB0040100, 0xB0040104, 0xB0040108, 0xB004010C
 WWDT_ENABLE, WWDT_INTERRUPT, WWDT_FLAG, WWDT_RESET_FLAG = 1, 2, 1, 2
 KEY = 0x5AA5
 
-REGWPCTL, RSTSTS, DIV8 = 0xB00001FC, 0xB000006C, 0xB0000240
+REGWPCTL, RSTSTS = 0xB00001FC, 0xB000006C
+DIV0, DIV8, UPLLCON = 0xB0000220, 0xB0000240, 0xB0000264
 RAWSTS0 = 0xB0042100
 POWER_ON, BY_WATCHDOG = 1 << 0, 1 << 5
 XIN, XIN_512, PCLK_4096, X32K = range(4)
@@ -127,7 +128,10 @@ def test_restart_in_the_delay_still_saves(bus: Machine) -> None:
     start(bus, 5, RESET_ENABLE)
     bus.step(ticks((1 << 14) + 1000))
     bus.write(RSTCNT, KEY)
+    unlock(bus)
+    bus.write(CTL, bus.read(CTL))  # which clears the flag
     bus.step(ticks(1 << 14))
+    assert bus.read(CTL) & FLAG
     assert not resets(bus)
     bus.step(ticks(1026))
     assert resets(bus)
@@ -176,6 +180,18 @@ def test_wake_up_is_told_once(bus: Machine) -> None:
     for _ in range(2):
         start(bus, 5, 1 << 4)
     assert bus.complaints.count("nuc980-wdt: register 0x0 is not modelled") == 1
+
+
+def test_clock_below_a_hertz_stands_still(bus: Machine) -> None:
+    """The slowest PLL, halved: PCLK2/4096 is 0.7 Hz, which is none here."""
+    bus.write(UPLLCON, 7 << 13 | 63 << 7)
+    bus.write(DIV0, 3 << 3 | 1 << 8)
+    start(bus, 0, RESET_ENABLE, delay=3, clock=PCLK_4096)
+    bus.step(1000 * SECOND)
+    assert not bus.read(CTL) & FLAG
+    bus.write(DIV8, X32K << 8)
+    bus.step(SECOND)
+    assert resets(bus)
 
 
 # ---- window watchdog
@@ -236,3 +252,32 @@ def test_control_is_fixed_while_it_runs(bus: Machine) -> None:
     bus.write(WWDT_CTL, 0)
     assert bus.read(WWDT_CTL) == before
     assert "nuc980-wwdt: CTL is fixed while it runs" in bus.complaints
+
+
+# ---- snapshot
+
+
+def test_delay_is_saved(bus: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    start(bus, 5, RESET_ENABLE)
+    bus.step(ticks((1 << 14) + 1000))
+    new = reborn(bus)
+    new.step(ticks((1 << 14) + 1026) - ticks((1 << 14) + 1000) - 1)
+    assert not resets(new)
+    new.step(1)
+    assert resets(new)
+
+
+def test_lock_is_saved(bus: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    unlock(bus)
+    new = reborn(bus)
+    new.write(ALTCTL, 2)
+    assert new.read(ALTCTL) == 2
+
+
+def test_window_is_saved(bus: Machine, reborn: Callable[[Machine], Machine]) -> None:
+    start_window(bus, 20)
+    bus.step(ticks(50 * 32))
+    new = reborn(bus)
+    assert (new.read(CNT), interrupts(new, 2)) == (13, True)
+    new.step(ticks(63 * 32) - ticks(50 * 32))
+    assert resets(new)

@@ -253,7 +253,7 @@ static void rtc_set(NUC980RTCState *s, struct tm *tm, bool valid)
     }
     rtc_now(s, &now);
     weekday = rtc_weekday(s, &now);
-    s->offset = qemu_timedate_diff(tm);
+    s->offset += mktimegm(tm) - mktimegm(&now);
     rtc_now(s, &now);
     s->weekday_offset = (weekday - now.tm_wday + 7) % 7;
     trace_nuc980_rtc_set(s->offset);
