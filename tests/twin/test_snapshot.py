@@ -125,7 +125,9 @@ def test_every_register_survives(board: Start, reborn: Reborn) -> None:
         and not any(before[a] != at_reset[a] for a in range(start, start + size, 4) if a in before)
     }
     assert untouched == set()
-    assert differences(bus, before, everything(reborn(bus))) == {}
+    new = reborn(bus)
+    assert differences(bus, before, everything(new)) == {}
+    assert new.info("nuc980-pins") == bus.info("nuc980-pins")
 
 
 # ---- a running machine ---------------------------------------------------------------------------
