@@ -17,8 +17,6 @@ from nuc980.twin.nand import NandImage
 Start = Callable[..., Machine]
 Reborn = Callable[[Machine], Machine]
 
-EXACT = ("-icount", "shift=5,sleep=off")
-
 # ---- every device --------------------------------------------------------------------------------
 
 # No state of their own: what holds the devices that have theirs; what logs where there is no device.
@@ -127,12 +125,18 @@ def test_every_register_survives(board: Start, reborn: Reborn) -> None:
         and not any(before[a] != at_reset[a] for a in range(start, start + size, 4) if a in before)
     }
     assert untouched == set()
-    assert differences(bus, before, everything(reborn(bus))) == {}
+    new = reborn(bus)
+    assert differences(bus, before, everything(new)) == {}
+    assert new.info("nuc980-pins") == bus.info("nuc980-pins")
 
 
 # ---- a running machine ---------------------------------------------------------------------------
 
 UART1_FSR = 0xB0071018
+SLACK_US = 30  # from one timer's start to the other's, and an interrupt's way to its handler
+
+# Instructions are the clock, 32 ns each: a busy host makes no tick late.
+COUNTED = ("-icount", "shift=5,sleep=off")
 
 
 @pytest.fixture
@@ -140,21 +144,23 @@ def counting(board: Start, probes: Path) -> Callable[..., Machine]:
     """Machines that run the probe count."""
 
     def start(*arguments: str | Path) -> Machine:
-        machine = board("-bios", probes / "count.bin", *EXACT, *arguments, uarts=(0, 1))
+        machine = board("-bios", probes / "count.bin", *COUNTED, *arguments, uarts=(0, 1))
         machine.uarts[0].wait_for(b"ready\n")
         return machine
 
     return start
 
 
-def counts(machine: Machine, number: int) -> tuple[int, int, int]:
-    """What the probe says of itself: ticks, milliseconds on the clock beside, bytes."""
+def counts(machine: Machine, number: int) -> tuple[int, int]:
+    """What the probe says of itself, its ticks and bytes, once the ticks are right by the clock beside."""
     machine.uarts[0].send(b"%d\n" % number)
     machine.uarts[0].wait_for(b"%d: " % number)
     said = machine.uarts[0].wait_for(b"\n").decode()
-    found = re.fullmatch(r"ticks (\d+) of (\d+), bytes (\d+), overruns 0\n", said)
+    found = re.fullmatch(r"ticks (\d+) in (\d+) us, bytes (\d+), overruns 0\n", said)
     assert found, said
-    return int(found[1]), int(found[2]), int(found[3])
+    ticks, time, echoed = map(int, found.groups())
+    assert (time - SLACK_US) // 1000 <= ticks <= (time + SLACK_US) // 1000
+    return ticks, echoed
 
 
 def test_a_migrated_machine_loses_no_byte_and_no_tick(
@@ -164,26 +170,21 @@ def test_a_migrated_machine_loses_no_byte_and_no_tick(
     text = b"twelve bytes"
     machine.uarts[1].send(text)
     deadline = time.monotonic() + 30
-    heard = b""
-    # The receiver has taken the last byte in, the transmitter is not through.
-    while len(heard) + waiting(machine) < len(text):
+    while min(waiting(machine)) < 2:
         assert time.monotonic() < deadline
-        heard += machine.uarts[1].receive(0)
     new = reborn(machine)
-    heard += machine.uarts[1].receive(0.05)
-    assert len(heard) < len(text)
+    heard = machine.uarts[1].receive(0)
+    assert len(heard) <= len(text) - 4
     assert heard + new.uarts[1].wait_for(text[len(heard) :]) == text
-    ticks, milliseconds, echoed = counts(new, 1)
-    assert abs(ticks - milliseconds) <= 1
-    assert echoed == len(text)
+    assert counts(new, 1)[1] == len(text)
     new.uarts[1].send(b"more")
     new.uarts[1].wait_for(b"more")
 
 
-def waiting(machine: Machine) -> int:
-    """Bytes in UART1's two FIFOs."""
+def waiting(machine: Machine) -> tuple[int, int]:
+    """Bytes in UART1's FIFOs: received, to be sent."""
     status = machine.read(UART1_FSR)
-    return (status >> 8 & 0x3F) + (status >> 16 & 0x3F)
+    return status >> 8 & 0x3F, status >> 16 & 0x3F
 
 
 def test_loadvm_goes_back_in_time(counting: Callable[..., Machine], qemu: Path, tmp_path: Path) -> None:
@@ -191,12 +192,12 @@ def test_loadvm_goes_back_in_time(counting: Callable[..., Machine], qemu: Path, 
     blank = NandImage.blank(tmp_path / "nand.img").path
     subprocess.run([qemu.parent / "qemu-img", "convert", "-O", "qcow2", blank, image], check=True)
     machine = counting("-drive", f"if=mtd,format=qcow2,file={image}")
-    first, _, _ = counts(machine, 1)
+    first, _ = counts(machine, 1)
     assert machine.monitor("savevm before") == ""
     machine.uarts[1].send(b"abc")
     machine.uarts[1].wait_for(b"abc")
-    later, _, echoed = counts(machine, 2)
+    later, echoed = counts(machine, 2)
     assert later > first and echoed == 3
     assert machine.monitor("loadvm before") == ""
-    ticks, milliseconds, echoed = counts(machine, 3)
-    assert first <= ticks and abs(ticks - milliseconds) <= 1 and echoed == 0
+    again, echoed = counts(machine, 3)
+    assert again >= first and echoed == 0

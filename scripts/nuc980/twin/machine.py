@@ -205,6 +205,7 @@ class Machine:
     def reborn(self) -> Machine:
         """A new machine that goes on where this one stops: a migration through a file."""
         state = Path(self._folder.name) / "state"
+        self.command("stop")
         self.command("migrate", uri=f"exec:cat > {state}")
         self._wait_until("query-migrate", "completed")
         new = self._again()
