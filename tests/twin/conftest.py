@@ -14,7 +14,7 @@ PROBES = HERE / "probes"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """None of them is quick: they need `make qemu uboot`. `make test-twin` runs them alone, in two minutes."""
+    """None of them is quick: they need `make qemu uboot`. `make test-twin` runs them alone."""
     for item in items:
         if item.path.is_relative_to(HERE):
             item.add_marker(pytest.mark.slow)

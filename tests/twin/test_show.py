@@ -27,5 +27,3 @@ def test_missing_program_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     monkeypatch.setattr(twin, "UBOOT", Path("nowhere/u-boot.bin"))
     assert twin.main() == 2
     assert "run make uboot" in capsys.readouterr().err
-
-

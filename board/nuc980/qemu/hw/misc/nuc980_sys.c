@@ -157,6 +157,7 @@ static bool sys_is_modelled(hwaddr addr)
     switch (addr) {
     case A_SYS_PDID ... A_SYS_PWRON:
     case A_SYS_AHBIPRST ... A_SYS_GPG_MFPH:
+    case A_SYS_RSTDEBCTL:           /* stored: no reset pin to debounce */
     case A_SYS_REGWPCTL:
     case A_CLK_HCLKEN:
     case A_CLK_PCLKEN0 ... A_CLK_DIV0:
