@@ -662,10 +662,12 @@ def test_parity_without_room_is_refused(flash: Flash) -> None:
 def test_copy_back_stays_within_the_page(flash: Flash) -> None:
     flash.seek(88 * PAGES)
     flash.get(1)  # the whole page is there
-    for column in range(0x600, PAGE, 0x80):
+    for column in range(0x400, PAGE, 0x40):
         flash.command(0x85, column & 0xFF, column >> 8, 0, 88)
         for _ in range(PAGE - column + 1):
             flash.bus.write(PORT, 0x5A)
+    flash.command(0x10)
+    flash.wait(PROGRAM_NS)
     flash.command(0x90, 0)
     assert flash.get(2) == b"\xef\xf1"
 
