@@ -656,6 +656,40 @@ def test_parity_without_room_is_refused(flash: Flash) -> None:
     assert "asks for a parity that 2048 bytes with 64 spare cannot have" in flash.bus.complaints
 
 
+# ---- a hostile guest -----------------------------------------------------------------------------
+
+
+def test_copy_back_stays_within_the_page(flash: Flash) -> None:
+    flash.seek(88 * PAGES)
+    flash.get(1)  # the whole page is there
+    for column in range(0x400, PAGE, 0x40):
+        flash.command(0x85, column & 0xFF, column >> 8, 0, 88)
+        for _ in range(PAGE - column + 1):
+            flash.bus.write(PORT, 0x5A)
+    flash.command(0x10)
+    flash.wait(PROGRAM_NS)
+    flash.command(0x90, 0)
+    assert flash.get(2) == b"\xef\xf1"
+
+
+def test_what_goes_in_is_not_read_beyond_the_buffer(flash: Flash) -> None:
+    flash.seek(88 * PAGES)
+    flash.get(PAGE - 1)
+    flash.command(0x80)
+    for _ in range(PAGE):
+        flash.bus.write(PORT, 0)
+    assert flash.get(PAGE) == bytes(PAGE)
+
+
+def test_address_cycles_that_are_too_many_do_nothing(flash: Flash) -> None:
+    page = 89 * PAGES
+    flash.program(page, some_page(1))
+    flash.command(0x00, 0, 0, page & 0xFF, page >> 8, 0, *[7] * 8)
+    flash.command(0x30)
+    flash.wait(READ_NS)
+    assert flash.get(16) == some_page(1)[:16]
+
+
 # ---- a snapshot ----------------------------------------------------------------------------------
 
 

@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -128,7 +129,8 @@ class Machine:
         """Ends the run and removes its files."""
         self.process.kill()
         self.process.wait()
-        self._qmp.close()
+        with suppress(EOFError, OSError, QMPError):  # QEMU may have ended by itself
+            self._qmp.close()
         for line in self.uarts.values():
             line.close()
         self._folder.cleanup()
@@ -205,21 +207,29 @@ class Machine:
     def reborn(self) -> Machine:
         """A new machine that goes on where this one stops: a migration through a file."""
         state = Path(self._folder.name) / "state"
-        self.command("stop")
-        self.command("migrate", uri=f"exec:cat > {state}")
-        self._wait_until("query-migrate", "completed")
+        self.save(state)
         new = self._again()
         try:
             if self._now:
                 new._ask(f"clock_set {self._now}")  # qtest's time is not part of the state
                 new._now = self._now
-            new.command("migrate-incoming", uri=f"exec:cat {state}")
-            new._wait_until("query-migrate", "completed")
-            new.command("cont")
+            new.load(state)
         except BaseException:
             new.close()
             raise
         return new
+
+    def save(self, state: Path) -> None:
+        """Stops, and writes the state to a file."""
+        self.command("stop")
+        self.command("migrate", uri=f"exec:cat > {state}")
+        self._wait_until("query-migrate", "completed")
+
+    def load(self, state: Path) -> None:
+        """Goes on from a file's state; QEMU ends if it refuses it."""
+        self.command("migrate-incoming", uri=f"exec:cat {state}")
+        self._wait_until("query-migrate", "completed")
+        self.command("cont")
 
     def _wait_until(self, query: str, status: str) -> None:
         deadline = time.monotonic() + ANSWER_SECONDS

@@ -889,7 +889,8 @@ static int uart_post_load(void *opaque, int version_id)
 {
     NUC980UARTState *s = opaque;
 
-    if (s->wire_head >= NUC980_UART_WIRE || s->wire_used > NUC980_UART_WIRE) {
+    if (s->wire_head >= NUC980_UART_WIRE || s->wire_used > NUC980_UART_WIRE ||
+        (timer_pending(s->rx_timer) && !s->wire_used)) {
         return -EINVAL;
     }
     /* A character that waited for its chardev tries this one's */

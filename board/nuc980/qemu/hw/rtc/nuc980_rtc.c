@@ -49,6 +49,7 @@ REG32(RTC_SPR15, 0x7c)
 #define RWEN_KEY        0xa965
 #define X32K_HZ         32768
 #define RWEN_CLOCKS     1024
+#define TICK_MASK       7
 #define HALF_DAY        12
 #define PM              20          /* added to the hours of a 12-hour clock */
 
@@ -359,7 +360,7 @@ static void rtc_write_register(NUC980RTCState *s, hwaddr addr, uint32_t value)
         s->intsts &= ~value;
         break;
     case A_RTC_TICK:
-        s->tick_period = value & 7;
+        s->tick_period = value & TICK_MASK;
         s->tick = rtc_tick(s);
         break;
     case A_RTC_PWRCTL:
@@ -418,7 +419,12 @@ static void rtc_reset(DeviceState *dev)
 
 static int rtc_post_load(void *opaque, int version_id)
 {
-    rtc_update(opaque);
+    NUC980RTCState *s = opaque;
+
+    if (s->tick_period > TICK_MASK) {
+        return -EINVAL;
+    }
+    rtc_update(s);
     return 0;
 }
 

@@ -353,10 +353,19 @@ static void spi_reset(DeviceState *dev)
     spi_update_irq(s);
 }
 
+/* A Fifo32 counts bytes: whole words of them are saved. */
+static bool holds_words(const Fifo32 *fifo)
+{
+    return !((fifo->fifo.head | fifo->fifo.num) % sizeof(uint32_t));
+}
+
 static int spi_post_load(void *opaque, int version_id)
 {
     NUC980SPIState *s = opaque;
 
+    if (!holds_words(&s->tx) || !holds_words(&s->rx)) {
+        return -EINVAL;
+    }
     spi_update_select(s, false);
     spi_update_irq(s);
     return 0;

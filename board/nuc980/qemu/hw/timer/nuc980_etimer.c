@@ -43,6 +43,7 @@ enum {
 
 #define COUNTER_SIZE        (1u << 24)
 #define COUNTER_MASK        (COUNTER_SIZE - 1)
+#define PRECNT_MASK         0xff
 
 #define CTL_MODELLED        (R_ETMR_CTL_CNTEN_MASK | R_ETMR_CTL_SWRST_MASK | \
                              R_ETMR_CTL_MODE_MASK | R_ETMR_CTL_ACTIVE_MASK)
@@ -253,7 +254,7 @@ static void etimer_write(void *opaque, hwaddr addr, uint64_t value,
         break;
     case A_ETMR_PRECNT:
         etimer_rebase(s);
-        s->precnt = value & 0xff;
+        s->precnt = value & PRECNT_MASK;
         break;
     case A_ETMR_CMPR:
         etimer_write_cmpr(s, value);
@@ -296,7 +297,12 @@ static void etimer_reset(DeviceState *dev)
 
 static int etimer_post_load(void *opaque, int version_id)
 {
-    etimer_update(opaque);
+    NUC980ETimerState *s = opaque;
+
+    if (s->precnt > PRECNT_MASK) {
+        return -EINVAL;
+    }
+    etimer_update(s);
     return 0;
 }
 
