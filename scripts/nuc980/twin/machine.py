@@ -202,6 +202,10 @@ class Machine:
         """Lets virtual time pass (registers only); due timers run on the way, each at its time."""
         self._now = int(self._ask(f"clock_step {nanoseconds}"))
 
+    def set_line(self, device: str, name: str, level: int, number: int = 0) -> None:
+        """Sets a device's named input line, whoever drives it; device is its path below /machine/soc."""
+        self._ask(f"set_irq_in /machine/soc/{device} {name} {number} {level}")
+
     # ---- snapshots
 
     def reborn(self) -> Machine:
@@ -237,10 +241,6 @@ class Machine:
             if answer.get("status") == "failed" or time.monotonic() > deadline:
                 raise MachineError(f"{query} says {answer}, not {status}: {self.output}")
             time.sleep(0.005)
-
-    def set_line(self, device: str, name: str, level: int, number: int = 0) -> None:
-        """Sets a device's named input line, whoever drives it; device is its path below /machine/soc."""
-        self._ask(f"set_irq_in /machine/soc/{device} {name} {number} {level}")
 
     def _ask(self, line: str) -> str:
         self._qtest.sendall(line.encode() + b"\n")

@@ -253,7 +253,7 @@ static void fmi_command(NUC980FMIState *s, uint8_t command)
         fmi_become_busy(s, ERASE_NS);
         break;
     case CMD_RESET:
-        /* At once: the vendor's Linux driver does not wait for it. */
+        /* guess: at once, since the vendor's Linux driver does not wait */
         fmi_become_ready(s);
         break;
     }

@@ -155,6 +155,7 @@ static unsigned uart_divider(NUC980UARTState *s)
     if (!GET(s, BAUD, BAUDM1)) {
         return 16 * brd;
     }
+    /* guess: mode 1, which neither the driver nor the BSP uses */
     return GET(s, BAUD, BAUDM0) ? brd : (GET(s, BAUD, EDIVM1) + 1) * brd;
 }
 
@@ -460,6 +461,7 @@ static bool uart_is_multidrop(NUC980UARTState *s)
 static uint8_t uart_disturb(NUC980UARTState *s, uint16_t c)
 {
     if (uart_take(&s->inject_break) || c == WIRE_BREAK) {
+        /* guess: a break is no framing error besides */
         s->regs[R_FIFOSTS] |= R_FIFOSTS_BIF_MASK;
         return 0;
     }

@@ -268,6 +268,7 @@ static void pdma_load(NUC980PDMAState *s, int n)
 static void pdma_done(NUC980PDMAState *s, int n)
 {
     trace_nuc980_pdma_done(pdma_name(s), n);
+    /* guess: the bit keeps the status away, not only the interrupt */
     if (!FIELD_EX32(*pdma_task(s, n), DSCT_CTL, TBINTDIS)) {
         s->regs[R_TDSTS] |= BIT(n);
     }

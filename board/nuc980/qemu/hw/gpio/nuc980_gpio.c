@@ -136,6 +136,7 @@ static void port_update(NUC980GPIOState *s, int i)
         trace_nuc980_gpio_level(nuc980_pin_name(PINS_A_PORT * i + n),
                                 p->level & BIT(n));
     }
+    /* guess: also while a peripheral has the pin; INTSRC alone interrupts */
     p->regs[R_INTSRC] |= port_hits(p, old);
     gpio_drive_irqs(s);
 }

@@ -219,6 +219,7 @@ static void phy_reset(NUC980EMACState *s)
 /* The link bit stays low until read, so that no loss goes unseen. */
 static uint16_t phy_read_bmsr(NUC980EMACState *s)
 {
+    /* guess: the usual abilities, no data sheet was at hand */
     uint16_t value = MII_BMSR_100TX_FD | MII_BMSR_100TX_HD | MII_BMSR_10T_FD |
                      MII_BMSR_10T_HD | MII_BMSR_MFPS | MII_BMSR_AUTONEG |
                      MII_BMSR_EXTCAP;
