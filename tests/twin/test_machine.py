@@ -2,6 +2,7 @@
 """The machine itself: its options, and what it refuses."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -31,3 +32,19 @@ def test_second_serial_is_refused(board: Callable[..., Machine]) -> None:
 def test_uart_without_wires_is_refused(board: Callable[..., Machine]) -> None:
     with pytest.raises(MachineError, match="no pins to UART5"):
         board(registers=True, uarts=(0, 5))
+
+
+def test_loader_beyond_the_ram_is_refused(board: Callable[..., Machine], tmp_path: Path) -> None:
+    (tmp_path / "loader").write_bytes(b"\xfe\xff\xff\xea")
+    with pytest.raises(MachineError, match="needs -m 16M at least"):
+        board("-m", "8M", "-bios", tmp_path / "loader")
+
+
+def test_loader_too_long_is_refused(board: Callable[..., Machine], tmp_path: Path) -> None:
+    (tmp_path / "loader").write_bytes(bytes((1 << 20) + 1))
+    with pytest.raises(MachineError, match="a boot loader of at most 1 MiB"):
+        board("-bios", tmp_path / "loader")
+
+
+def test_nothing_to_start_is_said(board: Callable[..., Machine]) -> None:
+    assert "nothing to start: give -kernel, -bios or boot-source=nand" in board().output

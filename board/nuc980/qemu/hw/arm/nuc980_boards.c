@@ -23,6 +23,7 @@
 #include "qemu/units.h"
 #include "sysemu/block-backend.h"
 #include "sysemu/blockdev.h"
+#include "sysemu/qtest.h"
 #include "sysemu/reset.h"
 #include "sysemu/sysemu.h"
 
@@ -153,6 +154,11 @@ static void check_boot_source(NUC980Machine *m, DriveInfo *nand)
                      "with -kernel or -bios");
         exit(EXIT_FAILURE);
     }
+    if (!m->boot_nand && !machine->kernel_filename && !machine->firmware &&
+        !qtest_enabled()) {
+        warn_report("nothing to start: "
+                    "give -kernel, -bios or boot-source=nand");
+    }
     if (m->boot_nand && !nand) {
         error_report("boot-source=nand needs a NAND image: "
                      "-drive if=mtd,format=raw,file=...");
@@ -171,6 +177,10 @@ static void start_loader(void *opaque)
 /* What the boot ROM and the SPL do: U-Boot is in RAM, and runs. */
 static void load_loader(NUC980Machine *m, const char *file)
 {
+    if (MACHINE(m)->ram_size < LOADER_ADDR + LOADER_MAX_SIZE) {
+        error_report("a boot loader lies at 14 MiB: it needs -m 16M at least");
+        exit(EXIT_FAILURE);
+    }
     if (load_image_targphys(file, LOADER_ADDR, LOADER_MAX_SIZE) < 0) {
         error_report("cannot load %s, a boot loader of at most 1 MiB", file);
         exit(EXIT_FAILURE);
