@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from conftest import ROOT
 
+ROOT = Path(__file__).resolve().parent.parent
 REPORT = ROOT / "tests/fixtures/report/figure-4.8-4.9.json"
 EXAMPLES = [*sorted((ROOT / "docs/examples").glob("*.json")), ROOT / "tests/fixtures/chapter5/gateway.json"]
 EVERY_KEY = ROOT / "docs/examples/every-key.json"

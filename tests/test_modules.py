@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from conftest import ROOT
 from desk import CHAPTER_5, chapter_5, everything_read
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 
 pytestmark = pytest.mark.slow
 
+ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "package/openrtu/src"
 EVERYWHERE = {"rtud", "rtuctl"}
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
