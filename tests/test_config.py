@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-
 ROOT = Path(__file__).resolve().parent.parent
 REPORT = ROOT / "tests/fixtures/report/figure-4.8-4.9.json"
 EXAMPLES = [*sorted((ROOT / "docs/examples").glob("*.json")), ROOT / "tests/fixtures/chapter5/gateway.json"]
