@@ -87,7 +87,7 @@ dtb: $(VENV) ## generate, compile and check the board's device tree (SWITCHES=..
 
 # ---- the twin ------------------------------------------------------------------------------------
 
-QEMU_PARTS := scripts/build-qemu.sh $(shell find board/nuc980/qemu patches/qemu -type f)
+QEMU_PARTS := scripts/build-qemu.sh scripts/patched-source.sh $(shell find board/nuc980/qemu patches/qemu -type f)
 
 qemu: build/qemu/done ## build the emulated board: QEMU with the machine nuc980
 
@@ -95,7 +95,7 @@ build/qemu/done: $(QEMU_PARTS) build/qemu/debian.dsc | build/packages-twin.done
 	scripts/build-qemu.sh build/qemu/debian $(@D)
 	touch $@
 
-UBOOT_PARTS := scripts/build-uboot.sh $(shell find patches/uboot dts/nuvoton -type f)
+UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(shell find patches/uboot dts/nuvoton -type f)
 
 uboot: build/u-boot/done ## build the board's U-Boot
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # build-uboot.sh DEBIAN FOLDER: U-Boot for the gateway board, from Debian's unpacked source.
 #
-# FOLDER/source is DEBIAN with patches/uboot applied and dts/nuvoton laid over it; only what differs is copied there, so
-# that a change rebuilds just what it must. FOLDER gets u-boot.bin, its program u-boot with symbols, and u-boot.dtb.
+# FOLDER/source is DEBIAN with patches/uboot applied and dts/nuvoton laid over it. FOLDER gets u-boot.bin, its program
+# u-boot with symbols, and u-boot.dtb.
 set -euo pipefail
 
 debian=$(realpath -e "$1")
@@ -15,27 +15,16 @@ export CROSS_COMPILE=${CROSS_COMPILE:-arm-linux-gnueabi-}
 # U-Boot's own make writes the default environment and links at every call.
 inputs() {
 	echo "$debian $CROSS_COMPILE"
-	sha256sum "$tree"/patches/uboot/*.patch "$tree"/dts/nuvoton/*.dts* "$tree/scripts/build-uboot.sh" "$changelog"
-}
-
-# The files of U-Boot that a patch changes, without those that it adds.
-patched() {
-	sed -n 's|^--- a/||p' "$tree"/patches/uboot/*.patch | sort --unique
+	sha256sum "$tree"/patches/uboot/*.patch "$tree"/dts/nuvoton/*.dts* "$changelog" \
+		"$tree"/scripts/{build-uboot,patched-source}.sh
 }
 
 stage() {
-	rm -rf "$folder/stage"
-	mkdir -p "$folder/stage" "$folder/source"
-	patched | (cd "$debian" && xargs cp --archive --parents --target-directory="$folder/stage")
-	for patch in "$tree"/patches/uboot/*.patch; do
-		patch --directory="$folder/stage" --strip=1 --fuzz=0 --quiet --no-backup-if-mismatch <"$patch" || {
-			echo "uboot: $patch does not fit Debian's source in $debian" >&2
-			return 1
-		}
-	done
-	cp --archive "$tree"/dts/nuvoton/*.dts* "$folder/stage/arch/arm/dts"
-	# Where both have a file, the first one's is taken.
-	rsync --archive --no-times --checksum --delete "$folder/stage/" "$debian/" "$folder/source/"
+	local dts=$folder/overlay/arch/arm/dts
+	rm -rf "$folder/overlay"
+	mkdir -p "$dts"
+	cp --archive "$tree"/dts/nuvoton/*.dts* "$dts"
+	"$tree/scripts/patched-source.sh" "$debian" "$tree/patches/uboot" "$folder/overlay" "$folder/source"
 }
 
 build() {
