@@ -16,6 +16,7 @@ from nuc980.twin.nand import BLOCKS, DATA, PAGE, PAGES, SIZE, SPARE, NandError, 
 
 MFP_C = (0xB0000080, 0xB0000084)
 AIC_RAWSTS = 0xB0042100
+AHBIPRST, FMI_RESET = 0xB0000060, 1 << 20
 IRQ = 1 << 28
 
 FMI = 0xB0019000
@@ -475,6 +476,16 @@ def test_dma_done_interrupts(flash: Flash) -> None:
     flash.transfer(READ)
     assert flash.bus.read(AIC_RAWSTS) & IRQ
     flash.bus.write(INTSTS, DMA_DONE)
+    assert not flash.bus.read(AIC_RAWSTS) & IRQ
+
+
+def test_reset_of_the_controller_ends_its_interrupt(flash: Flash) -> None:
+    flash.control &= ~ECC_ON
+    flash.seek(16 * PAGES)
+    flash.bus.write(INTEN, DMA_DONE)
+    flash.transfer(READ)
+    assert flash.bus.read(AIC_RAWSTS) & IRQ
+    flash.bus.write(AHBIPRST, FMI_RESET)
     assert not flash.bus.read(AIC_RAWSTS) & IRQ
 
 

@@ -714,6 +714,7 @@ static void fmi_reset(DeviceState *dev)
     s->command = 0;
     s->busy = false;
     timer_del(&s->ready);
+    fmi_update_irq(s);
     /* It has no reset pin, nor a bus to be reset with: boot software does. */
     if (s->nand) {
         device_cold_reset(s->nand);
