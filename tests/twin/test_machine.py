@@ -24,6 +24,12 @@ def test_impossible_ram_is_refused(board: Callable[..., Machine], size: str) -> 
         board("-m", size, registers=True)
 
 
+@pytest.mark.parametrize("address", [0x100000, 0x3FFFFFC])
+def test_ram_is_a_second_time_where_the_bsp_has_its_dma_buffers(bus: Machine, address: int) -> None:
+    bus.write(address, 0x12345678)
+    assert bus.read(0x80000000 + address) == 0x12345678
+
+
 def test_second_serial_is_refused(board: Callable[..., Machine]) -> None:
     with pytest.raises(MachineError, match="only UART0 is -serial"):
         board("-serial", "null", registers=True)

@@ -30,6 +30,7 @@
 #define TYPE_NUC980_MACHINE MACHINE_TYPE_NAME("nuc980")
 OBJECT_DECLARE_SIMPLE_TYPE(NUC980Machine, NUC980_MACHINE)
 
+#define RAM_ALIAS           0x80000000
 #define MAX_RAM_MIB         128         /* the SDRAM controller's largest */
 #define LOADER_ADDR         0xe00000    /* U-Boot: CONFIG_SYS_TEXT_BASE */
 #define LOADER_MAX_SIZE     (1 * MiB)
@@ -41,6 +42,7 @@ struct NUC980Machine {
     MachineState parent_obj;
 
     NUC980State soc;
+    MemoryRegion ram_alias;
     struct arm_boot_info boot;
     bool pace;
     bool boot_nand;
@@ -55,6 +57,20 @@ static void check_ram_size(MachineState *machine)
         error_report("RAM of a NUC980 is 2, 4, 8, 16, 32, 64 or 128 MiB");
         exit(EXIT_FAILURE);
     }
+}
+
+/*
+ * guess: the RAM is a second time at 0x80000000. The vendor's BSP gives EMACs
+ * (eth0.c of its lwIP sample) and I2S (i2s.c) addresses with that bit set.
+ */
+static void map_ram(NUC980Machine *m)
+{
+    MemoryRegion *ram = MACHINE(m)->ram;
+
+    memory_region_add_subregion(get_system_memory(), 0, ram);
+    memory_region_init_alias(&m->ram_alias, OBJECT(m), "nuc980.ram-alias", ram,
+                             0, memory_region_size(ram));
+    memory_region_add_subregion(get_system_memory(), RAM_ALIAS, &m->ram_alias);
 }
 
 static bool uart_is_wired(int n)
@@ -195,7 +211,7 @@ static void nuc980_machine_init(MachineState *machine)
 
     check_ram_size(machine);
     check_boot_source(m, nand);
-    memory_region_add_subregion(get_system_memory(), 0, machine->ram);
+    map_ram(m);
 
     object_initialize_child(OBJECT(machine), "soc", &m->soc, TYPE_NUC980);
     object_property_set_uint(OBJECT(&m->soc), "ram-mib",
