@@ -40,6 +40,22 @@ def test_uart_without_wires_is_refused(board: Callable[..., Machine]) -> None:
         board(registers=True, uarts=(0, 5))
 
 
+def test_uart0_by_its_name_alone_is_refused(board: Callable[..., Machine]) -> None:
+    with pytest.raises(MachineError, match="chardev uart0 needs -serial chardev:uart0"):
+        board("-chardev", "null,id=uart0", registers=True, uarts=())
+
+
+def test_another_processor_is_refused(board: Callable[..., Machine]) -> None:
+    with pytest.raises(MachineError, match="Invalid CPU type: cortex-a9-arm-cpu"):
+        board("-cpu", "cortex-a9", registers=True)
+
+
+def test_kernel_beside_a_loader_is_refused(board: Callable[..., Machine], tmp_path: Path) -> None:
+    (tmp_path / "both").write_bytes(b"\xfe\xff\xff\xea")
+    with pytest.raises(MachineError, match="-kernel cannot go with -bios"):
+        board("-kernel", tmp_path / "both", "-bios", tmp_path / "both")
+
+
 def test_loader_beyond_the_ram_is_refused(board: Callable[..., Machine], tmp_path: Path) -> None:
     (tmp_path / "loader").write_bytes(b"\xfe\xff\xff\xea")
     with pytest.raises(MachineError, match="needs -m 16M at least"):

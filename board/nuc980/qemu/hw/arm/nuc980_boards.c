@@ -95,6 +95,10 @@ static void connect_uarts(NUC980Machine *m)
                      "as in -chardev ...,id=uart1");
         exit(EXIT_FAILURE);
     }
+    if (qemu_chr_find("uart0") && qemu_chr_find("uart0") != serial_hd(0)) {
+        error_report("chardev uart0 needs -serial chardev:uart0");
+        exit(EXIT_FAILURE);
+    }
     for (int i = 0; i < NUC980_UARTS; i++) {
         DeviceState *uart = DEVICE(&m->soc.uart[i]);
         g_autofree char *id = g_strdup_printf("uart%d", i);
@@ -168,6 +172,10 @@ static void check_boot_source(NUC980Machine *m, DriveInfo *nand)
     if (m->boot_nand && (machine->kernel_filename || machine->firmware)) {
         error_report("boot-source=nand starts what the NAND has: it cannot go "
                      "with -kernel or -bios");
+        exit(EXIT_FAILURE);
+    }
+    if (machine->kernel_filename && machine->firmware) {
+        error_report("-kernel cannot go with -bios: one of them starts");
         exit(EXIT_FAILURE);
     }
     if (!m->boot_nand && !machine->kernel_filename && !machine->firmware &&
@@ -267,10 +275,15 @@ static void nuc980_machine_instance_init(Object *obj)
 
 static void nuc980_machine_class_init(ObjectClass *klass, void *data)
 {
+    static const char *const cpu_types[] = {
+        ARM_CPU_TYPE_NAME("arm926"), NULL
+    };
     MachineClass *mc = MACHINE_CLASS(klass);
 
     mc->desc = "Gateway board with the Nuvoton NUC980 (ARM926EJ-S)";
     mc->init = nuc980_machine_init;
+    mc->default_cpu_type = cpu_types[0];
+    mc->valid_cpu_types = (const char **)cpu_types;
     mc->default_ram_size = 64 * MiB;
     mc->default_ram_id = "nuc980.ram";
     /* Reason: the vendor's kernel probes blocks that are not modelled */
