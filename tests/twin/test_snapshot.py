@@ -178,7 +178,7 @@ def test_a_migrated_machine_loses_no_byte_and_no_tick(
 
 
 def send_until_both_fifos_wait(line: SerialLine, machine: Machine) -> tuple[bytes, bytes]:
-    """Sends till both FIFOs are seen with bytes, which a busy host may miss; what was sent, what came back."""
+    """Sends till both FIFOs are seen with bytes, which a busy host may miss: what was sent, and came back."""
     sent = heard = b""
     for _ in range(50):
         line.send(b"twelve bytes")
