@@ -16,7 +16,7 @@ def built(variable: str, default: str) -> Path:
     """What the environment variable names, or the default below the tree's root."""
     path = Path(os.environ.get(variable, ROOT / default)).resolve()
     if not path.exists():
-        pytest.fail(f"{path} is not there: run `make build asan qemu`, or set {variable}", pytrace=False)
+        pytest.fail(f"{path} is not there: `make build asan qemu uboot`, or set {variable}", pytrace=False)
     return path
 
 
@@ -47,6 +47,18 @@ def qemu() -> Path:
 def qemu_source() -> Path:
     """What it was built from, QEMU's own tools among it."""
     return built("OPENRTU_QEMU_SOURCE", "build/qemu/source")
+
+
+@pytest.fixture(scope="session")
+def uboot() -> Path:
+    """The program of `make uboot`."""
+    return built("OPENRTU_UBOOT", "build/u-boot/u-boot.bin")
+
+
+@pytest.fixture(scope="session")
+def uboot_source() -> Path:
+    """What it was built from, U-Boot's own tools among it."""
+    return built("OPENRTU_UBOOT_SOURCE", "build/u-boot/source")
 
 
 @pytest.fixture(scope="module")

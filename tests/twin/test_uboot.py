@@ -39,24 +39,6 @@ COMMANDS = (
 )
 
 
-def built(variable: str, default: str) -> Path:
-    path = Path(os.environ.get(variable, ROOT / default)).resolve()
-    if not path.exists():
-        pytest.fail(f"{path} is not there: run `make uboot`, or set {variable}", pytrace=False)
-    return path
-
-
-@pytest.fixture(scope="session")
-def uboot() -> Path:
-    """The program of `make uboot`."""
-    return built("OPENRTU_UBOOT", "build/u-boot/u-boot.bin")
-
-
-@pytest.fixture(scope="session")
-def uboot_source() -> Path:
-    return built("OPENRTU_UBOOT_SOURCE", "build/u-boot/source")
-
-
 @pytest.fixture(scope="session")
 def erased_nand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return NandImage.blank(tmp_path_factory.mktemp("nand") / "erased").path

@@ -30,7 +30,7 @@ class SerialLine:
 
     def __init__(self, sock: socket.socket) -> None:
         self._socket = sock
-        self.seen = b""  # all that has come so far
+        self.seen = b""  # what has come since the last wait_for
 
     def send(self, data: bytes) -> None:
         """Puts bytes on the line."""

@@ -13,7 +13,6 @@
 #include "hw/block/flash.h"
 #include "hw/boards.h"
 #include "hw/loader.h"
-#include "hw/misc/nuc980_pins_table.h"
 #include "hw/qdev-properties.h"
 #include "hw/qdev-properties-system.h"
 #include "net/net.h"
@@ -77,14 +76,7 @@ static bool uart_is_wired(int n)
 {
     g_autofree char *rxd = g_strdup_printf("UART%d_RXD", n);
 
-    for (int port = 0; port < NUC980_PORTS; port++) {
-        for (int pin = 0; pin < NUC980_PINS_A_PORT; pin++) {
-            if (!g_strcmp0(nuc980_pin_wired[port][pin], rxd)) {
-                return true;
-            }
-        }
-    }
-    return false;
+    return nuc980_pin_wires(rxd);
 }
 
 /* UART0 is -serial; any other that the board wires takes -chardev id=uartN. */

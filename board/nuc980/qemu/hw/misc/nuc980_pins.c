@@ -106,6 +106,16 @@ bool nuc980_pin_exists(unsigned n)
     return pin_function(n, GPIO_VALUE);
 }
 
+bool nuc980_pin_wires(const char *signal)
+{
+    for (int n = 0; n < NUC980_PIN_COUNT; n++) {
+        if (!g_strcmp0(pin_wired(n), signal)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 int nuc980_pin_eint(unsigned n)
 {
     for (unsigned value = 0; value < NUC980_PIN_VALUES; value++) {

@@ -195,8 +195,14 @@ static uint64_t sys_read(void *opaque, hwaddr addr, unsigned size)
     if (!sys_is_modelled(addr)) {
         nuc980_unimp_once(s->seen, TYPE_NUC980_SYS, addr);
     }
-    return addr == A_SYS_REGWPCTL ? s->keys == ARRAY_SIZE(keys)
-                                  : s->regs[addr / 4];
+    switch (addr) {
+    case A_SYS_GPA_MFPL ... A_SYS_GPG_MFPH:
+        return s->pins->mfp[(addr - A_SYS_GPA_MFPL) / 4];
+    case A_SYS_REGWPCTL:
+        return s->keys == ARRAY_SIZE(keys);
+    default:
+        return s->regs[addr / 4];
+    }
 }
 
 static void sys_set_keys(NUC980SysState *s, uint32_t seen)
@@ -272,7 +278,7 @@ static void sys_write(void *opaque, hwaddr addr, uint64_t value, unsigned size)
         return;
     case A_SYS_GPA_MFPL ... A_SYS_GPG_MFPH:
         nuc980_pins_write(s->pins, (addr - A_SYS_GPA_MFPL) / 4, value);
-        break;
+        return;
     }
     s->regs[addr / 4] = value;
     if (addr >= A_CLK_DIV0) {

@@ -77,6 +77,7 @@ void nuc980_pins_write(NUC980PinsState *s, unsigned reg, uint32_t value);
 /* What is the same in every run: pins are numbered from PA0 */
 const char *nuc980_pin_name(unsigned pin);
 bool nuc980_pin_exists(unsigned pin);
+bool nuc980_pin_wires(const char *signal);  /* the board, to any pin */
 int nuc980_pin_eint(unsigned pin);  /* external interrupt it can be, or -1 */
 
 #endif /* HW_MISC_NUC980_PINS_H */
