@@ -175,7 +175,7 @@ PROBES      = tests/twin/probes
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
-SHELL_FILES = .ci/run scripts/nuc980-pins $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
+SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .

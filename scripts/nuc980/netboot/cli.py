@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line of nuc980-netboot. Exit codes: 0 done, 1 failed, 2 unusable input."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from ipaddress import IPv4Address, IPv4Interface
+from pathlib import Path
+
+from nuc980.netboot.boot import plan_boot
+from nuc980.netboot.console import Console
+from nuc980.netboot.errors import NetbootError, UnusableInput
+from nuc980.netboot.linux import Goal
+from nuc980.netboot.probe import probe
+from nuc980.netboot.progress import Progress
+from nuc980.netboot.session import Network, Session
+from nuc980.netboot.site import Site
+from nuc980.netboot.steps import Slice
+from nuc980.netboot.transport import BAUD, Line
+
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one subcommand; returns the exit code."""
+    parsed = _parser().parse_args(arguments)
+    try:
+        return parsed.run(parsed)
+    except NetbootError as error:
+        print(f"nuc980-netboot: {error}", file=sys.stderr)
+        return error.exit_code
+    except OSError as error:
+        print(f"nuc980-netboot: {error.filename}: {error.strerror}", file=sys.stderr)
+        return UnusableInput.exit_code
+    except KeyboardInterrupt:
+        print("nuc980-netboot: interrupted; port and server are closed", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="nuc980-netboot", description="Boot and flash a NUC980 board over its debug UART and Ethernet."
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    command = commands.add_parser("boot", help="load kernel and device tree by TFTP and start them")
+    command.add_argument("uimage", type=Path, help="the kernel, a uImage")
+    command.add_argument("dtb", type=Path, help="the device tree, compiled")
+    _add_line(command)
+    _add_network(command)
+    command.set_defaults(run=_boot)
+    return parser
+
+
+def _add_line(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("serial line")
+    group.add_argument("--port", required=True, help="/dev/ttyUSB0, socket://HOST:PORT, rfc2217://HOST:PORT")
+    group.add_argument("--baud", type=int, default=BAUD, help="bit/s (default: %(default)s)")
+    group.add_argument("--power-cycle", metavar="COMMAND", help="switches the board off and on")
+    group.add_argument("--log", type=Path, metavar="FILE", help="keep every byte of the line, with its time")
+
+
+def _add_network(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("network")
+    group.add_argument("--board-ip", type=IPv4Interface, required=True, metavar="ADDRESS/PREFIX")
+    group.add_argument("--server-ip", type=IPv4Address, required=True, metavar="ADDRESS")
+    group.add_argument("--tftp-port", type=int, default=69)
+    group.add_argument("--ethact", metavar="NAME")
+    group.add_argument("--listen", type=IPv4Address, metavar="ADDRESS")
+    group.add_argument("--seen-as", type=IPv4Address, metavar="ADDRESS")
+    group.add_argument("--site", type=Path, default=Path("site"), metavar="FOLDER")
+
+
+@contextmanager
+def _session(parsed: argparse.Namespace) -> Iterator[Session]:
+    progress = Progress()
+    with Line(parsed.port, parsed.baud, parsed.log) as line:
+        console = Console(line, progress.note)
+        with progress.phase("reach U-Boot"):
+            console.reach(_power_hook(parsed.power_cycle))
+        yield Session(console, progress)
+
+
+def _power_hook(command: str | None) -> Callable[[], None] | None:
+    if command is None:
+        return None
+    return lambda: _run_hook(command)
+
+
+def _run_hook(command: str) -> None:
+    done = subprocess.run(shlex.split(command), capture_output=True, text=True)
+    if done.returncode:
+        raise UnusableInput(f"--power-cycle: '{command}' ended with {done.returncode}: {done.stderr.strip()}")
+
+
+def _network(parsed: argparse.Namespace) -> Network:
+    return Network(
+        parsed.board_ip, parsed.server_ip, parsed.tftp_port, parsed.ethact, parsed.listen, parsed.seen_as
+    )
+
+
+def _boot(parsed: argparse.Namespace) -> int:
+    uimage, dtb = Slice.of(parsed.uimage), Slice.of(parsed.dtb)
+    network, macs = _network(parsed), Site(parsed.site).macs()
+    with _session(parsed) as session:
+        board = probe(session.console, session.progress, flash=False)
+        plan = plan_boot(board, network, macs, uimage, dtb, None, Goal())
+        with network.service() as session.files:
+            plan.run(session)
+    for name, seconds in session.progress.phases.items():
+        print(f"{seconds:8.2f} s  {name}")
+    return 0

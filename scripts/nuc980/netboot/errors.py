@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What can go wrong between a host and a board: a class per symptom, with its cause and the next step."""
+
+from __future__ import annotations
+
+
+class NetbootError(Exception):
+    """What happened, why probably, and what to do next; cause and next step default to those of the class."""
+
+    exit_code = 1
+    cause = ""
+    next_step = ""
+
+    def __init__(self, what: str, *, cause: str = "", next_step: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.cause = cause or self.cause
+        self.next_step = next_step or self.next_step
+
+    def __str__(self) -> str:
+        lines = [self.what]
+        if self.cause:
+            lines.append(f"  likely cause: {self.cause}")
+        if self.next_step:
+            lines.append(f"  next step: {self.next_step}")
+        return "\n".join(lines)
+
+
+class UnusableInput(NetbootError):
+    """A word, file or port that cannot be used: nothing was done."""
+
+    exit_code = 2
+
+
+# ---- the serial line
+
+
+class LineLost(NetbootError):
+    """The serial port went away."""
+
+    cause = "the USB cable was pulled, or another program has the port open"
+    next_step = "check the cable, close the other terminal program, and start again"
+
+
+class NoOutput(NetbootError):
+    """Not one byte came from the board."""
+
+    cause = "wrong port, TX and RX swapped, no common ground, or the board has no power"
+    next_step = "check the power LED and the wiring (docs/netboot.md), or name another --port"
+
+
+class Garbage(NetbootError):
+    """Bytes came, but no text, at any of the usual speeds."""
+
+    cause = "another speed, or a wire that picks up noise (no common ground)"
+    next_step = "give the speed with --baud; check ground and level (3.3 V)"
+
+
+class AutobootMissed(NetbootError):
+    """The board went on to boot what it has."""
+
+    cause = "the count-down was over before the first key reached the board"
+    next_step = "power-cycle the board while this runs, or give --power-cycle COMMAND"
+
+
+class NotUBoot(NetbootError):
+    """Something answers, but it is no U-Boot."""
+
+    cause = "Linux is running on the board"
+    next_step = "power-cycle the board while this runs, or give --power-cycle COMMAND"
+
+
+class StuckConsole(NetbootError):
+    """The prompt does not come back."""
+
+    cause = "the command hangs, or the line loses characters"
+    next_step = (
+        "power-cycle the board and start again; nothing is written to the flash without a check before"
+    )
+
+
+class LineUnsafe(NetbootError):
+    """What was typed does not come back as it was typed."""
+
+    cause = "the line loses or changes characters: noise, a bad ground, a second program on the port"
+    next_step = "check the wiring and that no other program reads the port; --log FILE keeps every byte"
+
+
+class BoardReset(NetbootError):
+    """The board started anew in the middle."""
+
+    cause = "power dips, a watchdog, or someone at the reset button"
+    next_step = "check the supply and start again"
+
+
+class NoStatus(NetbootError):
+    """This U-Boot's parser does not tell how a command ended."""
+
+    cause = "U-Boot without the hush parser, which the factory's has"
+    next_step = "work by hand with --console: without a status nothing can be verified"
+
+
+class LineTooLong(UnusableInput):
+    """U-Boot would cut the command (CONFIG_SYS_CBSIZE 256)."""
+
+
+class CommandFailed(NetbootError):
+    """U-Boot ran a command and says that it failed."""
+
+    cause = "see what U-Boot said above"
+    next_step = "--log FILE keeps the whole dialogue"
+
+
+# ---- the network
+
+
+class NoEthernet(NetbootError):
+    """U-Boot has no Ethernet port that works."""
+
+    cause = "a U-Boot without an Ethernet driver (nuc980_iot_defconfig builds one), or no ethaddr set"
+    next_step = "nuc980-netboot probe shows what this U-Boot has"
+
+
+class LinkDown(NetbootError):
+    """The PHY has no link."""
+
+    cause = "no cable, the other of the two ports, or a switch port that is off"
+    next_step = "plug the cable into the other port, or choose the port with --ethact"
+
+
+class NoAnswer(NetbootError):
+    """The board hears nobody at the server's address (ARP)."""
+
+    cause = "the cable is in the other port, or the host has no address in the board's network"
+    next_step = "nuc980-netboot probe shows the ports; check the host's address"
+
+
+class TftpTimeout(NetbootError):
+    """The board asked for a file and got no answer, or the transfer broke off."""
+
+    cause = "a firewall on the host drops UDP, or the board's address is another than the server expects"
+    next_step = "open the server's UDP port for the board's address"
+
+
+class FileRefused(NetbootError):
+    """The TFTP server refused the file."""
+
+    cause = "another TFTP server answered at this address"
+    next_step = "stop the other server, or name this host's address with --server-ip"
+
+
+class WrongBytes(NetbootError):
+    """What arrived is not what was sent."""
+
+    cause = "RAM, a broken transfer, or a wrong address"
+    next_step = "start again; when it happens again, the board's RAM or its network is at fault"
+
+
+# ---- Linux
+
+
+class KernelPanic(NetbootError):
+    """The kernel gave up."""
+
+    cause = "see the panic's lines above"
+    next_step = "boot a known image; nuc980-pins check looks at the device tree"
+
+
+class LinuxSilent(NetbootError):
+    """The kernel was started and did not get as far as it should."""
+
+    cause = "a wrong console= or device tree, or a kernel for another load address"
+    next_step = "nuc980-pins check looks at the device tree; --until PATTERN waits for another line"
+
+
+# ---- the flash
+
+
+class DoesNotFit(UnusableInput):
+    """An image is larger than what the board's own boot command reads."""
+
+
+class FlashFailed(NetbootError):
+    """The flash does not hold what was written."""
+
+    cause = "worn blocks"
+    next_step = "nuc980-netboot flash --resume, or --roll-back; netboot works without the flash"

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A plan: the steps of a work on a board, as a value. What a dry run prints is what a run types."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from nuc980.netboot.console import LINE_ROOM, typed
+from nuc980.netboot.errors import LineTooLong
+
+if TYPE_CHECKING:
+    from nuc980.netboot.session import Session
+
+# What typed() adds to a command, with a number of four digits.
+COMMAND_ROOM = LINE_ROOM - len("; echo @9999:$?")
+
+
+class Step(ABC):
+    """One thing to do on a board at U-Boot's prompt. Subclasses are frozen dataclasses."""
+
+    phase: ClassVar[str]  # the line of the time report that it counts for
+
+    @abstractmethod
+    def title(self) -> str:
+        """What it does, for a person."""
+
+    @abstractmethod
+    def commands(self) -> tuple[str, ...]:
+        """What it types when nothing goes wrong, each without its marker."""
+
+    @abstractmethod
+    def run(self, session: Session) -> None:
+        """Does it. Raises NetbootError."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Steps, one after the other."""
+
+    steps: tuple[Step, ...]
+
+    def dialogue(self, first: int = 1) -> list[tuple[str, list[str]]]:
+        """Each step's title and its lines exactly as typed; first: the number of the first marker."""
+        shown = []
+        for step in self.steps:
+            lines = [typed(command, first + at) for at, command in enumerate(step.commands())]
+            first += len(lines)
+            shown.append((step.title(), lines))
+        return shown
+
+    def run(self, session: Session) -> None:
+        """Does the steps. Raises NetbootError, also LineTooLong before anything is typed."""
+        self.dialogue()
+        for step in self.steps:
+            session.progress.note(step.title())
+            with session.progress.phase(step.phase):
+                step.run(session)
+
+
+@dataclass(frozen=True)
+class SetVariable(Step):
+    """Sets a variable of U-Boot's environment in RAM; an empty value removes it."""
+
+    name: str
+    value: str
+    phase: ClassVar[str] = "set-up"
+
+    def title(self) -> str:
+        return f"Set {self.name}."
+
+    def commands(self) -> tuple[str, ...]:
+        if not self.value:
+            return (f"setenv {self.name}",)
+        pieces = _pieces(self.value, COMMAND_ROOM - len(f'setenv {self.name} "${{{self.name}}}"'))
+        first = f"setenv {self.name} {quoted(pieces[0])}"
+        return (first, *(f'setenv {self.name} "${{{self.name}}}"{quoted(piece)}' for piece in pieces[1:]))
+
+    def run(self, session: Session) -> None:
+        for command in self.commands():
+            session.console.run(command).required()
+
+
+def quoted(value: str) -> str:
+    """A word that U-Boot's hush takes as it is. Raises LineTooLong for what no line can carry."""
+    if not value.isascii() or not value.isprintable():
+        raise LineTooLong(f"U-Boot's command line takes printable ASCII only: {value!r}")
+    return "'" + value.replace("'", r"'\''") + "'"
+
+
+def _pieces(value: str, room: int) -> list[str]:
+    """Cut so that each, quoted, fits."""
+    pieces = [""]
+    for character in value:
+        if len(quoted(pieces[-1] + character)) > room:
+            pieces.append("")
+        pieces[-1] += character
+    return pieces
