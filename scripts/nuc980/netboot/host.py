@@ -11,7 +11,7 @@ from ipaddress import IPv4Address, IPv4Interface, IPv4Network
 import psutil
 
 USUAL_PREFIX = 24  # of a service bench; U-Boot does without a netmask
-NO_NETWORK = IPv4Interface("0.0.0.0/32")
+NO_ADDRESS = IPv4Interface("0.0.0.0/32")
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def addresses() -> tuple[HostAddress, ...]:
         HostAddress(interface, found.ip, found.network.prefixlen, states[interface].isup)
         for interface, entries in sorted(psutil.net_if_addrs().items())
         if interface in states  # or it has gone meanwhile
-        for found in list(_ipv4(entries)) or [NO_NETWORK]
+        for found in list(_ipv4(entries)) or [NO_ADDRESS]
     )
 
 
@@ -52,7 +52,7 @@ def _ipv4(entries: Sequence[psutil._common.snicaddr]) -> Iterator[IPv4Interface]
 
 
 def towards(board: IPv4Address, addresses: Sequence[HostAddress]) -> HostAddress | None:
-    """The host's address in the board's network, of several that of the smallest network; one that is up first."""
+    """The host's address in the board's network; of several one that is up, then the smallest network's."""
     fitting = [host for host in addresses if board in host.network and board != host.address]
     return max(fitting, key=lambda host: (host.up, host.prefix), default=None)
 
@@ -67,8 +67,8 @@ def advice(board: IPv4Address, addresses: Sequence[HostAddress]) -> str:
         return f"{_networks(board, wired)} {_new_address(board, wired)}"
     if near.up:
         return (
-            f"This host is {near.address} on {near.interface} in the board's network: the cable must lead there,"
-            f" and a firewall must let the board's UDP in."
+            f"{near.interface} ({near.address}/{near.prefix}) is in the board's network: the cable must lead"
+            " there, and a firewall must let the board's UDP in."
         )
     return (
         f"{near.interface} ({near.address}/{near.prefix}) is in the board's network and is down:"
@@ -77,14 +77,18 @@ def advice(board: IPv4Address, addresses: Sequence[HostAddress]) -> str:
 
 
 def _networks(board: IPv4Address, wired: Sequence[HostAddress]) -> str:
-    has = ", ".join(str(host) for host in wired if host.address != NO_NETWORK.ip)
+    has = ", ".join(str(host) for host in wired if not host.address.is_unspecified)
     return f"No address of this host is in the network of {board}; it has {has or 'none'}."
 
 
 def _new_address(board: IPv4Address, wired: Sequence[HostAddress]) -> str:
     network = IPv4Network((board, USUAL_PREFIX), strict=False)
     free = next(address for address in network.hosts() if address != board)
-    idle = [host for host in wired if host.address == NO_NETWORK.ip]
-    best = max(idle or wired, key=lambda host: host.up, default=None)
-    interface = best.interface if best else "INTERFACE"
-    return f"Give it one: sudo ip address add {free}/{USUAL_PREFIX} dev {interface}"
+    idle = [host for host in wired if host.address.is_unspecified]
+    only = idle[0].interface if len(idle) == 1 else "INTERFACE"
+    names = ", ".join(f"{host.interface}{'' if host.up else ' (down)'}" for host in idle)
+    which = f" (without an address: {names})" if len(idle) > 1 else ""
+    return (
+        f"Give one to the interface with the board's cable{which}:"
+        f" sudo ip address add {free}/{USUAL_PREFIX} dev {only}"
+    )

@@ -218,21 +218,21 @@ class FileService:
 
     def _answer(self, datagram: bytes, peer: Address, local: bytes) -> None:
         request = _parsed(datagram)
-        if not isinstance(request, TftpPacketInitial):
-            return
         try:
             file = self._file_for(request, peer)
             if not self._is_repeated(datagram, peer):
                 self._open(file, request, _Session(file.transfer, datagram, peer, local))
         except _RefusedError as refused:
-            self._note(peer[0], request.filename, refused)
-            if peer[0] == self._board:
+            self._note(peer[0], getattr(request, "filename", ""), refused)
+            if peer[0] == self._board and not _is_error(datagram):
                 source = (socket.IPPROTO_IP, IP_PKTINFO, PKTINFO.pack(0, local, bytes(4)))
                 self._socket.sendmsg([_error(refused.code)], [source], 0, peer)
 
-    def _file_for(self, request: TftpPacketInitial, peer: Address) -> _File:
+    def _file_for(self, request: TftpPacket | None, peer: Address) -> _File:
         if peer[0] != self._board:
             raise _RefusedError(TftpErrors.AccessViolation, f"the board is {self._board}")
+        if not isinstance(request, TftpPacketInitial):
+            raise _RefusedError(TftpErrors.IllegalTftpOp, "not a request of TFTP")
         if request.mode != "octet":
             raise _RefusedError(TftpErrors.IllegalTftpOp, f"mode {request.mode!r}, not octet")
         if isinstance(request, TftpPacketRRQ):
@@ -349,12 +349,12 @@ class _Session(TftpContextServer):
             datagram, peer = self.sock.recvfrom(DATAGRAM_LIMIT)
         except OSError:
             return
-        packet = _parsed(datagram)
-        if peer != (self.host, self.port):
-            if not isinstance(packet, TftpPacketERR):  # or two servers might go on for ever
-                self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
-        elif packet and self.state:
-            self.state = self.state.handle(packet, *peer)
+        if peer == (self.host, self.port):
+            packet = _parsed(datagram)
+            if packet and self.state:
+                self.state = self.state.handle(packet, *peer)
+        elif not _is_error(datagram):
+            self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
 
     def advance(self, moved: int) -> None:
         """The board has moved the transfer on; nothing else is a sign of life."""
@@ -481,6 +481,11 @@ def _parsed(datagram: bytes) -> TftpPacket | None:
         return FACTORY.parse(datagram)
     except (TftpException, ValueError, struct.error):
         return None
+
+
+def _is_error(datagram: bytes) -> bool:
+    """Whether it must not be answered with an error: two servers might go on for ever."""
+    return datagram[:2] == b"\0\5"
 
 
 def _error(code: int) -> bytes:
