@@ -1,57 +1,546 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The TFTP server of one board's files. (First cut: the hardened one replaces it.)"""
+"""The TFTP server of one board's files: RFC 1350 with the options of RFC 2347 to 2349, in its own thread.
+
+Packets, contexts and states are tftpy's. tftpy's own server looks names up below a folder, believes whoever
+sends to a session's port, takes any datagram for a sign of life, and ends with the first request that it
+cannot decode; so what is served, who is heard, which options are agreed on, and when something is sent again
+is decided here.
+"""
 
 from __future__ import annotations
 
-import tempfile
+import errno
+import io
+import logging
+import os
+import select
+import socket
+import struct
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import Self
 
-import tftpy
+import psutil
+from tftpy.TftpContexts import TftpContextServer
+from tftpy.TftpPacketFactory import TftpPacketFactory
+from tftpy.TftpPacketTypes import (
+    TftpPacket,
+    TftpPacketACK,
+    TftpPacketDAT,
+    TftpPacketERR,
+    TftpPacketInitial,
+    TftpPacketRRQ,
+)
+from tftpy.TftpShared import TftpErrors, TftpException
+from tftpy.TftpStates import TftpState, TftpStateExpectACK, TftpStateExpectDAT
+
+from nuc980.netboot.errors import UnusableInput
+
+RETRANSMIT = 1.0  # s without an answer, unless the board asks for another time
+TRIES = 10  # of one packet; U-Boot asks again after 5 s
+REQUEST_LIMIT = 512  # bytes, RFC 2347
+DATAGRAM_LIMIT = 65536
+BLOCK_MIN, BLOCK_MAX = 8, 65464  # bytes, RFC 2348
+TIMEOUTS = range(1, 256)  # s, RFC 2349
+REFUSALS_KEPT = 32
+IP_PKTINFO = 8  # of linux/in.h; Python's socket has it from 3.12 on
+PKTINFO = struct.Struct("@i4s4s")  # interface, local address, the datagram's destination
+
+FACTORY = TftpPacketFactory()
+Address = tuple[str, int]
+
+# It logs every strange datagram as an error. What matters of them is in FileService.refused.
+logging.getLogger("tftpy").setLevel(logging.CRITICAL + 1)
 
 
+class TftpError(UnusableInput):
+    """The server cannot have its port."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A request that was not served, or not to its end."""
+
+    address: str
+    name: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.address}, {self.name!r}: {self.reason}"
+
+
+@dataclass
 class Transfer:
-    def __init__(self, name: str, size: int) -> None:
-        self.name, self.size, self.moved, self.finished = name, size, 0, False
+    """One offered or awaited file; another thread may watch it.
+
+    moved: bytes acknowledged, or received, of the latest request. finished: the board has acknowledged the
+    last block of one request, or the whole upload is on the disk. A last acknowledgement can get lost: a
+    board that says that it has the file is right, whatever finished is.
+    """
+
+    name: str
+    size: int
+    moved: int = 0
+    finished: bool = False
 
 
 class FileService:
-    def __init__(self, address: str, port: int, board: str) -> None:
-        self._server = tftpy.TftpServer("/var/empty", dyn_file_func=self._open, upload_open=lambda p, c: None)
-        self._address, self.port, self.board = address, port, board
-        self._offers: dict[str, bytes] = {}
-        self.refused: list[tuple[str, str, str]] = []
+    """Serves one board, one transfer at a time, from `with` to its end.
 
-    def _open(self, name: str, raddress: str, rport: int) -> IO[bytes] | None:
-        if name not in self._offers:
-            return None
-        file = tempfile.NamedTemporaryFile()  # noqa: SIM115
-        file.write(self._offers[name])
-        file.seek(0)
-        return file
+    address: of this host, "" for all. port: UDP; 0 for any, and then .port is the one it has. board: the only
+    client that gets an answer. refused: each refusal once, the latest last. Raises TftpError at `with`.
+    """
+
+    def __init__(self, address: str, port: int, board: str) -> None:
+        self.port = port
+        self.refused: list[Refusal] = []
+        self._address, self._board = address, board
+        self._offered: dict[str, _Offered] = {}
+        self._awaited: dict[str, _Awaited] = {}
+        self._session: _Session | None = None  # only the server's thread sets it
+        self._lock = threading.Lock()  # for the files and the session's state, which both threads touch
+        self._running = False
 
     def __enter__(self) -> Self:
-        self._thread = threading.Thread(
-            target=self._server.listen, args=(self._address, self.port), kwargs={"timeout": 1}, daemon=True
-        )
+        self._socket = _server_socket(self._address, self.port)
+        self.port = self._socket.getsockname()[1]
+        self._wake = os.eventfd(0)
+        self._running = True
+        self._thread = threading.Thread(target=self._serve, name="tftp", daemon=True)
         self._thread.start()
-        self._server.is_running.wait(5)
-        self.port = self._server.listenport
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
-        self._server.stop(now=True)
+        self._running = False
+        os.eventfd_write(self._wake, 1)
         self._thread.join()
+        os.close(self._wake)
+        self._socket.close()
 
     @contextmanager
     def offer(self, name: str, source: Path, start: int = 0, size: int | None = None) -> Iterator[Transfer]:
-        content = source.read_bytes()[start:]
-        self._offers[name] = content[: len(content) if size is None else size]
-        yield Transfer(name, len(self._offers[name]))
-        del self._offers[name]
+        """Serves a file's bytes, as they are now, under this name; size None: to the file's end."""
+        with source.open("rb") as file:
+            file.seek(start)
+            content = file.read() if size is None else file.read(size)
+        offered = _Offered(Transfer(name, len(content)), content)
+        with self._listed(offered, self._offered):
+            yield offered.transfer
+
+    @contextmanager
+    def accept(self, name: str, target: Path, size: int) -> Iterator[Transfer]:
+        """Takes one upload of this name, of exactly so many bytes, into a new file.
+
+        A file that is not finished at the end is removed. Raises FileExistsError, for a symbolic link too.
+        """
+        descriptor = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666)
+        awaited = _Awaited(Transfer(name, size), descriptor)
+        try:
+            with self._listed(awaited, self._awaited):
+                yield awaited.transfer
+        finally:
+            os.close(descriptor)
+            if not awaited.transfer.finished:
+                target.unlink(missing_ok=True)
+
+    @contextmanager
+    def _listed(self, file: _File, files: dict[str, _File]) -> Iterator[None]:
+        name = file.transfer.name
+        with self._lock:
+            if name in files:
+                raise ValueError(f"{name} is there already")
+            files[name] = file
+        try:
+            yield
+        finally:
+            with self._lock:
+                del files[name]
+                if self._session and self._session.transfer is file.transfer:
+                    self._session.abort()
+                    os.eventfd_write(self._wake, 1)
+
+    # ---- the server's thread
+
+    def _serve(self) -> None:
+        while self._running:
+            session = self._session
+            waiting = [self._socket, self._wake, *([session.sock] if session else [])]
+            ready, _, _ = select.select(waiting, [], [], session.patience() if session else None)
+            with self._lock:
+                if self._wake in ready:
+                    os.eventfd_read(self._wake)
+                if session:
+                    self._go_on(session, session.sock in ready)
+                if self._socket in ready:
+                    self._take_request()
+        with self._lock:
+            if self._session:
+                self._session.abort()
+                self._drop_session()
+
+    def _go_on(self, session: _Session, ready: bool) -> None:
+        try:
+            if ready:
+                session.cycle()
+            session.check_patience()
+        except _RefusedError as refused:
+            session.state.sendError(refused.code)
+            self._note(session.host, session.transfer.name, refused)
+            session.state = None
+        except TftpException:
+            session.state = None
+        if session.state is None:
+            self._drop_session()
+
+    def _drop_session(self) -> None:
+        if self._session:
+            self._session.end()
+        self._session = None
+
+    def _take_request(self) -> None:
+        with suppress(OSError):  # as good as lost: the board asks again
+            datagram, ancillary, _, peer = self._socket.recvmsg(
+                REQUEST_LIMIT + 1, socket.CMSG_SPACE(PKTINFO.size)
+            )
+            _, local, destination = PKTINFO.unpack(ancillary[0][2])
+            if len(datagram) <= REQUEST_LIMIT and local == destination:  # no answer to broadcasts: RFC 1123
+                self._answer(datagram, peer, local)
+
+    def _answer(self, datagram: bytes, peer: Address, local: bytes) -> None:
+        request = _parsed(datagram)
+        try:
+            file = self._file_for(request, peer)
+            if not self._is_repeated(datagram, peer):
+                self._open(file, request, _Session(file.transfer, datagram, peer, local))
+        except _RefusedError as refused:
+            self._note(peer[0], getattr(request, "filename", ""), refused)
+            if peer[0] == self._board and not _is_error(datagram):
+                source = (socket.IPPROTO_IP, IP_PKTINFO, PKTINFO.pack(0, local, bytes(4)))
+                self._socket.sendmsg([_error(refused.code)], [source], 0, peer)
+
+    def _file_for(self, request: TftpPacket | None, peer: Address) -> _File:
+        if peer[0] != self._board:
+            raise _RefusedError(TftpErrors.AccessViolation, f"the board is {self._board}")
+        if not isinstance(request, TftpPacketInitial):
+            raise _RefusedError(TftpErrors.IllegalTftpOp, "not a request of TFTP")
+        if request.mode != "octet":
+            raise _RefusedError(TftpErrors.IllegalTftpOp, f"mode {request.mode!r}, not octet")
+        if isinstance(request, TftpPacketRRQ):
+            if request.filename not in self._offered:
+                raise _RefusedError(TftpErrors.FileNotFound, "not offered")
+            return self._offered[request.filename]
+        if request.filename not in self._awaited:
+            raise _RefusedError(TftpErrors.AccessViolation, "no upload of this name is awaited")
+        return self._awaited[request.filename]
+
+    def _is_repeated(self, datagram: bytes, peer: Address) -> bool:
+        """Whether the running session is the answer to this request already; it answers again if need be."""
+        session = self._session
+        return session is not None and session.request == (datagram, peer) and session.answers_again()
+
+    def _open(self, file: _File, request: TftpPacketInitial, session: _Session) -> None:
+        """Goes over to a new session. U-Boot does one transfer at a time: the one before is forgotten."""
+        try:
+            file.begin(session, request.options)
+            session.begun()
+        except BaseException:
+            session.end()
+            raise
+        self._drop_session()
+        self._session = session
+
+    def _note(self, address: str, name: str, refused: _RefusedError) -> None:
+        new = Refusal(address, name, str(refused))
+        self.refused = [*(old for old in self.refused if old != new), new][-REFUSALS_KEPT:]
+
+
+# ---- what there is to transfer
+
+
+@dataclass(frozen=True)
+class _Offered:
+    transfer: Transfer
+    content: bytes
+
+    def begin(self, session: _Session, asked: dict[str, str]) -> None:
+        """Sends the options that are agreed on, which are acknowledged as block 0, else block 1."""
+        session.fileobj = io.BytesIO(self.content)
+        session.agree(asked, tsize=len(self.content))
+        session.state = _Sending(session)
+        if session.options:
+            session.state.sendOACK()
+        else:
+            session.next_block = 1
+            session.pending_complete = session.state.sendDAT()
+
+
+@dataclass(frozen=True)
+class _Awaited:
+    transfer: Transfer
+    descriptor: int
+
+    def begin(self, session: _Session, asked: dict[str, str]) -> None:
+        if self.transfer.finished:
+            raise _RefusedError(TftpErrors.FileAlreadyExists, "is here already")
+        announced = _number(asked.get("tsize", "0"))
+        if announced > self.transfer.size:
+            raise _RefusedError(TftpErrors.DiskFull, f"{announced} bytes, {self.transfer.size} are awaited")
+        session.fileobj = io.BytesIO()
+        session.agree(asked, tsize=announced)
+        session.state = _Receiving(session, self.descriptor)
+        if session.options:
+            session.state.sendOACK()
+        else:
+            session.state.sendACK(0)
+        session.next_block = 1
+
+
+_File = _Offered | _Awaited
+
+
+# ---- one transfer under way
+
+
+class _Session(TftpContextServer):
+    """A transfer with one port of the board, and the request that it answers."""
+
+    def __init__(self, transfer: Transfer, datagram: bytes, peer: Address, local: bytes) -> None:
+        super().__init__(*peer, RETRANSMIT, root="", flock=False)
+        self.sock.close()
+        self.sock = _Socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.sock.setblocking(False)
+        self.sock.bind((socket.inet_ntoa(local), 0))  # the board expects the answer from where it asked
+        self.tidport = self.port
+        self.request = (datagram, peer)
+        self.first_answer: TftpPacket | None = None
+        self.transfer = transfer
+
+    def agree(self, asked: dict[str, str], tsize: int) -> None:
+        """Of the options asked for, takes what can be done; the others stay unanswered (RFC 2347)."""
+        self.options = {}
+        for name, value in asked.items():
+            number = _number(value)
+            match name.lower():
+                case "blksize" if number >= BLOCK_MIN:
+                    self.options["blksize"] = min(number, BLOCK_MAX)
+                case "timeout" if number in TIMEOUTS:
+                    self.options["timeout"] = number
+                    self.timeout = float(number)
+                case "tsize" if number >= 0:
+                    self.options["tsize"] = tsize
+
+    def begun(self) -> None:
+        self.first_answer = self.last_pkt
+        self.advance(0)
+
+    def cycle(self) -> None:
+        """Takes one datagram. One that is not the board's, or none of TFTP, is as if it had not come."""
+        try:
+            datagram, peer = self.sock.recvfrom(DATAGRAM_LIMIT)
+        except OSError:
+            return
+        if peer == (self.host, self.port):
+            packet = _parsed(datagram)
+            if packet and self.state:
+                self.state = self.state.handle(packet, *peer)
+        elif not _is_error(datagram):
+            self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
+
+    def advance(self, moved: int) -> None:
+        """The board has moved the transfer on; nothing else is a sign of life."""
+        self.transfer.moved = moved
+        self.last_update = time.monotonic()
+        self.retry_count = 0
+
+    def patience(self) -> float:
+        """Seconds left for the board to answer."""
+        return max(0.0, self.last_update + self.timeout - time.monotonic())
+
+    def check_patience(self) -> None:
+        """Sends the last packet again if it is time, and gives up in the end."""
+        if self.state and not self.patience():
+            self.last_update = time.monotonic()
+            self.retry_count += 1
+            if self.retry_count == TRIES:
+                self.state = None
+            else:
+                self.state.resendLast()
+
+    def answers_again(self) -> bool:
+        """Whether the request that has come once more is this session's business.
+
+        As long as nothing came back, the first answer is lost. Soon after a sign of life the request is a
+        duplicate. Later the board starts anew from the same port, as U-Boot always does with tftpsrcp.
+        """
+        if self.last_pkt is self.first_answer:
+            self.sock.sendto(self.last_pkt.buffer, (self.host, self.port))
+            return True
+        return time.monotonic() - self.last_update < RETRANSMIT
+
+    def abort(self) -> None:
+        """Tells the board that there is no more to come."""
+        if self.state and not self.transfer.finished:
+            self.state.sendError(TftpErrors.AccessViolation)
+        self.state = None
+
+
+class _Sending(TftpStateExpectACK):
+    """A block is on its way to the board."""
+
+    def handle(self, packet: TftpPacket, address: str, port: int) -> TftpState | None:
+        """Sends a block once: an acknowledgement that comes again moves nothing (RFC 1123, 4.2.3.1)."""
+        session = self.context
+        if isinstance(packet, TftpPacketACK):
+            if packet.blocknumber != session.next_block:
+                return self
+            session.advance(session.metrics.bytes)
+            session.transfer.finished |= session.pending_complete
+        return super().handle(packet, address, port)
+
+    def resendLast(self) -> None:
+        self.context.sock.sendto(self.context.last_pkt.buffer, (self.context.host, self.context.port))
+
+
+class _Receiving(TftpStateExpectDAT):
+    """A block is awaited from the board; after the last one, whether its acknowledgement has arrived."""
+
+    def __init__(self, session: _Session, descriptor: int) -> None:
+        super().__init__(session)
+        self._descriptor = descriptor
+
+    def handle(self, packet: TftpPacket, address: str, port: int) -> TftpState | None:
+        session = self.context
+        if isinstance(packet, TftpPacketERR):
+            raise TftpException("the board gave up")
+        if not isinstance(packet, TftpPacketDAT) or len(packet.data) > session.getBlocksize():
+            return self
+        if packet.blocknumber == session.next_block and not session.transfer.finished:
+            self._take(packet.data)
+            self.sendACK()
+            session.next_block += 1
+        elif (packet.blocknumber + 1) % 0x10000 == session.next_block:
+            self.sendACK(packet.blocknumber)
+        return self
+
+    def _take(self, data: bytes) -> None:
+        session = self.context
+        moved, size = session.transfer.moved + len(data), session.transfer.size
+        is_last = len(data) < session.getBlocksize()
+        if moved > size or (is_last and moved < size):
+            which = "more" if moved > size else "less"
+            raise _RefusedError(TftpErrors.DiskFull, f"{which} than {size} bytes")
+        session.fileobj.write(data)
+        if is_last:
+            self._save(session.fileobj.getvalue())
+        session.advance(moved)
+        session.transfer.finished = is_last
+
+    def _save(self, content: bytes) -> None:
+        try:
+            with open(self._descriptor, "wb", closefd=False) as file:
+                file.write(content)
+                file.flush()
+                os.fsync(self._descriptor)
+        except OSError as error:
+            raise _RefusedError(TftpErrors.DiskFull, str(error.strerror)) from error
+
+    def resendLast(self) -> None:
+        """Leaves it to the board: after its last block, U-Boot takes any acknowledgement for that block's."""
+
+
+class _Socket(socket.socket):
+    """What cannot be sent now is as good as lost on the way: there are retransmissions."""
+
+    def sendto(self, data: bytes, address: Address) -> int:
+        with suppress(OSError):
+            return super().sendto(data, address)
+        return 0
+
+
+class _RefusedError(TftpException):
+    """A request that is not served, by a TFTP error code, and why."""
+
+    def __init__(self, code: int, reason: str) -> None:
+        super().__init__(reason)
+        self.code = code
+
+
+def _parsed(datagram: bytes) -> TftpPacket | None:
+    """None: it is no packet of TFTP."""
+    try:
+        return FACTORY.parse(datagram)
+    except (TftpException, ValueError, struct.error):
+        return None
+
+
+def _is_error(datagram: bytes) -> bool:
+    """Whether it must not be answered with an error: two servers might go on for ever."""
+    return datagram[:2] == b"\0\5"
+
+
+def _error(code: int) -> bytes:
+    packet = TftpPacketERR()
+    packet.errorcode = code
+    return packet.encode().buffer
+
+
+def _number(text: str) -> int:
+    """-1: it is none."""
+    return int(text) if text.isdecimal() else -1
+
+
+# ---- the port
+
+
+def _server_socket(address: str, port: int) -> socket.socket:
+    server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        server.setblocking(False)
+        server.setsockopt(socket.IPPROTO_IP, IP_PKTINFO, 1)
+        server.bind((address, port))
+    except OSError as error:
+        server.close()
+        raise _why_not_bound(error, address, port) from error
+    return server
+
+
+def _why_not_bound(error: OSError, address: str, port: int) -> TftpError:
+    what = f"No TFTP server at UDP port {port} of {address or 'this host'}: {error.strerror}."
+    if error.errno == errno.EACCES:
+        return TftpError(
+            what,
+            cause="Linux leaves ports below net.ipv4.ip_unprivileged_port_start to root",
+            next_step=f"sudo sysctl net.ipv4.ip_unprivileged_port_start={port}; or --tftp-port 6969, if the"
+            " board's U-Boot knows the variable tftpdstp (CONFIG_TFTP_PORT)",
+        )
+    if error.errno == errno.EADDRINUSE:
+        return TftpError(
+            what,
+            cause=f"{_owners(port) or 'another program'} has the port",
+            next_step="stop it (sudo systemctl stop tftpd-hpa, for one); sudo ss -lunp shows who has what",
+        )
+    if error.errno == errno.EADDRNOTAVAIL:
+        return TftpError(
+            what, cause="the address is none of this host's", next_step="ip address shows which ones it has"
+        )
+    return TftpError(what)
+
+
+def _owners(port: int) -> str:
+    """Which processes have a UDP port, as far as this user may see them."""
+    owners = set()
+    with suppress(psutil.Error):
+        for connection in psutil.net_connections("udp"):
+            if connection.laddr and connection.laddr.port == port and connection.pid:
+                owners.add(f"{psutil.Process(connection.pid).name()} (process {connection.pid})")
+    return ", ".join(sorted(owners))

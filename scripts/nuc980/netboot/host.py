@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The host's own IPv4 addresses: which of them a board can reach, and what a person must do when none is."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Interface, IPv4Network
+
+import psutil
+
+USUAL_PREFIX = 24  # of a service bench; U-Boot does without a netmask
+NO_ADDRESS = IPv4Interface("0.0.0.0/32")
+
+
+@dataclass(frozen=True)
+class HostAddress:
+    """An interface with one of its addresses; one without any has 0.0.0.0/32.
+
+    up: it is switched on, and has a link.
+    """
+
+    interface: str
+    address: IPv4Address
+    prefix: int
+    up: bool
+
+    @property
+    def network(self) -> IPv4Network:
+        return IPv4Network((self.address, self.prefix), strict=False)
+
+    def __str__(self) -> str:
+        return f"{self.address}/{self.prefix} ({self.interface}{'' if self.up else ', down'})"
+
+
+def addresses() -> tuple[HostAddress, ...]:
+    """Of all interfaces, also of those that are down or have no address yet."""
+    states = psutil.net_if_stats()
+    return tuple(
+        HostAddress(interface, found.ip, found.network.prefixlen, states[interface].isup)
+        for interface, entries in sorted(psutil.net_if_addrs().items())
+        if interface in states  # or it has gone meanwhile
+        for found in list(_ipv4(entries)) or [NO_ADDRESS]
+    )
+
+
+def _ipv4(entries: Sequence[psutil._common.snicaddr]) -> Iterator[IPv4Interface]:
+    for entry in entries:
+        if entry.family == socket.AF_INET:
+            yield IPv4Interface((entry.address, entry.netmask or "255.255.255.255"))
+
+
+def towards(board: IPv4Address, addresses: Sequence[HostAddress]) -> HostAddress | None:
+    """The host's address in the board's network; of several one that is up, then the smallest network's."""
+    fitting = [host for host in addresses if board in host.network and board != host.address]
+    return max(fitting, key=lambda host: (host.up, host.prefix), default=None)
+
+
+def advice(board: IPv4Address, addresses: Sequence[HostAddress]) -> str:
+    """What a person must do so that the board reaches this host, in one or two sentences."""
+    wired = [host for host in addresses if not host.address.is_loopback]
+    if twin := next((host for host in wired if host.address == board), None):
+        return f"{board} is this host's own address ({twin.interface}): give the board another one."
+    near = towards(board, addresses)
+    if near is None:
+        return f"{_networks(board, wired)} {_new_address(board, wired)}"
+    if near.up:
+        return (
+            f"{near.interface} ({near.address}/{near.prefix}) is in the board's network: the cable must lead"
+            " there, and a firewall must let the board's UDP in."
+        )
+    return (
+        f"{near.interface} ({near.address}/{near.prefix}) is in the board's network and is down:"
+        f" plug the cable in, or sudo ip link set {near.interface} up."
+    )
+
+
+def _networks(board: IPv4Address, wired: Sequence[HostAddress]) -> str:
+    has = ", ".join(str(host) for host in wired if not host.address.is_unspecified)
+    return f"No address of this host is in the network of {board}; it has {has or 'none'}."
+
+
+def _new_address(board: IPv4Address, wired: Sequence[HostAddress]) -> str:
+    network = IPv4Network((board, USUAL_PREFIX), strict=False)
+    free = next(address for address in network.hosts() if address != board)
+    idle = [host for host in wired if host.address.is_unspecified]
+    only = idle[0].interface if len(idle) == 1 else "INTERFACE"
+    names = ", ".join(f"{host.interface}{'' if host.up else ' (down)'}" for host in idle)
+    which = f" (without an address: {names})" if len(idle) > 1 else ""
+    return (
+        f"Give one to the interface with the board's cable{which}:"
+        f" sudo ip address add {free}/{USUAL_PREFIX} dev {only}"
+    )
