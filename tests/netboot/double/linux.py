@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a kernel of the board prints, and the little that can be said to it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from .wire import Wire
+
+Ending = Literal["login", "shell", "panic", "silent"]
+
+HEAD = """\
+[    0.000000] Booting Linux on physical CPU 0x0
+[    0.000000] Linux version 5.10.140-rt73 (buildroot@openrtu) (arm-linux-gcc 12.3.0) #1 PREEMPT_RT
+[    0.000000] CPU: ARM926EJ-S [41069265] revision 5 (ARMv5TEJ), cr=0005317f
+[    0.000000] OF: fdt: Machine model: BLIIoT gateway
+[    0.000000] Kernel command line: console=ttyS0,115200
+[    0.310000] nuc980-emac0 nuc980-emac0: eth0 is using mac address 02:00:00:00:00:01
+[    0.620000] nuc980-nand: 128 MiB, SLC, erase size: 128 KiB, page size: 2048, OOB size: 64
+"""
+PANIC = """\
+[    1.270000] VFS: Cannot open root device "ubi0:rootfs" or unknown-block(0,0): error -19
+[    1.280000] Please append a correct "root=" boot option; here are the available partitions:
+[    1.290000] Kernel panic - not syncing: VFS: Unable to mount root fs on unknown-block(0,0)
+[    1.300000] CPU: 0 PID: 1 Comm: swapper Not tainted 5.10.140-rt73 #1
+[    1.310000] Hardware name: NUC980 (Flattened Device Tree)
+[    1.320000] ---[ end Kernel panic - not syncing: VFS: Unable to mount root fs on unknown-block(0,0) ]---
+"""
+INIT = """\
+[    1.540000] Run /sbin/init as init process
+Starting syslogd: OK
+Starting network: OK
+
+Welcome to Buildroot
+"""
+
+
+def run(wire: Wire, ending: Ending) -> None:
+    """Plays the log and stays; only the board's power switch ends it."""
+    if ending == "silent":
+        wire.deaf()
+    wire.puts(HEAD)
+    if ending == "panic":
+        wire.puts(PANIC)
+        wire.deaf()
+    wire.puts(INIT)
+    stay(wire, ending)
+
+
+def stay(wire: Wire, ending: Ending) -> None:
+    """A login, or a shell, that understands nothing."""
+    prompt = "gateway login: " if ending == "login" else "# "
+    while True:
+        wire.puts(prompt)
+        line = _line(wire)
+        if line and ending == "login":
+            wire.puts("Password: ")
+            wire.getc()
+            wire.puts("\nLogin incorrect\n")
+        elif line:
+            wire.puts(f"-sh: {line.split()[0]}: not found\n")
+
+
+def _line(wire: Wire) -> str:
+    line = ""
+    while (key := chr(wire.getc())) not in "\r\n":
+        if key == "\x03":
+            wire.puts("^C")
+            line = ""
+            break
+        wire.puts(key)
+        line += key
+    wire.puts("\n")
+    return line
