@@ -172,7 +172,8 @@ FORCE:
 # ---- tests ---------------------------------------------------------------------------------------
 
 PROBES      = tests/twin/probes
-C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) -name '*.[ch]')
+PAYLOAD     = tests/netboot/payload
+C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
 SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
@@ -182,7 +183,7 @@ lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff format --check .
 	clang-format --dry-run -Werror $(C_FILES)
 	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
-	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES)
+	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD)
 	shellcheck --external-sources $(SHELL_FILES)
 
 test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, quick pytest

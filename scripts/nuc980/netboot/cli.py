@@ -4,22 +4,24 @@
 from __future__ import annotations
 
 import argparse
+import re
 import shlex
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
-from nuc980.netboot.boot import plan_boot
+from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
 from nuc980.netboot.console import Console
 from nuc980.netboot.errors import NetbootError, UnusableInput
 from nuc980.netboot.linux import Goal
-from nuc980.netboot.probe import probe
+from nuc980.netboot.probe import BoardReport, probe
 from nuc980.netboot.progress import Progress
-from nuc980.netboot.session import Network, Session
-from nuc980.netboot.site import Site
+from nuc980.netboot.session import TFTP_PORT, Network, Session, board_address, server_address
+from nuc980.netboot.site import Site, with_prefix
 from nuc980.netboot.steps import Slice
 from nuc980.netboot.transport import BAUD, Line
 
@@ -52,6 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("dtb", type=Path, help="the device tree, compiled")
     _add_line(command)
     _add_network(command)
+    _add_linux(command)
     command.set_defaults(run=_boot)
     return parser
 
@@ -66,13 +69,79 @@ def _add_line(command: argparse.ArgumentParser) -> None:
 
 def _add_network(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("network")
-    group.add_argument("--board-ip", type=IPv4Interface, required=True, metavar="ADDRESS/PREFIX")
-    group.add_argument("--server-ip", type=IPv4Address, required=True, metavar="ADDRESS")
-    group.add_argument("--tftp-port", type=int, default=69)
-    group.add_argument("--ethact", metavar="NAME")
-    group.add_argument("--listen", type=IPv4Address, metavar="ADDRESS")
-    group.add_argument("--seen-as", type=IPv4Address, metavar="ADDRESS")
-    group.add_argument("--site", type=Path, default=Path("site"), metavar="FOLDER")
+    group.add_argument(
+        "--board-ip",
+        type=_board_ip,
+        metavar="ADDRESS/PREFIX",
+        help="the board's (default: what the site's file board-ip says, else U-Boot's ipaddr and netmask)",
+    )
+    group.add_argument(
+        "--server-ip",
+        type=IPv4Address,
+        metavar="ADDRESS",
+        help="this host's, as the board sees it (default: the one in the board's network)",
+    )
+    group.add_argument(
+        "--tftp-port",
+        type=int,
+        default=TFTP_PORT,
+        help="UDP; another than %(default)s needs a U-Boot that knows tftpdstp",
+    )
+    group.add_argument(
+        "--ethact", metavar="NAME", help="U-Boot's name of the Ethernet port (default: U-Boot's own choice)"
+    )
+    group.add_argument(
+        "--listen", type=IPv4Address, metavar="ADDRESS", help="behind a NAT: where the server listens"
+    )
+    group.add_argument(
+        "--seen-as",
+        type=IPv4Address,
+        metavar="ADDRESS",
+        help="behind a NAT: the board, as the server sees it",
+    )
+    group.add_argument(
+        "--site",
+        type=Path,
+        default=Path("site"),
+        metavar="FOLDER",
+        help="the board's own files (default: %(default)s)",
+    )
+
+
+def _add_linux(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("Linux")
+    group.add_argument(
+        "--bootargs", metavar="TEXT", help="the kernel's arguments instead of the device tree's"
+    )
+    group.add_argument(
+        "--until",
+        type=_pattern,
+        metavar="PATTERN",
+        default=Goal.pattern,
+        help="the line that ends the boot, a regular expression (default: the login)",
+    )
+    group.add_argument(
+        "--timeout",
+        type=float,
+        metavar="SECONDS",
+        default=Goal.seconds,
+        help="for Linux to get there (default: %(default)g)",
+    )
+
+
+def _board_ip(text: str) -> IPv4Interface:
+    try:
+        return with_prefix(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _pattern(text: str) -> str:
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from error
+    return text
 
 
 @contextmanager
@@ -97,19 +166,26 @@ def _run_hook(command: str) -> None:
         raise UnusableInput(f"--power-cycle: '{command}' ended with {done.returncode}: {done.stderr.strip()}")
 
 
-def _network(parsed: argparse.Namespace) -> Network:
-    return Network(
-        parsed.board_ip, parsed.server_ip, parsed.tftp_port, parsed.ethact, parsed.listen, parsed.seen_as
-    )
+def _network(parsed: argparse.Namespace, board: BoardReport) -> Network:
+    own = board_address(parsed.board_ip, Site(parsed.site), board.environment)
+    server = parsed.server_ip or server_address(own)
+    return Network(own, server, parsed.tftp_port, parsed.ethact, parsed.listen, parsed.seen_as)
 
 
 def _boot(parsed: argparse.Namespace) -> int:
-    uimage, dtb = Slice.of(parsed.uimage), Slice.of(parsed.dtb)
-    network, macs = _network(parsed), Site(parsed.site).macs()
-    with _session(parsed) as session:
+    images = Images.read(parsed.uimage, parsed.dtb)
+    goal = Goal(parsed.until, parsed.timeout)
+    with _session(parsed) as session, tempfile.TemporaryDirectory(prefix="netboot-") as folder:
         board = probe(session.console, session.progress, flash=False)
-        plan = plan_boot(board, network, macs, uimage, dtb, None, Goal())
-        with network.service() as session.files:
+        addresses = Addresses.of(board)
+        images.check(board, addresses)
+        network, macs = _network(parsed, board), Site(parsed.site).macs(board.environment)
+        arguments = arguments_for(images.tree, board.environment, parsed.bootargs, macs)
+        served = Path(folder) / "nuc980.dtb"
+        served.write_bytes(tree_for(images.tree, arguments, macs))
+        session.progress.note(f"The kernel's arguments: {arguments}")
+        plan = plan_boot(board, network, macs, Slice.of(parsed.uimage), Slice.of(served), goal, addresses)
+        with session.serving(network):
             plan.run(session)
     for name, seconds in session.progress.phases.items():
         print(f"{seconds:8.2f} s  {name}")

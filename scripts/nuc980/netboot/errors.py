@@ -111,45 +111,84 @@ class CommandFailed(NetbootError):
     next_step = "--log FILE keeps the whole dialogue"
 
 
+# ---- what is to be booted
+
+
+class UnusableImage(UnusableInput):
+    """A file that the board could not boot."""
+
+
 # ---- the network
 
 
-class NoEthernet(NetbootError):
-    """U-Boot has no Ethernet port that works."""
-
-    cause = "a U-Boot without an Ethernet driver (nuc980_iot_defconfig builds one), or no ethaddr set"
-    next_step = "nuc980-netboot probe shows what this U-Boot has"
+class NoHostAddress(UnusableInput):
+    """The host has no address that the board can reach."""
 
 
-class LinkDown(NetbootError):
+class TransferFailed(NetbootError):
+    """A file did not arrive; the classes below say why."""
+
+    cause = "see what U-Boot said above"
+    next_step = "nuc980-netboot probe shows what this U-Boot has; --log FILE keeps the whole dialogue"
+
+
+class NoEthernet(TransferFailed):
+    """U-Boot has no Ethernet port."""
+
+    cause = "a U-Boot without a driver for it (the vendor's nuc980_iot_defconfig builds one)"
+    next_step = "nuc980-netboot probe shows what this U-Boot has; without a port nothing can be loaded"
+
+
+class NoMac(TransferFailed):
+    """The port that U-Boot uses has no MAC address."""
+
+    cause = "a third port, or an ethaddr that U-Boot does not take"
+    next_step = "choose the port with --ethact; ethaddr and eth1addr come from the file `macs` of the site"
+
+
+class LinkDown(TransferFailed):
     """The PHY has no link."""
 
-    cause = "no cable, the other of the two ports, or a switch port that is off"
+    cause = "no cable, the cable is in the other port, or a switch port that is off"
     next_step = "plug the cable into the other port, or choose the port with --ethact"
 
 
-class NoAnswer(NetbootError):
+class NoAnswer(TransferFailed):
     """The board hears nobody at the server's address (ARP)."""
 
-    cause = "the cable is in the other port, or the host has no address in the board's network"
-    next_step = "nuc980-netboot probe shows the ports; check the host's address"
+    cause = (
+        "the cable is in the other port, leads elsewhere or is not plugged in (the factory's U-Boot does not"
+        " notice), or the host has not this address"
+    )
+    next_step = (
+        "plug the cable into the other port, or choose the port with --ethact; check the host's address"
+    )
 
 
-class TftpTimeout(NetbootError):
-    """The board asked for a file and got no answer, or the transfer broke off."""
+class TransferSilent(TransferFailed):
+    """The board asked for a file and got nothing at all."""
 
-    cause = "a firewall on the host drops UDP, or the board's address is another than the server expects"
-    next_step = "open the server's UDP port for the board's address"
+    cause = "a firewall on the host drops the board's UDP, or another host has the server's address"
+    next_step = (
+        "let the board's UDP in at the server's port, and high ports too: each transfer has one of its own"
+    )
 
 
-class FileRefused(NetbootError):
-    """The TFTP server refused the file."""
+class TransferBroken(TransferFailed):
+    """A transfer began and did not come to its end."""
+
+    cause = "a bad cable, a network that loses packets, or a firewall that knows no TFTP"
+    next_step = "start again, with a direct cable if there is another network between"
+
+
+class FileRefused(TransferFailed):
+    """A TFTP server refused the file."""
 
     cause = "another TFTP server answered at this address"
     next_step = "stop the other server, or name this host's address with --server-ip"
 
 
-class WrongBytes(NetbootError):
+class WrongBytes(TransferFailed):
     """What arrived is not what was sent."""
 
     cause = "RAM, a broken transfer, or a wrong address"
@@ -159,6 +198,13 @@ class WrongBytes(NetbootError):
 # ---- Linux
 
 
+class BootmFailed(NetbootError):
+    """U-Boot did not start what was loaded."""
+
+    cause = "this U-Boot takes another kind of image; kernel and device tree are in the RAM as in their files"
+    next_step = "--log FILE keeps the whole dialogue; nuc980-netboot probe shows what this U-Boot has"
+
+
 class KernelPanic(NetbootError):
     """The kernel gave up."""
 
@@ -166,11 +212,39 @@ class KernelPanic(NetbootError):
     next_step = "boot a known image; nuc980-pins check looks at the device tree"
 
 
+class KernelOops(KernelPanic):
+    """The kernel or a driver made a mistake, and went on, or not."""
+
+    cause = "a driver, or a device tree that does not describe this board"
+
+
+class RootMissing(KernelPanic):
+    """The kernel found no root file system."""
+
+    cause = (
+        "root= or ubi.mtd= names what is not there, the flash holds no file system, or the kernel's own"
+        " command line was replaced by the device tree's"
+    )
+    next_step = (
+        "boot the image nuc980_netboot, which has its root in the kernel; --bootargs sets another root="
+    )
+
+
 class LinuxSilent(NetbootError):
     """The kernel was started and did not get as far as it should."""
 
-    cause = "a wrong console= or device tree, or a kernel for another load address"
-    next_step = "nuc980-pins check looks at the device tree; --until PATTERN waits for another line"
+    cause = "it hangs, or it is slower than the time it was given"
+    next_step = "--timeout SECONDS waits longer, --until PATTERN for another line; --log FILE keeps all lines"
+
+
+class KernelMute(LinuxSilent):
+    """Not a word after "Starting kernel"."""
+
+    cause = (
+        "no console at this UART (console=ttyS0,115200n8), another board's device tree, a kernel for another"
+        " load address, or a panic before the console is there"
+    )
+    next_step = "nuc980-pins check looks at the device tree; boot a known image"
 
 
 # ---- the flash

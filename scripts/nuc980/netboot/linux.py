@@ -5,43 +5,149 @@ from __future__ import annotations
 
 import re
 import time
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from nuc980.netboot.console import text
-from nuc980.netboot.errors import CommandFailed, KernelPanic, LinuxSilent
-from nuc980.netboot.session import Session
+from nuc980.netboot.errors import (
+    BoardReset,
+    BootmFailed,
+    KernelMute,
+    KernelOops,
+    KernelPanic,
+    LinuxSilent,
+    NetbootError,
+    RootMissing,
+)
+from nuc980.netboot.transport import Line
 
-PANIC = re.compile(rb"Kernel panic|Internal error: Oops|Unable to mount root fs")
+STARTING = "Starting kernel ..."
+UBOOT = re.compile(r"^U-Boot (SPL )?\d{4}\.\d\d")
+PANIC = re.compile(r"Kernel panic - not syncing")
+OOPS = re.compile(r"Internal error: |Unable to handle kernel ")
+NO_ROOT = re.compile(r"Unable to mount root fs|Waiting for root device|Cannot open root device")
+THE_END = re.compile(r"---\[ end Kernel panic|Rebooting in \d+ seconds")
+
+LINES_KEPT = 200
+LINE_LIMIT = 4096  # what is longer is cut
+PANIC_SECONDS = 10.0  # its lines come within
+QUIET_SECONDS = 2.0  # this long after a panic's last line, it was the last
+
+# What U-Boot's bootm says when it gives up (2016.11 and 2023.01: bootm.c, image-fdt.c), and why.
+BOOTM_WORDS = {
+    r"Bad Magic Number|Wrong Image Format|Can't get kernel image": "U-Boot finds no uImage at the address",
+    r"Bad Header Checksum|Bad Data CRC": "the kernel in the RAM has changed since it was checked: bad RAM",
+    r"Unsupported Architecture|is not supported|Wrong Image Type": "a uImage for another processor or system",
+    r"cmdline Flattened Device Tree|valid device tree|is not a fdt": "no device tree at the address",
+    r"overlaps OS image|overwritten|allocation error": "kernel and device tree do not fit beside each other",
+    r"uncompress error|Image too large|Unimplemented compression": "a uImage that this U-Boot cannot unpack",
+}
 
 
 @dataclass(frozen=True)
 class Goal:
-    """The line that ends a boot, a regular expression; seconds: how long it may take."""
+    """The line that ends a boot, a regular expression; times in seconds.
 
-    pattern: str = r"login: $"
-    seconds: float = 120.0
-
-
-def watch_linux(session: Session, goal: Goal, marker: int) -> None:
-    """Shows the kernel's lines until the goal. marker: the number that appears when bootm gives up.
-
-    Raises CommandFailed (bootm came back), KernelPanic, LinuxSilent.
+    first_seconds: for the kernel's first word, after it has unpacked itself; seconds: from there to the goal.
     """
-    line = session.console.line
-    wanted = re.compile(goal.pattern.encode(), re.MULTILINE)
-    failed = re.compile(rb"[\r\n]@%d:\d+\r?\n" % marker)
-    said = b""
-    shown = 0
-    deadline = time.monotonic() + goal.seconds
-    while not wanted.search(said):
-        new = line.read(deadline - time.monotonic())
-        said += new
-        while (end := said.find(b"\n", shown)) >= 0:
-            session.progress.note(f"  | {text(said[shown:end])}")
-            shown = end + 1
-        if failed.search(said):
-            raise CommandFailed(f"bootm came back: {text(said)[-500:].strip()}")
-        if PANIC.search(said):
-            raise KernelPanic(f"The kernel panics: {text(said)[-500:].strip()}")
-        if not new:
-            raise LinuxSilent(f"No {goal.pattern!r} within {goal.seconds:g} s: {text(said)[-300:].strip()!r}")
+
+    pattern: str = r"^\S+ login: ?"
+    seconds: float = 120.0
+    first_seconds: float = 30.0
+
+
+class LinuxWatch:
+    """The console after bootm. marker: the number of the command, which appears when bootm gives up.
+
+    show: gets each line as it is complete.
+    """
+
+    def __init__(self, line: Line, marker: int, show: Callable[[str], None]) -> None:
+        self._line = line
+        self._gave_up = re.compile(rf"^@{marker}:\d+$|must RESET the board|Must RESET board")
+        self._show = show
+        self._kept: deque[str] = deque(maxlen=LINES_KEPT)
+        self._new: deque[str] = deque()  # whole lines, not judged yet
+        self._rest = b""  # of the line at hand
+
+    def until_kernel(self, seconds: float) -> None:
+        """Until the kernel's first word. Raises BootmFailed, KernelMute."""
+        deadline = time.monotonic() + seconds
+        started = False
+        while self._hear(deadline):
+            while self._new:
+                if self._gave_up.search(self._new[0]) or UBOOT.match(self._new[0]):
+                    raise self._bootm_failed()
+                if started and self._new[0].strip():
+                    return
+                started |= STARTING in self._new.popleft()
+            if started and self._rest.strip():
+                return
+        if not started:
+            raise BootmFailed(f"bootm did not end within {seconds:g} s: {self._last_words()}")
+        raise KernelMute(f"Not a word of the kernel within {seconds:g} s.")
+
+    def until(self, goal: Goal) -> None:
+        """Until the goal's line, or its beginning. Raises KernelPanic, BoardReset, LinuxSilent."""
+        wanted = re.compile(goal.pattern)
+        deadline = time.monotonic() + goal.seconds
+        while True:
+            while self._new:
+                line = self._new.popleft()
+                if PANIC.search(line) or OOPS.search(line):
+                    raise self._panic(line)
+                if UBOOT.match(line):
+                    raise BoardReset(
+                        f"The board started anew while Linux came up; the kernel's last words: "
+                        f"{self._last_words(before=line)}",
+                        cause="the watchdog, a kernel that restarts it (panic=10), or power dips",
+                    )
+                if wanted.search(line):
+                    return
+            if wanted.search(text(self._rest)):
+                self._show(text(self._rest))
+                return
+            if not self._hear(deadline):
+                raise self._silence(goal)
+
+    def _hear(self, deadline: float) -> bool:
+        """Takes in what comes next; False when nothing does until then."""
+        said = self._line.read(deadline - time.monotonic())
+        *whole, self._rest = (self._rest + said).split(b"\n")
+        if len(self._rest) > LINE_LIMIT:
+            whole, self._rest = [*whole, self._rest], b""
+        for line in map(text, whole):
+            self._show(line)
+            self._kept.append(line)
+            self._new.append(line)
+        return bool(said) and time.monotonic() < deadline
+
+    def _panic(self, first: str) -> NetbootError:
+        """With what the kernel says of it: until it has ended, or is quiet."""
+        story = [first]
+        deadline = time.monotonic() + PANIC_SECONDS
+        while not THE_END.search(story[-1]) and len(story) < LINES_KEPT:
+            if self._new:
+                story.append(self._new.popleft())
+            elif not self._hear(min(deadline, time.monotonic() + QUIET_SECONDS)):
+                break
+        lines = "\n".join(f"  {line}" for line in story)
+        if any(NO_ROOT.search(line) for line in story):
+            return RootMissing(f"The kernel found no root file system:\n{lines}")
+        if any(PANIC.search(line) for line in story):
+            return KernelPanic(f"The kernel panicked:\n{lines}")
+        return KernelOops(f"The kernel stumbled:\n{lines}")
+
+    def _bootm_failed(self) -> BootmFailed:
+        said = "\n".join(f"  {line}" for line in self._kept)
+        causes = (cause for words, cause in BOOTM_WORDS.items() if re.search(words, said))
+        return BootmFailed(f"U-Boot did not start the kernel:\n{said}", cause=next(causes, ""))
+
+    def _silence(self, goal: Goal) -> LinuxSilent | RootMissing:
+        what = f"No line with {goal.pattern!r} within {goal.seconds:g} s; the last one: {self._last_words()}"
+        return RootMissing(what) if NO_ROOT.search(self._last_words()) else LinuxSilent(what)
+
+    def _last_words(self, before: str = "") -> str:
+        lines = [line for line in self._kept if line.strip() and line != before]
+        return repr(text(self._rest).strip() or (lines[-1] if lines else ""))

@@ -20,7 +20,7 @@ COMMAND_ROOM = LINE_ROOM - len("; echo @9999:$?")
 class Step(ABC):
     """One thing to do on a board at U-Boot's prompt. Subclasses are frozen dataclasses."""
 
-    phase: ClassVar[str]  # the line of the time report that it counts for
+    phase: str  # the line of the time report that it counts for
 
     @abstractmethod
     def title(self) -> str:

@@ -7,24 +7,32 @@ import re
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Self
 
+from nuc980.netboot import host
+from nuc980.netboot.console import TRIES
 from nuc980.netboot.errors import (
     FileRefused,
     LinkDown,
-    NetbootError,
     NoAnswer,
     NoEthernet,
-    TftpTimeout,
+    NoMac,
+    TransferBroken,
+    TransferFailed,
+    TransferSilent,
     WrongBytes,
 )
 from nuc980.netboot.plan import Step
-from nuc980.netboot.session import Session
+from nuc980.netboot.session import TFTP_PORT, Session
+from nuc980.netboot.tftp import Transfer
 
 # What the slowest transfer seen needs: 10 time-outs of 5 s (CONFIG_TFTP_TIMEOUT), and 20 kB/s.
 PATIENCE = 60.0
 SLOWEST = 20_000  # bytes/s
 CRC_SLOWEST = 1_000_000  # bytes/s, a 300 MHz ARM926 without caches
+
+# What may go well when it is done once more: a lost packet, a link that was not up yet.
+PASSING = (TransferBroken, WrongBytes, LinkDown)
 
 
 @dataclass(frozen=True)
@@ -37,7 +45,7 @@ class Slice:
     crc32: int
 
     @classmethod
-    def of(cls, path: Path, start: int = 0, size: int | None = None) -> Slice:
+    def of(cls, path: Path, start: int = 0, size: int | None = None) -> Self:
         """Reads the file's bytes from start on; size None: to its end."""
         with path.open("rb") as file:
             file.seek(start)
@@ -52,7 +60,7 @@ class Load(Step):
     name: str  # as the board asks for it
     content: Slice
     address: int
-    phase: ClassVar[str] = "load"
+    phase: str = "load"
 
     def title(self) -> str:
         return f"Load {self.name}, {self.content.size} bytes, to {self.address:#x}."
@@ -64,6 +72,15 @@ class Load(Step):
         )
 
     def run(self, session: Session) -> None:
+        """Up to TRIES times. Raises TransferFailed."""
+        for _ in range(TRIES - 1):
+            try:
+                return self._load(session)
+            except PASSING as error:
+                session.progress.note(f"{error.what} Once more.")
+        return self._load(session)
+
+    def _load(self, session: Session) -> None:
         transfer, check = self.commands()
         content = self.content
         assert session.files is not None
@@ -73,8 +90,8 @@ class Load(Step):
                 transfer, PATIENCE + content.size / SLOWEST, lambda _: bar.at(moving.moved)
             )
             bar.at(moving.moved)
-        if answer.status:
-            raise why_not_loaded(answer.output, self.name, session)
+            if answer.status:
+                raise why_not_loaded(answer.output, moving, session)
         if f"Bytes transferred = {content.size} " not in answer.output:
             raise WrongBytes(
                 f"{self.name} has {content.size} bytes; U-Boot says: {answer.output.strip()[-200:]}"
@@ -94,15 +111,50 @@ def crc_of(output: str) -> int:
     return int(found[1], 16)
 
 
-def why_not_loaded(output: str, name: str, session: Session) -> NetbootError:
+# What U-Boot prints when a transfer fails, 2016.11 with the vendor's driver and 2023.01 with ours. The first
+# that fits decides: what comes last comes first here, since U-Boot may have tried another port before.
+WORDS: tuple[tuple[str, type[TransferFailed]], ...] = (
+    (r"TFTP error: |TFTP server died", FileRefused),
+    (r"ARP Retry count exceeded", NoAnswer),
+    (r"address not set", NoMac),
+    (r"no link|[Ll]ink is down|No link|AN failed|Reset phy failed|auto negotiation .*TIMEOUT", LinkDown),
+    (r"No ethernet found|Net Initialization Skipped", NoEthernet),
+    (r"Retry count exceeded", TransferSilent),
+)
+
+
+def why_not_loaded(output: str, transfer: Transfer, session: Session) -> TransferFailed:
     """The error for what U-Boot said when a transfer failed, and what the server saw of it."""
-    said = f"{name} was not loaded. U-Boot: {output.strip()[-300:]}"
-    if "No ethernet found" in output or "address not set" in output:
-        return NoEthernet(said)
-    if "TFTP error" in output:
-        return FileRefused(said)
-    if re.search(r"link (is )?down|[Nn]o link|not established", output):
-        return LinkDown(said)
-    if "ARP Retry count exceeded" in output:
-        return NoAnswer(said)
-    return TftpTimeout(said)
+    kind = next((kind for words, kind in WORDS if re.search(words, output)), TransferFailed)
+    said = "\n".join(f"  {line}" for line in output.strip().splitlines()[-6:])
+    what = f"{transfer.name} was not loaded. U-Boot says:\n{said}"
+    if kind is NoAnswer:
+        return NoAnswer(what, next_step=f"{_host_advice(session)} The other port is chosen with --ethact.")
+    if kind is not TransferSilent:
+        return kind(what)
+    if transfer.moved:
+        return TransferBroken(f"{transfer.name} broke off after {transfer.moved} of {transfer.size} bytes.")
+    return _why_silent(what, session)
+
+
+def _host_advice(session: Session) -> str:
+    assert session.network is not None
+    return host.advice(session.network.board.ip, host.addresses())
+
+
+def _why_silent(what: str, session: Session) -> TransferSilent:
+    assert session.files is not None
+    if session.files.refused:
+        seen = "; ".join(str(refusal) for refusal in session.files.refused[-3:])
+        return TransferSilent(
+            f"{what}\nThe server was asked, and refused: {seen}",
+            cause="another address than the board's: a NAT between them, or a second board",
+            next_step="--seen-as ADDRESS names the board as the server sees it",
+        )
+    if session.files.port != TFTP_PORT:
+        return TransferSilent(
+            what,
+            cause=f"this U-Boot does not know tftpdstp and asks at port {TFTP_PORT}, or a firewall drops UDP",
+            next_step=f"take port {TFTP_PORT} (no --tftp-port); let the board's UDP in",
+        )
+    return TransferSilent(what, next_step=_host_advice(session))
