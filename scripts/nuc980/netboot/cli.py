@@ -17,6 +17,7 @@ from pathlib import Path
 from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
 from nuc980.netboot.console import Console
 from nuc980.netboot.errors import NetbootError, UnusableInput
+from nuc980.netboot.flashing import add_flash_options, run_flash
 from nuc980.netboot.linux import Goal
 from nuc980.netboot.probe import BoardReport, probe
 from nuc980.netboot.progress import Progress
@@ -56,6 +57,11 @@ def _parser() -> argparse.ArgumentParser:
     _add_network(command)
     _add_linux(command)
     command.set_defaults(run=_boot)
+    command = commands.add_parser("flash", help="write kernel, device tree or UBI image into the flash")
+    add_flash_options(command)
+    _add_line(command)
+    _add_network(command)
+    command.set_defaults(run=lambda parsed: run_flash(parsed, _session, _network(parsed)))
     return parser
 
 

@@ -259,3 +259,51 @@ class FlashFailed(NetbootError):
 
     cause = "worn blocks"
     next_step = "nuc980-netboot flash --resume, or --roll-back; netboot works without the flash"
+
+
+class LayoutUnknown(UnusableInput):
+    """Where an image belongs in this board's flash cannot be told, or is no place for it."""
+
+    cause = "a boot command, partitions or bad blocks that this program does not understand"
+    next_step = "nuc980-netboot probe shows the environment; --kernel-at, --dtb-at, --ubi-at name a place"
+
+
+class WrongImage(UnusableInput):
+    """A file is not what it is to be written as."""
+
+    cause = "another file, or one that was cut while it was copied"
+    next_step = "build it again (make image) and compare it with its manifest.json"
+
+
+class FlashNotPossible(UnusableInput):
+    """This board, or its U-Boot, cannot do what flashing needs."""
+
+    cause = "a U-Boot without nand or crc32, or a flash whose geometry is unknown"
+    next_step = "nuc980-netboot probe shows what it has; boot works without the flash"
+
+
+class Unfinished(UnusableInput):
+    """An earlier flash of this site was not brought to its end."""
+
+    cause = "it was interrupted"
+    next_step = "flash --resume brings it to its end, flash --roll-back restores what was there before"
+
+
+class JournalUnusable(UnusableInput):
+    """There is no journal to go on from, or not of this board or these files."""
+
+    next_step = "flash the images anew"
+
+
+class SiteBusy(UnusableInput):
+    """Another nuc980-netboot works on this site."""
+
+    cause = "it runs in another terminal"
+    next_step = "wait for it, or end it"
+
+
+class BackupFailed(NetbootError):
+    """What is in the flash could not be brought to the host; nothing was erased."""
+
+    cause = "the network, or RAM"
+    next_step = "start again; --backup-by serial takes the other way, --no-backup REASON none"

@@ -72,13 +72,22 @@ def probe_nand(console: Console) -> Nand | None:
     info = console.run("nand info", 30).output
     found = re.search(r"sector size (\d+) KiB", info)
     page = re.search(r"Page size +(\d+) b", info)
-    size = re.search(r"(\d+) MiB", console.run("nand device 0").output) if found else None
     if not found or not page:
         return None
     bad = re.findall(r"^ +([0-9a-f]{8})", console.run("nand bad", 30).required(), re.MULTILINE)
     return Nand(
-        size=int(size[1]) << 20 if size else 0,
+        size=_nand_size(console),
         block=int(found[1]) << 10,
         page=int(page[1]),
         bad=tuple(int(offset, 16) for offset in bad),
     )
+
+
+def _nand_size(console: Console) -> int:
+    """No command prints it; reading nothing fails from the flash's end on. A power of two, 8 GiB at most."""
+    size = 1 << 20
+    while (
+        size < 1 << 33 and "exceeds device limit" not in console.run(f"nand read 0x100000 {size:#x} 0").output
+    ):
+        size <<= 1
+    return size

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The subcommand `flash`: its options, and what they lead to."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+from nuc980.netboot.boot import plan_network
+from nuc980.netboot.errors import JournalUnusable, NetbootError, UnusableInput
+from nuc980.netboot.flash import (
+    Flasher,
+    Image,
+    Work,
+    backups_of,
+    check_board,
+    check_image,
+    check_same_board,
+    choose_way,
+    header_of,
+    images_of,
+    in_order,
+    not_backed_up,
+    plan_backups,
+    plan_flash,
+    plan_ram,
+    prepare,
+    quiet_off,
+    still_to_do,
+)
+from nuc980.netboot.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
+from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
+from nuc980.netboot.plan import Plan, Step
+from nuc980.netboot.probe import BoardReport, probe
+from nuc980.netboot.session import Network, Session
+from nuc980.netboot.site import Site
+
+PLACES = {KERNEL: "kernel", DEVICE_TREE: "dtb", UBI: "ubi"}  # options
+NEWEST = Path()  # --resume without a folder
+
+Start = Callable[[argparse.Namespace], AbstractContextManager[Session]]
+
+
+def add_flash_options(command: argparse.ArgumentParser) -> None:
+    """The options of `flash` itself."""
+    group = command.add_argument_group("images")
+    group.add_argument("--kernel", type=Path, metavar="FILE", help="the uImage")
+    group.add_argument("--dtb", type=Path, metavar="FILE", help="the device tree, compiled")
+    group.add_argument("--ubi", type=Path, metavar="FILE", help="the UBI image of the root file system")
+    group.add_argument(
+        "--bootloader", type=Path, metavar="FILE", help="U-Boot itself; only alone, with --i-know"
+    )
+    group.add_argument("--i-know", action="store_true", help="that a failure needs a programmer")
+    for name, option in PLACES.items():
+        group.add_argument(
+            f"--{option}-at",
+            type=_place,
+            metavar="OFFSET+SIZE",
+            help=f"place of the {name}, not the board's own",
+        )
+    group = command.add_argument_group("what was there before")
+    group.add_argument("--no-backup", metavar="REASON", help="do not keep it; the journal keeps the reason")
+    group.add_argument("--backup-by", choices=("tftp", "serial"), help="how it comes to the host")
+    group = command.add_mutually_exclusive_group()
+    for option, does in (
+        ("--resume", "bring an interrupted flash to its end"),
+        ("--roll-back", "write back what was there before"),
+    ):
+        group.add_argument(option, type=Path, nargs="?", const=NEWEST, metavar="FOLDER", help=does)
+    group.add_argument(
+        "--dry-run", action="store_true", help="show what would be typed; only probe the board"
+    )
+
+
+def run_flash(parsed: argparse.Namespace, start: Start, network: Network) -> int:
+    """Returns the exit code. Raises NetbootError."""
+    files = _files(parsed)
+    site = Site(parsed.site)
+    with only_one(site.folder):
+        journal = _journal(parsed, site.folder)
+        with start(parsed) as session:
+            board = probe(session.console, session.progress, flash=True)
+            flash = _Flash(parsed, session, board, network, site)
+            with network.service() as session.files:
+                if journal is None:
+                    flash.begin(files)
+                else:
+                    flash.go_on(journal, OLD if parsed.roll_back else NEW)
+    return 0
+
+
+def _files(parsed: argparse.Namespace) -> dict[str, Path]:
+    """The images of the command line. Raises UnusableInput."""
+    given = {KERNEL: parsed.kernel, DEVICE_TREE: parsed.dtb, UBI: parsed.ubi, LOADER: parsed.bootloader}
+    files = {name: path for name, path in given.items() if path is not None}
+    goes_on = parsed.resume is not None or parsed.roll_back is not None
+    if goes_on and files:
+        raise UnusableInput("--resume and --roll-back take the files that the journal names")
+    if not goes_on and not files:
+        raise UnusableInput("name what to write: --kernel, --dtb, --ubi")
+    if LOADER in files and not parsed.i_know:
+        raise UnusableInput(
+            "the boot loader's place is not written",
+            cause="a board whose boot loader is damaged has no way in but a programmer",
+            next_step="leave it as it is, or add --i-know",
+        )
+    if LOADER in files and len(files) > 1:
+        raise UnusableInput("the boot loader is written alone")
+    if parsed.no_backup is not None and not parsed.no_backup.strip():
+        raise UnusableInput("--no-backup needs a reason")
+    return files
+
+
+def _journal(parsed: argparse.Namespace, site: Path) -> Journal | None:
+    """The one to go on with; None for a new flash."""
+    folder = parsed.resume or parsed.roll_back
+    if folder is None:
+        refuse_unfinished(site)
+        return None
+    journal = newest_unfinished(site) if folder == NEWEST else Journal(folder)
+    if journal is None:
+        raise JournalUnusable(
+            f"{site} has no unfinished flash.", next_step="a finished one can be rolled back by its folder"
+        )
+    return journal
+
+
+def _place(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(0x[0-9a-fA-F]+|\d+)\+(0x[0-9a-fA-F]+|\d+)", text)
+    if not found or not int(found[2], 0):
+        raise argparse.ArgumentTypeError(f"'{text}' is not as 0x200000+0x500000")
+    return int(found[1], 0), int(found[2], 0)
+
+
+class _Flash:
+    """One run of the subcommand on a board that has been probed."""
+
+    def __init__(
+        self, parsed: argparse.Namespace, session: Session, board: BoardReport, network: Network, site: Site
+    ) -> None:
+        self.parsed, self.session, self.board, self.site = parsed, session, board, site
+        self.nand = check_board(board, None)
+        self.way = None
+        if parsed.no_backup is None:
+            self.way = choose_way(board, parsed.backup_by, self.nand)
+            check_board(board, self.way)
+        self.setup: tuple[Step, ...] = (*quiet_off(board), *plan_network(board, network, site.macs()))
+
+    def begin(self, files: dict[str, Path]) -> None:
+        images = in_order(self._images(files))
+        work = Work(images, self.nand, plan_ram(self.board, images, self.nand))
+        if self.parsed.dry_run:
+            folder = self.site.folder / "flash-DATE"
+            backups = plan_backups(work, folder, self.way) if self.way else ()
+            self._show(Plan((*self.setup, *backups, *plan_flash(work))))
+            return
+        journal = Journal.create(self.site.folder, header_of(work, self.board, self.parsed.no_backup))
+        self._run(journal, work, prepare(journal, work, self.way), images)
+
+    def go_on(self, journal: Journal, content: str) -> None:
+        check_same_board(journal, self.nand)
+        images = in_order(images_of(journal) if content == NEW else backups_of(journal, self.nand))
+        for image in images:
+            image.slot.check_fits(image.size, self.nand)
+        work = Work(images, self.nand, plan_ram(self.board, images, self.nand), content)
+        if journal.is_finished:
+            journal.add("begun again", content=content)
+        backups: tuple[Step, ...] = ()
+        if content == NEW and journal.header["no_backup"] is None and self.way:
+            missing = not_backed_up(self.session, journal, work)
+            backups = plan_backups(Work(missing, work.nand, work.ram), journal.folder, self.way)
+        self._run(journal, work, backups, still_to_do(self.session, journal, work))
+
+    def _images(self, files: dict[str, Path]) -> list[Image]:
+        if LOADER in files:
+            slots = {LOADER: loader_slot(self.nand)}
+        else:
+            explicit = {
+                name: place
+                for name, option in PLACES.items()
+                if (place := getattr(self.parsed, f"{option}_at")) is not None
+            }
+            layout = layout_of(self.board.environment, self.nand, explicit)
+            slots = {name: layout.slot(name) for name in files}
+            for note in layout.notes:
+                self.session.progress.note(note)
+        images = [Image.of(slots[name], path) for name, path in files.items()]
+        for image in images:
+            check_image(image.name, image.path, self.nand)
+            image.slot.check_fits(image.size, self.nand)
+        return images
+
+    def _run(
+        self, journal: Journal, work: Work, backups: tuple[Step, ...], images: tuple[Image, ...]
+    ) -> None:
+        note = self.session.progress.note
+        flasher = Flasher(self.session, journal, work)
+        try:
+            flasher.run((*self.setup, *backups), images)
+        except NetbootError:
+            note(f"Not finished. `flash --resume` and `flash --roll-back` go on from {journal.folder}.")
+            raise
+        if images:
+            note(
+                f"The flash alone could not boot for {flasher.seconds:.1f} s;"
+                f" its kernel was away for {flasher.kernel_seconds:.1f} s of them."
+            )
+        note(f"Done. What was there before: {journal.folder}")
+
+    def _show(self, plan: Plan) -> None:
+        for title, lines in plan.dialogue():
+            self.session.progress.note(title)
+            for line in lines:
+                self.session.progress.note(f"    {line}")
