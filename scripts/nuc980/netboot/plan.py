@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # What typed() adds to a command, with a number of four digits.
 COMMAND_ROOM = LINE_ROOM - len("; echo @9999:$?")
+# Names of shell variables, which are no part of U-Boot's environment.
+PIECE = "piece"
 
 
 class Step(ABC):
@@ -71,11 +73,22 @@ class SetVariable(Step):
         return f"Set {self.name}."
 
     def commands(self) -> tuple[str, ...]:
+        """One, or for a value that no line holds: pieces in the shell's own variables, put together by it.
+
+        hush reads what it has put in for a variable as if it were typed: the pieces are quoted twice.
+        """
         if not self.value:
             return (f"setenv {self.name}",)
-        pieces = _pieces(self.value, COMMAND_ROOM - len(f'setenv {self.name} "${{{self.name}}}"'))
-        first = f"setenv {self.name} {quoted(pieces[0])}"
-        return (first, *(f'setenv {self.name} "${{{self.name}}}"{quoted(piece)}' for piece in pieces[1:]))
+        whole = f"setenv {self.name} {quoted(self.value)}"
+        if len(whole) <= COMMAND_ROOM:
+            return (whole,)
+        pieces = _pieces(self.value, COMMAND_ROOM - len(f"{PIECE}999="))
+        names = [f"{PIECE}{number}" for number in range(1, len(pieces) + 1)]
+        together = "".join(f"${{{name}}}" for name in names)
+        return (
+            *(f"{name}={quoted(quoted(piece))}" for name, piece in zip(names, pieces, strict=True)),
+            f"setenv {self.name} {together}",
+        )
 
     def run(self, session: Session) -> None:
         for command in self.commands():
@@ -83,17 +96,20 @@ class SetVariable(Step):
 
 
 def quoted(value: str) -> str:
-    """A word that U-Boot's hush takes as it is. Raises LineTooLong for what no line can carry."""
+    """A word that U-Boot's hush takes as it is: there a back-slash is one in single quotes too.
+
+    Raises LineTooLong for what no line can carry.
+    """
     if not value.isascii() or not value.isprintable():
         raise LineTooLong(f"U-Boot's command line takes printable ASCII only: {value!r}")
-    return "'" + value.replace("'", r"'\''") + "'"
+    return "'" + value.replace("\\", "\\\\").replace("'", r"'\''") + "'"
 
 
 def _pieces(value: str, room: int) -> list[str]:
-    """Cut so that each, quoted, fits."""
+    """Cut so that each, quoted twice, fits."""
     pieces = [""]
     for character in value:
-        if len(quoted(pieces[-1] + character)) > room:
+        if len(quoted(quoted(pieces[-1] + character))) > room:
             pieces.append("")
         pieces[-1] += character
     return pieces
