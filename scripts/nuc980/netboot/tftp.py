@@ -194,8 +194,8 @@ class FileService:
                 session.cycle()
             session.check_patience()
         except _RefusedError as refused:
-            session.state.sendError(refused.code)
             self._note(session.host, session.transfer.name, refused)
+            session.state.sendError(refused.code)
             session.state = None
         except TftpException:
             session.state = None
