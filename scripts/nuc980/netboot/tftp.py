@@ -10,7 +10,6 @@ is decided here.
 from __future__ import annotations
 
 import errno
-import io
 import logging
 import os
 import select
@@ -18,7 +17,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,14 +29,13 @@ from tftpy.TftpContexts import TftpContextServer
 from tftpy.TftpPacketFactory import TftpPacketFactory
 from tftpy.TftpPacketTypes import (
     TftpPacket,
-    TftpPacketACK,
     TftpPacketDAT,
     TftpPacketERR,
     TftpPacketInitial,
     TftpPacketRRQ,
 )
 from tftpy.TftpShared import TftpErrors, TftpException
-from tftpy.TftpStates import TftpState, TftpStateExpectACK, TftpStateExpectDAT
+from tftpy.TftpStates import TftpState
 
 from nuc980.netboot.errors import UnusableInput
 
@@ -110,6 +108,9 @@ class FileService:
         self._socket = _server_socket(self._address, self.port)
         self.port = self._socket.getsockname()[1]
         self._wake = os.eventfd(0)
+        self._events = select.epoll()
+        self._events.register(self._socket, select.EPOLLIN)
+        self._events.register(self._wake, select.EPOLLIN)
         self._running = True
         self._thread = threading.Thread(target=self._serve, name="tftp", daemon=True)
         self._thread.start()
@@ -124,6 +125,7 @@ class FileService:
         self._running = False
         os.eventfd_write(self._wake, 1)
         self._thread.join()
+        self._events.close()
         os.close(self._wake)
         self._socket.close()
 
@@ -172,27 +174,29 @@ class FileService:
     # ---- the server's thread
 
     def _serve(self) -> None:
+        requests = self._socket.fileno()
         while self._running:
             session = self._session
-            waiting = [self._socket, self._wake, *([session.sock] if session else [])]
-            ready, _, _ = select.select(waiting, [], [], session.patience() if session else None)
+            events = self._events.poll(session.patience() if session else None)
             with self._lock:
-                if self._wake in ready:
-                    os.eventfd_read(self._wake)
-                if session:
-                    self._go_on(session, session.sock in ready)
-                if self._socket in ready:
-                    self._take_request()
+                for descriptor, _ in events:
+                    if descriptor == requests:
+                        self._take_request()
+                    elif descriptor == self._wake:
+                        os.eventfd_read(self._wake)
+                    elif self._session:
+                        self._go_on(self._session.cycle)
+                if self._session:
+                    self._go_on(self._session.check_patience)
         with self._lock:
             if self._session:
                 self._session.abort()
                 self._drop_session()
 
-    def _go_on(self, session: _Session, ready: bool) -> None:
+    def _go_on(self, step: Callable[[], None]) -> None:
+        session = self._session
         try:
-            if ready:
-                session.cycle()
-            session.check_patience()
+            step()
         except _RefusedError as refused:
             self._note(session.host, session.transfer.name, refused)
             session.state.sendError(refused.code)
@@ -258,6 +262,7 @@ class FileService:
             raise
         self._drop_session()
         self._session = session
+        self._events.register(session.sock, select.EPOLLIN)
 
     def _note(self, address: str, name: str, refused: _RefusedError) -> None:
         new = Refusal(address, name, str(refused))
@@ -274,14 +279,12 @@ class _Offered:
 
     def begin(self, session: _Session, asked: dict[str, str]) -> None:
         """Sends the options that are agreed on, which are acknowledged as block 0, else block 1."""
-        session.fileobj = io.BytesIO(self.content)
         session.agree(asked, tsize=len(self.content))
-        session.state = _Sending(session)
+        state = session.state = _Sending(session, self.content)
         if session.options:
-            session.state.sendOACK()
+            state.sendOACK()
         else:
-            session.next_block = 1
-            session.pending_complete = session.state.sendDAT()
+            state.send_block()
 
 
 @dataclass(frozen=True)
@@ -290,19 +293,18 @@ class _Awaited:
     descriptor: int
 
     def begin(self, session: _Session, asked: dict[str, str]) -> None:
+        """Acknowledges the request by the options that are agreed on, else as block 0."""
         if self.transfer.finished:
             raise _RefusedError(TftpErrors.FileAlreadyExists, "is here already")
         announced = _number(asked.get("tsize", "0"))
         if announced > self.transfer.size:
             raise _RefusedError(TftpErrors.DiskFull, f"{announced} bytes, {self.transfer.size} are awaited")
-        session.fileobj = io.BytesIO()
         session.agree(asked, tsize=announced)
-        session.state = _Receiving(session, self.descriptor)
+        state = session.state = _Receiving(session, self.descriptor)
         if session.options:
-            session.state.sendOACK()
+            state.sendOACK()
         else:
-            session.state.sendACK(0)
-        session.next_block = 1
+            state.sendACK(0)
 
 
 _File = _Offered | _Awaited
@@ -317,13 +319,13 @@ class _Session(TftpContextServer):
     def __init__(self, transfer: Transfer, datagram: bytes, peer: Address, local: bytes) -> None:
         super().__init__(*peer, RETRANSMIT, root="", flock=False)
         self.sock.close()
-        self.sock = _Socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.sock.setblocking(False)
+        self.sock = _Socket()
         self.sock.bind((socket.inet_ntoa(local), 0))  # the board expects the answer from where it asked
         self.tidport = self.port
+        self.peer = peer
         self.request = (datagram, peer)
-        self.first_answer: TftpPacket | None = None
         self.transfer = transfer
+        self.awaited: bytes | None = None  # the acknowledgement of the block that is on its way
 
     def agree(self, asked: dict[str, str], tsize: int) -> None:
         """Of the options asked for, takes what can be done; the others stay unanswered (RFC 2347)."""
@@ -349,12 +351,13 @@ class _Session(TftpContextServer):
             datagram, peer = self.sock.recvfrom(DATAGRAM_LIMIT)
         except OSError:
             return
-        if peer == (self.host, self.port):
-            packet = _parsed(datagram)
-            if packet and self.state:
-                self.state = self.state.handle(packet, *peer)
-        elif not _is_error(datagram):
-            self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
+        if peer != self.peer:
+            if not _is_error(datagram):
+                self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
+        elif datagram[:4] == self.awaited:  # the usual case, without delay
+            self.state = self.state.acknowledged()
+        elif (packet := _parsed(datagram)) and self.state:
+            self.state = self.state.handle(packet, *peer)
 
     def advance(self, moved: int) -> None:
         """The board has moved the transfer on; nothing else is a sign of life."""
@@ -376,6 +379,9 @@ class _Session(TftpContextServer):
             else:
                 self.state.resendLast()
 
+    def resend(self) -> None:
+        self.sock.sendto(self.last_pkt.buffer, self.peer)
+
     def answers_again(self) -> bool:
         """Whether the request that has come once more is this session's business.
 
@@ -383,7 +389,7 @@ class _Session(TftpContextServer):
         duplicate. Later the board starts anew from the same port, as U-Boot always does with tftpsrcp.
         """
         if self.last_pkt is self.first_answer:
-            self.sock.sendto(self.last_pkt.buffer, (self.host, self.port))
+            self.resend()
             return True
         return time.monotonic() - self.last_update < RETRANSMIT
 
@@ -392,33 +398,70 @@ class _Session(TftpContextServer):
         if self.state and not self.transfer.finished:
             self.state.sendError(TftpErrors.AccessViolation)
         self.state = None
+        self.awaited = None
 
 
-class _Sending(TftpStateExpectACK):
-    """A block is on its way to the board."""
+class _Sending(TftpState):
+    """A block is on its way to the board, and the one after it is ready."""
 
-    def handle(self, packet: TftpPacket, address: str, port: int) -> TftpState | None:
-        """Sends a block once: an acknowledgement that comes again moves nothing (RFC 1123, 4.2.3.1)."""
+    def __init__(self, session: _Session, content: bytes) -> None:
+        super().__init__(session)
+        self._content, self._block_size = content, session.getBlocksize()
+        self._number = 0  # of the block on its way, counted beyond 65535; the options are number 0
+        self._ready = self._block(1)
+        session.awaited = b"\0\4\0\0"
+
+    def _block(self, number: int) -> TftpPacketDAT | None:
+        """The last one is shorter than the others, if need be empty."""
+        start = (number - 1) * self._block_size
+        if start > len(self._content):
+            return None
+        packet = TftpPacketDAT()
+        packet.blocknumber = number % 0x10000
+        packet.data = self._content[start : start + self._block_size]
+        return packet.encode()
+
+    def send_block(self) -> None:
+        """Sends what is ready; the next block is made while the board takes this one."""
         session = self.context
-        if isinstance(packet, TftpPacketACK):
-            if packet.blocknumber != session.next_block:
-                return self
-            session.advance(session.metrics.bytes)
-            session.transfer.finished |= session.pending_complete
-        return super().handle(packet, address, port)
+        session.last_pkt = self._ready
+        session.resend()
+        session.awaited = b"\0\4" + self._ready.buffer[2:4]
+        self._number += 1
+        self._ready = self._block(self._number + 1)
+
+    def acknowledged(self) -> _Sending | None:
+        """Goes on. An acknowledgement that comes again does not get here: RFC 1123, 4.2.3.1."""
+        session, moved = self.context, min(self._number * self._block_size, len(self._content))
+        if self._ready:
+            self.send_block()
+            session.advance(moved)
+            return self
+        session.advance(moved)
+        session.transfer.finished = True
+        return None
+
+    def handle(self, packet: TftpPacket, address: str, port: int) -> _Sending:
+        """All but the acknowledgement that is awaited: of no account, unless the board gives up."""
+        if isinstance(packet, TftpPacketERR):
+            raise TftpException("the board gave up")
+        return self
 
     def resendLast(self) -> None:
-        self.context.sock.sendto(self.context.last_pkt.buffer, (self.context.host, self.context.port))
+        self.context.resend()
 
 
-class _Receiving(TftpStateExpectDAT):
+class _Receiving(TftpState):
     """A block is awaited from the board; after the last one, whether its acknowledgement has arrived."""
 
     def __init__(self, session: _Session, descriptor: int) -> None:
         super().__init__(session)
         self._descriptor = descriptor
+        self._content = bytearray()
+        session.next_block = 1
 
-    def handle(self, packet: TftpPacket, address: str, port: int) -> TftpState | None:
+    def handle(self, packet: TftpPacket, address: str, port: int) -> _Receiving:
+        """Takes the next block; acknowledges the one before it again."""
         session = self.context
         if isinstance(packet, TftpPacketERR):
             raise TftpException("the board gave up")
@@ -433,22 +476,23 @@ class _Receiving(TftpStateExpectDAT):
         return self
 
     def _take(self, data: bytes) -> None:
-        session = self.context
-        moved, size = session.transfer.moved + len(data), session.transfer.size
-        is_last = len(data) < session.getBlocksize()
-        if moved > size or (is_last and moved < size):
-            which = "more" if moved > size else "less"
-            raise _RefusedError(TftpErrors.DiskFull, f"{which} than {size} bytes")
-        session.fileobj.write(data)
+        transfer = self.context.transfer
+        is_last = len(data) < self.context.getBlocksize()
+        self._content += data
+        if len(self._content) > transfer.size:
+            raise _RefusedError(TftpErrors.DiskFull, f"more than {transfer.size} bytes")
         if is_last:
-            self._save(session.fileobj.getvalue())
-        session.advance(moved)
-        session.transfer.finished = is_last
+            self._save()
+        self.context.advance(len(self._content))
+        transfer.finished = is_last
 
-    def _save(self, content: bytes) -> None:
+    def _save(self) -> None:
+        size = self.context.transfer.size
+        if len(self._content) < size:
+            raise _RefusedError(TftpErrors.DiskFull, f"{len(self._content)} bytes, {size} are awaited")
         try:
             with open(self._descriptor, "wb", closefd=False) as file:
-                file.write(content)
+                file.write(self._content)
                 file.flush()
                 os.fsync(self._descriptor)
         except OSError as error:
@@ -461,10 +505,15 @@ class _Receiving(TftpStateExpectDAT):
 class _Socket(socket.socket):
     """What cannot be sent now is as good as lost on the way: there are retransmissions."""
 
+    def __init__(self) -> None:
+        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
+        self.setblocking(False)
+
     def sendto(self, data: bytes, address: Address) -> int:
-        with suppress(OSError):
+        try:
             return super().sendto(data, address)
-        return 0
+        except OSError:
+            return 0
 
 
 class _RefusedError(TftpException):
