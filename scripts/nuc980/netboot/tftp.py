@@ -42,7 +42,9 @@ from nuc980.netboot.errors import UnusableInput
 RETRANSMIT = 1.0  # s without an answer, unless the board asks for another time
 TRIES = 10  # of one packet; U-Boot asks again after 5 s
 REQUEST_LIMIT = 512  # bytes, RFC 2347
-DATAGRAM_LIMIT = 65536
+ACK = b"\0\4"
+DATA = 3
+HEADER = struct.Struct("!HH")  # opcode, block number
 BLOCK_MIN, BLOCK_MAX = 8, 65464  # bytes, RFC 2348
 TIMEOUTS = range(1, 256)  # s, RFC 2349
 REFUSALS_KEPT = 32
@@ -176,8 +178,8 @@ class FileService:
     def _serve(self) -> None:
         requests = self._socket.fileno()
         while self._running:
-            session = self._session
-            events = self._events.poll(session.patience() if session else None)
+            patience = self._session.patience() if self._session else None
+            events = self._events.poll(patience, 3)
             with self._lock:
                 for descriptor, _ in events:
                     if descriptor == requests:
@@ -186,8 +188,8 @@ class FileService:
                         os.eventfd_read(self._wake)
                     elif self._session:
                         self._go_on(self._session.cycle)
-                if self._session:
-                    self._go_on(self._session.check_patience)
+                if patience == 0.0 and self._session:
+                    self._go_on(self._session.lose_patience)
         with self._lock:
             if self._session:
                 self._session.abort()
@@ -341,21 +343,25 @@ class _Session(TftpContextServer):
                 case "tsize" if number >= 0:
                     self.options["tsize"] = tsize
 
+        self.longest = 4 + self.getBlocksize() + 1
+
     def begun(self) -> None:
-        self.first_answer = self.last_pkt
+        if self.last_pkt:
+            self.sent = self.last_pkt.buffer
+        self.first_answer = self.sent
         self.advance(0)
 
     def cycle(self) -> None:
         """Takes one datagram. One that is not the board's, or none of TFTP, is as if it had not come."""
         try:
-            datagram, peer = self.sock.recvfrom(DATAGRAM_LIMIT)
+            datagram, peer = self.sock.recvfrom(self.longest)
         except OSError:
             return
-        if peer != self.peer:
+        if datagram == self.awaited and peer == self.peer:  # the usual case, without delay
+            self.state = self.state.acknowledged()
+        elif peer != self.peer:
             if not _is_error(datagram):
                 self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
-        elif datagram[:4] == self.awaited:  # the usual case, without delay
-            self.state = self.state.acknowledged()
         elif (packet := _parsed(datagram)) and self.state:
             self.state = self.state.handle(packet, *peer)
 
@@ -369,8 +375,8 @@ class _Session(TftpContextServer):
         """Seconds left for the board to answer."""
         return max(0.0, self.last_update + self.timeout - time.monotonic())
 
-    def check_patience(self) -> None:
-        """Sends the last packet again if it is time, and gives up in the end."""
+    def lose_patience(self) -> None:
+        """Sends the last packet again, unless the board has answered by now; gives up in the end."""
         if self.state and not self.patience():
             self.last_update = time.monotonic()
             self.retry_count += 1
@@ -380,7 +386,7 @@ class _Session(TftpContextServer):
                 self.state.resendLast()
 
     def resend(self) -> None:
-        self.sock.sendto(self.last_pkt.buffer, self.peer)
+        self.sock.sendto(self.sent, self.peer)
 
     def answers_again(self) -> bool:
         """Whether the request that has come once more is this session's business.
@@ -388,7 +394,7 @@ class _Session(TftpContextServer):
         As long as nothing came back, the first answer is lost. Soon after a sign of life the request is a
         duplicate. Later the board starts anew from the same port, as U-Boot always does with tftpsrcp.
         """
-        if self.last_pkt is self.first_answer:
+        if self.sent is self.first_answer:
             self.resend()
             return True
         return time.monotonic() - self.last_update < RETRANSMIT
@@ -409,36 +415,32 @@ class _Sending(TftpState):
         self._content, self._block_size = content, session.getBlocksize()
         self._number = 0  # of the block on its way, counted beyond 65535; the options are number 0
         self._ready = self._block(1)
-        session.awaited = b"\0\4\0\0"
+        session.awaited = ACK + bytes(2)
 
-    def _block(self, number: int) -> TftpPacketDAT | None:
-        """The last one is shorter than the others, if need be empty."""
+    def _block(self, number: int) -> bytes:
+        """The last one is shorter than the others, and can be empty; b"" beyond it."""
         start = (number - 1) * self._block_size
         if start > len(self._content):
-            return None
-        packet = TftpPacketDAT()
-        packet.blocknumber = number % 0x10000
-        packet.data = self._content[start : start + self._block_size]
-        return packet.encode()
+            return b""
+        return HEADER.pack(DATA, number & 0xFFFF) + self._content[start : start + self._block_size]
 
     def send_block(self) -> None:
         """Sends what is ready; the next block is made while the board takes this one."""
-        session = self.context
-        session.last_pkt = self._ready
-        session.resend()
-        session.awaited = b"\0\4" + self._ready.buffer[2:4]
+        session, ready = self.context, self._ready
+        session.sock.sendto(ready, session.peer)
+        session.sent = ready
+        session.awaited = ACK + ready[2:4]
         self._number += 1
         self._ready = self._block(self._number + 1)
 
     def acknowledged(self) -> _Sending | None:
         """Goes on. An acknowledgement that comes again does not get here: RFC 1123, 4.2.3.1."""
-        session, moved = self.context, min(self._number * self._block_size, len(self._content))
         if self._ready:
             self.send_block()
-            session.advance(moved)
+            self.context.advance((self._number - 1) * self._block_size)
             return self
-        session.advance(moved)
-        session.transfer.finished = True
+        self.context.advance(len(self._content))
+        self.context.transfer.finished = True
         return None
 
     def handle(self, packet: TftpPacket, address: str, port: int) -> _Sending:
