@@ -86,8 +86,8 @@ class Board:
                 self.puts("<INTERRUPT>\n")
                 unfinished, self._repeatable = "", False
                 continue
+            self._double.lines.append(line)
             if not unfinished:
-                self._double.lines.append(line)
                 self._repeating = not line and self._repeatable
                 if not line and not self._repeatable:
                     continue

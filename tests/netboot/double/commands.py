@@ -263,6 +263,10 @@ nand read - addr off|partition size
 nand write - addr off|partition size
     read/write 'size' bytes starting at offset 'off'
     to/from memory address 'addr', skipping bad blocks.
+nand write.trimffs - addr off|partition size
+    write 'size' bytes starting at offset 'off' from memory address
+    'addr', skipping bad blocks and dropping any pages at the end
+    of eraseblocks that contain only 0xFF
 nand erase[.spread] [clean] off size - erase 'size' bytes from offset 'off'
     With '.spread', erase enough for given file size, otherwise,
     'size' includes skipped bad blocks.

@@ -37,6 +37,7 @@ class Variant:
     reserved: frozenset[int]
     unset_status: int
     tftp_port: bool
+    trims: bool
     port_unreachable: bool
     guards_itself: bool
     xip: str
@@ -66,6 +67,7 @@ FACTORY = Variant(
     reserved=frozenset(),
     unset_status=1,
     tftp_port=False,
+    trims=False,
     port_unreachable=False,
     guards_itself=False,
     xip="   XIP Kernel Image ... OK\n",
@@ -120,6 +122,7 @@ OURS = Variant(
     reserved=frozenset(range(1020, 1024)),
     unset_status=0,
     tftp_port=True,
+    trims=True,
     port_unreachable=True,
     guards_itself=True,
     xip="   XIP Kernel Image\n",
