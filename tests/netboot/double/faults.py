@@ -131,10 +131,10 @@ class WrongEcho(Counted):
 
 
 class Noise(Fault):
-    """Bytes change on the line, both ways, at a rate; none of them becomes an Enter."""
+    """A bit of a byte changes on the line, both ways, at a rate. enters: also into an Enter, or out of one."""
 
-    def __init__(self, rate: float, seed: int = 980) -> None:
-        self.rate, self.random = rate, random.Random(seed)
+    def __init__(self, rate: float, seed: int = 980, enters: bool = True) -> None:
+        self.rate, self.random, self.enters = rate, random.Random(seed), enters
 
     def received(self, data: bytes) -> bytes:
         return self._noisy(data)
@@ -147,7 +147,8 @@ class Noise(Fault):
 
     def _byte(self, byte: int) -> int:
         other = byte ^ 1 << self.random.randrange(8)
-        return byte if other in b"\r\n" else other
+        spared = not self.enters and (byte in b"\r\n" or other in b"\r\n")
+        return byte if spared else other
 
 
 class Burst(Counted):
