@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A scenario: a board that has something wrong with it, a command of nuc980-netboot, and how that must end."""
+"""A scenario: a board that has something wrong with it, a command of nuc980-netboot, and how that ends."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Scenario:
 
 
 class Bench:
-    """A double, the host's files, and what came of a command. Every operation on the flash is judged as it comes."""
+    """A double, and the host's files. Every operation on the flash is judged as it comes."""
 
     def __init__(self, folder: Path, scenario: Scenario) -> None:
         self.folder = folder
@@ -67,7 +67,9 @@ class Bench:
         scenario.prepare(self)
         for name, content in self.files.items():
             (folder / name).write_bytes(content)
-        self.before = {place: self.double.nand.content(place.start, len(place)) for place in (OWN, ENVIRONMENT)}
+        self.before = {
+            place: self.double.nand.content(place.start, len(place)) for place in (OWN, ENVIRONMENT)
+        }
         self.double.nand.witness = self._judge
 
     def _fill_flash(self) -> None:

@@ -65,9 +65,11 @@ class Terminal:
 
     def run(self, command: str) -> str:
         """What a command prints, without its echo."""
-        self.send(command.encode() + b"\r")
-        self.wait_for(command.encode() + b"\r\n")
-        self.seen = b"\r\n" + self.seen
+        typed = command.encode()
+        for at in range(0, len(typed), 16):
+            self.send(typed[at : at + 16])
+            self.wait_for(typed[at : at + 16])
+        self.send(b"\r")
         return plain(self.wait_for(PROMPT)).removesuffix("\n=> ").removeprefix("\n")
 
 
@@ -378,6 +380,10 @@ help
 printenv
 printenv nothing
 printenv bootcmd
+net list
+mii device
+mii info
+bdinfo
 setenv ipaddr 10.0.0.15; setenv serverip 10.0.0.2
 tftpboot 0x7fc0 file
 setenv ethaddr 02:00:00:00:00:01
@@ -385,6 +391,12 @@ tftpboot 0x7fc0 file
 printenv filesize fileaddr ethact
 crc32 0x7fc0 ${filesize}
 ping 10.0.0.2
+net list
+mii device
+mii info
+mii read 0x1 1
+mii read 5 1
+bdinfo
 setenv serverip; tftpboot 0x7fc0 file; setenv serverip 10.0.0.2
 setenv ipaddr; tftpboot 0x7fc0 file; setenv ipaddr 10.0.0.15
 tftpboot 0x3c00000 file
@@ -440,6 +452,16 @@ if true; then false; else true; fi && echo no
 if false || true; then if false; then echo 1; else echo 2; fi; fi; echo 3
 if echo "if"; true; then echo then; fi
 then echo a
+a1='x y'; echo $a1
+b1='it'; setenv c ${a1}${b1}; printenv c; setenv c
+d='a"b'; echo "$d" $d
+m=1 n=2
+echo $m$n
+e="1 2"; echo $e; setenv e env; echo $e; setenv e
+echo x=1 y
+q=''\''it is a;b $x '\''\\'\'''\'' \\\\ end'\'''; setenv r ${q}; printenv r; setenv r
+nand read 0 0x1000000 0
+nand read 0 0x8000000 0
 true & echo b
 false; echo @2:$?
 echo a;echo b

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 MARK = "\x03"  # around a variable's name, as in the original
+ASSIGNMENT = re.compile(r"([A-Za-z][A-Za-z0-9_]*)=")
 RESERVED = ("if", "then", "elif", "else", "fi")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*|\{[^}]*\}|\?")
 
@@ -32,10 +33,6 @@ class Command:
 
     words: list[Word] = field(default_factory=list)
     follow: str = ";"
-
-    @property
-    def has_variable(self) -> bool:
-        return any(MARK in word.text for word in self.words)
 
 
 @dataclass
@@ -92,7 +89,7 @@ def tokens(line: str, again: bool = False) -> list[Word | str]:
                 word.quoted = True
                 end = line.find("'", at)
                 if end < 0:
-                    raise Unfinished
+                    raise SyntaxFault if again else Unfinished
                 word.text += line[at:end]
                 at = end + 1
             elif key == "$" and not again and (name := NAME.match(line, at)):
@@ -100,8 +97,10 @@ def tokens(line: str, again: bool = False) -> list[Word | str]:
                 at = name.end()
             else:
                 word.text += _protected(key, quote)
-    if quote:
+    if quote and not again:
         raise Unfinished
+    if quote and word:
+        word.text += "\n"  # the second pass has its line end in the quotes
     end_word()
     return found
 
@@ -186,6 +185,7 @@ class Hush:
     def __init__(self, variables: Mapping[str, str], call: Callable[[list[str]], int]) -> None:
         self._variables = variables
         self._call = call
+        self._own: dict[str, str] = {}
         self.status = 0
 
     def run(self, line: str) -> int:
@@ -214,18 +214,26 @@ class Hush:
                 return
 
     def _run_command(self, command: Command) -> int:
-        if not command.has_variable:
-            return self._call([word.text for word in command.words])
+        typed = list(command.words)
+        while typed and (assigned := ASSIGNMENT.match(typed[0].text)):
+            value = self._valued(typed.pop(0).text[assigned.end() :])
+            if value:
+                self._own[assigned[1]] = value
+        if not typed:
+            return 0
+        if not any(MARK in word.text for word in typed):
+            return self._call([word.text for word in typed])
         line = " ".join(
-            f"'{self._valued(word.text)}'" if word.quoted else self._valued(word.text)
-            for word in command.words
+            f"'{self._valued(word.text)}'" if word.quoted else self._valued(word.text) for word in typed
         )
         words = [word.text for word in tokens(line, again=True) if isinstance(word, Word)]
         return self._call(words) if words else 0
 
     def _valued(self, text: str) -> str:
         def value(name: re.Match[str]) -> str:
-            return str(self.status) if name[1] == "?" else self._variables.get(name[1], "")
+            if name[1] == "?":
+                return str(self.status)
+            return self._variables.get(name[1], self._own.get(name[1], ""))
 
         return re.sub(f"{MARK}(.*?){MARK}", value, text, flags=re.DOTALL)
 

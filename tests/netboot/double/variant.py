@@ -132,7 +132,7 @@ OURS = Variant(
         "boot_params = 0x00000100\nDRAM bank   = 0x00000000\n-> start    = 0x00000000\n"
         "-> size     = 0x04000000\nflashstart  = 0x00000000\nflashsize   = 0x00000000\n"
         "flashoffset = 0x00000000\nbaudrate    = 115200 bps\nrelocaddr   = 0x03f7b000\n"
-        "reloc off   = 0x0317b000\nBuild       = 32-bit\ncurrent eth = emac0\nethaddr     = {ethaddr}\n"
+        "reloc off   = 0x0317b000\nBuild       = 32-bit\n{port}\nethaddr     = {ethaddr}\n"
         "IP addr     = {ipaddr}\nfdt_blob    = 0x03b57b70\nnew_fdt     = 0x03b57b70\n"
         "fdt_size    = 0x00003360\nlmb_dump_all:\n memory.cnt  = 0x1\n"
         " memory[0]\t[0x0-0x3ffffff], 0x04000000 bytes flags: 0\n reserved.cnt  = 0x1\n"
