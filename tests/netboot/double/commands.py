@@ -114,7 +114,7 @@ def printenv(board: Board, words: list[str], repeat: bool) -> int:
     names = [word for word in words[1:] if word != "-a"]
     if not names:
         text = environment.listed(board.variables)
-        size = len(text) + (1 if board.variant.name == "ours" else 2 * len(board.variables))
+        size = len(text) + 1 + (2 * len(board.variables) if board.variant.name == "factory" else 0)
         board.puts(text)
         board.puts(f"\nEnvironment size: {size}/{board.variant.env_size - 4} bytes\n")
         return 0
