@@ -180,7 +180,7 @@ def _network(parsed: argparse.Namespace, board: BoardReport) -> Network:
 
 def _boot(parsed: argparse.Namespace) -> int:
     images = Images.read(parsed.uimage, parsed.dtb)
-    goal = Goal(parsed.until, parsed.timeout)
+    goal = Goal(parsed.until, parsed.timeout, min(parsed.timeout, Goal.first_seconds))
     with _session(parsed) as session, tempfile.TemporaryDirectory(prefix="netboot-") as folder:
         board = probe(session.console, session.progress, flash=False)
         addresses = Addresses.of(board)

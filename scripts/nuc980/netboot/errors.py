@@ -218,7 +218,7 @@ class NoAnswer(TransferFailed):
     )
 
 
-class TransferSilent(TransferFailed):
+class TftpTimeout(TransferFailed):
     """The board asked for a file and got nothing at all."""
 
     cause = "a firewall on the host drops the board's UDP, or another host has the server's address"
@@ -227,7 +227,7 @@ class TransferSilent(TransferFailed):
     )
 
 
-class TransferBroken(TransferFailed):
+class TransferBroken(TftpTimeout):
     """A transfer began and did not come to its end."""
 
     cause = "a bad cable, a network that loses packets, or a firewall that knows no TFTP"
