@@ -37,6 +37,7 @@ Welcome to Buildroot
 
 def run(wire: Wire, ending: Ending) -> None:
     """Plays the log and stays; only the board's power switch ends it."""
+    wire.line_end = b"\r\n"
     if ending == "silent":
         wire.deaf()
     wire.puts(HEAD)
@@ -49,6 +50,7 @@ def run(wire: Wire, ending: Ending) -> None:
 
 def stay(wire: Wire, ending: Ending) -> None:
     """A login, or a shell, that understands nothing."""
+    wire.line_end = b"\r\n"
     prompt = "gateway login: " if ending == "login" else "# "
     while True:
         wire.puts(prompt)
