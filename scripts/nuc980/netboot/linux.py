@@ -25,7 +25,7 @@ from nuc980.netboot.transport import Line
 STARTING = "Starting kernel ..."
 UBOOT = re.compile(r"^U-Boot (SPL )?\d{4}\.\d\d")
 PANIC = re.compile(r"Kernel panic - not syncing")
-OOPS = re.compile(r"Internal error: |Unable to handle kernel ")
+TROUBLE = re.compile(rf"{PANIC.pattern}|Internal error: |Unable to handle kernel |Cannot open root device")
 NO_ROOT = re.compile(r"Unable to mount root fs|Waiting for root device|Cannot open root device")
 THE_END = re.compile(r"---\[ end Kernel panic|Rebooting in \d+ seconds")
 
@@ -52,7 +52,7 @@ class Goal:
     first_seconds: for the kernel's first word, after it has unpacked itself; seconds: from there to the goal.
     """
 
-    pattern: str = r"^\S+ login: ?"
+    pattern: str = r"^\S+ login: "
     seconds: float = 120.0
     first_seconds: float = 30.0
 
@@ -95,8 +95,8 @@ class LinuxWatch:
         while True:
             while self._new:
                 line = self._new.popleft()
-                if PANIC.search(line) or OOPS.search(line):
-                    raise self._panic(line)
+                if TROUBLE.search(line):
+                    raise self._trouble(line)
                 if UBOOT.match(line):
                     raise BoardReset(
                         f"The board started anew while Linux came up; the kernel's last words: "
@@ -123,7 +123,7 @@ class LinuxWatch:
             self._new.append(line)
         return bool(said) and time.monotonic() < deadline
 
-    def _panic(self, first: str) -> NetbootError:
+    def _trouble(self, first: str) -> NetbootError:
         """With what the kernel says of it: until it has ended, or is quiet."""
         story = [first]
         deadline = time.monotonic() + PANIC_SECONDS
