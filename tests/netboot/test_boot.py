@@ -10,9 +10,9 @@ import libfdt
 import pytest
 
 from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
+from nuc980.netboot.console import LINE_ROOM
 from nuc980.netboot.errors import DoesNotFit, LineTooLong, UnusableImage, UnusableInput
 from nuc980.netboot.linux import Goal
-from nuc980.netboot.plan import LINE_ROOM
 from nuc980.netboot.probe import BoardReport, Port
 from nuc980.netboot.session import Network
 from nuc980.netboot.steps import Slice
@@ -47,7 +47,7 @@ def dialogue(board: BoardReport = BOARD, network: Network = NETWORK) -> list[str
     """What would be typed, without the markers."""
     plan = plan_boot(board, network, MACS, FILE, FILE, Goal(), Addresses.of(board))
     lines = [line for _, typed in plan.dialogue() for line in typed]
-    return [re.sub(r"; echo @\d+:\$\?$", "", line) for line in lines]
+    return [re.sub(r"^if (.*); then echo @\d+:ok; else echo @\d+:failed; fi$", r"\1", line) for line in lines]
 
 
 # ---- what the kernel is told

@@ -136,7 +136,7 @@ def test_goal_of_ones_own(console: Console) -> None:
     ],
 )
 def test_bootm_comes_back(console: Console, said: bytes, cause: str) -> None:
-    console.says(said + b"\r\n@17:1\r\n=> ")
+    console.says(said + b"@17:failed\r\n=> ")
     error = error_of(BootmFailed, console.until_login)
     assert cause in error
     assert said.decode().split("\r\n")[-2] in error
@@ -156,12 +156,17 @@ def test_bootm_hangs(console: Console) -> None:
 
 
 def test_marker_of_another_command_says_nothing(console: Console) -> None:
-    console.says(b"@16:1\r\n" + STARTING + BANNER + LOGIN)
+    console.says(b"@16:failed\r\n" + STARTING + BANNER + LOGIN)
     console.until_login()
 
 
 def test_echo_of_the_command_says_nothing(console: Console) -> None:
-    console.says(b"bootm 0x7fc0 - 0xa00000; echo @17:$?\r\n" + STARTING + BANNER + LOGIN)
+    console.says(
+        b"if bootm 0x7fc0 - 0xa00000; then echo @17:ok; else echo @17:failed; fi\r\n"
+        + STARTING
+        + BANNER
+        + LOGIN
+    )
     console.until_login()
 
 
@@ -239,7 +244,7 @@ def test_board_that_starts_anew(console: Console) -> None:
         STARTING + BANNER + b"[    1.0] wdt: bites\r\n\r\nU-Boot 2016.11 (Nov 06 2018 - 10:00:00)\r\n"
     )
     error = error_of(BoardReset, console.until_login)
-    assert "wdt: bites" in error and "watchdog" in error
+    assert "after '[    1.0] wdt: bites'" in error and "watchdog" in error
 
 
 def test_line_without_an_end_does_not_fill_the_memory(console: Console) -> None:
