@@ -63,3 +63,26 @@ def udp_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
         server.bind(("127.0.0.1", 0))
         return server.getsockname()[1]
+
+
+@pytest.fixture
+def wrapped(tmp_path: Path) -> Callable[..., Path]:
+    """Makes uImages of any bytes, by mkimage: like the board's kernel but for what is said otherwise."""
+
+    def make(body: bytes, **otherwise: str) -> Path:
+        kind = {
+            "A": "arm",
+            "O": "linux",
+            "T": "kernel",
+            "C": "none",
+            "a": "0x8000",
+            "e": "0x8000",
+            "n": "Linux",
+        }
+        options = [word for name, value in {**kind, **otherwise}.items() for word in (f"-{name}", value)]
+        (tmp_path / "body").write_bytes(body)
+        file = tmp_path / "wrapped"
+        subprocess.run(["mkimage", *options, "-d", tmp_path / "body", file], check=True, capture_output=True)
+        return file
+
+    return make
