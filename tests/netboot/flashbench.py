@@ -31,11 +31,10 @@ TABLES = range(1020, 1024)
 class Board:
     """The twin, switched on until cut()."""
 
-    def __init__(self, qemu: Path, uboot: Path, nand: NandImage, *arguments: str) -> None:
-        self.machine = Machine(
-            qemu, "-bios", uboot, "-nic", "user", "-nic", "user",
-            "-drive", f"if=mtd,format=raw,file={nand.path}", *arguments, options="pace=off",
-        )  # fmt: skip
+    def __init__(self, qemu: Path, uboot: Path, nand: NandImage | None, *arguments: str) -> None:
+        drive = ("-drive", f"if=mtd,format=raw,file={nand.path}") if nand else ()
+        nics = ("-nic", "user", "-nic", "user")
+        self.machine = Machine(qemu, "-bios", uboot, *nics, *drive, *arguments, options="pace=off")
         self._master, slave = pty.openpty()
         tty.setraw(slave)
         self.port = os.ttyname(slave)
@@ -70,7 +69,7 @@ class Board:
 
 
 @contextmanager
-def switched_on(qemu: Path, uboot: Path, nand: NandImage, *arguments: str) -> Iterator[Board]:
+def switched_on(qemu: Path, uboot: Path, nand: NandImage | None, *arguments: str) -> Iterator[Board]:
     board = Board(qemu, uboot, nand, *arguments)
     try:
         yield board

@@ -311,7 +311,7 @@ def _probe(run: Run) -> None:
 def _boot(run: Run) -> None:
     parsed = run.parsed
     images = Images.read(parsed.uimage, parsed.dtb)
-    goal = Goal(parsed.until, parsed.timeout)
+    goal = Goal(parsed.until, parsed.timeout, min(parsed.timeout, Goal.first_seconds))
     with run.board(flash=False) as (session, board), tempfile.TemporaryDirectory(prefix="netboot-") as folder:
         addresses = Addresses.of(board)
         images.check(board, addresses)

@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""U-Boot's command line: reach it, type so that nothing else than meant is run, know how it ended."""
+"""U-Boot's command line: reach it, type so that nothing else than meant is run, know how it ended.
+
+A command is typed as `if COMMAND; then echo @N:ok; else echo @N:failed; fi`. A part of this line runs
+nothing: U-Boot waits for the `fi`, so that a noise byte that is an Enter, or one just before the Enter, leads
+to its second prompt and no further. The two ends differ in more than noise turns over.
+"""
 
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from nuc980.netboot.arrival import CTRL_C, SETTLED_SECONDS, Arrival
 from nuc980.netboot.errors import (
     AutobootMissed,
     BoardReset,
     CommandFailed,
-    Garbage,
     LineTooLong,
     LineUnsafe,
-    NoOutput,
     NoStatus,
     NotUBoot,
     StuckConsole,
@@ -26,28 +29,23 @@ from nuc980.netboot.transport import Line
 CHUNK = 16
 # CONFIG_SYS_CBSIZE is 256, the reader takes 254 (shared by the vendor's and the mainline cread_line).
 LINE_ROOM = 254
-# Of the console's table of speeds, and the usual ones of others.
-SPEEDS = (115200, 57600, 38400, 9600, 19200, 921600)
 
-# Stops autoboot, gives up a half-typed line, shows the prompt. A bare Enter would run the last command again.
-CTRL_C = b"\x03"
-
+# For a chunk, with a slow network between. It is waited out only when something was lost.
 ECHO_SECONDS = 1.0
 PROMPT_SECONDS = 3.0
-POKE_SECONDS = 0.1
 TRIES = 3
 
-BANNER = re.compile(rb"(^|\n)U-Boot (SPL )?\d{4}\.\d\d")
-RESTARTED = re.compile(rb"\nU-Boot (SPL )?\d{4}\.\d\d[^\n]*\n(.*\n)*?DRAM:")
-COUNTDOWN = re.compile(rb"to stop autoboot|autoboot in \d")
-KERNEL = re.compile(rb"Starting kernel|Uncompressing Linux|Booting Linux|Linux version \d")
-LINUX = re.compile(rb"login: $|Password: $")
-PROMPT = re.compile(rb"(?:^|\n)([!-~][ -~]{0,30}[>#$%] ?)$|(?:^|\n)([>#$%] ?)$")
+# The line editor's keys: to the start (answered by backspaces), to the end (by the line as the board has it).
+TO_START, TO_END = b"\x01", b"\x05"
+INTERRUPTED = b"<INTERRUPT>\n"
+SECOND_PROMPT = b"\n> "  # the line is not finished
+RESTARTED = re.compile(rb"\n(?:U-Boot SPL \d{4}\.\d\d|DRAM:  |[^\n]{0,40}to stop autoboot)")
+TAIL = 300  # a marker, a prompt or a line of RESTARTED is not longer
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What U-Boot printed for a command, and its exit status."""
+    """What U-Boot printed for a command, and its exit status: 0, or 1 when it failed."""
 
     command: str
     status: int
@@ -75,84 +73,37 @@ class Console:
         self.say = say
         self.prompt = b""
         self._commands = 0
+        self._edits = True  # U-Boot has its line editor (CONFIG_CMDLINE_EDITING)
+        self._tail = b""
 
     # ---- to the prompt
 
     def reach(self, power_cycle: Callable[[], None] | None = None, patience: float = 60.0) -> str:
         """Brings the board to U-Boot's prompt, from wherever it is; returns what it said on the way.
 
-        power_cycle: switches the board off and on; without it, a board that is not at the prompt already is
-        waited for: somebody has to switch it on within `patience` seconds.
-        Raises NoOutput, Garbage, AutobootMissed, NotUBoot, NoStatus.
+        power_cycle: switches the board off and on, while the line is listened to; without it, a board that is
+        not at the prompt already is waited for: somebody has to switch it on within `patience` seconds.
+        Raises NoOutput, Garbage, AutobootMissed, NotUBoot, NoStatus, PowerHookFailed, StuckConsole, and what
+        power_cycle raises.
         """
-        tries = TRIES if power_cycle else 1
-        for attempt in range(tries):
-            if power_cycle:
-                power_cycle()
+        for attempt in range(TRIES):
+            arrival = Arrival(self.line, self.say, power_cycle)
             try:
-                said = self._listen(patience)
+                said = arrival.wait(patience)
                 break
-            except (AutobootMissed, Garbage, NoOutput) as error:
-                if attempt == tries - 1:
+            except AutobootMissed as error:
+                if not power_cycle or attempt == TRIES - 1:
                     raise
                 self.say(f"{error.what} Once more.")
+        self.prompt = arrival.prompt
         self._confirm()
-        return text(said)
-
-    def _listen(self, patience: float) -> bytes:
-        """Until something that looks like U-Boot's prompt."""
-        said = b""
-        speeds = [self.line.baud, *(speed for speed in SPEEDS if speed != self.line.baud)]
-        start = poked = time.monotonic()
-        self.line.write(CTRL_C)
-        waiting_told = False
-        while (now := time.monotonic()) - start < patience:
-            new = self.line.read(POKE_SECONDS)
-            said += new
-            if not new and self._at_prompt(said):
-                return said
-            if KERNEL.search(said):
-                raise AutobootMissed("The board boots what it has: the prompt was missed.")
-            if _is_noise(said):
-                self._next_speed(speeds)
-                said = b""
-                self.line.write(CTRL_C)
-            elif (BANNER.search(said) or COUNTDOWN.search(said)) and now - poked >= POKE_SECONDS:
-                self.line.write(CTRL_C)
-                poked = now
-            elif not waiting_told and now - start > 1.0:
-                self.say("Waiting for the board: switch it on, or press its reset button.")
-                waiting_told = True
-        raise self._why_nothing(said)
-
-    def _at_prompt(self, said: bytes) -> bool:
-        found = PROMPT.search(said.replace(b"\r", b""))
-        if found and not LINUX.search(said):
-            self.prompt = found[1] or found[2]
-            return True
-        return False
-
-    def _next_speed(self, speeds: list[int]) -> None:
-        speeds.pop(0)
-        if not speeds:
-            raise Garbage("What comes from the board is no text at any of the usual speeds.")
-        self.say(f"No text at {self.line.baud} bit/s; trying {speeds[0]}.")
-        self.line.baud = speeds[0]
-
-    def _why_nothing(self, said: bytes) -> Exception:
-        if LINUX.search(said):
-            return NotUBoot("Linux asks for a login; no power-up was seen.")
-        if not said:
-            return NoOutput(f"Nothing came from {self.line.url} at {self.line.baud} bit/s.")
-        return StuckConsole(f"No prompt came. The last words: {text(said)[-200:]!r}")
+        return said
 
     def _confirm(self) -> None:
         """That it is U-Boot, and tells how a command ended."""
         answer = self.run("version")
         if "U-Boot" not in answer.output:
-            raise NotUBoot(
-                f"At the prompt {self.prompt.decode()!r} 'version' says {answer.output.strip()!r}."
-            )
+            raise NotUBoot(f"At the prompt {text(self.prompt)!r} 'version' says {answer.output.strip()!r}.")
 
     # ---- commands
 
@@ -161,90 +112,149 @@ class Console:
     ) -> Answer:
         """Runs a command; `seconds` is how long it may take, watch gets its output as it comes.
 
+        The command is run as it is meant or not at all, and the status is its own. The output is what came
+        through the line: what must be right in it has to be checked by what it says (a CRC, twice the same).
         repeatable: whether it may be run again when its answer was lost on the line.
-        Raises StuckConsole, LineUnsafe, BoardReset, NoStatus, LineTooLong.
+        Raises StuckConsole, LineUnsafe, BoardReset, NoStatus, LineTooLong, LineLost.
         """
-        for attempt in range(TRIES):
+        said = b""
+        for _ in range(TRIES if repeatable else 1):
             number = self.start(command)
-            output = self._answer(number, seconds, watch)
-            if isinstance(output, Answer):
-                return Answer(command, output.status, output.output)
-            if not self._resynchronise():
-                raise StuckConsole(
-                    f"'{command}' did not end within {seconds:g} s; it said {text(output)[-300:]!r}"
-                )
-            if not repeatable or attempt == TRIES - 1:
-                break
-            self.say(f"The answer to '{command}' was lost; once more.")
-        raise LineUnsafe(f"The answer to '{command}' could not be read: {text(output)[-300:]!r}")
+            entered = self.line.now()
+            said = self._answer(number, seconds, watch)
+            if found := ended(number).search(said):
+                return _answer_of(command, found)
+            if b"Unknown command 'if'" in said:
+                raise NoStatus("U-Boot's parser has no 'if'.")
+            late = self.line.now() - entered >= seconds
+            said += self._interrupt(f"'{command}' did not end within {self.line.now() - entered:.0f} s")
+            found = ended(number).search(said)
+            if found and found[1] == b"ok":
+                return _answer_of(command, found)
+            if found and late:
+                raise StuckConsole(f"'{command}' did not end within {seconds:g} s; Ctrl-C ended it.")
+        raise self._unsafe(f"The answer to '{command}' was lost; there came {text(said)[-300:]!r}")
 
     def start(self, command: str) -> int:
-        """Types a command and Enter, and leaves it running; returns the number of its marker."""
+        """Types a command and Enter, and leaves it running; returns the number of its marker.
+
+        Raises StuckConsole, LineUnsafe, BoardReset, LineTooLong, LineLost.
+        """
+        line = typed(command, self._commands + 1).encode()
         self._commands += 1
-        self._type(typed(command, self._commands))
+        self._type(line)
         self.line.write(b"\r")
         return self._commands
 
-    def _type(self, line: str) -> None:
+    # ---- typing
+
+    def _type(self, line: bytes) -> None:
         for _ in range(TRIES):
             self._drain()
-            if all(self._echoed(line[at : at + CHUNK].encode()) for at in range(0, len(line), CHUNK)):
+            if self._echoed(line) and (not self._edits or self._read_back(line)):
                 return
-            self._resynchronise()
-        raise LineUnsafe(f"'{line}' does not come back as typed.")
+            self._interrupt(f"'{text(line)}' did not come back as typed")
+        raise self._unsafe(f"'{text(line)}' does not come back as typed.")
 
-    def _echoed(self, chunk: bytes) -> bool:
-        self.line.write(chunk)
+    def _echoed(self, line: bytes) -> bool:
+        chunks = [line[at : at + CHUNK] for at in range(0, len(line), CHUNK)]
+        return all(self._answered(chunk, chunk) == chunk for chunk in chunks)
+
+    def _read_back(self, line: bytes) -> bool:
+        """Whether the board has the line: an echo that lost what a noise byte added looks right."""
+        keys = TO_START + TO_END
+        whole = b"\b" * len(line) + line
+        heard = self._answered(keys, whole, keys)
+        if heard == keys:
+            self._edits = False
+        return heard == whole and not self.line.read(0)
+
+    def _answered(self, keys: bytes, *expected: bytes) -> bytes:
+        """What comes for keys, until it is as expected, or cannot be any more, or nothing more comes."""
+        self.line.write(keys)
         heard = b""
-        deadline = time.monotonic() + ECHO_SECONDS
-        while heard != chunk and chunk.startswith(heard):
-            new = self.line.read(deadline - time.monotonic())
+        while heard not in expected and any(answer.startswith(heard) for answer in expected):
+            new = self._read(ECHO_SECONDS)
             if not new:
-                return False
+                break
             heard += new
-        return heard == chunk
+        return heard
 
-    def _answer(self, number: int, seconds: float, watch: Watch) -> Answer | bytes:
-        """The answer, or what came instead of a whole one within the time."""
-        marker = re.compile(rb"(?:^|[\r\n])@%d:(\$\?|\d+)\r?\n" % number)
+    # ---- listening
+
+    def _answer(self, number: int, seconds: float, watch: Watch) -> bytes:
+        """What comes for a command, up to its end and the prompt, or as far as it comes within the time."""
+        end = ended(number)
+        deadline = self.line.now() + seconds
         said = b""
-        deadline = time.monotonic() + seconds
-        while not (found := marker.search(said)):
-            new = self.line.read(deadline - time.monotonic())
-            if not new:
-                return said
+        found = None
+        while not found and (left := deadline - self.line.now()) > 0:
+            # An Enter is answered at once, and after a prompt there is nothing to come.
+            over = not said or said.endswith((b"\n" + self.prompt, SECOND_PROMPT))
+            new = self._read(min(left, ECHO_SECONDS) if over else left)
+            if not new and over:
+                break
             said += new
             watch(text(new))
-            if RESTARTED.search(said.replace(b"\r", b"")):
-                raise BoardReset("The board started anew while a command ran.")
-        if found[1] == b"$?":
-            raise NoStatus("U-Boot's parser does not know '$?'.")
-        if not self._await_prompt(said[found.end() - 1 :]):
-            self._resynchronise()
-        return Answer("", int(found[1]), text(said[: found.start()]).lstrip("\n"))
+            found = end.search(said, max(0, len(said) - len(new) - TAIL))
+        if found and not self._prompt_comes(said[found.end() - 1 :]):
+            self._interrupt("No prompt came")
+        return said
 
-    def _await_prompt(self, said: bytes) -> bool:
-        deadline = time.monotonic() + PROMPT_SECONDS
+    def _prompt_comes(self, said: bytes) -> bool:
+        deadline = self.line.now() + PROMPT_SECONDS
         while not said.endswith(b"\n" + self.prompt):
-            new = self.line.read(deadline - time.monotonic())
+            new = self._read(deadline - self.line.now())
             if not new:
                 return False
             said += new
         return True
 
-    def _resynchronise(self) -> bool:
-        """Gives up what is typed or runs; whether the prompt came."""
-        self.line.write(CTRL_C)
-        return self._await_prompt(b"")
+    def _interrupt(self, before: str) -> bytes:
+        """Gives up what is typed or runs; returns what the board says to it. Raises StuckConsole."""
+        said = b""
+        for _ in range(TRIES):
+            self.line.write(CTRL_C)
+            deadline = self.line.now() + PROMPT_SECONDS
+            while (left := deadline - self.line.now()) > 0:
+                at_prompt = said.endswith(INTERRUPTED + self.prompt)
+                new = self._read(min(left, SETTLED_SECONDS) if at_prompt else left)
+                if at_prompt and not new:
+                    return said
+                said += new
+        raise StuckConsole(f"{before}, and Ctrl-C brings no prompt; there came {text(said)[-300:]!r}")
 
     def _drain(self) -> None:
-        while self.line.read(0):
+        deadline = self.line.now() + PROMPT_SECONDS
+        while self.line.now() < deadline and self._read(0):
             pass
+
+    def _read(self, seconds: float) -> bytes:
+        """What comes, as Line.read. Raises BoardReset.
+
+        Without carriage returns, which the vendor's driver sends after a line feed and others before it.
+        """
+        deadline = self.line.now() + seconds
+        while new := self.line.read(deadline - self.line.now()):
+            if new := new.replace(b"\r", b""):
+                self._watch_for_reset(new)
+                break
+        return new
+
+    def _watch_for_reset(self, new: bytes) -> None:
+        self._tail = self._tail[-TAIL:] + new
+        if RESTARTED.search(self._tail):
+            self._tail = b""
+            raise BoardReset("The board started anew while it was worked with.")
+
+    def _unsafe(self, what: str) -> LineUnsafe:
+        others = ", ".join(self.line.shared_with())
+        return LineUnsafe(what, cause=others and f"the port is open in {others} too")
 
 
 def typed(command: str, number: int) -> str:
-    """A command as it is typed: with a marker that shows its end and exit status. Raises LineTooLong."""
-    line = f"{command}; echo @{number}:$?"
+    """A command as it is typed: with a marker that shows its end and how it ended. Raises LineTooLong."""
+    line = f"if {command}; then echo @{number}:ok; else echo @{number}:failed; fi"
     if len(line) > LINE_ROOM:
         raise LineTooLong(f"{len(line)} characters are too many for U-Boot's line of {LINE_ROOM}: {line}")
     if not line.isascii() or not line.isprintable():
@@ -252,12 +262,20 @@ def typed(command: str, number: int) -> str:
     return line
 
 
+# What a command may have, up to the number 9999.
+COMMAND_ROOM = LINE_ROOM - len(typed("", 9999))
+
+
+def ended(number: int) -> re.Pattern[bytes]:
+    """The end of a command's output, in bytes without carriage returns; group 1: `ok` or `failed`."""
+    return re.compile(rb"@%d:(ok|failed)\n" % number)
+
+
 def text(said: bytes) -> str:
     """A line's output as one reads it."""
     return said.decode(errors="replace").replace("\r", "")
 
 
-def _is_noise(said: bytes) -> bool:
-    """Enough to judge, and a third of it is no text."""
-    odd = sum(byte not in b"\b\t\n\r\x1b\x07\0" and not 32 <= byte < 127 for byte in said)
-    return odd >= 4 and odd * 3 > len(said)
+def _answer_of(command: str, end: re.Match[bytes]) -> Answer:
+    output = text(end.string[: end.start()])
+    return Answer(command, 0 if end[1] == b"ok" else 1, output.removeprefix("\n"))

@@ -32,14 +32,59 @@ class UnusableInput(NetbootError):
     exit_code = 2
 
 
+# ---- the serial port, before a byte is sent
+
+
+class PortMissing(UnusableInput):
+    """No port of this name."""
+
+    cause = "the adapter is not plugged in, or got another name"
+    next_step = "name one of the ports that are there; /dev/serial/by-id has names that stay"
+
+
+class PortForbidden(UnusableInput):
+    """This user may not open the port."""
+
+    cause = "serial ports belong to a group (dialout on Debian)"
+    next_step = "sudo usermod -aG dialout $USER, then log out and in again"
+
+
+class PortBusy(UnusableInput):
+    """Another program has the port."""
+
+    cause = "a terminal program, or another nuc980-netboot, has it open"
+    next_step = "close that program"
+
+
+class NotAPort(UnusableInput):
+    """Something of this name is there, and it is no serial port."""
+
+    cause = "a folder or a plain file in place of a device"
+    next_step = "give a device as /dev/ttyUSB0, or socket://HOST:PORT, or rfc2217://HOST:PORT"
+
+
+class PortUnreachable(UnusableInput):
+    """The serial server on the network does not answer, or not as one."""
+
+    cause = "no server (ser2net) runs there, it has another client, or a firewall is between"
+    next_step = "check host and port; a server that speaks no RFC 2217 takes socket:// instead"
+
+
+class SpeedRefused(UnusableInput):
+    """The port cannot run at this speed."""
+
+    cause = "the adapter does not have this speed"
+    next_step = "leave --baud away: the board's console has 115200 bit/s"
+
+
 # ---- the serial line
 
 
 class LineLost(NetbootError):
     """The serial port went away."""
 
-    cause = "the USB cable was pulled, or another program has the port open"
-    next_step = "check the cable, close the other terminal program, and start again"
+    cause = "the adapter was unplugged, or the serial server closed the connection"
+    next_step = "check the cable, and start again: nothing is lost but the time"
 
 
 class NoOutput(NetbootError):
@@ -52,15 +97,22 @@ class NoOutput(NetbootError):
 class Garbage(NetbootError):
     """Bytes came, but no text, at any of the usual speeds."""
 
-    cause = "another speed, or a wire that picks up noise (no common ground)"
-    next_step = "give the speed with --baud; check ground and level (3.3 V)"
+    cause = "an unusual speed, no common ground, or RS-232 levels on a 3.3 V port"
+    next_step = "check ground and level; give the speed with --baud when the board has its own"
+
+
+class PowerHookFailed(NetbootError):
+    """The command that should switch the board off and on did not."""
+
+    cause = "the switch is not reached, or it is another board's"
+    next_step = "run the --power-cycle command by hand, and look at the board's power LED"
 
 
 class AutobootMissed(NetbootError):
     """The board went on to boot what it has."""
 
-    cause = "the count-down was over before the first key reached the board"
-    next_step = "power-cycle the board while this runs, or give --power-cycle COMMAND"
+    cause = "no key reached the board in time: its RX wire, or bootdelay=0"
+    next_step = "check the wire to the board's RX, and power-cycle the board while this runs"
 
 
 class NotUBoot(NetbootError):
@@ -73,23 +125,21 @@ class NotUBoot(NetbootError):
 class StuckConsole(NetbootError):
     """The prompt does not come back."""
 
-    cause = "the command hangs, or the line loses characters"
-    next_step = (
-        "power-cycle the board and start again; nothing is written to the flash without a check before"
-    )
+    cause = "the command hangs, or the board no longer hears (its RX wire)"
+    next_step = "power-cycle the board and start again; --log FILE keeps every byte"
 
 
 class LineUnsafe(NetbootError):
-    """What was typed does not come back as it was typed."""
+    """The line changes what is typed or answered."""
 
-    cause = "the line loses or changes characters: noise, a bad ground, a second program on the port"
-    next_step = "check the wiring and that no other program reads the port; --log FILE keeps every byte"
+    cause = "noise, a bad ground, or a second program that reads the port"
+    next_step = "check the wiring and that no other program has the port; --log FILE keeps every byte"
 
 
 class BoardReset(NetbootError):
     """The board started anew in the middle."""
 
-    cause = "power dips, a watchdog, or someone at the reset button"
+    cause = "the supply dips, a watchdog, or someone at the reset button"
     next_step = "check the supply and start again"
 
 
@@ -101,7 +151,10 @@ class NoStatus(NetbootError):
 
 
 class LineTooLong(UnusableInput):
-    """U-Boot would cut the command (CONFIG_SYS_CBSIZE 256)."""
+    """U-Boot would cut the command (CONFIG_SYS_CBSIZE 256), or change it."""
+
+    cause = "a file name or a value that is too long, or not of printable ASCII"
+    next_step = "give the file or the value a shorter, plain name"
 
 
 class CommandFailed(NetbootError):
@@ -165,7 +218,7 @@ class NoAnswer(TransferFailed):
     )
 
 
-class TransferSilent(TransferFailed):
+class TftpTimeout(TransferFailed):
     """The board asked for a file and got nothing at all."""
 
     cause = "a firewall on the host drops the board's UDP, or another host has the server's address"
@@ -174,7 +227,7 @@ class TransferSilent(TransferFailed):
     )
 
 
-class TransferBroken(TransferFailed):
+class TransferBroken(TftpTimeout):
     """A transfer began and did not come to its end."""
 
     cause = "a bad cable, a network that loses packets, or a firewall that knows no TFTP"

@@ -314,6 +314,8 @@ class WriteBlock(FlashStep):
             answer = session.console.run(command, BLOCK_SECONDS, repeatable=False)
             if answer.status or f" {self.size} bytes written: OK" not in answer.output:
                 self._fail(answer.output)
+            if "Skip bad block" in answer.output:
+                self._fail(answer.output)
 
     def _fail(self, said: str) -> None:
         raise BlockFailed(self.image, self.index, self.offset, said.strip()[-300:] or "without a word")

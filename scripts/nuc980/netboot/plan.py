@@ -7,14 +7,12 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from nuc980.netboot.console import LINE_ROOM, typed
+from nuc980.netboot.console import COMMAND_ROOM, typed
 from nuc980.netboot.errors import LineTooLong
 
 if TYPE_CHECKING:
     from nuc980.netboot.session import Session
 
-# What typed() adds to a command, with a number of four digits.
-COMMAND_ROOM = LINE_ROOM - len("; echo @9999:$?")
 # Names of shell variables, which are no part of U-Boot's environment.
 PIECE = "piece"
 

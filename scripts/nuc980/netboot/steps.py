@@ -19,7 +19,7 @@ from nuc980.netboot.errors import (
     NoMac,
     TransferBroken,
     TransferFailed,
-    TransferSilent,
+    TftpTimeout,
     WrongBytes,
 )
 from nuc980.netboot.plan import Step
@@ -114,12 +114,12 @@ def crc_of(output: str) -> int:
 # What U-Boot prints when a transfer fails, 2016.11 with the vendor's driver and 2023.01 with ours. The first
 # that fits decides: what comes last comes first here, since U-Boot may have tried another port before.
 WORDS: tuple[tuple[str, type[TransferFailed]], ...] = (
-    (r"TFTP error: |TFTP server died", FileRefused),
+    (r"TFTP error: ", FileRefused),
     (r"ARP Retry count exceeded", NoAnswer),
     (r"address not set", NoMac),
     (r"no link|[Ll]ink is down|No link|AN failed|Reset phy failed|auto negotiation .*TIMEOUT", LinkDown),
     (r"No ethernet found|Net Initialization Skipped", NoEthernet),
-    (r"Retry count exceeded", TransferSilent),
+    (r"Retry count exceeded|TFTP server died", TftpTimeout),  # the latter: the server's port is closed
 )
 
 
@@ -130,7 +130,7 @@ def why_not_loaded(output: str, transfer: Transfer, session: Session) -> Transfe
     what = f"{transfer.name} was not loaded. U-Boot says:\n{said}"
     if kind is NoAnswer:
         return NoAnswer(what, next_step=f"{_host_advice(session)} The other port is chosen with --ethact.")
-    if kind is not TransferSilent:
+    if kind is not TftpTimeout:
         return kind(what)
     if transfer.moved:
         return TransferBroken(f"{transfer.name} broke off after {transfer.moved} of {transfer.size} bytes.")
@@ -142,19 +142,19 @@ def _host_advice(session: Session) -> str:
     return host.advice(session.network.board.ip, host.addresses())
 
 
-def _why_silent(what: str, session: Session) -> TransferSilent:
+def _why_silent(what: str, session: Session) -> TftpTimeout:
     assert session.files is not None
     if session.files.refused:
         seen = "; ".join(str(refusal) for refusal in session.files.refused[-3:])
-        return TransferSilent(
+        return TftpTimeout(
             f"{what}\nThe server was asked, and refused: {seen}",
             cause="another address than the board's: a NAT between them, or a second board",
             next_step="--seen-as ADDRESS names the board as the server sees it",
         )
     if session.files.port != TFTP_PORT:
-        return TransferSilent(
+        return TftpTimeout(
             what,
             cause=f"this U-Boot does not know tftpdstp and asks at port {TFTP_PORT}, or a firewall drops UDP",
             next_step=f"take port {TFTP_PORT} (no --tftp-port); let the board's UDP in",
         )
-    return TransferSilent(what, next_step=_host_advice(session))
+    return TftpTimeout(what, next_step=_host_advice(session))

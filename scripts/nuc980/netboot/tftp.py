@@ -10,7 +10,6 @@ is decided here.
 from __future__ import annotations
 
 import errno
-import io
 import logging
 import os
 import select
@@ -18,7 +17,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,21 +29,22 @@ from tftpy.TftpContexts import TftpContextServer
 from tftpy.TftpPacketFactory import TftpPacketFactory
 from tftpy.TftpPacketTypes import (
     TftpPacket,
-    TftpPacketACK,
     TftpPacketDAT,
     TftpPacketERR,
     TftpPacketInitial,
     TftpPacketRRQ,
 )
 from tftpy.TftpShared import TftpErrors, TftpException
-from tftpy.TftpStates import TftpState, TftpStateExpectACK, TftpStateExpectDAT
+from tftpy.TftpStates import TftpState
 
 from nuc980.netboot.errors import UnusableInput
 
 RETRANSMIT = 1.0  # s without an answer, unless the board asks for another time
 TRIES = 10  # of one packet; U-Boot asks again after 5 s
 REQUEST_LIMIT = 512  # bytes, RFC 2347
-DATAGRAM_LIMIT = 65536
+ACK = b"\0\4"
+DATA = 3
+HEADER = struct.Struct("!HH")  # opcode, block number
 BLOCK_MIN, BLOCK_MAX = 8, 65464  # bytes, RFC 2348
 TIMEOUTS = range(1, 256)  # s, RFC 2349
 REFUSALS_KEPT = 32
@@ -110,6 +110,9 @@ class FileService:
         self._socket = _server_socket(self._address, self.port)
         self.port = self._socket.getsockname()[1]
         self._wake = os.eventfd(0)
+        self._events = select.epoll()
+        self._events.register(self._socket, select.EPOLLIN)
+        self._events.register(self._wake, select.EPOLLIN)
         self._running = True
         self._thread = threading.Thread(target=self._serve, name="tftp", daemon=True)
         self._thread.start()
@@ -124,6 +127,7 @@ class FileService:
         self._running = False
         os.eventfd_write(self._wake, 1)
         self._thread.join()
+        self._events.close()
         os.close(self._wake)
         self._socket.close()
 
@@ -172,30 +176,32 @@ class FileService:
     # ---- the server's thread
 
     def _serve(self) -> None:
+        requests = self._socket.fileno()
         while self._running:
-            session = self._session
-            waiting = [self._socket, self._wake, *([session.sock] if session else [])]
-            ready, _, _ = select.select(waiting, [], [], session.patience() if session else None)
+            patience = self._session.patience() if self._session else None
+            events = self._events.poll(patience, 3)
             with self._lock:
-                if self._wake in ready:
-                    os.eventfd_read(self._wake)
-                if session:
-                    self._go_on(session, session.sock in ready)
-                if self._socket in ready:
-                    self._take_request()
+                for descriptor, _ in events:
+                    if descriptor == requests:
+                        self._take_request()
+                    elif descriptor == self._wake:
+                        os.eventfd_read(self._wake)
+                    elif self._session:
+                        self._go_on(self._session.cycle)
+                if patience == 0.0 and self._session:
+                    self._go_on(self._session.lose_patience)
         with self._lock:
             if self._session:
                 self._session.abort()
                 self._drop_session()
 
-    def _go_on(self, session: _Session, ready: bool) -> None:
+    def _go_on(self, step: Callable[[], None]) -> None:
+        session = self._session
         try:
-            if ready:
-                session.cycle()
-            session.check_patience()
+            step()
         except _RefusedError as refused:
-            session.state.sendError(refused.code)
             self._note(session.host, session.transfer.name, refused)
+            session.state.sendError(refused.code)
             session.state = None
         except TftpException:
             session.state = None
@@ -258,6 +264,7 @@ class FileService:
             raise
         self._drop_session()
         self._session = session
+        self._events.register(session.sock, select.EPOLLIN)
 
     def _note(self, address: str, name: str, refused: _RefusedError) -> None:
         new = Refusal(address, name, str(refused))
@@ -274,14 +281,12 @@ class _Offered:
 
     def begin(self, session: _Session, asked: dict[str, str]) -> None:
         """Sends the options that are agreed on, which are acknowledged as block 0, else block 1."""
-        session.fileobj = io.BytesIO(self.content)
         session.agree(asked, tsize=len(self.content))
-        session.state = _Sending(session)
+        state = session.state = _Sending(session, self.content)
         if session.options:
-            session.state.sendOACK()
+            state.sendOACK()
         else:
-            session.next_block = 1
-            session.pending_complete = session.state.sendDAT()
+            state.send_block()
 
 
 @dataclass(frozen=True)
@@ -290,19 +295,18 @@ class _Awaited:
     descriptor: int
 
     def begin(self, session: _Session, asked: dict[str, str]) -> None:
+        """Acknowledges the request by the options that are agreed on, else as block 0."""
         if self.transfer.finished:
             raise _RefusedError(TftpErrors.FileAlreadyExists, "is here already")
         announced = _number(asked.get("tsize", "0"))
         if announced > self.transfer.size:
             raise _RefusedError(TftpErrors.DiskFull, f"{announced} bytes, {self.transfer.size} are awaited")
-        session.fileobj = io.BytesIO()
         session.agree(asked, tsize=announced)
-        session.state = _Receiving(session, self.descriptor)
+        state = session.state = _Receiving(session, self.descriptor)
         if session.options:
-            session.state.sendOACK()
+            state.sendOACK()
         else:
-            session.state.sendACK(0)
-        session.next_block = 1
+            state.sendACK(0)
 
 
 _File = _Offered | _Awaited
@@ -317,13 +321,13 @@ class _Session(TftpContextServer):
     def __init__(self, transfer: Transfer, datagram: bytes, peer: Address, local: bytes) -> None:
         super().__init__(*peer, RETRANSMIT, root="", flock=False)
         self.sock.close()
-        self.sock = _Socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.sock.setblocking(False)
+        self.sock = _Socket()
         self.sock.bind((socket.inet_ntoa(local), 0))  # the board expects the answer from where it asked
         self.tidport = self.port
+        self.peer = peer
         self.request = (datagram, peer)
-        self.first_answer: TftpPacket | None = None
         self.transfer = transfer
+        self.awaited: bytes | None = None  # the acknowledgement of the block that is on its way
 
     def agree(self, asked: dict[str, str], tsize: int) -> None:
         """Of the options asked for, takes what can be done; the others stay unanswered (RFC 2347)."""
@@ -339,22 +343,27 @@ class _Session(TftpContextServer):
                 case "tsize" if number >= 0:
                     self.options["tsize"] = tsize
 
+        self.longest = 4 + self.getBlocksize() + 1
+
     def begun(self) -> None:
-        self.first_answer = self.last_pkt
+        if self.last_pkt:
+            self.sent = self.last_pkt.buffer
+        self.first_answer = self.sent
         self.advance(0)
 
     def cycle(self) -> None:
         """Takes one datagram. One that is not the board's, or none of TFTP, is as if it had not come."""
         try:
-            datagram, peer = self.sock.recvfrom(DATAGRAM_LIMIT)
+            datagram, peer = self.sock.recvfrom(self.longest)
         except OSError:
             return
-        if peer == (self.host, self.port):
-            packet = _parsed(datagram)
-            if packet and self.state:
-                self.state = self.state.handle(packet, *peer)
-        elif not _is_error(datagram):
-            self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
+        if datagram == self.awaited and peer == self.peer:  # the usual case, without delay
+            self.state = self.state.acknowledged()
+        elif peer != self.peer:
+            if not _is_error(datagram):
+                self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
+        elif (packet := _parsed(datagram)) and self.state:
+            self.state = self.state.handle(packet, *peer)
 
     def advance(self, moved: int) -> None:
         """The board has moved the transfer on; nothing else is a sign of life."""
@@ -366,8 +375,8 @@ class _Session(TftpContextServer):
         """Seconds left for the board to answer."""
         return max(0.0, self.last_update + self.timeout - time.monotonic())
 
-    def check_patience(self) -> None:
-        """Sends the last packet again if it is time, and gives up in the end."""
+    def lose_patience(self) -> None:
+        """Sends the last packet again, unless the board has answered by now; gives up in the end."""
         if self.state and not self.patience():
             self.last_update = time.monotonic()
             self.retry_count += 1
@@ -376,14 +385,17 @@ class _Session(TftpContextServer):
             else:
                 self.state.resendLast()
 
+    def resend(self) -> None:
+        self.sock.sendto(self.sent, self.peer)
+
     def answers_again(self) -> bool:
         """Whether the request that has come once more is this session's business.
 
         As long as nothing came back, the first answer is lost. Soon after a sign of life the request is a
         duplicate. Later the board starts anew from the same port, as U-Boot always does with tftpsrcp.
         """
-        if self.last_pkt is self.first_answer:
-            self.sock.sendto(self.last_pkt.buffer, (self.host, self.port))
+        if self.sent is self.first_answer:
+            self.resend()
             return True
         return time.monotonic() - self.last_update < RETRANSMIT
 
@@ -392,33 +404,66 @@ class _Session(TftpContextServer):
         if self.state and not self.transfer.finished:
             self.state.sendError(TftpErrors.AccessViolation)
         self.state = None
+        self.awaited = None
 
 
-class _Sending(TftpStateExpectACK):
-    """A block is on its way to the board."""
+class _Sending(TftpState):
+    """A block is on its way to the board, and the one after it is ready."""
 
-    def handle(self, packet: TftpPacket, address: str, port: int) -> TftpState | None:
-        """Sends a block once: an acknowledgement that comes again moves nothing (RFC 1123, 4.2.3.1)."""
-        session = self.context
-        if isinstance(packet, TftpPacketACK):
-            if packet.blocknumber != session.next_block:
-                return self
-            session.advance(session.metrics.bytes)
-            session.transfer.finished |= session.pending_complete
-        return super().handle(packet, address, port)
+    def __init__(self, session: _Session, content: bytes) -> None:
+        super().__init__(session)
+        self._content, self._block_size = content, session.getBlocksize()
+        self._number = 0  # of the block on its way, counted beyond 65535; the options are number 0
+        self._ready = self._block(1)
+        session.awaited = ACK + bytes(2)
+
+    def _block(self, number: int) -> bytes:
+        """The last one is shorter than the others, and can be empty; b"" beyond it."""
+        start = (number - 1) * self._block_size
+        if start > len(self._content):
+            return b""
+        return HEADER.pack(DATA, number & 0xFFFF) + self._content[start : start + self._block_size]
+
+    def send_block(self) -> None:
+        """Sends what is ready; the next block is made while the board takes this one."""
+        session, ready = self.context, self._ready
+        session.sock.sendto(ready, session.peer)
+        session.sent = ready
+        session.awaited = ACK + ready[2:4]
+        self._number += 1
+        self._ready = self._block(self._number + 1)
+
+    def acknowledged(self) -> _Sending | None:
+        """Goes on. An acknowledgement that comes again does not get here: RFC 1123, 4.2.3.1."""
+        if self._ready:
+            self.send_block()
+            self.context.advance((self._number - 1) * self._block_size)
+            return self
+        self.context.advance(len(self._content))
+        self.context.transfer.finished = True
+        return None
+
+    def handle(self, packet: TftpPacket, address: str, port: int) -> _Sending:
+        """All but the acknowledgement that is awaited: of no account, unless the board gives up."""
+        if isinstance(packet, TftpPacketERR):
+            raise TftpException("the board gave up")
+        return self
 
     def resendLast(self) -> None:
-        self.context.sock.sendto(self.context.last_pkt.buffer, (self.context.host, self.context.port))
+        self.context.resend()
 
 
-class _Receiving(TftpStateExpectDAT):
+class _Receiving(TftpState):
     """A block is awaited from the board; after the last one, whether its acknowledgement has arrived."""
 
     def __init__(self, session: _Session, descriptor: int) -> None:
         super().__init__(session)
         self._descriptor = descriptor
+        self._content = bytearray()
+        session.next_block = 1
 
-    def handle(self, packet: TftpPacket, address: str, port: int) -> TftpState | None:
+    def handle(self, packet: TftpPacket, address: str, port: int) -> _Receiving:
+        """Takes the next block; acknowledges the one before it again."""
         session = self.context
         if isinstance(packet, TftpPacketERR):
             raise TftpException("the board gave up")
@@ -433,22 +478,23 @@ class _Receiving(TftpStateExpectDAT):
         return self
 
     def _take(self, data: bytes) -> None:
-        session = self.context
-        moved, size = session.transfer.moved + len(data), session.transfer.size
-        is_last = len(data) < session.getBlocksize()
-        if moved > size or (is_last and moved < size):
-            which = "more" if moved > size else "less"
-            raise _RefusedError(TftpErrors.DiskFull, f"{which} than {size} bytes")
-        session.fileobj.write(data)
+        transfer = self.context.transfer
+        is_last = len(data) < self.context.getBlocksize()
+        self._content += data
+        if len(self._content) > transfer.size:
+            raise _RefusedError(TftpErrors.DiskFull, f"more than {transfer.size} bytes")
         if is_last:
-            self._save(session.fileobj.getvalue())
-        session.advance(moved)
-        session.transfer.finished = is_last
+            self._save()
+        self.context.advance(len(self._content))
+        transfer.finished = is_last
 
-    def _save(self, content: bytes) -> None:
+    def _save(self) -> None:
+        size = self.context.transfer.size
+        if len(self._content) < size:
+            raise _RefusedError(TftpErrors.DiskFull, f"{len(self._content)} bytes, {size} are awaited")
         try:
             with open(self._descriptor, "wb", closefd=False) as file:
-                file.write(content)
+                file.write(self._content)
                 file.flush()
                 os.fsync(self._descriptor)
         except OSError as error:
@@ -461,10 +507,15 @@ class _Receiving(TftpStateExpectDAT):
 class _Socket(socket.socket):
     """What cannot be sent now is as good as lost on the way: there are retransmissions."""
 
+    def __init__(self) -> None:
+        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
+        self.setblocking(False)
+
     def sendto(self, data: bytes, address: Address) -> int:
-        with suppress(OSError):
+        try:
             return super().sendto(data, address)
-        return 0
+        except OSError:
+            return 0
 
 
 class _RefusedError(TftpException):

@@ -3,40 +3,69 @@
 
 from __future__ import annotations
 
+import errno
+import grp
+import os
+import socket
+import termios
 import time
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, TextIO
 
 import serial
+from serial.tools import list_ports
 
-from nuc980.netboot.errors import LineLost, UnusableInput
+from nuc980.netboot.errors import (
+    LineLost,
+    NotAPort,
+    PortBusy,
+    PortForbidden,
+    PortMissing,
+    PortUnreachable,
+    SpeedRefused,
+    UnusableInput,
+)
 
 # UART0 of the board, docs/netboot.md
 BAUD = 115200
+
+# A read looks this often whether its time is over: to give pyserial another time-out is slow, since it sets
+# the whole port up again (with a round trip or two for rfc2217://).
+POLL_SECONDS = 0.02
+WRITE_SECONDS = 5.0
+READ_MOST = 4096
+
+BROKEN = (serial.SerialException, OSError, termios.error)
 
 
 class Line:
     """A serial port, by its device or a URL of pyserial's: socket://HOST:PORT, rfc2217://HOST:PORT.
 
-    log: a file that gets every byte, as lines `SECONDS < 'text'` (from the board), `SECONDS > 'text'` (to it).
+    baud: bit/s, 8N1; a port behind socket:// has its own. log: a file that gets every byte, as lines
+    `SECONDS < 'text'` (from the board), `SECONDS > 'text'` (to it), `SECONDS = note`; each is in the file at
+    once, also when this program is killed.
+    DTR and RTS are raised and stay so when the port is closed: the second opening makes no edge that an
+    adapter could pass on as a reset. (At the first one the kernel raises both, whoever opens the port.)
     """
 
     def __init__(self, url: str, baud: int = BAUD, log: Path | None = None) -> None:
         self.url = url
         self._start = time.monotonic()
+        self._log = _opened(log) if log else None
         try:
-            self._log = log.open("w", encoding="ascii") if log else None
-        except OSError as error:
-            raise UnusableInput(f"{log}: {error.strerror}") from error
-        try:
-            self._port = serial.serial_for_url(url, baud, timeout=0, **_only_ours(url))
-        except (serial.SerialException, ValueError) as error:
-            raise UnusableInput(
-                f"the serial port {url} cannot be opened: {error}",
-                cause="another name, no permission (group dialout), or another program has it open",
-                next_step="look at /dev/serial/by-id for the ports there are",
-            ) from error
+            self._port = _port(url, baud)
+        except BaseException:
+            self._close_log()
+            raise
+        self._socket: socket.socket | None = getattr(self._port, "_socket", None)
+        if self._socket:
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._note(f"{datetime.now().astimezone().isoformat(timespec='seconds')} {url} {baud} bit/s")
 
     def __enter__(self) -> Self:
         return self
@@ -46,51 +75,151 @@ class Line:
     ) -> None:
         self.close()
 
+    def now(self) -> float:
+        """Seconds since the line was opened, as in the log."""
+        return time.monotonic() - self._start
+
     @property
     def baud(self) -> int:
-        """Speed in bit/s."""
+        """Speed in bit/s. To set it raises SpeedRefused, LineLost."""
         return self._port.baudrate
 
     @baud.setter
     def baud(self, speed: int) -> None:
-        self._port.baudrate = speed
+        before = self._port.baudrate
+        self._note(f"{speed} bit/s")
+        try:
+            self._port.baudrate = speed
+        except (ValueError, *BROKEN) as error:
+            with suppress(ValueError, *BROKEN):
+                self._port.baudrate = before
+            raise SpeedRefused(f"{self.url} does not run at {speed} bit/s: {error}") from error
+
+    @property
+    def has_speed(self) -> bool:
+        """Whether `baud` means anything: behind socket:// it is set elsewhere."""
+        return not self.url.startswith("socket://")
 
     def write(self, data: bytes) -> None:
         """Sends bytes. Raises LineLost."""
         self._keep(">", data)
         try:
             self._port.write(data)
-            self._port.flush()
-        except (serial.SerialException, OSError) as error:
+        except BROKEN as error:
             raise LineLost(f"{self.url}: {error}") from error
 
     def read(self, seconds: float) -> bytes:
         """What comes within the time, at once when something does; b"" when nothing does. Raises LineLost."""
+        deadline = time.monotonic() + seconds
+        data = b""
         try:
-            self._port.timeout = max(seconds, 0)
-            data = self._port.read(1)
-            if data:
-                self._port.timeout = 0
-                data += self._port.read(4096)
-        except (serial.SerialException, OSError) as error:
+            while not data and (self._port.in_waiting or time.monotonic() < deadline):
+                data = self._port.read(1)
+            while len(data) < READ_MOST and (waiting := data and self._port.in_waiting):
+                data += self._port.read(min(waiting, READ_MOST - len(data)))
+        except BROKEN as error:
             raise LineLost(f"{self.url}: {error}") from error
         if data:
+            self._acknowledge()
             self._keep("<", data)
         return data
+
+    def shared_with(self) -> list[str]:
+        """The other programs that have the device open, as far as this user may know: `name (pid)`."""
+        return _holders(self.url)
 
     def close(self) -> None:
         """Closes the port and the log."""
         self._port.close()
+        self._close_log()
+
+    def _acknowledge(self) -> None:
+        """At once: many serial servers send byte by byte, and hold the next one until then (Nagle)."""
+        if self._socket:
+            with suppress(OSError):
+                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+
+    def _keep(self, direction: str, data: bytes) -> None:
+        self._note(ascii(data.decode("latin-1")), direction)
+
+    def _note(self, text: str, sign: str = "=") -> None:
+        if self._log:
+            self._log.write(f"{self.now():10.4f} {sign} {text}\n")
+
+    def _close_log(self) -> None:
         if self._log:
             self._log.close()
 
-    def _keep(self, direction: str, data: bytes) -> None:
-        if self._log:
-            text = ascii(data.decode("latin-1"))
-            self._log.write(f"{time.monotonic() - self._start:10.4f} {direction} {text}\n")
-            self._log.flush()
+
+def _opened(log: Path) -> TextIO:
+    try:
+        return log.open("w", encoding="ascii", errors="backslashreplace", buffering=1)
+    except OSError as error:
+        raise UnusableInput(f"{log}: {error.strerror}") from error
 
 
-def _only_ours(url: str) -> dict[str, bool]:
-    """A device is locked against other programs; a network port has no lock."""
-    return {} if "://" in url else {"exclusive": True}
+def _port(url: str, baud: int) -> serial.SerialBase:
+    device = "://" not in url
+    try:
+        if device:
+            port = serial.Serial(url, baud, timeout=POLL_SECONDS, write_timeout=WRITE_SECONDS, exclusive=True)
+            _keep_dtr_when_closed(port.fileno())
+        else:
+            port = serial.serial_for_url(url, baud, timeout=POLL_SECONDS)
+    except (ValueError, *BROKEN) as error:
+        why = _why_no_device(url, error) if device else PortUnreachable
+        raise why(f"The serial port {url} cannot be opened: {error}") from error
+    return port
+
+
+def _keep_dtr_when_closed(port: int) -> None:
+    settings = termios.tcgetattr(port)
+    settings[2] &= ~termios.HUPCL
+    with suppress(termios.error):  # a pty, where this changes nothing, which glibc calls an error
+        termios.tcsetattr(port, termios.TCSANOW, settings)
+
+
+def _why_no_device(device: str, error: Exception) -> Callable[[str], UnusableInput]:
+    if isinstance(error, ValueError):
+        return SpeedRefused
+    match getattr(error, "errno", None):
+        case errno.ENOENT | errno.ENODEV | errno.ENXIO:
+            return partial(PortMissing, next_step=_ports_there())
+        case errno.EACCES | errno.EPERM:
+            return partial(PortForbidden, next_step=_how_to_be_allowed(device))
+        case errno.EAGAIN | errno.EBUSY:
+            holders = ", ".join(_holders(device))
+            return partial(PortBusy, cause=holders and f"it is open in {holders}")
+        case _:
+            return NotAPort
+
+
+def _ports_there() -> str:
+    ports = ", ".join(sorted(port.device for port in list_ports.comports()))
+    return f"name one that is there: {ports}" if ports else "plug the adapter in: no serial port is there"
+
+
+def _how_to_be_allowed(device: str) -> str:
+    group = grp.getgrgid(Path(device).stat().st_gid).gr_name
+    return f"sudo usermod -aG {group} $USER, then log out and in again"
+
+
+def _holders(device: str) -> list[str]:
+    try:
+        number = Path(device).stat().st_rdev
+    except OSError:
+        return []
+    open_files = Path("/proc").glob("[0-9]*/fd/*")
+    return sorted({_program(fd.parts[2]) for fd in open_files if _leads_to(fd, number)})
+
+
+def _leads_to(fd: Path, number: int) -> bool:
+    with suppress(OSError):
+        return fd.parts[2] != str(os.getpid()) and fd.stat().st_rdev == number
+    return False
+
+
+def _program(process: str) -> str:
+    with suppress(OSError):
+        return f"{Path('/proc', process, 'comm').read_text().strip()} ({process})"
+    return process

@@ -64,6 +64,7 @@ class Board:
             self.wire.deaf()
         self.wire.forget()
         self.puts(f"\n\n{self.variant.version}\n\n{self.variant.head}")
+        self.wire.pause(self._double.start_seconds)
         self._load_environment()
         self.puts(f"{self.variant.streams}Net:   {self._ports()}")
         self._autoboot()
@@ -86,8 +87,8 @@ class Board:
                 self.puts("<INTERRUPT>\n")
                 unfinished, self._repeatable = "", False
                 continue
+            self._double.lines.append(line)
             if not unfinished:
-                self._double.lines.append(line)
                 self._repeating = not line and self._repeatable
                 if not line and not self._repeatable:
                     continue
@@ -211,6 +212,7 @@ class Board:
             self.puts(f"Unknown command '{words[0]}' - try 'help'\n")
             return 1
         command = COMMANDS[name]
+        self._double.commands.append(words)
         if len(words) > command.most:
             return self.usage(name)
         if command.run is None:
@@ -237,8 +239,9 @@ class Double:
     state: "opened" powers up when a tool opens the port; "off" waits for power_cycle(); "prompt", "login" and
     "shell" have been there before. prompt, hush: of a build. talks: False is a dead board.
     linux: how a kernel ends. second: how many seconds one of U-Boot's (TFTP's time-outs, sleep) lasts;
-    countdown_second: one of autoboot's.
-    lines: what has been typed and entered, in order. kernels_started, power_ups: how many.
+    countdown_second: one of autoboot's; start_seconds: what U-Boot takes from its banner on.
+    lines: what has been typed and entered, in order. commands: what of it has run, and of autoboot, as words.
+    kernels_started, power_ups: how many.
     """
 
     def __init__(
@@ -255,6 +258,7 @@ class Double:
         baud: int = 115200,
         second: float = 0.02,
         countdown_second: float = 1.0,
+        start_seconds: float = 0.0,
         seed: int = 980,
     ) -> None:
         self.variant = VARIANTS[variant]
@@ -263,9 +267,11 @@ class Double:
         self.prompt, self.hush, self.talks = prompt, hush, talks
         self.linux: linux.Ending = linux
         self.second, self.countdown_second = second, countdown_second
+        self.start_seconds = start_seconds
         self.nand = Nand()
         self.ram = bytearray(RAM)
         self.lines: list[str] = []
+        self.commands: list[list[str]] = []
         self.kernels_started = 0
         self.power_ups = 0
         self._state = state

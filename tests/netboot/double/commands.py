@@ -58,10 +58,12 @@ def echo(board: Board, words: list[str], repeat: bool) -> int:
 
 
 def bdinfo(board: Board, words: list[str], repeat: bool) -> int:
-    unset = "<NULL>" if board.variant.name == "ours" else "0.0.0.0"
+    no_ip = "<NULL>" if board.variant.name == "ours" else "0.0.0.0"
     board.puts(
         board.variant.bdinfo.format(
-            ethaddr=board.variables.get("ethaddr", "(not set)"), ipaddr=board.variables.get("ipaddr", unset)
+            port=network.current_port(board),
+            ethaddr=board.variables.get("ethaddr", "(not set)"),
+            ipaddr=board.variables.get("ipaddr", no_ip),
         )
     )
     return 0
@@ -112,8 +114,9 @@ def printenv(board: Board, words: list[str], repeat: bool) -> int:
     names = [word for word in words[1:] if word != "-a"]
     if not names:
         text = environment.listed(board.variables)
+        size = len(text) + 1 + (2 * len(board.variables) if board.variant.name == "factory" else 0)
         board.puts(text)
-        board.puts(f"\nEnvironment size: {len(text) + 1}/{board.variant.env_size - 4} bytes\n")
+        board.puts(f"\nEnvironment size: {size}/{board.variant.env_size - 4} bytes\n")
         return 0
     missing = 0
     for name in names:
@@ -263,6 +266,10 @@ nand read - addr off|partition size
 nand write - addr off|partition size
     read/write 'size' bytes starting at offset 'off'
     to/from memory address 'addr', skipping bad blocks.
+nand write.trimffs - addr off|partition size
+    write 'size' bytes starting at offset 'off' from memory address
+    'addr', skipping bad blocks and dropping any pages at the end
+    of eraseblocks that contain only 0xFF
 nand erase[.spread] [clean] off size - erase 'size' bytes from offset 'off'
     With '.spread', erase enough for given file size, otherwise,
     'size' includes skipped bad blocks.
@@ -275,7 +282,9 @@ SETENV_HELP = """[-f] name value ...
 setenv [-f] name
     - [forcibly] delete environment variable 'name'"""
 MII_HELP = """device                            - list available devices
-mii info   <addr>                     - display MII PHY info"""
+mii device <devname>                  - set current device
+mii info   <addr>                     - display MII PHY info
+mii read   <addr> <reg>               - read  MII PHY <addr> register <reg>"""
 
 COMMANDS = {
     "?": Command("alias for 'help'", run=help_),
@@ -331,7 +340,7 @@ COMMANDS = {
     "mw": Command("memory write (fill)", "[.b, .w, .l] address value [count]", mw, 4, True),
     "nand": Command("NAND sub-system", NAND_HELP, flash.nand, repeats=True),
     "nboot": Command("boot from NAND device"),
-    "net": Command("NET sub-system"),
+    "net": Command("NET sub-system", "list - list available devices\n", network.net),
     "nfs": Command("boot image via network using NFS protocol"),
     "nm": Command("memory modify (constant address)"),
     "panic": Command("Panic with optional message"),

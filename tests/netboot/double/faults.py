@@ -16,7 +16,9 @@ class Reset(Exception):
 
 
 class Fault:
-    """Nothing goes wrong."""
+    """Nothing goes wrong. link: what the PHY says of the cable."""
+
+    link = True
 
     def received(self, data: bytes) -> bytes:
         """What of the tool's bytes arrives."""
@@ -131,10 +133,10 @@ class WrongEcho(Counted):
 
 
 class Noise(Fault):
-    """Bytes change on the line, both ways, at a rate; none of them becomes an Enter."""
+    """A bit of a byte changes on the line, both ways, at a rate. enters: even of an Enter, or into one."""
 
-    def __init__(self, rate: float, seed: int = 980) -> None:
-        self.rate, self.random = rate, random.Random(seed)
+    def __init__(self, rate: float, seed: int = 980, enters: bool = True) -> None:
+        self.rate, self.random, self.enters = rate, random.Random(seed), enters
 
     def received(self, data: bytes) -> bytes:
         return self._noisy(data)
@@ -147,7 +149,8 @@ class Noise(Fault):
 
     def _byte(self, byte: int) -> int:
         other = byte ^ 1 << self.random.randrange(8)
-        return byte if other in b"\r\n" else other
+        spared = not self.enters and (byte in b"\r\n" or other in b"\r\n")
+        return byte if spared else other
 
 
 class Burst(Counted):
@@ -320,8 +323,17 @@ class NetworkSays(Counted):
 
 NO_ETHERNET = "No ethernet found.\n"
 BAD_ADDRESS = "\nError: emac address 01:02:03:04:05:06 illegal value\nNo ethernet found.\n"
-LINK_DOWN_OURS = "emac0 Waiting for PHY auto negotiation to complete......... TIMEOUT !\nemac0: no link\n"
-LINK_DOWN_FACTORY = "AN failed. Set to 100 FULL\n"
+
+
+class NoLink(Fault):
+    """No cable: 2023.01 says so, the vendor's driver waits for an answer that nobody gives."""
+
+    link = False
+
+    def network(self, board: Board) -> str | None:
+        if board.variant.name == "ours":
+            return "emac0 Waiting for PHY auto negotiation to complete......... TIMEOUT !\nemac0: no link\n"
+        return "AN failed. Set to 100 FULL\n"
 
 
 class ArpFails(Counted):

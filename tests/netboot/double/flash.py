@@ -28,7 +28,10 @@ def nand(board: Board, words: list[str], repeat: bool) -> int:
             _info(board)
             return 0
         case "device", "":
-            _info(board)
+            if len(words) == 2:
+                _info(board)
+            elif words[2] != "0":
+                board.puts("No such device\n")
             return 0
         case "bad", "":
             board.puts("\nDevice 0 bad blocks:\n")
@@ -37,7 +40,7 @@ def nand(board: Board, words: list[str], repeat: bool) -> int:
             return 0
         case "erase", "" | "part" | "chip" | "spread":
             return _erase(board, words, suffix)
-        case "read" | "write", "" | "e" | "i" | "jffs2":
+        case ("read" | "write", "" | "e" | "i" | "jffs2") | ("write", "trimffs"):
             return _move(board, words) if len(words) > 3 else board.usage("nand")
         case "markbad", "":
             return _mark(board, words[2:]) if len(words) > 2 else board.usage("nand")
@@ -198,13 +201,19 @@ def _move(board: Board, words: list[str]) -> int:
         if bad:
             size -= bad * BLOCK
             board.puts(f"size adjusted to 0x{size:x} ({bad} bad blocks)\n")
-    moved, error = _skip_bad(board, board.number(words[2]), offset, size, most, reads)
+    trims = words[1].endswith(".trimffs")
+    if trims and not board.variant.trims:
+        board.puts("Unknown nand command suffix '.trimffs'.\n")
+        return 1
+    moved, error = _skip_bad(board, board.number(words[2]), offset, size, most, reads, trims)
     done = "read" if reads else "written"
     board.puts(f" {moved} bytes {done}: {'ERROR' if error else 'OK'}\n")
     return 1 if error else 0
 
 
-def _skip_bad(board: Board, address: int, offset: int, size: int, most: int, reads: bool) -> tuple[int, int]:
+def _skip_bad(
+    board: Board, address: int, offset: int, size: int, most: int, reads: bool, trims: bool
+) -> tuple[int, int]:
     """nand_read_skip_bad and nand_write_skip_bad: how many bytes, and the error."""
     verb = "read" if reads else "write"
     if offset % PAGE:
@@ -224,13 +233,22 @@ def _skip_bad(board: Board, address: int, offset: int, size: int, most: int, rea
             board.puts(f"{'Skipping' if reads else 'Skip'} bad block 0x{block * BLOCK:08x}\n")
             offset += BLOCK - within
             continue
-        part = min(left, BLOCK - within) if bad else left
-        error = _read(board, offset, part, address) if reads else _write(board, offset, part, address)
+        part = min(left, BLOCK - within) if bad or trims else left
+        if reads:
+            error = _read(board, offset, part, address)
+        else:
+            error = _write(board, offset, _without_ones(board, address, part) if trims else part, address)
         if error:
             board.puts(f"NAND {verb} {'from' if reads else 'to'} offset {offset:x} failed {error}\n")
-            return (size - left if bad else 0), error
+            return (size - left if bad or trims else 0), error
         left, offset, address = left - part, offset + part, address + part
     return size, 0
+
+
+def _without_ones(board: Board, address: int, size: int) -> int:
+    """drop_ffs: without the erased pages at the end."""
+    used = len(board.memory(address, size).rstrip(b"\xff"))
+    return min(size, -(-used // PAGE) * PAGE)
 
 
 def _used(board: Board, offset: int, size: int) -> tuple[int | None, bool]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 RRQ, WRQ, DATA, ACK, ERROR, OACK = range(1, 7)
 HASHES_PER_LINE = 65
+NO_DEVICE = "MII devices: \n"
+PHY, LINK_UP = 1, 0x786D  # its address; its status register
+PHY_INFO = "PHY 0x01: OUI = 0x90C3, Model = 0x05, Rev = 0x04, 100baseT, FDX\n"
 IP_RECVERR = 11  # of <linux/in.h>: "port unreachable" becomes ECONNREFUSED
 
 
@@ -50,18 +53,51 @@ def ping(board: Board, words: list[str], repeat: bool) -> int:
     return 0
 
 
-def mii(board: Board, words: list[str], repeat: bool) -> int:
-    if words[1:2] != ["info"]:
-        return board.usage("mii")
-    if not _address(board):
-        board.puts("NULL device name!\nNo such device: <NULL>\n" * 32)
-        return 0
-    for fault in board.faults:
-        if (text := fault.network(board)) is not None:
-            board.puts(text)
-            return 1
-    board.puts("PHY 0x00: OUI = 0x90C3, Model = 0x05, Rev = 0x03, 100baseT, FDX\n")
+def net(board: Board, words: list[str], repeat: bool) -> int:
+    if words[1:] != ["list"]:
+        return board.usage("net")
+    current = _start_port(board)
+    for number, name in enumerate(board.variant.ports):
+        address = board.variables.get(f"eth{number or ''}addr", "00:00:00:00:00:00")
+        board.puts(f"eth{number} : {name} {address} {'active' if name == current else ''}\n")
     return 0
+
+
+def mii(board: Board, words: list[str], repeat: bool) -> int:
+    current = _start_port(board, quiet=True)
+    match words[1:]:
+        case ["device"]:
+            board.puts(f"MII devices: '{current}' \nCurrent device: '{current}'\n" if current else NO_DEVICE)
+            return 0
+        case ["info"]:
+            board.puts(PHY_INFO if current else "NULL device name!\nNo such device: <NULL>\n" * 32)
+            return 0
+        case ["read", address, register]:
+            phy, number = board.number(address), board.number(register)
+            if not current:
+                board.puts("NULL device name!\nNo such device: <NULL>\n")
+                board.puts(f"Error reading from the PHY addr={phy:02x} reg={number:02x}\n")
+                return 1
+            link = all(fault.link for fault in board.faults)
+            status = LINK_UP if link else LINK_UP & ~4
+            board.puts(f"{status if (phy, number) == (PHY, 1) else 0xFFFF:04X}\n")
+            return 0
+    return board.usage("mii")
+
+
+def current_port(board: Board) -> str:
+    """What 2023.01's bdinfo says of the port: without an address there is none."""
+    name = _start_port(board)
+    return f"current eth = {name or 'unknown'}"
+
+
+def _start_port(board: Board, quiet: bool = False) -> str:
+    """The port that an address makes usable, "" without one, and then the words of that."""
+    if board.variables.get("ethaddr"):
+        return board.variant.ports[0]
+    if not quiet and board.variant.name == "ours":
+        board.puts("\nError: emac0 address not set.\n" * 2)
+    return ""
 
 
 def _address(board: Board) -> str:

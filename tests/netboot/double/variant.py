@@ -37,6 +37,7 @@ class Variant:
     reserved: frozenset[int]
     unset_status: int
     tftp_port: bool
+    trims: bool
     port_unreachable: bool
     guards_itself: bool
     xip: str
@@ -66,6 +67,7 @@ FACTORY = Variant(
     reserved=frozenset(),
     unset_status=1,
     tftp_port=False,
+    trims=False,
     port_unreachable=False,
     guards_itself=False,
     xip="   XIP Kernel Image ... OK\n",
@@ -120,6 +122,7 @@ OURS = Variant(
     reserved=frozenset(range(1020, 1024)),
     unset_status=0,
     tftp_port=True,
+    trims=True,
     port_unreachable=True,
     guards_itself=True,
     xip="   XIP Kernel Image\n",
@@ -129,7 +132,7 @@ OURS = Variant(
         "boot_params = 0x00000100\nDRAM bank   = 0x00000000\n-> start    = 0x00000000\n"
         "-> size     = 0x04000000\nflashstart  = 0x00000000\nflashsize   = 0x00000000\n"
         "flashoffset = 0x00000000\nbaudrate    = 115200 bps\nrelocaddr   = 0x03f7b000\n"
-        "reloc off   = 0x0317b000\nBuild       = 32-bit\ncurrent eth = emac0\nethaddr     = {ethaddr}\n"
+        "reloc off   = 0x0317b000\nBuild       = 32-bit\n{port}\nethaddr     = {ethaddr}\n"
         "IP addr     = {ipaddr}\nfdt_blob    = 0x03b57b70\nnew_fdt     = 0x03b57b70\n"
         "fdt_size    = 0x00003360\nlmb_dump_all:\n memory.cnt  = 0x1\n"
         " memory[0]\t[0x0-0x3ffffff], 0x04000000 bytes flags: 0\n reserved.cnt  = 0x1\n"

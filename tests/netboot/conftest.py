@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the tests of nuc980-netboot share: the payload that is booted, emulated boards on a pty."""
+
+import socket
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from emulated import Emulated
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+
+
+@pytest.fixture
+def emulated(tmp_path: Path) -> Iterator[Callable[..., Emulated]]:
+    """Starts machines, by their command; they end with the test."""
+    machines: list[Emulated] = []
+
+    def start(*command: str | Path) -> Emulated:
+        folder = tmp_path / f"machine{len(machines)}"
+        folder.mkdir()
+        machines.append(Emulated(command, folder))
+        return machines[-1]
+
+    yield start
+    for machine in machines:
+        machine.close()
+
+
+@pytest.fixture
+def twin(emulated: Callable[..., Emulated], qemu: Path, uboot: Path) -> Emulated:
+    """The board with our U-Boot, and a network at each port: the host is 10.0.N.2 in both."""
+    nics = [part for n in (0, 1) for part in ("-nic", f"user,id=net{n},net=10.0.{n}.0/24")]
+    return emulated(qemu, "-M", "nuc980", "-bios", uboot, *nics)
+
+
+@pytest.fixture(scope="session")
+def payload(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the payload, built: uImage for the board, uImage-virt for QEMU's machine virt."""
+    folder = tmp_path_factory.mktemp("payload")
+    done = subprocess.run(
+        ["make", "-s", "-f", HERE / "payload/Makefile", f"O={folder}"], capture_output=True, text=True
+    )
+    if done.returncode:
+        pytest.fail(f"the payload does not build:\n{done.stderr}", pytrace=False)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def dtb(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The board's device tree, compiled."""
+    file = tmp_path_factory.mktemp("dtb") / "nuc980-gateway.dtb"
+    source = ROOT / "dts/nuvoton/nuc980-gateway.dts"
+    subprocess.run([ROOT / "scripts/build-dtb.sh", source, file], check=True, capture_output=True)
+    return file
+
+
+@pytest.fixture
+def udp_port() -> int:
+    """One that is free."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+        return server.getsockname()[1]

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`nuc980-netboot boot` on the emulated board, with our U-Boot: what comes up, and what does not."""
+
+import re
+import socket
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from emulated import Emulated
+
+pytestmark = pytest.mark.slow
+
+MACS = ("02:00:00:00:00:0a", "02:00:00:00:00:0b")
+Boot = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    (folder / "macs").write_text("".join(f"eth{port} {mac}\n" for port, mac in enumerate(MACS)))
+    return folder
+
+
+@pytest.fixture
+def boot(twin: Emulated, payload: Path, dtb: Path, site: Path, udp_port: int) -> Boot:
+    """Boots the payload; port: the Ethernet port that is used."""
+
+    def run(
+        *arguments: str | Path, port: int = 0, kernel: Path | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        network = ["--board-ip", f"10.0.{port}.15/24", "--server-ip", f"10.0.{port}.2"]
+        nat = ["--listen", "127.0.0.1", "--seen-as", "127.0.0.1", "--tftp-port", str(udp_port)]
+        return twin.netboot(
+            *("boot", kernel or payload / "uImage", dtb, "--power-cycle", twin.power_cycle),
+            *(*network, *nat, "--site", site, *arguments),
+        )
+
+    return run
+
+
+def kernel_said(output: str) -> list[str]:
+    """The kernel's lines, without their times."""
+    return re.findall(r"^  \| \[ +[\d.]+\] (.*)$", output, re.MULTILINE)
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_kernel_comes_up_through_either_port(boot: Boot, port: int) -> None:
+    done = boot("--ethact", f"emac{port}", port=port)
+    assert done.returncode == 0, done.stdout
+    said = kernel_said(done.stdout)
+    assert said[0] == "Booting Linux on physical CPU 0x0"
+    assert "OF: fdt: Machine model: BLIIoT gateway (OpenRTU)" in said
+    assert f"Kernel command line: ethaddr0={MACS[0]} ethaddr1={MACS[1]}" in said
+    assert [f"eth{number}: {mac}" for number, mac in enumerate(MACS)] == [
+        line for line in said if "eth" in line
+    ][1:]
+    for phase in ("reach U-Boot", "probe", "set-up", "load kernel", "load device tree", "bootm", "Linux"):
+        assert re.search(rf"^ *\d+\.\d\d s  {phase}$", done.stdout, re.MULTILINE), phase
+
+
+def test_arguments_are_those_given(boot: Boot) -> None:
+    done = boot("--bootargs", "console=ttyS0 ethaddr1=02:00:00:00:00:77")
+    wanted = f"Kernel command line: console=ttyS0 ethaddr1=02:00:00:00:00:77 ethaddr0={MACS[0]}"
+    assert wanted in kernel_said(done.stdout)
+
+
+def test_goal_may_be_another_line(boot: Boot) -> None:
+    done = boot("--until", "Kernel command line", "--bootargs", "payload=hang")
+    assert done.returncode == 0
+    assert "login" not in done.stdout.split("until")[-1]
+
+
+def test_slow_login_is_awaited(boot: Boot) -> None:
+    start = time.monotonic()
+    assert boot("--bootargs", "payload=slow").returncode == 0
+    assert time.monotonic() - start > 4
+
+
+@pytest.mark.parametrize(
+    ("ending", "words"),
+    [
+        (
+            "panic",
+            ["The kernel panicked:", "Attempted to kill init!", "show_stack+0x10/0x14", "end Kernel panic"],
+        ),
+        ("noroot", ["found no root file system:", "unknown-block(0,0)", "likely cause: root= or ubi.mtd="]),
+        ("oops", ["The kernel stumbled:", "NULL pointer dereference", "end trace"]),
+        ("reset", ["The board started anew while Linux came up", "eth1:", "watchdog"]),
+        ("hang", ["No line with", "within 3 s", "eth1:", "--timeout"]),
+        ("mute", ["Not a word of the kernel within 3 s", "console=ttyS0,115200n8"]),
+    ],
+)
+def test_other_endings_say_what_they_are(boot: Boot, ending: str, words: list[str]) -> None:
+    done = boot("--timeout", "3", "--bootargs", f"payload={ending}")
+    assert done.returncode == 1, done.stdout
+    error = done.stdout[done.stdout.index("nuc980-netboot: ") :]
+    assert [word for word in words if word not in error] == []
+
+
+def test_wrong_kernel_is_refused_before_anything_is_typed(boot: Boot, payload: Path, tmp_path: Path) -> None:
+    harmed = bytearray((payload / "uImage").read_bytes())
+    harmed[-1] ^= 1
+    (tmp_path / "harmed").write_bytes(harmed)
+    done = boot("--log", tmp_path / "log", kernel=tmp_path / "harmed")
+    assert done.returncode == 2
+    assert "does not match its CRC" in done.stdout
+    assert not (tmp_path / "log").exists()
+
+
+def test_kernel_as_large_as_the_room(boot: Boot, payload: Path, tmp_path: Path) -> None:
+    room = 0xA00000 - 0x7FC0
+    assert room == 10_453_056
+    assert boot(kernel=padded(payload, tmp_path, room)).returncode == 0
+    refused = boot(kernel=padded(payload, tmp_path, room + 1))
+    assert refused.returncode == 2
+    assert "1 more than fit before the device tree at 0xa00000" in refused.stdout
+
+
+def padded(payload: Path, folder: Path, size: int) -> Path:
+    """A uImage of the payload of this size in bytes."""
+    (folder / "padded.bin").write_bytes((payload / "nuc980.bin").read_bytes().ljust(size - 64, b"\xa5"))
+    kind = ["-A", "arm", "-O", "linux", "-T", "kernel", "-C", "none", "-a", "0x8000", "-e", "0x8000"]
+    subprocess.run(
+        ["mkimage", *kind, "-d", folder / "padded.bin", folder / "padded"], check=True, capture_output=True
+    )
+    return folder / "padded"
+
+
+# ---- the network
+
+
+def test_port_without_link_leaves_the_other(twin: Emulated, boot: Boot) -> None:
+    """U-Boot goes on to its other port by itself."""
+    twin.monitor("set_link net0 off")
+    assert boot(port=1).returncode == 0
+
+
+def test_no_link_at_all(twin: Emulated, boot: Boot) -> None:
+    twin.monitor("set_link net0 off", "set_link net1 off")
+    done = boot()
+    assert done.returncode == 1
+    assert done.stdout.count("Once more.") == 2
+    error = done.stdout[done.stdout.index("nuc980-netboot: ") :]
+    assert "auto negotiation" in error
+    assert "plug the cable into the other port, or choose the port with --ethact" in error
+
+
+def test_nobody_has_the_servers_address(boot: Boot) -> None:
+    done = boot("--server-ip", "10.0.0.77")
+    assert done.returncode == 1
+    error = done.stdout[done.stdout.index("nuc980-netboot: ") :]
+    assert "ARP Retry count exceeded" in error
+    assert "No address of this host is in the network of 10.0.0.15" in error
+
+
+def test_request_from_another_address_is_named(boot: Boot) -> None:
+    done = boot("--seen-as", "127.0.0.9")
+    assert done.returncode == 1
+    assert "The server was asked, and refused: 127.0.0.1, 'uImage': the board is 127.0.0.9" in done.stdout
+    assert "--seen-as" in done.stdout
+
+
+def test_unanswered_requests_do_not_take_minutes(boot: Boot, udp_port: int) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mute:
+        mute.bind(("127.0.0.1", udp_port))
+        start = time.monotonic()
+        done = boot("--listen", "127.0.0.2")  # the NAT of the emulated network leads to 127.0.0.1
+    assert done.returncode == 1
+    assert "T T T T" in done.stdout
+    assert "does not know tftpdstp" in done.stdout[done.stdout.index("nuc980-netboot: ") :]
+    assert time.monotonic() - start < 40
+
+
+def test_closed_port_is_the_same(boot: Boot) -> None:
+    done = boot("--listen", "127.0.0.2")
+    assert done.returncode == 1
+    assert "TFTP server died" in done.stdout
+    assert "does not know tftpdstp" in done.stdout[done.stdout.index("nuc980-netboot: ") :]
+
+
+# ---- again and again
+
+
+def boots_in_a_row(boot: Boot, number: int) -> None:
+    for at in range(number):
+        done = boot("--ethact", f"emac{at % 2}", port=at % 2)
+        assert done.returncode == 0, f"boot {at}: {done.stdout}"
+        assert "Once more." not in done.stdout, f"boot {at}: {done.stdout}"
+
+
+def test_five_boots_in_a_row(boot: Boot) -> None:
+    boots_in_a_row(boot, 5)
+
+
+@pytest.mark.soak
+def test_two_hundred_boots_in_a_row(boot: Boot) -> None:
+    boots_in_a_row(boot, 200)
