@@ -14,11 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-import libfdt
 import pytest
 
 from netboot.double import BLOCK, FACTORY_ENVIRONMENT, Double, faults
-from netboot.flashbench import uimage
 from nuc980.netboot.cli import _parser, main
 from nuc980.netboot.environment import load
 from nuc980.netboot.report import board_of
@@ -27,36 +25,6 @@ from nuc980.netboot.transport import Line
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 COMMANDS = ("probe", "boot", "flash", "restore-env")
 SECONDS = 20.0
-
-
-@pytest.fixture
-def images(tmp_path: Path) -> list[str]:
-    """A kernel and a device tree for a double."""
-    kernel, tree = tmp_path / "uImage", tmp_path / "board.dtb"
-    kernel.write_bytes(uimage(200_000, seed=1))
-    own = libfdt.Fdt.create_empty_tree(4096)
-    own.setprop_str(0, "compatible", "nuvoton,nuc980")
-    own.setprop_str(own.add_subnode(0, "chosen"), "bootargs", "console=ttyS0,115200n8 mem=64M")
-    own.pack()
-    tree.write_bytes(own.as_bytearray())
-    return [str(kernel), str(tree)]
-
-
-@pytest.fixture
-def udp_port() -> int:
-    """One that is free at the moment."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probing:
-        probing.bind(("127.0.0.1", 0))
-        return probing.getsockname()[1]
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Path:
-    folder = tmp_path / "site"
-    folder.mkdir()
-    (folder / "macs").write_text("eth0 02:00:00:00:00:01\neth1 02:00:00:00:00:02\n")
-    (folder / "board-ip").write_text("192.168.1.20/24\n")
-    return folder
 
 
 def network(port: int) -> list[str]:
