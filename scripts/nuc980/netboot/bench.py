@@ -4,21 +4,22 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
+from nuc980.netboot.arrival import CTRL_C
 from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
-from nuc980.netboot.console import CTRL_C, Console, text
+from nuc980.netboot.console import Console, text
 from nuc980.netboot.environment import Environment, keep
 from nuc980.netboot.errors import CommandFailed, LineLost, LinuxSilent, UnusableInput
 from nuc980.netboot.linux import Goal
 from nuc980.netboot.plan import Plan
+from nuc980.netboot.power import PowerHook
 from nuc980.netboot.probe import BoardReport, probe
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.session import TFTP_PORT, Network, Session, board_address, server_address
@@ -55,7 +56,7 @@ class Bench:
         with Line(self.port, self.baud, self.log) as line:
             console = Console(line, progress.note)
             with progress.phase("reach U-Boot"):
-                console.reach(_hook(self.power_cycle))
+                console.reach(PowerHook(self.power_cycle) if self.power_cycle else None)
             session = Session(console, progress)
             try:
                 yield session
@@ -177,15 +178,3 @@ class Linux:
         if found[2] != "0":
             raise CommandFailed(f"Linux: '{command}' ended with {found[2]}: {found[1].strip()}")
         return found[1]
-
-
-def _hook(command: str | None) -> Callable[[], None] | None:
-    if command is None:
-        return None
-    return lambda: _switch(command)
-
-
-def _switch(command: str) -> None:
-    done = subprocess.run(command, shell=True, stdin=subprocess.DEVNULL, capture_output=True, text=True)
-    if done.returncode:
-        raise UnusableInput(f"--power-cycle: '{command}' ended with {done.returncode}: {done.stderr.strip()}")

@@ -293,7 +293,9 @@ class _BootCommand:
         if len(place) == 2:
             return Read(address, offset, _hex(place[1]), end)
         last = self.nand.size if end is None else end
-        return Read(address, offset, last - offset, None)  # U-Boot reads less by as many bad blocks as there are
+        return Read(
+            address, offset, last - offset, None
+        )  # U-Boot reads less by as many bad blocks as there are
 
     def _read_to(self, word: str) -> Read:
         address = _hex(word)

@@ -17,9 +17,9 @@ from nuc980.netboot.errors import (
     NoAnswer,
     NoEthernet,
     NoMac,
+    TftpTimeout,
     TransferBroken,
     TransferFailed,
-    TftpTimeout,
     WrongBytes,
 )
 from nuc980.netboot.plan import Step
