@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from netboot.double import FACTORY_ENVIRONMENT, Double, faults
-from nuc980.netboot.console import LINE_ROOM, Console
+from nuc980.netboot.console import LINE_ROOM, Console, typed
 from nuc980.netboot.environment import (
     Environment,
     differences,
@@ -206,7 +206,7 @@ typed_values = st.text(printable, min_size=1, max_size=700) | st.text(shell, min
 @given(typed_values)
 def test_each_line_fits(value: str) -> None:
     for command in SetVariable("bootcmd", value).commands():
-        assert len(f"{command}; echo @9999:$?") <= LINE_ROOM
+        assert len(typed(command, 9999)) <= LINE_ROOM
 
 
 @pytest.fixture(scope="module")

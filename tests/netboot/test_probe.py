@@ -14,7 +14,7 @@ import pytest
 
 from netboot.double import BLOCK, Double
 from netboot.flashbench import Board, at_prompt, changed_blocks, copy, switched_on
-from nuc980.netboot.console import Console
+from nuc980.netboot.console import Console, typed
 from nuc980.netboot.errors import UnusableInput
 from nuc980.netboot.probe import FACTORY, BoardReport, Nand, Port, described, probe, questions, remarks
 from nuc980.netboot.progress import Progress
@@ -48,7 +48,7 @@ def test_factorys_board() -> None:
     assert 0x3E00000 <= board.ram_end < 0x3E4EED0  # below irq_sp
     assert double.nand.journal == []
     assert double.lines[1:] == [
-        f"{question}; echo @{number}:$?" for number, question in enumerate(questions(FACTORY, flash=True), 2)
+        typed(question, number) for number, question in enumerate(questions(FACTORY, flash=True), 2)
     ]
 
 

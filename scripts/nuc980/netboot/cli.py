@@ -8,7 +8,6 @@ import os
 import re
 import signal
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from ipaddress import IPv4Address, IPv4Interface
@@ -16,7 +15,7 @@ from pathlib import Path
 from types import FrameType
 
 from nuc980.netboot import environment
-from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
+from nuc980.netboot.boot import Images
 from nuc980.netboot.environment import differences, plan_restore
 from nuc980.netboot.errors import NetbootError, UnusableInput
 from nuc980.netboot.flashing import add_flash_options, run_flash
@@ -25,7 +24,6 @@ from nuc980.netboot.probe import described
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import TFTP_PORT
 from nuc980.netboot.site import with_prefix
-from nuc980.netboot.steps import Slice
 from nuc980.netboot.transport import BAUD
 
 # What ends a run early; port and server are closed first.
@@ -310,18 +308,14 @@ def _probe(run: Run) -> None:
 
 def _boot(run: Run) -> None:
     parsed = run.parsed
-    images = Images.read(parsed.uimage, parsed.dtb)
+    Images.read(parsed.uimage, parsed.dtb)  # before a board is touched
     goal = Goal(parsed.until, parsed.timeout, min(parsed.timeout, Goal.first_seconds))
-    with run.board(flash=False) as (session, board), tempfile.TemporaryDirectory(prefix="netboot-") as folder:
-        addresses = Addresses.of(board)
-        images.check(board, addresses)
-        network, macs = run.network(board), run.site.macs(board.environment)
-        arguments = arguments_for(images.tree, board.environment, parsed.bootargs, macs)
-        served = Path(folder) / "nuc980.dtb"
-        served.write_bytes(tree_for(images.tree, arguments, macs))
-        run.note(f"The kernel's arguments: {arguments}")
-        plan = plan_boot(board, network, macs, Slice.of(parsed.uimage), Slice.of(served), goal, addresses)
-        run.carry_out(plan, session, network)
+    with run.board(flash=False) as (session, board):
+        network = run.bench.network(board)
+        planned = run.bench.planned_boot(board, network, parsed.uimage, parsed.dtb, parsed.bootargs, goal)
+        with planned as (plan, arguments):
+            run.note(f"The kernel's arguments: {arguments}")
+            run.carry_out(plan, session, network)
 
 
 def _restore(run: Run) -> None:

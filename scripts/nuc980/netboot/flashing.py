@@ -78,7 +78,7 @@ def run_flash(run: Run) -> None:
                 "--dry-run shows a new flash: how one goes on depends on what the flash holds"
             )
         with run.board(flash=True) as (session, board):
-            network = run.network(board)
+            network = run.bench.network(board)
             flash = _Flash(run, session, board, network)
             if run.dry:
                 run.show(flash.planned(files), network)

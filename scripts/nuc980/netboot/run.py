@@ -1,27 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One run of a subcommand: the board at its prompt, or without one, what would be typed there."""
+"""One run of a subcommand: on the board, or dry, on one that is assumed."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from typing import cast
 
-from nuc980.netboot.arrival import CTRL_C
+from nuc980.netboot.bench import Bench
 from nuc980.netboot.console import Console, typed
-from nuc980.netboot.environment import Environment, keep
-from nuc980.netboot.errors import LineLost, UnusableInput
 from nuc980.netboot.plan import Plan
-from nuc980.netboot.power import PowerHook
 from nuc980.netboot.probe import FACTORY, BoardReport, probe, questions
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.report import Report, board_of
-from nuc980.netboot.session import Network, Session, board_address, server_address
+from nuc980.netboot.session import Network, Session
 from nuc980.netboot.site import Site
-from nuc980.netboot.transport import Line
 
 CONFIRM = "version"  # what Console.reach() asks
+NETWORK = ("board_ip", "server_ip", "tftp_port", "ethact", "listen", "seen_as")
 
 
 class Run:
@@ -32,6 +29,14 @@ class Run:
         self.progress = Progress()
         self.report = Report(parsed.command, phases=self.progress.phases)
         self.site = Site(parsed.site)
+        self.bench = Bench(
+            parsed.port,
+            baud=parsed.baud,
+            power_cycle=parsed.power_cycle,
+            log=parsed.log,
+            site=parsed.site,
+            **{name: getattr(parsed, name) for name in NETWORK if hasattr(parsed, name)},
+        )
         self._asked = 0  # commands before the plan's
 
     @property
@@ -51,35 +56,11 @@ class Run:
         if self.dry:
             yield self._assumed(flash=flash, change=change)
             return
-        if not self.parsed.port:
-            raise UnusableInput(
-                "no --port is given", next_step="look at /dev/serial/by-id for the ports there are"
-            )
-        with Line(self.parsed.port, self.parsed.baud, self.parsed.log) as line:
-            console = Console(line, self.note)
-            hook = self.parsed.power_cycle
-            with self.progress.phase("reach U-Boot"):
-                console.reach(PowerHook(hook) if hook else None)
-            session = Session(console, self.progress)
-            try:
-                board = self.report.board = probe(console, self.progress, flash=flash)
-                if change:
-                    self._keep(board)
-                yield session, board
-            except KeyboardInterrupt:
-                if session.linux is None:
-                    with suppress(LineLost):
-                        line.write(
-                            CTRL_C
-                        )  # ends what U-Boot does at the moment, a transfer that nobody serves
-                raise
-
-    def network(self, board: BoardReport) -> Network:
-        """How the two reach each other, by the options, the site and the board's environment."""
-        parsed = self.parsed
-        own = board_address(parsed.board_ip, self.site, board.environment)
-        server = parsed.server_ip or server_address(own)
-        return Network(own, server, parsed.tftp_port, parsed.ethact, parsed.listen, parsed.seen_as)
+        with self.bench.session(self.progress) as session:
+            board = self.report.board = probe(session.console, self.progress, flash=flash)
+            if change and (kept := self.bench.keep_environment(board)):
+                self.note(f"The board's environment is kept in {kept}.")
+            yield session, board
 
     def carry_out(self, plan: Plan, session: Session, network: Network | None = None) -> None:
         """Does it, with a server for the board's files when there is a network; in a dry run shows it."""
@@ -119,9 +100,3 @@ class Run:
             self.note(f"Keep its environment in {self.site.folder}, if no file there has the same.")
         no_console = cast(Console, None)  # whoever types in a dry run has a bug
         return Session(no_console, self.progress), board
-
-    def _keep(self, board: BoardReport) -> None:
-        environment = Environment(board.environment, board.environment_room)
-        kept = keep(self.site.folder, environment, board.version, self.parsed.port)
-        if kept:
-            self.note(f"The board's environment is kept in {kept}.")
