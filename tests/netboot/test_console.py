@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 from netboot.clockwork import (
     BANNER,
+    COMMANDS,
     STREAMS,
     Board,
     Life,
@@ -102,11 +103,13 @@ class Bench:
         UBoot(running="sleep 100"),
         UBoot(running="erase 7"),
         UBoot(running="unended ==> "),
+        UBoot(prompts=lambda count: (1.5 if count in (1, 2) else 0.0, b"")),
     ],
     ids=[
         "power-up", "right line ends", "bootdelay 0", "no bootcmd", "U-Boot>", "nuc980#", "no line editor",
         "noise before the banner", "at the prompt", "at nuc980#", "half a line typed", "an if not ended",
         "in a command", "in a deaf command", "after what looks like a prompt",
+        "late prompts",
     ],
 )  # fmt: skip
 def test_prompt_is_reached(board: UBoot) -> None:
@@ -526,10 +529,13 @@ def wrong_deeds(to: Noise, back: Noise, seed: int, editing: bool = True) -> list
             wrong.append(f"{command} was not run: {answer}")
         if not repeatable and start.call_count > 1:
             wrong.append(f"{command} was entered {start.call_count} times")
-    return wrong + [f"{command!r} was run" for command in board.ran if command not in MEANT]
+    others = [command for command in board.ran if command not in MEANT]
+    # An Enter of noise within the first two letters leaves a word that U-Boot does not know.
+    return wrong + [f"{command!r} was run" for command in others if command.split()[0] in COMMANDS]
 
 
-# The same lines each time: at these rates one in some thousand has two faults in one chunk that fit together.
+# The same lines each time: one in many thousand has two faults that fit together (a key for the last line of
+# the history, and an Enter).
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(NOISES, NOISES, st.integers(0, 1 << 32))
 def test_noise_makes_no_other_command_run(to: Noise, back: Noise, seed: int) -> None:
@@ -538,8 +544,8 @@ def test_noise_makes_no_other_command_run(to: Noise, back: Noise, seed: int) -> 
 
 @pytest.mark.slow
 def test_noise_makes_no_other_command_run_in_thousands_of_sessions() -> None:
-    loud = Noise(drop=0.002, change=0.002, insert=0.002, double=0.002)
-    assert [wrong for seed in range(4000) for wrong in wrong_deeds(loud, loud, seed)] == []
+    loud = Noise(drop=0.003, change=0.003, insert=0.003, double=0.003)
+    assert [wrong for seed in range(2000) for wrong in wrong_deeds(loud, loud, seed)] == []
 
 
 @pytest.mark.slow

@@ -40,10 +40,10 @@ SETTLED_SECONDS = 0.25  # the answers to all keys are there
 
 STARTING = re.compile(rb"^U-Boot (?:SPL )?\d{4}\.\d\d|^DRAM: |to stop autoboot|autoboot in \d", re.M)
 KERNEL = re.compile(rb"Starting kernel|Uncompressing Linux|Linux version \d|^\[ *\d+\.\d{6}\] ", re.M)
-LOGIN = re.compile(rb"(?:login|Password): $")
+LOGIN = re.compile(rb"(?:login|Password): \Z")
 # A shell repeats its prompt for a Ctrl-C.
-SHELL = re.compile(rb"(?:^|\n)([^\n]*[#$] )(?:(?!<INTERRUPT>)[^\n]){0,16}\n+\1$")
-PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})$")
+SHELL = re.compile(rb"(?:^|\n)([^\n]*[#$] )(?:(?!<INTERRUPT>)[^\n]){0,16}\n+\1\Z")
+PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})\Z")
 
 NOISE_WINDOW = 48
 TEXT_LEAST = 8
