@@ -183,6 +183,26 @@ def test_error_says_what_is_there(board: Callable[[Board], Life], error: type[Ne
     assert bench.board.now < 16.0
 
 
+@pytest.mark.parametrize("board", [silent, hiss])
+def test_error_names_who_else_reads_the_port(board: Callable[[Board], Life]) -> None:
+    bench = Bench(board)
+    with (
+        mock.patch.object(bench.line, "shared_with", return_value=["minicom (42)"]),
+        pytest.raises(NetbootError) as raised,
+    ):
+        bench.console.reach(patience=5.0)
+    assert "the port is open in minicom (42) too" in raised.value.cause
+
+
+def test_garbage_from_a_serial_server_is_the_servers_speed() -> None:
+    bench = Bench(hiss)
+    bench.line.has_speed = False
+    with pytest.raises(Garbage) as raised:
+        bench.console.reach(patience=5.0)
+    assert "serial server" in raised.value.next_step
+    assert bench.line.baud == 115200
+
+
 @pytest.mark.parametrize("board", [login, shell, kernel])
 def test_linux_gets_few_keys_and_no_enter(board: Callable[[Board], Life]) -> None:
     bench = Bench(board)
@@ -558,20 +578,27 @@ def careless_typed(command: str, number: int) -> str:
     return f"{command}; echo @{number}:ok;"
 
 
-FLAWS: dict[str, list[tuple[object, str, object]]] = {
-    "no look at echo and line": [(Console, "_type", lambda self, line: self.line.write(line))],
-    "an echo only": [(Console, "_read_back", lambda self, line: True)],
-    "no if": [(console, "typed", careless_typed), (console, "IF", b"")],
+LOUD = Noise(drop=0.02, change=0.02, insert=0.02, double=0.02)
+FLAWS: dict[str, tuple[Noise, Noise, list[tuple[object, str, object]]]] = {
+    "no look at echo and line": (LOUD, LOUD, [(Console, "_type", lambda self, line: self.line.write(line))]),
+    "an echo only": (
+        Noise(insert=0.02),
+        Noise(drop=0.02),
+        [(Console, "_read_back", lambda self, line: True)],
+    ),
+    "no if": (LOUD, LOUD, [(console, "typed", careless_typed), (console, "IF", b"")]),
 }
 
 
-@pytest.mark.parametrize("flaws", FLAWS.values(), ids=FLAWS)
-def test_noise_would_find_a_careless_console(flaws: list[tuple[object, str, object]]) -> None:
-    loud = Noise(drop=0.02, change=0.02, insert=0.02, double=0.02)
+@pytest.mark.slow
+@pytest.mark.parametrize(("to", "back", "flaws"), FLAWS.values(), ids=FLAWS)
+def test_noise_would_find_a_careless_console(
+    to: Noise, back: Noise, flaws: list[tuple[object, str, object]]
+) -> None:
     with ExitStack() as patches:
         for place, name, flaw in flaws:
             patches.enter_context(mock.patch.object(place, name, flaw))
-        assert any(wrong_deeds(loud, loud, seed) for seed in range(1000))
+        assert any("was run" in wrong for seed in range(400) for wrong in wrong_deeds(to, back, seed))
 
 
 # ---- real ones

@@ -97,7 +97,7 @@ class Console:
                 if not power_cycle or attempt == TRIES - 1:
                     raise
                 self.say(f"{error.what} Once more.")
-        self.prompt = arrival.prompt
+        self.prompt, self._tail = arrival.prompt, b""
         self._confirm()
         return said
 
