@@ -171,7 +171,7 @@ class WatchLinux(Step):
     phase: ClassVar[str] = "Linux"
 
     def title(self) -> str:
-        return f"Watch Linux come up, until {self.goal.pattern!r}."
+        return f"Watch Linux come up, until a line has '{self.goal.pattern}'."
 
     def commands(self) -> tuple[str, ...]:
         return ()

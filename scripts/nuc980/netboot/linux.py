@@ -151,7 +151,7 @@ class LinuxWatch:
         return BootmFailed(f"U-Boot did not start the kernel:\n{said}", cause=next(causes, ""))
 
     def _silence(self, goal: Goal) -> LinuxSilent | RootMissing:
-        what = f"No line with {goal.pattern!r} within {goal.seconds:g} s; the last one: {self._last_words()}"
+        what = f"No line with '{goal.pattern}' within {goal.seconds:g} s; the last one: {self._last_words()}"
         return RootMissing(what) if NO_ROOT.search(self._last_words()) else LinuxSilent(what)
 
     def _last_words(self) -> str:
