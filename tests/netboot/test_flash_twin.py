@@ -80,9 +80,9 @@ class Bench:
 
 
 @pytest.fixture(scope="session")
-def images(tmp_path_factory: pytest.TempPathFactory, uboot: Path) -> Path:
+def images(tmp_path_factory: pytest.TempPathFactory, uboot: Path, payload: Path) -> Path:
     folder = tmp_path_factory.mktemp("images")
-    (folder / "uImage").write_bytes(uimage(3_000_001, 1))
+    (folder / "uImage").write_bytes(uimage(3_000_001, 1, (payload / "uImage").read_bytes()[64:]))
     (folder / "dtb").write_bytes(device_tree(uboot))
     ubi_image(folder, "root", 1)
     return folder

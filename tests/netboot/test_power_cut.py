@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Power cuts while the flash is written: U-Boot always starts, nothing else changes, and the way goes on or back.
+"""Power cuts while the flash is written: U-Boot starts, nothing else has changed, the way goes on or back.
 
-A cut is a reset of the machine, or QEMU killed and started again on the same flash. What QEMU does with one page or one
-block is whole or not at all, so a page of the block in work is torn by hand.
+A cut is a reset of the machine, or QEMU killed and started again on the same flash. What QEMU does with one
+page or one block is whole or not at all, so a page of the block in work is torn by hand.
 """
 
 import random
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -105,7 +105,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def flashed(tmp_path_factory: pytest.TempPathFactory, qemu: Path, uboot: Path) -> Path:
-    """A flash with something everywhere near, its environment saved, its bad blocks known; and what to write."""
+    """A flash with something in and around the slots, an environment, bad blocks; and what to write."""
     folder = tmp_path_factory.mktemp("flashed")
     nand = NandImage.blank(folder / "nand")
     for block in BAD:
@@ -124,7 +124,7 @@ def flashed(tmp_path_factory: pytest.TempPathFactory, qemu: Path, uboot: Path) -
 
 
 @pytest.fixture
-def bench(tmp_path: Path, flashed: Path, qemu: Path, uboot: Path):
+def bench(tmp_path: Path, flashed: Path, qemu: Path, uboot: Path) -> Iterator[Bench]:
     for name in SLOTS:
         (tmp_path / name).symlink_to(flashed / name)
     with ExitStack() as stack:

@@ -61,7 +61,7 @@ def _parser() -> argparse.ArgumentParser:
     add_flash_options(command)
     _add_line(command)
     _add_network(command)
-    command.set_defaults(run=lambda parsed: run_flash(parsed, _session, _network(parsed)))
+    command.set_defaults(run=lambda parsed: run_flash(parsed, _session, _network))
     return parser
 
 

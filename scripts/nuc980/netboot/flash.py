@@ -12,12 +12,13 @@ import struct
 import time
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any, ClassVar
 
+from nuc980.netboot import layout
 from nuc980.netboot.backup import (
     BySerial,
     ByTftp,
@@ -29,13 +30,14 @@ from nuc980.netboot.backup import (
     reads_well,
 )
 from nuc980.netboot.errors import (
+    BoardReset,
     DoesNotFit,
     FlashFailed,
     FlashNotPossible,
     JournalUnusable,
     LineUnsafe,
+    UnusableImage,
     WrongBytes,
-    WrongImage,
 )
 from nuc980.netboot.journal import NEW, OLD, Event, Journal
 from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, Slot
@@ -43,12 +45,18 @@ from nuc980.netboot.plan import SetVariable, Step
 from nuc980.netboot.probe import BoardReport, Nand, probe_nand
 from nuc980.netboot.session import Session
 from nuc980.netboot.steps import PATIENCE, Load, Slice
+from nuc980.netboot.uimage import UImage, check_place, read_tree, read_uimage
 
 CHUNK = 8 << 20  # loaded, backed up and read back at once, bytes
 NEEDED = ("nand", "crc32", "mw", "tftpboot")
 ORDER = (UBI, DEVICE_TREE, KERNEL, LOADER)
 ERASED = 0xFF
 POISON = 0x0DEFACED
+
+# A variable of U-Boot's. A board that was reset meanwhile has lost it, as what was loaded into its RAM: there
+# `printenv` fails, and what comes after `&&` is not done.
+IN_WORK = "flashing"
+GUARD = f"printenv {IN_WORK} && "
 
 # What stays free of ours: in front, vectors and boot parameters; below U-Boot, its stack.
 RAM_FRONT, RAM_BACK = 0x100000, 0x100000
@@ -93,53 +101,40 @@ class Image:
         return own.ljust(size, bytes([ERASED]))
 
 
-def check_image(name: str, path: Path, nand: Nand) -> None:
-    """That a file is what it is to be written as. Raises WrongImage."""
-    _CHECKS[name](path, path.read_bytes(), nand)
-
-
-def _check_kernel(path: Path, content: bytes, nand: Nand) -> None:
-    if len(content) < 64 or content[:4] != b"\x27\x05\x19\x56":
-        raise WrongImage(f"{path} is no uImage: it does not begin with 27051956.")
-    header_crc, size, data_crc = struct.unpack_from(">4xI4xI8xI", content)
-    if zlib.crc32(content[:4] + bytes(4) + content[8:64]) != header_crc:
-        raise WrongImage(f"{path}: the header does not match its CRC.")
-    if len(content) != 64 + size or zlib.crc32(content[64:]) != data_crc:
-        raise WrongImage(f"{path}: what follows the header does not match its size or CRC.")
-
-
-def _check_device_tree(path: Path, content: bytes, nand: Nand) -> None:
-    magic, size = struct.unpack_from(">II", content.ljust(8, b"\0"))
-    if magic != 0xD00DFEED or size != len(content):
-        raise WrongImage(f"{path} is no compiled device tree of its own {len(content)} bytes.")
+def check_image(image: Image, nand: Nand) -> None:
+    """That a file is what it is to be written as, and fits. Raises UnusableImage, DoesNotFit."""
+    match image.name:
+        case layout.KERNEL:
+            kernel = read_uimage(image.path)
+            if image.slot.address is not None:
+                check_place(image.path, kernel, image.slot.address + UImage.LAYOUT.size)
+        case layout.DEVICE_TREE:
+            read_tree(image.path)
+        case layout.UBI:
+            _check_ubi(image.path, image.path.read_bytes(), nand)
+        case layout.LOADER:
+            _check_loader(image.path, image.path.read_bytes())
+    image.slot.check_fits(image.size, nand)
 
 
 def _check_ubi(path: Path, content: bytes, nand: Nand) -> None:
     """The header that begins each block: Linux's drivers/mtd/ubi/ubi-media.h, struct ubi_ec_hdr."""
     if not content or len(content) % nand.block:
-        raise WrongImage(f"{path} has {len(content)} bytes, not a whole number of blocks of {nand.block}.")
+        raise UnusableImage(f"{path} has {len(content)} bytes, not a whole number of blocks of {nand.block}.")
     for at in range(0, len(content), nand.block):
         header = content[at : at + 64]
         magic, version, vid, data, crc = struct.unpack(">4sB11xII36xI", header)
         if magic != b"UBI#" or version != 1 or zlib.crc32(header[:60]) ^ 0xFFFFFFFF != crc:
-            raise WrongImage(
+            raise UnusableImage(
                 f"{path} is no UBI image with blocks of {nand.block}: no good header at {at:#x}."
             )
         if (vid, data) != (nand.page, 2 * nand.page):
-            raise WrongImage(f"{path} was made for another page size: headers at {vid}, data at {data}.")
+            raise UnusableImage(f"{path} was made for another page size: headers at {vid}, data at {data}.")
 
 
-def _check_loader(path: Path, content: bytes, nand: Nand) -> None:
+def _check_loader(path: Path, content: bytes) -> None:
     if len(content) < 32 or content[3] != 0xEA:
-        raise WrongImage(f"{path} does not begin as U-Boot for ARM does, with a branch.")
-
-
-_CHECKS: dict[str, Callable[[Path, bytes, Nand], None]] = {
-    KERNEL: _check_kernel,
-    DEVICE_TREE: _check_device_tree,
-    UBI: _check_ubi,
-    LOADER: _check_loader,
-}
+        raise UnusableImage(f"{path} does not begin as U-Boot for ARM does, with a branch.")
 
 
 def check_board(board: BoardReport, way: Way | None) -> Nand:
@@ -286,10 +281,10 @@ class WriteBlock(FlashStep):
         return f"Erase the block at {self.offset:#x} ({self.image}), {done}."
 
     def commands(self) -> tuple[str, ...]:
-        erase = f"nand erase {self.offset:#x} {self.block:#x}"
+        erase = f"{GUARD}nand erase {self.offset:#x} {self.block:#x}"
         if not self.size:
             return (erase,)
-        return erase, f"nand write {self.address:#x} {self.offset:#x} {self.size:#x}"
+        return erase, f"{GUARD}nand write {self.address:#x} {self.offset:#x} {self.size:#x}"
 
     def record(self) -> Event:
         return {"image": self.image, "offset": self.offset, "erases": True}
@@ -318,6 +313,8 @@ class WriteBlock(FlashStep):
                 self._fail(answer.output)
 
     def _fail(self, said: str) -> None:
+        if f"{IN_WORK}=yes" not in said:
+            raise BoardReset("The board started anew: what was loaded into its RAM is lost.")
         raise BlockFailed(self.image, self.index, self.offset, said.strip()[-300:] or "without a word")
 
 
@@ -401,10 +398,6 @@ class Work:
     nand: Nand
     ram: Ram
     content: str = NEW  # OLD: the images are backups
-
-    def retired(self, nand: Nand) -> Work:
-        """The same with the bad blocks of now."""
-        return replace(self, nand=nand)
 
 
 def plan_backups(work: Work, folder: Path, way: Way) -> tuple[Step, ...]:
@@ -653,7 +646,7 @@ class Flasher:
         if nand is None or failed.offset not in nand.bad:
             raise FlashFailed(f"{failed.what}, and cannot be marked as bad.")
         self.session.progress.note(f"  The block at {failed.offset:#x} is bad now, and left out.")
-        self.work = self.work.retired(nand)
+        self.work = replace(self.work, nand=replace(self.work.nand, bad=nand.bad))
         try:
             image.slot.check_fits(image.size, nand)
         except DoesNotFit as error:
@@ -723,6 +716,7 @@ def header_of(work: Work, board: BoardReport, no_backup: str | None) -> Event:
                     "end": image.slot.end,
                     "room": image.slot.room,
                     "limit": image.slot.limit,
+                    "address": image.slot.address,
                 },
                 "path": str(image.path.resolve()),
                 "size": image.size,
@@ -777,7 +771,7 @@ def _image_of(entry: Event, path: Path) -> Image:
 def _slot_of(entry: Event) -> Slot:
     slot = entry["slot"]
     limit = tuple(slot["limit"]) if slot["limit"] else None
-    return Slot(entry["image"], slot["offset"], slot["end"], slot["room"], limit)
+    return Slot(entry["image"], slot["offset"], slot["end"], slot["room"], limit, slot["address"])
 
 
 def check_same_board(journal: Journal, nand: Nand) -> None:
@@ -825,9 +819,10 @@ def not_backed_up(session: Session, journal: Journal, work: Work) -> tuple[Image
     return tuple(images)
 
 
-def quiet_off(board: BoardReport) -> tuple[Step, ...]:
-    """`quiet` would hide what `nand erase` says of bad blocks."""
-    return (SetVariable("quiet", ""),) if board.environment.get("quiet") else ()
+def plan_session(board: BoardReport) -> tuple[Step, ...]:
+    """Variables: `quiet` would hide what `nand erase` says; IN_WORK tells whether the board was reset."""
+    quiet = (SetVariable("quiet", ""),) if board.environment.get("quiet") else ()
+    return (*quiet, SetVariable(IN_WORK, "yes"))
 
 
 def choose_way(board: BoardReport, wanted: str | None, nand: Nand) -> Way:

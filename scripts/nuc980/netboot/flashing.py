@@ -27,8 +27,8 @@ from nuc980.netboot.flash import (
     plan_backups,
     plan_flash,
     plan_ram,
+    plan_session,
     prepare,
-    quiet_off,
     still_to_do,
 )
 from nuc980.netboot.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
@@ -42,6 +42,7 @@ PLACES = {KERNEL: "kernel", DEVICE_TREE: "dtb", UBI: "ubi"}  # options
 NEWEST = Path()  # --resume without a folder
 
 Start = Callable[[argparse.Namespace], AbstractContextManager[Session]]
+NetworkOf = Callable[[argparse.Namespace, BoardReport], Network]
 
 
 def add_flash_options(command: argparse.ArgumentParser) -> None:
@@ -75,7 +76,7 @@ def add_flash_options(command: argparse.ArgumentParser) -> None:
     )
 
 
-def run_flash(parsed: argparse.Namespace, start: Start, network: Network) -> int:
+def run_flash(parsed: argparse.Namespace, start: Start, network_of: NetworkOf) -> int:
     """Returns the exit code. Raises NetbootError."""
     files = _files(parsed)
     site = Site(parsed.site)
@@ -83,8 +84,9 @@ def run_flash(parsed: argparse.Namespace, start: Start, network: Network) -> int
         journal = _journal(parsed, site.folder)
         with start(parsed) as session:
             board = probe(session.console, session.progress, flash=True)
+            network = network_of(parsed, board)
             flash = _Flash(parsed, session, board, network, site)
-            with network.service() as session.files:
+            with session.serving(network):
                 if journal is None:
                     flash.begin(files)
                 else:
@@ -147,7 +149,8 @@ class _Flash:
         if parsed.no_backup is None:
             self.way = choose_way(board, parsed.backup_by, self.nand)
             check_board(board, self.way)
-        self.setup: tuple[Step, ...] = (*quiet_off(board), *plan_network(board, network, site.macs()))
+        macs = site.macs(board.environment)
+        self.setup: tuple[Step, ...] = (*plan_session(board), *plan_network(board, network, macs))
 
     def begin(self, files: dict[str, Path]) -> None:
         images = in_order(self._images(files))
@@ -189,8 +192,7 @@ class _Flash:
                 self.session.progress.note(note)
         images = [Image.of(slots[name], path) for name, path in files.items()]
         for image in images:
-            check_image(image.name, image.path, self.nand)
-            image.slot.check_fits(image.size, self.nand)
+            check_image(image, self.nand)
         return images
 
     def _run(
