@@ -12,16 +12,12 @@ import pytest
 from flashbench import device_tree, noise, ubi_image, uimage
 
 from nuc980.netboot.backup import BySerial, ByTftp
+from nuc980.netboot.blocks import BlockFailed, ReadBack, WriteBlock
 from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import BoardReset, DoesNotFit, FlashNotPossible, LineUnsafe, UnusableImage
 from nuc980.netboot.flash import (
-    BlockFailed,
-    Image,
-    ReadBack,
     Work,
-    WriteBlock,
     check_board,
-    check_image,
     choose_way,
     in_order,
     plan_backups,
@@ -29,6 +25,8 @@ from nuc980.netboot.flash import (
     plan_ram,
     warning,
 )
+from nuc980.netboot.flasher import without_free_blocks
+from nuc980.netboot.images import Image, check_image
 from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, Slot
 from nuc980.netboot.probe import BoardReport, Nand
 
@@ -175,6 +173,23 @@ def test_warning_names_the_way_out(work: Callable[..., Work]) -> None:
     assert re.search(r"about \d+ s", text)
     for words in ("cannot boot", "nuc980-netboot boot", "--resume", "--roll-back"):
         assert words in text
+
+
+def test_ubi_of_all_blocks_is_restored_when_one_has_died(tmp_path: Path) -> None:
+    """What has its erase counter only is free; what holds data, and the order, stay."""
+    counter = b"UBI#" + noise(60, 1) + bytes(2048 - 64)
+    used, free = counter + NOISE[2048:], counter + b"\xff" * (BLOCK - 2048)
+    path = tmp_path / "ubi.backup"
+    path.write_bytes(used + free + used[::-1] + free + used)
+    slot = Slot(UBI, 0x1600000, 0x1600000 + 5 * BLOCK, 5 * BLOCK)
+
+    def left(*bad: int) -> bytes:
+        return without_free_blocks(path, slot, Nand(0x8000000, BLOCK, 2048, bad)).read_bytes()
+
+    assert left() == path.read_bytes()
+    assert left(0x1600000) == used + free + used[::-1] + used
+    assert left(0x1600000, 0x1620000) == used + used[::-1] + used
+    assert left(0x1600000, 0x1620000, 0x1640000) == used + used[::-1] + used  # and does not fit
 
 
 # ---- what is refused
