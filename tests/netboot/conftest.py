@@ -6,8 +6,11 @@ import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import libfdt
 import pytest
 from emulated import Emulated
+
+from netboot.flashbench import uimage
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -63,3 +66,48 @@ def udp_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
         server.bind(("127.0.0.1", 0))
         return server.getsockname()[1]
+
+
+@pytest.fixture
+def wrapped(tmp_path: Path) -> Callable[..., Path]:
+    """Makes uImages of any bytes, by mkimage: like the board's kernel but for what is said otherwise."""
+
+    def make(body: bytes, **otherwise: str) -> Path:
+        kind = {
+            "A": "arm",
+            "O": "linux",
+            "T": "kernel",
+            "C": "none",
+            "a": "0x8000",
+            "e": "0x8000",
+            "n": "Linux",
+        }
+        options = [word for name, value in {**kind, **otherwise}.items() for word in (f"-{name}", value)]
+        (tmp_path / "body").write_bytes(body)
+        file = tmp_path / "wrapped"
+        subprocess.run(["mkimage", *options, "-d", tmp_path / "body", file], check=True, capture_output=True)
+        return file
+
+    return make
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> list[str]:
+    """A kernel and a device tree for a double."""
+    kernel, tree = tmp_path / "uImage", tmp_path / "board.dtb"
+    kernel.write_bytes(uimage(200_000, seed=1))
+    own = libfdt.Fdt.create_empty_tree(4096)
+    own.setprop_str(0, "compatible", "nuvoton,nuc980")
+    own.setprop_str(own.add_subnode(0, "chosen"), "bootargs", "console=ttyS0,115200n8 mem=64M")
+    own.pack()
+    tree.write_bytes(own.as_bytearray())
+    return [str(kernel), str(tree)]
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    (folder / "macs").write_text("eth0 02:00:00:00:00:01\neth1 02:00:00:00:00:02\n")
+    (folder / "board-ip").write_text("192.168.1.20/24\n")
+    return folder

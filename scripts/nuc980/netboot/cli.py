@@ -1,76 +1,230 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line of nuc980-netboot. Exit codes: 0 done, 1 failed, 2 unusable input."""
+"""The command line of nuc980-netboot. Exit codes: 0 done, 1 failed, 2 unusable input, 128 + n: signal n."""
 
 from __future__ import annotations
 
 import argparse
+import os
 import re
-import shlex
-import subprocess
+import signal
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
+from types import FrameType
 
-from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
-from nuc980.netboot.console import Console
+from nuc980.netboot import environment
+from nuc980.netboot.boot import Images
+from nuc980.netboot.environment import differences, plan_restore
 from nuc980.netboot.errors import NetbootError, UnusableInput
 from nuc980.netboot.flashing import add_flash_options, run_flash
 from nuc980.netboot.linux import Goal
-from nuc980.netboot.probe import BoardReport, probe
-from nuc980.netboot.progress import Progress
-from nuc980.netboot.session import TFTP_PORT, Network, Session, board_address, server_address
-from nuc980.netboot.site import Site, with_prefix
-from nuc980.netboot.steps import Slice
-from nuc980.netboot.transport import BAUD, Line
+from nuc980.netboot.probe import described
+from nuc980.netboot.run import Run
+from nuc980.netboot.session import TFTP_PORT
+from nuc980.netboot.site import with_prefix
+from nuc980.netboot.transport import BAUD
 
-INTERRUPTED = 130
+# What ends a run early; port and server are closed first.
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# An OSError that is about what the user named.
+UNUSABLE = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError)
+
+EXAMPLES = {
+    None: """\
+examples:
+  nuc980-netboot probe --port /dev/ttyUSB0
+  nuc980-netboot boot --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+  nuc980-netboot boot --dry-run --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+
+exit codes: 0 done, 1 failed, 2 unusable input, 130 Ctrl-C. docs/netboot.md: the first boot of a board.""",
+    "probe": """\
+examples:
+  nuc980-netboot probe --port /dev/ttyUSB0
+  nuc980-netboot probe --port rfc2217://bench:4000 --json board.json --no-flash
+
+It sets nothing. A U-Boot that keeps bad-block tables in the flash, as this tree's does, writes them at its
+first access if there are none; --no-flash leaves the flash out.""",
+    "boot": """\
+examples:
+  nuc980-netboot boot --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+  nuc980-netboot boot --port /dev/ttyUSB0 --power-cycle 'uhubctl -a cycle -p 2' --junit boot.xml \\
+    --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+  nuc980-netboot boot --dry-run --as board.json --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+
+The flash is not touched: after the next power-up the board is as before.""",
+    "flash": """\
+examples:
+  nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 \\
+    --kernel uImage --dtb nuc980-gateway.dtb --ubi rootfs.ubi
+  nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --resume
+  nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --roll-back
+
+What is there is kept in the site's folder before anything is erased.""",
+    "restore-env": """\
+examples:
+  nuc980-netboot restore-env --port /dev/ttyUSB0 site/environment.txt
+  nuc980-netboot restore-env --port /dev/ttyUSB0 --save site/environment.txt
+
+Without --save it is in the RAM only, until the next reset.""",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one subcommand; returns the exit code."""
     parsed = _parser().parse_args(arguments)
+    run = Run(parsed)
+    code = 0
     try:
-        return parsed.run(parsed)
-    except NetbootError as error:
-        print(f"nuc980-netboot: {error}", file=sys.stderr)
-        return error.exit_code
-    except OSError as error:
-        print(f"nuc980-netboot: {error.filename}: {error.strerror}", file=sys.stderr)
-        return UnusableInput.exit_code
-    except KeyboardInterrupt:
-        print("nuc980-netboot: interrupted; port and server are closed", file=sys.stderr)
-        return INTERRUPTED
+        with _ended_by_signals():
+            _check(parsed)
+            parsed.act(run)
+            if not run.dry:
+                run.note(run.report.times())
+    except (NetbootError, OSError, KeyboardInterrupt) as error:
+        code = _tell(error)
+        run.report.failed, run.report.error = run.progress.failed, error
+    if not run.dry:
+        try:
+            run.report.write(parsed.junit, parsed.json)
+        except OSError as error:
+            code = code or _tell(error)
+    return code
+
+
+def _tell(error: BaseException) -> int:
+    """Says what happened; returns the exit code."""
+    match error:
+        case NetbootError():
+            said, code = str(error), error.exit_code
+        case _Ended():
+            said, code = f"{error}; port and server are closed", error.exit_code
+        case BrokenPipeError():  # nobody reads on, as behind `| head`
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return NetbootError.exit_code
+        case OSError(filename=str() | Path()):
+            said = f"{error.filename}: {error.strerror}"
+            code = (UnusableInput if isinstance(error, UNUSABLE) else NetbootError).exit_code
+        case _:
+            said, code = str(error), NetbootError.exit_code
+    print(f"nuc980-netboot: {said}", file=sys.stderr)
+    return code
+
+
+class _Ended(KeyboardInterrupt):
+    """A signal; leaves all `with` on its way."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(
+            "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+        )
+        self.exit_code = 128 + number
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """The first one raises; the others wait until everything is closed. What was ignored stays so (nohup)."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        for each in before:
+            signal.signal(each, signal.SIG_IGN)
+        raise _Ended(number)
+
+    before = {each: signal.getsignal(each) for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN}
+    for each in before:
+        signal.signal(each, end)
+    try:
+        yield
+    finally:
+        for each, action in before.items():
+            signal.signal(each, action)
+
+
+def _check(parsed: argparse.Namespace) -> None:
+    """What argparse cannot see. Raises UnusableInput."""
+    if parsed.board_as and not parsed.dry_run:
+        raise UnusableInput("--as is for --dry-run", next_step="without --dry-run the board is asked itself")
+    for path in (parsed.junit, parsed.json):
+        if path and not path.parent.is_dir():
+            raise UnusableInput(f"{path}: there is no folder {path.parent}")
+
+
+# ---- the options
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="nuc980-netboot", description="Boot and flash a NUC980 board over its debug UART and Ethernet."
+        prog="nuc980-netboot",
+        description="Boot and flash a NUC980 board over its debug UART and Ethernet.",
+        epilog=EXAMPLES[None],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    command = commands.add_parser("boot", help="load kernel and device tree by TFTP and start them")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def add(name: str, act: Callable[[Run], None], does: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(
+            name,
+            help=does,
+            description=f"{does[0].upper()}{does[1:]}.",
+            epilog=EXAMPLES[name],
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.set_defaults(act=act)
+        return command
+
+    command = add("probe", _probe, "say what a board is: U-Boot, RAM, flash, network, with remarks")
+    command.add_argument("--no-flash", action="store_true", help="leave the flash out")
+    _add_common(command)
+
+    command = add("boot", _boot, "load kernel and device tree by TFTP and start them")
     command.add_argument("uimage", type=Path, help="the kernel, a uImage")
     command.add_argument("dtb", type=Path, help="the device tree, compiled")
-    _add_line(command)
-    _add_network(command)
     _add_linux(command)
-    command.set_defaults(run=_boot)
-    command = commands.add_parser("flash", help="write kernel, device tree or UBI image into the flash")
-    add_flash_options(command)
-    _add_line(command)
     _add_network(command)
-    command.set_defaults(run=lambda parsed: run_flash(parsed, _session, _network))
+    _add_common(command)
+
+    command = add("flash", run_flash, "write kernel, device tree or UBI image into the flash")
+    add_flash_options(command)
+    _add_network(command)
+    _add_common(command)
+
+    command = add("restore-env", _restore, "put a saved environment back")
+    command.add_argument("file", type=Path, help="as printenv shows it; site/environment.txt")
+    command.add_argument("--save", action="store_true", help="then write it to the flash (saveenv)")
+    _add_common(command)
     return parser
 
 
-def _add_line(command: argparse.ArgumentParser) -> None:
+def _add_common(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("serial line")
-    group.add_argument("--port", required=True, help="/dev/ttyUSB0, socket://HOST:PORT, rfc2217://HOST:PORT")
+    group.add_argument("--port", help="/dev/ttyUSB0, socket://HOST:PORT, rfc2217://HOST:PORT")
     group.add_argument("--baud", type=int, default=BAUD, help="bit/s (default: %(default)s)")
-    group.add_argument("--power-cycle", metavar="COMMAND", help="switches the board off and on")
+    group.add_argument(
+        "--power-cycle", metavar="COMMAND", help="switches the board off and on (default: somebody does)"
+    )
     group.add_argument("--log", type=Path, metavar="FILE", help="keep every byte of the line, with its time")
+    group = command.add_argument_group("files")
+    group.add_argument(
+        "--site",
+        type=Path,
+        default=Path("site"),
+        metavar="FOLDER",
+        help="the board's own files (default: %(default)s)",
+    )
+    group.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit report, a case per phase")
+    group.add_argument("--json", type=Path, metavar="FILE", help="write what was found and done")
+    group = command.add_argument_group("without a board")
+    group.add_argument(
+        "--dry-run", action="store_true", help="show what would be typed and done; no port is opened"
+    )
+    group.add_argument(
+        "--as",
+        dest="board_as",
+        type=Path,
+        metavar="FILE",
+        help="on the board of which probe --json wrote this (default: one as from the factory)",
+    )
 
 
 def _add_network(command: argparse.ArgumentParser) -> None:
@@ -104,13 +258,6 @@ def _add_network(command: argparse.ArgumentParser) -> None:
         type=IPv4Address,
         metavar="ADDRESS",
         help="behind a NAT: the board, as the server sees it",
-    )
-    group.add_argument(
-        "--site",
-        type=Path,
-        default=Path("site"),
-        metavar="FOLDER",
-        help="the board's own files (default: %(default)s)",
     )
 
 
@@ -150,49 +297,30 @@ def _pattern(text: str) -> str:
     return text
 
 
-@contextmanager
-def _session(parsed: argparse.Namespace) -> Iterator[Session]:
-    progress = Progress()
-    with Line(parsed.port, parsed.baud, parsed.log) as line:
-        console = Console(line, progress.note)
-        with progress.phase("reach U-Boot"):
-            console.reach(_power_hook(parsed.power_cycle))
-        yield Session(console, progress)
+# ---- the subcommands
 
 
-def _power_hook(command: str | None) -> Callable[[], None] | None:
-    if command is None:
-        return None
-    return lambda: _run_hook(command)
+def _probe(run: Run) -> None:
+    with run.board(flash=not run.parsed.no_flash, change=False) as (_, board):
+        if not run.dry:
+            run.note(described(board))
 
 
-def _run_hook(command: str) -> None:
-    done = subprocess.run(shlex.split(command), capture_output=True, text=True)
-    if done.returncode:
-        raise UnusableInput(f"--power-cycle: '{command}' ended with {done.returncode}: {done.stderr.strip()}")
-
-
-def _network(parsed: argparse.Namespace, board: BoardReport) -> Network:
-    own = board_address(parsed.board_ip, Site(parsed.site), board.environment)
-    server = parsed.server_ip or server_address(own)
-    return Network(own, server, parsed.tftp_port, parsed.ethact, parsed.listen, parsed.seen_as)
-
-
-def _boot(parsed: argparse.Namespace) -> int:
-    images = Images.read(parsed.uimage, parsed.dtb)
+def _boot(run: Run) -> None:
+    parsed = run.parsed
+    Images.read(parsed.uimage, parsed.dtb)  # before a board is touched
     goal = Goal(parsed.until, parsed.timeout, min(parsed.timeout, Goal.first_seconds))
-    with _session(parsed) as session, tempfile.TemporaryDirectory(prefix="netboot-") as folder:
-        board = probe(session.console, session.progress, flash=False)
-        addresses = Addresses.of(board)
-        images.check(board, addresses)
-        network, macs = _network(parsed, board), Site(parsed.site).macs(board.environment)
-        arguments = arguments_for(images.tree, board.environment, parsed.bootargs, macs)
-        served = Path(folder) / "nuc980.dtb"
-        served.write_bytes(tree_for(images.tree, arguments, macs))
-        session.progress.note(f"The kernel's arguments: {arguments}")
-        plan = plan_boot(board, network, macs, Slice.of(parsed.uimage), Slice.of(served), goal, addresses)
-        with session.serving(network):
-            plan.run(session)
-    for name, seconds in session.progress.phases.items():
-        print(f"{seconds:8.2f} s  {name}")
-    return 0
+    with run.board(flash=False) as (session, board):
+        network = run.bench.network(board)
+        planned = run.bench.planned_boot(board, network, parsed.uimage, parsed.dtb, parsed.bootargs, goal)
+        with planned as (plan, arguments):
+            run.note(f"The kernel's arguments: {arguments}")
+            run.carry_out(plan, session, network)
+
+
+def _restore(run: Run) -> None:
+    wanted = environment.load(run.parsed.file).variables
+    with run.board(flash=False) as (session, board):
+        found = list(differences(board.environment, wanted))
+        run.note("\n".join(map(str, found)) or "Nothing differs.")
+        run.carry_out(plan_restore(board.environment, wanted, save=run.parsed.save), session)

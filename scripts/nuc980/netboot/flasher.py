@@ -195,8 +195,8 @@ def backups_of(journal: Journal, nand: Nand) -> tuple[Image, ...]:
 def without_free_blocks(path: Path, slot: Slot, nand: Nand) -> Path:
     """The same UBI for the good blocks that there are now.
 
-    UBI uses every block of its partition, so after one has died its backup is too long. A block with nothing but
-    its erase counter (the first page) is free, and UBI does not miss it.
+    UBI uses every block of its partition, so after one has died its backup is too long. A block with nothing
+    but its erase counter (the first page) is free, and UBI does not miss it.
     """
     content = path.read_bytes()
     blocks = [content[at : at + nand.block] for at in range(0, len(content), nand.block)]

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 from nuc980.netboot.boot import plan_network
@@ -35,15 +33,12 @@ from nuc980.netboot.images import Image, check_image
 from nuc980.netboot.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
 from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
 from nuc980.netboot.plan import Plan, Step
-from nuc980.netboot.probe import BoardReport, probe
+from nuc980.netboot.probe import BoardReport
+from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
-from nuc980.netboot.site import Site
 
 PLACES = {KERNEL: "kernel", DEVICE_TREE: "dtb", UBI: "ubi"}  # options
 NEWEST = Path()  # --resume without a folder
-
-Start = Callable[[argparse.Namespace], AbstractContextManager[Session]]
-NetworkOf = Callable[[argparse.Namespace, BoardReport], Network]
 
 
 def add_flash_options(command: argparse.ArgumentParser) -> None:
@@ -72,27 +67,28 @@ def add_flash_options(command: argparse.ArgumentParser) -> None:
         ("--roll-back", "write back what was there before"),
     ):
         group.add_argument(option, type=Path, nargs="?", const=NEWEST, metavar="FOLDER", help=does)
-    group.add_argument(
-        "--dry-run", action="store_true", help="show what would be typed; only probe the board"
-    )
 
 
-def run_flash(parsed: argparse.Namespace, start: Start, network_of: NetworkOf) -> int:
-    """Returns the exit code. Raises NetbootError."""
-    files = _files(parsed)
-    site = Site(parsed.site)
-    with only_one(site.folder):
-        journal = _journal(parsed, site.folder)
-        with start(parsed) as session:
-            board = probe(session.console, session.progress, flash=True)
-            network = network_of(parsed, board)
-            flash = _Flash(parsed, session, board, network, site)
+def run_flash(run: Run) -> None:
+    """Raises NetbootError."""
+    files = _files(run.parsed)
+    with only_one(run.site.folder):
+        journal = _journal(run.parsed, run.site.folder)
+        if run.dry and journal:
+            raise UnusableInput(
+                "--dry-run shows a new flash: how one goes on depends on what the flash holds"
+            )
+        with run.board(flash=True) as (session, board):
+            network = run.bench.network(board)
+            flash = _Flash(run, session, board, network)
+            if run.dry:
+                run.show(flash.planned(files), network)
+                return
             with session.serving(network):
                 if journal is None:
                     flash.begin(files)
                 else:
-                    flash.go_on(journal, OLD if parsed.roll_back else NEW)
-    return 0
+                    flash.go_on(journal, OLD if run.parsed.roll_back else NEW)
 
 
 def _files(parsed: argparse.Namespace) -> dict[str, Path]:
@@ -141,26 +137,28 @@ def _place(text: str) -> tuple[int, int]:
 class _Flash:
     """One run of the subcommand on a board that has been probed."""
 
-    def __init__(
-        self, parsed: argparse.Namespace, session: Session, board: BoardReport, network: Network, site: Site
-    ) -> None:
-        self.parsed, self.session, self.board, self.site = parsed, session, board, site
+    def __init__(self, run: Run, session: Session, board: BoardReport, network: Network) -> None:
+        self.parsed, self.session, self.board, self.site = run.parsed, session, board, run.site
+        parsed = run.parsed
         self.nand = check_board(board, None)
         self.way = None
         if parsed.no_backup is None:
             self.way = choose_way(board, parsed.backup_by, self.nand)
             check_board(board, self.way)
-        macs = site.macs(board.environment)
+        macs = run.site.macs(board.environment)
         self.setup: tuple[Step, ...] = (*plan_session(board), *plan_network(board, network, macs))
+
+    def planned(self, files: dict[str, Path]) -> Plan:
+        """What begin() does when nothing goes wrong."""
+        images = in_order(self._images(files))
+        work = Work(images, self.nand, plan_ram(self.board, images, self.nand))
+        folder = self.site.folder / "flash-DATE"
+        backups = plan_backups(work, folder, self.way) if self.way else ()
+        return Plan((*self.setup, *backups, *plan_flash(work)))
 
     def begin(self, files: dict[str, Path]) -> None:
         images = in_order(self._images(files))
         work = Work(images, self.nand, plan_ram(self.board, images, self.nand))
-        if self.parsed.dry_run:
-            folder = self.site.folder / "flash-DATE"
-            backups = plan_backups(work, folder, self.way) if self.way else ()
-            self._show(Plan((*self.setup, *backups, *plan_flash(work))))
-            return
         journal = Journal.create(self.site.folder, header_of(work, self.board, self.parsed.no_backup))
         self._run(journal, work, prepare(journal, work, self.way), images)
 
@@ -212,9 +210,3 @@ class _Flash:
                 f" its kernel was away for {flasher.kernel_seconds:.1f} s of them."
             )
         note(f"Done. The journal{' and what was there before' if self.way else ''}: {journal.folder}")
-
-    def _show(self, plan: Plan) -> None:
-        for title, lines in plan.dialogue():
-            self.session.progress.note(title)
-            for line in lines:
-                self.session.progress.note(f"    {line}")

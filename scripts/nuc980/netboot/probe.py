@@ -413,10 +413,7 @@ FACTORY = BoardReport(
             ),
             *("nfs", "printenv", "reset", "run", "saveenv", "setenv", "sf", "sleep", "source", "sspi"),
             *("tftpboot", "timer", "ubi", "ubifsload", "version"),
-            *(
-                f"nand {name}"
-                for name in ("info", "device", "read", "write", "erase", "bad", "dump", "markbad")
-            ),
+            *(f"nand {name}" for name in ("info", "device", "read", "write", "erase", "bad", "markbad")),
         }
     ),
     environment={

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -10,9 +11,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TextIO
 
-BAR = 30
 REDRAW_SECONDS = 0.1
 PLAIN_SHARE = 0.25  # without a terminal: a line each quarter
+NARROWEST_BAR = 5
 
 
 @dataclass
@@ -21,6 +22,7 @@ class Progress:
 
     out: TextIO = field(default_factory=lambda: sys.stdout)
     phases: dict[str, float] = field(default_factory=dict)
+    failed: str | None = None  # the phase that an exception ended
 
     def note(self, text: str) -> None:
         """One line, at once."""
@@ -30,15 +32,19 @@ class Progress:
     def phase(self, name: str) -> Iterator[None]:
         """Measures; a phase that comes again adds up."""
         start = time.monotonic()
+        self.phases.setdefault(name, 0.0)
         try:
             yield
+        except BaseException:
+            self.failed = self.failed or name
+            raise
         finally:
-            self.phases[name] = self.phases.get(name, 0.0) + time.monotonic() - start
+            self.phases[name] += time.monotonic() - start
 
     @contextmanager
-    def bar(self, title: str, total: int) -> Iterator[Bar]:
-        """Work of a known size."""
-        bar = Bar(self.out, title, max(total, 1))
+    def bar(self, title: str, total: int, unit: str = "B") -> Iterator[Bar]:
+        """Work of a known size, in bytes or another unit."""
+        bar = Bar(self.out, title, max(total, 1), unit)
         try:
             yield bar
         finally:
@@ -46,11 +52,12 @@ class Progress:
 
 
 class Bar:
-    """How far a work of a known size is."""
+    """How far a work of a known size is, and how fast it went."""
 
-    def __init__(self, out: TextIO, title: str, total: int) -> None:
-        self._out, self._title, self._total = out, title, total
+    def __init__(self, out: TextIO, title: str, total: int, unit: str) -> None:
+        self._out, self._title, self._total, self._unit = out, title, total, unit
         self._terminal = out.isatty()
+        self._start = time.monotonic()
         self._done = 0
         self._drawn = 0.0
         self._told = 0.0
@@ -59,17 +66,35 @@ class Bar:
         """So much of the total is done."""
         self._done = min(done, self._total)
         share = self._done / self._total
-        if self._terminal and (time.monotonic() - self._drawn > REDRAW_SECONDS or share == 1):
-            filled = round(share * BAR)
-            print(
-                f"\r  {self._title} [{'#' * filled:{BAR}}] {share:4.0%}", end="", file=self._out, flush=True
-            )
-            self._drawn = time.monotonic()
-        elif not self._terminal and share >= self._told + PLAIN_SHARE:
+        if self._terminal:
+            if time.monotonic() - self._drawn > REDRAW_SECONDS or share == 1:
+                self._draw()
+        elif share >= self._told + PLAIN_SHARE:
             self._told = share
-            print(f"  {self._title}: {share:.0%}", file=self._out, flush=True)
+            print(f"  {self._title}: {share:.0%}{self._speed()}", file=self._out, flush=True)
 
     def end(self) -> None:
         """Leaves the bar as it is and goes on below it."""
         if self._terminal and self._drawn:
+            self._draw()
             print(file=self._out, flush=True)
+
+    def _draw(self) -> None:
+        """Over the line, and not a character into the next."""
+        share = self._done / self._total
+        columns = shutil.get_terminal_size().columns - 1
+        tail = f" {share:4.0%}{self._speed()}"
+        bar = columns - len(f"  {self._title} []{tail}")
+        if bar >= NARROWEST_BAR:
+            line = f"  {self._title} [{'#' * int(share * bar):{bar}}]{tail}"
+        else:
+            line = f"  {self._title}{tail}"[:columns]
+        print(f"\r{line:{columns}}", end="", file=self._out, flush=True)
+        self._drawn = time.monotonic()
+
+    def _speed(self) -> str:
+        rate = self._done / max(time.monotonic() - self._start, 1e-3)
+        for prefix, size in (("M", 1e6), ("k", 1e3)):
+            if rate >= size:
+                return f", {rate / size:.1f} {prefix}{self._unit}/s"
+        return f", {rate:.0f} {self._unit}/s"

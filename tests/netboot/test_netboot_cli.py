@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""nuc980-netboot as it is typed: what it says, how it ends, and that a dry run says what a run does."""
+
+import argparse
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from netboot.double import BLOCK, FACTORY_ENVIRONMENT, Double, faults
+from nuc980.netboot.cli import _parser, main
+from nuc980.netboot.environment import load
+from nuc980.netboot.report import board_of
+from nuc980.netboot.transport import Line
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+COMMANDS = ("probe", "boot", "flash", "restore-env")
+SECONDS = 20.0
+
+
+def network(port: int) -> list[str]:
+    """The double's datagrams come from this host, whatever it takes its own address to be."""
+    return [
+        "--server-ip", "127.0.0.1", "--listen", "127.0.0.1", "--seen-as", "127.0.0.1",
+        "--tftp-port", str(port),
+    ]  # fmt: skip
+
+
+def typed_in(shown: str) -> list[str]:
+    """What a dry run says that would be typed."""
+    return re.findall(r"^    => (.*)$", shown, re.MULTILINE)
+
+
+# ---- help and wrong use
+
+
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)], ids=["all", *COMMANDS])
+def test_help_is_complete(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([*command, "--help"])
+    said = capsys.readouterr().out
+    assert ended.value.code == 0
+    assert "examples:" in said and "nuc980-netboot" in said
+    for name in COMMANDS if not command else ():
+        assert re.search(rf"^    {name}\s+\w", said, re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_is_explained(name: str) -> None:
+    (commands,) = (each for each in _parser()._actions if isinstance(each, argparse._SubParsersAction))
+    assert set(commands.choices) == set(COMMANDS)
+    assert [action.dest for action in commands.choices[name]._actions if not action.help] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["probe"], "no --port is given"),
+        (["probe", "--port", "/dev/no-such-port"], "/dev/no-such-port"),
+        (["probe", "--port", "/dev/null", "--junit", "no/such/folder.xml"], "no folder no/such"),
+        (["probe", "--port", "/dev/null", "--as", "x.json"], "--as is for --dry-run"),
+        (["probe", "--dry-run", "--as", "no.json"], "no.json: No such file"),
+        (["restore-env", "--dry-run", "no.txt"], "no.txt: No such file"),
+        (["restore-env", "--dry-run", "/dev/null", "--as", __file__], "no JSON of nuc980-netboot probe"),
+        (["boot", "--dry-run", "no-kernel", "no-tree"], "no-kernel: No such file"),
+        (["flash", "--dry-run"], "name what to write"),
+    ],
+)
+def test_unusable_input_is_said_in_a_line_or_two(
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("nuc980-netboot: ") and said in error
+    assert "Traceback" not in error and len(error.splitlines()) <= 4
+
+
+def test_unknown_words_are_argparses() -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["boot", "--nonsense"])
+    assert ended.value.code == 2
+
+
+# ---- a dry run and a run
+
+
+def test_dry_probe_is_what_a_probe_types(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report = tmp_path / "board.json"
+    with Double("factory") as double:
+        assert main(["probe", "--port", double.port, "--json", str(report)]) == 0
+    shown = capsys.readouterr().out
+    assert re.search("^U-Boot +U-Boot 2016.11", shown, re.MULTILINE) and "- No ethaddr" in shown
+    assert main(["probe", "--dry-run"]) == 0
+    assert typed_in(capsys.readouterr().out) == double.lines
+    assert main(["probe", "--dry-run", "--as", str(report)]) == 0
+    assert typed_in(capsys.readouterr().out) == double.lines
+    assert board_of(report).environment == FACTORY_ENVIRONMENT
+    assert json.loads(report.read_text())["command"] == "probe"
+
+
+def test_dry_boot_is_what_a_boot_types(
+    images: list[str], site: Path, udp_port: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["boot", *images, "--site", str(site), *network(udp_port)]
+    assert main([*command, "--dry-run"]) == 0
+    shown = capsys.readouterr().out
+    junit = tmp_path / "boot.xml"
+    with Double("factory", tftp=("127.0.0.1", udp_port)) as double:
+        assert main([*command, "--port", double.port, "--junit", str(junit)]) == 0
+    assert typed_in(shown) == double.lines
+    assert f"UDP port {udp_port} of 127.0.0.1, to 127.0.0.1 alone" in shown
+    assert double.nand.journal == [] and double.kernels_started == 1
+    assert load(site / "environment.txt").variables == FACTORY_ENVIRONMENT
+    said = capsys.readouterr().out
+    assert "environment is kept in" in said and re.search(r"^ +\d+\.\d\d s  Linux$", said, re.MULTILINE)
+    check_junit(junit, failed=None)
+
+
+def test_dry_restore_is_what_a_restore_types(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved = tmp_path / "saved.txt"
+    saved.write_text("baudrate=115200\nbootcmd=it's \\\\ new; $x\nbootdelay=3\nextra=1\n")
+    command = ["restore-env", str(saved), "--save", "--site", str(site)]
+    assert main([*command, "--dry-run"]) == 0
+    shown = capsys.readouterr().out
+    with Double("factory") as double:
+        assert main([*command, "--port", double.port]) == 0
+        stored = double.stored_environment()
+    assert typed_in(shown) == double.lines
+    assert "+ extra=1" in shown and "- bootcmd=nand read" in shown
+    assert stored and stored["bootcmd"] == "it's \\ new; $x" and stored["extra"] == "1"
+    assert load(site / "environment.txt").variables == FACTORY_ENVIRONMENT
+
+
+def test_restore_is_in_ram_only_unless_asked(site: Path, tmp_path: Path) -> None:
+    saved = tmp_path / "saved.txt"
+    saved.write_text("".join(f"{name}={value}\n" for name, value in FACTORY_ENVIRONMENT.items()) + "x=1\n")
+    with Double("factory") as double:
+        assert main(["restore-env", str(saved), "--site", str(site), "--port", double.port]) == 0
+        assert double.stored_environment() == FACTORY_ENVIRONMENT
+    assert double.nand.journal == []
+
+
+def test_what_does_not_come_back_is_an_error(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """U-Boot says that it has set it, and has not."""
+    saved = tmp_path / "saved.txt"
+    saved.write_text("extra=1\n")
+    wrong = faults.Misprints("printenv", "extra=1\n", "", at=1, times=0)
+    other = faults.Misprints("printenv", r"size: \d+", "size: 1", at=1, times=0)
+    command = ["restore-env", str(saved), "--site", str(site), "--save"]
+    with Double("factory", faults=[wrong]) as double:
+        assert main([*command, "--port", double.port]) == 1
+    assert "cannot be read" in capsys.readouterr().err
+    with Double("factory", faults=[faults.Refuses("setenv extra", "## Error: read-only\n")]) as double:
+        assert main([*command, "--port", double.port]) == 1
+    assert "read-only" in capsys.readouterr().err
+    with Double("factory", faults=[other]) as double:
+        assert main([*command, "--port", double.port]) == 1
+    assert not [line for line in double.lines if "saveenv" in line]
+
+
+def test_the_environment_is_kept_before_anything_is_set(images: list[str], site: Path, udp_port: int) -> None:
+    double = Double("factory", faults=[faults.Refuses("setenv", "## Error: no\n", times=0)])
+    with double:
+        assert main(["boot", *images, "--site", str(site), *network(udp_port), "--port", double.port]) == 1
+    assert load(site / "environment.txt").variables == FACTORY_ENVIRONMENT
+
+
+@pytest.mark.slow
+def test_dry_flash_is_what_a_flash_types(
+    images: list[str], site: Path, udp_port: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kernel, tree = images
+    command = [
+        *("flash", "--kernel", kernel, "--dtb", tree, "--no-backup", "the double's flash is empty"),
+        *("--site", str(site), *network(udp_port)),
+    ]
+    assert main([*command, "--dry-run"]) == 0
+    shown = capsys.readouterr().out
+    with Double("factory", tftp=("127.0.0.1", udp_port)) as double:
+        assert main([*command, "--port", double.port]) == 0, capsys.readouterr()
+    assert typed_in(shown) == double.lines
+    assert double.block(0x200000 // BLOCK).startswith(Path(kernel).read_bytes()[:1000])
+
+
+# ---- the report of a failure
+
+
+ALLOWED = {
+    "testsuites": (set(), {"testsuite"}),
+    "testsuite": (
+        {"name", "tests", "failures", "errors", "skipped", "time", "timestamp"},
+        {"properties", "testcase"},
+    ),
+    "properties": (set(), {"property"}),
+    "property": ({"name", "value"}, set()),
+    "testcase": ({"classname", "name", "time"}, {"failure"}),
+    "failure": ({"type", "message"}, set()),
+}  # the part of jenkins-junit.xsd that a report needs; order as there
+
+
+def check_junit(path: Path, failed: str | None) -> ElementTree.Element:
+    root = ElementTree.parse(path).getroot()
+    for element in root.iter():
+        attributes, children = ALLOWED[element.tag]
+        assert set(element.attrib) == attributes
+        assert {child.tag for child in element} <= children
+        assert not ({"time"} & attributes) or float(element.attrib["time"]) >= 0
+    (suite,) = root
+    cases = suite.findall("testcase")
+    assert int(suite.attrib["tests"]) == len(cases) > 0
+    assert int(suite.attrib["failures"]) == len(suite.findall("testcase/failure")) == bool(failed)
+    assert [case.attrib["name"] for case in cases if case.find("failure") is not None] == (
+        [failed] if failed else []
+    )
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d", suite.attrib["timestamp"])
+    return root
+
+
+def test_a_failure_is_reported_with_its_text(
+    images: list[str], site: Path, udp_port: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    junit, report = tmp_path / "boot.xml", tmp_path / "boot.json"
+    command = ["boot", *images, "--site", str(site), *network(udp_port)]
+    with Double("factory", tftp=("127.0.0.1", udp_port), linux="panic") as double:
+        files = ["--junit", str(junit), "--json", str(report)]
+        assert main([*command, *files, "--port", double.port]) == 1
+    said = capsys.readouterr().err
+    root = check_junit(junit, failed="Linux")
+    failure = next(root.iter("failure"))
+    assert failure.attrib["type"] == "RootMissing"
+    assert failure.text and failure.text.strip() in said.replace("nuc980-netboot: ", "")
+    found = json.loads(report.read_text())
+    assert found["error"]["phase"] == "Linux" and "not syncing" in found["error"]["text"]
+    assert board_of(report).version.startswith("U-Boot 2016.11")
+
+
+def test_a_failure_before_any_phase_is_reported(tmp_path: Path) -> None:
+    junit = tmp_path / "x.xml"
+    assert main(["probe", "--port", "/dev/no-such-port", "--junit", str(junit)]) == 2
+    check_junit(junit, failed="prepare")
+
+
+def test_a_report_survives_what_a_board_says(images: list[str], site: Path, tmp_path: Path) -> None:
+    junit = tmp_path / "x.xml"
+    noise = faults.Refuses("setenv", "\x1b[31m\x00\x07 <&> ]]> \ufffe\n", times=0)
+    with Double("factory", faults=[noise]) as double:
+        command = ["boot", *images, "--site", str(site), *network(6969), "--junit", str(junit)]
+        assert main([*command, "--port", double.port]) == 1
+    check_junit(junit, failed="set-up")
+
+
+# ---- ended by a signal
+
+
+def started(arguments: Sequence[str], folder: Path) -> subprocess.Popen[str]:
+    temporary = folder / "tmp"
+    temporary.mkdir(exist_ok=True)
+    return subprocess.Popen(
+        [sys.executable, "-m", "nuc980.netboot", *arguments],
+        env={**os.environ, "PYTHONPATH": str(SCRIPTS), "TMPDIR": str(temporary)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(happened: object, what: str) -> None:
+    deadline = time.monotonic() + SECONDS
+    while not happened():  # type: ignore[operator]
+        assert time.monotonic() < deadline, what
+        time.sleep(0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
+def test_a_signal_in_the_middle_of_a_transfer_leaves_nothing(
+    number: signal.Signals, images: list[str], site: Path, udp_port: int, tmp_path: Path
+) -> None:
+    deaf = faults.StopsHearing(block=20)
+    log, junit = tmp_path / "log", tmp_path / "boot.xml"
+    with Double("factory", faults=[deaf], tftp=("127.0.0.1", udp_port), second=5.0) as double:
+        command = ["boot", *images, "--site", str(site), *network(udp_port), "--port", double.port]
+        run = started([*command, "--log", str(log), "--junit", str(junit)], tmp_path)
+        wait_for(lambda: log.exists() and "Loading: " in log.read_text(), "no transfer began")
+        run.send_signal(number)
+        said, error = run.communicate(timeout=SECONDS)
+        assert run.returncode == 128 + number, (said, error)
+        assert "Traceback" not in error and "port and server are closed" in error
+        assert list((tmp_path / "tmp").iterdir()) == []
+        assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]
+        check_junit(junit, failed="load kernel")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+            server.bind(("127.0.0.1", udp_port))
+        Line(double.port).close()  # no lock is left
+
+        deaf.block = 1 << 16
+        run = started(command, tmp_path)
+        said, error = run.communicate(timeout=60)
+        assert run.returncode == 0, (said, error)
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_what_the_board_does(
+    images: list[str], site: Path, udp_port: int, tmp_path: Path
+) -> None:
+    """It is at its prompt again, not in a transfer that nobody serves."""
+    log = tmp_path / "log"
+    hears_little = faults.StopsHearing(block=20)
+    with Double("factory", faults=[hears_little], tftp=("127.0.0.1", udp_port), second=5.0) as double:
+        command = ["boot", *images, "--site", str(site), *network(udp_port), "--port", double.port]
+        run = started([*command, "--log", str(log)], tmp_path)
+        wait_for(lambda: log.exists() and "Loading: " in log.read_text(), "no transfer began")
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=SECONDS)
+    assert re.findall(r" > '(.*)'", log.read_text())[-1] == r"\x03"
+
+
+@pytest.mark.slow
+def test_a_reader_that_goes_away_is_no_traceback(tmp_path: Path) -> None:
+    with Double("factory") as double:
+        run = started(["probe", "--port", double.port, "--site", str(tmp_path)], tmp_path)
+        assert run.stdout
+        run.stdout.close()
+        assert run.wait(SECONDS) == 1
+        assert run.stderr
+        assert run.stderr.read() == ""
+
+
+# ---- power hook
+
+
+def test_power_hook_brings_the_board(capsys: pytest.CaptureFixture[str]) -> None:
+    with Double("factory", state="off") as double:
+        hook = f'sh -c "{double.power_hook}"'
+        assert main(["probe", "--port", double.port, "--power-cycle", hook]) == 0
+        assert double.power_ups == 1
