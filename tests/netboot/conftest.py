@@ -69,6 +69,29 @@ def udp_port() -> int:
 
 
 @pytest.fixture
+def wrapped(tmp_path: Path) -> Callable[..., Path]:
+    """Makes uImages of any bytes, by mkimage: like the board's kernel but for what is said otherwise."""
+
+    def make(body: bytes, **otherwise: str) -> Path:
+        kind = {
+            "A": "arm",
+            "O": "linux",
+            "T": "kernel",
+            "C": "none",
+            "a": "0x8000",
+            "e": "0x8000",
+            "n": "Linux",
+        }
+        options = [word for name, value in {**kind, **otherwise}.items() for word in (f"-{name}", value)]
+        (tmp_path / "body").write_bytes(body)
+        file = tmp_path / "wrapped"
+        subprocess.run(["mkimage", *options, "-d", tmp_path / "body", file], check=True, capture_output=True)
+        return file
+
+    return make
+
+
+@pytest.fixture
 def images(tmp_path: Path) -> list[str]:
     """A kernel and a device tree for a double."""
     kernel, tree = tmp_path / "uImage", tmp_path / "board.dtb"

@@ -9,155 +9,260 @@ import random
 import socket
 import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from netboot.double import BLOCK, Double, Operation
+import pytest
+from netboot.double import BLOCK, PAGE, Double, Operation
 from netboot.double.faults import Fault
+
+from nuc980.netboot import arrival, backup, console, flash, probe, steps
 from nuc980.netboot.cli import main
 from nuc980.netboot.errors import NetbootError
 
-BOARD, SERVER = "127.0.0.5", "127.0.0.1"
+HERE = "127.0.0.1"
 OWN = range(0, 0x200000)  # SPL, environment and U-Boot
-ENVIRONMENT = range(0x80000, 0x100000)
-KERNEL_SLOT, TREE_SLOT = range(0x200000, 0x700000), range(0x700000, 0x800000)
+ENVIRONMENT, LOADER = range(0x80000, 0x100000), range(0x100000, 0x180000)
+KERNEL, TREE, ROOT = range(0x200000, 0x700000), range(0x700000, 0x800000), range(0x1600000, 0x7A80000)
+FLASH = ("flash", "--kernel", "%kernel", "--dtb", "%tree")
+BOTH = {KERNEL: "kernel", TREE: "tree"}
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """name: tells it. board: settings of the double. prepare: what is done to it before, and to the files.
+    """name: tells it. command: the subcommand and its own words; %NAME is a file of the bench.
 
-    command: the subcommand and its own words. error: the class it ends with, None for success; says: words of
-    its text. may_write: the bytes of the flash that may be erased and programmed.
+    board: settings of the double. prepare: what is done to it, and to the files, before.
+    error: the class that it ends with, None for success; says: words of what it prints.
+    writes: places of the flash that may be erased and programmed, with the file that belongs there, "" for
+    what is no file's. then: what is looked at, or done, afterwards. quick: one of `make test-quick`.
     """
 
     name: str
     command: tuple[str, ...]
     faults: Sequence[Fault] = ()
     board: Mapping[str, object] = field(default_factory=dict)
-    prepare: Callable[[Bench], None] = lambda bench: None
+    prepare: Callable[[Bench], object] = lambda bench: None
     error: type[NetbootError] | None = None
     says: tuple[str, ...] = ()
-    may_write: Sequence[range] = ()
-    then: Callable[[Bench], None] = lambda bench: None
-    slow: bool = False
-
-    @property
-    def exit_code(self) -> int:
-        return self.error.exit_code if self.error else 0
+    writes: Mapping[range, str] = field(default_factory=dict)
+    then: Callable[[Bench], object] = lambda bench: None
+    quick: bool = False
 
 
 class Bench:
-    """A double, and the host's files. Every operation on the flash is judged as it comes."""
+    """A double, and the host's files. Each operation on the flash is judged as it comes.
+
+    contents: what belongs to a place when all is done; old: what the factory left there.
+    """
 
     def __init__(self, folder: Path, scenario: Scenario) -> None:
-        self.folder = folder
+        self.folder, self.scenario = folder, scenario
         self.site = folder / "site"
         self.site.mkdir()
         (self.site / "macs").write_text("eth0 02:00:00:00:00:01\neth1 02:00:00:00:00:02\n")
-        self.random = random.Random(980)
-        self.files = {"kernel": uimage(self.random.randbytes(300_000)), "tree": device_tree(self.random)}
+        self.chance = random.Random(980)
+        self.files = {
+            "kernel": uimage(self.chance.randbytes(300_000)),
+            "tree": device_tree(self.chance),
+            "root": ubi_image(self.chance, 3),
+        }
         self.port = free_port()
-        settings = {"tftp": (SERVER, self.port), "faults": copy.deepcopy(list(scenario.faults))}
+        self.faults = copy.deepcopy(list(scenario.faults))
+        settings = {"tftp": (HERE, self.port), "faults": self.faults}
         self.double = Double(**settings | dict(scenario.board))
         self.sins: list[str] = []
-        self._scenario = scenario
         self._fill_flash()
         scenario.prepare(self)
         for name, content in self.files.items():
             (folder / name).write_bytes(content)
-        self.before = {
-            place: self.double.nand.content(place.start, len(place)) for place in (OWN, ENVIRONMENT)
-        }
+        self.contents = {place: self.files[name] for place, name in scenario.writes.items() if name}
+        self.untouched = {place: self._content(place) for place in self._others()}
         self.double.nand.witness = self._judge
 
     def _fill_flash(self) -> None:
         """As the factory leaves it: SPL, U-Boot, a kernel, a device tree, a root file system."""
-        for address in (0, 0x100000):
-            self.double.nand.load(address, self.random.randbytes(3 * BLOCK))
+        for address in (0, LOADER.start):
+            self.double.nand.load(address, self.chance.randbytes(3 * BLOCK))
         self.old = {
-            KERNEL_SLOT: uimage(self.random.randbytes(200_000)),
-            TREE_SLOT: device_tree(self.random),
+            KERNEL: uimage(self.chance.randbytes(200_000)),
+            TREE: device_tree(self.chance),
+            ROOT: ubi_image(self.chance, 2),
         }
         for place, content in self.old.items():
             self.double.nand.load(place.start, content)
-        self.double.nand.load(0x1600000, self.random.randbytes(2 * BLOCK))
 
-    def run(self, *more: str) -> int:
-        """The exit code of the scenario's command, in this process."""
-        command, *words = self._scenario.command
+    def run(self, *command: str) -> int:
+        """The exit code of a command, the scenario's if none is given, in this process."""
+        name, *words = command or self.scenario.command
         words = [str(self.folder / word[1:]) if word.startswith("%") else word for word in words]
-        return main([command, *words, *self._line(), *more])
+        common = ["--site", str(self.site)]
+        if "--port" not in words and "--dry-run" not in words:
+            common += ["--port", self.double.port]
+        if name in ("boot", "flash"):
+            common += ["--tftp-port", str(self.port), "--listen", HERE, "--seen-as", HERE]
+            if "--board-ip" not in words:
+                common += ["--board-ip", "10.77.0.5/24", "--server-ip", "10.77.0.1"]
+        return main([name, *common, *words])
 
-    def _line(self) -> list[str]:
-        return [
-            *("--port", self.double.port, "--board-ip", f"{BOARD}/8", "--server-ip", SERVER),
-            *("--tftp-port", str(self.port), "--site", str(self.site)),
-        ]
+    def mend(self) -> None:
+        """Nothing is wrong any more."""
+        self.faults.clear()
+        self.double.faults.clear()
 
     # ---- the invariants
 
     def _judge(self, operation: Operation) -> None:
         span = range(operation.address, operation.address + operation.size)
-        if not any(inside(span, place) for place in self._scenario.may_write):
+        place = next((place for place in self.scenario.writes if inside(span, place)), None)
+        if place is None:
             self.sins.append(f"{operation} is outside of what may be written")
-        elif operation.kind == "erase" and not inside(span, ENVIRONMENT):
-            self._judge_erase(operation)
+        elif operation.kind == "erase" and self.scenario.writes[place]:
+            self._judge_erase(operation, place)
 
-    def _judge_erase(self, operation: Operation) -> None:
-        content = self.double.nand.content(operation.address, operation.size)
-        if content.strip(b"\xff") and not any(content in kept for kept in self._kept()):
+    def _judge_erase(self, operation: Operation, place: range) -> None:
+        there = self.double.nand.content(operation.address, BLOCK)
+        if there.strip(b"\xff") and there in self._first.get(place, b"") and not self._is_kept(there):
             self.sins.append(f"{operation}: no file of the host has what is there")
-        if not any(self._mentions(path, operation) for path in self.site.rglob("journal.jsonl")):
+        if not any(operation.address in _begun(path) for path in self.site.rglob("journal.jsonl")):
             self.sins.append(f"{operation}: no journal tells it")
+        index = self._good_blocks(place).index(operation.address)
+        coming = self.contents[place][index * BLOCK : (index + 1) * BLOCK]
+        if self.double.ram.find(coming) < 0:
+            self.sins.append(f"{operation}: what comes there is not in the RAM")
 
-    def _kept(self) -> list[bytes]:
-        return [path.read_bytes() for path in self.site.rglob("*") if path.is_file()]
+    def _is_kept(self, content: bytes) -> bool:
+        if "--no-backup" in self.scenario.command:
+            return True
+        files = (path for path in self.site.rglob("*") if path.is_file())
+        return any(content in path.read_bytes() for path in files)
 
-    @staticmethod
-    def _mentions(path: Path, operation: Operation) -> bool:
-        events = [json.loads(line) for line in path.read_text().splitlines()]
-        return any(operation.address in event.get("erases", ()) for event in events)
+    @property
+    def _first(self) -> dict[range, bytes]:
+        return {place: content.ljust(len(place), b"\xff") for place, content in self.old.items()}
 
     def check(self) -> None:
         """What holds after every scenario, whatever went wrong."""
         assert self.sins == []
-        for place, content in self.before.items():
-            if not any(inside(place, allowed) for allowed in self._scenario.may_write):
-                assert self.double.nand.content(place.start, len(place)) == content
+        assert [place for place, content in self.untouched.items() if self._content(place) != content] == []
+
+    def check_written(self) -> None:
+        """That each place holds what belongs there, and 0xFF behind it."""
+        for place, wanted in self.contents.items():
+            blocks = self._good_blocks(place)
+            there = b"".join(self.double.block(address // BLOCK) for address in blocks)
+            assert there == wanted.ljust(len(blocks) * BLOCK, b"\xff"), f"{place} holds something else"
+            assert all(self.double.nand.fits(address, BLOCK) for address in blocks)
+
+    def _good_blocks(self, place: range) -> list[int]:
+        bad = self.double.nand.bad
+        return [address for address in place[::BLOCK] if address // BLOCK not in bad]
+
+    def _content(self, place: range) -> bytes:
+        return self.double.nand.content(place.start, len(place))
+
+    def _others(self) -> Iterator[range]:
+        """All places but those that may be written."""
+        start = 0
+        for place in sorted(self.scenario.writes, key=lambda place: place.start):
+            yield range(start, place.start)
+            start = place.stop
+        yield range(start, 0x8000000)
 
 
 def inside(one: range, other: range) -> bool:
     return other.start <= one.start and one.stop <= other.stop
 
 
+def _begun(journal: Path) -> set[int]:
+    """The offsets of the blocks whose erase a journal has announced."""
+    events = (json.loads(line) for line in journal.read_text().splitlines())
+    return {event["offset"] for event in events if event["event"] == "begin" and event.get("erases")}
+
+
 def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind((SERVER, 0))
+        taken.bind((HERE, 0))
         return taken.getsockname()[1]
+
+
+# ---- pytest
+
+
+def table(scenarios: Iterable[Scenario]) -> list[object]:
+    """For parametrize: those that are not quick are slow."""
+    return [
+        pytest.param(each, id=each.name, marks=() if each.quick else pytest.mark.slow) for each in scenarios
+    ]
+
+
+def play(
+    scenario: Scenario, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Runs a scenario, and judges how it ended and what it left."""
+    hurry(monkeypatch)
+    bench = Bench(folder, scenario)
+    with bench.double:
+        code = bench.run()
+        said = "".join(capsys.readouterr())
+        wanted = scenario.error.exit_code if scenario.error else 0
+        assert code == wanted, said
+        for words in (*scenario.says, *_advice(scenario.error)):
+            assert words in said
+        assert "Traceback" not in said
+        bench.check()
+        scenario.then(bench)
+    bench.check()
+
+
+def _advice(error: type[NetbootError] | None) -> tuple[str, ...]:
+    """The words by which an error's class is known, unless its instance has better ones."""
+    return (error.next_step,) if error and error.next_step and error.next_step != "-" else ()
+
+
+def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tool's patience, cut to what a double needs."""
+    monkeypatch.setattr(console.Console.reach, "__defaults__", (None, 3.0))
+    monkeypatch.setattr(console, "ECHO_SECONDS", 0.3)
+    monkeypatch.setattr(console, "PROMPT_SECONDS", 0.6)
+    monkeypatch.setattr(arrival, "SPEED_SECONDS", 0.15)
+    monkeypatch.setattr(arrival, "IDLE_POKE_SECONDS", 0.3)
+    for module in (steps, backup, flash):
+        monkeypatch.setattr(module, "PATIENCE", 2.0)
+    monkeypatch.setattr(flash, "BLOCK_SECONDS", 2.0)
+    monkeypatch.setattr(probe, "FLASH_SECONDS", 2.0)
 
 
 # ---- files
 
 
-def uimage(payload: bytes, load: int = 0x8000, arch: int = 2) -> bytes:
+def uimage(payload: bytes, load: int = 0x8000, processor: int = 2, kind: int = 2) -> bytes:
     """A legacy image of an uncompressed kernel."""
 
     def head(crc: int) -> bytes:
         fields = (0x27051956, crc, 0, len(payload), load, load, zlib.crc32(payload))
-        return struct.pack(">7I4B32s", *fields, 5, arch, 2, 0, b"Linux")
+        return struct.pack(">7I4B32s", *fields, 5, processor, kind, 0, b"Linux")
 
     return head(zlib.crc32(head(0))) + payload
 
 
 def device_tree(chance: random.Random, size: int = 20_000) -> bytes:
     """A tree with one property of random bytes."""
-    strings = b"bytes\0"
-    struct_size = 8 + 12 + size + 8
-    total = 40 + 16 + struct_size + len(strings)
-    header = struct.pack(
-        ">10I", 0xD00DFEED, total, 56, 56 + struct_size, 40, 17, 16, 0, len(strings), struct_size
+    node = struct.pack(">5I", 1, 0, 3, size, 0) + chance.randbytes(size) + struct.pack(">2I", 2, 9)
+    names = b"bytes\0"
+    total = 56 + len(node) + len(names)
+    head = (0xD00DFEED, total, 56, 56 + len(node), 40, 17, 16, 0, len(names), len(node))
+    return struct.pack(">10I", *head) + bytes(16) + node + names
+
+
+def ubi_image(chance: random.Random, blocks: int) -> bytes:
+    """Erase-counter headers, each with a block of random bytes."""
+
+    def header() -> bytes:
+        fields = b"UBI#" + struct.pack(">B3xQIII32x", 1, 0, PAGE, 2 * PAGE, 1)
+        return fields + struct.pack(">I", zlib.crc32(fields) ^ 0xFFFFFFFF)
+
+    return b"".join(
+        header().ljust(2 * PAGE, b"\xff") + chance.randbytes(BLOCK - 2 * PAGE) for _ in range(blocks)
     )
-    node = struct.pack(">II", 1, 0) + struct.pack(">III", 3, size, 0) + chance.randbytes(size)
-    return header + bytes(16) + node + struct.pack(">II", 2, 9) + strings

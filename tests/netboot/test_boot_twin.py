@@ -6,10 +6,21 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable
+from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
 import pytest
 from emulated import Emulated
+
+from nuc980.netboot.boot import Addresses, StartKernel, plan_network
+from nuc980.netboot.console import Console
+from nuc980.netboot.errors import BootmFailed
+from nuc980.netboot.linux import Goal
+from nuc980.netboot.probe import probe
+from nuc980.netboot.progress import Progress
+from nuc980.netboot.session import Network, Session
+from nuc980.netboot.steps import Load, Slice
+from nuc980.netboot.transport import Line
 
 pytestmark = pytest.mark.slow
 
@@ -111,23 +122,44 @@ def test_wrong_kernel_is_refused_before_anything_is_typed(boot: Boot, payload: P
     assert not (tmp_path / "log").exists()
 
 
-def test_kernel_as_large_as_the_room(boot: Boot, payload: Path, tmp_path: Path) -> None:
-    room = 0xA00000 - 0x7FC0
-    assert room == 10_453_056
-    assert boot(kernel=padded(payload, tmp_path, room)).returncode == 0
-    refused = boot(kernel=padded(payload, tmp_path, room + 1))
+def test_kernel_as_large_as_the_room(boot: Boot, payload: Path, wrapped: Callable[..., Path]) -> None:
+    room = 10_453_056
+    body = (payload / "nuc980.bin").read_bytes().ljust(room - 64 + 1, b"\xa5")
+    assert boot(kernel=wrapped(body[:-1])).returncode == 0
+    refused = boot(kernel=wrapped(body))
     assert refused.returncode == 2
     assert "1 more than fit before the device tree at 0xa00000" in refused.stdout
 
 
-def padded(payload: Path, folder: Path, size: int) -> Path:
-    """A uImage of the payload of this size in bytes."""
-    (folder / "padded.bin").write_bytes((payload / "nuc980.bin").read_bytes().ljust(size - 64, b"\xa5"))
-    kind = ["-A", "arm", "-O", "linux", "-T", "kernel", "-C", "none", "-a", "0x8000", "-e", "0x8000"]
-    subprocess.run(
-        ["mkimage", *kind, "-d", folder / "padded.bin", folder / "padded"], check=True, capture_output=True
+def test_what_bootm_says_is_understood(
+    twin: Emulated, payload: Path, dtb: Path, udp_port: int, wrapped: Callable[..., Path]
+) -> None:
+    network = Network(
+        IPv4Interface("10.0.0.15/24"),
+        IPv4Address("10.0.0.2"),
+        udp_port,
+        listen=IPv4Address("127.0.0.1"),
+        seen_as=IPv4Address("127.0.0.1"),
     )
-    return folder / "padded"
+    addresses = Addresses()
+    with Line(twin.port) as line:
+        console = Console(line)
+        console.reach(lambda: subprocess.run(twin.power_cycle, shell=True, check=True))
+        session = Session(console, Progress())
+        start = StartKernel(addresses, Goal())
+        with pytest.raises(BootmFailed, match="no uImage at the address"):
+            start.run(session)
+
+        for step in plan_network(probe(console, session.progress, flash=False), network, MACS):
+            step.run(session)
+        with session.serving(network):
+            Load("uImage", Slice.of(payload / "uImage"), addresses.uimage).run(session)
+        with pytest.raises(BootmFailed, match="no device tree at the address"):
+            start.run(session)
+
+        console.run(f"mw.b {addresses.uimage + 1000:#x} 0xff 4")
+        with pytest.raises(BootmFailed, match="changed since it was checked"):
+            start.run(session)
 
 
 # ---- the network

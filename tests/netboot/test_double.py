@@ -14,6 +14,7 @@ import threading
 import time
 import tty
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,39 +22,33 @@ from pathlib import Path
 import pytest
 
 from netboot.double import BLOCK, FACTORY_ENVIRONMENT, PAGE, Double, Operation, faults
-from nuc980.twin.machine import Machine
+from nuc980.twin.machine import Machine, SerialLine
 from nuc980.twin.nand import NandImage
 
-PROMPT = b"\r\n=> "
+PROMPT = b"\n=> "
 SECONDS = 10.0
 
 
-class Terminal:
-    """Somebody with a terminal program."""
+class Talker(ABC):
+    """Somebody at a console, who sees no carriage returns."""
 
-    def __init__(self, port: str, speed: int = termios.B115200) -> None:
-        self.fd = os.open(port, os.O_RDWR | os.O_NOCTTY)
-        tty.setraw(self.fd)
-        settings = termios.tcgetattr(self.fd)
-        settings[4] = settings[5] = speed
-        termios.tcsetattr(self.fd, termios.TCSANOW, settings)
+    def __init__(self) -> None:
         self.seen = b""
 
-    def send(self, data: bytes) -> None:
-        os.write(self.fd, data)
+    @abstractmethod
+    def send(self, data: bytes) -> None: ...
 
-    def receive(self, seconds: float) -> bytes:
-        ready, _, _ = select.select([self.fd], [], [], seconds)
-        data = os.read(self.fd, 65536) if ready else b""
-        self.seen += data
-        return data
+    @abstractmethod
+    def receive(self, seconds: float) -> bytes: ...
 
     def wait_for(self, text: bytes, seconds: float = SECONDS) -> bytes:
         deadline = time.monotonic() + seconds
         while text not in self.seen:
             left = deadline - time.monotonic()
-            if left <= 0 or not self.receive(left):
+            new = self.receive(left) if left > 0 else b""
+            if not new:
                 raise TimeoutError(f"no {text!r}, but {self.seen[-500:]!r}")
+            self.seen += new.replace(b"\r", b"")
         end = self.seen.index(text) + len(text)
         before, self.seen = self.seen[:end], self.seen[end:]
         return before
@@ -74,7 +69,40 @@ class Terminal:
 
 
 def plain(data: bytes) -> str:
-    return data.decode("latin-1").replace("\r\n", "\n")
+    return data.decode("latin-1")
+
+
+class Terminal(Talker):
+    """With a terminal program at a serial port."""
+
+    def __init__(self, port: str, speed: int = termios.B115200) -> None:
+        super().__init__()
+        self.fd = os.open(port, os.O_RDWR | os.O_NOCTTY)
+        tty.setraw(self.fd)
+        settings = termios.tcgetattr(self.fd)
+        settings[4] = settings[5] = speed
+        termios.tcsetattr(self.fd, termios.TCSANOW, settings)
+
+    def send(self, data: bytes) -> None:
+        os.write(self.fd, data)
+
+    def receive(self, seconds: float) -> bytes:
+        ready, _, _ = select.select([self.fd], [], [], seconds)
+        return os.read(self.fd, 65536) if ready else b""
+
+
+class AtTheTwin(Talker):
+    """At the debug UART of the emulated board."""
+
+    def __init__(self, line: SerialLine) -> None:
+        super().__init__()
+        self.line = line
+
+    def send(self, data: bytes) -> None:
+        self.line.send(data)
+
+    def receive(self, seconds: float) -> bytes:
+        return self.line.receive(seconds)
 
 
 class FileServer:
@@ -223,6 +251,16 @@ def test_interrupt_and_repetition() -> None:
         assert plain(terminal.wait_for(PROMPT)) == "\n=> "
 
 
+@pytest.mark.parametrize(("variant", "ends"), [("factory", b"one\n\rtwo\n\r"), ("ours", b"one\r\ntwo\r\n")])
+def test_line_ends_as_its_uart_driver_sends_them(variant: str, ends: bytes) -> None:
+    with at_prompt(variant=variant) as (_, terminal):
+        terminal.send(b"echo one; echo two\r")
+        said = b""
+        while not said.endswith(b"=> "):
+            said += terminal.receive(SECONDS)
+        assert ends in said
+
+
 def test_line_that_is_too_long_rings_the_bell() -> None:
     with at_prompt() as (double, terminal):
         terminal.send(b"echo " + b"x" * 251 + b"yz")
@@ -235,7 +273,7 @@ def test_line_that_is_too_long_rings_the_bell() -> None:
 def test_what_is_typed_while_it_works_is_lost_beyond_its_fifo() -> None:
     with at_prompt(faults=[faults.SlowPrompt(0.1, at=3)]) as (double, terminal):
         terminal.send(b"true\r")
-        terminal.wait_for(b"\r\n")
+        terminal.wait_for(b"\n")
         terminal.send(b"echo 0123456789abcdef\r")
         terminal.wait_for(b"=> ")
         terminal.send(b"\r")
@@ -340,7 +378,7 @@ def test_network_faults(fault: faults.Fault, seen: str) -> None:
         with at_prompt(**settings) as (_, terminal):
             terminal.run(NETWORK)
             terminal.send(b"tftpboot 0x7fc0 file\r")
-            terminal.wait_for(b"file\r\n")
+            terminal.wait_for(b"file\n")
             assert seen in plain(terminal.wait_for(PROMPT))
 
 
@@ -519,21 +557,21 @@ def real(qemu: Path, uboot: Path, tmp_path_factory: pytest.TempPathFactory) -> d
     drive = ("-drive", f"if=mtd,format=raw,file={flash}")
     network = ("-nic", f"user,net=10.0.0.0/24,tftp={folder}", "-nic", "user,net=10.0.1.0/24")
     with Machine(qemu, "-bios", uboot, *drive, *network) as machine:
-        return answers(machine.uarts[0])
+        return answers(AtTheTwin(machine.uarts[0]))
 
 
-def answers(line: object) -> dict[str, str]:
+def answers(line: Talker) -> dict[str, str]:
     """What a console says to the list, from power-up on."""
-    said = {"power-up": masked(Terminal.stop_autoboot(line))}
+    said = {"power-up": masked(line.stop_autoboot())}
     for command in ALIKE:
-        said[command] = masked(Terminal.run(line, command))
+        said[command] = masked(line.run(command))
     for keys in KEYS:
         said[str(keys)] = ""
         for part in re.findall(rb"[^\r\3]*[\r\3]", keys):  # what comes while a command runs may be lost
             line.send(part)
             said[str(keys)] += plain(line.wait_for(b"> "))
     line.send(b"reset\r")
-    said["reset"] = masked(Terminal.stop_autoboot(line))
+    said["reset"] = masked(line.stop_autoboot())
     return said
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Flashing the emulated board: what is in its flash afterwards, byte for byte, and that it boots from it."""
 
+import ast
 import json
 import re
 import signal
@@ -184,8 +185,10 @@ def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFix
 
     log = bench.folder / "log"
     assert main([*files, "--log", str(log)]) == 0
-    sent = re.findall(r"^ *[\d.]+ > '(.*)'$", log.read_text(), re.MULTILINE)
-    typed = [re.sub(r"@\d+", "@", line) for line in "".join(sent).replace("\\x03", "").split("\\r") if line]
+    sent = [
+        ast.literal_eval(text) for text in re.findall(r"^ *[\d.]+ > (.*)$", log.read_text(), re.MULTILINE)
+    ]
+    typed = [re.sub(r"@\d+", "@", line) for line in "".join(sent).replace("\x03", "").split("\r") if line]
     assert typed[-len(shown) :] == shown
 
 

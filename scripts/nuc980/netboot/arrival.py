@@ -38,7 +38,7 @@ QUIET_SECONDS = 2.0  # from here on it says nothing
 SPEED_SECONDS = 0.4  # an answer takes so long at most
 SETTLED_SECONDS = 0.25  # the answers to all keys are there
 
-STARTING = re.compile(rb"^(?:U-Boot (?:SPL )?\d{4}\.\d\d|DRAM: |.*(?:to stop autoboot|autoboot in \d))", re.M)
+STARTING = re.compile(rb"^U-Boot (?:SPL )?\d{4}\.\d\d|^DRAM: |to stop autoboot|autoboot in \d", re.M)
 KERNEL = re.compile(rb"Starting kernel|Uncompressing Linux|Linux version \d|^\[ *\d+\.\d{6}\] ", re.M)
 LOGIN = re.compile(rb"(?:login|Password): $")
 # A shell repeats its prompt for a Ctrl-C.
@@ -47,7 +47,8 @@ PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})$")
 
 NOISE_WINDOW = 48
 TEXT_LEAST = 8
-KEPT = 1 << 16
+KEPT = 1 << 14  # of what the board says, ample for a start
+TAIL = 300  # more than a prompt and the answer before it
 
 
 class Place(Enum):
@@ -125,15 +126,16 @@ class Arrival:
     def _place(self) -> Place:
         heard = self.said[self._tuned :]
         words = self._since_start(heard)
+        end = words[-TAIL:]
         if is_noise(heard[-NOISE_WINDOW:]):
             return Place.NOISE
-        if PROMPT.search(words):
+        if PROMPT.search(end):
             self._words = Place.PROMPT
-        elif LOGIN.search(words) or SHELL.search(words):
+        elif LOGIN.search(end) or SHELL.search(end):
             self._words = Place.LINUX
         elif KERNEL.search(words):
             self._words = Place.KERNEL
-        elif len(words) >= TEXT_LEAST:
+        elif is_text(words[-NOISE_WINDOW:]):
             self._words = Place.UNKNOWN
         else:
             return Place.UNKNOWN if words else Place.SILENT
@@ -181,7 +183,8 @@ class Arrival:
 
     def _tell(self, place: Place) -> None:
         waited = self._line.now() - self._started > IDLE_POKE_SECONDS
-        if place in WAITING and place is not self._told and not self._hook and waited and not self._untried:
+        sweeps = self._untried > 0 and not self._words
+        if place in WAITING and place is not self._told and not self._hook and waited and not sweeps:
             self._say(WAITING[place])
             self._told = place
 
@@ -242,5 +245,13 @@ class _Running:
 
 def is_noise(said: bytes) -> bool:
     """Enough to judge, and a third of it is no text."""
-    odd = sum(byte not in b"\a\b\t\n\r\x1b" and not 32 <= byte < 127 for byte in said)
-    return odd >= 4 and odd * 3 > len(said)
+    return _odd(said) >= 4 and _odd(said) * 3 > len(said)
+
+
+def is_text(said: bytes) -> bool:
+    """Enough to judge, and nearly all of it is text."""
+    return len(said) >= TEXT_LEAST and _odd(said) * 10 <= len(said)
+
+
+def _odd(said: bytes) -> int:
+    return sum(byte not in b"\a\b\t\n\r\x1b" and not 32 <= byte < 127 for byte in said)

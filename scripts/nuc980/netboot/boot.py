@@ -182,7 +182,13 @@ class WatchLinux(Step):
 
 
 def plan_network(board: BoardReport, network: Network, macs: Sequence[str]) -> tuple[SetVariable, ...]:
-    """What U-Boot must know to load files: addresses of its own, the server's, and the port to use."""
+    """What U-Boot must know to load files: addresses of its own, the server's, and the port to use.
+
+    Raises UnusableInput for a port that this U-Boot has not.
+    """
+    names = [port.name for port in board.ports]
+    if network.device and names and network.device not in names:
+        raise UnusableInput(f"U-Boot has no Ethernet port {network.device!r}; it has {', '.join(names)}.")
     wanted = {
         "ethaddr": macs[0],
         "eth1addr": macs[1],

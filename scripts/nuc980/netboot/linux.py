@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nuc980.netboot.console import text
+from nuc980.netboot.console import ended, text
 from nuc980.netboot.errors import (
     BoardReset,
     BootmFailed,
@@ -24,8 +24,9 @@ from nuc980.netboot.transport import Line
 
 STARTING = "Starting kernel ..."
 UBOOT = re.compile(r"^U-Boot (SPL )?\d{4}\.\d\d")
+RESET = re.compile(r"[Mm]ust RESET (the )?board")
 PANIC = re.compile(r"Kernel panic - not syncing")
-OOPS = re.compile(r"Internal error: |Unable to handle kernel ")
+TROUBLE = re.compile(rf"{PANIC.pattern}|Internal error: |Unable to handle kernel |Cannot open root device")
 NO_ROOT = re.compile(r"Unable to mount root fs|Waiting for root device|Cannot open root device")
 THE_END = re.compile(r"---\[ end Kernel panic|Rebooting in \d+ seconds")
 
@@ -52,7 +53,7 @@ class Goal:
     first_seconds: for the kernel's first word, after it has unpacked itself; seconds: from there to the goal.
     """
 
-    pattern: str = r"^\S+ login: ?"
+    pattern: str = r"^\S+ login: "
     seconds: float = 120.0
     first_seconds: float = 30.0
 
@@ -65,9 +66,9 @@ class LinuxWatch:
 
     def __init__(self, line: Line, marker: int, show: Callable[[str], None]) -> None:
         self._line = line
-        self._gave_up = re.compile(rf"^@{marker}:\d+$|must RESET the board|Must RESET board")
+        self._ended = ended(marker)
         self._show = show
-        self._kept: deque[str] = deque(maxlen=LINES_KEPT)
+        self._judged: deque[str] = deque(maxlen=LINES_KEPT)
         self._new: deque[str] = deque()  # whole lines, not judged yet
         self._rest = b""  # of the line at hand
 
@@ -77,11 +78,11 @@ class LinuxWatch:
         started = False
         while self._hear(deadline):
             while self._new:
-                if self._gave_up.search(self._new[0]) or UBOOT.match(self._new[0]):
+                if self._gave_up(self._new[0]):
                     raise self._bootm_failed()
                 if started and self._new[0].strip():
                     return
-                started |= STARTING in self._new.popleft()
+                started |= STARTING in self._judge()
             if started and self._rest.strip():
                 return
         if not started:
@@ -94,15 +95,14 @@ class LinuxWatch:
         deadline = time.monotonic() + goal.seconds
         while True:
             while self._new:
-                line = self._new.popleft()
-                if PANIC.search(line) or OOPS.search(line):
-                    raise self._panic(line)
-                if UBOOT.match(line):
+                if UBOOT.match(self._new[0]):
                     raise BoardReset(
-                        f"The board started anew while Linux came up; the kernel's last words: "
-                        f"{self._last_words(before=line)}",
+                        f"The board started anew while Linux came up, after {self._last_words()}",
                         cause="the watchdog, a kernel that restarts it (panic=10), or power dips",
                     )
+                line = self._judge()
+                if TROUBLE.search(line):
+                    raise self._trouble(line)
                 if wanted.search(line):
                     return
             if wanted.search(text(self._rest)):
@@ -119,17 +119,20 @@ class LinuxWatch:
             whole, self._rest = [*whole, self._rest], b""
         for line in map(text, whole):
             self._show(line)
-            self._kept.append(line)
             self._new.append(line)
         return bool(said) and time.monotonic() < deadline
 
-    def _panic(self, first: str) -> NetbootError:
+    def _judge(self) -> str:
+        self._judged.append(self._new.popleft())
+        return self._judged[-1]
+
+    def _trouble(self, first: str) -> NetbootError:
         """With what the kernel says of it: until it has ended, or is quiet."""
         story = [first]
         deadline = time.monotonic() + PANIC_SECONDS
         while not THE_END.search(story[-1]) and len(story) < LINES_KEPT:
             if self._new:
-                story.append(self._new.popleft())
+                story.append(self._judge())
             elif not self._hear(min(deadline, time.monotonic() + QUIET_SECONDS)):
                 break
         lines = "\n".join(f"  {line}" for line in story)
@@ -139,8 +142,11 @@ class LinuxWatch:
             return KernelPanic(f"The kernel panicked:\n{lines}")
         return KernelOops(f"The kernel stumbled:\n{lines}")
 
+    def _gave_up(self, line: str) -> bool:
+        return bool(self._ended.search(f"{line}\n".encode()) or RESET.search(line) or UBOOT.match(line))
+
     def _bootm_failed(self) -> BootmFailed:
-        said = "\n".join(f"  {line}" for line in self._kept)
+        said = "\n".join(f"  {line}" for line in (*self._judged, *self._new))
         causes = (cause for words, cause in BOOTM_WORDS.items() if re.search(words, said))
         return BootmFailed(f"U-Boot did not start the kernel:\n{said}", cause=next(causes, ""))
 
@@ -148,6 +154,7 @@ class LinuxWatch:
         what = f"No line with {goal.pattern!r} within {goal.seconds:g} s; the last one: {self._last_words()}"
         return RootMissing(what) if NO_ROOT.search(self._last_words()) else LinuxSilent(what)
 
-    def _last_words(self, before: str = "") -> str:
-        lines = [line for line in self._kept if line.strip() and line != before]
-        return repr(text(self._rest).strip() or (lines[-1] if lines else ""))
+    def _last_words(self) -> str:
+        unfinished = "" if self._new else text(self._rest).strip()
+        lines = [line for line in self._judged if line.strip()]
+        return repr(unfinished or (lines[-1] if lines else ""))

@@ -126,7 +126,8 @@ WORDS: tuple[tuple[str, type[TransferFailed]], ...] = (
 def why_not_loaded(output: str, transfer: Transfer, session: Session) -> TransferFailed:
     """The error for what U-Boot said when a transfer failed, and what the server saw of it."""
     kind = next((kind for words, kind in WORDS if re.search(words, output)), TransferFailed)
-    said = "\n".join(f"  {line}" for line in output.strip().splitlines()[-6:])
+    lines = output.replace("*\b", "").strip().splitlines()
+    said = "\n".join(f"  {line}" for line in lines[-6:])
     what = f"{transfer.name} was not loaded. U-Boot says:\n{said}"
     if kind is NoAnswer:
         return NoAnswer(what, next_step=f"{_host_advice(session)} The other port is chosen with --ethact.")

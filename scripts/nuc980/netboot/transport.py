@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import errno
-import grp
 import os
 import socket
 import termios
@@ -57,6 +56,7 @@ class Line:
         self.url = url
         self._start = time.monotonic()
         self._log = _opened(log) if log else None
+        self._log_error: OSError | None = None
         try:
             self._port = _port(url, baud)
         except BaseException:
@@ -74,6 +74,9 @@ class Line:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+        if self._log_error and not error:
+            name, why = self._log_error.filename, self._log_error.strerror
+            raise UnusableInput(f"{name}: {why}; the log ends early, all else was done")
 
     def now(self) -> float:
         """Seconds since the line was opened, as in the log."""
@@ -89,7 +92,7 @@ class Line:
         before = self._port.baudrate
         self._note(f"{speed} bit/s")
         try:
-            self._port.baudrate = speed
+            self._port.baudrate = _possible(speed)
         except (ValueError, *BROKEN) as error:
             with suppress(ValueError, *BROKEN):
                 self._port.baudrate = before
@@ -143,12 +146,17 @@ class Line:
         self._note(ascii(data.decode("latin-1")), direction)
 
     def _note(self, text: str, sign: str = "=") -> None:
-        if self._log:
-            self._log.write(f"{self.now():10.4f} {sign} {text}\n")
+        if self._log and not self._log_error:
+            try:
+                self._log.write(f"{self.now():10.4f} {sign} {text}\n")
+            except OSError as error:  # a full disk must not end a work on the board
+                error.filename = self._log.name
+                self._log_error = error
 
     def _close_log(self) -> None:
         if self._log:
-            self._log.close()
+            with suppress(OSError):
+                self._log.close()
 
 
 def _opened(log: Path) -> TextIO:
@@ -158,9 +166,17 @@ def _opened(log: Path) -> TextIO:
         raise UnusableInput(f"{log}: {error.strerror}") from error
 
 
+def _possible(speed: int) -> int:
+    """0 would hang up."""
+    if speed <= 0:
+        raise ValueError(f"{speed} is no speed")
+    return speed
+
+
 def _port(url: str, baud: int) -> serial.SerialBase:
     device = "://" not in url
     try:
+        _possible(baud)
         if device:
             port = serial.Serial(url, baud, timeout=POLL_SECONDS, write_timeout=WRITE_SECONDS, exclusive=True)
             _keep_dtr_when_closed(port.fileno())
@@ -168,7 +184,8 @@ def _port(url: str, baud: int) -> serial.SerialBase:
             port = serial.serial_for_url(url, baud, timeout=POLL_SECONDS)
     except (ValueError, *BROKEN) as error:
         why = _why_no_device(url, error) if device else PortUnreachable
-        raise why(f"The serial port {url} cannot be opened: {error}") from error
+        said = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
+        raise why(f"The serial port {url} cannot be opened: {said}") from error
     return port
 
 
@@ -200,7 +217,9 @@ def _ports_there() -> str:
 
 
 def _how_to_be_allowed(device: str) -> str:
-    group = grp.getgrgid(Path(device).stat().st_gid).gr_name
+    group = Path(device).group()
+    if group == "root":
+        return "let a udev rule give the port to the group dialout, or run this as root"
     return f"sudo usermod -aG {group} $USER, then log out and in again"
 
 

@@ -36,9 +36,7 @@ def read_uimage(path: Path) -> UImage:
     """The header of a whole, unharmed, uncompressed Linux kernel for ARM. Raises UnusableImage."""
     data = path.read_bytes()
     if len(data) < UImage.LAYOUT.size or int.from_bytes(data[:4]) != UImage.MAGIC:
-        raise _another(
-            path, data, "a uImage", "wrap a zImage: mkimage -A arm -O linux -T kernel -C none -d …"
-        )
+        raise _another(path, data, "a uImage")
     magic, header_crc, made, size, load, entry, data_crc, *kind, name = UImage.LAYOUT.unpack_from(data)
     held = len(data) - UImage.LAYOUT.size
     if zlib.crc32(UImage.LAYOUT.pack(magic, 0, made, size, load, entry, data_crc, *kind, name)) != header_crc:
@@ -107,7 +105,7 @@ KINDS: tuple[tuple[str, Callable[[bytes], bool], str], ...] = (
     ("a U-Boot image, as the kernel is one", lambda data: int.from_bytes(data[:4]) == UImage.MAGIC, ORDER),
     (
         "a FIT image, for another way of booting",
-        lambda data: data[:4] == DTB_MAGIC and b"\0images\0" in data,
+        lambda data: data[:4] == DTB_MAGIC and b"\1images\0" in data,
         "give kernel and device tree as files of their own",
     ),
     ("a device tree", lambda data: data[:4] == DTB_MAGIC, ORDER),
@@ -122,7 +120,11 @@ KINDS: tuple[tuple[str, Callable[[bytes], bool], str], ...] = (
         lambda data: b"/dts-v1/" in data[:4096],
         "compile it: make dtb, or dtc -O dtb",
     ),
-    ("a text", lambda data: data[:4096].isascii() and b"\0" not in data[:4096], ""),
+    (
+        "a text",
+        lambda data: data[:4096].isascii() and b"\0" not in data[:4096],
+        "give the file that was built",
+    ),
     ("an Image of an ARM kernel, or something else without a mark", lambda data: True, WRAP),
 )
 

@@ -60,6 +60,7 @@ class Board:
 
     def start(self) -> None:
         """Banner, environment, autoboot. It never comes back: an exception ends it."""
+        self.wire.line_end = self.variant.line_end
         if not self._double.talks:
             self.wire.deaf()
         self.wire.forget()
@@ -277,7 +278,7 @@ class Double:
         self._state = state
         if environment is not None:
             self.store_environment(environment)
-        self.wire = Wire(baud, self.faults, seed)
+        self.wire = Wire(baud, self.variant.line_end, self.faults, seed)
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._live, name="double", daemon=True)
 

@@ -378,13 +378,18 @@ class EndsEarly(Counted):
 
 
 class StopsHearing(Fault):
-    """From a block on no datagram arrives."""
+    """From a block on no datagram arrives: in every transfer, or in the first `times` that get so far."""
 
-    def __init__(self, block: int) -> None:
-        self.block = block
+    def __init__(self, block: int, times: int = 0) -> None:
+        self.block, self.times = block, times
+        self.transfers = 0
+
+    def request(self, name: str) -> str:
+        self.transfers += 1
+        return name
 
     def hears(self, block: int) -> bool:
-        return block < self.block
+        return block < self.block or bool(self.times and self.transfers > self.times)
 
 
 class FlipsInRam(Counted):

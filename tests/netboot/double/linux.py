@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from typing import Literal
 
+from .faults import Reset
 from .wire import Wire
 
-Ending = Literal["login", "shell", "panic", "silent"]
+Ending = Literal["login", "shell", "no root", "panic", "oops", "watchdog", "silent"]
 
 HEAD = """\
 [    0.000000] Booting Linux on physical CPU 0x0
@@ -18,7 +19,7 @@ HEAD = """\
 [    0.310000] nuc980-emac0 nuc980-emac0: eth0 is using mac address 02:00:00:00:00:01
 [    0.620000] nuc980-nand: 128 MiB, SLC, erase size: 128 KiB, page size: 2048, OOB size: 64
 """
-PANIC = """\
+NO_ROOT = """\
 [    1.270000] VFS: Cannot open root device "ubi0:rootfs" or unknown-block(0,0): error -19
 [    1.280000] Please append a correct "root=" boot option; here are the available partitions:
 [    1.290000] Kernel panic - not syncing: VFS: Unable to mount root fs on unknown-block(0,0)
@@ -26,6 +27,17 @@ PANIC = """\
 [    1.310000] Hardware name: NUC980 (Flattened Device Tree)
 [    1.320000] ---[ end Kernel panic - not syncing: VFS: Unable to mount root fs on unknown-block(0,0) ]---
 """
+PANIC = """\
+[    0.810000] Kernel panic - not syncing: Attempted to kill init! exitcode=0x0000000b
+[    0.820000] CPU: 0 PID: 1 Comm: init Not tainted 5.10.140-rt73 #1
+[    0.830000] ---[ end Kernel panic - not syncing: Attempted to kill init! exitcode=0x0000000b ]---
+"""
+OOPS = """\
+[    0.750000] Unable to handle kernel NULL pointer dereference at virtual address 00000004
+[    0.760000] Internal error: Oops: 5 [#1] PREEMPT_RT ARM
+[    0.770000] PC is at nuc980_emac_probe+0x40/0x3c4
+"""
+STORIES = {"no root": NO_ROOT, "panic": PANIC, "oops": OOPS}
 INIT = """\
 [    1.540000] Run /sbin/init as init process
 Starting syslogd: OK
@@ -37,11 +49,14 @@ Welcome to Buildroot
 
 def run(wire: Wire, ending: Ending) -> None:
     """Plays the log and stays; only the board's power switch ends it."""
+    wire.line_end = b"\r\n"
     if ending == "silent":
         wire.deaf()
     wire.puts(HEAD)
-    if ending == "panic":
-        wire.puts(PANIC)
+    if ending == "watchdog":
+        raise Reset
+    if ending in STORIES:
+        wire.puts(STORIES[ending])
         wire.deaf()
     wire.puts(INIT)
     stay(wire, ending)
@@ -49,6 +64,7 @@ def run(wire: Wire, ending: Ending) -> None:
 
 def stay(wire: Wire, ending: Ending) -> None:
     """A login, or a shell, that understands nothing."""
+    wire.line_end = b"\r\n"
     prompt = "gateway login: " if ending == "login" else "# "
     while True:
         wire.puts(prompt)

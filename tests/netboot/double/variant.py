@@ -18,6 +18,7 @@ class Variant:
 
     environment: the default one. found: how it says that the stored one is good.
     env_size: of the environment, beginning at 0x80000, in the first good blocks of four.
+    line_end: what its UART driver makes of a line feed.
     reserved: blocks that hold bad-block tables and are called bad.
     """
 
@@ -27,6 +28,7 @@ class Variant:
     head: str
     no_environment: str
     found: str
+    line_end: bytes
     streams: str
     ports: tuple[str, ...]
     environment: dict[str, str]
@@ -56,6 +58,7 @@ FACTORY = Variant(
     head="CPU: NUC980\nBoard: NUC980\nDRAM:  64 MiB\nNAND:  128 MiB\n",
     no_environment="*** Warning - bad CRC, using default environment\n\n",
     found="",
+    line_end=b"\n\r",
     streams="In:    serial\nOut:   serial\nErr:   serial\n",
     ports=("emac",),
     environment={"baudrate": "115200", "bootdelay": "3"},
@@ -97,6 +100,7 @@ OURS = Variant(
     ),
     no_environment="*** Warning - bad CRC, using default environment\n\n",
     found="OK\n",
+    line_end=b"\r\n",
     streams="In:    serial@b0070000\nOut:   serial@b0070000\nErr:   serial@b0070000\n",
     ports=("emac0", "emac1"),
     environment={

@@ -32,11 +32,13 @@ class Ended(Exception):
 class Wire:
     """getc, tstc and puts as U-Boot has them. All wait in `_wait`, which the board's power switch interrupts.
 
-    baud: the board's speed; what a tool says or hears at another one is garbage.
+    baud: the board's speed; what a tool says or hears at another one is garbage. line_end: what is sent for a
+    line feed.
     heard: all that came, as it left the tool.
     """
 
-    def __init__(self, baud: int, faults: Sequence[Fault], seed: int) -> None:
+    def __init__(self, baud: int, line_end: bytes, faults: Sequence[Fault], seed: int) -> None:
+        self.line_end = line_end
         self._speed = getattr(termios, f"B{baud}")
         self._faults = faults
         self._random = random.Random(seed)
@@ -121,9 +123,9 @@ class Wire:
         self._left = False
 
     def puts(self, text: str | bytes) -> None:
-        """With the carriage returns that U-Boot's driver adds. A faulty byte is one of Latin-1."""
+        """With the carriage returns that the UART's driver adds. Text is Latin-1."""
         data = text.encode("latin-1", "replace") if isinstance(text, str) else text
-        data = data.replace(b"\n", b"\r\n")
+        data = data.replace(b"\n", self.line_end)
         for fault in self._faults:
             data = fault.sent(data)
         if self._wrong_speed():
