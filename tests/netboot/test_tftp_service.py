@@ -469,6 +469,19 @@ def test_only_octet(service: FileService, uimage: Path, mode: bytes) -> None:
         assert Port(service).ask(request(RRQ, "uImage", b"OcTeT")) == BLOCK_1
 
 
+def test_request_has_512_bytes_at_most(service: FileService, uimage: Path) -> None:
+    """What is cut there could still be read."""
+    most = request(RRQ, "uImage") + b"aa\0b\0" + 123 * b"c\0d\0"
+    more = request(RRQ, "uImage") + b"aaa\0b\0" + 124 * b"c\0d\0"
+    assert len(most) == 512
+    with service.offer("uImage", uimage):
+        board = Port(service)
+        board.send(more)
+        settle(service)
+        assert board.hear(0) == b""
+        assert board.ask(most) == BLOCK_1
+
+
 def test_served_only_meanwhile(service: FileService, uimage: Path) -> None:
     board = Port(service)
     with service.offer("uImage", uimage):
