@@ -648,23 +648,20 @@ def test_no_acknowledgement_is_sent_unasked(service: FileService, tmp_path: Path
         assert transfer.finished
 
 
-def test_full_disk(service: FileService) -> None:
-    """/dev/full cannot be created: the file is swapped for it below the service."""
-    with FileService("", 0, BOARD) as service:
-        target = Path(f"/tmp/tftp-{os.getpid()}")
-        with service.accept("backup", target, 10) as transfer:
-            (descriptor,) = (
-                int(entry.name) for entry in Path("/proc/self/fd").iterdir() if entry.resolve() == target
-            )
-            with Path("/dev/full").open("wb") as full:
-                os.dup2(full.fileno(), descriptor)
-            board = Port(service)
-            board.ask(request(WRQ, "backup"))
-            board.send(block(DATA, 1, bytes(10)))
-            assert board.hear()[:4] == block(ERROR, DISK_FULL)
-            assert not transfer.finished
-            assert "No space left" in service.refused[-1].reason
-        assert not target.exists()
+def test_full_disk(service: FileService, tmp_path: Path) -> None:
+    """/dev/full in the place of the file that the service has opened."""
+    target = tmp_path / "backup"
+    with service.accept("backup", target, 10) as transfer:
+        opened = [entry for entry in Path("/proc/self/fd").iterdir() if entry.resolve() == target]
+        with Path("/dev/full").open("wb") as full:
+            os.dup2(full.fileno(), int(opened[0].name))
+        board = Port(service)
+        board.ask(request(WRQ, "backup"))
+        board.send(block(DATA, 1, bytes(10)))
+        assert board.hear()[:4] == block(ERROR, DISK_FULL)
+        assert not transfer.finished
+        assert "No space left" in service.refused[-1].reason
+    assert not target.exists()
 
 
 # ---- what is hostile
