@@ -17,7 +17,7 @@ import pytest
 
 from netboot.double import BLOCK, PAGE, Double, Operation
 from netboot.double.faults import Fault
-from nuc980.netboot import arrival, backup, console, flash, linux, probe, steps
+from nuc980.netboot import arrival, backup, blocks, console, linux, probe, steps
 from nuc980.netboot.cli import main
 from nuc980.netboot.errors import NetbootError
 
@@ -233,7 +233,7 @@ HURRY = {
     probe: {"FLASH_SECONDS": 2.0},
     steps: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
     backup: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
-    flash: {"PATIENCE": 2.0, "BLOCK_SECONDS": 2.0},
+    blocks: {"PATIENCE": 2.0, "BLOCK_SECONDS": 2.0},
 }
 SWITCHED_ON_WITHIN = 2.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`flash` on boards that have something wrong with them: all of it is written, or nothing that was not verified is lost.
+"""`flash` on boards that have something wrong with them: it is written, or what was there is kept.
 
 Each erase is judged at its moment: that its place was named, that a file of the host has what is there, that
 a journal tells it, that what comes there is in the RAM.
@@ -287,7 +287,10 @@ LINE = [
         faults.Unsolicited("\n[   12.34] usb 1-1: reset\n", at=20, times=3),
         board=OURS,
     ),
-    works("a sum misprinted", faults.wrong_crc(at=3)),
+    works("a sum misprinted in a backup by serial", faults.wrong_crc(at=3)),
+    works("a sum misprinted in the backup", faults.wrong_crc(at=1), board=OURS),
+    works("a sum misprinted before the erase", faults.wrong_crc(at=3), board=OURS, quick=True),
+    works("a sum misprinted in the reading back", faults.wrong_crc(at=4), board=OURS),
     works("md misprints", faults.noisy_dump(at=5, times=3), quick=True),
     works("ACKs lost", faults.LosesAcks(at=4, times=2), board=OURS),
     works("a wrong bit in the RAM once", faults.FlipsInRam(), board=OURS, quick=True),
@@ -310,16 +313,16 @@ REFUSED = [
         prepare=lambda bench: (bad(0x11)(bench), file("kernel", uimage(bytes(0x4FFF00)))(bench)),
     ),
     refuses(
-        "not a uImage", errors.WrongImage, command=FLASH, prepare=file("kernel", b"no kernel"), quick=True
+        "not a uImage", errors.UnusableImage, command=FLASH, prepare=file("kernel", b"no kernel"), quick=True
     ),
     refuses(
         "device tree cut off",
-        errors.WrongImage,
+        errors.UnusableImage,
         prepare=lambda bench: file("tree", bench.files["tree"][:-5])(bench),
     ),
     refuses(
         "UBI image of other pages",
-        errors.WrongImage,
+        errors.UnusableImage,
         command=("flash", "--ubi", "%root"),
         prepare=lambda bench: file(
             "root", bench.files["root"].replace(b"\0\0\x08\0\0\0\x10\0", b"\0\0\x02\0\0\0\x08\0")
@@ -357,8 +360,19 @@ REFUSED = [
     ),
     refuses("no NAND", errors.FlashNotPossible, faults.Refuses("^nand info", "", times=0)),
     refuses("an unknown reason", errors.UnusableInput, command=(*DTB, "--no-backup", "  ")),
-    refuses("resume of nothing", errors.JournalUnusable, command=("flash", "--resume"), quick=True),
-    refuses("roll-back of nothing", errors.JournalUnusable, command=("flash", "--roll-back")),
+    refuses(
+        "resume of nothing",
+        errors.UnusableInput,
+        command=("flash", "--resume"),
+        says=("no unfinished",),
+        quick=True,
+    ),
+    refuses(
+        "roll-back of nothing",
+        errors.UnusableInput,
+        command=("flash", "--roll-back"),
+        says=("no unfinished",),
+    ),
     Scenario(
         "dry run", (*DTB, "--dry-run"), then=as_before, says=("nand erase 0x700000 0x20000",), quick=True
     ),
@@ -366,7 +380,7 @@ REFUSED = [
 
 BEFORE = [
     refuses("file never right in the RAM", errors.WrongBytes, faults.FlipsInRam(times=0), board=OURS),
-    refuses("md never right", errors.NetbootError, faults.noisy_dump(times=0), says=("nothing was erased",)),
+    refuses("md never right", errors.LineUnsafe, faults.noisy_dump(times=0)),
     refuses(
         "upload refused",
         errors.BackupFailed,
@@ -375,7 +389,7 @@ BEFORE = [
     ),
     refuses(
         "out of memory at the read",
-        errors.NetbootError,
+        errors.BackupFailed,
         faults.Refuses("^nand read 0x100000", "** out of memory\n", times=0),
         board=OURS,
     ),
