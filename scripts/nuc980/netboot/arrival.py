@@ -211,6 +211,8 @@ class Arrival:
                     "" if self._line.has_speed else "set the serial server to the board's 115200 bit/s, 8N1"
                 )
                 return Garbage(what, cause=self._other_readers(), next_step=server)
+            case Place.LINUX if STARTING.search(self.said):
+                return AutobootMissed("The board booted what it has: U-Boot's prompt was missed.")
             case Place.LINUX:
                 return NotUBoot(f"Linux runs on the board, and no start was seen. It says: {last!r}")
             case Place.KERNEL:
