@@ -111,22 +111,12 @@ def changed_blocks(one: Path, other: Path) -> set[int]:
 # ---- files to write
 
 
-def uimage(size: int, seed: int, text: str = "Linux version 6.1\r\ngateway login: ") -> bytes:
-    """A kernel of so many bytes that says its text on the debug UART, and stops."""
-    program = struct.pack(
-        "<15I",
-        0xE59F002C, 0xE3A01A11, 0xE5801000,  # UART0's pins: MFP_PF_HIGH = 0x11000
-        0xE59F0024, 0xE28F1024,  # r0: UART0, r1: the text
-        0xE4D12001, 0xE3520000, 0x0AFFFFFE,  # next character; 0: b .
-        0xE5903018, 0xE3130502, 0x1AFFFFFC,  # while FSR.TX_FULL
-        0xE5802000, 0xEAFFFFF7,
-        0xB000009C, 0xB0070000,
-    )  # fmt: skip
-    payload = program + text.encode() + b"\0"
-    payload += noise(size - 64 - len(payload), seed)
+def uimage(size: int, seed: int, program: bytes = b"", load: int = 0x8000) -> bytes:
+    """A kernel of so many bytes that begins with a program."""
+    payload = program + noise(size - 64 - len(program), seed)
 
     def head(crc: int) -> bytes:
-        fields = (0x27051956, crc, 0, len(payload), 0x8000, 0x8000, zlib.crc32(payload))
+        fields = (0x27051956, crc, 0, len(payload), load, load, zlib.crc32(payload))
         return struct.pack(">7I4B32s", *fields, 5, 2, 2, 0, b"bench")
 
     return head(zlib.crc32(head(0))) + payload

@@ -178,6 +178,11 @@ def test_not_a_word(console: Console) -> None:
     assert "console=ttyS0,115200n8" in error_of(KernelMute, console.until_login_soon)
 
 
+def test_unpacked_and_not_a_word(console: Console) -> None:
+    console.says(STARTING + b"Uncompressing Linux... done, booting the kernel.\r\n")
+    error_of(KernelMute, console.until_login_soon)
+
+
 def test_it_stops_in_the_middle(console: Console) -> None:
     console.says(STARTING + BANNER + b"[    1.0] nand: half a li")
     assert "the last one: '[    1.0] nand: half a li'" in error_of(LinuxSilent, console.until_login_soon)

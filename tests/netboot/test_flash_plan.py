@@ -2,7 +2,6 @@
 """The plan of a flash, as a value: what it types and in which order; and what is refused before."""
 
 import re
-import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,19 +9,15 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from flashbench import noise, ubi_image, uimage
+from flashbench import device_tree, noise, ubi_image, uimage
 
 from nuc980.netboot.backup import BySerial, ByTftp
+from nuc980.netboot.blocks import BlockFailed, ReadBack, WriteBlock
 from nuc980.netboot.console import Answer
-from nuc980.netboot.errors import FlashNotPossible, LineUnsafe, WrongImage
+from nuc980.netboot.errors import BoardReset, DoesNotFit, FlashNotPossible, LineUnsafe, UnusableImage
 from nuc980.netboot.flash import (
-    BlockFailed,
-    Image,
-    ReadBack,
     Work,
-    WriteBlock,
     check_board,
-    check_image,
     choose_way,
     in_order,
     plan_backups,
@@ -30,6 +25,8 @@ from nuc980.netboot.flash import (
     plan_ram,
     warning,
 )
+from nuc980.netboot.flasher import without_free_blocks
+from nuc980.netboot.images import Image, check_image
 from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, Slot
 from nuc980.netboot.probe import BoardReport, Nand
 
@@ -37,10 +34,12 @@ BLOCK = 0x20000
 NOISE = noise(BLOCK, 1)
 FREE_RAM = range(0x100000, 0x3A00000)
 SLOTS = {
-    KERNEL: Slot(KERNEL, 0x200000, 0x700000, 0x500000),
+    KERNEL: Slot(KERNEL, 0x200000, 0x700000, 0x500000, address=0x7FC0),
     DEVICE_TREE: Slot(DEVICE_TREE, 0x700000, 0x800000, 0x100000),
     UBI: Slot(UBI, 0x1600000, 0x7A80000, 0x6480000),
+    LOADER: Slot(LOADER, 0x100000, 0x180000, 500 * 1024),
 }
+PLACES = {name: slot for name, slot in SLOTS.items() if name != LOADER}
 COMMANDS = frozenset(("nand", "crc32", "mw", "md", "tftpboot", "tftpput"))
 
 
@@ -95,11 +94,11 @@ def test_nothing_is_erased_before_it_is_backed_up_and_its_content_compared(
                 compared |= set(range(address // 2048, (address + size) // 2048))
             case ["tftpboot" | "mw.b", _]:
                 compared -= set(range(numbers(command)[0] // 2048, (numbers(command)[0] + (8 << 20)) // 2048))
-            case ["nand", "erase"]:
+            case ["printenv", _] if "nand erase" in command:
                 offset, size = numbers(command)
                 assert size == BLOCK
                 assert offset in backed_up
-            case ["nand", "write"]:
+            case ["printenv", _]:
                 address, _, size = numbers(command)
                 assert compared >= set(range(address // 2048, (address + size) // 2048))
 
@@ -109,14 +108,14 @@ def test_only_good_blocks_of_the_slots_are_touched_each_once(
 ) -> None:
     plan = work(*BAD, kernel=3_000_001, device=20_000, UBI=20 * BLOCK)
     commands = typed(plan, tmp_path)
-    erased = [numbers(command)[0] for command in commands if command.startswith("nand erase")]
+    erased = [numbers(command)[0] for command in commands if "nand erase" in command]
     assert len(set(erased)) == len(erased)
     assert set(erased) == {
-        at for slot in SLOTS.values() for at in range(slot.offset, slot.end, BLOCK) if at not in BAD
+        at for slot in PLACES.values() for at in range(slot.offset, slot.end, BLOCK) if at not in BAD
     }
     assert not [command for command in commands if "scrub" in command or "markbad" in command]
     for command in commands:
-        if command.startswith("nand write"):
+        if "nand write" in command:
             _, offset, size = numbers(command)
             assert offset in erased
             assert 0 < size <= BLOCK
@@ -176,6 +175,23 @@ def test_warning_names_the_way_out(work: Callable[..., Work]) -> None:
         assert words in text
 
 
+def test_ubi_of_all_blocks_is_restored_when_one_has_died(tmp_path: Path) -> None:
+    """What has its erase counter only is free; what holds data, and the order, stay."""
+    counter = b"UBI#" + noise(60, 1) + bytes(2048 - 64)
+    used, free = counter + NOISE[2048:], counter + b"\xff" * (BLOCK - 2048)
+    path = tmp_path / "ubi.backup"
+    path.write_bytes(used + free + used[::-1] + free + used)
+    slot = Slot(UBI, 0x1600000, 0x1600000 + 5 * BLOCK, 5 * BLOCK)
+
+    def left(*bad: int) -> bytes:
+        return without_free_blocks(path, slot, Nand(0x8000000, BLOCK, 2048, bad)).read_bytes()
+
+    assert left() == path.read_bytes()
+    assert left(0x1600000) == used + free + used[::-1] + used
+    assert left(0x1600000, 0x1620000) == used + used[::-1] + used
+    assert left(0x1600000, 0x1620000, 0x1640000) == used + used[::-1] + used  # and does not fit
+
+
 # ---- what is refused
 
 
@@ -197,57 +213,48 @@ def test_backup_goes_over_the_line_where_there_is_no_tftpput() -> None:
     assert isinstance(choose_way(board(), "serial", board().nand), BySerial)
 
 
+def check(name: str, content: bytes, folder: Path, nand: Nand | None = None) -> None:
+    path = folder / "image"
+    path.write_bytes(content)
+    check_image(Image.of(SLOTS[name], path), nand or board().nand)
+
+
 def spoiled(content: bytes, at: int) -> bytes:
     return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
 
 
-@pytest.mark.parametrize("at", [0, 4, 12, 24, 40, 64, 9_999])
-def test_kernel_is_a_whole_uimage(tmp_path: Path, at: int) -> None:
-    path = tmp_path / "uImage"
-    path.write_bytes(uimage(10_000, 1))
-    check_image(KERNEL, path, board().nand)
-    path.write_bytes(spoiled(uimage(10_000, 1), at))
-    with pytest.raises(WrongImage, match="uImage"):
-        check_image(KERNEL, path, board().nand)
+def test_kernel_is_a_whole_uimage_that_runs_where_the_boot_command_loads_it(tmp_path: Path) -> None:
+    check(KERNEL, uimage(10_000, 1), tmp_path)
+    for wrong in (spoiled(uimage(10_000, 1), 9_999), uimage(10_000, 1)[:-1], b""):
+        with pytest.raises(UnusableImage):
+            check(KERNEL, wrong, tmp_path)
+    with pytest.raises(UnusableImage, match="0x8000"):
+        check(KERNEL, uimage(10_000, 1, load=0x9000), tmp_path)
 
 
-@pytest.mark.parametrize("content", [b"", bytes(64), uimage(10_000, 1)[:-1], uimage(10_000, 1) + b"\0"])
-def test_kernel_of_another_length(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "uImage"
-    path.write_bytes(content)
-    with pytest.raises(WrongImage):
-        check_image(KERNEL, path, board().nand)
-
-
-def test_device_tree_is_a_whole_one(tmp_path: Path) -> None:
-    path = tmp_path / "dtb"
-    path.write_bytes(struct.pack(">II", 0xD00DFEED, 100) + bytes(92))
-    check_image(DEVICE_TREE, path, board().nand)
-    for content in (path.read_bytes()[:-1], bytes(100), b""):
-        path.write_bytes(content)
-        with pytest.raises(WrongImage):
-            check_image(DEVICE_TREE, path, board().nand)
+def test_device_tree_is_one(tmp_path: Path, uboot: Path) -> None:
+    check(DEVICE_TREE, device_tree(uboot), tmp_path)
+    for wrong in (device_tree(uboot)[:-1], bytes(100), uimage(10_000, 1)):
+        with pytest.raises(UnusableImage):
+            check(DEVICE_TREE, wrong, tmp_path)
 
 
 def test_ubi_image_is_for_this_flash(tmp_path: Path) -> None:
     content = ubi_image(tmp_path, "root", 1)
-    path = tmp_path / "root.ubi"
-    check_image(UBI, path, board().nand)
+    check(UBI, content, tmp_path)
     for wrong in (content[:-1], spoiled(content, BLOCK + 20), spoiled(content, 0), b""):
-        path.write_bytes(wrong)
-        with pytest.raises(WrongImage):
-            check_image(UBI, path, board().nand)
-    path.write_bytes(content)
-    with pytest.raises(WrongImage, match="page size"):
-        check_image(UBI, path, Nand(0x8000000, BLOCK, 4096, ()))
+        with pytest.raises(UnusableImage):
+            check(UBI, wrong, tmp_path)
+    with pytest.raises(UnusableImage, match="page size"):
+        check(UBI, content, tmp_path, Nand(0x8000000, BLOCK, 4096, ()))
 
 
-def test_boot_loader_begins_as_one(tmp_path: Path, uboot: Path) -> None:
-    check_image(LOADER, uboot, board().nand)
-    path = tmp_path / "other"
-    path.write_bytes(uimage(10_000, 1))
-    with pytest.raises(WrongImage):
-        check_image(LOADER, path, board().nand)
+def test_boot_loader_begins_as_one_and_fits_what_the_spl_reads(tmp_path: Path, uboot: Path) -> None:
+    check(LOADER, uboot.read_bytes(), tmp_path)
+    with pytest.raises(UnusableImage):
+        check(LOADER, uimage(10_000, 1), tmp_path)
+    with pytest.raises(DoesNotFit):
+        check(LOADER, uboot.read_bytes().ljust(500 * 1024 + 1), tmp_path)
 
 
 # ---- what U-Boot answers
@@ -262,6 +269,7 @@ class Scripted:
 
     def run(self, command: str, *_: object, repeatable: bool = True) -> Answer:
         self.typed.append(command)
+        command = command.removeprefix("printenv flashing && ")
         name = " ".join(command.split()[:2]) if command.startswith("nand") else command.split()[0]
         script = self.answers[name]
         answer = script.pop(0) if len(script) > 1 else script[0]
@@ -276,15 +284,19 @@ class OnlyConsole:
 
 
 # cmd/nand.c and nand_util.c of 2016.11 and 2023.01, which say the same
+IN_WORK = "flashing=yes\n"
 RANGE = "device 0 offset 0x240000, size 0x20000\n"
-ERASED = (0, f"\nNAND erase: {RANGE}\rErasing at 0x240000 -- 100% complete.\nOK\n")
-NOT_ERASED = (0, f"\nNAND erase: {RANGE}\nnand0: MTD Erase failure: -5\n\nOK\n")
-SKIPPED = (0, f"\nNAND erase: {RANGE}\rSkipping bad block at  0x00240000{' ' * 42}\n\nOK\n")
-QUIET = (0, f"\nNAND erase: {RANGE}OK\n")
-REFUSED = (1, "\nNAND erase: Size exceeds partition or device limit\n")
-WRITTEN = (0, f"\nNAND write: {RANGE} 131072 bytes written: OK\n")
-NOT_WRITTEN = (1, f"\nNAND write: {RANGE}NAND write to offset 240000 failed -5\n 0 bytes written: ERROR\n")
-SKIPPED_WRITE = (0, f"\nNAND write: {RANGE}Skip bad block 0x00240000\n 131072 bytes written: OK\n")
+ERASED = (0, f"{IN_WORK}\nNAND erase: {RANGE}\rErasing at 0x240000 -- 100% complete.\nOK\n")
+NOT_ERASED = (0, f"{IN_WORK}\nNAND erase: {RANGE}\nnand0: MTD Erase failure: -5\n\nOK\n")
+SKIPPED = (0, f"{IN_WORK}\nNAND erase: {RANGE}\rSkipping bad block at  0x00240000{' ' * 42}\n\nOK\n")
+QUIET = (0, f"{IN_WORK}\nNAND erase: {RANGE}OK\n")
+REFUSED = (1, f"{IN_WORK}\nNAND erase: Size exceeds partition or device limit\n")
+WRITTEN = (0, f"{IN_WORK}\nNAND write: {RANGE} 131072 bytes written: OK\n")
+NOT_WRITTEN = (
+    1,
+    f"{IN_WORK}\nNAND write: {RANGE}NAND write to offset 240000 failed -5\n 0 bytes written: ERROR\n",
+)
+SKIPPED_WRITE = (0, f"{IN_WORK}\nNAND write: {RANGE}Skip bad block 0x00240000\n 131072 bytes written: OK\n")
 WRITE = WriteBlock(KERNEL, 2, 0x240000, BLOCK, 0x1000000, BLOCK)
 
 
@@ -312,16 +324,26 @@ def test_nothing_is_written_where_nothing_was_erased(answer: tuple[int, str]) ->
     assert len(session.console.typed) == 1
 
 
-@pytest.mark.parametrize("answer", [NOT_WRITTEN, SKIPPED_WRITE, (0, ""), (1, "")])
+@pytest.mark.parametrize("answer", [NOT_WRITTEN, SKIPPED_WRITE, (0, IN_WORK), (1, IN_WORK)])
 def test_write_must_say_that_it_wrote_all(answer: tuple[int, str]) -> None:
     with pytest.raises(BlockFailed):
         WRITE.run(at(nand_erase=ERASED, nand_write=answer))
 
 
+def test_board_that_was_reset_is_not_written_any_more() -> None:
+    """The variable is gone, and with it the trust in what was loaded."""
+    lost = (1, '## Error: "flashing" not defined\n')
+    with pytest.raises(BoardReset):
+        WRITE.run(at(nand_erase=ERASED, nand_write=lost))
+    with pytest.raises(BoardReset):
+        WRITE.run(at(nand_erase=lost, nand_write=WRITTEN))
+    assert all(command.startswith("printenv flashing && nand ") for command in WRITE.commands())
+
+
 def test_write_whose_answer_is_lost_starts_with_the_erase_again() -> None:
     session = at(nand_erase=ERASED, nand_write=[LineUnsafe("lost"), WRITTEN])
     WRITE.run(session)
-    assert [command.split()[1] for command in session.console.typed] == ["erase", "write"] * 2
+    assert [command.split()[4] for command in session.console.typed] == ["erase", "write"] * 2
 
 
 READ = ReadBack(

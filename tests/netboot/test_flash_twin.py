@@ -80,9 +80,9 @@ class Bench:
 
 
 @pytest.fixture(scope="session")
-def images(tmp_path_factory: pytest.TempPathFactory, uboot: Path) -> Path:
+def images(tmp_path_factory: pytest.TempPathFactory, uboot: Path, payload: Path) -> Path:
     folder = tmp_path_factory.mktemp("images")
-    (folder / "uImage").write_bytes(uimage(3_000_001, 1))
+    (folder / "uImage").write_bytes(uimage(3_000_001, 1, (payload / "uImage").read_bytes()[64:]))
     (folder / "dtb").write_bytes(device_tree(uboot))
     ubi_image(folder, "root", 1)
     return folder
@@ -173,23 +173,20 @@ def test_root_file_system_can_be_attached(bench: Bench) -> None:
 
 def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     board = bench.start()
-    port = str(free_port())
-    files = ["flash", "--kernel", str(bench.folder / "uImage"), *options(board, bench.site, int(port))]
-    assert main([*files, "--dry-run"]) == 0
-    shown = [
-        re.sub(r"@\d+", "@", line[4:])
-        for line in capsys.readouterr().out.splitlines()
-        if line.startswith("    ")
-    ]
+    log, report = bench.folder / "log", bench.folder / "report"
+    kernel = ["flash", "--kernel", str(bench.folder / "uImage"), *options(board, bench.site, free_port())]
+    assert main(["probe", "--flash", "--json", str(report), "--port", board.port]) == 0
+    capsys.readouterr()
+    assert main([*kernel, "--dry-run", "--board-as", str(report)]) == 0
+    shown = re.findall(r"^    => (.*); echo @\d+:", capsys.readouterr().out, re.MULTILINE)
     assert not list(bench.site.glob("flash-*"))
 
-    log = bench.folder / "log"
-    assert main([*files, "--log", str(log)]) == 0
+    assert main([*kernel, "--log", str(log)]) == 0
     sent = [
         ast.literal_eval(text) for text in re.findall(r"^ *[\d.]+ > (.*)$", log.read_text(), re.MULTILINE)
     ]
-    typed = [re.sub(r"@\d+", "@", line) for line in "".join(sent).replace("\x03", "").split("\r") if line]
-    assert typed[-len(shown) :] == shown
+    typed = re.findall(r"([^\r\x03]*); echo @\d+:\$\?\r", "".join(sent))
+    assert typed == shown
 
 
 # ---- blocks that fail

@@ -6,33 +6,42 @@ from pathlib import Path
 
 import pytest
 
-from nuc980.netboot.errors import DoesNotFit, LayoutUnknown, UnusableInput
+from nuc980.netboot.errors import DoesNotFit, LayoutUnknown
 from nuc980.netboot.layout import (
     DEVICE_TREE,
     KERNEL,
     UBI,
     Layout,
-    Partition,
     Slot,
     layout_of,
     loader_slot,
-    parse_mtdparts,
 )
-from nuc980.netboot.probe import Nand
+from nuc980.netboot.probe import Nand, Partition
 
 ROOT = Path(__file__).parents[2]
 LIMITS = tomllib.loads((ROOT / "board/nuc980/image-limits.toml").read_text())["flash"]
 SIZE, BLOCK = 0x8000000, 0x20000
 FACTORY = "nand read 0x7FC0 0x200000 0x500000; nand read 0xA00000 0x700000 0x100000; bootm 0x7Fc0 - 0xA00000"
-PARTS = "mtdparts=nand0:0x200000@0x0(u-boot),0x500000@0x200000(kernel),1m(dtb),0xe00000(spare),-(user)"
+PARTS = (
+    Partition("u-boot", 0, 0x200000),
+    Partition("kernel", 0x200000, 0x500000),
+    Partition("dtb", 0x700000, 0x100000),
+    Partition("user", 0x1600000, SIZE - 0x1600000),
+)
 
 
-def nand(*bad: int) -> Nand:
-    return Nand(SIZE, BLOCK, 2048, bad)
+def nand(*bad: int, partitions: tuple[Partition, ...] = ()) -> Nand:
+    return Nand(SIZE, BLOCK, 2048, bad, partitions=partitions)
 
 
-def layout(bootcmd: str, *bad: int, explicit: dict | None = None, **variables: str) -> Layout:
-    return layout_of({"bootcmd": bootcmd, **variables}, nand(*bad), explicit)
+def layout(
+    bootcmd: str,
+    *bad: int,
+    explicit: dict[str, tuple[int, int]] | None = None,
+    partitions: tuple[Partition, ...] = (),
+    **variables: str,
+) -> Layout:
+    return layout_of({"bootcmd": bootcmd, **variables}, nand(*bad, partitions=partitions), explicit)
 
 
 def place(slot: Slot | None) -> tuple[int, int, int] | None:
@@ -69,8 +78,7 @@ def test_factorys_places_are_those_of_the_image_limits() -> None:
 def test_boot_command_says_it_in_other_words(bootcmd: str) -> None:
     found = layout(
         bootcmd,
-        mtdparts=PARTS,
-        mtdids="nand0=nand0",
+        partitions=PARTS,
         tree="0xa00000",
         load="nand read 0x7FC0 0x200000 0x500000; nand read 0xA00000 0x700000 0x100000",
         start="bootm 0x7Fc0 - 0xA00000",
@@ -175,45 +183,25 @@ def test_kernel_ends_where_something_else_is_read() -> None:
 def test_partition_of_which_bad_blocks_leave_too_little_cannot_be_read() -> None:
     """U-Boot: "Size of read exceeds partition or device limit", and not one byte."""
     bootcmd = "nand read 0x7fc0 kernel 0x500000; bootm 0x7fc0"
-    layout(bootcmd, mtdparts=PARTS).slot(KERNEL).check_fits(1, nand())
-    slot = layout(bootcmd, 0x300000, mtdparts=PARTS).slot(KERNEL)
+    layout(bootcmd, partitions=PARTS).slot(KERNEL).check_fits(1, nand())
+    slot = layout(bootcmd, 0x300000, partitions=PARTS).slot(KERNEL)
     with pytest.raises(DoesNotFit, match="reads nothing"):
         slot.check_fits(1, nand(0x300000))
 
 
 def test_partition_without_size_is_read_less_its_bad_blocks() -> None:
-    slot = layout("nand read 0x7fc0 kernel; bootm 0x7fc0", 0x300000, mtdparts=PARTS).slot(KERNEL)
+    slot = layout("nand read 0x7fc0 kernel; bootm 0x7fc0", 0x300000, partitions=PARTS).slot(KERNEL)
     slot.check_fits(0x500000 - BLOCK, nand(0x300000))
     with pytest.raises(DoesNotFit):
         slot.check_fits(0x500000 - BLOCK + 1, nand(0x300000))
 
 
 def test_root_is_the_boards_partition_but_never_the_tables() -> None:
-    assert place(layout(FACTORY, mtdparts=PARTS).ubi) == (
+    assert place(layout(FACTORY, partitions=PARTS).ubi) == (
         0x1600000, SIZE - 4 * BLOCK, SIZE - 4 * BLOCK - 0x1600000
     )  # fmt: skip
     with pytest.raises(LayoutUnknown, match="overlap"):
-        layout(FACTORY, mtdparts="nand0:0x300000(u-boot),-(rootfs)")
-
-
-@pytest.mark.parametrize(
-    ("mtdparts", "wanted"),
-    [
-        ("mtdparts=nand0:2m(a),1k@4m(b)ro,-(c)",
-         [("a", 0, 0x200000), ("b", 0x400000, 1024), ("c", 0x400400, SIZE - 0x400400)]),
-        ("nand0:0x20000(a,b)", [("a,b", 0, BLOCK)]),
-        ("spi0:1m(x);nand0:2m(y)", [("y", 0, 0x200000)]),
-        ("", []),
-    ],
-)  # fmt: skip
-def test_partitions(mtdparts: str, wanted: list[tuple[str, int, int]]) -> None:
-    found = parse_mtdparts({"mtdparts": mtdparts, "mtdids": "nor0=spi0,nand0=nand0"}, SIZE)
-    assert list(found.values()) == [Partition(*facts) for facts in wanted]
-
-
-def test_partitions_nobody_understands() -> None:
-    with pytest.raises(UnusableInput, match="nonsense"):
-        parse_mtdparts({"mtdparts": "nand0:nonsense(a)"}, SIZE)
+        layout(FACTORY, partitions=(Partition("rootfs", 0x300000, SIZE - 0x300000),))
 
 
 def test_boot_loaders_place_wants_good_blocks() -> None:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Power cuts while the flash is written: U-Boot always starts, nothing else changes, and the way goes on or back.
+"""Power cuts while the flash is written: U-Boot starts, nothing else has changed, the way goes on or back.
 
-A cut is a reset of the machine, or QEMU killed and started again on the same flash. What QEMU does with one page or one
-block is whole or not at all, so a page of the block in work is torn by hand.
+A cut is a reset of the machine, or QEMU killed and started again on the same flash. What QEMU does with one
+page or one block is whole or not at all, so a page of the block in work is torn by hand.
 """
 
 import random
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,6 +40,8 @@ BAD = {17, 178}
 PLACES = ["--kernel-at", "0x200000+0x80000", "--dtb-at", "0x700000+0x40000", "--ubi-at", "0x1600000+0x80000"]
 WRITTEN = {block for blocks in SLOTS.values() for block in blocks} - BAD
 SEED = 980
+STEPS = 39  # of the journal
+SETUP = 11  # the first that is no variable
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def flashed(tmp_path_factory: pytest.TempPathFactory, qemu: Path, uboot: Path) -> Path:
-    """A flash with something everywhere near, its environment saved, its bad blocks known; and what to write."""
+    """A flash with something in and around the slots, an environment, bad blocks; and what to write."""
     folder = tmp_path_factory.mktemp("flashed")
     nand = NandImage.blank(folder / "nand")
     for block in BAD:
@@ -124,7 +126,7 @@ def flashed(tmp_path_factory: pytest.TempPathFactory, qemu: Path, uboot: Path) -
 
 
 @pytest.fixture
-def bench(tmp_path: Path, flashed: Path, qemu: Path, uboot: Path):
+def bench(tmp_path: Path, flashed: Path, qemu: Path, uboot: Path) -> Iterator[Bench]:
     for name in SLOTS:
         (tmp_path / name).symlink_to(flashed / name)
     with ExitStack() as stack:
@@ -213,19 +215,23 @@ def test_uncut(bench: Bench) -> None:
     bench.board = bench.power()
     assert bench.begin() == 0
     end_as(bench, None)
+    journal = Journal(next((bench.folder / "site").glob("flash-*")))
+    assert len(list(journal.named("begin"))) == STEPS
 
 
-@pytest.mark.parametrize("step", range(1, 40))
+def often(first: int, last: int, seldom: int) -> list[object]:
+    """The first ones always, the others in the soak."""
+    return [pytest.param(n, marks=[pytest.mark.soak] if n >= seldom else []) for n in range(first, last)]
+
+
+@pytest.mark.parametrize("step", [*often(1, SETUP, 1), *often(SETUP, STEPS + 1, STEPS + 1)])
 def test_cut_at_every_step(bench: Bench, monkeypatch: pytest.MonkeyPatch, step: int) -> None:
     chance = random.Random(step)
-    cut_and_go_on(
-        bench, Cut(step, chance.uniform(0, 0.02), bool(step % 2), bool(step // 2 % 2), step), monkeypatch
-    )
+    cut = Cut(step, chance.uniform(0, 0.02), bool(step % 2), bool(step // 2 % 2), step)
+    cut_and_go_on(bench, cut, monkeypatch)
 
 
-@pytest.mark.parametrize(
-    "number", [*range(12), *(pytest.param(n, marks=pytest.mark.soak) for n in range(12, 100))]
-)
+@pytest.mark.parametrize("number", often(0, 100, 8))
 def test_cut_at_any_moment(bench: Bench, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     chance = random.Random(SEED * 1000 + number)
     cut = Cut(1, chance.uniform(0, 1.5), chance.random() < 0.5, chance.random() < 0.5, number)

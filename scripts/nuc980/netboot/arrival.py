@@ -40,10 +40,10 @@ SETTLED_SECONDS = 0.25  # the answers to all keys are there
 
 STARTING = re.compile(rb"^U-Boot (?:SPL )?\d{4}\.\d\d|^DRAM: |to stop autoboot|autoboot in \d", re.M)
 KERNEL = re.compile(rb"Starting kernel|Uncompressing Linux|Linux version \d|^\[ *\d+\.\d{6}\] ", re.M)
-LOGIN = re.compile(rb"(?:login|Password): $")
+LOGIN = re.compile(rb"(?:login|Password): \Z")
 # A shell repeats its prompt for a Ctrl-C.
-SHELL = re.compile(rb"(?:^|\n)([^\n]*[#$] )(?:(?!<INTERRUPT>)[^\n]){0,16}\n+\1$")
-PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})$")
+SHELL = re.compile(rb"(?:^|\n)([^\n]*[#$] )(?:(?!<INTERRUPT>)[^\n]){0,16}\n+\1\Z")
+PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})\Z")
 
 NOISE_WINDOW = 48
 TEXT_LEAST = 8
@@ -200,11 +200,16 @@ class Arrival:
         last = self.said.decode(errors="replace")[-200:]
         match self._words:
             case None if not self.said:
-                return NoOutput(f"Nothing came from {self._line.url}, at {self._tried()} bit/s.")
-            case None if self._readable_once():
+                what = f"Nothing came from {self._line.url}{self._tried()}."
+                return NoOutput(what, cause=self._other_readers())
+            case None if self._hook and not is_noise(self.said[-NOISE_WINDOW:]):
                 return PowerHookFailed("The power hook ran, and the board did not start anew.")
             case None:
-                return Garbage(f"What comes from {self._line.url} is no text, at {self._tried()} bit/s.")
+                what = f"What comes from {self._line.url} is no text{self._tried()}."
+                server = (
+                    "" if self._line.has_speed else "set the serial server to the board's 115200 bit/s, 8N1"
+                )
+                return Garbage(what, cause=self._other_readers(), next_step=server)
             case Place.LINUX:
                 return NotUBoot(f"Linux runs on the board, and no start was seen. It says: {last!r}")
             case Place.KERNEL:
@@ -213,10 +218,11 @@ class Arrival:
                 return StuckConsole(f"No prompt of U-Boot's came. The last words: {last!r}")
 
     def _tried(self) -> str:
-        return ", ".join(map(str, self._speeds))
+        return f", at {', '.join(map(str, self._speeds))} bit/s" if self._line.has_speed else ""
 
-    def _readable_once(self) -> bool:
-        return self._hook is not None and not is_noise(self.said[-NOISE_WINDOW:])
+    def _other_readers(self) -> str:
+        others = ", ".join(self._line.shared_with())
+        return others and f"the port is open in {others} too, which may take the bytes"
 
 
 class _Running:

@@ -321,13 +321,6 @@ class LayoutUnknown(UnusableInput):
     next_step = "nuc980-netboot probe shows the environment; --kernel-at, --dtb-at, --ubi-at name a place"
 
 
-class WrongImage(UnusableInput):
-    """A file is not what it is to be written as."""
-
-    cause = "another file, or one that was cut while it was copied"
-    next_step = "build it again (make image) and compare it with its manifest.json"
-
-
 class FlashNotPossible(UnusableInput):
     """This board, or its U-Boot, cannot do what flashing needs."""
 

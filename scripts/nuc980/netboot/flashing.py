@@ -10,25 +10,26 @@ from pathlib import Path
 from nuc980.netboot.boot import plan_network
 from nuc980.netboot.errors import JournalUnusable, NetbootError, UnusableInput
 from nuc980.netboot.flash import (
-    Flasher,
-    Image,
     Work,
-    backups_of,
     check_board,
-    check_image,
-    check_same_board,
     choose_way,
-    header_of,
-    images_of,
     in_order,
-    not_backed_up,
     plan_backups,
     plan_flash,
     plan_ram,
+    plan_session,
+)
+from nuc980.netboot.flasher import (
+    Flasher,
+    backups_of,
+    check_same_board,
+    header_of,
+    images_of,
+    not_backed_up,
     prepare,
-    quiet_off,
     still_to_do,
 )
+from nuc980.netboot.images import Image, check_image
 from nuc980.netboot.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
 from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
 from nuc980.netboot.plan import Plan, Step
@@ -144,10 +145,8 @@ class _Flash:
         if parsed.no_backup is None:
             self.way = choose_way(board, parsed.backup_by, self.nand)
             check_board(board, self.way)
-        self.setup: tuple[Step, ...] = (
-            *quiet_off(board),
-            *plan_network(board, network, run.site.macs(board.environment)),
-        )
+        macs = run.site.macs(board.environment)
+        self.setup: tuple[Step, ...] = (*plan_session(board), *plan_network(board, network, macs))
 
     def planned(self, files: dict[str, Path]) -> Plan:
         """What begin() does when nothing goes wrong."""
@@ -192,8 +191,7 @@ class _Flash:
                 self.session.progress.note(note)
         images = [Image.of(slots[name], path) for name, path in files.items()]
         for image in images:
-            check_image(image.name, image.path, self.nand)
-            image.slot.check_fits(image.size, self.nand)
+            check_image(image, self.nand)
         return images
 
     def _run(
@@ -211,4 +209,4 @@ class _Flash:
                 f"The flash alone could not boot for {flasher.seconds:.1f} s;"
                 f" its kernel was away for {flasher.kernel_seconds:.1f} s of them."
             )
-        note(f"Done. What was there before: {journal.folder}")
+        note(f"Done. The journal{' and what was there before' if self.way else ''}: {journal.folder}")

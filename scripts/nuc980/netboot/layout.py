@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from nuc980.netboot.errors import DoesNotFit, LayoutUnknown, UnusableInput
-from nuc980.netboot.probe import Nand
+from nuc980.netboot.errors import DoesNotFit, LayoutUnknown
+from nuc980.netboot.probe import TABLE_BLOCKS, Nand
 
 LIMITS = Path(__file__).resolve().parents[3] / "board/nuc980/image-limits.toml"
 
@@ -18,8 +18,6 @@ LIMITS = Path(__file__).resolve().parents[3] / "board/nuc980/image-limits.toml"
 # the vendor's SPL reads 500 KiB (mtdparts and CONFIG_SYS_NAND_U_BOOT_SIZE of its headers).
 OWN_END = 0x200000
 LOADER_OFFSET, LOADER_ROOM = 0x100000, 500 * 1024
-# The last four blocks hold the tables of bad blocks (Linux: NAND_BBT_SCAN_MAXBLOCKS).
-TABLE_BLOCKS = 4
 
 _OTHER = "read at "
 KERNEL, DEVICE_TREE, UBI, LOADER = "kernel", "device tree", "UBI", "boot loader"
@@ -29,17 +27,6 @@ DEPTH = 8  # of `run` in `run`
 SPLIT = re.compile(r"&&|;|\n")
 VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w+)")
 HARMLESS = re.compile(r"(echo|sleep|nand (device|info|bad)|mtdparts( default)?|env print|printenv)\b")
-PARTITION = re.compile(r"(-|0x[0-9a-f]+|\d+[kmg]?)(?:@(0x[0-9a-f]+|\d+[kmg]?))?(?:\(([^)]*)\))?(?:ro)?", re.I)
-UNITS = {"k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
-
-
-@dataclass(frozen=True)
-class Partition:
-    """A part of the flash that has a name. Bytes."""
-
-    name: str
-    offset: int
-    size: int
 
 
 @dataclass(frozen=True)
@@ -47,7 +34,7 @@ class Slot:
     """A place for one image. Bytes; [offset, end) is all that may be erased, room what is read of it.
 
     limit: for a read by partition name, how many bytes it wants and where the partition ends: when bad blocks
-    push it beyond, U-Boot reads nothing at all ("Size of read exceeds partition").
+    push it beyond, U-Boot reads nothing at all ("Size of read exceeds partition"). address: in RAM, if known.
     """
 
     name: str
@@ -55,6 +42,7 @@ class Slot:
     end: int
     room: int
     limit: tuple[int, int] | None = None
+    address: int | None = None
 
     def blocks(self, nand: Nand) -> tuple[int, ...]:
         """The offsets of its good blocks, in the order in which `nand read` takes them."""
@@ -125,18 +113,17 @@ def layout_of(
 ) -> Layout:
     """The slots of a board with this environment. explicit: offset and size of slots, by name.
 
-    Raises LayoutUnknown for slots that overlap each other or U-Boot's own; UnusableInput for bad mtdparts.
+    Raises LayoutUnknown for slots that overlap each other or U-Boot's own.
     """
     explicit = explicit or {}
-    partitions = parse_mtdparts(environment, nand.size)
     slots: dict[str, Slot] = {}
     unknown, notes = "", []
     try:
-        slots = _boot_slots(environment, partitions, nand)
+        slots = _boot_slots(environment, nand)
     except LayoutUnknown as error:
         unknown = error.what
     else:
-        slots[UBI] = _ubi_slot(partitions, nand)
+        slots[UBI] = _ubi_slot(nand)
     slots |= {name: Slot(name, at, at + size, size) for name, (at, size) in explicit.items()}
     for name in (KERNEL, DEVICE_TREE, UBI):
         if name in slots:
@@ -188,10 +175,8 @@ def _range(slot: Slot) -> str:
 # ---- the boot command
 
 
-def _boot_slots(
-    environment: Mapping[str, str], partitions: Mapping[str, Partition], nand: Nand
-) -> dict[str, Slot]:
-    reads = parse_bootcmd(environment, partitions, nand)
+def _boot_slots(environment: Mapping[str, str], nand: Nand) -> dict[str, Slot]:
+    reads = parse_bootcmd(environment, nand)
     kernel, tree = reads.kernel, reads.tree
     slots = {
         other.name: other for other in (_slot_of(f"{_OTHER}{r.offset:#x}", r, nand) for r in reads.others)
@@ -207,7 +192,8 @@ def _boot_slots(
 
 def _slot_of(name: str, read: Read, nand: Nand) -> Slot:
     end = read.offset + -(-read.size // nand.block) * nand.block
-    return Slot(name, read.offset, end, read.size, (read.size, read.end) if read.end is not None else None)
+    limit = (read.size, read.end) if read.end is not None else None
+    return Slot(name, read.offset, end, read.size, limit, read.address)
 
 
 @dataclass(frozen=True)
@@ -219,13 +205,11 @@ class BootReads:
     others: tuple[Read, ...]
 
 
-def parse_bootcmd(
-    environment: Mapping[str, str], partitions: Mapping[str, Partition], nand: Nand
-) -> BootReads:
+def parse_bootcmd(environment: Mapping[str, str], nand: Nand) -> BootReads:
     """Which reads are the kernel's and the device tree's. Raises LayoutUnknown, with the reason."""
     if not environment.get("bootcmd"):
         raise LayoutUnknown("there is no bootcmd")
-    command = _BootCommand(environment, partitions, nand)
+    command = _BootCommand(environment, nand)
     command.follow("bootcmd", DEPTH)
     if command.booted is None:
         raise LayoutUnknown("the boot command has no bootm")
@@ -235,11 +219,9 @@ def parse_bootcmd(
 class _BootCommand:
     """What a boot command's words mean, one after the other; anything not understood ends it."""
 
-    def __init__(
-        self, environment: Mapping[str, str], partitions: Mapping[str, Partition], nand: Nand
-    ) -> None:
+    def __init__(self, environment: Mapping[str, str], nand: Nand) -> None:
         self.variables = dict(environment)
-        self.partitions = partitions
+        self.partitions = {partition.name: partition for partition in nand.partitions}
         self.nand = nand
         self.reads: list[Read] = []
         self.booted: tuple[Read, Read | None] | None = None
@@ -293,9 +275,7 @@ class _BootCommand:
         if len(place) == 2:
             return Read(address, offset, _hex(place[1]), end)
         last = self.nand.size if end is None else end
-        return Read(
-            address, offset, last - offset, None
-        )  # U-Boot reads less by as many bad blocks as there are
+        return Read(address, offset, last - offset, None)  # of which U-Boot leaves out the bad blocks
 
     def _read_to(self, word: str) -> Read:
         address = _hex(word)
@@ -330,41 +310,15 @@ def _hex(word: str) -> int:
     return int(word, 16)
 
 
-# ---- partitions
+# ---- UBI
 
 
-def parse_mtdparts(environment: Mapping[str, str], flash_size: int) -> dict[str, Partition]:
-    """The flash's partitions by name, from mtdids and mtdparts; {} without. Raises UnusableInput."""
-    value = environment.get("mtdparts", "").removeprefix("mtdparts=")
-    ids = dict(pair.split("=", 1)[::-1] for pair in environment.get("mtdids", "").split(",") if "=" in pair)
-    devices = dict(device.split(":", 1) for device in value.split(";") if ":" in device)
-    listed = [parts for name, parts in devices.items() if len(devices) == 1 or ids.get(name) == "nand0"]
-    partitions: dict[str, Partition] = {}
-    position = 0
-    for text in re.findall(r"[^,(]+(?:\([^)]*\))?\w*", listed[0]) if listed else []:
-        found = PARTITION.fullmatch(text)
-        if not found:
-            raise UnusableInput(f"mtdparts of the board: '{text}' is no partition")
-        offset = position if found[2] is None else _size(found[2])
-        size = flash_size - offset if found[1] == "-" else _size(found[1])
-        name = found[3] or f"0x{offset:08x}-0x{offset + size:08x}"
-        partitions[name] = Partition(name, offset, size)
-        position = offset + size
-    return partitions
-
-
-def _size(text: str) -> int:
-    unit = UNITS.get(text[-1].lower()) if not text.lower().startswith("0x") else None
-    return int(text[:-1], 0) * unit if unit else int(text, 0)
-
-
-def _ubi_slot(partitions: Mapping[str, Partition], nand: Nand) -> Slot:
+def _ubi_slot(nand: Nand) -> Slot:
     """The board's partition for UBI; without one, that of the device tree."""
     last = nand.size - TABLE_BLOCKS * nand.block
-    for name in UBI_PARTITIONS:
-        if name in partitions:
-            offset, size = partitions[name].offset, partitions[name].size
-            break
+    named = [partition for partition in nand.partitions if partition.name in UBI_PARTITIONS]
+    if named:
+        offset, size = named[0].offset, named[0].size
     else:
         root = tomllib.loads(LIMITS.read_text())["flash"]["root"]
         offset, size = root["offset"], root["size"]
