@@ -86,6 +86,7 @@ def prompt_of(double: Double) -> Iterator[Console]:
         yield console
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["factory", "ours"])
 def test_it_is_read_with_its_room(variant: str) -> None:
     stored = {**FACTORY_ENVIRONMENT, "odd": "back\\slash and\nline's end"}
@@ -95,6 +96,7 @@ def test_it_is_read_with_its_room(variant: str) -> None:
     assert environment.room == {"factory": 0xFFFC, "ours": 0x1FFFC}[variant]
 
 
+@pytest.mark.slow
 def test_a_wrong_character_is_noticed() -> None:
     """Even when it comes twice: the readings agree, and are longer than U-Boot says."""
     noise = faults.Misprints("printenv", "bootdelay=3", "bootdelay=33", times=2)
@@ -102,6 +104,7 @@ def test_a_wrong_character_is_noticed() -> None:
         assert read_environment(console).variables == FACTORY_ENVIRONMENT
 
 
+@pytest.mark.slow
 def test_each_time_another_is_refused() -> None:
     noise = [faults.Misprints("printenv", "bootdelay=3", f"bootdelay={n}") for n in range(4, 8)]
     with (
