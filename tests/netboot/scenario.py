@@ -17,7 +17,7 @@ import pytest
 
 from netboot.double import BLOCK, PAGE, Double, Operation
 from netboot.double.faults import Fault
-from nuc980.netboot import arrival, backup, console, flash, probe, steps
+from nuc980.netboot import arrival, backup, blocks, console, linux, probe, steps
 from nuc980.netboot.cli import main
 from nuc980.netboot.errors import NetbootError
 
@@ -70,7 +70,7 @@ class Bench:
         }
         self.port = free_port()
         self.faults = copy.deepcopy(list(scenario.faults))
-        settings = {"tftp": (HERE, self.port), "faults": self.faults}
+        settings = {"tftp": (HERE, self.port), "faults": self.faults, "second": 0.1}
         self.double = Double(**settings | dict(scenario.board))
         self.sins: list[str] = []
         self._fill_flash()
@@ -208,7 +208,7 @@ def play(
         wanted = scenario.error.exit_code if scenario.error else 0
         assert code == wanted, said
         for words in (*scenario.says, *_advice(scenario.error)):
-            assert words in said
+            assert words in said, said
         assert "Traceback" not in said
         bench.check()
         scenario.then(bench)
@@ -220,17 +220,30 @@ def _advice(error: type[NetbootError] | None) -> tuple[str, ...]:
     return (error.next_step,) if error and error.next_step and error.next_step != "-" else ()
 
 
+# The tool's patience, in seconds, cut to what a double needs.
+HURRY = {
+    console: {"ECHO_SECONDS": 0.3, "PROMPT_SECONDS": 0.6, "SETTLED_SECONDS": 0.05},
+    arrival: {
+        "POKE_SECONDS": 0.02,
+        "SPEED_SECONDS": 0.15,
+        "IDLE_POKE_SECONDS": 0.3,
+        "SETTLED_SECONDS": 0.05,
+    },
+    linux: {"QUIET_SECONDS": 0.2},
+    probe: {"FLASH_SECONDS": 2.0},
+    steps: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
+    backup: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
+    blocks: {"PATIENCE": 2.0, "BLOCK_SECONDS": 2.0},
+}
+SWITCHED_ON_WITHIN = 2.0
+
+
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tool's patience, cut to what a double needs."""
-    monkeypatch.setattr(console.Console.reach, "__defaults__", (None, 3.0))
-    monkeypatch.setattr(console, "ECHO_SECONDS", 0.3)
-    monkeypatch.setattr(console, "PROMPT_SECONDS", 0.6)
-    monkeypatch.setattr(arrival, "SPEED_SECONDS", 0.15)
-    monkeypatch.setattr(arrival, "IDLE_POKE_SECONDS", 0.3)
-    for module in (steps, backup, flash):
-        monkeypatch.setattr(module, "PATIENCE", 2.0)
-    monkeypatch.setattr(flash, "BLOCK_SECONDS", 2.0)
-    monkeypatch.setattr(probe, "FLASH_SECONDS", 2.0)
+    """Waits for nothing as long as on a bench."""
+    monkeypatch.setattr(console.Console.reach, "__defaults__", (None, SWITCHED_ON_WITHIN))
+    for module, values in HURRY.items():
+        for name, value in values.items():
+            monkeypatch.setattr(module, name, value)
 
 
 # ---- files

@@ -12,9 +12,16 @@ import pytest
 from flashbench import device_tree, noise, ubi_image, uimage
 
 from nuc980.netboot.backup import BySerial, ByTftp
-from nuc980.netboot.blocks import BlockFailed, ReadBack, WriteBlock
+from nuc980.netboot.blocks import BlockFailed, CheckRam, ReadBack, WriteBlock
 from nuc980.netboot.console import Answer
-from nuc980.netboot.errors import BoardReset, DoesNotFit, FlashNotPossible, LineUnsafe, UnusableImage
+from nuc980.netboot.errors import (
+    BoardReset,
+    DoesNotFit,
+    FlashNotPossible,
+    LineUnsafe,
+    UnusableImage,
+    WrongBytes,
+)
 from nuc980.netboot.flash import (
     Work,
     check_board,
@@ -269,6 +276,7 @@ class Scripted:
 
     def run(self, command: str, *_: object, repeatable: bool = True) -> Answer:
         self.typed.append(command)
+        assert not (repeatable and "nand write" in command), "no page is programmed twice between two erases"
         command = command.removeprefix("printenv flashing && ")
         name = " ".join(command.split()[:2]) if command.startswith("nand") else command.split()[0]
         script = self.answers[name]
@@ -338,6 +346,11 @@ def test_board_that_was_reset_is_not_written_any_more() -> None:
     with pytest.raises(BoardReset):
         WRITE.run(at(nand_erase=lost, nand_write=WRITTEN))
     assert all(command.startswith("printenv flashing && nand ") for command in WRITE.commands())
+
+
+def test_ram_that_changed_ends_it_before_the_erase() -> None:
+    with pytest.raises(WrongBytes):
+        CheckRam(KERNEL, 0x1000000, BLOCK, 0x1234).run(at(crc32=(0, "... ==> 00001235\n")))
 
 
 def test_write_whose_answer_is_lost_starts_with_the_erase_again() -> None:

@@ -175,16 +175,15 @@ def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFix
     board = bench.start()
     log, report = bench.folder / "log", bench.folder / "report"
     kernel = ["flash", "--kernel", str(bench.folder / "uImage"), *options(board, bench.site, free_port())]
-    assert main(["probe", "--flash", "--json", str(report), "--port", board.port]) == 0
+    assert main(["probe", "--json", str(report), "--port", board.port]) == 0
     capsys.readouterr()
-    assert main([*kernel, "--dry-run", "--board-as", str(report)]) == 0
+    assert main([*kernel, "--dry-run", "--as", str(report)]) == 0
     shown = re.findall(r"^    => (.*); echo @\d+:", capsys.readouterr().out, re.MULTILINE)
     assert not list(bench.site.glob("flash-*"))
 
     assert main([*kernel, "--log", str(log)]) == 0
-    sent = [
-        ast.literal_eval(text) for text in re.findall(r"^ *[\d.]+ > (.*)$", log.read_text(), re.MULTILINE)
-    ]
+    lines = re.findall(r"^ *[\d.]+ > (.*)$", log.read_text(), re.MULTILINE)
+    sent = [ast.literal_eval(text) for text in lines]
     typed = re.findall(r"([^\r\x03]*); echo @\d+:\$\?\r", "".join(sent))
     assert typed == shown
 
@@ -338,6 +337,23 @@ def test_tool_that_is_killed_is_resumed(bench: Bench, word: str) -> None:
     assert bytes_of(KERNEL, set(), bench.nand)[: len(image)] == image
     assert bench.flash(board, "--roll-back", str(journal.folder)) == 0
     assert bytes_of(KERNEL, set(), bench.nand) == old
+
+
+def test_what_was_begun_is_written_again_even_if_it_reads_right(bench: Bench) -> None:
+    """A page whose programming was cut short can read right today, and wrong tomorrow."""
+    board = bench.start()
+    assert bench.flash(board, "--dtb", str(bench.folder / "dtb"), "--no-backup", "empty") == 0
+    folder = bench.journal().folder
+
+    def erases() -> int:
+        return sum(entry["event"] == "begin" and "erases" in entry for entry in Journal(folder).events)
+
+    before = erases()
+    assert bench.flash(board, "--resume", str(folder)) == 0
+    assert erases() == before
+    Journal(folder).add("begin", image="device tree", erases=True)
+    assert bench.flash(board, "--resume", str(folder)) == 0
+    assert erases() == 2 * before + 1
 
 
 def test_resumed_only_with_the_files_and_the_board_it_began_with(

@@ -30,8 +30,9 @@ CTRL_C = b"\x03"
 SPEEDS = (115200, 57600, 38400, 9600, 19200, 921600)
 
 # From a start's first words on. With bootdelay=0 U-Boot looks once whether a key waits in the UART, which has
-# room for 16. Those before the UART is set up are lost, each one too many gets a prompt of its own.
-POKE_SECONDS = 0.05
+# room for 16. Those before the UART is set up (last after relocation, less than 50 ms before on the twin) are
+# lost, each one too many gets a prompt of its own.
+POKE_SECONDS = 0.02
 # A board that says nothing: enough to see it at its prompt, too little to be in the way of a boot ROM.
 IDLE_POKE_SECONDS = 1.0
 QUIET_SECONDS = 2.0  # from here on it says nothing
@@ -210,6 +211,8 @@ class Arrival:
                     "" if self._line.has_speed else "set the serial server to the board's 115200 bit/s, 8N1"
                 )
                 return Garbage(what, cause=self._other_readers(), next_step=server)
+            case Place.LINUX if STARTING.search(self.said):
+                return AutobootMissed("The board booted what it has: U-Boot's prompt was missed.")
             case Place.LINUX:
                 return NotUBoot(f"Linux runs on the board, and no start was seen. It says: {last!r}")
             case Place.KERNEL:
