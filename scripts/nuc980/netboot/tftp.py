@@ -494,9 +494,8 @@ class _Receiving(TftpState):
         try:
             with open(self._descriptor, "wb", closefd=False) as file:
                 file.seek(0)
-                file.truncate()  # of what a disk that was full has taken
                 file.write(self._content)
-                file.flush()
+                file.truncate()  # beyond it there may be what a disk that was full has taken
                 os.fsync(self._descriptor)
         except OSError as error:
             raise _RefusedError(TftpErrors.DiskFull, str(error.strerror)) from error
