@@ -36,7 +36,8 @@ class Scenario:
     board: settings of the double. prepare: what is done to it, and to the files, before.
     error: the class that it ends with, None for success; says: words of what it prints.
     writes: places of the flash that may be erased and programmed, with the file that belongs there, "" for
-    what is no file's. then: what is looked at, or done, afterwards. quick: one of `make test-quick`.
+    what is no file's. then: what is looked at, or done, afterwards. patience: seconds that the tool waits for
+    a command's end. quick: one of `make test-quick`.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Scenario:
     says: tuple[str, ...] = ()
     writes: Mapping[range, str] = field(default_factory=dict)
     then: Callable[[Bench], object] = lambda bench: None
+    patience: float = 5.0
     quick: bool = False
 
 
@@ -79,6 +81,9 @@ class Bench:
             (folder / name).write_bytes(content)
         self.contents = {place: self.files[name] for place, name in scenario.writes.items() if name}
         self.own = self._own()
+        self.at_first = {
+            place: self.double.nand.content(place.start, len(place)) for place in scenario.writes
+        }
         self.double.nand.witness = self._judge
 
     def _fill_flash(self) -> None:
@@ -123,7 +128,9 @@ class Bench:
 
     def _judge_erase(self, operation: Operation, place: range) -> None:
         there = self.double.nand.content(operation.address, BLOCK)
-        if there.strip(b"\xff") and there in self._first.get(place, b"") and not self._is_kept(there):
+        begin = operation.address - place.start
+        is_first = there == self.at_first[place][begin : begin + BLOCK]
+        if is_first and there.strip(b"\xff") and not self._is_kept(there):
             self.sins.append(f"{operation}: no file of the host has what is there")
         if not any(operation.address in _begun(path) for path in self.site.rglob("journal.jsonl")):
             self.sins.append(f"{operation}: no journal tells it")
@@ -137,10 +144,6 @@ class Bench:
             return True
         files = (path for path in self.site.rglob("*") if path.is_file())
         return any(content in path.read_bytes() for path in files)
-
-    @property
-    def _first(self) -> dict[range, bytes]:
-        return {place: content.ljust(len(place), b"\xff") for place, content in self.old.items()}
 
     def check(self) -> None:
         """What holds after every scenario, whatever went wrong."""
@@ -200,7 +203,7 @@ def play(
     scenario: Scenario, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Runs a scenario, and judges how it ended and what it left."""
-    hurry(monkeypatch)
+    hurry(monkeypatch, scenario.patience)
     bench = Bench(folder, scenario)
     with bench.double:
         code = bench.run()
@@ -230,20 +233,21 @@ HURRY = {
         "SETTLED_SECONDS": 0.05,
     },
     linux: {"QUIET_SECONDS": 0.2},
-    probe: {"FLASH_SECONDS": 2.0},
-    steps: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
-    backup: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
-    blocks: {"PATIENCE": 2.0, "BLOCK_SECONDS": 2.0},
+    steps: {"SLOWEST": 1_000_000},
+    backup: {"SLOWEST": 1_000_000},
 }
-SWITCHED_ON_WITHIN = 2.0
+COMMANDS_END = ((steps, "PATIENCE"), (backup, "PATIENCE"), (blocks, "PATIENCE"), (blocks, "BLOCK_SECONDS"))
+SWITCHED_ON_WITHIN = 1.5
 
 
-def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+def hurry(monkeypatch: pytest.MonkeyPatch, patience: float) -> None:
     """Waits for nothing as long as on a bench."""
     monkeypatch.setattr(console.Console.reach, "__defaults__", (None, SWITCHED_ON_WITHIN))
     for module, values in HURRY.items():
         for name, value in values.items():
             monkeypatch.setattr(module, name, value)
+    for module, name in (*COMMANDS_END, (probe, "FLASH_SECONDS")):
+        monkeypatch.setattr(module, name, patience)
 
 
 # ---- files
