@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from netboot.double import BLOCK, PAGE, Double, Operation
+from netboot.double import BLOCK, PAGE, Double, Operation, hush
 from netboot.double.faults import Fault
 from nuc980.netboot import arrival, backup, blocks, console, linux, probe, steps
 from nuc980.netboot.cli import main
@@ -81,6 +81,7 @@ class Bench:
             (folder / name).write_bytes(content)
         self.contents = {place: self.files[name] for place, name in scenario.writes.items() if name}
         self.own = self._own()
+        self.environment = self.double.stored_environment()
         self.at_first = {
             place: self.double.nand.content(place.start, len(place)) for place in scenario.writes
         }
@@ -150,6 +151,16 @@ class Bench:
         assert self.sins == []
         assert self._own() == self.own
 
+    def check_run(self, typed: Iterable[str]) -> None:
+        """That nothing ran on the board but what the tool meant to type, and what it boots by itself."""
+        environments = (self.double.stored_environment() or {}, self.environment or {})
+        own = (value for variables in environments for value in variables.values() if "bootm" in value)
+        meant = [words for line in (*typed, *own) for words in hush.commands(hush.Parser(line).nodes())]
+        fixed = {tuple(words) for words in meant if hush.MARK not in "".join(words)}
+        begun = {words[0] for words in meant if hush.MARK in "".join(words)}  # with a variable in it
+        others = [words for words in self.double.commands if tuple(words) not in fixed]
+        assert [words for words in others if words[0] not in begun] == []
+
     def check_written(self) -> None:
         """That each place holds what belongs there, and 0xFF behind it."""
         for place, wanted in self.contents.items():
@@ -204,6 +215,7 @@ def play(
 ) -> None:
     """Runs a scenario, and judges how it ended and what it left."""
     hurry(monkeypatch, scenario.patience)
+    typed = recorded(monkeypatch)
     bench = Bench(folder, scenario)
     with bench.double:
         code = bench.run()
@@ -216,11 +228,25 @@ def play(
         bench.check()
         scenario.then(bench)
     bench.check()
+    bench.check_run(typed)
 
 
 def _advice(error: type[NetbootError] | None) -> tuple[str, ...]:
     """The words by which an error's class is known, unless its instance has better ones."""
     return (error.next_step,) if error and error.next_step and error.next_step != "-" else ()
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The lines that the tool means to type, as it comes to each."""
+    lines: list[str] = []
+    real = console.typed
+
+    def typed(command: str, number: int) -> str:
+        lines.append(real(command, number))
+        return lines[-1]
+
+    monkeypatch.setattr(console, "typed", typed)
+    return lines
 
 
 # The tool's patience, in seconds, cut to what a double needs.
