@@ -196,7 +196,7 @@ test: lint unit asan cross qemu uboot $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 
-soak: build $(VENV) ## the tests of half an hour: 1000 kills of each module
+soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200 boots, 100 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
@@ -207,7 +207,7 @@ run: build $(VENV) ## show the gateway at work on simulated devices (KEEP=1: sta
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
 
-bench: build $(VENV) ## measure the gateway beside the report's method, nuc980-pins beside dt-validate
+bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py

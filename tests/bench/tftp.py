@@ -70,7 +70,7 @@ BESIDE = "tftpd-hpa"
 
 
 def keep_apart(machine: Machine) -> None:
-    """The emulated processor on a core of its own: it never sleeps, and would share one with a server by chance."""
+    """The emulated processor on a core of its own: it never sleeps, and would by chance share a server's."""
     mine, *others = sorted(os.sched_getaffinity(0))
     if others:
         for thread in Path(f"/proc/{machine.process.pid}/task").iterdir():

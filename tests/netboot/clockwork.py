@@ -28,6 +28,10 @@ Life = Generator[Any, int | None, Any]
 VERSION = b"U-Boot 2016.11 (Nov 20 2019 - 10:32:17 +0800)"
 BANNER = b"\n\n" + VERSION + b"\n\nCPU: NUC980\nBoard: NUC980\nDRAM:  64 MiB\nNAND:  128 MiB\n"
 STREAMS = b"In:    serial\nOut:   serial\nErr:   serial\nNet:   emac\n"
+COMMANDS = (
+    *("version", "echo", "true", "false", "write", "unended", "crc32"),
+    *("sleep", "erase", "hang", "chatter", "reset"),
+)
 KERNEL = b"Starting kernel ...\n\n[    0.000000] Booting Linux on physical CPU 0x0\n"
 
 

@@ -9,15 +9,15 @@ import random
 import socket
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+
 from netboot.double import BLOCK, PAGE, Double, Operation
 from netboot.double.faults import Fault
-
-from nuc980.netboot import arrival, backup, console, flash, probe, steps
+from nuc980.netboot import arrival, backup, blocks, console, linux, probe, steps
 from nuc980.netboot.cli import main
 from nuc980.netboot.errors import NetbootError
 
@@ -64,13 +64,13 @@ class Bench:
         (self.site / "macs").write_text("eth0 02:00:00:00:00:01\neth1 02:00:00:00:00:02\n")
         self.chance = random.Random(980)
         self.files = {
-            "kernel": uimage(self.chance.randbytes(300_000)),
+            "kernel": uimage(self.chance.randbytes(140_000)),
             "tree": device_tree(self.chance),
             "root": ubi_image(self.chance, 3),
         }
         self.port = free_port()
         self.faults = copy.deepcopy(list(scenario.faults))
-        settings = {"tftp": (HERE, self.port), "faults": self.faults}
+        settings = {"tftp": (HERE, self.port), "faults": self.faults, "second": 0.1}
         self.double = Double(**settings | dict(scenario.board))
         self.sins: list[str] = []
         self._fill_flash()
@@ -78,7 +78,7 @@ class Bench:
         for name, content in self.files.items():
             (folder / name).write_bytes(content)
         self.contents = {place: self.files[name] for place, name in scenario.writes.items() if name}
-        self.untouched = {place: self._content(place) for place in self._others()}
+        self.own = self._own()
         self.double.nand.witness = self._judge
 
     def _fill_flash(self) -> None:
@@ -86,7 +86,7 @@ class Bench:
         for address in (0, LOADER.start):
             self.double.nand.load(address, self.chance.randbytes(3 * BLOCK))
         self.old = {
-            KERNEL: uimage(self.chance.randbytes(200_000)),
+            KERNEL: uimage(self.chance.randbytes(60_000)),
             TREE: device_tree(self.chance),
             ROOT: ubi_image(self.chance, 2),
         }
@@ -145,7 +145,7 @@ class Bench:
     def check(self) -> None:
         """What holds after every scenario, whatever went wrong."""
         assert self.sins == []
-        assert [place for place, content in self.untouched.items() if self._content(place) != content] == []
+        assert self._own() == self.own
 
     def check_written(self) -> None:
         """That each place holds what belongs there, and 0xFF behind it."""
@@ -159,16 +159,15 @@ class Bench:
         bad = self.double.nand.bad
         return [address for address in place[::BLOCK] if address // BLOCK not in bad]
 
-    def _content(self, place: range) -> bytes:
-        return self.double.nand.content(place.start, len(place))
-
-    def _others(self) -> Iterator[range]:
-        """All places but those that may be written."""
-        start = 0
-        for place in sorted(self.scenario.writes, key=lambda place: place.start):
-            yield range(start, place.start)
-            start = place.stop
-        yield range(start, 0x8000000)
+    def _own(self) -> dict[range, bytes]:
+        """What is U-Boot's, as far as the scenario may not write it."""
+        places = (range(0, 0x80000), ENVIRONMENT, range(0x100000, 0x200000))
+        writes = self.scenario.writes
+        return {
+            place: self.double.nand.content(place.start, len(place))
+            for place in places
+            if not any(inside(each, place) for each in writes)
+        }
 
 
 def inside(one: range, other: range) -> bool:
@@ -209,7 +208,7 @@ def play(
         wanted = scenario.error.exit_code if scenario.error else 0
         assert code == wanted, said
         for words in (*scenario.says, *_advice(scenario.error)):
-            assert words in said
+            assert words in said, said
         assert "Traceback" not in said
         bench.check()
         scenario.then(bench)
@@ -221,17 +220,30 @@ def _advice(error: type[NetbootError] | None) -> tuple[str, ...]:
     return (error.next_step,) if error and error.next_step and error.next_step != "-" else ()
 
 
+# The tool's patience, in seconds, cut to what a double needs.
+HURRY = {
+    console: {"ECHO_SECONDS": 0.3, "PROMPT_SECONDS": 0.6, "SETTLED_SECONDS": 0.05},
+    arrival: {
+        "POKE_SECONDS": 0.02,
+        "SPEED_SECONDS": 0.15,
+        "IDLE_POKE_SECONDS": 0.3,
+        "SETTLED_SECONDS": 0.05,
+    },
+    linux: {"QUIET_SECONDS": 0.2},
+    probe: {"FLASH_SECONDS": 2.0},
+    steps: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
+    backup: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
+    blocks: {"PATIENCE": 2.0, "BLOCK_SECONDS": 2.0},
+}
+SWITCHED_ON_WITHIN = 2.0
+
+
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tool's patience, cut to what a double needs."""
-    monkeypatch.setattr(console.Console.reach, "__defaults__", (None, 3.0))
-    monkeypatch.setattr(console, "ECHO_SECONDS", 0.3)
-    monkeypatch.setattr(console, "PROMPT_SECONDS", 0.6)
-    monkeypatch.setattr(arrival, "SPEED_SECONDS", 0.15)
-    monkeypatch.setattr(arrival, "IDLE_POKE_SECONDS", 0.3)
-    for module in (steps, backup, flash):
-        monkeypatch.setattr(module, "PATIENCE", 2.0)
-    monkeypatch.setattr(flash, "BLOCK_SECONDS", 2.0)
-    monkeypatch.setattr(probe, "FLASH_SECONDS", 2.0)
+    """Waits for nothing as long as on a bench."""
+    monkeypatch.setattr(console.Console.reach, "__defaults__", (None, SWITCHED_ON_WITHIN))
+    for module, values in HURRY.items():
+        for name, value in values.items():
+            monkeypatch.setattr(module, name, value)
 
 
 # ---- files

@@ -148,6 +148,12 @@ def test_flash_is_not_touched(word: str) -> None:
     assert [line for line in dialogue() if word in line] == []
 
 
+def test_load_starts_nothing() -> None:
+    """U-Boot's tftpboot runs bootm by itself with autostart=yes."""
+    lines = dialogue(replace(BOARD, environment={**FACTORY, "autostart": "yes"}))
+    assert lines.index("setenv autostart 'no'") < lines.index("tftpboot 0x7fc0 uImage")
+
+
 def test_another_port_of_the_server_and_of_the_board() -> None:
     lines = dialogue(network=replace(NETWORK, port=6969, device="emac1"))
     assert {"setenv tftpdstp '6969'", "setenv ethact 'emac1'"} <= set(lines)

@@ -85,3 +85,12 @@ def test_host_without_an_address_there(boot: Boot) -> None:
     done = boot("--board-ip", "10.10.0.15/24")
     assert done.returncode == 2
     assert "sudo ip address add 10.10.0." in done.stdout
+
+
+def test_uboot_that_keeps_its_own_address_says_so(boot: Boot, tmp_path: Path) -> None:
+    """Without CONFIG_ENV_OVERWRITE it lets nobody change it."""
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site/macs").write_text("eth0 02:00:00:00:00:01\neth1 02:00:00:00:00:02\n")
+    done = boot()
+    assert done.returncode == 1
+    assert """Can't overwrite "ethaddr\"""" in done.stdout

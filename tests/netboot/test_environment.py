@@ -86,6 +86,7 @@ def prompt_of(double: Double) -> Iterator[Console]:
         yield console
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["factory", "ours"])
 def test_it_is_read_with_its_room(variant: str) -> None:
     stored = {**FACTORY_ENVIRONMENT, "odd": "back\\slash and\nline's end"}
@@ -95,6 +96,7 @@ def test_it_is_read_with_its_room(variant: str) -> None:
     assert environment.room == {"factory": 0xFFFC, "ours": 0x1FFFC}[variant]
 
 
+@pytest.mark.slow
 def test_a_wrong_character_is_noticed() -> None:
     """Even when it comes twice: the readings agree, and are longer than U-Boot says."""
     noise = faults.Misprints("printenv", "bootdelay=3", "bootdelay=33", times=2)
@@ -102,6 +104,7 @@ def test_a_wrong_character_is_noticed() -> None:
         assert read_environment(console).variables == FACTORY_ENVIRONMENT
 
 
+@pytest.mark.slow
 def test_each_time_another_is_refused() -> None:
     noise = [faults.Misprints("printenv", "bootdelay=3", f"bootdelay={n}") for n in range(4, 8)]
     with (
@@ -200,7 +203,9 @@ def test_what_cannot_be_typed_is_refused_before_anything_is(value: str) -> None:
 
 printable = st.characters(min_codepoint=32, max_codepoint=126)
 shell = st.sampled_from("'\"\\$;&|#{}()[]<>*?!~` =ab")
-typed_values = st.text(printable, min_size=1, max_size=700) | st.text(shell, min_size=1, max_size=400)
+short = st.text(printable, min_size=1, max_size=200) | st.text(shell, min_size=1, max_size=100)
+long = st.text(printable, min_size=230, max_size=700) | st.text(shell, min_size=230, max_size=500)
+typed_values = short | long
 
 
 @given(typed_values)
@@ -245,7 +250,7 @@ def _started(command: list[str | Path]) -> Iterator[Console]:
 
 
 together = settings(
-    max_examples=200, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=200, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )
 
 
@@ -263,7 +268,7 @@ def test_value_comes_back_from_our_uboot(on_the_twin: Console, value: str) -> No
 
 
 @pytest.mark.slow
-@together
+@settings(together, max_examples=60)
 @given(value=typed_values)
 def test_value_comes_back_from_debians_uboot(on_virt: Console, value: str) -> None:
     sets_and_reads(on_virt, value)

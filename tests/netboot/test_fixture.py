@@ -37,6 +37,9 @@ class Getty:
         tty.setraw(slave)
         self._slave = slave
         self.port = os.ttyname(slave)
+
+    def start(self) -> None:
+        """Once somebody listens: a line that is opened drops what is in it."""
         self._child, self._inside = pty.fork()
         if self._child == 0:
             os.execvp("sh", ["sh", "-c", LOGIN])
@@ -68,6 +71,7 @@ def linux() -> Iterator[Linux]:
     try:
         with Line(getty.port) as line:
             linux = Linux(line)
+            getty.start()
             linux.expect("login: $")
             yield linux
     finally:
@@ -79,6 +83,7 @@ def test_shell_after_a_login(linux: Linux) -> None:
     assert linux.run("echo one; echo two") == "one\ntwo\n"
     assert linux.run("printf '%s' \"$0\"; echo") == "sh\n"
     assert linux.run("true") == ""
+    assert linux.run("printf unfinished") == "unfinished"
     with pytest.raises(CommandFailed, match="'sh -c \"echo why; exit 7\"' ended with 7: why"):
         linux.run('sh -c "echo why; exit 7"')
     assert linux.run("seq 2000").split() == [str(number) for number in range(1, 2001)]
@@ -126,6 +131,7 @@ def pytest_of_its_own(folder: Path, options: Sequence[str]) -> subprocess.Comple
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_without_a_board_its_tests_are_skipped(tmp_path: Path) -> None:
     ran = pytest_of_its_own(tmp_path, [])
     assert ran.returncode == 0 and "2 skipped" in ran.stdout, ran

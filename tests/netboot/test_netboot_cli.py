@@ -4,7 +4,9 @@
 import argparse
 import json
 import os
+import pty
 import re
+import select
 import signal
 import socket
 import subprocess
@@ -16,7 +18,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from netboot.double import BLOCK, FACTORY_ENVIRONMENT, Double, faults
+from netboot.double import BLOCK, FACTORY_ENVIRONMENT, Board, Double, faults
 from nuc980.netboot.cli import _parser, main
 from nuc980.netboot.environment import load
 from nuc980.netboot.report import board_of
@@ -130,6 +132,7 @@ def test_dry_boot_is_what_a_boot_types(
     check_junit(junit, failed=None)
 
 
+@pytest.mark.slow
 def test_dry_restore_is_what_a_restore_types(
     site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -147,6 +150,7 @@ def test_dry_restore_is_what_a_restore_types(
     assert load(site / "environment.txt").variables == FACTORY_ENVIRONMENT
 
 
+@pytest.mark.slow
 def test_restore_is_in_ram_only_unless_asked(site: Path, tmp_path: Path) -> None:
     saved = tmp_path / "saved.txt"
     saved.write_text("".join(f"{name}={value}\n" for name, value in FACTORY_ENVIRONMENT.items()) + "x=1\n")
@@ -156,26 +160,37 @@ def test_restore_is_in_ram_only_unless_asked(site: Path, tmp_path: Path) -> None
     assert double.nand.journal == []
 
 
-def test_what_does_not_come_back_is_an_error(
-    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+class Forgets(faults.Fault):
+    """U-Boot says that it has set a variable, and has not."""
+
+    def command(self, board: Board, words: list[str]) -> None:
+        if words[0] == "printenv":
+            board.variables.pop("extra", None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        (Forgets(), "not as it should be: extra"),
+        (faults.Refuses("setenv extra", "## Error: read-only\n"), "read-only"),
+        (faults.Misprints("printenv", "extra=1\n", "", times=0), "cannot be read"),
+        (faults.Misprints("printenv", r"size: \d+", "size: 1", times=0), "cannot be read"),
+    ],
+)
+def test_what_does_not_come_back_is_not_saved(
+    fault: faults.Fault, said: str, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """U-Boot says that it has set it, and has not."""
     saved = tmp_path / "saved.txt"
     saved.write_text("extra=1\n")
-    wrong = faults.Misprints("printenv", "extra=1\n", "", at=1, times=0)
-    other = faults.Misprints("printenv", r"size: \d+", "size: 1", at=1, times=0)
     command = ["restore-env", str(saved), "--site", str(site), "--save"]
-    with Double("factory", faults=[wrong]) as double:
+    with Double("factory", faults=[fault]) as double:
         assert main([*command, "--port", double.port]) == 1
-    assert "cannot be read" in capsys.readouterr().err
-    with Double("factory", faults=[faults.Refuses("setenv extra", "## Error: read-only\n")]) as double:
-        assert main([*command, "--port", double.port]) == 1
-    assert "read-only" in capsys.readouterr().err
-    with Double("factory", faults=[other]) as double:
-        assert main([*command, "--port", double.port]) == 1
+    assert said in capsys.readouterr().err
     assert not [line for line in double.lines if "saveenv" in line]
 
 
+@pytest.mark.slow
 def test_the_environment_is_kept_before_anything_is_set(images: list[str], site: Path, udp_port: int) -> None:
     double = Double("factory", faults=[faults.Refuses("setenv", "## Error: no\n", times=0)])
     with double:
@@ -234,6 +249,7 @@ def check_junit(path: Path, failed: str | None) -> ElementTree.Element:
     return root
 
 
+@pytest.mark.slow
 def test_a_failure_is_reported_with_its_text(
     images: list[str], site: Path, udp_port: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -245,7 +261,7 @@ def test_a_failure_is_reported_with_its_text(
     said = capsys.readouterr().err
     root = check_junit(junit, failed="Linux")
     failure = next(root.iter("failure"))
-    assert failure.attrib["type"] == "RootMissing"
+    assert failure.attrib["type"] == "KernelPanic"
     assert failure.text and failure.text.strip() in said.replace("nuc980-netboot: ", "")
     found = json.loads(report.read_text())
     assert found["error"]["phase"] == "Linux" and "not syncing" in found["error"]["text"]
@@ -258,6 +274,7 @@ def test_a_failure_before_any_phase_is_reported(tmp_path: Path) -> None:
     check_junit(junit, failed="prepare")
 
 
+@pytest.mark.slow
 def test_a_report_survives_what_a_board_says(images: list[str], site: Path, tmp_path: Path) -> None:
     junit = tmp_path / "x.xml"
     noise = faults.Refuses("setenv", "\x1b[31m\x00\x07 <&> ]]> \ufffe\n", times=0)
@@ -348,8 +365,52 @@ def test_a_reader_that_goes_away_is_no_traceback(tmp_path: Path) -> None:
 # ---- power hook
 
 
+@pytest.mark.slow
 def test_power_hook_brings_the_board(capsys: pytest.CaptureFixture[str]) -> None:
     with Double("factory", state="off") as double:
         hook = f'sh -c "{double.power_hook}"'
         assert main(["probe", "--port", double.port, "--power-cycle", hook]) == 0
         assert double.power_ups == 1
+
+
+# ---- the terminal, handed over
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["login", "panic"])
+def test_console_is_handed_over_in_the_end(
+    ending: str, images: list[str], site: Path, udp_port: int, tmp_path: Path
+) -> None:
+    """Also after a failure, whose exit code stays."""
+    keyboard, terminal = pty.openpty()
+    with Double("factory", tftp=("127.0.0.1", udp_port), linux=ending) as double:
+        command = ["boot", *images, "--site", str(site), *network(udp_port), "--port", double.port]
+        run = subprocess.Popen(
+            [sys.executable, "-m", "nuc980.netboot", *command, "--console"],
+            env={**os.environ, "PYTHONPATH": str(SCRIPTS)},
+            stdin=terminal,
+            stdout=terminal,
+            stderr=subprocess.PIPE,
+        )
+        said = b""
+        while b"Ctrl-] leaves it" not in said:
+            assert select.select([keyboard], [], [], SECONDS)[0], said
+            said += os.read(keyboard, 4096)
+        if ending == "login":
+            os.write(keyboard, b"root\r")
+            while b"Password: " not in said:
+                assert select.select([keyboard], [], [], SECONDS)[0], said
+                said += os.read(keyboard, 4096)
+        os.write(keyboard, b"\x1d")
+        _, error = run.communicate(timeout=SECONDS)
+    assert run.returncode == (0 if ending == "login" else 1)
+    assert (b"panicked" in error and b"panicked" in said) == (ending == "panic")
+    os.close(keyboard)
+    os.close(terminal)
+
+
+@pytest.mark.slow
+def test_console_needs_a_terminal(tmp_path: Path) -> None:
+    run = started(["probe", "--port", "/dev/null", "--console"], tmp_path)
+    assert "--console needs a terminal" in run.communicate(timeout=SECONDS)[1]
+    assert run.returncode == 2

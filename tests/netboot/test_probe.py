@@ -52,6 +52,7 @@ def test_factorys_board() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_bad_blocks_are_named() -> None:
     double = Double("factory")
     double.nand.bad |= {70, 1023}
@@ -60,6 +61,7 @@ def test_bad_blocks_are_named() -> None:
     assert re.search("^bad blocks +0x8c0000, 0x7fe0000$", described(board), re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_flash_is_left_out() -> None:
     board = asked(double := Double("factory"), flash=False)
     assert board.nand is None and not board.flash_asked

@@ -7,9 +7,11 @@ import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from ipaddress import IPv4Interface
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 
+from nuc980.netboot import site as site_module
 from nuc980.netboot.errors import UnusableInput
 from nuc980.netboot.site import Site, with_prefix
 
@@ -40,9 +42,13 @@ def test_addresses_of_two_sites_differ(tmp_path: Path) -> None:
     assert not set(Site(tmp_path / "a").macs({})) & set(Site(tmp_path / "b").macs({}))
 
 
-def test_all_who_come_at_once_get_the_same(site: Site) -> None:
+def test_all_who_come_at_once_get_the_same(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each has seen that there is no file, and made up addresses of its own, before the first one writes."""
+    together = Barrier(8)
+    made_up = site_module._local_address
+    monkeypatch.setattr(site_module, "_local_address", lambda: (together.wait(), made_up())[1])
     with ThreadPoolExecutor(8) as pool:
-        assert len(set(pool.map(lambda _: site.macs({}), range(64)))) == 1
+        assert len(set(pool.map(lambda _: site.macs({}), range(8)))) == 1
     assert [path.name for path in site.folder.iterdir()] == ["macs"]
 
 

@@ -469,6 +469,19 @@ def test_only_octet(service: FileService, uimage: Path, mode: bytes) -> None:
         assert Port(service).ask(request(RRQ, "uImage", b"OcTeT")) == BLOCK_1
 
 
+def test_request_has_512_bytes_at_most(service: FileService, uimage: Path) -> None:
+    """What is cut there could still be read."""
+    most = request(RRQ, "uImage") + b"aa\0b\0" + 123 * b"c\0d\0"
+    more = request(RRQ, "uImage") + b"aaa\0b\0" + 124 * b"c\0d\0"
+    assert len(most) == 512
+    with service.offer("uImage", uimage):
+        board = Port(service)
+        board.send(more)
+        settle(service)
+        assert board.hear(0) == b""
+        assert board.ask(most) == BLOCK_1
+
+
 def test_served_only_meanwhile(service: FileService, uimage: Path) -> None:
     board = Port(service)
     with service.offer("uImage", uimage):
@@ -540,6 +553,7 @@ def test_upload_that_announces_too_much(service: FileService, tmp_path: Path) ->
     with service.accept("backup", tmp_path / "backup", 1000):
         assert Port(service).ask(request(WRQ, "backup", tsize=1001))[:4] == block(ERROR, DISK_FULL)
         assert "1001" in service.refused[-1].reason
+        assert Port(service).ask(request(WRQ, "backup", TSIZE=1001))[:4] == block(ERROR, DISK_FULL)
         assert Port(service).ask(request(WRQ, "backup", tsize=1000)) == b"\0\6tsize\x001000\0"
 
 
@@ -635,23 +649,24 @@ def test_no_acknowledgement_is_sent_unasked(service: FileService, tmp_path: Path
         assert transfer.finished
 
 
-def test_full_disk(service: FileService) -> None:
-    """/dev/full cannot be created: the file is swapped for it below the service."""
-    with FileService("", 0, BOARD) as service:
-        target = Path(f"/tmp/tftp-{os.getpid()}")
-        with service.accept("backup", target, 10) as transfer:
-            (descriptor,) = (
-                int(entry.name) for entry in Path("/proc/self/fd").iterdir() if entry.resolve() == target
-            )
-            with Path("/dev/full").open("wb") as full:
-                os.dup2(full.fileno(), descriptor)
+def test_full_disk(service: FileService, tmp_path: Path) -> None:
+    """/dev/full in the place of the file that the service has opened; then there is room again."""
+    target = tmp_path / "backup"
+    with service.accept("backup", target, 10) as transfer:
+        opened = [entry for entry in Path("/proc/self/fd").iterdir() if entry.resolve() == target]
+        descriptor = int(opened[0].name)
+        with Path("/dev/full").open("wb") as full, target.open("r+b") as file:
+            os.dup2(full.fileno(), descriptor)
             board = Port(service)
             board.ask(request(WRQ, "backup"))
             board.send(block(DATA, 1, bytes(10)))
             assert board.hear()[:4] == block(ERROR, DISK_FULL)
             assert not transfer.finished
             assert "No space left" in service.refused[-1].reason
-        assert not target.exists()
+            os.write(file.fileno(), b"what the disk has taken")
+            os.dup2(file.fileno(), descriptor)
+        Port(service).write("backup", content_of(10))
+    assert target.read_bytes() == content_of(10)
 
 
 # ---- what is hostile

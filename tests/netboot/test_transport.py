@@ -353,7 +353,7 @@ def test_console_over_rfc2217(wire: Pty) -> None:
         at.reach()
         start = time.monotonic()
         assert at.run("false").status == 1
-        assert time.monotonic() - start < 0.15
+        assert time.monotonic() - start < 1.0  # each change of a time-out would be a round trip and 50 ms
 
 
 # ---- the log

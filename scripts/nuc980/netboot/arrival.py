@@ -30,8 +30,9 @@ CTRL_C = b"\x03"
 SPEEDS = (115200, 57600, 38400, 9600, 19200, 921600)
 
 # From a start's first words on. With bootdelay=0 U-Boot looks once whether a key waits in the UART, which has
-# room for 16. Those before the UART is set up are lost, each one too many gets a prompt of its own.
-POKE_SECONDS = 0.05
+# room for 16. Those before the UART is set up (last after relocation, less than 50 ms before on the twin) are
+# lost, each one too many gets a prompt of its own.
+POKE_SECONDS = 0.02
 # A board that says nothing: enough to see it at its prompt, too little to be in the way of a boot ROM.
 IDLE_POKE_SECONDS = 1.0
 QUIET_SECONDS = 2.0  # from here on it says nothing
@@ -40,10 +41,10 @@ SETTLED_SECONDS = 0.25  # the answers to all keys are there
 
 STARTING = re.compile(rb"^U-Boot (?:SPL )?\d{4}\.\d\d|^DRAM: |to stop autoboot|autoboot in \d", re.M)
 KERNEL = re.compile(rb"Starting kernel|Uncompressing Linux|Linux version \d|^\[ *\d+\.\d{6}\] ", re.M)
-LOGIN = re.compile(rb"(?:login|Password): $")
+LOGIN = re.compile(rb"(?:login|Password): \Z")
 # A shell repeats its prompt for a Ctrl-C.
-SHELL = re.compile(rb"(?:^|\n)([^\n]*[#$] )(?:(?!<INTERRUPT>)[^\n]){0,16}\n+\1$")
-PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})$")
+SHELL = re.compile(rb"(?:^|\n)([^\n]*[#$] )(?:(?!<INTERRUPT>)[^\n]){0,16}\n+\1\Z")
+PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})\Z")
 
 NOISE_WINDOW = 48
 TEXT_LEAST = 8
@@ -200,11 +201,18 @@ class Arrival:
         last = self.said.decode(errors="replace")[-200:]
         match self._words:
             case None if not self.said:
-                return NoOutput(f"Nothing came from {self._line.url}, at {self._tried()} bit/s.")
-            case None if self._readable_once():
+                what = f"Nothing came from {self._line.url}{self._tried()}."
+                return NoOutput(what, cause=self._other_readers())
+            case None if self._hook and not is_noise(self.said[-NOISE_WINDOW:]):
                 return PowerHookFailed("The power hook ran, and the board did not start anew.")
             case None:
-                return Garbage(f"What comes from {self._line.url} is no text, at {self._tried()} bit/s.")
+                what = f"What comes from {self._line.url} is no text{self._tried()}."
+                server = (
+                    "" if self._line.has_speed else "set the serial server to the board's 115200 bit/s, 8N1"
+                )
+                return Garbage(what, cause=self._other_readers(), next_step=server)
+            case Place.LINUX if STARTING.search(self.said):
+                return AutobootMissed("The board booted what it has: U-Boot's prompt was missed.")
             case Place.LINUX:
                 return NotUBoot(f"Linux runs on the board, and no start was seen. It says: {last!r}")
             case Place.KERNEL:
@@ -213,10 +221,11 @@ class Arrival:
                 return StuckConsole(f"No prompt of U-Boot's came. The last words: {last!r}")
 
     def _tried(self) -> str:
-        return ", ".join(map(str, self._speeds))
+        return f", at {', '.join(map(str, self._speeds))} bit/s" if self._line.has_speed else ""
 
-    def _readable_once(self) -> bool:
-        return self._hook is not None and not is_noise(self.said[-NOISE_WINDOW:])
+    def _other_readers(self) -> str:
+        others = ", ".join(self._line.shared_with())
+        return others and f"the port is open in {others} too, which may take the bytes"
 
 
 class _Running:

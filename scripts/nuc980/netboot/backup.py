@@ -9,11 +9,13 @@ import shutil
 import struct
 import zlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Protocol
 
-from nuc980.netboot.errors import BackupFailed, LineUnsafe
+from nuc980.netboot.console import Answer
+from nuc980.netboot.errors import BackupFailed, LineUnsafe, WrongBytes
 from nuc980.netboot.plan import Step
 from nuc980.netboot.session import Session
 from nuc980.netboot.steps import CRC_SLOWEST, PATIENCE, SLOWEST, crc_of
@@ -22,6 +24,7 @@ MD_BYTES = 4096  # a command's worth of md.l: 17 kB of text, 1.5 s
 MD_LINE = re.compile(r"^([0-9a-f]{8}): ((?:[0-9a-f]{8} ){1,4})", re.MULTILINE)
 SERIAL_SECONDS = 4.3 * 10 / 115200  # a byte: 4.3 characters of 10 bits
 TRIES = 3
+UNCORRECTABLE = "failed -74"  # EBADMSG, of which U-Boot gives the bytes all the same
 
 
 class Way(Protocol):
@@ -81,7 +84,7 @@ class BySerial:
         for _ in range(TRIES):
             pieces = (_md_piece(session, at) for at in range(address, address + self.block, MD_BYTES))
             content = b"".join(pieces)
-            if zlib.crc32(content) == wanted:
+            if zlib.crc32(content) == wanted or ram_has(session, address, content):
                 return content
         raise BackupFailed(
             f"What md shows of {address:#x} never has the CRC32 {wanted:08x} of the board's RAM."
@@ -109,6 +112,20 @@ def ram_crc(session: Session, address: int, size: int) -> int:
     return crc_of(session.console.run(command, PATIENCE + size / CRC_SLOWEST).required())
 
 
+def ram_has(session: Session, address: int, content: bytes) -> bool:
+    """Whether some of the board's RAM has the CRC32 of this; see ram_has_crc."""
+    return ram_has_crc(session, address, len(content), zlib.crc32(content))
+
+
+def ram_has_crc(session: Session, address: int, size: int, crc32: int) -> bool:
+    """Whether some of the board's RAM has this CRC32. A wrong sum may be the line's: it is asked again."""
+    for _ in range(TRIES):
+        with suppress(WrongBytes):  # no sum at all
+            if ram_crc(session, address, size) == crc32:
+                return True
+    return False
+
+
 def nand_read(address: int, offset: int, size: int) -> str:
     """The command."""
     return f"nand read {address:#x} {offset:#x} {size:#x}"
@@ -116,7 +133,14 @@ def nand_read(address: int, offset: int, size: int) -> str:
 
 def reads_well(session: Session, address: int, offset: int, size: int) -> bool:
     """Whether U-Boot says that it has read all, with nothing beyond its error correction."""
-    answer = session.console.run(nand_read(address, offset, size), PATIENCE + size / CRC_SLOWEST)
+    return _is_whole(_read(session, address, offset, size), size)
+
+
+def _read(session: Session, address: int, offset: int, size: int) -> Answer:
+    return session.console.run(nand_read(address, offset, size), PATIENCE + size / CRC_SLOWEST)
+
+
+def _is_whole(answer: Answer, size: int) -> bool:
     return answer.status == 0 and f" {size} bytes read: OK" in answer.output
 
 
@@ -161,7 +185,8 @@ class BackUp(Step):
         part = self.file.with_suffix(".part")
         self.way.fetch(session, self.address, self.size, self.name, part)
         content = part.read_bytes()
-        if len(content) != self.size or zlib.crc32(content) != wanted:
+        is_same = zlib.crc32(content) == wanted or ram_has(session, self.address, content)
+        if len(content) != self.size or not is_same:
             raise BackupFailed(
                 f"{part}: {len(content)} bytes with the CRC32 {zlib.crc32(content):08x};"
                 f" the board has {self.size} with {wanted:08x}."
@@ -175,8 +200,15 @@ class BackUp(Step):
     def _read_by_block(self, session: Session) -> None:
         """A page that cannot be corrected ends a read over bad blocks: each block for itself, as it comes."""
         for number, offset in enumerate(self.blocks):
-            if not reads_well(session, self.address + number * self.block, offset, self.block):
-                session.progress.note(f"  The block at {offset:#x} cannot be read; it is kept as it came.")
+            answer = _read(session, self.address + number * self.block, offset, self.block)
+            if _is_whole(answer, self.block):
+                continue
+            if UNCORRECTABLE not in answer.output:  # then nothing of the flash came
+                raise BackupFailed(
+                    f"The block at {offset:#x} cannot be read. U-Boot: {answer.output.strip()[-300:]}",
+                    cause="the flash or its driver, not a worn page",
+                )
+            session.progress.note(f"  The block at {offset:#x} cannot be read; it is kept as it came.")
 
 
 def plan_backup(

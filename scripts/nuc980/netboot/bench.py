@@ -47,24 +47,29 @@ class Bench:
     site: str | Path = "site"
 
     @contextmanager
-    def session(self, progress: Progress) -> Iterator[Session]:
-        """At U-Boot's prompt, as Console.reach() gets there."""
+    def line(self) -> Iterator[Line]:
+        """The serial port, open."""
         if not self.port:
             raise UnusableInput(
                 "no --port is given", next_step="look at /dev/serial/by-id for the ports there are"
             )
         with Line(self.port, self.baud, self.log) as line:
-            console = Console(line, progress.note)
-            with progress.phase("reach U-Boot"):
-                console.reach(PowerHook(self.power_cycle) if self.power_cycle else None)
-            session = Session(console, progress)
-            try:
-                yield session
-            except KeyboardInterrupt:
-                if session.linux is None:  # end what U-Boot does at the moment, as a transfer
-                    with suppress(LineLost):
-                        line.write(CTRL_C)
-                raise
+            yield line
+
+    @contextmanager
+    def session(self, line: Line, progress: Progress) -> Iterator[Session]:
+        """At U-Boot's prompt, as Console.reach() gets there."""
+        console = Console(line, progress.note)
+        with progress.phase("reach U-Boot"):
+            console.reach(PowerHook(self.power_cycle) if self.power_cycle else None)
+        session = Session(console, progress)
+        try:
+            yield session
+        except KeyboardInterrupt:
+            if session.linux is None:  # end what U-Boot does at the moment, as a transfer
+                with suppress(LineLost):
+                    line.write(CTRL_C)
+            raise
 
     def network(self, board: BoardReport) -> Network:
         """How the two reach each other: as said, else by the site and by what U-Boot knows."""
@@ -109,7 +114,7 @@ class Bench:
     def uboot(self, progress: Progress | None = None) -> Iterator[UBoot]:
         """The board at U-Boot's prompt, until the end of `with`. Raises NetbootError."""
         progress = progress or Progress()
-        with self.session(progress) as session:
+        with self.line() as line, self.session(line, progress) as session:
             yield UBoot(self, session, probe(session.console, progress, flash=False))
 
 
@@ -170,11 +175,14 @@ class Linux:
                 raise CommandFailed(f"Linux refuses {user} and the password.")
 
     def run(self, command: str, seconds: float = 30.0) -> str:
-        """What a shell's command prints. Raises CommandFailed when its exit status is not 0."""
+        """What a shell's command prints. Raises CommandFailed when its exit status is not 0.
+
+        A prompt may come before or after the echo; neither has the marks as the shell prints them.
+        """
         self._commands += 1
         mark = f"@{self._commands}:"
         self.send(f"echo {mark}; {command}; echo {mark}$?")
-        found = self.expect(rf"^{mark}\n(.*?)^{mark}(\d+)\n", seconds)
+        found = self.expect(rf"{mark}\n(.*?){mark}(\d+)\n", seconds)
         if found[2] != "0":
             raise CommandFailed(f"Linux: '{command}' ended with {found[2]}: {found[1].strip()}")
         return found[1]

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from nuc980.netboot.backup import (
     nand_read,
-    ram_crc,
+    ram_has_crc,
     reads_well,
 )
 from nuc980.netboot.errors import (
@@ -95,9 +95,8 @@ class CheckRam(FlashStep):
         return (f"crc32 {self.address:#x} {self.size:#x}",)
 
     def run(self, session: Session) -> None:
-        found = ram_crc(session, self.address, self.size)
-        if found != self.crc32:
-            raise WrongBytes(f"The {self.image} in RAM: CRC32 {found:08x}, and {self.crc32:08x} in the file.")
+        if not ram_has_crc(session, self.address, self.size, self.crc32):
+            raise WrongBytes(f"The {self.image} in RAM is not the file's any more, CRC32 {self.crc32:08x}.")
 
 
 class BlockFailed(FlashFailed):
@@ -245,4 +244,4 @@ def _poison(address: int, size: int) -> str:
 
 def _reads_as(session: Session, address: int, offset: int, size: int, crc32: int) -> bool:
     session.console.run(_poison(address, size), PATIENCE).required()
-    return reads_well(session, address, offset, size) and ram_crc(session, address, size) == crc32
+    return reads_well(session, address, offset, size) and ram_has_crc(session, address, size, crc32)

@@ -171,7 +171,7 @@ class WatchLinux(Step):
     phase: ClassVar[str] = "Linux"
 
     def title(self) -> str:
-        return f"Watch Linux come up, until {self.goal.pattern!r}."
+        return f"Watch Linux come up, until a line has '{self.goal.pattern}'."
 
     def commands(self) -> tuple[str, ...]:
         return ()
@@ -197,6 +197,9 @@ def plan_network(board: BoardReport, network: Network, macs: Sequence[str]) -> t
         "serverip": str(network.server),
         "ethact": network.device,
         "tftpdstp": str(network.port) if network.port != TFTP_PORT else None,
+        "autostart": "no"
+        if "autostart" in board.environment
+        else None,  # or a load would start what it loaded
         **IMPATIENCE,
     }
     return tuple(

@@ -80,8 +80,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with _ended_by_signals():
             _check(parsed)
             parsed.act(run)
-            if not run.dry:
-                run.note(run.report.times())
     except (NetbootError, OSError, KeyboardInterrupt) as error:
         code = _tell(error)
         run.report.failed, run.report.error = run.progress.failed, error
@@ -145,6 +143,8 @@ def _check(parsed: argparse.Namespace) -> None:
     """What argparse cannot see. Raises UnusableInput."""
     if parsed.board_as and not parsed.dry_run:
         raise UnusableInput("--as is for --dry-run", next_step="without --dry-run the board is asked itself")
+    if parsed.console and not sys.stdin.isatty():
+        raise UnusableInput("--console needs a terminal", next_step="leave --console away, or use ssh -t")
     for path in (parsed.junit, parsed.json):
         if path and not path.parent.is_dir():
             raise UnusableInput(f"{path}: there is no folder {path.parent}")
@@ -204,6 +204,9 @@ def _add_common(command: argparse.ArgumentParser) -> None:
         "--power-cycle", metavar="COMMAND", help="switches the board off and on (default: somebody does)"
     )
     group.add_argument("--log", type=Path, metavar="FILE", help="keep every byte of the line, with its time")
+    group.add_argument(
+        "--console", action="store_true", help="hand the terminal over in the end; Ctrl-] leaves it"
+    )
     group = command.add_argument_group("files")
     group.add_argument(
         "--site",

@@ -34,6 +34,7 @@ LINE_ROOM = 254
 ECHO_SECONDS = 1.0
 PROMPT_SECONDS = 3.0
 TRIES = 3
+TYPING_TRIES = 8  # nothing runs before the Enter, so that a noisy line costs time only
 
 IF = b"if "
 # The line editor's keys: to the start (answered by backspaces), to the end (by the line as the board has it).
@@ -96,7 +97,7 @@ class Console:
                 if not power_cycle or attempt == TRIES - 1:
                     raise
                 self.say(f"{error.what} Once more.")
-        self.prompt = arrival.prompt
+        self.prompt, self._tail = arrival.prompt, b""
         self._confirm()
         return said
 
@@ -150,7 +151,7 @@ class Console:
     # ---- typing
 
     def _type(self, line: bytes) -> None:
-        for _ in range(TRIES):
+        for _ in range(TYPING_TRIES):
             self._drain()
             if self._echoed(line) and (not self._edits or self._read_back(line)):
                 return

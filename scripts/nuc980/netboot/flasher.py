@@ -93,7 +93,7 @@ class Flasher:
                     self._do_one(step)
                 continue
             title = f"erase and write {len(group)} blocks"
-            with progress.bar(title, len(group)) as bar:
+            with progress.bar(title, len(group), "blocks") as bar:
                 for done, step in enumerate(group, 1):
                     self._do_one(step)
                     bar.at(done)

@@ -23,6 +23,7 @@ from nuc980.netboot.errors import (
 from nuc980.netboot.transport import Line
 
 STARTING = "Starting kernel ..."
+UNPACKED = "booting the kernel"  # the last word of a zImage that unpacks itself
 UBOOT = re.compile(r"^U-Boot (SPL )?\d{4}\.\d\d")
 RESET = re.compile(r"[Mm]ust RESET (the )?board")
 PANIC = re.compile(r"Kernel panic - not syncing")
@@ -150,9 +151,11 @@ class LinuxWatch:
         causes = (cause for words, cause in BOOTM_WORDS.items() if re.search(words, said))
         return BootmFailed(f"U-Boot did not start the kernel:\n{said}", cause=next(causes, ""))
 
-    def _silence(self, goal: Goal) -> LinuxSilent | RootMissing:
-        what = f"No line with {goal.pattern!r} within {goal.seconds:g} s; the last one: {self._last_words()}"
-        return RootMissing(what) if NO_ROOT.search(self._last_words()) else LinuxSilent(what)
+    def _silence(self, goal: Goal) -> NetbootError:
+        what = f"No line with '{goal.pattern}' within {goal.seconds:g} s; the last one: {self._last_words()}"
+        if NO_ROOT.search(self._last_words()):
+            return RootMissing(what)
+        return KernelMute(what) if UNPACKED in self._last_words() else LinuxSilent(what)
 
     def _last_words(self) -> str:
         unfinished = "" if self._new else text(self._rest).strip()

@@ -10,12 +10,15 @@ from typing import cast
 
 from nuc980.netboot.bench import Bench
 from nuc980.netboot.console import Console, typed
+from nuc980.netboot.errors import LineLost, NetbootError
 from nuc980.netboot.plan import Plan
 from nuc980.netboot.probe import FACTORY, BoardReport, probe, questions
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.report import Report, board_of
 from nuc980.netboot.session import Network, Session
 from nuc980.netboot.site import Site
+from nuc980.netboot.terminal import hand_over
+from nuc980.netboot.transport import Line
 
 CONFIRM = "version"  # what Console.reach() asks
 NETWORK = ("board_ip", "server_ip", "tftp_port", "ethact", "listen", "seen_as")
@@ -56,11 +59,31 @@ class Run:
         if self.dry:
             yield self._assumed(flash=flash, change=change)
             return
-        with self.bench.session(self.progress) as session:
+        with (
+            self.bench.line() as line,
+            self._console_after(line),
+            self.bench.session(line, self.progress) as session,
+        ):
             board = self.report.board = probe(session.console, self.progress, flash=flash)
             if change and (kept := self.bench.keep_environment(board)):
                 self.note(f"The board's environment is kept in {kept}.")
             yield session, board
+
+    @contextmanager
+    def _console_after(self, line: Line) -> Iterator[None]:
+        """Tells the times; with --console, the terminal is the board's then, also when something failed."""
+        try:
+            yield
+        except LineLost:
+            raise
+        except NetbootError as error:
+            if self.parsed.console:
+                self.note(str(error))
+                hand_over(line)
+            raise
+        self.note(self.report.times())
+        if self.parsed.console:
+            hand_over(line)
 
     def carry_out(self, plan: Plan, session: Session, network: Network | None = None) -> None:
         """Does it, with a server for the board's files when there is a network; in a dry run shows it."""

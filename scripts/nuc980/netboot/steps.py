@@ -116,7 +116,7 @@ def crc_of(output: str) -> int:
 WORDS: tuple[tuple[str, type[TransferFailed]], ...] = (
     (r"TFTP error: ", FileRefused),
     (r"ARP Retry count exceeded", NoAnswer),
-    (r"address not set", NoMac),
+    (r"address not set|illegal value", NoMac),
     (r"no link|[Ll]ink is down|No link|AN failed|Reset phy failed|auto negotiation .*TIMEOUT", LinkDown),
     (r"No ethernet found|Net Initialization Skipped", NoEthernet),
     (r"Retry count exceeded|TFTP server died", TftpTimeout),  # the latter: the server's port is closed

@@ -325,12 +325,17 @@ NO_ETHERNET = "No ethernet found.\n"
 BAD_ADDRESS = "\nError: emac address 01:02:03:04:05:06 illegal value\nNo ethernet found.\n"
 
 
-class NoLink(Fault):
+class NoLink(Counted):
     """No cable: 2023.01 says so, the vendor's driver waits for an answer that nobody gives."""
 
     link = False
 
+    def __init__(self, at: int = 1, times: int = 0) -> None:
+        super().__init__(at, times)
+
     def network(self, board: Board) -> str | None:
+        if not self.strikes():
+            return None
         if board.variant.name == "ours":
             return "emac0 Waiting for PHY auto negotiation to complete......... TIMEOUT !\nemac0: no link\n"
         return "AN failed. Set to 100 FULL\n"

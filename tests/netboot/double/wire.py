@@ -124,6 +124,8 @@ class Wire:
 
     def puts(self, text: str | bytes) -> None:
         """With the carriage returns that the UART's driver adds. Text is Latin-1."""
+        if self._master < 0:
+            raise Ended
         data = text.encode("latin-1", "replace") if isinstance(text, str) else text
         data = data.replace(b"\n", self.line_end)
         for fault in self._faults:
