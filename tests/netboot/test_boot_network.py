@@ -217,11 +217,19 @@ def test_port_without_a_link_is_still_taken(monkeypatch: pytest.MonkeyPatch) -> 
     assert server_address(BOARD) == IPv4Address("192.168.1.2")
 
 
-def test_service_answers_where_the_network_says() -> None:
-    network = Network(BOARD, IPv4Address("192.168.1.2"), 0, listen=IPv4Address("127.0.0.1"))
+@pytest.mark.parametrize(("seen_as", "board"), [(None, BOARD.ip), ("10.0.0.1", "10.0.0.1")])
+def test_service_is_for_the_board_as_it_is_seen(seen_as: str | None, board: IPv4Address | str) -> None:
+    network = Network(
+        BOARD,
+        IPv4Address("192.168.1.2"),
+        0,
+        listen=IPv4Address("127.0.0.1"),
+        seen_as=IPv4Address(seen_as) if seen_as else None,
+    )
     with network.service() as files, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
         client.sendto(b"\0\1uImage\0octet\0", ("127.0.0.1", files.port))
         client.settimeout(0.1)
         with pytest.raises(TimeoutError):  # this is not the board
             client.recv(100)
-        assert [refusal.address for refusal in files.refused] == ["127.0.0.1"]
+        (refusal,) = files.refused
+    assert (refusal.address, refusal.reason) == ("127.0.0.1", f"the board is {board}")

@@ -553,6 +553,7 @@ def test_upload_that_announces_too_much(service: FileService, tmp_path: Path) ->
     with service.accept("backup", tmp_path / "backup", 1000):
         assert Port(service).ask(request(WRQ, "backup", tsize=1001))[:4] == block(ERROR, DISK_FULL)
         assert "1001" in service.refused[-1].reason
+        assert Port(service).ask(request(WRQ, "backup", TSIZE=1001))[:4] == block(ERROR, DISK_FULL)
         assert Port(service).ask(request(WRQ, "backup", tsize=1000)) == b"\0\6tsize\x001000\0"
 
 
@@ -649,19 +650,23 @@ def test_no_acknowledgement_is_sent_unasked(service: FileService, tmp_path: Path
 
 
 def test_full_disk(service: FileService, tmp_path: Path) -> None:
-    """/dev/full in the place of the file that the service has opened."""
+    """/dev/full in the place of the file that the service has opened; then there is room again."""
     target = tmp_path / "backup"
     with service.accept("backup", target, 10) as transfer:
         opened = [entry for entry in Path("/proc/self/fd").iterdir() if entry.resolve() == target]
-        with Path("/dev/full").open("wb") as full:
-            os.dup2(full.fileno(), int(opened[0].name))
-        board = Port(service)
-        board.ask(request(WRQ, "backup"))
-        board.send(block(DATA, 1, bytes(10)))
-        assert board.hear()[:4] == block(ERROR, DISK_FULL)
-        assert not transfer.finished
-        assert "No space left" in service.refused[-1].reason
-    assert not target.exists()
+        descriptor = int(opened[0].name)
+        with Path("/dev/full").open("wb") as full, target.open("r+b") as file:
+            os.dup2(full.fileno(), descriptor)
+            board = Port(service)
+            board.ask(request(WRQ, "backup"))
+            board.send(block(DATA, 1, bytes(10)))
+            assert board.hear()[:4] == block(ERROR, DISK_FULL)
+            assert not transfer.finished
+            assert "No space left" in service.refused[-1].reason
+            os.write(file.fileno(), b"what the disk has taken")
+            os.dup2(file.fileno(), descriptor)
+        Port(service).write("backup", content_of(10))
+    assert target.read_bytes() == content_of(10)
 
 
 # ---- what is hostile

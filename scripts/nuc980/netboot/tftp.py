@@ -257,7 +257,7 @@ class FileService:
     def _open(self, file: _File, request: TftpPacketInitial, session: _Session) -> None:
         """Goes over to a new session. U-Boot does one transfer at a time: the one before is forgotten."""
         try:
-            file.begin(session, request.options)
+            file.begin(session, {name.lower(): value for name, value in request.options.items()})
             session.begun()
         except BaseException:
             session.end()
@@ -334,7 +334,7 @@ class _Session(TftpContextServer):
         self.options = {}
         for name, value in asked.items():
             number = _number(value)
-            match name.lower():
+            match name:
                 case "blksize" if number >= BLOCK_MIN:
                     self.options["blksize"] = min(number, BLOCK_MAX)
                 case "timeout" if number in TIMEOUTS:
@@ -342,8 +342,7 @@ class _Session(TftpContextServer):
                     self.timeout = float(number)
                 case "tsize" if number >= 0:
                     self.options["tsize"] = tsize
-
-        self.longest = 4 + self.getBlocksize() + 1
+        self.longest = HEADER.size + self.getBlocksize() + 1
 
     def begun(self) -> None:
         if self.last_pkt:
@@ -494,6 +493,8 @@ class _Receiving(TftpState):
             raise _RefusedError(TftpErrors.DiskFull, f"{len(self._content)} bytes, {size} are awaited")
         try:
             with open(self._descriptor, "wb", closefd=False) as file:
+                file.seek(0)
+                file.truncate()  # of what a disk that was full has taken
                 file.write(self._content)
                 file.flush()
                 os.fsync(self._descriptor)
