@@ -403,7 +403,7 @@ def test_console_is_handed_over_in_the_end(
                 said += os.read(keyboard, 4096)
 
         def ends() -> bool:
-            os.write(keyboard, b"\x1d")  # what is typed while the terminal changes its mode is dropped
+            os.write(keyboard, b"\x1d")
             if select.select([keyboard], [], [], 0)[0]:
                 os.read(keyboard, 4096)  # it waits until somebody has read what it said
             return run.poll() is not None
