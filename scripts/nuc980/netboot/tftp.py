@@ -493,8 +493,7 @@ class _Receiving(TftpState):
             raise _RefusedError(TftpErrors.DiskFull, f"{len(self._content)} bytes, {size} are awaited")
         try:
             with open(self._descriptor, "wb", closefd=False) as file:
-                file.seek(0)
-                file.truncate()  # of what a disk that was full has taken
+                file.seek(0)  # a disk that was full may have taken a part
                 file.write(self._content)
                 file.flush()
                 os.fsync(self._descriptor)
