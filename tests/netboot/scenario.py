@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from netboot.double import BLOCK, PAGE, Double, Operation
+from netboot.double import BLOCK, PAGE, Double, Operation, hush
 from netboot.double.faults import Fault
 from nuc980.netboot import arrival, backup, blocks, console, linux, probe, steps
 from nuc980.netboot.cli import main
@@ -36,7 +36,8 @@ class Scenario:
     board: settings of the double. prepare: what is done to it, and to the files, before.
     error: the class that it ends with, None for success; says: words of what it prints.
     writes: places of the flash that may be erased and programmed, with the file that belongs there, "" for
-    what is no file's. then: what is looked at, or done, afterwards. quick: one of `make test-quick`.
+    what is no file's. then: what is looked at, or done, afterwards. patience: seconds that the tool waits for
+    a command's end. quick: one of `make test-quick`.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Scenario:
     says: tuple[str, ...] = ()
     writes: Mapping[range, str] = field(default_factory=dict)
     then: Callable[[Bench], object] = lambda bench: None
+    patience: float = 5.0
     quick: bool = False
 
 
@@ -79,6 +81,10 @@ class Bench:
             (folder / name).write_bytes(content)
         self.contents = {place: self.files[name] for place, name in scenario.writes.items() if name}
         self.own = self._own()
+        self.environment = self.double.stored_environment()
+        self.at_first = {
+            place: self.double.nand.content(place.start, len(place)) for place in scenario.writes
+        }
         self.double.nand.witness = self._judge
 
     def _fill_flash(self) -> None:
@@ -123,7 +129,9 @@ class Bench:
 
     def _judge_erase(self, operation: Operation, place: range) -> None:
         there = self.double.nand.content(operation.address, BLOCK)
-        if there.strip(b"\xff") and there in self._first.get(place, b"") and not self._is_kept(there):
+        begin = operation.address - place.start
+        is_first = there == self.at_first[place][begin : begin + BLOCK]
+        if is_first and there.strip(b"\xff") and not self._is_kept(there):
             self.sins.append(f"{operation}: no file of the host has what is there")
         if not any(operation.address in _begun(path) for path in self.site.rglob("journal.jsonl")):
             self.sins.append(f"{operation}: no journal tells it")
@@ -138,14 +146,20 @@ class Bench:
         files = (path for path in self.site.rglob("*") if path.is_file())
         return any(content in path.read_bytes() for path in files)
 
-    @property
-    def _first(self) -> dict[range, bytes]:
-        return {place: content.ljust(len(place), b"\xff") for place, content in self.old.items()}
-
     def check(self) -> None:
         """What holds after every scenario, whatever went wrong."""
         assert self.sins == []
         assert self._own() == self.own
+
+    def check_run(self, typed: Iterable[str]) -> None:
+        """That nothing ran on the board but what the tool meant to type, and what it boots by itself."""
+        environments = (self.double.stored_environment() or {}, self.environment or {})
+        own = (value for variables in environments for value in variables.values() if "bootm" in value)
+        meant = [words for line in (*typed, *own) for words in hush.commands(hush.Parser(line).nodes())]
+        fixed = {tuple(words) for words in meant if hush.MARK not in "".join(words)}
+        begun = {words[0] for words in meant if hush.MARK in "".join(words)}  # with a variable in it
+        others = [words for words in self.double.commands if tuple(words) not in fixed]
+        assert [words for words in others if words[0] not in begun] == []
 
     def check_written(self) -> None:
         """That each place holds what belongs there, and 0xFF behind it."""
@@ -200,7 +214,8 @@ def play(
     scenario: Scenario, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Runs a scenario, and judges how it ended and what it left."""
-    hurry(monkeypatch)
+    hurry(monkeypatch, scenario.patience)
+    typed = recorded(monkeypatch)
     bench = Bench(folder, scenario)
     with bench.double:
         code = bench.run()
@@ -213,11 +228,25 @@ def play(
         bench.check()
         scenario.then(bench)
     bench.check()
+    bench.check_run(typed)
 
 
 def _advice(error: type[NetbootError] | None) -> tuple[str, ...]:
     """The words by which an error's class is known, unless its instance has better ones."""
     return (error.next_step,) if error and error.next_step and error.next_step != "-" else ()
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The lines that the tool means to type, as it comes to each."""
+    lines: list[str] = []
+    real = console.typed
+
+    def typed(command: str, number: int) -> str:
+        lines.append(real(command, number))
+        return lines[-1]
+
+    monkeypatch.setattr(console, "typed", typed)
+    return lines
 
 
 # The tool's patience, in seconds, cut to what a double needs.
@@ -230,20 +259,21 @@ HURRY = {
         "SETTLED_SECONDS": 0.05,
     },
     linux: {"QUIET_SECONDS": 0.2},
-    probe: {"FLASH_SECONDS": 2.0},
-    steps: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
-    backup: {"PATIENCE": 2.0, "SLOWEST": 1_000_000},
-    blocks: {"PATIENCE": 2.0, "BLOCK_SECONDS": 2.0},
+    steps: {"SLOWEST": 1_000_000},
+    backup: {"SLOWEST": 1_000_000},
 }
-SWITCHED_ON_WITHIN = 2.0
+COMMANDS_END = ((steps, "PATIENCE"), (backup, "PATIENCE"), (blocks, "PATIENCE"), (blocks, "BLOCK_SECONDS"))
+SWITCHED_ON_WITHIN = 1.5
 
 
-def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+def hurry(monkeypatch: pytest.MonkeyPatch, patience: float) -> None:
     """Waits for nothing as long as on a bench."""
     monkeypatch.setattr(console.Console.reach, "__defaults__", (None, SWITCHED_ON_WITHIN))
     for module, values in HURRY.items():
         for name, value in values.items():
             monkeypatch.setattr(module, name, value)
+    for module, name in (*COMMANDS_END, (probe, "FLASH_SECONDS")):
+        monkeypatch.setattr(module, name, patience)
 
 
 # ---- files

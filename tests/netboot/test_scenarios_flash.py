@@ -236,7 +236,6 @@ WORN = [
         [faults.CannotErase(FIRST)],
         writes=PLACE,
         then=marked_bad(FIRST),
-        quick=True,
     ),
     Scenario(
         "a block cannot be programmed",
@@ -252,7 +251,7 @@ WORN = [
         writes=PLACE,
         then=marked_bad(FIRST, FIRST + 1),
     ),
-    works("a block forgets once", faults.ForgetsAfterWrite(), quick=True),
+    works("a block forgets once", faults.ForgetsAfterWrite()),
     Scenario(
         "what is there cannot be read",
         DTB,
@@ -291,7 +290,7 @@ LINE = [
     works("a sum misprinted in the backup", faults.wrong_crc(at=1), board=OURS),
     works("a sum misprinted before the erase", faults.wrong_crc(at=3), board=OURS, quick=True),
     works("a sum misprinted in the reading back", faults.wrong_crc(at=4), board=OURS),
-    works("md misprints", faults.noisy_dump(at=5, times=3), quick=True),
+    works("md misprints", faults.noisy_dump(at=5, times=3)),
     works("ACKs lost", faults.LosesAcks(at=4, times=2), board=OURS),
     works("a wrong bit in the RAM once", faults.FlipsInRam(), board=OURS, quick=True),
     works("only what fits the FIFO arrives", faults.OverrunsFifo(), board=OURS),
@@ -393,12 +392,10 @@ BEFORE = [
         faults.Refuses("^nand read 0x100000", "** out of memory\n", times=0),
         board=OURS,
     ),
-    refuses(
-        "starts again at the load", errors.BoardReset, faults.ResetsAt("tftp", 5), board=OURS, quick=True
-    ),
+    refuses("starts again at the load", errors.BoardReset, faults.ResetsAt("tftp", 5), board=OURS),
     refuses("no network", errors.NoEthernet, faults.NetworkSays(faults.NO_ETHERNET)),
     refuses("port goes in the backup", errors.LineLost, faults.Unplugged(at=120)),
-    refuses("hangs at the read", errors.StuckConsole, faults.HangsAt("^nand read 0x100000")),
+    refuses("hangs at the read", errors.StuckConsole, faults.HangsAt("^nand read 0x100000"), patience=2.0),
 ]
 
 MIDDLE = [
@@ -432,7 +429,6 @@ MIDDLE = [
         errors.BoardReset,
         faults.ResetsAt("program", 1),
         then=rolled_back,
-        quick=True,
     ),
     breaks(
         "resumed, then rolled back",
@@ -440,7 +436,13 @@ MIDDLE = [
         faults.ResetsAt("program", 1),
         then=resumed_and_rolled_back,
     ),
-    breaks("hangs at an erase, resumed", errors.StuckConsole, faults.HangsAt("^nand erase"), then=resumed),
+    breaks(
+        "hangs at an erase, resumed",
+        errors.StuckConsole,
+        faults.HangsAt("^nand erase"),
+        patience=2.0,
+        then=resumed,
+    ),
     breaks("not flashed anew", errors.BoardReset, faults.ResetsAt("erase", 1), then=not_flashed_anew),
     breaks(
         "another file meanwhile", errors.BoardReset, faults.ResetsAt("erase", 1), then=refuses_another_file

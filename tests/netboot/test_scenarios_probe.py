@@ -109,15 +109,13 @@ LOOKED = [
         PROBE,
         board={"environment": FACTORY_ENVIRONMENT | {"name": "Ni\u0161"}},
     ),
-    Scenario("hangs", PROBE, [faults.HangsAt("^nand bad")], error=errors.StuckConsole),
+    Scenario("hangs", PROBE, [faults.HangsAt("^nand bad")], error=errors.StuckConsole, patience=1.0),
     Scenario("starts again", PROBE, [faults.ResetsAt("command", 5)], error=errors.BoardReset, quick=True),
     Scenario("no hush", PROBE, board={"hush": False}, error=errors.NoStatus),
 ]
 
 PUT_BACK = [
-    Scenario(
-        "nothing differs", RESTORE, prepare=saved(), says=("Nothing differs",), then=as_before, quick=True
-    ),
+    Scenario("nothing differs", RESTORE, prepare=saved(), says=("Nothing differs",), then=as_before),
     Scenario(
         "another delay, in the RAM only",
         RESTORE,
@@ -196,7 +194,6 @@ PUT_BACK = [
         writes=PLACE,
         error=errors.BoardReset,
         then=broken_and_mended,
-        quick=True,
     ),
     Scenario(
         "line unsafe before it is saved",
@@ -205,7 +202,6 @@ PUT_BACK = [
         prepare=saved(bootdelay="5"),
         error=errors.LineUnsafe,
         then=as_before,
-        quick=True,
     ),
     Scenario(
         "file that is none",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from .board import Board
 
 SIZES = {"b": 1, "w": 2, "l": 4, "": 4}
+DUMPED_AT_ONCE = 1024  # bytes, before it looks for Ctrl-C
+PRINTABLE = bytes(byte if 0x20 <= byte < 0x7F else ord(".") for byte in range(256))
 NAMES = {1: "byte", 2: "halfword", 4: "word"}
 
 
@@ -185,19 +188,24 @@ def md(board: Board, words: list[str], repeat: bool) -> int:
         board.dump_size = _size(words[0])
         board.dump_at = board.number(words[1])
         board.dump_count = board.number(words[2]) if len(words) > 2 else 64
-    size, left = board.dump_size, board.dump_count * board.dump_size
-    while left:
+    end = board.dump_at + board.dump_count * board.dump_size
+    while board.dump_at < end:
         if board.wire.tstc() and board.wire.getc() == 3:
             return 1
-        data = board.memory(board.dump_at, min(16, left))
-        cells = [data[at : at + size] for at in range(0, len(data), size)]
-        numbers = "".join(f" {int.from_bytes(cell, 'little'):0{2 * size}x}" for cell in cells)
-        shown = "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in data)
-        gap = "  " if board.variant.name == "ours" else "    "
-        board.puts(f"{board.dump_at:08x}:{numbers:<{16 // size * (2 * size + 1)}}{gap}{shown}\n")
-        board.dump_at += len(data)
-        left -= len(data)
+        some = range(board.dump_at, min(end, board.dump_at + DUMPED_AT_ONCE), 16)
+        board.puts("".join(_dumped(board, address, min(16, end - address)) for address in some))
+        board.dump_at = min(end, some.stop)
     return 0
+
+
+def _dumped(board: Board, address: int, length: int) -> str:
+    """A line of lib/display_options.c's print_buffer."""
+    size, data = board.dump_size, board.memory(address, length)
+    cells = struct.unpack(f"<{length // size}{' BH I'[size]}", data)
+    numbers = "".join(f" {cell:0{2 * size}x}" for cell in cells)
+    gap = "  " if board.variant.name == "ours" else "    "
+    shown = data.translate(PRINTABLE).decode("latin-1")
+    return f"{address:08x}:{numbers:<{16 // size * (2 * size + 1)}}{gap}{shown}\n"
 
 
 def mw(board: Board, words: list[str], repeat: bool) -> int:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 MARK = "\x03"  # around a variable's name, as in the original
@@ -177,6 +177,17 @@ class Parser:
         word = self._tokens[0]
         is_one = isinstance(word, Word) and not word.quoted and word.text in RESERVED
         return word.text if is_one else ""
+
+
+def commands(nodes: Sequence[Node]) -> Iterator[list[str]]:
+    """The words of all commands in a line, whether they are run or not."""
+    for node in nodes:
+        if isinstance(node, Command):
+            yield [word.text for word in node.words]
+        else:
+            for condition, does in node.choices:
+                yield from commands(condition or ())
+                yield from commands(does)
 
 
 class Hush:

@@ -18,6 +18,7 @@ from pathlib import Path
 from .faults import Fault
 
 FIFO = 16
+AT_ONCE = 2048  # bytes
 NOBODY = termios.B50  # the pty's speed until somebody opens it
 
 
@@ -43,6 +44,7 @@ class Wire:
         self._faults = faults
         self._random = random.Random(seed)
         self._fifo = bytearray()
+        self._unsent = bytearray()
         self._left = True
         self.heard = bytearray()
         self._master, self._slave = os.openpty()
@@ -124,13 +126,18 @@ class Wire:
 
     def puts(self, text: str | bytes) -> None:
         """With the carriage returns that the UART's driver adds. Text is Latin-1."""
-        if self._master < 0:
-            raise Ended
         data = text.encode("latin-1", "replace") if isinstance(text, str) else text
         data = data.replace(b"\n", self.line_end)
         for fault in self._faults:
             data = fault.sent(data)
-        if self._wrong_speed():
+        self._unsent += data
+        if len(self._unsent) > AT_ONCE:
+            self._send()
+
+    def _send(self) -> None:
+        """What was put since the last time: before the board waits, and when it is much."""
+        data, self._unsent = bytes(self._unsent), bytearray()
+        if data and self._wrong_speed():
             data = self._garbage(data)
         while data:
             self._wait([], [self._master], 3600)
@@ -142,8 +149,6 @@ class Wire:
                 raise Ended from error
 
     def _receive(self) -> bool:
-        if self._master < 0:
-            raise Ended
         try:
             data = os.read(self._master, 4096)
         except BlockingIOError:
@@ -163,8 +168,10 @@ class Wire:
         return True
 
     def _wait(self, readers: list[int], writers: list[int], seconds: float) -> None:
-        if -1 in (*readers, *writers):
+        if self._master < 0:
             raise Ended
+        if self._unsent and not writers:
+            self._send()
         ready, _, _ = select.select([self._pressed, *readers], writers, [], seconds)
         if self._pressed in ready:
             keys = os.read(self._pressed, 4096)
@@ -176,6 +183,8 @@ class Wire:
         termios.tcsetattr(self._slave, termios.TCSANOW, settings)
 
     def _wrong_speed(self) -> bool:
+        if self._master < 0:
+            raise Ended
         return termios.tcgetattr(self._master)[5] not in (self._speed, NOBODY)
 
     def _garbage(self, data: bytes) -> bytes:
