@@ -164,7 +164,7 @@ def test_flash_holds_the_images_and_boots(bench: Bench, bad: set[int]) -> None:
 def test_root_file_system_can_be_attached(bench: Bench) -> None:
     """Pages that UBIFS finds erased have to be so in their spare bytes too."""
     board = bench.start()
-    assert bench.flash(board, "--ubi", str(bench.folder / "root.ubi"), "--no-backup", "empty") == 0
+    assert bench.flash(board, *bench.files[4:], *UBI_AT, "--no-backup", "empty") == 0
     with at_prompt(board) as session:
         said = session.console.run("ubi part rootfs; ubi info l", 60).required()
     assert "attached mtd" in said
