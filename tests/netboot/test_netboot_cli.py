@@ -401,7 +401,14 @@ def test_console_is_handed_over_in_the_end(
             while b"Password: " not in said:
                 assert select.select([keyboard], [], [], SECONDS)[0], said
                 said += os.read(keyboard, 4096)
-        os.write(keyboard, b"\x1d")
+
+        def ends() -> bool:
+            os.write(keyboard, b"\x1d")
+            if select.select([keyboard], [], [], 0)[0]:
+                os.read(keyboard, 4096)  # it waits until somebody has read what it said
+            return run.poll() is not None
+
+        wait_for(ends, "Ctrl-] does not lead back")
         _, error = run.communicate(timeout=SECONDS)
     assert run.returncode == (0 if ending == "login" else 1)
     assert (b"panicked" in error and b"panicked" in said) == (ending == "panic")

@@ -30,8 +30,8 @@ def hand_over(line: Line) -> None:
     if not sys.stdin.isatty():
         raise UnusableInput("--console needs a terminal", next_step="leave --console away, or use ssh -t")
     keyboard, screen = sys.stdin.fileno(), sys.stdout.fileno()
-    print(HINT.format(url=line.url), flush=True)
-    with _raw(keyboard):
+    with _raw(keyboard):  # which drops what was typed before: the hint comes after it
+        _write_all(screen, f"{HINT.format(url=line.url)}\r\n".encode())
         while _keys_to(line, keyboard):
             _write_all(screen, line.read(TURN_SECONDS))
     print("\nThe terminal is yours again; the board runs on.", flush=True)
