@@ -663,7 +663,7 @@ def test_full_disk(service: FileService, tmp_path: Path) -> None:
             assert board.hear()[:4] == block(ERROR, DISK_FULL)
             assert not transfer.finished
             assert "No space left" in service.refused[-1].reason
-            os.write(file.fileno(), b"what the disk has taken")
+            os.write(file.fileno(), b"a part")
             os.dup2(file.fileno(), descriptor)
         Port(service).write("backup", content_of(10))
     assert target.read_bytes() == content_of(10)

@@ -493,9 +493,9 @@ class _Receiving(TftpState):
             raise _RefusedError(TftpErrors.DiskFull, f"{len(self._content)} bytes, {size} are awaited")
         try:
             with open(self._descriptor, "wb", closefd=False) as file:
-                file.seek(0)
+                file.seek(0)  # a disk that was full may have taken a part
                 file.write(self._content)
-                file.truncate()  # beyond it there may be what a disk that was full has taken
+                file.flush()
                 os.fsync(self._descriptor)
         except OSError as error:
             raise _RefusedError(TftpErrors.DiskFull, str(error.strerror)) from error
