@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests of nuc980-netboot share: the payload that is booted, emulated boards on a pty."""
 
-import socket
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import libfdt
 import pytest
-from emulated import Emulated
 
+from netboot.emulated import Emulated
 from netboot.flashbench import uimage
+from netboot.ports import free_port
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -63,9 +63,7 @@ def dtb(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def udp_port() -> int:
     """One that is free."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
-        server.bind(("127.0.0.1", 0))
-        return server.getsockname()[1]
+    return free_port()
 
 
 @pytest.fixture

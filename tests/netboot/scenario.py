@@ -6,7 +6,6 @@ from __future__ import annotations
 import copy
 import json
 import random
-import socket
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,6 +16,7 @@ import pytest
 
 from netboot.double import BLOCK, PAGE, Double, Operation, hush
 from netboot.double.faults import Fault
+from netboot.ports import free_port
 from nuc980.netboot import arrival, console, linux, probe, steps
 from nuc980.netboot.cli import main
 from nuc980.netboot.errors import NetbootError
@@ -194,12 +194,6 @@ def _begun(journal: Path) -> set[int]:
     """The offsets of the blocks whose erase a journal has announced."""
     events = (json.loads(line) for line in journal.read_text().splitlines())
     return {event["offset"] for event in events if event["event"] == "begin" and event.get("erases")}
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind((HERE, 0))
-        return taken.getsockname()[1]
 
 
 # ---- pytest

@@ -10,8 +10,8 @@ from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
 import pytest
-from emulated import Emulated
 
+from netboot.emulated import Emulated
 from nuc980.netboot.boot import Addresses, StartKernel, plan_network
 from nuc980.netboot.console import Console
 from nuc980.netboot.errors import BootmFailed

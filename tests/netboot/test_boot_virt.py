@@ -10,7 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from emulated import Emulated
+
+from netboot.emulated import Emulated
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from flashbench import device_tree, noise, ubi_image, uimage
 
+from netboot.flashbench import device_tree, noise, ubi_image, uimage
 from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import (
@@ -157,16 +157,17 @@ def test_pages_behind_an_image_stay_erased(work: Callable[..., Work], tmp_path: 
     assert [s.size for s in steps if isinstance(s, WriteBlock)][:3] == [3 * 2048, 0, 0]
 
 
-def test_ram_of_images_does_not_overlap(work: Callable[..., Work]) -> None:
-    for ubi in (BLOCK, 200 * BLOCK, 800 * BLOCK):
-        plan = work(kernel=0x500000, device=0x100000, UBI=ubi)
-        ram = plan.ram
-        areas = [(ram.scratch, 8 << 20), (ram.pieces, 8 << 20)]
-        areas += [(at, -(-i.size // BLOCK) * BLOCK) for i in plan.images if (at := ram.loads[i.name])]
-        areas.sort()
-        assert all(start + size <= after for (start, size), (after, _) in pairwise(areas))
-        assert areas[0][0] in FREE_RAM
-        assert sum(areas[-1]) in FREE_RAM
+@pytest.mark.parametrize("ubi", [BLOCK, 200 * BLOCK, 800 * BLOCK])
+def test_ram_of_images_does_not_overlap(ubi: int) -> None:
+    sizes = {KERNEL: 0x500000, DEVICE_TREE: 0x100000, UBI: ubi}
+    images = [Image(SLOTS[name], Path("file"), size, 0, "") for name, size in sizes.items()]
+    ram = plan_ram(board(), images, board().nand)
+    areas = [(ram.scratch, 8 << 20), (ram.pieces, 8 << 20)]
+    areas += [(at, -(-i.size // BLOCK) * BLOCK) for i in images if (at := ram.loads[i.name])]
+    areas.sort()
+    assert all(start + size <= after for (start, size), (after, _) in pairwise(areas))
+    assert areas[0][0] in FREE_RAM
+    assert sum(areas[-1]) in FREE_RAM
 
 
 def test_too_little_ram_is_said() -> None:

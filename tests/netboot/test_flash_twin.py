@@ -5,7 +5,6 @@ import ast
 import json
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from flashbench import (
+
+from netboot.flashbench import (
     BLOCK,
     Board,
     at_prompt,
@@ -29,7 +29,7 @@ from flashbench import (
     ubi_image,
     uimage,
 )
-
+from netboot.ports import free_port
 from nuc980.netboot.cli import main
 from nuc980.netboot.flash.backup import BySerial, ByTftp, plan_backup
 from nuc980.netboot.flash.journal import FILE, Journal, newest_unfinished
@@ -42,12 +42,6 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 KERNEL, TREE, ROOT_FS = range(16, 56), range(56, 64), range(176, 208)
 UBI_AT = ("--ubi-at", "0x1600000+0x400000")  # all of it takes a minute
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probing:
-        probing.bind(("127.0.0.1", 0))
-        return probing.getsockname()[1]
 
 
 def bytes_of(blocks: range, bad: set[int], nand: NandImage) -> bytes:
@@ -88,15 +82,8 @@ def images(tmp_path_factory: pytest.TempPathFactory, uboot: Path, payload: Path)
     return folder
 
 
-@pytest.fixture(scope="session")
-def used_nand(tmp_path_factory: pytest.TempPathFactory) -> NandImage:
-    """Full of something, so that what is touched shows."""
-    nand = NandImage.blank(tmp_path_factory.mktemp("used") / "nand")
-    return nand
-
-
 @pytest.fixture
-def bench(tmp_path: Path, images: Path, used_nand: NandImage, qemu: Path, uboot: Path) -> Iterator[Bench]:
+def bench(tmp_path: Path, images: Path, qemu: Path, uboot: Path) -> Iterator[Bench]:
     for file in images.iterdir():
         if file.is_file():
             (tmp_path / file.name).symlink_to(file)
@@ -105,7 +92,7 @@ def bench(tmp_path: Path, images: Path, used_nand: NandImage, qemu: Path, uboot:
         def start(*arguments: str) -> Board:
             return stack.enter_context(switched_on(qemu, uboot, nand, *arguments))
 
-        nand = copy(used_nand, tmp_path / "nand")
+        nand = NandImage.blank(tmp_path / "nand")
         yield Bench(tmp_path, nand, start)
 
 

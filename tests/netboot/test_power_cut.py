@@ -6,7 +6,6 @@ page or one block is whole or not at all, so a page of the block in work is torn
 """
 
 import random
-import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -14,7 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from flashbench import (
+
+from netboot.flashbench import (
     BLOCK,
     Board,
     at_prompt,
@@ -28,7 +28,7 @@ from flashbench import (
     ubi_image,
     uimage,
 )
-
+from netboot.ports import free_port
 from nuc980.netboot.cli import main
 from nuc980.netboot.flash.journal import Journal, newest_unfinished
 from nuc980.twin.nand import DATA, PAGE, PAGES, NandImage
@@ -91,10 +91,7 @@ class Bench:
 
     def tool(self, *arguments: str) -> int:
         assert self.board
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probing:
-            probing.bind(("127.0.0.1", 0))
-            port = probing.getsockname()[1]
-        return main(["flash", *arguments, *options(self.board, self.folder / "site", port)])
+        return main(["flash", *arguments, *options(self.board, self.folder / "site", free_port())])
 
     def begin(self) -> int:
         files = [f"--{option}={self.folder / name}" for option, name in

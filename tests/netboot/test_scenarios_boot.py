@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from netboot.double import FACTORY_ENVIRONMENT, faults
-from netboot.scenario import Bench, Scenario, free_port, play, table, uimage
+from netboot.ports import free_port
+from netboot.scenario import Bench, Scenario, play, table, uimage
 from nuc980.netboot import errors
 
 BOOT = ("boot", "%kernel", "%tree")

@@ -11,8 +11,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import ClassVar
 
+from nuc980.netboot.commandline import quoted
 from nuc980.netboot.console import TRIES, Console
-from nuc980.netboot.errors import CommandFailed, LineUnsafe, UnusableInput
+from nuc980.netboot.errors import CommandFailed, LineTooLong, LineUnsafe, UnusableInput
 from nuc980.netboot.plan import Plan, SetVariable, Step
 from nuc980.netboot.session import Session
 
@@ -241,8 +242,9 @@ def plan_restore(here: Mapping[str, str], wanted: Mapping[str, str], *, save: bo
     """
     changes = [each for each in differences(here, wanted) if not each.left_alone]
     for change in changes:
-        value = change.wanted or ""
-        if not value.isascii() or not value.isprintable():
-            raise UnusableInput(f"{change.name}: U-Boot's command line takes printable ASCII only: {value!r}")
+        try:
+            quoted(change.wanted or "")
+        except LineTooLong as error:
+            raise UnusableInput(f"{change.name}: {error.what}") from error
     sets = [SetVariable(change.name, change.wanted or "") for change in changes]
     return Plan((*sets, *([Verify(wanted)] if sets else []), *([Save()] if save else [])))

@@ -10,7 +10,6 @@ import pytest
 
 from nuc980.netboot.errors import NetbootError
 from nuc980.netboot.target import Linux, Target, UBoot
-from nuc980.netboot.transport import BAUD
 
 OPTIONS = {
     "port": "the board's serial port or its URL; without it, tests that need a board are skipped",
@@ -26,21 +25,24 @@ OPTIONS = {
     "site": "the folder of the board's own files",
 }
 TYPES = {"tftp-port": int, "baud": int, "log": Path}
-DEFAULTS = {"tftp-port": 69, "baud": BAUD, "site": "site"}
+
+
+def _field(option: str) -> str:
+    """The field of Target that an option sets."""
+    return option.replace("-", "_")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("nuc980", "a NUC980 board on a bench")
     for name, meaning in OPTIONS.items():
-        group.addoption(
-            f"--nuc980-{name}", type=TYPES.get(name, str), default=DEFAULTS.get(name), help=meaning
-        )
+        default = getattr(Target, _field(name), None)
+        group.addoption(f"--nuc980-{name}", type=TYPES.get(name, str), default=default, help=meaning)
 
 
 @pytest.fixture(scope="session")
 def nuc980_target(request: pytest.FixtureRequest) -> Target:
     """How the board is reached, by the command line's options."""
-    found = {name.replace("-", "_"): request.config.getoption(f"--nuc980-{name}") for name in OPTIONS}
+    found = {_field(name): request.config.getoption(f"--nuc980-{name}") for name in OPTIONS}
     if not found["port"]:
         pytest.skip("needs a board: --nuc980-port")
     return Target(**found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -68,7 +69,7 @@ class Load(Step):
     def commands(self) -> tuple[str, ...]:
         return (
             f"tftpboot {self.address:#x} {self.name}",
-            f"crc32 {self.address:#x} {self.content.size:#x}",
+            crc_command(self.address, self.content.size),
         )
 
     def run(self, session: Session) -> None:
@@ -81,7 +82,7 @@ class Load(Step):
         return self._load(session)
 
     def _load(self, session: Session) -> None:
-        transfer, check = self.commands()
+        transfer, _ = self.commands()
         content = self.content
         assert session.files is not None
         offer = session.files.offer(self.name, content.path, content.start, content.size)
@@ -96,19 +97,39 @@ class Load(Step):
             raise WrongBytes(
                 f"{self.name} has {content.size} bytes; U-Boot says: {answer.output.strip()[-200:]}"
             )
-        found = crc_of(session.console.run(check, PATIENCE + content.size / CRC_SLOWEST).required())
+        found = ram_crc(session, self.address, content.size)
         if found != content.crc32:
             raise WrongBytes(
                 f"{self.name}: CRC32 {found:08x} in the board's RAM, {content.crc32:08x} in the file."
             )
 
 
-def crc_of(output: str) -> int:
-    """The number in what `crc32` prints: `… ==> 1a2b3c4d`. Raises WrongBytes when there is none."""
-    found = re.search(r"==> ([0-9a-f]{8})$", output, re.MULTILINE)
+def crc_command(address: int, size: int) -> str:
+    """What asks for the CRC32 of some of the board's RAM."""
+    return f"crc32 {address:#x} {size:#x}"
+
+
+def ram_crc(session: Session, address: int, size: int) -> int:
+    """The CRC32 of some of the board's RAM. Raises WrongBytes when U-Boot prints none."""
+    said = session.console.run(crc_command(address, size), PATIENCE + size / CRC_SLOWEST).required()
+    found = re.search(r"==> ([0-9a-f]{8})$", said, re.MULTILINE)
     if not found:
-        raise WrongBytes(f"U-Boot's crc32 printed no sum: {output.strip()!r}")
+        raise WrongBytes(f"U-Boot's crc32 printed no sum: {said.strip()!r}")
     return int(found[1], 16)
+
+
+def ram_has(session: Session, address: int, content: bytes) -> bool:
+    """Whether some of the board's RAM has the CRC32 of this; see ram_has_crc."""
+    return ram_has_crc(session, address, len(content), zlib.crc32(content))
+
+
+def ram_has_crc(session: Session, address: int, size: int, crc32: int) -> bool:
+    """Whether some of the board's RAM has this CRC32. A wrong sum may be the line's: it is asked again."""
+    for _ in range(TRIES):
+        with suppress(WrongBytes):  # no sum at all
+            if ram_crc(session, address, size) == crc32:
+                return True
+    return False
 
 
 # What U-Boot prints when a transfer fails, 2016.11 with the vendor's driver and 2023.01 with ours. The first

@@ -9,21 +9,18 @@ import shutil
 import struct
 import zlib
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Protocol
 
-from nuc980.netboot.console import Answer
-from nuc980.netboot.errors import BackupFailed, LineUnsafe, WrongBytes
+from nuc980.netboot.console import TRIES, Answer
+from nuc980.netboot.errors import BackupFailed, LineUnsafe
 from nuc980.netboot.plan import Step
 from nuc980.netboot.session import Session
-from nuc980.netboot.steps import CRC_SLOWEST, PATIENCE, SLOWEST, crc_of
+from nuc980.netboot.steps import CRC_SLOWEST, PATIENCE, SLOWEST, crc_command, ram_crc, ram_has
 
 MD_BYTES = 4096  # a command's worth of md.l: 17 kB of text, 1.5 s
 MD_LINE = re.compile(r"^([0-9a-f]{8}): ((?:[0-9a-f]{8} ){1,4})", re.MULTILINE)
-SERIAL_SECONDS = 4.3 * 10 / 115200  # a byte: 4.3 characters of 10 bits
-TRIES = 3
 UNCORRECTABLE = "failed -74"  # EBADMSG, of which U-Boot gives the bytes all the same
 
 
@@ -65,7 +62,7 @@ class BySerial:
             command
             for block in range(address, address + size, self.block)
             for command in (
-                f"crc32 {block:#x} {self.block:#x}",
+                crc_command(block, self.block),
                 *(_md(at) for at in range(block, block + self.block, MD_BYTES)),
             )
         )
@@ -104,26 +101,6 @@ def _md_piece(session: Session, address: int) -> bytes:
             if len(words) == MD_BYTES // 4:
                 return struct.pack(f"<{len(words)}I", *words)
     raise LineUnsafe(f"md does not show {address:#x} whole.")
-
-
-def ram_crc(session: Session, address: int, size: int) -> int:
-    """The CRC32 of some of the board's RAM."""
-    command = f"crc32 {address:#x} {size:#x}"
-    return crc_of(session.console.run(command, PATIENCE + size / CRC_SLOWEST).required())
-
-
-def ram_has(session: Session, address: int, content: bytes) -> bool:
-    """Whether some of the board's RAM has the CRC32 of this; see ram_has_crc."""
-    return ram_has_crc(session, address, len(content), zlib.crc32(content))
-
-
-def ram_has_crc(session: Session, address: int, size: int, crc32: int) -> bool:
-    """Whether some of the board's RAM has this CRC32. A wrong sum may be the line's: it is asked again."""
-    for _ in range(TRIES):
-        with suppress(WrongBytes):  # no sum at all
-            if ram_crc(session, address, size) == crc32:
-                return True
-    return False
 
 
 def nand_read(address: int, offset: int, size: int) -> str:
@@ -181,7 +158,7 @@ class BackUp(Step):
     def commands(self) -> tuple[str, ...]:
         return (
             nand_read(self.address, self.blocks[0], self.size),
-            f"crc32 {self.address:#x} {self.size:#x}",
+            crc_command(self.address, self.size),
             *self.way.commands(self.address, self.size, self.name),
         )
 

@@ -16,12 +16,7 @@ from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.errors import (
     FlashNotPossible,
 )
-from nuc980.netboot.flash.backup import (
-    BySerial,
-    ByTftp,
-    Way,
-    plan_backup,
-)
+from nuc980.netboot.flash.backup import BySerial, ByTftp, Way, plan_backup
 from nuc980.netboot.flash.images import Image, blocks_needed, programmed
 from nuc980.netboot.flash.journal import NEW
 from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI

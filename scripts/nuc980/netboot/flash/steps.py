@@ -8,23 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from nuc980.netboot.console import Answer
-from nuc980.netboot.errors import (
-    BoardReset,
-    FlashFailed,
-    LineUnsafe,
-    WrongBytes,
-)
-from nuc980.netboot.flash.backup import (
-    nand_read,
-    ram_has_crc,
-    reads_well,
-)
+from nuc980.netboot.console import TRIES, Answer
+from nuc980.netboot.errors import BoardReset, FlashFailed, LineUnsafe, WrongBytes
+from nuc980.netboot.flash.backup import nand_read, reads_well
 from nuc980.netboot.flash.images import ERASED
 from nuc980.netboot.flash.journal import NEW, Event
 from nuc980.netboot.plan import Step
 from nuc980.netboot.session import Session
-from nuc980.netboot.steps import PATIENCE
+from nuc980.netboot.steps import PATIENCE, crc_command, ram_has_crc
 
 POISON = 0x0DEFACED
 BLOCK_SECONDS = 30.0  # patience with an erase or a write of one block
@@ -95,7 +86,7 @@ class CheckRam(FlashStep):
         return f"Check the {self.image} in RAM."
 
     def commands(self) -> tuple[str, ...]:
-        return (f"crc32 {self.address:#x} {self.size:#x}",)
+        return (crc_command(self.address, self.size),)
 
     def run(self, session: Session) -> None:
         if not ram_has_crc(session, self.address, self.size, self.crc32):
@@ -135,7 +126,7 @@ class WriteBlock(FlashStep):
         return {"image": self.image, "offset": self.offset, "erases": True}
 
     def run(self, session: Session) -> None:
-        for _ in range(3):
+        for _ in range(TRIES):
             try:
                 return self._run(session)
             except LineUnsafe as error:  # whether it was written is unknown: from the erase on again
@@ -187,7 +178,7 @@ class ReadBack(FlashStep):
         return (
             _poison(self.address, self.size),
             nand_read(self.address, self.offset, self.size),
-            f"crc32 {self.address:#x} {self.size:#x}",
+            crc_command(self.address, self.size),
         )
 
     def matches(self, session: Session) -> bool:
