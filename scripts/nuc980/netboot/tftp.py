@@ -17,7 +17,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,11 +48,14 @@ HEADER = struct.Struct("!HH")  # opcode, block number
 BLOCK_MIN, BLOCK_MAX = 8, 65464  # bytes, RFC 2348
 TIMEOUTS = range(1, 256)  # s, RFC 2349
 REFUSALS_KEPT = 32
+GLANCE = 0.02  # s, how long a running transfer is all that is looked at
 IP_PKTINFO = 8  # of linux/in.h; Python's socket has it from 3.12 on
+TIMEVAL = struct.Struct("@ll")  # seconds, microseconds
 PKTINFO = struct.Struct("@i4s4s")  # interface, local address, the datagram's destination
 
 FACTORY = TftpPacketFactory()
 Address = tuple[str, int]
+Datagram = tuple[bytes, Address]
 
 # It logs every strange datagram as an error. What matters of them is in FileService.refused.
 logging.getLogger("tftpy").setLevel(logging.CRITICAL + 1)
@@ -103,7 +106,7 @@ class FileService:
         self._offered: dict[str, _Offered] = {}
         self._awaited: dict[str, _Awaited] = {}
         self._session: _Session | None = None  # only the server's thread sets it
-        self._lock = threading.Lock()  # for the files and the session's state, which both threads touch
+        self._lock = threading.Lock()  # nothing is withdrawn while a session begins with it
         self._running = False
 
     def __enter__(self) -> Self:
@@ -169,36 +172,29 @@ class FileService:
         finally:
             with self._lock:
                 del files[name]
-                if self._session and self._session.transfer is file.transfer:
-                    self._session.abort()
-                    os.eventfd_write(self._wake, 1)
+                session = self._session
+            if session and session.transfer is file.transfer:
+                session.withdrawn = True
+                session.over.wait()
 
     # ---- the server's thread
 
     def _serve(self) -> None:
-        requests = self._socket.fileno()
-        while self._running:
-            patience = self._session.patience() if self._session else None
-            events = self._events.poll(patience, 3)
-            with self._lock:
-                for descriptor, _ in events:
-                    if descriptor == requests:
+        try:
+            while self._running:
+                if self._session:
+                    self._go_on(self._session)
+                for descriptor, _ in self._events.poll(0 if self._session else None):
+                    if descriptor == self._socket.fileno():
                         self._take_request()
-                    elif descriptor == self._wake:
-                        os.eventfd_read(self._wake)
-                    elif self._session:
-                        self._go_on(self._session.cycle)
-                if patience == 0.0 and self._session:
-                    self._go_on(self._session.lose_patience)
-        with self._lock:
+        finally:
             if self._session:
                 self._session.abort()
-                self._drop_session()
+            self._replace_session(None)
 
-    def _go_on(self, step: Callable[[], None]) -> None:
-        session = self._session
+    def _go_on(self, session: _Session) -> None:
         try:
-            step()
+            session.cycle()
         except _RefusedError as refused:
             self._note(session.host, session.transfer.name, refused)
             session.state.sendError(refused.code)
@@ -206,12 +202,12 @@ class FileService:
         except TftpException:
             session.state = None
         if session.state is None:
-            self._drop_session()
+            self._replace_session(None)
 
-    def _drop_session(self) -> None:
-        if self._session:
-            self._session.end()
-        self._session = None
+    def _replace_session(self, new: _Session | None) -> None:
+        old, self._session = self._session, new
+        if old:
+            old.end()
 
     def _take_request(self) -> None:
         with suppress(OSError):  # as good as lost: the board asks again
@@ -225,9 +221,10 @@ class FileService:
     def _answer(self, datagram: bytes, peer: Address, local: bytes) -> None:
         request = _parsed(datagram)
         try:
-            file = self._file_for(request, peer)
-            if not self._is_repeated(datagram, peer):
-                self._open(file, request, _Session(file.transfer, datagram, peer, local))
+            with self._lock:
+                file = self._file_for(request, peer)
+                if not self._is_repeated(datagram, peer):
+                    self._open(file, request, _Session(file.transfer, datagram, peer, local))
         except _RefusedError as refused:
             self._note(peer[0], getattr(request, "filename", ""), refused)
             if peer[0] == self._board and not _is_error(datagram):
@@ -262,9 +259,7 @@ class FileService:
         except BaseException:
             session.end()
             raise
-        self._drop_session()
-        self._session = session
-        self._events.register(session.sock, select.EPOLLIN)
+        self._replace_session(session)
 
     def _note(self, address: str, name: str, refused: _RefusedError) -> None:
         new = Refusal(address, name, str(refused))
@@ -327,7 +322,8 @@ class _Session(TftpContextServer):
         self.peer = peer
         self.request = (datagram, peer)
         self.transfer = transfer
-        self.awaited: bytes | None = None  # the acknowledgement of the block that is on its way
+        self.withdrawn = False  # set by another thread: there is no more to come
+        self.over = threading.Event()
 
     def agree(self, asked: dict[str, str], tsize: int) -> None:
         """Of the options asked for, takes what can be done; the others stay unanswered (RFC 2347)."""
@@ -351,18 +347,29 @@ class _Session(TftpContextServer):
         self.advance(0)
 
     def cycle(self) -> None:
-        """Takes one datagram. One that is not the board's, or none of TFTP, is as if it had not come."""
-        try:
-            datagram, peer = self.sock.recvfrom(self.longest)
-        except OSError:
-            return
-        if datagram == self.awaited and peer == self.peer:  # the usual case, without delay
-            self.state = self.state.acknowledged()
-        elif peer != self.peer:
-            if not _is_error(datagram):
+        """Takes what comes within GLANCE, and does what is due.
+
+        A datagram that is not the board's, or none of TFTP, is as if it had not come.
+        """
+        received = self.state.receive()
+        if received:
+            datagram, peer = received
+            if peer == self.peer:
+                packet = _parsed(datagram)
+                self.state = self.state.handle(packet, *peer) if packet else self.state
+            elif not _is_error(datagram):
                 self.sock.sendto(_error(TftpErrors.UnknownTID), peer)
-        elif (packet := _parsed(datagram)) and self.state:
-            self.state = self.state.handle(packet, *peer)
+        if self.withdrawn:
+            self.abort()
+        elif self.state and not self.patience():
+            self._lose_patience()
+
+    def receive(self) -> Datagram | None:
+        """The next datagram; None when there is none within GLANCE."""
+        try:
+            return self.sock.recvfrom(self.longest)
+        except OSError:
+            return None
 
     def advance(self, moved: int) -> None:
         """The board has moved the transfer on; nothing else is a sign of life."""
@@ -374,15 +381,14 @@ class _Session(TftpContextServer):
         """Seconds left for the board to answer."""
         return max(0.0, self.last_update + self.timeout - time.monotonic())
 
-    def lose_patience(self) -> None:
-        """Sends the last packet again, unless the board has answered by now; gives up in the end."""
-        if self.state and not self.patience():
-            self.last_update = time.monotonic()
-            self.retry_count += 1
-            if self.retry_count == TRIES:
-                self.state = None
-            else:
-                self.state.resendLast()
+    def _lose_patience(self) -> None:
+        """Sends the last packet again, and gives up in the end."""
+        self.last_update = time.monotonic()
+        self.retry_count += 1
+        if self.retry_count == TRIES:
+            self.state = None
+        else:
+            self.state.resendLast()
 
     def resend(self) -> None:
         self.sock.sendto(self.sent, self.peer)
@@ -399,11 +405,14 @@ class _Session(TftpContextServer):
         return time.monotonic() - self.last_update < RETRANSMIT
 
     def abort(self) -> None:
-        """Tells the board that there is no more to come."""
-        if self.state and not self.transfer.finished:
+        """Tells the board, if it is in the middle, that there is no more to come."""
+        if self.state and self.transfer.moved < self.transfer.size:
             self.state.sendError(TftpErrors.AccessViolation)
         self.state = None
-        self.awaited = None
+
+    def end(self) -> None:
+        super().end()
+        self.over.set()
 
 
 class _Sending(TftpState):
@@ -413,8 +422,8 @@ class _Sending(TftpState):
         super().__init__(session)
         self._content, self._block_size = content, session.getBlocksize()
         self._number = 0  # of the block on its way, counted beyond 65535; the options are number 0
+        self._awaited = (ACK + bytes(2), session.peer)
         self._ready = self._block(1)
-        session.awaited = ACK + bytes(2)
 
     def _block(self, number: int) -> bytes:
         """The last one is shorter than the others, and can be empty; b"" beyond it."""
@@ -428,19 +437,28 @@ class _Sending(TftpState):
         session, ready = self.context, self._ready
         session.sock.sendto(ready, session.peer)
         session.sent = ready
-        session.awaited = ACK + ready[2:4]
+        self._awaited = (ACK + ready[2:4], session.peer)
         self._number += 1
         self._ready = self._block(self._number + 1)
 
-    def acknowledged(self) -> _Sending | None:
-        """Goes on. An acknowledgement that comes again does not get here: RFC 1123, 4.2.3.1."""
-        if self._ready:
+    def receive(self) -> Datagram | None:
+        """Sends block after block as they are acknowledged; returns, within GLANCE, what is something else.
+
+        An acknowledgement that comes again is something else: it moves nothing (RFC 1123, 4.2.3.1).
+        """
+        session = self.context
+        until = time.monotonic() + GLANCE
+        while (received := session.receive()) == self._awaited:
+            if not self._ready:
+                session.advance(len(self._content))
+                session.transfer.finished = True
+                session.state = None
+                return None
             self.send_block()
-            self.context.advance((self._number - 1) * self._block_size)
-            return self
-        self.context.advance(len(self._content))
-        self.context.transfer.finished = True
-        return None
+            session.advance((self._number - 1) * self._block_size)
+            if session.last_update > until:
+                return None
+        return received
 
     def handle(self, packet: TftpPacket, address: str, port: int) -> _Sending:
         """All but the acknowledgement that is awaited: of no account, unless the board gives up."""
@@ -460,6 +478,9 @@ class _Receiving(TftpState):
         self._descriptor = descriptor
         self._content = bytearray()
         session.next_block = 1
+
+    def receive(self) -> Datagram | None:
+        return self.context.receive()
 
     def handle(self, packet: TftpPacket, address: str, port: int) -> _Receiving:
         """Takes the next block; acknowledges the one before it again."""
@@ -509,7 +530,8 @@ class _Socket(socket.socket):
 
     def __init__(self) -> None:
         super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
-        self.setblocking(False)
+        for timeout in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):  # the kernel's own: one system call less
+            self.setsockopt(socket.SOL_SOCKET, timeout, TIMEVAL.pack(0, round(GLANCE * 1e6)))
 
     def sendto(self, data: bytes, address: Address) -> int:
         try:
