@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from netboot.double import BLOCK, Double
+from netboot.double import BLOCK, Double, faults
 from netboot.flashbench import Board, at_prompt, changed_blocks, copy, switched_on
 from nuc980.netboot.console import Console, typed
 from nuc980.netboot.errors import UnusableInput
@@ -59,6 +59,25 @@ def test_bad_blocks_are_named() -> None:
     board = asked(double)
     assert board.nand and board.nand.bad == (70 * BLOCK, 1023 * BLOCK)
     assert re.search("^bad blocks +0x8c0000, 0x7fe0000$", described(board), re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("of", "words", "noise"),
+    [
+        ("^nand bad", "008c0000", "008d0000"),
+        ("^nand info", "Erase size +131072", "Erase size   331072"),
+        ("^mtdparts", "0x01600000", "0x01200000"),
+        ("^bdinfo", "irq_sp *= 0x03", "irq_sp = 0x00"),
+    ],
+)
+def test_noise_makes_no_other_flash_of_it(of: str, words: str, noise: str) -> None:
+    """A digit that becomes another one would lead an erase elsewhere."""
+    double = Double("factory", faults=[misprint := faults.Misprints(of, words, noise)])
+    double.nand.bad |= {70}
+    board = asked(double)
+    assert misprint.seen > 0
+    assert board.nand == replace(FACTORY.nand, bad=(70 * BLOCK,))
+    assert 0x3E00000 <= board.ram_end < 0x3E4EED0
 
 
 @pytest.mark.slow

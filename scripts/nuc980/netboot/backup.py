@@ -132,8 +132,15 @@ def nand_read(address: int, offset: int, size: int) -> str:
 
 
 def reads_well(session: Session, address: int, offset: int, size: int) -> bool:
-    """Whether U-Boot says that it has read all, with nothing beyond its error correction."""
-    return _is_whole(_read(session, address, offset, size), size)
+    """Whether U-Boot says that it has read all, with nothing beyond its error correction.
+
+    Asked again when it says neither: noise in its words is no worn block.
+    """
+    for _ in range(TRIES):
+        answer = _read(session, address, offset, size)
+        if answer.status or _is_whole(answer, size):
+            return not answer.status
+    return False
 
 
 def _read(session: Session, address: int, offset: int, size: int) -> Answer:

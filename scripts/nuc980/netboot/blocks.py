@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -12,6 +13,7 @@ from nuc980.netboot.backup import (
     ram_has_crc,
     reads_well,
 )
+from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import (
     BoardReset,
     FlashFailed,
@@ -31,6 +33,7 @@ BLOCK_SECONDS = 30.0  # patience with an erase or a write of one block
 # `printenv` fails, and what comes after `&&` is not done.
 IN_WORK = "flashing"
 GUARD = f"printenv {IN_WORK} && "
+FAILING = re.compile("failure|Skip(ping)? bad block")
 
 
 @dataclass(frozen=True)
@@ -141,24 +144,23 @@ class WriteBlock(FlashStep):
 
     def _run(self, session: Session) -> None:
         erase, *write = self.commands()
-        answer = session.console.run(erase, BLOCK_SECONDS)
         # U-Boot says OK even of a bad block, and of one that did not erase; this line, of one that did.
-        if answer.status or f"Erasing at {self.offset:#x} -- 100% complete." not in answer.output:
-            self._fail(answer.output)
-        if "Skipping bad block" in answer.output or "failure" in answer.output:
-            self._fail(answer.output)
+        done = f"Erasing at {self.offset:#x} -- 100% complete."
+        self._judge(session, session.console.run(erase, BLOCK_SECONDS), done)
         for command in write:
             answer = session.console.run(command, BLOCK_SECONDS, repeatable=False)
-            if answer.status or f" {self.size} bytes written: OK" not in answer.output:
-                self._fail(answer.output)
-            if "Skip bad block" in answer.output:
-                self._fail(answer.output)
+            self._judge(session, answer, f" {self.size} bytes written: OK")
 
-    def _fail(self, said: str) -> None:
-        if f"{IN_WORK}=yes" not in said:
+    def _judge(self, session: Session, answer: Answer, done: str) -> None:
+        """A block fails when U-Boot says so; words that noise has hit say nothing of it."""
+        said = answer.output
+        if answer.status and session.console.run(f"printenv {IN_WORK}").status:
             raise BoardReset("The board started anew: what was loaded into its RAM is lost.")
-        lines = [line.strip() for line in said.splitlines() if line.strip() and IN_WORK not in line]
-        raise BlockFailed(self.image, self.index, self.offset, "; ".join(lines) or "without a word")
+        if answer.status or FAILING.search(said):
+            lines = [line.strip() for line in said.splitlines() if line.strip() and IN_WORK not in line]
+            raise BlockFailed(self.image, self.index, self.offset, "; ".join(lines) or "without a word")
+        if done not in said:
+            raise LineUnsafe(f"What became of the block at {self.offset:#x} cannot be read: {said!r}")
 
 
 @dataclass(frozen=True)

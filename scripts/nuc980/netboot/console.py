@@ -137,6 +137,18 @@ class Console:
                 raise StuckConsole(f"'{command}' did not end within {seconds:g} s; Ctrl-C ended it.")
         raise self._unsafe(f"The answer to '{command}' was lost; there came {text(said)[-300:]!r}")
 
+    def run_twice(self, command: str, seconds: float = 10.0) -> Answer:
+        """As run(), until two answers are the same: for numbers that nothing else checks.
+
+        Raises what run() raises; LineUnsafe also when no two are.
+        """
+        answers: list[Answer] = []
+        for _ in range(TYPING_TRIES):
+            answers.append(self.run(command, seconds))
+            if answers[-1] in answers[:-1]:
+                return answers[-1]
+        raise self._unsafe(f"Each answer to '{command}' is another.")
+
     def start(self, command: str) -> int:
         """Types a command and Enter, and leaves it running; returns the number of its marker.
 

@@ -121,7 +121,7 @@ def probe(console: Console, progress: Progress, *, flash: bool) -> BoardReport:
         if "nand" in names:
             subcommands = re.findall(r"^nand (\w+)", console.run("help nand").output, re.MULTILINE)
             names |= {f"nand {name}" for name in subcommands}
-        board = console.run("bdinfo").required()
+        board = console.run_twice("bdinfo").required()
         ports = _ports(console.run("net list").output) if "net" in names else _ports_of_bdinfo(board)
         in_use = re.search(r"^current eth += (.+)$", board, re.MULTILINE)
         environment = read_environment(console)
@@ -149,7 +149,7 @@ def questions(board: BoardReport, *, flash: bool) -> Iterator[str]:
     yield from ("version", "help")
     if board.knows("nand"):
         yield "help nand"
-    yield "bdinfo"
+    yield from ("bdinfo", "bdinfo")
     if board.knows("net"):
         yield "net list"
     yield from ("printenv", "printenv")
@@ -158,15 +158,15 @@ def questions(board: BoardReport, *, flash: bool) -> Iterator[str]:
         if board.phy is not None:
             yield from _link_questions(board.phy)
     if flash and board.knows("nand"):
-        yield "nand info"
+        yield from ("nand info", "nand info")
         if board.nand:
-            yield "nand bad"
+            yield from ("nand bad", "nand bad")
             size = SMALLEST_NAND
             while size <= min(board.nand.size, LARGEST_NAND):
                 yield _is_inside(size)
                 size *= 2
             if board.knows("mtdparts"):
-                yield "mtdparts"
+                yield from ("mtdparts", "mtdparts")
 
 
 def _banks(board: str) -> tuple[tuple[int, int], ...]:
@@ -209,7 +209,7 @@ def _link(console: Console) -> tuple[int | None, bool | None]:
 
 def probe_nand(console: Console, *, mtdparts: bool = False) -> Nand | None:
     """Geometry, bad blocks and partitions, or None when U-Boot finds no flash."""
-    info = console.run("nand info", FLASH_SECONDS).output
+    info = console.run_twice("nand info", FLASH_SECONDS).output
     numbers = {
         name: re.search(rf"^  {name} +(0x *)?([0-9a-f]+)", info, re.MULTILINE)
         for name in ("Page size", "OOB size", "Erase size", "bbt options")
@@ -219,7 +219,8 @@ def probe_nand(console: Console, *, mtdparts: bool = False) -> Nand | None:
     )
     if not page or not block:
         return None
-    bad = re.findall(r"^ +([0-9a-f]{8,})", console.run("nand bad", FLASH_SECONDS).required(), re.MULTILINE)
+    listed = console.run_twice("nand bad", FLASH_SECONDS).required()
+    bad = re.findall(r"^ +([0-9a-f]{8,})", listed, re.MULTILINE)
     return Nand(
         size=_size_of_nand(console),
         block=block,
@@ -227,7 +228,7 @@ def probe_nand(console: Console, *, mtdparts: bool = False) -> Nand | None:
         bad=tuple(int(offset, 16) for offset in bad),
         oob=oob,
         keeps_table=bool(options & USE_FLASH_TABLE),
-        partitions=_partitions(console.run("mtdparts").output) if mtdparts else (),
+        partitions=_partitions(console.run_twice("mtdparts").output) if mtdparts else (),
     )
 
 
