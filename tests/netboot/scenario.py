@@ -17,9 +17,11 @@ import pytest
 
 from netboot.double import BLOCK, PAGE, Double, Operation, hush
 from netboot.double.faults import Fault
-from nuc980.netboot import arrival, backup, blocks, console, linux, probe, steps
+from nuc980.netboot import arrival, console, linux, probe, steps
 from nuc980.netboot.cli import main
 from nuc980.netboot.errors import NetbootError
+from nuc980.netboot.flash import backup
+from nuc980.netboot.flash import steps as flash_steps
 
 HERE = "127.0.0.1"
 OWN = range(0, 0x200000)  # SPL, environment and U-Boot
@@ -262,7 +264,12 @@ HURRY = {
     steps: {"SLOWEST": 1_000_000},
     backup: {"SLOWEST": 1_000_000},
 }
-COMMANDS_END = ((steps, "PATIENCE"), (backup, "PATIENCE"), (blocks, "PATIENCE"), (blocks, "BLOCK_SECONDS"))
+COMMANDS_END = (
+    (steps, "PATIENCE"),
+    (backup, "PATIENCE"),
+    (flash_steps, "PATIENCE"),
+    (flash_steps, "BLOCK_SECONDS"),
+)
 SWITCHED_ON_WITHIN = 1.5
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import libfdt
 import pytest
 
+from nuc980.netboot.board import BoardReport, Port
 from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
-from nuc980.netboot.console import LINE_ROOM
+from nuc980.netboot.commandline import LINE_ROOM
 from nuc980.netboot.errors import DoesNotFit, LineTooLong, UnusableImage, UnusableInput
 from nuc980.netboot.linux import Goal
-from nuc980.netboot.probe import BoardReport, Port
 from nuc980.netboot.session import Network
 from nuc980.netboot.steps import Slice
 from nuc980.netboot.uimage import UImage, read_tree

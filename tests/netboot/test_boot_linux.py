@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 import pytest
 
 from nuc980.netboot import linux
-from nuc980.netboot.console import text
+from nuc980.netboot.commandline import text
 from nuc980.netboot.errors import (
     BoardReset,
     BootmFailed,

@@ -38,7 +38,8 @@ from netboot.clockwork import (
 )
 from nuc980.netboot import console
 from nuc980.netboot.arrival import CTRL_C, SPEEDS
-from nuc980.netboot.console import COMMAND_ROOM, LINE_ROOM, Console, typed
+from nuc980.netboot.commandline import COMMAND_ROOM, LINE_ROOM, typed
+from nuc980.netboot.console import Console
 from nuc980.netboot.errors import (
     AutobootMissed,
     BoardReset,

@@ -12,7 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from netboot.double import FACTORY_ENVIRONMENT, Double, faults
-from nuc980.netboot.console import LINE_ROOM, Console, typed
+from nuc980.netboot.commandline import LINE_ROOM, typed
+from nuc980.netboot.console import Console
 from nuc980.netboot.environment import (
     Environment,
     differences,

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from netboot.double import Double
-from nuc980.netboot.bench import Linux
 from nuc980.netboot.errors import CommandFailed, LinuxSilent
+from nuc980.netboot.target import Linux
 from nuc980.netboot.transport import Line
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from flashbench import device_tree, noise, ubi_image, uimage
 
-from nuc980.netboot.backup import BySerial, ByTftp
-from nuc980.netboot.blocks import BlockFailed, CheckRam, ReadBack, WriteBlock
+from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import (
     BoardReset,
@@ -22,7 +21,11 @@ from nuc980.netboot.errors import (
     UnusableImage,
     WrongBytes,
 )
-from nuc980.netboot.flash import (
+from nuc980.netboot.flash.backup import BySerial, ByTftp
+from nuc980.netboot.flash.flasher import without_free_blocks
+from nuc980.netboot.flash.images import Image, check_image
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, Slot
+from nuc980.netboot.flash.plan import (
     Work,
     check_board,
     choose_way,
@@ -32,10 +35,7 @@ from nuc980.netboot.flash import (
     plan_ram,
     warning,
 )
-from nuc980.netboot.flasher import without_free_blocks
-from nuc980.netboot.images import Image, check_image
-from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, Slot
-from nuc980.netboot.probe import BoardReport, Nand
+from nuc980.netboot.flash.steps import BlockFailed, CheckRam, ReadBack, WriteBlock
 
 BLOCK = 0x20000
 NOISE = noise(BLOCK, 1)

@@ -30,10 +30,10 @@ from flashbench import (
     uimage,
 )
 
-from nuc980.netboot.backup import BySerial, ByTftp, plan_backup
 from nuc980.netboot.cli import main
-from nuc980.netboot.flash import check_board, choose_way
-from nuc980.netboot.journal import FILE, Journal, newest_unfinished
+from nuc980.netboot.flash.backup import BySerial, ByTftp, plan_backup
+from nuc980.netboot.flash.journal import FILE, Journal, newest_unfinished
+from nuc980.netboot.flash.plan import check_board, choose_way
 from nuc980.netboot.probe import probe
 from nuc980.twin.nand import PAGES, NandImage
 
@@ -178,13 +178,14 @@ def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFix
     assert main(["probe", "--json", str(report), "--port", board.port]) == 0
     capsys.readouterr()
     assert main([*kernel, "--dry-run", "--as", str(report)]) == 0
-    shown = re.findall(r"^    => (.*); echo @\d+:", capsys.readouterr().out, re.MULTILINE)
+    shown = re.findall(r"^    => if (.*); then echo @\d+:", capsys.readouterr().out, re.MULTILINE)
+    assert any("nand erase" in line for line in shown)
     assert not list(bench.site.glob("flash-*"))
 
     assert main([*kernel, "--log", str(log)]) == 0
     lines = re.findall(r"^ *[\d.]+ > (.*)$", log.read_text(), re.MULTILINE)
     sent = [ast.literal_eval(text) for text in lines]
-    typed = re.findall(r"([^\r\x03]*); echo @\d+:\$\?\r", "".join(sent))
+    typed = re.findall(r"if ([^\r\x03]*); then echo @[^\r\x03]*\r", "".join(sent))
     assert typed == shown
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from nuc980.netboot.errors import JournalUnusable, SiteBusy, Unfinished
-from nuc980.netboot.journal import (
+from nuc980.netboot.flash.journal import (
     FILE,
     NEW,
     OLD,
@@ -118,7 +118,7 @@ def test_what_a_place_holds_is_known_only_when_it_was_read_back(journal: Journal
 
 def test_only_one_tool_works_on_a_site(tmp_path: Path) -> None:
     program = (
-        "import sys; from pathlib import Path; from nuc980.netboot.journal import only_one\n"
+        "import sys; from pathlib import Path; from nuc980.netboot.flash.journal import only_one\n"
         "with only_one(Path(sys.argv[1])): print('in', flush=True); sys.stdin.read()"
     )
     command = [sys.executable, "-c", program, tmp_path]

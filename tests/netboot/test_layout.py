@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from nuc980.netboot.board import Nand, Partition
 from nuc980.netboot.errors import DoesNotFit, LayoutUnknown
-from nuc980.netboot.layout import (
+from nuc980.netboot.flash.layout import (
     DEVICE_TREE,
     KERNEL,
     UBI,
@@ -16,7 +17,6 @@ from nuc980.netboot.layout import (
     layout_of,
     loader_slot,
 )
-from nuc980.netboot.probe import Nand, Partition
 
 ROOT = Path(__file__).parents[2]
 LIMITS = tomllib.loads((ROOT / "board/nuc980/image-limits.toml").read_text())["flash"]

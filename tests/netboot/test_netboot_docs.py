@@ -13,10 +13,10 @@ import pytest
 
 import nuc980.netboot
 from netboot.double import Double
+from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.cli import _parser
 from nuc980.netboot.errors import NetbootError
 from nuc980.netboot.fixture import OPTIONS
-from nuc980.netboot.probe import BoardReport, Nand
 from nuc980.netboot.site import Site
 
 PAGE = (Path(__file__).parents[2] / "docs/netboot.md").read_text()
@@ -54,7 +54,7 @@ def test_example_runs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    (example,) = (text for text in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "Bench(" in text)
+    (example,) = (text for text in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "Target(" in text)
     assert 8 <= len(example.splitlines()) <= 10
     monkeypatch.chdir(tmp_path)
     assert Site(Path("site")).macs({})[0] == "02:00:00:00:00:01"

@@ -30,7 +30,7 @@ from flashbench import (
 )
 
 from nuc980.netboot.cli import main
-from nuc980.netboot.journal import Journal, newest_unfinished
+from nuc980.netboot.flash.journal import Journal, newest_unfinished
 from nuc980.twin.nand import DATA, PAGE, PAGES, NandImage
 
 pytestmark = pytest.mark.slow

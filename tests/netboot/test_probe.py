@@ -14,9 +14,11 @@ import pytest
 
 from netboot.double import BLOCK, Double, faults
 from netboot.flashbench import Board, at_prompt, changed_blocks, copy, switched_on
-from nuc980.netboot.console import Console, typed
+from nuc980.netboot.board import FACTORY, BoardReport, Nand, Port
+from nuc980.netboot.commandline import typed
+from nuc980.netboot.console import Console
 from nuc980.netboot.errors import UnusableInput
-from nuc980.netboot.probe import FACTORY, BoardReport, Nand, Port, described, probe, questions, remarks
+from nuc980.netboot.probe import described, probe, questions, remarks
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.transport import Line
 from nuc980.twin.nand import NandImage

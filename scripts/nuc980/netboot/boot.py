@@ -10,10 +10,11 @@ from typing import ClassVar
 
 import libfdt
 
+from nuc980.netboot.board import BoardReport
 from nuc980.netboot.errors import DoesNotFit, UnusableInput
+from nuc980.netboot.limits import DEVICE_TREE_AT, UIMAGE_AT
 from nuc980.netboot.linux import Goal, LinuxWatch
 from nuc980.netboot.plan import Plan, SetVariable, Step
-from nuc980.netboot.probe import BoardReport
 from nuc980.netboot.session import TFTP_PORT, Network, Session
 from nuc980.netboot.steps import Load, Slice
 from nuc980.netboot.uimage import UImage, check_place, read_tree, read_uimage
@@ -28,10 +29,10 @@ IMPATIENCE = {"netretry": "no", "tftptimeout": "2000", "tftptimeoutcountmax": "4
 
 @dataclass(frozen=True)
 class Addresses:
-    """Where things go in RAM; those of the factory's environment (facts: report 003, old_uboot_env.txt)."""
+    """Where things go in RAM: as the factory's boot command has it, so that U-Boot moves nothing."""
 
-    uimage: int = 0x7FC0  # 64 bytes of header before 0x8000, where the kernel runs: nothing is moved
-    dtb: int = 0xA00000
+    uimage: int = UIMAGE_AT
+    dtb: int = DEVICE_TREE_AT
 
     @classmethod
     def of(cls, board: BoardReport) -> Addresses:
@@ -197,9 +198,8 @@ def plan_network(board: BoardReport, network: Network, macs: Sequence[str]) -> t
         "serverip": str(network.server),
         "ethact": network.device,
         "tftpdstp": str(network.port) if network.port != TFTP_PORT else None,
-        "autostart": "no"
-        if "autostart" in board.environment
-        else None,  # or a load would start what it loaded
+        # or a load would start what it loaded
+        "autostart": "no" if "autostart" in board.environment else None,
         **IMPATIENCE,
     }
     return tuple(

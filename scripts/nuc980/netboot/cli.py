@@ -18,7 +18,7 @@ from nuc980.netboot import environment
 from nuc980.netboot.boot import Images
 from nuc980.netboot.environment import differences, plan_restore
 from nuc980.netboot.errors import NetbootError, UnusableInput
-from nuc980.netboot.flashing import add_flash_options, run_flash
+from nuc980.netboot.flash.command import add_flash_options, run_flash
 from nuc980.netboot.linux import Goal
 from nuc980.netboot.probe import described
 from nuc980.netboot.run import Run
@@ -314,8 +314,8 @@ def _boot(run: Run) -> None:
     Images.read(parsed.uimage, parsed.dtb)  # before a board is touched
     goal = Goal(parsed.until, parsed.timeout, min(parsed.timeout, Goal.first_seconds))
     with run.board(flash=False) as (session, board):
-        network = run.bench.network(board)
-        planned = run.bench.planned_boot(board, network, parsed.uimage, parsed.dtb, parsed.bootargs, goal)
+        network = run.target.network(board)
+        planned = run.target.planned_boot(board, network, parsed.uimage, parsed.dtb, parsed.bootargs, goal)
         with planned as (plan, arguments):
             run.note(f"The kernel's arguments: {arguments}")
             run.carry_out(plan, session, network)

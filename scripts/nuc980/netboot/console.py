@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""U-Boot's command line: reach it, type so that nothing else than meant is run, know how it ended.
-
-A command is typed as `if COMMAND; then echo @N:ok; else echo @N:failed; fi`. A part of this line runs
-nothing: U-Boot waits for the `fi`, so that a noise byte that is an Enter, or one just before the Enter, leads
-to its second prompt and no further. The two ends differ in more than noise turns over.
-"""
+"""U-Boot's command line: reach it, type so that nothing else than meant is run, know how it ended."""
 
 from __future__ import annotations
 
@@ -13,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nuc980.netboot.arrival import CTRL_C, SETTLED_SECONDS, Arrival
+from nuc980.netboot.commandline import ended, text, typed
 from nuc980.netboot.errors import (
     AutobootMissed,
     BoardReset,
     CommandFailed,
-    LineTooLong,
     LineUnsafe,
     NoStatus,
     NotUBoot,
@@ -27,8 +22,6 @@ from nuc980.netboot.transport import Line
 
 # What the UART's receiver holds while U-Boot looks elsewhere; the factory's console drops the rest.
 CHUNK = 16
-# CONFIG_SYS_CBSIZE is 256, the reader takes 254 (shared by the vendor's and the mainline cread_line).
-LINE_ROOM = 254
 
 # For a chunk, with a slow network between. It is waited out only when something was lost.
 ECHO_SECONDS = 1.0
@@ -266,30 +259,6 @@ class Console:
     def _unsafe(self, what: str) -> LineUnsafe:
         others = ", ".join(self.line.shared_with())
         return LineUnsafe(what, cause=others and f"the port is open in {others} too")
-
-
-def typed(command: str, number: int) -> str:
-    """A command as it is typed: with a marker that shows its end and how it ended. Raises LineTooLong."""
-    line = f"if {command}; then echo @{number}:ok; else echo @{number}:failed; fi"
-    if len(line) > LINE_ROOM:
-        raise LineTooLong(f"{len(line)} characters are too many for U-Boot's line of {LINE_ROOM}: {line}")
-    if not line.isascii() or not line.isprintable():
-        raise LineTooLong(f"U-Boot's command line takes printable ASCII only: {line!r}")
-    return line
-
-
-# What a command may have, up to the number 9999.
-COMMAND_ROOM = LINE_ROOM - len(typed("", 9999))
-
-
-def ended(number: int) -> re.Pattern[bytes]:
-    """The end of a command's output, in bytes without carriage returns; group 1: `ok` or `failed`."""
-    return re.compile(rb"@%d:(ok|failed)\n" % number)
-
-
-def text(said: bytes) -> str:
-    """A line's output as one reads it."""
-    return said.decode(errors="replace").replace("\r", "")
 
 
 def _answer_of(command: str, end: re.Match[bytes]) -> Answer:

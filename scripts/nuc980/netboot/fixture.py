@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from nuc980.netboot.bench import Bench, Linux, UBoot
 from nuc980.netboot.errors import NetbootError
+from nuc980.netboot.target import Linux, Target, UBoot
 from nuc980.netboot.transport import BAUD
 
 OPTIONS = {
@@ -38,19 +38,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.fixture(scope="session")
-def nuc980_bench(request: pytest.FixtureRequest) -> Bench:
+def nuc980_target(request: pytest.FixtureRequest) -> Target:
     """How the board is reached, by the command line's options."""
     found = {name.replace("-", "_"): request.config.getoption(f"--nuc980-{name}") for name in OPTIONS}
     if not found["port"]:
         pytest.skip("needs a board: --nuc980-port")
-    return Bench(**found)
+    return Target(**found)
 
 
 @pytest.fixture
-def nuc980_uboot(nuc980_bench: Bench) -> Iterator[UBoot]:
+def nuc980_uboot(nuc980_target: Target) -> Iterator[UBoot]:
     """The board at U-Boot's prompt. From a Linux that a test left, only --nuc980-power-cycle leads back."""
     try:
-        with nuc980_bench.uboot() as uboot:
+        with nuc980_target.uboot() as uboot:
             yield uboot
     except NetbootError as error:
         pytest.fail(str(error), pytrace=False)

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nuc980.netboot.console import ended, text
+from nuc980.netboot.commandline import ended, text
 from nuc980.netboot.errors import (
     BoardReset,
     BootmFailed,

@@ -7,8 +7,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from nuc980.netboot.console import COMMAND_ROOM, typed
-from nuc980.netboot.errors import LineTooLong
+from nuc980.netboot.commandline import COMMAND_ROOM, quoted, typed
 
 if TYPE_CHECKING:
     from nuc980.netboot.session import Session
@@ -91,16 +90,6 @@ class SetVariable(Step):
     def run(self, session: Session) -> None:
         for command in self.commands():
             session.console.run(command).required()
-
-
-def quoted(value: str) -> str:
-    """A word that U-Boot's hush takes as it is: there a back-slash is one in single quotes too.
-
-    Raises LineTooLong for what no line can carry.
-    """
-    if not value.isascii() or not value.isprintable():
-        raise LineTooLong(f"U-Boot's command line takes printable ASCII only: {value!r}")
-    return "'" + value.replace("\\", "\\\\").replace("'", r"'\''") + "'"
 
 
 def _pieces(value: str, room: int) -> list[str]:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from nuc980.netboot.board import SCHEMA, BoardReport
 from nuc980.netboot.errors import UnusableInput
-from nuc980.netboot.probe import SCHEMA, BoardReport
 
 # What XML 1.0 cannot carry, not even escaped.
 NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")

@@ -8,15 +8,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import cast
 
-from nuc980.netboot.bench import Bench
-from nuc980.netboot.console import Console, typed
+from nuc980.netboot.board import FACTORY, BoardReport
+from nuc980.netboot.commandline import typed
+from nuc980.netboot.console import Console
 from nuc980.netboot.errors import LineLost, NetbootError
 from nuc980.netboot.plan import Plan
-from nuc980.netboot.probe import FACTORY, BoardReport, probe, questions
+from nuc980.netboot.probe import probe, questions
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.report import Report, board_of
 from nuc980.netboot.session import Network, Session
 from nuc980.netboot.site import Site
+from nuc980.netboot.target import Target
 from nuc980.netboot.terminal import hand_over
 from nuc980.netboot.transport import Line
 
@@ -32,7 +34,7 @@ class Run:
         self.progress = Progress()
         self.report = Report(parsed.command, phases=self.progress.phases)
         self.site = Site(parsed.site)
-        self.bench = Bench(
+        self.target = Target(
             parsed.port,
             baud=parsed.baud,
             power_cycle=parsed.power_cycle,
@@ -60,12 +62,12 @@ class Run:
             yield self._assumed(flash=flash, change=change)
             return
         with (
-            self.bench.line() as line,
+            self.target.line() as line,
             self._console_after(line),
-            self.bench.session(line, self.progress) as session,
+            self.target.session(line, self.progress) as session,
         ):
             board = self.report.board = probe(session.console, self.progress, flash=flash)
-            if change and (kept := self.bench.keep_environment(board)):
+            if change and (kept := self.target.keep_environment(board)):
                 self.note(f"The board's environment is kept in {kept}.")
             yield session, board
 

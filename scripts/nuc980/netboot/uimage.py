@@ -13,6 +13,7 @@ from typing import ClassVar
 import libfdt
 
 from nuc980.netboot.errors import UnusableImage
+from nuc980.netboot.limits import ENTRY
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,8 @@ def read_tree(path: Path) -> libfdt.Fdt:
 
 DTB_MAGIC = b"\xd0\x0d\xfe\xed"
 WRAP = (
-    "wrap the zImage: mkimage -A arm -O linux -T kernel -C none -a 0x8000 -e 0x8000 -n Linux -d zImage uImage"
+    f"wrap the zImage: mkimage -A arm -O linux -T kernel -C none -a {ENTRY:#x} -e {ENTRY:#x} -n Linux"
+    " -d zImage uImage"
 )
 UNPACK = "unpack it first"
 ORDER = "the kernel comes first, then the device tree"

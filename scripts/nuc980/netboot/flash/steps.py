@@ -8,11 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from nuc980.netboot.backup import (
-    nand_read,
-    ram_has_crc,
-    reads_well,
-)
 from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import (
     BoardReset,
@@ -20,8 +15,13 @@ from nuc980.netboot.errors import (
     LineUnsafe,
     WrongBytes,
 )
-from nuc980.netboot.images import ERASED
-from nuc980.netboot.journal import NEW, Event
+from nuc980.netboot.flash.backup import (
+    nand_read,
+    ram_has_crc,
+    reads_well,
+)
+from nuc980.netboot.flash.images import ERASED
+from nuc980.netboot.flash.journal import NEW, Event
 from nuc980.netboot.plan import Step
 from nuc980.netboot.session import Session
 from nuc980.netboot.steps import PATIENCE

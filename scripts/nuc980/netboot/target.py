@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A board on a bench: to U-Boot's prompt, and to Linux. For programs, tests and the command line."""
+"""A board to be worked on: to U-Boot's prompt, and to Linux. For programs, tests and the command line."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
 from nuc980.netboot.arrival import CTRL_C
+from nuc980.netboot.board import BoardReport
 from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
-from nuc980.netboot.console import Console, text
+from nuc980.netboot.commandline import text
+from nuc980.netboot.console import Console
 from nuc980.netboot.environment import Environment, keep
 from nuc980.netboot.errors import CommandFailed, LineLost, LinuxSilent, UnusableInput
 from nuc980.netboot.linux import Goal
 from nuc980.netboot.plan import Plan
 from nuc980.netboot.power import PowerHook
-from nuc980.netboot.probe import BoardReport, probe
+from nuc980.netboot.probe import probe
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.session import TFTP_PORT, Network, Session, board_address, server_address
 from nuc980.netboot.site import Site, with_prefix
@@ -31,7 +33,7 @@ LOGIN = Goal()
 
 
 @dataclass(frozen=True)
-class Bench:
+class Target:
     """How a board is reached; the same as the options of nuc980-netboot of these names."""
 
     port: str | None
@@ -122,7 +124,7 @@ class Bench:
 class UBoot:
     """A board at its prompt."""
 
-    bench: Bench
+    target: Target
     session: Session
     board: BoardReport
 
@@ -134,9 +136,9 @@ class UBoot:
         self, uimage: str | Path, tree: str | Path, bootargs: str | None = None, goal: Goal = LOGIN
     ) -> Linux:
         """Kernel and device tree by TFTP, and Linux up to its goal. Raises NetbootError."""
-        self.bench.keep_environment(self.board)
-        network = self.bench.network(self.board)
-        planned = self.bench.planned_boot(self.board, network, Path(uimage), Path(tree), bootargs, goal)
+        self.target.keep_environment(self.board)
+        network = self.target.network(self.board)
+        planned = self.target.planned_boot(self.board, network, Path(uimage), Path(tree), bootargs, goal)
         with planned as (plan, _), self.session.serving(network):
             plan.run(self.session)
         return Linux(self.session.console.line)

@@ -12,21 +12,30 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from nuc980.netboot.backup import (
+from nuc980.netboot.board import BoardReport, Nand
+from nuc980.netboot.errors import (
+    FlashNotPossible,
+)
+from nuc980.netboot.flash.backup import (
     BySerial,
     ByTftp,
     Way,
     plan_backup,
 )
-from nuc980.netboot.blocks import IN_WORK, Announce, BackedUp, CheckRam, Fill, ReadBack, Verified, WriteBlock
-from nuc980.netboot.errors import (
-    FlashNotPossible,
+from nuc980.netboot.flash.images import Image, blocks_needed, programmed
+from nuc980.netboot.flash.journal import NEW
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI
+from nuc980.netboot.flash.steps import (
+    IN_WORK,
+    Announce,
+    BackedUp,
+    CheckRam,
+    Fill,
+    ReadBack,
+    Verified,
+    WriteBlock,
 )
-from nuc980.netboot.images import Image, blocks_needed, programmed
-from nuc980.netboot.journal import NEW
-from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI
 from nuc980.netboot.plan import SetVariable, Step
-from nuc980.netboot.probe import BoardReport, Nand
 from nuc980.netboot.steps import Load, Slice
 
 CHUNK = 8 << 20  # loaded, backed up and read back at once, bytes

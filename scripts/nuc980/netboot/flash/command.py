@@ -7,19 +7,10 @@ import argparse
 import re
 from pathlib import Path
 
+from nuc980.netboot.board import BoardReport
 from nuc980.netboot.boot import plan_network
 from nuc980.netboot.errors import JournalUnusable, NetbootError, UnusableInput
-from nuc980.netboot.flash import (
-    Work,
-    check_board,
-    choose_way,
-    in_order,
-    plan_backups,
-    plan_flash,
-    plan_ram,
-    plan_session,
-)
-from nuc980.netboot.flasher import (
+from nuc980.netboot.flash.flasher import (
     Flasher,
     backups_of,
     check_same_board,
@@ -29,11 +20,20 @@ from nuc980.netboot.flasher import (
     prepare,
     still_to_do,
 )
-from nuc980.netboot.images import Image, check_image
-from nuc980.netboot.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
-from nuc980.netboot.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
+from nuc980.netboot.flash.images import Image, check_image
+from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
+from nuc980.netboot.flash.plan import (
+    Work,
+    check_board,
+    choose_way,
+    in_order,
+    plan_backups,
+    plan_flash,
+    plan_ram,
+    plan_session,
+)
 from nuc980.netboot.plan import Plan, Step
-from nuc980.netboot.probe import BoardReport
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
 
@@ -79,7 +79,7 @@ def run_flash(run: Run) -> None:
                 "--dry-run shows a new flash: how one goes on depends on what the flash holds"
             )
         with run.board(flash=True) as (session, board):
-            network = run.bench.network(board)
+            network = run.target.network(board)
             flash = _Flash(run, session, board, network)
             if run.dry:
                 run.show(flash.planned(files), network)

@@ -4,15 +4,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
+from nuc980.netboot.board import TABLE_BLOCKS, Nand
 from nuc980.netboot.errors import DoesNotFit, LayoutUnknown
-from nuc980.netboot.probe import TABLE_BLOCKS, Nand
-
-LIMITS = Path(__file__).resolve().parents[3] / "board/nuc980/image-limits.toml"
+from nuc980.netboot.limits import ROOT_OFFSET, ROOT_SIZE
 
 # U-Boot's own: in front of 0x200000 lie the SPL, the environment (0x80000) and U-Boot (0x100000), of which
 # the vendor's SPL reads 500 KiB (mtdparts and CONFIG_SYS_NAND_U_BOOT_SIZE of its headers).
@@ -320,7 +317,6 @@ def _ubi_slot(nand: Nand) -> Slot:
     if named:
         offset, size = named[0].offset, named[0].size
     else:
-        root = tomllib.loads(LIMITS.read_text())["flash"]["root"]
-        offset, size = root["offset"], root["size"]
+        offset, size = ROOT_OFFSET, ROOT_SIZE
     end = min(offset + size, last)
     return Slot(UBI, offset, end, end - offset)

@@ -13,15 +13,16 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from nuc980.netboot.backup import Way, check_room
-from nuc980.netboot.blocks import BLOCK_SECONDS, BackedUp, BlockFailed, FlashStep, Verified, WriteBlock
+from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.errors import DoesNotFit, FlashFailed, JournalUnusable
-from nuc980.netboot.flash import Work, plan_backups, plan_opening, plan_reading, plan_writing
-from nuc980.netboot.images import Image, programmed
-from nuc980.netboot.journal import OLD, Event, Journal
-from nuc980.netboot.layout import KERNEL, LOADER, UBI, Slot
+from nuc980.netboot.flash.backup import Way, check_room
+from nuc980.netboot.flash.images import Image, programmed
+from nuc980.netboot.flash.journal import OLD, Event, Journal
+from nuc980.netboot.flash.layout import KERNEL, LOADER, UBI, Slot
+from nuc980.netboot.flash.plan import Work, plan_backups, plan_opening, plan_reading, plan_writing
+from nuc980.netboot.flash.steps import BLOCK_SECONDS, BackedUp, BlockFailed, FlashStep, Verified, WriteBlock
 from nuc980.netboot.plan import Step
-from nuc980.netboot.probe import BoardReport, Nand, probe_nand
+from nuc980.netboot.probe import probe_nand
 from nuc980.netboot.session import Session
 
 _STAY = "do not switch the board off: U-Boot still runs; flash --roll-back restores the old one"

@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What fits this board's memory and flash: board/nuc980/image-limits.toml, which `make image` obeys too."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+_LIMITS = tomllib.loads((Path(__file__).parents[3] / "board/nuc980/image-limits.toml").read_text())
+
+# In RAM: the whole uImage, the kernel in it, which runs there, and the device tree.
+UIMAGE_AT: int = _LIMITS["memory"]["uimage"]
+ENTRY: int = _LIMITS["memory"]["entry"]
+DEVICE_TREE_AT: int = _LIMITS["memory"]["device_tree"]
+
+# In the flash, bytes: the device tree's partition for UBI.
+ROOT_OFFSET: int = _LIMITS["flash"]["root"]["offset"]
+ROOT_SIZE: int = _LIMITS["flash"]["root"]["size"]
