@@ -187,7 +187,7 @@ lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	shellcheck --external-sources $(SHELL_FILES)
 
 test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, quick pytest
-	$(PYTHON) -m pytest -m "not slow and not soak"
+	$(PYTHON) -m pytest -n 4 --dist loadscope -m "not slow and not soak"
 
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin

@@ -6,7 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,22 +18,30 @@ from lab.show import STEPS
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def start(*arguments: str) -> subprocess.Popen[str]:
-    environment = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
-    command = [sys.executable, "-m", "lab", *arguments]
-    return subprocess.Popen(
-        command, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
+Start = Callable[..., subprocess.Popen[str]]
 
 
-@pytest.fixture(autouse=True)
-def nothing_is_left_behind(programs: Path) -> Iterator[None]:
-    before = set(Path("/dev/shm").glob("openrtu-*"))
-    yield
-    assert set(Path("/dev/shm").glob("openrtu-*")) <= before
+@pytest.fixture
+def start(programs: Path) -> Iterator[Start]:
+    """Starts shows; what they leave behind fails the test."""
+    shows: list[subprocess.Popen[str]] = []
+
+    def run(*arguments: str) -> subprocess.Popen[str]:
+        environment = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
+        command = [sys.executable, "-m", "lab", *arguments]
+        pipe = subprocess.PIPE
+        shows.append(
+            subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stdout=pipe, stderr=pipe)
+        )
+        return shows[-1]
+
+    yield run
+    assert shows
+    for show in shows:
+        assert list(Path("/dev/shm").glob(f"openrtu-{show.pid}-*")) == []
 
 
-def test_all_of_it_is_seen() -> None:
+def test_all_of_it_is_seen(start: Start) -> None:
     show = start("--port", str(free_port()))
     out, err = show.communicate(timeout=60)
     assert (show.returncode, err) == (0, "")
@@ -43,7 +51,7 @@ def test_all_of_it_is_seen() -> None:
     assert f"All {len(STEPS)} steps were seen." in out
 
 
-def test_a_port_in_use_is_a_reason() -> None:
+def test_a_port_in_use_is_a_reason(start: Start) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         show = start("--port", str(other.getsockname()[1]))
         out, err = show.communicate(timeout=60)
@@ -55,7 +63,7 @@ def test_a_port_in_use_is_a_reason() -> None:
 
 
 @pytest.mark.slow
-def test_keep_stays_up_for_the_users_own_master() -> None:
+def test_keep_stays_up_for_the_users_own_master(start: Start) -> None:
     port = free_port()
     show = start("--port", str(port), "--keep")
     assert show.stdout is not None

@@ -50,7 +50,7 @@ def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
 
 def run_directory() -> Path:
     """A new folder on a tmpfs that the modules' unprivileged users may enter."""
-    folder = Path(tempfile.mkdtemp(prefix="openrtu-", dir="/dev/shm"))
+    folder = Path(tempfile.mkdtemp(prefix=f"openrtu-{os.getpid()}-", dir="/dev/shm"))
     folder.chmod(0o755)
     return folder
 
