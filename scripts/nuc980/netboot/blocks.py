@@ -14,6 +14,7 @@ from nuc980.netboot.backup import (
     reads_well,
 )
 from nuc980.netboot.console import Answer
+from nuc980.netboot.environment import IN_WORK
 from nuc980.netboot.errors import (
     BoardReset,
     FlashFailed,
@@ -29,9 +30,8 @@ from nuc980.netboot.steps import PATIENCE
 POISON = 0x0DEFACED
 BLOCK_SECONDS = 30.0  # patience with an erase or a write of one block
 
-# A variable of U-Boot's. A board that was reset meanwhile has lost it, as what was loaded into its RAM: there
-# `printenv` fails, and what comes after `&&` is not done.
-IN_WORK = "flashing"
+# A board that was reset meanwhile has lost the variable, as what was loaded into its RAM: there `printenv`
+# fails, and what comes after `&&` is not done.
 GUARD = f"printenv {IN_WORK} && "
 FAILING = re.compile("failure|Skip(ping)? bad block")
 
