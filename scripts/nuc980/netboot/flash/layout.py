@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from nuc980.netboot.board import TABLE_BLOCKS, Nand
@@ -20,10 +21,13 @@ _OTHER = "read at "
 KERNEL, DEVICE_TREE, UBI, LOADER = "kernel", "device tree", "UBI", "boot loader"
 UBI_PARTITIONS = ("rootfs", "user")
 DEPTH = 8  # of `run` in `run`
+WITHOUT_FLASH = "nuc980-netboot boot starts a kernel over the network"
 
 SPLIT = re.compile(r"&&|;|\n")
 VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w+)")
-HARMLESS = re.compile(r"(echo|sleep|nand (device|info|bad)|mtdparts( default)?|env print|printenv)\b")
+HARMLESS = re.compile(
+    r"(echo|sleep|printenv|env print)( .*)?|nand (info|bad|device( 0)?)|mtdparts( default)?", re.DOTALL
+)
 
 
 @dataclass(frozen=True)
@@ -58,13 +62,15 @@ class Slot:
             if good * nand.block < wanted:
                 raise DoesNotFit(
                     f"The boot command wants {wanted} bytes of the {self.name}'s partition, which has only"
-                    f" {good} good blocks: U-Boot reads nothing then, whatever is written there."
+                    f" {good} good blocks: U-Boot reads nothing then, whatever is written there.",
+                    next_step=WITHOUT_FLASH,
                 )
         if size > usable:
             bad = (self.end - self.offset) // nand.block - len(self.blocks(nand))
             raise DoesNotFit(
                 f"The {self.name} image has {size} bytes; its place at {self.offset:#x} takes {usable}"
-                f" ({self.room} are read there; {bad} bad blocks in {self.offset:#x}..{self.end:#x})."
+                f" ({self.room} are read there; {bad} bad blocks in {self.offset:#x}..{self.end:#x}).",
+                next_step=f"a smaller image (docs/image.md); {WITHOUT_FLASH}",
             )
 
 
@@ -229,6 +235,9 @@ class _BootCommand:
         for command in SPLIT.split(self.variables.get(variable, "")):
             if self.booted is None and command.strip():
                 self._take(command.strip(), depth)
+            elif re.match(r"\s*(nand\s+read|run)\b", command):  # when bootm fails: a place to stay away from
+                with suppress(LayoutUnknown):
+                    self._take(command.strip(), depth)
 
     def _take(self, command: str, depth: int) -> None:
         words = self._expanded(command).split()
@@ -251,7 +260,7 @@ class _BootCommand:
                 self._boot(self._read_to(kernel), None)
             case ["bootm", kernel, "-", tree]:
                 self._boot(self._read_to(kernel), self._read_to(tree))
-            case _ if HARMLESS.match(" ".join(words)):
+            case _ if HARMLESS.fullmatch(" ".join(words)):
                 pass
             case _:
                 raise LayoutUnknown(f"'{command}' of the boot command is not understood")
