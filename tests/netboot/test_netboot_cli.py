@@ -215,6 +215,23 @@ def test_dry_flash_is_what_a_flash_types(
     assert double.block(0x200000 // BLOCK).startswith(Path(kernel).read_bytes()[:1000])
 
 
+def test_dry_run_writes_nothing(images: list[str], tmp_path: Path, udp_port: int) -> None:
+    """Nor MAC addresses and a lock; the board's are drawn when it is worked with."""
+    kernel, tree = images
+    site = tmp_path / "new"
+    for command in (["boot", *images], ["flash", "--kernel", kernel, "--dtb", tree]):
+        assert main([*command, "--dry-run", "--site", str(site), *network(udp_port)]) == 0
+        assert not site.exists()
+
+
+@pytest.mark.parametrize("port", ["0", "-1", "65536", "\N{SUPERSCRIPT TWO}", "tftp"])
+def test_udp_port_is_one(port: str, images: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["boot", *images, "--tftp-port", port])
+    assert ended.value.code == 2
+    assert "no UDP port" in capsys.readouterr().err
+
+
 # ---- the report of a failure
 
 
