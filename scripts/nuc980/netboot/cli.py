@@ -148,6 +148,8 @@ def _check(parsed: argparse.Namespace) -> None:
     for path in (parsed.junit, parsed.json):
         if path and not path.parent.is_dir():
             raise UnusableInput(f"{path}: there is no folder {path.parent}")
+        if path and path.is_dir():
+            raise UnusableInput(f"{path} is a folder")
 
 
 # ---- the options
