@@ -197,6 +197,7 @@ def plan_network(board: BoardReport, network: Network, macs: Sequence[str]) -> t
         "netmask": str(network.board.netmask),
         "serverip": str(network.server),
         "ethact": network.device,
+        # also back from what a run before has set
         "tftpdstp": str(network.port)
         if network.port != TFTP_PORT or "tftpdstp" in board.environment
         else None,
