@@ -36,7 +36,8 @@ class Scenario:
     """name: tells it. command: the subcommand and its own words; %NAME is a file of the bench.
 
     board: settings of the double. prepare: what is done to it, and to the files, before.
-    error: the class that it ends with, None for success; says: words of what it prints.
+    error: the class that it ends with, None for success; code: the exit code, if it is another than that
+    class's; says: words of what it prints.
     writes: places of the flash that may be erased and programmed, with the file that belongs there, "" for
     what is no file's. then: what is looked at, or done, afterwards. patience: seconds that the tool waits for
     a command's end. quick: one of `make test-quick`.
@@ -48,6 +49,7 @@ class Scenario:
     board: Mapping[str, object] = field(default_factory=dict)
     prepare: Callable[[Bench], object] = lambda bench: None
     error: type[NetbootError] | None = None
+    code: int | None = None
     says: tuple[str, ...] = ()
     writes: Mapping[range, str] = field(default_factory=dict)
     then: Callable[[Bench], object] = lambda bench: None
@@ -217,7 +219,7 @@ def play(
         code = bench.run()
         said = "".join(capsys.readouterr())
         wanted = scenario.error.exit_code if scenario.error else 0
-        assert code == wanted, said
+        assert code == (wanted if scenario.code is None else scenario.code), said
         for words in (*scenario.says, *_advice(scenario.error)):
             assert words in said, said
         assert "Traceback" not in said

@@ -159,6 +159,11 @@ def test_another_port_of_the_server_and_of_the_board() -> None:
     assert {"setenv tftpdstp '6969'", "setenv ethact 'emac1'"} <= set(lines)
 
 
+def test_another_port_of_a_run_before_is_put_right() -> None:
+    lines = dialogue(replace(BOARD, environment={**FACTORY, "tftpdstp": "6969"}))
+    assert "setenv tftpdstp '69'" in lines
+
+
 def test_ethernet_port_that_is_not_there_is_refused() -> None:
     with pytest.raises(UnusableInput, match=r"no Ethernet port 'eth0'; it has emac0, emac1"):
         dialogue(network=replace(NETWORK, device="eth0"))

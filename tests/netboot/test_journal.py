@@ -63,6 +63,17 @@ def test_without_its_header_it_is_none(journal: Journal, content: bytes) -> None
         Journal(journal.folder)
 
 
+@pytest.mark.parametrize("line", [b"5", b"[]", b"{}", b"[" * 100_000])
+def test_line_that_is_no_event_is_damage(journal: Journal, line: bytes) -> None:
+    """Nor a traceback; and what is to be done is not what a damaged journal makes impossible."""
+    path = journal.folder / FILE
+    header, *events = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([header, line + b"\n", *events, header]))
+    with pytest.raises(JournalUnusable) as unusable:
+        refuse_unfinished(journal.folder.parent)
+    assert f"move {journal.folder} elsewhere" in unusable.value.next_step
+
+
 def test_damage_in_the_middle_is_not_passed_over(journal: Journal) -> None:
     journal.add("begin")
     journal.add("end")
@@ -71,6 +82,14 @@ def test_damage_in_the_middle_is_not_passed_over(journal: Journal) -> None:
     path.write_bytes(b"".join([lines[0], b"\0" * 40 + b"\n", lines[2]]))
     with pytest.raises(JournalUnusable, match="line 2"):
         Journal(journal.folder)
+
+
+def test_full_disk_is_named(journal: Journal) -> None:
+    path = journal.folder / FILE
+    path.unlink()
+    path.symlink_to("/dev/full")
+    with pytest.raises(OSError, match=r"No space left on device: .*journal\.jsonl"):
+        journal.add("begin")
 
 
 def test_folder_without_a_journal_was_never_begun(tmp_path: Path) -> None:

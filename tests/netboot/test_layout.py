@@ -106,6 +106,8 @@ def test_boot_command_says_it_in_other_words(bootcmd: str) -> None:
         ("nand read 0x7fc0 0x200000 0x500000; nand read 0x7000 0x700000 0x100000;"
          " bootm 0x7fc0 - 0x7000", "over another"),
         ("nand read 0x7fc0 0x200000 0x500000; nand read 0x200000 0x900000 0x1000; bootm 0x7fc0", "another"),
+        ("mtdparts add nand0 1m kernel; nand read 0x7fc0 0x200000 0x500000; bootm 0x7fc0", "mtdparts add"),
+        ("nand device 1; nand read 0x7fc0 0x200000 0x500000; bootm 0x7fc0", "nand device 1"),
         ("ubi part rootfs; ubi read 0x7fc0 kernel; bootm 0x7fc0", "'ubi part rootfs'"),
     ],
 )  # fmt: skip
@@ -178,6 +180,12 @@ def test_kernel_ends_where_the_device_tree_is_in_ram() -> None:
 def test_kernel_ends_where_something_else_is_read() -> None:
     with pytest.raises(LayoutUnknown, match="overlap"):
         layout("nand read 7fc0 200000 500000; nand read 2000000 600000 20000; bootm 7fc0")
+
+
+@pytest.mark.parametrize("fallback", ["nand read 7fc0 3000000 500000; bootm 7fc0; reset", "run other"])
+def test_what_is_read_when_bootm_fails_is_no_place_for_ubi(fallback: str) -> None:
+    with pytest.raises(LayoutUnknown, match=r"UBI .* and read at 0x3000000 .* overlap"):
+        layout(f"{FACTORY}; {fallback}", other="echo once more; nand read 0x7fc0 0x3000000 0x500000")
 
 
 def test_partition_of_which_bad_blocks_leave_too_little_cannot_be_read() -> None:

@@ -215,6 +215,24 @@ def test_dry_flash_is_what_a_flash_types(
     assert double.block(0x200000 // BLOCK).startswith(Path(kernel).read_bytes()[:1000])
 
 
+def test_dry_run_writes_nothing(images: list[str], tmp_path: Path, udp_port: int) -> None:
+    """Nor MAC addresses and a lock; the board's are drawn when it is worked with."""
+    kernel, tree = images
+    site = tmp_path / "new"
+    common = ["--dry-run", "--site", str(site), "--board-ip", "192.168.1.20/24", *network(udp_port)]
+    for command in (["boot", *images], ["flash", "--kernel", kernel, "--dtb", tree]):
+        assert main([*command, *common]) == 0
+        assert not site.exists()
+
+
+@pytest.mark.parametrize("port", ["0", "-1", "65536", "\N{SUPERSCRIPT TWO}", "tftp"])
+def test_udp_port_is_one(port: str, images: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["boot", *images, "--tftp-port", port])
+    assert ended.value.code == 2
+    assert "no UDP port" in capsys.readouterr().err
+
+
 # ---- the report of a failure
 
 
@@ -266,6 +284,28 @@ def test_a_failure_is_reported_with_its_text(
     found = json.loads(report.read_text())
     assert found["error"]["phase"] == "Linux" and "not syncing" in found["error"]["text"]
     assert board_of(report).version.startswith("U-Boot 2016.11")
+
+
+def test_a_report_does_not_take_the_place_of_a_device(tmp_path: Path) -> None:
+    """As /dev/null would be a plain file after it, for root."""
+    pipe, link, kept = tmp_path / "pipe", tmp_path / "link", tmp_path / "kept"
+    os.mkfifo(pipe)
+    link.symlink_to(kept)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        assert main(["probe", "--json", str(pipe), "--junit", str(link)]) == 2
+        assert json.loads(os.read(reader, 10_000))["error"]["kind"] == "UnusableInput"
+    finally:
+        os.close(reader)
+    assert pipe.is_fifo() and link.is_symlink()
+    check_junit(kept, "prepare")
+
+
+@pytest.mark.parametrize("report", ["--json", "--junit"])
+@pytest.mark.parametrize("name", ["", "/", "/tmp"])
+def test_a_report_is_no_folder(report: str, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["probe", f"{report}={name}"]) == 2
+    assert "is a folder" in capsys.readouterr().err
 
 
 def test_a_failure_before_any_phase_is_reported(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ a journal tells it, that what comes there is in the RAM.
 from __future__ import annotations
 
 import json
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,6 +24,7 @@ DTB = ("flash", "--dtb", "%tree")
 PLACE = {TREE: "tree"}
 FIRST = TREE.start // BLOCK  # the block that the device tree begins in
 SMALL_ROOT = range(ROOT.start, ROOT.start + 6 * BLOCK)
+UNFINISHED = ("Not finished. `flash --resume` and",)
 ODD = "if nand read 0x7FC0 0x200000 0x500000; then bootm 0x7fc0; fi"
 
 
@@ -161,6 +164,58 @@ def marked_bad(*blocks: int) -> Callable[[Bench], None]:
     return then
 
 
+def keeps_what_it_did_not_erase(bench: Bench) -> None:
+    """What Linux has written meanwhile where nothing was erased is newer than its backup."""
+    bench.mend()
+    bench.double.power_cycle()
+    newer = bench.chance.randbytes(BLOCK)
+    bench.double.nand.load(KERNEL.start, newer)
+    bench.contents = {TREE: bench.old[TREE]}
+    assert bench.run("flash", "--roll-back") == 0
+    bench.check_written()
+    assert bench.double.nand.content(KERNEL.start, BLOCK) == newer
+
+
+def interrupts(bench: Bench) -> None:
+    """Ctrl-C at the third erase."""
+
+    class Interrupts(faults.Counted):
+        def erases(self, board: object, block: int) -> bool:
+            if self.strikes():
+                os.kill(os.getpid(), signal.SIGINT)
+            return True
+
+    bench.double.faults.append(Interrupts(at=3))
+
+
+def another_file_at(command: str) -> Callable[[Bench], None]:
+    """The image is built anew while the board does something."""
+
+    def prepare(bench: Bench) -> None:
+        class Builds(faults.Counted):
+            def command(self, board: object, words: list[str]) -> None:
+                if " ".join(words).startswith(command) and self.strikes():
+                    for name, content in bench.files.items():
+                        (bench.folder / name).write_bytes(content[:-1] + b"?")
+
+        bench.double.faults.append(Builds())
+
+    return prepare
+
+
+def keeps_no_sign_of_its_work(bench: Bench) -> None:
+    """A board that has it in its saved environment would not tell that it was reset."""
+    bench.check_written()
+    assert bench.run(*DTB, "--no-backup", "again") == 0
+    bench.mend()
+    interrupts(bench)
+    assert bench.run(*DTB, "--no-backup", "again") == 130
+    assert bench.run("flash", "--resume") == 0
+    for kept in bench.site.glob("environment*.txt"):
+        assert "flashing" not in kept.read_text()
+    assert any("setenv flashing;" in line for line in bench.double.lines)
+
+
 def tells_why(bench: Bench) -> None:
     (journal,) = bench.site.glob("flash-*/journal.jsonl")
     assert json.loads(journal.read_text().splitlines()[0])["no_backup"] == "never booted"
@@ -202,6 +257,7 @@ WRITTEN = [
         ),
     ),
     works("twice", board=OURS),
+    Scenario("no sign is left", DTB, board=OURS, writes=PLACE, then=keeps_no_sign_of_its_work),
     works("quiet is set", board=environment(quiet="1")),
     works(
         "a boot command with run",
@@ -379,6 +435,24 @@ REFUSED = [
 
 BEFORE = [
     refuses("file never right in the RAM", errors.WrongBytes, faults.FlipsInRam(times=0), board=OURS),
+    Scenario(
+        "built anew during the backup",
+        DTB,
+        board=OURS,
+        prepare=another_file_at("tftpput"),
+        code=1,
+        says=("likely cause", "changed while the board was worked with"),
+        then=as_before,
+    ),
+    Scenario(
+        "built anew before it is written",
+        DTB,
+        board=OURS,
+        prepare=another_file_at("mw.b"),
+        error=errors.UnusableImage,
+        says=("changed while",),
+        then=as_before,
+    ),
     refuses("md never right", errors.LineUnsafe, faults.noisy_dump(times=0)),
     refuses(
         "upload refused",
@@ -455,6 +529,18 @@ MIDDLE = [
         then=refuses_another_board,
     ),
     breaks("journal's last line cut", errors.BoardReset, faults.ResetsAt("erase", 2), then=torn_journal),
+    Scenario(
+        "rolled back, but for what was not begun",
+        FLASH,
+        [faults.ResetsAt("erase", 1)],
+        OURS,
+        error=errors.BoardReset,
+        writes=BOTH,
+        then=keeps_what_it_did_not_erase,
+    ),
+    Scenario(
+        "Ctrl-C", DTB, board=OURS, prepare=interrupts, code=130, says=UNFINISHED, writes=PLACE, then=resumed
+    ),
     breaks("backup lost", errors.BoardReset, faults.ResetsAt("erase", 2), then=lost_backup),
 ]
 

@@ -197,7 +197,10 @@ def plan_network(board: BoardReport, network: Network, macs: Sequence[str]) -> t
         "netmask": str(network.board.netmask),
         "serverip": str(network.server),
         "ethact": network.device,
-        "tftpdstp": str(network.port) if network.port != TFTP_PORT else None,
+        # also back from what a run before has set
+        "tftpdstp": str(network.port)
+        if network.port != TFTP_PORT or "tftpdstp" in board.environment
+        else None,
         # or a load would start what it loaded
         "autostart": "no" if "autostart" in board.environment else None,
         **IMPATIENCE,

@@ -148,6 +148,8 @@ def _check(parsed: argparse.Namespace) -> None:
     for path in (parsed.junit, parsed.json):
         if path and not path.parent.is_dir():
             raise UnusableInput(f"{path}: there is no folder {path.parent}")
+        if path and path.is_dir():
+            raise UnusableInput(f"{path} is a folder")
 
 
 # ---- the options
@@ -246,7 +248,7 @@ def _add_network(command: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--tftp-port",
-        type=int,
+        type=_udp_port,
         default=TFTP_PORT,
         help="UDP; another than %(default)s needs a U-Boot that knows tftpdstp",
     )
@@ -290,6 +292,12 @@ def _board_ip(text: str) -> IPv4Interface:
         return with_prefix(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _udp_port(text: str) -> int:
+    if not text.isdecimal() or not 0 < int(text) < 1 << 16:
+        raise argparse.ArgumentTypeError(f"{text!r} is no UDP port, 1 to 65535")
+    return int(text)
 
 
 def _pattern(text: str) -> str:

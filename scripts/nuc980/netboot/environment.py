@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import ClassVar
@@ -30,6 +30,9 @@ MADE_BY_UBOOT = {
 LEFT_ALONE = MADE_BY_UBOOT | {"baudrate"}
 # Set, but not removed: U-Boot puts the port in that it uses.
 NEVER_REMOVED = LEFT_ALONE | {"ethact"}
+
+# Set as long as a flash is at work; never kept, or a board that was reset in the middle would have it too.
+IN_WORK = "flashing"
 
 WRITE_SECONDS = 30.0
 
@@ -121,6 +124,8 @@ def keep(folder: Path, environment: Environment, version: str, port: str) -> Pat
 
     Returns the file, None when a saved one has the same. No file is ever overwritten.
     """
+    kept = {name: value for name, value in environment.variables.items() if name != IN_WORK}
+    environment = replace(environment, variables=kept)
     if any(_same(environment, path) for path in folder.glob("environment*.txt")):
         return None
     now = datetime.now(UTC)
@@ -223,7 +228,10 @@ class Save(Step):
     phase: ClassVar[str] = "save"
 
     def title(self) -> str:
-        return "Write the environment to the flash."
+        return (
+            "Write the environment to the flash. It has one copy: a board that loses power now starts with"
+            " U-Boot's own defaults, until restore-env --save is done once more."
+        )
 
     def commands(self) -> tuple[str, ...]:
         return ("saveenv",)

@@ -113,7 +113,10 @@ def board_of(path: Path) -> BoardReport:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """All of it or nothing."""
+    """All of it or nothing; into what is no plain file, as /dev/stdout, and not in its place."""
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        path.write_bytes(content)
+        return
     new = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         new.write_bytes(content)

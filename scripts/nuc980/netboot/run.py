@@ -33,13 +33,14 @@ class Run:
         self.parsed = parsed
         self.progress = Progress()
         self.report = Report(parsed.command, phases=self.progress.phases)
-        self.site = Site(parsed.site)
+        self.site = Site(parsed.site, dry=parsed.dry_run)
         self.target = Target(
             parsed.port,
             baud=parsed.baud,
             power_cycle=parsed.power_cycle,
             log=parsed.log,
             site=parsed.site,
+            dry_run=parsed.dry_run,
             **{name: getattr(parsed, name) for name in NETWORK if hasattr(parsed, name)},
         )
         self._asked = 0  # commands before the plan's
@@ -98,6 +99,10 @@ class Run:
     def show(self, plan: Plan, network: Network | None = None) -> None:
         """The lines that would be typed, and what is done beside."""
         if network:
+            if not (macs := self.site.folder / "macs").exists():
+                self.note(
+                    f"Write the board's MAC addresses into {macs}; new ones are shown here as examples."
+                )
             self.note(
                 f"Serve files by TFTP at UDP port {network.port} of {network.listen or network.server}, "
                 f"to {network.seen_as or network.board.ip} alone, each while its step runs."

@@ -22,10 +22,13 @@ UBOOT_NAMES = {"eth0": "ethaddr", "eth1": "eth1addr"}
 
 
 class Site:
-    """A folder, made when something is to be kept in it. The same as SITE= of `make image`."""
+    """A folder, made when something is to be kept in it. The same as SITE= of `make image`.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    dry: nothing is to be kept.
+    """
+
+    def __init__(self, folder: Path, *, dry: bool = False) -> None:
+        self.folder, self.dry = folder, dry
 
     def macs(self, environment: Mapping[str, str]) -> tuple[str, str]:
         """The board's own two addresses, from the file `macs`: lines "eth0 XX:XX:XX:XX:XX:XX" and "eth1 …".
@@ -34,9 +37,13 @@ class Site:
         ones. Raises UnusableInput for addresses that no two boards may have.
         """
         path = self.folder / "macs"
+        text = ""
         if not path.exists():
-            self._write_once(path, "".join(f"{port} {mac}\n" for port, mac in _new_macs(environment)))
-        text = path.read_text(encoding="utf-8", errors="replace")
+            text = "".join(f"{port} {mac}\n" for port, mac in _new_macs(environment))
+            if not self.dry:
+                self._write_once(path, text)
+        if path.exists():
+            text = path.read_text(encoding="utf-8", errors="replace")
         eth0, eth1 = (_mac_of(port, text, path) for port in PORTS)
         if eth0 == eth1:
             raise UnusableInput(

@@ -94,14 +94,23 @@ class Load(Step):
             if answer.status:
                 raise why_not_loaded(answer.output, moving, session)
         if f"Bytes transferred = {content.size} " not in answer.output:
-            raise WrongBytes(
+            raise self._wrong(
                 f"{self.name} has {content.size} bytes; U-Boot says: {answer.output.strip()[-200:]}"
             )
         found = ram_crc(session, self.address, content.size)
         if found != content.crc32:
-            raise WrongBytes(
+            raise self._wrong(
                 f"{self.name}: CRC32 {found:08x} in the board's RAM, {content.crc32:08x} in the file."
             )
+
+    def _wrong(self, what: str) -> WrongBytes:
+        if Slice.of(self.content.path, self.content.start, self.content.size) == self.content:
+            return WrongBytes(what)
+        return WrongBytes(
+            what,
+            cause=f"{self.content.path} changed while the board was worked with",
+            next_step="wait until the file is whole, and start again",
+        )
 
 
 def crc_command(address: int, size: int) -> str:

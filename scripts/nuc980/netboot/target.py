@@ -47,6 +47,7 @@ class Target:
     power_cycle: str | None = None
     log: Path | None = None
     site: str | Path = "site"
+    dry_run: bool = False
 
     @contextmanager
     def line(self) -> Iterator[Line]:
@@ -104,7 +105,7 @@ class Target:
         images = Images.read(uimage, tree)
         addresses = Addresses.of(board)
         images.check(board, addresses)
-        macs = Site(Path(self.site)).macs(board.environment)
+        macs = Site(Path(self.site), dry=self.dry_run).macs(board.environment)
         arguments = arguments_for(images.tree, board.environment, bootargs, macs)
         with tempfile.TemporaryDirectory(prefix="netboot-") as folder:
             served = Path(folder) / "nuc980.dtb"

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import argparse
 import re
+from contextlib import nullcontext
 from pathlib import Path
 
 from nuc980.netboot.board import BoardReport
 from nuc980.netboot.boot import plan_network
-from nuc980.netboot.errors import JournalUnusable, NetbootError, UnusableInput
+from nuc980.netboot.errors import JournalUnusable, UnusableInput
 from nuc980.netboot.flash.flasher import (
     Flasher,
     backups_of,
@@ -72,7 +73,7 @@ def add_flash_options(command: argparse.ArgumentParser) -> None:
 def run_flash(run: Run) -> None:
     """Raises NetbootError."""
     files = _files(run.parsed)
-    with only_one(run.site.folder):
+    with nullcontext() if run.dry else only_one(run.site.folder):
         journal = _journal(run.parsed, run.site.folder)
         if run.dry and journal:
             raise UnusableInput(
@@ -201,7 +202,7 @@ class _Flash:
         flasher = Flasher(self.session, journal, work)
         try:
             flasher.run((*self.setup, *backups), images)
-        except NetbootError:
+        except BaseException:  # also Ctrl-C, and a full disk
             note(f"Not finished. `flash --resume` and `flash --roll-back` go on from {journal.folder}.")
             raise
         if images:

@@ -19,7 +19,7 @@ from nuc980.netboot.flash.backup import Way, check_room
 from nuc980.netboot.flash.images import Image, programmed
 from nuc980.netboot.flash.journal import OLD, Event, Journal
 from nuc980.netboot.flash.layout import KERNEL, LOADER, UBI, Slot
-from nuc980.netboot.flash.plan import Work, plan_backups, plan_opening, plan_reading, plan_writing
+from nuc980.netboot.flash.plan import Work, plan_backups, plan_end, plan_opening, plan_reading, plan_writing
 from nuc980.netboot.flash.steps import BLOCK_SECONDS, BackedUp, BlockFailed, FlashStep, Verified, WriteBlock
 from nuc980.netboot.plan import Step
 from nuc980.netboot.probe import probe_nand
@@ -40,7 +40,10 @@ class Flasher:
 
     def run(self, before: Sequence[Step], images: Sequence[Image]) -> None:
         """The steps, then these images; then the journal is finished. Raises NetbootError."""
-        self._do([*before, *plan_opening(replace(self.work, images=tuple(images)))])
+        opening = plan_opening(replace(self.work, images=tuple(images)))
+        for image in images:
+            image.check_unchanged()
+        self._do([*before, *opening])
         started = time.monotonic()
         for image in images:
             begun = time.monotonic()
@@ -48,6 +51,7 @@ class Flasher:
             self.seconds = time.monotonic() - started
             if image.name == KERNEL:
                 self.kernel_seconds = time.monotonic() - begun
+        self._do(plan_end())
         self.journal.add("finished", content=self.work.content)
 
     def _write(self, image: Image) -> None:
@@ -55,7 +59,9 @@ class Flasher:
         first = 0
         while True:
             try:
-                return self._do(plan_writing(self.work, image, first))
+                steps = plan_writing(self.work, image, first)
+                image.check_unchanged()
+                return self._do(steps)
             except BlockFailed as failed:
                 self.session.progress.note(f"  {failed.what}")
                 self.journal.add("failed", image=image.name, offset=failed.offset, said=failed.what)
@@ -174,10 +180,10 @@ def backups_of(journal: Journal, nand: Nand) -> tuple[Image, ...]:
     """What --roll-back writes: the backups of all that may have been erased. Raises JournalUnusable."""
     images = []
     for entry in journal.header["images"]:
+        if journal.content_of(entry["image"]) == OLD:
+            continue  # not erased, or restored: what the board has written there since is its own
         backup = journal.backup_of(entry["image"])
         if backup is None:
-            if journal.content_of(entry["image"]) == OLD:
-                continue  # nothing was erased
             raise JournalUnusable(
                 f"{journal.folder}: the {entry['image']} was written without a backup"
                 f" ({journal.header['no_backup']}).",

@@ -46,6 +46,15 @@ class Image:
         """A backup, without the erased pages at its end."""
         return cls.of(slot, path, programmed(path.read_bytes(), page))
 
+    def check_unchanged(self) -> None:
+        """That the file is the one that was checked. Raises UnusableImage."""
+        if Image.of(self.slot, self.path, self.size) != self:
+            raise UnusableImage(
+                f"{self.path} changed while the board was worked with.",
+                cause="a build that writes it meanwhile",
+                next_step="wait until it is whole, and start again",
+            )
+
     def content(self, start: int, size: int) -> bytes:
         """What belongs to so many bytes of the slot, counted over its good blocks."""
         with self.path.open("rb") as file:

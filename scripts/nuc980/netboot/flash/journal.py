@@ -124,15 +124,22 @@ def _events(folder: Path, content: bytes) -> tuple[list[Event], int]:
             if not line.endswith(b"\n"):
                 raise ValueError
             event = json.loads(line)
-        except ValueError:
+            if not isinstance(event, dict) or "event" not in event:
+                raise ValueError
+        except (ValueError, RecursionError):
             if number == len(lines):
                 break
-            raise JournalUnusable(f"{folder / FILE}: line {number} is damaged") from None
+            raise _damaged(folder, f"line {number} is damaged") from None
         events.append(event)
         whole += len(line)
     if not events or events[0].get("event") != "begun":
-        raise JournalUnusable(f"{folder / FILE} does not begin as a journal does")
+        raise _damaged(folder, "it does not begin as a journal does")
     return events, whole
+
+
+def _damaged(folder: Path, how: str) -> JournalUnusable:
+    next_step = f"move {folder} elsewhere, and flash anew; its backups, if there are any, are as they were"
+    return JournalUnusable(f"{folder / FILE}: {how}.", next_step=next_step)
 
 
 def _new_folder(site: Path) -> Path:
@@ -147,10 +154,14 @@ def _new_folder(site: Path) -> Path:
 
 
 def _append(path: Path, entry: Event) -> None:
-    with path.open("ab") as file:
-        file.write(json.dumps(entry).encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
+    try:
+        with path.open("ab") as file:
+            file.write(json.dumps(entry).encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        error.filename = path
+        raise
 
 
 def _sync(folder: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from nuc980.netboot.board import TABLE_BLOCKS, Nand
@@ -23,7 +24,9 @@ DEPTH = 8  # of `run` in `run`
 
 SPLIT = re.compile(r"&&|;|\n")
 VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w+)")
-HARMLESS = re.compile(r"(echo|sleep|nand (device|info|bad)|mtdparts( default)?|env print|printenv)\b")
+HARMLESS = re.compile(
+    r"(echo|sleep|printenv|env print)( .*)?|nand (info|bad|device( 0)?)|mtdparts( default)?", re.DOTALL
+)
 
 
 @dataclass(frozen=True)
@@ -229,6 +232,9 @@ class _BootCommand:
         for command in SPLIT.split(self.variables.get(variable, "")):
             if self.booted is None and command.strip():
                 self._take(command.strip(), depth)
+            elif re.match(r"\s*(nand\s+read|run)\b", command):  # when bootm fails: a place to stay away from
+                with suppress(LayoutUnknown):
+                    self._take(command.strip(), depth)
 
     def _take(self, command: str, depth: int) -> None:
         words = self._expanded(command).split()
@@ -251,7 +257,7 @@ class _BootCommand:
                 self._boot(self._read_to(kernel), None)
             case ["bootm", kernel, "-", tree]:
                 self._boot(self._read_to(kernel), self._read_to(tree))
-            case _ if HARMLESS.match(" ".join(words)):
+            case _ if HARMLESS.fullmatch(" ".join(words)):
                 pass
             case _:
                 raise LayoutUnknown(f"'{command}' of the boot command is not understood")

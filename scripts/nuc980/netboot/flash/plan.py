@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nuc980.netboot.board import BoardReport, Nand
+from nuc980.netboot.environment import IN_WORK
 from nuc980.netboot.errors import (
     FlashNotPossible,
 )
@@ -21,7 +22,6 @@ from nuc980.netboot.flash.images import Image, blocks_needed, programmed
 from nuc980.netboot.flash.journal import NEW
 from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI
 from nuc980.netboot.flash.steps import (
-    IN_WORK,
     Announce,
     BackedUp,
     CheckRam,
@@ -118,6 +118,11 @@ def plan_session(board: BoardReport) -> tuple[Step, ...]:
     return (*quiet, SetVariable(IN_WORK, "yes"))
 
 
+def plan_end() -> tuple[Step, ...]:
+    """So that a saveenv by hand does not keep it: then a reset would not be noticed any more."""
+    return (SetVariable(IN_WORK, ""),)
+
+
 def plan_backups(work: Work, folder: Path, way: Way) -> tuple[Step, ...]:
     """Every slot that is to be erased, whole."""
     nand, ram = work.nand, work.ram
@@ -206,8 +211,9 @@ def plan_reading(work: Work, image: Image) -> tuple[ReadBack, ...]:
 
 
 def plan_flash(work: Work) -> tuple[Step, ...]:
-    """Loads, the warning, and the writing of all images."""
-    return (*plan_opening(work), *(step for image in work.images for step in plan_writing(work, image)))
+    """Loads, the warning, the writing of all images, and the end."""
+    writing = (step for image in work.images for step in plan_writing(work, image))
+    return (*plan_opening(work), *writing, *plan_end())
 
 
 def plan_opening(work: Work) -> tuple[Step, ...]:

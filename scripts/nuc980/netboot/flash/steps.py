@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from nuc980.netboot.console import TRIES, Answer
+from nuc980.netboot.environment import IN_WORK
 from nuc980.netboot.errors import BoardReset, FlashFailed, LineUnsafe, WrongBytes
 from nuc980.netboot.flash.backup import nand_read, reads_well
 from nuc980.netboot.flash.images import ERASED
@@ -20,9 +21,8 @@ from nuc980.netboot.steps import PATIENCE, crc_command, ram_has_crc
 POISON = 0x0DEFACED
 BLOCK_SECONDS = 30.0  # patience with an erase or a write of one block
 
-# A variable of U-Boot's. A board that was reset meanwhile has lost it, as what was loaded into its RAM: there
-# `printenv` fails, and what comes after `&&` is not done.
-IN_WORK = "flashing"
+# A board that was reset meanwhile has lost the variable, as what was loaded into its RAM: there `printenv`
+# fails, and what comes after `&&` is not done.
 GUARD = f"printenv {IN_WORK} && "
 FAILING = re.compile("failure|Skip(ping)? bad block")
 
