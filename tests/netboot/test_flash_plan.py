@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plan of a flash, as a value: what it types and in which order; and what is refused before."""
 
+import random
 import re
 import zlib
 from collections.abc import Callable
@@ -10,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from netboot.flashbench import device_tree, noise, ubi_image, uimage
+from netboot.flashbench import noise, ubi_image, uimage
+from netboot.scenario import device_tree
 from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import (
@@ -240,9 +242,10 @@ def test_kernel_is_a_whole_uimage_that_runs_where_the_boot_command_loads_it(tmp_
         check(KERNEL, uimage(10_000, 1, load=0x9000), tmp_path)
 
 
-def test_device_tree_is_one(tmp_path: Path, uboot: Path) -> None:
-    check(DEVICE_TREE, device_tree(uboot), tmp_path)
-    for wrong in (device_tree(uboot)[:-1], bytes(100), uimage(10_000, 1)):
+def test_device_tree_is_one(tmp_path: Path) -> None:
+    tree = device_tree(random.Random(1))
+    check(DEVICE_TREE, tree, tmp_path)
+    for wrong in (tree[:-1], bytes(100), uimage(10_000, 1)):
         with pytest.raises(UnusableImage):
             check(DEVICE_TREE, wrong, tmp_path)
 
@@ -257,6 +260,7 @@ def test_ubi_image_is_for_this_flash(tmp_path: Path) -> None:
         check(UBI, content, tmp_path, Nand(0x8000000, BLOCK, 4096, ()))
 
 
+@pytest.mark.slow
 def test_boot_loader_begins_as_one_and_fits_what_the_spl_reads(tmp_path: Path, uboot: Path) -> None:
     check(LOADER, uboot.read_bytes(), tmp_path)
     with pytest.raises(UnusableImage):

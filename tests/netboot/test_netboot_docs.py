@@ -25,9 +25,9 @@ HERE = "said in the message"
 
 def kinds(base: type[NetbootError] = NetbootError) -> Iterator[type[NetbootError]]:
     """What a user may meet: all that modules of the tool define, but private ones."""
-    for module in pkgutil.iter_modules(nuc980.netboot.__path__):
-        if module.name != "__main__":
-            importlib.import_module(f"nuc980.netboot.{module.name}")
+    for module in pkgutil.walk_packages(nuc980.netboot.__path__, "nuc980.netboot."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
     for kind in base.__subclasses__():
         yield kind
         yield from kinds(kind)

@@ -17,7 +17,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from nuc980.netboot import tftp
-from nuc980.netboot.tftp import FileService, Refusal, TftpError
+from nuc980.netboot.errors import TftpError
+from nuc980.netboot.tftp import FileService, Refusal
 
 BOARD, STRANGER, SERVER = "127.0.0.9", "127.0.0.8", "127.0.0.5"
 RRQ, WRQ, DATA, ACK, ERROR, OACK = range(1, 7)
@@ -904,7 +905,8 @@ def test_port_69_is_not_for_everyone() -> None:
     """The message is a program's own, who has no rights."""
     program = """
 import os
-from nuc980.netboot.tftp import FileService, TftpError
+from nuc980.netboot.errors import TftpError
+from nuc980.netboot.tftp import FileService
 if os.geteuid() == 0:
     os.setgroups([]), os.setgid(65534), os.setuid(65534)
 try:

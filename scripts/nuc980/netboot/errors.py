@@ -84,7 +84,7 @@ class LineLost(NetbootError):
     """The serial port went away."""
 
     cause = "the adapter was unplugged, or the serial server closed the connection"
-    next_step = "check the cable, and start again: nothing is lost but the time"
+    next_step = "check the cable, and start again; an interrupted flash goes on with --resume"
 
 
 class NoOutput(NetbootError):
@@ -140,7 +140,7 @@ class BoardReset(NetbootError):
     """The board started anew in the middle."""
 
     cause = "the supply dips, a watchdog, or someone at the reset button"
-    next_step = "check the supply and start again"
+    next_step = "check the supply, and start again; an interrupted flash goes on with --resume"
 
 
 class NoStatus(NetbootError):
@@ -158,9 +158,9 @@ class LineTooLong(UnusableInput):
 
 
 class CommandFailed(NetbootError):
-    """U-Boot ran a command and says that it failed."""
+    """A command was run on the board, and failed."""
 
-    cause = "see what U-Boot said above"
+    cause = "see what the board said above"
     next_step = "--log FILE keeps the whole dialogue"
 
 
@@ -178,8 +178,12 @@ class NoHostAddress(UnusableInput):
     """The host has no address that the board can reach."""
 
 
+class TftpError(UnusableInput):
+    """The server cannot have its port."""
+
+
 class TransferFailed(NetbootError):
-    """A file did not arrive; the classes below say why."""
+    """A file did not arrive."""
 
     cause = "see what U-Boot said above"
     next_step = "nuc980-netboot probe shows what this U-Boot has; --log FILE keeps the whole dialogue"
@@ -266,7 +270,7 @@ class KernelPanic(NetbootError):
 
 
 class KernelOops(KernelPanic):
-    """The kernel or a driver made a mistake, and went on, or not."""
+    """The kernel found an error of its own (an oops); it may have gone on."""
 
     cause = "a driver, or a device tree that does not describe this board"
 
@@ -304,7 +308,9 @@ class KernelMute(LinuxSilent):
 
 
 class DoesNotFit(UnusableInput):
-    """An image is larger than what the board's own boot command reads."""
+    """An image is larger than its place in the board's RAM or flash."""
+
+    next_step = "a smaller image (docs/image.md); `nuc980-netboot boot` takes larger kernels over the network"
 
 
 class FlashFailed(NetbootError):

@@ -37,7 +37,7 @@ from tftpy.TftpPacketTypes import (
 from tftpy.TftpShared import TftpErrors, TftpException
 from tftpy.TftpStates import TftpState
 
-from nuc980.netboot.errors import UnusableInput
+from nuc980.netboot.errors import TftpError
 
 RETRANSMIT = 1.0  # s without an answer, unless the board asks for another time
 TRIES = 10  # of one packet; U-Boot asks again after 5 s
@@ -59,10 +59,6 @@ Datagram = tuple[bytes, Address]
 
 # It logs every strange datagram as an error. What matters of them is in FileService.refused.
 logging.getLogger("tftpy").setLevel(logging.CRITICAL + 1)
-
-
-class TftpError(UnusableInput):
-    """The server cannot have its port."""
 
 
 @dataclass(frozen=True)

@@ -81,22 +81,30 @@ def check_image(image: Image, nand: Nand) -> None:
 
 def _check_ubi(path: Path, content: bytes, nand: Nand) -> None:
     """The header that begins each block: Linux's drivers/mtd/ubi/ubi-media.h, struct ubi_ec_hdr."""
+    made = f"make it with ubinize -p {nand.block} -m {nand.page}"
     if not content or len(content) % nand.block:
-        raise UnusableImage(f"{path} has {len(content)} bytes, not a whole number of blocks of {nand.block}.")
+        raise UnusableImage(
+            f"{path} has {len(content)} bytes, not a whole number of blocks of {nand.block}.", next_step=made
+        )
     for at in range(0, len(content), nand.block):
         header = content[at : at + 64]
         magic, version, vid, data, crc = struct.unpack(">4sB11xII36xI", header)
         if magic != b"UBI#" or version != 1 or zlib.crc32(header[:60]) ^ 0xFFFFFFFF != crc:
             raise UnusableImage(
-                f"{path} is no UBI image with blocks of {nand.block}: no good header at {at:#x}."
+                f"{path} is no UBI image with blocks of {nand.block}: no good header at {at:#x}.",
+                next_step=made,
             )
         if (vid, data) != (nand.page, 2 * nand.page):
-            raise UnusableImage(f"{path} was made for another page size: headers at {vid}, data at {data}.")
+            raise UnusableImage(
+                f"{path} was made for another page size: headers at {vid}, data at {data}.", next_step=made
+            )
 
 
 def _check_loader(path: Path, content: bytes) -> None:
     if len(content) < 32 or content[3] != 0xEA:
-        raise UnusableImage(f"{path} does not begin as U-Boot for ARM does, with a branch.")
+        raise UnusableImage(
+            f"{path} does not begin as U-Boot for ARM does, with a branch.", next_step="take u-boot.bin"
+        )
 
 
 def blocks_needed(size: int, nand: Nand) -> int:

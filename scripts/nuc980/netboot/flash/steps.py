@@ -94,7 +94,10 @@ class CheckRam(FlashStep):
 
 
 class BlockFailed(FlashFailed):
-    """A block does not take what is written. index: which of the slot's good blocks; offset: in the flash."""
+    """A block does not take what is written.
+
+    index: which of the slot's good blocks; offset: in the flash.
+    """
 
     def __init__(self, image: str, index: int, offset: int, what: str) -> None:
         super().__init__(f"The block at {offset:#x} ({image}) fails: {what}")
