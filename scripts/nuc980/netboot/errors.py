@@ -310,8 +310,6 @@ class KernelMute(LinuxSilent):
 class DoesNotFit(UnusableInput):
     """An image is larger than its place in the board's RAM or flash."""
 
-    next_step = "a smaller image (docs/image.md); `nuc980-netboot boot` takes larger kernels over the network"
-
 
 class FlashFailed(NetbootError):
     """The flash does not hold what was written."""

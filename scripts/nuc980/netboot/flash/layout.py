@@ -21,6 +21,7 @@ _OTHER = "read at "
 KERNEL, DEVICE_TREE, UBI, LOADER = "kernel", "device tree", "UBI", "boot loader"
 UBI_PARTITIONS = ("rootfs", "user")
 DEPTH = 8  # of `run` in `run`
+WITHOUT_FLASH = "nuc980-netboot boot starts a kernel over the network"
 
 SPLIT = re.compile(r"&&|;|\n")
 VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w+)")
@@ -61,13 +62,15 @@ class Slot:
             if good * nand.block < wanted:
                 raise DoesNotFit(
                     f"The boot command wants {wanted} bytes of the {self.name}'s partition, which has only"
-                    f" {good} good blocks: U-Boot reads nothing then, whatever is written there."
+                    f" {good} good blocks: U-Boot reads nothing then, whatever is written there.",
+                    next_step=WITHOUT_FLASH,
                 )
         if size > usable:
             bad = (self.end - self.offset) // nand.block - len(self.blocks(nand))
             raise DoesNotFit(
                 f"The {self.name} image has {size} bytes; its place at {self.offset:#x} takes {usable}"
-                f" ({self.room} are read there; {bad} bad blocks in {self.offset:#x}..{self.end:#x})."
+                f" ({self.room} are read there; {bad} bad blocks in {self.offset:#x}..{self.end:#x}).",
+                next_step=f"a smaller image (docs/image.md); {WITHOUT_FLASH}",
             )
 
 

@@ -14,9 +14,7 @@ from pathlib import Path
 
 from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.environment import IN_WORK
-from nuc980.netboot.errors import (
-    FlashNotPossible,
-)
+from nuc980.netboot.errors import FlashNotPossible
 from nuc980.netboot.flash.backup import BySerial, ByTftp, Way, plan_backup
 from nuc980.netboot.flash.images import Image, blocks_needed, programmed
 from nuc980.netboot.flash.journal import NEW
