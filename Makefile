@@ -211,6 +211,7 @@ bench: build qemu uboot $(VENV) ## measure the gateway beside the report's metho
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py
 
 # ---- away with it --------------------------------------------------------------------------------
 

@@ -69,7 +69,7 @@ class Console:
 
 @pytest.fixture
 def console(monkeypatch: pytest.MonkeyPatch) -> Iterator[Console]:
-    monkeypatch.setattr(linux, "QUIET_SECONDS", 0.2)
+    monkeypatch.setattr(linux, "QUIET_SECONDS", 0.6)
     board, host = pty.openpty()
     tty.setraw(board)
     os.set_blocking(board, False)
