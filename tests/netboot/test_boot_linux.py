@@ -217,6 +217,7 @@ def test_panic_is_told_whole(console: Console) -> None:
     assert "Linux version" not in error and "Rebooting" not in error
 
 
+@pytest.mark.slow
 def test_panic_without_an_end_ends_with_silence(console: Console) -> None:
     console.says(STARTING + BANNER, PANIC, TRACE, pause=0.05)
     assert "(panic) from" in error_of(KernelPanic, console.until_login)
@@ -228,6 +229,7 @@ def test_panic_that_never_ends_is_bounded(console: Console) -> None:
     assert error.count("\n") <= linux.LINES_KEPT + 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "line",
     [

@@ -131,6 +131,7 @@ def test_only_good_blocks_of_the_slots_are_touched_each_once(
             assert size % 2048 == 0
 
 
+@pytest.mark.slow
 def test_kernel_comes_last_and_all_is_read_back(work: Callable[..., Work], tmp_path: Path) -> None:
     plan = work(kernel=3_000_000, device=20_000, UBI=20 * BLOCK)
     steps = plan_flash(plan)

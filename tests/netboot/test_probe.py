@@ -63,6 +63,7 @@ def test_bad_blocks_are_named() -> None:
     assert re.search("^bad blocks +0x8c0000, 0x7fe0000$", described(board), re.MULTILINE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("of", "words", "noise"),
     [

@@ -296,6 +296,7 @@ def test_each_try_counts_anew_after_progress(service: FileService, uimage: Path,
         assert transfer.finished
 
 
+@pytest.mark.slow
 def test_repeated_acknowledgements_double_nothing(service: FileService, uimage: Path) -> None:
     """The sorcerer's apprentice: RFC 1123, 4.2.3.1. More often than tftpy forgives, too."""
     board = Port(service)
@@ -502,6 +503,7 @@ def test_served_only_meanwhile(service: FileService, uimage: Path) -> None:
         assert Port(service).read("uImage") == content_of(1300)
 
 
+@pytest.mark.slow
 def test_a_quick_board_does_not_take_all_attention(
     service: FileService, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
