@@ -131,6 +131,12 @@ def test_the_first_one_is_never_overwritten(tmp_path: Path, factory: Environment
     assert load(later).variables["ipaddr"] == "1.2.3.4"
 
 
+def test_many_of_one_second_are_kept(tmp_path: Path) -> None:
+    """Short runs after each other, each with another variable, must not fail for want of a name."""
+    files = [keep(tmp_path, Environment({"ipaddr": f"10.0.0.{at}"}), VERSION, "x") for at in range(5)]
+    assert [load(path).variables["ipaddr"][-1] for path in files if path] == list("01234")
+
+
 def test_the_same_is_not_kept_twice(tmp_path: Path, factory: Environment) -> None:
     keep(tmp_path, factory, VERSION, "x")
     again = Environment({**factory.variables, "filesize": "2e65d8", "fileaddr": "7fc0"}, factory.room)

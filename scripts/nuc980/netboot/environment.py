@@ -131,7 +131,8 @@ def keep(folder: Path, environment: Environment, version: str, port: str) -> Pat
     now = datetime.now(UTC)
     head = f"# saved by nuc980-netboot at {now:%Y-%m-%d %H:%M:%S} UTC from {port}\n# {version}\n"
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("environment.txt", f"environment-{now:%Y%m%dT%H%M%S}.txt"):
+    stem = f"environment-{now:%Y%m%dT%H%M%S}"
+    for name in ("environment.txt", f"{stem}.txt", *(f"{stem}.{number}.txt" for number in range(2, 10))):
         try:
             file = (folder / name).open("x", encoding="utf-8", newline="\n")
         except FileExistsError:
@@ -141,7 +142,7 @@ def keep(folder: Path, environment: Environment, version: str, port: str) -> Pat
             file.flush()
             os.fsync(file.fileno())
         return folder / name
-    raise UnusableInput(f"{folder}: two environments in one second")
+    raise UnusableInput(f"{folder}: ten environments in one second")
 
 
 def load(path: Path) -> Environment:
