@@ -10,12 +10,12 @@ import struct
 import subprocess
 import threading
 import tty
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
+from netboot import images
 from nuc980.netboot.console import Console
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.session import Network, Session
@@ -113,13 +113,7 @@ def changed_blocks(one: Path, other: Path) -> set[int]:
 
 def uimage(size: int, seed: int, program: bytes = b"", load: int = 0x8000) -> bytes:
     """A kernel of so many bytes that begins with a program."""
-    payload = program + noise(size - 64 - len(program), seed)
-
-    def head(crc: int) -> bytes:
-        fields = (0x27051956, crc, 0, len(payload), load, load, zlib.crc32(payload))
-        return struct.pack(">7I4B32s", *fields, 5, 2, 2, 0, b"bench")
-
-    return head(zlib.crc32(head(0))) + payload
+    return images.uimage(program + noise(size - 64 - len(program), seed), load)
 
 
 def noise(size: int, seed: int) -> bytes:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from netboot.flashbench import noise, ubi_image, uimage
-from netboot.scenario import device_tree
+from netboot.images import device_tree
 from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import (

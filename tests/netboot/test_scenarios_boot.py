@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from netboot.double import FACTORY_ENVIRONMENT, faults
+from netboot.images import uimage
 from netboot.ports import free_port
-from netboot.scenario import Bench, Scenario, play, table, uimage
+from netboot.scenario import Bench, Scenario, play, table
 from nuc980.netboot import errors
 
 BOOT = ("boot", "%kernel", "%tree")

@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 
 from netboot.double import BLOCK, FACTORY_ENVIRONMENT, faults
-from netboot.scenario import BOTH, FLASH, KERNEL, LOADER, ROOT, TREE, Bench, Scenario, play, table, uimage
+from netboot.images import uimage
+from netboot.scenario import BOTH, FLASH, KERNEL, LOADER, ROOT, TREE, Bench, Scenario, play, table
 from nuc980.netboot import errors
 
 OURS = {"variant": "ours"}
