@@ -140,6 +140,18 @@ def refuses_another_board(bench: Bench) -> None:
     assert len(bench.double.nand.journal) == count
 
 
+def refuses_other_content(bench: Bench) -> None:
+    """A board with the same bad blocks, and with something else where the work was."""
+    bench.mend()
+    bench.double.power_cycle()
+    for block in range(TREE.start, TREE.stop, BLOCK):
+        bench.double.nand.load(block, bench.chance.randbytes(BLOCK))
+    count = len(bench.double.nand.journal)
+    for way in ("--resume", "--roll-back"):
+        assert bench.run("flash", way) == errors.JournalUnusable.exit_code
+    assert len(bench.double.nand.journal) == count
+
+
 def torn_journal(bench: Bench) -> None:
     """The host's power went too: the last line is cut."""
     (journal,) = bench.site.glob("flash-*/journal.jsonl")
@@ -528,6 +540,12 @@ MIDDLE = [
         faults.ResetsAt("erase", 1),
         prepare=bad(0x300),
         then=refuses_another_board,
+    ),
+    breaks(
+        "another content meanwhile",
+        errors.BoardReset,
+        faults.ResetsAt("erase", 2),
+        then=refuses_other_content,
     ),
     breaks("journal's last line cut", errors.BoardReset, faults.ResetsAt("erase", 2), then=torn_journal),
     Scenario(

@@ -15,6 +15,7 @@ from nuc980.netboot.flash.flasher import (
     Flasher,
     backups_of,
     check_same_board,
+    check_same_content,
     header_of,
     images_of,
     not_backed_up,
@@ -169,6 +170,7 @@ class _Flash:
         for image in images:
             image.slot.check_fits(image.size, self.nand)
         work = Work(images, self.nand, plan_ram(self.board, images, self.nand), content)
+        check_same_content(self.session, journal, self.nand, work.ram.scratch)
         if journal.is_finished:
             journal.add("begun again", content=content)
         backups: tuple[Step, ...] = ()

@@ -14,16 +14,18 @@ from pathlib import Path
 from typing import Any
 
 from nuc980.netboot.board import BoardReport, Nand
+from nuc980.netboot.console import TRIES
 from nuc980.netboot.errors import DoesNotFit, FlashFailed, JournalUnusable
-from nuc980.netboot.flash.backup import Way, check_room
+from nuc980.netboot.flash.backup import Way, check_room, reads_well
 from nuc980.netboot.flash.images import Image, programmed
 from nuc980.netboot.flash.journal import OLD, Event, Journal
-from nuc980.netboot.flash.layout import KERNEL, LOADER, UBI, Slot
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, Slot
 from nuc980.netboot.flash.plan import Work, plan_backups, plan_end, plan_opening, plan_reading, plan_writing
 from nuc980.netboot.flash.steps import BLOCK_SECONDS, BackedUp, BlockFailed, FlashStep, Verified, WriteBlock
 from nuc980.netboot.plan import Step
 from nuc980.netboot.probe import probe_nand
 from nuc980.netboot.session import Session
+from nuc980.netboot.steps import ram_crc
 
 _STAY = "do not switch the board off: U-Boot still runs; flash --roll-back restores the old one"
 
@@ -156,6 +158,7 @@ def header_of(work: Work, board: BoardReport, no_backup: str | None) -> Event:
                 "size": image.size,
                 "crc32": image.crc32,
                 "sha256": image.sha256,
+                "first_sums": _first_sums(image, nand.block),
             }
             for image in work.images
         ],
@@ -190,7 +193,7 @@ def backups_of(journal: Journal, nand: Nand) -> tuple[Image, ...]:
                 next_step="flash --resume",
             )
         path = journal.folder / backup["file"]
-        if not path.exists() or _file_facts(path)["sha256"] != backup["sha256"]:
+        if not _is_there(path, backup):
             raise JournalUnusable(f"{path} is not the backup any more.", next_step="flash --resume")
         slot = _slot_of(entry)
         if slot.name == UBI:
@@ -239,6 +242,50 @@ def check_same_board(journal: Journal, nand: Nand) -> None:
             cause="--site names another board's folder",
             next_step="name this board's site",
         )
+
+
+# Blocks looked at: the first one has the uImage's time and CRC, or all of the device tree.
+TELLING = 4
+
+
+def check_same_content(session: Session, journal: Journal, nand: Nand, address: int) -> None:
+    """That where a kernel or device tree was begun, each of the first blocks is of the old or of the new one.
+
+    Bad blocks alone do not tell one board from another. A block in work may hold anything; UBI's change by
+    themselves. address: of a block's room in RAM. Raises JournalUnusable.
+    """
+    in_work = journal.in_work()
+    for entry in journal.header["images"]:
+        backup = journal.backup_of(entry["image"])
+        begun = journal.content_of(entry["image"]) != OLD
+        if entry["image"] not in (KERNEL, DEVICE_TREE) or not begun or backup is None:
+            continue
+        file = journal.folder / backup["file"]
+        if not _is_there(file, backup):
+            continue
+        slot = _slot_of(entry)
+        old = Image.of(slot, file)
+        known = {*entry["first_sums"], *_first_sums(old, nand.block), zlib.crc32(b"\xff" * nand.block)}
+        for offset in slot.blocks(nand)[:TELLING]:
+            if offset in in_work or not reads_well(session, address, offset, nand.block):
+                continue
+            if not any(ram_crc(session, address, nand.block) in known for _ in range(TRIES)):
+                raise JournalUnusable(
+                    f"The block at {offset:#x} ({slot.name}) holds neither what {journal.folder} found there,"
+                    " nor what it wrote.",
+                    cause="--site names another board's folder, or something else has written there since",
+                    next_step=f"name this board's site; to give that flash up, move {journal.folder} away",
+                )
+
+
+def _is_there(file: Path, backup: Event) -> bool:
+    """Whether a backup is still what it was."""
+    return file.exists() and _file_facts(file)["sha256"] == backup["sha256"]
+
+
+def _first_sums(image: Image, block: int) -> list[int]:
+    """The CRC32 of each of its first blocks, and of as many more as bad blocks could push to the front."""
+    return [zlib.crc32(image.content(at * block, block)) for at in range(2 * TELLING)]
 
 
 def still_to_do(session: Session, journal: Journal, work: Work) -> tuple[Image, ...]:

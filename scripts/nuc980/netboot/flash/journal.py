@@ -79,6 +79,12 @@ class Journal:
                     content = entry["content"]
         return content
 
+    def in_work(self) -> set[int]:
+        """The offsets of blocks whose erasing or writing was begun and not ended."""
+        begun = [entry for entry in self.events if entry.get("erases") and entry["event"] in ("begin", "end")]
+        last = {entry["offset"]: entry["event"] for entry in begun}
+        return {offset for offset, event in last.items() if event == "begin"}
+
     def backup_of(self, image: str) -> Event | None:
         """The whole backup of an image's place, if there is one."""
         found = [entry for entry in self.named("backup") if entry["image"] == image]
