@@ -2,6 +2,7 @@
 """What the tests share: the tree's root and the built programs, a gateway on a desk."""
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,13 @@ import pytest
 from desk import Desk, chapter_5, desk_of
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+def pytest_configure() -> None:
+    """A run in the background, or under nohup, ignores these, and so would all that the tests start."""
+    for number, action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, action)
 
 
 def built(variable: str, default: str) -> Path:
