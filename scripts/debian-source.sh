@@ -12,21 +12,11 @@ package=$1
 folder=$(realpath -m "$2")
 root=$folder.apt
 
-mapfile -t mirrors < <(private_apt_mirrors)
 rm -rf "$root" "$folder"
 private_apt_root "$root"
-export APT_CONFIG=$root/apt.conf
-for mirror in "${mirrors[@]}"; do
-	private_apt_source "$root" deb-src "$mirror"
-	if apt-get -qq update && (cd "$root/cache" && apt-get -qq source --download-only "$package"); then
-		dsc=("$root/cache/$package"_*.dsc)
-		dpkg-source --no-check --extract "${dsc[0]}" "$folder" >"$root/unpack.log"
-		rm -f "$(dirname "$folder")/$package"_*.orig.tar.*
-		cp "${dsc[0]}" "$folder.dsc"
-		rm -rf "$root"
-		exit 0
-	fi
-done
-echo "setup: no mirror of this machine (${mirrors[*]:-none found}) gave the source of $package in Debian" \
-	"$private_apt_suite; check the network and the proxy of apt (apt-config dump)" >&2
-exit 1
+private_apt_fetch "$root" deb-src "the source of $package" apt-get -qq source --download-only "$package"
+dsc=("$root/cache/$package"_*.dsc)
+dpkg-source --no-check --extract "${dsc[0]}" "$folder" >"$root/unpack.log"
+rm -f "$(dirname "$folder")/$package"_*.orig.tar.*
+cp "${dsc[0]}" "$folder.dsc"
+rm -rf "$root"

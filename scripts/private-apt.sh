@@ -27,8 +27,21 @@ private_apt_root() {
 	END
 }
 
-# private_apt_source FOLDER deb|deb-src MIRROR: the only source of the root.
-# Signed by Debian: a third party's repository can have a suite of the same name.
-private_apt_source() {
-	echo "$2 [signed-by=$private_apt_keyring] $3 $private_apt_suite main" >"$1/etc/sources.list"
+# private_apt_fetch FOLDER deb|deb-src WHAT COMMAND...: an apt-get command, run in the root's cache, with the first mirror
+# that gives all of it. The mirror is the root's only source, and signed by Debian: a third party's repository can have a
+# suite of the same name.
+private_apt_fetch() {
+	local root=$1 kind=$2 what=$3 mirror mirrors
+	shift 3
+	mapfile -t mirrors < <(private_apt_mirrors)
+	local -x APT_CONFIG=$root/apt.conf
+	for mirror in "${mirrors[@]}"; do
+		echo "$kind [signed-by=$private_apt_keyring] $mirror $private_apt_suite main" >"$root/etc/sources.list"
+		if apt-get -qq update && (cd "$root/cache" && "$@"); then
+			return
+		fi
+	done
+	echo "setup: no mirror of this machine (${mirrors[*]:-none found}) gave $what of Debian $private_apt_suite;" \
+		"check the network and the proxy of apt (apt-config dump)" >&2
+	return 1
 }

@@ -12,24 +12,15 @@ packages=(libc6-dev libcmocka-dev libjansson-dev)
 sysroot=$(realpath -m "$1")
 root=$sysroot.apt
 
-mapfile -t mirrors < <(private_apt_mirrors)
 rm -rf "$root" "$sysroot"
 private_apt_root "$root"
 cat >>"$root/apt.conf" <<-END
 	APT::Architecture "armel";
 	APT::Architectures { "armel"; };
 END
-export APT_CONFIG=$root/apt.conf
-for mirror in "${mirrors[@]}"; do
-	private_apt_source "$root" deb "$mirror"
-	if apt-get -qq update && apt-get -qq install --yes --no-install-recommends --download-only "${packages[@]}"; then
-		for deb in "$root"/cache/archives/*.deb; do
-			dpkg-deb --extract "$deb" "$sysroot"
-		done
-		rm -rf "$root"
-		exit 0
-	fi
+private_apt_fetch "$root" deb "armel packages" \
+	apt-get -qq install --yes --no-install-recommends --download-only "${packages[@]}"
+for deb in "$root"/cache/archives/*.deb; do
+	dpkg-deb --extract "$deb" "$sysroot"
 done
-echo "setup: no mirror of this machine (${mirrors[*]:-none found}) gave armel packages of Debian $private_apt_suite;" \
-	"check the network and the proxy of apt (apt-config dump)" >&2
-exit 1
+rm -rf "$root"

@@ -24,7 +24,6 @@ from nuc980.netboot.errors import (
     WrongBytes,
 )
 from nuc980.netboot.flash.backup import BySerial, ByTftp
-from nuc980.netboot.flash.flasher import without_free_blocks
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, Slot
 from nuc980.netboot.flash.plan import (
@@ -37,6 +36,7 @@ from nuc980.netboot.flash.plan import (
     plan_ram,
     warning,
 )
+from nuc980.netboot.flash.resume import without_free_blocks
 from nuc980.netboot.flash.steps import BlockFailed, CheckRam, ReadBack, WriteBlock
 
 BLOCK = 0x20000

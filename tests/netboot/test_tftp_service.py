@@ -917,7 +917,7 @@ except TftpError as error:
     print(error)
 """
     if int(Path("/proc/sys/net/ipv4/ip_unprivileged_port_start").read_text()) <= 69:
-        pytest.skip("here it is")
+        pytest.skip("net.ipv4.ip_unprivileged_port_start lets everybody have port 69 here")
     environment = os.environ | {"PYTHONPATH": str(Path(tftp.__file__).parents[2])}
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True

@@ -9,7 +9,7 @@ console       arrival (to the prompt), console (a command and its status), linux
 session       what a plan runs on: a console, a server for files, how board and host reach each other
 plan          a pure value: steps, and the lines that they type; it knows `commandline` only
 work          steps (loading), environment, probe, boot: steps and plans of one subject each
-flash/        layout, images, journal; backup, steps, plan; flasher, which does it
+flash/        layout, images, journal; backup, steps, plan; resume; flasher, which does it
 for users     report, terminal; target (the library), fixture (pytest); run, flash/command, cli
 
 A plan is made of facts alone: nothing is asked and nothing opened, so that a dry run shows what a run types.

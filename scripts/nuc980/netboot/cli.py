@@ -24,6 +24,7 @@ from nuc980.netboot.probe import described
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import TFTP_PORT
 from nuc980.netboot.site import with_prefix
+from nuc980.netboot.terminal import check_terminal
 from nuc980.netboot.transport import BAUD
 
 # What ends a run early; port and server are closed first.
@@ -143,8 +144,8 @@ def _check(parsed: argparse.Namespace) -> None:
     """What argparse cannot see. Raises UnusableInput."""
     if parsed.board_as and not parsed.dry_run:
         raise UnusableInput("--as is for --dry-run", next_step="without --dry-run the board is asked itself")
-    if parsed.console and not sys.stdin.isatty():
-        raise UnusableInput("--console needs a terminal", next_step="leave --console away, or use ssh -t")
+    if parsed.console:
+        check_terminal()
     for path in (parsed.junit, parsed.json):
         if path and not path.parent.is_dir():
             raise UnusableInput(f"{path}: there is no folder {path.parent}")

@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
@@ -79,12 +79,8 @@ class Target:
         given = with_prefix(str(self.board_ip)) if self.board_ip else None
         own = board_address(given, Site(Path(self.site)), board.environment)
         server = IPv4Address(self.server_ip) if self.server_ip else server_address(own)
-        network = Network(own, server, self.tftp_port, self.ethact)
-        return replace(
-            network,
-            listen=IPv4Address(self.listen) if self.listen else None,
-            seen_as=IPv4Address(self.seen_as) if self.seen_as else None,
-        )
+        nat = (IPv4Address(given) if given else None for given in (self.listen, self.seen_as))
+        return Network(own, server, self.tftp_port, self.ethact, *nat)
 
     def keep_environment(self, board: BoardReport) -> Path | None:
         """Into the folder of the site; None when a file there has the same."""

@@ -22,13 +22,18 @@ HINT = "Terminal on {url}. Ctrl-] leaves it; all other keys, Ctrl-C too, go to t
 TURN_SECONDS = 0.02
 
 
+def check_terminal() -> None:
+    """That there is one to hand over to. Raises UnusableInput."""
+    if not sys.stdin.isatty():
+        raise UnusableInput("--console needs a terminal", next_step="leave --console away, or use ssh -t")
+
+
 def hand_over(line: Line) -> None:
     """Standard input and output are the board's until Ctrl-] or the end of input; then as they were before.
 
     Raises UnusableInput without a terminal, LineLost.
     """
-    if not sys.stdin.isatty():
-        raise UnusableInput("--console needs a terminal", next_step="leave --console away, or use ssh -t")
+    check_terminal()
     keyboard, screen = sys.stdin.fileno(), sys.stdout.fileno()
     with _raw(keyboard):  # which drops what was typed before: the hint comes after it
         _write_all(screen, f"{HINT.format(url=line.url)}\r\n".encode())

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 HEADER = struct.Struct(">7I4B32s")
 FDT = 0xD00DFEED
-BOOTM_LEN = 0x1000000
 
 
 def bootm(board: Board, words: list[str], repeat: bool) -> int:

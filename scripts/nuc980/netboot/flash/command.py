@@ -6,22 +6,14 @@ from __future__ import annotations
 import argparse
 import re
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 from nuc980.netboot.board import BoardReport
 from nuc980.netboot.boot import plan_network
 from nuc980.netboot.errors import JournalUnusable, UnusableInput
-from nuc980.netboot.flash.flasher import (
-    Flasher,
-    backups_of,
-    check_same_board,
-    check_same_content,
-    header_of,
-    images_of,
-    not_backed_up,
-    prepare,
-    still_to_do,
-)
+from nuc980.netboot.flash.backup import check_room
+from nuc980.netboot.flash.flasher import Flasher
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
 from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
@@ -34,6 +26,15 @@ from nuc980.netboot.flash.plan import (
     plan_flash,
     plan_ram,
     plan_session,
+)
+from nuc980.netboot.flash.resume import (
+    backups_of,
+    check_same_board,
+    check_same_content,
+    header_of,
+    images_of,
+    not_backed_up,
+    still_to_do,
 )
 from nuc980.netboot.plan import Plan, Step
 from nuc980.netboot.run import Run
@@ -152,32 +153,38 @@ class _Flash:
 
     def planned(self, files: dict[str, Path]) -> Plan:
         """What begin() does when nothing goes wrong."""
-        images = in_order(self._images(files))
-        work = Work(images, self.nand, plan_ram(self.board, images, self.nand))
-        folder = self.site.folder / "flash-DATE"
-        backups = plan_backups(work, folder, self.way) if self.way else ()
+        work = self._work(in_order(self._images(files)))
+        backups = self._backups(work, self.site.folder / "flash-DATE")
         return Plan((*self.setup, *backups, *plan_flash(work)))
 
     def begin(self, files: dict[str, Path]) -> None:
-        images = in_order(self._images(files))
-        work = Work(images, self.nand, plan_ram(self.board, images, self.nand))
+        work = self._work(in_order(self._images(files)))
         journal = Journal.create(self.site.folder, header_of(work, self.board, self.parsed.no_backup))
-        self._run(journal, work, prepare(journal, work, self.way), images)
+        if self.way:
+            slots = (image.slot for image in work.images)
+            check_room(journal.folder, sum(len(slot.blocks(self.nand)) for slot in slots) * self.nand.block)
+        self._run(journal, work, self._backups(work, journal.folder), work.images)
 
     def go_on(self, journal: Journal, content: str) -> None:
         check_same_board(journal, self.nand)
         images = in_order(images_of(journal) if content == NEW else backups_of(journal, self.nand))
         for image in images:
             image.slot.check_fits(image.size, self.nand)
-        work = Work(images, self.nand, plan_ram(self.board, images, self.nand), content)
+        work = self._work(images, content)
         check_same_content(self.session, journal, self.nand, work.ram.scratch)
         if journal.is_finished:
             journal.add("begun again", content=content)
         backups: tuple[Step, ...] = ()
-        if content == NEW and journal.header["no_backup"] is None and self.way:
+        if content == NEW and journal.header["no_backup"] is None:
             missing = not_backed_up(self.session, journal, work)
-            backups = plan_backups(Work(missing, work.nand, work.ram), journal.folder, self.way)
+            backups = self._backups(replace(work, images=missing), journal.folder)
         self._run(journal, work, backups, still_to_do(self.session, journal, work))
+
+    def _work(self, images: tuple[Image, ...], content: str = NEW) -> Work:
+        return Work(images, self.nand, plan_ram(self.board, images, self.nand), content)
+
+    def _backups(self, work: Work, folder: Path) -> tuple[Step, ...]:
+        return plan_backups(work, folder, self.way) if self.way else ()
 
     def _images(self, files: dict[str, Path]) -> list[Image]:
         if LOADER in files:

@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nuc980.netboot.board import Nand
-from nuc980.netboot.errors import (
-    UnusableImage,
-)
+from nuc980.netboot.errors import UnusableImage
 from nuc980.netboot.flash import layout
 from nuc980.netboot.flash.layout import Slot
 from nuc980.netboot.uimage import UImage, check_place, read_tree, read_uimage
