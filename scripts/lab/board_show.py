@@ -15,7 +15,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from lab.board import ETHERNET, PORTS, SSH_PORT, STATION_PORT, Board, Ssh, lines_at, netboot
+from lab.board import ETHERNET, PORTS, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at, netboot
 from lab.gateway import REPOSITORY, GatewayError, free_port, remove
 from lab.show import (
     CHAPTER_5,
@@ -165,7 +165,7 @@ def show(port: int, keep: bool) -> None:
     say("OpenRTU on the emulated board: from reset to the control room's table")
     with contextlib.ExitStack() as stack:
         stack.callback(remove, directory)
-        lines = start_lines(stack, directory, CHAPTER_5 / "gateway.json")
+        lines = start_lines(stack, directory, CHAPTER_5 / "gateway.json", SILENCE_US)
         board = start_board(stack, directory, SYSTEM, port)
         stage = BoardStage(lines, board, start_master(stack, board))
         run_steps(stage, BOARD_STEPS)
