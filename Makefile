@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak run run-native twin bench clean distclean
+.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -102,6 +102,21 @@ uboot: build/u-boot/done ## build the board's U-Boot
 build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.done
 	scripts/build-uboot.sh build/u-boot/debian $(@D)
 	touch $@
+
+# The one that was tried; with another one from the archive the patches apply, or the build says which does not.
+LINUX_VERSION := 6.1.176-1
+LINUX_FRAGMENTS := board/nuc980/linux/hardening.fragment
+LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENTS) \
+  $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
+
+linux: build/linux/done ## build the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
+
+build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
+	scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
+	touch $@
+
+build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
+	scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
 
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	scripts/debian-source.sh $* $(@D)/debian
