@@ -105,6 +105,8 @@ build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.
 	scripts/build-uboot.sh build/u-boot/debian $(@D)
 	touch $@
 
+# The one that was tried; with another one from the archive the patches apply, or the build says which does not.
+LINUX_VERSION := 6.1.176-1
 LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
 
 linux: build/linux/done ## build the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
@@ -112,6 +114,9 @@ linux: build/linux/done ## build the board's Linux: Debian's 6.1 with PREEMPT_RT
 build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
 	scripts/build-linux.sh build/linux/debian $(@D)
 	touch $@
+
+build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
+	scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
 
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	scripts/debian-source.sh $* $(@D)/debian
