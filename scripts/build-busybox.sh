@@ -38,6 +38,8 @@ lost() {
 build() {
 	local make=(make --silent --directory="$debian" "O=$folder/build" "CROSS_COMPILE=$prefix"
 		"CONFIG_EXTRA_CFLAGS=$cflags" "CONFIG_EXTRA_LDFLAGS=$ldflags")
+	SOURCE_DATE_EPOCH=$(dpkg-parsechangelog --file "$debian/debian/changelog" --show-field Timestamp)
+	export SOURCE_DATE_EPOCH
 	rm -rf "$folder/build"
 	mkdir -p "$folder/build"
 	configure "${make[@]}" >"$folder/build.log"
@@ -46,8 +48,6 @@ build() {
 		lost
 		exit 1
 	fi >&2
-	SOURCE_DATE_EPOCH=$(dpkg-parsechangelog --file "$debian/debian/changelog" --show-field Timestamp)
-	export SOURCE_DATE_EPOCH
 	"${make[@]}" --jobs="$(nproc)" busybox busybox.links >>"$folder/build.log" 2>&1 || {
 		echo "BusyBox is not built; $folder/build.log says why" >&2
 		exit 1

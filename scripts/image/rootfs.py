@@ -213,6 +213,7 @@ def make_root(table: Table, packages: Path, busybox: Path, gateway: Path, root: 
     copy_tree(BOARD / "skeleton", root)
     copy_tree(BOARD / "rootfs-overlay", root)
     copy(PACKAGE / "S80rtud", root / "etc/init.d/S80rtud")
+    (root / "etc/init.d/S80rtud").chmod(0o755)
     add_busybox(busybox, root)
     copy_tree(gateway, root)
     for files in table.programs.values():
