@@ -131,7 +131,7 @@ SYSTEM_PARTS := build/linux/done build/busybox/done build/root/packages.done bui
   build/dtb/nuc980-gateway.dtb
 
 system: $(SYSTEM_PARTS) ## build the image for the board from Debian's packages (SITE=folder: with its settings)
-	scripts/build-system.sh $(SYSTEM)
+	scripts/build-system.sh $(SYSTEM) $(LINUX_FRAGMENTS)
 
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
 	scripts/build-busybox.sh build/busybox/debian $(@D)

@@ -1,19 +1,20 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-system.sh FOLDER: the image for the board from Debian's packages; `make system` makes what it is put together of.
-# It is the kernel of build/linux once more, with the root file system inside.
+# build-system.sh FOLDER [FRAGMENT...]: the image for the board from Debian's packages, of what `make system` made in
+# build. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
 # FOLDER gets uImage, nuc980-gateway.dtb, manifest.json; FOLDER.parts the root file system. OPENRTU_SITE in the
 # environment names a folder with the settings of a site.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
+shift
 tree=$(realpath -e "$(dirname "$0")/..")
 board=$tree/board/nuc980
 build=$tree/build
 parts=$folder.parts
 kernel=$build/linux-system
-fragments=("$board/linux/root-initramfs.fragment" "$parts/initramfs.fragment")
+fragments=("$@" "$board/linux/root-initramfs.fragment" "$parts/initramfs.fragment")
 umask 022
 
 inputs() {
@@ -41,14 +42,13 @@ make_root() {
 	END
 }
 
-# The kernel's objects are those of build/linux; what an initramfs changes is built, and linked, in a copy.
+# What an initramfs changes is built, and linked, in a copy of the kernel's objects.
 make_kernel() {
-	if ! cmp --quiet "$build/linux/inputs" "$kernel.of"; then
-		mkdir -p "$kernel"
-		rsync --archive --delete --exclude=/debian --exclude=/source --exclude='/*.inputs' --exclude=/inputs \
-			"$build/linux/" "$kernel/"
+	if ! cmp --quiet "$build/linux/inputs" "$kernel/of"; then
 		rm -f "$kernel/inputs"
-		cp "$build/linux/inputs" "$kernel.of"
+		mkdir -p "$kernel/build"
+		rsync --archive --delete "$build/linux/build/" "$kernel/build/"
+		cp "$build/linux/inputs" "$kernel/of"
 	fi
 	"$tree/scripts/build-linux.sh" "$build/linux/debian" "$kernel" "${fragments[@]}"
 }
@@ -57,7 +57,7 @@ make_images() {
 	local epoch
 	epoch=$(dpkg-parsechangelog --file "$build/linux/debian/debian/changelog" --show-field Timestamp)
 	SOURCE_DATE_EPOCH=$epoch mkimage -A arm -O linux -T kernel -C none -a 0x8000 -e 0x8000 \
-		-n "Linux-$(<"$kernel/include/config/kernel.release")" -d "$kernel/zImage" "$folder/uImage" >"$parts/mkimage.log"
+		-n "Linux-$(<"$kernel/build/include/config/kernel.release")" -d "$kernel/zImage" "$folder/uImage" >"$parts/mkimage.log"
 	cp "$build/dtb/nuc980-gateway.dtb" "$folder/nuc980-gateway.dtb"
 	"$board/place-macs.sh" "$folder/nuc980-gateway.dtb"
 }
