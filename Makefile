@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux system unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak run twin bench clean distclean
+.PHONY: help setup build dtb qemu uboot linux system unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak run run-native twin bench clean distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -250,8 +250,21 @@ soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200
 
 # ---- see it --------------------------------------------------------------------------------------
 
-run: build $(VENV) ## show the gateway at work on simulated devices (KEEP=1: stay up for your own master)
-	PYTHONPATH=scripts $(PYTHON) -m lab $(if $(KEEP),--keep)
+LAB := PYTHONPATH=scripts $(PYTHON) -m lab
+
+ifneq ($(origin IMAGE),command line)
+run: build $(VENV) ## show the board, emulated: from reset to the control room's table (KEEP=1: stay up; IMAGE=folder: boot that image)
+	$(LAB).site build/lab
+	$(LAB).build build/lab/log qemu uboot linux "system SITE=build/lab/site"
+	$(LAB).board_show $(if $(KEEP),--keep)
+else
+run: $(VENV)
+	$(LAB).build build/lab/log qemu uboot
+	$(LAB).image $(IMAGE)
+endif
+
+run-native: build $(VENV) ## show the gateway on this machine, without the board (KEEP=1: stay up for your own master)
+	$(LAB) $(if $(KEEP),--keep)
 
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
