@@ -62,7 +62,7 @@ def checkpatch(source: Path, patch: Path) -> str:
     """
     done = subprocess.run(
         ["scripts/checkpatch.pl", "--strict", "--terse", "--no-summary", "--ignore=FILE_PATH_CHANGES", patch],
-        cwd=source, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        cwd=source, capture_output=True, text=True,
     )  # fmt: skip
     assert bool(done.stdout) == bool(done.returncode), done.stderr
     return done.stdout
@@ -133,7 +133,7 @@ def test_each_applies_at_its_own_position(source: Path, tmp_path: Path) -> None:
 
 
 def test_a_patch_that_does_not_fit_is_named(tmp_path: Path) -> None:
-    """As when Debian has changed the file since: the build ends with the patch's name, and leaves no source."""
+    """As when Debian has changed the file since: the build ends with the patch's name, without a source."""
     debian = BUILD / "debian"
     if not debian.exists():
         pytest.fail(f"{debian} is not there: `make linux`", pytrace=False)
