@@ -105,12 +105,14 @@ build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.
 
 # The one that was tried; with another one from the archive the patches apply, or the build says which does not.
 LINUX_VERSION := 6.1.176-1
-LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
+LINUX_FRAGMENTS := board/nuc980/linux/hardening.fragment
+LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENTS) \
+  $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
 
 linux: build/linux/done ## build the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
 
 build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
-	scripts/build-linux.sh build/linux/debian $(@D)
+	scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
 	touch $@
 
 build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done

@@ -48,10 +48,10 @@ stage() {
 check_configured() {
 	local line missing=()
 	while read -r line; do
-		grep --quiet --line-regexp --fixed-strings "$line" "$folder/.config" || missing+=("$line")
+		grep --quiet --line-regexp --fixed-strings "$line" "$folder/build/.config" || missing+=("$line")
 	done < <(cat "$@" | grep -E '^(CONFIG_|# CONFIG_.* is not set)')
 	[ "${#missing[@]}" -eq 0 ] || {
-		printf 'this did not survive into %s:\n' "$folder/.config"
+		printf 'this did not survive into %s:\n' "$folder/build/.config"
 		printf '  %s\n' "${missing[@]}"
 		exit 1
 	} >&2
@@ -61,12 +61,13 @@ build() {
 	local date
 	date=$(dpkg-parsechangelog --file "$changelog" --show-field Date)
 	export KBUILD_BUILD_TIMESTAMP=$date KBUILD_BUILD_USER=openrtu KBUILD_BUILD_HOST=openrtu KBUILD_BUILD_VERSION=1
-	local linux=(make --silent --directory="$source" "O=$folder")
-	cat "$source/arch/arm/configs/nuc980_defconfig" "$@" >"$folder/.config"
+	local linux=(make --silent --directory="$source" "O=$folder/build")
+	mkdir -p "$folder/build"
+	cat "$source/arch/arm/configs/nuc980_defconfig" "$@" >"$folder/build/.config"
 	"${linux[@]}" olddefconfig >"$folder/config.log" 2>&1
 	check_configured "$@"
 	"${linux[@]}" --jobs="$(nproc)" zImage
-	install --target-directory="$folder" "$folder/arch/arm/boot/zImage"
+	install --target-directory="$folder" "$folder"/build/{arch/arm/boot/zImage,vmlinux,.config}
 }
 
 mkdir -p "$folder"
