@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system
+.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system linux-debug
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -119,6 +119,12 @@ build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.do
 
 build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
+
+linux-debug: build/linux-debug/done ## build a Linux that watches itself (locks, DMA, memory), for the tests
+
+build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
+	scripts/build-linux.sh build/linux/debian $(@D) board/nuc980/linux/debug.fragment
+	touch $@
 
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	scripts/debian-source.sh $* $(@D)/debian
