@@ -49,13 +49,13 @@ def lines(*pins: str) -> str:
 def watch(linux: Linux, edges: str, count: int, *pins: str) -> None:
     linux.run(
         f"rm -f /tmp/edges; /gpio-lines watch {edges} {count} {lines(*pins)} > /tmp/edges &\n"
-        "until grep -q ready /tmp/edges; do usleep 10000; done"
+        "until grep -q ready /tmp/edges; do sleep 0.01; done"
     )
 
 
 def seen(linux: Linux, count: int) -> list[str]:
     """The first events since watch(), when there are so many."""
-    said = linux.run(f"until [ $(wc -l < /tmp/edges) -gt {count} ]; do usleep 10000; done; cat /tmp/edges")
+    said = linux.run(f"until [ $(wc -l < /tmp/edges) -gt {count} ]; do sleep 0.01; done; cat /tmp/edges")
     return said.splitlines()[1:]
 
 
