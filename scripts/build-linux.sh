@@ -44,15 +44,16 @@ stage() {
 	source_inputs >"$source.inputs"
 }
 
-# A line that Kconfig drops, because something that it depends on is off, drops silently.
+# Kconfig drops a line silently when something that it depends on is off; what is off must be off or unknown.
 check_configured() {
-	local line missing=()
-	while read -r line; do
-		grep --quiet --line-regexp --fixed-strings "$line" "$folder/.config" || missing+=("$line")
-	done < <(cat "$@" | grep -E '^(CONFIG_|# CONFIG_.* is not set)')
-	[ "${#missing[@]}" -eq 0 ] || {
-		printf 'this did not survive into %s:\n' "$folder/.config"
-		printf '  %s\n' "${missing[@]}"
+	local config=$folder/build/.config
+	{
+		cat "$@" | grep '^CONFIG_' | grep --invert-match --line-regexp --fixed-strings --file="$config"
+		cat "$@" | sed -n 's/^# \(CONFIG_[^ ]*\) is not set$/^\1=/p' | grep --file=- "$config"
+	} >"$folder/config.lost" || true
+	[ ! -s "$folder/config.lost" ] || {
+		echo "this did not come into $config as the fragments have it:"
+		cat "$folder/config.lost"
 		exit 1
 	} >&2
 }
@@ -61,12 +62,13 @@ build() {
 	local date
 	date=$(dpkg-parsechangelog --file "$changelog" --show-field Date)
 	export KBUILD_BUILD_TIMESTAMP=$date KBUILD_BUILD_USER=openrtu KBUILD_BUILD_HOST=openrtu KBUILD_BUILD_VERSION=1
-	local linux=(make --silent --directory="$source" "O=$folder")
-	cat "$source/arch/arm/configs/nuc980_defconfig" "$@" >"$folder/.config"
+	local linux=(make --silent --directory="$source" "O=$folder/build")
+	mkdir -p "$folder/build"
+	cat "$source/arch/arm/configs/nuc980_defconfig" "$@" >"$folder/build/.config"
 	"${linux[@]}" olddefconfig >"$folder/config.log" 2>&1
 	check_configured "$@"
 	"${linux[@]}" --jobs="$(nproc)" zImage
-	install --target-directory="$folder" "$folder/arch/arm/boot/zImage"
+	install --target-directory="$folder" "$folder"/build/{arch/arm/boot/zImage,vmlinux,.config}
 }
 
 mkdir -p "$folder"
