@@ -222,7 +222,7 @@ def boot_tree(
     """Boots a device tree; the board ends with the test."""
 
     def start(dtb: Path = kernel.dtb) -> Linux:
-        linux = boot(kernel=replace(kernel, dtb=dtb), uarts=PORTS, files={"/line": LINE})
+        linux = boot(kernel=replace(kernel, dtb=dtb), uarts=PORTS, files={"/line": LINE}, options="pace=off")
         linux.run("dmesg -n 1")  # the kernel's lines would come between the shell's
         return linux
 
