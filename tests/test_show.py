@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`make run`: the newcomer's first command, as a process of its own."""
+"""`make run-native`: the newcomer's first command, as a process of its own."""
 
 import os
 import signal
@@ -57,7 +57,7 @@ def test_a_port_in_use_is_a_reason(start: Start) -> None:
         out, err = show.communicate(timeout=60)
     assert show.returncode == 1
     assert "seen." not in out
-    assert "make run: not seen:" in err
+    assert "make run-native: not seen:" in err
     assert "Address already in use" in err
     assert "Traceback" not in err
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Starts and watches the gateway: rtud and the modules that it starts."""
+"""A gateway, wherever it runs; and one on this machine: starts and watches rtud and what that starts."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import socket
 import subprocess
 import tempfile
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
@@ -41,6 +42,13 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def free_udp_port() -> int:
+    """A UDP port of 127.0.0.1 that nobody has now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
 def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
     """A copy of a configuration whose station listens on 127.0.0.1, at that TCP port."""
     changed = copy.deepcopy(config)
@@ -55,7 +63,52 @@ def run_directory() -> Path:
     return folder
 
 
-class Gateway:
+class Rtu(ABC):
+    """A running gateway, as an engineer has it: rtuctl, its log, and the address of its station."""
+
+    address: tuple[str, int]
+    rtuctl: str  # what is typed for it on this machine
+
+    @abstractmethod
+    def ctl(self, *arguments: str) -> str:
+        """What `rtuctl` prints. Raises GatewayError."""
+
+    @abstractmethod
+    def log(self, lines: int = 40) -> str:
+        """The end of rtud's log."""
+
+    @abstractmethod
+    def kill(self, module: str) -> None:
+        """SIGKILL to a module."""
+
+    @abstractmethod
+    def check_up(self) -> None:
+        """Raises GatewayError when it has ended, as far as that can be known."""
+
+    def query(self, *arguments: str) -> Any:
+        """What `rtuctl --json` prints, decoded."""
+        return json.loads(self.ctl("--json", *arguments))
+
+    def modules(self) -> dict[str, dict[str, Any]]:
+        """The module table by name."""
+        return {module["name"]: module for module in self.query("modules")}
+
+    def points(self, pattern: str = "*") -> dict[str, dict[str, Any]]:
+        """The points whose names match a glob, by name."""
+        return {point["name"]: point for point in self.query("points", pattern)}
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
+        """Waits until condition() is true; returns the seconds it took. Raises GatewayError with the log."""
+        begin = time.monotonic()
+        while not condition():
+            self.check_up()
+            if time.monotonic() - begin > timeout_s:
+                raise GatewayError(f"not within {timeout_s} s: {what}\n{self.log()}")
+            time.sleep(0.005)
+        return time.monotonic() - begin
+
+
+class Gateway(Rtu):
     """A running rtud. `directory` gets its configuration, log and map; its dev holds the serial devices."""
 
     def __init__(self, config: dict[str, Any], directory: Path, build: Path | None = None) -> None:
@@ -68,6 +121,7 @@ class Gateway:
         settings = config.get("iec104", {})
         self.address = (settings.get("address", "127.0.0.1"), settings.get("port", 2404))
         self.config_file.write_text(json.dumps(config, indent=2))
+        self.rtuctl = f"{self.build}/rtuctl/rtuctl --map {self.map}"
         self.process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
@@ -119,32 +173,18 @@ class Gateway:
             )
         return result.stdout
 
-    def query(self, *arguments: str) -> Any:
-        """What `rtuctl --json` prints, decoded."""
-        return json.loads(self.ctl("--json", *arguments))
-
-    def modules(self) -> dict[str, dict[str, Any]]:
-        """The module table by name."""
-        return {module["name"]: module for module in self.query("modules")}
-
-    def points(self, pattern: str = "*") -> dict[str, dict[str, Any]]:
-        """The points whose names match a glob, by name."""
-        return {point["name"]: point for point in self.query("points", pattern)}
-
     def log(self, lines: int = 40) -> str:
         """The end of rtud's log."""
         return "\n".join(self.log_file.read_text(errors="replace").splitlines()[-lines:])
 
-    def wait_for(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
-        """Waits until condition() is true; returns the seconds it took. Raises GatewayError with the log."""
-        begin = time.monotonic()
-        while not condition():
-            if self.process is not None and self.process.poll() is not None:
-                raise GatewayError(f"rtud exited with {self.process.returncode}\n{self.log()}")
-            if time.monotonic() - begin > timeout_s:
-                raise GatewayError(f"not within {timeout_s} s: {what}\n{self.log()}")
-            time.sleep(0.005)
-        return time.monotonic() - begin
+    def kill(self, module: str) -> None:
+        """SIGKILL to a module."""
+        os.kill(self.modules()[module]["pid"], signal.SIGKILL)
+
+    def check_up(self) -> None:
+        """Raises GatewayError when rtud has ended."""
+        if self.process is not None and self.process.poll() is not None:
+            raise GatewayError(f"rtud exited with {self.process.returncode}\n{self.log()}")
 
     def _is_up(self) -> bool:
         try:

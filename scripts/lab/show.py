@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`make run`: chapter 5 of report 003, live. Exit code 0: all of it was seen; 1: not, with the reason."""
+"""Chapter 5 of report 003, live: the steps, wherever the gateway runs; and `make run-native`, all of it here.
+
+Exit code 0: all of it was seen; 1: not, with the reason.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,14 @@ import json
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import c104
 
-from lab.gateway import REPOSITORY, Gateway, GatewayError, listening_on, remove, run_directory
+from lab.gateway import REPOSITORY, Gateway, GatewayError, Rtu, listening_on, remove, run_directory
 from lab.linesim import Frame, LineSim, LineSimError
 from lab.master import Master, MasterError, Report
 
@@ -55,7 +58,7 @@ class Stage:
     """What a step works on."""
 
     lines: LineSim
-    gateway: Gateway
+    gateway: Rtu
     master: Master
 
 
@@ -182,7 +185,8 @@ def all_types(stage: Stage) -> None:
     check(not missing, f"types that no station sent: {sorted(missing)}")
 
 
-STEPS: tuple[Callable[[Stage], None], ...] = (
+Step = Callable[[Stage], None]
+STEPS: tuple[Step, ...] = (
     interrogate,
     single_command,
     set_point,
@@ -208,8 +212,11 @@ def event(report: Report, more: str = "") -> None:
 # ---- the whole -----------------------------------------------------------------------------------
 
 
-def start_lines(stack: contextlib.ExitStack, directory: Path, config: Path) -> LineSim:
-    lines = stack.enter_context(LineSim(config, CHAPTER_5 / "values.json", directory / "dev"))
+def start_lines(
+    stack: contextlib.ExitStack, directory: Path, config: Path, silence_us: int | None = None
+) -> LineSim:
+    simulated = LineSim(config, CHAPTER_5 / "values.json", directory / "dev", silence_us=silence_us)
+    lines = stack.enter_context(simulated)
     devices = [
         (port["value"], slave) for port in json.loads(config.read_text())["port"] for slave in port["slaves"]
     ]
@@ -220,31 +227,43 @@ def start_lines(stack: contextlib.ExitStack, directory: Path, config: Path) -> L
 def start_gateway(stack: contextlib.ExitStack, directory: Path, config: dict[str, Any]) -> Gateway:
     gateway = stack.enter_context(Gateway(config, directory))
     seconds = gateway.wait_for(lambda: all_read(gateway), 20.0, "every device has been read")
-    running = [f"{name} (pid {module['pid']})" for name, module in gateway.modules().items() if module["pid"]]
-    say(f"   * {', '.join(running)}; all points read after {seconds:.1f} s")
+    say(f"   * {', '.join(running(gateway))}; all points read after {seconds:.1f} s")
     return gateway
 
 
-def all_read(gateway: Gateway) -> bool:
+def running(gateway: Rtu) -> list[str]:
+    return [f"{name} (pid {module['pid']})" for name, module in gateway.modules().items() if module["pid"]]
+
+
+def start_master(stack: contextlib.ExitStack, gateway: Rtu) -> Master:
+    master = stack.enter_context(Master(*gateway.address))
+    master.synchronise_clock(STATION)
+    host, port = gateway.address
+    say(f"   * a master of another make (c104, lib60870) on {host}:{port}; clock synchronised")
+    return master
+
+
+def all_read(gateway: Rtu) -> bool:
     """Every point is good, but those behind a broadcast address, which can only be written."""
     return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])
 
 
-def run_steps(stage: Stage) -> None:
-    for number, step in enumerate(STEPS, 1):
+def run_steps(stage: Stage, steps: Sequence[Step]) -> None:
+    for number, step in enumerate(steps, 1):
         say()
         say(f"{number:2d}. {step.__doc__}")
         step(stage)
+    say()
+    say(f"All {len(steps)} steps were seen.")
 
 
 def keep_up(stage: Stage) -> None:
     host, port = stage.gateway.address
-    rtuctl = f"{stage.gateway.build}/rtuctl/rtuctl --map {stage.gateway.map}"
     say()
     say(f"The gateway stays up: a controlled station on {host}:{port}.")
     say("In another terminal:")
     for command in ("points 'p3.67.*'", "watch", "lines", "modules", "set p3.67.c3 off"):
-        say(f"  {rtuctl} {command}")
+        say(f"  {stage.gateway.rtuctl} {command}")
     say(f"Faults: echo 'fault 3.67 mute' | nc -U {stage.lines.directory}/control   (tests/linesim/README.md)")
     say("Ctrl-C ends it.")
     stopped = threading.Event()
@@ -264,29 +283,38 @@ def show(port: int, keep: bool) -> None:
         config_file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, config_file)
         gateway = start_gateway(stack, directory, config)
-        master = stack.enter_context(Master(*gateway.address))
-        master.synchronise_clock(STATION)
-        say(f"   * a master of another make (c104, lib60870) on 127.0.0.1:{port}; clock synchronised")
-        stage = Stage(lines, gateway, master)
-        run_steps(stage)
-        say()
-        say(f"All {len(STEPS)} steps were seen.")
+        stage = Stage(lines, gateway, start_master(stack, gateway))
+        run_steps(stage, STEPS)
         if keep:
             keep_up(stage)
 
 
 def main() -> int:
     """The command line. Exit codes: 0 all was seen, 1 something was not, 2 wrong usage."""
-    parser = argparse.ArgumentParser(prog="make run", description=__doc__)
+    parser = argparse.ArgumentParser(prog="make run-native", description=__doc__)
+    add_options(parser)
+    arguments = parser.parse_args()
+    return told("make run-native", lambda: show(arguments.port, arguments.keep))
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """What every show takes."""
     parser.add_argument("--port", type=int, default=2404, help="TCP port of the controlled station [2404]")
     parser.add_argument(
         "--keep", action="store_true", help="stay up afterwards, for your own master and rtuctl"
     )
-    arguments = parser.parse_args()
+
+
+# A show's end: text for its user, no traceback.
+REASONS = (NotSeenError, GatewayError, LineSimError, MasterError)
+
+
+def told(name: str, act: Callable[[], None], reasons: tuple[type[Exception], ...] = REASONS) -> int:
+    """The exit code of a show, and what it did not see."""
     try:
-        show(arguments.port, arguments.keep)
-    except (NotSeenError, GatewayError, LineSimError, MasterError) as error:
-        print(f"\nmake run: not seen: {error}", file=sys.stderr)
+        act()
+    except reasons as error:
+        print(f"\n{name}: not seen: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 1

@@ -56,7 +56,7 @@ def flashwork(tmp_path_factory: pytest.TempPathFactory) -> Path:
     program = tmp_path_factory.mktemp("flashwork") / "flashwork"
     subprocess.run(
         ["arm-linux-gnueabi-gcc", "-std=c11", "-D_GNU_SOURCE", "-O2", "-static", "-march=armv5te", "-marm",
-         "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "flashwork.c"], check=True
+         "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "programs" / "flashwork.c"], check=True
     )  # fmt: skip
     return program
 

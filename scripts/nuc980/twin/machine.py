@@ -8,7 +8,7 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -64,6 +64,7 @@ class Machine:
     registers: only the bus, no processor runs, and time stands still but for step(). Else the machine runs,
     and the bus can be looked at beside it.
     uarts: the numbers whose far ends are wanted, as .uarts[n].
+    chardevs: what other UARTs' far ends are, as for -chardev without an id: "pty", "serial,path=/dev/pts/3".
     incoming: does not start, but waits for the state of another: reborn().
     """
 
@@ -74,11 +75,14 @@ class Machine:
         options: str = "",
         registers: bool = False,
         uarts: Sequence[int] = (0,),
+        chardevs: Mapping[int, str] | None = None,
         incoming: bool = False,
     ) -> None:
+        chardevs = chardevs or {}
         self._again = partial(
-            Machine, program, *arguments, options=options, registers=registers, uarts=uarts, incoming=True
-        )
+            Machine, program, *arguments, options=options, registers=registers, uarts=uarts,
+            chardevs=chardevs, incoming=True,
+        )  # fmt: skip
         self._now = 0  # virtual time in nanoseconds, while only step() moves it
         self._folder = tempfile.TemporaryDirectory(prefix="twin-")
         folder = Path(self._folder.name)
@@ -94,7 +98,10 @@ class Machine:
             command += ["-incoming", "defer"]
         for number in uarts:
             command += ["-chardev", f"socket,id=uart{number},path={folder}/uart{number}"]
-        command += ["-serial", "chardev:uart0" if 0 in uarts else "none"]
+        for number, far_end in chardevs.items():
+            backend, _, settings = far_end.partition(",")
+            command += ["-chardev", f"{backend},id=uart{number}{settings and ','}{settings}"]
+        command += ["-serial", "chardev:uart0" if 0 in {*uarts, *chardevs} else "none"]
         self._qmp = QEMUMonitorProtocol(f"{folder}/qmp", server=True)
         with (folder / "output").open("wb") as output:
             self.process = subprocess.Popen(
@@ -174,6 +181,11 @@ class Machine:
                 raise MachineError(f"no event {name} within {ANSWER_SECONDS} s") from error
             if event and event["event"] == name:
                 return event["data"]
+
+    def pty(self, number: int) -> str:
+        """The pseudo-terminal at a UART whose far end is one."""
+        (found,) = (each for each in self.command("query-chardev") if each["label"] == f"uart{number}")
+        return found["filename"].removeprefix("pty:")
 
     # ---- bus
 

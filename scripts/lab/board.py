@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The gateway on the emulated board: its networks, the devices at its lines, the ways to it."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from lab.gateway import GatewayError, Rtu, free_udp_port
+from lab.site import macs_file
+from nuc980.netboot.progress import Progress
+from nuc980.netboot.target import Target
+from nuc980.twin.linux import LinuxError
+from nuc980.twin.machine import Machine
+
+ANSWER_SECONDS = 60.0
+# The UARTs of the ports 1 to 6.
+PORTS = (1, 2, 3, 4, 6, 8)
+# A request's bytes come out of QEMU with the pauses of a busy host: less than this ends none.
+SILENCE_US = 30_000
+STATION_PORT = 2404
+SSH_PORT = 22
+
+
+@dataclass(frozen=True)
+class Network:
+    """One of the board's Ethernet ports, on a network of QEMU's own: the board's and the host's address."""
+
+    name: str  # QEMU's for it, as `set_link` takes it
+    board: str  # ADDRESS/PREFIX
+    host: str
+
+    @property
+    def address(self) -> str:
+        return self.board.partition("/")[0]
+
+    def arguments(self, forwards: Mapping[int, int]) -> list[str]:
+        """QEMU's, with ports of this machine's 127.0.0.1 that lead to ports of the board."""
+        ways = [f"hostfwd=tcp:127.0.0.1:{here}-{self.address}:{there}" for here, there in forwards.items()]
+        prefix = self.board.partition("/")[2]
+        return [
+            "-nic",
+            ",".join((f"user,id={self.name},net={self.address}/{prefix},host={self.host}", *ways)),
+        ]
+
+
+# Report 003: the two ports' addresses.
+ETHERNET = (
+    Network("net0", "172.16.0.50/12", "172.16.0.1"),
+    Network("net1", "192.168.21.100/24", "192.168.21.1"),
+)
+
+
+def lines_at(directory: Path) -> dict[int, str]:
+    """What is at the six ports' wires: linesim's lines in this folder, as Machine's chardevs."""
+    return {number: f"serial,path={directory}/ttyS{number}" for number in PORTS}
+
+
+def netboot(machine: Machine, directory: Path, uimage: Path, dtb: Path, progress: Progress) -> None:
+    """From U-Boot on emac0 to the log-in, as nuc980-netboot boots a board, with its lines.
+
+    QEMU's own network answers at port 69 itself, so that the server has another: our U-Boot takes it.
+    """
+    site = directory / "site"
+    site.mkdir()
+    (site / "macs").write_text(macs_file())
+    target = Target(
+        machine.pty(0),
+        board_ip=ETHERNET[0].board,
+        server_ip=ETHERNET[0].host,
+        tftp_port=free_udp_port(),
+        listen="127.0.0.1",
+        seen_as="127.0.0.1",
+        site=site,
+    )
+    with target.uboot(progress) as uboot:
+        progress.note(f"TFTP at UDP port {target.tftp_port} instead of 69 (tftpdstp), behind QEMU's network.")
+        uboot.boot(uimage, dtb)
+
+
+class Ssh:
+    """The way into a board that an engineer has. One connection, which the first command opens."""
+
+    def __init__(self, port: int, key: Path, directory: Path) -> None:
+        options = {
+            "BatchMode": "yes",
+            "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
+            "UserKnownHostsFile": "/dev/null",
+            "LogLevel": "ERROR",
+            "ControlMaster": "auto",
+            "ControlPath": f"{directory}/ssh",
+            "ControlPersist": "yes",
+        }
+        words = [word for name, value in options.items() for word in ("-o", f"{name}={value}")]
+        self.command = ["ssh", "-F", "none", "-i", str(key), "-p", str(port), *words, "root@127.0.0.1"]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        subprocess.run([*self.command, "-O", "exit"], capture_output=True, check=False)
+
+    def run(self, command: str, seconds: float = ANSWER_SECONDS) -> str:
+        """What a command on the board writes. Raises GatewayError."""
+        try:
+            done = subprocess.run(
+                [*self.command, command], capture_output=True, text=True, timeout=seconds, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise GatewayError(f"on the board, '{command}' did not end within {seconds:g} s") from None
+        if done.returncode:
+            said = done.stderr.strip() or done.stdout.strip()
+            raise GatewayError(f"on the board, '{command}' ended with {done.returncode}: {said}")
+        return done.stdout
+
+
+class Board(Rtu):
+    """A gateway on the board, whose shell is reached by ssh or at the debug UART: `inside` runs a command."""
+
+    def __init__(self, machine: Machine, inside: Callable[[str], str], address: tuple[str, int]) -> None:
+        self.machine = machine
+        self.inside = inside
+        self.address = address
+
+    def ctl(self, *arguments: str) -> str:
+        return self._run(shlex.join(["rtuctl", *arguments]))
+
+    def log(self, lines: int = 40) -> str:
+        return self._run(f"tail -n {lines} /var/log/messages")
+
+    def kill(self, module: str) -> None:
+        self._run(f"kill -9 {self.modules()[module]['pid']}")
+
+    def check_up(self) -> None:
+        if self.machine.process.poll() is not None:
+            raise GatewayError(f"QEMU ended with {self.machine.process.returncode}: {self.machine.output}")
+
+    def _run(self, command: str) -> str:
+        try:
+            return self.inside(command)
+        except LinuxError as error:
+            raise GatewayError(str(error)) from error

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`make run`: the emulated board from reset to the control room's table, live.
+
+Exit code 0: all of it was seen; 1: not, with the reason; 2: something is not built.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import re
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from lab.board import ETHERNET, PORTS, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at, netboot
+from lab.gateway import REPOSITORY, GatewayError, free_port, remove
+from lab.show import (
+    CHAPTER_5,
+    REASONS,
+    STEPS,
+    Stage,
+    Step,
+    add_options,
+    all_read,
+    check,
+    event,
+    keep_up,
+    run_steps,
+    running,
+    say,
+    start_lines,
+    start_master,
+    table,
+    told,
+)
+from nuc980.netboot.errors import NetbootError
+from nuc980.netboot.progress import Progress
+from nuc980.twin.linux import TROUBLE
+from nuc980.twin.machine import Machine, MachineError
+
+QEMU = REPOSITORY / "build/qemu/bin/qemu-system-arm"
+UBOOT = REPOSITORY / "build/u-boot/u-boot.bin"
+SYSTEM = REPOSITORY / "build/system-lab"
+SITE = REPOSITORY / "build/lab"
+
+LOGIN_SECONDS = 60.0
+READ_SECONDS = 60.0
+CYCLICTEST_SECONDS = 10
+
+
+@dataclass
+class BoardStage(Stage):
+    """What a step on the board works on."""
+
+    gateway: Board
+
+
+# ---- the steps that only a board has
+
+
+def kernel(stage: BoardStage) -> None:
+    """The kernel"""
+    version = stage.gateway.inside("uname -a").strip()
+    say(f"     {version}")
+    check("PREEMPT_RT" in version, "the kernel is not PREEMPT_RT")
+
+
+def modules(stage: BoardStage) -> None:
+    """The gateway's processes, seen from inside: rtuctl modules"""
+    say(indented(stage.gateway.ctl("modules")))
+    down = [name for name, module in stage.gateway.modules().items() if not module["pid"]]
+    check(not down, f"modules that do not run: {', '.join(down)}")
+
+
+def pins(stage: BoardStage) -> None:
+    """The pins of the running board: which devices have theirs (info nuc980-pins)"""
+    _, _, devices = stage.gateway.machine.info("nuc980-pins").partition("\n\n")
+    say(indented(devices.replace("\r", "")))
+    for device in ("uart0", *(f"uart{number}" for number in PORTS), "emac0", "emac1"):
+        found = re.search(rf"^{device} .*connected", devices, re.MULTILINE)
+        check(found is not None, f"{device} lacks pins")
+
+
+def killed(stage: BoardStage) -> None:
+    """A line process is killed (kill -9): its points turn invalid, rtud starts it again"""
+    lines = next(name for name in stage.gateway.modules() if name.startswith("rtu-modbus"))
+    before = stage.gateway.modules()[lines]["pid"]
+    since = stage.master.mark()
+    stage.gateway.kill(lines)
+    say(f"     board        kill -9 {before} ({lines})")
+    event(stage.master.wait(lambda r: "Invalid" in r.quality, since))
+    event(stage.master.wait(lambda r: r.good, since, timeout_s=READ_SECONDS))
+    stage.gateway.wait_for(lambda: all_read(stage.gateway), READ_SECONDS, "all points are good again")
+    after = stage.gateway.modules()[lines]["pid"]
+    say(f"     board        {lines} runs again (pid {after}); the master was connected all the time")
+    check(after != before, f"{lines} was not started again")
+
+
+def latency(stage: BoardStage) -> None:
+    """Ten seconds of cyclictest on the loaded board"""
+    say(indented(stage.gateway.inside(f"rt-report --seconds {CYCLICTEST_SECONDS}")))
+    say("     It measures an emulator on this host, not the board; for that, docs/real-time.md.")
+
+
+def whole_station(stage: BoardStage) -> None:
+    """All stations at once, as the control room has them in the end"""
+    reports = stage.master.interrogate_all()
+    table(reports)
+    bad = [report for report in reports if not report.good]
+    check(not bad, f"not good: {bad}")
+
+
+BOARD_STEPS: tuple[Step, ...] = (kernel, modules, pins, *STEPS, killed, latency, whole_station)
+
+
+# ---- the board
+
+
+def start_board(stack: contextlib.ExitStack, directory: Path, system: Path, port: int) -> Board:
+    """From reset to the gateway's first answer."""
+    ssh_port = free_port()
+    nics = [
+        *ETHERNET[0].arguments({port: STATION_PORT, ssh_port: SSH_PORT}),
+        *ETHERNET[1].arguments({}),
+    ]
+    console = directory / "console.log"
+    chardevs = {0: f"pty,logfile={console}", **lines_at(directory / "dev")}
+    machine = stack.enter_context(Machine(QEMU, "-bios", UBOOT, *nics, uarts=(), chardevs=chardevs))
+    say(f"   * the emulated board is switched on; its debug UART is {machine.pty(0)}")
+    progress = Progress()
+    netboot(machine, directory, system / "uImage", system / "nuc980-gateway.dtb", progress)
+    ssh = stack.enter_context(Ssh(ssh_port, SITE / "key", directory))
+    board = Board(machine, ssh.run, ("127.0.0.1", port))
+    board.rtuctl = " ".join((*ssh.command, "rtuctl"))
+    with progress.phase("log-in by ssh"):
+        board.wait_for(lambda: answers(ssh), LOGIN_SECONDS, "the board lets its engineer in")
+    with progress.phase("all points read"):
+        board.wait_for(lambda: all_read(board), READ_SECONDS, "every device has been read")
+    say(f"   * {', '.join(running(board))}; all points read")
+    say("     seconds of this host by phase:")
+    for phase, seconds in progress.phases.items():
+        say(f"     {seconds:8.1f}  {phase}")
+    return board
+
+
+def answers(ssh: Ssh) -> bool:
+    try:
+        ssh.run("true")
+    except GatewayError:
+        return False
+    return True
+
+
+def indented(text: str) -> str:
+    return "\n".join(f"     {line}".rstrip() for line in text.strip().splitlines())
+
+
+def show(port: int, keep: bool) -> None:
+    """Runs the show; raises what went wrong."""
+    begin = time.monotonic()
+    directory = Path(tempfile.mkdtemp(prefix="openrtu-"))
+    say("OpenRTU on the emulated board: from reset to the control room's table")
+    with contextlib.ExitStack() as stack:
+        stack.callback(remove, directory)
+        lines = start_lines(stack, directory, CHAPTER_5 / "gateway.json", SILENCE_US)
+        board = start_board(stack, directory, SYSTEM, port)
+        stage = BoardStage(lines, board, start_master(stack, board))
+        run_steps(stage, BOARD_STEPS)
+        said = TROUBLE.findall((directory / "console.log").read_text(errors="replace"))
+        check(not said, f"the kernel said: {'; '.join(said)}")
+        say(f"It took {time.monotonic() - begin:.0f} s.")
+        if keep:
+            keep_up(stage)
+
+
+def main() -> int:
+    """The command line. Exit codes: 0 all was seen, 1 something was not, 2 wrong usage or nothing built."""
+    parser = argparse.ArgumentParser(prog="make run", description=__doc__.splitlines()[0])
+    add_options(parser)
+    arguments = parser.parse_args()
+    for file, target in ((QEMU, "qemu"), (UBOOT, "uboot"), (SYSTEM / "uImage", "run")):
+        if not file.exists():
+            print(f"make run: {file} is not there: make {target}", file=sys.stderr)
+            return 2
+    reasons = (*REASONS, MachineError, NetbootError)
+    return told("make run", lambda: show(arguments.port, arguments.keep), reasons)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

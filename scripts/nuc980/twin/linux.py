@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Linux on the twin: a kernel booted, and a shell on its debug UART."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from types import TracebackType
+from typing import Any, Self
+
+from nuc980.twin.machine import Machine
+from nuc980.twin.uboot import UART_FIFO
+
+BOOT_SECONDS = 120.0
+RUN_SECONDS = 30.0
+
+# What a kernel says of itself when something is wrong: behind its time stamp, or, before there is one, at the
+# start of a line.
+TROUBLE = re.compile(
+    r"(?:\[ *\d+\.\d{6}\](?:\[[^]\r\n]*\])? |^)"
+    r"((?:WARNING: |BUG: |Oops|Internal error: |Unable to handle kernel |Kernel panic|"
+    r"INFO: (?:task|rcu|possible|trying) |DMA-API: )[^\r\n]*)",
+    re.MULTILINE,
+)
+PANIC = re.compile(r"---\[ end Kernel panic")
+
+SHELL_IS_UP = "<shell>"
+# Takes the place of the log-in: no password, no line editing; a command's lines, then the mark that starts
+# them. As the kernel's first process it also mounts what a start script would have. The kernel is heard from
+# warnings on: less comes between a test's lines.
+SHELL = f"""#!/bin/sh
+export PATH=/sbin:/usr/sbin:/bin:/usr/bin
+if [ $$ = 1 ]; then
+    mount -t proc proc /proc; mount -t sysfs sysfs /sys; mount -t devtmpfs devtmpfs /dev
+fi
+dmesg -n 5
+echo '{SHELL_IS_UP}'
+lines=
+while IFS= read -r line; do
+    case $line in
+    '<run '*'>')
+        sh -c "$lines" < /dev/null
+        echo "<ran ${{line#<run }} $?>"
+        lines=
+        ;;
+    *)
+        lines="$lines
+$line"
+        ;;
+    esac
+done
+"""
+LOG_IN = "/sbin/getty"  # what an image's inittab starts on the debug UART
+
+
+class LinuxError(Exception):
+    """Linux did not do what was waited for; the text has the end of what its console said."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """What is booted, and its root: in the kernel itself, and a cpio archive (gzip or not) over that."""
+
+    image: Path  # a zImage or an uImage
+    dtb: Path
+    root: Path | None = None
+    arguments: str = "console=ttyS0,115200"
+
+
+class Linux:
+    """A shell on the debug UART of a machine that boots Linux; wait_for_shell() before the first run()."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.troubles: list[str] = []  # panics, oopses, warnings; who expects one clears the list
+        self._heard = ""
+        self._searched = 0  # up to here it was searched for troubles
+        self._answered = 0  # and up to here it was waited for
+        self._commands = 0
+        self._closed = False
+
+    @classmethod
+    def boot(
+        cls,
+        qemu: Path,
+        kernel: Kernel,
+        *arguments: str | Path,
+        files: Mapping[str, Path | str] | None = None,
+        **settings: Any,
+    ) -> Self:
+        """Starts a kernel without a boot loader, up to the shell; arguments and settings are Machine's.
+
+        files, by their paths in the root, come over the root: a file of this machine with its mode, or the
+        text of a script.
+        """
+        with tempfile.NamedTemporaryFile(prefix="initrd-") as initrd:
+            initrd.write(kernel.root.read_bytes() if kernel.root else b"")
+            initrd.write(bytes(-initrd.tell() % 4) + archive({LOG_IN: SHELL} | dict(files or {})))
+            initrd.flush()
+            machine = Machine(
+                qemu, "-kernel", kernel.image, "-dtb", kernel.dtb, "-initrd", initrd.name,
+                "-append", kernel.arguments, *arguments, **settings,
+            )  # fmt: skip
+            linux = cls(machine)
+            try:
+                linux.wait_for_shell()
+            except BaseException:
+                linux.close()
+                raise
+            return linux
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the machine; its log stays."""
+        self._closed = True
+        self.machine.close()
+
+    @property
+    def log(self) -> str:
+        """All that the console has said so far, as one reads it."""
+        while self._receive(0.0):
+            pass
+        return self._heard.replace("\r", "")
+
+    def wait_for(self, text: str | re.Pattern[str], seconds: float = BOOT_SECONDS) -> str:
+        """Reads until it has come after the last wait_for; returns all up to its end. A panic ends it."""
+        pattern = re.compile(re.escape(text)) if isinstance(text, str) else text
+        deadline = time.monotonic() + seconds
+        while not (found := pattern.search(self._heard, self._answered)):
+            if PANIC.search(self._heard, self._answered):
+                raise LinuxError(f"a panic instead of {pattern.pattern!r}:\n{self._end()}")
+            left = deadline - time.monotonic()
+            if left <= 0 or not self._receive(left):
+                raise LinuxError(
+                    f"no {pattern.pattern!r} within {seconds} s; the console said:\n{self._end()}"
+                )
+        before = self._heard[self._answered : found.end()]
+        self._answered = found.end()
+        return before.replace("\r", "")
+
+    def wait_for_shell(self, seconds: float = BOOT_SECONDS) -> str:
+        """Until the shell is there, at first or after a restart; returns what came before."""
+        return self.wait_for(f"{SHELL_IS_UP}\r\n", seconds)
+
+    def run(self, command: str, seconds: float = RUN_SECONDS) -> str:
+        """What a command writes; raises LinuxError with it for a status that is not 0.
+
+        It may have several lines. It has a shell of its own and no input: cd and variables end with it.
+        """
+        status, output = self.try_to(command, seconds)
+        if status:
+            raise LinuxError(f"status {status} of: {command}\n{output}")
+        return output
+
+    def try_to(self, command: str, seconds: float = RUN_SECONDS) -> tuple[int, str]:
+        """A command's status, and what it writes."""
+        self._commands += 1
+        number = self._commands
+        self.type(f"{command}\n<run {number}>\n")
+        output = self.wait_for(re.compile(rf"<ran {number}> \d+>\r\n"), seconds)
+        text, _, status = output.rpartition(f"<ran {number}> ")
+        return int(status.removesuffix(">\n")), text.removesuffix("\n")
+
+    def type(self, text: str) -> None:
+        """Types characters, each part when the one before it has been echoed: no receiver overruns."""
+        for start in range(0, len(text), UART_FIFO):
+            part = text[start : start + UART_FIFO]
+            self.machine.uarts[0].send(part.encode())
+            # What the kernel says meanwhile may stand between the characters.
+            self.wait_for(re.compile(".*?".join(map(re.escape, part)), re.DOTALL), RUN_SECONDS)
+
+    def _receive(self, seconds: float) -> bool:
+        data = b"" if self._closed else self.machine.uarts[0].receive(seconds)
+        self._heard += data.decode("latin-1")
+        self._search()
+        return bool(data)
+
+    def _search(self) -> None:
+        """Notes the troubles in the lines that are complete."""
+        end = self._heard.rfind("\n") + 1
+        self.troubles += TROUBLE.findall(self._heard, self._searched, end)
+        self._searched = max(self._searched, end)
+
+    def _end(self) -> str:
+        return self.log[-4000:]
+
+
+def archive(files: Mapping[str, Path | str]) -> bytes:
+    """A cpio archive as the kernel unpacks it, with the folders that the files need."""
+    members = dict.fromkeys(_folders(files), (0o040755, b""))
+    for path, content in files.items():
+        if isinstance(content, Path):
+            members[path] = (0o100000 | content.stat().st_mode & 0o777, content.read_bytes())
+        else:
+            members[path] = (0o100755, content.encode())
+    entries = [_entry(path.lstrip("/"), *member) for path, member in members.items()]
+    return b"".join([*entries, _entry("TRAILER!!!", 0, b"")])
+
+
+def _folders(paths: Mapping[str, object]) -> Iterator[str]:
+    for path in paths:
+        yield from (str(folder) for folder in reversed(PurePosixPath(path).parents) if folder.name)
+
+
+def _entry(name: str, mode: int, content: bytes) -> bytes:
+    """A member in the format newc: 13 numbers of 8 hexadecimal digits, the name, the content, each padded."""
+    numbers = (0, mode, 0, 0, 1, 0, len(content), 0, 0, 0, 0, len(name) + 1, 0)
+    head = b"070701" + b"".join(b"%08x" % number for number in numbers) + name.encode() + b"\0"
+    return head + bytes(-len(head) % 4) + content + bytes(-len(content) % 4)

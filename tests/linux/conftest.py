@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the tests of Linux on the emulated board share. A module's tests share one boot."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from nuc980.twin.linux import Kernel, Linux
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """None of them is quick: they need `make linux system`."""
+    for item in items:
+        if item.path.is_relative_to(HERE):
+            item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture(scope="session")
+def kernel() -> Kernel:
+    """The kernel of `make linux`, or of the folder that OPENRTU_KERNEL names; the root of `make system`."""
+    folder = Path(os.environ.get("OPENRTU_KERNEL", ROOT / "build/linux")).resolve()
+    root = Path(os.environ.get("OPENRTU_ROOT", ROOT / "build/system.parts/initramfs.cpio")).resolve()
+    dtb = ROOT / "build/dtb/nuc980-gateway.dtb"
+    for file in (folder / "zImage", root, dtb):
+        if not file.exists():
+            pytest.fail(f"{file} is not there: `make linux system dtb`", pytrace=False)
+    return Kernel(folder / "zImage", dtb, root)
+
+
+Boot = Callable[..., Linux]
+
+
+@pytest.fixture(scope="module")
+def booted() -> list[Linux]:
+    """The boards of this module."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def boot(qemu: Path, kernel: Kernel, booted: list[Linux]) -> Iterator[Boot]:
+    """Boots boards, as Linux.boot does but for the program; they end with the module.
+
+    `kernel` replaces the kernel.
+    """
+
+    def start(*arguments: str | Path, kernel: Kernel = kernel, **settings: object) -> Linux:
+        booted.append(Linux.boot(qemu, kernel, *arguments, **settings))
+        return booted[-1]
+
+    yield start
+    for linux in booted:
+        linux.close()
+
+
+@pytest.fixture(scope="module")
+def board_arguments() -> tuple[str | Path, ...]:
+    """What the module's board has besides, as arguments of QEMU. A module replaces it by its own."""
+    return ()
+
+
+@pytest.fixture(scope="module")
+def board_uarts() -> tuple[int, ...]:
+    """The UARTs whose far ends the module's tests want, the debug UART 0 among them."""
+    return (0,)
+
+
+@pytest.fixture(scope="module")
+def board_chardevs() -> dict[int, str]:
+    """What is at the wires of others, as Machine has it. A module replaces it by its own."""
+    return {}
+
+
+@pytest.fixture(scope="module")
+def extra_files() -> dict[str, Path | str]:
+    """Files over the root of the module's board, by their paths. A module replaces it by its own."""
+    return {}
+
+
+@pytest.fixture(scope="module")
+def linux(
+    boot: Boot,
+    board_arguments: tuple[str | Path, ...],
+    board_uarts: tuple[int, ...],
+    board_chardevs: dict[int, str],
+    extra_files: dict[str, Path | str],
+) -> Linux:
+    """The module's board, booted."""
+    return boot(*board_arguments, uarts=board_uarts, chardevs=board_chardevs, files=extra_files)
+
+
+@pytest.fixture(autouse=True)
+def no_trouble(booted: list[Linux]) -> Iterator[None]:
+    """A panic, an oops or a warning of a kernel fails the test that saw it."""
+    yield
+    seen = [trouble for linux in booted for trouble in (linux.log, linux.troubles)[1]]
+    for linux in booted:
+        linux.troubles.clear()
+    assert not seen, "the kernel said:\n" + "\n".join(seen)
