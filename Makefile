@@ -257,7 +257,7 @@ soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200
 # ---- see it --------------------------------------------------------------------------------------
 
 # The system of `make run`, for a site of its own.
-lab: $(VENV)
+lab: $(VENV) ## build the image that `make run` shows
 	$(LAB).site build/site
 	$(MAKE) system SITE=build/site/lab
 

@@ -21,6 +21,7 @@ EXTERNAL = "$(BR2_EXTERNAL_OPENRTU_PATH)"
 # ---- settings: lines of a defconfig or of a kernel fragment ----------------------------------------
 
 VALUE = r"(?:[ymn]|-?\d+|0x[0-9a-fA-F]+|\"(?:[^\"\\]|\\.)*\")"
+FRAGMENT = re.compile(r"board/\S+\.fragment\b")
 SET = re.compile(rf"(?P<symbol>(?:BR2|CONFIG)_\w+)=(?P<value>{VALUE})")
 NOT_SET = re.compile(r"# (?P<symbol>(?:BR2|CONFIG)_\w+) is not set")
 DEAD = re.compile(r"#+\s*\+?(?:BR2|CONFIG)_\w+\s*(?:=|is not set)")
@@ -127,15 +128,16 @@ def symbols_in(file: Path) -> set[str]:
 
 
 def check_named_files(root: Path) -> list[str]:
-    """What a defconfig names is there, and every fragment is in use."""
+    """What a defconfig names is there, and every fragment is in use: by a defconfig, or by the Makefile."""
     found, used = [], set()
     for file in defconfigs(root):
         for each in settings(file):
             paths = named_files(root, file, each.symbol) if EXTERNAL in each.value else []
             found += [f"{each.place}: there is no {path}" for path in paths if not path.exists()]
         used |= {fragment.resolve() for fragment in fragments_of(root, file)}
+    used |= {(root / path).resolve() for path in FRAGMENT.findall((root / "Makefile").read_text())}
     idle = [fragment for fragment in fragments(root) if fragment.resolve() not in used]
-    return found + [f"{fragment.name}:1: no defconfig uses this fragment" for fragment in idle]
+    return found + [f"{fragment.name}:1: nothing uses this fragment" for fragment in idle]
 
 
 def check_links(root: Path) -> list[str]:
