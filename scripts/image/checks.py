@@ -17,11 +17,11 @@ import yaml
 COMMIT = re.compile(r"[0-9a-f]{40}")
 URL = re.compile(r"(?:https?|git|ssh)://[^\s\"')]+")
 EXTERNAL = "$(BR2_EXTERNAL_OPENRTU_PATH)"
+FRAGMENT = re.compile(r"board/\S+\.fragment\b")
 
 # ---- settings: lines of a defconfig or of a kernel fragment ----------------------------------------
 
 VALUE = r"(?:[ymn]|-?\d+|0x[0-9a-fA-F]+|\"(?:[^\"\\]|\\.)*\")"
-FRAGMENT = re.compile(r"board/\S+\.fragment\b")
 SET = re.compile(rf"(?P<symbol>(?:BR2|CONFIG)_\w+)=(?P<value>{VALUE})")
 NOT_SET = re.compile(r"# (?P<symbol>(?:BR2|CONFIG)_\w+) is not set")
 DEAD = re.compile(r"#+\s*\+?(?:BR2|CONFIG)_\w+\s*(?:=|is not set)")
