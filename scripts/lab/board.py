@@ -86,6 +86,8 @@ class Ssh:
     """The way into a board that an engineer has. One connection, which the first command opens."""
 
     def __init__(self, port: int, key: Path, directory: Path) -> None:
+        self.port = port
+        self.key = key
         options = {
             "BatchMode": "yes",
             "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
@@ -102,13 +104,30 @@ class Ssh:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the connection; the next command opens another."""
         subprocess.run([*self.command, "-O", "exit"], capture_output=True, check=False)
 
-    def run(self, command: str, seconds: float = ANSWER_SECONDS) -> str:
-        """What a command on the board writes. Raises GatewayError."""
+    def answers(self) -> bool:
+        """Whether the board lets its engineer in."""
+        try:
+            self.run("true")
+        except GatewayError:
+            return False
+        return True
+
+    def run(self, command: str, seconds: float = ANSWER_SECONDS, send: str = "") -> str:
+        """What a command on the board writes; send is its input. Raises GatewayError."""
         try:
             done = subprocess.run(
-                [*self.command, command], capture_output=True, text=True, timeout=seconds, check=False
+                [*self.command, command],
+                input=send,
+                capture_output=True,
+                text=True,
+                timeout=seconds,
+                check=False,
             )
         except subprocess.TimeoutExpired:
             raise GatewayError(f"on the board, '{command}' did not end within {seconds:g} s") from None

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lab.board import ETHERNET, PORTS, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at, netboot
-from lab.gateway import REPOSITORY, GatewayError, free_port, remove
+from lab.gateway import REPOSITORY, free_port, remove
 from lab.show import (
     CHAPTER_5,
     REASONS,
@@ -136,7 +136,7 @@ def start_board(stack: contextlib.ExitStack, directory: Path, system: Path, port
     board = Board(machine, ssh.run, ("127.0.0.1", port))
     board.rtuctl = " ".join((*ssh.command, "rtuctl"))
     with progress.phase("log-in by ssh"):
-        board.wait_for(lambda: answers(ssh), LOGIN_SECONDS, "the board lets its engineer in")
+        board.wait_for(ssh.answers, LOGIN_SECONDS, "the board lets its engineer in")
     with progress.phase("all points read"):
         board.wait_for(lambda: all_read(board), READ_SECONDS, "every device has been read")
     say(f"   * {', '.join(running(board))}; all points read")
@@ -144,14 +144,6 @@ def start_board(stack: contextlib.ExitStack, directory: Path, system: Path, port
     for phase, seconds in progress.phases.items():
         say(f"     {seconds:8.1f}  {phase}")
     return board
-
-
-def answers(ssh: Ssh) -> bool:
-    try:
-        ssh.run("true")
-    except GatewayError:
-        return False
-    return True
 
 
 def indented(text: str) -> str:
