@@ -44,15 +44,16 @@ stage() {
 	source_inputs >"$source.inputs"
 }
 
-# A line that Kconfig drops, because something that it depends on is off, drops silently.
+# Kconfig drops a line silently when something that it depends on is off; what is off must be off or unknown.
 check_configured() {
-	local line missing=()
-	while read -r line; do
-		grep --quiet --line-regexp --fixed-strings "$line" "$folder/build/.config" || missing+=("$line")
-	done < <(cat "$@" | grep -E '^(CONFIG_|# CONFIG_.* is not set)')
-	[ "${#missing[@]}" -eq 0 ] || {
-		printf 'this did not survive into %s:\n' "$folder/build/.config"
-		printf '  %s\n' "${missing[@]}"
+	local config=$folder/build/.config
+	{
+		cat "$@" | grep '^CONFIG_' | grep --invert-match --line-regexp --fixed-strings --file="$config"
+		cat "$@" | sed -n 's/^# \(CONFIG_[^ ]*\) is not set$/^\1=/p' | grep --file=- "$config"
+	} >"$folder/config.lost" || true
+	[ ! -s "$folder/config.lost" ] || {
+		echo "this did not come into $config as the fragments have it:"
+		cat "$folder/config.lost"
 		exit 1
 	} >&2
 }

@@ -52,8 +52,9 @@ class Entry:
         return Entry(path, stat.S_IFCHR | permissions, device=(major, minor))
 
 
-# Input and output of the first process: the kernel opens it in the initramfs, before anything is mounted.
-CONSOLE = (Entry.folder("dev"), Entry.character_device("dev/console", 5, 1))
+# What a root must have. The root folder: the kernel's own is one that all may write to. The first process' input and
+# output: the kernel opens it before anything is mounted.
+FOUNDATION = (Entry.folder("."), Entry.folder("dev"), Entry.character_device("dev/console", 5, 1))
 
 
 def archive(entries: Iterable[Entry]) -> bytes:
@@ -74,11 +75,11 @@ def _packed(number: int, entry: Entry) -> bytes:
 
 
 def entries_of(folder: Path) -> Iterator[Entry]:
-    """All that is in a folder, by name, and /dev/console. Raises UnusableInput for pipes and the like."""
-    yield from CONSOLE
+    """All that is in a folder, by name, behind FOUNDATION. Raises UnusableInput for pipes and the like."""
+    yield from FOUNDATION
     for file in sorted(folder.rglob("*"), key=lambda each: each.relative_to(folder).parts):
         path, mode = str(file.relative_to(folder)), file.lstat().st_mode
-        if path in (each.path for each in CONSOLE):
+        if path in (each.path for each in FOUNDATION):
             continue
         if stat.S_ISLNK(mode):
             yield Entry.link(path, str(file.readlink()))

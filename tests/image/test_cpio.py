@@ -33,7 +33,7 @@ def packed(root: Path) -> bytes:
 
 def test_all_is_there_and_belongs_to_root(root: Path) -> None:
     names = subprocess.run(["cpio", "-t", "--quiet"], input=packed(root), capture_output=True, check=True)
-    assert names.stdout.decode().split() == ["dev", "dev/console", "bin", "bin/odd", "bin.conf", "sh"]
+    assert names.stdout.decode().split() == [".", "dev", "dev/console", "bin", "bin/odd", "bin.conf", "sh"]
     text = subprocess.run(
         ["cpio", "-tv", "-n", "--quiet"], input=packed(root), capture_output=True, check=True
     ).stdout.decode()
