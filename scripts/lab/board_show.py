@@ -48,7 +48,7 @@ KEY = REPOSITORY / "build/site/key"
 
 LOGIN_SECONDS = 60.0
 READ_SECONDS = 60.0
-CYCLICTEST_SECONDS = 10
+LATENCY_SECONDS = 5  # without load, and as long with it
 
 
 @dataclass
@@ -100,9 +100,12 @@ def killed(stage: BoardStage) -> None:
 
 
 def latency(stage: BoardStage) -> None:
-    """Ten seconds of cyclictest on the loaded board"""
-    say(indented(stage.gateway.inside(f"rt-report --seconds {CYCLICTEST_SECONDS}")))
-    say("     It measures an emulator on this host, not the board; for that, docs/real-time.md.")
+    """Ten seconds of cyclictest, half of them with load: rt-report"""
+    # Its exit code is about errors too, such as characters that a busy host made the emulator lose.
+    said = stage.gateway.inside(f"rt-report --emulator --seconds {LATENCY_SECONDS} || true")
+    say(indented(said))
+    check(said.count("us at most") == 2, "cyclictest has measured nothing")
+    say("     This is an emulator on this host; what to measure on the board: docs/realtime.md")
 
 
 def whole_station(stage: BoardStage) -> None:
