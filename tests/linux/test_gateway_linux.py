@@ -15,8 +15,8 @@ from typing import Any
 import c104
 import pytest
 
-from desk import CHAPTER_5, chapter_5, everything_read
-from lab.board import ETHERNET, PORTS, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at
+from desk import CHAPTER_5, everything_read
+from lab.board import ETHERNET, PORTS, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, configuration, lines_at
 from lab.gateway import GatewayError, free_port, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
@@ -44,10 +44,9 @@ STATIONS = {
 }
 
 
-def configuration() -> dict[str, Any]:
-    """Chapter 5, on all of the board's addresses."""
-    config = chapter_5()
-    del config["iec104"]["address"]
+def timed() -> dict[str, Any]:
+    """The configuration with the short link times."""
+    config = configuration()
     config["iec104"] |= LINK_TIMES
     return config
 
@@ -88,7 +87,7 @@ def folder() -> Iterator[Path]:
 @pytest.fixture(scope="module")
 def lines(folder: Path, linesim_program: Path) -> Iterator[LineSim]:
     """Devices that speak at 9600 bit/s, whatever the gateway does: a pty has no speed of its own."""
-    config = configuration()
+    config = timed()
     for port in config["port"]:
         port.update(baud_rate=9600, parity=0, stop_bits=1)
     file = folder / "linesim.json"
@@ -128,7 +127,7 @@ def board_chardevs(lines: LineSim) -> dict[int, str]:
 
 @pytest.fixture(scope="module")
 def extra_files(ssh: Ssh) -> dict[str, Path | str]:
-    return {CONFIG: json.dumps(configuration()), "/root/.ssh/authorized_keys": ssh.key.with_suffix(".pub")}
+    return {CONFIG: json.dumps(timed()), "/root/.ssh/authorized_keys": ssh.key.with_suffix(".pub")}
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +167,7 @@ def parity_of(bench: Bench, uart: int) -> str:
 @pytest.mark.parametrize("turn", range(3))
 def test_six_lines_at_all_speeds_with_parity(bench: Bench, turn: int) -> None:
     """Each line with each parity and at three of the speeds, in turn."""
-    config = configuration()
+    config = timed()
     wanted = {}
     for at, (uart, port) in enumerate(zip(PORTS, config["port"], strict=True)):
         speed, parity = SPEEDS[(at + 2 * turn) % len(SPEEDS)], tuple(PARITIES)[(at + turn) % len(PARITIES)]
@@ -190,7 +189,7 @@ def test_six_lines_at_all_speeds_with_parity(bench: Bench, turn: int) -> None:
 
 
 def test_the_first_configuration_again(bench: Bench) -> None:
-    bench.start_with(configuration())
+    bench.start_with(timed())
 
 
 # ---- from outside
