@@ -3,8 +3,8 @@
 # build-system.sh FOLDER [FRAGMENT...]: the image for the board from Debian's packages, of what `make system` made in
 # build. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
-# FOLDER gets uImage, nuc980-gateway.dtb, manifest.json; FOLDER.parts the root file system. OPENRTU_SITE in the
-# environment names a folder with the settings of a site.
+# FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
+# in it. OPENRTU_SITE in the environment names a folder with the settings of a site.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
@@ -62,6 +62,18 @@ make_images() {
 	"$board/place-macs.sh" "$folder/nuc980-gateway.dtb"
 }
 
+licences() {
+	local package
+	mkdir -p "$parts/licences"
+	while read -r package _; do
+		cp "$build/root/packages/usr/share/doc/$package/copyright" "$parts/licences/$package"
+	done <"$build/root/packages.versions"
+	for package in linux busybox; do
+		cp "$build/$package/debian/debian/copyright" "$parts/licences/$package"
+	done
+	cp "$tree/LICENSES/GPL-3.0-or-later.txt" "$parts/licences/openrtu"
+}
+
 versions() {
 	cat "$build/root/packages.versions"
 	for part in linux busybox; do
@@ -75,6 +87,7 @@ if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 	make_root
 	make_kernel
 	make_images
+	licences
 	versions >"$parts/versions"
 	inputs >"$folder.inputs"
 fi
