@@ -14,7 +14,7 @@ board=$tree/board/nuc980
 build=$tree/build
 parts=$folder.parts
 kernel=$build/linux-system
-fragments=("$@" "$board/linux/root-initramfs.fragment" "$parts/initramfs.fragment")
+fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
 umask 022
 
 inputs() {
@@ -22,7 +22,7 @@ inputs() {
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,linux/inputs,dtb/nuc980-gateway.dtb}
-		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,linux/root-initramfs.fragment}
+		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
 		[ -z "${OPENRTU_SITE:-}" ] || find "$OPENRTU_SITE" -type f -print0
