@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The image of `make system` for a site: who runs, who listens, what can be written, what it takes."""
 
+import hashlib
 import json
 import os
 import re
@@ -174,7 +175,7 @@ def test_modules_have_users_of_their_own_and_no_capability(linux: Linux, first_a
             assert int(process["CapEff"], 16) == int(process["CapPrm"], 16) == 0
             assert process["NoNewPrivs"] == "1"
             users[process["Uid"].split()[0]] = program
-    assert users == {"61201": "rtu-iec104", "61203": "rtu-modbus", "61204": "rtu-modbus"}
+    assert users == {"61201": "rtu-iec104", "61203": "rtu-modbus"}
     assert linux.run("id -u rtu-iec104; id -u rtu-modbus; id -gn rtu-iec104").split() == [
         "61201", "61203", "openrtu",
     ]  # fmt: skip
@@ -222,7 +223,8 @@ def test_root_belongs_to_root(linux: Linux) -> None:
     assert linux.run("stat -c '%a %u' / /root /root/.ssh /root/.ssh/authorized_keys").splitlines() == [
         "755 0", "700 0", "700 0", "600 0",
     ]  # fmt: skip
-    assert linux.run("find / -xdev ! -type l -perm -002 ! -path /tmp").strip() == ""
+    anybodys = linux.run("find / -xdev ! -type l -perm -002").split()
+    assert set(anybodys) <= {"/tmp"}
     assert linux.run("find / -xdev ! -user root").strip() == ""
     assert linux.run("find / -xdev -perm -4000").strip() == ""
 
@@ -234,16 +236,17 @@ def test_what_is_written_lies_in_a_bounded_file_system(linux: Linux, folder: str
     assert 0 < int(row[-5]) <= 16 * 1024
 
 
-def test_settings_of_the_site_are_in_force(linux: Linux) -> None:
+def test_settings_of_the_site_are_in_force(linux: Linux, site: Path) -> None:
     assert "inet 192.168.21.77/24" in linux.run("ip address show dev eth1")
-    assert json.loads(linux.run("cat /etc/openrtu/gateway.json")) == configuration()
+    given = hashlib.sha256((site / "config.json").read_bytes()).hexdigest()
+    assert linux.run("sha256sum /etc/openrtu/gateway.json").split()[0] == given
     assert linux.run("hostname").strip() == "openrtu"
 
 
 def test_log_is_bounded(linux: Linux) -> None:
     """10 MiB into the log leave no more than three files of it in the RAM."""
-    line = "x" * 200
-    linux.run(f"yes {line} | head -n 52429 | logger -t flood; logger -t last the end", seconds=180)
+    line = "x" * 1000
+    linux.run(f"yes {line} | head -n {10 * 2**20 // 1000} | logger -t flood; logger -t last the end", 400)
     files = linux.run("du -k /var/log/messages* | awk '{ sum += $1 } END { print sum }'")
     assert LOG_KIB / 3 < int(files) <= LOG_KIB + 16
     assert "last: the end" in linux.run("tail -n 5 /var/log/messages")
@@ -254,7 +257,7 @@ def test_log_is_bounded(linux: Linux) -> None:
 
 def test_memory(linux: Linux, first_answer: float) -> None:
     pids = linux.run("pidof rtud rtu-iec104 rtu-modbus").split()
-    assert len(pids) == 4
+    assert len(pids) == 3
     pss = linux.run(f"cat {' '.join(f'/proc/{pid}/smaps_rollup' for pid in pids)} | grep ^Pss:")
     gateway = sum(int(size) for size in re.findall(r"(\d+) kB", pss))
     available = int(re.search(r"MemAvailable: +(\d+)", linux.run("cat /proc/meminfo"))[1])  # type: ignore[index]
