@@ -25,9 +25,10 @@ LICENCES = [
 ]
 NO_COMMENT = {".json", ".pcap"}
 
-# A registry's host or one machine's path ties the tree to where it was written; a mkdtemp template does not.
+# A registry's host or one machine's path ties the tree to where it was written; a mkdtemp template does not, nor the
+# board's own /root/.ssh.
 PLACE = re.compile(
-    r"(?<![\w./-])/(?:work|home|root|tmp(?!/[\w.-]*XXXXXX))/"
+    r"(?<![\w./-])/(?:work|home|root(?!/\.ssh)|tmp(?!/[\w.-]*XXXXXX))/"
     r"|/opt/(?:wheels|pypi)"
     r"|\b(?:pypi\.org|pythonhosted\.org|(?:deb|security|snapshot|ftp)\.debian\.org)\b"
     r"|\b(?:registry\.npmjs\.org|crates\.io|docker\.io|ghcr\.io|proxy\.golang\.org)\b"
