@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system linux-debug
+.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system linux-debug netboot
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -231,7 +231,7 @@ C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) -name
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
 SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]* \
-  board/*/*/etc/init.d/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
+  board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
@@ -284,6 +284,17 @@ bench: build qemu uboot $(VENV) ## measure the gateway beside the report's metho
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py
+
+# ---- a real board --------------------------------------------------------------------------------
+
+ifeq ($(filter netboot,$(MAKECMDGOALS))$(PORT),netboot)
+$(error netboot: PORT=/dev/ttyUSB0 or the like is missing: where the board's debug UART is)
+endif
+NETBOOTED = $(if $(filter command line,$(origin IMAGE)),build/$(IMAGE)/images,$(SYSTEM))
+
+netboot: $(if $(filter command line,$(origin IMAGE)),,system) $(VENV) ## boot a board over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=; IMAGE=name: what make image built)
+	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(OPENRTU_SITE)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
+	  --console $(NETBOOTED)/uImage $(NETBOOTED)/nuc980-gateway.dtb
 
 # ---- away with it --------------------------------------------------------------------------------
 
