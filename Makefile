@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak run run-native twin bench clean distclean
+.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system linux-debug
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -61,9 +61,11 @@ build/native/build.ninja: | $(PACKAGES)
 build/asan/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(SRC) -Dtests=enabled -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
-build/arm/build.ninja: | $(SYSROOT)
-	printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > build/sysroot.ini
-	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file build/sysroot.ini --cross-file scripts/armel.ini
+build/arm/build.ninja: build/sysroot.ini
+	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file $< --cross-file scripts/armel.ini
+
+build/sysroot.ini: | $(SYSROOT)
+	printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
 
 build/linesim/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(LINESIM)
@@ -103,8 +105,60 @@ build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.
 	scripts/build-uboot.sh build/u-boot/debian $(@D)
 	touch $@
 
+# The one that was tried; with another one from the archive the patches apply, or the build says which does not.
+LINUX_VERSION := 6.1.176-1
+LINUX_FRAGMENTS := board/nuc980/linux/hardening.fragment
+LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENTS) \
+  $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
+
+linux: build/linux/done ## build the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
+
+build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
+	scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
+	touch $@
+
+build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
+	scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
+
+linux-debug: build/linux-debug/done ## build a Linux that watches itself (locks, DMA, memory), for the tests
+
+build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
+	scripts/build-linux.sh build/linux/debian $(@D) board/nuc980/linux/debug.fragment
+	touch $@
+
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	scripts/debian-source.sh $* $(@D)/debian
+
+# ---- the image from Debian's packages ------------------------------------------------------------
+
+# A build for a site has a folder of its own.
+SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(OPENRTU_SITE)')))
+SYSTEM_PARTS := build/linux/done build/busybox/done build/root/packages.done build/root/gateway.done \
+  build/dtb/nuc980-gateway.dtb
+
+system: $(SYSTEM_PARTS) ## build the image for the board from Debian's packages (SITE=folder: with its settings)
+	scripts/build-system.sh $(SYSTEM) $(LINUX_FRAGMENTS)
+
+build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
+	scripts/build-busybox.sh build/busybox/debian $(@D)
+	touch $@
+
+build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | build/packages-twin.done
+	mkdir -p $(@D)
+	packages=$$(scripts/image/rootfs.py packages) && ARCHITECTURE=armel scripts/debian-package.sh $(@D)/packages $$packages
+	touch $@
+
+build/root/gateway.done: build/arm-release/build.ninja $(shell find $(SRC) -type f)
+	ninja -C build/arm-release
+	rm -rf $(@D)/gateway
+	DESTDIR=$(CURDIR)/$(@D)/gateway meson install -C build/arm-release --strip --no-rebuild --quiet
+	touch $@
+
+build/arm-release/build.ninja: build/sysroot.ini
+	meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled --cross-file $< --cross-file scripts/armel.ini
+
+build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
+	scripts/build-dtb.sh $(DTS) $@
 
 # ---- the image -----------------------------------------------------------------------------------
 
@@ -176,7 +230,8 @@ PAYLOAD     = tests/netboot/payload
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
-SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
+SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]* \
+  board/*/*/etc/init.d/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
@@ -201,16 +256,20 @@ soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200
 
 # ---- see it --------------------------------------------------------------------------------------
 
+# The system of `make run`, for a site of its own.
+lab: $(VENV)
+	$(LAB).site build/site
+	$(MAKE) system SITE=build/site/lab
+
 LAB := PYTHONPATH=scripts $(PYTHON) -m lab
 
 ifneq ($(origin IMAGE),command line)
 run: build $(VENV) ## show the board, emulated: from reset to the control room's table (KEEP=1: stay up; IMAGE=folder: boot that image)
-	$(LAB).site build/lab
-	$(LAB).build build/lab/log qemu uboot linux "system SITE=build/lab/site"
+	$(LAB).build build/log qemu uboot linux lab
 	$(LAB).board_show $(if $(KEEP),--keep)
 else
 run: $(VENV)
-	$(LAB).build build/lab/log qemu uboot
+	$(LAB).build build/log qemu uboot
 	$(LAB).image $(IMAGE)
 endif
 

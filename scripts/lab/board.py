@@ -20,6 +20,8 @@ from nuc980.twin.machine import Machine
 ANSWER_SECONDS = 60.0
 # The UARTs of the ports 1 to 6.
 PORTS = (1, 2, 3, 4, 6, 8)
+# A request's bytes come out of QEMU with the pauses of a busy host: less than this ends none.
+SILENCE_US = 30_000
 STATION_PORT = 2404
 SSH_PORT = 22
 
@@ -28,6 +30,7 @@ SSH_PORT = 22
 class Network:
     """One of the board's Ethernet ports, on a network of QEMU's own: the board's and the host's address."""
 
+    name: str  # QEMU's for it, as `set_link` takes it
     board: str  # ADDRESS/PREFIX
     host: str
 
@@ -39,11 +42,17 @@ class Network:
         """QEMU's, with ports of this machine's 127.0.0.1 that lead to ports of the board."""
         ways = [f"hostfwd=tcp:127.0.0.1:{here}-{self.address}:{there}" for here, there in forwards.items()]
         prefix = self.board.partition("/")[2]
-        return ["-nic", ",".join((f"user,net={self.address}/{prefix},host={self.host}", *ways))]
+        return [
+            "-nic",
+            ",".join((f"user,id={self.name},net={self.address}/{prefix},host={self.host}", *ways)),
+        ]
 
 
 # Report 003: the two ports' addresses.
-ETHERNET = (Network("172.16.0.50/12", "172.16.0.1"), Network("192.168.21.100/24", "192.168.21.1"))
+ETHERNET = (
+    Network("net0", "172.16.0.50/12", "172.16.0.1"),
+    Network("net1", "192.168.21.100/24", "192.168.21.1"),
+)
 
 
 def lines_at(directory: Path) -> dict[int, str]:

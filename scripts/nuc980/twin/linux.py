@@ -18,11 +18,13 @@ from nuc980.twin.uboot import UART_FIFO
 BOOT_SECONDS = 120.0
 RUN_SECONDS = 30.0
 
-# What a kernel says of itself when something is wrong, behind its time stamp.
+# What a kernel says of itself when something is wrong: behind its time stamp, or, before there is one, at the
+# start of a line.
 TROUBLE = re.compile(
-    r"\[ *\d+\.\d{6}\](?:\[[^]\r\n]*\])? "
+    r"(?:\[ *\d+\.\d{6}\](?:\[[^]\r\n]*\])? |^)"
     r"((?:WARNING: |BUG: |Oops|Internal error: |Unable to handle kernel |Kernel panic|"
-    r"INFO: (?:task|rcu|possible|trying) |DMA-API: )[^\r\n]*)"
+    r"INFO: (?:task|rcu|possible|trying) |DMA-API: )[^\r\n]*)",
+    re.MULTILINE,
 )
 PANIC = re.compile(r"---\[ end Kernel panic")
 
