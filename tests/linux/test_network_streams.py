@@ -90,5 +90,7 @@ def test_megabytes_both_ways_through_both_ports(linux: Linux, forwarded: tuple[i
     assert [digest(f"/tmp/got{n}") for n in PORTS] == [hashlib.sha256(each).hexdigest() for each in content]
     assert [listener.digest() for listener in listeners] == [digest("/tmp/sent")] * len(PORTS)
     for n in PORTS:
-        counters = linux.run(f"cd /sys/class/net/eth{n}/statistics; cat rx_errors tx_errors rx_dropped tx_dropped")
+        counters = linux.run(
+            f"cd /sys/class/net/eth{n}/statistics; cat rx_errors tx_errors rx_dropped tx_dropped"
+        )
         assert counters.split() == ["0"] * 4
