@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""TCP through both Ethernet ports of the emulated board, both ways at once; the far ends are this host's own."""
+"""TCP through both Ethernet ports of the emulated board, both ways at once, this host at the far ends."""
 
 import hashlib
 import random
