@@ -256,16 +256,20 @@ soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200
 
 # ---- see it --------------------------------------------------------------------------------------
 
+# The system of `make run`, for a site of its own.
+lab: $(VENV)
+	$(LAB).site build/site
+	$(MAKE) system SITE=build/site/lab
+
 LAB := PYTHONPATH=scripts $(PYTHON) -m lab
 
 ifneq ($(origin IMAGE),command line)
 run: build $(VENV) ## show the board, emulated: from reset to the control room's table (KEEP=1: stay up; IMAGE=folder: boot that image)
-	$(LAB).site build/lab
-	$(LAB).build build/lab/log qemu uboot linux "system SITE=build/lab/site"
+	$(LAB).build build/log qemu uboot linux lab
 	$(LAB).board_show $(if $(KEEP),--keep)
 else
 run: $(VENV)
-	$(LAB).build build/lab/log qemu uboot
+	$(LAB).build build/log qemu uboot
 	$(LAB).image $(IMAGE)
 endif
 

@@ -44,7 +44,7 @@ from nuc980.twin.machine import Machine, MachineError
 QEMU = REPOSITORY / "build/qemu/bin/qemu-system-arm"
 UBOOT = REPOSITORY / "build/u-boot/u-boot.bin"
 SYSTEM = REPOSITORY / "build/system-lab"
-SITE = REPOSITORY / "build/lab"
+KEY = REPOSITORY / "build/site/key"
 
 LOGIN_SECONDS = 60.0
 READ_SECONDS = 60.0
@@ -132,7 +132,7 @@ def start_board(stack: contextlib.ExitStack, directory: Path, system: Path, port
     say(f"   * the emulated board is switched on; its debug UART is {machine.pty(0)}")
     progress = Progress()
     netboot(machine, directory, system / "uImage", system / "nuc980-gateway.dtb", progress)
-    ssh = stack.enter_context(Ssh(ssh_port, SITE / "key", directory))
+    ssh = stack.enter_context(Ssh(ssh_port, KEY, directory))
     board = Board(machine, ssh.run, ("127.0.0.1", port))
     board.rtuctl = " ".join((*ssh.command, "rtuctl"))
     with progress.phase("log-in by ssh"):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the site of `make run`: chapter 5's points, who may log in, the board's MAC addresses.
 
-python -m lab.site FOLDER: FOLDER/site for `make system SITE=`, and the key that opens that board, FOLDER/key.
+python -m lab.site FOLDER: FOLDER/lab for `make system SITE=`, and the key that opens that board, FOLDER/key.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def macs_file() -> str:
 
 def write_site(folder: Path) -> None:
     """Writes what has changed, so that what is built of it is built again only then."""
-    key, site = folder / "key", folder / "site"
+    key, site = folder / "key", folder / "lab"
     site.mkdir(parents=True, exist_ok=True)
     if not key.exists():
         subprocess.run(

@@ -16,10 +16,12 @@ def gateway_dts(folder: Path, more: str) -> Path:
 
 
 def gateway_dtb(folder: Path, more: str) -> Path:
-    """The same, compiled. A mistake may well make dtc warn."""
+    """The same, compiled whatever dtc says: a tree with a mistake has to get as far as the board."""
     dtb = folder / "board.dtb"
-    done = subprocess.run(
-        [ROOT / "scripts/build-dtb.sh", gateway_dts(folder, more), dtb], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    source = subprocess.run(
+        ["cpp", "-nostdinc", "-undef", "-D__DTS__", "-x", "assembler-with-cpp", "-I", GATEWAY.parent,
+         gateway_dts(folder, more)],
+        capture_output=True, check=True,
+    ).stdout  # fmt: skip
+    subprocess.run(["dtc", "-q", "-f", "-I", "dts", "-O", "dtb", "-o", dtb, "-"], input=source, check=True)
     return dtb
