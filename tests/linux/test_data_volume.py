@@ -193,7 +193,7 @@ def test_settings_of_the_volume_replace_the_images(power: Callable[[], Linux], w
         (INTERFACES.replace("address 10.11.12.13", "address 10.11.12.313"), "no address: 10.11.12.313"),
         (INTERFACES.replace("auto eth0", ""), "neither eth0 nor eth1"),
         (INTERFACES.replace("inet static", "inet ecstatic"), "ecstatic"),
-        ("\0\xff garbage", ""),
+        ("garbage\n" + INTERFACES, "garbage"),
     ],
     ids=["address", "nothing brought up", "method", "garbage"],
 )
