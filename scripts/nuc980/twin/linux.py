@@ -22,7 +22,7 @@ RUN_SECONDS = 30.0
 # start of a line.
 TROUBLE = re.compile(
     r"(?:\[ *\d+\.\d{6}\](?:\[[^]\r\n]*\])? |^)"
-    r"((?:WARNING: |BUG: |Oops|Internal error: |Unable to handle kernel |Kernel panic|"
+    r"((?:WARNING: |(?:\[ )?BUG: |BUG \S+ \(|Oops|Internal error: |Unable to handle kernel |Kernel panic|"
     r"INFO: (?:task|rcu|possible|trying) |DMA-API: )[^\r\n]*)",
     re.MULTILINE,
 )
