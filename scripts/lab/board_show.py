@@ -78,8 +78,9 @@ def modules(stage: BoardStage) -> None:
 
 def pins(stage: BoardStage) -> None:
     """The pins of the running board: which devices have theirs (info nuc980-pins)"""
-    _, _, devices = stage.gateway.machine.info("nuc980-pins").partition("\n\n")
-    say(indented(devices.replace("\r", "")))
+    view = stage.gateway.machine.info("nuc980-pins").replace("\r", "")
+    _, _, devices = view.partition("\n\n")
+    say(indented(devices))
     for device in ("uart0", *(f"uart{number}" for number in PORTS), "emac0", "emac1"):
         found = re.search(rf"^{device} .*connected", devices, re.MULTILINE)
         check(found is not None, f"{device} lacks pins")

@@ -296,13 +296,13 @@ def test_killed_station_is_there_again(bench: Bench, master: Master) -> None:
 
 
 def test_killed_rtud_takes_all_with_it_and_all_come_back(bench: Bench) -> None:
-    before = {name: module["pid"] for name, module in bench.board.modules().items()}
+    before = {name: module["pid"] for name, module in bench.board.modules().items() if module["pid"]}
     bench.linux.run("kill -9 $(pidof rtud)")
 
     def anew() -> bool:
         with contextlib.suppress(GatewayError):
             modules = bench.board.modules()
-            return all(module["pid"] not in (0, before[name]) for name, module in modules.items())
+            return all(modules[name]["pid"] not in (0, pid) for name, pid in before.items())
         return False
 
     bench.board.wait_for(anew, READ_SECONDS, "rtud and its modules run again")
@@ -314,7 +314,7 @@ def test_killed_rtud_takes_all_with_it_and_all_come_back(bench: Bench) -> None:
 def test_dead_link_ends_the_connection_and_no_more(bench: Bench) -> None:
     """The cable is pulled: the station gives the connection up after t3 + t1; later all is as before."""
     machine = bench.linux.machine
-    connected = "netstat -tn | grep -c '172.16.0.50:2404 .*ESTABLISHED' || true"
+    connected = "grep -c ':0964 [0-9A-F:]* 01 ' /proc/net/tcp || true"  # established, at our port 2404
     with RawMaster(*bench.board.address) as master:
         master.interrogate(STATION)
         assert bench.linux.run(connected) == "1"
@@ -336,7 +336,6 @@ def test_reboot_ends_in_the_same_state(bench: Bench) -> None:
     bench.linux.wait_for_shell()
     bench.ssh.close()
     assert [event["guest"] for event in bench.linux.machine.events("RESET")] == [True]
-    assert float(bench.linux.run("cut -d' ' -f1 /proc/uptime")) < READ_SECONDS
     bench.wait_all_read()
     with Master(*bench.board.address) as master:
         reports = master.interrogate_all()
