@@ -23,7 +23,7 @@ RUN_SECONDS = 30.0
 TROUBLE = re.compile(
     r"(?:\[ *\d+\.\d{6}\](?:\[[^]\r\n]*\])? |^)"
     r"((?:WARNING: |(?:\[ )?BUG: |BUG \S+ \(|Oops|Internal error: |Unable to handle kernel |Kernel panic|"
-    r"INFO: (?:task|rcu|possible|trying) |DMA-API: )[^\r\n]*)",
+    r"INFO: (?:task|rcu|possible|trying) |DMA-API: (?!preallocated|debugging enabled))[^\r\n]*)",
     re.MULTILINE,
 )
 PANIC = re.compile(r"---\[ end Kernel panic")
