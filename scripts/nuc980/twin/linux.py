@@ -15,7 +15,7 @@ from typing import Any, Self
 from nuc980.twin.machine import Machine
 from nuc980.twin.uboot import UART_FIFO
 
-BOOT_SECONDS = 120.0
+BOOT_SECONDS = 300.0
 RUN_SECONDS = 30.0
 
 # What a kernel says of itself when something is wrong: behind its time stamp, or, before there is one, at the
