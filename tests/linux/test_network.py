@@ -260,9 +260,8 @@ def test_ten_megabit(linux: Linux, ports: tuple[Wire, Wire], duplex: str) -> Non
     """The twin hears and sends nothing when the MAC's speed is not the PHY's."""
     linux.run(f"network force eth0 10 {duplex}")
     until(
-        lambda: (
-            linux.run("network settings eth0") == f"10 {duplex} forced nuc980-emac" and has_carrier(linux, 0)
-        ),
+        lambda: linux.run("network settings eth0") == f"10 {duplex} forced nuc980-emac"
+        and has_carrier(linux, 0),
         "the link at 10 Mbit/s",
     )
     assert ports[0].answers()
@@ -377,8 +376,7 @@ def test_flood_takes_no_byte_from_a_line(linux: Linux, ports: tuple[Wire, Wire])
 
 def after_recovery(linux: Linux, wire: Wire, port: int) -> None:
     until(
-        lambda: "the MAC starts anew" in linux.run(f"dmesg -c | grep eth{port} || true"),
-        "the MAC starts anew",
+        lambda: "the MAC starts anew" in linux.run(f"dmesg -c | grep eth{port} || true"), "the MAC starts anew"
     )
     assert wire.answers()
     assert has_carrier(linux, port)
@@ -456,9 +454,7 @@ def test_two_boards_on_one_network(boot: Boot, kernel: Kernel, tmp_path: Path) -
     boards = []
     for address, (local, remote), booted in zip((1, 2), (ends, ends[::-1]), (kernel, bare), strict=True):
         boards.append(boot(*cable(0, local, remote), kernel=booted))
-        boards[-1].run(
-            f"ip link set eth0 up; ip addr flush dev eth0; ip addr add 10.9.0.{address}/24 dev eth0"
-        )
+        boards[-1].run(f"ip link set eth0 up; ip addr flush dev eth0; ip addr add 10.9.0.{address}/24 dev eth0")
     first, second = boards
     until(lambda: has_carrier(first, 0) and has_carrier(second, 0), "both links")
     assert "3 packets received" in first.run("ping -c 3 -i 0.2 -W 5 10.9.0.2")

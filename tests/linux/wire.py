@@ -149,9 +149,7 @@ class Wire:
             start = 14 + len(tag)
             kind, body = int.from_bytes(frame[start - 2 : start], "big"), frame[start:]
             with self._news:
-                if not (kind == ARP and self._arp(body, tag)) and not (
-                    kind == IPV4 and self._icmp(body, tag)
-                ):
+                if not (kind == ARP and self._arp(body, tag)) and not (kind == IPV4 and self._icmp(body, tag)):
                     self.seen.append(frame)
                 self._news.notify_all()
 
