@@ -247,24 +247,24 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross qemu uboot $(VENV) ## all tests
+test: lint unit asan cross qemu uboot linux system lab $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 
-soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200 boots, 100 power cuts
+soak: build qemu uboot linux system $(VENV) ## the long tests: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
 
+LAB := PYTHONPATH=scripts $(PYTHON) -m lab
+
 # The system of `make run`, for a site of its own.
-lab: $(VENV)
+lab: $(VENV) ## build the image that `make run` shows
 	$(LAB).site build/site
 	$(MAKE) system SITE=build/site/lab
 
-LAB := PYTHONPATH=scripts $(PYTHON) -m lab
-
 ifneq ($(origin IMAGE),command line)
-run: build $(VENV) ## show the board, emulated: from reset to the control room's table (KEEP=1: stay up; IMAGE=folder: boot that image)
+run: build $(VENV) ## show the emulated board, from reset to the control room (KEEP=1: stay up; IMAGE=folder: boot that)
 	$(LAB).build build/log qemu uboot linux lab
 	$(LAB).board_show $(if $(KEEP),--keep)
 else
@@ -273,7 +273,7 @@ run: $(VENV)
 	$(LAB).image $(IMAGE)
 endif
 
-run-native: build $(VENV) ## show the gateway on this machine, without the board (KEEP=1: stay up for your own master)
+run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: stay up for your own master)
 	$(LAB) $(if $(KEEP),--keep)
 
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin

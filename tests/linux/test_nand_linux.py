@@ -363,7 +363,7 @@ def test_files_come_back_after_a_restart(
 def test_worn_blocks_are_retired(
     boot: Boot, formatted: NandImage, extra_files: dict[str, Path | str], tmp_path: Path
 ) -> None:
-    """They take neither data nor the mark of a bad one. The same work on a good flash shows which it takes."""
+    """They take neither data nor a mark. The same work on a good flash shows which blocks it takes."""
     good = copied(formatted, tmp_path)
     with boot(*drive(good), files=extra_files) as linux:
         linux.run(BIG, 60)

@@ -17,6 +17,7 @@ from nuc980.netboot.boot import tree_for
 from nuc980.twin.linux import Kernel, Linux
 
 HERE = Path(__file__).parent
+START_SCRIPT = HERE.parents[1] / "board/nuc980/rootfs-overlay/etc/init.d/S41macs"
 MACS = ("02:00:00:aa:bb:01", "02:00:00:aa:bb:02")
 BOARD = ("10.1.0.2", "10.2.0.2")
 HOST = ("10.1.0.1", "10.2.0.1")
@@ -75,7 +76,7 @@ def extra_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path | st
     program = tmp_path_factory.mktemp("network") / "network"
     subprocess.run(
         ["arm-linux-gnueabi-gcc", "-std=c11", "-D_GNU_SOURCE", "-O2", "-static", "-march=armv5te", "-marm",
-         "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "network.c"], check=True
+         "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "programs" / "network.c"], check=True
     )  # fmt: skip
     return {"/bin/network": program}
 
@@ -192,7 +193,7 @@ def frames_heard(linux: Linux, wire: Wire, port: int, to: bytes) -> int:
 
 @pytest.fixture
 def quiet(linux: Linux, ports: tuple[Wire, Wire]) -> Wire:
-    """Port 0, to which nothing goes but what a test sends: the board takes its host's address as confirmed."""
+    """Port 0, to which nothing goes but what a test sends: the board does not ask for its host again."""
     linux.run("echo 3600 > /proc/sys/net/ipv4/neigh/eth0/delay_first_probe_time")
     assert ports[0].answers()
     return ports[0]
@@ -260,8 +261,9 @@ def test_ten_megabit(linux: Linux, ports: tuple[Wire, Wire], duplex: str) -> Non
     """The twin hears and sends nothing when the MAC's speed is not the PHY's."""
     linux.run(f"network force eth0 10 {duplex}")
     until(
-        lambda: linux.run("network settings eth0") == f"10 {duplex} forced nuc980-emac"
-        and has_carrier(linux, 0),
+        lambda: (
+            linux.run("network settings eth0") == f"10 {duplex} forced nuc980-emac" and has_carrier(linux, 0)
+        ),
         "the link at 10 Mbit/s",
     )
     assert ports[0].answers()
@@ -376,7 +378,8 @@ def test_flood_takes_no_byte_from_a_line(linux: Linux, ports: tuple[Wire, Wire])
 
 def after_recovery(linux: Linux, wire: Wire, port: int) -> None:
     until(
-        lambda: "the MAC starts anew" in linux.run(f"dmesg -c | grep eth{port} || true"), "the MAC starts anew"
+        lambda: "the MAC starts anew" in linux.run(f"dmesg -c | grep eth{port} || true"),
+        "the MAC starts anew",
     )
     assert wire.answers()
     assert has_carrier(linux, port)
@@ -453,8 +456,10 @@ def test_two_boards_on_one_network(boot: Boot, kernel: Kernel, tmp_path: Path) -
     ends = [f"{tmp_path}/a", f"{tmp_path}/b"]
     boards = []
     for address, (local, remote), booted in zip((1, 2), (ends, ends[::-1]), (kernel, bare), strict=True):
-        boards.append(boot(*cable(0, local, remote), kernel=booted))
-        boards[-1].run(f"ip link set eth0 up; ip addr flush dev eth0; ip addr add 10.9.0.{address}/24 dev eth0")
+        boards.append(boot(*cable(0, local, remote), kernel=booted, files={"/bin/macs": START_SCRIPT}))
+        boards[-1].run(
+            f"ip link set eth0 up; ip addr flush dev eth0; ip addr add 10.9.0.{address}/24 dev eth0"
+        )
     first, second = boards
     until(lambda: has_carrier(first, 0) and has_carrier(second, 0), "both links")
     assert "3 packets received" in first.run("ping -c 3 -i 0.2 -W 5 10.9.0.2")
@@ -465,3 +470,11 @@ def test_two_boards_on_one_network(boot: Boot, kernel: Kernel, tmp_path: Path) -
     assert all(int(mac[:2], 16) & 3 == 2 for mac in made_up), "of one board, locally administered"
     assert second.run("dmesg | grep -c 'no local-mac-address in the device tree'") == "2"
     assert first.try_to("dmesg | grep 'no local-mac-address'")[0] == 1
+
+    assert first.run("macs start 2>&1") == ""
+    warned = second.run("macs start 2>&1").splitlines()
+    assert [f"eth{n} has made up its address {made_up[n]}" in warned[n] for n in (0, 1)] == [True, True]
+    first.run("ip link set eth1 address 08:00:27:00:01:93")
+    assert "eth1 has 08:00:27:00:01:93, as all boards with the vendor's kernel" in first.run(
+        "macs start 2>&1"
+    )

@@ -9,7 +9,6 @@ import struct
 import termios
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from ipaddress import IPv4Address
 from pathlib import Path
@@ -58,7 +57,7 @@ def cable(number: int, near: str, far: str) -> tuple[str, ...]:
 class Wire:
     """A cable from a port of the board to a host of the test's own.
 
-    arguments: QEMU's, for this port. seen: the frames that came and were neither ARP nor pings.
+    arguments: QEMU's, for this port. echoes: the pings that the board answered, and with what.
     """
 
     def __init__(self, folder: Path, number: int, host: str, board: str) -> None:
@@ -66,8 +65,7 @@ class Wire:
         self.mac = bytes((2, 0, 0, 0, 0xEE, number))
         self.board_mac = b""  # as it was last seen
         self.name = f"nuc980-emac.{number}"
-        self.seen: deque[bytes] = deque(maxlen=1000)
-        self.echoes: dict[bytes, bytes] = {}  # replies by identifier and sequence number: data
+        self.echoes: dict[bytes, bytes] = {}  # by identifier and sequence number
         self._asked = 0
         self._board = f"{folder}/board{number}"
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -149,30 +147,30 @@ class Wire:
             start = 14 + len(tag)
             kind, body = int.from_bytes(frame[start - 2 : start], "big"), frame[start:]
             with self._news:
-                if not (kind == ARP and self._arp(body, tag)) and not (kind == IPV4 and self._icmp(body, tag)):
+                if not (kind == ARP and self._arp(body, tag)) and not (
+                    kind == IPV4 and self._icmp(body, tag)
+                ):
                     self.seen.append(frame)
                 self._news.notify_all()
 
-    def _arp(self, body: bytes, tag: bytes) -> bool:
+    def _arp(self, body: bytes, tag: bytes) -> None:
         operation, sender, target = body[6:8], body[8:18], IPv4Address(body[24:28])
         if target != self.host:
-            return False
+            return
         self.board_mac = sender[:6]
         if operation == b"\0\1":
             head = struct.pack("!HHBBH", 1, IPV4, 6, 4, 2)
             reply = head + self.mac + self.host.packed + sender
             self.send(self.frame(ARP, reply, sender[:6], tag))
-        return True
 
-    def _icmp(self, body: bytes, tag: bytes) -> bool:
+    def _icmp(self, body: bytes, tag: bytes) -> None:
         length = int.from_bytes(body[2:4], "big")
         message = body[20:length]
         if body[9] != ICMP or IPv4Address(body[16:20]) != self.host:
-            return False
+            return
         if message[0] == ECHO_REPLY:
             assert checksum(message) == 0
             self.echoes[message[4:8]] = message[8:]
         elif message[0] == ECHO_REQUEST:
             reply = packet(ICMP, self.host, IPv4Address(body[12:16]), echo(ECHO_REPLY, message[4:]))
             self.send(self.frame(IPV4, reply, self.board_mac, tag))
-        return True
