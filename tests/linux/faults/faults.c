@@ -33,8 +33,10 @@ static void fault_dma(void)
 	if (memory && !IS_ERR(pdev) &&
 	    !dma_coerce_mask_and_coherent(&pdev->dev, DMA_BIT_MASK(32))) {
 		addr = dma_map_single(&pdev->dev, memory, SIZE, DMA_TO_DEVICE);
-		dma_unmap_single(&pdev->dev, addr, SIZE, DMA_TO_DEVICE);
-		dma_unmap_single(&pdev->dev, addr, SIZE, DMA_TO_DEVICE);
+		if (!dma_mapping_error(&pdev->dev, addr)) {
+			dma_unmap_single(&pdev->dev, addr, SIZE, DMA_TO_DEVICE);
+			dma_unmap_single(&pdev->dev, addr, SIZE, DMA_TO_DEVICE);
+		}
 	}
 	platform_device_unregister(pdev);
 	kfree(memory);
