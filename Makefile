@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system linux-debug
+.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system linux-debug netboot
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -231,7 +231,7 @@ C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) -name
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
 SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]* \
-  board/*/*/etc/init.d/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
+  board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
@@ -247,24 +247,24 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross qemu uboot $(VENV) ## all tests
+test: lint unit asan cross qemu uboot linux system lab $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 
-soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200 boots, 100 power cuts
+soak: build qemu uboot linux system $(VENV) ## the long tests: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
 
+LAB := PYTHONPATH=scripts $(PYTHON) -m lab
+
 # The system of `make run`, for a site of its own.
-lab: $(VENV)
+lab: $(VENV) ## build the image that `make run` shows
 	$(LAB).site build/site
 	$(MAKE) system SITE=build/site/lab
 
-LAB := PYTHONPATH=scripts $(PYTHON) -m lab
-
 ifneq ($(origin IMAGE),command line)
-run: build $(VENV) ## show the board, emulated: from reset to the control room's table (KEEP=1: stay up; IMAGE=folder: boot that image)
+run: build $(VENV) ## show the emulated board, from reset to the control room (KEEP=1: stay up; IMAGE=folder: boot that)
 	$(LAB).build build/log qemu uboot linux lab
 	$(LAB).board_show $(if $(KEEP),--keep)
 else
@@ -273,7 +273,7 @@ run: $(VENV)
 	$(LAB).image $(IMAGE)
 endif
 
-run-native: build $(VENV) ## show the gateway on this machine, without the board (KEEP=1: stay up for your own master)
+run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: stay up for your own master)
 	$(LAB) $(if $(KEEP),--keep)
 
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
@@ -284,6 +284,17 @@ bench: build qemu uboot $(VENV) ## measure the gateway beside the report's metho
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py
+
+# ---- a real board --------------------------------------------------------------------------------
+
+ifeq ($(filter netboot,$(MAKECMDGOALS))$(PORT),netboot)
+$(error netboot: PORT=/dev/ttyUSB0 or the like is missing: where the board's debug UART is)
+endif
+NETBOOTED = $(if $(filter command line,$(origin IMAGE)),build/$(IMAGE)/images,$(SYSTEM))
+
+netboot: $(if $(filter command line,$(origin IMAGE)),,system) $(VENV) ## boot a board over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=; IMAGE=name: what make image built)
+	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(OPENRTU_SITE)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
+	  --console $(NETBOOTED)/uImage $(NETBOOTED)/nuc980-gateway.dtb
 
 # ---- away with it --------------------------------------------------------------------------------
 

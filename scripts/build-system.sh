@@ -3,8 +3,8 @@
 # build-system.sh FOLDER [FRAGMENT...]: the image for the board from Debian's packages, of what `make system` made in
 # build. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
-# FOLDER gets uImage, nuc980-gateway.dtb, manifest.json; FOLDER.parts the root file system. OPENRTU_SITE in the
-# environment names a folder with the settings of a site.
+# FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
+# in it. OPENRTU_SITE in the environment names a folder with the settings of a site.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
@@ -14,7 +14,7 @@ board=$tree/board/nuc980
 build=$tree/build
 parts=$folder.parts
 kernel=$build/linux-system
-fragments=("$@" "$board/linux/root-initramfs.fragment" "$parts/initramfs.fragment")
+fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
 umask 022
 
 inputs() {
@@ -22,7 +22,7 @@ inputs() {
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,linux/inputs,dtb/nuc980-gateway.dtb}
-		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,linux/root-initramfs.fragment}
+		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
 		[ -z "${OPENRTU_SITE:-}" ] || find "$OPENRTU_SITE" -type f -print0
@@ -62,6 +62,18 @@ make_images() {
 	"$board/place-macs.sh" "$folder/nuc980-gateway.dtb"
 }
 
+licences() {
+	local package
+	mkdir -p "$parts/licences"
+	while read -r package _; do
+		cp "$build/root/packages/usr/share/doc/$package/copyright" "$parts/licences/$package"
+	done <"$build/root/packages.versions"
+	for package in linux busybox; do
+		cp "$build/$package/debian/debian/copyright" "$parts/licences/$package"
+	done
+	cp "$tree/LICENSES/GPL-3.0-or-later.txt" "$parts/licences/openrtu"
+}
+
 versions() {
 	cat "$build/root/packages.versions"
 	for part in linux busybox; do
@@ -75,6 +87,7 @@ if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 	make_root
 	make_kernel
 	make_images
+	licences
 	versions >"$parts/versions"
 	inputs >"$folder.inputs"
 fi

@@ -11,14 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lab.show import CHAPTER_5
-
-MACS = ("02:00:00:00:00:01", "02:00:00:00:00:02")
-
-
-def macs_file() -> str:
-    """The board's MAC addresses, as a site and nuc980-netboot have them."""
-    return "".join(f"eth{number} {mac}\n" for number, mac in enumerate(MACS))
+from lab.board import configuration, macs_file
 
 
 def write_site(folder: Path) -> None:
@@ -29,10 +22,8 @@ def write_site(folder: Path) -> None:
         subprocess.run(
             ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "make run", "-f", key], check=True
         )
-    config = json.loads((CHAPTER_5 / "gateway.json").read_text())
-    del config["iec104"]["address"]  # the station listens on all of the board's addresses
     for name, text in {
-        "config.json": json.dumps(config, indent=2) + "\n",
+        "config.json": json.dumps(configuration(), indent=2) + "\n",
         "authorized_keys": key.with_suffix(".pub").read_text(),
         "macs": macs_file(),
     }.items():

@@ -29,11 +29,11 @@ NOWHERE = 0x40000000  # no RAM, no device
 
 @pytest.fixture(scope="session")
 def gaps(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """gaps.c for the board."""
+    """programs/gaps.c for the board."""
     program = tmp_path_factory.mktemp("gaps") / "gaps"
     subprocess.run(
         ["arm-linux-gnueabi-gcc", "-std=c11", "-D_GNU_SOURCE", "-O2", "-static", "-march=armv5te", "-marm",
-         "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "gaps.c"], check=True
+         "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "programs/gaps.c"], check=True
     )  # fmt: skip
     return program
 

@@ -72,7 +72,7 @@ def test_all_of_it_is_seen(story: Story) -> None:
         r"^ +rtu-iec104 .*running",
         r"^ +uart8 .*connected$",
         r"^ +board +kill -9 \d+ ",
-        r"It measures an emulator",
+        r"^ +Verdict: ",
     ],
 )
 def test_it_shows(story: Story, words: str) -> None:
