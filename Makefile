@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak run run-native twin bench clean distclean
+.PHONY: help setup build dtb qemu uboot linux unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test soak lab run run-native twin bench clean distclean system linux-debug netboot
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -61,9 +61,11 @@ build/native/build.ninja: | $(PACKAGES)
 build/asan/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(SRC) -Dtests=enabled -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
-build/arm/build.ninja: | $(SYSROOT)
-	printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > build/sysroot.ini
-	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file build/sysroot.ini --cross-file scripts/armel.ini
+build/arm/build.ninja: build/sysroot.ini
+	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file $< --cross-file scripts/armel.ini
+
+build/sysroot.ini: | $(SYSROOT)
+	printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
 
 build/linesim/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(LINESIM)
@@ -103,8 +105,60 @@ build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.
 	scripts/build-uboot.sh build/u-boot/debian $(@D)
 	touch $@
 
+# The one that was tried; with another one from the archive the patches apply, or the build says which does not.
+LINUX_VERSION := 6.1.176-1
+LINUX_FRAGMENTS := board/nuc980/linux/hardening.fragment
+LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENTS) \
+  $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
+
+linux: build/linux/done ## build the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
+
+build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
+	scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
+	touch $@
+
+build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
+	scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
+
+linux-debug: build/linux-debug/done ## build a Linux that watches itself (locks, DMA, memory), for the tests
+
+build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
+	scripts/build-linux.sh build/linux/debian $(@D) board/nuc980/linux/debug.fragment
+	touch $@
+
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	scripts/debian-source.sh $* $(@D)/debian
+
+# ---- the image from Debian's packages ------------------------------------------------------------
+
+# A build for a site has a folder of its own.
+SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(OPENRTU_SITE)')))
+SYSTEM_PARTS := build/linux/done build/busybox/done build/root/packages.done build/root/gateway.done \
+  build/dtb/nuc980-gateway.dtb
+
+system: $(SYSTEM_PARTS) ## build the image for the board from Debian's packages (SITE=folder: with its settings)
+	scripts/build-system.sh $(SYSTEM) $(LINUX_FRAGMENTS)
+
+build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
+	scripts/build-busybox.sh build/busybox/debian $(@D)
+	touch $@
+
+build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | build/packages-twin.done
+	mkdir -p $(@D)
+	packages=$$(scripts/image/rootfs.py packages) && ARCHITECTURE=armel scripts/debian-package.sh $(@D)/packages $$packages
+	touch $@
+
+build/root/gateway.done: build/arm-release/build.ninja $(shell find $(SRC) -type f)
+	ninja -C build/arm-release
+	rm -rf $(@D)/gateway
+	DESTDIR=$(CURDIR)/$(@D)/gateway meson install -C build/arm-release --strip --no-rebuild --quiet
+	touch $@
+
+build/arm-release/build.ninja: build/sysroot.ini
+	meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled --cross-file $< --cross-file scripts/armel.ini
+
+build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
+	scripts/build-dtb.sh $(DTS) $@
 
 # ---- the image -----------------------------------------------------------------------------------
 
@@ -176,7 +230,8 @@ PAYLOAD     = tests/netboot/payload
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
-SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]*)
+SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]* \
+  board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
@@ -192,29 +247,33 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross qemu uboot $(VENV) ## all tests
+test: lint unit asan cross qemu uboot linux system lab $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 
-soak: build qemu uboot $(VENV) ## the long tests: 1000 kills of each module, 200 boots, 100 power cuts
+soak: build qemu uboot linux system $(VENV) ## the long tests: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
 
 LAB := PYTHONPATH=scripts $(PYTHON) -m lab
 
+# The system of `make run`, for a site of its own.
+lab: $(VENV) ## build the image that `make run` shows
+	$(LAB).site build/site
+	$(MAKE) system SITE=build/site/lab
+
 ifneq ($(origin IMAGE),command line)
-run: build $(VENV) ## show the board, emulated: from reset to the control room's table (KEEP=1: stay up; IMAGE=folder: boot that image)
-	$(LAB).site build/lab
-	$(LAB).build build/lab/log qemu uboot linux "system SITE=build/lab/site"
+run: build $(VENV) ## show the emulated board, from reset to the control room (KEEP=1: stay up; IMAGE=folder: boot that)
+	$(LAB).build build/log qemu uboot linux lab
 	$(LAB).board_show $(if $(KEEP),--keep)
 else
 run: $(VENV)
-	$(LAB).build build/lab/log qemu uboot
+	$(LAB).build build/log qemu uboot
 	$(LAB).image $(IMAGE)
 endif
 
-run-native: build $(VENV) ## show the gateway on this machine, without the board (KEEP=1: stay up for your own master)
+run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: stay up for your own master)
 	$(LAB) $(if $(KEEP),--keep)
 
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
@@ -225,6 +284,17 @@ bench: build qemu uboot $(VENV) ## measure the gateway beside the report's metho
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py
+
+# ---- a real board --------------------------------------------------------------------------------
+
+ifeq ($(filter netboot,$(MAKECMDGOALS))$(PORT),netboot)
+$(error netboot: PORT=/dev/ttyUSB0 or the like is missing: where the board's debug UART is)
+endif
+NETBOOTED = $(if $(filter command line,$(origin IMAGE)),build/$(IMAGE)/images,$(SYSTEM))
+
+netboot: $(if $(filter command line,$(origin IMAGE)),,system) $(VENV) ## boot a board over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=; IMAGE=name: what make image built)
+	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(OPENRTU_SITE)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
+	  --console $(NETBOOTED)/uImage $(NETBOOTED)/nuc980-gateway.dtb
 
 # ---- away with it --------------------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ configure() {
 		--disable-kvm --disable-debug-info --disable-install-blobs
 }
 
-"$tree/scripts/patched-source.sh" "$debian" "$tree/patches/qemu" "$tree/board/nuc980/qemu" "$folder/source"
+"$tree/scripts/patched-source.sh" "$debian" "$tree/board/nuc980/qemu" "$folder/source" "$tree"/patches/qemu/*.patch
 if ! [[ -e $folder/build/build.ninja ]]; then
 	configure >"$folder/configure.log" 2>&1 || {
 		rm -f "$folder/build/build.ninja"

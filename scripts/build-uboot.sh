@@ -24,7 +24,7 @@ stage() {
 	rm -rf "$folder/overlay"
 	mkdir -p "$dts"
 	cp --archive "$tree"/dts/nuvoton/*.dts* "$dts"
-	"$tree/scripts/patched-source.sh" "$debian" "$tree/patches/uboot" "$folder/overlay" "$folder/source"
+	"$tree/scripts/patched-source.sh" "$debian" "$folder/overlay" "$folder/source" "$tree"/patches/uboot/*.patch
 }
 
 build() {

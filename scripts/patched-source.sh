@@ -1,26 +1,28 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# patched-source.sh DEBIAN PATCHES OVERLAY SOURCE: a source tree to build in.
+# patched-source.sh DEBIAN OVERLAY SOURCE PATCH...: a source tree to build in.
 #
-# SOURCE becomes what DEBIAN is, with the patches of the folder PATCHES applied and OVERLAY's files laid over it. Only
-# what differs is copied there, so that a build rebuilds just what it must.
+# SOURCE becomes what DEBIAN is, with the patches applied in this order and OVERLAY's files laid over it. Only what
+# differs is copied there, so that a build rebuilds just what it must.
 set -euo pipefail
 
 debian=$1
-patches=$2
-overlay=$3
-source=$4
+overlay=$2
+source=$3
+shift 3
 stage=$source.stage
 
-# The files that a patch changes, without those that it adds.
+# The files of Debian's that the patches change.
 patched() {
-	sed -n 's|^--- a/||p' "$patches"/*.patch | sort --unique
+	sed -n 's|^--- a/||p' "$@" | sort --unique | while read -r file; do
+		[ ! -e "$debian/$file" ] || echo "$file"
+	done
 }
 
 rm -rf "$stage"
 mkdir -p "$stage" "$source"
-patched | (cd "$debian" && xargs cp --archive --parents --target-directory="$stage")
-for patch in "$patches"/*.patch; do
+patched "$@" | (cd "$debian" && xargs cp --archive --parents --target-directory="$stage")
+for patch; do
 	patch --directory="$stage" --strip=1 --fuzz=0 --quiet --no-backup-if-mismatch <"$patch" || {
 		echo "$patch does not fit Debian's source ($debian.dsc names its version)" >&2
 		exit 1

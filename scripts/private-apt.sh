@@ -11,7 +11,7 @@ private_apt_mirrors() {
 		sed -n "s|^'\(.*\)/dists/$private_apt_suite/InRelease'.*|\1|p" | sort -u
 }
 
-# private_apt_root FOLDER: an empty root, its apt.conf; more settings are the caller's to append.
+# private_apt_root FOLDER [ARCHITECTURE]: an empty root, its apt.conf; more settings are the caller's to append.
 # The host's apt.conf.d is not read with a Dir of one's own: its proxy would be lost.
 private_apt_root() {
 	mkdir -p "$1"/etc/{apt.conf.d,preferences.d} "$1"/lists/partial "$1"/cache/archives/partial
@@ -25,6 +25,12 @@ private_apt_root() {
 		Dir::State::status "$1/status";
 		Dir::Cache "cache";
 	END
+	if [[ -n ${2:-} ]]; then
+		cat >>"$1/apt.conf" <<-END
+			APT::Architecture "$2";
+			APT::Architectures { "$2"; };
+		END
+	fi
 }
 
 # private_apt_fetch FOLDER deb|deb-src WHAT COMMAND...: an apt-get command, run in the root's cache, with the first mirror

@@ -13,11 +13,7 @@ sysroot=$(realpath -m "$1")
 root=$sysroot.apt
 
 rm -rf "$root" "$sysroot"
-private_apt_root "$root"
-cat >>"$root/apt.conf" <<-END
-	APT::Architecture "armel";
-	APT::Architectures { "armel"; };
-END
+private_apt_root "$root" armel
 private_apt_fetch "$root" deb "armel packages" \
 	apt-get -qq install --yes --no-install-recommends --download-only "${packages[@]}"
 for deb in "$root"/cache/archives/*.deb; do

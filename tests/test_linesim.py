@@ -352,6 +352,16 @@ def test_latency_is_configurable(linesim_program: Path, tmp_path: Path) -> None:
         assert time.monotonic() - begin >= 0.12
 
 
+def test_shorter_silence_than_said_ends_no_request(linesim_program: Path, tmp_path: Path) -> None:
+    request = bytes(FIGURE_5_4[0][0])
+    with LineSim(CONFIG, VALUES, tmp_path, silence_us=500_000, program=linesim_program) as patient:
+        line = Master(patient.line("ttyS3"))
+        line.port.write(request[:3])
+        assert line.hears_nothing(0.05)
+        assert line.exchange(request[3:], 6)
+        assert patient.stats()["3"]["crc_errors"] == 0
+
+
 def test_speaking_into_an_answer_spoils_both(sim: LineSim) -> None:
     line = Master(sim.line("ttyS6"), 4800, 1)
     request, answer = framed(50, 2, 0, 0, 0, 1), framed(50, 2, 1, 0)
@@ -761,7 +771,9 @@ def test_unusable_files_are_told(
     assert result.stderr.startswith(f"linesim: {tmp_path}/")
 
 
-@pytest.mark.parametrize("arguments", [[], ["--config", "x"], ["--nonsense"], ["--latency", "x"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["--config", "x"], ["--nonsense"], ["--latency", "x"], ["--silence", "x"]]
+)
 def test_wrong_usage(linesim_program: Path, arguments: list[str]) -> None:
     result = start(linesim_program, *arguments)
     assert (result.returncode, result.stdout) == (2, "")

@@ -145,6 +145,21 @@ def test_map_folder_that_is_not_ours_is_refused(gateway: Gateway) -> None:
     assert not list(writable.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("device", "reason"),
+    [("/dev/watchdog-that-is-not-there", "No such file or directory"), ("/dev/null", "Inappropriate ioctl")],
+)
+def test_what_is_no_watchdog_is_said(gateway: Gateway, device: str, reason: str) -> None:
+    assert f"rtud: cannot use {device} as a watchdog: {reason}" in refused(gateway, watchdog=Path(device))
+    assert not list(gateway.map.iterdir())  # the modules that were started have ended
+
+
+def test_watchdog_is_not_opened_for_a_bad_configuration(gateway: Gateway) -> None:
+    """It would reset the board for ever."""
+    gateway.config_file.write_text(json.dumps({"port": [{"value": 1, "active": 1}]}))
+    assert "watchdog" not in refused(gateway, watchdog=Path("/dev/watchdog-that-is-not-there"))
+
+
 def test_full_file_system_is_said(gateway: Gateway) -> None:
     """As by a full tmpfs: now, and not by SIGBUS later."""
 

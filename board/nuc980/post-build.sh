@@ -31,6 +31,9 @@ set_root_password() {
 # The agent is there for the SNMP module that is to use it; started as it is, it would listen for nobody.
 rm -f "$target/etc/init.d/S59snmpd"
 
+# Where S15data mounts the data.
+install -d "$target/data"
+
 # A setting of an earlier build must not stay.
 rm -rf "$target/etc/openrtu" "$target/root/.ssh"
 [ -n "$site" ] || exit 0

@@ -17,6 +17,7 @@ import yaml
 COMMIT = re.compile(r"[0-9a-f]{40}")
 URL = re.compile(r"(?:https?|git|ssh)://[^\s\"')]+")
 EXTERNAL = "$(BR2_EXTERNAL_OPENRTU_PATH)"
+FRAGMENT = re.compile(r"board/\S+\.fragment\b")
 
 # ---- settings: lines of a defconfig or of a kernel fragment ----------------------------------------
 
@@ -127,15 +128,16 @@ def symbols_in(file: Path) -> set[str]:
 
 
 def check_named_files(root: Path) -> list[str]:
-    """What a defconfig names is there, and every fragment is in use."""
+    """What a defconfig names is there, and every fragment is in use: by a defconfig, or by the Makefile."""
     found, used = [], set()
     for file in defconfigs(root):
         for each in settings(file):
             paths = named_files(root, file, each.symbol) if EXTERNAL in each.value else []
             found += [f"{each.place}: there is no {path}" for path in paths if not path.exists()]
         used |= {fragment.resolve() for fragment in fragments_of(root, file)}
+    used |= {(root / path).resolve() for path in FRAGMENT.findall((root / "Makefile").read_text())}
     idle = [fragment for fragment in fragments(root) if fragment.resolve() not in used]
-    return found + [f"{fragment.name}:1: no defconfig uses this fragment" for fragment in idle]
+    return found + [f"{fragment.name}:1: nothing uses this fragment" for fragment in idle]
 
 
 def check_links(root: Path) -> list[str]:

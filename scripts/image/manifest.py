@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-Judges what Buildroot made and writes its manifest: names, sizes, hashes, versions, sources. An image that the
-board could not boot is refused, and then there is no manifest.
+Judges an image that Buildroot or `make system` made and writes its manifest: names, sizes, hashes, versions,
+sources. An image that the board could not boot is refused, and then there is no manifest.
 
 What a file is, its content says, not its name. This is one file with nothing but the standard library:
 post-image.sh runs it with whatever python3 Buildroot has on its path.
@@ -369,7 +369,7 @@ def commit_of_tree() -> str | None:
         return None
 
 
-def sources(config: dict[str, str], os_release: Path) -> dict[str, dict[str, str | None]]:
+def sources_of_buildroot(config: dict[str, str], os_release: Path) -> dict[str, dict[str, str | None]]:
     """Where all of it comes from. The version of a package: the SBOM has them."""
     version = buildroot_version(os_release)
     linux = "BR2_LINUX_KERNEL"
@@ -388,10 +388,40 @@ def sources(config: dict[str, str], os_release: Path) -> dict[str, dict[str, str
     }
 
 
+def sources_of_debian(versions: Path) -> dict[str, dict[str, str | None]]:
+    """From a line for each of Debian's packages: name, version."""
+    rows = re.findall(r"^(\S+) (\S+)$", read_text(versions), re.MULTILINE)
+    if not rows:
+        raise UnusableInput(f"{versions} names no package; each line is a name and a version")
+    return {"openrtu": {"commit": commit_of_tree()}, "debian": dict(sorted(rows))}
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What an image was made by: the configuration's name, where its root is, its sources."""
+
+    configuration: str
+    in_flash: bool
+    sources: dict[str, dict[str, str | None]]
+
+
+def origin_of(arguments: argparse.Namespace) -> Origin:
+    if arguments.versions:
+        return Origin("system", False, sources_of_debian(arguments.versions))
+    config = read_config(arguments.config)
+    target = arguments.target or arguments.images.resolve().parent / "target"
+    return Origin(
+        Path(config.get("BR2_DEFCONFIG", "")).name,
+        config.get("BR2_TARGET_ROOTFS_INITRAMFS") != "y",
+        sources_of_buildroot(config, target / "etc" / "os-release"),
+    )
+
+
 def run(arguments: argparse.Namespace) -> int:
-    limits, config = read_limits(arguments.limits), read_config(arguments.config)
-    in_flash = config.get("BR2_TARGET_ROOTFS_INITRAMFS") != "y"
+    limits = read_limits(arguments.limits)
     arguments.out.unlink(missing_ok=True)
+    origin = origin_of(arguments)
+    in_flash = origin.in_flash
     files = sorted(file for file in arguments.images.rglob("*") if file.is_file())
     judged = [judge(file, str(file.relative_to(arguments.images)), limits, in_flash) for file in files]
     refusals = [each.refusal for each in judged if each.refusal] + missing(judged, in_flash)
@@ -404,9 +434,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
         return REFUSED
     manifest = {
-        "configuration": Path(config.get("BR2_DEFCONFIG", "")).name,
+        "configuration": origin.configuration,
         "boots-from": "flash" if in_flash else "network",
-        "sources": sources(config, arguments.target / "etc" / "os-release"),
+        "sources": origin.sources,
         "files": [each.row for each in judged],
     }
     arguments.out.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
@@ -415,13 +445,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def main(words: Sequence[str] | None = None) -> int:
     """0 the manifest is written, 1 refused, 2 unusable."""
-    parser = argparse.ArgumentParser(
-        prog="manifest", description="Judge what Buildroot made, write its manifest."
-    )
-    parser.add_argument("--images", type=Path, required=True, metavar="DIR", help="Buildroot's images folder")
-    parser.add_argument(
-        "--config", type=Path, required=True, metavar="FILE", help="the .config it was made from"
-    )
+    parser = argparse.ArgumentParser(prog="manifest", description="Judge an image, write its manifest.")
+    parser.add_argument("--images", type=Path, required=True, metavar="DIR", help="the images' folder")
+    made = parser.add_mutually_exclusive_group(required=True)
+    made.add_argument("--config", type=Path, metavar="FILE", help="Buildroot's .config it was made from")
+    made.add_argument("--versions", type=Path, metavar="FILE", help="Debian's packages it was made from")
     parser.add_argument(
         "--limits", type=Path, required=True, metavar="FILE", help="board/…/image-limits.toml"
     )
@@ -433,7 +461,6 @@ def main(words: Sequence[str] | None = None) -> int:
         help="Buildroot's target folder (beside the images if not named)",
     )
     arguments = parser.parse_args(words)
-    arguments.target = arguments.target or arguments.images.resolve().parent / "target"
     try:
         return run(arguments)
     except UnusableInput as error:

@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import subprocess
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from lab.gateway import GatewayError, Rtu, free_udp_port
-from lab.site import macs_file
+from lab.show import CHAPTER_5
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.target import Target
 from nuc980.twin.linux import LinuxError
@@ -20,6 +21,9 @@ from nuc980.twin.machine import Machine
 ANSWER_SECONDS = 60.0
 # The UARTs of the ports 1 to 6.
 PORTS = (1, 2, 3, 4, 6, 8)
+# Bytes pass QEMU with the pauses of a busy host: less silence ends no request, a device may take so long.
+SILENCE_US = 30_000
+RESPONSE_MS = 1000
 STATION_PORT = 2404
 SSH_PORT = 22
 
@@ -28,6 +32,7 @@ SSH_PORT = 22
 class Network:
     """One of the board's Ethernet ports, on a network of QEMU's own: the board's and the host's address."""
 
+    name: str  # QEMU's for it, as `set_link` takes it
     board: str  # ADDRESS/PREFIX
     host: str
 
@@ -39,16 +44,40 @@ class Network:
         """QEMU's, with ports of this machine's 127.0.0.1 that lead to ports of the board."""
         ways = [f"hostfwd=tcp:127.0.0.1:{here}-{self.address}:{there}" for here, there in forwards.items()]
         prefix = self.board.partition("/")[2]
-        return ["-nic", ",".join((f"user,net={self.address}/{prefix},host={self.host}", *ways))]
+        return [
+            "-nic",
+            ",".join((f"user,id={self.name},net={self.address}/{prefix},host={self.host}", *ways)),
+        ]
 
 
 # Report 003: the two ports' addresses.
-ETHERNET = (Network("172.16.0.50/12", "172.16.0.1"), Network("192.168.21.100/24", "192.168.21.1"))
+ETHERNET = (
+    Network("net0", "172.16.0.50/12", "172.16.0.1"),
+    Network("net1", "192.168.21.100/24", "192.168.21.1"),
+)
+
+
+def configuration() -> dict[str, Any]:
+    """Chapter 5, for the board: its station listens on all addresses, and its devices have time."""
+    config: dict[str, Any] = json.loads((CHAPTER_5 / "gateway.json").read_text())
+    del config["iec104"]["address"]
+    for port in config["port"]:
+        for slave in port["slaves"]:
+            slave["response_timeout_ms"] = RESPONSE_MS
+    return config
 
 
 def lines_at(directory: Path) -> dict[int, str]:
     """What is at the six ports' wires: linesim's lines in this folder, as Machine's chardevs."""
     return {number: f"serial,path={directory}/ttyS{number}" for number in PORTS}
+
+
+MACS = ("02:00:00:00:00:01", "02:00:00:00:00:02")
+
+
+def macs_file() -> str:
+    """The board's MAC addresses, as a site and nuc980-netboot have them."""
+    return "".join(f"eth{number} {mac}\n" for number, mac in enumerate(MACS))
 
 
 def netboot(machine: Machine, directory: Path, uimage: Path, dtb: Path, progress: Progress) -> None:
@@ -77,6 +106,8 @@ class Ssh:
     """The way into a board that an engineer has. One connection, which the first command opens."""
 
     def __init__(self, port: int, key: Path, directory: Path) -> None:
+        self.port = port
+        self.key = key
         options = {
             "BatchMode": "yes",
             "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
@@ -93,13 +124,30 @@ class Ssh:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the connection; the next command opens another."""
         subprocess.run([*self.command, "-O", "exit"], capture_output=True, check=False)
 
-    def run(self, command: str, seconds: float = ANSWER_SECONDS) -> str:
-        """What a command on the board writes. Raises GatewayError."""
+    def answers(self) -> bool:
+        """Whether the board lets its engineer in."""
+        try:
+            self.run("true")
+        except GatewayError:
+            return False
+        return True
+
+    def run(self, command: str, seconds: float = ANSWER_SECONDS, send: str = "") -> str:
+        """What a command on the board writes; send is its input. Raises GatewayError."""
         try:
             done = subprocess.run(
-                [*self.command, command], capture_output=True, text=True, timeout=seconds, check=False
+                [*self.command, command],
+                input=send,
+                capture_output=True,
+                text=True,
+                timeout=seconds,
+                check=False,
             )
         except subprocess.TimeoutExpired:
             raise GatewayError(f"on the board, '{command}' did not end within {seconds:g} s") from None

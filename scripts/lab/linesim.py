@@ -62,6 +62,7 @@ class LineSim:
         directory: Path,
         *,
         latency_us: int | None = None,
+        silence_us: int | None = None,
         trace: bool = True,
         program: Path | None = None,
     ) -> None:
@@ -72,6 +73,8 @@ class LineSim:
             self._arguments += ["--values", str(values)]
         if latency_us is not None:
             self._arguments += ["--latency", str(latency_us)]
+        if silence_us is not None:
+            self._arguments += ["--silence", str(silence_us)]
         self._trace = trace
         self._process: subprocess.Popen[str] | None = None
         self._socket: socket.socket | None = None

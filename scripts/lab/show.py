@@ -212,8 +212,11 @@ def event(report: Report, more: str = "") -> None:
 # ---- the whole -----------------------------------------------------------------------------------
 
 
-def start_lines(stack: contextlib.ExitStack, directory: Path, config: Path) -> LineSim:
-    lines = stack.enter_context(LineSim(config, CHAPTER_5 / "values.json", directory / "dev"))
+def start_lines(
+    stack: contextlib.ExitStack, directory: Path, config: Path, silence_us: int | None = None
+) -> LineSim:
+    simulated = LineSim(config, CHAPTER_5 / "values.json", directory / "dev", silence_us=silence_us)
+    lines = stack.enter_context(simulated)
     devices = [
         (port["value"], slave) for port in json.loads(config.read_text())["port"] for slave in port["slaves"]
     ]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the site of `make run`: chapter 5's points, who may log in, the board's MAC addresses.
 
-python -m lab.site FOLDER: FOLDER/site for `make system SITE=`, and the key that opens that board, FOLDER/key.
+python -m lab.site FOLDER: FOLDER/lab for `make system SITE=`, and the key that opens that board, FOLDER/key.
 """
 
 from __future__ import annotations
@@ -11,28 +11,19 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lab.show import CHAPTER_5
-
-MACS = ("02:00:00:00:00:01", "02:00:00:00:00:02")
-
-
-def macs_file() -> str:
-    """The board's MAC addresses, as a site and nuc980-netboot have them."""
-    return "".join(f"eth{number} {mac}\n" for number, mac in enumerate(MACS))
+from lab.board import configuration, macs_file
 
 
 def write_site(folder: Path) -> None:
     """Writes what has changed, so that what is built of it is built again only then."""
-    key, site = folder / "key", folder / "site"
+    key, site = folder / "key", folder / "lab"
     site.mkdir(parents=True, exist_ok=True)
     if not key.exists():
         subprocess.run(
             ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "make run", "-f", key], check=True
         )
-    config = json.loads((CHAPTER_5 / "gateway.json").read_text())
-    del config["iec104"]["address"]  # the station listens on all of the board's addresses
     for name, text in {
-        "config.json": json.dumps(config, indent=2) + "\n",
+        "config.json": json.dumps(configuration(), indent=2) + "\n",
         "authorized_keys": key.with_suffix(".pub").read_text(),
         "macs": macs_file(),
     }.items():

@@ -154,3 +154,21 @@ def test_without_network_checkout_says_what_it_could_not_reach(tree: Tree) -> No
     assert f"Buildroot could not be brought from {url}" in done.stderr
     assert f"With a checkout of commit {commit}: make image BUILDROOT_DIR=folder" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_netboot_says_that_it_needs_a_port(tree: Tree) -> None:
+    run = tree.make("netboot")
+    assert run.returncode == 2
+    assert "netboot: PORT=/dev/ttyUSB0 or the like is missing" in run.stderr
+
+
+def test_netboot_boots_what_is_asked_for(tree: Tree, tmp_path: Path) -> None:
+    words = ["-n", "netboot", "PORT=/dev/ttyUSB7", "BOARD_IP=192.0.2.1/24", f"SITE={tmp_path}"]
+    run = tree.make(*words, "IMAGE=nuc980_netboot")
+    assert run.returncode == 0, run.stderr
+    images = "build/nuc980_netboot/images"
+    expected = (
+        f"scripts/nuc980-netboot boot --port /dev/ttyUSB7 --site {tmp_path} --board-ip 192.0.2.1/24 "
+        f"--console {images}/uImage {images}/nuc980-gateway.dtb"
+    )
+    assert " ".join(run.stdout.replace("\\\n", " ").split()).endswith(expected)

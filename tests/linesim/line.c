@@ -51,6 +51,12 @@ void line_set_pace(struct line *line, unsigned baud, unsigned bits, int64_t late
 	line->latency_ns = latency_ns;
 }
 
+void line_set_silence(struct line *line, int64_t least_ns)
+{
+	if (line->silence_ns < least_ns)
+		line->silence_ns = least_ns;
+}
+
 /* ---- answers ----------------------------------------------------------------------------- */
 
 static struct line_answer *free_place(struct line *line)

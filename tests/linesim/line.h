@@ -78,6 +78,8 @@ struct line {
 
 /* Takes the serial parameters. baud > 0 bit/s; bits: of a character, start, parity and stop bits included. */
 void line_set_pace(struct line *line, unsigned baud, unsigned bits, int64_t latency_ns);
+/* After line_set_pace: the end of a request needs this silence at least. */
+void line_set_silence(struct line *line, int64_t least_ns);
 
 /* Creates the pty, links directory/name to it, and watches it. -1 with errno. */
 int line_open(struct line *line, int directory);

@@ -23,10 +23,11 @@ struct options {
 	const char *values;
 	const char *directory;
 	int64_t latency_ns;
+	int64_t silence_ns;
 };
 
 static const char help[] =
-    "usage: linesim --config FILE [--values FILE] --dir DIR [--latency US] [--trace]\n"
+    "usage: linesim --config FILE [--values FILE] --dir DIR [--latency US] [--silence US] [--trace]\n"
     "\n"
     "Simulates the Modbus RTU slaves that a gateway's configuration file describes, one pty a line.\n"
     "\n"
@@ -34,6 +35,7 @@ static const char help[] =
     "  --values FILE  initial values: {\"3.67\": {\"coils\": {\"0\": 1}}}; all else is 0\n"
     "  --dir DIR      where the links to the lines (ttyS1, ...) and the socket \"control\" are made\n"
     "  --latency US   from the end of a request to the answer, microseconds, default 2000\n"
+    "  --silence US   least silence that ends a request, microseconds, default 3.5 characters\n"
     "  --trace        writes the frame log to standard output\n"
     "\n"
     "Prints \"ready\" when the lines are there. Ends upon SIGTERM.\n";
@@ -54,10 +56,11 @@ static enum exit_code parse_options(int count, char **words, struct options *opt
 	    {"dir", required_argument, NULL, 'd'},
 	    {"trace", no_argument, NULL, 't'},
 	    {"latency", required_argument, NULL, 'l'},
+	    {"silence", required_argument, NULL, 's'},
 	    {"help", no_argument, NULL, 'h'},
 	    {NULL, 0, NULL, 0},
 	};
-	long latency_us = LATENCY_US;
+	long latency_us = LATENCY_US, silence_us = 0;
 	int option;
 
 	while ((option = getopt_long(count, words, "", known, NULL)) != -1) {
@@ -79,6 +82,11 @@ static enum exit_code parse_options(int count, char **words, struct options *opt
 				return complain(WRONG_USAGE, "--latency",
 						"expected 0 to 1000000 microseconds");
 			break;
+		case 's':
+			if (!plant_number(optarg, 0, LATENCY_US_MAX, &silence_us))
+				return complain(WRONG_USAGE, "--silence",
+						"expected 0 to 1000000 microseconds");
+			break;
 		case 'h':
 			fputs(help, stdout);
 			exit(DONE);
@@ -91,6 +99,7 @@ static enum exit_code parse_options(int count, char **words, struct options *opt
 		return WRONG_USAGE;
 	}
 	options->latency_ns = latency_us * INT64_C(1000);
+	options->silence_ns = silence_us * INT64_C(1000);
 	return DONE;
 }
 
@@ -100,6 +109,8 @@ static enum exit_code load_plant(const struct options *options)
 
 	if (plant_load_config(&plant, options->config, options->latency_ns, error))
 		return complain(WRONG_USAGE, options->config, error);
+	for (size_t i = 0; i < plant.line_count; i++)
+		line_set_silence(&plant.lines[i], options->silence_ns);
 	if (options->values && plant_load_values(&plant, options->values, error))
 		return complain(WRONG_USAGE, options->values, error);
 	return DONE;

@@ -24,7 +24,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def kernel() -> Kernel:
     """The kernel of `make linux`, or of the folder that OPENRTU_KERNEL names; the root of `make system`."""
     folder = Path(os.environ.get("OPENRTU_KERNEL", ROOT / "build/linux")).resolve()
-    root = Path(os.environ.get("OPENRTU_ROOT", ROOT / "build/system/rootfs.cpio.gz")).resolve()
+    root = Path(os.environ.get("OPENRTU_ROOT", ROOT / "build/system.parts/initramfs.cpio")).resolve()
     dtb = ROOT / "build/dtb/nuc980-gateway.dtb"
     for file in (folder / "zImage", root, dtb):
         if not file.exists():
@@ -70,6 +70,12 @@ def board_uarts() -> tuple[int, ...]:
 
 
 @pytest.fixture(scope="module")
+def board_chardevs() -> dict[int, str]:
+    """What is at the wires of others, as Machine has it. A module replaces it by its own."""
+    return {}
+
+
+@pytest.fixture(scope="module")
 def extra_files() -> dict[str, Path | str]:
     """Files over the root of the module's board, by their paths. A module replaces it by its own."""
     return {}
@@ -80,10 +86,11 @@ def linux(
     boot: Boot,
     board_arguments: tuple[str | Path, ...],
     board_uarts: tuple[int, ...],
+    board_chardevs: dict[int, str],
     extra_files: dict[str, Path | str],
 ) -> Linux:
     """The module's board, booted."""
-    return boot(*board_arguments, uarts=board_uarts, files=extra_files)
+    return boot(*board_arguments, uarts=board_uarts, chardevs=board_chardevs, files=extra_files)
 
 
 @pytest.fixture(autouse=True)

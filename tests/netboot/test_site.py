@@ -9,6 +9,7 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from threading import Barrier
 
+import libfdt
 import pytest
 
 from nuc980.netboot import site as site_module
@@ -99,17 +100,23 @@ def test_unusable_addresses_are_refused(site: Site, text: str, why: str) -> None
 
 
 def test_image_takes_the_file_too(site: Site, tmp_path: Path) -> None:
-    """board/nuc980/post-image.sh reads what is written here, with its own words."""
+    """board/nuc980/place-macs.sh reads what is written here, with its own words."""
     macs = site.macs({})
-    script = (ROOT / "board/nuc980/post-image.sh").read_text()
-    functions = re.search(r"^fail\(\).*?(?=^# What an earlier build)", script, re.MULTILINE | re.DOTALL)
-    assert functions
-    done = subprocess.run(
-        ["bash", "-euc", f"macs={site.folder}/macs\n{functions[0]}\nmac_arguments"],
-        capture_output=True,
-        text=True,
-    )
-    assert (done.stdout, done.stderr) == (f" ethaddr0={macs[0]} ethaddr1={macs[1]}\n", "")
+    tree = libfdt.Fdt.create_empty_tree(4096)
+    aliases = tree.add_subnode(0, "aliases")
+    for port in (0, 1):
+        tree.setprop_str(aliases, f"ethernet{port}", f"/emac{port}")
+    for port in (0, 1):
+        tree.add_subnode(0, f"emac{port}")
+    (tmp_path / "tree").write_bytes(tree.as_bytearray())
+    environment = {**os.environ, "OPENRTU_SITE": str(site.folder)}
+    subprocess.run([ROOT / "board/nuc980/place-macs.sh", tmp_path / "tree"], env=environment, check=True)
+    placed = libfdt.Fdt((tmp_path / "tree").read_bytes())
+    arguments = placed.getprop(placed.path_offset("/chosen"), "bootargs").as_str()
+    assert arguments == f"ethaddr0={macs[0]} ethaddr1={macs[1]}"
+    for port in (0, 1):
+        own = placed.getprop(placed.path_offset(f"/emac{port}"), "local-mac-address")
+        assert bytes(own) == bytes.fromhex(macs[port].replace(":", ""))
 
 
 def test_folder_that_cannot_be_written_is_no_traceback(tmp_path: Path) -> None:

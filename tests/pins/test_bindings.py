@@ -52,7 +52,7 @@ FAULTS = {
     ),
     "dma: one interrupt": Fault("&dma { interrupts = <25 4 1>; };", "/ahb/dma@b0008000", "interrupts"),
     "wdt: a property that no driver reads": Fault(
-        "&wdt { timeout-sec = <8>; };", "/apb/wdt@b0040000", "timeout-sec"
+        "&wdt { timeout-secs = <8>; };", "/apb/wdt@b0040000", "timeout-secs"
     ),
     "rtc: typo, in a node off": Fault("&rtc { wakeup-enabel; };", "/apb/rtc@b0041000", "wakeup-enabel"),
     "pins: three cells": Fault(

@@ -204,6 +204,18 @@ def test_battery_keeps_time_and_spare_registers_over_a_reset(clock: Machine) -> 
     assert (clock.read(INTEN), interrupts(clock)) == (0, False)
 
 
+def test_without_a_battery_it_waits_for_its_key(
+    board: Callable[..., Machine], reborn: Callable[[Machine], Machine]
+) -> None:
+    bus = board("-global", "nuc980-rtc.battery=off", registers=True)
+    assert bus.read(INIT) == 0
+    bus.write(INIT, INIT_KEY - 1)
+    assert bus.read(INIT) == 0
+    bus.write(INIT, INIT_KEY)
+    assert bus.read(INIT) == 1
+    assert reborn(bus).read(INIT) == 1
+
+
 @pytest.mark.parametrize(
     ("register", "value"), [(FREQADJ, 1), (TALM, 1 << 28), (CALM, 1 << 30), (PWRCTL, 1 << 4)]
 )

@@ -46,6 +46,12 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--check", action="store_true", help="write nothing; exit 1 when a file is not as it would be"
     )
+    command.add_argument(
+        "--linux",
+        type=Path,
+        metavar="FILE",
+        help="instead: write FILE, the pins for our Linux driver (pinctrl-nuc980-pins.h)",
+    )
     command.set_defaults(run=_generate)
 
     command = commands.add_parser(
@@ -129,16 +135,21 @@ def _add_source_options(command: argparse.ArgumentParser) -> None:
 
 def _generate(parsed: argparse.Namespace) -> int:
     # jinja2 takes longer to load than a check to run.
-    from nuc980.pins.generate import generated, stale, write
+    from nuc980.pins.generate import generated, linux_table, stale, write
 
-    files = generated(load_chip(), load_board(TABLE, load_chip()))
+    if parsed.linux:
+        files = {parsed.linux.absolute(): linux_table(load_chip())}
+        command = f"nuc980-pins generate --linux {parsed.linux}"
+    else:
+        files = generated(load_chip(), load_board(TABLE, load_chip()))
+        command = "make dtb, or nuc980-pins generate"
     if not parsed.check:
         for path in write(files, ROOT):
             print(f"{path}: written")
         return DONE
     out_of_date = stale(files, ROOT)
     for path in out_of_date:
-        print(f"{path}: not what chip data and pin table say; run: make dtb, or nuc980-pins generate")
+        print(f"{path}: not what chip data and pin table say; run: {command}")
     return FOUND if out_of_date else DONE
 
 

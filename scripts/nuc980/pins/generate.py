@@ -12,7 +12,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from nuc980.pins.board import Board, Device
-from nuc980.pins.chip import BANKS, Chip, Peripheral, pin_order
+from nuc980.pins.chip import BANKS, PINS_A_BANK, Chip, Peripheral, pin_order
 
 TEMPLATES = Path(__file__).parent / "templates"
 SOC_FILE = Path("dts/nuvoton/nuc980.dtsi")
@@ -34,16 +34,7 @@ class Setting:
 
 def generated(chip: Chip, board: Board) -> dict[Path, str]:
     """Path from the tree's root: the file's text."""
-    templates = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    templates.filters["hex"] = "0x{:x}".format
-    templates.filters["property"] = _property
-    templates.filters["comment"] = _comment
+    templates = _templates()
     described = [one for one in chip.peripherals.values() if one.has_driver]
     return {
         SOC_FILE: templates.get_template("nuc980.dtsi.j2").render(
@@ -75,6 +66,19 @@ def generated(chip: Chip, board: Board) -> dict[Path, str]:
     }
 
 
+def linux_table(chip: Chip) -> str:
+    """The pins as drivers/pinctrl/nuvoton/pinctrl-nuc980-pins.h of our patches/linux has them."""
+    pins = sorted(chip.pins.items(), key=lambda one: pin_order(one[0]))
+    return (
+        _templates()
+        .get_template("pinctrl-nuc980-pins.h.j2")
+        .render(
+            functions=1 + max(value for functions in chip.pins.values() for value in functions),
+            pins=[_linux_pin(pin, functions) for pin, functions in pins],
+        )
+    )
+
+
 def write(files: dict[Path, str], root: Path) -> list[Path]:
     """Writes the files that are not so already; returns their paths."""
     changed = stale(files, root)
@@ -90,6 +94,30 @@ def stale(files: dict[Path, str], root: Path) -> list[Path]:
         for path, text in files.items()
         if not (root / path).is_file() or (root / path).read_text(encoding="utf-8") != text
     ]
+
+
+def _templates() -> Environment:
+    templates = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    templates.filters["hex"] = "0x{:x}".format
+    templates.filters["property"] = _property
+    templates.filters["comment"] = _comment
+    return templates
+
+
+def _linux_pin(pin: str, functions: dict[int, str]) -> list[str]:
+    """An entry's lines: a tab is as wide as eight characters there, and no line wider than 80."""
+    bank, index = pin_order(pin)
+    names = [f'"{functions[value]}"' if value in functions else "NULL" for value in range(max(functions) + 1)]
+    entry = f'NUC980_PIN({bank * PINS_A_BANK + index}, "{pin}", {", ".join(names)}),'
+    first, *more = textwrap.wrap(entry, 80 - 8, subsequent_indent=" " * len("NUC980_PIN("))
+    indent = "\t\t" + " " * (len("NUC980_PIN(") - 8)
+    return [f"\t{first}", *(indent + line.lstrip() for line in more)]
 
 
 def _of_bus(peripherals: list[Peripheral], bus: str) -> list[Peripheral]:

@@ -15,14 +15,16 @@ from typing import Any, Self
 from nuc980.twin.machine import Machine
 from nuc980.twin.uboot import UART_FIFO
 
-BOOT_SECONDS = 120.0
+BOOT_SECONDS = 300.0
 RUN_SECONDS = 30.0
 
-# What a kernel says of itself when something is wrong, behind its time stamp.
+# What a kernel says of itself when something is wrong: behind its time stamp, or, before there is one, at the
+# start of a line.
 TROUBLE = re.compile(
-    r"\[ *\d+\.\d{6}\](?:\[[^]\r\n]*\])? "
-    r"((?:WARNING: |BUG: |Oops|Internal error: |Unable to handle kernel |Kernel panic|"
-    r"INFO: (?:task|rcu|possible|trying) |DMA-API: )[^\r\n]*)"
+    r"(?:\[ *\d+\.\d{6}\](?:\[[^]\r\n]*\])? |^)"
+    r"((?:WARNING: |(?:\[ )?BUG: |BUG \S+ \(|Oops|Internal error: |Unable to handle kernel |Kernel panic|"
+    r"INFO: (?:task|rcu|possible|trying) |DMA-API: (?!preallocated|debugging enabled))[^\r\n]*)",
+    re.MULTILINE,
 )
 PANIC = re.compile(r"---\[ end Kernel panic")
 
@@ -152,7 +154,7 @@ class Linux:
 
     def wait_for_shell(self, seconds: float = BOOT_SECONDS) -> str:
         """Until the shell is there, at first or after a restart; returns what came before."""
-        return self.wait_for(f"{SHELL_IS_UP}\r\n", seconds)
+        return self.wait_for(SHELL_IS_UP, seconds)  # the kernel may speak before the line's end
 
     def run(self, command: str, seconds: float = RUN_SECONDS) -> str:
         """What a command writes; raises LinuxError with it for a status that is not 0.
@@ -169,9 +171,9 @@ class Linux:
         self._commands += 1
         number = self._commands
         self.type(f"{command}\n<run {number}>\n")
-        output = self.wait_for(re.compile(rf"<ran {number}> \d+>\r\n"), seconds)
+        output = self.wait_for(re.compile(rf"<ran {number}> \d+>"), seconds)
         text, _, status = output.rpartition(f"<ran {number}> ")
-        return int(status.removesuffix(">\n")), text.removesuffix("\n")
+        return int(status.removesuffix(">")), text.removesuffix("\n")
 
     def type(self, text: str) -> None:
         """Types characters, each part when the one before it has been echoed: no receiver overruns."""

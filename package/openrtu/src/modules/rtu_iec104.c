@@ -13,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/prctl.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -393,6 +394,7 @@ int main(int argc, char **argv)
 		fail(directory, error);
 		return 1;
 	}
+	prctl(PR_SET_NAME, module); /* rtud executes a descriptor, whose number would be its name */
 	if (start() < 0)
 		return 1;
 	run();

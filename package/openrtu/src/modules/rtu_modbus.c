@@ -13,6 +13,7 @@
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
 
@@ -621,6 +622,7 @@ int main(int argc, char **argv)
 		fprintf(stderr, "rtu-modbus: %s\n", error);
 		return WRONG_USAGE;
 	}
+	prctl(PR_SET_NAME, options.module); /* rtud executes a descriptor, whose number would be its name */
 	gateway.config = map_config(gateway.map);
 	set_up_ports(&gateway, options.devices);
 	if (!set_up_waiting(&gateway)) {

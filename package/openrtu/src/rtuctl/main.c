@@ -40,7 +40,9 @@ static const struct command commands[] = {
      "result.\n",
      rtuctl_commands},
     {"modules", "", 0, 0, 0, NULL, "the processes around the map",
-     "RESTARTS counts restarts after a failure.\n", rtuctl_modules},
+     "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
+     "flash.\n",
+     rtuctl_modules},
     {"lines", "", 0, 0, 0, NULL, "serial lines and their devices, with counters",
      "Counters count since the module started and wrap at 2^32.\n", rtuctl_lines},
     {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "events that are still kept, oldest first",

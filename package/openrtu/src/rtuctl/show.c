@@ -7,6 +7,7 @@
 
 #include <jansson.h>
 
+#include "rtuctl/data.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
@@ -168,12 +169,15 @@ static json_t *module_row(const struct map *map, uint32_t index)
 
 int rtuctl_modules(struct map *map, const struct rtuctl_request *request)
 {
+	char line[DATA_LINE_SIZE];
 	struct listing listing;
 
 	listing_begin(&listing, module_columns, COUNT(module_columns), request->json);
 	for (uint32_t i = 0; i < map_module_count(map); i++)
 		listing_add(&listing, module_row(map, i));
 	listing_end(&listing);
+	if (!request->json && data_line(request->dir, "/data", line))
+		printf("\n%s\n", line);
 	return RTUCTL_DONE;
 }
 

@@ -213,6 +213,23 @@ static void test_modules(void **state)
 	assert_int_equal(RUN("modules"), 0);
 	assert_contains("rtu-modbus-1  modbus      running  yes");
 	assert_contains("rtu-iec104    iec104      stopped  no");
+	assert_null(strstr(output, "data:"));
+}
+
+static void test_modules_say_where_the_data_is(void **state)
+{
+	char path[sizeof(dir) + sizeof("/data")];
+	FILE *file;
+
+	(void)state;
+	snprintf(path, sizeof(path), "%s/data", dir);
+	file = fopen(path, "w");
+	assert_non_null(file);
+	assert_true(fputs("memory: no UBI volume\n", file) >= 0);
+	assert_int_equal(fclose(file), 0);
+	assert_int_equal(RUN("modules"), 0);
+	assert_contains("\n\ndata: in memory, lost at restart: no UBI volume\n");
+	assert_int_equal(unlink(path), 0);
 }
 
 static void test_lines(void **state)
@@ -384,6 +401,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_pattern),
 	    cmocka_unit_test(test_points_json),
 	    cmocka_unit_test(test_modules),
+	    cmocka_unit_test(test_modules_say_where_the_data_is),
 	    cmocka_unit_test(test_lines),
 	    cmocka_unit_test(test_set),
 	    cmocka_unit_test(test_set_refused_by_device),

@@ -49,7 +49,7 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
 
 enum { MODBUS_PRIORITY, MODBUS_KEYS };
 static const struct config_rule modbus_rules[MODBUS_KEYS] = {
-    [MODBUS_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 99, .fallback = 50},
+    [MODBUS_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 99, .fallback = 45},
 };
 
 static bool is_ip_address(const char *text)

@@ -22,6 +22,7 @@ static const char usage[] =
     "  --dev DIR        folder of the serial devices            [/dev]\n"
     "  --modules DIR    folder of the module programs           [" OPENRTU_MODULES "]\n"
     "  --uid-base N     as root: module number i runs as user N + i, group N; 0: as root  [61200]\n"
+    "  --watchdog DEV   feed this watchdog while rtud is healthy; an orderly end stops it       [none]\n"
     "  --help           this text\n"
     "\n"
     "It stays in the foreground, logs to stderr and stops at SIGTERM, SIGINT or SIGHUP.\n"
@@ -47,13 +48,10 @@ static bool parse_uid(const char *text, uint32_t *uid)
 static bool parse(int argc, char **argv, struct arguments *arguments)
 {
 	static const struct option options[] = {
-	    {"check", no_argument, NULL, 'c'},
-	    {"map", required_argument, NULL, 'm'},
-	    {"dev", required_argument, NULL, 'd'},
-	    {"modules", required_argument, NULL, 'p'},
-	    {"uid-base", required_argument, NULL, 'u'},
-	    {"help", no_argument, NULL, 'h'},
-	    {NULL, 0, NULL, 0},
+	    {"check", no_argument, NULL, 'c'},          {"map", required_argument, NULL, 'm'},
+	    {"dev", required_argument, NULL, 'd'},      {"modules", required_argument, NULL, 'p'},
+	    {"uid-base", required_argument, NULL, 'u'}, {"watchdog", required_argument, NULL, 'w'},
+	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0},
 	};
 	int option;
 
@@ -74,6 +72,9 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 		case 'u':
 			if (!parse_uid(optarg, &arguments->supervise.uid_base))
 				return false;
+			break;
+		case 'w':
+			arguments->supervise.watchdog = optarg;
 			break;
 		case 'h':
 			arguments->help = true;

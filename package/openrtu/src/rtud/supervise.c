@@ -19,6 +19,7 @@
 #include "map/supervise.h"
 #include "rtud/clock.h"
 #include "rtud/process.h"
+#include "rtud/watchdog.h"
 
 #define TICK_MS          50 /* how often heartbeats are looked at and logs are printed */
 #define SECOND_MS        1000
@@ -44,6 +45,7 @@ struct supervisor {
 	struct map *map;
 	struct child children[MAP_MODULES_MAX];
 	uint32_t log_position[MAP_MODULES_MAX];
+	int watchdog; /* descriptor; -1: none */
 	bool stopping;
 };
 
@@ -289,6 +291,23 @@ static void stop_modules(struct supervisor *supervisor)
 	}
 }
 
+/* ---- the board's watchdog ---------------------------------------------------------------- */
+
+/* With the modules started: what keeps rtud from starting at all must not end in a board that resets for ever. */
+static bool start_watchdog(struct supervisor *supervisor)
+{
+	const char *device = supervisor->options->watchdog;
+	int timeout_s;
+
+	supervisor->watchdog = device ? watchdog_open(device, &timeout_s) : -1;
+	if (supervisor->watchdog >= 0)
+		map_log(supervisor->map, MAP_LOG_INFO, "%s resets the board after %d s without rtud", device,
+			timeout_s);
+	else if (device)
+		fprintf(stderr, "rtud: cannot use %s as a watchdog: %s\n", device, strerror(errno));
+	return supervisor->watchdog >= 0 || !device;
+}
+
 /* ---- the loop ---------------------------------------------------------------------------- */
 
 static int watch_fd(int epoll, int fd)
@@ -349,6 +368,8 @@ static void tick_passed(struct supervisor *supervisor)
 {
 	clock_follow(supervisor->map);
 	print_logs(supervisor, LINES_A_TICK);
+	if (supervisor->watchdog >= 0)
+		watchdog_feed(supervisor->watchdog);
 }
 
 static void loop(struct supervisor *supervisor, int epoll, int signals, int tick)
@@ -384,6 +405,7 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 	static struct supervisor supervisor;
 	char error[MAP_ERROR_SIZE];
 	int epoll = epoll_create1(EPOLL_CLOEXEC), signals = create_signals(), tick = create_tick();
+	bool started;
 
 	supervisor.options = options;
 	if (map_create(&supervisor.map, options->map, config, options->uid_base, error) < 0) {
@@ -399,11 +421,16 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 	clock_begin(supervisor.map);
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
 		config->line_count, config->device_count, config->point_count, options->map);
-	loop(&supervisor, epoll, signals, tick);
+	watch_modules(&supervisor);
+	started = start_watchdog(&supervisor);
+	if (started)
+		loop(&supervisor, epoll, signals, tick);
 	stop_modules(&supervisor);
+	if (supervisor.watchdog >= 0)
+		watchdog_stop(supervisor.watchdog);
 	map_log(supervisor.map, MAP_LOG_INFO, "stopped");
 	print_logs(&supervisor, LINES_AT_END);
 	map_remove(supervisor.map);
 	map_detach(supervisor.map);
-	return 0;
+	return started ? 0 : 1;
 }

@@ -7,10 +7,11 @@
 #include "map/config.h"
 
 struct supervise_options {
-	const char *map;     /* folder of the map, on a tmpfs */
-	const char *modules; /* folder of the module executables */
-	const char *dev;     /* folder of the serial devices */
-	uint32_t uid_base;   /* as root: module i runs as user uid_base + i; 0: all as the caller */
+	const char *map;      /* folder of the map, on a tmpfs */
+	const char *modules;  /* folder of the module executables */
+	const char *dev;      /* folder of the serial devices */
+	const char *watchdog; /* device that is fed while rtud is healthy: rtud/watchdog.h; NULL: none */
+	uint32_t uid_base;    /* as root: module i runs as user uid_base + i; 0: all as the caller */
 };
 
 /*

@@ -110,7 +110,7 @@ static void test_settings_defaults(void **state)
 	assert_int_equal(settings->command_timeout_s, 10);
 	assert_int_equal(settings->clock, MAP_CLOCK_GATEWAY);
 	assert_int_equal(settings->clock_master_count, 0);
-	assert_int_equal(settings->modbus_priority, 50);
+	assert_int_equal(settings->modbus_priority, 45);
 	assert_int_equal(settings->event_ring, 4096);
 	config_free(&config);
 }

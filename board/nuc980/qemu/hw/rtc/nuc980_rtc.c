@@ -4,12 +4,14 @@
  * SPDX-License-Identifier: GPL-2.0-or-later
  *
  * The time is QEMU's (-rtc), shifted by what the guest sets. A battery keeps
- * all but the interrupts over a reset (guess).
+ * all but the interrupts over a reset (guess). Without one (battery=off) it
+ * is not active until it is given INIT's key.
  */
 
 #include "qemu/osdep.h"
 #include "hw/irq.h"
 #include "hw/misc/nuc980_unimp.h"
+#include "hw/qdev-properties.h"
 #include "hw/registerfields.h"
 #include "hw/rtc/nuc980_rtc.h"
 #include "migration/vmstate.h"
@@ -206,8 +208,8 @@ static uint64_t rtc_read(void *opaque, hwaddr addr, unsigned size)
     rtc_sync(s);
     rtc_now(s, &tm);
     switch (addr) {
-    case A_RTC_INIT:                /* guess: the battery kept it running */
-        return R_RTC_INIT_ACTIVE_MASK;
+    case A_RTC_INIT:
+        return s->battery || s->active ? R_RTC_INIT_ACTIVE_MASK : 0;
     case A_RTC_RWEN:
         return rtc_is_open(s) ? R_RTC_RWEN_RWENF_MASK : 0;
     case A_RTC_FREQADJ:
@@ -320,6 +322,7 @@ static void rtc_write_register(NUC980RTCState *s, hwaddr addr, uint32_t value)
 {
     switch (addr) {
     case A_RTC_INIT:
+        s->active |= value == INIT_KEY;
         if (value != INIT_KEY) {
             qemu_log_mask(LOG_GUEST_ERROR, "%s: not the key of INIT\n",
                           TYPE_NUC980_RTC);
@@ -434,6 +437,7 @@ static const VMStateDescription vmstate_nuc980_rtc = {
     .minimum_version_id = 1,
     .post_load = rtc_post_load,
     .fields = (VMStateField[]) {
+        VMSTATE_BOOL(active, NUC980RTCState),
         VMSTATE_INT32(offset, NUC980RTCState),
         VMSTATE_INT32(weekday_offset, NUC980RTCState),
         VMSTATE_INT64(open_until_ns, NUC980RTCState),
@@ -450,6 +454,11 @@ static const VMStateDescription vmstate_nuc980_rtc = {
         VMSTATE_UINT32_ARRAY(spare, NUC980RTCState, NUC980_RTC_SPARES),
         VMSTATE_END_OF_LIST()
     }
+};
+
+static Property rtc_properties[] = {
+    DEFINE_PROP_BOOL("battery", NUC980RTCState, battery, true),
+    DEFINE_PROP_END_OF_LIST(),
 };
 
 /* Not at reset: the battery's */
@@ -477,6 +486,7 @@ static void rtc_class_init(ObjectClass *klass, void *data)
 
     dc->reset = rtc_reset;
     dc->vmsd = &vmstate_nuc980_rtc;
+    device_class_set_props(dc, rtc_properties);
 }
 
 static const TypeInfo rtc_types[] = {

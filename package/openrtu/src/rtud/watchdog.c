@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "rtud/watchdog.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/watchdog.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+/* A close without it leaves the watchdog running: that of a killed rtud. */
+#define MAGIC_CLOSE "V"
+
+static int set_timeout(int fd, int *timeout_s)
+{
+	*timeout_s = WATCHDOG_ASKED_S;
+	if (ioctl(fd, WDIOC_SETTIMEOUT, timeout_s) == 0)
+		return 0;
+	return ioctl(fd, WDIOC_GETTIMEOUT, timeout_s);
+}
+
+/* What has no time-out is no watchdog: nothing is written to it. */
+int watchdog_open(const char *device, int *timeout_s)
+{
+	int fd = open(device, O_WRONLY | O_CLOEXEC);
+	int reason;
+
+	if (fd < 0 || set_timeout(fd, timeout_s) == 0)
+		return fd;
+	reason = errno;
+	close(fd);
+	errno = reason;
+	return -1;
+}
+
+void watchdog_feed(int fd)
+{
+	ioctl(fd, WDIOC_KEEPALIVE, 0);
+}
+
+void watchdog_stop(int fd)
+{
+	while (write(fd, MAGIC_CLOSE, 1) < 0 && errno == EINTR)
+		;
+	close(fd);
+}

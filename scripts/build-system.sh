@@ -1,0 +1,95 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+# build-system.sh FOLDER [FRAGMENT...]: the image for the board from Debian's packages, of what `make system` made in
+# build. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
+#
+# FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
+# in it. OPENRTU_SITE in the environment names a folder with the settings of a site.
+set -euo pipefail
+
+folder=$(realpath -m "$1")
+shift
+tree=$(realpath -e "$(dirname "$0")/..")
+board=$tree/board/nuc980
+build=$tree/build
+parts=$folder.parts
+kernel=$build/linux-system
+fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
+umask 022
+
+inputs() {
+	echo "$folder ${OPENRTU_SITE:-}"
+	{
+		find "$board"/{skeleton,rootfs-overlay} "$build/root/gateway" -type f -print0
+		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,linux/inputs,dtb/nuc980-gateway.dtb}
+		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
+		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
+		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
+		[ -z "${OPENRTU_SITE:-}" ] || find "$OPENRTU_SITE" -type f -print0
+	} | sort --zero-terminated | xargs --null sha256sum
+}
+
+make_root() {
+	rm -rf "$parts"
+	mkdir -p "$parts/root"
+	"$tree/scripts/image/rootfs.py" make --packages "$build/root/packages" --busybox "$build/busybox" \
+		--gateway "$build/root/gateway" "$parts/root"
+	"$board/post-build.sh" "$parts/root"
+	"$tree/scripts/image/cpio.py" "$parts/root" "$parts/initramfs.cpio"
+	cat >"$parts/initramfs.fragment" <<-END
+		# $(sha256sum <"$parts/initramfs.cpio")
+		CONFIG_INITRAMFS_SOURCE="$parts/initramfs.cpio"
+	END
+}
+
+# What an initramfs changes is built, and linked, in a copy of the kernel's objects.
+make_kernel() {
+	if ! cmp --quiet "$build/linux/inputs" "$kernel/of"; then
+		rm -f "$kernel/inputs"
+		mkdir -p "$kernel/build"
+		rsync --archive --delete "$build/linux/build/" "$kernel/build/"
+		cp "$build/linux/inputs" "$kernel/of"
+	fi
+	"$tree/scripts/build-linux.sh" "$build/linux/debian" "$kernel" "${fragments[@]}"
+}
+
+make_images() {
+	local epoch
+	epoch=$(dpkg-parsechangelog --file "$build/linux/debian/debian/changelog" --show-field Timestamp)
+	SOURCE_DATE_EPOCH=$epoch mkimage -A arm -O linux -T kernel -C none -a 0x8000 -e 0x8000 \
+		-n "Linux-$(<"$kernel/build/include/config/kernel.release")" -d "$kernel/zImage" "$folder/uImage" >"$parts/mkimage.log"
+	cp "$build/dtb/nuc980-gateway.dtb" "$folder/nuc980-gateway.dtb"
+	"$board/place-macs.sh" "$folder/nuc980-gateway.dtb"
+}
+
+licences() {
+	local package
+	mkdir -p "$parts/licences"
+	while read -r package _; do
+		cp "$build/root/packages/usr/share/doc/$package/copyright" "$parts/licences/$package"
+	done <"$build/root/packages.versions"
+	for package in linux busybox; do
+		cp "$build/$package/debian/debian/copyright" "$parts/licences/$package"
+	done
+	cp "$tree/LICENSES/GPL-3.0-or-later.txt" "$parts/licences/openrtu"
+}
+
+versions() {
+	cat "$build/root/packages.versions"
+	for part in linux busybox; do
+		sed -nE 's/^(Source|Version): //p' "$build/$part/debian.dsc" | paste -sd ' '
+	done
+}
+
+mkdir -p "$folder"
+if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
+	rm -f "$folder.inputs"
+	make_root
+	make_kernel
+	make_images
+	licences
+	versions >"$parts/versions"
+	inputs >"$folder.inputs"
+fi
+"$tree/scripts/image/manifest.py" --images "$folder" --versions "$parts/versions" \
+	--limits "$board/image-limits.toml" --out "$folder/manifest.json"

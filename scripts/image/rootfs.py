@@ -1,0 +1,257 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""
+rootfs.py: the root file system of `make system`, put together in a folder: Debian's files and the libraries
+they need, BusyBox, the gateway, the board's own files, the gateway's users.
+
+Nothing but the standard library; `readelf` says which libraries a program names.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BOARD = ROOT / "board" / "nuc980"
+PACKAGE = ROOT / "package" / "openrtu"
+TABLE = BOARD / "system.toml"
+LIBRARY_FOLDERS = ("lib/arm-linux-gnueabi", "usr/lib/arm-linux-gnueabi")
+ELF = b"\x7fELF"
+
+
+class UnusableInput(Exception):
+    """What the root cannot be made of. The message names it, the cause and the next step."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """board/nuc980/system.toml."""
+
+    hostname: str
+    issue: str
+    programs: dict[str, list[str]]
+    library_packages: list[str]
+    more_libraries: list[str]
+    folders: dict[str, int]
+    links: dict[str, str]
+
+    @property
+    def packages(self) -> list[str]:
+        return sorted({*self.programs, *self.library_packages})
+
+
+def read_table(file: Path) -> Table:
+    try:
+        table = tomllib.loads(file.read_text(encoding="utf-8"))
+        return Table(
+            hostname=table["hostname"],
+            issue=table["issue"],
+            programs=table["programs"],
+            library_packages=table["libraries"]["packages"],
+            more_libraries=table["libraries"]["also"],
+            folders=table["folders"],
+            links=table["links"],
+        )
+    except (tomllib.TOMLDecodeError, KeyError, TypeError) as error:
+        raise UnusableInput(
+            f"{file}: {error!r}; it must be a table as board/nuc980/system.toml is"
+        ) from error
+
+
+# ---- users ---------------------------------------------------------------------------------------
+
+# Buildroot's syntax of package users: name, uid, group, gid, password, home, shell, further groups, comment.
+USER = re.compile(r"^\t([a-z][\w-]*) (\d+) ([a-z][\w-]*) (\d+) \* - - (\S+) (.+)$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class User:
+    name: str
+    uid: int
+    group: str
+    gid: int
+    more_group: str | None
+    comment: str
+
+    @property
+    def passwd(self) -> str:
+        return f"{self.name}:x:{self.uid}:{self.gid}:{self.comment}:/:/bin/false"
+
+
+def users_of(makefile: Path) -> list[User]:
+    """The users that a Buildroot package has; without one UnusableInput is raised."""
+    users = [
+        User(name, int(uid), group, int(gid), None if more == "-" else more, comment)
+        for name, uid, group, gid, more, comment in USER.findall(makefile.read_text(encoding="utf-8"))
+    ]
+    if not users:
+        raise UnusableInput(f"{makefile} has no line of a user, as Buildroot's manual describes it")
+    return users
+
+
+def add_users(etc: Path, users: Sequence[User]) -> None:
+    append(etc / "passwd", (user.passwd for user in users))
+    append(etc / "shadow", (f"{user.name}:*:::::::" for user in users))
+    append(
+        etc / "group", (f"{name}:x:{gid}:" for name, gid in {user.group: user.gid for user in users}.items())
+    )
+    for user in users:
+        if user.more_group:
+            join(etc / "group", user.more_group, user.name)
+
+
+def append(file: Path, lines: Iterable[str]) -> None:
+    with file.open("a", encoding="utf-8") as out:
+        out.writelines(f"{line}\n" for line in lines)
+
+
+def join(groups: Path, group: str, name: str) -> None:
+    text, found = re.subn(
+        rf"^({group}:.*:)(.*)$",
+        lambda line: f"{line[1]}{','.join(filter(None, [line[2], name]))}",
+        groups.read_text(encoding="utf-8"),
+        flags=re.MULTILINE,
+    )
+    if not found:
+        raise UnusableInput(f"{groups} has no group {group}, which {name} is to be in")
+    groups.write_text(text, encoding="utf-8")
+
+
+# ---- files ---------------------------------------------------------------------------------------
+
+
+def copy(source: Path, target: Path) -> None:
+    """A file's content under this name; for all to read, to be run by all if its owner runs it."""
+    if not source.is_file():
+        raise UnusableInput(f"{source} is not there")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    shutil.copyfile(source, target)
+    target.chmod(0o755 if source.stat().st_mode & 0o100 else 0o644)
+
+
+def copy_tree(source: Path, target: Path) -> None:
+    for file in sorted(source.rglob("*")):
+        if not file.is_dir():
+            copy(file, target / file.relative_to(source))
+
+
+def link(target: Path, to: str) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    target.symlink_to(to)
+
+
+def add_busybox(busybox: Path, root: Path) -> None:
+    """The program and a link for each applet, the folders being those that BusyBox names."""
+    copy(busybox / "busybox", root / "bin/busybox")
+    for applet in (busybox / "busybox.links").read_text(encoding="utf-8").split():
+        link(root / applet.lstrip("/"), "/bin/busybox")
+
+
+# ---- libraries -----------------------------------------------------------------------------------
+
+
+def needed(program: Path) -> list[str]:
+    """The libraries that an ELF file names."""
+    done = subprocess.run(["readelf", "--dynamic", "--wide", program], capture_output=True, text=True)
+    if done.returncode:
+        raise UnusableInput(f"readelf cannot read {program}: {done.stderr.strip()}")
+    return re.findall(r"\(NEEDED\).*\[(.+)\]", done.stdout)
+
+
+def programs_in(root: Path) -> Iterator[Path]:
+    for file in sorted(root.rglob("*")):
+        if file.is_file() and not file.is_symlink():
+            with file.open("rb") as opened:
+                if opened.read(len(ELF)) == ELF:
+                    yield file
+
+
+def add_libraries(root: Path, packages: Path, more: Sequence[str]) -> None:
+    """Those that programs of the root name, those that these name, and so on."""
+    waiting = {name: "system.toml" for name in more}
+    waiting |= {name: str(file) for file in programs_in(root) for name in needed(file)}
+    done: set[str] = set()
+    while waiting:
+        name, wanted_by = waiting.popitem()
+        if name in done:
+            continue
+        done.add(name)
+        library = _find_library(name, packages, wanted_by)
+        copy(packages / library, root / library)
+        (root / library).chmod(0o755)
+        waiting |= {each: name for each in needed(root / library)}
+
+
+def _find_library(name: str, packages: Path, wanted_by: str) -> str:
+    for folder in LIBRARY_FOLDERS:
+        if (packages / folder / name).exists():
+            return f"{folder}/{name}"
+    raise UnusableInput(
+        f"{wanted_by} needs {name}, and no package has it: name its package in {TABLE.relative_to(ROOT)}, "
+        "[libraries]"
+    )
+
+
+# ---- all of it -----------------------------------------------------------------------------------
+
+
+def make_root(table: Table, packages: Path, busybox: Path, gateway: Path, root: Path) -> None:
+    """Fills `root`, which must be empty, with everything but a site's settings (post-build.sh)."""
+    for path, permissions in table.folders.items():
+        (root / path).mkdir(parents=True, exist_ok=True)
+        (root / path).chmod(permissions)
+    copy_tree(BOARD / "skeleton", root)
+    copy_tree(BOARD / "rootfs-overlay", root)
+    copy(PACKAGE / "S80rtud", root / "etc/init.d/S80rtud")
+    (root / "etc/init.d/S80rtud").chmod(0o755)
+    add_busybox(busybox, root)
+    copy_tree(gateway, root)
+    for files in table.programs.values():
+        for file in files:
+            copy(packages / file, root / file)
+    for path, to in table.links.items():
+        link(root / path, to)
+    add_libraries(root, packages, table.more_libraries)
+    (root / "etc/hostname").write_text(f"{table.hostname}\n", encoding="utf-8")
+    (root / "etc/issue").write_text(f"{table.issue}\n", encoding="utf-8")
+    add_users(root / "etc", users_of(PACKAGE / "openrtu.mk"))
+    (root / "etc/shadow").chmod(0o600)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="rootfs", description="Put the root file system together.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("packages", help="print the Debian packages that it takes files of")
+    make = commands.add_parser("make", help="fill an empty folder")
+    make.add_argument("--packages", type=Path, required=True, metavar="DIR", help="the packages, unpacked")
+    make.add_argument("--busybox", type=Path, required=True, metavar="DIR", help="of build-busybox.sh")
+    make.add_argument("--gateway", type=Path, required=True, metavar="DIR", help="where it was installed to")
+    make.add_argument("root", type=Path, help="the folder")
+    arguments = parser.parse_args(words)
+    try:
+        table = read_table(TABLE)
+        if arguments.command == "packages":
+            print(*table.packages)
+        else:
+            make_root(table, arguments.packages, arguments.busybox, arguments.gateway, arguments.root)
+    except UnusableInput as error:
+        print(f"rootfs: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"rootfs: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""/data on the emulated board: in the flash where someone has made its volume, else in memory."""
+
+import json
+import random
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from desk import chapter_5
+from nuc980.twin.linux import Linux
+from nuc980.twin.nand import DATA, PAGE, PAGES, NandImage
+
+BLOCK = PAGES * DATA
+ROOTFS = range(0x1600000 // BLOCK, (0x1600000 + 0x6480000) // BLOCK)  # blocks
+KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIPO2c5HIsA3Zyex1BKm4ZmTJV0A9U1kR2Tj1kXh5o1xG an engineer"
+INTERFACES = """\
+auto lo
+iface lo inet loopback
+auto eth0
+iface eth0 inet static
+	address 10.11.12.13
+	netmask 255.255.255.0
+"""
+IMAGES_ADDRESS = "172.16.0.50"
+CREATE_SECONDS = 900.0  # it reads all of the partition first
+
+Boot = Callable[..., Linux]
+
+
+@pytest.fixture
+def nand(tmp_path: Path) -> NandImage:
+    return NandImage.blank(tmp_path / "nand")
+
+
+@pytest.fixture
+def power(boot: Boot, nand: NandImage) -> Callable[[], Linux]:
+    def on() -> Linux:
+        return boot(*with_flash(nand))
+
+    return on
+
+
+@pytest.fixture(scope="module")
+def made(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> NandImage:
+    """A flash with the data volume, made on the board, with what was in /data before."""
+    nand = NandImage.blank(tmp_path_factory.mktemp("made") / "nand")
+    nand.mark_bad(ROOTFS[1])
+    with boot(*with_flash(nand)) as linux:
+        linux.run("mkdir /data/site; echo kept > /data/note")
+        said = linux.run("rtu-data create", CREATE_SECONDS)
+        assert "it holds nothing" in said
+        assert "1 bad" in said
+        linux.run("sync")
+    return nand
+
+
+@pytest.fixture
+def with_volume(made: NandImage, nand: NandImage) -> None:
+    shutil.copyfile(made.path, nand.path)
+
+
+def with_flash(nand: NandImage) -> tuple[str, ...]:
+    """The board's time goes by its instructions and leaps over its waits: a busy machine changes nothing."""
+    return "-drive", f"if=mtd,format=raw,file={nand.path}", "-icount", "shift=3,sleep=off"
+
+
+def rootfs(nand: NandImage) -> bytes:
+    """All of the partition, spare bytes included."""
+    with nand.path.open("rb") as file:
+        file.seek(ROOTFS[0] * PAGES * PAGE)
+        return file.read(len(ROOTFS) * PAGES * PAGE)
+
+
+def where(linux: Linux) -> str:
+    return linux.run("cat /run/openrtu/data")
+
+
+def put(linux: Linux, name: str, text: str) -> None:
+    """A setting of the site, as an engineer types it."""
+    linux.run(f"mkdir -p /data/site; : > /data/site/{name}")
+    for line in text.splitlines():
+        quoted = line.replace("'", "'\\''")
+        linux.run(f"printf '%s\\n' '{quoted}' >> /data/site/{name}")
+
+
+# ---- in memory
+
+
+def test_without_a_flash(boot: Boot) -> None:
+    with boot() as linux:
+        assert where(linux).startswith("memory: ")
+        assert linux.run("grep ' /data ' /proc/mounts").startswith("tmpfs ")
+        assert "in memory, lost at restart" in linux.run("rtu-data status")
+        status, said = linux.try_to("rtu-data create")
+        assert status == 1
+        assert "there is no flash" in said
+
+
+def test_empty_flash_is_not_touched(power: Callable[[], Linux], nand: NandImage) -> None:
+    before = rootfs(nand)
+    with power() as linux:
+        assert where(linux) == "memory: no UBI volume"
+        linux.run("echo x > /data/x")
+        said = linux.run("rtu-data status")
+        assert said.startswith("data: in memory, lost at restart: no UBI volume\n")
+        assert "it holds no UBI" in said
+        assert "no UBI volume" in linux.run("grep data: /var/log/messages")
+    assert rootfs(nand) == before
+
+
+# ---- what is made, and what is not
+
+
+def test_volume_is_made_and_used_from_the_next_start_on(
+    power: Callable[[], Linux], with_volume: None
+) -> None:
+    with power() as linux:
+        assert where(linux) == "flash"
+        assert linux.run("grep ' /data ' /proc/mounts").split()[0] == "ubi0:data"
+        assert linux.run("cat /data/note") == "kept"
+        free = int(linux.run("rtu-data status").splitlines()[0].split()[2])
+        assert 70 < free < len(ROOTFS) * BLOCK >> 20
+        assert "there already" in linux.run("rtu-data create")
+        linux.run("echo more > /data/more; sync")
+    with power() as linux:
+        assert linux.run("cat /data/more") == "more"
+
+
+@pytest.mark.parametrize("block", [ROOTFS[0], ROOTFS[-1]])
+def test_what_is_no_ubi_stays(power: Callable[[], Linux], nand: NandImage, block: int) -> None:
+    """The factory's system may be there, wherever it begins."""
+    page = random.Random(block).randbytes(DATA)
+    nand.write(block * PAGES + 63, page + b"\xff\xff\0\0")
+    before = rootfs(nand)
+    with power() as linux:
+        assert where(linux) == "memory: no UBI volume"
+        for arguments in ("", "--erase rootf", "--erase"):
+            status, said = linux.try_to(f"rtu-data create {arguments}", CREATE_SECONDS)
+            assert status in (1, 2), said
+            assert "--erase rootfs" in said
+    assert rootfs(nand) == before
+
+
+def test_erase_with_the_name_typed_in_full(power: Callable[[], Linux], nand: NandImage) -> None:
+    for block in (ROOTFS[0], ROOTFS[3], ROOTFS[-1]):
+        nand.write(block * PAGES, b"factory" * 100)
+    nand.mark_bad(ROOTFS[2])
+    with power() as linux:
+        said = linux.run("rtu-data create --erase rootfs", CREATE_SECONDS)
+        assert "it holds something else" in said
+        linux.run("sync")
+    with power() as linux:
+        assert where(linux) == "flash"
+
+
+def test_other_volumes_stay(power: Callable[[], Linux]) -> None:
+    with power() as linux:
+        linux.run("ubiattach -m 4 /dev/ubi_ctrl; ubimkvol /dev/ubi0 -N rootfs -s 8MiB", 120)
+        linux.run(
+            "mkdir -p /run/m; mount -t ubifs ubi0:rootfs /run/m; echo 1 > /run/m/file; umount /run/m", 60
+        )
+    with power() as linux:
+        assert where(linux) == "memory: no UBI volume"
+        said = linux.run("rtu-data create", 120)
+        assert "volume rootfs: " in said
+        linux.run("sync")
+    with power() as linux:
+        assert where(linux) == "flash"
+        assert linux.run("mount -t ubifs ubi0:rootfs /mnt 2>/dev/null || mkdir -p /run/m; "
+                         "mount -t ubifs ubi0:rootfs /run/m; cat /run/m/file") == "1"  # fmt: skip
+
+
+# ---- settings of the site
+
+
+def test_settings_of_the_volume_replace_the_images(power: Callable[[], Linux], with_volume: None) -> None:
+    with power() as linux:
+        put(linux, "interfaces", INTERFACES)
+        put(linux, "authorized_keys", KEY)
+        put(linux, "config.json", json.dumps(chapter_5(), indent=0))
+        linux.run("sync")
+    with power() as linux:
+        assert "10.11.12.13" in linux.run("ip address show eth0")
+        assert linux.run("cat /root/.ssh/authorized_keys") == KEY
+        assert linux.run("stat -c %a /root/.ssh/authorized_keys") == "600"
+        assert json.loads(linux.run("cat /etc/openrtu/gateway.json")) == chapter_5()
+        linux.run("n=0; until rtuctl modules; do n=$((n + 1)); [ $n -lt 30 ]; sleep 1; done", 60)
+        last = linux.run("rtuctl modules").splitlines()[-1]
+        assert last.startswith("data: flash, ")
+        assert last.endswith(" MiB free")
+
+
+@pytest.mark.parametrize(
+    ("interfaces", "why"),
+    [
+        (INTERFACES.replace("address 10.11.12.13", "address 10.11.12.313"), "no address: 10.11.12.313"),
+        (INTERFACES.replace("auto eth0", ""), "neither eth0 nor eth1"),
+        (INTERFACES.replace("inet static", "inet ecstatic"), "ecstatic"),
+        ("garbage\n" + INTERFACES, "garbage"),
+    ],
+    ids=["address", "nothing brought up", "method", "garbage"],
+)
+def test_broken_settings_leave_the_board_in_reach(
+    power: Callable[[], Linux], with_volume: None, interfaces: str, why: str
+) -> None:
+    with power() as linux:
+        put(linux, "interfaces", interfaces)
+        put(linux, "authorized_keys", "no key")
+        put(linux, "config.json", '{"port": 1}')
+        linux.run("sync")
+    with power() as linux:
+        assert IMAGES_ADDRESS in linux.run("ip address show eth0")
+        assert linux.try_to("[ -e /etc/openrtu/gateway.json ]")[0], "a broken configuration is used"
+        log = linux.run("grep 'is not used' /var/log/messages")
+        for name in ("interfaces", "authorized_keys", "config.json"):
+            assert f"/data/site/{name} is not used" in log
+        assert why in log

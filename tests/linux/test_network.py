@@ -1,0 +1,480 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The two Ethernet ports under Linux, with hosts of the test's own at the far ends of their cables."""
+
+import random
+import re
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import libfdt
+import pytest
+
+from linux.wire import BROADCAST, IPV4, SECONDS, Wire, cable, vlan_tag
+from nuc980.netboot.boot import tree_for
+from nuc980.twin.linux import Kernel, Linux
+
+HERE = Path(__file__).parent
+START_SCRIPT = HERE.parents[1] / "board/nuc980/rootfs-overlay/etc/init.d/S41macs"
+MACS = ("02:00:00:aa:bb:01", "02:00:00:aa:bb:02")
+BOARD = ("10.1.0.2", "10.2.0.2")
+HOST = ("10.1.0.1", "10.2.0.1")
+LARGEST = 1472  # bytes of a ping in a frame of 1514
+EMAC = (0xB0012000, 0xB0022000)
+MCMDR, CTXDSA, CRXDSA = 0x90, 0xCC, 0xD4
+TXON = 1 << 8
+NO_MEMORY = 0xFFFFFFF0
+
+Boot = Callable[..., Linux]
+
+
+def bytes_of(mac: str) -> bytes:
+    return bytes.fromhex(mac.replace(":", ""))
+
+
+def with_macs(kernel: Kernel, folder: Path, macs: tuple[str, ...]) -> Kernel:
+    """The kernel with a device tree that has the addresses, as nuc980-netboot writes them into it."""
+    tree = folder / "macs.dtb"
+    tree.write_bytes(tree_for(libfdt.Fdt(kernel.dtb.read_bytes()), kernel.arguments, macs))
+    return Kernel(kernel.image, tree, kernel.root, kernel.arguments)
+
+
+def until(condition: Callable[[], object], what: str, seconds: float = SECONDS) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, f"not within {seconds:g} s: {what}"
+
+
+@pytest.fixture(scope="module")
+def kernel(kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Kernel:
+    return with_macs(kernel, tmp_path_factory.mktemp("tree"), MACS)
+
+
+@pytest.fixture(scope="module")
+def wires(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Wire, Wire]]:
+    folder = tmp_path_factory.mktemp("wires")
+    first, second = (Wire(folder, n, HOST[n], BOARD[n]) for n in (0, 1))
+    yield first, second
+    first.close()
+    second.close()
+
+
+@pytest.fixture(scope="module")
+def board_arguments(wires: tuple[Wire, Wire]) -> tuple[str, ...]:
+    return wires[0].arguments + wires[1].arguments
+
+
+@pytest.fixture(scope="module")
+def board_uarts() -> tuple[int, ...]:
+    return (0, 1, 2, 3, 4, 6, 8)
+
+
+@pytest.fixture(scope="module")
+def extra_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path | str]:
+    program = tmp_path_factory.mktemp("network") / "network"
+    subprocess.run(
+        ["arm-linux-gnueabi-gcc", "-std=c11", "-D_GNU_SOURCE", "-O2", "-static", "-march=armv5te", "-marm",
+         "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "programs" / "network.c"], check=True
+    )  # fmt: skip
+    return {"/bin/network": program}
+
+
+@pytest.fixture(scope="module")
+def ports(linux: Linux, wires: tuple[Wire, Wire]) -> tuple[Wire, Wire]:
+    """Both ports up, each with its address and its host's."""
+    for n in (0, 1):
+        linux.run(
+            f"ip link set eth{n} up; ip addr flush dev eth{n}; ip addr add {BOARD[n]}/24 dev eth{n};"
+            " echo 1 > /proc/sys/net/ipv4/icmp_ratelimit"
+        )
+    for wire in wires:
+        wire.ask_mac()
+    return wires
+
+
+def counter(linux: Linux, port: int, name: str) -> int:
+    return int(linux.run(f"cat /sys/class/net/eth{port}/statistics/{name}"))
+
+
+def has_carrier(linux: Linux, port: int) -> bool:
+    return linux.run(f"cat /sys/class/net/eth{port}/carrier") == "1"
+
+
+def plug(linux: Linux, wire: Wire, plugged: bool) -> None:
+    linux.machine.command("set_link", name=wire.name, up=plugged)
+
+
+# ---- addresses and names
+
+
+def test_ports_have_the_trees_addresses_in_the_nodes_order(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    for n, wire in enumerate(ports):
+        assert linux.run(f"cat /sys/class/net/eth{n}/address") == MACS[n]
+        assert linux.run(f"readlink -f /sys/class/net/eth{n}/device").endswith(f".emac{n}")
+        assert wire.ask_mac() == bytes_of(MACS[n])
+
+
+def test_address_changes_while_it_runs(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    wire = ports[0]
+    linux.run("ip link set eth0 address 02:00:00:cc:dd:03")
+    assert wire.ask_mac() == bytes_of("02:00:00:cc:dd:03")
+    assert wire.answers()
+    wire.ping(2, b"to the old address", bytes_of(MACS[0]))
+    assert wire.pong(2, 0.5) is None
+    linux.run(f"ip link set eth0 address {MACS[0]}")
+    assert wire.ask_mac() == bytes_of(MACS[0])
+    assert wire.answers()
+
+
+# ---- traffic
+
+
+def test_pings_of_all_sizes_from_outside(ports: tuple[Wire, Wire]) -> None:
+    """Both ports at once, some on their way at any time."""
+    content = random.Random(980).randbytes(LARGEST)
+    ahead = 8
+    for size in range(LARGEST + ahead + 1):
+        for wire in ports:
+            if size <= LARGEST:
+                wire.ping(size, content[:size])
+            if size >= ahead:
+                assert wire.pong(size - ahead) == content[: size - ahead], f"{size - ahead} bytes"
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_pings_from_inside(linux: Linux, ports: tuple[Wire, Wire], port: int) -> None:
+    sizes = "1 17 18 19 63 64 214 215 255 256 257 511 1023 1471 1472"
+    said = linux.run(
+        f"for size in {sizes}; do ping -c 2 -i 0.1 -W 5 -s $size {HOST[port]} || exit 1; done", seconds=120
+    )
+    assert said.count("2 packets received") == len(sizes.split())
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_vlan_frames_of_full_length(linux: Linux, ports: tuple[Wire, Wire], port: int) -> None:
+    linux.run(f"ip link add link eth{port} name v{port} type vlan id 7; ip link set v{port} up")
+    linux.run(f"ip addr flush dev eth{port}; ip addr add {BOARD[port]}/24 dev v{port}")
+    wire, content = ports[port], random.Random(7).randbytes(LARGEST)
+    for number in range(4):
+        wire.ping(number, content, tag=vlan_tag(7))
+        assert wire.pong(number) == content
+    assert "2 packets received" in linux.run(f"ping -c 2 -i 0.1 -W 5 -s {LARGEST} {HOST[port]}")
+    linux.run(f"ip link del v{port}; ip addr add {BOARD[port]}/24 dev eth{port}")
+    assert wire.answers()
+
+
+def test_counters_are_those_of_the_wire(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    names = ("rx_packets", "rx_bytes", "tx_packets", "tx_bytes")
+    ports[1].ask_mac()
+    before = [counter(linux, 1, name) for name in names]
+    for number in range(100):
+        ports[1].ping(number, bytes(958))
+        assert ports[1].pong(number) is not None
+    after = [counter(linux, 1, name) for name in names]
+    grown = [new - old for new, old in zip(after, before, strict=True)]
+    for got, least in zip(grown, (100, 100_000, 100, 100_000), strict=True):
+        assert least <= got <= least * 1.05, grown  # beside them an ARP or two
+    assert [counter(linux, 1, name) for name in ("rx_errors", "tx_errors", "tx_dropped")] == [0, 0, 0]
+
+
+# ---- who is heard
+
+
+def frames_heard(linux: Linux, wire: Wire, port: int, to: bytes) -> int:
+    """How many of ten frames to an address the port takes; a ping after them is not counted."""
+    before = counter(linux, port, "rx_packets")
+    for _ in range(10):
+        wire.send(wire.frame(0x88B5, bytes(46), to))  # the type is for experiments
+    assert wire.answers()
+    return counter(linux, port, "rx_packets") - before - 1
+
+
+@pytest.fixture
+def quiet(linux: Linux, ports: tuple[Wire, Wire]) -> Wire:
+    """Port 0, to which nothing goes but what a test sends: the board does not ask for its host again."""
+    linux.run("echo 3600 > /proc/sys/net/ipv4/neigh/eth0/delay_first_probe_time")
+    assert ports[0].answers()
+    return ports[0]
+
+
+OTHER = bytes_of("02:00:00:12:34:56")
+GROUP = bytes_of("01:00:5e:01:00:01")  # of 239.1.0.1
+OTHER_GROUP = bytes_of("01:00:5e:7f:ff:fa")
+UP, PROMISC, ALLMULTI = 0x1003, 0x100, 0x200
+
+
+def test_only_its_own_frames_are_heard(linux: Linux, quiet: Wire) -> None:
+    assert frames_heard(linux, quiet, 0, bytes_of(MACS[0])) == 10
+    assert frames_heard(linux, quiet, 0, BROADCAST) == 10
+    assert frames_heard(linux, quiet, 0, OTHER) == 0
+    assert frames_heard(linux, quiet, 0, OTHER_GROUP) == 0
+    assert frames_heard(linux, quiet, 0, bytes_of("01:00:5e:00:00:01")) == 10  # all hosts
+
+
+@pytest.mark.parametrize(("flag", "others"), [(PROMISC, 10), (ALLMULTI, 0)])
+def test_promiscuous_and_all_groups(linux: Linux, quiet: Wire, flag: int, others: int) -> None:
+    linux.run(f"echo {UP | flag:#x} > /sys/class/net/eth0/flags")
+    assert frames_heard(linux, quiet, 0, OTHER) == others
+    assert frames_heard(linux, quiet, 0, OTHER_GROUP) == 10
+    linux.run(f"echo {UP:#x} > /sys/class/net/eth0/flags")
+    assert frames_heard(linux, quiet, 0, OTHER) == 0
+    assert frames_heard(linux, quiet, 0, OTHER_GROUP) == 0
+
+
+@pytest.mark.parametrize(("count", "others"), [(3, 0), (16, 10)], ids=["some groups", "too many"])
+def test_joined_groups_are_heard(linux: Linux, quiet: Wire, count: int, others: int) -> None:
+    """As many as the MAC compares with; of more than those, all groups."""
+    linux.run(f"network join eth0 {count} > /tmp/joined & echo $! > /tmp/join")
+    until(lambda: linux.run("cat /tmp/joined") == "joined", "the groups are joined")
+    assert frames_heard(linux, quiet, 0, GROUP) == 10
+    assert frames_heard(linux, quiet, 0, OTHER_GROUP) == others
+    assert frames_heard(linux, quiet, 0, OTHER) == 0
+    linux.run("kill $(cat /tmp/join)")
+    until(lambda: "239.1.0.1" not in linux.run("cat /proc/net/igmp"), "the groups are left")
+    assert frames_heard(linux, quiet, 0, GROUP) == 0
+
+
+# ---- the link
+
+
+def test_settings(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    assert linux.run("network settings eth1") == "100 full auto nuc980-emac"
+    assert linux.run("cat /sys/class/net/eth1/speed") == "100"
+
+
+def test_cable_out_and_in(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    wire, other = ports
+    plug(linux, wire, False)
+    until(lambda: not has_carrier(linux, 0), "the port sees that its cable is out")
+    assert other.answers()
+    assert linux.try_to(f"ping -c 3 -i 0.1 -W 1 {HOST[0]}")[0] == 1
+    plug(linux, wire, True)
+    until(lambda: has_carrier(linux, 0), "the port sees its cable")
+    assert wire.answers()
+    assert "Link is Down" in linux.run("dmesg | grep eth0")
+
+
+@pytest.mark.parametrize("duplex", ["half", "full"])
+def test_ten_megabit(linux: Linux, ports: tuple[Wire, Wire], duplex: str) -> None:
+    """The twin hears and sends nothing when the MAC's speed is not the PHY's."""
+    linux.run(f"network force eth0 10 {duplex}")
+    until(
+        lambda: (
+            linux.run("network settings eth0") == f"10 {duplex} forced nuc980-emac" and has_carrier(linux, 0)
+        ),
+        "the link at 10 Mbit/s",
+    )
+    assert ports[0].answers()
+    linux.run("network negotiate eth0")
+    # A PHY loses its link while it negotiates; the twin's does so in no time, and unseen.
+    plug(linux, ports[0], False)
+    until(lambda: not has_carrier(linux, 0), "the loss of the link")
+    plug(linux, ports[0], True)
+    until(
+        lambda: linux.run("network settings eth0") == "100 full auto nuc980-emac" and has_carrier(linux, 0),
+        "the link at 100 Mbit/s",
+    )
+    assert ports[0].answers()
+
+
+def test_down_and_up_again_under_traffic(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    wire = ports[0]
+    flood = Flood(wire)
+    linux.run("for n in $(seq 20); do ip link set eth0 down; ip link set eth0 up; done", seconds=120)
+    flood.end()
+    until(lambda: has_carrier(linux, 0), "the link")
+    wire.ask_mac()
+    assert wire.answers()
+
+
+# ---- what should not come
+
+
+class Flood:
+    """Datagrams without a pause, from a thread, until its end."""
+
+    def __init__(self, wire: Wire, size: int = 18) -> None:
+        self.frames = 0
+        self._wire, self._frame = wire, wire.udp(bytes(size))
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._thread.start()
+
+    def _send(self) -> None:
+        while not self._over.is_set():
+            self._wire.send(self._frame)
+            self.frames += 1
+
+    def end(self) -> int:
+        """How many frames it was."""
+        self._over.set()
+        self._thread.join(SECONDS)
+        assert not self._thread.is_alive(), "the port takes nothing"
+        self._wire.taken()
+        return self.frames
+
+
+def test_malformed_frames_do_no_harm(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    chance = random.Random(980)
+    for n, wire in enumerate(ports):
+        to = bytes_of(MACS[n])
+        for size in (1, 13, 14, 15, 59, 60, 1515, 1518, 1519, 1532, 1533, 1536, 1537, 2048, 9000, 65535):
+            for address in (to, BROADCAST):
+                wire.send((address + wire.mac + b"\x08\x00" + bytes(65536))[:size])
+        for _ in range(2000):
+            wire.send(to + chance.randbytes(chance.randrange(1600)))
+        for _ in range(2000):  # the kinds that the kernel looks into
+            kind = chance.choice([IPV4, 0x0806, 0x86DD, 0x8100, 0x88A8, 0x8808, chance.randrange(1536)])
+            wire.send(to + wire.mac + kind.to_bytes(2, "big") + chance.randbytes(chance.randrange(1600)))
+        wire.taken()
+        assert wire.answers()
+    linux.run("ip link set eth0 down; ip link set eth0 up")  # what a random IPv6 frame may have set
+    until(lambda: ports[0].answers(1.0), "the port answers")
+
+
+@pytest.mark.parametrize("size", [18, 1400])
+def test_flood_leaves_the_board_alive(linux: Linux, ports: tuple[Wire, Wire], size: int) -> None:
+    flood = Flood(ports[0], size)
+    for _ in range(5):
+        assert ports[1].answers(), "the other port"
+        linux.run("cat /proc/loadavg")
+    assert flood.end() > 1000
+    assert ports[0].answers()
+
+
+LINES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
+BAUD = 19200
+
+
+def test_flood_takes_no_byte_from_a_line(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    """Six lines get and give back a text while both ports are flooded."""
+    uarts = {number: linux.machine.uarts[number] for number in LINES.values()}
+    text = {number: random.Random(number).randbytes(1500) for number in uarts}
+    for number in uarts:
+        linux.run(
+            f"stty -F /dev/ttyS{number} raw -echo {BAUD}; cat /dev/ttyS{number} > /dev/ttyS{number} &"
+            " echo $! >> /tmp/cats"
+        )
+    floods = [Flood(wire) for wire in ports]
+    back = dict.fromkeys(uarts, b"")
+    for number, line in uarts.items():
+        line.send(text[number])
+    deadline = time.monotonic() + 120
+    while any(len(back[number]) < len(text[number]) for number in uarts) and time.monotonic() < deadline:
+        for number, line in uarts.items():
+            back[number] += line.receive(0.01)
+    frames = [flood.end() for flood in floods]
+    linux.run("kill $(cat /tmp/cats)")
+    assert back == text
+    assert min(frames) > 1000
+    for line in linux.run("cat /proc/tty/driver/*").splitlines():
+        assert not re.search(r"\b(oe|fe|pe|brk):", line), line
+
+
+# ---- what a chip should not do
+
+
+def after_recovery(linux: Linux, wire: Wire, port: int) -> None:
+    until(
+        lambda: "the MAC starts anew" in linux.run(f"dmesg -c | grep eth{port} || true"),
+        "the MAC starts anew",
+    )
+    assert wire.answers()
+    assert has_carrier(linux, port)
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_receive_bus_error_is_recovered_from(linux: Linux, ports: tuple[Wire, Wire], port: int) -> None:
+    """The buffer of the next descriptor is where no memory is."""
+    machine, wire = linux.machine, ports[port]
+    linux.run("dmesg -c")
+    machine.write(machine.read(EMAC[port] + CRXDSA) + 4, NO_MEMORY)
+    wire.ping(0, b"lost")
+    after_recovery(linux, wire, port)
+    assert "bus error in receive" in machine.complaints
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_transmit_bus_error_is_recovered_from(linux: Linux, ports: tuple[Wire, Wire], port: int) -> None:
+    """The descriptor after the next is where no memory is."""
+    machine, wire = linux.machine, ports[port]
+    linux.run("dmesg -c")
+    machine.write(machine.read(EMAC[port] + CTXDSA) + 12, NO_MEMORY)
+    wire.ping(0, b"lost")
+    after_recovery(linux, wire, port)
+    assert "bus error in transmit" in machine.complaints
+
+
+def test_stuck_transmitter_is_recovered_from(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    machine, wire = linux.machine, ports[1]
+    linux.run("dmesg -c")
+    machine.write(EMAC[1] + MCMDR, machine.read(EMAC[1] + MCMDR) & ~TXON)
+    for number in range(100):  # more than the ring holds
+        wire.ping(number, bytes(1400))
+    after_recovery(linux, wire, 1)
+    expected = [trouble for trouble in linux.troubles if "net/sched/sch_generic.c" in trouble]
+    assert len(expected) <= 1  # the kernel's own word on it, once
+    for trouble in expected:
+        linux.troubles.remove(trouble)
+
+
+def test_chip_was_used_as_it_should(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    """The twin has nothing else to say of what the driver did to the MACs."""
+    said = [line for line in linux.machine.complaints.splitlines() if line.startswith("nuc980-emac")]
+    unexpected = [line for line in said if "bus error" not in line and "PHY register" not in line]
+    assert not unexpected
+
+
+# ---- other boards
+
+
+def test_port_without_a_phy_keeps_its_name(boot: Boot, kernel: Kernel, tmp_path: Path) -> None:
+    """A device tree that does not route emac0's pins: the other port is eth1 as ever."""
+    tree = libfdt.Fdt(kernel.dtb.read_bytes())
+    tree.delprop(tree.path_offset(tree.get_alias("ethernet0")), "pinctrl-0")
+    (tmp_path / "no-pins.dtb").write_bytes(tree.as_bytearray())
+    wire = Wire(tmp_path, 1, HOST[1], BOARD[1])
+    other = Kernel(kernel.image, tmp_path / "no-pins.dtb", kernel.root, kernel.arguments)
+    linux = boot("-nic", "user", *wire.arguments, kernel=other)
+    linux.run(f"ip link set eth1 up; ip addr flush dev eth1; ip addr add {BOARD[1]}/24 dev eth1")
+    assert wire.ask_mac() == bytes_of(MACS[1])
+    assert linux.try_to("ip link set eth0 up")[0]
+    assert "eth0: no PHY answers on the MDIO bus" in linux.run("dmesg")
+    wire.close()
+
+
+def test_two_boards_on_one_network(boot: Boot, kernel: Kernel, tmp_path: Path) -> None:
+    """One with a tree's addresses; one without, which makes up its own and says so."""
+    tree = libfdt.Fdt(kernel.dtb.read_bytes())
+    for alias in ("ethernet0", "ethernet1"):
+        tree.delprop(tree.path_offset(tree.get_alias(alias)), "local-mac-address")
+    (tmp_path / "bare.dtb").write_bytes(tree.as_bytearray())
+    bare = Kernel(kernel.image, tmp_path / "bare.dtb", kernel.root, kernel.arguments)
+
+    ends = [f"{tmp_path}/a", f"{tmp_path}/b"]
+    boards = []
+    for address, (local, remote), booted in zip((1, 2), (ends, ends[::-1]), (kernel, bare), strict=True):
+        boards.append(boot(*cable(0, local, remote), kernel=booted, files={"/bin/macs": START_SCRIPT}))
+        boards[-1].run(
+            f"ip link set eth0 up; ip addr flush dev eth0; ip addr add 10.9.0.{address}/24 dev eth0"
+        )
+    first, second = boards
+    until(lambda: has_carrier(first, 0) and has_carrier(second, 0), "both links")
+    assert "3 packets received" in first.run("ping -c 3 -i 0.2 -W 5 10.9.0.2")
+    assert "3 packets received" in second.run("ping -c 3 -i 0.2 -W 5 -s 1472 10.9.0.1")
+
+    made_up = [second.run(f"cat /sys/class/net/eth{n}/address") for n in (0, 1)]
+    assert len({*made_up, *MACS}) == 4
+    assert all(int(mac[:2], 16) & 3 == 2 for mac in made_up), "of one board, locally administered"
+    assert second.run("dmesg | grep -c 'no local-mac-address in the device tree'") == "2"
+    assert first.try_to("dmesg | grep 'no local-mac-address'")[0] == 1
+
+    assert first.run("macs start 2>&1") == ""
+    warned = second.run("macs start 2>&1").splitlines()
+    assert [f"eth{n} has made up its address {made_up[n]}" in warned[n] for n in (0, 1)] == [True, True]
+    first.run("ip link set eth1 address 08:00:27:00:01:93")
+    assert "eth1 has 08:00:27:00:01:93, as all boards with the vendor's kernel" in first.run(
+        "macs start 2>&1"
+    )

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`make run`: the emulated board from reset to the control room's table, as a process of its own."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from desk import chapter_5, values
+from lab.board_show import BOARD_STEPS
+from lab.gateway import free_port
+from lab.master import Master
+
+ROOT = Path(__file__).resolve().parents[2]
+SYSTEM = ROOT / "build/system-lab"
+STORY_SECONDS = 300
+# A row of the control room's table: address, CA, value, type.
+ROW = re.compile(r"^ {5}(\d{7}) +(\d+) +(\S+)(?: on| off)? +(M_\w+)", re.MULTILINE)
+IOA = {"coils": 1, "discrete_inputs": 10001, "input_registers": 30001, "holding_registers": 40001}
+
+
+def start(program: str, *arguments: str | Path) -> subprocess.Popen[str]:
+    if not (SYSTEM / "uImage").exists():
+        pytest.fail(f"{SYSTEM}/uImage is not there: `make lab`", pytrace=False)
+    return subprocess.Popen(
+        [sys.executable, "-m", program, *arguments],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT / "scripts")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@dataclass(frozen=True)
+class Story:
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture(scope="module")
+def story(qemu: Path, uboot: Path) -> Story:
+    show = start("lab.board_show", "--port", str(free_port()))
+    out, err = show.communicate(timeout=STORY_SECONDS)
+    return Story(show.returncode, out, err)
+
+
+def test_all_of_it_is_seen(story: Story) -> None:
+    assert (story.code, story.err) == (0, ""), story.out[-3000:]
+    assert f"All {len(BOARD_STEPS)} steps were seen." in story.out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        r"^Load uImage, \d+ bytes, to 0x7fc0\.$",
+        r"^Load nuc980\.dtb, \d+ bytes, to 0xa00000\.$",
+        r"^  \| Starting kernel \.\.\.$",
+        r"^  \| .*Machine model: BLIIoT gateway",
+        r"^  \| \S+ login: ",
+        r"^ +Linux .* PREEMPT_RT ",
+        r"^ +rtu-iec104 .*running",
+        r"^ +uart8 .*connected$",
+        r"^ +board +kill -9 \d+ ",
+        r"^ +Verdict: ",
+    ],
+)
+def test_it_shows(story: Story, words: str) -> None:
+    assert re.search(words, story.out, re.MULTILINE)
+
+
+def devices_values() -> dict[tuple[int, int], int]:
+    """What the simulated devices have in the end, for objects that come as they are."""
+    cells = values()
+    cells["3.67"]["coils"]["3"] = 1
+    cells["3.67"]["holding_registers"]["2"] = 255
+    cells["3.67"]["input_registers"]["0"] = 1510
+    found = {}
+    for port in chapter_5()["port"]:
+        for slave in port["slaves"]:
+            if slave["id"] == 0:  # the broadcast is only written
+                continue
+            own = cells.get(f"{port['value']}.{slave['id']}", {})
+            for table, first in IOA.items():
+                for each in slave.get(table, []):
+                    if plain(each):
+                        ioa = each.get("ioa", first + each["address"])
+                        value = own.get(table, {}).get(str(each["address"]), 0)
+                        found[1000 * port["value"] + slave["id"], ioa] = value
+    return found
+
+
+def plain(point: dict[str, Any]) -> bool:
+    return not {"type", "scale", "offset", "signed", "bit", "inverted"} & point.keys()
+
+
+def test_table_has_the_devices_values(story: Story) -> None:
+    last = story.out[story.out.rindex(f"{len(BOARD_STEPS)}. ") :]
+    table = {(int(ca), int(ioa)): float(value) for ioa, ca, value, _ in ROW.findall(last) if numeric(value)}
+    wanted = devices_values()
+    assert len(wanted) > 40
+    assert {place: table.get(place) for place in wanted} == wanted
+
+
+def numeric(text: str) -> bool:
+    return re.fullmatch(r"-?\d+(\.\d+)?(e[+-]\d+)?", text) is not None
+
+
+def test_a_port_in_use_is_a_reason(story: Story) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        show = start("lab.board_show", "--port", str(other.getsockname()[1]))
+        _, err = show.communicate(timeout=STORY_SECONDS)
+    assert show.returncode == 1
+    assert "make run: not seen: " in err
+    assert "host forwarding" in err
+    assert "Traceback" not in err
+
+
+@pytest.fixture
+def kept() -> Iterator[tuple[subprocess.Popen[str], int]]:
+    port = free_port()
+    show = start("lab.board_show", "--port", str(port), "--keep")
+    yield show, port
+    show.kill()
+    show.communicate()
+
+
+def test_keep_stays_up_for_the_users_own_master(kept: tuple[subprocess.Popen[str], int]) -> None:
+    show, port = kept
+    assert show.stdout is not None
+    said = []
+    for line in show.stdout:
+        said.append(line)
+        if "Ctrl-C" in line:
+            break
+    else:
+        pytest.fail(f"it ended instead: {''.join(said)[-3000:]} {show.communicate()}")
+    with Master("127.0.0.1", port) as master:
+        assert len(master.interrogate(3067)) == 13
+    command = next(line.strip() for line in said if "rtuctl modules" in line)
+    inside = subprocess.run(
+        f"{command} --json", shell=True, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert {module["name"] for module in json.loads(inside.stdout)} >= {"rtud", "rtu-iec104"}
+    show.send_signal(signal.SIGINT)
+    _, err = show.communicate(timeout=60)
+    assert (show.returncode, err) == (0, "")
+
+
+def test_image_of_a_folder_comes_up(story: Story) -> None:
+    """`make run IMAGE=`, here with our own system as the image."""
+    show = start("lab.image", SYSTEM)
+    out, err = show.communicate(timeout=STORY_SECONDS)
+    assert (show.returncode, err) == (0, ""), out[-3000:]
+    told = dict(re.findall(r"^(U-Boot|kernel|board|log-in) +(.+)$", out[out.rindex("\n\n") :], re.MULTILINE))
+    assert told["U-Boot"].startswith("U-Boot 20")
+    assert "PREEMPT_RT" in told["kernel"]
+    assert told["log-in"].endswith("login:")
+
+
+def test_folder_without_an_image_is_wrong_usage(tmp_path: Path) -> None:
+    show = start("lab.image", tmp_path)
+    _, err = show.communicate(timeout=60)
+    assert show.returncode == 2
+    assert f"{tmp_path}/uImage is not there: make image" in err
