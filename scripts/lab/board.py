@@ -67,6 +67,16 @@ def configuration() -> dict[str, Any]:
     return config
 
 
+def stations() -> list[int]:
+    """The common addresses that can be read: 0 on a line is the broadcast, which is only written."""
+    return [
+        1000 * port["value"] + slave["id"]
+        for port in configuration()["port"]
+        for slave in port["slaves"]
+        if slave["id"]
+    ]
+
+
 def lines_at(directory: Path) -> dict[int, str]:
     """What is at the six ports' wires: linesim's lines in this folder, as Machine's chardevs."""
     return {number: f"serial,path={directory}/ttyS{number}" for number in PORTS}
@@ -113,6 +123,7 @@ class Ssh:
             "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
             "UserKnownHostsFile": "/dev/null",
             "LogLevel": "ERROR",
+            "ConnectTimeout": "5",  # QEMU's network takes a connection before the board does
             "ControlMaster": "auto",
             "ControlPath": f"{directory}/ssh",
             "ControlPersist": "yes",

@@ -15,7 +15,18 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from lab.board import ETHERNET, PORTS, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at, netboot
+from lab.board import (
+    ETHERNET,
+    PORTS,
+    SILENCE_US,
+    SSH_PORT,
+    STATION_PORT,
+    Board,
+    Ssh,
+    lines_at,
+    netboot,
+    stations,
+)
 from lab.gateway import REPOSITORY, free_port, remove
 from lab.show import (
     CHAPTER_5,
@@ -111,8 +122,8 @@ def latency(stage: BoardStage) -> None:
 
 
 def whole_station(stage: BoardStage) -> None:
-    """All stations at once, as the control room has them in the end"""
-    reports = stage.master.interrogate_all()
+    """All stations, as the control room has them in the end"""
+    reports = [report for ca in stations() for report in stage.master.interrogate(ca)]
     table(reports)
     bad = [report for report in reports if not report.good]
     check(not bad, f"not good: {bad}")
