@@ -79,7 +79,7 @@ def linux(mode: str, boot: Callable[..., Linux], kernel: Kernel, serial_line: Pa
         kernel = with_pdma(kernel)
     with boot(*CLOCK, kernel=kernel, uarts=(0, *LINES), files={"/bin/serial-line": serial_line}) as linux:
         wire_flow_control(linux.machine)
-        linux.run("mkdir -p /tmp")
+        linux.run("mount -t tmpfs tmpfs /tmp")
         yield linux
 
 
@@ -92,16 +92,22 @@ class Near:
         self._linux = linux
         self._file = f"/tmp/near{next(self._numbers)}"
         words = " ".join(map(str, arguments))
-        linux.run(f"(serial-line {words} > {self._file} 2>&1; echo status $? >> {self._file}) &")
+        linux.run(
+            f"(serial-line {words} > {self._file} 2>&1 & echo $! > {self._file}.pid;"
+            f" wait $!; echo status $? >> {self._file}) > /dev/null 2>&1 &"
+        )
 
-    def wait_for(self, text: str, seconds: float = 60.0) -> None:
-        try:
-            self._linux.run(f"until grep -q '{text}' {self._file}; do usleep 20000; done", seconds)
-        except Exception as error:
-            raise AssertionError(f"no {text!r}: {self.words()}") from error
+    def wait_for(self, pattern: str, seconds: float = 60.0) -> None:
+        deadline = time.monotonic() + seconds
+        while not re.search(pattern, self.words(), re.MULTILINE):
+            assert time.monotonic() < deadline, f"no {pattern!r}: {self.words()}"
+            time.sleep(0.1)
 
     def words(self) -> str:
         return self._linux.run(f"cat {self._file}")
+
+    def signal(self, name: str) -> None:
+        self._linux.run(f"kill -{name} $(cat {self._file}.pid)")
 
     def finish(self, seconds: float = 60.0) -> str:
         """All that it said; it must have ended well."""
@@ -302,11 +308,11 @@ def test_flow_control_by_rts(linux: Linux) -> None:
     size = 12000
     near = Near(linux, "duplex", "8N1h", 921600, size, f"/dev/ttyS{WITH_RTS}")
     near.wait_for("^ready")
-    linux.run("killall -STOP serial-line")
+    near.signal("STOP")
     linux.machine.uarts[WITH_RTS].send(pattern(WITH_RTS, 1, size))
     wait_until(linux, uart(WITH_RTS) + FSR, RX_LEVEL, 8 << 8)  # no more is read, and the far end is held
     wait_until(linux, uart(WITH_RTS) + MCR, RTS_LEVEL, RTS_LEVEL)
-    linux.run("killall -CONT serial-line")
+    near.signal("CONT")
     assert far_ends(linux.machine.uarts, {}, {WITH_RTS: size})[WITH_RTS] == pattern(WITH_RTS, 0, size)
     assert f"received {size} wrong 0" in near.finish()
 
@@ -357,14 +363,6 @@ def test_rs485_direction(
 
 
 # ---- the console
-
-
-def test_break_and_sysrq(linux: Linux) -> None:
-    linux.run("echo 1 > /proc/sys/kernel/sysrq; dmesg -n 8")
-    linux.machine.monitor("qom-set /machine/soc/uart[0] inject-breaks 1")
-    linux.machine.uarts[0].send(b"\0h")
-    linux.wait_for("sysrq: HELP")
-    linux.run("dmesg -n 5")
 
 
 @pytest.mark.parametrize("pdma", [False, True])
