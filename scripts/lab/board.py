@@ -135,7 +135,7 @@ class Ssh:
             "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
             "UserKnownHostsFile": "/dev/null",
             "LogLevel": "ERROR",
-            "ConnectTimeout": "5",  # QEMU's network takes a connection before the board does
+            "ConnectTimeout": "20",  # QEMU's network takes a connection before the board does
             "ControlMaster": "auto",
             "ControlPath": f"{directory}/ssh",
             "ControlPersist": "yes",
