@@ -63,7 +63,7 @@ def test_priorities_are_the_documented_ones(threads: dict[str, int]) -> None:
 def test_what_faces_the_network_is_below_the_lines(threads: dict[str, int]) -> None:
     lines = threads["rtu-modbus-1"]
     assert threads["rtu-iec104"] == 0
-    network = [priority for name, priority in threads.items() if re.match("irq/.*-b00[12]2000", name)]
+    network = [priority for name, priority in threads.items() if re.match("irq/.*-emac", name)]
     assert network
     assert max(network) < lines < min(threads[name] for name in fnmatch.filter(threads, "irq/*-ttyS[1-9]*"))
 

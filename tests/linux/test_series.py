@@ -31,7 +31,7 @@ class Change:
     def fits(self) -> bool:
         """A file of our own, or lines added at one place where drivers are named."""
         if self.new:
-            return "nuc980" in self.file
+            return bool(re.search(r"nuc980|/nuvoton/(Kconfig|Makefile)$", self.file))
         return bool(REGISTERS.fullmatch(self.file)) and self.hunks == 1 and not self.removed
 
 
