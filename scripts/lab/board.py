@@ -20,7 +20,7 @@ from nuc980.netboot.target import Target, UBoot
 from nuc980.twin.linux import LinuxError
 from nuc980.twin.machine import Machine
 
-ANSWER_SECONDS = 60.0
+ANSWER_SECONDS = 180.0
 # The UARTs of the ports 1 to 6.
 PORTS = (1, 2, 3, 4, 6, 8)
 # Bytes pass QEMU with the pauses of a busy host: less silence ends no request, a device may take so long.
@@ -135,7 +135,7 @@ class Ssh:
             "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
             "UserKnownHostsFile": "/dev/null",
             "LogLevel": "ERROR",
-            "ConnectTimeout": "5",  # QEMU's network takes a connection before the board does
+            "ConnectTimeout": "20",  # QEMU's network takes a connection before the board does
             "ControlMaster": "auto",
             "ControlPath": f"{directory}/ssh",
             "ControlPersist": "yes",
