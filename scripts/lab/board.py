@@ -7,14 +7,16 @@ import json
 import shlex
 import subprocess
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from lab.gateway import GatewayError, Rtu, free_udp_port
 from lab.show import CHAPTER_5
+from nuc980.netboot.errors import StuckConsole
 from nuc980.netboot.progress import Progress
-from nuc980.netboot.target import Target
+from nuc980.netboot.target import Target, UBoot
 from nuc980.twin.linux import LinuxError
 from nuc980.twin.machine import Machine
 
@@ -107,9 +109,19 @@ def netboot(machine: Machine, directory: Path, uimage: Path, dtb: Path, progress
         seen_as="127.0.0.1",
         site=site,
     )
-    with target.uboot(progress) as uboot:
+    with ExitStack() as stack:
+        uboot = _at_prompt(stack, target, progress)
         progress.note(f"TFTP at UDP port {target.tftp_port} instead of 69 (tftpdstp), behind QEMU's network.")
         uboot.boot(uimage, dtb)
+
+
+def _at_prompt(stack: ExitStack, target: Target, progress: Progress) -> UBoot:
+    """Once more, where a busy host has let too many keys wait for the board."""
+    try:
+        return stack.enter_context(target.uboot(progress))
+    except StuckConsole as error:
+        progress.note(f"{error.what} Once more.")
+        return stack.enter_context(target.uboot(progress))
 
 
 class Ssh:

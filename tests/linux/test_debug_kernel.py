@@ -136,7 +136,7 @@ def linux(
         kernel=dataclasses.replace(kernel, image=folder / "zImage", dtb=dtb),
         chardevs=lines_at(lines.directory), files=programs | {CONFIG: json.dumps(configuration())},
     ) as linux:  # fmt: skip
-        linux.run("mount -t debugfs debugfs /sys/kernel/debug; test -d /sys/kernel/debug/dma-api")
+        linux.run("mount -t debugfs debugfs /sys/kernel/debug; test -d /sys/kernel/debug/dma-api", SLOW)
         linux.run("rtu-data create && mkdir /tmp/flash && mount -t ubifs ubi0:data /tmp/flash", SLOW)
         linux.run("until pidof rtu-modbus; do sleep 1; done", SLOW)
         yield linux
@@ -144,13 +144,15 @@ def linux(
 
 def traffic(linux: Linux) -> dict[int, tuple[int, int]]:
     """Of each line the characters sent and received."""
-    counts = re.findall(r"^(\d+): .* tx:(\d+) rx:(\d+)", linux.run("cat /proc/tty/driver/*"), re.MULTILINE)
+    counts = re.findall(
+        r"^(\d+): .* tx:(\d+) rx:(\d+)", linux.run("cat /proc/tty/driver/*", SLOW), re.MULTILINE
+    )
     return {int(line): (int(sent), int(received)) for line, sent, received in counts if int(line) in PORTS}
 
 
 def unaligned_accesses(linux: Linux) -> dict[str, str]:
     """What /proc/cpu/alignment counts, but its setting."""
-    lines = linux.run("cat /proc/cpu/alignment").splitlines()
+    lines = linux.run("cat /proc/cpu/alignment", SLOW).splitlines()
     counts = dict(re.split(r":\s*", line, maxsplit=1) for line in lines)
     assert counts.pop("User faults") == "5 (signal+warn)"
     return counts
@@ -164,15 +166,15 @@ def test_everything_at_once_without_a_word(linux: Linux) -> None:
     after = traffic(linux)
     assert set(after) == set(PORTS)
     assert all(sent > before[line][0] and got > before[line][1] for line, (sent, got) in after.items())
-    assert TROUBLE.findall(linux.run("dmesg")) == []
-    assert re.search(r"debug_locks: +1$", linux.run("cat /proc/lockdep_stats"), re.MULTILINE)
-    assert linux.run("cat /sys/kernel/debug/dma-api/disabled /sys/kernel/debug/dma-api/error_count") == "N\n0"
+    assert TROUBLE.findall(linux.run("dmesg", SLOW)) == []
+    assert re.search(r"debug_locks: +1$", linux.run("cat /proc/lockdep_stats", SLOW), re.MULTILINE)
+    assert linux.run("cd /sys/kernel/debug/dma-api; cat disabled error_count", SLOW).split() == ["N", "0"]
 
 
 def test_no_program_reads_a_word_where_none_begins(linux: Linux) -> None:
     before = unaligned_accesses(linux)
     assert {count.split()[0] for count in before.values()} == {"0"}
-    assert linux.try_to("/unaligned")[0] == SIGBUS
+    assert linux.try_to("/unaligned", SLOW)[0] == SIGBUS
     assert unaligned_accesses(linux)["User"] == "1"
 
 

@@ -43,9 +43,9 @@ static struct termios2 settings(const char *format, unsigned speed)
 {
 	static const tcflag_t sizes[] = {CS5, CS6, CS7, CS8};
 	struct termios2 termios = {
-		.c_cflag = CREAD | CLOCAL | BOTHER | sizes[format[0] - '5'],
-		.c_ispeed = speed,
-		.c_ospeed = speed,
+	    .c_cflag = CREAD | CLOCAL | BOTHER | sizes[format[0] - '5'],
+	    .c_ispeed = speed,
+	    .c_ospeed = speed,
 	};
 
 	if (format[1] != 'N')
@@ -87,8 +87,8 @@ static void print_counts(int fd, const char *device)
 
 	if (ioctl(fd, TIOCGICOUNT, &counts) != 0)
 		fail("TIOCGICOUNT");
-	printf("%s rx %d tx %d overrun %d parity %d frame %d brk %d buf_overrun %d\n", device, counts.rx, counts.tx,
-	       counts.overrun, counts.parity, counts.frame, counts.brk, counts.buf_overrun);
+	printf("%s rx %d tx %d overrun %d parity %d frame %d brk %d buf_overrun %d\n", device, counts.rx,
+	       counts.tx, counts.overrun, counts.parity, counts.frame, counts.brk, counts.buf_overrun);
 }
 
 /* The n-th byte from an end, 0 this one, 1 the other; the last digit of the device's name makes a difference. */
@@ -133,7 +133,7 @@ static int duplex(const char *format, unsigned speed, uint32_t count, unsigned l
 {
 	uint8_t mask = (uint8_t)((1u << (format[0] - '0')) - 1);
 	struct line line[LINES_MAX] = {0};
-	struct pollfd fds[LINES_MAX];
+	struct pollfd fds[LINES_MAX] = {{0}};
 	bool busy;
 
 	for (unsigned i = 0; i < lines; i++) {
@@ -164,8 +164,8 @@ static int duplex(const char *format, unsigned speed, uint32_t count, unsigned l
 	} while (busy);
 	for (unsigned i = 0; i < lines; i++) {
 		ioctl(line[i].fd, TCSBRK, 1); /* tcdrain */
-		printf("%s sent %u received %u wrong %u first %u\n", line[i].device, line[i].sent, line[i].received,
-		       line[i].wrong, line[i].first);
+		printf("%s sent %u received %u wrong %u first %u\n", line[i].device, line[i].sent,
+		       line[i].received, line[i].wrong, line[i].first);
 		print_counts(line[i].fd, line[i].device);
 	}
 	return 0;
@@ -285,7 +285,8 @@ int main(int argc, char **argv)
 	const char *what = argc > 1 ? argv[1] : "";
 
 	if (!strcmp(what, "duplex") && argc > 5 && argc <= 5 + LINES_MAX)
-		return duplex(argv[2], (unsigned)atoi(argv[3]), (uint32_t)atoi(argv[4]), (unsigned)argc - 5, argv + 5);
+		return duplex(argv[2], (unsigned)atoi(argv[3]), (uint32_t)atoi(argv[4]), (unsigned)argc - 5,
+			      argv + 5);
 	if (!strcmp(what, "receive") && argc == 6)
 		return receive(argv[2], (unsigned)atoi(argv[3]), (uint32_t)atoi(argv[4]), argv[5]);
 	if (!strcmp(what, "echo") && argc > 5)
