@@ -17,11 +17,11 @@
 
 #define EXIT_NOT_STARTED 127 /* the shell's word for "could not be executed" */
 
-int process_set_priority(int priority)
+int process_set_priority(pid_t pid, int priority)
 {
 	struct sched_param parameter = {.sched_priority = priority};
 
-	return sched_setscheduler(0, priority ? SCHED_FIFO : SCHED_OTHER, &parameter);
+	return sched_setscheduler(pid, priority ? SCHED_FIFO : SCHED_OTHER, &parameter);
 }
 
 /* The group that Debian and Buildroot give serial devices to. Who faces the network shall not reach a line. */
@@ -66,8 +66,7 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	reset_signals();
 	keep_only(plan->segment, program);
 	setrlimit(RLIMIT_MEMLOCK, &unlimited); /* the module says when it cannot lock its memory */
-	if (process_set_priority(plan->priority) < 0 && plan->priority)
-		process_set_priority(0);
+	process_set_priority(0, 0);
 	if (drop_privileges(plan) < 0) {
 		fprintf(stderr, "rtud: cannot give up privileges for %s: %s\n", plan->module,
 			strerror(errno));

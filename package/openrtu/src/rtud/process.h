@@ -13,7 +13,6 @@ struct process_plan {
 	const char *module;  /* name in the module table */
 	const char *dev;     /* folder of the serial devices */
 	int segment;         /* descriptor of the module's own segment, writable */
-	int priority;        /* SCHED_FIFO 1..99, 0: ordinary scheduling */
 	bool serial;         /* opens serial devices */
 	uid_t uid;           /* user of the process, 0: the caller's */
 	gid_t gid;           /* group shared by all modules */
@@ -22,11 +21,12 @@ struct process_plan {
 /*
  * Forks and executes `program --map M --module N --dev D`. The child dies with its parent, has no descriptors but the
  * standard ones and its segment at MAP_SEGMENT_FD, may lock its memory, can gain no privilege, and as a user of its own
- * has none. Returns its pid, or -1 with errno.
+ * has none. It starts with ordinary scheduling: on this core a program's start takes longer than another line process'
+ * heartbeat may. Returns its pid, or -1 with errno.
  */
 pid_t process_start(const struct process_plan *plan);
 
-/* Gives the calling process SCHED_FIFO at that priority. 0, or -1 with errno. */
-int process_set_priority(int priority);
+/* Gives a process, 0: the calling one, SCHED_FIFO at that priority; priority 0: ordinary scheduling. 0, or -1 with errno. */
+int process_set_priority(pid_t pid, int priority);
 
 #endif

@@ -107,7 +107,6 @@ static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 	    .module = module->name,
 	    .dev = options->dev,
 	    .segment = map_segment_open(supervisor->map, index),
-	    .priority = line_process ? map_config(supervisor->map)->settings.modbus_priority : 0,
 	    .serial = line_process,
 	    .uid = options->uid_base ? options->uid_base + index : 0,
 	    .gid = options->uid_base,
@@ -197,6 +196,17 @@ static void reap(struct supervisor *supervisor)
 				module_ended(supervisor, i, status);
 }
 
+/* It has read its configuration and is about to work. What rtud may not give, it has said at its own start. */
+static void module_attached(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
+{
+	struct child *child = &supervisor->children[index];
+
+	child->attached = true;
+	if (module->kind == MAP_MODULE_MODBUS)
+		process_set_priority(child->pid, map_config(supervisor->map)->settings.modbus_priority);
+	map_module_running(supervisor->map, index);
+}
+
 /* A silent module's points are invalid to every reader already; events tell those who do not ask. */
 static void watch_heartbeat(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
 {
@@ -230,8 +240,7 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 	} else if (child->pid && child->attached) {
 		watch_heartbeat(supervisor, index, &module);
 	} else if (child->pid && map_module_attached(supervisor->map, index)) {
-		child->attached = true;
-		map_module_running(supervisor->map, index);
+		module_attached(supervisor, index, &module);
 	} else if (child->pid && map_now_ns() - child->started_ns > HANG_LIMIT_MS * MS) {
 		kill(child->pid, SIGKILL);
 	}
@@ -395,7 +404,7 @@ static void raise_priority(struct supervisor *supervisor)
 {
 	int lines = map_config(supervisor->map)->settings.modbus_priority;
 
-	if (lines && process_set_priority(lines < 99 ? lines + 1 : lines) < 0)
+	if (lines && process_set_priority(0, lines < 99 ? lines + 1 : lines) < 0)
 		map_log(supervisor->map, MAP_LOG_WARNING, "no real-time priority for the line processes: %s",
 			strerror(errno));
 }
