@@ -29,6 +29,7 @@ from lab.board import (
 )
 from lab.gateway import REPOSITORY, free_port, remove
 from lab.show import (
+    STATION,
     CHAPTER_5,
     REASONS,
     STEPS,
@@ -104,7 +105,9 @@ def killed(stage: BoardStage) -> None:
     since = stage.master.mark()
     stage.gateway.kill(lines)
     say(f"     board        kill -9 {before} ({lines})")
-    gone = stage.master.wait(lambda r: "Invalid" in r.quality, since, timeout_s=READ_SECONDS)
+    gone = stage.master.wait(
+        lambda r: r.ca == STATION and "Invalid" in r.quality, since, timeout_s=READ_SECONDS
+    )
     event(gone)
     event(
         stage.master.wait(lambda r: (r.ca, r.ioa, r.good) == (gone.ca, gone.ioa, True), since, READ_SECONDS)
