@@ -29,9 +29,9 @@ from lab.board import (
 )
 from lab.gateway import REPOSITORY, free_port, remove
 from lab.show import (
-    STATION,
     CHAPTER_5,
     REASONS,
+    STATION,
     STEPS,
     Stage,
     Step,
