@@ -82,6 +82,9 @@ versions() {
 }
 
 mkdir -p "$folder"
+# One at a time: the kernel's objects are the same for every site.
+exec {lock}>"$build/system.lock"
+flock "$lock"
 if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 	rm -f "$folder.inputs"
 	make_root
