@@ -227,10 +227,11 @@ FORCE:
 
 PROBES      = tests/twin/probes
 PAYLOAD     = tests/netboot/payload
-C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) -name '*.[ch]')
+PROGRAMS    = tests/linux/programs
+C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_wire.py
-SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh board/*/*.sh package/*/S[0-9]* \
+SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
@@ -238,7 +239,7 @@ lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff format --check .
 	clang-format --dry-run -Werror $(C_FILES)
 	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
-	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD)
+	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
 	shellcheck --external-sources $(SHELL_FILES)
 
 test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, quick pytest
@@ -247,7 +248,7 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross qemu uboot linux system lab $(VENV) ## all tests
+test: lint unit asan cross qemu uboot linux linux-debug system lab $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest
 

@@ -44,29 +44,36 @@ stage() {
 	source_inputs >"$source.inputs"
 }
 
+# Each symbol's last line in the files.
+wanted() {
+	awk '{ symbol = $1 == "#" ? $2 : substr($0, 1, index($0, "=") - 1) }
+		symbol ~ /^CONFIG_/ { last[symbol] = $0 }
+		END { for (symbol in last) print last[symbol] }' "$@"
+}
+
 # Kconfig drops a line silently when something that it depends on is off; what is off must be off or unknown.
 check_configured() {
 	local config=$folder/build/.config
 	{
-		cat "$@" | grep '^CONFIG_' | grep --invert-match --line-regexp --fixed-strings --file="$config"
-		cat "$@" | sed -n 's/^# \(CONFIG_[^ ]*\) is not set$/^\1=/p' | grep --file=- "$config"
+		wanted "$@" | grep '^CONFIG_' | grep --invert-match --line-regexp --fixed-strings --file="$config"
+		wanted "$@" | sed -n 's/^# \(CONFIG_[^ ]*\) is not set$/^\1=/p' | grep --file=- "$config"
 	} >"$folder/config.lost" || true
 	[ ! -s "$folder/config.lost" ] || {
-		echo "this did not come into $config as the fragments have it:"
+		echo "this did not come into $config as the defconfig and the fragments have it:"
 		cat "$folder/config.lost"
 		exit 1
 	} >&2
 }
 
 build() {
-	local date
+	local date defconfig=$source/arch/arm/configs/nuc980_defconfig
 	date=$(dpkg-parsechangelog --file "$changelog" --show-field Date)
 	export KBUILD_BUILD_TIMESTAMP=$date KBUILD_BUILD_USER=openrtu KBUILD_BUILD_HOST=openrtu KBUILD_BUILD_VERSION=1
 	local linux=(make --silent --directory="$source" "O=$folder/build")
 	mkdir -p "$folder/build"
-	cat "$source/arch/arm/configs/nuc980_defconfig" "$@" >"$folder/build/.config"
+	cat "$defconfig" "$@" >"$folder/build/.config"
 	"${linux[@]}" olddefconfig >"$folder/config.log" 2>&1
-	check_configured "$@"
+	check_configured "$defconfig" "$@"
 	"${linux[@]}" --jobs="$(nproc)" zImage
 	install --target-directory="$folder" "$folder"/build/{arch/arm/boot/zImage,vmlinux,.config}
 }

@@ -26,8 +26,8 @@ LICENCES = [
 ]
 NO_COMMENT = {".json", ".pcap"}
 
-# A registry's host or one machine's path ties the tree to where it was written; a mkdtemp template does not, nor
-# the board's own /root/.ssh, nor its /tmp in the tests that run there.
+# A registry's host or one machine's path ties the tree to where it was written; a mkdtemp template does not,
+# nor the board's own /root/.ssh, nor its /tmp in the tests that run there.
 PLACE = re.compile(
     r"(?<![\w./-])/(?:work|home|root(?!/\.ssh)|tmp(?!/[\w.-]*XXXXXX))/"
     r"|/opt/(?:wheels|pypi)"

@@ -52,8 +52,8 @@ class Entry:
         return Entry(path, stat.S_IFCHR | permissions, device=(major, minor))
 
 
-# What a root must have. The root folder: the kernel's own is one that all may write to. The first process' input
-# and output: the kernel opens it before anything is mounted.
+# What a root must have. The root folder: all may write to the kernel's own. Input and output of the first
+# process: the kernel opens it before anything is mounted.
 FOUNDATION = (Entry.folder("."), Entry.folder("dev"), Entry.character_device("dev/console", 5, 1))
 
 

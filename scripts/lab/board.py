@@ -7,18 +7,20 @@ import json
 import shlex
 import subprocess
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from lab.gateway import GatewayError, Rtu, free_udp_port
 from lab.show import CHAPTER_5
+from nuc980.netboot.errors import StuckConsole
 from nuc980.netboot.progress import Progress
-from nuc980.netboot.target import Target
+from nuc980.netboot.target import Target, UBoot
 from nuc980.twin.linux import LinuxError
 from nuc980.twin.machine import Machine
 
-ANSWER_SECONDS = 60.0
+ANSWER_SECONDS = 180.0
 # The UARTs of the ports 1 to 6.
 PORTS = (1, 2, 3, 4, 6, 8)
 # Bytes pass QEMU with the pauses of a busy host: less silence ends no request, a device may take so long.
@@ -67,6 +69,16 @@ def configuration() -> dict[str, Any]:
     return config
 
 
+def stations() -> list[int]:
+    """The common addresses that can be read: 0 on a line is the broadcast, which is only written."""
+    return [
+        1000 * port["value"] + slave["id"]
+        for port in configuration()["port"]
+        for slave in port["slaves"]
+        if slave["id"]
+    ]
+
+
 def lines_at(directory: Path) -> dict[int, str]:
     """What is at the six ports' wires: linesim's lines in this folder, as Machine's chardevs."""
     return {number: f"serial,path={directory}/ttyS{number}" for number in PORTS}
@@ -97,9 +109,19 @@ def netboot(machine: Machine, directory: Path, uimage: Path, dtb: Path, progress
         seen_as="127.0.0.1",
         site=site,
     )
-    with target.uboot(progress) as uboot:
+    with ExitStack() as stack:
+        uboot = _at_prompt(stack, target, progress)
         progress.note(f"TFTP at UDP port {target.tftp_port} instead of 69 (tftpdstp), behind QEMU's network.")
         uboot.boot(uimage, dtb)
+
+
+def _at_prompt(stack: ExitStack, target: Target, progress: Progress) -> UBoot:
+    """Once more, where a busy host has let too many keys wait for the board."""
+    try:
+        return stack.enter_context(target.uboot(progress))
+    except StuckConsole as error:
+        progress.note(f"{error.what} Once more.")
+        return stack.enter_context(target.uboot(progress))
 
 
 class Ssh:
@@ -113,6 +135,7 @@ class Ssh:
             "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
             "UserKnownHostsFile": "/dev/null",
             "LogLevel": "ERROR",
+            "ConnectTimeout": "20",  # QEMU's network takes a connection before the board does
             "ControlMaster": "auto",
             "ControlPath": f"{directory}/ssh",
             "ControlPersist": "yes",

@@ -15,7 +15,18 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from lab.board import ETHERNET, PORTS, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at, netboot
+from lab.board import (
+    ETHERNET,
+    PORTS,
+    SILENCE_US,
+    SSH_PORT,
+    STATION_PORT,
+    Board,
+    Ssh,
+    lines_at,
+    netboot,
+    stations,
+)
 from lab.gateway import REPOSITORY, free_port, remove
 from lab.show import (
     CHAPTER_5,
@@ -78,8 +89,9 @@ def modules(stage: BoardStage) -> None:
 
 def pins(stage: BoardStage) -> None:
     """The pins of the running board: which devices have theirs (info nuc980-pins)"""
-    _, _, devices = stage.gateway.machine.info("nuc980-pins").partition("\n\n")
-    say(indented(devices.replace("\r", "")))
+    view = stage.gateway.machine.info("nuc980-pins").replace("\r", "")
+    _, _, devices = view.partition("\n\n")
+    say(indented(devices))
     for device in ("uart0", *(f"uart{number}" for number in PORTS), "emac0", "emac1"):
         found = re.search(rf"^{device} .*connected", devices, re.MULTILINE)
         check(found is not None, f"{device} lacks pins")
@@ -92,8 +104,11 @@ def killed(stage: BoardStage) -> None:
     since = stage.master.mark()
     stage.gateway.kill(lines)
     say(f"     board        kill -9 {before} ({lines})")
-    event(stage.master.wait(lambda r: "Invalid" in r.quality, since))
-    event(stage.master.wait(lambda r: r.good, since, timeout_s=READ_SECONDS))
+    gone = stage.master.wait(lambda r: "Invalid" in r.quality, since, timeout_s=READ_SECONDS)
+    event(gone)
+    event(
+        stage.master.wait(lambda r: (r.ca, r.ioa, r.good) == (gone.ca, gone.ioa, True), since, READ_SECONDS)
+    )
     stage.gateway.wait_for(lambda: all_read(stage.gateway), READ_SECONDS, "all points are good again")
     after = stage.gateway.modules()[lines]["pid"]
     say(f"     board        {lines} runs again (pid {after}); the master was connected all the time")
@@ -110,11 +125,11 @@ def latency(stage: BoardStage) -> None:
 
 
 def whole_station(stage: BoardStage) -> None:
-    """All stations at once, as the control room has them in the end"""
-    reports = stage.master.interrogate_all()
+    """All stations, as the control room has them in the end"""
+    reports = [report for ca in stations() for report in stage.master.interrogate(ca)]
     table(reports)
-    bad = [report for report in reports if not report.good]
-    check(not bad, f"not good: {bad}")
+    invalid = [report for report in reports if "Invalid" in report.quality]
+    check(not invalid, f"not valid: {invalid}")
 
 
 BOARD_STEPS: tuple[Step, ...] = (kernel, modules, pins, *STEPS, killed, latency, whole_station)

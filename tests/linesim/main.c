@@ -51,14 +51,10 @@ static enum exit_code complain(enum exit_code code, const char *subject, const c
 static enum exit_code parse_options(int count, char **words, struct options *options)
 {
 	static const struct option known[] = {
-	    {"config", required_argument, NULL, 'c'},
-	    {"values", required_argument, NULL, 'v'},
-	    {"dir", required_argument, NULL, 'd'},
-	    {"trace", no_argument, NULL, 't'},
-	    {"latency", required_argument, NULL, 'l'},
-	    {"silence", required_argument, NULL, 's'},
-	    {"help", no_argument, NULL, 'h'},
-	    {NULL, 0, NULL, 0},
+	    {"config", required_argument, NULL, 'c'},  {"values", required_argument, NULL, 'v'},
+	    {"dir", required_argument, NULL, 'd'},     {"trace", no_argument, NULL, 't'},
+	    {"latency", required_argument, NULL, 'l'}, {"silence", required_argument, NULL, 's'},
+	    {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0},
 	};
 	long latency_us = LATENCY_US, silence_us = 0;
 	int option;

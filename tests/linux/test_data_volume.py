@@ -25,6 +25,7 @@ iface eth0 inet static
 	netmask 255.255.255.0
 """
 IMAGES_ADDRESS = "172.16.0.50"
+CREATE_SECONDS = 900.0  # it reads all of the partition first
 
 Boot = Callable[..., Linux]
 
@@ -37,7 +38,7 @@ def nand(tmp_path: Path) -> NandImage:
 @pytest.fixture
 def power(boot: Boot, nand: NandImage) -> Callable[[], Linux]:
     def on() -> Linux:
-        return boot("-drive", f"if=mtd,format=raw,file={nand.path}")
+        return boot(*with_flash(nand))
 
     return on
 
@@ -47,9 +48,9 @@ def made(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> NandImage:
     """A flash with the data volume, made on the board, with what was in /data before."""
     nand = NandImage.blank(tmp_path_factory.mktemp("made") / "nand")
     nand.mark_bad(ROOTFS[1])
-    with boot("-drive", f"if=mtd,format=raw,file={nand.path}") as linux:
+    with boot(*with_flash(nand)) as linux:
         linux.run("mkdir /data/site; echo kept > /data/note")
-        said = linux.run("rtu-data create", 300)
+        said = linux.run("rtu-data create", CREATE_SECONDS)
         assert "it holds nothing" in said
         assert "1 bad" in said
         linux.run("sync")
@@ -59,6 +60,11 @@ def made(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> NandImage:
 @pytest.fixture
 def with_volume(made: NandImage, nand: NandImage) -> None:
     shutil.copyfile(made.path, nand.path)
+
+
+def with_flash(nand: NandImage) -> tuple[str, ...]:
+    """The board's time goes by its instructions and leaps over its waits: a busy machine changes nothing."""
+    return "-drive", f"if=mtd,format=raw,file={nand.path}", "-icount", "shift=3,sleep=off"
 
 
 def rootfs(nand: NandImage) -> bytes:
@@ -98,9 +104,9 @@ def test_empty_flash_is_not_touched(power: Callable[[], Linux], nand: NandImage)
     with power() as linux:
         assert where(linux) == "memory: no UBI volume"
         linux.run("echo x > /data/x")
-        said = linux.run("rtu-data status", 120)
+        said = linux.run("rtu-data status")
         assert said.startswith("data: in memory, lost at restart: no UBI volume\n")
-        assert "it holds nothing" in said
+        assert "it holds no UBI" in said
         assert "no UBI volume" in linux.run("grep data: /var/log/messages")
     assert rootfs(nand) == before
 
@@ -132,9 +138,9 @@ def test_what_is_no_ubi_stays(power: Callable[[], Linux], nand: NandImage, block
     with power() as linux:
         assert where(linux) == "memory: no UBI volume"
         for arguments in ("", "--erase rootf", "--erase"):
-            status, said = linux.try_to(f"rtu-data create {arguments}", 120)
+            status, said = linux.try_to(f"rtu-data create {arguments}", CREATE_SECONDS)
             assert status in (1, 2), said
-        assert "--erase rootfs" in linux.try_to("rtu-data create", 120)[1]
+            assert "--erase rootfs" in said
     assert rootfs(nand) == before
 
 
@@ -143,7 +149,7 @@ def test_erase_with_the_name_typed_in_full(power: Callable[[], Linux], nand: Nan
         nand.write(block * PAGES, b"factory" * 100)
     nand.mark_bad(ROOTFS[2])
     with power() as linux:
-        said = linux.run("rtu-data create --erase rootfs", 300)
+        said = linux.run("rtu-data create --erase rootfs", CREATE_SECONDS)
         assert "it holds something else" in said
         linux.run("sync")
     with power() as linux:

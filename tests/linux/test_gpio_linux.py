@@ -48,6 +48,11 @@ def lines(*pins: str) -> str:
     return " ".join(str(gpio_number(pin)) for pin in pins)
 
 
+def quiet(command: str) -> str:
+    """A command whose lines the kernel's do not come between."""
+    return f"dmesg -n 1; dmesg -c > /dev/null; {command}; dmesg -n 5"
+
+
 def watch(linux: Linux, edges: str, count: int, *pins: str) -> None:
     linux.run(
         f"rm -f /tmp/edges; /gpio-lines watch {edges} {count} {lines(*pins)} > /tmp/edges &\n"
@@ -62,8 +67,9 @@ def seen(linux: Linux, count: int) -> list[str]:
 
 
 def test_every_pin_is_a_line_with_its_name(linux: Linux) -> None:
-    named = dict(line.split() for line in linux.run("/gpio-lines names").splitlines())
-    assert named == {str(gpio_number(pin)): pin for pin in CHIP.pins}
+    said = linux.run(quiet("/gpio-lines names"))
+    named = re.findall(r"^(\d+) (\S+)$", said, re.M)
+    assert named == [(str(gpio_number(pin)), pin) for pin in sorted(CHIP.pins, key=gpio_number)]
 
 
 def test_outputs_are_seen_outside(linux: Linux) -> None:
@@ -123,8 +129,7 @@ def test_lines_of_the_banks_interrupt_each_by_itself(linux: Linux) -> None:
 
 
 def test_a_pin_of_a_device_is_refused_by_name(linux: Linux) -> None:
-    quiet = "dmesg -n 1; dmesg -c > /dev/null"  # the kernel's lines would come between the program's
-    said = linux.run(f"{quiet}; /gpio-lines set {gpio_number('PA9')}=1; dmesg; dmesg -n 5")
+    said = linux.run(quiet(f"/gpio-lines set {gpio_number('PA9')}=1; dmesg"))
     assert "request: Invalid argument" in said
     assert re.search(
         r"pin PA9 already requested by b0072000\.serial; cannot claim for b0004000\.gpio:\d+", said

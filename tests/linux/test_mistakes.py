@@ -129,12 +129,6 @@ MISTAKES = [
         "cell-count", "GPIO without flags", LEDS.format("&gpio 6"), Symptom("leds-gpio: probe of leds failed")
     ),
     Mistake("group-missing", "reference to no node", "&uart1 { pinctrl-0 = <0x7777>; };", no_port(1)),
-    Mistake(
-        "group-missing",
-        "reference to a device",
-        "&uart1 { pinctrl-0 = <&uart2>; };",
-        no_port(1),
-    ),
     Mistake("no-default-state", "another name", '&uart1 { pinctrl-names = "sleep"; };', DEAF_AND_DUMB),
     Mistake("no-pins", "no state", "&uart1 { /delete-property/ pinctrl-0; };", DEAF_AND_DUMB),
     Mistake("incomplete-set", "no TXD", "&uart1_pins { nuvoton,pins = <0 0 4 0>; };", DUMB),

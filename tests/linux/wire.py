@@ -147,10 +147,10 @@ class Wire:
             start = 14 + len(tag)
             kind, body = int.from_bytes(frame[start - 2 : start], "big"), frame[start:]
             with self._news:
-                if not (kind == ARP and self._arp(body, tag)) and not (
-                    kind == IPV4 and self._icmp(body, tag)
-                ):
-                    self.seen.append(frame)
+                if kind == ARP:
+                    self._arp(body, tag)
+                elif kind == IPV4:
+                    self._icmp(body, tag)
                 self._news.notify_all()
 
     def _arp(self, body: bytes, tag: bytes) -> None:

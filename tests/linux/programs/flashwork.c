@@ -14,10 +14,10 @@
 
 #include <mtd/mtd-user.h>
 
-#define PAGE	    2048
-#define SPARE	    64
+#define PAGE        2048
+#define SPARE       64
 #define RECORD_MAX  6000
-#define FILES	    7
+#define FILES       7
 #define REPLACED_IN 4 /* of so many records, one replaces a file instead */
 
 static void fail(const char *what)
@@ -77,7 +77,10 @@ static void read_page(int fd, uint32_t start, uint8_t mode)
 	if (error && error != EBADMSG && error != EUCLEAN)
 		fail("read");
 	printf("%u %u %u %s ", request.ecc_stats.uncorrectable_errors, request.ecc_stats.corrected_bitflips,
-	       request.ecc_stats.max_bitflips, error == EBADMSG ? "EBADMSG" : error ? "EUCLEAN" : "good");
+	       request.ecc_stats.max_bitflips,
+	       error == EBADMSG ? "EBADMSG"
+	       : error          ? "EUCLEAN"
+				: "good");
 	print_hex(data, PAGE);
 	print_hex(spare, SPARE);
 	putchar('\n');
