@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from lab.gateway import GatewayError, Rtu, free_udp_port
+from lab.gateway import GatewayError, Rtu
 from lab.show import CHAPTER_5
 from nuc980.netboot.errors import StuckConsole
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.target import Target, UBoot
 from nuc980.twin.linux import LinuxError
 from nuc980.twin.machine import Machine
+from nuc980.twin.network import free_udp_port
 
 ANSWER_SECONDS = 180.0
 # The UARTs of the ports 1 to 6.

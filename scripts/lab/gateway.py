@@ -42,13 +42,6 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def free_udp_port() -> int:
-    """A UDP port of 127.0.0.1 that nobody has now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
     """A copy of a configuration whose station listens on 127.0.0.1, at that TCP port."""
     changed = copy.deepcopy(config)

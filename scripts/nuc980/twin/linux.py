@@ -6,12 +6,13 @@ from __future__ import annotations
 import re
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import Any, Self
 
+from image import cpio
 from nuc980.twin.machine import Machine
 from nuc980.twin.uboot import UART_FIFO
 
@@ -200,24 +201,19 @@ class Linux:
 
 
 def archive(files: Mapping[str, Path | str]) -> bytes:
-    """A cpio archive as the kernel unpacks it, with the folders that the files need."""
-    members = dict.fromkeys(_folders(files), (0o040755, b""))
+    """A cpio archive of files by their paths in the root, with the folders that they need."""
+    entries = [cpio.Entry.folder(folder) for folder in dict.fromkeys(_folders(files))]
     for path, content in files.items():
+        name = path.lstrip("/")
         if isinstance(content, Path):
-            members[path] = (0o100000 | content.stat().st_mode & 0o777, content.read_bytes())
+            entries.append(cpio.Entry.file(name, content.read_bytes(), content.stat().st_mode & 0o777))
         else:
-            members[path] = (0o100755, content.encode())
-    entries = [_entry(path.lstrip("/"), *member) for path, member in members.items()]
-    return b"".join([*entries, _entry("TRAILER!!!", 0, b"")])
+            entries.append(cpio.Entry.file(name, content, 0o755))
+    return cpio.archive(entries)
 
 
-def _folders(paths: Mapping[str, object]) -> Iterator[str]:
+def _folders(paths: Iterable[str]) -> Iterator[str]:
     for path in paths:
-        yield from (str(folder) for folder in reversed(PurePosixPath(path).parents) if folder.name)
-
-
-def _entry(name: str, mode: int, content: bytes) -> bytes:
-    """A member in the format newc: 13 numbers of 8 hexadecimal digits, the name, the content, each padded."""
-    numbers = (0, mode, 0, 0, 1, 0, len(content), 0, 0, 0, 0, len(name) + 1, 0)
-    head = b"070701" + b"".join(b"%08x" % number for number in numbers) + name.encode() + b"\0"
-    return head + bytes(-len(head) % 4) + content + bytes(-len(content) % 4)
+        yield from (
+            str(folder) for folder in reversed(PurePosixPath(path.lstrip("/")).parents) if folder.name
+        )
