@@ -329,8 +329,8 @@ def test_raw_write_is_the_page_as_given(linux: Linux, nand: NandImage, erased: i
 
 
 ATTACH = "ubiattach -m 4 /dev/ubi_ctrl"
-MOUNT = "mkdir -p /mnt; mount -t ubifs ubi0:work /mnt"
-BIG = f"{ATTACH}; {MOUNT}; for n in 1 2 3 4 5; do cat /content; done > /mnt/big; sync"
+MOUNT = "mkdir -p /tmp/mnt; mount -t ubifs ubi0:work /tmp/mnt"
+BIG = f"{ATTACH}; {MOUNT}; for n in 1 2 3 4 5; do cat /content; done > /tmp/mnt/big; sync"
 
 
 @pytest.fixture(scope="module")
@@ -340,7 +340,7 @@ def formatted(
     """A flash with an empty UBIFS volume `work` in the partition `rootfs`."""
     image = copied(nand, tmp_path_factory.mktemp("formatted"))
     with boot(*with_flash(image), files=extra_files) as linux:
-        linux.run(f"{ATTACH}; ubimkvol /dev/ubi0 -N work -s 8MiB; {MOUNT}; umount /mnt", 120)
+        linux.run(f"{ATTACH}; ubimkvol /dev/ubi0 -N work -s 8MiB; {MOUNT}; umount /tmp/mnt", 120)
         # Until each block has its header, as on a flash that has run before.
         linux.run("ubidetach -d 0 /dev/ubi_ctrl", 120)
     return image
@@ -358,10 +358,10 @@ def test_files_come_back_after_a_restart(
 ) -> None:
     image = copied(formatted, tmp_path)
     with boot(*with_flash(image), files=extra_files) as linux:
-        linux.run(f"{ATTACH}; {MOUNT}; cp /content /mnt/; umount /mnt", 60)
+        linux.run(f"{ATTACH}; {MOUNT}; cp /content /tmp/mnt/; umount /tmp/mnt", 60)
     with boot(*with_flash(image), files=extra_files) as linux:
         linux.run(f"{ATTACH}; {MOUNT}", 60)
-        assert linux.run("sha256sum /mnt/content").split()[0] == hashlib.sha256(CONTENT).hexdigest()
+        assert linux.run("sha256sum /tmp/mnt/content").split()[0] == hashlib.sha256(CONTENT).hexdigest()
         assert linux.run("cat /sys/class/mtd/mtd4/ecc_failures") == "0"
 
 
@@ -380,7 +380,9 @@ def test_worn_blocks_are_retired(
     with boot(*with_flash(image), *arguments, files=extra_files) as linux:
         linux.run("dmesg -n 1")  # UBI says it at length
         linux.run(BIG, 60)
-        found = linux.run("umount /mnt; mount -t ubifs ubi0:work /mnt; sha256sum /mnt/big", 60).split()[0]
+        found = linux.run(
+            "umount /tmp/mnt; mount -t ubifs ubi0:work /tmp/mnt; sha256sum /tmp/mnt/big", 60
+        ).split()[0]
         assert found == hashlib.sha256(5 * CONTENT).hexdigest()
         assert linux.run("cat /sys/class/ubi/ubi0/ro_mode") == "0"
     retired = bad_by_the_tables(image) - bad_by_the_tables(formatted)
@@ -485,7 +487,7 @@ def kept(log: str) -> int:
 
 def check_records(linux: Linux, last: int) -> None:
     """All that was said to be safe is there: in the journal each one, in each file the newest or a newer."""
-    found = dict(line.split() for line in linux.run("cd /mnt/work; flashwork check", 60).splitlines())
+    found = dict(line.split() for line in linux.run("cd /tmp/mnt/work; flashwork check", 60).splitlines())
     assert "broken" not in found.values()
     in_journal = [number for number in range(1, last + 1) if number % REPLACED_IN]
     assert int(found.pop("journal")) > max(in_journal, default=0)
@@ -510,8 +512,8 @@ def test_what_was_synced_survives_power_cuts(
                 check_records(linux, last)
             if number == cuts:
                 break
-            linux.run("rm -rf /mnt/work; mkdir /mnt/work; sync", 60)
-            linux.run("cd /mnt/work; flashwork record > /dev/ttyS0 &")
+            linux.run("rm -rf /tmp/mnt/work; mkdir /tmp/mnt/work; sync", 60)
+            linux.run("cd /tmp/mnt/work; flashwork record > /dev/ttyS0 &")
             linux.wait_for("kept 1.", 60)
             light.cut_after(linux.machine, chance.randrange(1, 400))
             light.wait()

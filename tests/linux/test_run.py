@@ -147,7 +147,7 @@ def test_keep_stays_up_for_the_users_own_master(kept: tuple[subprocess.Popen[str
         pytest.fail(f"it ended instead: {''.join(said)[-3000:]} {show.communicate()}")
     with Master("127.0.0.1", port) as master:
         assert len(master.interrogate(3067)) == 13
-    command = next(line.strip() for line in said if "rtuctl modules" in line)
+    command = next(line.strip() for line in reversed(said) if "rtuctl modules" in line)
     inside = subprocess.run(
         f"{command} --json", shell=True, capture_output=True, text=True, timeout=60, check=True
     )

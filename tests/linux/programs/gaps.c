@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * gaps FROM TO BAUD BYTES SHORTEST LONGEST: random bytes from one serial port to another that its line ends at, in
+ * gaps ONE OTHER BAUD BYTES SHORTEST LONGEST: random bytes between two serial ports at one line, both ways at once, in
  * bursts with silences of so many microseconds, below a second, between them. Each byte must come, and no other.
  */
 
@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/ioctl.h>
+#include <sys/wait.h>
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
@@ -124,22 +125,36 @@ static void receive_all(int fd, unsigned bytes)
 	printf("%u bytes in %u reads\n", seen, reads);
 }
 
+static pid_t fork_off(void)
+{
+	const pid_t child = fork();
+
+	if (child < 0)
+		fail("fork");
+	return child;
+}
+
 int main(int argc, char **argv)
 {
 	if (argc != 7) {
-		fputs("gaps FROM TO BAUD BYTES SHORTEST LONGEST\n", stderr);
+		fputs("gaps ONE OTHER BAUD BYTES SHORTEST LONGEST\n", stderr);
 		return 1;
 	}
 	const unsigned baud = (unsigned)atoi(argv[3]), bytes = (unsigned)atoi(argv[4]);
-	const int from = port(argv[1], baud), to = port(argv[2], baud);
-	const pid_t sender = fork();
+	const int ports[] = {port(argv[1], baud), port(argv[2], baud)};
+	int failed = 0;
 
-	if (sender < 0)
-		fail("fork");
-	if (!sender) {
-		send_all(from, bytes, (unsigned)atoi(argv[5]), (unsigned)atoi(argv[6]));
-		_exit(0);
+	for (int i = 0; i < 2; i++) {
+		if (!fork_off()) {
+			receive_all(ports[i], bytes);
+			return 0;
+		}
+		if (!fork_off()) {
+			send_all(ports[i], bytes, (unsigned)atoi(argv[5]), (unsigned)atoi(argv[6]));
+			return 0;
+		}
 	}
-	receive_all(to, bytes);
-	return 0;
+	for (int status; wait(&status) > 0;)
+		failed |= status;
+	return failed != 0;
 }
