@@ -18,12 +18,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from image.checks import Setting, defconfigs, fragments_of, package_files, settings, symbols_in
+from image.checks import Setting, defconfigs, fragments_of, package_files, settings, symbols_in, value_of
 from image.symbols import names
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build"
 DONE, FOUND, UNUSABLE = 0, 1, 2
+NEEDED = {"linux": "BR2_LINUX_KERNEL", "openrtu": "BR2_PACKAGE_OPENRTU", "uboot": "BR2_TARGET_UBOOT"}
 
 
 class UnusableInput(Exception):
@@ -75,7 +76,8 @@ def style(buildroot: Buildroot) -> Iterator[str]:
     files += [*defconfigs(ROOT), *sorted((ROOT / "patches").rglob("*.hash"))]
     files += [file for file in sorted((ROOT / "board").rglob("S[0-9][0-9]*")) if file.is_file()]
     program = buildroot.folder / "utils" / "check-package"
-    words = [sys.executable, program, "--br2-external", "-vvv", *files]
+    ignored_too = ROOT / "board" / ".checkpackageignore"
+    words = [sys.executable, program, "--br2-external", "-vvv", "--ignore-list", ignored_too, *files]
     done = subprocess.run(words, capture_output=True, text=True)
     processed = re.search(r"^(\d+) lines processed", done.stderr, re.MULTILINE)
     if processed is None:
@@ -145,7 +147,9 @@ def packages(buildroot: Buildroot, defconfig: Path, output: Path) -> tuple[dict[
         known = json.loads(done.stdout)
     except json.JSONDecodeError:
         return {}, [f"{defconfig.name}: show-info failed: {done.stderr.strip() or done.stdout[:200]}"]
-    missing = [name for name in ("linux", "openrtu") if name not in known]
+    missing = [
+        name for name, symbol in NEEDED.items() if value_of(defconfig, symbol) == "y" and name not in known
+    ]
     say(f"{defconfig.name}: show-info resolves {len(known)} packages")
     return known, [f"{defconfig.name}: show-info knows no {name}" for name in missing]
 
@@ -199,7 +203,8 @@ def findings(buildroot: Buildroot) -> Iterator[str]:
             resolved, unresolved = packages(buildroot, defconfig, output)
             known |= resolved
             yield from unresolved
-            yield from kernel(defconfig)
+            if value_of(defconfig, NEEDED["linux"]) == "y":
+                yield from kernel(defconfig)
     yield from hashes(buildroot, known)
 
 

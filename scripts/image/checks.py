@@ -156,7 +156,7 @@ def check_links(root: Path) -> list[str]:
 
 
 def check_common_part(root: Path) -> list[str]:
-    """The defconfigs of a board differ only where configs/README.md says so; `…` stands for any ending."""
+    """A board's systems differ only where configs/README.md says so; `…` stands for any ending."""
     readme = (root / "configs" / "README.md").read_text(encoding="utf-8")
     cells = re.findall(r"^\| ((?:`BR2_[\w…]+`(?:, )?)+) \|", readme, re.MULTILINE)
     allowed = [
@@ -164,7 +164,8 @@ def check_common_part(root: Path) -> list[str]:
     ]
     boards: dict[str, list[list[Setting]]] = {}
     for file in defconfigs(root):
-        boards.setdefault(file.name.split("_")[0], []).append(settings(file))
+        if value_of(file, "BR2_LINUX_KERNEL") == "y":
+            boards.setdefault(file.name.split("_")[0], []).append(settings(file))
     return [
         f"{each.place}: {each.text} is not in every defconfig, and configs/README.md does not say why"
         for images in boards.values()
@@ -198,11 +199,12 @@ def check_explained(root: Path) -> list[str]:
 
 
 def _explained(page: str, name: str) -> list[str]:
-    """The lines in the tables of the page, without those below a heading `Only in` that names others."""
+    """The lines in the page's tables, but for headings `Only in` others and `not in` this one."""
     rows = []
     for section in re.split(r"^## ", page, flags=re.MULTILINE):
         heading = section.partition("\n")[0]
-        if not heading.startswith("Only in") or f"`{name}`" in heading:
+        named = f"`{name}`" in heading
+        if named if heading.startswith("Only in") else not named:
             rows += re.findall(r"^\| `((?:# )?BR2_[^`]*)` \| *[^\s|]", section, re.MULTILINE)
     return rows
 
@@ -231,6 +233,10 @@ def _unpinned_of_defconfig(root: Path, file: Path) -> Iterator[str]:
                 yield f"{each.line}: {commit} is no commit: a branch or tag moves"
             elif commit not in hashes:
                 yield f"{each.line}: no hash in patches/ for the archive of commit {commit}"
+        elif each.symbol.endswith("_CUSTOM_VERSION_VALUE"):
+            version = each.value.strip('"')
+            if not re.search(rf"^sha256  [0-9a-f]{{64}}  [\w-]+-{re.escape(version)}\.tar\.", hashes, re.M):
+                yield f"{each.line}: no hash in patches/ for the archive of {version}"
         elif not each.symbol.endswith("_REPO_URL"):
             for url in URL.findall(each.value):
                 if not re.search(

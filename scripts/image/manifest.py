@@ -377,6 +377,7 @@ def sources_of_buildroot(config: dict[str, str], os_release: Path) -> dict[str, 
         "openrtu": {"commit": commit_of_tree()},
         "buildroot": {"version": version, "commit": pinned_commit(version)},
         "linux": {
+            "version": config.get(f"{linux}_VERSION"),
             "repository": config.get(f"{linux}_CUSTOM_REPO_URL"),
             "commit": config.get(f"{linux}_CUSTOM_REPO_VERSION"),
             "patch": config.get(f"{linux}_PATCH"),

@@ -36,7 +36,7 @@ print("{lines} lines processed", file=sys.stderr)
 sys.exit({code})
 """
 LINUX = '"linux": {"dl_dir": "linux", "downloads": [{"source": "linux.tar.gz"}], "hashes": ["h"]}'
-INFO = f'{{{LINUX}, "openrtu": {{}}}}'
+INFO = f'{{{LINUX}, "openrtu": {{}}, "uboot": {{}}}}'
 
 
 class StandIn:
@@ -77,7 +77,7 @@ def test_good_configuration_passes(buildroot: StandIn, capsys: pytest.CaptureFix
     said = capsys.readouterr().out
     assert "nothing found" in said
     assert "1 of 1 sources" in said
-    assert said.count("SKIPPED, the kernel's fragments") == 2
+    assert said.count("SKIPPED, the kernel's fragments") == 3
 
 
 FAULTS = {

@@ -15,6 +15,7 @@ from image.checks import CHECKS, defconfigs, fragments
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ["Makefile", ".github", "board", "br2-external", "configs", "docs", "dts", "package", "patches"]
 GATEWAY = "configs/nuc980_gateway_defconfig"
+LTS = "configs/nuc980_gateway_lts_defconfig"
 LINUX = "board/nuc980/linux"
 BY_NAME = {check.__name__.removeprefix("check_"): check for check in CHECKS}
 
@@ -27,7 +28,9 @@ def test_tree_is_in_order(name: str) -> None:
 def test_there_is_something_to_check() -> None:
     assert [file.name for file in defconfigs(ROOT)] == [
         "nuc980_gateway_defconfig",
+        "nuc980_gateway_lts_defconfig",
         "nuc980_netboot_defconfig",
+        "nuc980_uboot_defconfig",
     ]
     assert len(fragments(ROOT)) > 5
 
@@ -155,6 +158,7 @@ FAULTS: list[tuple[str, Plant, str]] = [
     ("pinned", replace(GATEWAY, "_REPO_VERSION=.*", '_REPO_VERSION="master"'), "master is no commit"),
     ("pinned", replace(GATEWAY, "_REPO_VERSION=.*", f'_REPO_VERSION="{COMMIT}"'), "no hash in patches/"),
     ("pinned", replace(GATEWAY, r"rt73\.patch", "rt74.patch"), "no hash in patches/ for https://"),
+    ("pinned", replace(LTS, '"6.1.141"', '"6.1.142"'), "no hash in patches/ for the archive of 6.1.142"),
     ("pinned", replace(GATEWAY, "^BR2_DOWNLOAD_FORCE_CHECK_HASHES=y\n", ""), "FORCE_CHECK_HASHES is not set"),
     ("pinned", replace("configs/kas.yml", "^ *commit:.*\n", ""), "buildroot is pinned by no commit"),
     (
