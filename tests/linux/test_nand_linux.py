@@ -329,8 +329,13 @@ def test_raw_write_is_the_page_as_given(linux: Linux, nand: NandImage, erased: i
 
 
 ATTACH = "ubiattach -m 4 /dev/ubi_ctrl"
-MOUNT = "mkdir -p /tmp/mnt; mount -t ubifs ubi0:work /tmp/mnt"
-BIG = f"{ATTACH}; {MOUNT}; for n in 1 2 3 4 5; do cat /content; done > /tmp/mnt/big; sync"
+MOUNT = "mkdir -p /tmp/mnt && mount -t ubifs ubi0:work /tmp/mnt"
+# Until each block has its header, as on a flash that has run before: then UBI's thread rests.
+UNTIL_FORMATTED = """\
+status=/proc/$(pidof ubi_bgt0d)/status
+until [ "$(grep ^voluntary $status)" = "$last" ]; do last=$(grep ^voluntary $status); sleep 1; done
+"""
+BIG = f"{ATTACH}; {MOUNT} && for n in 1 2 3 4 5; do cat /content; done > /tmp/mnt/big && sync"
 
 
 @pytest.fixture(scope="module")
@@ -340,9 +345,9 @@ def formatted(
     """A flash with an empty UBIFS volume `work` in the partition `rootfs`."""
     image = copied(nand, tmp_path_factory.mktemp("formatted"))
     with boot(*with_flash(image), files=extra_files) as linux:
-        linux.run(f"{ATTACH}; ubimkvol /dev/ubi0 -N work -s 8MiB; {MOUNT}; umount /tmp/mnt", 120)
-        # Until each block has its header, as on a flash that has run before.
-        linux.run("ubidetach -d 0 /dev/ubi_ctrl", 120)
+        linux.run(f"{ATTACH}; ubimkvol /dev/ubi0 -N work -s 8MiB; {MOUNT} && umount /tmp/mnt", 120)
+        linux.run(UNTIL_FORMATTED, 300)
+        linux.run("ubidetach -d 0 /dev/ubi_ctrl")
     return image
 
 
@@ -358,7 +363,7 @@ def test_files_come_back_after_a_restart(
 ) -> None:
     image = copied(formatted, tmp_path)
     with boot(*with_flash(image), files=extra_files) as linux:
-        linux.run(f"{ATTACH}; {MOUNT}; cp /content /tmp/mnt/; umount /tmp/mnt", 60)
+        linux.run(f"{ATTACH}; {MOUNT} && cp /content /tmp/mnt/ && umount /tmp/mnt", 60)
     with boot(*with_flash(image), files=extra_files) as linux:
         linux.run(f"{ATTACH}; {MOUNT}", 60)
         assert linux.run("sha256sum /tmp/mnt/content").split()[0] == hashlib.sha256(CONTENT).hexdigest()
@@ -381,7 +386,7 @@ def test_worn_blocks_are_retired(
         linux.run("dmesg -n 1")  # UBI says it at length
         linux.run(BIG, 60)
         found = linux.run(
-            "umount /tmp/mnt; mount -t ubifs ubi0:work /tmp/mnt; sha256sum /tmp/mnt/big", 60
+            "umount /tmp/mnt && mount -t ubifs ubi0:work /tmp/mnt && sha256sum /tmp/mnt/big", 60
         ).split()[0]
         assert found == hashlib.sha256(5 * CONTENT).hexdigest()
         assert linux.run("cat /sys/class/ubi/ubi0/ro_mode") == "0"
@@ -487,7 +492,7 @@ def kept(log: str) -> int:
 
 def check_records(linux: Linux, last: int) -> None:
     """All that was said to be safe is there: in the journal each one, in each file the newest or a newer."""
-    found = dict(line.split() for line in linux.run("cd /tmp/mnt/work; flashwork check", 60).splitlines())
+    found = dict(line.split() for line in linux.run("cd /tmp/mnt/work && flashwork check", 60).splitlines())
     assert "broken" not in found.values()
     in_journal = [number for number in range(1, last + 1) if number % REPLACED_IN]
     assert int(found.pop("journal")) > max(in_journal, default=0)
@@ -507,12 +512,13 @@ def test_what_was_synced_survives_power_cuts(
         folder.mkdir()
         light = Flashlight(folder)
         with boot(*with_flash(image), *light.arguments, files=extra_files) as linux:
+            linux.run("dmesg -n 1")  # UBI says at length what it cannot read, and recovers
             linux.run(f"{ATTACH}; {MOUNT}", 60)
             if last:
                 check_records(linux, last)
             if number == cuts:
                 break
-            linux.run("rm -rf /tmp/mnt/work; mkdir /tmp/mnt/work; sync", 60)
+            linux.run("rm -rf /tmp/mnt/work && mkdir /tmp/mnt/work && sync", 60)
             linux.run("cd /tmp/mnt/work; flashwork record > /dev/ttyS0 &")
             linux.wait_for("kept 1.", 60)
             light.cut_after(linux.machine, chance.randrange(1, 400))

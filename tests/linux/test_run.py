@@ -4,6 +4,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -131,7 +132,7 @@ def kept() -> Iterator[tuple[subprocess.Popen[str], int]]:
     port = free_port()
     show = start("lab.board_show", "--port", str(port), "--keep")
     yield show, port
-    show.kill()
+    show.terminate()  # not killed: that would leave its board behind
     show.communicate()
 
 
@@ -157,7 +158,8 @@ def test_keep_stays_up_for_the_users_own_master(kept: tuple[subprocess.Popen[str
     assert (show.returncode, err) == (0, "")
 
 
-def test_image_of_a_folder_comes_up(story: Story) -> None:
+@pytest.mark.usefixtures("qemu", "uboot")
+def test_image_of_a_folder_comes_up() -> None:
     """`make run IMAGE=`, here with our own system as the image."""
     show = start("lab.image", SYSTEM)
     out, err = show.communicate(timeout=STORY_SECONDS)
@@ -166,6 +168,48 @@ def test_image_of_a_folder_comes_up(story: Story) -> None:
     assert told["U-Boot"].startswith("U-Boot 20")
     assert "PREEMPT_RT" in told["kernel"]
     assert told["log-in"].endswith("login:")
+
+
+@pytest.fixture
+def flash_image(tmp_path: Path) -> Path:
+    """As Buildroot makes nuc980_gateway_lts, of our own system: Linux alone, and its root as a UBI image."""
+    folder, root, ubifs = tmp_path / "image", tmp_path / "root", tmp_path / "root.ubifs"
+    folder.mkdir()
+    root.mkdir()
+    fragment = (ROOT / "board/nuc980/linux/root-ubi.fragment").read_text()
+    arguments = re.findall(r'^CONFIG_CMDLINE="(.*)"$', fragment, re.MULTILINE)
+    dtb = shutil.copy(SYSTEM / "nuc980-gateway.dtb", folder)
+    subprocess.run(["fdtput", "-t", "s", dtb, "/chosen", "bootargs", *arguments], check=True)
+    kernel = ROOT / "build/linux/zImage"
+    subprocess.run(
+        ["mkimage", "-A", "arm", "-O", "linux", "-T", "kernel", "-C", "none", "-a", "0x8000", "-e", "0x8000",
+         "-d", kernel, folder / "uImage"], check=True, capture_output=True
+    )  # fmt: skip
+    with (ROOT / "build/system-lab.parts/initramfs.cpio").open("rb") as archive:
+        subprocess.run(["cpio", "-idf", "--quiet", "dev/*"], stdin=archive, cwd=root, check=True)
+    subprocess.run(
+        ["mkfs.ubifs", "-r", root, "-m", "2048", "-e", "126976", "-c", "397", "-F", "-U", "-o", ubifs],
+        check=True,
+    )
+    volumes = (ROOT / "board/nuc980/ubinize.cfg").read_text()
+    (tmp_path / "volumes").write_text(volumes.replace("BR2_ROOTFS_UBIFS_PATH", str(ubifs)))
+    subprocess.run(
+        ["ubinize", "-o", folder / "rootfs.ubi", "-m", "2048", "-p", "128KiB", tmp_path / "volumes"],
+        check=True,
+    )
+    return folder
+
+
+@pytest.mark.usefixtures("qemu", "uboot")
+def test_image_with_its_root_in_the_flash_comes_up(flash_image: Path) -> None:
+    show = start("lab.image", flash_image)
+    out, err = show.communicate(timeout=STORY_SECONDS)
+    assert (show.returncode, err) == (0, ""), out[-3000:]
+    told = dict(re.findall(r"^(arguments|/data|log-in) +(.+)$", out[out.rindex("\n\n") :], re.MULTILINE))
+    assert "root=ubi0:rootfs" in told["arguments"]
+    assert told["/data"] == "UBI device 0, volume 1"
+    assert told["log-in"].endswith("login:")
+    assert "trouble" not in out
 
 
 def test_folder_without_an_image_is_wrong_usage(tmp_path: Path) -> None:
