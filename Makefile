@@ -248,17 +248,14 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-# Of tests/linux, those that were seen to pass as a whole; the rest is run by hand until it is steady: make test-linux.
-LINUX_TESTS := $(addprefix tests/linux/,test_series.py test_pinctrl.py test_gpio_linux.py test_system.py)
-
-test: lint unit asan cross qemu uboot linux system $(VENV) ## all tests, but of Linux on the board only what is steady
+test: lint unit asan cross qemu uboot linux linux-debug system lab $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest --ignore=tests/linux
-	$(PYTHON) -m pytest $(LINUX_TESTS)
+	$(MAKE) test-linux
 
 test-linux: linux linux-debug system lab qemu uboot $(VENV) ## all tests of Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
-	$(PYTHON) -m pytest tests/linux
+	$(PYTHON) -m pytest -n 2 --dist loadfile tests/linux
 
 soak: build qemu uboot linux system $(VENV) ## the long tests: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
 	$(PYTHON) -m pytest -m soak

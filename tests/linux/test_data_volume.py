@@ -74,8 +74,7 @@ def with_volume(made: NandImage, nand: NandImage) -> None:
 
 
 def with_flash(nand: NandImage) -> tuple[str, ...]:
-    """The board's time goes by its instructions and leaps over its waits: a busy machine changes nothing."""
-    return "-drive", f"if=mtd,format=raw,file={nand.path}", "-icount", "shift=3,sleep=off"
+    return "-drive", f"if=mtd,format=raw,file={nand.path}"
 
 
 def rootfs(nand: NandImage) -> bytes:
