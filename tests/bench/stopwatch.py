@@ -231,11 +231,16 @@ def readings_of(frames: list[Frame]) -> dict[int, list[Reading]]:
 
 
 def age_ms(found: Object, readings: list[Reading]) -> float:
-    """From the newest reading that it can be."""
-    for reading in reversed(readings):
-        if reading.sent_ns < found.arrived_ns and reading.value == found.value & 0xFFFF:
-            return (found.arrived_ns - reading.read_ns) / 1e6
-    raise StationError(f"IOA {found.ioa} = {found.value}: the device never gave this value")
+    """
+    From the newest reading that it can be. The time of sending is taken after it: a pause of the host between
+    the two may put it behind the arrival. Then the object can only be of the first reading with its value.
+    """
+    value = found.value & 0xFFFF
+    possible = [each for each in readings if each.value == value and each.read_ns < found.arrived_ns]
+    if not possible:
+        raise StationError(f"IOA {found.ioa} = {found.value}: the device never gave this value")
+    sent = [each for each in possible if each.sent_ns < found.arrived_ns]
+    return (found.arrived_ns - (sent[-1] if sent else possible[0]).read_ns) / 1e6
 
 
 # ---- (c) a change --------------------------------------------------------------------------------

@@ -123,6 +123,7 @@ READINGS = readings_of([*scan(100_000_000, 7), *scan(200_000_000, 0xFFFF), *scan
         (7, 250_000_000, 150),  # the gateway had not taken the next one yet
         (-1, 305_000_000, 105),  # the third answer is not yet on the line
         (-1, 311_000_000, 11),
+        (7, 105_000_000, 5),  # its sending was noted too late
     ],
 )
 def test_age_counts_from_the_reading(value: int, arrived_ns: int, expected_ms: float) -> None:
