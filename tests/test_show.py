@@ -51,6 +51,22 @@ def test_all_of_it_is_seen(start: Start) -> None:
     assert f"All {len(STEPS)} steps were seen." in out
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_who_ends_it_ends_all_that_it_started(start: Start, number: int) -> None:
+    show = start("--port", str(free_port()))
+    assert show.stdout is not None
+    for line in show.stdout:
+        if "1. " in line:
+            break
+    show.send_signal(number)
+    _, err = show.communicate(timeout=60)
+    assert show.returncode == 1
+    assert "Traceback" not in err
+    assert (
+        subprocess.run(["pgrep", "-f", f"openrtu-{show.pid}-"], check=False).returncode == 1
+    )  # nothing found
+
+
 def test_a_port_in_use_is_a_reason(start: Start) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         show = start("--port", str(other.getsockname()[1]))

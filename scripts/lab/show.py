@@ -310,7 +310,8 @@ REASONS = (NotSeenError, GatewayError, LineSimError, MasterError)
 
 
 def told(name: str, act: Callable[[], None], reasons: tuple[type[Exception], ...] = REASONS) -> int:
-    """The exit code of a show, and what it did not see."""
+    """The exit code of a show, and what it did not see. Who ends it ends all that it has started."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         act()
     except reasons as error:
