@@ -25,6 +25,7 @@ STEP, STEPS, PARITY = 512, DATA // 512, 15
 STRENGTH = 8
 WRITTEN = b"\xff\xff\0\0"  # how a page's spare begins that was written through the ECC
 SPARE_AT, ROOT_AT = 0x800000, 0x1600000  # partitions
+ROOT_SIZE = 0x6480000
 U_BOOT, KERNEL, OTHER, ROOT = "/dev/mtd0", "/dev/mtd1", "/dev/mtd3", "/dev/mtd4"
 BAD = {17, 66, 180, 1019}  # blocks, one of them behind all partitions
 IN_RAM = 0x1000000
@@ -333,7 +334,7 @@ MOUNT = "mkdir -p /tmp/mnt && mount -t ubifs ubi0:work /tmp/mnt"
 # Until each block has its header, as on a flash that has run before: then UBI's thread rests.
 UNTIL_FORMATTED = """\
 status=/proc/$(pidof ubi_bgt0d)/status
-until [ "$(grep ^voluntary $status)" = "$last" ]; do last=$(grep ^voluntary $status); sleep 1; done
+until [ "$(grep ctxt $status)" = "$last" ]; do last=$(grep ctxt $status); sleep 1; done
 """
 BIG = f"{ATTACH}; {MOUNT} && for n in 1 2 3 4 5; do cat /content; done > /tmp/mnt/big && sync"
 
@@ -352,10 +353,12 @@ def formatted(
 
 
 def test_ubi_has_its_second_header_where_the_images_have_it(formatted: NandImage) -> None:
-    headers = [formatted.read(ROOT_AT // DATA + page)[:DATA] for page in range(2)]
-    assert headers[0][:4] == b"UBI#"
-    assert int.from_bytes(headers[0][16:20], "big") == DATA
-    assert headers[1][:4] == b"UBI!"
+    blocks = set(range(ROOT_AT // BLOCK, (ROOT_AT + ROOT_SIZE) // BLOCK)) - BAD
+    pages = [block * PAGES for block in blocks]
+    firsts = [formatted.read(page)[:DATA] for page in pages]
+    assert {(first[:4], int.from_bytes(first[16:20], "big")) for first in firsts} == {(b"UBI#", DATA)}
+    seconds = {formatted.read(page + 1)[:4] for page in pages}
+    assert seconds == {b"UBI!", b"\xff\xff\xff\xff"}  # of blocks with something in them, and of the others
 
 
 def test_files_come_back_after_a_restart(
