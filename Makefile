@@ -248,7 +248,7 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross qemu uboot linux linux-debug system lab $(VENV) ## all tests
+test: lint unit asan cross qemu uboot $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest --ignore=tests/linux
 	$(MAKE) test-linux

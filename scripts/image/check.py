@@ -76,8 +76,8 @@ def style(buildroot: Buildroot) -> Iterator[str]:
     files += [*defconfigs(ROOT), *sorted((ROOT / "patches").rglob("*.hash"))]
     files += [file for file in sorted((ROOT / "board").rglob("S[0-9][0-9]*")) if file.is_file()]
     program = buildroot.folder / "utils" / "check-package"
-    ignored_too = ROOT / "board" / ".checkpackageignore"
-    words = [sys.executable, program, "--br2-external", "-vvv", "--ignore-list", ignored_too, *files]
+    ignored = ROOT / "board" / ".checkpackageignore"
+    words = [sys.executable, program, "--br2-external", "-vvv", "--ignore-list", ignored, *files]
     done = subprocess.run(words, capture_output=True, text=True)
     processed = re.search(r"^(\d+) lines processed", done.stderr, re.MULTILINE)
     if processed is None:

@@ -203,8 +203,7 @@ def _explained(page: str, name: str) -> list[str]:
     rows = []
     for section in re.split(r"^## ", page, flags=re.MULTILINE):
         heading = section.partition("\n")[0]
-        named = f"`{name}`" in heading
-        if named if heading.startswith("Only in") else not named:
+        if (f"`{name}`" in heading) == heading.startswith("Only in"):
             rows += re.findall(r"^\| `((?:# )?BR2_[^`]*)` \| *[^\s|]", section, re.MULTILINE)
     return rows
 

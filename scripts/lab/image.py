@@ -21,13 +21,14 @@ from lab.show import REASONS, NotSeenError, say, told
 from nuc980.netboot import cli
 from nuc980.netboot.errors import NetbootError
 from nuc980.netboot.progress import Progress
+from nuc980.netboot.target import Linux
+from nuc980.netboot.transport import Line
 from nuc980.twin.linux import TROUBLE
 from nuc980.twin.machine import Machine, MachineError
 from nuc980.twin.nand import NandImage
 from nuc980.twin.network import free_udp_port
 
 BOOT_SECONDS = 300.0
-
 IMAGE = ("uImage", "nuc980-gateway.dtb", "rootfs.ubi")  # the last one only where the root is in the flash
 # What the console says, by what it is.
 SEEN = {
@@ -56,11 +57,12 @@ def show(folder: Path) -> None:
             Machine(QEMU, *arguments, uarts=(), chardevs={0: f"pty,logfile={console}"})
         )
         uimage, dtb, ubi = (folder / name for name in IMAGE)
-        begin = time.monotonic()
-        if ubi.exists():
+        in_flash = ubi.exists()
+        if in_flash:
             install(machine, directory, uimage, dtb, ubi)
-            begin = time.monotonic()
-            boot_from_flash(machine, console)
+        begin = time.monotonic()
+        if in_flash:
+            boot_from_flash(machine)
         else:
             netboot(machine, directory, uimage, dtb, Progress())
         tell(console.read_text(errors="replace"), time.monotonic() - begin)
@@ -78,15 +80,11 @@ def install(machine: Machine, directory: Path, uimage: Path, dtb: Path, ubi: Pat
         raise NotSeenError("the image in the flash")
 
 
-def boot_from_flash(machine: Machine, console: Path) -> None:
-    """As a board does by itself: by its own boot command. Raises NotSeenError."""
-    machine.command("system_reset")
-    deadline = time.monotonic() + BOOT_SECONDS
-    while not re.search(SEEN["log-in"], console.read_text(errors="replace"), re.MULTILINE):
-        if time.monotonic() > deadline:
-            end = console.read_text(errors="replace")[-2000:]
-            raise NotSeenError(f"a log-in within {BOOT_SECONDS:.0f} s; the console said:\n{end}")
-        time.sleep(0.2)
+def boot_from_flash(machine: Machine) -> None:
+    """As a board does by itself: by its own boot command. Raises NetbootError."""
+    with Line(machine.pty(0)) as line:
+        machine.command("system_reset")
+        Linux(line).expect(SEEN["log-in"], BOOT_SECONDS)
 
 
 def tell(said: str, seconds: float) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from desk import chapter_5, values
+from image.checks import value_of
 from lab.board_show import BOARD_STEPS
 from lab.gateway import free_port
 from lab.master import Master
@@ -187,9 +188,10 @@ def flash_image(tmp_path: Path) -> Path:
     )  # fmt: skip
     with (ROOT / "build/system-lab.parts/initramfs.cpio").open("rb") as archive:
         subprocess.run(["cpio", "-idf", "--quiet", "dev/*"], stdin=archive, cwd=root, check=True)
+    lts = ROOT / "configs/nuc980_gateway_lts_defconfig"
+    block, most = (value_of(lts, f"BR2_TARGET_ROOTFS_UBIFS_{name}") for name in ("LEBSIZE", "MAXLEBCNT"))
     subprocess.run(
-        ["mkfs.ubifs", "-r", root, "-m", "2048", "-e", "126976", "-c", "397", "-F", "-U", "-o", ubifs],
-        check=True,
+        ["mkfs.ubifs", "-r", root, "-m", "2048", "-e", block, "-c", most, "-F", "-U", "-o", ubifs], check=True
     )
     volumes = (ROOT / "board/nuc980/ubinize.cfg").read_text()
     (tmp_path / "volumes").write_text(volumes.replace("BR2_ROOTFS_UBIFS_PATH", str(ubifs)))

@@ -202,9 +202,9 @@ class Linux:
 
 def archive(files: Mapping[str, Path | str]) -> bytes:
     """A cpio archive of files by their paths in the root, with the folders that they need."""
-    entries = [cpio.Entry.folder(folder) for folder in dict.fromkeys(_folders(files))]
-    for path, content in files.items():
-        name = path.lstrip("/")
+    members = {path.lstrip("/"): content for path, content in files.items()}
+    entries = [cpio.Entry.folder(folder) for folder in dict.fromkeys(_folders(members))]
+    for name, content in members.items():
         if isinstance(content, Path):
             entries.append(cpio.Entry.file(name, content.read_bytes(), content.stat().st_mode & 0o777))
         else:
@@ -214,6 +214,4 @@ def archive(files: Mapping[str, Path | str]) -> bytes:
 
 def _folders(paths: Iterable[str]) -> Iterator[str]:
     for path in paths:
-        yield from (
-            str(folder) for folder in reversed(PurePosixPath(path.lstrip("/")).parents) if folder.name
-        )
+        yield from (str(folder) for folder in reversed(PurePosixPath(path).parents) if folder.name)
