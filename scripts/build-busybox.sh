@@ -48,7 +48,8 @@ build() {
 		lost
 		exit 1
 	fi >&2
-	"${make[@]}" --jobs="$(nproc)" busybox busybox.links >>"$folder/build.log" 2>&1 || {
+	# One goal after the other: its Makefile would run both at once, and each probe for libcrypt removes the other's file.
+	{ "${make[@]}" --jobs="$(nproc)" busybox && "${make[@]}" busybox.links; } >>"$folder/build.log" 2>&1 || {
 		echo "BusyBox is not built; $folder/build.log says why" >&2
 		exit 1
 	}
