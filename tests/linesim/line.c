@@ -255,12 +255,18 @@ static void begin_answer(struct line *line, struct line_answer *waiting)
 	waiting->size = 0;
 }
 
+static void trace_answer(const struct line *line)
+{
+	const struct line_answer *answer = &line->sending.answer;
+
+	trace_frame(line->port, answer->slave->unit, line->sending.spoiled ? TRACE_COLLISION : TRACE_SENT,
+		    answer->bytes, answer->size, answer->fault);
+}
+
 static void end_answer(struct line *line)
 {
 	struct line_answer *answer = &line->sending.answer;
 
-	trace_frame(line->port, answer->slave->unit, line->sending.spoiled ? TRACE_COLLISION : TRACE_SENT,
-		    answer->bytes, answer->size, answer->fault);
 	answer->slave->stats.answers++;
 	line->stats.answers++;
 	answer->size = 0;
@@ -283,6 +289,8 @@ static void send_due_bytes(struct line *line, int64_t now_ns)
 			answer->bytes[end] ^= random_byte(line) | 1;
 		end++;
 	}
+	if (end == answer->size)
+		trace_answer(line); /* before its last byte: who reads that may be quicker */
 	write_pty(line, answer->bytes + first, end - first);
 	line->sending.sent = end;
 	line->stats.busy_ns += (int64_t)(end - first) * line->char_ns;
