@@ -34,7 +34,7 @@ NOTICE_S = 0.5  # a lost port is noticed within
 BABBLE_S = 3.0  # a line that is never silent is given up within
 REOPEN_S = 5.0  # a port is tried again each second
 FLOOD_S = 3.0
-FRESH_S = 0.5  # port 3 is scanned several times a second
+FRESH_S = FLOOD_S / 2  # a neighbour that the flood holds up is older
 
 
 def sealed(frame: bytes) -> bytes:
