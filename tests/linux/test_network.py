@@ -352,54 +352,33 @@ def test_flood_leaves_the_board_alive(linux: Linux, ports: tuple[Wire, Wire], si
 
 
 LINES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
-BAUD = 4800
+BAUD = 4800  # a receiver's 16 characters are 33 ms; at 19200 bytes were lost when the host had other work
 
 
-ATTEMPTS = 6
-
-
-def overruns(linux: Linux) -> int:
-    counted = linux.run("cat /proc/tty/driver/*")
-    assert not re.search(r"\b(fe|pe|brk):", counted), counted
-    return sum(int(number) for number in re.findall(r"\boe:(\d+)", counted))
-
-
-def exchange_in_a_flood(linux: Linux, ports: tuple[Wire, Wire]) -> bool:
-    """Six lines get and give back a text while both ports are flooded. Whether all of it came back."""
+def test_flood_takes_no_byte_from_a_line(linux: Linux, ports: tuple[Wire, Wire]) -> None:
+    """Six lines get and give back a text while both ports are flooded."""
     uarts = {number: linux.machine.uarts[number] for number in LINES.values()}
-    text = {number: random.Random(number).randbytes(700) for number in uarts}
+    text = {number: random.Random(number).randbytes(1500) for number in uarts}
     for descriptor, number in enumerate(uarts, start=4):  # opened by the shell itself: before the bytes come
         linux.run(
             f"exec {descriptor}<>/dev/ttyS{number}; stty raw -echo {BAUD} <&{descriptor};"
             f" cat <&{descriptor} >&{descriptor} & echo $! >> /tmp/cats"
         )
     # Pauses for the host's sake: the same thread of QEMU serves ports and lines.
-    floods = [Flood(wire, pause=0.02) for wire in ports]
+    floods = [Flood(wire, pause=0.01) for wire in ports]
     back = dict.fromkeys(uarts, b"")
     for number, line in uarts.items():
         line.send(text[number])
-    heard = time.monotonic()
-    while any(len(back[number]) < len(text[number]) for number in uarts) and time.monotonic() - heard < 5:
+    deadline = time.monotonic() + 120
+    while any(len(back[number]) < len(text[number]) for number in uarts) and time.monotonic() < deadline:
         for number, line in uarts.items():
-            if new := line.receive(0.01):
-                back[number] += new
-                heard = time.monotonic()
+            back[number] += line.receive(0.01)
     frames = [flood.end() for flood in floods]
-    linux.run("kill $(cat /tmp/cats); rm /tmp/cats; exec 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-")
-    assert min(frames) > 500
-    return back == text
-
-
-def test_flood_takes_no_byte_from_a_line(linux: Linux, ports: tuple[Wire, Wire]) -> None:
-    """A receiver holds 33 ms of characters. A host that keeps QEMU waiting takes some too: that is told."""
-    for _ in range(ATTEMPTS):
-        before = overruns(linux)
-        whole = exchange_in_a_flood(linux, ports)
-        lost = overruns(linux) - before
-        assert whole == (lost == 0), f"{lost} overruns are told"
-        if whole:
-            return
-    pytest.fail(f"bytes were lost in each of {ATTEMPTS} floods")
+    linux.run("kill $(cat /tmp/cats); exec 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-")
+    assert back == text
+    assert min(frames) > 1000
+    for line in linux.run("cat /proc/tty/driver/*").splitlines():
+        assert not re.search(r"\b(oe|fe|pe|brk):", line), line
 
 
 # ---- what a chip should not do
