@@ -17,7 +17,7 @@ from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip
 from nuc980.pins.dtb import read_dtb
 from nuc980.pins.rules import RULES, check
-from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.linux import TROUBLE, Kernel, Linux
 
 CHIP = load_chip()
 ROOT = Path(__file__).resolve().parents[2]
@@ -245,9 +245,16 @@ def there(linux: Linux, paths: tuple[str, ...]) -> tuple[bool, ...]:
     return tuple(linux.try_to(f"[ -e {path} ]")[0] == 0 for path in paths)
 
 
+def kernel_log(linux: Linux) -> str:
+    """What the kernel said, none of it trouble: a mistake is told as one, and breaks nothing."""
+    said = linux.run("dmesg")
+    assert TROUBLE.findall(said) == []
+    return said
+
+
 def shown(linux: Linux, symptom: Symptom) -> dict[str, object]:
     """What of a symptom a board shows."""
-    said = linux.run("dmesg")
+    said = kernel_log(linux)
     talks, hears = line(linux, symptom.port) if symptom.talks is not None else (None, None)
     return {
         "says": bool(re.search(symptom.says, said)) if symptom.says else None,
@@ -280,7 +287,7 @@ def test_the_board_shows_what_the_checker_predicts(
 
 def test_a_good_board_shows_none_of_it(boot_tree: Callable[..., Linux]) -> None:
     linux = boot_tree()
-    said = linux.run("dmesg")
+    said = kernel_log(linux)
     symptoms = [mistake.symptom for mistake in MISTAKES]
     assert [symptom.says for symptom in symptoms if symptom.says and re.search(symptom.says, said)] == []
     missing = tuple({path for symptom in symptoms for path in symptom.missing})

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from nuc980.twin.linux import Linux
+from nuc980.twin.linux import TROUBLE, Linux
 from nuc980.twin.machine import Machine
 from nuc980.twin.nand import BLOCKS, DATA, PAGE, PAGES, SPARE, NandImage
 from nuc980.twin.uboot import Console
@@ -393,6 +393,7 @@ def test_worn_blocks_are_retired(
         ).split()[0]
         assert found == hashlib.sha256(5 * CONTENT).hexdigest()
         assert linux.run("cat /sys/class/ubi/ubi0/ro_mode") == "0"
+        assert TROUBLE.findall(linux.run("dmesg")) == []
     retired = bad_by_the_tables(image) - bad_by_the_tables(formatted)
     assert retired, f"UBI met none of {worn}"
     assert retired <= set(worn)
@@ -519,6 +520,7 @@ def test_what_was_synced_survives_power_cuts(
             linux.run(f"{ATTACH}; {MOUNT}", 60)
             if last:
                 check_records(linux, last)
+            assert TROUBLE.findall(linux.run("dmesg")) == []
             if number == cuts:
                 break
             linux.run("rm -rf /tmp/mnt/work && mkdir /tmp/mnt/work && sync", 60)
