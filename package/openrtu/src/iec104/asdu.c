@@ -18,6 +18,7 @@ enum { TYPE, VARIABLE_STRUCTURE, CAUSE, ORIGINATOR, CA_LOW, CA_HIGH };
 #define QL_MASK           0x7f
 #define TRANSIENT_BIT     0x80
 #define STEP_MASK         0x7f
+#define BCR_DETAIL        (MAP_COUNTER_SEQUENCE | MAP_COUNTER_CARRY | MAP_COUNTER_ADJUSTED)
 #define QUALITY_ONLY_MASK 0xf0 /* IV, NT, SB, BL; a bit or double bit has no OV */
 
 static uint32_t get_u16(const uint8_t *bytes)
@@ -259,9 +260,9 @@ size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type
 		put_u32(out, sample->value.u);
 		out[4] = sample->quality;
 		return 5;
-	case MAP_COUNTER: /* BCR: no sequence number without a freeze, only IV of the quality */
+	case MAP_COUNTER: /* BCR: sequence number, CY and CA of a freeze, only IV of the quality */
 		put_u32(out, sample->value.u);
-		out[4] = sample->quality & MAP_INVALID;
+		out[4] = (uint8_t)((sample->quality & MAP_INVALID) | (sample->detail & BCR_DETAIL));
 		return 5;
 	}
 	return 0;

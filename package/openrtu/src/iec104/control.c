@@ -221,6 +221,10 @@ void iec104_end_selections(struct iec104_station *station, const struct iec104_c
 
 void iec104_take_answer(struct iec104_station *station, const struct map_answer *answer)
 {
+	if (answer->action == MAP_FREEZE) {
+		iec104_take_freeze_answer(station, answer);
+		return;
+	}
 	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++) {
 		struct iec104_open_command *open = &station->open_commands[i];
 
@@ -308,9 +312,10 @@ static bool is_system_command(uint8_t type)
 	return may_be_broadcast(type) || type == IEC104_C_TS_TA_1;
 }
 
-static void take_interrogation(const struct iec104_station *station, const struct received *received)
+static void take_interrogation(struct iec104_station *station, const struct received *received)
 {
-	bool accepted = iec104_interrogate(station, received->connection, &received->asdu);
+	bool accepted = iec104_interrogate(station, received->connection, received->bytes, received->size,
+					   received->now_ns);
 
 	if (!accepted || received->asdu.cause == IEC104_DEACTIVATION)
 		confirm(received, !accepted);

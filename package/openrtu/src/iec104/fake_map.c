@@ -24,10 +24,10 @@ struct map_point points[POINTS] = {
     {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2},
     {.device = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
     {.device = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
-    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .cyclic_ms = 1000},
+    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .period_ms = 1000},
     {.device = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
     {.device = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
-    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .cyclic_ms = 5000},
+    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .period_ms = 5000},
 };
 
 struct map_device devices[DEVICES] = {
@@ -82,6 +82,14 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 		out->quality |= MAP_INVALID;
 	if (map->on_read != NULL)
 		map->on_read(point);
+	return true;
+}
+
+bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out)
+{
+	if (map->totals[point].time_ns == 0)
+		return map_read(map, point, out);
+	*out = map->totals[point];
 	return true;
 }
 
@@ -169,8 +177,11 @@ void answer(uint32_t id, enum map_command_state state, enum map_command_result r
 {
 	const struct map_request *request = &fake.requests[(id - 1) % REQUESTS];
 
-	fake.answers[fake.answer_count++ % ANSWERS] = (struct map_answer){
-	    .id = id, .point = request->point, .state = (uint8_t)state, .result = (uint8_t)result};
+	fake.answers[fake.answer_count++ % ANSWERS] = (struct map_answer){.id = id,
+									  .point = request->point,
+									  .action = request->action,
+									  .state = (uint8_t)state,
+									  .result = (uint8_t)result};
 }
 
 void fake_begin(void)

@@ -4,7 +4,8 @@
 
 #define QOI_STATION    20
 #define QOI_GROUP_LAST 36
-#define RQT_GENERAL    5 /* of QCC; its other bits are FRZ */
+#define RQT_FIRST      1
+#define RQT_GENERAL    5
 
 static struct iec104_procedure *procedure_at(struct iec104_connection *connection, unsigned place)
 {
@@ -48,6 +49,14 @@ static void remove_procedure(struct iec104_connection *connection, unsigned plac
 		*procedure_at(connection, place) = *procedure_at(connection, place + 1);
 }
 
+bool iec104_is_counter_of(const struct iec104_station *station, uint32_t point, uint8_t qualifier)
+{
+	const struct map_point *object = iec104_point(station, point);
+	uint32_t group = IEC104_QCC_GROUP(qualifier);
+
+	return object->type == MAP_COUNTER && (group == 0 || object->counter_group == group);
+}
+
 static bool interrogated(const struct iec104_station *station, const struct iec104_connection *connection,
 			 uint32_t point)
 {
@@ -55,7 +64,7 @@ static bool interrogated(const struct iec104_station *station, const struct iec1
 	const struct map_point *object = iec104_point(station, point);
 
 	if (procedure->type == IEC104_C_CI_NA_1)
-		return object->type == MAP_COUNTER;
+		return iec104_is_counter_of(station, point, procedure->qualifier);
 	return object->type != MAP_COUNTER &&
 	       (procedure->qualifier == QOI_STATION || object->group == procedure->qualifier - QOI_STATION);
 }
@@ -93,6 +102,11 @@ static void next_station(const struct iec104_station *station, struct iec104_con
 		end_first_procedure(connection);
 }
 
+static bool is_freeze(const struct iec104_procedure *procedure)
+{
+	return procedure->type == IEC104_C_CI_NA_1 && IEC104_QCC_FREEZE(procedure->qualifier) != 0;
+}
+
 static void begin_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			    struct iec104_procedure *procedure, int64_t now_ns)
 {
@@ -101,9 +115,20 @@ static void begin_procedure(const struct iec104_station *station, struct iec104_
 		next_station(station, connection, procedure);
 		return;
 	}
+	if (is_freeze(procedure)) { /* carried out already; the readings are read later (101, 7.4.8) */
+		procedure->phase = IEC104_TERMINATE;
+		return;
+	}
 	procedure->phase = IEC104_DATA;
 	iec104_begin_sweep(station, connection, &procedure->sweep, procedure->device, procedure->device + 1,
 			   interrogated);
+}
+
+static uint8_t cause_of_data(const struct iec104_procedure *procedure)
+{
+	if (procedure->type != IEC104_C_CI_NA_1)
+		return procedure->qualifier; /* QOI has the cause's numbers */
+	return (uint8_t)(IEC104_COUNTERS_REQUESTED + IEC104_QCC_GROUP(procedure->qualifier));
 }
 
 static bool continue_procedure(const struct iec104_station *station, struct iec104_connection *connection,
@@ -111,7 +136,8 @@ static bool continue_procedure(const struct iec104_station *station, struct iec1
 {
 	const struct iec104_manner manner = {
 	    .wanted = interrogated,
-	    .cause = procedure->type == IEC104_C_CI_NA_1 ? IEC104_COUNTERS_REQUESTED : procedure->qualifier,
+	    .cause = cause_of_data(procedure),
+	    .totals = procedure->type == IEC104_C_CI_NA_1,
 	    .originator = procedure->originator,
 	    .test = procedure->test,
 	};
@@ -170,21 +196,33 @@ struct iec104_procedure iec104_procedure_of(const struct iec104_station *station
 static bool can_interrogate(const struct iec104_procedure *procedure)
 {
 	if (procedure->type == IEC104_C_CI_NA_1)
-		return procedure->qualifier == RQT_GENERAL; /* FRZ = 0: read without freeze or reset */
+		return IEC104_QCC_REQUEST(procedure->qualifier) >= RQT_FIRST &&
+		       IEC104_QCC_REQUEST(procedure->qualifier) <= RQT_GENERAL;
 	return procedure->qualifier >= QOI_STATION && procedure->qualifier <= QOI_GROUP_LAST;
 }
 
-bool iec104_interrogate(const struct iec104_station *station, struct iec104_connection *connection,
-			const struct iec104_asdu *asdu)
+bool iec104_interrogate(struct iec104_station *station, struct iec104_connection *connection,
+			const uint8_t *bytes, size_t size, int64_t now_ns)
 {
-	struct iec104_procedure procedure = iec104_procedure_of(station, asdu);
-	unsigned place = find_procedure(connection, &procedure);
-	bool found = place < connection->procedure_count;
+	struct iec104_procedure procedure;
+	struct iec104_asdu asdu;
+	unsigned place;
+	bool found;
 
-	if (asdu->cause == IEC104_DEACTIVATION) {
+	iec104_asdu_decode(bytes, size, &asdu);
+	procedure = iec104_procedure_of(station, &asdu);
+	place = find_procedure(connection, &procedure);
+	found = place < connection->procedure_count;
+	if (asdu.cause == IEC104_DEACTIVATION) {
 		if (found)
 			remove_procedure(connection, place);
 		return found;
 	}
-	return !found && can_interrogate(&procedure) && iec104_add_procedure(connection, &procedure);
+	if (found || !can_interrogate(&procedure))
+		return false;
+	if (procedure.type == IEC104_C_CI_NA_1 && iec104_freeze_waits(station, connection))
+		return false;
+	if (is_freeze(&procedure) && !procedure.test)
+		return iec104_freeze(station, connection, &procedure, bytes, size, now_ns);
+	return iec104_add_procedure(connection, &procedure);
 }

@@ -19,6 +19,8 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 		station->connections[i].open = false;
 	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++)
 		station->open_commands[i].request.id = 0;
+	for (unsigned i = 0; i < IEC104_OPEN_FREEZES_MAX; i++)
+		station->freezes[i].used = false;
 	station->sent_ns = sent_ns;
 	station->times = (struct iec104_times){
 	    .k = settings->k,
@@ -155,6 +157,7 @@ void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 	while (map_answer_next(station->map, &answer))
 		iec104_take_answer(station, &answer);
 	iec104_conclude_orphans(station, now_ns);
+	iec104_conclude_freezes(station, now_ns);
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		if (station->connections[i].open)
 			run_connection(station, &station->connections[i], now_ns);
@@ -176,7 +179,7 @@ static int64_t connection_deadline(const struct iec104_connection *connection)
 
 int64_t iec104_station_deadline(const struct iec104_station *station)
 {
-	int64_t deadline = iec104_orphan_deadline(station);
+	int64_t deadline = earlier(iec104_orphan_deadline(station), iec104_freeze_deadline(station));
 
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		if (station->connections[i].open)

@@ -19,8 +19,11 @@
  * - a time tag that is invalid, or further than command_timeout_s from the map's clock. While that clock is
  *   not set, the age cannot be known and is not judged;
  * - an interrogation of a station while one is under way; those of different stations wait for each other;
+ * - a freeze of counters whose owner is not alive, or any counter interrogation while the connection's freeze waits;
  * - a clock synchronisation by a controlling station that may not.
  * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
+ * Counters: FRZ 1..3 is confirmed and terminated when all owners have carried it out, and brings no readings; FRZ 0
+ * brings those frozen last. A frozen reading carries its sequence number, CY and CA; any other reading has them 0.
  * With the test bit, a command is checked and confirmed, and not carried out.
  * STOPDT ends interrogations and drops confirmations that wait; events wait for the next STARTDT. A
  * connection that ends leaves its commands to their devices; what it has selected is no longer.
@@ -37,6 +40,7 @@
 #define IEC104_REPLIES_SIZE       8192
 #define IEC104_INTERROGATIONS_MAX 64 /* of different stations, under way or waiting, on one connection */
 #define IEC104_OPEN_COMMANDS_MAX  64 /* waiting for their devices, of all connections */
+#define IEC104_OPEN_FREEZES_MAX   16 /* waiting for the counters' owners, one a connection */
 
 /* Confirmations and refusals that wait for room in k, oldest first: one octet of size, then the ASDU. */
 struct iec104_replies {
@@ -109,6 +113,21 @@ struct iec104_open_command {
 	size_t asdu_size;
 };
 
+/* A counter interrogation that freezes or resets, until the counters' owners have answered. */
+struct iec104_freeze {
+	bool used;
+	bool failed; /* an owner refused, or has ended */
+	struct iec104_connection *connection;
+	uint32_t serial;                   /* of the connection then */
+	struct iec104_procedure procedure; /* which confirms it */
+	uint8_t asdu[IEC104_COMMAND_MAX];  /* as received */
+	size_t asdu_size;
+	uint32_t waiting; /* for these owners, a bit each */
+	uint32_t ids[MAP_MODULES_MAX];
+	uint32_t generations[MAP_MODULES_MAX]; /* of the owners, when they were asked */
+	int64_t posted_ns, deadline_ns;
+};
+
 struct iec104_station {
 	struct map *map;
 	const struct map_config *config;
@@ -117,6 +136,7 @@ struct iec104_station {
 	uint32_t next_serial;
 	struct iec104_connection connections[IEC104_CONNECTIONS_MAX];
 	struct iec104_open_command open_commands[IEC104_OPEN_COMMANDS_MAX];
+	struct iec104_freeze freezes[IEC104_OPEN_FREEZES_MAX];
 
 	int64_t now_ns;        /* of the last call that had it */
 	int64_t log_paid_ns;   /* each line moves it on; far in the future, lines are left out */

@@ -255,10 +255,28 @@ static void release(const struct map *map, struct command_cell *cell, const stru
 	store(cell, &command);
 }
 
+static void take_freeze(struct map *map, const struct map_request *request)
+{
+	enum map_command_result result = MAP_RESULT_DONE;
+	struct map_command end;
+
+	if (map_now_ns() > request->deadline_ns)
+		result = MAP_RESULT_TOO_OLD;
+	else if (!totals_freeze(map, request))
+		result = MAP_RESULT_OUT_OF_RANGE;
+	end = command_of(map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND,
+			 result);
+	answer(map, &end, request->point, MAP_FREEZE);
+}
+
 bool map_command_request(struct map *map, const struct map_request *request)
 {
 	struct command_cell *cell;
 
+	if (request->action == MAP_FREEZE) {
+		take_freeze(map, request);
+		return false;
+	}
 	if (!(map->config.points[request->point].flags & MAP_POINT_COMMAND)) {
 		if (request->action != MAP_RELEASE)
 			refuse(map, request, MAP_RESULT_NOT_COMMANDABLE);

@@ -13,7 +13,7 @@
 #include "map/ring.h"
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT   1u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   2u          /* raise with every change of what lies in the segments */
 #define REQUEST_RING 256u
 #define ANSWER_RING  256u
 #define LOG_RING     128u
@@ -41,12 +41,27 @@ struct command_cell {
 	struct map_command copies[2];
 };
 
+/* A counter's total: what makes a reading of the device's value, and the reading that was frozen last. */
+struct map_total {
+	struct map_sample frozen; /* time_ns 0: never */
+	uint32_t offset;          /* the device's value at the last reset */
+	uint8_t since;            /* MAP_COUNTER_CARRY, MAP_COUNTER_ADJUSTED since the last freeze */
+	uint8_t reserved[3];
+};
+
+struct total_cell {
+	map_latch latch;
+	uint32_t reserved;
+	struct map_total copies[2];
+};
+
 /* A module as rtud knows it. In rtud's segment. */
 struct module_entry {
 	char name[MAP_NAME_SIZE];
 	uint32_t kind;
 	uint32_t point_count;
 	uint32_t command_count;
+	uint32_t total_count;
 	_Atomic uint32_t state; /* enum map_module_state */
 	_Atomic uint32_t pid;
 	_Atomic uint32_t generation;
@@ -71,7 +86,7 @@ struct layout {
 	size_t requests, answers, events, log;
 	size_t latches; /* one a device of the configuration */
 	size_t samples[2];
-	size_t commands;
+	size_t commands, totals;
 	size_t line_stats, device_stats;
 	size_t size;
 	uint32_t event_capacity;
@@ -84,6 +99,7 @@ struct segment {
 	map_latch *latches;
 	struct map_sample *samples[2];
 	struct command_cell *commands;
+	struct total_cell *totals;
 	struct map_line_stats *line_stats;
 	struct map_device_stats *device_stats;
 	size_t size;
@@ -105,7 +121,8 @@ struct map {
 	const uint32_t *by_address;
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
-	uint32_t taken; /* requests and answers since the bell was cleared */
+	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
+	uint32_t taken;   /* requests and answers since the bell was cleared */
 };
 
 uint32_t layout_fingerprint(void);
@@ -126,5 +143,13 @@ bool is_past(int64_t time_ns);
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);
 void commands_recover(struct map *map);
+void totals_recover(struct map *map);
+
+/* Carries out a MAP_FREEZE. False: it is none of enum map_freeze. */
+bool totals_freeze(struct map *map, const struct map_request *request);
+/* The owner's own last sample. */
+struct map_sample own_sample(const struct map *map, uint32_t point);
+/* Puts an event of a sample, whatever the last one said. */
+void event_put(struct map *map, uint32_t point, const struct map_sample *sample);
 
 #endif

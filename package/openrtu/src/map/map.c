@@ -113,6 +113,7 @@ static void assign_slots(struct directory *directory, const struct map_config *c
 
 		point->slot = owner->point_count++;
 		point->command = (point->flags & MAP_POINT_COMMAND) ? owner->command_count++ : MAP_NONE;
+		point->total = point->type == MAP_COUNTER ? owner->total_count++ : MAP_NONE;
 	}
 }
 
@@ -484,6 +485,7 @@ static void begin_generation(struct map *map)
 	}
 	points_recover(map);
 	commands_recover(map);
+	totals_recover(map);
 	map_heartbeat(map);
 	if (entry->kind == MAP_MODULE_RTUCTL)
 		atomic_fetch_add(&header->generation, 1);

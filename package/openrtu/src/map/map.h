@@ -48,10 +48,17 @@ union map_value {
 	float f;
 };
 
+/* What a frozen reading of a counter says beside its value, where the BCR has it (IEC 60870-5-101, 7.2.6.9). */
+enum map_counter_detail {
+	MAP_COUNTER_SEQUENCE = 0x1f, /* number of the freeze, modulo 32 */
+	MAP_COUNTER_CARRY = 0x20,    /* it overflowed in the period that the freeze ended */
+	MAP_COUNTER_ADJUSTED = 0x40, /* it was reset in that period, by request or at the device */
+};
+
 struct map_sample {
 	union map_value value; /* which member: enum map_type */
 	uint8_t quality;       /* enum map_quality, or-ed */
-	uint8_t detail;        /* MAP_STEP: bit 0 transient */
+	uint8_t detail;        /* MAP_STEP: bit 0 transient; MAP_COUNTER: enum map_counter_detail */
 	uint16_t reserved;
 	int64_t time_ns; /* acquisition */
 };
@@ -212,7 +219,15 @@ enum map_action {
 	MAP_CANCEL,    /* interrupts the selection */
 	MAP_RELEASE,   /* the requester has seen the final state: back to inactive; no answer */
 	MAP_SET_CLOCK, /* to rtud: the wall time at time_ns was wall_ns */
+	MAP_FREEZE,    /* to an owner of counters: detail is enum map_freeze, value.u which counters */
 };
+
+/* What a freeze does, as FRZ of the QCC has it (IEC 60870-5-101, 7.2.6.23). */
+enum map_freeze { MAP_FREEZE_ONLY = 1, MAP_FREEZE_AND_RESET = 2, MAP_RESET_ONLY = 3 };
+
+/* Which counters a MAP_FREEZE means, in value.u: those of the point's device, or of all of its owner's. */
+#define MAP_FREEZE_GROUP       0xffu /* only of this counter group; 0: of any */
+#define MAP_FREEZE_ALL_DEVICES 0x100u
 
 struct map_request {
 	uint32_t id;         /* given by map_request_post */
@@ -220,7 +235,7 @@ struct map_request {
 	uint32_t generation; /* of the owner it was meant for; given by map_request_post */
 	uint16_t requester;  /* module index; given by map_request_post */
 	uint8_t action;      /* enum map_action */
-	uint8_t detail;      /* MAP_STEP: bit 0 transient */
+	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE: enum map_freeze */
 	uint32_t
 	    session; /* who in the requester selected: connection and originator; compared, not understood */
 	union map_value value;
@@ -284,6 +299,26 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 
 const char *map_command_state_name(enum map_command_state state);
 const char *map_command_result_name(enum map_command_result result);
+
+/* ---- totals ------------------------------------------------------------------------------ */
+
+/*
+ * A counter's reading is the device's value less what it was at the last reset, modulo 2^32: the device itself
+ * is never written. Makes the reading of what was read from the device in *sample, before it is published; notes
+ * an overflow of the reading. A device that falls back has been reset or exchanged: the reading begins anew with
+ * it, and is adjusted. Owner only.
+ */
+void map_total_count(struct map *map, uint32_t point, struct map_sample *sample);
+/*
+ * Freezes counters with a period of their own when the map's clock enters a new one, and makes an event of each
+ * frozen reading. Each second or so; owner only.
+ */
+void map_totals_tick(struct map *map);
+/*
+ * The reading of a counter that was frozen last, with its sequence number; what was true then stays true when
+ * its owner dies. A counter that was never frozen: as map_read. False as for map_read.
+ */
+bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out);
 
 /* ---- clock ------------------------------------------------------------------------------- */
 

@@ -81,6 +81,8 @@ static bool value_left(const struct map_point *point, union map_value from, unio
 
 static bool is_event(const struct map_point *point, struct reported *last, const struct map_sample *sample)
 {
+	if (point->freeze_s != 0) /* its frozen readings are its events */
+		return false;
 	if (last->valid && last->quality == sample->quality && last->detail == sample->detail &&
 	    !value_left(point, last->value, sample->value))
 		return false;
@@ -89,18 +91,31 @@ static bool is_event(const struct map_point *point, struct reported *last, const
 	return true;
 }
 
+void event_put(struct map *map, uint32_t point, const struct map_sample *sample)
+{
+	struct map_event event = {.point = point, .kind = MAP_EVENT_CHANGE, .sample = *sample};
+
+	ring_put(&map->segments[map->self].events, &event);
+}
+
+struct map_sample own_sample(const struct map *map, uint32_t point)
+{
+	const struct map_point *config = &map->config.points[point];
+	const struct segment *own = &map->segments[map->self];
+
+	return own->samples[latch_whole_copy(&own->latches[config->device])][config->slot];
+}
+
 static bool put_events(struct map *map, const struct map_update *updates, size_t count)
 {
 	bool any = false;
 
 	for (size_t i = 0; i < count; i++) {
 		const struct map_point *point = &map->config.points[updates[i].point];
-		struct map_event event = {
-		    .point = updates[i].point, .kind = MAP_EVENT_CHANGE, .sample = updates[i].sample};
 
 		if (!is_event(point, &map->reported[point->slot], &updates[i].sample))
 			continue;
-		ring_put(&map->segments[map->self].events, &event);
+		event_put(map, updates[i].point, &updates[i].sample);
 		any = true;
 	}
 	return any;

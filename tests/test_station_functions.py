@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Functions beside commands and station interrogation, octet by octet: integrated totals, background scan."""
+
+import copy
+import itertools
+import os
+import signal
+import struct
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import c104
+import pytest
+
+from desk import Desk, chapter_5, desk_of, of_port
+from lab.raw_master import Asdu, RawMaster
+
+C_CI, M_SP, M_IT, M_IT_TB = 101, 1, 15, 37
+BACKGROUND, SPONTANEOUS, REQUEST, ACT_CON, ACT_TERM = 2, 3, 5, 7, 10
+COUNTERS, NEGATIVE = 37, 0x40
+CARRY, ADJUSTED, INVALID = 0x20, 0x40, 0x80
+READ, FREEZE, FREEZE_RESET, RESET = 0x00, 0x40, 0x80, 0xC0
+GENERAL = 5
+METER, METER_CA = "2.20", 2020
+IMPORTED, EXPORTED, BY_ITSELF = 30009, 30011, 40005
+PERIOD_S = 2
+
+
+def with_functions() -> dict[str, Any]:
+    """Chapter 5's gateway with counters in groups, one that freezes by itself, and a background scan."""
+    config = copy.deepcopy(chapter_5())
+    meter = of_port(config, 2)["slaves"][0]
+    imported, exported = (o for o in meter["input_registers"] if o["type"] == "counter")
+    imported["counter_group"], exported["counter_group"] = 1, 4
+    next(o for o in meter["holding_registers"] if o["type"] == "counter")["freeze_s"] = PERIOD_S
+    meter["discrete_inputs"][0]["background_ms"] = 500
+    return config
+
+
+@pytest.fixture(scope="module")
+def desk(programs: Path) -> Iterator[Desk]:
+    with desk_of(with_functions(), programs) as desk:
+        yield desk
+
+
+@pytest.fixture
+def master(desk: Desk) -> Iterator[RawMaster]:
+    with RawMaster(*desk.gateway.address) as master:
+        yield master
+
+
+# ---- integrated totals ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A BCR (IEC 60870-5-101, 7.2.6.9)."""
+
+    value: int
+    detail: int
+
+    @classmethod
+    def parse(cls, element: bytes) -> Self:
+        return cls(*struct.unpack("<iB", element[:5]))
+
+    @property
+    def sequence(self) -> int:
+        return self.detail & 0x1F
+
+
+def readings(asdu: Asdu) -> dict[int, Reading]:
+    """An M_IT_NA_1's objects by address."""
+    step = 5 if asdu.sequence else 8
+    first = int.from_bytes(asdu.body[:3], "little")
+    found = {}
+    for index in range(asdu.count):
+        begin = index * step
+        ioa = first + index if asdu.sequence else int.from_bytes(asdu.body[begin : begin + 3], "little")
+        found[ioa] = Reading.parse(asdu.body[begin + 3 :][:5])
+    return found
+
+
+def count_to(desk: Desk, address: int, value: int) -> None:
+    words = [value >> 16 & 0xFFFF, value & 0xFFFF]
+    desk.set_and_scan(METER, "input_registers", address, words if address == 8 else words[::-1])
+    desk.wait_scan(METER)
+
+
+def causes(master: RawMaster, count: int = 2) -> list[int]:
+    return [master.answer(C_CI).cause for _ in range(count)]
+
+
+def command(master: RawMaster, qualifier: int, ca: int = METER_CA) -> list[int]:
+    master.request(C_CI, ca, 0, bytes([qualifier]))
+    return causes(master)
+
+
+def read_totals(master: RawMaster, request: int = GENERAL) -> dict[int, Reading]:
+    """Confirmation, readings, termination, in this order."""
+    master.request(C_CI, METER_CA, 0, bytes([READ | request]), originator=5)
+    confirmation = master.answer(C_CI)
+    assert (confirmation.cause, confirmation.originator, confirmation.body) == (
+        ACT_CON,
+        5,
+        bytes([0, 0, 0, request]),
+    )
+    found: dict[int, Reading] = {}
+    cause = COUNTERS + request % GENERAL
+    while True:
+        asdu = master.answer_of({C_CI, M_IT})
+        assert asdu.originator == 5
+        if asdu.type == C_CI:
+            assert asdu.cause == ACT_TERM
+            return found
+        assert asdu.cause == cause
+        found |= readings(asdu)
+
+
+def test_freeze_and_read(desk: Desk, master: RawMaster) -> None:
+    count_to(desk, 8, 70_000)
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    before = read_totals(master)
+    assert before[IMPORTED].value == 70_000
+    count_to(desk, 8, 70_123)
+    assert read_totals(master)[IMPORTED] == before[IMPORTED]  # as it was frozen
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    after = read_totals(master)[IMPORTED]
+    assert after == Reading(70_123, (before[IMPORTED].sequence + 1) % 32)
+
+
+def test_reset_leaves_the_device_alone(desk: Desk, master: RawMaster) -> None:
+    count_to(desk, 8, 80_000)
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    mark = desk.lines.mark()
+    assert command(master, FREEZE_RESET | GENERAL) == [ACT_CON, ACT_TERM]
+    assert read_totals(master)[IMPORTED].value == 80_000
+    count_to(desk, 8, 80_040)
+    assert command(master, RESET | GENERAL) == [ACT_CON, ACT_TERM]
+    count_to(desk, 8, 80_042)
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    reading = read_totals(master)[IMPORTED]
+    assert (reading.value, reading.detail & ~0x1F) == (2, ADJUSTED)
+    assert not [f for f in desk.lines.frames(mark) if f.kind == "received" and f.bytes[1] in (6, 16)]
+    assert desk.lines.get(METER, "input_registers", 9) == 80_042 & 0xFFFF
+
+
+def test_overflow_is_carried(desk: Desk, master: RawMaster) -> None:
+    count_to(desk, 10, 0xFFFF_FFFE)
+    assert command(master, FREEZE_RESET | GENERAL) == [ACT_CON, ACT_TERM]  # CA of the fall is read with it
+    count_to(desk, 10, 1)
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    assert read_totals(master)[EXPORTED].detail & ~0x1F == 0  # the device's overflow, not the reading's
+    assert read_totals(master)[EXPORTED].value == 3
+    count_to(desk, 10, 0xFFFF_0000)  # nearer behind than ahead: another device, and the reading is its own
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    assert read_totals(master)[EXPORTED].detail & ~0x1F == ADJUSTED
+    count_to(desk, 10, 7)
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    reading = read_totals(master)[EXPORTED]
+    assert (reading.value, reading.detail & ~0x1F) == (7, CARRY)
+
+
+def test_groups(master: RawMaster) -> None:
+    assert set(read_totals(master, 1)) == {IMPORTED}
+    assert set(read_totals(master, 2)) == set()
+    assert set(read_totals(master, 4)) == {EXPORTED}
+    assert set(read_totals(master)) == {IMPORTED, EXPORTED, BY_ITSELF}
+    before = read_totals(master)
+    assert command(master, FREEZE | 4) == [ACT_CON, ACT_TERM]
+    after = read_totals(master)
+    assert after[IMPORTED] == before[IMPORTED]
+    assert after[EXPORTED].sequence == (before[EXPORTED].sequence + 1) % 32
+
+
+@pytest.mark.parametrize("qualifier", [0, 6, 63, FREEZE, FREEZE | 6])
+def test_reserved_request_is_refused(master: RawMaster, qualifier: int) -> None:
+    master.request(C_CI, METER_CA, 0, bytes([qualifier]))
+    assert master.answer(C_CI).cause == ACT_CON | NEGATIVE
+
+
+def test_all_stations_freeze(desk: Desk, master: RawMaster) -> None:
+    before = read_totals(master)
+    master.request(C_CI, 65535, 0, bytes([FREEZE | GENERAL]))
+    stations = {point["ca"] for point in desk.gateway.points().values()}
+    answers = [master.answer(C_CI) for _ in range(2 * len(stations))]
+    assert {a.ca for a in answers if a.cause == ACT_CON} == stations
+    assert {a.ca for a in answers if a.cause == ACT_TERM} == stations
+    assert read_totals(master)[IMPORTED].sequence == (before[IMPORTED].sequence + 1) % 32
+
+
+def test_c104_reads_and_freezes(desk: Desk, master: RawMaster) -> None:
+    before = read_totals(master)
+    for freeze in (c104.Frz.FREEZE_WITHOUT_RESET, c104.Frz.READ):
+        assert desk.master.connection.counter_interrogation(
+            common_address=METER_CA, qualifier=c104.Rqt.GENERAL, freeze=freeze
+        )
+    assert read_totals(master)[IMPORTED].sequence == (before[IMPORTED].sequence + 1) % 32
+
+
+@pytest.mark.parametrize("module", ["rtu-modbus-1", "rtu-iec104"])
+def test_totals_survive_a_kill(desk: Desk, module: str) -> None:
+    count_to(desk, 8, 90_000)
+    with RawMaster(*desk.gateway.address) as master:
+        assert command(master, FREEZE_RESET | GENERAL) == [ACT_CON, ACT_TERM]
+        before = read_totals(master)
+    restarts = desk.gateway.modules()[module]["restarts"]
+    desk.gateway.kill(module)
+    desk.gateway.wait_for(
+        lambda: (
+            (now := desk.gateway.modules()[module])["restarts"] == restarts + 1 and now["state"] == "running"
+        ),
+        10.0,
+        f"{module} is back",
+    )
+    desk.wait_all_good(METER_CA)
+    count_to(desk, 8, 90_011)
+    with RawMaster(*desk.gateway.address) as master:
+        assert read_totals(master)[IMPORTED] == before[IMPORTED]
+        assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+        assert read_totals(master)[IMPORTED] == Reading(11, (before[IMPORTED].sequence + 1) % 32)
+
+
+def test_freeze_without_the_owner_is_negative(desk: Desk, master: RawMaster) -> None:
+    before = read_totals(master)
+    pid = desk.gateway.modules()["rtu-modbus-1"]["pid"]
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        desk.gateway.wait_for(
+            lambda: not desk.gateway.modules()["rtu-modbus-1"]["alive"], 5.0, "the lines are silent"
+        )
+        master.request(C_CI, METER_CA, 0, bytes([FREEZE | GENERAL]))
+        assert master.answer(C_CI).cause == ACT_CON | NEGATIVE
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    desk.wait_all_good(METER_CA)
+    assert read_totals(master)[IMPORTED] == before[IMPORTED]
+
+
+def test_counter_that_freezes_by_itself(desk: Desk, master: RawMaster) -> None:
+    desk.set_and_scan(METER, "holding_registers", 4, [0, 4711])
+    frozen = []
+    while len(frozen) < 3:
+        asdu = master.answer(M_IT_TB, timeout_s=3 * PERIOD_S)
+        ioa = int.from_bytes(asdu.body[:3], "little")
+        if (asdu.ca, ioa) == (METER_CA, BY_ITSELF):
+            assert asdu.cause == SPONTANEOUS
+            frozen.append((asdu.arrived_ns / 1e9, Reading.parse(asdu.body[3:])))
+    assert frozen[-1][1].value == 4711
+    assert [(b[1].sequence - a[1].sequence) % 32 for a, b in itertools.pairwise(frozen)] == [1, 1]
+    assert frozen[2][0] - frozen[1][0] == pytest.approx(PERIOD_S, abs=0.6)
+    wall = time.time() - time.monotonic() + frozen[2][0]
+    assert (wall % PERIOD_S) < 0.6  # at multiples of the wall time
+
+
+# ---- background scan --------------------------------------------------------------------------------
+
+
+def test_background_scan(desk: Desk, master: RawMaster) -> None:
+    arrived = []
+    while len(arrived) < 3:
+        asdu = master.answer(M_SP, timeout_s=5.0)
+        assert (asdu.cause, asdu.originator, asdu.ca) == (BACKGROUND, 0, METER_CA)
+        assert asdu.body[:3] == (10001).to_bytes(3, "little")
+        arrived.append(asdu.arrived_ns / 1e9)
+    assert arrived[2] - arrived[1] == pytest.approx(0.5, abs=0.2)
