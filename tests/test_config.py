@@ -279,6 +279,8 @@ def resolved(rule: Json) -> dict[str, Any]:
 def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
     if key == "address" and "maxLength" in rule:
         return ["127.0.0.1", "::"]
+    if "examples" in rule:
+        return rule["examples"]
     if "enum" in rule:
         return rule["enum"]
     if rule.get("type") == "boolean":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Functions beside commands and station interrogation, octet by octet: integrated totals, background scan."""
+"""Functions beside commands and station interrogation, octet by octet: integrated totals, time zone, background scan."""
 
 import copy
 import itertools
@@ -15,10 +15,12 @@ from typing import Any, Self
 import c104
 import pytest
 
-from desk import Desk, chapter_5, desk_of, of_port
+from desk import Desk, Substation, chapter_5, desk_of, of_port, substation_of
 from lab.raw_master import Asdu, RawMaster
+from lab.show import DEVICE, STATION
 
-C_CI, M_SP, M_IT, M_IT_TB = 101, 1, 15, 37
+C_SC_TA, C_CI, C_CS = 58, 101, 103
+M_SP, M_IT, M_ME_TE, M_IT_TB = 1, 15, 35, 37
 BACKGROUND, SPONTANEOUS, REQUEST, ACT_CON, ACT_TERM = 2, 3, 5, 7, 10
 COUNTERS, NEGATIVE = 37, 0x40
 CARRY, ADJUSTED, INVALID = 0x20, 0x40, 0x80
@@ -193,11 +195,13 @@ def test_all_stations_freeze(desk: Desk, master: RawMaster) -> None:
 
 def test_c104_reads_and_freezes(desk: Desk, master: RawMaster) -> None:
     before = read_totals(master)
-    for freeze in (c104.Frz.FREEZE_WITHOUT_RESET, c104.Frz.READ):
-        assert desk.master.connection.counter_interrogation(
-            common_address=METER_CA, qualifier=c104.Rqt.GENERAL, freeze=freeze
-        )
-    assert read_totals(master)[IMPORTED].sequence == (before[IMPORTED].sequence + 1) % 32
+    assert desk.master.interrogate_counters(METER_CA, c104.Frz.FREEZE_WITHOUT_RESET) == []
+    after = read_totals(master)
+    assert after[IMPORTED].sequence == (before[IMPORTED].sequence + 1) % 32
+    reports = desk.master.interrogate_counters(METER_CA)
+    assert {(r.ioa, r.value) for r in reports if r.ioa != BY_ITSELF} == {
+        (ioa, reading.value) for ioa, reading in after.items() if ioa != BY_ITSELF
+    }
 
 
 @pytest.mark.parametrize("module", ["rtu-modbus-1", "rtu-iec104"])
@@ -253,6 +257,85 @@ def test_counter_that_freezes_by_itself(desk: Desk, master: RawMaster) -> None:
     assert frozen[2][0] - frozen[1][0] == pytest.approx(PERIOD_S, abs=0.6)
     wall = time.time() - time.monotonic() + frozen[2][0]
     assert (wall % PERIOD_S) < 0.6  # at multiples of the wall time
+
+
+# ---- time zone --------------------------------------------------------------------------------------
+
+SU = 0x80  # of the hour's octet
+
+
+@pytest.fixture(scope="module")
+def berlin(programs: Path) -> Iterator[Substation]:
+    config = chapter_5() | {"timezone": "CET-1CEST,M3.5.0,M10.5.0/3"}
+    with substation_of(config, programs) as substation:
+        yield substation
+
+
+def local(year: int, month: int, day: int, hour: int, minute: int, *, summer: bool) -> bytes:
+    """CP56Time2a, without the day of the week."""
+    return bytes([0, 0, minute, hour | (SU if summer else 0), day, month, year - 2000])
+
+
+WINTER = local(2035, 2, 28, 23, 10, summer=False)
+SUMMER = local(2035, 7, 15, 12, 10, summer=True)
+FIRST_TWO = local(2035, 10, 28, 2, 10, summer=True)
+SECOND_TWO = local(2035, 10, 28, 2, 10, summer=False)
+
+
+def tag_of_an_event(substation: Substation, master: RawMaster, value: int) -> bytes:
+    substation.set_and_scan(DEVICE, "input_registers", 1, [value])
+    while True:
+        asdu = master.answer(M_ME_TE)
+        objects = [asdu.body[i : i + 13] for i in range(0, len(asdu.body), 13)]
+        for element in objects:
+            if element[:5] == (30002).to_bytes(3, "little") + value.to_bytes(2, "little"):
+                return element[-7:]
+
+
+def test_time_tags_are_of_the_zone(berlin: Substation) -> None:
+    with RawMaster(*berlin.gateway.address) as master:
+        for value, when in enumerate((WINTER, SUMMER, FIRST_TWO, SECOND_TWO), 4001):
+            master.request(C_CS, STATION, 0, when)
+            confirmation = master.answer(C_CS)
+            assert confirmation.cause == ACT_CON
+            assert confirmation.body[3 + 3 :] == when[3:]
+            tag = tag_of_an_event(berlin, master, value)
+            assert tag[3:] == when[3:]  # the same hour, SU and date
+            assert when[2] <= tag[2] <= when[2] + 1
+
+
+@pytest.mark.parametrize(
+    "octets",
+    [
+        pytest.param(local(2035, 2, 28, 23, 10, summer=True), id="summer time in winter"),
+        pytest.param(local(2035, 7, 15, 12, 10, summer=False), id="winter time in summer"),
+        pytest.param(local(2035, 3, 25, 2, 30, summer=False), id="left out"),
+        pytest.param(local(2035, 3, 25, 2, 30, summer=True), id="left out, as summer time"),
+    ],
+)
+def test_wrong_summer_bit_is_refused(berlin: Substation, octets: bytes) -> None:
+    with RawMaster(*berlin.gateway.address) as master:
+        master.request(C_CS, STATION, 0, octets)
+        refusal = master.answer(C_CS)
+        assert (refusal.cause, refusal.body[3:]) == (ACT_CON | NEGATIVE, octets)
+
+
+def test_commands_are_dated_in_the_zone(berlin: Substation) -> None:
+    with RawMaster(*berlin.gateway.address) as master:
+        master.request(C_CS, STATION, 0, SUMMER)
+        assert master.answer(C_CS).cause == ACT_CON
+        wrong_bit = local(2035, 7, 15, 12, 10, summer=False)
+        in_utc = local(2035, 7, 15, 10, 10, summer=False)
+        for tag, cause in ((SUMMER, ACT_CON), (wrong_bit, ACT_CON | NEGATIVE), (in_utc, ACT_CON | NEGATIVE)):
+            master.request(C_SC_TA, STATION, 4, b"\x01" + tag)
+            assert master.answer(C_SC_TA).cause == cause
+            if cause == ACT_CON:
+                assert master.answer(C_SC_TA).cause == ACT_TERM
+
+
+def test_utc_knows_no_summer_time(master: RawMaster) -> None:
+    master.request(C_CS, METER_CA, 0, SUMMER)
+    assert master.answer(C_CS).cause == ACT_CON | NEGATIVE
 
 
 # ---- background scan --------------------------------------------------------------------------------

@@ -95,7 +95,7 @@ static bool time_tag_is_recent(const struct iec104_station *station, const struc
 	int64_t limit_ns = station->config->settings.command_timeout_s * NS_PER_S;
 	int64_t wall_ns, age_ns;
 
-	if (!iec104_time56_decode(command->time, &wall_ns))
+	if (!iec104_time56_decode(command->time, &station->config->settings.zone, &wall_ns))
 		return false;
 	age_ns = now_ns + clock.offset_ns - wall_ns;
 	return !clock.set || (age_ns <= limit_ns && age_ns >= -limit_ns);
@@ -146,7 +146,8 @@ static void take_clock(struct iec104_station *station, const struct received *re
 		confirm(received, true);
 		return;
 	}
-	if (!iec104_time56_decode(received->asdu.objects + IEC104_IOA_SIZE, &wall_ns)) {
+	if (!iec104_time56_decode(received->asdu.objects + IEC104_IOA_SIZE, &station->config->settings.zone,
+				  &wall_ns)) {
 		confirm(received, true);
 		return;
 	}

@@ -80,7 +80,8 @@ static void send_procedure(const struct iec104_station *station, struct iec104_c
 	if (procedure->type == IEC104_C_CS_NA_1) { /* the station's own time, now that it is synchronised */
 		struct map_clock clock = map_clock_read(station->map);
 
-		iec104_time56_encode(element, now_ns + clock.offset_ns, !clock.set);
+		iec104_time56_encode(element, now_ns + clock.offset_ns, !clock.set,
+				     &station->config->settings.zone);
 		size = IEC104_TIME56_SIZE;
 	}
 	iec104_asdu_begin(&builder, &(struct iec104_asdu){

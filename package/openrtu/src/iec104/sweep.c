@@ -47,7 +47,8 @@ bool iec104_add_sample(const struct iec104_station *station, struct iec104_build
 	if (tagged) {
 		struct map_clock clock = map_clock_read(station->map);
 
-		iec104_time56_encode(element + size, sample->time_ns + clock.offset_ns, !clock.set);
+		iec104_time56_encode(element + size, sample->time_ns + clock.offset_ns, !clock.set,
+				     &station->config->settings.zone);
 		size += IEC104_TIME56_SIZE;
 	}
 	return iec104_asdu_add(builder, object->ioa, element, size);

@@ -96,6 +96,22 @@ struct map_point {
 	uint32_t total;   /* place among its owner's totals, of a counter; set by map_create */
 };
 
+/* When summer time begins or ends: the n-th weekday of a month, in the local time until then (POSIX TZ, Mm.w.d/time). */
+struct map_zone_rule {
+	uint8_t month;   /* 1..12; 0: there is no summer time */
+	uint8_t week;    /* 1..5, 5 the last */
+	uint8_t weekday; /* 0 Sunday .. 6 */
+	uint8_t reserved;
+	int32_t time_s; /* after midnight, may be negative or of a later day */
+};
+
+/* A time zone; all 0 is UTC. */
+struct map_zone {
+	int32_t offset_s; /* ahead of UTC */
+	int32_t summer_s; /* the same in summer time */
+	struct map_zone_rule begin, end;
+};
+
 enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
 
 /* What belongs to no line. Times of IEC 60870-5-104, 9.6. */
@@ -112,7 +128,8 @@ struct map_settings {
 	uint8_t clock_master_count; /* 0: every master may set the clock */
 	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
 	uint8_t reserved;
-	uint32_t event_ring; /* events each module keeps, a power of two */
+	struct map_zone zone; /* of the time tags on the wire */
+	uint32_t event_ring;  /* events each module keeps, a power of two */
 	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
 };
 
