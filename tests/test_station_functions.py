@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Functions beside commands and station interrogation, octet by octet: integrated totals, time zone, background scan."""
+"""Functions beside commands and station interrogation, octet by octet."""
 
 import copy
 import itertools
@@ -16,7 +16,7 @@ import c104
 import pytest
 
 from desk import Desk, Substation, chapter_5, desk_of, of_port, substation_of
-from lab.raw_master import Asdu, RawMaster
+from lab.raw_master import Asdu, RawMaster, StationError
 from lab.show import DEVICE, STATION
 
 C_SC_TA, C_CI, C_CS = 58, 101, 103
@@ -204,12 +204,7 @@ def test_c104_reads_and_freezes(desk: Desk, master: RawMaster) -> None:
     }
 
 
-@pytest.mark.parametrize("module", ["rtu-modbus-1", "rtu-iec104"])
-def test_totals_survive_a_kill(desk: Desk, module: str) -> None:
-    count_to(desk, 8, 90_000)
-    with RawMaster(*desk.gateway.address) as master:
-        assert command(master, FREEZE_RESET | GENERAL) == [ACT_CON, ACT_TERM]
-        before = read_totals(master)
+def kill_and_wait(desk: Desk, module: str) -> None:
     restarts = desk.gateway.modules()[module]["restarts"]
     desk.gateway.kill(module)
     desk.gateway.wait_for(
@@ -219,6 +214,15 @@ def test_totals_survive_a_kill(desk: Desk, module: str) -> None:
         10.0,
         f"{module} is back",
     )
+
+
+@pytest.mark.parametrize("module", ["rtu-modbus-1", "rtu-iec104"])
+def test_totals_survive_a_kill(desk: Desk, module: str) -> None:
+    count_to(desk, 8, 90_000)
+    with RawMaster(*desk.gateway.address) as master:
+        assert command(master, FREEZE_RESET | GENERAL) == [ACT_CON, ACT_TERM]
+        before = read_totals(master)
+    kill_and_wait(desk, module)
     desk.wait_all_good(METER_CA)
     count_to(desk, 8, 90_011)
     with RawMaster(*desk.gateway.address) as master:
@@ -257,6 +261,114 @@ def test_counter_that_freezes_by_itself(desk: Desk, master: RawMaster) -> None:
     assert frozen[2][0] - frozen[1][0] == pytest.approx(PERIOD_S, abs=0.6)
     wall = time.time() - time.monotonic() + frozen[2][0]
     assert (wall % PERIOD_S) < 0.6  # at multiples of the wall time
+
+
+# ---- parameters of measured values ------------------------------------------------------------------
+
+P_ME_NB, P_ME_NC, P_AC = 111, 112, 113
+THRESHOLD, SMOOTHING, LOW_LIMIT, HIGH_LIMIT = 1, 2, 3, 4
+ACTIVATION, DEACTIVATION, DEACT_CON = 6, 8, 9
+LEVEL = 30002  # of the device of figure 5.3, a scaled value without a deadband
+
+
+def point_at(desk: Desk, ca: int, ioa: int) -> str:
+    return next(n for n, p in desk.gateway.points().items() if (p["ca"], p["ioa"]) == (ca, ioa))
+
+
+def shown(desk: Desk, ca: int, ioa: int) -> dict[str, Any]:
+    found: dict[str, Any] = desk.gateway.query("show", point_at(desk, ca, ioa))
+    return found
+
+
+def load_scaled(master: RawMaster, kind: int, value: int) -> int:
+    master.request(P_ME_NB, STATION, LEVEL, struct.pack("<hB", value, kind), originator=9)
+    answer = master.answer(P_ME_NB)
+    assert (answer.originator, answer.body[3:]) == (9, struct.pack("<hB", value, kind))
+    return answer.cause
+
+
+def reported_levels(desk: Desk, values: list[int]) -> list[int]:
+    """Which of these values the station reports spontaneously, when the device has them one after another."""
+    since = desk.master.mark()
+    for value in values:
+        desk.set_and_scan(DEVICE, "input_registers", 1, [value])
+    desk.wait_scan(DEVICE)
+    # Another point's change comes behind them.
+    desk.set_and_scan(DEVICE, "input_registers", 2, [values[-1] % 1000 + 1])
+    desk.master.wait(lambda r: r.ioa == 30003 and r.value == values[-1] % 1000 + 1, since)
+    reports = desk.master.reports_since(since)
+    return [r.value for r in reports if (r.ca, r.ioa, r.cause) == (STATION, LEVEL, "SPONTANEOUS")]
+
+
+def test_threshold_and_limits(desk: Desk, master: RawMaster) -> None:
+    assert load_scaled(master, THRESHOLD, 10) == ACT_CON
+    assert reported_levels(desk, [2000, 2005, 2010, 2011, 2003]) == [2000, 2011]
+    assert load_scaled(master, HIGH_LIMIT, 2015) == ACT_CON
+    assert reported_levels(desk, [2014, 2015, 2016, 2017, 2012]) == [2016, 2012]
+    now = shown(desk, STATION, LEVEL)
+    assert (now["threshold"], now["low_limit"], now["high_limit"]) == (10, None, 2015)
+    assert now["loaded"] == ["threshold", "high_limit"]
+    assert load_scaled(master, LOW_LIMIT, 2016) == ACT_CON | NEGATIVE  # above the high one
+    assert load_scaled(master, THRESHOLD, -1) == ACT_CON | NEGATIVE
+    assert load_scaled(master, HIGH_LIMIT, 32767) == ACT_CON
+    assert load_scaled(master, THRESHOLD, 0) == ACT_CON
+
+
+def test_smoothing(desk: Desk, master: RawMaster) -> None:
+    desk.set_and_scan(DEVICE, "input_registers", 1, [0])
+    assert load_scaled(master, SMOOTHING, 5) == ACT_CON  # half a second
+    name = point_at(desk, STATION, LEVEL)
+    desk.wait_scan(DEVICE)
+    began = time.monotonic()
+    desk.set_and_scan(DEVICE, "input_registers", 1, [10_000])
+    seen = [desk.gateway.points(name)[name]["value"]]
+    while seen[-1] < 9_900:
+        assert time.monotonic() - began < 15
+        seen.append(desk.gateway.points(name)[name]["value"])
+    assert time.monotonic() - began > 1.0  # 4.6 time constants; a fraction of it, for slow scans
+    assert seen == sorted(seen)
+    assert len(set(seen)) > 3
+    assert load_scaled(master, SMOOTHING, 0) == ACT_CON
+    desk.set_and_scan(DEVICE, "input_registers", 1, [77])
+    desk.gateway.wait_for(lambda: desk.gateway.points(name)[name]["value"] == 77, 5.0, "no smoothing")
+
+
+@pytest.mark.parametrize("module", ["rtu-modbus-1", "rtu-iec104"])
+def test_parameters_survive_a_kill_and_are_interrogated(desk: Desk, module: str) -> None:
+    with RawMaster(*desk.gateway.address) as master:
+        assert load_scaled(master, THRESHOLD, 33) == ACT_CON
+    kill_and_wait(desk, module)
+    desk.wait_all_good(STATION)
+    assert shown(desk, STATION, LEVEL)["threshold"] == 33
+    with RawMaster(*desk.gateway.address) as master:
+        master.request(100, STATION, 0, b"\x14", originator=3)
+        asdus = [master.answer_of({100, 1, 11, P_ME_NB}) for _ in range(7)]
+        assert [a.type for a in asdus] == [100, 1, 1, 11, 11, P_ME_NB, 100]
+        assert (asdus[5].cause, asdus[5].originator) == (20, 3)
+        kinds = {asdus[5].body[i + 5]: asdus[5].body[i : i + 5] for i in range(0, len(asdus[5].body), 6)}
+        assert kinds[THRESHOLD] == LEVEL.to_bytes(3, "little") + struct.pack("<h", 33)
+        assert load_scaled(master, THRESHOLD, 0) == ACT_CON
+
+
+def test_cyclic_transmission_is_stopped_and_started(desk: Desk, master: RawMaster) -> None:
+    cyclic = 30015  # meter.active-power-in-kw, each second
+    assert master.answer(13, timeout_s=5).cause == 1
+    master.request(P_AC, METER_CA, cyclic, b"\x03", cause=DEACTIVATION)
+    assert master.answer(P_AC).cause == DEACT_CON
+    with pytest.raises(StationError, match="answer of type 13"):
+        master.answer(13, timeout_s=2.5)
+    assert shown(desk, METER_CA, cyclic)["cyclic"] is False
+    master.request(P_AC, METER_CA, cyclic, b"\x03", cause=ACTIVATION)
+    assert master.answer(P_AC).cause == ACT_CON
+    assert master.answer(13, timeout_s=5).cause == 1
+    master.request(P_AC, METER_CA, IMPORTED, b"\x03", cause=ACTIVATION)
+    assert master.answer(P_AC).cause == 47 | NEGATIVE
+
+
+@pytest.mark.parametrize("bits", ["nan", "inf", "-inf"])
+def test_threshold_that_is_no_number_is_refused(master: RawMaster, bits: str) -> None:
+    master.request(P_ME_NC, METER_CA, 30001, struct.pack("<fB", float(bits), THRESHOLD))
+    assert master.answer(P_ME_NC).cause == ACT_CON | NEGATIVE
 
 
 # ---- time zone --------------------------------------------------------------------------------------

@@ -116,6 +116,13 @@ size_t iec104_control_object_size(uint8_t type)
 		return IEC104_IOA_SIZE + IEC104_TIME56_SIZE;
 	case IEC104_C_TS_TA_1: /* TSC */
 		return IEC104_IOA_SIZE + 2 + IEC104_TIME56_SIZE;
+	case IEC104_P_ME_NA_1: /* value, QPM */
+	case IEC104_P_ME_NB_1:
+		return IEC104_IOA_SIZE + 3;
+	case IEC104_P_ME_NC_1:
+		return IEC104_IOA_SIZE + 5;
+	case IEC104_P_AC_NA_1: /* QPA */
+		return IEC104_IOA_SIZE + 1;
 	default:
 		return 0;
 	}
@@ -179,6 +186,19 @@ bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_co
 		return false;
 	}
 	return true;
+}
+
+void iec104_parameter_decode(uint8_t type, const uint8_t *object, union map_value *value, uint8_t *qualifier)
+{
+	const uint8_t *element = object + IEC104_IOA_SIZE;
+
+	if (type == IEC104_P_ME_NC_1) {
+		value->f = float_of(get_u32(element));
+		*qualifier = element[4];
+	} else {
+		value->i = (int16_t)get_u16(element);
+		*qualifier = element[2];
+	}
 }
 
 /* ---- encoding ---------------------------------------------------------------------------- */

@@ -51,6 +51,10 @@ enum iec104_type {
 	IEC104_C_RD_NA_1 = 102,
 	IEC104_C_CS_NA_1 = 103,
 	IEC104_C_TS_TA_1 = 107,
+	IEC104_P_ME_NA_1 = 110,
+	IEC104_P_ME_NB_1 = 111,
+	IEC104_P_ME_NC_1 = 112,
+	IEC104_P_AC_NA_1 = 113,
 };
 
 enum iec104_cause {
@@ -111,6 +115,9 @@ struct iec104_command {
 
 /* Decodes a command's object of iec104_control_object_size octets. False: the type is none of a command. */
 bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_command *out);
+
+/* Decodes an object of types 110..112: a value as a point of its type has it, and the QPM. */
+void iec104_parameter_decode(uint8_t type, const uint8_t *object, union map_value *value, uint8_t *qualifier);
 
 /* ---- encoding ---------------------------------------------------------------------------- */
 

@@ -136,6 +136,21 @@ static void take_command(struct iec104_station *station, const struct received *
 		confirm(received, true);
 }
 
+static void take_parameter(struct iec104_station *station, const struct received *received)
+{
+	struct map_request request = {.point = iec104_parameter_point(station, &received->asdu),
+				      .action = MAP_PARAMETER};
+
+	if (request.point == MAP_NONE)
+		refuse(received, IEC104_UNKNOWN_IOA);
+	else if (!iec104_parameter_request(&received->asdu, &request))
+		confirm(received, true);
+	else if (received->asdu.test)
+		confirm(received, false);
+	else if (!post(station, received, request))
+		confirm(received, true);
+}
+
 static void take_clock(struct iec104_station *station, const struct received *received)
 {
 	struct iec104_procedure procedure = iec104_procedure_of(station, &received->asdu);
@@ -195,6 +210,12 @@ static void release(struct iec104_station *station, uint32_t point, uint32_t ses
 			 (struct map_request){.point = point, .action = MAP_RELEASE, .session = session});
 }
 
+/* It holds the point's command side until it is released. */
+static bool is_command(uint8_t action)
+{
+	return action == MAP_SELECT || action == MAP_EXECUTE || action == MAP_CANCEL;
+}
+
 static void conclude(struct iec104_station *station, struct iec104_open_command *open, bool positive)
 {
 	bool selected = positive && open->request.action == MAP_SELECT && is_still_there(open);
@@ -203,7 +224,7 @@ static void conclude(struct iec104_station *station, struct iec104_open_command 
 	open->request.id = 0;
 	if (selected)
 		open->connection->selects = true;
-	else if (open->request.action != MAP_SET_CLOCK)
+	else if (is_command(open->request.action))
 		release(station, open->request.point, open->request.session);
 }
 
@@ -296,6 +317,9 @@ static bool cause_fits(const struct iec104_asdu *asdu)
 		return asdu->cause == IEC104_REQUEST;
 	case IEC104_C_CS_NA_1:
 	case IEC104_C_TS_TA_1:
+	case IEC104_P_ME_NA_1:
+	case IEC104_P_ME_NB_1:
+	case IEC104_P_ME_NC_1:
 		return asdu->cause == IEC104_ACTIVATION;
 	default:
 		return asdu->cause == IEC104_ACTIVATION || asdu->cause == IEC104_DEACTIVATION;
@@ -345,6 +369,12 @@ static void carry_out(struct iec104_station *station, const struct received *rec
 		break;
 	case IEC104_C_TS_TA_1:
 		confirm(received, false);
+		break;
+	case IEC104_P_ME_NA_1:
+	case IEC104_P_ME_NB_1:
+	case IEC104_P_ME_NC_1:
+	case IEC104_P_AC_NA_1:
+		take_parameter(station, received);
 		break;
 	default:
 		take_command(station, received);

@@ -93,6 +93,12 @@ bool map_total_read(const struct map *map, uint32_t point, struct map_sample *ou
 	return true;
 }
 
+void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out)
+{
+	*out = map->parameters[point];
+	out->cyclic = points[point].period_ms != 0 && !(out->loaded & 1u << MAP_CYCLIC);
+}
+
 struct map_cursor *map_cursor(struct map *map, unsigned slot)
 {
 	return &map->cursors[slot];

@@ -28,7 +28,8 @@ struct map {
 	struct map_config config;
 	struct map_sample samples[POINTS];
 	struct map_sample totals[POINTS]; /* of counters; time_ns 0: never frozen */
-	struct map_event events[EVENTS];  /* this and the next two: rings */
+	struct map_parameters parameters[POINTS];
+	struct map_event events[EVENTS]; /* this and the next two: rings */
 	uint32_t event_count;
 	uint32_t event_capacity; /* how many are kept: a power of two, EVENTS at most */
 	struct map_cursor cursors[MAP_CURSORS];

@@ -145,8 +145,10 @@ static bool continue_procedure(const struct iec104_station *station, struct iec1
 	enum iec104_progress progress =
 	    iec104_send_points(station, connection, &procedure->sweep, &manner, now_ns);
 
-	if (progress == IEC104_SWEEP_DONE)
-		procedure->phase = IEC104_TERMINATE;
+	if (progress == IEC104_SWEEP_DONE) {
+		procedure->phase = procedure->type == IEC104_C_IC_NA_1 ? IEC104_PARAMETERS : IEC104_TERMINATE;
+		procedure->next_parameter = 0;
+	}
 	return progress != IEC104_SWEEP_TRY_LATER;
 }
 
@@ -163,6 +165,10 @@ bool iec104_advance_procedure(const struct iec104_station *station, struct iec10
 		return true;
 	case IEC104_DATA:
 		return continue_procedure(station, connection, procedure, now_ns);
+	case IEC104_PARAMETERS:
+		if (!iec104_send_parameters(station, connection, procedure, interrogated, now_ns))
+			procedure->phase = IEC104_TERMINATE;
+		return true;
 	case IEC104_TERMINATE:
 		send_procedure(station, connection, procedure, IEC104_ACTIVATION_TERM, now_ns);
 		next_station(station, connection, procedure);

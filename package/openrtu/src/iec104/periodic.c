@@ -16,9 +16,13 @@ static bool period_ended(const struct iec104_station *station, const struct iec1
 			 uint32_t point)
 {
 	const struct map_point *object = iec104_point(station, point);
+	struct map_parameters parameters;
 
-	return object->period_ms != 0 &&
-	       period_end(object, connection->periodic_from_ns) <= connection->periodic_to_ns;
+	if (object->period_ms == 0 ||
+	    period_end(object, connection->periodic_from_ns) > connection->periodic_to_ns)
+		return false;
+	map_parameters_read(station->map, point, &parameters);
+	return parameters.cyclic;
 }
 
 void iec104_schedule_periodic(const struct iec104_station *station, struct iec104_connection *connection,

@@ -24,6 +24,8 @@
  * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
  * Counters: FRZ 1..3 is confirmed and terminated when all owners have carried it out, and brings no readings; FRZ 0
  * brings those frozen last. A frozen reading carries its sequence number, CY and CA; any other reading has them 0.
+ * Parameters (P_ME, P_AC) are for a measured value of their own type, have LPC and POP 0, and are in force when confirmed.
+ * A station interrogation sends those that were loaded behind the values.
  * With the test bit, a command is checked and confirmed, and not carried out.
  * STOPDT ends interrogations and drops confirmations that wait; events wait for the next STARTDT. A
  * connection that ends leaves its commands to their devices; what it has selected is no longer.
@@ -55,7 +57,7 @@ struct iec104_sweep {
 	uint8_t types; /* of this device's wanted points, those not done yet: bits of enum map_type */
 };
 
-enum iec104_phase { IEC104_CONFIRM, IEC104_DATA, IEC104_TERMINATE };
+enum iec104_phase { IEC104_CONFIRM, IEC104_DATA, IEC104_PARAMETERS, IEC104_TERMINATE };
 
 /* Interrogation, counter interrogation or confirmation of a clock synchronisation, station by station. */
 struct iec104_procedure {
@@ -67,6 +69,7 @@ struct iec104_procedure {
 	enum iec104_phase phase;
 	uint32_t device;
 	struct iec104_sweep sweep;
+	uint32_t next_parameter; /* of the device's points */
 };
 
 struct iec104_connection {

@@ -124,6 +124,16 @@ void iec104_conclude_freezes(struct iec104_station *station, int64_t now_ns);
 /* When iec104_conclude_freezes is due at the latest; INT64_MAX: none waits. */
 int64_t iec104_freeze_deadline(const struct iec104_station *station);
 
+/* ---- parameter.c ------------------------------------------------------------------------- */
+
+/* The measured value that a parameter is for; MAP_NONE: there is none of this type. */
+uint32_t iec104_parameter_point(const struct iec104_station *station, const struct iec104_asdu *asdu);
+/* What its owner is asked for: detail and value. False: a qualifier that is reserved or not for a controlling station. */
+bool iec104_parameter_request(const struct iec104_asdu *asdu, struct map_request *request);
+/* Sends the loaded parameters of the procedure's next point that has some. False: there is none. */
+bool iec104_send_parameters(const struct iec104_station *station, struct iec104_connection *connection,
+			    struct iec104_procedure *procedure, iec104_wanted *wanted, int64_t now_ns);
+
 /* ---- interrogation.c --------------------------------------------------------------------- */
 
 /* The point is a counter that a counter interrogation with this QCC means. */

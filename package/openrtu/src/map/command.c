@@ -255,26 +255,27 @@ static void release(const struct map *map, struct command_cell *cell, const stru
 	store(cell, &command);
 }
 
-static void take_freeze(struct map *map, const struct map_request *request)
+/* What the owner does at once, without the device. */
+static void carry_out(struct map *map, const struct map_request *request)
 {
 	enum map_command_result result = MAP_RESULT_DONE;
 	struct map_command end;
 
 	if (map_now_ns() > request->deadline_ns)
 		result = MAP_RESULT_TOO_OLD;
-	else if (!totals_freeze(map, request))
+	else if (request->action == MAP_FREEZE ? !totals_freeze(map, request) : !parameter_load(map, request))
 		result = MAP_RESULT_OUT_OF_RANGE;
 	end = command_of(map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND,
 			 result);
-	answer(map, &end, request->point, MAP_FREEZE);
+	answer(map, &end, request->point, (enum map_action)request->action);
 }
 
 bool map_command_request(struct map *map, const struct map_request *request)
 {
 	struct command_cell *cell;
 
-	if (request->action == MAP_FREEZE) {
-		take_freeze(map, request);
+	if (request->action == MAP_FREEZE || request->action == MAP_PARAMETER) {
+		carry_out(map, request);
 		return false;
 	}
 	if (!(map->config.points[request->point].flags & MAP_POINT_COMMAND)) {

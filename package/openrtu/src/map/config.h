@@ -90,10 +90,11 @@ struct map_point {
 	uint32_t freeze_s;  /* a counter's period of local freezes, 0: none */
 	double scale;       /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	double offset;
-	double deadband;  /* in the unit of the value sent; 0: every change is an event */
-	uint32_t slot;    /* place among its owner's points; set by map_create */
-	uint32_t command; /* place among its owner's commands; set by map_create */
-	uint32_t total;   /* place among its owner's totals, of a counter; set by map_create */
+	double deadband;     /* in the unit of the value sent; 0: every change is an event */
+	uint32_t slot;       /* place among its owner's points; set by map_create */
+	uint32_t command;    /* place among its owner's commands; set by map_create */
+	uint32_t total;      /* place among its owner's totals, of a counter; set by map_create */
+	uint32_t parameters; /* the same of a measured value; MAP_NONE else */
 };
 
 /* When summer time begins or ends: the n-th weekday of a month, in the local time until then (POSIX TZ, Mm.w.d/time). */

@@ -55,6 +55,12 @@ struct total_cell {
 	struct map_total copies[2];
 };
 
+/* Parameters of a measured value, each independent of the others and written at once. */
+struct parameter_cell {
+	_Atomic uint32_t state; /* 1 << enum map_parameter: loaded, of MAP_CYCLIC stopped */
+	_Atomic uint32_t values[4];
+};
+
 /* A module as rtud knows it. In rtud's segment. */
 struct module_entry {
 	char name[MAP_NAME_SIZE];
@@ -62,6 +68,7 @@ struct module_entry {
 	uint32_t point_count;
 	uint32_t command_count;
 	uint32_t total_count;
+	uint32_t parameter_count;
 	_Atomic uint32_t state; /* enum map_module_state */
 	_Atomic uint32_t pid;
 	_Atomic uint32_t generation;
@@ -86,7 +93,7 @@ struct layout {
 	size_t requests, answers, events, log;
 	size_t latches; /* one a device of the configuration */
 	size_t samples[2];
-	size_t commands, totals;
+	size_t commands, totals, parameters;
 	size_t line_stats, device_stats;
 	size_t size;
 	uint32_t event_capacity;
@@ -100,6 +107,7 @@ struct segment {
 	struct map_sample *samples[2];
 	struct command_cell *commands;
 	struct total_cell *totals;
+	struct parameter_cell *parameters;
 	struct map_line_stats *line_stats;
 	struct map_device_stats *device_stats;
 	size_t size;
@@ -113,6 +121,12 @@ struct reported {
 	bool valid;
 };
 
+/* Where a measured value's filter is; private to its owner. */
+struct smoothed {
+	double value;
+	int64_t time_ns; /* 0: it begins with the next value */
+};
+
 struct map {
 	int directory_fd; /* of the map's folder; rtud holds its lock through it */
 	uint32_t self;
@@ -121,6 +135,7 @@ struct map {
 	const uint32_t *by_address;
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
+	struct smoothed *smoothed;
 	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;   /* requests and answers since the bell was cleared */
 };
@@ -147,6 +162,11 @@ void totals_recover(struct map *map);
 
 /* Carries out a MAP_FREEZE. False: it is none of enum map_freeze. */
 bool totals_freeze(struct map *map, const struct map_request *request);
+/* Carries out a MAP_PARAMETER. False: the point has no such parameter, or not this value. */
+bool parameter_load(struct map *map, const struct map_request *request);
+/* A measured value has crossed one of its limits. */
+bool parameters_crossed(const struct map_parameters *parameters, enum map_type type, union map_value from,
+			union map_value to);
 /* The owner's own last sample. */
 struct map_sample own_sample(const struct map *map, uint32_t point);
 /* Puts an event of a sample, whatever the last one said. */

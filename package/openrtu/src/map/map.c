@@ -104,6 +104,11 @@ static int assign_modules(struct directory *directory, const struct map_config *
 	return 0;
 }
 
+static bool is_measured(const struct map_point *point)
+{
+	return point->type == MAP_NORMALIZED || point->type == MAP_SCALED || point->type == MAP_FLOAT;
+}
+
 static void assign_slots(struct directory *directory, const struct map_config *config)
 {
 	for (uint32_t i = 0; i < config->point_count; i++) {
@@ -114,6 +119,7 @@ static void assign_slots(struct directory *directory, const struct map_config *c
 		point->slot = owner->point_count++;
 		point->command = (point->flags & MAP_POINT_COMMAND) ? owner->command_count++ : MAP_NONE;
 		point->total = point->type == MAP_COUNTER ? owner->total_count++ : MAP_NONE;
+		point->parameters = is_measured(point) ? owner->parameter_count++ : MAP_NONE;
 	}
 }
 
@@ -508,7 +514,8 @@ static int attach_all(struct map *map, const char *module, char *error)
 	if (attach_bells(map, error) < 0)
 		return -1;
 	map->reported = calloc(map->directory->modules[map->self].point_count + 1, sizeof(*map->reported));
-	if (!map->reported)
+	map->smoothed = calloc(map->directory->modules[map->self].point_count + 1, sizeof(*map->smoothed));
+	if (!map->reported || !map->smoothed)
 		return fail(error, "out of memory");
 	begin_generation(map);
 	return 0;
@@ -545,6 +552,7 @@ void map_detach(struct map *map)
 	if (map->directory_fd >= 0)
 		close(map->directory_fd);
 	free(map->reported);
+	free(map->smoothed);
 	free(map);
 }
 

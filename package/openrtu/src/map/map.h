@@ -220,7 +220,11 @@ enum map_action {
 	MAP_RELEASE,   /* the requester has seen the final state: back to inactive; no answer */
 	MAP_SET_CLOCK, /* to rtud: the wall time at time_ns was wall_ns */
 	MAP_FREEZE,    /* to an owner of counters: detail is enum map_freeze, value.u which counters */
+	MAP_PARAMETER, /* detail is enum map_parameter; value as the point has it, of MAP_CYCLIC 0 or 1 */
 };
+
+/* The parameters of a measured value, as KPA of the QPM numbers them (IEC 60870-5-101, 7.2.6.24), and its cyclic transmission. */
+enum map_parameter { MAP_THRESHOLD = 1, MAP_SMOOTHING, MAP_LOW_LIMIT, MAP_HIGH_LIMIT, MAP_CYCLIC };
 
 /* What a freeze does, as FRZ of the QCC has it (IEC 60870-5-101, 7.2.6.23). */
 enum map_freeze { MAP_FREEZE_ONLY = 1, MAP_FREEZE_AND_RESET = 2, MAP_RESET_ONLY = 3 };
@@ -235,7 +239,7 @@ struct map_request {
 	uint32_t generation; /* of the owner it was meant for; given by map_request_post */
 	uint16_t requester;  /* module index; given by map_request_post */
 	uint8_t action;      /* enum map_action */
-	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE: enum map_freeze */
+	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE, MAP_PARAMETER: see there */
 	uint32_t
 	    session; /* who in the requester selected: connection and originator; compared, not understood */
 	union map_value value;
@@ -319,6 +323,23 @@ void map_totals_tick(struct map *map);
  * its owner dies. A counter that was never frozen: as map_read. False as for map_read.
  */
 bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out);
+
+/* ---- parameters of measured values ------------------------------------------------------- */
+
+/* What is in force: what was loaded, or else what the configuration says. */
+struct map_parameters {
+	uint32_t loaded;           /* 1 << enum map_parameter; MAP_CYCLIC: stopped */
+	union map_value values[4]; /* of those loaded, from MAP_THRESHOLD on, as they came */
+	double threshold;          /* in the unit of the value, as deadband */
+	double smoothing_s;        /* time constant of a first-order filter; 0: none */
+	double low, high;          /* crossing either makes an event; infinite: none */
+	bool cyclic;               /* is sent periodically */
+};
+
+/* Any point; only measured values have anything loaded. */
+void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out);
+/* Smooths a measured value that was read from the device, before it is published. Owner only. */
+void map_smooth(struct map *map, uint32_t point, struct map_sample *sample);
 
 /* ---- clock ------------------------------------------------------------------------------- */
 

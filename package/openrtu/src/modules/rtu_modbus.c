@@ -117,6 +117,8 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 		convert_to_sample(config, raw, &update->sample);
 		if (config->type == MAP_COUNTER)
 			map_total_count(gateway->map, point, &update->sample);
+		else
+			map_smooth(gateway->map, point, &update->sample);
 	}
 	map_publish(gateway->map, gateway->updates, read->objects);
 }
