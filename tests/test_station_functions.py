@@ -450,6 +450,104 @@ def test_utc_knows_no_summer_time(master: RawMaster) -> None:
     assert master.answer(C_CS).cause == ACT_CON | NEGATIVE
 
 
+# ---- end of initialisation, reset -------------------------------------------------------------------
+
+M_EI, C_RP = 70, 105
+INITIALISED = 4
+POWER_ON, REMOTE_RESET = 0, 2
+RESET_PROCESS, RESET_EVENTS = b"\x01", b"\x02"
+
+
+@pytest.fixture
+def fresh(programs: Path) -> Iterator[Substation]:
+    """A gateway that nobody has connected to."""
+    with substation_of(chapter_5(), programs) as substation:
+        yield substation
+
+
+def assert_initialised(master: RawMaster, stations: set[int], cause: int) -> None:
+    ends = [master.answer(M_EI) for _ in stations]
+    assert {end.ca for end in ends} == stations
+    assert {(end.cause, end.originator, end.body) for end in ends} == {
+        (INITIALISED, 0, bytes([0, 0, 0, cause]))
+    }
+
+
+def test_end_of_initialisation_and_reset(fresh: Substation) -> None:
+    gateway = fresh.gateway
+    stations = {point["ca"] for point in gateway.points().values()}
+    with RawMaster(*gateway.address) as master:
+        assert_initialised(master, stations, POWER_ON)
+    gateway.kill("rtu-iec104")
+    gateway.wait_for(
+        lambda: (now := gateway.modules()["rtu-iec104"])["restarts"] == 1 and now["state"] == "running",
+        10.0,
+        "the station is back",
+    )
+    with RawMaster(*gateway.address) as master:
+        before = gateway.modules()
+        with pytest.raises(StationError, match="answer of type 70"):
+            master.answer(M_EI, timeout_s=0.5)  # nothing was initialised
+        master.request(C_RP, STATION, 0, RESET_PROCESS, originator=8)
+        confirmation = master.answer(C_RP)
+        assert (confirmation.cause, confirmation.originator, confirmation.ca) == (ACT_CON, 8, STATION)
+        with pytest.raises(StationError, match="closed the connection"):
+            master.answer(C_RP, timeout_s=5)
+    gateway.wait_for(
+        lambda: all(
+            (now := gateway.modules()[name])["pid"] != before[name]["pid"] and now["state"] == "running"
+            for name in ("rtu-iec104", "rtu-modbus-1", "rtu-modbus-2")
+        ),
+        10.0,
+        "all modules run again",
+    )
+    after = gateway.modules()
+    assert {name: after[name]["restarts"] for name in after} == {
+        name: before[name]["restarts"] for name in before
+    }  # none has failed
+    assert after["rtud"]["pid"] == before["rtud"]["pid"]
+    with RawMaster(*gateway.address) as master:
+        assert_initialised(master, stations, REMOTE_RESET)
+        master.request(C_RP, STATION, 0, RESET_PROCESS)
+        assert master.answer(C_RP).cause == ACT_CON | NEGATIVE  # so soon
+        assert len(master.interrogate(STATION).objects) == 13
+        for ca in stations - {1000}:  # which is only written
+            fresh.wait_all_good(ca)
+
+
+def test_reset_with_another_qualifier_is_refused(master: RawMaster) -> None:
+    for qualifier in (0, 3, 255):
+        master.request(C_RP, STATION, 0, bytes([qualifier]))
+        assert master.answer(C_RP).cause == ACT_CON | NEGATIVE
+    master.request(C_RP, STATION, 0, RESET_EVENTS)  # would take other stations' events with it
+    assert master.answer(C_RP).cause == ACT_CON | NEGATIVE
+
+
+def test_waiting_events_are_dropped(desk: Desk) -> None:
+    k = 12
+    with RawMaster(*desk.gateway.address) as master:
+        stations = {point["ca"] for point in desk.gateway.points().values()}
+        master.request(C_RP, 65535, 0, RESET_EVENTS)
+        confirmations = [master.answer(C_RP) for _ in stations]
+        assert {(c.ca, c.cause) for c in confirmations} == {(ca, ACT_CON) for ca in stations}
+        # Nobody acknowledges: what is beyond k waits.
+        for value in range(k + 5):
+            desk.set_and_scan(DEVICE, "input_registers", 1, [5000 + value])
+        desk.wait_scan(DEVICE)
+        master.request(C_RP, 65535, 0, RESET_EVENTS)
+        desk.wait_scan(DEVICE)
+        levels = []
+        while (asdu := master.answer_of({C_RP, M_ME_TE})).type != C_RP:
+            levels += [v for v in range(5000, 5000 + k + 5) if v.to_bytes(2, "little") == asdu.body[3:5]]
+        assert 5000 + k + 4 not in levels
+        for _ in range(len(stations) - 1):
+            assert master.answer(C_RP).cause == ACT_CON
+        with pytest.raises(StationError):
+            master.answer(M_ME_TE, timeout_s=0.5)
+        desk.set_and_scan(DEVICE, "input_registers", 1, [6000])
+        assert (6000).to_bytes(2, "little") == master.answer(M_ME_TE).body[3:5]
+
+
 # ---- background scan --------------------------------------------------------------------------------
 
 

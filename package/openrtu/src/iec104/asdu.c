@@ -109,6 +109,7 @@ size_t iec104_control_object_size(uint8_t type)
 	switch (type) {
 	case IEC104_C_IC_NA_1: /* QOI */
 	case IEC104_C_CI_NA_1: /* QCC */
+	case IEC104_C_RP_NA_1: /* QRP */
 		return IEC104_IOA_SIZE + 1;
 	case IEC104_C_RD_NA_1:
 		return IEC104_IOA_SIZE;

@@ -9,6 +9,8 @@
 #define QU_NONE       0
 #define QU_PERSISTENT 3
 #define DOUBLE_OFF    1
+#define QRP_PROCESS   1 /* reset of the process */
+#define QRP_EVENTS    2 /* of what waits with a time tag */
 #define DOUBLE_ON     2
 
 /* An ASDU that a connection has received. */
@@ -176,6 +178,36 @@ static void take_clock(struct iec104_station *station, const struct received *re
 		confirm(received, true);
 }
 
+/* The events of all stations wait in one row. */
+static bool drop_events(const struct iec104_station *station, const struct received *received)
+{
+	struct iec104_connection *connection = received->connection;
+
+	if (received->asdu.ca != IEC104_CA_BROADCAST && station->config->device_count > 1)
+		return false;
+	if (received->asdu.test)
+		return true;
+	map_cursor_to_end(station->map, connection->cursor);
+	connection->lost = connection->cursor->lost;
+	return true;
+}
+
+static void take_reset(struct iec104_station *station, const struct received *received)
+{
+	uint8_t qualifier = received->asdu.objects[IEC104_IOA_SIZE];
+	bool restart = qualifier == QRP_PROCESS && !received->asdu.test;
+	struct iec104_procedure procedure = iec104_procedure_of(station, &received->asdu);
+	bool accepted = false;
+
+	if (restart)
+		accepted =
+		    post(station, received, (struct map_request){.point = MAP_NONE, .action = MAP_RESTART});
+	else if (qualifier == QRP_PROCESS || (qualifier == QRP_EVENTS && drop_events(station, received)))
+		accepted = iec104_add_procedure(received->connection, &procedure);
+	if (!accepted)
+		confirm(received, true);
+}
+
 static bool is_still_there(const struct iec104_open_command *open)
 {
 	return open->connection->open && open->connection->serial == open->serial;
@@ -192,7 +224,7 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 	if (!is_still_there(open) || !connection->session.started)
 		return;
 	iec104_asdu_decode(open->asdu, open->asdu_size, &received.asdu);
-	if (positive && open->request.action == MAP_SET_CLOCK) {
+	if (positive && open->request.point == MAP_NONE) { /* confirmed by each station that is meant */
 		procedure = iec104_procedure_of(station, &received.asdu);
 		if (iec104_add_procedure(connection, &procedure))
 			return;
@@ -316,6 +348,7 @@ static bool cause_fits(const struct iec104_asdu *asdu)
 	case IEC104_C_RD_NA_1:
 		return asdu->cause == IEC104_REQUEST;
 	case IEC104_C_CS_NA_1:
+	case IEC104_C_RP_NA_1:
 	case IEC104_C_TS_TA_1:
 	case IEC104_P_ME_NA_1:
 	case IEC104_P_ME_NB_1:
@@ -329,7 +362,8 @@ static bool cause_fits(const struct iec104_asdu *asdu)
 /* IEC 60870-5-101, 7.2.4: the types of this room that may address all stations. */
 static bool may_be_broadcast(uint8_t type)
 {
-	return type == IEC104_C_IC_NA_1 || type == IEC104_C_CI_NA_1 || type == IEC104_C_CS_NA_1;
+	return type == IEC104_C_IC_NA_1 || type == IEC104_C_CI_NA_1 || type == IEC104_C_CS_NA_1 ||
+	       type == IEC104_C_RP_NA_1;
 }
 
 static bool is_system_command(uint8_t type)
@@ -366,6 +400,9 @@ static void carry_out(struct iec104_station *station, const struct received *rec
 		break;
 	case IEC104_C_CS_NA_1:
 		take_clock(station, received);
+		break;
+	case IEC104_C_RP_NA_1:
+		take_reset(station, received);
 		break;
 	case IEC104_C_TS_TA_1:
 		confirm(received, false);

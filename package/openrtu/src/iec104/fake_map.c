@@ -31,8 +31,8 @@ struct map_point points[POINTS] = {
 };
 
 struct map_device devices[DEVICES] = {
-    {.line = 0, .ca = 3067, .first_point = 0, .point_count = 13},
-    {.line = 1, .ca = 4001, .first_point = 13, .point_count = 7},
+    {.line = 0, .unit = 67, .ca = 3067, .first_point = 0, .point_count = 13},
+    {.line = 1, .unit = 1, .ca = 4001, .first_point = 13, .point_count = 7},
 };
 static struct map_line lines[] = {{.module = 1, .device_count = 1}, {.module = 2, .device_count = 1}};
 
@@ -99,6 +99,16 @@ void map_parameters_read(const struct map *map, uint32_t point, struct map_param
 	out->cyclic = points[point].period_ms != 0 && !(out->loaded & 1u << MAP_CYCLIC);
 }
 
+uint32_t map_starts(const struct map *map)
+{
+	return map->starts;
+}
+
+uint32_t *map_note(struct map *map)
+{
+	return &map->note;
+}
+
 struct map_cursor *map_cursor(struct map *map, unsigned slot)
 {
 	return &map->cursors[slot];
@@ -126,7 +136,7 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 
 uint32_t map_request_post(struct map *map, struct map_request request)
 {
-	uint32_t owner = request.action == MAP_SET_CLOCK ? MAP_RTUD : map_owner(map, request.point);
+	uint32_t owner = request.point == MAP_NONE ? MAP_RTUD : map_owner(map, request.point);
 
 	if (!map_alive(map, owner))
 		return 0;

@@ -43,6 +43,7 @@ struct map {
 	bool silent[3]; /* its heartbeat is missing */
 	uint32_t generation[3];
 	struct map_clock clock;
+	uint32_t starts, note;           /* as many: nothing to tell */
 	void (*on_read)(uint32_t point); /* what happens elsewhere while a point is read */
 	unsigned unreadable;             /* so many reads fail */
 	unsigned log_count;              /* lines */

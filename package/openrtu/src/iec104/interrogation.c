@@ -112,7 +112,7 @@ static void begin_procedure(const struct iec104_station *station, struct iec104_
 			    struct iec104_procedure *procedure, int64_t now_ns)
 {
 	send_procedure(station, connection, procedure, IEC104_ACTIVATION_CON, now_ns);
-	if (procedure->type == IEC104_C_CS_NA_1) {
+	if (procedure->type == IEC104_C_CS_NA_1 || procedure->type == IEC104_C_RP_NA_1) {
 		next_station(station, connection, procedure);
 		return;
 	}

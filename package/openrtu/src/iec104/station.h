@@ -24,6 +24,8 @@
  * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
  * Counters: FRZ 1..3 is confirmed and terminated when all owners have carried it out, and brings no readings; FRZ 0
  * brings those frozen last. A frozen reading carries its sequence number, CY and CA; any other reading has them 0.
+ * Reset process: QRP 1 restarts all of the gateway's modules, whatever station it is sent to. QRP 2 drops the events that
+ * wait on this connection, those of all stations: it is refused unless it is sent to all, or there is but one.
  * Parameters (P_ME, P_AC) are for a measured value of their own type, have LPC and POP 0, and are in force when confirmed.
  * A station interrogation sends those that were loaded behind the values.
  * With the test bit, a command is checked and confirmed, and not carried out.
@@ -59,7 +61,7 @@ struct iec104_sweep {
 
 enum iec104_phase { IEC104_CONFIRM, IEC104_DATA, IEC104_PARAMETERS, IEC104_TERMINATE };
 
-/* Interrogation, counter interrogation or confirmation of a clock synchronisation, station by station. */
+/* Interrogation, counter interrogation or confirmation of a clock synchronisation or reset, station by station. */
 struct iec104_procedure {
 	uint8_t type;
 	uint8_t qualifier; /* QOI, QCC */
@@ -82,6 +84,9 @@ struct iec104_connection {
 	char peer[IEC104_PEER_SIZE];
 	struct iec104_session session;
 	struct iec104_replies replies;
+
+	bool tells_initialised;    /* M_EI_NA_1 is being sent, */
+	uint32_t next_initialised; /* of this device next */
 
 	struct map_cursor *cursor; /* events */
 	uint32_t lost;             /* of them, as last logged */
@@ -140,6 +145,10 @@ struct iec104_station {
 	struct iec104_connection connections[IEC104_CONNECTIONS_MAX];
 	struct iec104_open_command open_commands[IEC104_OPEN_COMMANDS_MAX];
 	struct iec104_freeze freezes[IEC104_OPEN_FREEZES_MAX];
+
+	bool initialised;      /* all devices were asked since the start; not looked at once it was told */
+	uint32_t points_asked; /* of the first so many it is known */
+	int64_t initialising_since_ns, initialisation_check_ns;
 
 	int64_t now_ns;        /* of the last call that had it */
 	int64_t log_paid_ns;   /* each line moves it on; far in the future, lines are left out */

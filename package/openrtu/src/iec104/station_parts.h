@@ -124,6 +124,16 @@ void iec104_conclude_freezes(struct iec104_station *station, int64_t now_ns);
 /* When iec104_conclude_freezes is due at the latest; INT64_MAX: none waits. */
 int64_t iec104_freeze_deadline(const struct iec104_station *station);
 
+/* ---- initialisation.c -------------------------------------------------------------------- */
+
+/* Looks whether all devices have been asked, as long as that is to be told; then all connections are told. */
+void iec104_watch_initialisation(struct iec104_station *station, int64_t now_ns);
+/* A connection's data transfer begins: it is told, if nobody was there before. */
+void iec104_begin_initialised(struct iec104_station *station, struct iec104_connection *connection);
+bool iec104_send_initialised(const struct iec104_station *station, struct iec104_connection *connection,
+			     int64_t now_ns);
+int64_t iec104_initialisation_deadline(const struct iec104_station *station);
+
 /* ---- parameter.c ------------------------------------------------------------------------- */
 
 /* The measured value that a parameter is for; MAP_NONE: there is none of this type. */

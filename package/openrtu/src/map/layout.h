@@ -25,10 +25,10 @@ struct segment_header {
 	uint32_t layout;
 	uint32_t fingerprint; /* sizes of all records: catches another compiler's idea of them */
 	uint32_t size;
-	_Atomic uint32_t generation;   /* of the process that attached last */
-	_Atomic uint32_t heartbeat_ms; /* CLOCK_MONOTONIC, low 32 bits */
-	_Atomic uint32_t next_request; /* id of the next request */
-	uint32_t reserved;
+	_Atomic uint32_t generation;            /* of the process that attached last */
+	_Atomic uint32_t heartbeat_ms;          /* CLOCK_MONOTONIC, low 32 bits */
+	_Atomic uint32_t next_request;          /* id of the next request */
+	uint32_t note;                          /* map_note */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
 	struct map_cursor cursors[MAP_CURSORS];
@@ -79,6 +79,7 @@ struct module_entry {
 /* What rtud's segment holds besides the sections that every segment has. */
 struct directory {
 	uint32_t module_count;
+	_Atomic uint32_t starts; /* map_starts */
 	map_latch clock_latch;
 	struct map_clock clock[2];
 	struct module_entry modules[MAP_MODULES_MAX];

@@ -221,6 +221,7 @@ static void copy_table(uint8_t *to, const void *table, size_t size)
 static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struct directory *directory,
 			     const struct map_config *config)
 {
+	directory->starts = 1;
 	directory->settings = config->settings;
 	directory->line_count = config->line_count;
 	directory->device_count = config->device_count;

@@ -115,6 +115,10 @@ uint32_t map_module_count(const struct map *map);
 /* What is known of a module. index < map_module_count. */
 void map_module(const struct map *map, uint32_t index, struct map_module *out);
 bool map_alive(const struct map *map, uint32_t module);
+/* How often all modules were started together: 1, and one more with each MAP_RESTART. */
+uint32_t map_starts(const struct map *map);
+/* A number in the own segment, 0 at first, that survives the module's restart: what it means is the module's. */
+uint32_t *map_note(struct map *map);
 /* How old a module's heartbeat may be. */
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module);
 uint32_t map_owner(const struct map *map, uint32_t point);
@@ -219,6 +223,7 @@ enum map_action {
 	MAP_CANCEL,    /* interrupts the selection */
 	MAP_RELEASE,   /* the requester has seen the final state: back to inactive; no answer */
 	MAP_SET_CLOCK, /* to rtud: the wall time at time_ns was wall_ns */
+	MAP_RESTART,   /* to rtud: stops all modules and starts them anew, soon after its answer */
 	MAP_FREEZE,    /* to an owner of counters: detail is enum map_freeze, value.u which counters */
 	MAP_PARAMETER, /* detail is enum map_parameter; value as the point has it, of MAP_CYCLIC 0 or 1 */
 };
@@ -235,7 +240,7 @@ enum map_freeze { MAP_FREEZE_ONLY = 1, MAP_FREEZE_AND_RESET = 2, MAP_RESET_ONLY 
 
 struct map_request {
 	uint32_t id;         /* given by map_request_post */
-	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK */
+	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK, MAP_RESTART */
 	uint32_t generation; /* of the owner it was meant for; given by map_request_post */
 	uint16_t requester;  /* module index; given by map_request_post */
 	uint8_t action;      /* enum map_action */
