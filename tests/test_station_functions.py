@@ -287,24 +287,27 @@ def load_scaled(master: RawMaster, kind: int, value: int) -> int:
     return answer.cause
 
 
-def reported_levels(desk: Desk, values: list[int]) -> list[int]:
+def reported_levels(desk: Desk, master: RawMaster, values: list[int]) -> list[int]:
     """Which of these values the station reports spontaneously, when the device has them one after another."""
-    since = desk.master.mark()
+    marker = values[-1] % 1000 + 1  # of another point, whose change comes behind them
     for value in values:
         desk.set_and_scan(DEVICE, "input_registers", 1, [value])
     desk.wait_scan(DEVICE)
-    # Another point's change comes behind them.
-    desk.set_and_scan(DEVICE, "input_registers", 2, [values[-1] % 1000 + 1])
-    desk.master.wait(lambda r: r.ioa == 30003 and r.value == values[-1] % 1000 + 1, since)
-    reports = desk.master.reports_since(since)
-    return [r.value for r in reports if (r.ca, r.ioa, r.cause) == (STATION, LEVEL, "SPONTANEOUS")]
+    desk.set_and_scan(DEVICE, "input_registers", 2, [marker])
+    deadline, found = time.monotonic() + 10, []
+    while True:
+        for report in master.spontaneous(deadline):
+            if (report.ca, report.ioa) == (STATION, LEVEL):
+                found.append(report.value)
+            elif (report.ca, report.ioa, report.value) == (STATION, LEVEL + 1, marker):
+                return found
 
 
 def test_threshold_and_limits(desk: Desk, master: RawMaster) -> None:
     assert load_scaled(master, THRESHOLD, 10) == ACT_CON
-    assert reported_levels(desk, [2000, 2005, 2010, 2011, 2003]) == [2000, 2011]
+    assert reported_levels(desk, master, [2000, 2005, 2010, 2011, 2003]) == [2000, 2011]
     assert load_scaled(master, HIGH_LIMIT, 2015) == ACT_CON
-    assert reported_levels(desk, [2014, 2015, 2016, 2017, 2012]) == [2016, 2012]
+    assert reported_levels(desk, master, [2014, 2015, 2016, 2017, 2012]) == [2016, 2012]
     now = shown(desk, STATION, LEVEL)
     assert (now["threshold"], now["low_limit"], now["high_limit"]) == (10, None, 2015)
     assert now["loaded"] == ["threshold", "high_limit"]
