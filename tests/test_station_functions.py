@@ -6,6 +6,7 @@ import itertools
 import os
 import signal
 import struct
+import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import c104
 import pytest
 
 from desk import Desk, Substation, chapter_5, desk_of, of_port, substation_of
+from lab.gateway import GatewayError
 from lab.raw_master import Asdu, RawMaster, StationError
 from lab.show import DEVICE, STATION
 
@@ -163,6 +165,17 @@ def test_overflow_is_carried(desk: Desk, master: RawMaster) -> None:
     assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
     reading = read_totals(master)[EXPORTED]
     assert (reading.value, reading.detail & ~0x1F) == (7, CARRY)
+
+
+def test_rtuctl_shows_the_total(desk: Desk, master: RawMaster) -> None:
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    reading = read_totals(master)[IMPORTED]
+    text = desk.gateway.ctl("show", "meter.active-energy-imported")
+    lines = dict(line.split(maxsplit=1) for line in text.splitlines())
+    assert (lines["frozen"], lines["sequence"]) == (str(reading.value), str(reading.sequence))
+    assert (lines["frozen_quality"], lines["carry"]) == ("good", "false")
+    with pytest.raises(GatewayError, match="there is no point"):
+        desk.gateway.ctl("show", "meter.nothing")
 
 
 def test_groups(master: RawMaster) -> None:
@@ -549,6 +562,41 @@ def test_waiting_events_are_dropped(desk: Desk) -> None:
             master.answer(M_ME_TE, timeout_s=0.5)
         desk.set_and_scan(DEVICE, "input_registers", 1, [6000])
         assert (6000).to_bytes(2, "little") == master.answer(M_ME_TE).body[3:5]
+
+
+# ---- tshark -----------------------------------------------------------------------------------------
+
+
+def test_tshark_finds_nothing_malformed(desk: Desk, master: RawMaster, tmp_path: Path) -> None:
+    """One of each of these types, as an independent dissector reads them."""
+    kinds = [C_CI, M_IT, M_IT_TB, P_ME_NB, P_AC, C_RP, M_SP]
+    assert command(master, FREEZE | GENERAL) == [ACT_CON, ACT_TERM]
+    seen: list[Asdu] = []
+    master.request(C_CI, METER_CA, 0, bytes([GENERAL]))
+    seen += [master.answer_of({C_CI}), master.answer_of({M_IT}), master.answer_of({C_CI})]
+    seen.append(master.answer(M_IT_TB, timeout_s=3 * PERIOD_S))
+    master.request(P_ME_NB, STATION, LEVEL, struct.pack("<hB", 0, THRESHOLD))
+    seen.append(master.answer(P_ME_NB))
+    master.request(P_AC, METER_CA, 30015, b"\x03")
+    seen.append(master.answer(P_AC))
+    master.request(C_RP, 65535, 0, RESET_EVENTS)
+    seen.append(master.answer(C_RP))
+    seen.append(master.answer(M_SP, timeout_s=5))
+    dump = "\n".join("000000 " + apdu(asdu).hex(" ") for asdu in seen)
+    pcap = tmp_path / "functions.pcap"
+    subprocess.run(["text2pcap", "-q", "-T", "2404,40000", "-", pcap], input=dump, text=True, check=True)
+    fields = ["-e", "iec60870_asdu.typeid", "-e", "_ws.malformed", "-e", "_ws.expert"]
+    tshark = ["tshark", "-r", pcap, "-T", "fields", *fields]
+    lines = subprocess.run(tshark, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert {line.split("\t")[0] for line in lines} == {str(kind) for kind in kinds}
+    assert not [line for line in lines if "".join(line.split("\t")[1:])]
+
+
+def apdu(asdu: Asdu) -> bytes:
+    """An I frame with this ASDU."""
+    number = asdu.count | (0x80 if asdu.sequence else 0)
+    head = bytes([asdu.type, number, asdu.cause, asdu.originator]) + asdu.ca.to_bytes(2, "little")
+    return bytes([0x68, 4 + len(head) + len(asdu.body), 0, 0, 0, 0]) + head + asdu.body
 
 
 # ---- background scan --------------------------------------------------------------------------------

@@ -45,6 +45,8 @@ void map_parameters_read(const struct map *map, uint32_t point, struct map_param
 	if (!has_parameters(map, point))
 		return;
 	out->loaded = atomic_load(&cell_of(map, point)->state);
+	if (out->loaded == 0)
+		return;
 	out->threshold = loaded(map, point, MAP_THRESHOLD, object->deadband);
 	out->smoothing_s = loaded(map, point, MAP_SMOOTHING, 0) / unit;
 	out->low = loaded(map, point, MAP_LOW_LIMIT, -INFINITY);
