@@ -271,9 +271,9 @@ def test_counter_that_freezes_by_itself(desk: Desk, master: RawMaster) -> None:
             frozen.append((asdu.arrived_ns / 1e9, Reading.parse(asdu.body[3:])))
     assert frozen[-1][1].value == 4711
     assert [(b[1].sequence - a[1].sequence) % 32 for a, b in itertools.pairwise(frozen)] == [1, 1]
-    assert frozen[2][0] - frozen[1][0] == pytest.approx(PERIOD_S, abs=0.6)
+    assert frozen[2][0] - frozen[1][0] == pytest.approx(PERIOD_S, abs=1.2)
     wall = time.time() - time.monotonic() + frozen[2][0]
-    assert (wall % PERIOD_S) < 0.6  # at multiples of the wall time
+    assert (wall % PERIOD_S) < 1.2  # at multiples of the wall time
 
 
 # ---- parameters of measured values ------------------------------------------------------------------
@@ -609,4 +609,4 @@ def test_background_scan(desk: Desk, master: RawMaster) -> None:
         assert (asdu.cause, asdu.originator, asdu.ca) == (BACKGROUND, 0, METER_CA)
         assert asdu.body[:3] == (10001).to_bytes(3, "little")
         arrived.append(asdu.arrived_ns / 1e9)
-    assert arrived[2] - arrived[1] == pytest.approx(0.5, abs=0.2)
+    assert arrived[2] - arrived[1] == pytest.approx(0.5, abs=0.4)
