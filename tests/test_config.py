@@ -243,6 +243,10 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "address": {"ioa": 70000},
     "bit_order": {"type": "double"},
     "word_order": {"type": "float"},
+    "counter_group": {"type": "counter"},
+    "freeze_s": {"type": "counter"},
+    "input_register.background_ms": {"type": "step"},
+    "holding_register.background_ms": {"type": "step"},
 }
 
 
@@ -258,7 +262,8 @@ def small_file() -> dict[str, Any]:
 def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
     document = small_file()
     prefix = f"{site.place}." if site.place else ""
-    for companion, companion_value in COMPANIONS.get(key, {}).items():
+    companions = COMPANIONS.get(key, {}) | COMPANIONS.get(f"{site.definition}.{key}", {})
+    for companion, companion_value in companions.items():
         if companion in site.properties():
             edit(document, prefix + companion, companion_value)
     edit(document, prefix + key, value)
@@ -274,6 +279,8 @@ def resolved(rule: Json) -> dict[str, Any]:
 def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
     if key == "address" and "maxLength" in rule:
         return ["127.0.0.1", "::"]
+    if "examples" in rule:
+        return rule["examples"]
     if "enum" in rule:
         return rule["enum"]
     if rule.get("type") == "boolean":

@@ -218,6 +218,18 @@ class Master:
         cause = f"INTERROGATED_BY_GROUP_{group}" if group else "INTERROGATED_BY_STATION"
         return self._settled(lambda: [r for r in self.reports_since(since) if r.cause == cause])
 
+    def interrogate_counters(self, ca: int, freeze: c104.Frz = c104.Frz.READ) -> list[Report]:
+        """A general counter interrogation; returns its readings, none unless it reads."""
+        since, sent = self.mark(), self._raw_mark()
+        self.connection.counter_interrogation(
+            common_address=ca, qualifier=c104.Rqt.GENERAL, freeze=freeze, wait_for_response=False
+        )
+        if not self._confirmed(sent, c104.Type.C_CI_NA_1, ca, 0):
+            raise MasterError(f"CA {ca} refused the counter interrogation")
+        self._await_asdu(sent, lambda a: a.is_of(c104.Type.C_CI_NA_1, ca, 0) and a.cause == ACT_TERM)
+        cause = "REQUESTED_BY_GENERAL_COUNTER"
+        return self._settled(lambda: [r for r in self.reports_since(since) if r.cause == cause])
+
     def interrogate_all(self) -> list[Report]:
         """An interrogation of the broadcast address, terminated by every station."""
         since = self.mark()

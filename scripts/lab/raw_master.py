@@ -174,11 +174,15 @@ class RawMaster:
 
     def answer(self, kind: int, timeout_s: float = ANSWER_TIMEOUT_S) -> Asdu:
         """The next ASDU of that type, acknowledged. Raises StationError when none comes in time."""
+        return self.answer_of({kind}, timeout_s)
+
+    def answer_of(self, kinds: set[int], timeout_s: float = ANSWER_TIMEOUT_S) -> Asdu:
+        """The next ASDU of one of these types, likewise."""
         deadline = time.monotonic() + timeout_s
         while True:
-            asdu = self._next_asdu(deadline, f"answer of type {kind}")
+            asdu = self._next_asdu(deadline, f"answer of type {', '.join(map(str, sorted(kinds)))}")
             self._acknowledge()
-            if asdu.type == kind:
+            if asdu.type in kinds:
                 return asdu
 
     def spontaneous(self, deadline: float) -> list[Object]:

@@ -18,6 +18,7 @@ enum { TYPE, VARIABLE_STRUCTURE, CAUSE, ORIGINATOR, CA_LOW, CA_HIGH };
 #define QL_MASK           0x7f
 #define TRANSIENT_BIT     0x80
 #define STEP_MASK         0x7f
+#define BCR_DETAIL        (MAP_COUNTER_SEQUENCE | MAP_COUNTER_CARRY | MAP_COUNTER_ADJUSTED)
 #define QUALITY_ONLY_MASK 0xf0 /* IV, NT, SB, BL; a bit or double bit has no OV */
 
 static uint32_t get_u16(const uint8_t *bytes)
@@ -108,6 +109,7 @@ size_t iec104_control_object_size(uint8_t type)
 	switch (type) {
 	case IEC104_C_IC_NA_1: /* QOI */
 	case IEC104_C_CI_NA_1: /* QCC */
+	case IEC104_C_RP_NA_1: /* QRP */
 		return IEC104_IOA_SIZE + 1;
 	case IEC104_C_RD_NA_1:
 		return IEC104_IOA_SIZE;
@@ -115,6 +117,13 @@ size_t iec104_control_object_size(uint8_t type)
 		return IEC104_IOA_SIZE + IEC104_TIME56_SIZE;
 	case IEC104_C_TS_TA_1: /* TSC */
 		return IEC104_IOA_SIZE + 2 + IEC104_TIME56_SIZE;
+	case IEC104_P_ME_NA_1: /* value, QPM */
+	case IEC104_P_ME_NB_1:
+		return IEC104_IOA_SIZE + 3;
+	case IEC104_P_ME_NC_1:
+		return IEC104_IOA_SIZE + 5;
+	case IEC104_P_AC_NA_1: /* QPA */
+		return IEC104_IOA_SIZE + 1;
 	default:
 		return 0;
 	}
@@ -178,6 +187,19 @@ bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_co
 		return false;
 	}
 	return true;
+}
+
+void iec104_parameter_decode(uint8_t type, const uint8_t *object, union map_value *value, uint8_t *qualifier)
+{
+	const uint8_t *element = object + IEC104_IOA_SIZE;
+
+	if (type == IEC104_P_ME_NC_1) {
+		value->f = float_of(get_u32(element));
+		*qualifier = element[4];
+	} else {
+		value->i = (int16_t)get_u16(element);
+		*qualifier = element[2];
+	}
 }
 
 /* ---- encoding ---------------------------------------------------------------------------- */
@@ -259,9 +281,9 @@ size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type
 		put_u32(out, sample->value.u);
 		out[4] = sample->quality;
 		return 5;
-	case MAP_COUNTER: /* BCR: no sequence number without a freeze, only IV of the quality */
+	case MAP_COUNTER: /* BCR: sequence number, CY and CA of a freeze, only IV of the quality */
 		put_u32(out, sample->value.u);
-		out[4] = sample->quality & MAP_INVALID;
+		out[4] = (uint8_t)((sample->quality & MAP_INVALID) | (sample->detail & BCR_DETAIL));
 		return 5;
 	}
 	return 0;

@@ -34,6 +34,7 @@ enum iec104_type {
 	IEC104_M_ME_TE_1 = 35,
 	IEC104_M_ME_TF_1 = 36,
 	IEC104_M_IT_TB_1 = 37,
+	IEC104_M_EI_NA_1 = 70,
 	IEC104_C_SC_NA_1 = 45,
 	IEC104_C_DC_NA_1 = 46,
 	IEC104_C_SE_NA_1 = 48,
@@ -50,13 +51,19 @@ enum iec104_type {
 	IEC104_C_CI_NA_1 = 101,
 	IEC104_C_RD_NA_1 = 102,
 	IEC104_C_CS_NA_1 = 103,
+	IEC104_C_RP_NA_1 = 105,
 	IEC104_C_TS_TA_1 = 107,
+	IEC104_P_ME_NA_1 = 110,
+	IEC104_P_ME_NB_1 = 111,
+	IEC104_P_ME_NC_1 = 112,
+	IEC104_P_AC_NA_1 = 113,
 };
 
 enum iec104_cause {
 	IEC104_CYCLIC = 1,
 	IEC104_BACKGROUND = 2,
 	IEC104_SPONTANEOUS = 3,
+	IEC104_INITIALISED = 4,
 	IEC104_REQUEST = 5,
 	IEC104_ACTIVATION = 6,
 	IEC104_ACTIVATION_CON = 7,
@@ -111,6 +118,9 @@ struct iec104_command {
 
 /* Decodes a command's object of iec104_control_object_size octets. False: the type is none of a command. */
 bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_command *out);
+
+/* Decodes an object of types 110..112: a value as a point of its type has it, and the QPM. */
+void iec104_parameter_decode(uint8_t type, const uint8_t *object, union map_value *value, uint8_t *qualifier);
 
 /* ---- encoding ---------------------------------------------------------------------------- */
 

@@ -9,6 +9,8 @@
 #define QU_NONE       0
 #define QU_PERSISTENT 3
 #define DOUBLE_OFF    1
+#define QRP_PROCESS   1 /* reset of the process */
+#define QRP_EVENTS    2 /* of what waits with a time tag */
 #define DOUBLE_ON     2
 
 /* An ASDU that a connection has received. */
@@ -95,7 +97,7 @@ static bool time_tag_is_recent(const struct iec104_station *station, const struc
 	int64_t limit_ns = station->config->settings.command_timeout_s * NS_PER_S;
 	int64_t wall_ns, age_ns;
 
-	if (!iec104_time56_decode(command->time, &wall_ns))
+	if (!iec104_time56_decode(command->time, &station->config->settings.zone, &wall_ns))
 		return false;
 	age_ns = now_ns + clock.offset_ns - wall_ns;
 	return !clock.set || (age_ns <= limit_ns && age_ns >= -limit_ns);
@@ -136,6 +138,21 @@ static void take_command(struct iec104_station *station, const struct received *
 		confirm(received, true);
 }
 
+static void take_parameter(struct iec104_station *station, const struct received *received)
+{
+	struct map_request request = {.point = iec104_parameter_point(station, &received->asdu),
+				      .action = MAP_PARAMETER};
+
+	if (request.point == MAP_NONE)
+		refuse(received, IEC104_UNKNOWN_IOA);
+	else if (!iec104_parameter_request(&received->asdu, &request))
+		confirm(received, true);
+	else if (received->asdu.test)
+		confirm(received, false);
+	else if (!post(station, received, request))
+		confirm(received, true);
+}
+
 static void take_clock(struct iec104_station *station, const struct received *received)
 {
 	struct iec104_procedure procedure = iec104_procedure_of(station, &received->asdu);
@@ -146,7 +163,8 @@ static void take_clock(struct iec104_station *station, const struct received *re
 		confirm(received, true);
 		return;
 	}
-	if (!iec104_time56_decode(received->asdu.objects + IEC104_IOA_SIZE, &wall_ns)) {
+	if (!iec104_time56_decode(received->asdu.objects + IEC104_IOA_SIZE, &station->config->settings.zone,
+				  &wall_ns)) {
 		confirm(received, true);
 		return;
 	}
@@ -157,6 +175,36 @@ static void take_clock(struct iec104_station *station, const struct received *re
 	}
 	if (!post(station, received,
 		  (struct map_request){.point = MAP_NONE, .action = MAP_SET_CLOCK, .wall_ns = wall_ns}))
+		confirm(received, true);
+}
+
+/* The events of all stations wait in one row. */
+static bool drop_events(const struct iec104_station *station, const struct received *received)
+{
+	struct iec104_connection *connection = received->connection;
+
+	if (received->asdu.ca != IEC104_CA_BROADCAST && station->config->device_count > 1)
+		return false;
+	if (received->asdu.test)
+		return true;
+	map_cursor_to_end(station->map, connection->cursor);
+	connection->lost = connection->cursor->lost;
+	return true;
+}
+
+static void take_reset(struct iec104_station *station, const struct received *received)
+{
+	uint8_t qualifier = received->asdu.objects[IEC104_IOA_SIZE];
+	bool restart = qualifier == QRP_PROCESS && !received->asdu.test;
+	struct iec104_procedure procedure = iec104_procedure_of(station, &received->asdu);
+	bool accepted = false;
+
+	if (restart)
+		accepted =
+		    post(station, received, (struct map_request){.point = MAP_NONE, .action = MAP_RESTART});
+	else if (qualifier == QRP_PROCESS || (qualifier == QRP_EVENTS && drop_events(station, received)))
+		accepted = iec104_add_procedure(received->connection, &procedure);
+	if (!accepted)
 		confirm(received, true);
 }
 
@@ -176,7 +224,7 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 	if (!is_still_there(open) || !connection->session.started)
 		return;
 	iec104_asdu_decode(open->asdu, open->asdu_size, &received.asdu);
-	if (positive && open->request.action == MAP_SET_CLOCK) {
+	if (positive && open->request.point == MAP_NONE) { /* confirmed by each station that is meant */
 		procedure = iec104_procedure_of(station, &received.asdu);
 		if (iec104_add_procedure(connection, &procedure))
 			return;
@@ -194,6 +242,12 @@ static void release(struct iec104_station *station, uint32_t point, uint32_t ses
 			 (struct map_request){.point = point, .action = MAP_RELEASE, .session = session});
 }
 
+/* It holds the point's command side until it is released. */
+static bool is_command(uint8_t action)
+{
+	return action == MAP_SELECT || action == MAP_EXECUTE || action == MAP_CANCEL;
+}
+
 static void conclude(struct iec104_station *station, struct iec104_open_command *open, bool positive)
 {
 	bool selected = positive && open->request.action == MAP_SELECT && is_still_there(open);
@@ -202,7 +256,7 @@ static void conclude(struct iec104_station *station, struct iec104_open_command 
 	open->request.id = 0;
 	if (selected)
 		open->connection->selects = true;
-	else if (open->request.action != MAP_SET_CLOCK)
+	else if (is_command(open->request.action))
 		release(station, open->request.point, open->request.session);
 }
 
@@ -221,6 +275,10 @@ void iec104_end_selections(struct iec104_station *station, const struct iec104_c
 
 void iec104_take_answer(struct iec104_station *station, const struct map_answer *answer)
 {
+	if (answer->action == MAP_FREEZE) {
+		iec104_take_freeze_answer(station, answer);
+		return;
+	}
 	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++) {
 		struct iec104_open_command *open = &station->open_commands[i];
 
@@ -290,7 +348,11 @@ static bool cause_fits(const struct iec104_asdu *asdu)
 	case IEC104_C_RD_NA_1:
 		return asdu->cause == IEC104_REQUEST;
 	case IEC104_C_CS_NA_1:
+	case IEC104_C_RP_NA_1:
 	case IEC104_C_TS_TA_1:
+	case IEC104_P_ME_NA_1:
+	case IEC104_P_ME_NB_1:
+	case IEC104_P_ME_NC_1:
 		return asdu->cause == IEC104_ACTIVATION;
 	default:
 		return asdu->cause == IEC104_ACTIVATION || asdu->cause == IEC104_DEACTIVATION;
@@ -300,7 +362,8 @@ static bool cause_fits(const struct iec104_asdu *asdu)
 /* IEC 60870-5-101, 7.2.4: the types of this room that may address all stations. */
 static bool may_be_broadcast(uint8_t type)
 {
-	return type == IEC104_C_IC_NA_1 || type == IEC104_C_CI_NA_1 || type == IEC104_C_CS_NA_1;
+	return type == IEC104_C_IC_NA_1 || type == IEC104_C_CI_NA_1 || type == IEC104_C_CS_NA_1 ||
+	       type == IEC104_C_RP_NA_1;
 }
 
 static bool is_system_command(uint8_t type)
@@ -308,9 +371,10 @@ static bool is_system_command(uint8_t type)
 	return may_be_broadcast(type) || type == IEC104_C_TS_TA_1;
 }
 
-static void take_interrogation(const struct iec104_station *station, const struct received *received)
+static void take_interrogation(struct iec104_station *station, const struct received *received)
 {
-	bool accepted = iec104_interrogate(station, received->connection, &received->asdu);
+	bool accepted = iec104_interrogate(station, received->connection, received->bytes, received->size,
+					   received->now_ns);
 
 	if (!accepted || received->asdu.cause == IEC104_DEACTIVATION)
 		confirm(received, !accepted);
@@ -337,8 +401,17 @@ static void carry_out(struct iec104_station *station, const struct received *rec
 	case IEC104_C_CS_NA_1:
 		take_clock(station, received);
 		break;
+	case IEC104_C_RP_NA_1:
+		take_reset(station, received);
+		break;
 	case IEC104_C_TS_TA_1:
 		confirm(received, false);
+		break;
+	case IEC104_P_ME_NA_1:
+	case IEC104_P_ME_NB_1:
+	case IEC104_P_ME_NC_1:
+	case IEC104_P_AC_NA_1:
+		take_parameter(station, received);
 		break;
 	default:
 		take_command(station, received);

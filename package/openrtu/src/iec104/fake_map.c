@@ -24,15 +24,15 @@ struct map_point points[POINTS] = {
     {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2},
     {.device = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
     {.device = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
-    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .cyclic_ms = 1000},
+    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .period_ms = 1000},
     {.device = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
     {.device = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
-    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .cyclic_ms = 5000},
+    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .period_ms = 5000},
 };
 
 struct map_device devices[DEVICES] = {
-    {.line = 0, .ca = 3067, .first_point = 0, .point_count = 13},
-    {.line = 1, .ca = 4001, .first_point = 13, .point_count = 7},
+    {.line = 0, .unit = 67, .ca = 3067, .first_point = 0, .point_count = 13},
+    {.line = 1, .unit = 1, .ca = 4001, .first_point = 13, .point_count = 7},
 };
 static struct map_line lines[] = {{.module = 1, .device_count = 1}, {.module = 2, .device_count = 1}};
 
@@ -85,6 +85,30 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	return true;
 }
 
+bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out)
+{
+	if (map->totals[point].time_ns == 0)
+		return map_read(map, point, out);
+	*out = map->totals[point];
+	return true;
+}
+
+void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out)
+{
+	*out = map->parameters[point];
+	out->cyclic = points[point].period_ms != 0 && !(out->loaded & 1u << MAP_CYCLIC);
+}
+
+uint32_t map_starts(const struct map *map)
+{
+	return map->starts;
+}
+
+uint32_t *map_note(struct map *map)
+{
+	return &map->note;
+}
+
 struct map_cursor *map_cursor(struct map *map, unsigned slot)
 {
 	return &map->cursors[slot];
@@ -112,7 +136,7 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 
 uint32_t map_request_post(struct map *map, struct map_request request)
 {
-	uint32_t owner = request.action == MAP_SET_CLOCK ? MAP_RTUD : map_owner(map, request.point);
+	uint32_t owner = request.point == MAP_NONE ? MAP_RTUD : map_owner(map, request.point);
 
 	if (!map_alive(map, owner))
 		return 0;
@@ -169,8 +193,11 @@ void answer(uint32_t id, enum map_command_state state, enum map_command_result r
 {
 	const struct map_request *request = &fake.requests[(id - 1) % REQUESTS];
 
-	fake.answers[fake.answer_count++ % ANSWERS] = (struct map_answer){
-	    .id = id, .point = request->point, .state = (uint8_t)state, .result = (uint8_t)result};
+	fake.answers[fake.answer_count++ % ANSWERS] = (struct map_answer){.id = id,
+									  .point = request->point,
+									  .action = request->action,
+									  .state = (uint8_t)state,
+									  .result = (uint8_t)result};
 }
 
 void fake_begin(void)

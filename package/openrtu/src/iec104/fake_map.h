@@ -27,6 +27,8 @@ extern struct map_device devices[DEVICES];
 struct map {
 	struct map_config config;
 	struct map_sample samples[POINTS];
+	struct map_sample totals[POINTS]; /* of counters; time_ns 0: never frozen */
+	struct map_parameters parameters[POINTS];
 	struct map_event events[EVENTS]; /* this and the next two: rings */
 	uint32_t event_count;
 	uint32_t event_capacity; /* how many are kept: a power of two, EVENTS at most */
@@ -41,6 +43,7 @@ struct map {
 	bool silent[3]; /* its heartbeat is missing */
 	uint32_t generation[3];
 	struct map_clock clock;
+	uint32_t starts, note;           /* as many: nothing to tell */
 	void (*on_read)(uint32_t point); /* what happens elsewhere while a point is read */
 	unsigned unreadable;             /* so many reads fail */
 	unsigned log_count;              /* lines */

@@ -115,7 +115,8 @@ static void take_information(struct model *model, const struct iec104_asdu *asdu
 		CHECK((size_t)(end - at) >= size);
 		point = map_find(&fake, asdu->ca, ioa);
 		CHECK(point != MAP_NONE && points[point].type == type);
-		take_object(model, point, at);
+		if (asdu->cause < IEC104_COUNTERS_REQUESTED) /* a frozen reading is older, and may be */
+			take_object(model, point, at);
 		at += size;
 	}
 	CHECK(at == end);
@@ -139,6 +140,8 @@ static void take_asdu(struct model *model, const uint8_t *octets, size_t size)
 		else
 			model->confirmed++;
 		CHECK(model->confirmed <= model->commands && model->terminated <= model->confirmed);
+	} else if (asdu.type == IEC104_C_RP_NA_1 && asdu.cause == IEC104_ACTIVATION_CON && !asdu.negative) {
+		memset(model->known, 0, sizeof(model->known)); /* events may have been dropped on request */
 	}
 }
 
@@ -447,11 +450,20 @@ static void settle(struct model *model)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+	uint8_t octet;
+
 	input = (struct input){.at = data, .end = data + size};
 	fake_begin();
 	fake.config.settings.max_connections = CONNECTIONS;
-	if (next_octet() & 1)
+	octet = next_octet();
+	if (octet & 1)
 		fake.event_capacity = 8;
+	if (octet & 2)
+		fake.starts = 1;
+	if (octet & 4)
+		fake.parameters[NORMALIZED].loaded = fake.parameters[FLOAT].loaded = 0x1e;
+	if (octet & 8)
+		fake.totals[COUNTER].time_ns = now;
 	for (uint32_t i = 0; i < POINTS; i++)
 		fake.samples[i].value.u = 0;
 	iec104_station_init(&station, &fake, sent_ns);

@@ -4,7 +4,8 @@
 
 #define QOI_STATION    20
 #define QOI_GROUP_LAST 36
-#define RQT_GENERAL    5 /* of QCC; its other bits are FRZ */
+#define RQT_FIRST      1
+#define RQT_GENERAL    5
 
 static struct iec104_procedure *procedure_at(struct iec104_connection *connection, unsigned place)
 {
@@ -48,6 +49,14 @@ static void remove_procedure(struct iec104_connection *connection, unsigned plac
 		*procedure_at(connection, place) = *procedure_at(connection, place + 1);
 }
 
+bool iec104_is_counter_of(const struct iec104_station *station, uint32_t point, uint8_t qualifier)
+{
+	const struct map_point *object = iec104_point(station, point);
+	uint32_t group = IEC104_QCC_GROUP(qualifier);
+
+	return object->type == MAP_COUNTER && (group == 0 || object->counter_group == group);
+}
+
 static bool interrogated(const struct iec104_station *station, const struct iec104_connection *connection,
 			 uint32_t point)
 {
@@ -55,7 +64,7 @@ static bool interrogated(const struct iec104_station *station, const struct iec1
 	const struct map_point *object = iec104_point(station, point);
 
 	if (procedure->type == IEC104_C_CI_NA_1)
-		return object->type == MAP_COUNTER;
+		return iec104_is_counter_of(station, point, procedure->qualifier);
 	return object->type != MAP_COUNTER &&
 	       (procedure->qualifier == QOI_STATION || object->group == procedure->qualifier - QOI_STATION);
 }
@@ -71,7 +80,8 @@ static void send_procedure(const struct iec104_station *station, struct iec104_c
 	if (procedure->type == IEC104_C_CS_NA_1) { /* the station's own time, now that it is synchronised */
 		struct map_clock clock = map_clock_read(station->map);
 
-		iec104_time56_encode(element, now_ns + clock.offset_ns, !clock.set);
+		iec104_time56_encode(element, now_ns + clock.offset_ns, !clock.set,
+				     &station->config->settings.zone);
 		size = IEC104_TIME56_SIZE;
 	}
 	iec104_asdu_begin(&builder, &(struct iec104_asdu){
@@ -93,12 +103,21 @@ static void next_station(const struct iec104_station *station, struct iec104_con
 		end_first_procedure(connection);
 }
 
+static bool is_freeze(const struct iec104_procedure *procedure)
+{
+	return procedure->type == IEC104_C_CI_NA_1 && IEC104_QCC_FREEZE(procedure->qualifier) != 0;
+}
+
 static void begin_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			    struct iec104_procedure *procedure, int64_t now_ns)
 {
 	send_procedure(station, connection, procedure, IEC104_ACTIVATION_CON, now_ns);
-	if (procedure->type == IEC104_C_CS_NA_1) {
+	if (procedure->type == IEC104_C_CS_NA_1 || procedure->type == IEC104_C_RP_NA_1) {
 		next_station(station, connection, procedure);
+		return;
+	}
+	if (is_freeze(procedure)) { /* carried out already; the readings are read later (101, 7.4.8) */
+		procedure->phase = IEC104_TERMINATE;
 		return;
 	}
 	procedure->phase = IEC104_DATA;
@@ -106,20 +125,30 @@ static void begin_procedure(const struct iec104_station *station, struct iec104_
 			   interrogated);
 }
 
+static uint8_t cause_of_data(const struct iec104_procedure *procedure)
+{
+	if (procedure->type != IEC104_C_CI_NA_1)
+		return procedure->qualifier; /* QOI has the cause's numbers */
+	return (uint8_t)(IEC104_COUNTERS_REQUESTED + IEC104_QCC_GROUP(procedure->qualifier));
+}
+
 static bool continue_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			       struct iec104_procedure *procedure, int64_t now_ns)
 {
 	const struct iec104_manner manner = {
 	    .wanted = interrogated,
-	    .cause = procedure->type == IEC104_C_CI_NA_1 ? IEC104_COUNTERS_REQUESTED : procedure->qualifier,
+	    .cause = cause_of_data(procedure),
+	    .totals = procedure->type == IEC104_C_CI_NA_1,
 	    .originator = procedure->originator,
 	    .test = procedure->test,
 	};
 	enum iec104_progress progress =
 	    iec104_send_points(station, connection, &procedure->sweep, &manner, now_ns);
 
-	if (progress == IEC104_SWEEP_DONE)
-		procedure->phase = IEC104_TERMINATE;
+	if (progress == IEC104_SWEEP_DONE) {
+		procedure->phase = procedure->type == IEC104_C_IC_NA_1 ? IEC104_PARAMETERS : IEC104_TERMINATE;
+		procedure->next_parameter = 0;
+	}
 	return progress != IEC104_SWEEP_TRY_LATER;
 }
 
@@ -136,6 +165,10 @@ bool iec104_advance_procedure(const struct iec104_station *station, struct iec10
 		return true;
 	case IEC104_DATA:
 		return continue_procedure(station, connection, procedure, now_ns);
+	case IEC104_PARAMETERS:
+		if (!iec104_send_parameters(station, connection, procedure, interrogated, now_ns))
+			procedure->phase = IEC104_TERMINATE;
+		return true;
 	case IEC104_TERMINATE:
 		send_procedure(station, connection, procedure, IEC104_ACTIVATION_TERM, now_ns);
 		next_station(station, connection, procedure);
@@ -170,21 +203,33 @@ struct iec104_procedure iec104_procedure_of(const struct iec104_station *station
 static bool can_interrogate(const struct iec104_procedure *procedure)
 {
 	if (procedure->type == IEC104_C_CI_NA_1)
-		return procedure->qualifier == RQT_GENERAL; /* FRZ = 0: read without freeze or reset */
+		return IEC104_QCC_REQUEST(procedure->qualifier) >= RQT_FIRST &&
+		       IEC104_QCC_REQUEST(procedure->qualifier) <= RQT_GENERAL;
 	return procedure->qualifier >= QOI_STATION && procedure->qualifier <= QOI_GROUP_LAST;
 }
 
-bool iec104_interrogate(const struct iec104_station *station, struct iec104_connection *connection,
-			const struct iec104_asdu *asdu)
+bool iec104_interrogate(struct iec104_station *station, struct iec104_connection *connection,
+			const uint8_t *bytes, size_t size, int64_t now_ns)
 {
-	struct iec104_procedure procedure = iec104_procedure_of(station, asdu);
-	unsigned place = find_procedure(connection, &procedure);
-	bool found = place < connection->procedure_count;
+	struct iec104_procedure procedure;
+	struct iec104_asdu asdu;
+	unsigned place;
+	bool found;
 
-	if (asdu->cause == IEC104_DEACTIVATION) {
+	iec104_asdu_decode(bytes, size, &asdu);
+	procedure = iec104_procedure_of(station, &asdu);
+	place = find_procedure(connection, &procedure);
+	found = place < connection->procedure_count;
+	if (asdu.cause == IEC104_DEACTIVATION) {
 		if (found)
 			remove_procedure(connection, place);
 		return found;
 	}
-	return !found && can_interrogate(&procedure) && iec104_add_procedure(connection, &procedure);
+	if (found || !can_interrogate(&procedure))
+		return false;
+	if (procedure.type == IEC104_C_CI_NA_1 && iec104_freeze_waits(station, connection))
+		return false;
+	if (is_freeze(&procedure) && !procedure.test)
+		return iec104_freeze(station, connection, &procedure, bytes, size, now_ns);
+	return iec104_add_procedure(connection, &procedure);
 }

@@ -76,7 +76,7 @@ bool iec104_answer_read(const struct iec104_station *station, struct iec104_conn
 	if (asdu == NULL || !is_read(asdu, size, &read))
 		return false;
 	point = map_find(station->map, read.ca, iec104_ioa_decode(read.objects));
-	if (!iec104_read_point(station, connection, point, &sample)) {
+	if (!iec104_read_point(station, connection, point, false, &sample)) {
 		iec104_retry_soon(connection, now_ns);
 		return false;
 	}

@@ -19,6 +19,11 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 		station->connections[i].open = false;
 	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++)
 		station->open_commands[i].request.id = 0;
+	for (unsigned i = 0; i < IEC104_OPEN_FREEZES_MAX; i++)
+		station->freezes[i].used = false;
+	station->initialised = false;
+	station->points_asked = 0;
+	station->initialising_since_ns = 0;
 	station->sent_ns = sent_ns;
 	station->times = (struct iec104_times){
 	    .k = settings->k,
@@ -73,7 +78,8 @@ void iec104_station_disconnect(struct iec104_station *station, struct iec104_con
 /* Sends one ASDU, or gets nearer to it. False: there is nothing to send now. */
 static bool send_next(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
-	if (iec104_send_confirmation(connection, now_ns))
+	if (iec104_send_confirmation(connection, now_ns) ||
+	    iec104_send_initialised(station, connection, now_ns))
 		return true;
 	if (connection->down) /* later events wait until all of the module's points are reported */
 		return iec104_send_invalid(station, connection, now_ns);
@@ -104,6 +110,7 @@ static void begin_transfer(struct iec104_station *station, struct iec104_connect
 		connection->lost = connection->cursor->lost;
 		connection->ever_started = true;
 	}
+	iec104_begin_initialised(station, connection);
 	iec104_schedule_periodic(station, connection, now_ns);
 	iec104_log(station, MAP_LOG_INFO, connection->peer, "data transfer started");
 }
@@ -155,6 +162,8 @@ void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 	while (map_answer_next(station->map, &answer))
 		iec104_take_answer(station, &answer);
 	iec104_conclude_orphans(station, now_ns);
+	iec104_conclude_freezes(station, now_ns);
+	iec104_watch_initialisation(station, now_ns);
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		if (station->connections[i].open)
 			run_connection(station, &station->connections[i], now_ns);
@@ -176,8 +185,9 @@ static int64_t connection_deadline(const struct iec104_connection *connection)
 
 int64_t iec104_station_deadline(const struct iec104_station *station)
 {
-	int64_t deadline = iec104_orphan_deadline(station);
+	int64_t deadline = earlier(iec104_orphan_deadline(station), iec104_freeze_deadline(station));
 
+	deadline = earlier(deadline, iec104_initialisation_deadline(station));
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		if (station->connections[i].open)
 			deadline = earlier(deadline, connection_deadline(&station->connections[i]));

@@ -19,8 +19,15 @@
  * - a time tag that is invalid, or further than command_timeout_s from the map's clock. While that clock is
  *   not set, the age cannot be known and is not judged;
  * - an interrogation of a station while one is under way; those of different stations wait for each other;
+ * - a freeze of counters whose owner is not alive, or any counter interrogation while the connection's freeze waits;
  * - a clock synchronisation by a controlling station that may not.
  * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
+ * Counters: FRZ 1..3 is confirmed and terminated when all owners have carried it out, and brings no readings; FRZ 0
+ * brings those frozen last. A frozen reading carries its sequence number, CY and CA; any other reading has them 0.
+ * Reset process: QRP 1 restarts all of the gateway's modules, whatever station it is sent to. QRP 2 drops the events that
+ * wait on this connection, those of all stations: it is refused unless it is sent to all, or there is but one.
+ * Parameters (P_ME, P_AC) are for a measured value of their own type, have LPC and POP 0, and are in force when confirmed.
+ * A station interrogation sends those that were loaded behind the values.
  * With the test bit, a command is checked and confirmed, and not carried out.
  * STOPDT ends interrogations and drops confirmations that wait; events wait for the next STARTDT. A
  * connection that ends leaves its commands to their devices; what it has selected is no longer.
@@ -37,6 +44,7 @@
 #define IEC104_REPLIES_SIZE       8192
 #define IEC104_INTERROGATIONS_MAX 64 /* of different stations, under way or waiting, on one connection */
 #define IEC104_OPEN_COMMANDS_MAX  64 /* waiting for their devices, of all connections */
+#define IEC104_OPEN_FREEZES_MAX   16 /* waiting for the counters' owners, one a connection */
 
 /* Confirmations and refusals that wait for room in k, oldest first: one octet of size, then the ASDU. */
 struct iec104_replies {
@@ -51,9 +59,9 @@ struct iec104_sweep {
 	uint8_t types; /* of this device's wanted points, those not done yet: bits of enum map_type */
 };
 
-enum iec104_phase { IEC104_CONFIRM, IEC104_DATA, IEC104_TERMINATE };
+enum iec104_phase { IEC104_CONFIRM, IEC104_DATA, IEC104_PARAMETERS, IEC104_TERMINATE };
 
-/* Interrogation, counter interrogation or confirmation of a clock synchronisation, station by station. */
+/* Interrogation, counter interrogation or confirmation of a clock synchronisation or reset, station by station. */
 struct iec104_procedure {
 	uint8_t type;
 	uint8_t qualifier; /* QOI, QCC */
@@ -63,6 +71,7 @@ struct iec104_procedure {
 	enum iec104_phase phase;
 	uint32_t device;
 	struct iec104_sweep sweep;
+	uint32_t next_parameter; /* of the device's points */
 };
 
 struct iec104_connection {
@@ -75,6 +84,9 @@ struct iec104_connection {
 	char peer[IEC104_PEER_SIZE];
 	struct iec104_session session;
 	struct iec104_replies replies;
+
+	bool tells_initialised;    /* M_EI_NA_1 is being sent, */
+	uint32_t next_initialised; /* of this device next */
 
 	struct map_cursor *cursor; /* events */
 	uint32_t lost;             /* of them, as last logged */
@@ -109,6 +121,21 @@ struct iec104_open_command {
 	size_t asdu_size;
 };
 
+/* A counter interrogation that freezes or resets, until the counters' owners have answered. */
+struct iec104_freeze {
+	bool used;
+	bool failed; /* an owner refused, or has ended */
+	struct iec104_connection *connection;
+	uint32_t serial;                   /* of the connection then */
+	struct iec104_procedure procedure; /* which confirms it */
+	uint8_t asdu[IEC104_COMMAND_MAX];  /* as received */
+	size_t asdu_size;
+	uint32_t waiting; /* for these owners, a bit each */
+	uint32_t ids[MAP_MODULES_MAX];
+	uint32_t generations[MAP_MODULES_MAX]; /* of the owners, when they were asked */
+	int64_t posted_ns, deadline_ns;
+};
+
 struct iec104_station {
 	struct map *map;
 	const struct map_config *config;
@@ -117,6 +144,11 @@ struct iec104_station {
 	uint32_t next_serial;
 	struct iec104_connection connections[IEC104_CONNECTIONS_MAX];
 	struct iec104_open_command open_commands[IEC104_OPEN_COMMANDS_MAX];
+	struct iec104_freeze freezes[IEC104_OPEN_FREEZES_MAX];
+
+	bool initialised;      /* all devices were asked since the start; not looked at once it was told */
+	uint32_t points_asked; /* of the first so many it is known */
+	int64_t initialising_since_ns, initialisation_check_ns;
 
 	int64_t now_ns;        /* of the last call that had it */
 	int64_t log_paid_ns;   /* each line moves it on; far in the future, lines are left out */

@@ -38,6 +38,7 @@ struct iec104_manner {
 	bool test;
 	bool tagged;
 	bool valid_only;
+	bool totals;  /* counters' frozen readings */
 	bool invalid; /* whatever they are now, they became invalid at invalid_since_ns */
 	int64_t invalid_since_ns;
 };
@@ -61,9 +62,12 @@ enum iec104_progress iec104_send_points(const struct iec104_station *station,
 
 /* An event waits to be sent: nothing that was read from the map just now may go before it. */
 bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection);
-/* map_read, and remembers an owner whose heartbeat is missing. */
+/*
+ * map_read, and remembers an owner whose heartbeat is missing. A counter that freezes by itself is sent as it was frozen,
+ * with totals every counter.
+ */
 bool iec104_read_point(const struct iec104_station *station, struct iec104_connection *connection,
-		       uint32_t point, struct map_sample *sample);
+		       uint32_t point, bool totals, struct map_sample *sample);
 /* Begins an ASDU for this point and others of its station and type. */
 void iec104_begin_asdu(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct iec104_manner *manner, bool sequence);
@@ -98,7 +102,52 @@ void iec104_begin_periodic(const struct iec104_station *station, struct iec104_c
 bool iec104_send_periodic(const struct iec104_station *station, struct iec104_connection *connection,
 			  int64_t now_ns);
 
+/* ---- freeze.c ---------------------------------------------------------------------------- */
+
+/* Of the QCC (IEC 60870-5-101, 7.2.6.23): RQT 1..4 a group, 5 general; FRZ is 0, or enum map_freeze. */
+#define IEC104_QCC_REQUEST(qcc) ((qcc)&0x3fu)
+#define IEC104_QCC_GROUP(qcc)   (IEC104_QCC_REQUEST(qcc) % 5u) /* 0: any */
+#define IEC104_QCC_FREEZE(qcc)  ((qcc) >> 6)
+
+/*
+ * Asks the owners of the counters that a counter interrogation means to freeze or reset them. False, and nothing
+ * asked: an owner is not alive, or too many are waiting. The confirmation follows when all have answered.
+ */
+bool iec104_freeze(struct iec104_station *station, struct iec104_connection *connection,
+		   const struct iec104_procedure *procedure, const uint8_t *asdu, size_t size,
+		   int64_t now_ns);
+/* The connection waits for a freeze. */
+bool iec104_freeze_waits(const struct iec104_station *station, const struct iec104_connection *connection);
+void iec104_take_freeze_answer(struct iec104_station *station, const struct map_answer *answer);
+/* Ends what waits for owners that died or whose answer was lost. */
+void iec104_conclude_freezes(struct iec104_station *station, int64_t now_ns);
+/* When iec104_conclude_freezes is due at the latest; INT64_MAX: none waits. */
+int64_t iec104_freeze_deadline(const struct iec104_station *station);
+
+/* ---- initialisation.c -------------------------------------------------------------------- */
+
+/* Looks whether all devices have been asked, as long as that is to be told; then all connections are told. */
+void iec104_watch_initialisation(struct iec104_station *station, int64_t now_ns);
+/* A connection's data transfer begins: it is told, if nobody was there before. */
+void iec104_begin_initialised(struct iec104_station *station, struct iec104_connection *connection);
+bool iec104_send_initialised(const struct iec104_station *station, struct iec104_connection *connection,
+			     int64_t now_ns);
+int64_t iec104_initialisation_deadline(const struct iec104_station *station);
+
+/* ---- parameter.c ------------------------------------------------------------------------- */
+
+/* The measured value that a parameter is for; MAP_NONE: there is none of this type. */
+uint32_t iec104_parameter_point(const struct iec104_station *station, const struct iec104_asdu *asdu);
+/* What its owner is asked for: detail and value. False: a qualifier that is reserved or not for a controlling station. */
+bool iec104_parameter_request(const struct iec104_asdu *asdu, struct map_request *request);
+/* Sends the loaded parameters of the procedure's next point that has some. False: there is none. */
+bool iec104_send_parameters(const struct iec104_station *station, struct iec104_connection *connection,
+			    struct iec104_procedure *procedure, iec104_wanted *wanted, int64_t now_ns);
+
 /* ---- interrogation.c --------------------------------------------------------------------- */
+
+/* The point is a counter that a counter interrogation with this QCC means. */
+bool iec104_is_counter_of(const struct iec104_station *station, uint32_t point, uint8_t qualifier);
 
 /* The device a common address means; broadcast: the first. False: there is none. */
 bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint32_t *device);
@@ -111,8 +160,8 @@ bool iec104_add_procedure(struct iec104_connection *connection, const struct iec
  * Activates or deactivates. False: the confirmation is negative. The positive one of an activation is the
  * procedure's own, when its turn has come.
  */
-bool iec104_interrogate(const struct iec104_station *station, struct iec104_connection *connection,
-			const struct iec104_asdu *asdu);
+bool iec104_interrogate(struct iec104_station *station, struct iec104_connection *connection,
+			const uint8_t *asdu, size_t size, int64_t now_ns);
 bool iec104_advance_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			      int64_t now_ns);
 

@@ -14,9 +14,13 @@ void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns)
  * then, sees nothing and puts no event.
  */
 bool iec104_read_point(const struct iec104_station *station, struct iec104_connection *connection,
-		       uint32_t point, struct map_sample *sample)
+		       uint32_t point, bool totals, struct map_sample *sample)
 {
+	const struct map_point *object = iec104_point(station, point);
 	uint32_t owner = map_owner(station->map, point);
+
+	if (object->type == MAP_COUNTER && (totals || object->freeze_s != 0))
+		return map_total_read(station->map, point, sample);
 
 	if (!map_read(station->map, point, sample))
 		return false;
@@ -43,7 +47,8 @@ bool iec104_add_sample(const struct iec104_station *station, struct iec104_build
 	if (tagged) {
 		struct map_clock clock = map_clock_read(station->map);
 
-		iec104_time56_encode(element + size, sample->time_ns + clock.offset_ns, !clock.set);
+		iec104_time56_encode(element + size, sample->time_ns + clock.offset_ns, !clock.set,
+				     &station->config->settings.zone);
 		size += IEC104_TIME56_SIZE;
 	}
 	return iec104_asdu_add(builder, object->ioa, element, size);
@@ -164,7 +169,7 @@ static bool fill_asdu(const struct iec104_station *station, struct iec104_connec
 	do {
 		struct map_sample sample;
 
-		if (!iec104_read_point(station, connection, point, &sample))
+		if (!iec104_read_point(station, connection, point, manner->totals, &sample))
 			return false;
 		if (manner->invalid) {
 			sample.quality |= MAP_INVALID;

@@ -139,13 +139,19 @@ static void test_sizes_of_system_commands(void **state)
 		bool command =
 		    (type >= 45 && type <= 51 && type != 47) || (type >= 58 && type <= 64 && type != 60);
 
-		assert_int_equal(size > 0, command || (type >= 100 && type <= 103) || type == 107);
+		assert_int_equal(size > 0, command || (type >= 100 && type <= 103) || type == 105 ||
+					       type == 107 || (type >= 110 && type <= 113));
 	}
 	assert_int_equal(iec104_control_object_size(100), 4);
 	assert_int_equal(iec104_control_object_size(101), 4);
 	assert_int_equal(iec104_control_object_size(102), 3);
 	assert_int_equal(iec104_control_object_size(103), 10);
+	assert_int_equal(iec104_control_object_size(105), 4);
 	assert_int_equal(iec104_control_object_size(107), 12);
+	assert_int_equal(iec104_control_object_size(110), 6);
+	assert_int_equal(iec104_control_object_size(111), 6);
+	assert_int_equal(iec104_control_object_size(112), 8);
+	assert_int_equal(iec104_control_object_size(113), 4);
 }
 
 struct element_case {

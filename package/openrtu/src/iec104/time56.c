@@ -2,6 +2,7 @@
 #include "iec104/time56.h"
 
 #define NS_PER_MS   1000000LL
+#define MS_PER_S    1000LL
 #define MS_PER_DAY  86400000LL
 #define MS_OF_2000  (10957 * MS_PER_DAY) /* 1970-01-01 to 2000-01-01 */
 #define DAYS_100    36525                /* 2000..2099: every fourth year is a leap year, 2000 too */
@@ -9,6 +10,10 @@
 #define IV_BIT      0x80
 #define MINUTE_MASK 0x3f
 #define HOUR_MASK   0x1f
+#define SU_BIT      0x80
+#define S_PER_DAY   86400
+#define DAYS_WEEK   7
+#define SATURDAY    6 /* 2000-01-01 */
 #define DAY_MASK    0x1f
 #define MONTH_MASK  0x0f
 #define YEAR_MASK   0x7f
@@ -26,10 +31,44 @@ static int days_before_year(int year)
 	return year * 365 + (year + 3) / 4;
 }
 
-void iec104_time56_encode(uint8_t octets[IEC104_TIME56_SIZE], int64_t wall_ns, bool invalid)
+/* Days from 2000-01-01 to the day of a year that the rule names. */
+static int day_of_rule(const struct map_zone_rule *rule, int year)
+{
+	int first = days_before_year(year), day;
+
+	for (int month = 1; month < rule->month; month++)
+		first += days_in_month(year, month);
+	day = (rule->weekday - (SATURDAY + first) % DAYS_WEEK + DAYS_WEEK) % DAYS_WEEK;
+	day += (rule->week - 1) * DAYS_WEEK;
+	while (day >= days_in_month(year, rule->month))
+		day -= DAYS_WEEK;
+	return first + day;
+}
+
+/* time_s: since 2000-01-01, UTC */
+static bool is_summer(const struct map_zone *zone, int64_t time_s)
+{
+	int64_t begin_s, end_s;
+	int year;
+
+	if (zone->begin.month == 0)
+		return false;
+	year = (int)((time_s + zone->offset_s) / S_PER_DAY * 4 / DAYS_4);
+	begin_s = (int64_t)day_of_rule(&zone->begin, year) * S_PER_DAY + zone->begin.time_s - zone->offset_s;
+	end_s = (int64_t)day_of_rule(&zone->end, year) * S_PER_DAY + zone->end.time_s - zone->summer_s;
+	if (begin_s < end_s)
+		return time_s >= begin_s && time_s < end_s;
+	return time_s >= begin_s || time_s < end_s; /* in the south, over the turn of the year */
+}
+
+void iec104_time56_encode(uint8_t octets[IEC104_TIME56_SIZE], int64_t wall_ns, bool invalid,
+			  const struct map_zone *zone)
 {
 	int64_t ms = wall_ns / NS_PER_MS - MS_OF_2000;
+	bool summer = is_summer(zone, ms / MS_PER_S);
 	int days, ms_of_day, year, month = 1;
+
+	ms += (summer ? zone->summer_s : zone->offset_s) * MS_PER_S;
 
 	if (ms < 0 || ms >= DAYS_100 * MS_PER_DAY) {
 		ms = ms < 0 ? 0 : DAYS_100 * MS_PER_DAY - 1;
@@ -45,17 +84,19 @@ void iec104_time56_encode(uint8_t octets[IEC104_TIME56_SIZE], int64_t wall_ns, b
 	octets[0] = (uint8_t)(ms_of_day % 60000);
 	octets[1] = (uint8_t)(ms_of_day % 60000 >> 8);
 	octets[2] = (uint8_t)(ms_of_day / 60000 % 60 | (invalid ? IV_BIT : 0));
-	octets[3] = (uint8_t)(ms_of_day / 3600000);
+	octets[3] = (uint8_t)(ms_of_day / 3600000 | (summer ? SU_BIT : 0));
 	octets[4] = (uint8_t)(days + 1);
 	octets[5] = (uint8_t)month;
 	octets[6] = (uint8_t)year;
 }
 
-bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], int64_t *wall_ns)
+bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone,
+			  int64_t *wall_ns)
 {
 	int ms = octets[0] | octets[1] << 8, minute = octets[2] & MINUTE_MASK, hour = octets[3] & HOUR_MASK,
 	    day = octets[4] & DAY_MASK, month = octets[5] & MONTH_MASK, year = octets[6] & YEAR_MASK;
-	int64_t days;
+	bool summer = (octets[3] & SU_BIT) != 0;
+	int64_t days, time_s;
 
 	if (octets[2] & IV_BIT)
 		return false;
@@ -66,6 +107,7 @@ bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], int64_t *wal
 	days = days_before_year(year) + day - 1;
 	for (int m = 1; m < month; m++)
 		days += days_in_month(year, m);
-	*wall_ns = (MS_OF_2000 + days * MS_PER_DAY + ((hour * 60 + minute) * 60000LL) + ms) * NS_PER_MS;
-	return true;
+	time_s = days * S_PER_DAY + (hour * 60 + minute) * 60 - (summer ? zone->summer_s : zone->offset_s);
+	*wall_ns = (MS_OF_2000 + time_s * MS_PER_S + ms) * NS_PER_MS;
+	return is_summer(zone, time_s + ms / MS_PER_S) == summer;
 }

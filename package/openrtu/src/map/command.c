@@ -22,12 +22,17 @@ static void ring_own_bell_for_the_rest(const struct map *map)
 		bell_ring(map, map->self);
 }
 
+static bool is_for_rtud(uint8_t action)
+{
+	return action == MAP_SET_CLOCK || action == MAP_RESTART;
+}
+
 /* ---- requester --------------------------------------------------------------------------- */
 
 uint32_t map_request_post(struct map *map, struct map_request request)
 {
 	struct segment_header *header = map->segments[map->self].header;
-	uint32_t owner = request.action == MAP_SET_CLOCK ? MAP_RTUD : map_owner(map, request.point);
+	uint32_t owner = is_for_rtud(request.action) ? MAP_RTUD : map_owner(map, request.point);
 
 	if (!map_alive(map, owner))
 		return 0;
@@ -66,7 +71,7 @@ static bool is_for(const struct map *map, const struct map_request *request)
 {
 	if (request->generation != atomic_load(&map->directory->modules[map->self].generation))
 		return false;
-	if (request->action == MAP_SET_CLOCK)
+	if (is_for_rtud(request->action))
 		return map->self == MAP_RTUD;
 	return request->point < map->config.point_count && map_owner(map, request->point) == map->self;
 }
@@ -255,10 +260,29 @@ static void release(const struct map *map, struct command_cell *cell, const stru
 	store(cell, &command);
 }
 
+/* What the owner does at once, without the device. */
+static void carry_out(struct map *map, const struct map_request *request)
+{
+	enum map_command_result result = MAP_RESULT_DONE;
+	struct map_command end;
+
+	if (map_now_ns() > request->deadline_ns)
+		result = MAP_RESULT_TOO_OLD;
+	else if (request->action == MAP_FREEZE ? !totals_freeze(map, request) : !parameter_load(map, request))
+		result = MAP_RESULT_OUT_OF_RANGE;
+	end = command_of(map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND,
+			 result);
+	answer(map, &end, request->point, (enum map_action)request->action);
+}
+
 bool map_command_request(struct map *map, const struct map_request *request)
 {
 	struct command_cell *cell;
 
+	if (request->action == MAP_FREEZE || request->action == MAP_PARAMETER) {
+		carry_out(map, request);
+		return false;
+	}
 	if (!(map->config.points[request->point].flags & MAP_POINT_COMMAND)) {
 		if (request->action != MAP_RELEASE)
 			refuse(map, request, MAP_RESULT_NOT_COMMANDABLE);
@@ -302,7 +326,7 @@ void map_clock_answer(struct map *map, const struct map_request *request, enum m
 	struct map_command command = command_of(
 	    map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND, result);
 
-	answer(map, &command, MAP_NONE, MAP_SET_CLOCK);
+	answer(map, &command, MAP_NONE, (enum map_action)request->action);
 }
 
 /* What was under way when the former generation died is never repeated, and nobody knows its fate. */

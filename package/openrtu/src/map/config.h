@@ -77,20 +77,40 @@ struct map_device {
 struct map_point {
 	char name[MAP_NAME_SIZE];
 	uint16_t device;
-	uint16_t address; /* Modbus address, from 0 */
-	uint8_t table;    /* enum map_table */
-	uint8_t type;     /* enum map_type */
-	uint8_t width;    /* bits or registers it covers: 1, 2 */
-	uint8_t flags;    /* enum map_point_flag */
-	uint32_t ioa;     /* information object address, 1..16777215 */
-	uint8_t group;    /* interrogation group 1..16, 0: none */
-	uint8_t reserved[3];
-	uint32_t cyclic_ms; /* period of cyclic transmission, 0: none */
+	uint16_t address;      /* Modbus address, from 0 */
+	uint8_t table;         /* enum map_table */
+	uint8_t type;          /* enum map_type */
+	uint8_t width;         /* bits or registers it covers: 1, 2 */
+	uint8_t flags;         /* enum map_point_flag */
+	uint32_t ioa;          /* information object address, 1..16777215 */
+	uint8_t group;         /* interrogation group 1..16, 0: none */
+	uint8_t counter_group; /* 1..4, 0: none */
+	uint8_t reserved[2];
+	uint32_t period_ms; /* of cyclic transmission or background scan, 0: none */
+	uint32_t freeze_s;  /* a counter's period of local freezes, 0: none */
 	double scale;       /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	double offset;
-	double deadband;  /* in the unit of the value sent; 0: every change is an event */
-	uint32_t slot;    /* place among its owner's points; set by map_create */
-	uint32_t command; /* place among its owner's commands; set by map_create */
+	double deadband;     /* in the unit of the value sent; 0: every change is an event */
+	uint32_t slot;       /* place among its owner's points; set by map_create */
+	uint32_t command;    /* place among its owner's commands; set by map_create */
+	uint32_t total;      /* place among its owner's totals, of a counter; set by map_create */
+	uint32_t parameters; /* the same of a measured value; MAP_NONE else */
+};
+
+/* When summer time begins or ends: the n-th weekday of a month, in the local time until then (POSIX TZ, Mm.w.d/time). */
+struct map_zone_rule {
+	uint8_t month;   /* 1..12; 0: there is no summer time */
+	uint8_t week;    /* 1..5, 5 the last */
+	uint8_t weekday; /* 0 Sunday .. 6 */
+	uint8_t reserved;
+	int32_t time_s; /* after midnight, may be negative or of a later day */
+};
+
+/* A time zone; all 0 is UTC. */
+struct map_zone {
+	int32_t offset_s; /* ahead of UTC */
+	int32_t summer_s; /* the same in summer time */
+	struct map_zone_rule begin, end;
 };
 
 enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
@@ -109,7 +129,8 @@ struct map_settings {
 	uint8_t clock_master_count; /* 0: every master may set the clock */
 	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
 	uint8_t reserved;
-	uint32_t event_ring; /* events each module keeps, a power of two */
+	struct map_zone zone; /* of the time tags on the wire */
+	uint32_t event_ring;  /* events each module keeps, a power of two */
 	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
 };
 

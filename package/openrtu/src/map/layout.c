@@ -35,6 +35,8 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 	layout.samples[0] = section(&layout, entry->point_count * sizeof(struct map_sample));
 	layout.samples[1] = section(&layout, entry->point_count * sizeof(struct map_sample));
 	layout.commands = section(&layout, entry->command_count * sizeof(struct command_cell));
+	layout.totals = section(&layout, entry->total_count * sizeof(struct total_cell));
+	layout.parameters = section(&layout, entry->parameter_count * sizeof(struct parameter_cell));
 	layout.line_stats = section(&layout, config->line_count * sizeof(struct map_line_stats));
 	layout.device_stats = section(&layout, config->device_count * sizeof(struct map_device_stats));
 	return layout;
@@ -57,6 +59,8 @@ void segment_place(struct segment *segment, void *memory, const struct layout *l
 	segment->samples[0] = at(memory, layout->samples[0]);
 	segment->samples[1] = at(memory, layout->samples[1]);
 	segment->commands = at(memory, layout->commands);
+	segment->totals = at(memory, layout->totals);
+	segment->parameters = at(memory, layout->parameters);
 	segment->line_stats = at(memory, layout->line_stats);
 	segment->device_stats = at(memory, layout->device_stats);
 	segment->size = layout->size;
@@ -69,7 +73,8 @@ uint32_t layout_fingerprint(void)
 	    sizeof(struct map_device),     sizeof(struct map_point),        sizeof(struct map_settings),
 	    sizeof(struct map_sample),     sizeof(struct map_event),        sizeof(struct map_request),
 	    sizeof(struct map_answer),     sizeof(struct command_cell),     sizeof(struct map_log_line),
-	    sizeof(struct map_line_stats), sizeof(struct map_device_stats),
+	    sizeof(struct map_line_stats), sizeof(struct map_device_stats), sizeof(struct total_cell),
+	    sizeof(struct parameter_cell),
 	};
 	uint32_t hash = 2166136261u; /* FNV-1a */
 

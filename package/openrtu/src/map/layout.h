@@ -13,7 +13,7 @@
 #include "map/ring.h"
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT   1u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   2u          /* raise with every change of what lies in the segments */
 #define REQUEST_RING 256u
 #define ANSWER_RING  256u
 #define LOG_RING     128u
@@ -25,10 +25,10 @@ struct segment_header {
 	uint32_t layout;
 	uint32_t fingerprint; /* sizes of all records: catches another compiler's idea of them */
 	uint32_t size;
-	_Atomic uint32_t generation;   /* of the process that attached last */
-	_Atomic uint32_t heartbeat_ms; /* CLOCK_MONOTONIC, low 32 bits */
-	_Atomic uint32_t next_request; /* id of the next request */
-	uint32_t reserved;
+	_Atomic uint32_t generation;            /* of the process that attached last */
+	_Atomic uint32_t heartbeat_ms;          /* CLOCK_MONOTONIC, low 32 bits */
+	_Atomic uint32_t next_request;          /* id of the next request */
+	uint32_t note;                          /* map_note */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
 	struct map_cursor cursors[MAP_CURSORS];
@@ -41,12 +41,34 @@ struct command_cell {
 	struct map_command copies[2];
 };
 
+/* A counter's total: what makes a reading of the device's value, and the reading that was frozen last. */
+struct map_total {
+	struct map_sample frozen; /* time_ns 0: never */
+	uint32_t offset;          /* the device's value at the last reset */
+	uint8_t since;            /* MAP_COUNTER_CARRY, MAP_COUNTER_ADJUSTED since the last freeze */
+	uint8_t reserved[3];
+};
+
+struct total_cell {
+	map_latch latch;
+	uint32_t reserved;
+	struct map_total copies[2];
+};
+
+/* Parameters of a measured value, each independent of the others and written at once. */
+struct parameter_cell {
+	_Atomic uint32_t state; /* 1 << enum map_parameter: loaded, of MAP_CYCLIC stopped */
+	_Atomic uint32_t values[4];
+};
+
 /* A module as rtud knows it. In rtud's segment. */
 struct module_entry {
 	char name[MAP_NAME_SIZE];
 	uint32_t kind;
 	uint32_t point_count;
 	uint32_t command_count;
+	uint32_t total_count;
+	uint32_t parameter_count;
 	_Atomic uint32_t state; /* enum map_module_state */
 	_Atomic uint32_t pid;
 	_Atomic uint32_t generation;
@@ -57,6 +79,7 @@ struct module_entry {
 /* What rtud's segment holds besides the sections that every segment has. */
 struct directory {
 	uint32_t module_count;
+	_Atomic uint32_t starts; /* map_starts */
 	map_latch clock_latch;
 	struct map_clock clock[2];
 	struct module_entry modules[MAP_MODULES_MAX];
@@ -71,7 +94,7 @@ struct layout {
 	size_t requests, answers, events, log;
 	size_t latches; /* one a device of the configuration */
 	size_t samples[2];
-	size_t commands;
+	size_t commands, totals, parameters;
 	size_t line_stats, device_stats;
 	size_t size;
 	uint32_t event_capacity;
@@ -84,6 +107,8 @@ struct segment {
 	map_latch *latches;
 	struct map_sample *samples[2];
 	struct command_cell *commands;
+	struct total_cell *totals;
+	struct parameter_cell *parameters;
 	struct map_line_stats *line_stats;
 	struct map_device_stats *device_stats;
 	size_t size;
@@ -97,6 +122,12 @@ struct reported {
 	bool valid;
 };
 
+/* Where a measured value's filter is; private to its owner. */
+struct smoothed {
+	double value;
+	int64_t time_ns; /* 0: it begins with the next value */
+};
+
 struct map {
 	int directory_fd; /* of the map's folder; rtud holds its lock through it */
 	uint32_t self;
@@ -105,7 +136,9 @@ struct map {
 	const uint32_t *by_address;
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
-	uint32_t taken; /* requests and answers since the bell was cleared */
+	struct smoothed *smoothed;
+	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
+	uint32_t taken;   /* requests and answers since the bell was cleared */
 };
 
 uint32_t layout_fingerprint(void);
@@ -126,5 +159,18 @@ bool is_past(int64_t time_ns);
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);
 void commands_recover(struct map *map);
+void totals_recover(struct map *map);
+
+/* Carries out a MAP_FREEZE. False: it is none of enum map_freeze. */
+bool totals_freeze(struct map *map, const struct map_request *request);
+/* Carries out a MAP_PARAMETER. False: the point has no such parameter, or not this value. */
+bool parameter_load(struct map *map, const struct map_request *request);
+/* A measured value has crossed one of its limits. */
+bool parameters_crossed(const struct map_parameters *parameters, enum map_type type, union map_value from,
+			union map_value to);
+/* The owner's own last sample. */
+struct map_sample own_sample(const struct map *map, uint32_t point);
+/* Puts an event of a sample, whatever the last one said. */
+void event_put(struct map *map, uint32_t point, const struct map_sample *sample);
 
 #endif

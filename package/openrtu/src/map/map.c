@@ -104,6 +104,11 @@ static int assign_modules(struct directory *directory, const struct map_config *
 	return 0;
 }
 
+static bool is_measured(const struct map_point *point)
+{
+	return point->type == MAP_NORMALIZED || point->type == MAP_SCALED || point->type == MAP_FLOAT;
+}
+
 static void assign_slots(struct directory *directory, const struct map_config *config)
 {
 	for (uint32_t i = 0; i < config->point_count; i++) {
@@ -113,6 +118,8 @@ static void assign_slots(struct directory *directory, const struct map_config *c
 
 		point->slot = owner->point_count++;
 		point->command = (point->flags & MAP_POINT_COMMAND) ? owner->command_count++ : MAP_NONE;
+		point->total = point->type == MAP_COUNTER ? owner->total_count++ : MAP_NONE;
+		point->parameters = is_measured(point) ? owner->parameter_count++ : MAP_NONE;
 	}
 }
 
@@ -214,6 +221,7 @@ static void copy_table(uint8_t *to, const void *table, size_t size)
 static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struct directory *directory,
 			     const struct map_config *config)
 {
+	directory->starts = 1;
 	directory->settings = config->settings;
 	directory->line_count = config->line_count;
 	directory->device_count = config->device_count;
@@ -484,6 +492,7 @@ static void begin_generation(struct map *map)
 	}
 	points_recover(map);
 	commands_recover(map);
+	totals_recover(map);
 	map_heartbeat(map);
 	if (entry->kind == MAP_MODULE_RTUCTL)
 		atomic_fetch_add(&header->generation, 1);
@@ -506,7 +515,8 @@ static int attach_all(struct map *map, const char *module, char *error)
 	if (attach_bells(map, error) < 0)
 		return -1;
 	map->reported = calloc(map->directory->modules[map->self].point_count + 1, sizeof(*map->reported));
-	if (!map->reported)
+	map->smoothed = calloc(map->directory->modules[map->self].point_count + 1, sizeof(*map->smoothed));
+	if (!map->reported || !map->smoothed)
 		return fail(error, "out of memory");
 	begin_generation(map);
 	return 0;
@@ -543,6 +553,7 @@ void map_detach(struct map *map)
 	if (map->directory_fd >= 0)
 		close(map->directory_fd);
 	free(map->reported);
+	free(map->smoothed);
 	free(map);
 }
 

@@ -48,10 +48,17 @@ union map_value {
 	float f;
 };
 
+/* What a frozen reading of a counter says beside its value, where the BCR has it (IEC 60870-5-101, 7.2.6.9). */
+enum map_counter_detail {
+	MAP_COUNTER_SEQUENCE = 0x1f, /* number of the freeze, modulo 32 */
+	MAP_COUNTER_CARRY = 0x20,    /* it overflowed in the period that the freeze ended */
+	MAP_COUNTER_ADJUSTED = 0x40, /* it was reset in that period, by request or at the device */
+};
+
 struct map_sample {
 	union map_value value; /* which member: enum map_type */
 	uint8_t quality;       /* enum map_quality, or-ed */
-	uint8_t detail;        /* MAP_STEP: bit 0 transient */
+	uint8_t detail;        /* MAP_STEP: bit 0 transient; MAP_COUNTER: enum map_counter_detail */
 	uint16_t reserved;
 	int64_t time_ns; /* acquisition */
 };
@@ -108,6 +115,10 @@ uint32_t map_module_count(const struct map *map);
 /* What is known of a module. index < map_module_count. */
 void map_module(const struct map *map, uint32_t index, struct map_module *out);
 bool map_alive(const struct map *map, uint32_t module);
+/* How often all modules were started together: 1, and one more with each MAP_RESTART. */
+uint32_t map_starts(const struct map *map);
+/* A number in the own segment, 0 at first, that survives the module's restart: what it means is the module's. */
+uint32_t *map_note(struct map *map);
 /* How old a module's heartbeat may be. */
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module);
 uint32_t map_owner(const struct map *map, uint32_t point);
@@ -212,15 +223,28 @@ enum map_action {
 	MAP_CANCEL,    /* interrupts the selection */
 	MAP_RELEASE,   /* the requester has seen the final state: back to inactive; no answer */
 	MAP_SET_CLOCK, /* to rtud: the wall time at time_ns was wall_ns */
+	MAP_RESTART,   /* to rtud: stops all modules and starts them anew, soon after its answer */
+	MAP_FREEZE,    /* to an owner of counters: detail is enum map_freeze, value.u which counters */
+	MAP_PARAMETER, /* detail is enum map_parameter; value as the point has it, of MAP_CYCLIC 0 or 1 */
 };
+
+/* The parameters of a measured value, as KPA of the QPM numbers them (IEC 60870-5-101, 7.2.6.24), and its cyclic transmission. */
+enum map_parameter { MAP_THRESHOLD = 1, MAP_SMOOTHING, MAP_LOW_LIMIT, MAP_HIGH_LIMIT, MAP_CYCLIC };
+
+/* What a freeze does, as FRZ of the QCC has it (IEC 60870-5-101, 7.2.6.23). */
+enum map_freeze { MAP_FREEZE_ONLY = 1, MAP_FREEZE_AND_RESET = 2, MAP_RESET_ONLY = 3 };
+
+/* Which counters a MAP_FREEZE means, in value.u: those of the point's device, or of all of its owner's. */
+#define MAP_FREEZE_GROUP       0xffu /* only of this counter group; 0: of any */
+#define MAP_FREEZE_ALL_DEVICES 0x100u
 
 struct map_request {
 	uint32_t id;         /* given by map_request_post */
-	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK */
+	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK, MAP_RESTART */
 	uint32_t generation; /* of the owner it was meant for; given by map_request_post */
 	uint16_t requester;  /* module index; given by map_request_post */
 	uint8_t action;      /* enum map_action */
-	uint8_t detail;      /* MAP_STEP: bit 0 transient */
+	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE, MAP_PARAMETER: see there */
 	uint32_t
 	    session; /* who in the requester selected: connection and originator; compared, not understood */
 	union map_value value;
@@ -284,6 +308,43 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 
 const char *map_command_state_name(enum map_command_state state);
 const char *map_command_result_name(enum map_command_result result);
+
+/* ---- totals ------------------------------------------------------------------------------ */
+
+/*
+ * A counter's reading is the device's value less what it was at the last reset, modulo 2^32: the device itself
+ * is never written. Makes the reading of what was read from the device in *sample, before it is published; notes
+ * an overflow of the reading. A device that falls back has been reset or exchanged: the reading begins anew with
+ * it, and is adjusted. Owner only.
+ */
+void map_total_count(struct map *map, uint32_t point, struct map_sample *sample);
+/*
+ * Freezes counters with a period of their own when the map's clock enters a new one, and makes an event of each
+ * frozen reading. Each second or so; owner only.
+ */
+void map_totals_tick(struct map *map);
+/*
+ * The reading of a counter that was frozen last, with its sequence number; what was true then stays true when
+ * its owner dies. A counter that was never frozen: as map_read. False as for map_read.
+ */
+bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out);
+
+/* ---- parameters of measured values ------------------------------------------------------- */
+
+/* What is in force: what was loaded, or else what the configuration says. */
+struct map_parameters {
+	uint32_t loaded;           /* 1 << enum map_parameter; MAP_CYCLIC: stopped */
+	union map_value values[4]; /* of those loaded, from MAP_THRESHOLD on, as they came */
+	double threshold;          /* in the unit of the value, as deadband */
+	double smoothing_s;        /* time constant of a first-order filter; 0: none */
+	double low, high;          /* crossing either makes an event; infinite: none */
+	bool cyclic;               /* is sent periodically */
+};
+
+/* Any point; only measured values have anything loaded. */
+void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out);
+/* Smooths a measured value that was read from the device, before it is published. Owner only. */
+void map_smooth(struct map *map, uint32_t point, struct map_sample *sample);
 
 /* ---- clock ------------------------------------------------------------------------------- */
 

@@ -64,6 +64,16 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 		out->lost_events += header->cursors[i].lost;
 }
 
+uint32_t map_starts(const struct map *map)
+{
+	return atomic_load(&map->directory->starts);
+}
+
+uint32_t *map_note(struct map *map)
+{
+	return &map->segments[map->self].header->note;
+}
+
 void map_heartbeat(struct map *map)
 {
 	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
@@ -77,6 +87,11 @@ bool map_wanted(const struct map *map)
 }
 
 /* ---- supervision ------------------------------------------------------------------------- */
+
+void map_modules_restarting(struct map *map)
+{
+	atomic_fetch_add(&map->directory->starts, 1);
+}
 
 void map_module_starting(struct map *map, uint32_t module)
 {

@@ -72,21 +72,47 @@ static double distance(enum map_type type, union map_value a, union map_value b)
 }
 
 /* A value that is not a number is at no distance from another: any change of its bits counts. */
-static bool value_left(const struct map_point *point, union map_value from, union map_value to)
+static bool value_left(const struct map *map, uint32_t point, union map_value from, union map_value to)
 {
-	double by = distance(point->type, from, to);
+	enum map_type type = (enum map_type)map->config.points[point].type;
+	double by = distance(type, from, to);
+	struct map_parameters parameters;
 
-	return isnan(by) ? from.u != to.u : by > point->deadband;
+	if (isnan(by))
+		return from.u != to.u;
+	if (from.u == to.u)
+		return false;
+	map_parameters_read(map, point, &parameters);
+	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to);
 }
 
-static bool is_event(const struct map_point *point, struct reported *last, const struct map_sample *sample)
+static bool is_event(const struct map *map, uint32_t point, const struct map_sample *sample)
 {
+	struct reported *last = &map->reported[map->config.points[point].slot];
+
+	if (map->config.points[point].freeze_s != 0) /* its frozen readings are its events */
+		return false;
 	if (last->valid && last->quality == sample->quality && last->detail == sample->detail &&
-	    !value_left(point, last->value, sample->value))
+	    !value_left(map, point, last->value, sample->value))
 		return false;
 	*last = (struct reported){
 	    .value = sample->value, .quality = sample->quality, .detail = sample->detail, .valid = true};
 	return true;
+}
+
+void event_put(struct map *map, uint32_t point, const struct map_sample *sample)
+{
+	struct map_event event = {.point = point, .kind = MAP_EVENT_CHANGE, .sample = *sample};
+
+	ring_put(&map->segments[map->self].events, &event);
+}
+
+struct map_sample own_sample(const struct map *map, uint32_t point)
+{
+	const struct map_point *config = &map->config.points[point];
+	const struct segment *own = &map->segments[map->self];
+
+	return own->samples[latch_whole_copy(&own->latches[config->device])][config->slot];
 }
 
 static bool put_events(struct map *map, const struct map_update *updates, size_t count)
@@ -94,13 +120,9 @@ static bool put_events(struct map *map, const struct map_update *updates, size_t
 	bool any = false;
 
 	for (size_t i = 0; i < count; i++) {
-		const struct map_point *point = &map->config.points[updates[i].point];
-		struct map_event event = {
-		    .point = updates[i].point, .kind = MAP_EVENT_CHANGE, .sample = updates[i].sample};
-
-		if (!is_event(point, &map->reported[point->slot], &updates[i].sample))
+		if (!is_event(map, updates[i].point, &updates[i].sample))
 			continue;
-		ring_put(&map->segments[map->self].events, &event);
+		event_put(map, updates[i].point, &updates[i].sample);
 		any = true;
 	}
 	return any;

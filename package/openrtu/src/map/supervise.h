@@ -9,6 +9,8 @@
 
 #define MAP_SEGMENT_FD 3
 
+/* All modules have been stopped upon MAP_RESTART, and will be started. */
+void map_modules_restarting(struct map *map);
 /* Begins a new generation, before the process is forked. */
 void map_module_starting(struct map *map, uint32_t module);
 /* The generation's process; after the fork. */
@@ -22,7 +24,7 @@ void map_module_ended(struct map *map, uint32_t module, bool failed);
 void map_announce(struct map *map, enum map_event_kind kind, uint32_t module);
 
 void map_clock_write(struct map *map, struct map_clock clock);
-/* Answers a MAP_SET_CLOCK request. */
+/* Answers a MAP_SET_CLOCK or MAP_RESTART request. */
 void map_clock_answer(struct map *map, const struct map_request *request, enum map_command_result result);
 
 /*

@@ -115,6 +115,10 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 
 		*update = (struct map_update){.point = point, .sample = {.time_ns = now_ns}};
 		convert_to_sample(config, raw, &update->sample);
+		if (config->type == MAP_COUNTER)
+			map_total_count(gateway->map, point, &update->sample);
+		else
+			map_smooth(gateway->map, point, &update->sample);
 	}
 	map_publish(gateway->map, gateway->updates, read->objects);
 }
@@ -568,6 +572,7 @@ static void beat(struct gateway *gateway)
 		return;
 	gateway->heartbeat_ns = now_ns + HEARTBEAT_NS;
 	map_heartbeat(gateway->map);
+	map_totals_tick(gateway->map);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		show_counters(&gateway->ports[i]);
 }

@@ -8,6 +8,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include <jansson.h>
+
 #include "map/map.h"
 
 enum rtuctl_exit {
@@ -31,6 +33,7 @@ struct rtuctl_request {
 typedef int rtuctl_command(struct map *map, const struct rtuctl_request *request);
 
 rtuctl_command rtuctl_points;
+rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
 rtuctl_command rtuctl_lines;
@@ -39,6 +42,10 @@ rtuctl_command rtuctl_events;
 rtuctl_command rtuctl_log;
 rtuctl_command rtuctl_set;
 
+/* The point of that name; MAP_NONE: there is none. */
+uint32_t rtuctl_find_point(const struct map_config *config, const char *name);
+/* A point as a row of the list. A new reference. */
+json_t *rtuctl_point_row(const struct map *map, uint32_t index);
 /* True when the point's name matches the pattern; no pattern matches all. */
 bool rtuctl_matches(const struct map_point *point, const char *pattern);
 

@@ -20,7 +20,7 @@
 static const int64_t NS_PER_MS = 1000000;
 static const int64_t NS_PER_S = 1000000000;
 
-static uint32_t find_point(const struct map_config *config, const char *name)
+uint32_t rtuctl_find_point(const struct map_config *config, const char *name)
 {
 	for (uint32_t i = 0; i < config->point_count; i++)
 		if (strcmp(config->points[i].name, name) == 0)
@@ -133,7 +133,8 @@ int rtuctl_set(struct map *map, const struct rtuctl_request *arguments)
 {
 	const struct map_config *config = map_config(map);
 	const char *name = arguments->arguments[0], *value = arguments->arguments[1];
-	struct map_request request = {.point = find_point(config, name), .session = (uint32_t)getpid()};
+	struct map_request request = {.point = rtuctl_find_point(config, name),
+				      .session = (uint32_t)getpid()};
 	struct map_answer answer;
 	enum map_type type;
 

@@ -52,7 +52,7 @@ static const struct listing_column point_columns[] = {
     {"quality", "QUALITY", LISTING_TEXT}, {"age_s", "AGE", LISTING_AGE},  {"owner", "OWNER", LISTING_TEXT},
 };
 
-static json_t *point_row(const struct map *map, uint32_t index)
+json_t *rtuctl_point_row(const struct map *map, uint32_t index)
 {
 	const struct map_config *config = map_config(map);
 	const struct map_point *point = &config->points[index];
@@ -87,7 +87,7 @@ int rtuctl_points(struct map *map, const struct rtuctl_request *request)
 	listing_begin(&listing, point_columns, COUNT(point_columns), request->json);
 	for (uint32_t i = 0; i < config->point_count; i++)
 		if (rtuctl_matches(&config->points[i], pattern))
-			listing_add(&listing, point_row(map, i));
+			listing_add(&listing, rtuctl_point_row(map, i));
 	listing_end(&listing);
 	return found(&listing, "point", pattern);
 }

@@ -9,11 +9,12 @@
 
 static const char *const clocks[] = {[MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_SYSTEM] = "system", NULL};
 
-enum { FILE_PORT, FILE_IEC104, FILE_CLOCK, FILE_MODBUS, FILE_EVENT_RING, FILE_KEYS };
+enum { FILE_PORT, FILE_IEC104, FILE_CLOCK, FILE_TIMEZONE, FILE_MODBUS, FILE_EVENT_RING, FILE_KEYS };
 static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_PORT] = {CONFIG_KEY_PORTS, CONFIG_ARRAY, .required = true, .high = CONFIG_PORTS_MAX},
     [FILE_IEC104] = {"iec104", CONFIG_OBJECT},
     [FILE_CLOCK] = {"clock", CONFIG_CHOICE, .choices = clocks},
+    [FILE_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63},
     [FILE_MODBUS] = {"modbus", CONFIG_OBJECT},
     [FILE_EVENT_RING] = {"event_ring", CONFIG_INTEGER, .low = EVENT_RING_LEAST, .high = 65536,
 			 .fallback = 4096},
@@ -162,6 +163,16 @@ static void read_event_ring(struct config_loader *loader, const struct config_pl
 			     (long long)value->integer);
 }
 
+static void read_timezone(struct config_loader *loader, const struct config_place *file,
+			  const struct config_value *value)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_TIMEZONE].name);
+
+	if (value->given && !config_read_zone(value->text, &loader->config->settings.zone))
+		config_error(&loader->report, &here,
+			     "is no time zone, expected one like UTC0 or CET-1CEST,M3.5.0,M10.5.0/3");
+}
+
 static void check_point_count(struct config_loader *loader, const struct config_place *file)
 {
 	const struct config_place here = config_key_of(file, file_rules[FILE_PORT].name);
@@ -182,6 +193,7 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 	read_iec104(loader, &file, values[FILE_IEC104].given ? values[FILE_IEC104].json : NULL);
 	read_modbus(loader, &file, values[FILE_MODBUS].given ? values[FILE_MODBUS].json : NULL);
 	read_event_ring(loader, &file, &values[FILE_EVENT_RING]);
+	read_timezone(loader, &file, &values[FILE_TIMEZONE]);
 	loader->config->settings.clock = (uint8_t)values[FILE_CLOCK].integer;
 	if (values[FILE_PORT].given)
 		config_read_ports(loader, &file, values[FILE_PORT].json);

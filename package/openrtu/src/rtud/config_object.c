@@ -49,6 +49,9 @@ enum {
 	OBJECT_OFFSET,
 	OBJECT_DEADBAND,
 	OBJECT_CYCLIC,
+	OBJECT_BACKGROUND,
+	OBJECT_COUNTER_GROUP,
+	OBJECT_FREEZE,
 	OBJECT_KEYS
 };
 static const struct config_rule object_rules[OBJECT_KEYS] = {
@@ -66,6 +69,9 @@ static const struct config_rule object_rules[OBJECT_KEYS] = {
     [OBJECT_OFFSET] = {"offset", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [OBJECT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [OBJECT_CYCLIC] = {"cyclic_ms", CONFIG_INTEGER, .low = 100, .high = 86400000},
+    [OBJECT_BACKGROUND] = {"background_ms", CONFIG_INTEGER, .low = 100, .high = 86400000},
+    [OBJECT_COUNTER_GROUP] = {"counter_group", CONFIG_INTEGER, .low = 1, .high = 4},
+    [OBJECT_FREEZE] = {"freeze_s", CONFIG_INTEGER, .low = 1, .high = 86400},
 };
 /* The types that give a key a meaning; 0: all do. */
 static const unsigned object_key_types[OBJECT_KEYS] = {
@@ -77,6 +83,9 @@ static const unsigned object_key_types[OBJECT_KEYS] = {
     [OBJECT_OFFSET] = OF_MEASURED,
     [OBJECT_DEADBAND] = OF_MEASURED | BIT(MAP_COUNTER),
     [OBJECT_CYCLIC] = OF_MEASURED, /* IEC 60870-5-101, 7.2.3: only measured values know COT 1 */
+    [OBJECT_BACKGROUND] = OF_BITS | BIT(MAP_STEP) | BIT(MAP_BITSTRING), /* measured values are cyclic */
+    [OBJECT_COUNTER_GROUP] = BIT(MAP_COUNTER),
+    [OBJECT_FREEZE] = BIT(MAP_COUNTER),
 };
 
 static bool is_bit_table(enum map_table table)
@@ -191,7 +200,9 @@ static struct map_point object_point(const struct config_value *values, enum map
 	    .ioa =
 		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
 	    .group = (uint8_t)values[OBJECT_GROUP].integer,
-	    .cyclic_ms = (uint32_t)values[OBJECT_CYCLIC].integer,
+	    .counter_group = (uint8_t)values[OBJECT_COUNTER_GROUP].integer,
+	    .period_ms = (uint32_t)(values[OBJECT_CYCLIC].integer + values[OBJECT_BACKGROUND].integer),
+	    .freeze_s = (uint32_t)values[OBJECT_FREEZE].integer,
 	    .scale = values[OBJECT_SCALE].number,
 	    .offset = values[OBJECT_OFFSET].number,
 	    .deadband = values[OBJECT_DEADBAND].number,

@@ -47,6 +47,11 @@ void config_read_file(struct config_loader *loader, const json_t *root);
 /* Reports what needs a module that is not there. root: a file without errors, which has been read. */
 void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules);
 
+/* ---- config_zone.c ----------------------------------------------------------------------- */
+
+/* Reads a POSIX TZ string with its rules, as "CET-1CEST,M3.5.0,M10.5.0/3". False: it is none. */
+bool config_read_zone(const char *text, struct map_zone *zone);
+
 /* ---- config_port.c ----------------------------------------------------------------------- */
 
 /* Adds a line for every active port, with its devices and entries. ports: an array of at most CONFIG_PORTS_MAX. */

@@ -30,6 +30,8 @@
 #define LINES_A_TICK     16   /* of each module's log */
 #define LINES_AT_END     128
 #define STOP_MS          3000 /* a module that takes longer to stop is killed */
+#define RESET_DELAY_MS   500  /* until then whoever asked for a reset has been told */
+#define RESET_PAUSE_MS   10000
 
 struct child {
 	pid_t pid;     /* 0: none */
@@ -47,6 +49,8 @@ struct supervisor {
 	uint32_t log_position[MAP_MODULES_MAX];
 	int watchdog; /* descriptor; -1: none */
 	bool stopping;
+	int64_t reset_at_ns; /* all modules are restarted then; 0: no */
+	int64_t reset_ns;    /* when they were last */
 };
 
 static const int64_t MS = 1000000;
@@ -255,13 +259,32 @@ static void watch_modules(struct supervisor *supervisor)
 
 /* ---- requests to rtud -------------------------------------------------------------------- */
 
+/* Not one after another: a module gone wild shall not keep the others from working. */
+static void take_reset(struct supervisor *supervisor, const struct map_request *request)
+{
+	int64_t now = map_now_ns();
+	bool soon = supervisor->reset_at_ns != 0 ||
+		    (supervisor->reset_ns != 0 && now - supervisor->reset_ns < RESET_PAUSE_MS * MS);
+	struct map_module requester;
+
+	map_module(supervisor->map, request->requester, &requester);
+	map_log(supervisor->map, MAP_LOG_WARNING, "reset of all modules asked for by %s%s", requester.name,
+		soon ? ", refused: the last one was just now" : "");
+	map_clock_answer(supervisor->map, request, soon ? MAP_RESULT_INTERLOCK : MAP_RESULT_DONE);
+	if (!soon)
+		supervisor->reset_at_ns = now + RESET_DELAY_MS * MS;
+}
+
 static void serve_requests(struct supervisor *supervisor)
 {
 	struct map_request request;
 
-	while (map_request_next(supervisor->map, &request))
+	while (map_request_next(supervisor->map, &request)) {
 		if (request.action == MAP_SET_CLOCK)
 			clock_set(supervisor->map, &request);
+		else if (request.action == MAP_RESTART)
+			take_reset(supervisor, &request);
+	}
 }
 
 /* ---- stopping ---------------------------------------------------------------------------- */
@@ -298,6 +321,27 @@ static void stop_modules(struct supervisor *supervisor)
 		if (map_now_ns() > deadline)
 			signal_children(supervisor, SIGKILL);
 	}
+}
+
+/* The map stays; the next look at the modules starts them. */
+static void reset_modules(struct supervisor *supervisor)
+{
+	bool was_there[MAP_MODULES_MAX];
+
+	if (supervisor->reset_at_ns == 0 || map_now_ns() < supervisor->reset_at_ns)
+		return;
+	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
+		was_there[i] = supervisor->children[i].pid && map_module_attached(supervisor->map, i);
+	stop_modules(supervisor);
+	supervisor->stopping = false;
+	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
+		supervisor->children[i].restart_at_ns = 0;
+		if (was_there[i])
+			map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, i);
+	}
+	map_modules_restarting(supervisor->map);
+	supervisor->reset_ns = map_now_ns();
+	supervisor->reset_at_ns = 0;
 }
 
 /* ---- the board's watchdog ---------------------------------------------------------------- */
@@ -395,6 +439,7 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 		map_bell_clear(supervisor->map);
 		reap(supervisor);
 		serve_requests(supervisor);
+		reset_modules(supervisor);
 		watch_modules(supervisor);
 	}
 }

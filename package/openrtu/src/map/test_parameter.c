@@ -1,0 +1,182 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Parameters of measured values: loaded, in force, refused, and what stays of them. */
+#include <math.h>
+
+#include "map/test_stage.h"
+
+#define S 1000000000LL
+
+enum { LEVEL = 1, LAMP = 2 };
+
+static int set_up_measured(void **state)
+{
+	struct stage *stage;
+	char error[MAP_ERROR_SIZE];
+
+	set_up(state);
+	stage = *state;
+	map_remove(stage->rtud);
+	map_detach(stage->rtud);
+	stage->points[LEVEL].deadband = 10;
+	stage->points[LEVEL].period_ms = 1000;
+	stage->points[LAMP].type = MAP_BITSTRING;
+	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
+		fail_msg("%s", error);
+	return 0;
+}
+
+#define MEASURED(name) cmocka_unit_test_setup_teardown(name, set_up_measured, tear_down)
+
+static void load(struct command_stage *commands, uint32_t point, enum map_parameter kind, int32_t value,
+		 bool accepted)
+{
+	struct map_request wish = request(point, MAP_PARAMETER, 1, value);
+
+	wish.detail = (uint8_t)kind;
+	assert_false(post(commands, wish));
+	if (accepted)
+		assert_answer(commands, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	else
+		assert_answer(commands, MAP_REFUSED_COMMAND, MAP_RESULT_OUT_OF_RANGE);
+}
+
+static struct map_parameters in_force(const struct map *map)
+{
+	struct map_parameters parameters;
+
+	map_parameters_read(map, LEVEL, &parameters);
+	return parameters;
+}
+
+static void publish(struct map *owner, int32_t value, int64_t time_ns)
+{
+	struct map_update update = scaled(LEVEL, value, MAP_GOOD, time_ns);
+
+	map_smooth(owner, LEVEL, &update.sample);
+	map_publish(owner, &update, 1);
+}
+
+static unsigned events(const struct map *map, struct map_cursor *cursor)
+{
+	struct map_event event;
+	unsigned count = 0;
+
+	while (map_event_next(map, cursor, &event))
+		count++;
+	return count;
+}
+
+static void test_the_configuration_is_in_force_first(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	struct map_parameters parameters = in_force(commands.requester);
+
+	assert_true(parameters.loaded == 0 && parameters.cyclic);
+	assert_true(fabs(parameters.threshold - 10) < 1e-9 && fabs(parameters.smoothing_s) < 1e-9);
+	assert_true(isinf(parameters.low) && isinf(parameters.high));
+	end_commands(&commands);
+}
+
+static void test_threshold(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	struct map_cursor cursor;
+
+	map_cursor_to_end(commands.requester, &cursor);
+	publish(commands.owner, 100, map_now_ns());
+	publish(commands.owner, 110, map_now_ns());
+	assert_int_equal(events(commands.requester, &cursor), 1);
+	load(&commands, LEVEL, MAP_THRESHOLD, 5, true);
+	publish(commands.owner, 106, map_now_ns());
+	publish(commands.owner, 102, map_now_ns());
+	assert_int_equal(events(commands.requester, &cursor), 1);
+	end_commands(&commands);
+}
+
+static void test_crossing_a_limit_is_an_event(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	struct map_cursor cursor;
+
+	map_cursor_to_end(commands.requester, &cursor);
+	publish(commands.owner, 100, map_now_ns());
+	load(&commands, LEVEL, MAP_HIGH_LIMIT, 103, true);
+	load(&commands, LEVEL, MAP_LOW_LIMIT, 97, true);
+	assert_int_equal(events(commands.requester, &cursor), 1);
+	publish(commands.owner, 103, map_now_ns());
+	assert_int_equal(events(commands.requester, &cursor), 0);
+	publish(commands.owner, 104, map_now_ns());
+	publish(commands.owner, 105, map_now_ns());
+	assert_int_equal(events(commands.requester, &cursor), 1);
+	publish(commands.owner, 103, map_now_ns());
+	publish(commands.owner, 97, map_now_ns());
+	assert_int_equal(events(commands.requester, &cursor), 1);
+	publish(commands.owner, 96, map_now_ns());
+	assert_int_equal(events(commands.requester, &cursor), 1);
+	end_commands(&commands);
+}
+
+static void test_smoothing(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	int64_t begin_ns = map_now_ns() - 100 * S;
+
+	load(&commands, LEVEL, MAP_SMOOTHING, 10, true); /* tenths of a second */
+	publish(commands.owner, 0, begin_ns);
+	publish(commands.owner, 1000, begin_ns + S); /* dt = T: half of it */
+	assert_sample(commands.requester, LEVEL, 500, MAP_GOOD);
+	for (int i = 2; i < 30; i++)
+		publish(commands.owner, 1000, begin_ns + i * S);
+	assert_sample(commands.requester, LEVEL, 1000, MAP_GOOD); /* rounding does not keep it away */
+	load(&commands, LEVEL, MAP_SMOOTHING, 0, true);
+	publish(commands.owner, 7, begin_ns + 30 * S);
+	assert_sample(commands.requester, LEVEL, 7, MAP_GOOD);
+	end_commands(&commands);
+}
+
+static void test_wrong_values_are_refused(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+
+	load(&commands, LEVEL, MAP_THRESHOLD, -1, false);
+	load(&commands, LEVEL, MAP_SMOOTHING, -1, false);
+	load(&commands, LEVEL, 0, 1, false);
+	load(&commands, LEVEL, 6, 1, false);
+	load(&commands, LEVEL, MAP_LOW_LIMIT, 50, true);
+	load(&commands, LEVEL, MAP_HIGH_LIMIT, 49, false);
+	load(&commands, LAMP, MAP_THRESHOLD, 1, false);
+	load(&commands, 3, MAP_CYCLIC, 1, false); /* has no period */
+	assert_int_equal(in_force(commands.requester).loaded, 1u << MAP_LOW_LIMIT);
+	end_commands(&commands);
+}
+
+static void test_parameters_survive_their_owner(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+
+	load(&commands, LEVEL, MAP_THRESHOLD, 5, true);
+	load(&commands, LEVEL, MAP_CYCLIC, 0, true);
+	map_module_ended(stage->rtud, index_of(stage, FIRST), true);
+	map_detach(commands.owner);
+	commands.owner = start(stage, FIRST);
+	assert_true(fabs(in_force(commands.requester).threshold - 5) < 1e-9);
+	assert_false(in_force(commands.requester).cyclic);
+	load(&commands, LEVEL, MAP_CYCLIC, 1, true);
+	assert_true(in_force(commands.requester).cyclic);
+	end_commands(&commands);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    MEASURED(test_the_configuration_is_in_force_first),
+	    MEASURED(test_threshold),
+	    MEASURED(test_crossing_a_limit_is_an_event),
+	    MEASURED(test_smoothing),
+	    MEASURED(test_wrong_values_are_refused),
+	    MEASURED(test_parameters_survive_their_owner),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

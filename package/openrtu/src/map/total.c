@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Integrated totals: readings that can be frozen and reset without a touch of the device. */
+#include "map/layout.h"
+
+#define NS_PER_S 1000000000LL
+
+static struct total_cell *own_cell(const struct map *map, uint32_t point)
+{
+	return &map->segments[map->self].totals[map->config.points[point].total];
+}
+
+/* The owner is the only writer: what it wrote last is in either copy. */
+static struct map_total current(const struct total_cell *cell)
+{
+	return cell->copies[0];
+}
+
+static void store(struct total_cell *cell, const struct map_total *total)
+{
+	for (int copy = 0; copy < 2; copy++) {
+		unsigned turn = latch_turn(&cell->latch);
+
+		cell->copies[turn] = *total;
+	}
+}
+
+/* ---- readings ---------------------------------------------------------------------------- */
+
+void map_total_count(struct map *map, uint32_t point, struct map_sample *sample)
+{
+	struct total_cell *cell = own_cell(map, point);
+	struct map_total total = current(cell);
+	struct map_sample last = own_sample(map, point);
+	uint32_t reading = sample->value.u - total.offset;
+
+	if (last.time_ns != 0 &&
+	    reading - last.value.u > INT32_MAX) { /* nearer behind the last one than ahead */
+		total.since |= MAP_COUNTER_ADJUSTED;
+		total.offset = 0;
+		reading = sample->value.u;
+		store(cell, &total);
+	} else if (last.time_ns != 0 && reading < last.value.u) {
+		total.since |= MAP_COUNTER_CARRY;
+		store(cell, &total);
+	}
+	sample->value.u = reading;
+}
+
+/* ---- freezing ---------------------------------------------------------------------------- */
+
+static void freeze(struct map_total *total, const struct map_sample *reading)
+{
+	uint8_t sequence = (uint8_t)((total->frozen.detail + 1) & MAP_COUNTER_SEQUENCE);
+
+	total->frozen = *reading;
+	total->frozen.detail = sequence | total->since;
+	if (total->frozen.time_ns == 0) /* never read: it is frozen all the same, as invalid */
+		total->frozen.time_ns = map_now_ns();
+	total->since = 0;
+}
+
+/* A counter that cannot be read now is reset to its last reading: what it counts meanwhile is not lost. */
+static void carry_out(struct map *map, uint32_t point, enum map_freeze mode)
+{
+	struct total_cell *cell = own_cell(map, point);
+	struct map_total total = current(cell);
+	struct map_update update = {.point = point, .sample = own_sample(map, point)};
+
+	if (mode != MAP_RESET_ONLY)
+		freeze(&total, &update.sample);
+	if (mode == MAP_RESET_ONLY)
+		total.since = MAP_COUNTER_ADJUSTED;
+	if (mode != MAP_FREEZE_ONLY)
+		total.offset += update.sample.value.u;
+	store(cell, &total);
+	if (mode == MAP_FREEZE_ONLY || update.sample.time_ns == 0)
+		return;
+	update.sample.value.u = 0;
+	update.sample.time_ns = map_now_ns();
+	map_publish(map, &update, 1);
+}
+
+static bool is_meant(const struct map *map, uint32_t point, const struct map_request *request)
+{
+	const struct map_point *object = &map->config.points[point];
+	uint32_t group = request->value.u & MAP_FREEZE_GROUP;
+
+	return object->type == MAP_COUNTER && map_owner(map, point) == map->self &&
+	       ((request->value.u & MAP_FREEZE_ALL_DEVICES) ||
+		object->device == map->config.points[request->point].device) &&
+	       (group == 0 || object->counter_group == group);
+}
+
+bool totals_freeze(struct map *map, const struct map_request *request)
+{
+	if (request->detail < MAP_FREEZE_ONLY || request->detail > MAP_RESET_ONLY)
+		return false;
+	for (uint32_t i = 0; i < map->config.point_count; i++)
+		if (is_meant(map, i, request))
+			carry_out(map, i, (enum map_freeze)request->detail);
+	return true;
+}
+
+void map_totals_tick(struct map *map)
+{
+	int64_t now_s = (map_now_ns() + map_clock_read(map).offset_ns) / NS_PER_S, then_s = map->ticked_s;
+	bool any = false;
+
+	map->ticked_s = now_s;
+	if (then_s == 0 || then_s == now_s)
+		return;
+	for (uint32_t i = 0; i < map->config.point_count; i++) {
+		uint32_t period_s = map->config.points[i].freeze_s;
+		struct map_sample frozen;
+
+		if (period_s == 0 || now_s / period_s == then_s / period_s || map_owner(map, i) != map->self)
+			continue;
+		carry_out(map, i, MAP_FREEZE_ONLY);
+		frozen = current(own_cell(map, i)).frozen;
+		event_put(map, i, &frozen);
+		any = true;
+	}
+	if (any)
+		bell_ring_event_readers(map);
+}
+
+/* A former generation may have died inside store. */
+void totals_recover(struct map *map)
+{
+	for (uint32_t i = 0; i < map->directory->modules[map->self].total_count; i++) {
+		struct total_cell *cell = &map->segments[map->self].totals[i];
+		unsigned whole = latch_whole_copy(&cell->latch);
+
+		cell->copies[!whole] = cell->copies[whole];
+	}
+}
+
+/* ---- anyone ------------------------------------------------------------------------------ */
+
+bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out)
+{
+	struct total_cell *cell =
+	    &map->segments[map_owner(map, point)].totals[map->config.points[point].total];
+
+	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		uint32_t sequence = latch_read_begin(&cell->latch);
+		struct map_sample frozen = cell->copies[sequence & 1].frozen;
+
+		if (!latch_read_done(&cell->latch, sequence))
+			continue;
+		if (frozen.time_ns == 0 || !is_past(frozen.time_ns))
+			return map_read(map, point, out);
+		*out = frozen;
+		return true;
+	}
+	return false;
+}

@@ -1,0 +1,112 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* One point, with what the lists leave out: parameters in force, and the reading that was frozen last. */
+#include "rtuctl/rtuctl.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <jansson.h>
+
+#include "rtuctl/listing.h"
+#include "rtuctl/words.h"
+
+#define KEY_WIDTH 15
+
+static json_t *limit(double value)
+{
+	return isfinite(value) ? json_real(value) : json_null();
+}
+
+static json_t *loaded_names(uint32_t loaded)
+{
+	static const char *const names[] = {[MAP_THRESHOLD] = "threshold",
+					    [MAP_SMOOTHING] = "smoothing_s",
+					    [MAP_LOW_LIMIT] = "low_limit",
+					    [MAP_HIGH_LIMIT] = "high_limit",
+					    [MAP_CYCLIC] = "cyclic"};
+	json_t *list = json_array();
+
+	for (enum map_parameter kind = MAP_THRESHOLD; kind <= MAP_CYCLIC; kind++)
+		if (loaded & 1u << kind)
+			json_array_append_new(list, json_string(names[kind]));
+	return list;
+}
+
+static void add_parameters(const struct map *map, uint32_t point, json_t *row)
+{
+	struct map_parameters parameters;
+
+	map_parameters_read(map, point, &parameters);
+	json_object_set_new(row, "threshold", json_real(parameters.threshold));
+	json_object_set_new(row, "smoothing_s", json_real(parameters.smoothing_s));
+	json_object_set_new(row, "low_limit", limit(parameters.low));
+	json_object_set_new(row, "high_limit", limit(parameters.high));
+	json_object_set_new(row, "cyclic", json_boolean(parameters.cyclic));
+	json_object_set_new(row, "loaded", loaded_names(parameters.loaded));
+}
+
+static void add_total(const struct map *map, uint32_t point, json_t *row)
+{
+	struct map_sample total;
+	char quality[WORDS_SIZE];
+
+	if (!map_total_read(map, point, &total))
+		return;
+	words_quality(total.quality, quality);
+	json_object_set_new(row, "frozen", words_value(MAP_COUNTER, &total.value));
+	json_object_set_new(row, "frozen_quality", json_string(quality));
+	json_object_set_new(row, "sequence", json_integer(total.detail & MAP_COUNTER_SEQUENCE));
+	json_object_set_new(row, "carry", json_boolean(total.detail & MAP_COUNTER_CARRY));
+	json_object_set_new(row, "adjusted", json_boolean(total.detail & MAP_COUNTER_ADJUSTED));
+}
+
+static void add_details(const struct map *map, uint32_t point, json_t *row)
+{
+	switch ((enum map_type)map_config(map)->points[point].type) {
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_FLOAT:
+		add_parameters(map, point, row);
+		break;
+	case MAP_COUNTER:
+		add_total(map, point, row);
+		break;
+	default:
+		break;
+	}
+}
+
+static void print_row(json_t *row)
+{
+	const char *key;
+	json_t *value;
+
+	json_object_foreach(row, key, value)
+	{
+		char *text = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(7));
+
+		printf("%-*s %s\n", KEY_WIDTH, key, json_is_string(value) ? json_string_value(value) : text);
+		free(text);
+	}
+	json_decref(row);
+}
+
+int rtuctl_show(struct map *map, const struct rtuctl_request *request)
+{
+	const char *name = request->arguments[0];
+	uint32_t point = rtuctl_find_point(map_config(map), name);
+	json_t *row;
+
+	if (point == MAP_NONE) {
+		fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
+		return RTUCTL_FAILED;
+	}
+	row = rtuctl_point_row(map, point);
+	add_details(map, point, row);
+	if (request->json)
+		listing_print_json(row);
+	else
+		print_row(row);
+	return RTUCTL_DONE;
+}
