@@ -79,10 +79,12 @@ static bool value_left(const struct map_point *point, union map_value from, unio
 	return isnan(by) ? from.u != to.u : by > point->deadband;
 }
 
-static bool is_event(const struct map_point *point, struct reported *last, const struct map_sample *sample)
+static bool is_event(const struct map_point *point, struct reported *last, const struct map_update *update)
 {
-	if (last->valid && last->quality == sample->quality && last->detail == sample->detail &&
-	    !value_left(point, last->value, sample->value))
+	const struct map_sample *sample = &update->sample;
+
+	if (update->cause == MAP_SPONTANEOUS && last->valid && last->quality == sample->quality &&
+	    last->detail == sample->detail && !value_left(point, last->value, sample->value))
 		return false;
 	*last = (struct reported){
 	    .value = sample->value, .quality = sample->quality, .detail = sample->detail, .valid = true};
@@ -95,10 +97,12 @@ static bool put_events(struct map *map, const struct map_update *updates, size_t
 
 	for (size_t i = 0; i < count; i++) {
 		const struct map_point *point = &map->config.points[updates[i].point];
-		struct map_event event = {
-		    .point = updates[i].point, .kind = MAP_EVENT_CHANGE, .sample = updates[i].sample};
+		struct map_event event = {.point = updates[i].point,
+					  .kind = MAP_EVENT_CHANGE,
+					  .cause = updates[i].cause,
+					  .sample = updates[i].sample};
 
-		if (!is_event(point, &map->reported[point->slot], &updates[i].sample))
+		if (!is_event(point, &map->reported[point->slot], &updates[i]))
 			continue;
 		ring_put(&map->segments[map->self].events, &event);
 		any = true;
@@ -174,7 +178,8 @@ static bool event_makes_sense(const struct map *map, uint32_t writer, const stru
 		return false;
 	switch (event->kind) {
 	case MAP_EVENT_CHANGE:
-		return event->point < map->config.point_count && map_owner(map, event->point) == writer;
+		return event->point < map->config.point_count && map_owner(map, event->point) == writer &&
+		       event->cause <= MAP_RETURN_LOCAL;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
 		return writer == MAP_RTUD && event->point < map->directory->module_count;

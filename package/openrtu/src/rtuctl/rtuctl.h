@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set attach as observers and write nothing.
+ * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set and step attach as observers and write nothing.
  */
 #ifndef OPENRTU_RTUCTL_H
 #define OPENRTU_RTUCTL_H
@@ -25,6 +25,7 @@ struct rtuctl_request {
 	unsigned long count; /* 0: no limit */
 	bool json;
 	bool select;
+	const char *pulse; /* NULL: none */
 };
 
 /* One command: runs on an attached map and returns an exit code. */
@@ -38,6 +39,7 @@ rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;
 rtuctl_command rtuctl_log;
 rtuctl_command rtuctl_set;
+rtuctl_command rtuctl_step;
 
 /* True when the point's name matches the pattern; no pattern matches all. */
 bool rtuctl_matches(const struct map_point *point, const char *pattern);

@@ -8,6 +8,9 @@
 
 #define BIT(n) (1u << (n))
 
+/* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
+#define APART_MAX 1024
+
 /* Report 003, section 4.3: from here on coils would reach the discrete inputs' IOA. */
 #define SCHEME_LAST 9999
 #define MODBUS_LAST 65535
@@ -49,6 +52,12 @@ enum {
 	OBJECT_OFFSET,
 	OBJECT_DEADBAND,
 	OBJECT_CYCLIC,
+	OBJECT_SECOND,
+	OBJECT_SHORT_PULSE,
+	OBJECT_LONG_PULSE,
+	OBJECT_STEP,
+	OBJECT_MIN,
+	OBJECT_MAX,
 	OBJECT_KEYS
 };
 static const struct config_rule object_rules[OBJECT_KEYS] = {
@@ -66,6 +75,12 @@ static const struct config_rule object_rules[OBJECT_KEYS] = {
     [OBJECT_OFFSET] = {"offset", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [OBJECT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [OBJECT_CYCLIC] = {"cyclic_ms", CONFIG_INTEGER, .low = 100, .high = 86400000},
+    [OBJECT_SECOND] = {"second_address", CONFIG_INTEGER, .low = 0, .high = MODBUS_LAST},
+    [OBJECT_SHORT_PULSE] = {"short_pulse_ms", CONFIG_INTEGER, .low = 20, .high = 60000},
+    [OBJECT_LONG_PULSE] = {"long_pulse_ms", CONFIG_INTEGER, .low = 20, .high = 60000},
+    [OBJECT_STEP] = {"step", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
+    [OBJECT_MIN] = {"min", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
+    [OBJECT_MAX] = {"max", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
 };
 /* The types that give a key a meaning; 0: all do. */
 static const unsigned object_key_types[OBJECT_KEYS] = {
@@ -77,6 +92,17 @@ static const unsigned object_key_types[OBJECT_KEYS] = {
     [OBJECT_OFFSET] = OF_MEASURED,
     [OBJECT_DEADBAND] = OF_MEASURED | BIT(MAP_COUNTER),
     [OBJECT_CYCLIC] = OF_MEASURED, /* IEC 60870-5-101, 7.2.3: only measured values know COT 1 */
+    [OBJECT_SECOND] = BIT(MAP_DOUBLE),
+    [OBJECT_SHORT_PULSE] = OF_BITS,
+    [OBJECT_LONG_PULSE] = OF_BITS,
+    [OBJECT_STEP] = OF_MEASURED,
+    [OBJECT_MIN] = OF_MEASURED,
+    [OBJECT_MAX] = OF_MEASURED,
+};
+/* Of commands: they mean nothing where nothing can be commanded. */
+static const bool is_command_key[OBJECT_KEYS] = {
+    [OBJECT_SELECT] = true, [OBJECT_SHORT_PULSE] = true, [OBJECT_LONG_PULSE] = true,
+    [OBJECT_STEP] = true,   [OBJECT_MIN] = true,         [OBJECT_MAX] = true,
 };
 
 static bool is_bit_table(enum map_table table)
@@ -111,7 +137,7 @@ static void check_meaning(struct config_loader *loader, const struct config_plac
 
 		if (values[key].given && object_key_types[key] != 0 && !(object_key_types[key] & BIT(type)))
 			config_error(&loader->report, &here, "has no meaning for type %s", type_names[type]);
-		if (values[key].given && key == OBJECT_SELECT && !config_is_writable(table))
+		if (values[key].given && is_command_key[key] && !config_is_writable(table))
 			config_error(&loader->report, &here,
 				     "has no meaning for %s: they cannot be commanded",
 				     config_table_names[table]);
@@ -127,6 +153,53 @@ static void check_extent(struct config_loader *loader, const struct config_place
 		config_error(&loader->report, &here,
 			     "%lld is out of range for type %s, which covers two addresses, expected 0 to %d",
 			     (long long)address, type_names[type], MODBUS_LAST - 1);
+}
+
+static void check_second_address(struct config_loader *loader, const struct config_place *object,
+				 int64_t address, int64_t second)
+{
+	const struct config_place here = config_key_of(object, object_rules[OBJECT_SECOND].name);
+
+	if (second == address)
+		config_error(&loader->report, &here, "is the address of the first bit, expected another one");
+	else if (second > address + APART_MAX || second < address - APART_MAX)
+		config_error(&loader->report, &here, "is %lld away from the first bit, expected at most %d",
+			     (long long)(second > address ? second - address : address - second), APART_MAX);
+}
+
+static bool is_whole(double number)
+{
+	return fpclassify(number - rint(number)) == FP_ZERO;
+}
+
+/* A step command needs all three, and a value that is an integer moves by integers. */
+static void check_step(struct config_loader *loader, const struct config_place *object,
+		       const struct config_value *values, enum map_type type)
+{
+	const struct config_place step = config_key_of(object, object_rules[OBJECT_STEP].name);
+	const struct config_place max = config_key_of(object, object_rules[OBJECT_MAX].name);
+	unsigned given = 0;
+
+	for (size_t key = OBJECT_STEP; key <= OBJECT_MAX; key++) {
+		if (values[key].wrong)
+			return;
+		given += values[key].given;
+	}
+	for (size_t key = OBJECT_STEP; given > 0 && key <= OBJECT_MAX; key++) {
+		const struct config_place here = config_key_of(object, object_rules[key].name);
+
+		if (!values[key].given)
+			config_error(&loader->report, &here,
+				     "is needed with the others of step, min and max, expected a number");
+	}
+	if (given < 3)
+		return;
+	if (fpclassify(values[OBJECT_STEP].number) == FP_ZERO)
+		config_error(&loader->report, &step, "is 0, expected more");
+	else if (type != MAP_FLOAT && !is_whole(values[OBJECT_STEP].number))
+		config_error(&loader->report, &step, "is no integer, as type %s needs it", type_names[type]);
+	if (values[OBJECT_MIN].number >= values[OBJECT_MAX].number)
+		config_error(&loader->report, &max, "is not above min");
 }
 
 static void check_name(struct config_loader *loader, const struct config_place *object, const char *name)
@@ -181,6 +254,7 @@ static struct map_point object_point(const struct config_value *values, enum map
 				     enum map_table table)
 {
 	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
+	const struct config_value *second = &values[OBJECT_SECOND];
 
 	return (struct map_point){
 	    .address = address,
@@ -191,10 +265,16 @@ static struct map_point object_point(const struct config_value *values, enum map
 	    .ioa =
 		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
 	    .group = (uint8_t)values[OBJECT_GROUP].integer,
+	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
 	    .cyclic_ms = (uint32_t)values[OBJECT_CYCLIC].integer,
+	    .short_pulse_ms = (uint16_t)values[OBJECT_SHORT_PULSE].integer,
+	    .long_pulse_ms = (uint16_t)values[OBJECT_LONG_PULSE].integer,
 	    .scale = values[OBJECT_SCALE].number,
 	    .offset = values[OBJECT_OFFSET].number,
 	    .deadband = values[OBJECT_DEADBAND].number,
+	    .step = (float)values[OBJECT_STEP].number,
+	    .min = (float)values[OBJECT_MIN].number,
+	    .max = (float)values[OBJECT_MAX].number,
 	};
 }
 
@@ -219,7 +299,12 @@ static void check_object(struct config_loader *loader, const struct config_place
 		check_type(loader, place, type, table);
 		check_meaning(loader, place, values, type, table);
 	}
-	if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
+	if (!values[OBJECT_TYPE].wrong)
+		check_step(loader, place, values, type);
+	if (values[OBJECT_SECOND].given && !values[OBJECT_ADDRESS].wrong)
+		check_second_address(loader, place, values[OBJECT_ADDRESS].integer,
+				     values[OBJECT_SECOND].integer);
+	else if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
 		check_extent(loader, place, values[OBJECT_ADDRESS].integer, type);
 	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong)
 		check_scheme(loader, place, values[OBJECT_ADDRESS].integer);
