@@ -83,7 +83,9 @@ class Desk(Substation):
 
 
 @contextlib.contextmanager
-def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[LineSim, Gateway]]:
+def gateway_on_lines(
+    config: dict[str, Any], build: Path, values: Path | None = CHAPTER_5 / "values.json"
+) -> Iterator[tuple[LineSim, Gateway]]:
     """Simulated devices and a gateway on a free TCP port of its own; removed afterwards."""
     directory = run_directory()
     config = listening_on(copy.deepcopy(config), free_port())
@@ -91,7 +93,7 @@ def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[Line
         stack.callback(remove, directory)
         file = directory / "linesim.json"
         file.write_text(json.dumps(config))
-        lines = stack.enter_context(LineSim(file, CHAPTER_5 / "values.json", directory / "dev"))
+        lines = stack.enter_context(LineSim(file, values, directory / "dev"))
         yield lines, stack.enter_context(Gateway(config, directory, build))
 
 

@@ -228,10 +228,14 @@ SITES = [
     Site("port", "port[0]", ("port",)),
     Site("inactive_port", "port[1]", ("inactive_port",)),
     Site("slave", "port[0].slaves[0]", ("slave",)),
-    Site("coil", "port[0].slaves[1].coils[0]", ("object", "bits", "command")),
+    Site("coil", "port[0].slaves[1].coils[0]", ("object", "bits", "command", "pulse")),
     Site("discrete_input", "port[0].slaves[1].discrete_inputs[0]", ("object", "bits")),
     Site("input_register", "port[0].slaves[1].input_registers[0]", ("object", "registers")),
-    Site("holding_register", "port[0].slaves[1].holding_registers[0]", ("object", "registers", "command")),
+    Site(
+        "holding_register",
+        "port[0].slaves[1].holding_registers[0]",
+        ("object", "registers", "command", "step"),
+    ),
 ]
 # What a key needs beside it: a type that gives it a meaning, or another key that limits it.
 COMPANIONS: dict[str, dict[str, Any]] = {
@@ -247,6 +251,10 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "freeze_s": {"type": "counter"},
     "input_register.background_ms": {"type": "step"},
     "holding_register.background_ms": {"type": "step"},
+    "second_address": {"type": "double"},
+    "step": {"type": "float", "min": -2, "max": 2},
+    "min": {"step": 1, "max": 1e31},
+    "max": {"step": 1, "min": -1e31},
 }
 
 
@@ -281,6 +289,8 @@ def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
         return ["127.0.0.1", "::"]
     if "examples" in rule:
         return rule["examples"]
+    if key == "second_address":
+        return [0, 4, 6, 1029]  # the first is 5
     if "enum" in rule:
         return rule["enum"]
     if rule.get("type") == "boolean":
@@ -288,7 +298,7 @@ def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
     if "maxLength" in rule:
         return ["x" * max(rule["minLength"], 1), "x" * rule["maxLength"]]
     if rule.get("type") == "number":
-        return [rule.get("minimum", -1.5), 2, 1e30]
+        return [rule.get("minimum", 0.5 if "exclusiveMinimum" in rule else -1.5), 2, 1e30]
     return [rule[bound] for bound in ("minimum", "maximum") if bound in rule]
 
 
@@ -299,6 +309,8 @@ def refused_values(rule: dict[str, Any]) -> list[Any]:
         return [None, 5, "x" * (rule["maxLength"] + 1)] + ([""] if rule["minLength"] > 0 else [])
     if "minimum" in rule:
         return [None, "1", rule["minimum"] - 1] + ([rule["maximum"] + 1] if "maximum" in rule else [])
+    if "exclusiveMinimum" in rule:
+        return [None, "1", rule["exclusiveMinimum"], -1]
     return [None, "1"] if "type" in rule else []
 
 
@@ -335,9 +347,8 @@ def test_schema_and_loader_know_the_same_keys(programs: Path, tmp_path: Path, si
 
 
 def all_object_keys() -> set[str]:
-    return {
-        key for name in ("object", "bits", "registers", "command") for key in definition(name)["properties"]
-    }
+    names = ("object", "bits", "registers", "command", "pulse", "step")
+    return {key for name in names for key in definition(name)["properties"]}
 
 
 @pytest.mark.parametrize("site", SITES, ids=lambda site: site.definition or "file")
@@ -353,7 +364,8 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
 
 def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Every key of the schema: the definition it is in, its name, its rule."""
-    for name in ("", "iec104", "modbus", "port", "slave", "object", "command", "bits", "registers"):
+    objects = ("object", "command", "bits", "registers", "pulse", "step")
+    for name in ("", "iec104", "modbus", "port", "slave", *objects):
         for key, rule in definition(name)["properties"].items():
             yield name, key, resolved(rule)
 
@@ -382,6 +394,8 @@ def values_cell(key: str, rule: dict[str, Any]) -> str:
     if "maximum" in rule:
         return f"{rule['minimum']} … {rule['maximum']}"
     if rule["type"] == "number":
+        if "exclusiveMinimum" in rule:
+            return "number > 0"
         return "number ≥ 0" if "minimum" in rule else "number"
     return {"boolean": "`true`, `false`"}.get(rule["type"], rule["type"])
 

@@ -255,7 +255,7 @@ def test_set_point_reaches_the_registers(
         desk.lines.get(desk.device(ca), "holding_registers", address + i) for i in range(len(registers))
     ]
     assert [word & 0xFFFF for word in written] == registers
-    desk.master.wait(lambda r: (r.ca, r.ioa, r.cause) == (ca, ioa, "SPONTANEOUS"), since)
+    desk.master.wait(lambda r: (r.ca, r.ioa, r.cause) == (ca, ioa, "RETURN_INFO_REMOTE"), since)
 
 
 def test_two_registers_are_written_in_one_request(desk: Desk) -> None:

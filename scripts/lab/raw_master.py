@@ -185,6 +185,12 @@ class RawMaster:
             if asdu.type in kinds:
                 return asdu
 
+    def next_asdu(self, deadline: float) -> Asdu:
+        """Whatever comes next, acknowledged. deadline: time.monotonic()."""
+        asdu = self._next_asdu(deadline, "ASDU")
+        self._acknowledge()
+        return asdu
+
     def spontaneous(self, deadline: float) -> list[Object]:
         """The objects of the next spontaneous ASDU. deadline: time.monotonic()."""
         while True:

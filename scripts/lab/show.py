@@ -114,7 +114,9 @@ def single_command(stage: Stage) -> None:
     say(f"     on line 3    {frame.text}")
     check(confirmed, "the station did not confirm the command")
     say("     master       activation confirmed: the device has answered")
-    report = stage.master.wait(lambda r: (r.ioa, r.cause) == (4, "SPONTANEOUS") and r.value is True, since)
+    report = stage.master.wait(
+        lambda r: (r.ioa, r.cause) == (4, "RETURN_INFO_REMOTE") and r.value is True, since
+    )
     event(report)
 
 

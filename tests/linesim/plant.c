@@ -68,6 +68,15 @@ static long width(json_t *object)
 	return 1;
 }
 
+/* Where an object ends: a double may name its second bit, and then has all that lies between. */
+static int get_second(json_t *object, const char *path, long next, long *second, char *error)
+{
+	*second = next;
+	if (!json_object_get(object, "second_address"))
+		return 0;
+	return get_integer(object, path, "second_address", 0, SLAVE_TABLE_CELLS - 1, second, error);
+}
+
 static int load_table(struct slave *slave, enum slave_table table, json_t *objects, const char *slave_path,
 		      char *error)
 {
@@ -77,14 +86,16 @@ static int load_table(struct slave *slave, enum slave_table table, json_t *objec
 	json_array_foreach(objects, index, object)
 	{
 		char path[128];
-		long address;
+		long address, second;
 		const long cells = width(object);
 
 		snprintf(path, sizeof path, "%s.%s[%zu]", slave_path, slave_table_name(table), index);
 		if (get_integer(object, path, "address", 0, SLAVE_TABLE_CELLS - cells, &address, error))
 			return -1;
-		for (long i = 0; i < cells; i++)
-			slave->table[table].exists[address + i] = true;
+		if (get_second(object, path, address + cells - 1, &second, error))
+			return -1;
+		for (long i = address < second ? address : second; i <= address || i <= second; i++)
+			slave->table[table].exists[i] = true;
 	}
 	return 0;
 }

@@ -85,6 +85,7 @@ struct command_form {
 static const struct command_form command_forms[] = {
     {IEC104_C_SC_NA_1, IEC104_C_SC_TA_1, 1, MAP_SINGLE},
     {IEC104_C_DC_NA_1, IEC104_C_DC_TA_1, 1, MAP_DOUBLE},
+    {IEC104_C_RC_NA_1, IEC104_C_RC_TA_1, 1, MAP_STEP},
     {IEC104_C_SE_NA_1, IEC104_C_SE_TA_1, 3, MAP_NORMALIZED},
     {IEC104_C_SE_NB_1, IEC104_C_SE_TB_1, 3, MAP_SCALED},
     {IEC104_C_SE_NC_1, IEC104_C_SE_TC_1, 5, MAP_FLOAT},
@@ -129,12 +130,22 @@ size_t iec104_control_object_size(uint8_t type)
 	}
 }
 
-/* SCO and DCO: the state in the low bits, QU, S/E. */
+/* SCO, DCO and RCO: the state in the low bits, QU, S/E. */
 static void decode_switching(uint8_t octet, uint8_t state_mask, struct iec104_command *out)
 {
 	out->value.u = octet & state_mask;
 	out->qualifier = octet >> QU_SHIFT & QU_MASK;
 	out->select = (octet & SELECT_BIT) != 0;
+}
+
+/* IEC 60870-5-101, 7.2.6.17: RCS 1 next step lower, 2 next step higher. */
+static void decode_step(uint8_t octet, struct iec104_command *out)
+{
+	static const int8_t steps[] = {0, -1, 1, 0};
+
+	decode_switching(octet, 0x03, out);
+	out->step = steps[out->value.u];
+	out->value.u = 0;
 }
 
 static void decode_qos(uint8_t octet, struct iec104_command *out)
@@ -183,6 +194,8 @@ bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_co
 		out->value.u = get_u32(element);
 		break;
 	case MAP_STEP:
+		decode_step(element[0], out);
+		break;
 	case MAP_COUNTER:
 		return false;
 	}

@@ -37,12 +37,14 @@ enum iec104_type {
 	IEC104_M_EI_NA_1 = 70,
 	IEC104_C_SC_NA_1 = 45,
 	IEC104_C_DC_NA_1 = 46,
+	IEC104_C_RC_NA_1 = 47,
 	IEC104_C_SE_NA_1 = 48,
 	IEC104_C_SE_NB_1 = 49,
 	IEC104_C_SE_NC_1 = 50,
 	IEC104_C_BO_NA_1 = 51,
 	IEC104_C_SC_TA_1 = 58,
 	IEC104_C_DC_TA_1 = 59,
+	IEC104_C_RC_TA_1 = 60,
 	IEC104_C_SE_TA_1 = 61,
 	IEC104_C_SE_TB_1 = 62,
 	IEC104_C_SE_TC_1 = 63,
@@ -70,6 +72,8 @@ enum iec104_cause {
 	IEC104_DEACTIVATION = 8,
 	IEC104_DEACTIVATION_CON = 9,
 	IEC104_ACTIVATION_TERM = 10,
+	IEC104_RETURN_REMOTE = 11,
+	IEC104_RETURN_LOCAL = 12,
 	IEC104_INTERROGATED = 20,       /* by group n: 20 + n */
 	IEC104_COUNTERS_REQUESTED = 37, /* of group n: 37 + n */
 	IEC104_UNKNOWN_TYPE = 44,
@@ -108,12 +112,13 @@ uint32_t iec104_ioa_decode(const uint8_t *object);
 /* A command of types 45..51, 58..64. */
 struct iec104_command {
 	uint32_t ioa;
-	enum map_type type;    /* of the point that takes it */
-	union map_value value; /* as a point of that type has it */
+	enum map_type type;    /* of the point that takes it; MAP_STEP: of any that takes regulating steps */
+	union map_value value; /* as a point of that type has it; 0 of a regulating step */
 	bool select;           /* S/E */
-	uint8_t qualifier;     /* QU of a single or double command, QL of a set-point */
+	uint8_t qualifier;     /* QU of a single, double or regulating step command, QL of a set-point */
 	bool tagged;
 	const uint8_t *time; /* tagged: CP56Time2a */
+	int8_t step;         /* of a regulating step: -1 lower, 1 higher, 0 not permitted (RCS 0 and 3) */
 };
 
 /* Decodes a command's object of iec104_control_object_size octets. False: the type is none of a command. */

@@ -5,13 +5,16 @@
 #include <math.h>
 #include <string.h>
 
-#define NS_PER_S      1000000000LL
-#define QU_NONE       0
-#define QU_PERSISTENT 3
-#define DOUBLE_OFF    1
-#define QRP_PROCESS   1 /* reset of the process */
-#define QRP_EVENTS    2 /* of what waits with a time tag */
-#define DOUBLE_ON     2
+#define NS_PER_S       1000000000LL
+#define NS_PER_MS      1000000LL
+#define QU_NONE        0
+#define QU_SHORT_PULSE 1
+#define QU_LONG_PULSE  2
+#define QU_PERSISTENT  3
+#define QRP_PROCESS    1 /* reset of the process */
+#define QRP_EVENTS     2 /* of what waits with a time tag */
+#define DOUBLE_OFF     1
+#define DOUBLE_ON      2
 
 /* An ASDU that a connection has received. */
 struct received {
@@ -48,6 +51,11 @@ static bool is_session_of(const struct iec104_connection *connection, uint32_t s
 	return session_of(connection, (uint8_t)session) == session;
 }
 
+static bool is_free(const struct iec104_open_command *open)
+{
+	return open->request.id == 0 && !open->terminating;
+}
+
 static bool post(struct iec104_station *station, const struct received *received, struct map_request request)
 {
 	struct iec104_connection *connection = received->connection;
@@ -55,7 +63,7 @@ static bool post(struct iec104_station *station, const struct received *received
 	struct iec104_open_command *open = station->open_commands;
 	struct map_module module;
 
-	while (open < station->open_commands + IEC104_OPEN_COMMANDS_MAX && open->request.id != 0)
+	while (open < station->open_commands + IEC104_OPEN_COMMANDS_MAX && !is_free(open))
 		open++;
 	if (open == station->open_commands + IEC104_OPEN_COMMANDS_MAX)
 		return false;
@@ -66,7 +74,7 @@ static bool post(struct iec104_station *station, const struct received *received
 	request.id = map_request_post(station->map, request);
 	if (request.id == 0)
 		return false;
-	open->request = request;
+	*open = (struct iec104_open_command){.request = request};
 	open->generation = module.generation;
 	open->connection = connection;
 	open->serial = connection->serial;
@@ -75,14 +83,47 @@ static bool post(struct iec104_station *station, const struct received *received
 	return true;
 }
 
-static bool value_can_be_sent(const struct iec104_command *command)
+/* A regulating step command has no point type of its own: objects that are configured for it take it. */
+static bool takes(const struct map_point *point, const struct iec104_command *command)
 {
+	if (!(point->flags & MAP_POINT_COMMAND))
+		return false;
+	return command->type == MAP_STEP ? point->step > 0 : point->type == command->type;
+}
+
+/* QU (IEC 60870-5-101, 7.2.6.26) as a duration, 0: persistent. False: reserved, or the point has no such pulse. */
+static bool pulse_of(const struct map_point *point, uint8_t qualifier, uint16_t *pulse_ms)
+{
+	switch (qualifier) {
+	case QU_NONE:
+	case QU_PERSISTENT:
+		*pulse_ms = 0;
+		return true;
+	case QU_SHORT_PULSE:
+		*pulse_ms = point->short_pulse_ms;
+		return *pulse_ms != 0;
+	case QU_LONG_PULSE:
+		*pulse_ms = point->long_pulse_ms;
+		return *pulse_ms != 0;
+	default:
+		return false;
+	}
+}
+
+static bool value_can_be_sent(const struct map_point *point, const struct iec104_command *command)
+{
+	uint16_t pulse_ms;
+
 	switch (command->type) {
-	case MAP_SINGLE: /* a pulse would need its end kept in the map, whatever becomes of this process */
-		return command->qualifier == QU_NONE || command->qualifier == QU_PERSISTENT;
+	case MAP_SINGLE: /* a pulse to OFF would end with OFF */
+		return pulse_of(point, command->qualifier, &pulse_ms) &&
+		       (pulse_ms == 0 || command->value.u == 1);
 	case MAP_DOUBLE:
-		return (command->qualifier == QU_NONE || command->qualifier == QU_PERSISTENT) &&
+		return pulse_of(point, command->qualifier, &pulse_ms) &&
 		       (command->value.u == DOUBLE_OFF || command->value.u == DOUBLE_ON);
+	case MAP_STEP: /* a register holds no pulse */
+		return (command->qualifier == QU_NONE || command->qualifier == QU_PERSISTENT) &&
+		       command->step != 0;
 	case MAP_FLOAT:
 		return command->qualifier == 0 && isfinite(command->value.f);
 	default:
@@ -110,6 +151,19 @@ static enum map_action action_of(const struct received *received, const struct i
 	return command->select ? MAP_SELECT : MAP_EXECUTE;
 }
 
+static struct map_request request_of(const struct iec104_station *station, uint32_t point,
+				     const struct received *received, const struct iec104_command *command)
+{
+	struct map_request request = {.point = point,
+				      .action = (uint8_t)action_of(received, command),
+				      .value = command->value,
+				      .step = command->step};
+
+	if (command->type == MAP_SINGLE || command->type == MAP_DOUBLE)
+		pulse_of(iec104_point(station, point), command->qualifier, &request.pulse_ms);
+	return request;
+}
+
 static void take_command(struct iec104_station *station, const struct received *received)
 {
 	struct iec104_command command;
@@ -117,12 +171,11 @@ static void take_command(struct iec104_station *station, const struct received *
 
 	iec104_command_decode(received->asdu.type, received->asdu.objects, &command);
 	point = map_find(station->map, received->asdu.ca, command.ioa);
-	if (point == MAP_NONE || iec104_point(station, point)->type != command.type ||
-	    !(iec104_point(station, point)->flags & MAP_POINT_COMMAND)) {
+	if (point == MAP_NONE || !takes(iec104_point(station, point), &command)) {
 		refuse(received, IEC104_UNKNOWN_IOA);
 		return;
 	}
-	if (!value_can_be_sent(&command) ||
+	if (!value_can_be_sent(iec104_point(station, point), &command) ||
 	    (command.tagged && !time_tag_is_recent(station, &command, received->now_ns))) {
 		confirm(received, true);
 		return;
@@ -131,10 +184,7 @@ static void take_command(struct iec104_station *station, const struct received *
 		confirm(received, false);
 		return;
 	}
-	if (!post(station, received,
-		  (struct map_request){.point = point,
-				       .action = (uint8_t)action_of(received, &command),
-				       .value = command.value}))
+	if (!post(station, received, request_of(station, point, received, &command)))
 		confirm(received, true);
 }
 
@@ -213,7 +263,12 @@ static bool is_still_there(const struct iec104_open_command *open)
 	return open->connection->open && open->connection->serial == open->serial;
 }
 
-/* Tells the connection that asked, if it is still there and takes data. */
+static bool takes_data(const struct iec104_open_command *open)
+{
+	return is_still_there(open) && open->connection->session.started;
+}
+
+/* Confirms to the connection that asked, if it is still there and takes data. */
 static void report(const struct iec104_station *station, const struct iec104_open_command *open,
 		   bool positive)
 {
@@ -221,7 +276,7 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 	struct received received = {.connection = connection, .bytes = open->asdu, .size = open->asdu_size};
 	struct iec104_procedure procedure;
 
-	if (!is_still_there(open) || !connection->session.started)
+	if (!takes_data(open))
 		return;
 	iec104_asdu_decode(open->asdu, open->asdu_size, &received.asdu);
 	if (positive && open->request.point == MAP_NONE) { /* confirmed by each station that is meant */
@@ -231,8 +286,57 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 		positive = false;
 	}
 	confirm(&received, !positive);
-	if (positive && open->request.action == MAP_EXECUTE)
-		iec104_mirror(connection, open->asdu, open->asdu_size, IEC104_ACTIVATION_TERM, false);
+}
+
+/* The device has confirmed an execution, or that and its end are told at once. */
+static void report_execution(const struct iec104_station *station, struct iec104_open_command *open)
+{
+	if (!open->confirmed)
+		report(station, open, true);
+	open->confirmed = true;
+}
+
+static void begin_termination(const struct iec104_station *station, struct iec104_open_command *open,
+			      bool positive)
+{
+	if (!takes_data(open))
+		return;
+	open->terminating = true;
+	open->failed = !positive;
+	open->events_end = iec104_events_end(station, map_owner(station->map, open->request.point));
+	open->connection->terminations++;
+}
+
+static void end_termination(struct iec104_open_command *open)
+{
+	open->terminating = false;
+	open->connection->terminations--;
+}
+
+bool iec104_send_termination(struct iec104_station *station, struct iec104_connection *connection,
+			     int64_t now_ns)
+{
+	for (unsigned i = 0; connection->terminations > 0 && i < IEC104_OPEN_COMMANDS_MAX; i++) {
+		struct iec104_open_command *open = &station->open_commands[i];
+
+		if (!open->terminating || open->connection != connection ||
+		    !iec104_events_were_sent(connection, map_owner(station->map, open->request.point),
+					     open->events_end))
+			continue;
+		iec104_asdu_mirror(open->asdu, IEC104_ACTIVATION_TERM, open->failed);
+		iec104_session_send(&connection->session, open->asdu, open->asdu_size, now_ns);
+		end_termination(open);
+		return true;
+	}
+	return false;
+}
+
+void iec104_drop_terminations(struct iec104_station *station, struct iec104_connection *connection)
+{
+	for (unsigned i = 0; connection->terminations > 0 && i < IEC104_OPEN_COMMANDS_MAX; i++)
+		if (station->open_commands[i].terminating &&
+		    station->open_commands[i].connection == connection)
+			end_termination(&station->open_commands[i]);
 }
 
 /* Back to inactive. The owner sees to it that only the session that was last served can do that. */
@@ -252,7 +356,12 @@ static void conclude(struct iec104_station *station, struct iec104_open_command 
 {
 	bool selected = positive && open->request.action == MAP_SELECT && is_still_there(open);
 
-	report(station, open, positive);
+	if (positive && open->request.action == MAP_EXECUTE)
+		report_execution(station, open);
+	if (open->confirmed)
+		begin_termination(station, open, positive);
+	else
+		report(station, open, positive);
 	open->request.id = 0;
 	if (selected)
 		open->connection->selects = true;
@@ -273,7 +382,7 @@ void iec104_end_selections(struct iec104_station *station, const struct iec104_c
 	}
 }
 
-void iec104_take_answer(struct iec104_station *station, const struct map_answer *answer)
+static void take_answer(struct iec104_station *station, const struct map_answer *answer)
 {
 	if (answer->action == MAP_FREEZE) {
 		iec104_take_freeze_answer(station, answer);
@@ -284,13 +393,25 @@ void iec104_take_answer(struct iec104_station *station, const struct map_answer 
 
 		if (open->request.id == 0 || open->request.id != answer->id)
 			continue;
-		if (answer->state != MAP_EXECUTING)
+		if (answer->state == MAP_EXECUTING && answer->result == MAP_RESULT_DONE)
+			report_execution(station, open);
+		else if (answer->state != MAP_EXECUTING)
 			conclude(station, open,
 				 answer->state == MAP_ACCEPTED_SELECTION ||
 				     answer->state == MAP_INTERRUPTED_SELECTION ||
 				     answer->state == MAP_EXECUTED_COMMAND);
 		return;
 	}
+}
+
+bool iec104_take_answers(struct iec104_station *station)
+{
+	struct map_answer answer;
+	bool any = false;
+
+	for (; map_answer_next(station->map, &answer); any = true)
+		take_answer(station, &answer);
+	return any;
 }
 
 /*
@@ -310,11 +431,20 @@ static bool owner_has_ended(const struct iec104_station *station, const struct i
 
 /*
  * No command begins after its deadline; then its device has at most 10 s (response_timeout_ms), twice for two
- * writes, and the octets take their time. Later than this, request or answer was overwritten in the map unread.
+ * writes, and the octets take their time; as much again for a pulse and its end. Later than this, request or answer was
+ * overwritten in the map unread.
  */
 static int64_t last_moment(const struct iec104_open_command *open)
 {
-	return open->request.deadline_ns + 30 * NS_PER_S;
+	if (!open->confirmed)
+		return open->request.deadline_ns + 30 * NS_PER_S;
+	return open->request.deadline_ns + 60 * NS_PER_S + open->request.pulse_ms * NS_PER_MS;
+}
+
+/* What the device has confirmed is done, unless its pulse is to be ended yet. */
+static bool was_done(const struct iec104_open_command *open)
+{
+	return open->confirmed && open->request.pulse_ms == 0;
 }
 
 void iec104_conclude_orphans(struct iec104_station *station, int64_t now_ns)
@@ -323,7 +453,7 @@ void iec104_conclude_orphans(struct iec104_station *station, int64_t now_ns)
 		struct iec104_open_command *open = &station->open_commands[i];
 
 		if (open->request.id != 0 && (owner_has_ended(station, open) || now_ns >= last_moment(open)))
-			conclude(station, open, false);
+			conclude(station, open, was_done(open));
 	}
 }
 

@@ -10,7 +10,7 @@ struct map_point points[POINTS] = {
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 3},
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 4},
+    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 4, .short_pulse_ms = 500},
     {.device = 0, .type = MAP_SINGLE, .ioa = 10001},
     {.device = 0, .type = MAP_SINGLE, .ioa = 10002},
     {.device = 0, .type = MAP_SINGLE, .ioa = 10003},
@@ -19,9 +19,9 @@ struct map_point points[POINTS] = {
     {.device = 0, .type = MAP_SCALED, .ioa = 30003},
     {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40001},
     {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40002},
-    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40003},
+    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40003, .step = 5, .max = 300},
     /* CA 4001: the other types */
-    {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2},
+    {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2, .long_pulse_ms = 2000},
     {.device = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
     {.device = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
     {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .period_ms = 1000},
@@ -114,9 +114,16 @@ struct map_cursor *map_cursor(struct map *map, unsigned slot)
 	return &map->cursors[slot];
 }
 
+/* One ring stands for those of all modules. */
+static void move_cursor(struct map_cursor *cursor, uint32_t to)
+{
+	for (unsigned i = 0; i < RINGS; i++)
+		cursor->next[i] = to;
+}
+
 void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
 {
-	cursor->next[0] = map->event_count;
+	move_cursor(cursor, map->event_count);
 	cursor->lost = 0;
 }
 
@@ -130,7 +137,8 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 		cursor->lost += behind - map->event_capacity;
 		cursor->next[0] = map->event_count - map->event_capacity;
 	}
-	*out = map->events[cursor->next[0]++ % EVENTS];
+	*out = map->events[cursor->next[0] % EVENTS];
+	move_cursor(cursor, cursor->next[0] + 1);
 	return true;
 }
 
@@ -159,8 +167,14 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 
 bool map_answer_next(struct map *map, struct map_answer *out)
 {
-	if (map->answers_read == map->answer_count)
+	if (map->answers_read == map->answer_count) {
+		void (*happens)(void) = map->on_last_answer;
+
+		map->on_last_answer = NULL;
+		if (happens != NULL)
+			happens();
 		return false;
+	}
 	*out = map->answers[map->answers_read++ % ANSWERS];
 	return true;
 }
@@ -187,6 +201,12 @@ void publish(uint32_t point, int32_t value)
 {
 	fake.samples[point] = (struct map_sample){.value.i = value, .time_ns = now};
 	put_event(MAP_EVENT_CHANGE, point, fake.samples[point]);
+}
+
+void return_information(uint32_t point, int32_t value)
+{
+	publish(point, value);
+	fake.events[(fake.event_count - 1) % EVENTS].cause = MAP_RETURN_REMOTE;
 }
 
 void answer(uint32_t id, enum map_command_state state, enum map_command_result result)

@@ -15,6 +15,7 @@
 
 #define POINTS   20
 #define DEVICES  2
+#define RINGS    3    /* rtud and two owners */
 #define EVENTS   4096 /* a power of two, as are the next two */
 #define REQUESTS 64
 #define ANSWERS  64
@@ -45,6 +46,7 @@ struct map {
 	struct map_clock clock;
 	uint32_t starts, note;           /* as many: nothing to tell */
 	void (*on_read)(uint32_t point); /* what happens elsewhere while a point is read */
+	void (*on_last_answer)(void);    /* what happens, once, when all answers were taken */
 	unsigned unreadable;             /* so many reads fail */
 	unsigned log_count;              /* lines */
 };
@@ -57,6 +59,8 @@ void fake_begin(void);
 void put_event(enum map_event_kind kind, uint32_t point, struct map_sample sample);
 /* The owner publishes a value: readers see it, and an event is made. */
 void publish(uint32_t point, int32_t value);
+/* The same after a command: an event of another cause. */
+void return_information(uint32_t point, int32_t value);
 /* The owner's answer to request id. */
 void answer(uint32_t id, enum map_command_state state, enum map_command_result result);
 

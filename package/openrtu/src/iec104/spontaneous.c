@@ -111,15 +111,41 @@ static void note_lost_events(struct iec104_station *station, struct iec104_conne
 	begin_refresh(station, connection);
 }
 
+uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module)
+{
+	struct map_cursor end;
+
+	map_cursor_to_end(station->map, &end);
+	return end.next[module];
+}
+
+bool iec104_events_were_sent(const struct iec104_connection *connection, uint32_t module, uint32_t end)
+{
+	return (int32_t)(connection->cursor->next[module] - end) >= 0;
+}
+
+static uint8_t wire_cause(const struct map_event *event)
+{
+	switch ((enum map_cause)event->cause) {
+	case MAP_RETURN_REMOTE:
+		return IEC104_RETURN_REMOTE;
+	case MAP_RETURN_LOCAL:
+		return IEC104_RETURN_LOCAL;
+	case MAP_SPONTANEOUS:
+		break;
+	}
+	return IEC104_SPONTANEOUS;
+}
+
 /* Adds an event to the ASDU; the first one begins it. False: it does not belong into this one. */
 static bool add_event(const struct iec104_station *station, struct iec104_builder *builder,
 		      const struct map_event *first, const struct map_event *event)
 {
-	static const struct iec104_manner manner = {.cause = IEC104_SPONTANEOUS, .tagged = true};
+	const struct iec104_manner manner = {.cause = wire_cause(event), .tagged = true};
 
 	if (event == first)
 		iec104_begin_asdu(station, builder, event->point, &manner, false);
-	else if (event->kind != MAP_EVENT_CHANGE ||
+	else if (event->kind != MAP_EVENT_CHANGE || event->cause != first->cause ||
 		 iec104_point(station, event->point)->type != iec104_point(station, first->point)->type ||
 		 iec104_point(station, event->point)->device != iec104_point(station, first->point)->device)
 		return false;
@@ -140,12 +166,22 @@ static void send_changes(const struct iec104_station *station, struct iec104_con
 	iec104_send(connection, &builder, now_ns);
 }
 
+static bool is_return_information(const struct map_event *event)
+{
+	return event->kind == MAP_EVENT_CHANGE && event->cause != MAP_SPONTANEOUS;
+}
+
+/* Return information was published after its command was confirmed: so that is told first, if it came only now. */
 bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
+	struct map_cursor ahead = *connection->cursor;
 	struct map_event event;
 
-	if (!map_event_next(station->map, connection->cursor, &event))
+	if (!map_event_next(station->map, &ahead, &event))
 		return false;
+	if (is_return_information(&event) && iec104_take_answers(station))
+		return true;
+	*connection->cursor = ahead;
 	if (event.kind == MAP_EVENT_CHANGE)
 		send_changes(station, connection, &event, now_ns);
 	else

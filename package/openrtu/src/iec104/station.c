@@ -18,7 +18,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		station->connections[i].open = false;
 	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++)
-		station->open_commands[i].request.id = 0;
+		station->open_commands[i] = (struct iec104_open_command){.terminating = false};
 	for (unsigned i = 0; i < IEC104_OPEN_FREEZES_MAX; i++)
 		station->freezes[i].used = false;
 	station->initialised = false;
@@ -70,6 +70,7 @@ void iec104_station_disconnect(struct iec104_station *station, struct iec104_con
 	iec104_log(station, MAP_LOG_INFO, connection->peer, "connection ends: %s",
 		   iec104_closing_text(connection->session.closing));
 	connection->open = false;
+	iec104_drop_terminations(station, connection);
 	iec104_end_selections(station, connection);
 }
 
@@ -79,7 +80,8 @@ void iec104_station_disconnect(struct iec104_station *station, struct iec104_con
 static bool send_next(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
 	if (iec104_send_confirmation(connection, now_ns) ||
-	    iec104_send_initialised(station, connection, now_ns))
+	    iec104_send_initialised(station, connection, now_ns) ||
+	    iec104_send_termination(station, connection, now_ns))
 		return true;
 	if (connection->down) /* later events wait until all of the module's points are reported */
 		return iec104_send_invalid(station, connection, now_ns);
@@ -120,6 +122,7 @@ static void end_transfer(struct iec104_station *station, struct iec104_connectio
 {
 	connection->replies.begin = connection->replies.end = 0;
 	connection->procedure_count = 0;
+	iec104_drop_terminations(station, connection);
 	iec104_log(station, MAP_LOG_INFO, connection->peer, "data transfer stopped");
 }
 
@@ -156,11 +159,8 @@ static void run_connection(struct iec104_station *station, struct iec104_connect
 
 void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 {
-	struct map_answer answer;
-
 	station->now_ns = now_ns;
-	while (map_answer_next(station->map, &answer))
-		iec104_take_answer(station, &answer);
+	iec104_take_answers(station);
 	iec104_conclude_orphans(station, now_ns);
 	iec104_conclude_freezes(station, now_ns);
 	iec104_watch_initialisation(station, now_ns);

@@ -5,8 +5,9 @@
  *
  * Nothing here knows a socket: octets and CLOCK_MONOTONIC nanoseconds come in, octets go out. One thread.
  *
- * Order on a connection: confirmations; events (spontaneous, with time tag); what is read from the map when
- * it is encoded (read command, refresh after lost events, interrogation, periodic). The latter is sent only
+ * Order on a connection: confirmations; terminations of commands whose return information was sent; events (spontaneous
+ * or return information, with time tag); what is read from the map when it is encoded (read command, refresh after lost
+ * events, interrogation, periodic). The latter is sent only
  * when no event waits, not even one that came while it was encoded, so that no value is followed by an older
  * one of the same point. A station whose events come faster than they are acknowledged answers no
  * interrogation meanwhile.
@@ -15,7 +16,8 @@
  * address, 47 information object address (also of a point that is not commandable, or of another type than
  * the command), negative confirmation. The latter is the answer to
  * - what the device refuses, does not answer, or has not selected;
- * - what cannot be carried out: pulses, DCS 0 and 3, reserved qualifiers, not-a-number;
+ * - what cannot be carried out: a pulse without configured duration, a pulse to OFF, DCS and RCS 0 and 3, reserved
+ *   qualifiers, not-a-number, a value or step beyond the point's limits, a step from a value that is not good;
  * - a time tag that is invalid, or further than command_timeout_s from the map's clock. While that clock is
  *   not set, the age cannot be known and is not judged;
  * - an interrogation of a station while one is under way; those of different stations wait for each other;
@@ -29,7 +31,9 @@
  * Parameters (P_ME, P_AC) are for a measured value of their own type, have LPC and POP 0, and are in force when confirmed.
  * A station interrogation sends those that were loaded behind the values.
  * With the test bit, a command is checked and confirmed, and not carried out.
- * STOPDT ends interrogations and drops confirmations that wait; events wait for the next STARTDT. A
+ * A command is confirmed when its device has confirmed it, and terminated after its point's return information; of a
+ * pulse, after that of its end. What fails in between is told by a negative termination.
+ * STOPDT ends interrogations and drops confirmations and terminations that wait; events wait for the next STARTDT. A
  * connection that ends leaves its commands to their devices; what it has selected is no longer.
  */
 #ifndef OPENRTU_IEC104_STATION_H
@@ -103,6 +107,8 @@ struct iec104_connection {
 	struct iec104_procedure procedures[IEC104_INTERROGATIONS_MAX]; /* a ring, the first is under way */
 	unsigned first_procedure, procedure_count;
 
+	unsigned terminations; /* of its commands, that wait for their return information to be sent */
+
 	bool periodic; /* values whose period ended after from and until to are being sent */
 	int64_t periodic_from_ns, periodic_to_ns;
 	int64_t periodic_due_ns;
@@ -111,9 +117,13 @@ struct iec104_connection {
 	int64_t retry_ns; /* a point could not be read just now, or its owner is doubted; INT64_MAX: none */
 };
 
-/* A request to a point's owner or to rtud that has not been answered. */
+/* A request to a point's owner or to rtud that has not been answered, or whose end has not been sent. */
 struct iec104_open_command {
-	struct map_request request; /* id 0: free */
+	struct map_request request; /* id 0: answered */
+	bool confirmed;             /* ACT_CON was sent: ACT_TERM follows */
+	bool terminating;           /* answered, ACT_TERM waits: */
+	bool failed;                /* with P/N = 1, */
+	uint32_t events_end;        /* until the owner's events before this one were sent */
 	uint32_t generation;        /* of the owner, when it was asked */
 	struct iec104_connection *connection;
 	uint32_t serial;                  /* of the connection then */

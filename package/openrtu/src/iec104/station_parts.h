@@ -81,6 +81,9 @@ void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns);
 /* ---- spontaneous.c ----------------------------------------------------------------------- */
 
 bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns);
+/* A mark behind a module's newest event, and whether this connection has sent all of that module's before it. */
+uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module);
+bool iec104_events_were_sent(const struct iec104_connection *connection, uint32_t module, uint32_t end);
 /* While connection->down, in the place of all events: the points of a module that is down. */
 bool iec104_send_invalid(const struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
@@ -182,8 +185,13 @@ bool iec104_answer_read(const struct iec104_station *station, struct iec104_conn
 /* An ASDU received in an I frame. */
 void iec104_take_asdu(struct iec104_station *station, struct iec104_connection *connection,
 		      const uint8_t *bytes, size_t size, int64_t now_ns);
-/* An owner's or rtud's answer to a request of this process. */
-void iec104_take_answer(struct iec104_station *station, const struct map_answer *answer);
+/* The owners' and rtud's answers to requests of this process. True: there were some. */
+bool iec104_take_answers(struct iec104_station *station);
+/* ACT_TERM of a command whose return information was sent. */
+bool iec104_send_termination(struct iec104_station *station, struct iec104_connection *connection,
+			     int64_t now_ns);
+/* Nobody waits for the ends of this connection's commands any more. */
+void iec104_drop_terminations(struct iec104_station *station, struct iec104_connection *connection);
 /* Answers for owners that died or whose answer was lost: refused, and nobody knows what became of it. */
 void iec104_conclude_orphans(struct iec104_station *station, int64_t now_ns);
 /* Ends what a connection that is going has selected. */

@@ -87,28 +87,40 @@ struct command_case {
 };
 
 static const struct command_case command_cases[] = {
-    {46, {1, 0, 0, 0x82 | 3 << 2}, 4, {1, MAP_DOUBLE, {.u = 2}, true, 3, false, NULL}},
-    {48, {1, 0, 0, 0xff, 0xff, 0}, 6, {1, MAP_NORMALIZED, {.i = -1}, false, 0, false, NULL}},
-    {48, {1, 0, 0, 0x00, 0x80, 0}, 6, {1, MAP_NORMALIZED, {.i = -32768}, false, 0, false, NULL}},
-    {49, {0x43, 0x9c, 0, 0xff, 0, 0}, 6, {40003, MAP_SCALED, {.i = 255}, false, 0, false, NULL}},
-    {49, {0xff, 0xff, 0xff, 0, 0x80, 0x81}, 6, {16777215, MAP_SCALED, {.i = -32768}, true, 1, false, NULL}},
-    {50, {1, 0, 0, 0, 0, 0xc0, 0x3f, 0}, 8, {1, MAP_FLOAT, {.f = 1.5f}, false, 0, false, NULL}},
-    {51, {1, 0, 0, 0x78, 0x56, 0x34, 0x92}, 7, {1, MAP_BITSTRING, {.u = 0x92345678}, false, 0, false, NULL}},
-    {58, {4, 0, 0, 0x01, 0, 0, 0, 0, 1, 1, 25}, 11, {4, MAP_SINGLE, {.u = 1}, false, 0, true, NULL}},
-    {59, {4, 0, 0, 0x01, 0, 0, 0, 0, 1, 1, 25}, 11, {4, MAP_DOUBLE, {.u = 1}, false, 0, true, NULL}},
+    {46, {1, 0, 0, 0x82 | 3 << 2}, 4, {1, MAP_DOUBLE, {.u = 2}, true, 3, false, NULL, 0}},
+    {47, {1, 0, 0, 0x81}, 4, {1, MAP_STEP, {.u = 0}, true, 0, false, NULL, -1}},
+    {47, {1, 0, 0, 0x02 | 2 << 2}, 4, {1, MAP_STEP, {.u = 0}, false, 2, false, NULL, 1}},
+    {60, {1, 0, 0, 0x03, 0, 0, 0, 0, 1, 1, 25}, 11, {1, MAP_STEP, {.u = 0}, false, 0, true, NULL, 0}},
+    {48, {1, 0, 0, 0xff, 0xff, 0}, 6, {1, MAP_NORMALIZED, {.i = -1}, false, 0, false, NULL, 0}},
+    {48, {1, 0, 0, 0x00, 0x80, 0}, 6, {1, MAP_NORMALIZED, {.i = -32768}, false, 0, false, NULL, 0}},
+    {49, {0x43, 0x9c, 0, 0xff, 0, 0}, 6, {40003, MAP_SCALED, {.i = 255}, false, 0, false, NULL, 0}},
+    {49,
+     {0xff, 0xff, 0xff, 0, 0x80, 0x81},
+     6,
+     {16777215, MAP_SCALED, {.i = -32768}, true, 1, false, NULL, 0}},
+    {50, {1, 0, 0, 0, 0, 0xc0, 0x3f, 0}, 8, {1, MAP_FLOAT, {.f = 1.5f}, false, 0, false, NULL, 0}},
+    {51,
+     {1, 0, 0, 0x78, 0x56, 0x34, 0x92},
+     7,
+     {1, MAP_BITSTRING, {.u = 0x92345678}, false, 0, false, NULL, 0}},
+    {58, {4, 0, 0, 0x01, 0, 0, 0, 0, 1, 1, 25}, 11, {4, MAP_SINGLE, {.u = 1}, false, 0, true, NULL, 0}},
+    {59, {4, 0, 0, 0x01, 0, 0, 0, 0, 1, 1, 25}, 11, {4, MAP_DOUBLE, {.u = 1}, false, 0, true, NULL, 0}},
     {61,
      {4, 0, 0, 0, 64, 0, 0, 0, 0, 0, 1, 1, 25},
      13,
-     {4, MAP_NORMALIZED, {.i = 16384}, false, 0, true, NULL}},
-    {62, {4, 0, 0, 0xff, 0, 0, 0, 0, 0, 0, 1, 1, 25}, 13, {4, MAP_SCALED, {.i = 255}, false, 0, true, NULL}},
+     {4, MAP_NORMALIZED, {.i = 16384}, false, 0, true, NULL, 0}},
+    {62,
+     {4, 0, 0, 0xff, 0, 0, 0, 0, 0, 0, 1, 1, 25},
+     13,
+     {4, MAP_SCALED, {.i = 255}, false, 0, true, NULL, 0}},
     {63,
      {4, 0, 0, 0, 0, 0x80, 0xbf, 0x80, 0, 0, 0, 0, 1, 1, 25},
      15,
-     {4, MAP_FLOAT, {.f = -1}, true, 0, true, NULL}},
+     {4, MAP_FLOAT, {.f = -1}, true, 0, true, NULL, 0}},
     {64,
      {4, 0, 0, 1, 0, 0, 0x80, 0, 0, 0, 0, 1, 1, 25},
      14,
-     {4, MAP_BITSTRING, {.u = 0x80000001}, false, 0, true, NULL}},
+     {4, MAP_BITSTRING, {.u = 0x80000001}, false, 0, true, NULL, 0}},
 };
 
 static void test_commands(void **state)
@@ -136,8 +148,7 @@ static void test_sizes_of_system_commands(void **state)
 	(void)state;
 	for (int type = 0; type < 256; type++) {
 		size_t size = iec104_control_object_size((uint8_t)type);
-		bool command =
-		    (type >= 45 && type <= 51 && type != 47) || (type >= 58 && type <= 64 && type != 60);
+		bool command = (type >= 45 && type <= 51) || (type >= 58 && type <= 64);
 
 		assert_int_equal(size > 0, command || (type >= 100 && type <= 103) || type == 105 ||
 					       type == 107 || (type >= 110 && type <= 113));

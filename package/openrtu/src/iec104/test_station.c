@@ -19,8 +19,8 @@ static void test_refusals(void **state)
 	(void)state;
 	ASK(0, 44, 1, 6, 5, 0xfb, 0x0b, 1, 0, 0, 1, 2, 3);
 	EXPECT(0, 44, 1, 0x40 | 44, 5, 0xfb, 0x0b, 1, 0, 0, 1, 2, 3);
-	ASK(0, 47, 1, 6, 5, 0xfb, 0x0b, 1, 0, 0, 1);
-	EXPECT(0, 47, 1, 0x40 | 44, 5, 0xfb, 0x0b, 1, 0, 0, 1);
+	ASK(0, 52, 1, 6, 5, 0xfb, 0x0b, 1, 0, 0, 1);
+	EXPECT(0, 52, 1, 0x40 | 44, 5, 0xfb, 0x0b, 1, 0, 0, 1);
 	ASK(0, 201, 0xff, 0x86, 5, 1, 0);
 	EXPECT(0, 201, 0xff, 0xc0 | 44, 5, 1, 0);
 	ASK(0, 45, 1, 5, 5, 0xfb, 0x0b, 4, 0, 0, 1);

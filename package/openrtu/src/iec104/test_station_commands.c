@@ -20,14 +20,136 @@ static void test_single_command_of_figure_5_6(void **state)
 	ASK(0, 102, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0); /* the session goes on */
 	EXPECT(0, 1, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0, 0);
 	expect_nothing(0);
-	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
 	run();
 	EXPECT(0, 0x2d, 0x01, 0x07, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
+	ASK(0, 102, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0);
+	EXPECT(0, 1, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0, 0);
+	expect_nothing(0);
+	return_information(COIL4, 1);
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
 	EXPECT(0, 0x2d, 0x01, 0x0a, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 2);
 	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
 	assert_int_equal(fake.requests[1].session, request->session);
+}
+
+static void command_coil4(void)
+{
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+}
+
+/* A read-back that failed or changed nothing that may be seen: the device's answer stands. */
+static void test_end_without_return_information(void **state)
+{
+	(void)state;
+	command_coil4();
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+}
+
+static void answers_of_a_device(void)
+{
+	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
+	return_information(COIL4, 1);
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+}
+
+static void test_confirmation_goes_before_return_information_that_overtakes_it(void **state)
+{
+	(void)state;
+	command_coil4();
+	fake.on_last_answer = answers_of_a_device;
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+}
+
+static void test_termination_waits_for_all_events_before_it(void **state)
+{
+	(void)state;
+	connect_master(1, true);
+	start(1);
+	command_coil4();
+	hold_back(0);
+	publish(COIL4 + 1, 1);
+	answers_of_a_device();
+	run();
+	publish(COIL4 + 2, 1); /* later than the end */
+	assert_null(next_frame(&masters[0]));
+	acknowledge(&masters[0]);
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 1, TIME);
+	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 0x12, 0x27, 0, 1, TIME);
+	expect_nothing(0);
+	EXPECT(1, 30, 1, 3, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 1, TIME);
+	EXPECT(1, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME); /* all masters see it */
+	EXPECT(1, 30, 1, 3, 0, 0xfb, 0x0b, 0x12, 0x27, 0, 1, TIME);
+	expect_nothing(1);
+}
+
+static void test_pulse_whose_end_fails(void **state)
+{
+	(void)state;
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	assert_int_equal(fake.requests[0].pulse_ms, 500);
+	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
+	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	return_information(COIL4, 1);
+	run();
+	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	expect_nothing(0);
+	answer(1, MAP_REFUSED_COMMAND, MAP_RESULT_EXCEPTION);
+	run();
+	EXPECT(0, 45, 1, 0x4a, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	expect_nothing(0);
+	ASK(0, 46, 1, 6, 1, 0xa1, 0x0f, 1, 0, 0, 2 << 2 | 1);
+	assert_int_equal(fake.requests[2].pulse_ms, 2000);
+}
+
+static void test_stopped_connection_hears_of_no_end(void **state)
+{
+	static const uint8_t stopdt[] = {0x68, 4, 0x13, 0, 0, 0}, con[] = {0x68, 4, 0x23, 0, 0, 0};
+
+	(void)state;
+	command_coil4();
+	hold_back(0);
+	answers_of_a_device();
+	run();
+	put_bytes(&masters[0], stopdt, sizeof(stopdt));
+	acknowledge(&masters[0]);
+	assert_memory_equal(next_frame(&masters[0]), con, sizeof(con));
+	start(0);
+	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	expect_nothing(0);
+}
+
+static void test_many_commands_wait_for_their_ends(void **state)
+{
+	(void)state;
+	hold_back(0);
+	for (uint32_t i = 1; i <= IEC104_OPEN_COMMANDS_MAX + 1; i++) {
+		if (i % 5 == 0)
+			iec104_station_disconnect(&station, masters[0].connection), connect_master(0, true),
+			    start(0), hold_back(0);
+		ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+		answer(fake.request_count, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+		run();
+		assert_int_equal(fake.request_count, 2 * i); /* none was refused for want of room */
+	}
 }
 
 static void test_refused_command(void **state)
@@ -143,6 +265,8 @@ static void test_values(void **state)
 	    {{49, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 255, 0, 0}, 12, HOLDING3, {.i = 255}},
 	    {{62, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 255, 0, 0, TIME}, 19, HOLDING3, {.i = 255}},
 	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 2}, 10, DOUBLE1, {.u = 2}},
+	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 3 << 2 | 1}, 10, DOUBLE1, {.u = 1}}, /* persistent */
+	    {{59, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 1, TIME}, 17, DOUBLE1, {.u = 1}},
 	    {{48, 1, 6, 0, 0xa1, 0x0f, 9, 0, 0, 0xff, 0xff, 0}, 12, NORMALIZED, {.i = -1}},
 	    {{50, 1, 6, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0xbf, 0}, 14, FLOAT, {.f = -1.5f}},
 	    {{51, 1, 6, 0, 0xa1, 0x0f, 7, 0, 0, 1, 0, 0, 0x80}, 13, BITS, {.u = 0x80000001}},
@@ -161,8 +285,16 @@ static void test_values(void **state)
 static void test_values_that_cannot_be_carried_out(void **state)
 {
 	static const struct value_case cases[] = {
-	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1}, 10, 0, {0}}, /* short pulse */
-	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 2 << 2 | 1}, 10, 0, {0}}, /* long pulse */
+	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 0}, 10, 0, {0}}, /* a pulse to OFF */
+	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 2 << 2 | 1}, 10, 0, {0}}, /* no long pulse is configured */
+	    {{45, 1, 6, 0, 0xfb, 0x0b, 3, 0, 0, 1 << 2 | 1}, 10, 0, {0}}, /* no pulse at all */
+	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 4 << 2 | 1}, 10, 0, {0}}, /* reserved */
+	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 31 << 2 | 1}, 10, 0, {0}},
+	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 1 << 2 | 1}, 10, 0, {0}},
+	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 16 << 2 | 1}, 10, 0, {0}},
+	    {{47, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 0}, 10, 0, {0}}, /* RCS 0 and 3 */
+	    {{47, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 3}, 10, 0, {0}},
+	    {{47, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1 << 2 | 1}, 10, 0, {0}},
 	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 0}, 10, 0, {0}},
 	    {{46, 1, 6, 0, 0xa1, 0x0f, 1, 0, 0, 3}, 10, 0, {0}},
 	    {{49, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 255, 0, 1}, 12, 0, {0}},
@@ -180,6 +312,28 @@ static void test_values_that_cannot_be_carried_out(void **state)
 		expect_asdu(0, expected, cases[i].size);
 	}
 	assert_int_equal(fake.request_count, 0);
+}
+
+static void test_regulating_steps(void **state)
+{
+	(void)state;
+	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1);
+	ASK(0, 60, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 3 << 2 | 2, TIME);
+	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 0x82);
+	assert_int_equal(fake.request_count, 3);
+	for (unsigned i = 0; i < 3; i++) {
+		assert_int_equal(fake.requests[i].point, HOLDING3);
+		assert_int_equal(fake.requests[i].step, i == 0 ? -1 : 1);
+		assert_int_equal(fake.requests[i].value.u, 0);
+		assert_int_equal(fake.requests[i].action, i == 2 ? MAP_SELECT : MAP_EXECUTE);
+	}
+	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 0x42, 0x9c, 0, 1); /* takes no steps */
+	EXPECT(0, 47, 1, 0x6f, 0, 0xfb, 0x0b, 0x42, 0x9c, 0, 1);
+	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 47, 1, 0x6f, 0, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, 47, 1, 6, 0, 0xa1, 0x0f, 5, 0, 0, 1); /* a step position that is only read */
+	EXPECT(0, 47, 1, 0x6f, 0, 0xa1, 0x0f, 5, 0, 0, 1);
+	assert_int_equal(fake.request_count, 3);
 }
 
 static void test_time_tags(void **state)
@@ -231,6 +385,23 @@ static void test_owner_dies(void **state)
 	fake.generation[1]++; /* died and came back between two looks */
 	run();
 	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	expect_nothing(0);
+}
+
+static void test_owner_dies_after_its_confirmation(void **state)
+{
+	(void)state;
+	command_coil4();
+	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	answer(2, MAP_EXECUTING, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	fake.generation[1]++;
+	run();
+	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 1, 0x4a, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
 	expect_nothing(0);
 }
 
@@ -326,6 +497,12 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    TEST(test_single_command_of_figure_5_6),
+	    TEST(test_end_without_return_information),
+	    TEST(test_confirmation_goes_before_return_information_that_overtakes_it),
+	    TEST(test_termination_waits_for_all_events_before_it),
+	    TEST(test_pulse_whose_end_fails),
+	    TEST(test_stopped_connection_hears_of_no_end),
+	    TEST(test_many_commands_wait_for_their_ends),
 	    TEST(test_refused_command),
 	    TEST(test_select_execute_cancel),
 	    TEST(test_selection_ends_with_its_connection),
@@ -334,9 +511,11 @@ int main(void)
 	    TEST(test_selections_are_told_apart),
 	    TEST(test_values),
 	    TEST(test_values_that_cannot_be_carried_out),
+	    TEST(test_regulating_steps),
 	    TEST(test_time_tags),
 	    TEST(test_test_bit_of_a_command),
 	    TEST(test_owner_dies),
+	    TEST(test_owner_dies_after_its_confirmation),
 	    TEST(test_owner_is_starting),
 	    TEST(test_answer_is_lost),
 	    TEST(test_answer_after_the_master_has_gone),

@@ -149,6 +149,8 @@ static struct map_command command_of(const struct map *map, const struct map_req
 	    .session = request->session,
 	    .generation = atomic_load(&map->segments[request->requester].header->generation),
 	    .value = request->value,
+	    .pulse_ms = request->pulse_ms,
+	    .step = request->step,
 	    .time_ns = map_now_ns(),
 	};
 }
@@ -172,6 +174,12 @@ static bool is_selected(const struct map *map, const struct map_command *command
 	       requester_is_there(map, command);
 }
 
+static bool same_command(const struct map_command *command, const struct map_request *request)
+{
+	return command->value.u == request->value.u && command->pulse_ms == request->pulse_ms &&
+	       command->step == request->step;
+}
+
 /* What the request is refused for, before the point is touched. */
 static enum map_command_result objection(const struct map *map, const struct map_command *command,
 					 const struct map_request *request)
@@ -180,11 +188,11 @@ static enum map_command_result objection(const struct map *map, const struct map
 
 	if (map_now_ns() > request->deadline_ns)
 		return MAP_RESULT_TOO_OLD;
-	if (command->state == MAP_EXECUTING || (selected && !same))
+	if (command->state == MAP_EXECUTING || command->off_ns != 0 || (selected && !same))
 		return MAP_RESULT_INTERLOCK;
 	if (request->action != MAP_EXECUTE)
 		return MAP_RESULT_NONE;
-	if (selected && command->value.u != request->value.u)
+	if (selected && !same_command(command, request))
 		return MAP_RESULT_NOT_SELECTED;
 	if (!selected && (map->config.points[request->point].flags & MAP_POINT_SELECT))
 		return MAP_RESULT_NOT_SELECTED;
@@ -306,6 +314,35 @@ bool map_command_request(struct map *map, const struct map_request *request)
 	}
 }
 
+void map_command_confirm(struct map *map, uint32_t point)
+{
+	struct command_cell *cell = own_cell(map, point);
+	struct map_command command = current(cell);
+
+	if (command.state != MAP_EXECUTING)
+		return;
+	command.result = MAP_RESULT_DONE;
+	command.time_ns = map_now_ns();
+	store(cell, &command);
+	answer(map, &command, point, MAP_EXECUTE);
+}
+
+void map_pulse_set_end(struct map *map, uint32_t point, int64_t off_ns)
+{
+	struct command_cell *cell = own_cell(map, point);
+	struct map_command command = current(cell);
+
+	command.off_ns = off_ns;
+	store(cell, &command);
+}
+
+int64_t map_pulse_end(const struct map *map, uint32_t point)
+{
+	if (map_owner(map, point) != map->self || !(map->config.points[point].flags & MAP_POINT_COMMAND))
+		return 0;
+	return current(own_cell(map, point)).off_ns;
+}
+
 void map_command_finish(struct map *map, uint32_t point, enum map_command_result result, uint8_t detail)
 {
 	struct command_cell *cell = own_cell(map, point);
@@ -329,14 +366,27 @@ void map_clock_answer(struct map *map, const struct map_request *request, enum m
 	answer(map, &command, MAP_NONE, (enum map_action)request->action);
 }
 
-/* What was under way when the former generation died is never repeated, and nobody knows its fate. */
+/* A pulse that nobody knows to have begun is ended all the same: off is the safe end. */
+static void recover_pulse(struct map_command *command)
+{
+	if (command->state == MAP_EXECUTING && command->pulse_ms != 0 && command->off_ns == 0)
+		command->off_ns = map_now_ns();
+}
+
+/*
+ * What was under way when the former generation died is never repeated, and nobody knows its fate, unless the device had
+ * confirmed it and there was no pulse to end.
+ */
 static void recover_command(struct command_cell *cell)
 {
 	unsigned whole = latch_whole_copy(&cell->latch);
 	struct map_command command = cell->copies[whole];
 
 	cell->copies[!whole] = command;
-	if (command.state == MAP_EXECUTING) {
+	recover_pulse(&command);
+	if (command.state == MAP_EXECUTING && command.result == MAP_RESULT_DONE && command.pulse_ms == 0) {
+		command.state = MAP_EXECUTED_COMMAND;
+	} else if (command.state == MAP_EXECUTING) {
 		command.state = MAP_REFUSED_COMMAND;
 		command.result = MAP_RESULT_UNKNOWN_FATE;
 	} else if (command.state == MAP_ACCEPTED_SELECTION) {

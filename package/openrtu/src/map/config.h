@@ -77,20 +77,25 @@ struct map_device {
 struct map_point {
 	char name[MAP_NAME_SIZE];
 	uint16_t device;
-	uint16_t address;      /* Modbus address, from 0 */
-	uint8_t table;         /* enum map_table */
-	uint8_t type;          /* enum map_type */
-	uint8_t width;         /* bits or registers it covers: 1, 2 */
-	uint8_t flags;         /* enum map_point_flag */
-	uint32_t ioa;          /* information object address, 1..16777215 */
-	uint8_t group;         /* interrogation group 1..16, 0: none */
-	uint8_t counter_group; /* 1..4, 0: none */
-	uint8_t reserved[2];
-	uint32_t period_ms; /* of cyclic transmission or background scan, 0: none */
-	uint32_t freeze_s;  /* a counter's period of local freezes, 0: none */
-	double scale;       /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
+	uint16_t address;        /* Modbus address, from 0 */
+	uint8_t table;           /* enum map_table */
+	uint8_t type;            /* enum map_type */
+	uint8_t width;           /* bits or registers it covers: 1, 2 */
+	uint8_t flags;           /* enum map_point_flag */
+	uint32_t ioa;            /* information object address, 1..16777215 */
+	uint8_t group;           /* interrogation group 1..16, 0: none */
+	uint8_t counter_group;   /* 1..4, 0: none */
+	uint16_t second_address; /* of width 2: Modbus address of the second bit or register */
+	uint32_t period_ms;      /* of cyclic transmission or background scan, 0: none */
+	uint32_t freeze_s;       /* a counter's period of local freezes, 0: none */
+	uint16_t short_pulse_ms; /* of a coil: duration of QU 1, 0: none */
+	uint16_t long_pulse_ms;  /* of QU 2 */
+	double scale;            /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	double offset;
-	double deadband;     /* in the unit of the value sent; 0: every change is an event */
+	double deadband; /* in the unit of the value sent; 0: every change is an event */
+	float
+	    step; /* of a regulating step command, in the unit of the value sent; 0: none, min and max mean nothing */
+	float min, max;      /* within which the point is commanded, in that unit */
 	uint32_t slot;       /* place among its owner's points; set by map_create */
 	uint32_t command;    /* place among its owner's commands; set by map_create */
 	uint32_t total;      /* place among its owner's totals, of a counter; set by map_create */

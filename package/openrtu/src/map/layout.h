@@ -170,7 +170,7 @@ bool parameters_crossed(const struct map_parameters *parameters, enum map_type t
 			union map_value to);
 /* The owner's own last sample. */
 struct map_sample own_sample(const struct map *map, uint32_t point);
-/* Puts an event of a sample, whatever the last one said. */
-void event_put(struct map *map, uint32_t point, const struct map_sample *sample);
+/* Puts an event of an update, whatever the last one said. */
+void event_put(struct map *map, const struct map_update *update);
 
 #endif

@@ -138,14 +138,24 @@ bool map_wanted(const struct map *map);
  */
 bool map_read(const struct map *map, uint32_t point, struct map_sample *out);
 
+/* Why a value is sent (IEC 60870-5-101, 7.2.3: causes 3, 11 and 12). */
+enum map_cause {
+	MAP_SPONTANEOUS,
+	MAP_RETURN_REMOTE, /* read back after a controlling station's command */
+	MAP_RETURN_LOCAL,  /* read back after a command of rtuctl */
+};
+
 struct map_update {
 	uint32_t point;
+	uint8_t cause; /* enum map_cause */
+	uint8_t reserved[3];
 	struct map_sample sample;
 };
 
 /*
  * Publishes new samples of one device's points in one step: readers see all or none. Makes an event of
- * each point whose quality changed or whose value left the deadband around the last event. Owner only.
+ * each point whose quality changed, whose value left the deadband around the last event, or whose update is return
+ * information: whoever commanded sees what became of it, also when nothing changed. Owner only.
  */
 void map_publish(struct map *map, const struct map_update *updates, size_t count);
 
@@ -160,8 +170,9 @@ enum map_event_kind {
 
 struct map_event {
 	uint32_t point;
-	uint8_t kind; /* enum map_event_kind */
-	uint8_t reserved[3];
+	uint8_t kind;  /* enum map_event_kind */
+	uint8_t cause; /* MAP_EVENT_CHANGE: enum map_cause */
+	uint8_t reserved[2];
 	struct map_sample sample;
 };
 
@@ -206,12 +217,12 @@ enum map_command_state {
 /* Why a state was reached. */
 enum map_command_result {
 	MAP_RESULT_NONE,
-	MAP_RESULT_DONE,         /* the device confirmed it (a broadcast: it was sent) */
+	MAP_RESULT_DONE, /* the device confirmed it (a broadcast: it was sent); with MAP_EXECUTING: it goes on */
 	MAP_RESULT_EXCEPTION,    /* the device refused: detail is the Modbus exception code */
 	MAP_RESULT_TIMEOUT,      /* the device did not answer: it may or may not have acted */
 	MAP_RESULT_TOO_OLD,      /* not begun before its deadline */
 	MAP_RESULT_NOT_SELECTED, /* needs a selection by this requester, with this value */
-	MAP_RESULT_INTERLOCK,    /* another command of this point is under way or selected */
+	MAP_RESULT_INTERLOCK, /* another command of this point is under way or selected, or its pulse has not ended */
 	MAP_RESULT_OUT_OF_RANGE, /* the point cannot hold this value */
 	MAP_RESULT_NOT_COMMANDABLE,
 	MAP_RESULT_UNKNOWN_FATE, /* the owner died while executing; never repeated */
@@ -248,6 +259,9 @@ struct map_request {
 	uint32_t
 	    session; /* who in the requester selected: connection and originator; compared, not understood */
 	union map_value value;
+	uint16_t pulse_ms; /* of a coil: the value for so long, then off; 0: persistent */
+	int8_t step;       /* -1 lower, 1 higher: by the point's step from its last value; value is 0 then */
+	uint8_t reserved;
 	int64_t time_ns;     /* when it was issued */
 	int64_t deadline_ns; /* refused when not begun by then */
 	int64_t wall_ns;     /* MAP_SET_CLOCK: since 1970, UTC */
@@ -276,15 +290,20 @@ struct map_command {
 	uint32_t session;
 	uint32_t generation; /* of the requester's module */
 	union map_value value;
+	uint16_t pulse_ms; /* as requested */
+	int8_t step;       /* as requested */
+	uint8_t reserved3;
 	int64_t time_ns;  /* of the last change of state */
 	int64_t until_ns; /* end of the selection */
+	int64_t off_ns;   /* when the pulse's end is due at the device; 0: none is */
 };
 
 /*
  * Posts a request in the own segment and rings the owner. Returns its id, or 0 when the owner is not
  * alive (nothing was posted: answer negative). Exactly one answer follows while the owner lives, except
- * MAP_RELEASE, which has none; a MAP_EXECUTE is answered twice: MAP_EXECUTING, then the end. An owner's
- * MAP_EVENT_MODULE_DOWN is the answer to all that is open at it: unknown fate.
+ * MAP_RELEASE, which has none. A MAP_EXECUTE is answered by MAP_EXECUTING when it begins, MAP_EXECUTING with
+ * MAP_RESULT_DONE when the device has confirmed it, and the end, before which the return information was published. An
+ * owner's MAP_EVENT_MODULE_DOWN is the answer to all that is open at it: unknown fate.
  */
 uint32_t map_request_post(struct map *map, struct map_request request);
 /*
@@ -299,6 +318,15 @@ bool map_request_next(struct map *map, struct map_request *out);
  * value to the device and call map_command_finish. Owner only.
  */
 bool map_command_request(struct map *map, const struct map_request *request);
+/* The device has confirmed an executing command, which goes on: to its read-back, or to the end of its pulse. Owner only. */
+void map_command_confirm(struct map *map, uint32_t point);
+/*
+ * When the pulse of a point must be ended at the device; 0: it has none, or it was ended. While there is one, all other
+ * commands of the point are refused, whatever became of the one that began it; it outlives the owner's process, and
+ * what that left executing with a pulse is to be ended at once. Owner only.
+ */
+void map_pulse_set_end(struct map *map, uint32_t point, int64_t off_ns);
+int64_t map_pulse_end(const struct map *map, uint32_t point); /* of any point: 0 for another's */
 /* Ends an executing command with the device's answer. Owner only. */
 void map_command_finish(struct map *map, uint32_t point, enum map_command_result result, uint8_t detail);
 /* The next answer to a request of this module. False: as for map_request_next. */

@@ -86,23 +86,28 @@ static bool value_left(const struct map *map, uint32_t point, union map_value fr
 	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to);
 }
 
-static bool is_event(const struct map *map, uint32_t point, const struct map_sample *sample)
+static bool is_event(const struct map *map, const struct map_update *update)
 {
+	const struct map_sample *sample = &update->sample;
+	uint32_t point = update->point;
 	struct reported *last = &map->reported[map->config.points[point].slot];
 
 	if (map->config.points[point].freeze_s != 0) /* its frozen readings are its events */
 		return false;
-	if (last->valid && last->quality == sample->quality && last->detail == sample->detail &&
-	    !value_left(map, point, last->value, sample->value))
+	if (update->cause == MAP_SPONTANEOUS && last->valid && last->quality == sample->quality &&
+	    last->detail == sample->detail && !value_left(map, point, last->value, sample->value))
 		return false;
 	*last = (struct reported){
 	    .value = sample->value, .quality = sample->quality, .detail = sample->detail, .valid = true};
 	return true;
 }
 
-void event_put(struct map *map, uint32_t point, const struct map_sample *sample)
+void event_put(struct map *map, const struct map_update *update)
 {
-	struct map_event event = {.point = point, .kind = MAP_EVENT_CHANGE, .sample = *sample};
+	struct map_event event = {.point = update->point,
+				  .kind = MAP_EVENT_CHANGE,
+				  .cause = update->cause,
+				  .sample = update->sample};
 
 	ring_put(&map->segments[map->self].events, &event);
 }
@@ -120,9 +125,9 @@ static bool put_events(struct map *map, const struct map_update *updates, size_t
 	bool any = false;
 
 	for (size_t i = 0; i < count; i++) {
-		if (!is_event(map, updates[i].point, &updates[i].sample))
+		if (!is_event(map, &updates[i]))
 			continue;
-		event_put(map, updates[i].point, &updates[i].sample);
+		event_put(map, &updates[i]);
 		any = true;
 	}
 	return any;
@@ -196,7 +201,8 @@ static bool event_makes_sense(const struct map *map, uint32_t writer, const stru
 		return false;
 	switch (event->kind) {
 	case MAP_EVENT_CHANGE:
-		return event->point < map->config.point_count && map_owner(map, event->point) == writer;
+		return event->point < map->config.point_count && map_owner(map, event->point) == writer &&
+		       event->cause <= MAP_RETURN_LOCAL;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
 		return writer == MAP_RTUD && event->point < map->directory->module_count;

@@ -30,6 +30,73 @@ static void test_a_direct_command_is_executed_and_released(void **state)
 	end_commands(&commands);
 }
 
+static void test_a_command_is_confirmed_before_it_ends(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+
+	map_command_confirm(commands.owner, 1); /* nothing is under way */
+	assert_true(post(&commands, request(1, MAP_EXECUTE, 1, 255)));
+	assert_answer(&commands, MAP_EXECUTING, MAP_RESULT_NONE);
+	map_command_confirm(commands.owner, 1);
+	assert_answer(&commands, MAP_EXECUTING, MAP_RESULT_DONE);
+	assert_false(post(&commands, request(1, MAP_EXECUTE, 1, 255)));
+	assert_answer(&commands, MAP_REFUSED_COMMAND, MAP_RESULT_INTERLOCK);
+	map_command_finish(commands.owner, 1, MAP_RESULT_DONE, 0);
+	assert_answer(&commands, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	end_commands(&commands);
+}
+
+static struct map_request pulse(uint32_t point, enum map_action action, uint16_t pulse_ms)
+{
+	struct map_request wish = request(point, action, 1, 1);
+
+	wish.pulse_ms = pulse_ms;
+	return wish;
+}
+
+static void test_no_command_until_a_pulse_has_ended(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+
+	assert_true(post(&commands, pulse(1, MAP_EXECUTE, 500)));
+	assert_answer(&commands, MAP_EXECUTING, MAP_RESULT_NONE);
+	map_pulse_set_end(commands.owner, 1, 12345);
+	map_command_finish(commands.owner, 1, MAP_RESULT_TIMEOUT, 0);
+	assert_answer(&commands, MAP_REFUSED_COMMAND, MAP_RESULT_TIMEOUT);
+	assert_false(post(&commands, request(1, MAP_RELEASE, 1, 0)));
+	assert_command(stage, 1, MAP_INACTIVE);
+	assert_false(post(&commands, request(1, MAP_SELECT, 1, 1)));
+	assert_answer(&commands, MAP_REFUSED_SELECTION, MAP_RESULT_INTERLOCK);
+	assert_false(post(&commands, request(1, MAP_EXECUTE, 1, 0)));
+	assert_answer(&commands, MAP_REFUSED_COMMAND, MAP_RESULT_INTERLOCK);
+	assert_true(map_pulse_end(commands.owner, 1) == 12345);
+	map_pulse_set_end(commands.owner, 1, 0);
+	assert_true(post(&commands, request(1, MAP_EXECUTE, 1, 0)));
+	end_commands(&commands);
+}
+
+static void test_a_selection_binds_the_kind_of_command(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+	struct map_request step = request(3, MAP_SELECT, 1, 0);
+
+	assert_false(post(&commands, pulse(3, MAP_SELECT, 500)));
+	assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+	assert_false(post(&commands, pulse(3, MAP_EXECUTE, 0)));
+	assert_answer(&commands, MAP_REFUSED_COMMAND, MAP_RESULT_NOT_SELECTED);
+	step.step = 1;
+	assert_false(post(&commands, step));
+	assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+	step.step = -1;
+	step.action = MAP_EXECUTE;
+	assert_false(post(&commands, step));
+	assert_answer(&commands, MAP_REFUSED_COMMAND, MAP_RESULT_NOT_SELECTED);
+	end_commands(&commands);
+}
+
 static void test_a_selection_binds_requester_and_value(void **state)
 {
 	struct stage *stage = *state;
@@ -156,10 +223,67 @@ static void test_nothing_is_repeated_after_a_crash(void **state)
 	end_commands(&commands);
 }
 
+static void restart_owner(struct stage *stage, struct command_stage *commands)
+{
+	map_module_ended(stage->rtud, index_of(stage, FIRST), true);
+	map_detach(commands->owner);
+	commands->owner = start(stage, FIRST);
+}
+
+static void assert_result(const struct stage *stage, uint32_t point, enum map_command_result result)
+{
+	struct map_command command;
+
+	assert_true(map_command_read(stage->rtud, point, &command));
+	assert_int_equal(command.result, result);
+}
+
+static void test_a_pulse_outlives_its_owner(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+	int64_t off_ns = map_now_ns() + 60000000000, before_ns;
+
+	assert_true(post(&commands, pulse(1, MAP_EXECUTE, 500)));
+	map_pulse_set_end(commands.owner, 1, off_ns);
+	map_command_confirm(commands.owner, 1);
+	assert_true(post(&commands, pulse(2, MAP_EXECUTE, 500))); /* nobody knows whether this began */
+	before_ns = map_now_ns();
+	restart_owner(stage, &commands);
+	assert_true(map_pulse_end(commands.owner, 1) == off_ns);
+	assert_true(map_pulse_end(commands.owner, 2) >= before_ns &&
+		    map_pulse_end(commands.owner, 2) <= map_now_ns());
+	assert_true(map_pulse_end(commands.owner, 3) == 0);
+	for (uint32_t point = 1; point <= 2; point++) {
+		assert_command(stage, point, MAP_REFUSED_COMMAND);
+		assert_result(stage, point, MAP_RESULT_UNKNOWN_FATE);
+		assert_false(post(&commands, request(point, MAP_EXECUTE, 1, 1)));
+	}
+	restart_owner(stage, &commands); /* once more, before anything was ended */
+	assert_true(map_pulse_end(commands.owner, 1) == off_ns);
+	end_commands(&commands);
+}
+
+static void test_what_the_device_confirmed_is_done_though_its_owner_died(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+
+	assert_true(post(&commands, request(1, MAP_EXECUTE, 1, 1)));
+	map_command_confirm(commands.owner, 1);
+	restart_owner(stage, &commands);
+	assert_command(stage, 1, MAP_EXECUTED_COMMAND);
+	assert_result(stage, 1, MAP_RESULT_DONE);
+	end_commands(&commands);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    TEST(test_a_direct_command_is_executed_and_released),
+	    TEST(test_a_command_is_confirmed_before_it_ends),
+	    TEST(test_no_command_until_a_pulse_has_ended),
+	    TEST(test_a_selection_binds_the_kind_of_command),
 	    TEST(test_a_selection_binds_requester_and_value),
 	    TEST(test_a_selection_is_cancelled_by_its_holder),
 	    TEST(test_a_selection_ends_by_itself),
@@ -167,6 +291,8 @@ int main(void)
 	    TEST(test_one_command_a_point_at_a_time),
 	    TEST(test_old_and_impossible_commands_are_refused),
 	    TEST(test_nothing_is_repeated_after_a_crash),
+	    TEST(test_a_pulse_outlives_its_owner),
+	    TEST(test_what_the_device_confirmed_is_done_though_its_owner_died),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

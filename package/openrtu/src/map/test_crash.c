@@ -92,7 +92,8 @@ __attribute__((noreturn)) static void publish_and_stop(struct stage *stage, enum
 	if (map_attach(&map, stage->dir, FIRST, error) < 0)
 		_exit(1);
 	for (uint32_t point = 0; point < 4; point++)
-		map_publish(map, &(struct map_update){point, {.value.i = 1, .time_ns = 1}}, 1);
+		map_publish(map, &(struct map_update){.point = point, .sample = {.value.i = 1, .time_ns = 1}},
+			    1);
 	own = &map->segments[map->self];
 	for (int copy = 0; copy < 2; copy++) {
 		unsigned turn = latch_turn(&own->latches[0]);

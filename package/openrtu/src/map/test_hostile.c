@@ -17,6 +17,7 @@ static void test_a_forged_event_is_not_believed(void **state)
 	    {.point = 4000000, .kind = MAP_EVENT_CHANGE},
 	    {.point = 0, .kind = MAP_EVENT_MODULE_DOWN}, /* rtud's to say */
 	    {.point = 0, .kind = 99},
+	    {.point = 0, .kind = MAP_EVENT_CHANGE, .cause = MAP_RETURN_LOCAL + 1},
 	    /* after its writer's end, and good */
 	    {.point = 0, .kind = MAP_EVENT_CHANGE, .sample.time_ns = map_now_ns() + 1000000000},
 	    {.point = 0, .kind = MAP_EVENT_CHANGE, .sample.time_ns = INT64_MIN},

@@ -75,6 +75,30 @@ static void test_events_are_changes_beyond_the_deadband(void **state)
 	map_detach(reader);
 }
 
+static void test_return_information_is_an_event_in_any_case(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
+	struct map_cursor *cursor = map_cursor(reader, 0);
+	struct map_event event;
+	struct map_update updates[] = {scaled(1, 7, MAP_GOOD, 1), scaled(2, 7, MAP_GOOD, 1)};
+
+	map_publish(owner, updates, 2);
+	map_cursor_to_end(reader, cursor);
+	updates[1].cause = MAP_RETURN_REMOTE;
+	map_publish(owner, updates, 2);
+	assert_true(map_event_next(reader, cursor, &event));
+	assert_int_equal(event.point, 2);
+	assert_int_equal(event.cause, MAP_RETURN_REMOTE);
+	assert_false(map_event_next(reader, cursor, &event));
+	updates[0].sample.value.i = 8;
+	map_publish(owner, updates, 1);
+	assert_true(map_event_next(reader, cursor, &event));
+	assert_int_equal(event.cause, MAP_SPONTANEOUS);
+	map_detach(owner);
+	map_detach(reader);
+}
+
 static void test_events_of_several_modules_come_in_order_of_time(void **state)
 {
 	struct stage *stage = *state;
@@ -143,6 +167,7 @@ int main(void)
 	    TEST(test_published_samples_are_read_by_others),
 	    TEST(test_points_are_invalid_before_the_first_sample_and_after_the_end),
 	    TEST(test_events_are_changes_beyond_the_deadband),
+	    TEST(test_return_information_is_an_event_in_any_case),
 	    TEST(test_events_of_several_modules_come_in_order_of_time),
 	    TEST(test_lost_events_are_counted),
 	    TEST(test_the_log_is_read_line_by_line),

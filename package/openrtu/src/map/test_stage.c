@@ -82,7 +82,8 @@ struct map *start(struct stage *stage, const char *name)
 
 struct map_update scaled(uint32_t point, int32_t value, uint8_t quality, int64_t time_ns)
 {
-	return (struct map_update){point, {.value.i = value, .quality = quality, .time_ns = time_ns}};
+	return (struct map_update){.point = point,
+				   .sample = {.value.i = value, .quality = quality, .time_ns = time_ns}};
 }
 
 void assert_sample(const struct map *map, uint32_t point, int32_t value, uint8_t quality)

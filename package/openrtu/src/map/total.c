@@ -111,13 +111,10 @@ void map_totals_tick(struct map *map)
 		return;
 	for (uint32_t i = 0; i < map->config.point_count; i++) {
 		uint32_t period_s = map->config.points[i].freeze_s;
-		struct map_sample frozen;
-
 		if (period_s == 0 || now_s / period_s == then_s / period_s || map_owner(map, i) != map->self)
 			continue;
 		carry_out(map, i, MAP_FREEZE_ONLY);
-		frozen = current(own_cell(map, i)).frozen;
-		event_put(map, i, &frozen);
+		event_put(map, &(struct map_update){.point = i, .sample = current(own_cell(map, i)).frozen});
 		any = true;
 	}
 	if (any)

@@ -19,7 +19,7 @@ static int64_t earlier(int64_t a, int64_t b)
 	return a < b ? a : b;
 }
 
-static int64_t doubled(int64_t backoff_ns)
+int64_t modbus_next_backoff(int64_t backoff_ns)
 {
 	return earlier(later(2 * backoff_ns, MODBUS_FIRST_PROBE_NS), MODBUS_RAREST_PROBE_NS);
 }
@@ -155,7 +155,7 @@ static bool refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_
 	if (read->pause_ns == 0)
 		line->events->refused(line->context, index, read, exception, now_ns);
 	read->failures = 0;
-	read->pause_ns = doubled(read->pause_ns);
+	read->pause_ns = modbus_next_backoff(read->pause_ns);
 	read->not_before_ns = now_ns + read->pause_ns;
 	return false;
 }
@@ -212,7 +212,7 @@ static void device_silent(struct modbus_line *line, uint32_t index, int64_t now_
 
 	device->failures++;
 	if (!device->alive && line->purpose == MODBUS_PROBE) {
-		set_backoff(device, doubled(device->backoff_ns), now_ns);
+		set_backoff(device, modbus_next_backoff(device->backoff_ns), now_ns);
 		line->probed_in_vain = true;
 	} else if (device->failures > device->retries) {
 		device_died(line, index, now_ns);
@@ -236,7 +236,7 @@ static void drop_commands(struct modbus_line *line)
 	while (line->command_count > 0) {
 		struct modbus_command command = take_command(line, 0);
 
-		line->events->command(line->context, &command, MODBUS_TIMED_OUT, 0);
+		line->events->command(line->context, &command, MODBUS_NOT_SENT, 0);
 	}
 }
 

@@ -48,6 +48,7 @@ enum modbus_result {
 	MODBUS_REFUSED,   /* the device answered with an exception */
 	MODBUS_TIMED_OUT, /* no answer that could be understood: the device may or may not have acted */
 	MODBUS_TOO_OLD,   /* not sent: its deadline passed in the queue */
+	MODBUS_NOT_SENT,  /* the port was lost before its turn */
 };
 
 struct modbus_command {
@@ -181,13 +182,16 @@ struct modbus_output {
 	int64_t deadline_ns;  /* when to poll again at the latest */
 };
 
+/* How long to wait after one more try that failed. backoff_ns: after the one before, 0 for the first. */
+int64_t modbus_next_backoff(int64_t backoff_ns);
+
 /* Plans the reads of all devices. The line is closed then. */
 void modbus_line_init(struct modbus_line *line);
 
 /* The port is there: every device is probed, and scanned when it answers. */
 void modbus_line_open(struct modbus_line *line, int64_t now_ns);
 
-/* The port is lost: devices die, commands end as timed out. */
+/* The port is lost: devices die, the command under way ends as timed out, others as not sent. */
 void modbus_line_close(struct modbus_line *line, int64_t now_ns);
 
 /*

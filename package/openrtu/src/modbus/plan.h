@@ -14,7 +14,7 @@ struct modbus_object {
 	uint32_t tag;     /* the caller's; not looked at */
 	uint16_t address; /* from 0 */
 	uint8_t function; /* that reads it: 1..4 */
-	uint8_t width;    /* bits or registers: 1, 2 */
+	uint16_t width; /* bits or registers: 1, 2; of two bits that lie apart, what lies between them too */
 };
 
 /* One request of the plan: the objects first .. first + objects - 1 of the sorted table. */

@@ -19,6 +19,7 @@
 
 #include "map/map.h"
 #include "modbus/line.h"
+#include "modules/commands.h"
 #include "modules/convert.h"
 #include "modules/serial.h"
 
@@ -58,6 +59,7 @@ struct gateway {
 	const struct map_config *config;
 	struct port *ports;
 	uint32_t port_count;
+	struct commands commands;
 	struct map_update *updates; /* room for the largest device */
 	int epoll_fd;
 	int timer_fd;
@@ -108,12 +110,14 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 	for (uint32_t i = 0; i < read->objects; i++) {
 		uint32_t point = port->line.devices[device].objects[read->first + i].tag;
 		const struct map_point *config = &gateway->config->points[point];
-		uint32_t index = (uint32_t)config->address - read->address;
-		const uint16_t raw[CONVERT_WIDTH_MAX] = {raw_word(read, data, index),
-							 raw_word(read, data, index + 1)};
+		const uint16_t raw[CONVERT_WIDTH_MAX] = {
+		    raw_word(read, data, (uint32_t)config->address - read->address),
+		    raw_word(read, data, (uint32_t)config->second_address - read->address)};
 		struct map_update *update = &gateway->updates[i];
 
-		*update = (struct map_update){.point = point, .sample = {.time_ns = now_ns}};
+		*update = (struct map_update){.point = point,
+					      .cause = (uint8_t)commands_cause(&gateway->commands, point),
+					      .sample = {.time_ns = now_ns}};
 		convert_to_sample(config, raw, &update->sample);
 		if (config->type == MAP_COUNTER)
 			map_total_count(gateway->map, point, &update->sample);
@@ -121,6 +125,8 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 			map_smooth(gateway->map, point, &update->sample);
 	}
 	map_publish(gateway->map, gateway->updates, read->objects);
+	for (uint32_t i = 0; i < read->objects; i++)
+		commands_published(&gateway->commands, gateway->updates[i].point);
 }
 
 /* The last value, which is no longer the device's. */
@@ -167,35 +173,21 @@ static void device_changed(void *context, uint32_t device, bool alive, int64_t n
 
 	if (!alive)
 		invalidate_device(port->gateway, config, now_ns);
+	commands_device_changed(&port->gateway->commands, port->config->first_device + device, alive, now_ns);
 	map_log(port->gateway->map, alive ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: unit %u on port %u %s",
 		config->name, config->unit, port->config->port, alive ? "answers" : "is dead");
 }
 
-static enum map_command_result map_result(enum modbus_result result)
-{
-	switch (result) {
-	case MODBUS_DONE:
-		return MAP_RESULT_DONE;
-	case MODBUS_REFUSED:
-		return MAP_RESULT_EXCEPTION;
-	case MODBUS_TOO_OLD:
-		return MAP_RESULT_TOO_OLD;
-	case MODBUS_TIMED_OUT:
-		break;
-	}
-	return MAP_RESULT_TIMEOUT;
-}
-
-static void finish_command(void *context, const struct modbus_command *command, enum modbus_result result,
-			   uint8_t exception)
+static void take_command_answer(void *context, const struct modbus_command *command,
+				enum modbus_result result, uint8_t exception)
 {
 	struct port *port = context;
 
-	map_command_finish(port->gateway->map, command->tag, map_result(result), exception);
+	commands_answered(&port->gateway->commands, command->tag, result, exception, map_now_ns());
 }
 
 static const struct modbus_events line_events = {publish_read, invalidate_read, device_changed,
-						 finish_command};
+						 take_command_answer};
 
 /* ---- commands ---------------------------------------------------------------------------------------- */
 
@@ -207,34 +199,19 @@ static struct port *port_of_line(struct gateway *gateway, uint32_t line)
 	return NULL;
 }
 
-static uint8_t write_function(const struct map_point *point)
+/* Hands a write to its line, which will answer it. */
+static bool write_to_line(void *context, uint32_t point, const struct modbus_request *request,
+			  int64_t deadline_ns)
 {
-	if (point->table == MAP_COILS)
-		return point->width == 1 ? MODBUS_WRITE_COIL : MODBUS_WRITE_COILS;
-	return point->width == 1 ? MODBUS_WRITE_REGISTER : MODBUS_WRITE_REGISTERS;
-}
-
-/* Hands an accepted request to its line. MAP_RESULT_NONE: the line will end it. */
-static enum map_command_result begin_command(struct gateway *gateway, const struct map_request *request)
-{
-	const struct map_point *point = &gateway->config->points[request->point];
-	const struct map_device *device = &gateway->config->devices[point->device];
-	struct port *port = port_of_line(gateway, device->line);
-	struct modbus_command command = {
-	    .tag = request->point,
-	    .deadline_ns = request->deadline_ns,
-	    .request = {.unit = device->unit,
-			.function = write_function(point),
-			.address = point->address,
-			.count = point->width},
-	};
+	struct gateway *gateway = context;
+	uint32_t device = gateway->config->points[point].device;
+	struct port *port = port_of_line(gateway, gateway->config->devices[device].line);
+	struct modbus_command command = {.tag = point, .deadline_ns = deadline_ns, .request = *request};
 
 	if (port == NULL)
-		return MAP_RESULT_NOT_COMMANDABLE;
-	if (!convert_to_raw(point, request->value, request->detail, command.request.values))
-		return MAP_RESULT_OUT_OF_RANGE;
-	command.device = (uint32_t)point->device - port->config->first_device;
-	return modbus_line_command(&port->line, &command) ? MAP_RESULT_NONE : MAP_RESULT_TIMEOUT;
+		return false;
+	command.device = device - port->config->first_device;
+	return modbus_line_command(&port->line, &command);
 }
 
 static void take_requests(struct gateway *gateway)
@@ -242,13 +219,8 @@ static void take_requests(struct gateway *gateway)
 	struct map_request request;
 
 	map_bell_clear(gateway->map);
-	while (map_request_next(gateway->map, &request)) {
-		if (!map_command_request(gateway->map, &request))
-			continue;
-		enum map_command_result result = begin_command(gateway, &request);
-		if (result != MAP_RESULT_NONE)
-			map_command_finish(gateway->map, request.point, result, 0);
-	}
+	while (map_request_next(gateway->map, &request))
+		commands_request(&gateway->commands, &request);
 }
 
 /* ---- ports -------------------------------------------------------------------------------------------- */
@@ -421,6 +393,19 @@ static uint8_t read_function(uint8_t table)
 	return MODBUS_READ_HOLDING_REGISTERS;
 }
 
+/* Two bits that lie apart are read with what lies between them: only in one answer they belong together. */
+static struct modbus_object object_of(const struct map_point *point, uint32_t number)
+{
+	bool swapped = point->width > 1 && point->second_address < point->address;
+	uint16_t first = swapped ? point->second_address : point->address;
+	uint16_t last = swapped || point->width == 1 ? point->address : point->second_address;
+
+	return (struct modbus_object){.tag = number,
+				      .address = first,
+				      .function = read_function(point->table),
+				      .width = (uint16_t)(last - first + 1)};
+}
+
 static void set_up_device(const struct map_config *config, const struct map_device *from,
 			  struct modbus_device *device)
 {
@@ -435,10 +420,7 @@ static void set_up_device(const struct map_config *config, const struct map_devi
 	for (uint32_t i = 0; i < from->point_count; i++) {
 		const struct map_point *point = &config->points[from->first_point + i];
 
-		device->objects[i] = (struct modbus_object){.tag = from->first_point + i,
-							    .address = point->address,
-							    .function = read_function(point->table),
-							    .width = point->width};
+		device->objects[i] = object_of(point, from->first_point + i);
 	}
 }
 
@@ -492,6 +474,22 @@ static void set_up_ports(struct gateway *gateway, const char *directory)
 	gateway->updates = allocate(largest, sizeof(*gateway->updates));
 }
 
+static void set_up_commands(struct gateway *gateway)
+{
+	const struct map_config *config = gateway->config;
+	uint32_t commands = 0;
+
+	for (uint32_t i = 0; i < config->point_count; i++)
+		commands += (config->points[i].flags & MAP_POINT_COMMAND) &&
+			    map_owner(gateway->map, i) == map_self(gateway->map);
+	gateway->commands =
+	    (struct commands){.map = gateway->map,
+			      .progress = allocate(commands, sizeof(*gateway->commands.progress)),
+			      .write = write_to_line,
+			      .context = gateway};
+	commands_resume(&gateway->commands);
+}
+
 static void release_ports(struct gateway *gateway)
 {
 	for (uint32_t i = 0; i < gateway->port_count; i++) {
@@ -506,6 +504,7 @@ static void release_ports(struct gateway *gateway)
 	}
 	free(gateway->ports);
 	free(gateway->updates);
+	free(gateway->commands.progress);
 }
 
 static bool set_up_waiting(struct gateway *gateway)
@@ -537,7 +536,7 @@ static void set_up_signals(void)
 
 static void arm_timer(struct gateway *gateway)
 {
-	int64_t at_ns = gateway->heartbeat_ns;
+	int64_t at_ns = earlier(gateway->heartbeat_ns, commands_deadline(&gateway->commands));
 
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		at_ns = earlier(at_ns, gateway->ports[i].deadline_ns);
@@ -581,6 +580,7 @@ static void serve(struct gateway *gateway)
 {
 	while (!stop_requested && map_wanted(gateway->map)) {
 		beat(gateway);
+		commands_run(&gateway->commands, map_now_ns());
 		for (uint32_t i = 0; i < gateway->port_count; i++)
 			serve_port(&gateway->ports[i]);
 		arm_timer(gateway);
@@ -630,6 +630,7 @@ int main(int argc, char **argv)
 	prctl(PR_SET_NAME, options.module); /* rtud executes a descriptor, whose number would be its name */
 	gateway.config = map_config(gateway.map);
 	set_up_ports(&gateway, options.devices);
+	set_up_commands(&gateway);
 	if (!set_up_waiting(&gateway)) {
 		map_log(gateway.map, MAP_LOG_ERROR, "no epoll or timer: %s", strerror(errno));
 		return EXIT_FAILURE;

@@ -5,6 +5,7 @@
 #include <err.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 #include <jansson.h>
@@ -37,6 +38,7 @@ static json_t *change_row(const struct map *map, const struct map_event *event)
 	if (point->type == MAP_STEP)
 		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));
 	json_object_set_new(row, "quality", json_string(quality));
+	json_object_set_new(row, "cause", json_string(words_cause(event->cause)));
 	return row;
 }
 
@@ -71,9 +73,12 @@ static void print_change(const json_t *row)
 	const json_t *value = json_object_get(row, "value");
 	char *number = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(7));
 
-	printf("%s  %s = %s  %s%s\n", text_of(row, "time"), text_of(row, "name"),
+	printf("%s  %s = %s  %s%s", text_of(row, "time"), text_of(row, "name"),
 	       json_is_string(value) ? json_string_value(value) : number, text_of(row, "quality"),
 	       json_is_true(json_object_get(row, "transient")) ? ",transient" : "");
+	if (strcmp(text_of(row, "cause"), words_cause(MAP_SPONTANEOUS)) != 0)
+		printf("  %s", text_of(row, "cause"));
+	putchar('\n');
 	free(number);
 }
 

@@ -12,7 +12,7 @@
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-enum { TAKES_COUNT = 1, TAKES_SELECT = 2 };
+enum { TAKES_COUNT = 1, TAKES_SELECT = 2, TAKES_PULSE = 4 };
 
 struct command {
 	const char *name;
@@ -55,12 +55,16 @@ static const struct command commands[] = {
      "With --count only the newest N.\n", rtuctl_events},
     {"log", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the modules' log lines that are still kept",
      "With --count only the newest N.\n", rtuctl_log},
-    {"set", "NAME VALUE [--select]", 2, 2, TAKES_SELECT, "rtuctl",
+    {"set", "NAME VALUE [--select] [--pulse LENGTH]", 2, 2, TAKES_SELECT | TAKES_PULSE, "rtuctl",
      "command a point and wait for the device's answer",
      "VALUE is on or off for single and double points, a number otherwise (a fraction of 1 for normalized "
      "ones).\n"
-     "--select selects before it executes. The exit code is 0 only when the device has done it.\n",
+     "--select selects before it executes; --pulse short or --pulse long switches off again after the "
+     "point's\n"
+     "short or long pulse. The exit code is 0 only when the device has done it.\n",
      rtuctl_set},
+    {"step", "NAME higher|lower [--select]", 2, 2, TAKES_SELECT, "rtuctl", "move a point's value by its step",
+     "For points with a step in the configuration. --select selects before it executes.\n", rtuctl_step},
 };
 
 struct line {
@@ -76,10 +80,10 @@ static void print_help(void)
 {
 	puts("usage: rtuctl [--map DIR] [--json] COMMAND [ARGUMENT]...\n");
 	for (size_t i = 0; i < COUNT(commands); i++)
-		printf("  %-9s %-23s %s\n", commands[i].name, commands[i].arguments, commands[i].summary);
+		printf("  %-9s %-38s %s\n", commands[i].name, commands[i].arguments, commands[i].summary);
 	puts("\n"
 	     "  --map DIR   folder of the point map [$OPENRTU_MAP, else /run/openrtu]\n"
-	     "  --json      for scripts: one array; one object a line for watch, events, log and set\n"
+	     "  --json      for scripts: one array; one object a line for watch, events, log, set and step\n"
 	     "  --help      this text, or after a command that command's\n"
 	     "\n"
 	     "Exit code: 0 done, 1 nothing found or refused, 2 wrong usage or no map.");
@@ -126,9 +130,13 @@ static bool parse_count(const char *text, struct line *line)
 static int take_option(struct line *line, int argc, char **argv)
 {
 	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},   {"json", no_argument, NULL, 'j'},
-	    {"count", required_argument, NULL, 'c'}, {"select", no_argument, NULL, 's'},
-	    {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0},
+	    {"map", required_argument, NULL, 'm'},
+	    {"json", no_argument, NULL, 'j'},
+	    {"count", required_argument, NULL, 'c'},
+	    {"select", no_argument, NULL, 's'},
+	    {"pulse", required_argument, NULL, 'p'},
+	    {"help", no_argument, NULL, 'h'},
+	    {NULL, 0, NULL, 0},
 	};
 
 	switch (getopt_long(argc, argv, "+", options, NULL)) {
@@ -144,6 +152,9 @@ static int take_option(struct line *line, int argc, char **argv)
 			   : wrong_usage(line->command, "--count needs a number from 1 on, not ", optarg);
 	case 's':
 		line->request.select = true;
+		return RTUCTL_DONE;
+	case 'p':
+		line->request.pulse = optarg;
 		return RTUCTL_DONE;
 	case 'h':
 		line->help = true;
@@ -178,6 +189,8 @@ static int check_line(const struct line *line)
 		return wrong_usage(line->command, "it takes no --count", "");
 	if (line->request.select && !(line->command->takes & TAKES_SELECT))
 		return wrong_usage(line->command, "it takes no --select", "");
+	if (line->request.pulse != NULL && !(line->command->takes & TAKES_PULSE))
+		return wrong_usage(line->command, "it takes no --pulse", "");
 	return RTUCTL_DONE;
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set attach as observers and write nothing.
+ * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set and step attach as observers and write nothing.
  */
 #ifndef OPENRTU_RTUCTL_H
 #define OPENRTU_RTUCTL_H
@@ -27,6 +27,7 @@ struct rtuctl_request {
 	unsigned long count; /* 0: no limit */
 	bool json;
 	bool select;
+	const char *pulse; /* NULL: none */
 };
 
 /* One command: runs on an attached map and returns an exit code. */
@@ -41,6 +42,7 @@ rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;
 rtuctl_command rtuctl_log;
 rtuctl_command rtuctl_set;
+rtuctl_command rtuctl_step;
 
 /* The point of that name; MAP_NONE: there is none. */
 uint32_t rtuctl_find_point(const struct map_config *config, const char *name);

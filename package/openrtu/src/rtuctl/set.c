@@ -13,7 +13,7 @@
 #include "rtuctl/words.h"
 
 #define MS_PER_S         1000
-#define MARGIN_MS        1000 /* the device's answer may come just before the deadline */
+#define MARGIN_MS        4000 /* the device's answer may come just before the deadline, its read-back 3 s later */
 #define EXPLANATION_SIZE 96
 #define LOOK_MS          100 /* how often the owner's life is looked at */
 
@@ -46,7 +46,8 @@ static bool take_answer(struct map *map, uint32_t id, struct map_answer *out)
 static struct map_answer await(struct map *map, const struct map_request *request, uint32_t id)
 {
 	struct pollfd bell = {.fd = map_bell_fd(map), .events = POLLIN};
-	int64_t limit_ns = request->deadline_ns * 2 - request->time_ns + MARGIN_MS * NS_PER_MS;
+	int64_t limit_ns =
+	    request->deadline_ns * 2 - request->time_ns + (MARGIN_MS + request->pulse_ms) * NS_PER_MS;
 	struct map_answer answer;
 
 	while (map_now_ns() < limit_ns) {
@@ -129,29 +130,74 @@ static json_t *outcome_row(const struct map_answer *answer, const char *name, co
 	return row;
 }
 
+static bool name_point(const struct map *map, const char *name, struct map_request *request)
+{
+	request->session = (uint32_t)getpid();
+	request->point = rtuctl_find_point(map_config(map), name);
+	if (request->point == MAP_NONE)
+		fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
+	return request->point != MAP_NONE;
+}
+
+static int carry_out(struct map *map, const struct rtuctl_request *arguments,
+		     const struct map_request *request)
+{
+	const char *name = arguments->arguments[0], *value = arguments->arguments[1];
+	struct map_answer answer = run(map, request, arguments->select);
+
+	if (arguments->json)
+		listing_print_json(outcome_row(&answer, name, value));
+	else
+		print_outcome(&answer, name, value);
+	return answer.result == MAP_RESULT_DONE ? RTUCTL_DONE : RTUCTL_FAILED;
+}
+
+/* The duration of a pulse by its name; 0: there is none. */
+static uint16_t pulse_ms_of(const struct map_point *point, const char *pulse)
+{
+	if (strcmp(pulse, "short") == 0)
+		return point->short_pulse_ms;
+	return strcmp(pulse, "long") == 0 ? point->long_pulse_ms : 0;
+}
+
 int rtuctl_set(struct map *map, const struct rtuctl_request *arguments)
 {
 	const struct map_config *config = map_config(map);
 	const char *name = arguments->arguments[0], *value = arguments->arguments[1];
-	struct map_request request = {.point = rtuctl_find_point(config, name),
-				      .session = (uint32_t)getpid()};
-	struct map_answer answer;
+	struct map_request request = {0};
 	enum map_type type;
 
-	if (request.point == MAP_NONE) {
-		fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
+	if (!name_point(map, name, &request))
 		return RTUCTL_FAILED;
-	}
 	type = config->points[request.point].type;
 	if (!words_parse_value(type, value, &request.value)) {
 		fprintf(stderr, "rtuctl: \"%s\" is no %s value, expected %s\n", value, words_type(type),
 			words_expected_value(type));
 		return RTUCTL_USAGE;
 	}
-	answer = run(map, &request, arguments->select);
-	if (arguments->json)
-		listing_print_json(outcome_row(&answer, name, value));
-	else
-		print_outcome(&answer, name, value);
-	return answer.result == MAP_RESULT_DONE ? RTUCTL_DONE : RTUCTL_FAILED;
+	if (arguments->pulse != NULL) {
+		request.pulse_ms = pulse_ms_of(&config->points[request.point], arguments->pulse);
+		if (request.pulse_ms == 0) {
+			fprintf(stderr,
+				"rtuctl: \"%s\" is no pulse of %s: the configuration gives it short_pulse_ms "
+				"and long_pulse_ms\n",
+				arguments->pulse, name);
+			return RTUCTL_USAGE;
+		}
+	}
+	return carry_out(map, arguments, &request);
+}
+
+int rtuctl_step(struct map *map, const struct rtuctl_request *arguments)
+{
+	const char *direction = arguments->arguments[1];
+	struct map_request request = {.step = strcmp(direction, "higher") == 0 ? 1 : -1};
+
+	if (request.step < 0 && strcmp(direction, "lower") != 0) {
+		fprintf(stderr, "rtuctl: \"%s\" is no direction, expected higher or lower\n", direction);
+		return RTUCTL_USAGE;
+	}
+	if (!name_point(map, arguments->arguments[0], &request))
+		return RTUCTL_FAILED;
+	return carry_out(map, arguments, &request);
 }

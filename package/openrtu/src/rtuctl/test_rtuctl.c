@@ -29,8 +29,12 @@ static struct map_line lines[] = {
 static struct map_device devices[] = {
     {.ca = 3067, .unit = 67, .response_timeout_ms = 500, .point_count = POINTS, .name = "Pump"}};
 static struct map_point points[POINTS] = {
-    [LAMP] =
-	{.name = "pump/lamp", .table = MAP_COILS, .type = MAP_SINGLE, .ioa = 1, .flags = MAP_POINT_COMMAND},
+    [LAMP] = {.name = "pump/lamp",
+	      .table = MAP_COILS,
+	      .type = MAP_SINGLE,
+	      .ioa = 1,
+	      .flags = MAP_POINT_COMMAND,
+	      .short_pulse_ms = 400},
     [BREAKER] = {.name = "pump/breaker",
 		 .table = MAP_COILS,
 		 .type = MAP_DOUBLE,
@@ -56,8 +60,8 @@ static struct map *rtud, *owner;
 static struct {
 	enum map_command_result result; /* the device's answer to commands */
 	uint8_t detail;
-	union map_value value; /* of the last command that reached it */
-	int32_t level;         /* published again and again while changing */
+	struct map_request request; /* the last command that reached it */
+	int32_t level;              /* published again and again while changing */
 	bool changing;
 } device;
 
@@ -68,10 +72,11 @@ static char output[OUTPUT_SIZE];
 static void publish(int32_t level)
 {
 	struct map_update updates[POINTS] = {
-	    {LAMP, {.value.u = 1, .time_ns = map_now_ns()}},
-	    {BREAKER, {.value.u = 3, .time_ns = map_now_ns()}},
-	    {LEVEL, {.value.i = level, .quality = MAP_OVERFLOW, .time_ns = map_now_ns()}},
-	    {CURRENT, {.value.f = 0.1f, .quality = MAP_INVALID | MAP_NOT_TOPICAL, .time_ns = map_now_ns()}},
+	    {.point = LAMP, .sample = {.value.u = 1, .time_ns = map_now_ns()}},
+	    {.point = BREAKER, .sample = {.value.u = 3, .time_ns = map_now_ns()}},
+	    {.point = LEVEL, .sample = {.value.i = level, .quality = MAP_OVERFLOW, .time_ns = map_now_ns()}},
+	    {.point = CURRENT,
+	     .sample = {.value.f = 0.1f, .quality = MAP_INVALID | MAP_NOT_TOPICAL, .time_ns = map_now_ns()}},
 	};
 
 	map_publish(owner, updates, POINTS);
@@ -84,7 +89,8 @@ static void serve_commands(void)
 	while (map_request_next(owner, &request)) {
 		if (!map_command_request(owner, &request))
 			continue;
-		device.value = request.value;
+		device.request = request;
+		map_command_confirm(owner, request.point); /* no end yet */
 		map_command_finish(owner, request.point, device.result, device.detail);
 	}
 }
@@ -255,7 +261,7 @@ static void test_set(void **state)
 	device.result = MAP_RESULT_DONE;
 	assert_int_equal(RUN("set", "pump/lamp", "on"), 0);
 	assert_string_equal(output, "pump/lamp = on: executed command: done\n");
-	assert_int_equal(device.value.u, 1);
+	assert_int_equal(device.request.value.u, 1);
 	assert_int_equal(RUN("commands", "pump/lamp"), 0);
 	assert_contains("pump/lamp  inactive command  done       on");
 	assert_contains("  rtuctl\n");
@@ -283,7 +289,35 @@ static void test_set_with_selection(void **state)
 			    "pump/breaker = on: refused command: not selected: the point needs --select\n");
 	assert_int_equal(RUN("set", "pump/breaker", "on", "--select"), 0);
 	assert_string_equal(output, "pump/breaker = on: executed command: done\n");
-	assert_int_equal(device.value.u, 2);
+	assert_int_equal(device.request.value.u, 2);
+}
+
+static void test_set_with_pulse(void **state)
+{
+	(void)state;
+	device.result = MAP_RESULT_DONE;
+	assert_int_equal(RUN("set", "pump/lamp", "on", "--pulse", "short"), 0);
+	assert_string_equal(output, "pump/lamp = on: executed command: done\n");
+	assert_int_equal(device.request.pulse_ms, 400);
+	assert_int_equal(RUN("set", "pump/lamp", "on", "--pulse", "long"), 2);
+	assert_contains("rtuctl: \"long\" is no pulse of pump/lamp");
+	assert_int_equal(RUN("points", "--pulse", "short"), 2);
+	assert_contains("it takes no --pulse");
+}
+
+static void test_step(void **state)
+{
+	(void)state;
+	device.result = MAP_RESULT_OUT_OF_RANGE;
+	assert_int_equal(RUN("step", "pump/lamp", "lower"), 1);
+	assert_string_equal(output, "pump/lamp = lower: refused command: out of range\n");
+	assert_int_equal(device.request.step, -1);
+	device.result = MAP_RESULT_DONE;
+	assert_int_equal(RUN("step", "pump/lamp", "higher"), 0);
+	assert_int_equal(device.request.step, 1);
+	assert_int_equal(RUN("step", "pump/lamp", "up"), 2);
+	assert_string_equal(output, "rtuctl: \"up\" is no direction, expected higher or lower\n");
+	assert_int_equal(RUN("step", "lamp", "higher"), 1);
 }
 
 static void test_set_what_cannot_be_set(void **state)
@@ -346,7 +380,7 @@ static void test_wrong_usage(void **state)
 	assert_contains("no map in /nowhere");
 	assert_contains("Start the gateway");
 	assert_int_equal(RUN("set", "--help"), 0);
-	assert_contains("usage: rtuctl [--map DIR] [--json] set NAME VALUE [--select]\n");
+	assert_contains("usage: rtuctl [--map DIR] [--json] set NAME VALUE [--select] [--pulse LENGTH]\n");
 }
 
 /* ---- set-up ------------------------------------------------------------------------------ */
@@ -407,6 +441,8 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_set_refused_by_device),
 	    cmocka_unit_test(test_set_with_selection),
 	    cmocka_unit_test(test_set_what_cannot_be_set),
+	    cmocka_unit_test(test_set_with_pulse),
+	    cmocka_unit_test(test_step),
 	    cmocka_unit_test(test_watch),
 	    cmocka_unit_test(test_events),
 	    cmocka_unit_test(test_log),

@@ -42,6 +42,14 @@ const char *words_module_state(enum map_module_state state)
 	return word(words, COUNT(words), state);
 }
 
+const char *words_cause(enum map_cause cause)
+{
+	static const char *const words[] = {"spontaneous", "return information remote",
+					    "return information local"};
+
+	return word(words, COUNT(words), cause);
+}
+
 const char *words_log_level(enum map_log_level level)
 {
 	static const char *const words[] = {"error", "warning", "info", "debug"};

@@ -17,6 +17,7 @@ const char *words_type(enum map_type type);
 const char *words_module_kind(enum map_module_kind kind);
 const char *words_module_state(enum map_module_state state);
 const char *words_log_level(enum map_log_level level);
+const char *words_cause(enum map_cause cause);
 
 /* "good", or what is wrong, joined by commas: "invalid,not topical". */
 void words_quality(uint8_t quality, char *out);

@@ -79,9 +79,24 @@ static void refuse_pair(struct config_loader *loader, const struct config_entry 
 	config_error(&loader->report, entry_place(entry, links), "%s %s", what, there);
 }
 
-static uint32_t end_of(const struct config_entry *entry)
+/* Addresses of one table that follow each other: a point covers one such range, or two when its bits lie apart. */
+struct range {
+	const struct config_entry *entry;
+	uint32_t begin, end;
+};
+
+static uint32_t ranges_of(const struct config_entry *entry, struct range *out)
 {
-	return entry->point.address + (uint32_t)entry->point.width;
+	const struct map_point *point = &entry->point;
+	uint32_t first = point->address, second = point->second_address;
+
+	if (point->width == 1 || second == first + 1) {
+		out[0] = (struct range){entry, first, first + point->width};
+		return 1;
+	}
+	out[0] = (struct range){entry, first, first + 1};
+	out[1] = (struct range){entry, second, second + 1};
+	return 2;
 }
 
 static bool in_one_table(const struct config_entry *a, const struct config_entry *b)
@@ -91,15 +106,47 @@ static bool in_one_table(const struct config_entry *a, const struct config_entry
 
 static bool overlap(const struct config_entry *a, const struct config_entry *b)
 {
-	return in_one_table(a, b) && a->point.address < end_of(b) && b->point.address < end_of(a);
+	struct range of_a[2], of_b[2];
+	uint32_t count_a = ranges_of(a, of_a), count_b = ranges_of(b, of_b);
+	bool any = false;
+
+	for (uint32_t i = 0; i < count_a; i++)
+		for (uint32_t j = 0; j < count_b; j++)
+			any |= of_a[i].begin < of_b[j].end && of_b[j].begin < of_a[i].end;
+	return any && in_one_table(a, b);
 }
 
-/* The widest object covers two addresses: in the order of address and width, neighbours show every overlap. */
+static int by_range(const void *left, const void *right)
+{
+	const struct range *a = left, *b = right;
+	int by_device = order(a->entry->point.device, b->entry->point.device);
+	int by_table = order(a->entry->point.table, b->entry->point.table);
+
+	if (by_device != 0 || by_table != 0)
+		return by_device != 0 ? by_device : by_table;
+	if (a->begin != b->begin || a->end != b->end)
+		return a->begin != b->begin ? order(a->begin, b->begin) : order(a->end, b->end);
+	return by_file(a->entry, b->entry);
+}
+
+/* The longest range covers two addresses: in the order of beginning and end, neighbours show every overlap. */
 static void check_overlaps(struct config_loader *loader, const struct config_entry *entries, uint32_t count)
 {
-	for (uint32_t i = 1; i < count; i++)
-		if (overlap(&entries[i - 1], &entries[i]))
-			refuse_pair(loader, &entries[i], &entries[i - 1], "covers an address of");
+	struct range *ranges = calloc(2 * (size_t)count + 1, sizeof(*ranges));
+	uint32_t range_count = 0;
+
+	if (ranges == NULL) {
+		fputs("out of memory\n", loader->report.messages);
+		loader->report.errors++;
+		return;
+	}
+	for (uint32_t i = 0; i < count; i++)
+		range_count += ranges_of(&entries[i], &ranges[range_count]);
+	qsort(ranges, range_count, sizeof(*ranges), by_range);
+	for (uint32_t i = 1; i < range_count; i++)
+		if (in_one_table(ranges[i - 1].entry, ranges[i].entry) && ranges[i].begin < ranges[i - 1].end)
+			refuse_pair(loader, ranges[i].entry, ranges[i - 1].entry, "covers an address of");
+	free(ranges);
 }
 
 static void check_ioas(struct config_loader *loader, const struct config_entry *entries, uint32_t count)

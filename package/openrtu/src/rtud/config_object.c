@@ -8,6 +8,9 @@
 
 #define BIT(n) (1u << (n))
 
+/* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
+#define APART_MAX 1024
+
 /* Report 003, section 4.3: from here on coils would reach the discrete inputs' IOA. */
 #define SCHEME_LAST 9999
 #define MODBUS_LAST 65535
@@ -52,6 +55,12 @@ enum {
 	OBJECT_BACKGROUND,
 	OBJECT_COUNTER_GROUP,
 	OBJECT_FREEZE,
+	OBJECT_SECOND,
+	OBJECT_SHORT_PULSE,
+	OBJECT_LONG_PULSE,
+	OBJECT_STEP,
+	OBJECT_MIN,
+	OBJECT_MAX,
 	OBJECT_KEYS
 };
 static const struct config_rule object_rules[OBJECT_KEYS] = {
@@ -72,6 +81,12 @@ static const struct config_rule object_rules[OBJECT_KEYS] = {
     [OBJECT_BACKGROUND] = {"background_ms", CONFIG_INTEGER, .low = 100, .high = 86400000},
     [OBJECT_COUNTER_GROUP] = {"counter_group", CONFIG_INTEGER, .low = 1, .high = 4},
     [OBJECT_FREEZE] = {"freeze_s", CONFIG_INTEGER, .low = 1, .high = 86400},
+    [OBJECT_SECOND] = {"second_address", CONFIG_INTEGER, .low = 0, .high = MODBUS_LAST},
+    [OBJECT_SHORT_PULSE] = {"short_pulse_ms", CONFIG_INTEGER, .low = 20, .high = 60000},
+    [OBJECT_LONG_PULSE] = {"long_pulse_ms", CONFIG_INTEGER, .low = 20, .high = 60000},
+    [OBJECT_STEP] = {"step", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
+    [OBJECT_MIN] = {"min", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
+    [OBJECT_MAX] = {"max", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
 };
 /* The types that give a key a meaning; 0: all do. */
 static const unsigned object_key_types[OBJECT_KEYS] = {
@@ -86,6 +101,17 @@ static const unsigned object_key_types[OBJECT_KEYS] = {
     [OBJECT_BACKGROUND] = OF_BITS | BIT(MAP_STEP) | BIT(MAP_BITSTRING), /* measured values are cyclic */
     [OBJECT_COUNTER_GROUP] = BIT(MAP_COUNTER),
     [OBJECT_FREEZE] = BIT(MAP_COUNTER),
+    [OBJECT_SECOND] = BIT(MAP_DOUBLE),
+    [OBJECT_SHORT_PULSE] = OF_BITS,
+    [OBJECT_LONG_PULSE] = OF_BITS,
+    [OBJECT_STEP] = OF_MEASURED,
+    [OBJECT_MIN] = OF_MEASURED,
+    [OBJECT_MAX] = OF_MEASURED,
+};
+/* Of commands: they mean nothing where nothing can be commanded. */
+static const bool is_command_key[OBJECT_KEYS] = {
+    [OBJECT_SELECT] = true, [OBJECT_SHORT_PULSE] = true, [OBJECT_LONG_PULSE] = true,
+    [OBJECT_STEP] = true,   [OBJECT_MIN] = true,         [OBJECT_MAX] = true,
 };
 
 static bool is_bit_table(enum map_table table)
@@ -120,7 +146,7 @@ static void check_meaning(struct config_loader *loader, const struct config_plac
 
 		if (values[key].given && object_key_types[key] != 0 && !(object_key_types[key] & BIT(type)))
 			config_error(&loader->report, &here, "has no meaning for type %s", type_names[type]);
-		if (values[key].given && key == OBJECT_SELECT && !config_is_writable(table))
+		if (values[key].given && is_command_key[key] && !config_is_writable(table))
 			config_error(&loader->report, &here,
 				     "has no meaning for %s: they cannot be commanded",
 				     config_table_names[table]);
@@ -136,6 +162,53 @@ static void check_extent(struct config_loader *loader, const struct config_place
 		config_error(&loader->report, &here,
 			     "%lld is out of range for type %s, which covers two addresses, expected 0 to %d",
 			     (long long)address, type_names[type], MODBUS_LAST - 1);
+}
+
+static void check_second_address(struct config_loader *loader, const struct config_place *object,
+				 int64_t address, int64_t second)
+{
+	const struct config_place here = config_key_of(object, object_rules[OBJECT_SECOND].name);
+
+	if (second == address)
+		config_error(&loader->report, &here, "is the address of the first bit, expected another one");
+	else if (second > address + APART_MAX || second < address - APART_MAX)
+		config_error(&loader->report, &here, "is %lld away from the first bit, expected at most %d",
+			     (long long)(second > address ? second - address : address - second), APART_MAX);
+}
+
+static bool is_whole(double number)
+{
+	return fpclassify(number - rint(number)) == FP_ZERO;
+}
+
+/* A step command needs all three, and a value that is an integer moves by integers. */
+static void check_step(struct config_loader *loader, const struct config_place *object,
+		       const struct config_value *values, enum map_type type)
+{
+	const struct config_place step = config_key_of(object, object_rules[OBJECT_STEP].name);
+	const struct config_place max = config_key_of(object, object_rules[OBJECT_MAX].name);
+	unsigned given = 0;
+
+	for (size_t key = OBJECT_STEP; key <= OBJECT_MAX; key++) {
+		if (values[key].wrong)
+			return;
+		given += values[key].given;
+	}
+	for (size_t key = OBJECT_STEP; given > 0 && key <= OBJECT_MAX; key++) {
+		const struct config_place here = config_key_of(object, object_rules[key].name);
+
+		if (!values[key].given)
+			config_error(&loader->report, &here,
+				     "is needed with the others of step, min and max, expected a number");
+	}
+	if (given < 3)
+		return;
+	if (fpclassify(values[OBJECT_STEP].number) == FP_ZERO)
+		config_error(&loader->report, &step, "is 0, expected more");
+	else if (type != MAP_FLOAT && !is_whole(values[OBJECT_STEP].number))
+		config_error(&loader->report, &step, "is no integer, as type %s needs it", type_names[type]);
+	if (values[OBJECT_MIN].number >= values[OBJECT_MAX].number)
+		config_error(&loader->report, &max, "is not above min");
 }
 
 static void check_name(struct config_loader *loader, const struct config_place *object, const char *name)
@@ -190,6 +263,7 @@ static struct map_point object_point(const struct config_value *values, enum map
 				     enum map_table table)
 {
 	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
+	const struct config_value *second = &values[OBJECT_SECOND];
 
 	return (struct map_point){
 	    .address = address,
@@ -203,9 +277,15 @@ static struct map_point object_point(const struct config_value *values, enum map
 	    .counter_group = (uint8_t)values[OBJECT_COUNTER_GROUP].integer,
 	    .period_ms = (uint32_t)(values[OBJECT_CYCLIC].integer + values[OBJECT_BACKGROUND].integer),
 	    .freeze_s = (uint32_t)values[OBJECT_FREEZE].integer,
+	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
+	    .short_pulse_ms = (uint16_t)values[OBJECT_SHORT_PULSE].integer,
+	    .long_pulse_ms = (uint16_t)values[OBJECT_LONG_PULSE].integer,
 	    .scale = values[OBJECT_SCALE].number,
 	    .offset = values[OBJECT_OFFSET].number,
 	    .deadband = values[OBJECT_DEADBAND].number,
+	    .step = (float)values[OBJECT_STEP].number,
+	    .min = (float)values[OBJECT_MIN].number,
+	    .max = (float)values[OBJECT_MAX].number,
 	};
 }
 
@@ -230,7 +310,12 @@ static void check_object(struct config_loader *loader, const struct config_place
 		check_type(loader, place, type, table);
 		check_meaning(loader, place, values, type, table);
 	}
-	if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
+	if (!values[OBJECT_TYPE].wrong)
+		check_step(loader, place, values, type);
+	if (values[OBJECT_SECOND].given && !values[OBJECT_ADDRESS].wrong)
+		check_second_address(loader, place, values[OBJECT_ADDRESS].integer,
+				     values[OBJECT_SECOND].integer);
+	else if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
 		check_extent(loader, place, values[OBJECT_ADDRESS].integer, type);
 	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong)
 		check_scheme(loader, place, values[OBJECT_ADDRESS].integer);

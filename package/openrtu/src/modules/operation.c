@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/operation.h"
+
+#include <math.h>
+
+#include "modules/convert.h"
+
+static bool is_integer(const struct map_point *point)
+{
+	return point->type != MAP_FLOAT;
+}
+
+static double number_of(const struct map_point *point, union map_value value)
+{
+	return is_integer(point) ? value.i : (double)value.f;
+}
+
+static bool takes_steps(const struct map_point *point)
+{
+	return point->step > 0;
+}
+
+static bool within_limits(const struct map_point *point, double number)
+{
+	return number >= (double)point->min && number <= (double)point->max; /* false for NaN too */
+}
+
+static bool step_from(const struct map_point *point, union map_value from, int direction, union map_value *to)
+{
+	double number = number_of(point, from) + direction * (double)point->step;
+
+	if (!within_limits(point, number) ||
+	    (is_integer(point) && (number < INT16_MIN || number > INT16_MAX)))
+		return false;
+	if (is_integer(point))
+		to->i = (int32_t)lrint(number);
+	else
+		to->f = (float)number;
+	return true;
+}
+
+/* A pulse that begins with off would end with off, too. */
+static bool takes_pulse(const struct map_point *point, union map_value value)
+{
+	return point->table == MAP_COILS && (point->type == MAP_DOUBLE || value.u == 1);
+}
+
+static struct modbus_request write_of(const struct map_point *point, uint8_t unit, uint8_t function,
+				      uint16_t first, uint16_t second)
+{
+	return (struct modbus_request){.unit = unit,
+				       .function = function,
+				       .address = point->address,
+				       .count = point->width,
+				       .values = {first, second}};
+}
+
+static struct modbus_request coil(uint8_t unit, uint16_t address, uint16_t value)
+{
+	return (struct modbus_request){
+	    .unit = unit, .function = MODBUS_WRITE_COIL, .address = address, .count = 1, .values = {value}};
+}
+
+static void write_two_coils(const struct map_point *point, uint8_t unit, const uint16_t raw[2],
+			    struct operation *out)
+{
+	struct modbus_request *writes = out->writes;
+
+	if (point->second_address == point->address + 1) {
+		*writes = write_of(point, unit, MODBUS_WRITE_COILS, raw[0], raw[1]);
+	} else if (point->second_address == point->address - 1) {
+		*writes = write_of(point, unit, MODBUS_WRITE_COILS, raw[1], raw[0]);
+		writes->address = point->second_address;
+	} else {
+		unsigned off_first = raw[0] != 0;
+
+		out->count = 2;
+		writes[off_first] = coil(unit, point->address, raw[0]);
+		writes[!off_first] = coil(unit, point->second_address, raw[1]);
+	}
+}
+
+static void write_raw(const struct map_point *point, uint8_t unit, const uint16_t raw[CONVERT_WIDTH_MAX],
+		      struct operation *out)
+{
+	bool single = point->width == 1;
+
+	out->count = 1;
+	if (point->table != MAP_COILS)
+		out->writes[0] = write_of(
+		    point, unit, single ? MODBUS_WRITE_REGISTER : MODBUS_WRITE_REGISTERS, raw[0], raw[1]);
+	else if (single)
+		out->writes[0] = coil(unit, point->address, raw[0]);
+	else
+		write_two_coils(point, unit, raw, out);
+}
+
+enum map_command_result operation_begin(const struct map_point *point, uint8_t unit,
+					const struct map_request *request, const struct map_sample *last,
+					struct operation *out)
+{
+	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
+	union map_value value = request->value;
+
+	if (request->step != 0) {
+		if (!takes_steps(point) || last->quality != MAP_GOOD)
+			return MAP_RESULT_NOT_COMMANDABLE;
+		if (!step_from(point, last->value, request->step > 0 ? 1 : -1, &value))
+			return MAP_RESULT_OUT_OF_RANGE;
+	}
+	if (request->pulse_ms != 0 && !takes_pulse(point, value))
+		return MAP_RESULT_NOT_COMMANDABLE;
+	if ((takes_steps(point) && !within_limits(point, number_of(point, value))) ||
+	    !convert_to_raw(point, value, request->detail, raw))
+		return MAP_RESULT_OUT_OF_RANGE;
+	write_raw(point, unit, raw, out);
+	return MAP_RESULT_NONE;
+}
+
+void operation_end(const struct map_point *point, uint8_t unit, struct operation *out)
+{
+	write_raw(point, unit, (const uint16_t[CONVERT_WIDTH_MAX]){0}, out);
+}
+
+bool operation_switches_on(const struct modbus_request *write)
+{
+	return write->values[0] != 0 || (write->count > 1 && write->values[1] != 0);
+}

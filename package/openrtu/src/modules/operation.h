@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What a command asks of its device: the Modbus writes, in their order. */
+#ifndef OPENRTU_MODULES_OPERATION_H
+#define OPENRTU_MODULES_OPERATION_H
+
+#include "map/map.h"
+#include "modbus/frame.h"
+
+#define OPERATION_WRITES_MAX 2
+
+struct operation {
+	uint8_t count;
+	struct modbus_request writes[OPERATION_WRITES_MAX];
+};
+
+/*
+ * The writes that carry out an accepted request. Two neighbouring coils are one function 15 and two registers one
+ * function 16, so that no device ever sees half of a command; of coils that lie apart, the one that goes off is written
+ * first. last: the point's sample, from which a regulating step goes. Returns
+ * - MAP_RESULT_NONE: out is filled in;
+ * - MAP_RESULT_OUT_OF_RANGE: the point cannot hold the value, or it is beyond the point's min and max;
+ * - MAP_RESULT_NOT_COMMANDABLE: no pulse or step of this point, or a step from a value that is not good.
+ */
+enum map_command_result operation_begin(const struct map_point *point, uint8_t unit,
+					const struct map_request *request, const struct map_sample *last,
+					struct operation *out);
+
+/* The writes that end a pulse of a single or double point: its coils off. */
+void operation_end(const struct map_point *point, uint8_t unit, struct operation *out);
+
+/* The write turns a coil on: unanswered, it may have begun a pulse. */
+bool operation_switches_on(const struct modbus_request *write);
+
+#endif
