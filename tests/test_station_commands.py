@@ -48,7 +48,7 @@ def configuration() -> dict[str, Any]:
         {"address": 2, "type": "float", "step": 0.5, "min": 0, "max": 100},
         {"address": 4, "type": "bitstring"},
     ]
-    slave = {"id": UNIT, "response_timeout_ms": 200, "coils": coils, "holding_registers": registers}
+    slave = {"id": UNIT, "response_timeout_ms": 400, "coils": coils, "holding_registers": registers}
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     port = {"value": 1, "active": 1, **pace, "slaves": [slave]}
     return {"iec104": {"command_timeout": 5}, "port": [port]}
@@ -153,6 +153,7 @@ def receive(master: RawMaster, kind: int, until: int, timeout_s: float = 5.0) ->
     seen: list[Asdu] = []
     deadline = time.monotonic() + timeout_s
     while not seen or (seen[-1].type, seen[-1].cause & 0x3F) != (kind, until):
+        assert not seen or (seen[-1].type, seen[-1].cause) != (kind, ACT_CON | NEGATIVE), "it is refused"
         seen.append(master.next_asdu(deadline))
     return seen
 

@@ -93,7 +93,7 @@ struct map_cursor *map_cursor(struct map *map, unsigned slot)
 /* One ring stands for those of all modules. */
 static void move_cursor(struct map_cursor *cursor, uint32_t to)
 {
-	for (unsigned i = 0; i < MODULES; i++)
+	for (unsigned i = 0; i < RINGS; i++)
 		cursor->next[i] = to;
 }
 

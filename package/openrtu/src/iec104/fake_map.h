@@ -15,7 +15,7 @@
 
 #define POINTS   20
 #define DEVICES  2
-#define MODULES  3    /* rtud and two owners */
+#define RINGS    3    /* rtud and two owners */
 #define EVENTS   4096 /* a power of two, as are the next two */
 #define REQUESTS 64
 #define ANSWERS  64

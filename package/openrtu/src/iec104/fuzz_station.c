@@ -300,6 +300,8 @@ static void publish_now_or_while_read(void)
 		fake.on_read = publish_while_read;
 	else
 		publish_next(to_be_published);
+	if (octet & 0x20 && fake.event_count > 0)
+		fake.events[(fake.event_count - 1) % EVENTS].cause = MAP_RETURN_REMOTE;
 	fake.unreadable = octet & 0x40 ? 1 : 0;
 }
 
@@ -348,7 +350,7 @@ static void answer_request(void)
 	if (fake.request_count == 0)
 		return;
 	answer(fake.request_count - octet / 10 % (fake.request_count < 16 ? fake.request_count : 16),
-	       (enum map_command_state)(octet % 10), MAP_RESULT_NONE);
+	       (enum map_command_state)(octet % 10), octet & 0x80 ? MAP_RESULT_DONE : MAP_RESULT_NONE);
 	run_station();
 }
 

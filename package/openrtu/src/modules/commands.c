@@ -28,6 +28,8 @@ static void remove_progress(struct commands *commands, struct commands_progress 
 	*progress = commands->progress[--commands->count];
 }
 
+static void take(struct commands *commands, const struct map_request *request);
+
 /* ---- ends -------------------------------------------------------------------------------- */
 
 static enum map_command_result map_result(enum modbus_result result)
@@ -46,11 +48,27 @@ static enum map_command_result map_result(enum modbus_result result)
 	return MAP_RESULT_TIMEOUT;
 }
 
+static void take_held(struct commands *commands, uint32_t point)
+{
+	for (uint32_t i = 0; i < commands->held_count; i++) {
+		const struct map_request request = commands->held[i];
+
+		if (request.point != point)
+			continue;
+		commands->held[i] = commands->held[--commands->held_count];
+		take(commands, &request);
+		return;
+	}
+}
+
 static void finish(struct commands *commands, struct commands_progress *progress,
 		   enum map_command_result result, uint8_t exception)
 {
-	map_command_finish(commands->map, progress->point, result, exception);
+	uint32_t point = progress->point;
+
+	map_command_finish(commands->map, point, result, exception);
 	remove_progress(commands, progress);
+	take_held(commands, point);
 }
 
 /* The requester learns of the first failure; the coil stays to be switched off, at the pace of a dead device's probes. */
@@ -169,7 +187,7 @@ static enum map_cause cause_of(const struct commands *commands, const struct map
 	return requester.kind == MAP_MODULE_RTUCTL ? MAP_RETURN_LOCAL : MAP_RETURN_REMOTE;
 }
 
-void commands_begin(struct commands *commands, const struct map_request *request)
+static void begin(struct commands *commands, const struct map_request *request)
 {
 	struct commands_progress *progress = &commands->progress[commands->count];
 	struct map_sample last = {.quality = MAP_INVALID};
@@ -188,6 +206,33 @@ void commands_begin(struct commands *commands, const struct map_request *request
 		commands->count++;
 	else
 		map_command_finish(commands->map, request->point, result, 0);
+}
+
+static void take(struct commands *commands, const struct map_request *request)
+{
+	if (map_command_request(commands->map, request))
+		begin(commands, request);
+}
+
+static bool is_to_wait(const struct commands *commands, const struct map_request *request)
+{
+	const struct commands_progress *progress = find(commands, request->point);
+
+	if ((request->action != MAP_EXECUTE && request->action != MAP_SELECT) || progress == NULL ||
+	    progress->phase != COMMANDS_READ_BACK || commands->held_count == COMMANDS_HELD_MAX)
+		return false;
+	for (uint32_t i = 0; i < commands->held_count; i++)
+		if (commands->held[i].point == request->point)
+			return false;
+	return true;
+}
+
+void commands_request(struct commands *commands, const struct map_request *request)
+{
+	if (is_to_wait(commands, request))
+		commands->held[commands->held_count++] = *request;
+	else
+		take(commands, request);
 }
 
 void commands_resume(struct commands *commands)

@@ -10,6 +10,7 @@
 #include "modbus/line.h"
 #include "modules/operation.h"
 
+#define COMMANDS_HELD_MAX 16
 #define COMMANDS_READ_BACK_NS                                                                                \
 	3000000000LL /* a device that confirmed and is not read by then: done all the same */
 
@@ -44,12 +45,18 @@ struct commands {
 	void *context;
 
 	uint32_t count; /* of commands under way, which lie first */
+	struct map_request
+	    held[COMMANDS_HELD_MAX]; /* until the read-back of the command before, one a point */
+	uint32_t held_count;
 };
 
 /* Goes on with the pulses that a former process left. */
 void commands_resume(struct commands *commands);
-/* Begins with a request that map_command_request has accepted. */
-void commands_begin(struct commands *commands, const struct map_request *request);
+/*
+ * Takes a request of map_request_next through the state machine, and begins what that accepts. A point that is only being
+ * read back takes the next command when that is done: whoever waits for the device's confirmation alone is not refused.
+ */
+void commands_request(struct commands *commands, const struct map_request *request);
 /* The line's answer to a write for this point. */
 void commands_answered(struct commands *commands, uint32_t point, enum modbus_result result,
 		       uint8_t exception, int64_t now_ns);

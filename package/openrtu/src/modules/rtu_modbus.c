@@ -216,8 +216,7 @@ static void take_requests(struct gateway *gateway)
 
 	map_bell_clear(gateway->map);
 	while (map_request_next(gateway->map, &request))
-		if (map_command_request(gateway->map, &request))
-			commands_begin(&gateway->commands, &request);
+		commands_request(&gateway->commands, &request);
 }
 
 /* ---- ports -------------------------------------------------------------------------------------------- */

@@ -39,7 +39,7 @@ static void start_owner(struct stage *stage)
 	commands_resume(&commands);
 }
 
-static int begin(void **state)
+static int start_stage(void **state)
 {
 	struct stage *stage;
 	struct map_point *points;
@@ -62,7 +62,7 @@ static int begin(void **state)
 	return 0;
 }
 
-static int end(void **state)
+static int end_stage(void **state)
 {
 	end_commands(&stage_of);
 	return tear_down(state);
@@ -75,8 +75,7 @@ static void command(uint32_t point, int32_t value, uint16_t pulse_ms)
 	wish.pulse_ms = pulse_ms;
 	assert_int_not_equal(map_request_post(stage_of.requester, wish), 0);
 	assert_true(map_request_next(stage_of.owner, &taken));
-	if (map_command_request(stage_of.owner, &taken))
-		commands_begin(&commands, &taken);
+	commands_request(&commands, &taken);
 }
 
 static void expect_write(uint32_t point, uint16_t address, uint16_t value)
@@ -141,6 +140,29 @@ static void test_confirmation_read_back_end(void **state)
 	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	assert_int_equal(commands.count, 0);
 	assert_true(commands_deadline(&commands) == INT64_MAX);
+}
+
+static void test_the_next_command_waits_for_the_read_back(void **state)
+{
+	(void)state;
+	command(REGISTER, 7, 0);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	command(REGISTER, 8, 0);
+	expect(MAP_REFUSED_COMMAND, MAP_RESULT_INTERLOCK);
+	device_answers(REGISTER, MODBUS_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_DONE);
+	command(REGISTER, 8, 0);
+	expect_no_answer();
+	command(REGISTER, 9, 0); /* one may wait */
+	expect(MAP_REFUSED_COMMAND, MAP_RESULT_INTERLOCK);
+	write_count = 0;
+	read_back(REGISTER);
+	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	expect_write(REGISTER, 3, 8);
+	device_answers(REGISTER, MODBUS_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_DONE);
+	assert_int_equal(commands.held_count, 0);
 }
 
 static void test_without_read_back_it_ends_all_the_same(void **state)
@@ -342,12 +364,13 @@ static void test_a_pulse_is_ended_by_the_next_process(void **state)
 	assert_int_equal(commands.count, 0);
 }
 
-#define TEST_COMMANDS(name) cmocka_unit_test_setup_teardown(name, begin, end)
+#define TEST_COMMANDS(name) cmocka_unit_test_setup_teardown(name, start_stage, end_stage)
 
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    TEST_COMMANDS(test_confirmation_read_back_end),
+	    TEST_COMMANDS(test_the_next_command_waits_for_the_read_back),
 	    TEST_COMMANDS(test_without_read_back_it_ends_all_the_same),
 	    TEST_COMMANDS(test_refusals),
 	    TEST_COMMANDS(test_the_second_write_waits_for_the_first),
