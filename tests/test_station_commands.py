@@ -252,7 +252,15 @@ def test_session_goes_on_while_the_device_is_slow(plant: Plant, master: RawMaste
 
 
 @pytest.mark.parametrize(("kind", "ioa", "body", "written", "value"), COMMANDS)
-@pytest.mark.parametrize("fault", [("exception", 4), ("mute",)], ids=["exception", "timeout"])
+@pytest.mark.parametrize(
+    ("fault", "tagged"),
+    [
+        pytest.param(("exception", 4), False, id="exception"),
+        pytest.param(("exception", 4), True, id="exception tagged"),
+        pytest.param(("mute",), False, id="timeout"),
+        pytest.param(("mute",), True, id="timeout tagged", marks=pytest.mark.slow),
+    ],
+)
 def test_failure_is_one_negative_confirmation_and_one_write(
     plant: Plant,
     master: RawMaster,
@@ -262,15 +270,26 @@ def test_failure_is_one_negative_confirmation_and_one_write(
     written: list[tuple[int, str]],
     value: bytes,
     fault: tuple[Any, ...],
+    tagged: bool,
 ) -> None:
     mark = plant.lines.mark()
     function = written[0][0]
     plant.lines.fault(DEVICE, *fault, *((function,) if fault[0] == "exception" else ()))
+    kind, body = element(kind, body, tagged)
     assert refused(master, kind, ioa, body)
     plant.lines.fault(DEVICE, "clear")
     plant.wait_all_good(CA)
     assert plant.writes(mark) == [(function, bytes.fromhex(written[0][1]))]
     assert_nothing_more(master, kind, 0.05)
+
+
+def test_next_command_waits_for_the_end_of_the_one_before(plant: Plant, master: RawMaster) -> None:
+    """A master that looks at confirmations only is not refused."""
+    for value in (1, 0, 1, 0):
+        master.request(C_SC, CA, PLAIN, bytes([value]))
+        while (answer := master.answer(C_SC)).cause != ACT_CON:
+            assert answer.cause == ACT_TERM
+        assert answer.body[3] == value == plant.coil(1)
 
 
 def test_half_of_a_double_command_is_negative(plant: Plant, master: RawMaster) -> None:
@@ -400,6 +419,18 @@ def wait_accepted(master: RawMaster, ioa: int) -> None:
             receive(master, C_SC, ACT_TERM)
             return
         assert time.monotonic() < deadline, "the point is never released"
+
+
+def test_stop_of_the_gateway_ends_pulses(programs: Path) -> None:
+    with gateway_on_lines(configuration(), programs, values=None) as (lines, gateway):
+        plant = Plant(lines, gateway)
+        plant.wait_all_good(CA)
+        with RawMaster(*gateway.address) as master:
+            master.request(C_DC, CA, APART, bytes([SHORT | 2]))
+            assert master.answer(C_DC).cause == ACT_CON
+            assert plant.coil(20) == 1
+            assert gateway.stop() == 0
+        assert [plant.coil(address) for address in (10, 20)] == [0, 0]
 
 
 def test_pulse_of_unknown_fate_is_ended(plant: Plant, master: RawMaster) -> None:

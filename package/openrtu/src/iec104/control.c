@@ -288,11 +288,12 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 	confirm(&received, !positive);
 }
 
-/* The device has confirmed an execution, or that and its end are told at once. */
+/* The device has confirmed an execution, or that and its end are told at once. Of anything else, an owner gone wild says so. */
 static void report_execution(const struct iec104_station *station, struct iec104_open_command *open)
 {
-	if (!open->confirmed)
-		report(station, open, true);
+	if (open->confirmed || open->request.action != MAP_EXECUTE)
+		return;
+	report(station, open, true);
 	open->confirmed = true;
 }
 
@@ -313,6 +314,15 @@ static void end_termination(struct iec104_open_command *open)
 	open->connection->terminations--;
 }
 
+/* Where no event waits all were sent, whatever an owner gone wild made of its ring. */
+static bool return_information_was_sent(const struct iec104_station *station,
+					const struct iec104_open_command *open)
+{
+	return iec104_events_were_sent(open->connection, map_owner(station->map, open->request.point),
+				       open->events_end) ||
+	       !iec104_event_waits(station, open->connection);
+}
+
 bool iec104_send_termination(struct iec104_station *station, struct iec104_connection *connection,
 			     int64_t now_ns)
 {
@@ -320,8 +330,7 @@ bool iec104_send_termination(struct iec104_station *station, struct iec104_conne
 		struct iec104_open_command *open = &station->open_commands[i];
 
 		if (!open->terminating || open->connection != connection ||
-		    !iec104_events_were_sent(connection, map_owner(station->map, open->request.point),
-					     open->events_end))
+		    !return_information_was_sent(station, open))
 			continue;
 		iec104_asdu_mirror(open->asdu, IEC104_ACTIVATION_TERM, open->failed);
 		iec104_session_send(&connection->session, open->asdu, open->asdu_size, now_ns);
@@ -356,7 +365,7 @@ static void conclude(struct iec104_station *station, struct iec104_open_command 
 {
 	bool selected = positive && open->request.action == MAP_SELECT && is_still_there(open);
 
-	if (positive && open->request.action == MAP_EXECUTE)
+	if (positive)
 		report_execution(station, open);
 	if (open->confirmed)
 		begin_termination(station, open, positive);

@@ -458,6 +458,26 @@ static void test_answer_after_the_master_has_gone(void **state)
 	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
 }
 
+/* Only executions have two answers. */
+static void test_answers_that_make_no_sense(void **state)
+{
+	(void)state;
+	ASK(0, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
+	expect_nothing(0);
+	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 103, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	answer(2, MAP_EXECUTING, MAP_RESULT_DONE);
+	expect_nothing(0);
+	answer(2, MAP_REFUSED_SELECTION, MAP_RESULT_INTERLOCK);
+	answer(2, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	run();
+	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	expect_nothing(0);
+}
+
 /* ---- clock -------------------------------------------------------------------------------------- */
 
 static void test_clock(void **state)
@@ -519,6 +539,7 @@ int main(void)
 	    TEST(test_owner_is_starting),
 	    TEST(test_answer_is_lost),
 	    TEST(test_answer_after_the_master_has_gone),
+	    TEST(test_answers_that_make_no_sense),
 	    TEST(test_clock),
 	    TEST(test_clock_masters),
 	};

@@ -285,6 +285,20 @@ void commands_device_changed(struct commands *commands, uint32_t device, bool al
 	}
 }
 
+bool commands_end_pulses(struct commands *commands, int64_t now_ns)
+{
+	bool any = false;
+
+	for (uint32_t i = 0; i < commands->count; i++) {
+		struct commands_progress *progress = &commands->progress[i];
+
+		if (progress->phase == COMMANDS_PULSE && progress->backoff_ns == 0)
+			progress->due_ns = now_ns;
+		any |= progress->phase == COMMANDS_PULSE || progress->phase == COMMANDS_ENDING;
+	}
+	return any;
+}
+
 /* ---- time -------------------------------------------------------------------------------- */
 
 static bool is_timed(const struct commands_progress *progress)

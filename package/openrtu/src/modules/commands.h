@@ -66,6 +66,8 @@ enum map_cause commands_cause(const struct commands *commands, uint32_t point);
 void commands_published(struct commands *commands, uint32_t point);
 /* A device died or answers again. */
 void commands_device_changed(struct commands *commands, uint32_t device, bool alive, int64_t now_ns);
+/* Ends all pulses early, for a process that is to stop. True: some are still to be confirmed by their devices. */
+bool commands_end_pulses(struct commands *commands, int64_t now_ns);
 /* Does what is due at now_ns. */
 void commands_run(struct commands *commands, int64_t now_ns);
 /* When something is due; INT64_MAX: nothing. */

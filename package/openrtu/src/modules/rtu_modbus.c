@@ -26,6 +26,7 @@
 #define NS_PER_MS      1000000LL
 #define NS_PER_S       1000000000LL
 #define REOPEN_NS      NS_PER_S
+#define STOP_NS        (2 * NS_PER_S) /* rtud waits 3 s */
 #define HEARTBEAT_NS   (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
 #define READ_SIZE      512
 #define READS_A_TURN   16
@@ -219,7 +220,7 @@ static void take_requests(struct gateway *gateway)
 	struct map_request request;
 
 	map_bell_clear(gateway->map);
-	while (map_request_next(gateway->map, &request))
+	while (!stop_requested && map_request_next(gateway->map, &request))
 		commands_request(&gateway->commands, &request);
 }
 
@@ -576,16 +577,27 @@ static void beat(struct gateway *gateway)
 		show_counters(&gateway->ports[i]);
 }
 
+static void take_turn(struct gateway *gateway)
+{
+	beat(gateway);
+	commands_run(&gateway->commands, map_now_ns());
+	for (uint32_t i = 0; i < gateway->port_count; i++)
+		serve_port(&gateway->ports[i]);
+	arm_timer(gateway);
+	wait_and_take(gateway);
+}
+
+/* Nothing shall stay switched on for want of a gateway, so far as the devices answer before rtud loses its patience. */
 static void serve(struct gateway *gateway)
 {
-	while (!stop_requested && map_wanted(gateway->map)) {
-		beat(gateway);
-		commands_run(&gateway->commands, map_now_ns());
-		for (uint32_t i = 0; i < gateway->port_count; i++)
-			serve_port(&gateway->ports[i]);
-		arm_timer(gateway);
-		wait_and_take(gateway);
-	}
+	int64_t limit_ns;
+
+	while (!stop_requested && map_wanted(gateway->map))
+		take_turn(gateway);
+	limit_ns = map_now_ns() + STOP_NS;
+	while (commands_end_pulses(&gateway->commands, map_now_ns()) && map_now_ns() < limit_ns &&
+	       map_wanted(gateway->map))
+		take_turn(gateway);
 }
 
 static bool parse_options(int argc, char **argv, struct options *options)

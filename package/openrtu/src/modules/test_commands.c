@@ -296,6 +296,20 @@ static void test_a_pulse_is_ended_until_the_device_confirms(void **state)
 	expect(MAP_EXECUTING, MAP_RESULT_NONE);
 }
 
+static void test_pulses_are_ended_early_when_the_process_stops(void **state)
+{
+	(void)state;
+	assert_false(commands_end_pulses(&commands, now));
+	begin_pulse(60000);
+	device_answers(COIL, MODBUS_DONE);
+	assert_true(commands_end_pulses(&commands, now));
+	pass(0);
+	expect_write(COIL, 1, 0);
+	assert_true(commands_end_pulses(&commands, now));
+	device_answers(COIL, MODBUS_DONE);
+	assert_false(commands_end_pulses(&commands, now));
+}
+
 static void test_a_pulse_that_may_have_begun_is_ended(void **state)
 {
 	(void)state;
@@ -376,6 +390,7 @@ int main(void)
 	    TEST_COMMANDS(test_the_second_write_waits_for_the_first),
 	    TEST_COMMANDS(test_a_pulse_ends),
 	    TEST_COMMANDS(test_a_pulse_is_ended_until_the_device_confirms),
+	    TEST_COMMANDS(test_pulses_are_ended_early_when_the_process_stops),
 	    TEST_COMMANDS(test_a_pulse_that_may_have_begun_is_ended),
 	    TEST_COMMANDS(test_a_pulse_that_did_not_begin_is_not_ended),
 	    TEST_COMMANDS(test_a_pulse_is_ended_by_the_next_process),
