@@ -4,6 +4,7 @@
 import contextlib
 import copy
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,14 @@ def values() -> dict[str, dict[str, dict[str, int]]]:
     """Its devices' initial values."""
     loaded: dict[str, dict[str, dict[str, int]]] = json.loads((CHAPTER_5 / "values.json").read_text())
     return loaded
+
+
+def values_of(config: dict[str, Any]) -> dict[str, dict[str, dict[str, int]]]:
+    """Those of the devices that a configuration has left of it."""
+    devices = {
+        f"{port['value']}.{slave['id']}" for port in config["port"] for slave in port.get("slaves", [])
+    }
+    return {device: tables for device, tables in values().items() if device in devices}
 
 
 def of_port(config: dict[str, Any], number: int) -> dict[str, Any]:
@@ -91,7 +100,9 @@ def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[Line
         stack.callback(remove, directory)
         file = directory / "linesim.json"
         file.write_text(json.dumps(config))
-        lines = stack.enter_context(LineSim(file, CHAPTER_5 / "values.json", directory / "dev"))
+        initial = directory / "values.json"
+        initial.write_text(json.dumps(values_of(config)))
+        lines = stack.enter_context(LineSim(file, initial, directory / "dev"))
         yield lines, stack.enter_context(Gateway(config, directory, build))
 
 
@@ -116,3 +127,9 @@ def desk_of(config: dict[str, Any], build: Path) -> Iterator[Desk]:
 def everything_read(gateway: Gateway) -> bool:
     """All points are valid, but those behind a broadcast address."""
     return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])
+
+
+def processor_seconds(pid: int) -> float:
+    """What a process has used so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/fake_map.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #define COMMAND MAP_POINT_COMMAND
@@ -85,9 +86,60 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	return true;
 }
 
-struct map_cursor *map_cursor(struct map *map, unsigned slot)
+void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 {
-	return &map->cursors[slot];
+	const struct map_settings *settings = &map->config.settings;
+
+	*out = map->queues[slot];
+	out->limit = settings->event_ring - 1;
+	if (slot < settings->group_count) {
+		snprintf(out->name, sizeof(out->name), "%s", settings->groups[slot].name);
+		out->limit = settings->groups[slot].queue;
+	}
+}
+
+void map_queue_place(const struct map *map, unsigned slot, struct map_queue_place *out)
+{
+	*out = map->places[slot];
+}
+
+void map_queue_move(struct map *map, unsigned slot, const struct map_queue_place *place)
+{
+	map->places[slot] = *place;
+}
+
+void map_queue_assign(struct map *map, unsigned slot, const char *address,
+		      const struct map_queue_place *place)
+{
+	map->queues[slot] = (struct map_queue){.lost = 0};
+	snprintf(map->queues[slot].name, sizeof(map->queues[slot].name), "%s", address);
+	map->places[slot] = *place;
+}
+
+void map_queue_use(struct map *map, unsigned slot)
+{
+	map->queues[slot].used = ++map->turns;
+}
+
+void map_queue_count_lost(struct map *map, unsigned slot, uint32_t events)
+{
+	map->queues[slot].lost += events;
+}
+
+void map_queue_set_unacknowledged(struct map *map, unsigned slot, uint32_t events)
+{
+	map->queues[slot].unacknowledged = events;
+}
+
+struct map_station_stats *map_station_stats(const struct map *map)
+{
+	(void)map;
+	return &fake.stats;
+}
+
+uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor)
+{
+	return map->event_count - cursor->next[0];
 }
 
 void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
@@ -183,7 +235,8 @@ void fake_begin(void)
 			 .t2_s = 10,
 			 .t3_s = 20,
 			 .max_connections = 3,
-			 .command_timeout_s = 10},
+			 .command_timeout_s = 10,
+			 .event_ring = EVENTS},
 	    .line_count = DEVICES,
 	    .device_count = DEVICES,
 	    .point_count = POINTS,

@@ -11,9 +11,10 @@
 #include "map/latch.h"
 #include "map/map.h"
 #include "map/ring.h"
+#include "map/station.h"
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT   1u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   2u          /* raise with every change of what lies in the segments */
 #define REQUEST_RING 256u
 #define ANSWER_RING  256u
 #define LOG_RING     128u
@@ -31,7 +32,6 @@ struct segment_header {
 	uint32_t reserved;
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
-	struct map_cursor cursors[MAP_CURSORS];
 };
 
 /* A command's state as one latched record. */
@@ -39,6 +39,15 @@ struct command_cell {
 	map_latch latch;
 	uint32_t reserved;
 	struct map_command copies[2];
+};
+
+/* An event queue. The counters are read singly; the place is a latched record, so that a crash leaves a whole one. */
+struct queue_cell {
+	map_latch latch;
+	_Atomic uint32_t lost, unacknowledged, used;
+	char name[MAP_ADDRESS_SIZE]; /* an address, or empty: free. A group's is in the configuration. */
+	uint16_t reserved;
+	struct map_queue_place places[2];
 };
 
 /* A module as rtud knows it. In rtud's segment. */
@@ -73,6 +82,7 @@ struct layout {
 	size_t samples[2];
 	size_t commands;
 	size_t line_stats, device_stats;
+	size_t queues, station_stats;
 	size_t size;
 	uint32_t event_capacity;
 };
@@ -86,6 +96,8 @@ struct segment {
 	struct command_cell *commands;
 	struct map_line_stats *line_stats;
 	struct map_device_stats *device_stats;
+	struct queue_cell *queues;
+	struct map_station_stats *station_stats;
 	size_t size;
 	int bell;
 };
