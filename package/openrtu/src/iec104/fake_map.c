@@ -92,6 +92,7 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 
 	*out = map->queues[slot];
 	out->limit = settings->event_ring - 1;
+	out->waiting = map_events_behind(map, &map->places[slot].cursor);
 	if (slot < settings->group_count) {
 		snprintf(out->name, sizeof(out->name), "%s", settings->groups[slot].name);
 		out->limit = settings->groups[slot].queue;
@@ -114,6 +115,11 @@ void map_queue_assign(struct map *map, unsigned slot, const char *address,
 	map->queues[slot] = (struct map_queue){.lost = 0};
 	snprintf(map->queues[slot].name, sizeof(map->queues[slot].name), "%s", address);
 	map->places[slot] = *place;
+}
+
+void map_queue_free(struct map *map, unsigned slot)
+{
+	map->queues[slot] = (struct map_queue){.used = 0};
 }
 
 void map_queue_use(struct map *map, unsigned slot)

@@ -357,6 +357,16 @@ static void answer_request(void)
 	run_station();
 }
 
+/* The next process finds the queues in the map, and nothing else. */
+static void restart_station(void)
+{
+	memset(&station, 0x5a, sizeof(station));
+	memset(places, 0x5a, sizeof(places));
+	iec104_station_init(&station, &fake, sent_ns, places);
+	for (unsigned i = 0; i < CONNECTIONS; i++)
+		connect_model(&models[i]);
+}
+
 static void step(void)
 {
 	uint8_t octet = next_octet();
@@ -395,6 +405,9 @@ static void step(void)
 		break;
 	case 11:
 		miss_heartbeats();
+		break;
+	case 13:
+		restart_station();
 		break;
 	case 12:
 		model->deaf = !model->deaf;

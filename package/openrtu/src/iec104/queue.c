@@ -222,7 +222,30 @@ static uint32_t unused_queue(struct iec104_station *station)
 	return found;
 }
 
-/* Begins with what happens from now on: the interrogation brings the state. */
+/* Whichever of its address's other connections has failed in silence, if one has: what was not acknowledged is not lost. */
+static bool succeed(struct iec104_station *station, const struct iec104_connection *connection,
+		    struct map_queue_place *place)
+{
+	uint32_t most_waiting = 0;
+
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
+		struct iec104_connection *other = &station->connections[i];
+		struct map_queue queue;
+
+		if (!other->open || !other->holds_queue || other->group != MAP_NONE ||
+		    strcmp(other->address, connection->address) != 0)
+			continue;
+		other->succeeded_ns = station->now_ns;
+		map_queue(station->map, other->queue, &queue);
+		if (queue.waiting > most_waiting) {
+			most_waiting = queue.waiting;
+			map_queue_place(station->map, other->queue, place);
+		}
+	}
+	return most_waiting > 0;
+}
+
+/* Begins with what happens from now on, if there is nothing to succeed to: the interrogation brings the state. */
 static uint32_t new_queue(struct iec104_station *station, const struct iec104_connection *connection)
 {
 	uint32_t slot = unused_queue(station);
@@ -233,16 +256,14 @@ static uint32_t new_queue(struct iec104_station *station, const struct iec104_co
 	if (former.name[0] != '\0')
 		iec104_log(station, MAP_LOG_WARNING, connection->peer, "gets the queue of %s, unused longest",
 			   former.name);
-	map_cursor_to_end(station->map, &place.cursor);
+	if (!succeed(station, connection, &place))
+		map_cursor_to_end(station->map, &place.cursor);
 	map_queue_assign(station->map, slot, connection->address, &place);
 	station->queues |= 1u << slot;
 	return slot;
 }
 
-/*
- * Several connections from one address are several controlling stations, each with a queue: they may be behind a router that
- * translates addresses.
- */
+/* Several connections from one address have a queue each: they may be behind a router that translates addresses. */
 static uint32_t queue_of(struct iec104_station *station, const struct iec104_connection *connection)
 {
 	uint32_t slot = connection->group;
@@ -287,7 +308,12 @@ void iec104_release_queue(struct iec104_station *station, struct iec104_connecti
 		return;
 	connection->holds_queue = false;
 	map_queue_set_unacknowledged(station->map, connection->queue, 0);
-	map_queue_use(station->map, connection->queue);
+	if (connection->succeeded_ns > connection->session.heard_ns) { /* its successor has all of it */
+		map_queue_free(station->map, connection->queue);
+		station->queues &= ~(1u << connection->queue);
+	} else {
+		map_queue_use(station->map, connection->queue);
+	}
 }
 
 void iec104_find_queues(struct iec104_station *station)

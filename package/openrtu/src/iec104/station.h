@@ -29,7 +29,9 @@
  * Events wait in queues that outlive connections and this process (map/station.h). A redundancy group has one, and one started
  * connection: STARTDT on another one of the group closes the first, whose link may have failed in silence. An event leaves
  * the queue when its frame is acknowledged; those that are not are sent again to the next connection that is started.
- * A controlling station without a group has a queue by its address, from its first STARTDT on.
+ * A controlling station without a group has a queue by its address, from its first STARTDT on. A further connection from an
+ * address may be another controlling station, or the same one after its link failed in silence: nothing is closed, and it
+ * begins with what the first one has not acknowledged.
  */
 #ifndef OPENRTU_IEC104_STATION_H
 #define OPENRTU_IEC104_STATION_H
@@ -91,6 +93,8 @@ struct iec104_connection {
 	uint16_t first_open; /* N(S) of the first of them */
 	uint32_t
 	    overtaken; /* so many of them were overtaken by lost events: their places are no longer true */
+
+	int64_t succeeded_ns; /* when another connection from its address began with its events; 0: never */
 
 	bool down; /* a module's points are being reported invalid */
 	struct map_cursor before_down;

@@ -309,6 +309,53 @@ static void test_one_address_may_be_several_controlling_stations(void **state)
 	expect_nothing(0);
 }
 
+/* The controlling station is back before its former connection is found to be dead. */
+static void test_silent_failure_without_a_group(void **state)
+{
+	(void)state;
+	send_event(0, 1);
+	send_event(0, 2);
+	acknowledge_up_to(0, 1);
+	now += S;
+	connect_from(1, "10.0.0.0", MAP_NONE);
+	start(1);
+	EXPECT_EVENT(1, 2);
+	publish(HOLDING3, 3);
+	run();
+	assert_int_equal(next_frame(&masters[1])[15], 3);
+	acknowledge(&masters[1]);
+	now += 14 * S;
+	run();
+	assert_int_equal(masters[0].connection->session.closing, IEC104_T1_I_FRAME);
+	iec104_station_disconnect(&station, masters[0].connection);
+	reconnect(1);
+	start(1); /* the dead connection's queue is gone with it */
+	expect_nothing(1);
+	connect_from(0, "10.0.0.0", MAP_NONE);
+	start(0);
+	expect_nothing(0);
+}
+
+/* Two controlling stations at one address: one that was heard since has a queue of its own. */
+static void test_one_address_keeps_the_queue_of_who_is_heard(void **state)
+{
+	static const uint8_t testfr[] = {0x68, 4, 0x43, 0, 0, 0};
+
+	(void)state;
+	send_event(0, 1);
+	now += S;
+	connect_from(1, "10.0.0.0", MAP_NONE);
+	start(1);
+	EXPECT_EVENT(1, 1);
+	acknowledge(&masters[1]);
+	now += S;
+	put_bytes(&masters[0], testfr, sizeof(testfr));
+	reconnect(0);
+	start(0);
+	EXPECT_EVENT(0, 1);
+	expect_nothing(1);
+}
+
 /* The end of the first connection is seen in the same turn as the second one's STARTDT. */
 static void test_reconnection_at_once(void **state)
 {
@@ -517,6 +564,8 @@ int main(void)
 	    GROUP_TEST(test_acknowledgement_beside_the_take_over),
 	    GROUP_TEST(test_groups_are_apart),
 	    TEST(test_one_address_may_be_several_controlling_stations),
+	    TEST(test_silent_failure_without_a_group),
+	    TEST(test_one_address_keeps_the_queue_of_who_is_heard),
 	    TEST(test_reconnection_at_once),
 	    TEST(test_queue_unused_longest_is_given_up),
 	    GROUP_TEST(test_overflow_of_a_waiting_queue),
@@ -526,5 +575,6 @@ int main(void)
 	    TEST(test_originators),
 	};
 
+	points[NORMALIZED].cyclic_ms = points[POINTS - 1].cyclic_ms = 0; /* nothing but events */
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -96,6 +96,14 @@ void map_queue_set_unacknowledged(struct map *map, unsigned slot, uint32_t event
 	atomic_store_explicit(&queue_cell(map, slot)->unacknowledged, events, memory_order_relaxed);
 }
 
+void map_queue_free(struct map *map, unsigned slot)
+{
+	struct queue_cell *cell = queue_cell(map, slot);
+
+	cell->name[0] = '\0';
+	atomic_store(&cell->used, 0);
+}
+
 static bool is_address_character(char c)
 {
 	return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f') || c == '.' || c == ':';

@@ -44,6 +44,8 @@ void map_queue_place(const struct map *map, unsigned slot, struct map_queue_plac
 /* Gives a queue behind the groups' to an address, empty and at this place. */
 void map_queue_assign(struct map *map, unsigned slot, const char *address,
 		      const struct map_queue_place *place);
+/* Takes a queue from its address: it is free. */
+void map_queue_free(struct map *map, unsigned slot);
 /* Moves a queue to a place: whoever reads it, after a crash too, finds the one before or this one. */
 void map_queue_move(struct map *map, unsigned slot, const struct map_queue_place *place);
 /* Notes that the queue was taken or left now. */

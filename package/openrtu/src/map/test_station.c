@@ -66,6 +66,10 @@ static void test_a_queue_outlives_its_process(void **state)
 	assert_int_equal(queue.used, 1);
 	map_queue(stage->rtud, 0, &queue);
 	assert_int_equal(queue.used, 2);
+	map_queue_free(station, OWN);
+	map_queue(stage->rtud, OWN, &queue);
+	assert_string_equal(queue.name, "");
+	assert_int_equal(queue.used, 0);
 	map_detach(station);
 	map_detach(owner);
 }
