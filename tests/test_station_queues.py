@@ -304,7 +304,6 @@ def test_switch_over_after_a_silent_failure(substation: Substation) -> None:
             back.acknowledge()
             wait_queue(gateway, "Control centre", "waiting", 0)
     assert counters(gateway)["closed_taken_over"] == before["closed_taken_over"] + 2
-    wait_log(gateway, f"{main.name}: {standby.name} takes over")
 
 
 def test_orderly_switch_over(substation: Substation) -> None:
@@ -363,6 +362,11 @@ def test_overflow_is_counted_and_all_values_follow(programs: Path) -> None:
         before = queue(gateway, "Reserve")["waiting"]
         for value in range(501, 501 + changes):  # three registers
             substation.set_and_scan(DEVICE, "input_registers", 0, [value, value, value])
+        gateway.wait_for(
+            lambda: [p["value"] for p in gateway.points().values() if p["ioa"] == 30003] == [500 + changes],
+            SOON_S,
+            "the last change is in the map",
+        )
         wait_queue(gateway, "Control centre", "waiting", limit)
         events = queue(gateway, "Reserve")["waiting"] - before  # this one has room for all
         assert events > 2 * limit - 20
@@ -381,6 +385,8 @@ def test_overflow_is_counted_and_all_values_follow(programs: Path) -> None:
         lines = [line for line in gateway.log(1000).splitlines() if "the oldest are lost" in line]
         assert len([line for line in lines if f"Control centre: more than {limit} events wait" in line]) == 1
         assert gateway.modules()["rtu-iec104"]["lost_events"] == events - limit
+        with Link(gateway, MAIN).start() as main, Link(gateway, STANDBY).start() as standby:
+            wait_log(gateway, f"{main.name}: {standby.name} takes over")
 
 
 # ---- who may connect, who may command -------------------------------------------------------------------

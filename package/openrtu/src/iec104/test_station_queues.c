@@ -443,17 +443,21 @@ static void test_overflow_of_a_waiting_queue(void **state)
 
 static void test_overflow_while_nothing_is_acknowledged(void **state)
 {
+	unsigned lines;
+
 	(void)state;
 	fake.config.settings.groups[GROUP].queue = 100;
 	connect_from(0, "10.0.0.1", GROUP);
 	start(0);
 	for (int32_t i = 0; i < 12; i++)
 		send_event(0, i); /* k */
+	lines = fake.log_count;
 	for (int32_t i = 0; i < 105; i++) {
 		publish(HOLDING3, 12 + i);
 		run();
 	}
 	assert_int_equal(fake.queues[GROUP].lost, 5);
+	assert_int_equal(fake.log_count, lines + 1);
 	acknowledge_up_to(0, 1); /* its place is behind the lost ones: the queue does not go back */
 	assert_int_equal(next_frame(&masters[0])[15], 17);
 	reconnect(0);
