@@ -4,6 +4,7 @@
 import contextlib
 import copy
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,14 @@ def values() -> dict[str, dict[str, dict[str, int]]]:
     """Its devices' initial values."""
     loaded: dict[str, dict[str, dict[str, int]]] = json.loads((CHAPTER_5 / "values.json").read_text())
     return loaded
+
+
+def values_of(config: dict[str, Any]) -> dict[str, dict[str, dict[str, int]]]:
+    """Those of the devices that a configuration has left of it."""
+    devices = {
+        f"{port['value']}.{slave['id']}" for port in config["port"] for slave in port.get("slaves", [])
+    }
+    return {device: tables for device, tables in values().items() if device in devices}
 
 
 def of_port(config: dict[str, Any], number: int) -> dict[str, Any]:
@@ -84,15 +93,20 @@ class Desk(Substation):
 
 @contextlib.contextmanager
 def gateway_on_lines(
-    config: dict[str, Any], build: Path, values: Path | None = CHAPTER_5 / "values.json"
+    config: dict[str, Any], build: Path, initial: dict[str, Any] | None = None
 ) -> Iterator[tuple[LineSim, Gateway]]:
-    """Simulated devices and a gateway on a free TCP port of its own; removed afterwards."""
+    """Simulated devices and a gateway on a free TCP port of its own; removed afterwards.
+
+    `initial` replaces the devices' values of chapter 5.
+    """
     directory = run_directory()
     config = listening_on(copy.deepcopy(config), free_port())
     with contextlib.ExitStack() as stack:
         stack.callback(remove, directory)
         file = directory / "linesim.json"
         file.write_text(json.dumps(config))
+        values = directory / "values.json"
+        values.write_text(json.dumps(values_of(config) if initial is None else initial))
         lines = stack.enter_context(LineSim(file, values, directory / "dev"))
         yield lines, stack.enter_context(Gateway(config, directory, build))
 
@@ -118,3 +132,9 @@ def desk_of(config: dict[str, Any], build: Path) -> Iterator[Desk]:
 def everything_read(gateway: Gateway) -> bool:
     """All points are valid, but those behind a broadcast address."""
     return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])
+
+
+def processor_seconds(pid: int) -> float:
+    """What a process has used so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

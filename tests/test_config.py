@@ -224,6 +224,7 @@ def definition(name: str) -> dict[str, Any]:
 SITES = [
     Site("", "", ("",)),
     Site("iec104", "iec104", ("iec104",)),
+    Site("redundancy_group", "redundancy_groups[0]", ("redundancy_group",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("port", "port[0]", ("port",)),
     Site("inactive_port", "port[1]", ("inactive_port",)),
@@ -264,7 +265,9 @@ def small_file() -> dict[str, Any]:
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
     slaves = [{"id": 1}, {"id": 2} | {table: [{"address": 5}] for table in tables}]
     ports = [{"value": 3, "active": 1, **line, "slaves": slaves}, {"value": 5, "active": 0}]
-    return {"port": ports, "iec104": {}, "modbus": {}}
+    groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
+    others = {"iec104": {}, "modbus": {}, "event_ring": 65536, "redundancy_groups": groups}
+    return {"port": ports, **others}
 
 
 def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
@@ -364,8 +367,8 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
 
 def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Every key of the schema: the definition it is in, its name, its rule."""
-    objects = ("object", "command", "bits", "registers", "pulse", "step")
-    for name in ("", "iec104", "modbus", "port", "slave", *objects):
+    objects = ("object", "command", "bits", "registers")
+    for name in ("", "iec104", "redundancy_group", "modbus", "port", "slave", *objects):
         for key, rule in definition(name)["properties"].items():
             yield name, key, resolved(rule)
 

@@ -20,7 +20,7 @@ SOURCES = ROOT / "package/openrtu/src"
 EVERYWHERE = {"rtud", "rtuctl"}
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
 NO_IEC104 = (
-    "iec104: this build has no rtu-iec104: remove the object, or build with -Diec104=true, in Buildroot "
+    "iec104: this build has no rtu-iec104: remove the key, or build with -Diec104=true, in Buildroot "
     "BR2_PACKAGE_OPENRTU_IEC104\n"
 )
 NO_MODBUS = (

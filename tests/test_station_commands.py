@@ -104,7 +104,7 @@ class Plant(Substation):
 
 @pytest.fixture(scope="module")
 def running(programs: Path) -> Iterator[Plant]:
-    with gateway_on_lines(configuration(), programs, values=None) as (lines, gateway):
+    with gateway_on_lines(configuration(), programs, initial={}) as (lines, gateway):
         plant = Plant(lines, gateway)
         plant.wait_all_good(CA)
         plant.at_first = plant.values()
@@ -422,7 +422,7 @@ def wait_accepted(master: RawMaster, ioa: int) -> None:
 
 
 def test_stop_of_the_gateway_ends_pulses(programs: Path) -> None:
-    with gateway_on_lines(configuration(), programs, values=None) as (lines, gateway):
+    with gateway_on_lines(configuration(), programs, initial={}) as (lines, gateway):
         plant = Plant(lines, gateway)
         plant.wait_all_good(CA)
         with RawMaster(*gateway.address) as master:

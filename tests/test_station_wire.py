@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from desk import Desk, chapter_5, desk_of, gateway_on_lines
-from lab.raw_master import RawMaster, StationError
+from desk import Desk, chapter_5, desk_of, gateway_on_lines, processor_seconds
+from lab.raw_master import RawMaster, StationError, new_source
 from lab.show import DEVICE, FIGURE_5_5, STATION
 
 C_SC, C_DC, C_RD, C_CS, C_TS = 45, 46, 102, 103, 107
@@ -182,7 +182,10 @@ def test_only_listed_masters_set_the_clock(programs: Path) -> None:
     with pytest.raises(Exception, match="refused the clock synchronisation"), desk_of(config, programs):
         pass
     config["iec104"]["clock_masters"].append("127.0.0.1")
-    with desk_of(config, programs) as desk, RawMaster(*desk.gateway.address) as master:
+    with (
+        desk_of(config, programs) as desk,
+        RawMaster(*desk.gateway.address, source="127.0.0.1") as master,
+    ):
         master.request(C_CS, STATION, 0, now)
         assert master.answer(C_CS).cause == ACT_CON
 
@@ -192,7 +195,8 @@ def test_only_listed_masters_set_the_clock(programs: Path) -> None:
 
 @pytest.fixture
 def connection(desk: Desk) -> Iterator[socket.socket]:
-    with socket.create_connection(desk.gateway.address, timeout=5) as connection:
+    source = (new_source(desk.gateway.address[0]), 0)
+    with socket.create_connection(desk.gateway.address, 5, source) as connection:
         yield connection
 
 
@@ -283,11 +287,6 @@ def collect_frames(connection: socket.socket, until: Callable[[list[bytes]], boo
 
 
 # ---- hostile peers ----------------------------------------------------------------------------------
-
-
-def processor_seconds(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def test_peer_cannot_flood_the_log(desk: Desk, connection: socket.socket) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 import select
 import socket
 import time
@@ -122,11 +123,27 @@ def _time_tag(octets: bytes) -> datetime.datetime:
     return whole + datetime.timedelta(milliseconds=milliseconds)
 
 
+_sources = itertools.count()
+
+
+def new_source(address: str) -> str:
+    """
+    An address to connect from. The station keeps events for each address that has connected. Where there
+    are many, on the loopback, each controlling station has one of its own, and begins with no events of
+    another one.
+    """
+    if not address.startswith("127."):
+        return ""
+    number = next(_sources) % (200 * 250)
+    return f"127.0.{1 + number // 250}.{1 + number % 250}"
+
+
 class RawMaster:
     """One connection with started data transfer."""
 
-    def __init__(self, address: str, port: int) -> None:
+    def __init__(self, address: str, port: int, source: str | None = None) -> None:
         self._address = (address, port)
+        self._source = (new_source(address) if source is None else source, 0)
         self._socket: socket.socket | None = None
         self._buffer = bytearray()
         self._asdus: deque[Asdu] = deque()
@@ -134,7 +151,7 @@ class RawMaster:
         self._started = False
 
     def __enter__(self) -> Self:
-        self._socket = socket.create_connection(self._address, timeout=ANSWER_TIMEOUT_S)
+        self._socket = socket.create_connection(self._address, ANSWER_TIMEOUT_S, self._source)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._send_u(STARTDT_ACT)
         deadline = time.monotonic() + ANSWER_TIMEOUT_S

@@ -237,8 +237,7 @@ static bool drop_events(const struct iec104_station *station, const struct recei
 		return false;
 	if (received->asdu.test)
 		return true;
-	map_cursor_to_end(station->map, connection->cursor);
-	connection->lost = connection->cursor->lost;
+	map_cursor_to_end(station->map, &connection->cursor);
 	return true;
 }
 
@@ -510,6 +509,21 @@ static bool is_system_command(uint8_t type)
 	return may_be_broadcast(type) || type == IEC104_C_TS_TA_1;
 }
 
+static bool may_command(const struct iec104_station *station, uint8_t originator)
+{
+	return !(station->config->settings.originators_refused[originator / 32] & 1u << originator % 32);
+}
+
+/* A read command knows no confirmation: it comes back with its own cause. */
+static void refuse_originator(const struct received *received)
+{
+	map_count(&received->connection->session.counters[MAP_STATION_ORIGINATOR], 1);
+	if (received->asdu.type == IEC104_C_RD_NA_1)
+		refuse(received, IEC104_REQUEST);
+	else
+		confirm(received, true);
+}
+
 static void take_interrogation(struct iec104_station *station, const struct received *received)
 {
 	bool accepted = iec104_interrogate(station, received->connection, received->bytes, received->size,
@@ -582,6 +596,8 @@ void iec104_take_asdu(struct iec104_station *station, struct iec104_connection *
 		refuse(&received, IEC104_UNKNOWN_CA);
 	else if (is_system_command(asdu->type) && iec104_ioa_decode(asdu->objects) != 0)
 		refuse(&received, IEC104_UNKNOWN_IOA);
+	else if (!may_command(station, asdu->originator))
+		refuse_originator(&received);
 	else
 		carry_out(station, &received);
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/fake_map.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #define COMMAND MAP_POINT_COMMAND
@@ -109,9 +110,66 @@ uint32_t *map_note(struct map *map)
 	return &map->note;
 }
 
-struct map_cursor *map_cursor(struct map *map, unsigned slot)
+void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 {
-	return &map->cursors[slot];
+	const struct map_settings *settings = &map->config.settings;
+
+	*out = map->queues[slot];
+	out->limit = settings->event_ring - 1;
+	out->waiting = map_events_behind(map, &map->places[slot].cursor);
+	if (slot < settings->group_count) {
+		snprintf(out->name, sizeof(out->name), "%s", settings->groups[slot].name);
+		out->limit = settings->groups[slot].queue;
+	}
+}
+
+void map_queue_place(const struct map *map, unsigned slot, struct map_queue_place *out)
+{
+	*out = map->places[slot];
+}
+
+void map_queue_move(struct map *map, unsigned slot, const struct map_queue_place *place)
+{
+	map->places[slot] = *place;
+}
+
+void map_queue_assign(struct map *map, unsigned slot, const char *address,
+		      const struct map_queue_place *place)
+{
+	map->queues[slot] = (struct map_queue){.lost = 0};
+	snprintf(map->queues[slot].name, sizeof(map->queues[slot].name), "%s", address);
+	map->places[slot] = *place;
+}
+
+void map_queue_free(struct map *map, unsigned slot)
+{
+	map->queues[slot] = (struct map_queue){.used = 0};
+}
+
+void map_queue_use(struct map *map, unsigned slot)
+{
+	map->queues[slot].used = ++map->turns;
+}
+
+void map_queue_count_lost(struct map *map, unsigned slot, uint32_t events)
+{
+	map->queues[slot].lost += events;
+}
+
+void map_queue_set_unacknowledged(struct map *map, unsigned slot, uint32_t events)
+{
+	map->queues[slot].unacknowledged = events;
+}
+
+struct map_station_stats *map_station_stats(const struct map *map)
+{
+	(void)map;
+	return &fake.stats;
+}
+
+uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor)
+{
+	return map->event_count - cursor->next[0];
 }
 
 /* One ring stands for those of all modules. */
@@ -230,7 +288,8 @@ void fake_begin(void)
 			 .t2_s = 10,
 			 .t3_s = 20,
 			 .max_connections = 3,
-			 .command_timeout_s = 10},
+			 .command_timeout_s = 10,
+			 .event_ring = EVENTS},
 	    .line_count = DEVICES,
 	    .device_count = DEVICES,
 	    .point_count = POINTS,

@@ -6,7 +6,7 @@
 #ifndef OPENRTU_IEC104_FAKE_MAP_H
 #define OPENRTU_IEC104_FAKE_MAP_H
 
-#include "map/map.h"
+#include "map/station.h"
 
 #define S  1000000000LL
 #define MS 1000000LL
@@ -33,7 +33,10 @@ struct map {
 	struct map_event events[EVENTS]; /* this and the next two: rings */
 	uint32_t event_count;
 	uint32_t event_capacity; /* how many are kept: a power of two, EVENTS at most */
-	struct map_cursor cursors[MAP_CURSORS];
+	struct map_queue queues[MAP_QUEUES];
+	struct map_queue_place places[MAP_QUEUES];
+	uint32_t turns;
+	struct map_station_stats stats;
 	struct map_request requests[REQUESTS];
 	unsigned request_count;
 	struct map_answer answers[ANSWERS];

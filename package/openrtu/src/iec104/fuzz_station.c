@@ -29,6 +29,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static struct iec104_station station;
 static int64_t sent_ns[CONNECTIONS * K];
+static struct map_queue_place places[CONNECTIONS * K];
 
 static struct input {
 	const uint8_t *at, *end;
@@ -54,8 +55,12 @@ static struct model {
 
 static void connect_model(struct model *model)
 {
-	*model =
-	    (struct model){.connection = iec104_station_connect(&station, "fuzz", true, now), .proper = true};
+	const struct iec104_peer peer = {.name = "fuzz",
+					 .address = model == models ? "10.0.0.1" : "10.0.0.2",
+					 .group = fake.config.settings.group_count > 0 ? 0 : MAP_NONE,
+					 .clock_master = true};
+
+	*model = (struct model){.connection = iec104_station_connect(&station, &peer, now), .proper = true};
 	CHECK(model->connection != NULL);
 }
 
@@ -357,6 +362,16 @@ static void answer_request(void)
 	run_station();
 }
 
+/* The next process finds the queues in the map, and nothing else. */
+static void restart_station(void)
+{
+	memset(&station, 0x5a, sizeof(station));
+	memset(places, 0x5a, sizeof(places));
+	iec104_station_init(&station, &fake, sent_ns, places);
+	for (unsigned i = 0; i < CONNECTIONS; i++)
+		connect_model(&models[i]);
+}
+
 static void step(void)
 {
 	uint8_t octet = next_octet();
@@ -395,6 +410,9 @@ static void step(void)
 		break;
 	case 11:
 		miss_heartbeats();
+		break;
+	case 13:
+		restart_station();
 		break;
 	case 12:
 		model->deaf = !model->deaf;
@@ -452,23 +470,26 @@ static void settle(struct model *model)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-	uint8_t octet;
+	uint8_t variant;
 
 	input = (struct input){.at = data, .end = data + size};
 	fake_begin();
 	fake.config.settings.max_connections = CONNECTIONS;
-	octet = next_octet();
-	if (octet & 1)
+	variant = next_octet();
+	if (variant & 1)
 		fake.event_capacity = 8;
-	if (octet & 2)
+	if (variant & 2) /* both are of one redundancy group */
+		fake.config.settings.group_count = 1;
+	fake.config.settings.groups[0].queue = variant & 4 ? 6 : EVENTS - 1;
+	if (variant & 8)
 		fake.starts = 1;
-	if (octet & 4)
+	if (variant & 16)
 		fake.parameters[NORMALIZED].loaded = fake.parameters[FLOAT].loaded = 0x1e;
-	if (octet & 8)
+	if (variant & 32)
 		fake.totals[COUNTER].time_ns = now;
 	for (uint32_t i = 0; i < POINTS; i++)
 		fake.samples[i].value.u = 0;
-	iec104_station_init(&station, &fake, sent_ns);
+	iec104_station_init(&station, &fake, sent_ns, places);
 	for (unsigned i = 0; i < CONNECTIONS; i++)
 		connect_model(&models[i]);
 	for (unsigned i = 0; i < CONNECTIONS; i++)

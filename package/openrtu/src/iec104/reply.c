@@ -4,11 +4,22 @@
 
 #include <string.h>
 
+static void count_refusal(struct iec104_connection *connection, enum iec104_cause cause, bool negative)
+{
+	_Atomic uint32_t *counters = connection->session.counters;
+
+	if (cause >= IEC104_UNKNOWN_TYPE)
+		map_count(&counters[MAP_STATION_UNKNOWN_TYPE + cause - IEC104_UNKNOWN_TYPE], 1);
+	else if (negative)
+		map_count(&counters[MAP_STATION_NEGATIVE], 1);
+}
+
 void iec104_mirror(struct iec104_connection *connection, const uint8_t *asdu, size_t size,
 		   enum iec104_cause cause, bool negative)
 {
 	struct iec104_replies *replies = &connection->replies;
 
+	count_refusal(connection, cause, negative);
 	if (sizeof(replies->bytes) - replies->end < size + 1) {
 		replies->end = (uint16_t)(replies->end - replies->begin);
 		memmove(replies->bytes, replies->bytes + replies->begin, replies->end);

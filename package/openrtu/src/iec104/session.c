@@ -9,11 +9,12 @@
  */
 #define CONTROL_ROOM (4 * IEC104_APCI_SIZE)
 
-void iec104_session_open(struct iec104_session *session, const struct iec104_times *times, int64_t *sent_ns,
-			 int64_t now_ns)
+void iec104_session_open(struct iec104_session *session, const struct iec104_times *times,
+			 _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns)
 {
 	memset(session, 0, offsetof(struct iec104_session, input));
 	session->times = times;
+	session->counters = counters;
 	session->sent_ns = sent_ns;
 	session->heard_ns = now_ns;
 }
@@ -23,6 +24,41 @@ void iec104_session_close(struct iec104_session *session, enum iec104_closing re
 	if (session->closing == IEC104_OPEN)
 		session->closing = reason;
 	session->started = false;
+}
+
+/* ---- counters ---------------------------------------------------------------------------- */
+
+/* A frame's place among the counters of one direction. */
+static unsigned frame_counter(const struct iec104_apdu *apdu)
+{
+	if (apdu->format == IEC104_I_FRAME)
+		return MAP_STATION_I_IN;
+	if (apdu->format == IEC104_S_FRAME)
+		return MAP_STATION_S_IN;
+	switch (apdu->function) {
+	case IEC104_STARTDT_ACT:
+		return MAP_STATION_STARTDT_ACT_IN;
+	case IEC104_STARTDT_CON:
+		return MAP_STATION_STARTDT_CON_IN;
+	case IEC104_STOPDT_ACT:
+		return MAP_STATION_STOPDT_ACT_IN;
+	case IEC104_STOPDT_CON:
+		return MAP_STATION_STOPDT_CON_IN;
+	case IEC104_TESTFR_ACT:
+		return MAP_STATION_TESTFR_ACT_IN;
+	default:
+		return MAP_STATION_TESTFR_CON_IN;
+	}
+}
+
+static void count_in(struct iec104_session *session, const struct iec104_apdu *apdu)
+{
+	map_count(&session->counters[frame_counter(apdu)], 1);
+}
+
+static void count_out(struct iec104_session *session, const struct iec104_apdu *apdu)
+{
+	map_count(&session->counters[MAP_STATION_I_OUT + frame_counter(apdu)], 1);
 }
 
 /* ---- output ------------------------------------------------------------------------------ */
@@ -48,6 +84,7 @@ static void put_apci(struct iec104_session *session, const struct iec104_apdu *a
 	uint8_t bytes[IEC104_APCI_SIZE];
 
 	iec104_apdu_encode(bytes, apdu);
+	count_out(session, apdu);
 	put(session, bytes, sizeof(bytes));
 }
 
@@ -224,6 +261,7 @@ bool iec104_session_next(struct iec104_session *session, int64_t now_ns, const u
 	}
 	session->input_begin = (uint16_t)(session->input_begin + apdu_size);
 	session->heard_ns = now_ns;
+	count_in(session, &apdu);
 	switch (apdu.format) {
 	case IEC104_I_FRAME:
 		if (!take_i(session, &apdu, now_ns))
@@ -306,6 +344,7 @@ const char *iec104_closing_text(enum iec104_closing reason)
 	    [IEC104_T1_I_FRAME] = "I frame not acknowledged in t1",
 	    [IEC104_T1_TESTFR] = "TESTFR act not confirmed in t1",
 	    [IEC104_UNREAD_ANSWERS] = "more requests than answers are acknowledged",
+	    [IEC104_TAKEN_OVER] = "another connection of its group was started",
 	    [IEC104_CLOSED_BY_PEER] = "closed by the controlling station",
 	    [IEC104_CLOSED_BY_STATION] = "station ends",
 	};

@@ -10,6 +10,7 @@
 #define OPENRTU_IEC104_SESSION_H
 
 #include "iec104/apdu.h"
+#include "map/station.h"
 
 #define IEC104_INPUT_SIZE  2048
 #define IEC104_OUTPUT_SIZE 4096 /* the usual k of 12 I frames of full size, and the control frames between */
@@ -21,7 +22,7 @@ struct iec104_times {
 	int64_t t1_ns, t2_ns, t3_ns;
 };
 
-/* Why a session is over. */
+/* Why a session is over; each has its counter in map/station.h. */
 enum iec104_closing {
 	IEC104_OPEN,
 	IEC104_BAD_APDU,         /* start octet, length or control field */
@@ -32,12 +33,14 @@ enum iec104_closing {
 	IEC104_T1_I_FRAME,       /* no acknowledgement in t1 */
 	IEC104_T1_TESTFR,        /* no TESTFR con in t1 */
 	IEC104_UNREAD_ANSWERS,   /* the peer asks on and on, and takes no answers */
+	IEC104_TAKEN_OVER,       /* another connection of its redundancy group was started */
 	IEC104_CLOSED_BY_PEER,   /* end of file or error of the connection */
 	IEC104_CLOSED_BY_STATION /* the process ends */
 };
 
 struct iec104_session {
 	const struct iec104_times *times;
+	_Atomic uint32_t *counters; /* by enum map_station_counter */
 	enum iec104_closing closing;
 	bool started;  /* I frames may be sent and received */
 	bool stopping; /* STOPDT act has come; its con waits until all sent I frames are acknowledged */
@@ -60,9 +63,12 @@ struct iec104_session {
 	uint8_t output[IEC104_OUTPUT_SIZE];
 };
 
-/* Begins a session on a new connection, stopped. times, and room for k times in sent_ns, must outlive it. */
-void iec104_session_open(struct iec104_session *session, const struct iec104_times *times, int64_t *sent_ns,
-			 int64_t now_ns);
+/*
+ * Begins a session on a new connection, stopped. times, the MAP_STATION_COUNTERS counters it counts frames in, and room for
+ * k times in sent_ns must outlive it.
+ */
+void iec104_session_open(struct iec104_session *session, const struct iec104_times *times,
+			 _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns);
 
 /*
  * Where the next received octets go: *size octets, 0 while the peer does not take what is to be sent to it, so

@@ -2,8 +2,6 @@
 /* Events, and what is sent in their place when a module goes, comes back, or events were lost. */
 #include "iec104/station_parts.h"
 
-#include <inttypes.h>
-
 #define DOUBT_NS (MAP_HEARTBEAT_LIMIT_MS * 1000000LL)
 
 static bool of_down_module(const struct iec104_station *station, const struct iec104_connection *connection,
@@ -19,7 +17,7 @@ static bool to_be_refreshed(const struct iec104_station *station, const struct i
 	       (connection->refresh_modules & 1u << map_owner(station->map, point)) != 0;
 }
 
-static void begin_refresh(const struct iec104_station *station, struct iec104_connection *connection)
+void iec104_begin_refresh(const struct iec104_station *station, struct iec104_connection *connection)
 {
 	connection->refresh = true;
 	iec104_begin_sweep_of_all(station, connection, &connection->refresh_sweep, to_be_refreshed);
@@ -33,7 +31,7 @@ void iec104_resolve_doubts(const struct iec104_station *station, struct iec104_c
 			continue;
 		connection->doubted_modules &= ~(1u << i);
 		connection->refresh_modules |= 1u << i;
-		begin_refresh(station, connection);
+		iec104_begin_refresh(station, connection);
 	}
 	if (connection->doubted_modules != 0)
 		connection->retry_ns = now_ns + DOUBT_NS;
@@ -80,35 +78,25 @@ bool iec104_send_refresh(const struct iec104_station *station, struct iec104_con
 
 /* What an event of a whole module means: further ASDUs, or nothing. */
 static void take_module_event(const struct iec104_station *station, struct iec104_connection *connection,
-			      const struct map_event *event)
+			      const struct map_event *event, const struct map_cursor *before)
 {
 	switch (event->kind) {
 	case MAP_EVENT_MODULE_DOWN:
 		connection->refresh_modules &= ~(1u << event->point);
 		connection->doubted_modules &= ~(1u << event->point); /* its return is told */
 		connection->down = true;
+		connection->before_down = *before;
 		connection->down_module = event->point;
 		connection->down_ns = event->sample.time_ns;
 		iec104_begin_sweep_of_all(station, connection, &connection->down_sweep, of_down_module);
 		break;
 	case MAP_EVENT_MODULE_UP:
 		connection->refresh_modules |= 1u << event->point;
-		begin_refresh(station, connection);
+		iec104_begin_refresh(station, connection);
 		break;
 	default:
 		break; /* the clock's change is in the time tags */
 	}
-}
-
-static void note_lost_events(struct iec104_station *station, struct iec104_connection *connection)
-{
-	if (connection->cursor->lost == connection->lost)
-		return;
-	iec104_log(station, MAP_LOG_WARNING, connection->peer, "%" PRIu32 " events lost, sending all points",
-		   connection->cursor->lost - connection->lost);
-	connection->lost = connection->cursor->lost;
-	connection->refresh_all = true;
-	begin_refresh(station, connection);
 }
 
 uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module)
@@ -121,7 +109,7 @@ uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module
 
 bool iec104_events_were_sent(const struct iec104_connection *connection, uint32_t module, uint32_t end)
 {
-	return (int32_t)(connection->cursor->next[module] - end) >= 0;
+	return (int32_t)(connection->cursor.next[module] - end) >= 0;
 }
 
 static uint8_t wire_cause(const struct map_event *event)
@@ -156,13 +144,14 @@ static bool add_event(const struct iec104_station *station, struct iec104_builde
 static void send_changes(const struct iec104_station *station, struct iec104_connection *connection,
 			 const struct map_event *first, int64_t now_ns)
 {
-	struct map_cursor ahead = *connection->cursor;
+	struct map_cursor ahead = connection->cursor;
 	struct iec104_builder builder;
 	struct map_event event;
 
 	add_event(station, &builder, first, first);
 	while (map_event_next(station->map, &ahead, &event) && add_event(station, &builder, first, &event))
-		*connection->cursor = ahead;
+		connection->cursor = ahead;
+	map_count(&station->stats->counters[MAP_STATION_EVENTS_SENT], iec104_asdu_count(&builder));
 	iec104_send(connection, &builder, now_ns);
 }
 
@@ -174,18 +163,18 @@ static bool is_return_information(const struct map_event *event)
 /* Return information was published after its command was confirmed: so that is told first, if it came only now. */
 bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
-	struct map_cursor ahead = *connection->cursor;
+	struct map_cursor before = connection->cursor, ahead = before;
 	struct map_event event;
 
 	if (!map_event_next(station->map, &ahead, &event))
 		return false;
 	if (is_return_information(&event) && iec104_take_answers(station))
 		return true;
-	*connection->cursor = ahead;
+	connection->cursor = ahead;
 	if (event.kind == MAP_EVENT_CHANGE)
 		send_changes(station, connection, &event, now_ns);
 	else
-		take_module_event(station, connection, &event);
-	note_lost_events(station, connection);
+		take_module_event(station, connection, &event, &before);
+	iec104_note_lost_events(station, connection);
 	return true;
 }

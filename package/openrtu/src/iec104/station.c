@@ -6,7 +6,8 @@
 
 #define NS_PER_S 1000000000LL
 
-void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns)
+void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns,
+			 struct map_queue_place *places)
 {
 	const struct map_settings *settings = &map_config(map)->settings;
 
@@ -25,6 +26,11 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	station->points_asked = 0;
 	station->initialising_since_ns = 0;
 	station->sent_ns = sent_ns;
+	station->places = places;
+	station->stats = map_station_stats(map);
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		atomic_store(&station->stats->connections[i].open, 0);
+	iec104_find_queues(station);
 	station->times = (struct iec104_times){
 	    .k = settings->k,
 	    .w = settings->w,
@@ -36,8 +42,13 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 
 /* ---- connections ------------------------------------------------------------------------- */
 
-struct iec104_connection *iec104_station_connect(struct iec104_station *station, const char *peer,
-						 bool clock_master, int64_t now_ns)
+static void count(struct iec104_station *station, enum map_station_counter counter)
+{
+	map_count(&station->stats->counters[counter], 1);
+}
+
+struct iec104_connection *iec104_station_connect(struct iec104_station *station,
+						 const struct iec104_peer *peer, int64_t now_ns)
 {
 	const struct map_settings *settings = &station->config->settings;
 
@@ -49,19 +60,32 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 			continue;
 		memset(connection, 0, sizeof(*connection));
 		connection->open = true;
-		connection->clock_master = clock_master;
+		connection->clock_master = peer->clock_master;
+		connection->group = peer->group;
+		connection->queue = MAP_NONE;
 		connection->serial = ++station->next_serial;
-		connection->cursor = map_cursor(station->map, i);
+		connection->places = station->places + (size_t)i * settings->k;
 		connection->retry_ns = INT64_MAX;
-		snprintf(connection->peer, sizeof(connection->peer), "%s", peer);
-		iec104_session_open(&connection->session, &station->times,
+		snprintf(connection->peer, sizeof(connection->peer), "%s", peer->name);
+		snprintf(connection->address, sizeof(connection->address), "%s", peer->address);
+		iec104_session_open(&connection->session, &station->times, station->stats->counters,
 				    station->sent_ns + (size_t)i * settings->k, now_ns);
-		iec104_log(station, MAP_LOG_INFO, peer, "connected");
+		count(station, MAP_STATION_ACCEPTED);
+		iec104_show_opened(station, connection);
+		iec104_log(station, MAP_LOG_INFO, peer->name, "connected");
 		return connection;
 	}
-	iec104_log(station, MAP_LOG_WARNING, peer, "refused, %u connections are open",
+	count(station, MAP_STATION_TOO_MANY);
+	iec104_log(station, MAP_LOG_WARNING, peer->name, "refused, %u connections are open",
 		   (unsigned)settings->max_connections);
 	return NULL;
+}
+
+void iec104_station_refuse(struct iec104_station *station, const char *name, int64_t now_ns)
+{
+	station->now_ns = now_ns;
+	count(station, MAP_STATION_NOT_LISTED);
+	iec104_log(station, MAP_LOG_WARNING, name, "refused, its address is not in \"masters\"");
 }
 
 void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection)
@@ -69,6 +93,8 @@ void iec104_station_disconnect(struct iec104_station *station, struct iec104_con
 	iec104_session_close(&connection->session, IEC104_CLOSED_BY_STATION);
 	iec104_log(station, MAP_LOG_INFO, connection->peer, "connection ends: %s",
 		   iec104_closing_text(connection->session.closing));
+	iec104_release_queue(station, connection);
+	iec104_show_closed(station, connection);
 	connection->open = false;
 	iec104_drop_terminations(station, connection);
 	iec104_end_selections(station, connection);
@@ -97,21 +123,13 @@ static void send_all(struct iec104_station *station, struct iec104_connection *c
 	connection->retry_ns = INT64_MAX;
 	iec104_resolve_doubts(station, connection, now_ns);
 	while (iec104_session_may_send(&connection->session) && send_next(station, connection, now_ns))
-		;
+		iec104_note_place(station, connection);
 }
 
-/*
- * The first STARTDT begins with what happens from now on: the interrogation brings the state. A later one
- * goes on where STOPDT left the events.
- */
 static void begin_transfer(struct iec104_station *station, struct iec104_connection *connection,
 			   int64_t now_ns)
 {
-	if (!connection->ever_started) {
-		map_cursor_to_end(station->map, connection->cursor);
-		connection->lost = connection->cursor->lost;
-		connection->ever_started = true;
-	}
+	iec104_claim_queue(station, connection);
 	iec104_begin_initialised(station, connection);
 	iec104_schedule_periodic(station, connection, now_ns);
 	iec104_log(station, MAP_LOG_INFO, connection->peer, "data transfer started");
@@ -123,6 +141,7 @@ static void end_transfer(struct iec104_station *station, struct iec104_connectio
 	connection->replies.begin = connection->replies.end = 0;
 	connection->procedure_count = 0;
 	iec104_drop_terminations(station, connection);
+	iec104_release_queue(station, connection);
 	iec104_log(station, MAP_LOG_INFO, connection->peer, "data transfer stopped");
 }
 
@@ -148,6 +167,7 @@ static void run_connection(struct iec104_station *station, struct iec104_connect
 		iec104_begin_periodic(station, connection, now_ns);
 	send_all(station, connection, now_ns);
 	while (iec104_session_next(&connection->session, now_ns, &asdu, &size)) {
+		iec104_take_acknowledgement(station, connection);
 		note_transfer(station, connection, now_ns);
 		if (asdu != NULL)
 			iec104_take_asdu(station, connection, asdu, size, now_ns);
@@ -155,8 +175,25 @@ static void run_connection(struct iec104_station *station, struct iec104_connect
 		iec104_session_run(&connection->session, now_ns);
 	}
 	iec104_session_run(&connection->session, now_ns);
+	iec104_show_connection(station, connection);
 }
 
+static void run_connections(struct iec104_station *station, bool transfer, int64_t now_ns)
+{
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		if (station->connections[i].open && station->connections[i].transfer == transfer)
+			run_connection(station, &station->connections[i], now_ns);
+}
+
+/* Who has ended has no queue any more, also when the connection after it was started in the same moment. */
+static void release_ended(struct iec104_station *station)
+{
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		if (station->connections[i].open && station->connections[i].session.closing != IEC104_OPEN)
+			iec104_release_queue(station, &station->connections[i]);
+}
+
+/* What is started first: its acknowledgements count before another connection of its group takes over. */
 void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 {
 	station->now_ns = now_ns;
@@ -164,9 +201,10 @@ void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 	iec104_conclude_orphans(station, now_ns);
 	iec104_conclude_freezes(station, now_ns);
 	iec104_watch_initialisation(station, now_ns);
-	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
-		if (station->connections[i].open)
-			run_connection(station, &station->connections[i], now_ns);
+	release_ended(station);
+	iec104_trim_queues(station);
+	run_connections(station, true, now_ns);
+	run_connections(station, false, now_ns);
 }
 
 static int64_t earlier(int64_t a, int64_t b)

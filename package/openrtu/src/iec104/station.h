@@ -22,7 +22,8 @@
  *   not set, the age cannot be known and is not judged;
  * - an interrogation of a station while one is under way; those of different stations wait for each other;
  * - a freeze of counters whose owner is not alive, or any counter interrogation while the connection's freeze waits;
- * - a clock synchronisation by a controlling station that may not.
+ * - a clock synchronisation by a controlling station that may not;
+ * - a request by an originator that is not among the configured ones; a read command then with its cause.
  * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
  * Counters: FRZ 1..3 is confirmed and terminated when all owners have carried it out, and brings no readings; FRZ 0
  * brings those frozen last. A frozen reading carries its sequence number, CY and CA; any other reading has them 0.
@@ -35,6 +36,13 @@
  * pulse, after that of its end. What fails in between is told by a negative termination.
  * STOPDT ends interrogations and drops confirmations and terminations that wait; events wait for the next STARTDT. A
  * connection that ends leaves its commands to their devices; what it has selected is no longer.
+ *
+ * Events wait in queues that outlive connections and this process (map/station.h). A redundancy group has one, and one started
+ * connection: STARTDT on another one of the group closes the first, whose link may have failed in silence. An event leaves
+ * the queue when its frame is acknowledged; those that are not are sent again to the next connection that is started.
+ * A controlling station without a group has a queue by its address, from its first STARTDT on. A further connection from an
+ * address may be another controlling station, or the same one after its link failed in silence: nothing is closed, and it
+ * begins with what the first one has not acknowledged.
  */
 #ifndef OPENRTU_IEC104_STATION_H
 #define OPENRTU_IEC104_STATION_H
@@ -42,9 +50,9 @@
 #include "iec104/asdu.h"
 #include "iec104/session.h"
 #include "map/map.h"
+#include "map/station.h"
 
-#define IEC104_CONNECTIONS_MAX    16
-#define IEC104_PEER_SIZE          64
+#define IEC104_CONNECTIONS_MAX    MAP_STATION_CONNECTIONS
 #define IEC104_REPLIES_SIZE       8192
 #define IEC104_INTERROGATIONS_MAX 64 /* of different stations, under way or waiting, on one connection */
 #define IEC104_OPEN_COMMANDS_MAX  64 /* waiting for their devices, of all connections */
@@ -82,19 +90,30 @@ struct iec104_connection {
 	bool open;
 	bool clock_master; /* may set the clock */
 	bool transfer;     /* data transfer is started, as last logged */
-	bool ever_started;
-	bool selects;    /* has selected a point, which may have been executed or cancelled since */
-	uint32_t serial; /* tells this connection from an earlier one in this place */
-	char peer[IEC104_PEER_SIZE];
+	bool selects;      /* has selected a point, which may have been executed or cancelled since */
+	uint32_t serial;   /* tells this connection from an earlier one in this place */
+	char peer[MAP_PEER_SIZE];
+	char address[MAP_ADDRESS_SIZE];
 	struct iec104_session session;
 	struct iec104_replies replies;
 
 	bool tells_initialised;    /* M_EI_NA_1 is being sent, */
 	uint32_t next_initialised; /* of this device next */
 
-	struct map_cursor *cursor; /* events */
-	uint32_t lost;             /* of them, as last logged */
-	bool down;                 /* a module's points are being reported invalid */
+	uint32_t group;           /* its redundancy group; MAP_NONE: none */
+	uint32_t queue;           /* the event queue it has, or had last; MAP_NONE: none */
+	bool holds_queue;         /* and is sent its events now */
+	struct map_cursor cursor; /* the events to be sent */
+	struct map_queue_place
+	    *places;         /* behind the events up to each unacknowledged I frame, as session.sent_ns */
+	uint16_t first_open; /* N(S) of the first of them */
+	uint32_t
+	    overtaken; /* so many of them were overtaken by lost events: their places are no longer true */
+
+	int64_t succeeded_ns; /* when another connection from its address began with its events; 0: never */
+
+	bool down; /* a module's points are being reported invalid */
+	struct map_cursor before_down;
 	uint32_t down_module;
 	int64_t down_ns;
 	struct iec104_sweep down_sweep;
@@ -151,6 +170,9 @@ struct iec104_station {
 	const struct map_config *config;
 	struct iec104_times times;
 	int64_t *sent_ns;
+	struct map_queue_place *places;
+	struct map_station_stats *stats;
+	uint32_t queues; /* those that a group or an address has, a bit each */
 	uint32_t next_serial;
 	struct iec104_connection connections[IEC104_CONNECTIONS_MAX];
 	struct iec104_open_command open_commands[IEC104_OPEN_COMMANDS_MAX];
@@ -166,19 +188,30 @@ struct iec104_station {
 };
 
 /*
- * Begins with no connections. sent_ns: room for settings.k times for each of settings.max_connections
- * connections, for as long as the station is used.
+ * Begins with no connections, and the event queues that are in the map. sent_ns, places: room for settings.k of them for
+ * each of settings.max_connections connections, for as long as the station is used.
  */
-void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns);
+void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns,
+			 struct map_queue_place *places);
+
+/* Who connects. */
+struct iec104_peer {
+	const char *name;    /* in the log: less than MAP_PEER_SIZE */
+	const char *address; /* IPv4 or IPv6, in the one way that inet_ntop writes it */
+	uint32_t group;      /* index of its redundancy group in the settings, MAP_NONE: none */
+	bool clock_master;   /* may set the clock */
+};
 
 /*
- * A new connection, which peer names in the log. NULL: settings.max_connections (16 at most) are open.
+ * A new connection. NULL: settings.max_connections (16 at most) are open.
  * Octets then go to iec104_session_space of its session, iec104_station_run answers them, and
  * iec104_session_output has the answers. When the session's closing is no longer IEC104_OPEN, the connection
  * is to be ended.
  */
-struct iec104_connection *iec104_station_connect(struct iec104_station *station, const char *peer,
-						 bool clock_master, int64_t now_ns);
+struct iec104_connection *iec104_station_connect(struct iec104_station *station,
+						 const struct iec104_peer *peer, int64_t now_ns);
+/* Logs and counts a peer whose address is not in settings.masters. */
+void iec104_station_refuse(struct iec104_station *station, const char *name, int64_t now_ns);
 /* The connection is gone; logs why. Commands under way end at their devices, unanswered here; selections end. */
 void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection);
 

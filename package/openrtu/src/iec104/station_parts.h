@@ -25,6 +25,30 @@ static inline const struct map_device *iec104_device(const struct iec104_station
 void iec104_log(struct iec104_station *station, enum map_log_level level, const char *peer,
 		const char *format, ...) __attribute__((format(printf, 4, 5)));
 
+/* ---- queue.c ----------------------------------------------------------------------------- */
+
+/* Takes the connection's event queue, from another one if need be, and begins where it is. */
+void iec104_claim_queue(struct iec104_station *station, struct iec104_connection *connection);
+/* Leaves it to another connection, where it is; if the connection holds one. */
+void iec104_release_queue(struct iec104_station *station, struct iec104_connection *connection);
+/* After each step of sending: what was sent up to here belongs to the last I frame. */
+void iec104_note_place(struct iec104_station *station, struct iec104_connection *connection);
+/* After each received APDU: events whose frames were acknowledged leave the queue. */
+void iec104_take_acknowledgement(struct iec104_station *station, struct iec104_connection *connection);
+/* After events were read: if some were lost, current values are to be sent in their place. */
+void iec104_note_lost_events(struct iec104_station *station, struct iec104_connection *connection);
+/* Drops the oldest events of queues in which more wait than may. */
+void iec104_trim_queues(struct iec104_station *station);
+/* Those that a former process of this station has left. */
+void iec104_find_queues(struct iec104_station *station);
+
+/* ---- stats.c ----------------------------------------------------------------------------- */
+
+/* For rtuctl: a connection that was opened, that did something, whose session is over. */
+void iec104_show_opened(const struct iec104_station *station, const struct iec104_connection *connection);
+void iec104_show_connection(const struct iec104_station *station, const struct iec104_connection *connection);
+void iec104_show_closed(const struct iec104_station *station, const struct iec104_connection *connection);
+
 /* ---- sweep.c ----------------------------------------------------------------------------- */
 
 typedef bool iec104_wanted(const struct iec104_station *station, const struct iec104_connection *connection,
@@ -80,6 +104,8 @@ void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns);
 
 /* ---- spontaneous.c ----------------------------------------------------------------------- */
 
+/* Begins to send current values, of connection->refresh_modules or refresh_all. */
+void iec104_begin_refresh(const struct iec104_station *station, struct iec104_connection *connection);
 bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns);
 /* A mark behind a module's newest event, and whether this connection has sent all of that module's before it. */
 uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module);

@@ -31,7 +31,7 @@ bool iec104_read_point(const struct iec104_station *station, struct iec104_conne
 
 bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection)
 {
-	struct map_cursor ahead = *connection->cursor;
+	struct map_cursor ahead = connection->cursor;
 	struct map_event event;
 
 	return map_event_next(station->map, &ahead, &event);

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/test_masters.h"
 
+#include <stdio.h>
 #include <string.h>
 
 struct iec104_station station;
 int64_t sent_ns[MASTERS * 12];
+struct map_queue_place places[MASTERS * 12];
 struct master masters[MASTERS];
 
 static uint16_t nr_of(struct master *master)
@@ -94,9 +96,29 @@ void expect_nothing(unsigned master)
 
 void connect_master(unsigned master, bool clock_master)
 {
-	masters[master] =
-	    (struct master){.connection = iec104_station_connect(&station, "master", clock_master, now)};
+	char address[MAP_ADDRESS_SIZE];
+
+	snprintf(address, sizeof(address), "10.0.0.%u", master);
+	connect_from(master, address, MAP_NONE);
+	masters[master].connection->clock_master = clock_master;
+}
+
+void connect_from(unsigned master, const char *address, uint32_t group)
+{
+	const struct iec104_peer peer = {.name = "master", .address = address, .group = group};
+
+	masters[master] = (struct master){.connection = iec104_station_connect(&station, &peer, now)};
 	assert_non_null(masters[master].connection);
+}
+
+void reconnect(unsigned master)
+{
+	char address[MAP_ADDRESS_SIZE];
+	uint32_t group = masters[master].connection->group;
+
+	snprintf(address, sizeof(address), "%s", masters[master].connection->address);
+	iec104_station_disconnect(&station, masters[master].connection);
+	connect_from(master, address, group);
 }
 
 void start(unsigned master)
@@ -120,7 +142,7 @@ int set_up(void **state)
 {
 	(void)state;
 	fake_begin();
-	iec104_station_init(&station, &fake, sent_ns);
+	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_master(0, true);
 	start(0);
 	return 0;

@@ -30,6 +30,7 @@ struct master {
 
 extern struct iec104_station station;
 extern int64_t sent_ns[MASTERS * 12];
+extern struct map_queue_place places[MASTERS * 12];
 extern struct master masters[MASTERS];
 
 #define TEST(name) cmocka_unit_test_setup(name, set_up)
@@ -37,7 +38,11 @@ extern struct master masters[MASTERS];
 /* A station on a map begun anew; the first master is connected and has started. */
 int set_up(void **state);
 
+/* From an address of its own, 10.0.0.⟨master⟩, in no redundancy group. */
 void connect_master(unsigned master, bool clock_master);
+/* Its former connection is gone. */
+void reconnect(unsigned master);
+void connect_from(unsigned master, const char *address, uint32_t group);
 /* STARTDT */
 void start(unsigned master);
 /* The station's turn, at this moment. */

@@ -99,7 +99,8 @@ static void test_number_of_connections(void **state)
 	(void)state;
 	connect_master(1, true);
 	connect_master(2, true);
-	assert_null(iec104_station_connect(&station, "one too many", true, now));
+	assert_null(iec104_station_connect(
+	    &station, &(struct iec104_peer){"one too many", "10.0.0.9", MAP_NONE, true}, now));
 	iec104_station_disconnect(&station, masters[1].connection);
 	connect_master(1, true);
 }

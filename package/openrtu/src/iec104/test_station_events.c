@@ -159,7 +159,7 @@ static void test_lost_events(void **state)
 {
 	(void)state;
 	hold_back(0);
-	fake.cursors[0].lost += 3;
+	masters[0].connection->cursor.lost += 3;
 	for (uint32_t i = 0; i < 13; i++)
 		fake.samples[i].time_ns = now;
 	publish(COIL4, 1);

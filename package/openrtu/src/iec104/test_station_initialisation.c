@@ -13,7 +13,7 @@ static int set_up_at_start(void **state)
 	(void)state;
 	fake_begin();
 	fake.starts = 1;
-	iec104_station_init(&station, &fake, sent_ns);
+	iec104_station_init(&station, &fake, sent_ns, places);
 	return 0;
 }
 

@@ -80,7 +80,7 @@ static void test_interrogation_is_resumed(void **state)
 {
 	(void)state;
 	fake.config.settings.k = 1;
-	iec104_station_init(&station, &fake, sent_ns);
+	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_master(0, true);
 	start(0);
 	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);

@@ -16,6 +16,9 @@
 #define MAP_PATH_SIZE         64 /* a serial device's path */
 #define MAP_CLOCK_MASTERS_MAX 8  /* addresses in "clock_masters" */
 #define MAP_ADDRESS_SIZE      46 /* INET6_ADDRSTRLEN */
+#define MAP_MASTERS_MAX       32 /* addresses in "masters" */
+#define MAP_GROUPS_MAX        8  /* redundancy groups */
+#define MAP_GROUP_MASTERS_MAX 8  /* addresses of one */
 
 /* The information types of report 003's tables 4.1 and 4.2. */
 enum map_type {
@@ -120,6 +123,14 @@ struct map_zone {
 
 enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
 
+/* Controlling stations, or connections of one, of which one at a time is sent the events. */
+struct map_group {
+	char name[MAP_NAME_SIZE];
+	uint32_t queue; /* events that may wait for it, less than event_ring */
+	uint32_t master_count;
+	char masters[MAP_GROUP_MASTERS_MAX][MAP_ADDRESS_SIZE];
+};
+
 /* What belongs to no line. Times of IEC 60870-5-104, 9.6. */
 struct map_settings {
 	char address[MAP_ADDRESS_SIZE]; /* where rtu-iec104 listens */
@@ -135,8 +146,13 @@ struct map_settings {
 	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
 	uint8_t reserved;
 	struct map_zone zone; /* of the time tags on the wire */
-	uint32_t event_ring;  /* events each module keeps, a power of two */
+	uint32_t event_ring;  /* each module keeps one event less; a power of two */
 	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
+	uint32_t master_count; /* 0: everybody may connect */
+	char masters[MAP_MASTERS_MAX][MAP_ADDRESS_SIZE];
+	uint32_t group_count;
+	struct map_group groups[MAP_GROUPS_MAX];
+	uint32_t originators_refused[8]; /* a bit for each originator address that may not command */
 };
 
 /* The whole configuration. The arrays belong to whoever filled it, or lie in the map. */

@@ -29,6 +29,10 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 	layout.answers = section(&layout, ring_size(ANSWER_RING, sizeof(struct map_answer)));
 	layout.events = section(&layout, ring_size(layout.event_capacity, sizeof(struct map_event)));
 	layout.log = section(&layout, ring_size(LOG_RING, sizeof(struct map_log_line)));
+	if (entry->kind == MAP_MODULE_IEC104) {
+		layout.queues = section(&layout, MAP_QUEUES * sizeof(struct queue_cell));
+		layout.station_stats = section(&layout, sizeof(struct map_station_stats));
+	}
 	if (entry->kind != MAP_MODULE_MODBUS)
 		return layout;
 	layout.latches = section(&layout, config->device_count * sizeof(map_latch));
@@ -63,18 +67,20 @@ void segment_place(struct segment *segment, void *memory, const struct layout *l
 	segment->parameters = at(memory, layout->parameters);
 	segment->line_stats = at(memory, layout->line_stats);
 	segment->device_stats = at(memory, layout->device_stats);
+	segment->queues = at(memory, layout->queues);
+	segment->station_stats = at(memory, layout->station_stats);
 	segment->size = layout->size;
 }
 
 uint32_t layout_fingerprint(void)
 {
 	const uint32_t sizes[] = {
-	    sizeof(struct segment_header), sizeof(struct directory),        sizeof(struct map_line),
-	    sizeof(struct map_device),     sizeof(struct map_point),        sizeof(struct map_settings),
-	    sizeof(struct map_sample),     sizeof(struct map_event),        sizeof(struct map_request),
-	    sizeof(struct map_answer),     sizeof(struct command_cell),     sizeof(struct map_log_line),
-	    sizeof(struct map_line_stats), sizeof(struct map_device_stats), sizeof(struct total_cell),
-	    sizeof(struct parameter_cell),
+	    sizeof(struct segment_header),    sizeof(struct directory),        sizeof(struct map_line),
+	    sizeof(struct map_device),        sizeof(struct map_point),        sizeof(struct map_settings),
+	    sizeof(struct map_sample),        sizeof(struct map_event),        sizeof(struct map_request),
+	    sizeof(struct map_answer),        sizeof(struct command_cell),     sizeof(struct map_log_line),
+	    sizeof(struct map_line_stats),    sizeof(struct map_device_stats), sizeof(struct queue_cell),
+	    sizeof(struct map_station_stats), sizeof(struct total_cell),       sizeof(struct parameter_cell),
 	};
 	uint32_t hash = 2166136261u; /* FNV-1a */
 

@@ -11,6 +11,7 @@
 #include "map/latch.h"
 #include "map/map.h"
 #include "map/ring.h"
+#include "map/station.h"
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
 #define MAP_LAYOUT   2u          /* raise with every change of what lies in the segments */
@@ -31,7 +32,6 @@ struct segment_header {
 	uint32_t note;                          /* map_note */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
-	struct map_cursor cursors[MAP_CURSORS];
 };
 
 /* A command's state as one latched record. */
@@ -59,6 +59,15 @@ struct total_cell {
 struct parameter_cell {
 	_Atomic uint32_t state; /* 1 << enum map_parameter: loaded, of MAP_CYCLIC stopped */
 	_Atomic uint32_t values[4];
+};
+
+/* An event queue. The counters are read singly; the place is a latched record, so that a crash leaves a whole one. */
+struct queue_cell {
+	map_latch latch;
+	_Atomic uint32_t lost, unacknowledged, used;
+	char name[MAP_ADDRESS_SIZE]; /* an address, or empty: free. A group's is in the configuration. */
+	uint16_t reserved;
+	struct map_queue_place places[2];
 };
 
 /* A module as rtud knows it. In rtud's segment. */
@@ -96,6 +105,7 @@ struct layout {
 	size_t samples[2];
 	size_t commands, totals, parameters;
 	size_t line_stats, device_stats;
+	size_t queues, station_stats;
 	size_t size;
 	uint32_t event_capacity;
 };
@@ -111,6 +121,8 @@ struct segment {
 	struct parameter_cell *parameters;
 	struct map_line_stats *line_stats;
 	struct map_device_stats *device_stats;
+	struct queue_cell *queues;
+	struct map_station_stats *station_stats;
 	size_t size;
 	int bell;
 };

@@ -22,7 +22,6 @@
 #define MAP_MODULES_MAX             16
 #define MAP_NONE                    UINT32_MAX
 #define MAP_ERROR_SIZE              256
-#define MAP_CURSORS                 17 /* readers of events inside one module: rtu-iec104 has one a connection */
 #define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
 #define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points */
 #define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
@@ -182,10 +181,10 @@ struct map_cursor {
 	uint32_t lost; /* events overwritten before they were read, since map_cursor_to_end */
 };
 
-/* The module's cursor in its own segment, which survives its restart. slot < MAP_CURSORS. */
-struct map_cursor *map_cursor(struct map *map, unsigned slot);
 /* Sets the cursor behind the newest event: all before count as read. */
 void map_cursor_to_end(const struct map *map, struct map_cursor *cursor);
+/* How many events are behind the cursor, those among them that nobody would believe or that are overwritten. */
+uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor);
 /* The oldest event behind the cursor, over all modules, and moves on. False: there is none now. */
 bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out);
 

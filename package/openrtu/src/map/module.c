@@ -46,7 +46,6 @@ uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
 void map_module(const struct map *map, uint32_t index, struct map_module *out)
 {
 	const struct module_entry *entry = &map->directory->modules[index];
-	const struct segment_header *header = map->segments[index].header;
 
 	*out = (struct map_module){
 	    .kind = (uint8_t)entry->kind,
@@ -60,8 +59,8 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 	    .started_ns = (int64_t)atomic_load(&entry->started_s) * 1000000000,
 	};
 	memcpy(out->name, entry->name, sizeof(out->name));
-	for (unsigned i = 0; i < MAP_CURSORS; i++)
-		out->lost_events += header->cursors[i].lost;
+	if (entry->kind == MAP_MODULE_IEC104)
+		out->lost_events = atomic_load(&map_station_stats(map)->counters[MAP_STATION_EVENTS_LOST]);
 }
 
 uint32_t map_starts(const struct map *map)

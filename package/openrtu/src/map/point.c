@@ -182,16 +182,20 @@ void points_recover(struct map *map)
 
 /* ---- events ------------------------------------------------------------------------------ */
 
-struct map_cursor *map_cursor(struct map *map, unsigned slot)
-{
-	return &map->segments[map->self].header->cursors[slot];
-}
-
 void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
 {
 	for (uint32_t i = 0; i < map->directory->module_count; i++)
 		cursor->next[i] = ring_head(&map->segments[i].events);
 	cursor->lost = 0;
+}
+
+uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor)
+{
+	uint32_t behind = 0;
+
+	for (uint32_t i = 0; i < map->directory->module_count; i++)
+		behind += ring_head(&map->segments[i].events) - cursor->next[i];
+	return behind;
 }
 
 /* What a module wrote is believed about its own points only. */

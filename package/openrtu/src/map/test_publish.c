@@ -50,7 +50,7 @@ static void test_events_are_changes_beyond_the_deadband(void **state)
 {
 	struct stage *stage = *state;
 	struct map *owner, *reader;
-	struct map_cursor *cursor;
+	struct map_cursor cursor;
 	struct map_event event;
 	const struct map_update updates[] = {scaled(0, 100, MAP_GOOD, 1), scaled(0, 105, MAP_GOOD, 2),
 					     scaled(0, 94, MAP_GOOD, 3), scaled(0, 94, MAP_INVALID, 4),
@@ -60,17 +60,16 @@ static void test_events_are_changes_beyond_the_deadband(void **state)
 	stage->rtud->config.points[0].deadband = 5;
 	owner = start(stage, FIRST);
 	reader = start(stage, "rtu-iec104");
-	cursor = map_cursor(reader, 0);
-	map_cursor_to_end(reader, cursor);
+	map_cursor_to_end(reader, &cursor);
 	for (size_t i = 0; i < 5; i++)
 		map_publish(owner, &updates[i], 1);
 	for (size_t i = 0; i < 3; i++) {
-		assert_true(map_event_next(reader, cursor, &event));
+		assert_true(map_event_next(reader, &cursor, &event));
 		assert_int_equal(event.kind, MAP_EVENT_CHANGE);
 		assert_int_equal(event.point, 0);
 		assert_int_equal(event.sample.time_ns, expected[i]);
 	}
-	assert_false(map_event_next(reader, cursor, &event));
+	assert_false(map_event_next(reader, &cursor, &event));
 	map_detach(owner);
 	map_detach(reader);
 }
@@ -79,21 +78,21 @@ static void test_return_information_is_an_event_in_any_case(void **state)
 {
 	struct stage *stage = *state;
 	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
-	struct map_cursor *cursor = map_cursor(reader, 0);
+	struct map_cursor cursor;
 	struct map_event event;
 	struct map_update updates[] = {scaled(1, 7, MAP_GOOD, 1), scaled(2, 7, MAP_GOOD, 1)};
 
 	map_publish(owner, updates, 2);
-	map_cursor_to_end(reader, cursor);
+	map_cursor_to_end(reader, &cursor);
 	updates[1].cause = MAP_RETURN_REMOTE;
 	map_publish(owner, updates, 2);
-	assert_true(map_event_next(reader, cursor, &event));
+	assert_true(map_event_next(reader, &cursor, &event));
 	assert_int_equal(event.point, 2);
 	assert_int_equal(event.cause, MAP_RETURN_REMOTE);
-	assert_false(map_event_next(reader, cursor, &event));
+	assert_false(map_event_next(reader, &cursor, &event));
 	updates[0].sample.value.i = 8;
 	map_publish(owner, updates, 1);
-	assert_true(map_event_next(reader, cursor, &event));
+	assert_true(map_event_next(reader, &cursor, &event));
 	assert_int_equal(event.cause, MAP_SPONTANEOUS);
 	map_detach(owner);
 	map_detach(reader);

@@ -36,7 +36,8 @@ static struct socket {
 } sockets[IEC104_CONNECTIONS_MAX];
 
 static struct map *map;
-static int64_t *sent_ns; /* k times a connection */
+static int64_t *sent_ns;               /* k times a connection */
+static struct map_queue_place *places; /* the same */
 static int poll_fd, listen_fd, signal_fd;
 static int64_t rest_until_ns; /* the listener's; 0: it is watched */
 
@@ -66,31 +67,42 @@ static bool parse_address(const char *text, struct in6_addr *out)
 	return true;
 }
 
-static bool may_set_clock(const struct map_settings *settings, const struct sockaddr_storage *peer)
+static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
 {
-	struct in6_addr address, master;
+	struct in6_addr listed;
 
-	map_to_ipv6(peer, &address);
-	for (unsigned i = 0; i < settings->clock_master_count; i++)
-		if (parse_address(settings->clock_masters[i], &master) &&
-		    memcmp(&address, &master, sizeof(address)) == 0)
+	for (uint32_t i = 0; i < count; i++)
+		if (parse_address(list[i], &listed) && memcmp(address, &listed, sizeof(listed)) == 0)
 			return true;
-	return settings->clock_master_count == 0;
+	return false;
 }
 
-static void name_peer(const struct sockaddr_storage *peer, char name[IEC104_PEER_SIZE])
+static bool may_connect(const struct map_settings *settings, const struct in6_addr *address)
 {
-	struct in6_addr address;
-	char text[INET6_ADDRSTRLEN];
-	/* the port has the same place in both families */
-	unsigned port = ntohs(((const struct sockaddr_in *)peer)->sin_port);
+	return settings->master_count == 0 || is_among(address, settings->masters, settings->master_count);
+}
 
-	map_to_ipv6(peer, &address);
-	if (IN6_IS_ADDR_V4MAPPED(&address))
-		inet_ntop(AF_INET, &address.s6_addr[12], text, sizeof(text));
+static bool may_set_clock(const struct map_settings *settings, const struct in6_addr *address)
+{
+	return settings->clock_master_count == 0 ||
+	       is_among(address, settings->clock_masters, settings->clock_master_count);
+}
+
+/* The redundancy group of an address; MAP_NONE: none. */
+static uint32_t group_of(const struct map_settings *settings, const struct in6_addr *address)
+{
+	for (uint32_t i = 0; i < settings->group_count; i++)
+		if (is_among(address, settings->groups[i].masters, settings->groups[i].master_count))
+			return i;
+	return MAP_NONE;
+}
+
+static void write_address(const struct in6_addr *address, char text[MAP_ADDRESS_SIZE])
+{
+	if (IN6_IS_ADDR_V4MAPPED(address))
+		inet_ntop(AF_INET, &address->s6_addr[12], text, MAP_ADDRESS_SIZE);
 	else
-		inet_ntop(AF_INET6, &address, text, sizeof(text));
-	snprintf(name, IEC104_PEER_SIZE, "%s port %u", text, port);
+		inet_ntop(AF_INET6, address, text, MAP_ADDRESS_SIZE);
 }
 
 /* ---- connections ------------------------------------------------------------------------- */
@@ -131,22 +143,44 @@ static bool accept_failed(void)
 	}
 }
 
+/* NULL: it may not connect, or there is no room for it. */
+static struct iec104_connection *admit(const struct sockaddr_storage *from)
+{
+	const struct map_settings *settings = &map_config(map)->settings;
+	/* the port has the same place in both families */
+	unsigned port = ntohs(((const struct sockaddr_in *)from)->sin_port);
+	struct in6_addr address;
+	char text[MAP_ADDRESS_SIZE], name[MAP_PEER_SIZE];
+
+	map_to_ipv6(from, &address);
+	write_address(&address, text);
+	snprintf(name, sizeof(name), "%s port %u", text, port);
+	if (!may_connect(settings, &address)) {
+		iec104_station_refuse(&station, name, map_now_ns());
+		return NULL;
+	}
+	return iec104_station_connect(
+	    &station,
+	    &(struct iec104_peer){.name = name,
+				  .address = text,
+				  .group = group_of(settings, &address),
+				  .clock_master = may_set_clock(settings, &address)},
+	    map_now_ns());
+}
+
 /* False: none is waiting, or none can be taken now. */
 static bool accept_one(void)
 {
 	struct sockaddr_storage peer;
 	socklen_t size = sizeof(peer);
 	struct iec104_connection *connection;
-	char name[IEC104_PEER_SIZE];
 	const int on = 1;
 	int fd = accept4(listen_fd, (struct sockaddr *)&peer, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
 	uint32_t index;
 
 	if (fd < 0)
 		return accept_failed();
-	name_peer(&peer, name);
-	connection = iec104_station_connect(&station, name, may_set_clock(&map_config(map)->settings, &peer),
-					    map_now_ns());
+	connection = admit(&peer);
 	if (connection == NULL) {
 		close(fd);
 		return true;
@@ -347,12 +381,13 @@ static int start(void)
 	const struct map_settings *settings = &map_config(map)->settings;
 
 	sent_ns = calloc((size_t)settings->max_connections * settings->k, sizeof(*sent_ns));
+	places = calloc((size_t)settings->max_connections * settings->k, sizeof(*places));
 	poll_fd = epoll_create1(EPOLL_CLOEXEC);
-	if (sent_ns == NULL || poll_fd < 0 || open_signals() < 0)
+	if (sent_ns == NULL || places == NULL || poll_fd < 0 || open_signals() < 0)
 		return fail("cannot start", strerror(errno));
 	if (open_listener(settings) < 0)
 		return -1;
-	iec104_station_init(&station, map, sent_ns);
+	iec104_station_init(&station, map, sent_ns, places);
 	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
 	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);
 	watch(EPOLL_CTL_ADD, signal_fd, EPOLLIN, SOURCE_SIGNAL);

@@ -51,6 +51,12 @@ static const struct command commands[] = {
      rtuctl_modules},
     {"lines", "", 0, 0, 0, NULL, "serial lines and their devices, with counters",
      "Counters count since the module started and wrap at 2^32.\n", rtuctl_lines},
+    {"iec104", "[TABLE]", 0, 1, 0, NULL, "controlling stations: connections, event queues, counters",
+     "TABLE is connections, queues or counters; without it, all of them. A queue's name is that of its\n"
+     "redundancy group, or an address; WAITING are events that are not acknowledged, UNACKED of them were "
+     "sent.\n"
+     "Counters count since the gateway started and wrap at 2^32.\n",
+     rtuctl_iec104},
     {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "events that are still kept, oldest first",
      "With --count only the newest N.\n", rtuctl_events},
     {"log", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the modules' log lines that are still kept",

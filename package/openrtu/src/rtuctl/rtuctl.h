@@ -38,6 +38,7 @@ rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
 rtuctl_command rtuctl_lines;
+rtuctl_command rtuctl_iec104;
 rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;
 rtuctl_command rtuctl_log;

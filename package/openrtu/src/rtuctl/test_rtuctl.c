@@ -15,7 +15,7 @@
 #include <cmocka.h>
 #include <jansson.h>
 
-#include "map/map.h"
+#include "map/station.h"
 #include "map/supervise.h"
 
 #define OUTPUT_SIZE 8192
@@ -44,7 +44,13 @@ static struct map_point points[POINTS] = {
     [CURRENT] = {.name = "current", .table = MAP_INPUT_REGISTERS, .type = MAP_FLOAT, .ioa = 30002},
 };
 static const struct map_config config = {
-    .settings = {.command_timeout_s = 10, .select_timeout_s = 30, .event_ring = 64},
+    .settings = {.command_timeout_s = 10,
+		 .select_timeout_s = 30,
+		 .event_ring = 64,
+		 .k = 12,
+		 .w = 8,
+		 .group_count = 1,
+		 .groups = {{.name = "Control centre", .queue = 50}}},
     .line_count = 1,
     .device_count = 1,
     .point_count = POINTS,
@@ -255,6 +261,80 @@ static void test_lines(void **state)
 	json_decref(json);
 }
 
+/* As rtu-iec104 would leave it after two acknowledged events and one that was only sent. */
+static void fill_station(void)
+{
+	struct map_connection_stats *stats;
+	struct map_queue_place place = {.refresh = 0};
+	struct map_event event;
+	struct map *station;
+	char error[MAP_ERROR_SIZE];
+
+	map_module_starting(rtud, 1);
+	assert_int_equal(map_attach(&station, dir, "rtu-iec104", error), 0);
+	map_queue_assign(station, 9, "192.0.2.9", &place);
+	while (map_events_behind(station, &place.cursor) > 3)
+		assert_true(map_event_next(station, &place.cursor, &event));
+	map_queue_move(station, 0, &place);
+	map_queue_set_unacknowledged(station, 0, 1);
+	map_queue_count_lost(station, 0, 7);
+	stats = &map_station_stats(station)->connections[2];
+	strcpy(stats->peer, "192.0.2.1 port 40000");
+	stats->open = stats->started = 1;
+	stats->since_s = (uint32_t)(map_now_ns() / 1000000000) - 90;
+	stats->next_ns = 32767;
+	stats->next_nr = 4;
+	stats->unacknowledged = 3;
+	stats->owed = 2;
+	map_station_stats(station)->counters[MAP_STATION_TESTFR_ACT_IN] = 4711;
+	map_detach(station);
+	map_module_ended(rtud, 1, false);
+}
+
+static void test_iec104(void **state)
+{
+	(void)state;
+	fill_station();
+	assert_int_equal(RUN("iec104", "connections"), 0);
+	assert_contains(
+	    "PEER                  QUEUE           SINCE  STARTED   N(S)  N(R)  UNACKED   K  OWED  "
+	    "W\n192.0.2.1 port 40000  Control centre  ");
+	assert_contains("  yes      32767     4        3  12     2  8\n");
+	assert_int_equal(RUN("iec104", "queues"), 0);
+	assert_contains("QUEUE           GROUP  WAITING  UNACKED  LOST  LIMIT\n"
+			"Control centre  yes          3        1     7     50\n"
+			"192.0.2.9       no ");
+	assert_int_equal(RUN("iec104"), 0);
+	assert_contains("PEER ");
+	assert_contains("\n\nQUEUE ");
+	assert_contains("\n\nCOUNTER ");
+	assert_contains("\ntestfr_act_in                4711\n");
+	assert_int_equal(RUN("iec104", "queue"), 2);
+	assert_contains("expected connections, queues or counters");
+}
+
+static void test_iec104_json(void **state)
+{
+	json_t *json, *row;
+
+	(void)state;
+	fill_station();
+	assert_int_equal(RUN("--json", "iec104", "queues"), 0);
+	json = parse_output();
+	row = json_array_get(json, 0);
+	assert_string_equal(json_string_value(json_object_get(row, "name")), "Control centre");
+	assert_int_equal(json_integer_value(json_object_get(row, "waiting")), 3);
+	json_decref(json);
+	assert_int_equal(RUN("--json", "iec104"), 0);
+	json = parse_output();
+	assert_int_equal(json_array_size(json), 1);
+	row = json_array_get(json_object_get(json_array_get(json, 0), "connections"), 0);
+	assert_int_equal(json_integer_value(json_object_get(row, "ns")), 32767);
+	row = json_array_get(json_object_get(json_array_get(json, 0), "counters"), MAP_STATION_TESTFR_ACT_IN);
+	assert_string_equal(json_string_value(json_object_get(row, "counter")), "testfr_act_in");
+	json_decref(json);
+}
+
 static void test_set(void **state)
 {
 	(void)state;
@@ -437,6 +517,8 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_modules),
 	    cmocka_unit_test(test_modules_say_where_the_data_is),
 	    cmocka_unit_test(test_lines),
+	    cmocka_unit_test(test_iec104),
+	    cmocka_unit_test(test_iec104_json),
 	    cmocka_unit_test(test_set),
 	    cmocka_unit_test(test_set_refused_by_device),
 	    cmocka_unit_test(test_set_with_selection),

@@ -2,14 +2,24 @@
 /* The file's outermost object, and the settings: what belongs to no port. */
 #include "rtud/config_parts.h"
 
-#include <arpa/inet.h>
-
 #define EVENT_RING_LEAST  64
 #define SECONDS_OF_2_DAYS 172800
+#define ORIGINATORS       256
 
 static const char *const clocks[] = {[MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_SYSTEM] = "system", NULL};
 
-enum { FILE_PORT, FILE_IEC104, FILE_CLOCK, FILE_TIMEZONE, FILE_MODBUS, FILE_EVENT_RING, FILE_KEYS };
+enum {
+	FILE_PORT,
+	FILE_IEC104,
+	FILE_CLOCK,
+	FILE_TIMEZONE,
+	FILE_MODBUS,
+	FILE_EVENT_RING,
+	FILE_MASTERS,
+	FILE_GROUPS,
+	FILE_ORIGINATORS,
+	FILE_KEYS
+};
 static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_PORT] = {CONFIG_KEY_PORTS, CONFIG_ARRAY, .required = true, .high = CONFIG_PORTS_MAX},
     [FILE_IEC104] = {"iec104", CONFIG_OBJECT},
@@ -18,6 +28,9 @@ static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_MODBUS] = {"modbus", CONFIG_OBJECT},
     [FILE_EVENT_RING] = {"event_ring", CONFIG_INTEGER, .low = EVENT_RING_LEAST, .high = 65536,
 			 .fallback = 4096},
+    [FILE_MASTERS] = {"masters", CONFIG_ARRAY, .high = MAP_MASTERS_MAX},
+    [FILE_GROUPS] = {"redundancy_groups", CONFIG_ARRAY, .high = MAP_GROUPS_MAX},
+    [FILE_ORIGINATORS] = {"originators", CONFIG_ARRAY, .high = ORIGINATORS},
 };
 
 enum {
@@ -53,43 +66,6 @@ static const struct config_rule modbus_rules[MODBUS_KEYS] = {
     [MODBUS_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 99, .fallback = 45},
 };
 
-static bool is_ip_address(const char *text)
-{
-	struct in6_addr parsed;
-
-	return inet_pton(AF_INET, text, &parsed) == 1 || inet_pton(AF_INET6, text, &parsed) == 1;
-}
-
-static void read_address(struct config_loader *loader, const struct config_place *place, const char *text,
-			 char out[MAP_ADDRESS_SIZE])
-{
-	if (is_ip_address(text))
-		snprintf(out, MAP_ADDRESS_SIZE, "%s", text);
-	else
-		config_error(&loader->report, place,
-			     "is no IP address, expected one like 192.0.2.1 or 2001:db8::1");
-}
-
-static void read_clock_masters(struct config_loader *loader, const struct config_place *iec104,
-			       const json_t *masters)
-{
-	const struct config_place array = config_key_of(iec104, iec104_rules[IEC104_CLOCK_MASTERS].name);
-	struct map_settings *settings = &loader->config->settings;
-	const json_t *json;
-	size_t i;
-
-	json_array_foreach(masters, i, json)
-	{
-		const struct config_place place = config_element_of(&array, i);
-
-		if (json_is_string(json))
-			read_address(loader, &place, json_string_value(json), settings->clock_masters[i]);
-		else
-			config_error(&loader->report, &place, "is not a string, expected an IP address");
-	}
-	settings->clock_master_count = (uint8_t)json_array_size(masters);
-}
-
 /* IEC 60870-5-104, 5.5: w should not exceed two thirds of k; more than k would never be reached. */
 static void check_window(struct config_loader *loader, const struct config_place *iec104,
 			 const struct config_value *values)
@@ -120,6 +96,8 @@ static void read_iec104(struct config_loader *loader, const struct config_place 
 {
 	const struct config_place place = config_key_of(file, file_rules[FILE_IEC104].name);
 	const struct config_place address = config_key_of(&place, iec104_rules[IEC104_ADDRESS].name);
+	const struct config_place clock_masters =
+	    config_key_of(&place, iec104_rules[IEC104_CLOCK_MASTERS].name);
 	struct map_settings *settings = &loader->config->settings;
 	struct config_value values[IEC104_KEYS];
 
@@ -136,11 +114,12 @@ static void read_iec104(struct config_loader *loader, const struct config_place 
 	settings->select_timeout_s = (uint16_t)values[IEC104_SELECT_TIMEOUT].integer;
 	settings->command_timeout_s = (uint16_t)values[IEC104_COMMAND_TIMEOUT].integer;
 	if (!values[IEC104_ADDRESS].wrong)
-		read_address(loader, &address,
-			     values[IEC104_ADDRESS].given ? values[IEC104_ADDRESS].text : "0.0.0.0",
-			     settings->address);
+		config_read_address(loader, &address,
+				    values[IEC104_ADDRESS].given ? values[IEC104_ADDRESS].text : "0.0.0.0",
+				    settings->address);
 	if (values[IEC104_CLOCK_MASTERS].given)
-		read_clock_masters(loader, &place, values[IEC104_CLOCK_MASTERS].json);
+		settings->clock_master_count = (uint8_t)config_read_addresses(
+		    loader, &clock_masters, values[IEC104_CLOCK_MASTERS].json, settings->clock_masters);
 }
 
 static void read_modbus(struct config_loader *loader, const struct config_place *file, const json_t *json)
@@ -173,6 +152,28 @@ static void read_timezone(struct config_loader *loader, const struct config_plac
 			     "is no time zone, expected one like UTC0 or CET-1CEST,M3.5.0,M10.5.0/3");
 }
 
+/* Who may connect and command, and who is redundant. After event_ring, which queues are measured by. */
+static void read_controlling_stations(struct config_loader *loader, const struct config_place *file,
+				      const struct config_value *values)
+{
+	static const struct {
+		unsigned key;
+		void (*read)(struct config_loader *loader, const struct config_place *array,
+			     const json_t *json);
+	} keys[] = {
+	    {FILE_MASTERS, config_read_masters},
+	    {FILE_GROUPS, config_read_groups},
+	    {FILE_ORIGINATORS, config_read_originators},
+	};
+
+	for (size_t i = 0; i < sizeof(keys) / sizeof(keys[0]); i++) {
+		const struct config_place array = config_key_of(file, file_rules[keys[i].key].name);
+
+		if (values[keys[i].key].given)
+			keys[i].read(loader, &array, values[keys[i].key].json);
+	}
+}
+
 static void check_point_count(struct config_loader *loader, const struct config_place *file)
 {
 	const struct config_place here = config_key_of(file, file_rules[FILE_PORT].name);
@@ -194,6 +195,7 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 	read_modbus(loader, &file, values[FILE_MODBUS].given ? values[FILE_MODBUS].json : NULL);
 	read_event_ring(loader, &file, &values[FILE_EVENT_RING]);
 	read_timezone(loader, &file, &values[FILE_TIMEZONE]);
+	read_controlling_stations(loader, &file, values);
 	loader->config->settings.clock = (uint8_t)values[FILE_CLOCK].integer;
 	if (values[FILE_PORT].given)
 		config_read_ports(loader, &file, values[FILE_PORT].json);
@@ -203,13 +205,17 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules)
 {
 	const struct config_place file = {.in = NULL};
-	const struct config_place iec104 = config_key_of(&file, file_rules[FILE_IEC104].name);
+	static const unsigned iec104_keys[] = {FILE_IEC104, FILE_MASTERS, FILE_GROUPS, FILE_ORIGINATORS};
 	const struct config_place ports = config_key_of(&file, file_rules[FILE_PORT].name);
 
-	if (!modules.iec104 && json_object_get(root, file_rules[FILE_IEC104].name) != NULL)
-		config_error(&loader->report, &iec104,
-			     "this build has no rtu-iec104: remove the object, or build with "
-			     "-Diec104=true, in Buildroot BR2_PACKAGE_OPENRTU_IEC104");
+	for (size_t i = 0; i < sizeof(iec104_keys) / sizeof(iec104_keys[0]); i++) {
+		const struct config_place here = config_key_of(&file, file_rules[iec104_keys[i]].name);
+
+		if (!modules.iec104 && json_object_get(root, here.key) != NULL)
+			config_error(&loader->report, &here,
+				     "this build has no rtu-iec104: remove the key, or build with "
+				     "-Diec104=true, in Buildroot BR2_PACKAGE_OPENRTU_IEC104");
+	}
 	if (!modules.modbus && loader->config->line_count > 0)
 		config_error(&loader->report, &ports,
 			     "this build has no rtu-modbus: make no port active, or build with "

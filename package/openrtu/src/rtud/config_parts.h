@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * What the files of the configuration's loader know of each other. file, port, slave and object each read one level of the
+ * What the files of the configuration's loader know of each other. file, masters, port, slave and object each read one level of the
  * file by its rules, report what is wrong there and call the next; collisions looks at all points together. config_load starts
  * them.
  */
@@ -47,6 +47,19 @@ void config_read_file(struct config_loader *loader, const json_t *root);
 /* Reports what needs a module that is not there. root: a file without errors, which has been read. */
 void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules);
 
+/* ---- config_masters.c -------------------------------------------------------------------- */
+
+/* An IP address at a place; out is left as it is when it is none. */
+void config_read_address(struct config_loader *loader, const struct config_place *place, const char *text,
+			 char out[MAP_ADDRESS_SIZE]);
+/* An array of them, for which out has room. Returns how many there are. */
+uint32_t config_read_addresses(struct config_loader *loader, const struct config_place *array,
+			       const json_t *addresses, char (*out)[MAP_ADDRESS_SIZE]);
+/* The settings of these names, from arrays of at most MAP_MASTERS_MAX, MAP_GROUPS_MAX and 256 elements. */
+void config_read_masters(struct config_loader *loader, const struct config_place *array, const json_t *json);
+void config_read_groups(struct config_loader *loader, const struct config_place *array, const json_t *json);
+void config_read_originators(struct config_loader *loader, const struct config_place *array,
+			     const json_t *json);
 /* ---- config_zone.c ----------------------------------------------------------------------- */
 
 /* Reads a POSIX TZ string with its rules, as "CET-1CEST,M3.5.0,M10.5.0/3". False: it is none. */

@@ -112,6 +112,10 @@ static void test_settings_defaults(void **state)
 	assert_int_equal(settings->clock_master_count, 0);
 	assert_int_equal(settings->modbus_priority, 45);
 	assert_int_equal(settings->event_ring, 4096);
+	assert_int_equal(settings->master_count, 0);
+	assert_int_equal(settings->group_count, 0);
+	for (unsigned i = 0; i < 8; i++)
+		assert_int_equal(settings->originators_refused[i], 0);
 	config_free(&config);
 }
 
@@ -141,6 +145,30 @@ static void test_settings(void **state)
 	assert_string_equal(settings->clock_masters[1], "2001:db8::1");
 	assert_int_equal(settings->modbus_priority, 0);
 	assert_int_equal(settings->event_ring, 64);
+	config_free(&config);
+}
+
+static void test_controlling_stations(void **state)
+{
+	struct map_config config = load(
+	    "{'port': [], 'event_ring': 1024, 'masters': ['192.0.2.1', '::1'], 'originators': [0, 33, 255],"
+	    "'redundancy_groups': [{'name': 'a', 'masters': ['192.0.2.7', '192.0.2.8'], 'queue': 100},"
+	    "{'name': 'b', 'masters': ['::1']}]}");
+	const struct map_settings *settings = &config.settings;
+
+	(void)state;
+	assert_int_equal(settings->master_count, 2);
+	assert_string_equal(settings->masters[1], "::1");
+	assert_int_equal(settings->group_count, 2);
+	assert_string_equal(settings->groups[0].name, "a");
+	assert_int_equal(settings->groups[0].master_count, 2);
+	assert_string_equal(settings->groups[0].masters[1], "192.0.2.8");
+	assert_int_equal(settings->groups[0].queue, 100);
+	assert_int_equal(settings->groups[1].queue, 1023);
+	assert_int_equal(settings->originators_refused[0], 0xfffffffe);
+	assert_int_equal(settings->originators_refused[1], 0xfffffffd);
+	assert_int_equal(settings->originators_refused[2], 0xffffffff);
+	assert_int_equal(settings->originators_refused[7], 0x7fffffff);
 	config_free(&config);
 }
 
@@ -215,6 +243,7 @@ static void test_modules_that_are_not_there(void **state)
 	    {"{'port': []}", false, false},
 	    {"{'port': [{'value': 1, 'active': 0, 'slaves': [{'id': 1}]}], 'modbus': {}}", false, false},
 	    {"{'port': [], 'iec104': {}}", true, false},
+	    {"{'port': [], 'originators': [1]}", true, false},
 	    {"{'port': [" LINE("1", "") "]}", false, true},
 	    {"{'port': [" LINE("1", "{'id': 1}") "], 'iec104': {}}", true, true},
 	};
@@ -232,8 +261,7 @@ static void test_modules_that_are_not_there(void **state)
 
 			fclose(messages);
 			assert_int_equal(result, no_iec104 || no_modbus ? CONFIG_UNUSABLE : CONFIG_GOOD);
-			assert_int_equal(strstr(said, "iec104: this build has no rtu-iec104: ") != NULL,
-					 no_iec104);
+			assert_int_equal(strstr(said, ": this build has no rtu-iec104: ") != NULL, no_iec104);
 			assert_int_equal(strstr(said, "port: this build has no rtu-modbus: ") != NULL,
 					 no_modbus);
 			config_free(&config);
@@ -246,6 +274,7 @@ int main(void)
 	    cmocka_unit_test(test_report_file),
 	    cmocka_unit_test(test_settings_defaults),
 	    cmocka_unit_test(test_settings),
+	    cmocka_unit_test(test_controlling_stations),
 	    cmocka_unit_test(test_object_keys),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),

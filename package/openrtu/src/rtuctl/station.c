@@ -1,0 +1,176 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The controlled station: its connections, its event queues, what it has counted. */
+#include "rtuctl/rtuctl.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include <jansson.h>
+
+#include "map/station.h"
+#include "rtuctl/listing.h"
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+static const double NS_PER_S = 1e9;
+
+static const struct listing_column connection_columns[] = {
+    {"peer", "PEER", LISTING_TEXT},
+    {"queue", "QUEUE", LISTING_TEXT},
+    {"since_s", "SINCE", LISTING_AGE},
+    {"started", "STARTED", LISTING_TEXT},
+    {"ns", "N(S)", LISTING_RIGHT},
+    {"nr", "N(R)", LISTING_RIGHT},
+    {"unacknowledged", "UNACKED", LISTING_RIGHT},
+    {"k", "K", LISTING_RIGHT},
+    {"owed", "OWED", LISTING_RIGHT},
+    {"w", "W", LISTING_RIGHT},
+};
+
+static const struct listing_column queue_columns[] = {
+    {"name", "QUEUE", LISTING_TEXT},       {"group", "GROUP", LISTING_TEXT},
+    {"waiting", "WAITING", LISTING_RIGHT}, {"unacknowledged", "UNACKED", LISTING_RIGHT},
+    {"lost", "LOST", LISTING_RIGHT},       {"limit", "LIMIT", LISTING_RIGHT},
+};
+
+static const struct listing_column counter_columns[] = {
+    {"counter", "COUNTER", LISTING_TEXT},
+    {"value", "VALUE", LISTING_RIGHT},
+};
+
+/* ---- rows, and where they go ------------------------------------------------------------- */
+
+static json_t *queue_name(const struct map *map, uint32_t slot)
+{
+	struct map_queue queue;
+
+	if (slot >= MAP_QUEUES)
+		return json_null();
+	map_queue(map, slot, &queue);
+	return json_string(queue.name);
+}
+
+static json_t *connection_rows(const struct map *map)
+{
+	const struct map_settings *settings = &map_config(map)->settings;
+	json_t *rows = json_array();
+
+	for (unsigned i = 0; i < MAP_STATION_CONNECTIONS; i++) {
+		struct map_connection connection;
+		json_t *row;
+
+		if (!map_connection(map, i, &connection))
+			continue;
+		row = json_object();
+		json_object_set_new(row, "peer", json_string(connection.peer));
+		json_object_set_new(row, "queue", queue_name(map, connection.queue));
+		json_object_set_new(row, "since_s",
+				    json_real((double)(map_now_ns() - connection.since_ns) / NS_PER_S));
+		json_object_set_new(row, "started", json_boolean(connection.started));
+		json_object_set_new(row, "ns", json_integer(connection.next_ns));
+		json_object_set_new(row, "nr", json_integer(connection.next_nr));
+		json_object_set_new(row, "unacknowledged", json_integer(connection.unacknowledged));
+		json_object_set_new(row, "k", json_integer(settings->k));
+		json_object_set_new(row, "owed", json_integer(connection.owed));
+		json_object_set_new(row, "w", json_integer(settings->w));
+		json_array_append_new(rows, row);
+	}
+	return rows;
+}
+
+static json_t *queue_rows(const struct map *map)
+{
+	json_t *rows = json_array();
+
+	for (unsigned slot = 0; slot < MAP_QUEUES; slot++) {
+		struct map_queue queue;
+		json_t *row;
+
+		map_queue(map, slot, &queue);
+		if (queue.name[0] == '\0')
+			continue;
+		row = json_object();
+		json_object_set_new(row, "name", json_string(queue.name));
+		json_object_set_new(row, "group", json_boolean(slot < map_config(map)->settings.group_count));
+		json_object_set_new(row, "waiting", json_integer(queue.waiting));
+		json_object_set_new(row, "unacknowledged", json_integer(queue.unacknowledged));
+		json_object_set_new(row, "lost", json_integer(queue.lost));
+		json_object_set_new(row, "limit", json_integer(queue.limit));
+		json_array_append_new(rows, row);
+	}
+	return rows;
+}
+
+static json_t *counter_rows(const struct map *map)
+{
+	const struct map_station_stats *stats = map_station_stats(map);
+	json_t *rows = json_array();
+
+	for (unsigned i = 0; i < MAP_STATION_COUNTERS; i++)
+		json_array_append_new(rows, json_pack("{s:s, s:I}", "counter",
+						      map_station_counter_name((enum map_station_counter)i),
+						      "value", (json_int_t)stats->counters[i]));
+	return rows;
+}
+
+static const struct table {
+	const char *name;
+	const struct listing_column *columns;
+	size_t column_count;
+	json_t *(*rows)(const struct map *map);
+} tables[] = {
+    {"connections", connection_columns, COUNT(connection_columns), connection_rows},
+    {"queues", queue_columns, COUNT(queue_columns), queue_rows},
+    {"counters", counter_columns, COUNT(counter_columns), counter_rows},
+};
+
+static void list(const struct map *map, const struct table *table, bool json)
+{
+	json_t *rows = table->rows(map), *row;
+	struct listing listing;
+	size_t i;
+
+	listing_begin(&listing, table->columns, table->column_count, json);
+	json_array_foreach(rows, i, row)
+	{
+		listing_add(&listing, json_incref(row));
+	}
+	listing_end(&listing);
+	json_decref(rows);
+}
+
+/* One row that has the rows of each table. */
+static void list_all_as_json(const struct map *map)
+{
+	json_t *all = json_object();
+	struct listing listing;
+
+	for (size_t i = 0; i < COUNT(tables); i++)
+		json_object_set_new(all, tables[i].name, tables[i].rows(map));
+	listing_begin(&listing, NULL, 0, true);
+	listing_add(&listing, all);
+	listing_end(&listing);
+}
+
+int rtuctl_iec104(struct map *map, const struct rtuctl_request *request)
+{
+	const char *wanted = request->arguments[0];
+	bool known = wanted == NULL;
+
+	if (wanted == NULL && request->json) {
+		list_all_as_json(map);
+		return RTUCTL_DONE;
+	}
+	for (size_t i = 0; i < COUNT(tables); i++) {
+		if (wanted != NULL && strcmp(wanted, tables[i].name) != 0)
+			continue;
+		known = true;
+		if (wanted == NULL && i > 0)
+			putchar('\n');
+		list(map, &tables[i], request->json);
+	}
+	if (known)
+		return RTUCTL_DONE;
+	fprintf(stderr, "rtuctl: no table %s: expected connections, queues or counters\n", wanted);
+	return RTUCTL_USAGE;
+}
