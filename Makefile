@@ -56,10 +56,10 @@ cross: build/arm/build.ninja ## cross-compile for ARMv5, run the C unit tests un
 	$(MESON_TEST) -C build/arm
 
 build/native/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(SRC) -Dtests=enabled
+	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true
 
 build/asan/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(SRC) -Dtests=enabled -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
 build/arm/build.ninja: build/sysroot.ini
 	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file $< --cross-file scripts/armel.ini

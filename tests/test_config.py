@@ -224,6 +224,7 @@ def definition(name: str) -> dict[str, Any]:
 SITES = [
     Site("", "", ("",)),
     Site("iec104", "iec104", ("iec104",)),
+    Site("tls", "tls", ("tls",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("port", "port[0]", ("port",)),
     Site("inactive_port", "port[1]", ("inactive_port",)),
@@ -252,7 +253,8 @@ def small_file() -> dict[str, Any]:
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
     slaves = [{"id": 1}, {"id": 2} | {table: [{"address": 5}] for table in tables}]
     ports = [{"value": 3, "active": 1, **line, "slaves": slaves}, {"value": 5, "active": 0}]
-    return {"port": ports, "iec104": {}, "modbus": {}}
+    tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
+    return {"port": ports, "iec104": {}, "tls": tls, "modbus": {}}
 
 
 def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
@@ -279,7 +281,8 @@ def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
     if rule.get("type") == "boolean":
         return [False, True]
     if "maxLength" in rule:
-        return ["x" * max(rule["minLength"], 1), "x" * rule["maxLength"]]
+        first = "/" if rule.get("pattern", "").startswith("^/") else "x"
+        return [first + "x" * (length - 1) for length in (max(rule["minLength"], 1), rule["maxLength"])]
     if rule.get("type") == "number":
         return [rule.get("minimum", -1.5), 2, 1e30]
     return [rule[bound] for bound in ("minimum", "maximum") if bound in rule]
@@ -346,7 +349,7 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
 
 def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Every key of the schema: the definition it is in, its name, its rule."""
-    for name in ("", "iec104", "modbus", "port", "slave", "object", "command", "bits", "registers"):
+    for name in ("", "iec104", "tls", "modbus", "port", "slave", "object", "command", "bits", "registers"):
         for key, rule in definition(name)["properties"].items():
             yield name, key, resolved(rule)
 

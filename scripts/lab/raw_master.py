@@ -6,6 +6,7 @@ from __future__ import annotations
 import datetime
 import select
 import socket
+import ssl
 import time
 from collections import deque
 from dataclasses import dataclass, field
@@ -125,8 +126,9 @@ def _time_tag(octets: bytes) -> datetime.datetime:
 class RawMaster:
     """One connection with started data transfer."""
 
-    def __init__(self, address: str, port: int) -> None:
+    def __init__(self, address: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         self._address = (address, port)
+        self._tls = tls
         self._socket: socket.socket | None = None
         self._buffer = bytearray()
         self._asdus: deque[Asdu] = deque()
@@ -136,6 +138,8 @@ class RawMaster:
     def __enter__(self) -> Self:
         self._socket = socket.create_connection(self._address, timeout=ANSWER_TIMEOUT_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if self._tls:
+            self._socket = self._tls.wrap_socket(self._socket)
         self._send_u(STARTDT_ACT)
         deadline = time.monotonic() + ANSWER_TIMEOUT_S
         while not self._started:
@@ -204,8 +208,7 @@ class RawMaster:
 
     def _read(self, deadline: float, what: str) -> None:
         """Takes what the socket has, at least a byte."""
-        ready, _, _ = select.select([self._connected], [], [], max(0.0, deadline - time.monotonic()))
-        arrived = self._connected.recv(65536) if ready else None
+        arrived = self._connected.recv(65536) if self._is_ready(deadline) else None
         arrived_ns = time.monotonic_ns()
         if arrived is None:
             raise StationError(f"no {what} in time")
@@ -216,6 +219,11 @@ class RawMaster:
             apdu = bytes(self._buffer[: 2 + self._buffer[1]])
             del self._buffer[: len(apdu)]
             self._take(apdu, arrived_ns)
+
+    def _is_ready(self, deadline: float) -> bool:
+        if isinstance(self._connected, ssl.SSLSocket) and self._connected.pending():
+            return True
+        return bool(select.select([self._connected], [], [], max(0.0, deadline - time.monotonic()))[0])
 
     def _take(self, apdu: bytes, arrived_ns: int) -> None:
         if apdu[0] != START or len(apdu) < 6:

@@ -17,6 +17,11 @@
 #define MAP_CLOCK_MASTERS_MAX 8  /* addresses in "clock_masters" */
 #define MAP_ADDRESS_SIZE      46 /* INET6_ADDRSTRLEN */
 
+/* Of "tls": a file's path, the list "masters", and a SHA-256 fingerprint as openssl prints it. */
+#define MAP_FILE_SIZE       128
+#define MAP_TLS_MASTERS_MAX 16
+#define MAP_TLS_MASTER_SIZE 96
+
 /* The information types of report 003's tables 4.1 and 4.2. */
 enum map_type {
 	MAP_SINGLE,     /* value.u 0, 1 */
@@ -95,6 +100,21 @@ struct map_point {
 
 enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
 
+enum map_tls_version { MAP_TLS_1_2 = 1u << 0, MAP_TLS_1_3 = 1u << 1 };
+
+/* How rtu-iec104-tls proves who it is and asks who its masters are. IEC 62351-3. The files hold PEM. */
+struct map_tls {
+	char certificate[MAP_FILE_SIZE]; /* and what leads from it to its CA; empty: no TLS */
+	char key[MAP_FILE_SIZE];
+	char ca[MAP_FILE_SIZE];  /* whose certificates the masters have */
+	char crl[MAP_FILE_SIZE]; /* of each of these CAs; empty: nothing is revoked */
+	uint32_t resumption_s;   /* how long a session may be resumed, 0: never */
+	uint8_t versions;        /* enum map_tls_version */
+	uint8_t master_count;    /* 0: whoever has a certificate from the CA */
+	uint8_t reserved[2];
+	char masters[MAP_TLS_MASTERS_MAX][MAP_TLS_MASTER_SIZE]; /* common names and fingerprints */
+};
+
 /* What belongs to no line. Times of IEC 60870-5-104, 9.6. */
 struct map_settings {
 	char address[MAP_ADDRESS_SIZE]; /* where rtu-iec104 listens */
@@ -111,7 +131,14 @@ struct map_settings {
 	uint8_t reserved;
 	uint32_t event_ring; /* events each module keeps, a power of two */
 	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
+	struct map_tls tls;
 };
+
+/* rtu-iec104-tls is the module's program. */
+static inline bool map_tls_used(const struct map_settings *settings)
+{
+	return settings->tls.certificate[0] != '\0';
+}
 
 /* The whole configuration. The arrays belong to whoever filled it, or lie in the map. */
 struct map_config {

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * rtu-iec104: the controlled station on TCP. One thread, one epoll loop; all of IEC 60870-5-104 is in iec104/.
+ * rtu-iec104 and rtu-iec104-tls: the controlled station on TCP, or on TLS. One thread, one epoll loop; all of
+ * IEC 60870-5-104 is in iec104/, what carries its octets in a channel.
  */
 #include <arpa/inet.h>
 #include <errno.h>
@@ -20,18 +21,20 @@
 
 #include "iec104/station.h"
 #include "map/map.h"
+#include "modules/channel.h"
+#include "modules/newcomers.h"
 
 #define NS_PER_MS 1000000LL
 #define IDLE_MS   250 /* well below the second in which rtud expects a heartbeat */
 #define BACKLOG   16
-#define EVENTS    (IEC104_CONNECTIONS_MAX + 3)
+#define EVENTS    (SOURCE_NEWCOMERS + NEWCOMERS_MAX)
 
-/* What an epoll event is about: a connection's index, or one of these. */
-enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL };
+/* What an epoll event is about: a connection's index, one of these, or from the last on a newcomer's place. */
+enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL, SOURCE_NEWCOMERS };
 
 static struct iec104_station station;
 static struct socket {
-	int fd;
+	struct channel channel;
 	uint32_t interest; /* what epoll watches it for */
 } sockets[IEC104_CONNECTIONS_MAX];
 
@@ -131,34 +134,62 @@ static bool accept_failed(void)
 	}
 }
 
+/* Its peer is who it should be: it becomes a connection of the station, if one is free. */
+static void admit(struct newcomer *newcomer)
+{
+	struct iec104_connection *connection =
+	    iec104_station_connect(&station, newcomer->channel.peer, newcomer->clock_master, map_now_ns());
+	uint32_t index;
+
+	newcomer->here = false;
+	if (connection == NULL) {
+		channel_close(&newcomer->channel);
+		return;
+	}
+	index = (uint32_t)(connection - station.connections);
+	sockets[index] = (struct socket){.channel = newcomer->channel, .interest = EPOLLIN};
+	watch(EPOLL_CTL_MOD, newcomer->channel.fd, EPOLLIN, index);
+}
+
+static void settle(struct newcomer *newcomer, enum channel_greeting greeting)
+{
+	switch (greeting) {
+	case CHANNEL_GREETED:
+		admit(newcomer);
+		return;
+	case CHANNEL_WAITS:
+		watch(EPOLL_CTL_MOD, newcomer->channel.fd, newcomer->channel.wants,
+		      SOURCE_NEWCOMERS + newcomers_place_of(newcomer));
+		return;
+	case CHANNEL_REFUSED:
+		newcomer->here = false;
+		channel_close(&newcomer->channel);
+	}
+}
+
 /* False: none is waiting, or none can be taken now. */
 static bool accept_one(void)
 {
 	struct sockaddr_storage peer;
 	socklen_t size = sizeof(peer);
-	struct iec104_connection *connection;
+	struct newcomer *newcomer;
 	char name[IEC104_PEER_SIZE];
 	const int on = 1;
 	int fd = accept4(listen_fd, (struct sockaddr *)&peer, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
-	uint32_t index;
 
 	if (fd < 0)
 		return accept_failed();
 	name_peer(&peer, name);
-	connection = iec104_station_connect(&station, name, may_set_clock(&map_config(map)->settings, &peer),
-					    map_now_ns());
-	if (connection == NULL) {
-		close(fd);
-		return true;
-	}
 	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	index = (uint32_t)(connection - station.connections);
-	sockets[index] = (struct socket){.fd = fd, .interest = EPOLLIN};
-	watch(EPOLL_CTL_ADD, fd, EPOLLIN, index);
+	newcomer = newcomers_place(&station, map_now_ns());
+	newcomer->clock_master = may_set_clock(&map_config(map)->settings, &peer);
+	watch(EPOLL_CTL_ADD, fd, 0, SOURCE_NEWCOMERS + newcomers_place_of(newcomer));
+	settle(newcomer, channel_open(&newcomer->channel, fd, name));
 	return true;
 }
 
-static void receive(uint32_t index)
+/* Takes what there is room for. True: something came. */
+static bool receive(uint32_t index)
 {
 	struct iec104_session *session = &station.connections[index].session;
 	size_t room;
@@ -166,12 +197,13 @@ static void receive(uint32_t index)
 	ssize_t count;
 
 	if (room == 0)
-		return;
-	count = read(sockets[index].fd, place, room);
+		return false;
+	count = channel_receive(&sockets[index].channel, place, room);
 	if (count > 0)
 		iec104_session_received(session, (size_t)count);
-	else if (count == 0 || (errno != EAGAIN && errno != EINTR))
+	else if (count < 0)
 		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
+	return count > 0;
 }
 
 /* Writes what the connection takes. True: something went, so there may be room for more. */
@@ -184,10 +216,10 @@ static bool transmit(uint32_t index)
 
 	if (size == 0)
 		return false;
-	count = send(sockets[index].fd, bytes, size, MSG_NOSIGNAL);
+	count = channel_transmit(&sockets[index].channel, bytes, size);
 	if (count > 0)
 		iec104_session_written(session, (size_t)count);
-	else if (errno != EAGAIN && errno != EINTR)
+	else if (count < 0)
 		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
 	return count > 0;
 }
@@ -195,10 +227,10 @@ static bool transmit(uint32_t index)
 static void end_connection(uint32_t index)
 {
 	iec104_station_disconnect(&station, &station.connections[index]);
-	close(sockets[index].fd);
+	channel_close(&sockets[index].channel);
 }
 
-/* Watches for input while there is space for it, and for output while some is left. */
+/* Watches for input while there is space for it, and for output while some is left; for what the channel waits for. */
 static void watch_connection(uint32_t index)
 {
 	struct iec104_session *session = &station.connections[index].session;
@@ -211,10 +243,13 @@ static void watch_connection(uint32_t index)
 	iec104_session_output(session, &size);
 	if (size > 0)
 		interest |= EPOLLOUT;
+	if (sockets[index].channel.wants !=
+	    0) /* input that it cannot take would wake the loop again and again */
+		interest = sockets[index].channel.wants;
 	if (interest == sockets[index].interest)
 		return;
 	sockets[index].interest = interest;
-	watch(EPOLL_CTL_MOD, sockets[index].fd, interest, index);
+	watch(EPOLL_CTL_MOD, sockets[index].channel.fd, interest, index);
 }
 
 /* ---- the loop ---------------------------------------------------------------------------- */
@@ -226,8 +261,12 @@ static void serve(void)
 	do {
 		moved = false;
 		iec104_station_run(&station, map_now_ns());
-		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)
-			moved |= station.connections[i].open && transmit(i);
+		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
+			if (!station.connections[i].open)
+				continue;
+			moved |= transmit(i);
+			moved |= channel_pending(&sockets[i].channel) && receive(i);
+		}
 	} while (moved);
 	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
 		if (!station.connections[i].open)
@@ -250,8 +289,27 @@ static int wait_ms(void)
 	return (int)((deadline_ns - now_ns + NS_PER_MS - 1) / NS_PER_MS);
 }
 
+/* True: it may have cost a signature, a good part of the second in which rtud expects a heartbeat. */
+static bool greet(uint32_t place)
+{
+	struct newcomer *newcomer = newcomers_at(place);
+
+	if (newcomer == NULL) /* sent away just now */
+		return false;
+	settle(newcomer, channel_greet(&newcomer->channel));
+	return true;
+}
+
+static void handle_connection(uint32_t index, uint32_t events)
+{
+	if (events & (EPOLLIN | sockets[index].channel.wants))
+		receive(index);
+	else if (events & (EPOLLHUP | EPOLLERR))
+		iec104_session_close(&station.connections[index].session, IEC104_CLOSED_BY_PEER);
+}
+
 /* False: the process shall end. */
-static bool handle(const struct epoll_event *event)
+static bool handle(const struct epoll_event *event, bool *greeted)
 {
 	switch (event->data.u32) {
 	case SOURCE_LISTENER:
@@ -264,11 +322,10 @@ static bool handle(const struct epoll_event *event)
 	case SOURCE_SIGNAL:
 		return false;
 	default:
-		if (event->events & EPOLLIN)
-			receive(event->data.u32);
-		else if (event->events & (EPOLLHUP | EPOLLERR))
-			iec104_session_close(&station.connections[event->data.u32].session,
-					     IEC104_CLOSED_BY_PEER);
+		if (event->data.u32 < IEC104_CONNECTIONS_MAX)
+			handle_connection(event->data.u32, event->events);
+		else if (!*greeted) /* others are for the next turn: who is connected comes first */
+			*greeted = greet(event->data.u32 - SOURCE_NEWCOMERS);
 		return true;
 	}
 }
@@ -280,10 +337,12 @@ static void run(void)
 	while (wanted && map_wanted(map)) {
 		struct epoll_event events[EVENTS];
 		int count = epoll_wait(poll_fd, events, EVENTS, wait_ms());
+		bool greeted = false;
 
 		for (int i = 0; i < count; i++)
-			wanted &= handle(&events[i]);
+			wanted &= handle(&events[i], &greeted);
 		serve();
+		newcomers_watch(&station, map_now_ns());
 		wake_listener();
 		map_heartbeat(map);
 	}
@@ -350,9 +409,9 @@ static int start(void)
 	poll_fd = epoll_create1(EPOLL_CLOEXEC);
 	if (sent_ns == NULL || poll_fd < 0 || open_signals() < 0)
 		return fail("cannot start", strerror(errno));
-	if (open_listener(settings) < 0)
-		return -1;
 	iec104_station_init(&station, map, sent_ns);
+	if (!channel_start(&station) || open_listener(settings) < 0)
+		return -1;
 	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
 	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);
 	watch(EPOLL_CTL_ADD, signal_fd, EPOLLIN, SOURCE_SIGNAL);

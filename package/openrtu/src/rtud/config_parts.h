@@ -47,6 +47,11 @@ void config_read_file(struct config_loader *loader, const json_t *root);
 /* Reports what needs a module that is not there. root: a file without errors, which has been read. */
 void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules);
 
+/* ---- config_tls.c ------------------------------------------------------------------------ */
+
+/* Fills settings.tls. json: the object "tls" of the file. */
+void config_read_tls(struct config_loader *loader, const struct config_place *place, const json_t *json);
+
 /* ---- config_port.c ----------------------------------------------------------------------- */
 
 /* Adds a line for every active port, with its devices and entries. ports: an array of at most CONFIG_PORTS_MAX. */
