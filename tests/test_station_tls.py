@@ -11,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -295,19 +296,35 @@ def test_plain_text(gateway: TlsGateway, octets: bytes) -> None:
     gateway.wait_log(rf" port {speak_plainly(gateway, octets)}: refused, does not speak TLS$")
 
 
-def test_renegotiation_is_refused(gateway: TlsGateway, pki: Pki) -> None:
-    command = ["openssl", "s_client", "-connect", f"127.0.0.1:{gateway.address[1]}", "-tls1_2"]
+def s_client(gateway: TlsGateway, *options: str) -> subprocess.Popen[bytes]:
+    """What Python's ssl cannot do; it takes commands, a letter a line."""
+    pki = gateway.pki
+    command = ["openssl", "s_client", "-connect", f"127.0.0.1:{gateway.address[1]}", *options]
     command += ["-cert", pki.centre.certificate, "-key", pki.centre.key, "-CAfile", pki.ours.certificate]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
-    ) as peer:
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, bufsize=0, stdin=pipe, stdout=pipe, stderr=pipe)
+
+
+def test_renegotiation_is_refused(gateway: TlsGateway, pki: Pki) -> None:
+    with s_client(gateway, "-tls1_2") as peer:
         assert peer.stdin and peer.stderr
         peer.stdin.write(b"R\n")
-        peer.stdin.flush()
         gateway.wait_log("renegotiation is refused$")
         peer.stdin.close()
-        said = peer.stderr.read()
-    assert b"no renegotiation" in said
+        assert b"no renegotiation" in peer.stderr.read()
+
+
+def test_keys_are_changed_on_request(gateway: TlsGateway) -> None:
+    """TLS 1.3: the peer changes its own and asks for the station's, which answers under the new ones."""
+    with s_client(gateway, "-tls1_3", "-quiet", "-no_ign_eof") as peer:
+        assert peer.stdin and peer.stdout and peer.stderr
+        for _ in range(5):
+            peer.stdin.write(b"K\n")
+            while b"KEYUPDATE" not in (said := peer.stderr.read(4096)):
+                assert said, "closed"
+            peer.stdin.write(TESTFR_ACT)
+            assert peer.stdout.read(len(TESTFR_CON)) == TESTFR_CON
+        peer.stdin.close()
 
 
 def test_refusals_cannot_flood_the_log(pki: Pki, programs: Path) -> None:
@@ -357,6 +374,17 @@ def test_session_is_not_resumed_when_it_is_too_old(pki: Pki, programs: Path, ver
     with gateway_with(pki, programs, resumption_s=0) as gateway:
         session, _ = session_of(gateway, context)
         assert not session_of(gateway, context, session)[1]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_session_ends_with_its_certificate(gateway: TlsGateway, pki: Pki, version: str) -> None:
+    until = datetime.now(UTC).replace(microsecond=0) + timedelta(seconds=3)
+    context = pki.client(pki.ours.issue(f"short centre {version}", until=until), version)
+    session, _ = session_of(gateway, context)
+    time.sleep((until - datetime.now(UTC)).total_seconds() + 1)
+    with pytest.raises((ssl.SSLError, ConnectionResetError, pytest.fail.Exception)):
+        session_of(gateway, context, session)
+    gateway.wait_log(rf'refused, certificate has expired: "short centre {version}"$')
 
 
 def test_killed_station_comes_back_without_its_sessions(gateway: TlsGateway, pki: Pki) -> None:
@@ -467,6 +495,21 @@ def test_broken_record_ends_the_connection(gateway: TlsGateway, pki: Pki) -> Non
 
 def os_duplicate(connection: socket.socket) -> socket.socket:
     return socket.socket(fileno=os.dup(connection.fileno()))
+
+
+# ---- the program without TLS ----------------------------------------------------------------------------
+
+
+def test_plain_station_is_not_linked_with_openssl(programs: Path) -> None:
+    """It would cost it three times its memory."""
+
+    def needed(program: str) -> set[str]:
+        command = ["readelf", "--dynamic", programs / "modules" / program]
+        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        return set(re.findall(r"NEEDED.*\[(lib(?:ssl|crypto))", said))
+
+    assert needed("rtu-iec104") == set()
+    assert needed("rtu-iec104-tls") == {"libssl", "libcrypto"}
 
 
 # ---- files that do not do -------------------------------------------------------------------------------

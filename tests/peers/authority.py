@@ -6,9 +6,21 @@ from __future__ import annotations
 import os
 import subprocess
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 EC = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1"
+BOOK = """\
+[ca]
+default_ca = ca
+database = index.txt
+default_md = sha256
+new_certs_dir = .
+rand_serial = yes
+policy = policy
+[policy]
+commonName = supplied
+"""
 STATION_USER = 61201  # rtud's user for rtu-iec104, when it runs as root
 
 
@@ -42,16 +54,27 @@ class Authority:
         files = ["-keyout", self._key, "-out", self.certificate]
         openssl("req", *signed, *EC.split(), *files)
 
-    def issue(self, name: str, days: int = 30, key: str = EC, usage: str = "clientAuth") -> Identity:
-        """A certificate with that common name; it is valid from now on, with days < 0 up to then."""
+    def issue(
+        self,
+        name: str,
+        days: int = 30,
+        key: str = EC,
+        usage: str = "clientAuth",
+        until: datetime | None = None,
+    ) -> Identity:
+        """A certificate with that common name; its days begin now, and with days < 0 are over."""
         place = self.folder / name.replace(" ", "-")
         made = Identity(place.with_suffix(".pem"), place.with_suffix(".key"))
         request, extensions = place.with_suffix(".csr"), place.with_suffix(".cnf")
         extensions.write_text(f"basicConstraints = critical, CA:false\nextendedKeyUsage = {usage}\n")
         asked = ["-new", "-nodes", *key.split(), "-subj", f"/CN={name}", "-keyout", made.key]
         openssl("req", *asked, "-out", request)
-        signed = ["-CA", self.certificate, "-CAkey", self._key, "-CAcreateserial", "-days", str(days)]
-        openssl("x509", "-req", "-in", request, *signed, "-extfile", extensions, "-out", made.certificate)
+        signed = ["-in", request, "-extfile", extensions, "-out", made.certificate]
+        if until:
+            self._act("-batch", "-notext", "-enddate", until.strftime("%Y%m%d%H%M%SZ"), *signed)
+        else:
+            by = ["-CA", self.certificate, "-CAkey", self._key, "-CAcreateserial", "-days", str(days)]
+            openssl("x509", "-req", *by, *signed)
         return made
 
     def issue_for_station(self, name: str = "substation 7", days: int = 30, key: str = EC) -> Identity:
@@ -64,12 +87,16 @@ class Authority:
 
     def revoke(self, *identities: Identity) -> Path:
         """The list of these."""
+        for identity in identities:
+            self._act("-revoke", identity.certificate)
+        revoked = self.folder / "crl.pem"
+        self._act("-gencrl", "-crldays", "30", "-out", revoked)
+        return revoked
+
+    def _act(self, *arguments: str | Path) -> None:
+        """What goes into the authority's book."""
         (self.folder / "index.txt").touch()
         settings = self.folder / "ca.cnf"
-        settings.write_text("[ca]\ndefault_ca = ca\n[ca]\ndatabase = index.txt\ndefault_md = sha256\n")
-        by = ["ca", "-config", settings, "-cert", self.certificate, "-keyfile", self._key]
-        for identity in identities:
-            openssl(*by, "-revoke", identity.certificate, folder=self.folder)
-        revoked = self.folder / "crl.pem"
-        openssl(*by, "-gencrl", "-crldays", "30", "-out", revoked, folder=self.folder)
-        return revoked
+        settings.write_text(BOOK)
+        by = ["-config", settings, "-cert", self.certificate, "-keyfile", self._key]
+        openssl("ca", *by, *arguments, folder=self.folder)

@@ -230,7 +230,7 @@ static void end_connection(uint32_t index)
 	channel_close(&sockets[index].channel);
 }
 
-/* Watches for input while there is space for it, and for output while some is left; for what the channel waits for. */
+/* Watches for input while there is space for it, and for output while some is left. */
 static void watch_connection(uint32_t index)
 {
 	struct iec104_session *session = &station.connections[index].session;
@@ -243,8 +243,7 @@ static void watch_connection(uint32_t index)
 	iec104_session_output(session, &size);
 	if (size > 0)
 		interest |= EPOLLOUT;
-	if (sockets[index].channel.wants !=
-	    0) /* input that it cannot take would wake the loop again and again */
+	if (sockets[index].channel.wants != 0) /* first; input waits, and would wake the loop for nothing */
 		interest = sockets[index].channel.wants;
 	if (interest == sockets[index].interest)
 		return;
