@@ -4,10 +4,12 @@
 import contextlib
 import os
 import re
+import select
 import signal
 import socket
 import ssl
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +17,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import c104
 import pytest
 
 from lab.gateway import TESTFR_ACT, TESTFR_CON, Gateway, free_port, remove, run_directory
@@ -187,6 +190,50 @@ def test_interrogation_of_5000_points(gateway: TlsGateway, version: str) -> None
         objects = master.interrogate(STATION).objects
     assert [found.ioa for found in objects] == list(range(30001, 30001 + POINTS))
     gateway.wait_log(rf'TLSv{version}, "centre 1"$')
+
+
+@contextlib.contextmanager
+def tunnel(gateway: TlsGateway, context: ssl.SSLContext) -> Iterator[int]:
+    """A TCP port that leads to the station through TLS, for one connection."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def carry() -> None:
+            plain, _ = listener.accept()
+            with plain, connected(gateway, context) as secured:
+                while True:
+                    ready = [secured] if secured.pending() else select.select([plain, secured], [], [])[0]
+                    for side in ready:
+                        side.setblocking(False)
+                        with contextlib.suppress(ssl.SSLWantReadError):  # a ticket is not for the other side
+                            octets = side.recv(65536)
+                            if not octets:
+                                return
+                            other = plain if side is secured else secured
+                            other.settimeout(WAITS_S)
+                            other.sendall(octets)
+
+        thread = threading.Thread(target=carry, daemon=True)
+        thread.start()
+        yield int(listener.getsockname()[1])
+        thread.join(WAITS_S)
+        assert not thread.is_alive()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_lib60870_through_tls(gateway: TlsGateway, pki: Pki, version: str) -> None:
+    """In a tunnel: the TLS of c104 2.2.1 itself ends each handshake for want of a host name (-0x5d80)."""
+    with tunnel(gateway, pki.client(version=version)) as port:
+        client = c104.Client(tick_rate_ms=50, command_timeout_ms=10_000)
+        connection = client.add_connection(ip="127.0.0.1", port=port, init=c104.Init.NONE)
+        client.start()
+        try:
+            connection.connect()
+            gateway.wait_for(lambda: connection.is_connected, WAITS_S, "c104 is connected")
+            connection.unmute()
+            gateway.wait_for(lambda: not connection.is_muted, WAITS_S, "data transfer has started")
+            assert connection.interrogation(common_address=STATION)
+        finally:
+            client.stop()
 
 
 @pytest.mark.parametrize(

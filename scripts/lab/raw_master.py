@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import select
 import socket
@@ -208,7 +209,7 @@ class RawMaster:
 
     def _read(self, deadline: float, what: str) -> None:
         """Takes what the socket has, at least a byte."""
-        arrived = self._connected.recv(65536) if self._is_ready(deadline) else None
+        arrived = self._receive(deadline)
         arrived_ns = time.monotonic_ns()
         if arrived is None:
             raise StationError(f"no {what} in time")
@@ -219,6 +220,17 @@ class RawMaster:
             apdu = bytes(self._buffer[: 2 + self._buffer[1]])
             del self._buffer[: len(apdu)]
             self._take(apdu, arrived_ns)
+
+    def _receive(self, deadline: float) -> bytes | None:
+        """None: nothing came in time."""
+        connected = self._connected
+        while self._is_ready(deadline):
+            if not isinstance(connected, ssl.SSLSocket):
+                return connected.recv(65536)
+            with contextlib.suppress(ssl.SSLWantReadError):  # a record of TLS may hold nothing for us
+                connected.setblocking(False)
+                return connected.recv(65536)
+        return None
 
     def _is_ready(self, deadline: float) -> bool:
         if isinstance(self._connected, ssl.SSLSocket) and self._connected.pending():
@@ -260,6 +272,8 @@ class RawMaster:
         self._send(bytes((function, 0, 0, 0)))
 
     def _send(self, apdu: bytes) -> None:
+        if self._tls:
+            self._connected.settimeout(ANSWER_TIMEOUT_S)
         self._connected.sendall(bytes((START, len(apdu))) + apdu)
 
     def _receive_number(self) -> bytes:
