@@ -56,13 +56,13 @@ cross: build/arm/build.ninja ## cross-compile for ARMv5, run the C unit tests un
 	$(MESON_TEST) -C build/arm
 
 build/native/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(SRC) -Dtests=enabled
+	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true
 
 build/asan/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(SRC) -Dtests=enabled -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
 build/arm/build.ninja: build/sysroot.ini
-	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file $< --cross-file scripts/armel.ini
+	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
 
 build/sysroot.ini: | $(SYSROOT)
 	printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
@@ -230,7 +230,7 @@ PAYLOAD     = tests/netboot/payload
 PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
-UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_queues.py tests/test_station_wire.py
+UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_queues.py tests/test_station_tls.py tests/test_station_wire.py
 SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 

@@ -225,6 +225,7 @@ SITES = [
     Site("", "", ("",)),
     Site("iec104", "iec104", ("iec104",)),
     Site("redundancy_group", "redundancy_groups[0]", ("redundancy_group",)),
+    Site("tls", "tls", ("tls",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("port", "port[0]", ("port",)),
     Site("inactive_port", "port[1]", ("inactive_port",)),
@@ -265,8 +266,9 @@ def small_file() -> dict[str, Any]:
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
     slaves = [{"id": 1}, {"id": 2} | {table: [{"address": 5}] for table in tables}]
     ports = [{"value": 3, "active": 1, **line, "slaves": slaves}, {"value": 5, "active": 0}]
+    tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
-    others = {"iec104": {}, "modbus": {}, "event_ring": 65536, "redundancy_groups": groups}
+    others = {"iec104": {}, "tls": tls, "modbus": {}, "event_ring": 65536, "redundancy_groups": groups}
     return {"port": ports, **others}
 
 
@@ -299,7 +301,8 @@ def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
     if rule.get("type") == "boolean":
         return [False, True]
     if "maxLength" in rule:
-        return ["x" * max(rule["minLength"], 1), "x" * rule["maxLength"]]
+        first = "/" if rule.get("pattern", "").startswith("^/") else "x"
+        return [first + "x" * (length - 1) for length in (max(rule["minLength"], 1), rule["maxLength"])]
     if rule.get("type") == "number":
         return [rule.get("minimum", 0.5 if "exclusiveMinimum" in rule else -1.5), 2, 1e30]
     return [rule[bound] for bound in ("minimum", "maximum") if bound in rule]
@@ -367,8 +370,8 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
 
 def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Every key of the schema: the definition it is in, its name, its rule."""
-    objects = ("object", "command", "bits", "registers")
-    for name in ("", "iec104", "redundancy_group", "modbus", "port", "slave", *objects):
+    objects = ("object", "command", "bits", "registers", "pulse", "step")
+    for name in ("", "iec104", "tls", "redundancy_group", "modbus", "port", "slave", *objects):
         for key, rule in definition(name)["properties"].items():
             yield name, key, resolved(rule)
 

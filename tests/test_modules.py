@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Builds that leave a module out: what they install, what they refuse and what they run."""
 
+import json
 import os
 import subprocess
 from collections.abc import Iterator
@@ -26,6 +27,10 @@ NO_IEC104 = (
 NO_MODBUS = (
     "port: this build has no rtu-modbus: make no port active, or build with -Dmodbus=true, in Buildroot "
     "BR2_PACKAGE_OPENRTU_MODBUS\n"
+)
+NO_TLS = (
+    "tls: this build has no rtu-iec104-tls: remove the object, or build with -Dtls=true, in Buildroot "
+    "BR2_PACKAGE_OPENRTU_TLS\n"
 )
 
 
@@ -75,9 +80,10 @@ def station_only() -> dict[str, Any]:
     return listening_on(config, free_port())
 
 
-def refused(build: Path, directory: Path) -> str:
-    """What rtud says of chapter 5, when asked to check it and when started with it."""
-    file, segments = CHAPTER_5 / "gateway.json", directory / "map"
+def refused(build: Path, directory: Path, config: dict[str, Any] | None = None) -> str:
+    """What rtud says of a configuration, chapter 5, when asked to check it and when started with it."""
+    file, segments = directory / "refused.json", directory / "map"
+    file.write_text(json.dumps(config or chapter_5()))
     said = set()
     for options in (["--check"], ["--map", segments, "--modules", build / "modules"]):
         command = [build / "rtud" / "rtud", *options, file]
@@ -99,6 +105,8 @@ def test_configuration_that_needs_what_is_left_out_is_refused(
 ) -> None:
     assert refused(without_iec104, directory) == NO_IEC104
     assert refused(without_modbus, directory) == NO_MODBUS
+    files = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
+    assert refused(without_modbus, directory, station_only() | {"tls": files}).endswith(NO_TLS)
 
 
 def test_lines_run_without_the_station(without_iec104: Path, directory: Path) -> None:

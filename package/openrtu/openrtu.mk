@@ -39,6 +39,13 @@ else
 OPENRTU_CONF_OPTS += -Diec104=false
 endif
 
+ifeq ($(BR2_PACKAGE_OPENRTU_TLS),y)
+OPENRTU_CONF_OPTS += -Dtls=true
+OPENRTU_DEPENDENCIES += openssl
+else
+OPENRTU_CONF_OPTS += -Dtls=false
+endif
+
 ifeq ($(BR2_PACKAGE_OPENRTU_MODBUS),y)
 OPENRTU_CONF_OPTS += -Dmodbus=true
 define OPENRTU_MODBUS_USER

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import itertools
 import select
 import socket
+import ssl
 import time
 from collections import deque
 from dataclasses import dataclass, field
@@ -141,9 +143,16 @@ def new_source(address: str) -> str:
 class RawMaster:
     """One connection with started data transfer."""
 
-    def __init__(self, address: str, port: int, source: str | None = None) -> None:
+    def __init__(
+        self,
+        address: str,
+        port: int,
+        source: str | None = None,
+        tls: ssl.SSLContext | None = None,
+    ) -> None:
         self._address = (address, port)
         self._source = (new_source(address) if source is None else source, 0)
+        self._tls = tls
         self._socket: socket.socket | None = None
         self._buffer = bytearray()
         self._asdus: deque[Asdu] = deque()
@@ -153,6 +162,8 @@ class RawMaster:
     def __enter__(self) -> Self:
         self._socket = socket.create_connection(self._address, ANSWER_TIMEOUT_S, self._source)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if self._tls:
+            self._socket = self._tls.wrap_socket(self._socket)
         self._send_u(STARTDT_ACT)
         deadline = time.monotonic() + ANSWER_TIMEOUT_S
         while not self._started:
@@ -231,8 +242,7 @@ class RawMaster:
 
     def _read(self, deadline: float, what: str) -> None:
         """Takes what the socket has, at least a byte."""
-        ready, _, _ = select.select([self._connected], [], [], max(0.0, deadline - time.monotonic()))
-        arrived = self._connected.recv(65536) if ready else None
+        arrived = self._receive(deadline)
         arrived_ns = time.monotonic_ns()
         if arrived is None:
             raise StationError(f"no {what} in time")
@@ -243,6 +253,22 @@ class RawMaster:
             apdu = bytes(self._buffer[: 2 + self._buffer[1]])
             del self._buffer[: len(apdu)]
             self._take(apdu, arrived_ns)
+
+    def _receive(self, deadline: float) -> bytes | None:
+        """None: nothing came in time."""
+        connected = self._connected
+        while self._is_ready(deadline):
+            if not isinstance(connected, ssl.SSLSocket):
+                return connected.recv(65536)
+            with contextlib.suppress(ssl.SSLWantReadError):  # a record of TLS may hold nothing for us
+                connected.setblocking(False)
+                return connected.recv(65536)
+        return None
+
+    def _is_ready(self, deadline: float) -> bool:
+        if isinstance(self._connected, ssl.SSLSocket) and self._connected.pending():
+            return True
+        return bool(select.select([self._connected], [], [], max(0.0, deadline - time.monotonic()))[0])
 
     def _take(self, apdu: bytes, arrived_ns: int) -> None:
         if apdu[0] != START or len(apdu) < 6:
@@ -279,6 +305,8 @@ class RawMaster:
         self._send(bytes((function, 0, 0, 0)))
 
     def _send(self, apdu: bytes) -> None:
+        if self._tls:
+            self._connected.settimeout(ANSWER_TIMEOUT_S)
         self._connected.sendall(bytes((START, len(apdu))) + apdu)
 
     def _receive_number(self) -> bytes:

@@ -20,6 +20,11 @@
 #define MAP_GROUPS_MAX        8  /* redundancy groups */
 #define MAP_GROUP_MASTERS_MAX 8  /* addresses of one */
 
+/* Of "tls": a file's path, the list "masters", and a SHA-256 fingerprint as openssl prints it. */
+#define MAP_FILE_SIZE       128
+#define MAP_TLS_MASTERS_MAX 16
+#define MAP_TLS_MASTER_SIZE 96
+
 /* The information types of report 003's tables 4.1 and 4.2. */
 enum map_type {
 	MAP_SINGLE,     /* value.u 0, 1 */
@@ -131,6 +136,21 @@ struct map_group {
 	char masters[MAP_GROUP_MASTERS_MAX][MAP_ADDRESS_SIZE];
 };
 
+enum map_tls_version { MAP_TLS_1_2 = 1u << 0, MAP_TLS_1_3 = 1u << 1 };
+
+/* How rtu-iec104-tls proves who it is and asks who its masters are. IEC 62351-3. The files hold PEM. */
+struct map_tls {
+	char certificate[MAP_FILE_SIZE]; /* and what leads from it to its CA; empty: no TLS */
+	char key[MAP_FILE_SIZE];
+	char ca[MAP_FILE_SIZE];  /* whose certificates the masters have */
+	char crl[MAP_FILE_SIZE]; /* of each of these CAs; empty: nothing is revoked */
+	uint32_t resumption_s;   /* how long a session may be resumed, 0: never */
+	uint8_t versions;        /* enum map_tls_version */
+	uint8_t master_count;    /* 0: whoever has a certificate from the CA */
+	uint8_t reserved[2];
+	char masters[MAP_TLS_MASTERS_MAX][MAP_TLS_MASTER_SIZE]; /* common names and fingerprints */
+};
+
 /* What belongs to no line. Times of IEC 60870-5-104, 9.6. */
 struct map_settings {
 	char address[MAP_ADDRESS_SIZE]; /* where rtu-iec104 listens */
@@ -153,7 +173,14 @@ struct map_settings {
 	uint32_t group_count;
 	struct map_group groups[MAP_GROUPS_MAX];
 	uint32_t originators_refused[8]; /* a bit for each originator address that may not command */
+	struct map_tls tls;
 };
+
+/* rtu-iec104-tls is the module's program. */
+static inline bool map_tls_used(const struct map_settings *settings)
+{
+	return settings->tls.certificate[0] != '\0';
+}
 
 /* The whole configuration. The arrays belong to whoever filled it, or lie in the map. */
 struct map_config {

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * rtu-iec104: the controlled station on TCP. One thread, one epoll loop; all of IEC 60870-5-104 is in iec104/.
+ * rtu-iec104 and rtu-iec104-tls: the controlled station on TCP, or on TLS. One thread, one epoll loop; all of
+ * IEC 60870-5-104 is in iec104/, what carries its octets in a channel.
  */
 #include <arpa/inet.h>
 #include <errno.h>
@@ -20,18 +21,20 @@
 
 #include "iec104/station.h"
 #include "map/map.h"
+#include "modules/channel.h"
+#include "modules/newcomers.h"
 
 #define NS_PER_MS 1000000LL
 #define IDLE_MS   250 /* well below the second in which rtud expects a heartbeat */
 #define BACKLOG   16
-#define EVENTS    (IEC104_CONNECTIONS_MAX + 3)
+#define EVENTS    (SOURCE_NEWCOMERS + NEWCOMERS_MAX)
 
-/* What an epoll event is about: a connection's index, or one of these. */
-enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL };
+/* What an epoll event is about: a connection's index, one of these, or from the last on a newcomer's place. */
+enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL, SOURCE_NEWCOMERS };
 
 static struct iec104_station station;
 static struct socket {
-	int fd;
+	struct channel channel;
 	uint32_t interest; /* what epoll watches it for */
 } sockets[IEC104_CONNECTIONS_MAX];
 
@@ -40,70 +43,6 @@ static int64_t *sent_ns;               /* k times a connection */
 static struct map_queue_place *places; /* the same */
 static int poll_fd, listen_fd, signal_fd;
 static int64_t rest_until_ns; /* the listener's; 0: it is watched */
-
-/* ---- addresses --------------------------------------------------------------------------- */
-
-/* An IPv4 peer of an IPv6 socket is seen as a mapped address; here both are the same. */
-static void map_to_ipv6(const struct sockaddr_storage *address, struct in6_addr *out)
-{
-	if (address->ss_family == AF_INET6) {
-		memcpy(out, &((const struct sockaddr_in6 *)address)->sin6_addr, sizeof(*out));
-		return;
-	}
-	memset(out, 0, sizeof(*out));
-	out->s6_addr[10] = out->s6_addr[11] = 0xff;
-	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)address)->sin_addr, sizeof(struct in_addr));
-}
-
-static bool parse_address(const char *text, struct in6_addr *out)
-{
-	struct sockaddr_storage ipv4 = {.ss_family = AF_INET};
-
-	if (inet_pton(AF_INET6, text, out) == 1)
-		return true;
-	if (inet_pton(AF_INET, text, &((struct sockaddr_in *)&ipv4)->sin_addr) != 1)
-		return false;
-	map_to_ipv6(&ipv4, out);
-	return true;
-}
-
-static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
-{
-	struct in6_addr listed;
-
-	for (uint32_t i = 0; i < count; i++)
-		if (parse_address(list[i], &listed) && memcmp(address, &listed, sizeof(listed)) == 0)
-			return true;
-	return false;
-}
-
-static bool may_connect(const struct map_settings *settings, const struct in6_addr *address)
-{
-	return settings->master_count == 0 || is_among(address, settings->masters, settings->master_count);
-}
-
-static bool may_set_clock(const struct map_settings *settings, const struct in6_addr *address)
-{
-	return settings->clock_master_count == 0 ||
-	       is_among(address, settings->clock_masters, settings->clock_master_count);
-}
-
-/* The redundancy group of an address; MAP_NONE: none. */
-static uint32_t group_of(const struct map_settings *settings, const struct in6_addr *address)
-{
-	for (uint32_t i = 0; i < settings->group_count; i++)
-		if (is_among(address, settings->groups[i].masters, settings->groups[i].master_count))
-			return i;
-	return MAP_NONE;
-}
-
-static void write_address(const struct in6_addr *address, char text[MAP_ADDRESS_SIZE])
-{
-	if (IN6_IS_ADDR_V4MAPPED(address))
-		inet_ntop(AF_INET, &address->s6_addr[12], text, MAP_ADDRESS_SIZE);
-	else
-		inet_ntop(AF_INET6, address, text, MAP_ADDRESS_SIZE);
-}
 
 /* ---- connections ------------------------------------------------------------------------- */
 
@@ -143,56 +82,73 @@ static bool accept_failed(void)
 	}
 }
 
-/* NULL: it may not connect, or there is no room for it. */
-static struct iec104_connection *admit(const struct sockaddr_storage *from)
+/* Its peer is who it should be: it becomes a connection of the station, if one is free. */
+static void admit(struct newcomer *newcomer)
 {
-	const struct map_settings *settings = &map_config(map)->settings;
-	/* the port has the same place in both families */
-	unsigned port = ntohs(((const struct sockaddr_in *)from)->sin_port);
-	struct in6_addr address;
-	char text[MAP_ADDRESS_SIZE], name[MAP_PEER_SIZE];
+	const struct peer *peer = &newcomer->peer;
+	struct iec104_connection *connection =
+	    iec104_station_connect(&station,
+				   &(struct iec104_peer){.name = peer->name,
+							 .address = peer->address,
+							 .group = peer->group,
+							 .clock_master = peer->clock_master},
+				   map_now_ns());
+	uint32_t index;
 
-	map_to_ipv6(from, &address);
-	write_address(&address, text);
-	snprintf(name, sizeof(name), "%s port %u", text, port);
-	if (!may_connect(settings, &address)) {
-		iec104_station_refuse(&station, name, map_now_ns());
-		return NULL;
+	newcomer->here = false;
+	if (connection == NULL) {
+		channel_close(&newcomer->channel);
+		return;
 	}
-	return iec104_station_connect(
-	    &station,
-	    &(struct iec104_peer){.name = name,
-				  .address = text,
-				  .group = group_of(settings, &address),
-				  .clock_master = may_set_clock(settings, &address)},
-	    map_now_ns());
+	index = (uint32_t)(connection - station.connections);
+	sockets[index] = (struct socket){.channel = newcomer->channel, .interest = EPOLLIN};
+	watch(EPOLL_CTL_MOD, newcomer->channel.fd, EPOLLIN, index);
+}
+
+static void settle(struct newcomer *newcomer, enum channel_greeting greeting)
+{
+	switch (greeting) {
+	case CHANNEL_GREETED:
+		admit(newcomer);
+		return;
+	case CHANNEL_WAITS:
+		watch(EPOLL_CTL_MOD, newcomer->channel.fd, newcomer->channel.wants,
+		      SOURCE_NEWCOMERS + newcomers_place_of(newcomer));
+		return;
+	case CHANNEL_REFUSED:
+		newcomer->here = false;
+		channel_close(&newcomer->channel);
+	}
 }
 
 /* False: none is waiting, or none can be taken now. */
 static bool accept_one(void)
 {
-	struct sockaddr_storage peer;
-	socklen_t size = sizeof(peer);
-	struct iec104_connection *connection;
+	struct sockaddr_storage from;
+	socklen_t size = sizeof(from);
+	struct newcomer *newcomer;
 	const int on = 1;
-	int fd = accept4(listen_fd, (struct sockaddr *)&peer, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
-	uint32_t index;
+	int fd = accept4(listen_fd, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+	struct peer peer;
 
 	if (fd < 0)
 		return accept_failed();
-	connection = admit(&peer);
-	if (connection == NULL) {
+	peer = peer_of(&from, &map_config(map)->settings);
+	if (!peer.listed) {
+		iec104_station_refuse(&station, peer.name, map_now_ns());
 		close(fd);
 		return true;
 	}
 	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	index = (uint32_t)(connection - station.connections);
-	sockets[index] = (struct socket){.fd = fd, .interest = EPOLLIN};
-	watch(EPOLL_CTL_ADD, fd, EPOLLIN, index);
+	newcomer = newcomers_place(&station, map_now_ns());
+	newcomer->peer = peer;
+	watch(EPOLL_CTL_ADD, fd, 0, SOURCE_NEWCOMERS + newcomers_place_of(newcomer));
+	settle(newcomer, channel_open(&newcomer->channel, fd, peer.name));
 	return true;
 }
 
-static void receive(uint32_t index)
+/* Takes what there is room for. True: something came. */
+static bool receive(uint32_t index)
 {
 	struct iec104_session *session = &station.connections[index].session;
 	size_t room;
@@ -200,12 +156,13 @@ static void receive(uint32_t index)
 	ssize_t count;
 
 	if (room == 0)
-		return;
-	count = read(sockets[index].fd, place, room);
+		return false;
+	count = channel_receive(&sockets[index].channel, place, room);
 	if (count > 0)
 		iec104_session_received(session, (size_t)count);
-	else if (count == 0 || (errno != EAGAIN && errno != EINTR))
+	else if (count < 0)
 		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
+	return count > 0;
 }
 
 /* Writes what the connection takes. True: something went, so there may be room for more. */
@@ -218,10 +175,10 @@ static bool transmit(uint32_t index)
 
 	if (size == 0)
 		return false;
-	count = send(sockets[index].fd, bytes, size, MSG_NOSIGNAL);
+	count = channel_transmit(&sockets[index].channel, bytes, size);
 	if (count > 0)
 		iec104_session_written(session, (size_t)count);
-	else if (errno != EAGAIN && errno != EINTR)
+	else if (count < 0)
 		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
 	return count > 0;
 }
@@ -229,7 +186,7 @@ static bool transmit(uint32_t index)
 static void end_connection(uint32_t index)
 {
 	iec104_station_disconnect(&station, &station.connections[index]);
-	close(sockets[index].fd);
+	channel_close(&sockets[index].channel);
 }
 
 /* Watches for input while there is space for it, and for output while some is left. */
@@ -245,10 +202,12 @@ static void watch_connection(uint32_t index)
 	iec104_session_output(session, &size);
 	if (size > 0)
 		interest |= EPOLLOUT;
+	if (sockets[index].channel.wants != 0) /* first; input waits, and would wake the loop for nothing */
+		interest = sockets[index].channel.wants;
 	if (interest == sockets[index].interest)
 		return;
 	sockets[index].interest = interest;
-	watch(EPOLL_CTL_MOD, sockets[index].fd, interest, index);
+	watch(EPOLL_CTL_MOD, sockets[index].channel.fd, interest, index);
 }
 
 /* ---- the loop ---------------------------------------------------------------------------- */
@@ -260,8 +219,12 @@ static void serve(void)
 	do {
 		moved = false;
 		iec104_station_run(&station, map_now_ns());
-		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)
-			moved |= station.connections[i].open && transmit(i);
+		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
+			if (!station.connections[i].open)
+				continue;
+			moved |= transmit(i);
+			moved |= channel_pending(&sockets[i].channel) && receive(i);
+		}
 	} while (moved);
 	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
 		if (!station.connections[i].open)
@@ -284,8 +247,27 @@ static int wait_ms(void)
 	return (int)((deadline_ns - now_ns + NS_PER_MS - 1) / NS_PER_MS);
 }
 
+/* True: it may have cost a signature, a good part of the second in which rtud expects a heartbeat. */
+static bool greet(uint32_t place)
+{
+	struct newcomer *newcomer = newcomers_at(place);
+
+	if (newcomer == NULL) /* sent away just now */
+		return false;
+	settle(newcomer, channel_greet(&newcomer->channel));
+	return true;
+}
+
+static void handle_connection(uint32_t index, uint32_t events)
+{
+	if (events & (EPOLLIN | sockets[index].channel.wants))
+		receive(index);
+	else if (events & (EPOLLHUP | EPOLLERR))
+		iec104_session_close(&station.connections[index].session, IEC104_CLOSED_BY_PEER);
+}
+
 /* False: the process shall end. */
-static bool handle(const struct epoll_event *event)
+static bool handle(const struct epoll_event *event, bool *greeted)
 {
 	switch (event->data.u32) {
 	case SOURCE_LISTENER:
@@ -298,11 +280,10 @@ static bool handle(const struct epoll_event *event)
 	case SOURCE_SIGNAL:
 		return false;
 	default:
-		if (event->events & EPOLLIN)
-			receive(event->data.u32);
-		else if (event->events & (EPOLLHUP | EPOLLERR))
-			iec104_session_close(&station.connections[event->data.u32].session,
-					     IEC104_CLOSED_BY_PEER);
+		if (event->data.u32 < IEC104_CONNECTIONS_MAX)
+			handle_connection(event->data.u32, event->events);
+		else if (!*greeted) /* others are for the next turn: who is connected comes first */
+			*greeted = greet(event->data.u32 - SOURCE_NEWCOMERS);
 		return true;
 	}
 }
@@ -314,10 +295,12 @@ static void run(void)
 	while (wanted && map_wanted(map)) {
 		struct epoll_event events[EVENTS];
 		int count = epoll_wait(poll_fd, events, EVENTS, wait_ms());
+		bool greeted = false;
 
 		for (int i = 0; i < count; i++)
-			wanted &= handle(&events[i]);
+			wanted &= handle(&events[i], &greeted);
 		serve();
+		newcomers_watch(&station, map_now_ns());
 		wake_listener();
 		map_heartbeat(map);
 	}
@@ -385,9 +368,9 @@ static int start(void)
 	poll_fd = epoll_create1(EPOLL_CLOEXEC);
 	if (sent_ns == NULL || places == NULL || poll_fd < 0 || open_signals() < 0)
 		return fail("cannot start", strerror(errno));
-	if (open_listener(settings) < 0)
-		return -1;
 	iec104_station_init(&station, map, sent_ns, places);
+	if (!channel_start(&station) || open_listener(settings) < 0)
+		return -1;
 	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
 	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);
 	watch(EPOLL_CTL_ADD, signal_fd, EPOLLIN, SOURCE_SIGNAL);

@@ -23,7 +23,7 @@ enum config_result {
 
 /* The modules that there are programs of. */
 struct config_modules {
-	bool iec104, modbus;
+	bool iec104, modbus, tls;
 };
 
 /*

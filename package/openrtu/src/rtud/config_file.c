@@ -5,12 +5,15 @@
 #define EVENT_RING_LEAST  64
 #define SECONDS_OF_2_DAYS 172800
 #define ORIGINATORS       256
+#define PORT_PLAIN        2404
+#define PORT_TLS          19998 /* IANA: iec-104-sec */
 
 static const char *const clocks[] = {[MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_SYSTEM] = "system", NULL};
 
 enum {
 	FILE_PORT,
 	FILE_IEC104,
+	FILE_TLS,
 	FILE_CLOCK,
 	FILE_TIMEZONE,
 	FILE_MODBUS,
@@ -23,6 +26,7 @@ enum {
 static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_PORT] = {CONFIG_KEY_PORTS, CONFIG_ARRAY, .required = true, .high = CONFIG_PORTS_MAX},
     [FILE_IEC104] = {"iec104", CONFIG_OBJECT},
+    [FILE_TLS] = {"tls", CONFIG_OBJECT},
     [FILE_CLOCK] = {"clock", CONFIG_CHOICE, .choices = clocks},
     [FILE_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63},
     [FILE_MODBUS] = {"modbus", CONFIG_OBJECT},
@@ -49,7 +53,7 @@ enum {
 };
 static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [IEC104_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = 2404},
+    [IEC104_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
     [IEC104_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
     [IEC104_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
     [IEC104_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
@@ -92,7 +96,8 @@ static void check_times(struct config_loader *loader, const struct config_place 
 			     (long long)values[IEC104_T2].integer, (long long)values[IEC104_T1].integer);
 }
 
-static void read_iec104(struct config_loader *loader, const struct config_place *file, const json_t *json)
+static void read_iec104(struct config_loader *loader, const struct config_place *file, const json_t *json,
+			bool tls)
 {
 	const struct config_place place = config_key_of(file, file_rules[FILE_IEC104].name);
 	const struct config_place address = config_key_of(&place, iec104_rules[IEC104_ADDRESS].name);
@@ -104,7 +109,7 @@ static void read_iec104(struct config_loader *loader, const struct config_place 
 	config_read_keys(&loader->report, &place, json, iec104_rules, IEC104_KEYS, values);
 	check_window(loader, &place, values);
 	check_times(loader, &place, values);
-	settings->port = (uint16_t)values[IEC104_PORT].integer;
+	settings->port = tls && !values[IEC104_PORT].given ? PORT_TLS : (uint16_t)values[IEC104_PORT].integer;
 	settings->k = (uint16_t)values[IEC104_K].integer;
 	settings->w = (uint16_t)values[IEC104_W].integer;
 	settings->t1_s = (uint16_t)values[IEC104_T1].integer;
@@ -186,12 +191,16 @@ static void check_point_count(struct config_loader *loader, const struct config_
 void config_read_file(struct config_loader *loader, const json_t *root)
 {
 	const struct config_place file = {.in = NULL};
+	const struct config_place tls = config_key_of(&file, file_rules[FILE_TLS].name);
 	struct config_value values[FILE_KEYS];
 
 	config_read_keys(&loader->report, &file, root, file_rules, FILE_KEYS, values);
 	if (!json_is_object(root))
 		return;
-	read_iec104(loader, &file, values[FILE_IEC104].given ? values[FILE_IEC104].json : NULL);
+	read_iec104(loader, &file, values[FILE_IEC104].given ? values[FILE_IEC104].json : NULL,
+		    values[FILE_TLS].given);
+	if (values[FILE_TLS].given)
+		config_read_tls(loader, &tls, values[FILE_TLS].json);
 	read_modbus(loader, &file, values[FILE_MODBUS].given ? values[FILE_MODBUS].json : NULL);
 	read_event_ring(loader, &file, &values[FILE_EVENT_RING]);
 	read_timezone(loader, &file, &values[FILE_TIMEZONE]);
@@ -206,6 +215,7 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 {
 	const struct config_place file = {.in = NULL};
 	static const unsigned iec104_keys[] = {FILE_IEC104, FILE_MASTERS, FILE_GROUPS, FILE_ORIGINATORS};
+	const struct config_place tls = config_key_of(&file, file_rules[FILE_TLS].name);
 	const struct config_place ports = config_key_of(&file, file_rules[FILE_PORT].name);
 
 	for (size_t i = 0; i < sizeof(iec104_keys) / sizeof(iec104_keys[0]); i++) {
@@ -216,6 +226,10 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 				     "this build has no rtu-iec104: remove the key, or build with "
 				     "-Diec104=true, in Buildroot BR2_PACKAGE_OPENRTU_IEC104");
 	}
+	if (!modules.tls && json_object_get(root, file_rules[FILE_TLS].name) != NULL)
+		config_error(&loader->report, &tls,
+			     "this build has no rtu-iec104-tls: remove the object, or build with "
+			     "-Dtls=true, in Buildroot BR2_PACKAGE_OPENRTU_TLS");
 	if (!modules.modbus && loader->config->line_count > 0)
 		config_error(&loader->report, &ports,
 			     "this build has no rtu-modbus: make no port active, or build with "

@@ -60,10 +60,16 @@ void config_read_masters(struct config_loader *loader, const struct config_place
 void config_read_groups(struct config_loader *loader, const struct config_place *array, const json_t *json);
 void config_read_originators(struct config_loader *loader, const struct config_place *array,
 			     const json_t *json);
+
 /* ---- config_zone.c ----------------------------------------------------------------------- */
 
 /* Reads a POSIX TZ string with its rules, as "CET-1CEST,M3.5.0,M10.5.0/3". False: it is none. */
 bool config_read_zone(const char *text, struct map_zone *zone);
+
+/* ---- config_tls.c ------------------------------------------------------------------------ */
+
+/* Fills settings.tls. json: the object "tls" of the file. */
+void config_read_tls(struct config_loader *loader, const struct config_place *place, const json_t *json);
 
 /* ---- config_port.c ----------------------------------------------------------------------- */
 

@@ -12,7 +12,8 @@
 #define UID_BASE 61200 /* systemd's range of users that need no account, 61184..65519 */
 
 /* What meson's options of these names say. */
-static const struct config_modules modules = {.iec104 = OPENRTU_IEC104, .modbus = OPENRTU_MODBUS};
+static const struct config_modules modules = {
+    .iec104 = OPENRTU_IEC104, .modbus = OPENRTU_MODBUS, .tls = OPENRTU_TLS};
 
 static const char usage[] =
     "usage: rtud [OPTION]... FILE    run the gateway that the configuration FILE describes\n"

@@ -87,12 +87,14 @@ static void print_logs(struct supervisor *supervisor, unsigned lines)
 
 /* ---- one module -------------------------------------------------------------------------- */
 
-static const char *program_of(uint8_t kind)
+static const char *program_of(const struct supervisor *supervisor, uint8_t kind)
 {
 	switch (kind) {
 	case MAP_MODULE_MODBUS: /* without the program there are no lines: config_check_modules */
 		return "rtu-modbus";
 	case MAP_MODULE_IEC104: /* in the map of every build, so that a module's number is the same in all */
+		if (map_tls_used(&map_config(supervisor->map)->settings))
+			return "rtu-iec104-tls"; /* without the program there is no tls: config_check_modules */
 		return OPENRTU_IEC104 ? "rtu-iec104" : NULL;
 	default:
 		return NULL; /* rtud itself, and rtuctl, which people run */
@@ -119,7 +121,7 @@ static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 
 	if (plan.segment < 0)
 		return -1;
-	snprintf(program, sizeof(program), "%s/%s", options->modules, program_of(module->kind));
+	snprintf(program, sizeof(program), "%s/%s", options->modules, program_of(supervisor, module->kind));
 	pid = process_start(&plan);
 	close(plan.segment);
 	return pid;
@@ -237,7 +239,7 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 	struct map_module module;
 
 	map_module(supervisor->map, index, &module);
-	if (!program_of(module.kind))
+	if (!program_of(supervisor, module.kind))
 		return;
 	if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
 		start_module(supervisor, index, &module);

@@ -35,7 +35,7 @@ static enum config_result load_with(struct config_modules modules, const char *t
 
 static struct map_config load(const char *text)
 {
-	const struct config_modules all = {.iec104 = true, .modbus = true};
+	const struct config_modules all = {.iec104 = true, .modbus = true, .tls = true};
 	struct map_config config;
 
 	assert_int_equal(load_with(all, text, &config, stderr), CONFIG_GOOD);
@@ -116,6 +116,7 @@ static void test_settings_defaults(void **state)
 	assert_int_equal(settings->group_count, 0);
 	for (unsigned i = 0; i < 8; i++)
 		assert_int_equal(settings->originators_refused[i], 0);
+	assert_false(map_tls_used(settings));
 	config_free(&config);
 }
 
@@ -169,6 +170,45 @@ static void test_controlling_stations(void **state)
 	assert_int_equal(settings->originators_refused[1], 0xfffffffd);
 	assert_int_equal(settings->originators_refused[2], 0xffffffff);
 	assert_int_equal(settings->originators_refused[7], 0x7fffffff);
+	config_free(&config);
+}
+
+#define FILES "'certificate': '/own.pem', 'key': '/own.key', 'ca': '/ca.pem'"
+
+static void test_tls_defaults(void **state)
+{
+	struct map_config config = load("{'port': [], 'tls': {" FILES "}}");
+	const struct map_settings *settings = &config.settings;
+
+	(void)state;
+	assert_true(map_tls_used(settings));
+	assert_int_equal(settings->port, 19998);
+	assert_string_equal(settings->tls.certificate, "/own.pem");
+	assert_string_equal(settings->tls.key, "/own.key");
+	assert_string_equal(settings->tls.ca, "/ca.pem");
+	assert_string_equal(settings->tls.crl, "");
+	assert_int_equal(settings->tls.versions, MAP_TLS_1_2 | MAP_TLS_1_3);
+	assert_int_equal(settings->tls.master_count, 0);
+	assert_int_equal(settings->tls.resumption_s, 86400);
+	config_free(&config);
+}
+
+static void test_tls(void **state)
+{
+	struct map_config config = load("{'port': [], 'iec104': {'port': 2404}, 'tls': {" FILES
+					", 'crl': '/crl.pem', 'versions': ['1.3'], 'resumption_s': 0,"
+					"'masters': ['centre 1', '00:11:22:33:44:55:66:77:88:99:aa:bb:cc:dd:"
+					"ee:FF:00:11:22:33:44:55:66:77:88:99:AA:BB:CC:DD:EE:FF']}}");
+	const struct map_settings *settings = &config.settings;
+
+	(void)state;
+	assert_int_equal(settings->port, 2404);
+	assert_string_equal(settings->tls.crl, "/crl.pem");
+	assert_int_equal(settings->tls.versions, MAP_TLS_1_3);
+	assert_int_equal(settings->tls.resumption_s, 0);
+	assert_int_equal(settings->tls.master_count, 2);
+	assert_string_equal(settings->tls.masters[0], "centre 1");
+	assert_int_equal(strlen(settings->tls.masters[1]), 95);
 	config_free(&config);
 }
 
@@ -233,35 +273,43 @@ static void test_tables_refer_to_each_other(void **state)
 	config_free(&config);
 }
 
-/* Each file with neither module, with one, with the other, with both: which are refused, and what is said. */
+/* Each file with none of the modules, with some, with all: which are refused, and what is said. */
 static void test_modules_that_are_not_there(void **state)
 {
 	static const struct {
 		const char *text;
-		bool needs_iec104, needs_modbus;
+		bool needs_iec104, needs_modbus, needs_tls;
 	} files[] = {
-	    {"{'port': []}", false, false},
-	    {"{'port': [{'value': 1, 'active': 0, 'slaves': [{'id': 1}]}], 'modbus': {}}", false, false},
-	    {"{'port': [], 'iec104': {}}", true, false},
-	    {"{'port': [], 'originators': [1]}", true, false},
-	    {"{'port': [" LINE("1", "") "]}", false, true},
-	    {"{'port': [" LINE("1", "{'id': 1}") "], 'iec104': {}}", true, true},
+	    {"{'port': []}", false, false, false},
+	    {"{'port': [{'value': 1, 'active': 0, 'slaves': [{'id': 1}]}], 'modbus': {}}", false, false,
+	     false},
+	    {"{'port': [], 'iec104': {}}", true, false, false},
+	    {"{'port': [], 'originators': [1]}", true, false, false},
+	    {"{'port': [" LINE("1", "") "]}", false, true, false},
+	    {"{'port': [" LINE("1", "{'id': 1}") "], 'iec104': {}}", true, true, false},
+	    {"{'port': [], 'tls': {" FILES "}}", false, false, true},
+	    {"{'port': [], 'iec104': {}, 'tls': {" FILES "}}", true, false, true},
 	};
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(files) / sizeof(files[0]); i++)
-		for (unsigned mask = 0; mask < 4; mask++) {
-			const struct config_modules modules = {.iec104 = mask & 1u, .modbus = mask & 2u};
+		for (unsigned mask = 0; mask < 8; mask++) {
+			const struct config_modules modules = {
+			    .iec104 = mask & 1u, .modbus = mask & 2u, .tls = mask & 4u};
 			bool no_iec104 = files[i].needs_iec104 && !modules.iec104;
 			bool no_modbus = files[i].needs_modbus && !modules.modbus;
+			bool no_tls = files[i].needs_tls && !modules.tls;
 			struct map_config config;
 			char said[1024] = "";
 			FILE *messages = fmemopen(said, sizeof(said), "w");
 			enum config_result result = load_with(modules, files[i].text, &config, messages);
 
 			fclose(messages);
-			assert_int_equal(result, no_iec104 || no_modbus ? CONFIG_UNUSABLE : CONFIG_GOOD);
+			assert_int_equal(result,
+					 no_iec104 || no_modbus || no_tls ? CONFIG_UNUSABLE : CONFIG_GOOD);
 			assert_int_equal(strstr(said, ": this build has no rtu-iec104: ") != NULL, no_iec104);
+			assert_int_equal(strstr(said, "tls: this build has no rtu-iec104-tls: ") != NULL,
+					 no_tls);
 			assert_int_equal(strstr(said, "port: this build has no rtu-modbus: ") != NULL,
 					 no_modbus);
 			config_free(&config);
@@ -275,6 +323,8 @@ int main(void)
 	    cmocka_unit_test(test_settings_defaults),
 	    cmocka_unit_test(test_settings),
 	    cmocka_unit_test(test_controlling_stations),
+	    cmocka_unit_test(test_tls_defaults),
+	    cmocka_unit_test(test_tls),
 	    cmocka_unit_test(test_object_keys),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),

@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * What carries the octets of a connection: TCP as it is (channel_plain.c) or TLS on it (channel_tls.c). A program has
+ * one of the two. No call waits.
+ */
+#ifndef OPENRTU_MODULES_CHANNEL_H
+#define OPENRTU_MODULES_CHANNEL_H
+
+#include <sys/types.h>
+
+#include "iec104/station.h"
+
+struct channel {
+	int fd; /* non-blocking, for epoll */
+	uint32_t
+	    wants; /* EPOLLIN or EPOLLOUT: it can neither greet nor receive before that; 0: nothing special */
+	void *tls; /* of channel_tls.c alone */
+	char peer[MAP_PEER_SIZE];
+};
+
+enum channel_greeting {
+	CHANNEL_GREETED, /* octets may be received and transmitted */
+	CHANNEL_WAITS,   /* for what the channel wants */
+	CHANNEL_REFUSED  /* logged; to be closed */
+};
+
+/* Before the first channel; the station, initialised, is where it logs. False: said in the log and on stderr. */
+bool channel_start(struct iec104_station *station);
+
+/* Puts a channel on a connected socket, which it closes in the end; peer names it in the log. */
+enum channel_greeting channel_open(struct channel *channel, int fd, const char *peer);
+/* Goes on with finding out who the peer is. */
+enum channel_greeting channel_greet(struct channel *channel);
+
+/* Returns the octets that came, at most size; 0: none now, -1: the connection is over. */
+ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size);
+/* Octets have come that the socket does not have any more, so that epoll does not tell of them. */
+bool channel_pending(const struct channel *channel);
+/* Returns how many octets went; 0: none now, -1: the connection is over. After 0, they must be offered again. */
+ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size);
+
+void channel_close(struct channel *channel);
+
+#endif

@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * Peers that have not yet said who they are. They have places of their own: whoever connects and says nothing takes
+ * none of the station's connections.
+ */
+#ifndef OPENRTU_MODULES_NEWCOMERS_H
+#define OPENRTU_MODULES_NEWCOMERS_H
+
+#include "modules/channel.h"
+#include "modules/peer.h"
+
+#define NEWCOMERS_MAX 16
+
+struct newcomer {
+	bool here;
+	int64_t until_ns; /* CLOCK_MONOTONIC; it is greeted by then, or sent away */
+	struct peer peer;
+	struct channel channel;
+};
+
+/* A free place; when there is none, that of the newcomer who has taken longest and is sent away. */
+struct newcomer *newcomers_place(struct iec104_station *station, int64_t now_ns);
+/* The newcomer in a place, which is less than NEWCOMERS_MAX; NULL: nobody. */
+struct newcomer *newcomers_at(uint32_t place);
+uint32_t newcomers_place_of(const struct newcomer *newcomer);
+/* Sends away who takes too long. */
+void newcomers_watch(struct iec104_station *station, int64_t now_ns);
+
+#endif

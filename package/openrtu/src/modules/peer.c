@@ -1,0 +1,85 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/peer.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <string.h>
+
+/* An IPv4 peer of an IPv6 socket is seen as a mapped address; here both are the same. */
+static void map_to_ipv6(const struct sockaddr_storage *address, struct in6_addr *out)
+{
+	if (address->ss_family == AF_INET6) {
+		memcpy(out, &((const struct sockaddr_in6 *)address)->sin6_addr, sizeof(*out));
+		return;
+	}
+	memset(out, 0, sizeof(*out));
+	out->s6_addr[10] = out->s6_addr[11] = 0xff;
+	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)address)->sin_addr, sizeof(struct in_addr));
+}
+
+static bool parse_address(const char *text, struct in6_addr *out)
+{
+	struct sockaddr_storage ipv4 = {.ss_family = AF_INET};
+
+	if (inet_pton(AF_INET6, text, out) == 1)
+		return true;
+	if (inet_pton(AF_INET, text, &((struct sockaddr_in *)&ipv4)->sin_addr) != 1)
+		return false;
+	map_to_ipv6(&ipv4, out);
+	return true;
+}
+
+static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
+{
+	struct in6_addr listed;
+
+	for (uint32_t i = 0; i < count; i++)
+		if (parse_address(list[i], &listed) && memcmp(address, &listed, sizeof(listed)) == 0)
+			return true;
+	return false;
+}
+
+static bool may_connect(const struct map_settings *settings, const struct in6_addr *address)
+{
+	return settings->master_count == 0 || is_among(address, settings->masters, settings->master_count);
+}
+
+static bool may_set_clock(const struct map_settings *settings, const struct in6_addr *address)
+{
+	return settings->clock_master_count == 0 ||
+	       is_among(address, settings->clock_masters, settings->clock_master_count);
+}
+
+/* The redundancy group of an address; MAP_NONE: none. */
+static uint32_t group_of(const struct map_settings *settings, const struct in6_addr *address)
+{
+	for (uint32_t i = 0; i < settings->group_count; i++)
+		if (is_among(address, settings->groups[i].masters, settings->groups[i].master_count))
+			return i;
+	return MAP_NONE;
+}
+
+static void write_address(const struct in6_addr *address, char text[MAP_ADDRESS_SIZE])
+{
+	if (IN6_IS_ADDR_V4MAPPED(address))
+		inet_ntop(AF_INET, &address->s6_addr[12], text, MAP_ADDRESS_SIZE);
+	else
+		inet_ntop(AF_INET6, address, text, MAP_ADDRESS_SIZE);
+}
+
+struct peer peer_of(const struct sockaddr_storage *from, const struct map_settings *settings)
+{
+	/* the port has the same place in both families */
+	unsigned port = ntohs(((const struct sockaddr_in *)from)->sin_port);
+	struct in6_addr address;
+	struct peer peer = {0};
+
+	map_to_ipv6(from, &address);
+	write_address(&address, peer.address);
+	snprintf(peer.name, sizeof(peer.name), "%s port %u", peer.address, port);
+	peer.group = group_of(settings, &address);
+	peer.listed = may_connect(settings, &address);
+	peer.clock_master = may_set_clock(settings, &address);
+	return peer;
+}

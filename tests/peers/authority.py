@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A certification authority, by the commands of docs/telecontrol.md."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+EC = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1"
+BOOK = """\
+[ca]
+default_ca = ca
+database = index.txt
+default_md = sha256
+new_certs_dir = .
+rand_serial = yes
+policy = policy
+[policy]
+commonName = supplied
+"""
+STATION_USER = 61201  # rtud's user for rtu-iec104, when it runs as root
+
+
+def openssl(*arguments: str | Path, folder: Path | None = None) -> str:
+    run = subprocess.run(["openssl", *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+@dataclass(frozen=True)
+class Identity:
+    """A certificate and its key."""
+
+    certificate: Path
+    key: Path
+
+    @property
+    def fingerprint(self) -> str:
+        said = openssl("x509", "-in", self.certificate, "-noout", "-fingerprint", "-sha256")
+        return said.strip().partition("=")[2]
+
+
+class Authority:
+    """Makes certificates in a folder, and a list of those that are revoked."""
+
+    def __init__(self, folder: Path, name: str = "Test CA") -> None:
+        self.folder = folder
+        folder.mkdir()
+        self.certificate, self._key = folder / "ca.pem", folder / "ca.key"
+        signed = ["-x509", "-nodes", "-days", "30", "-subj", f"/CN={name}"]
+        files = ["-keyout", self._key, "-out", self.certificate]
+        openssl("req", *signed, *EC.split(), *files)
+
+    def issue(
+        self,
+        name: str,
+        days: int = 30,
+        key: str = EC,
+        usage: str = "clientAuth",
+        until: datetime | None = None,
+    ) -> Identity:
+        """A certificate with that common name; its days begin now, and with days < 0 are over."""
+        place = self.folder / name.replace(" ", "-")
+        made = Identity(place.with_suffix(".pem"), place.with_suffix(".key"))
+        request, extensions = place.with_suffix(".csr"), place.with_suffix(".cnf")
+        extensions.write_text(f"basicConstraints = critical, CA:false\nextendedKeyUsage = {usage}\n")
+        asked = ["-new", "-nodes", *key.split(), "-subj", f"/CN={name}", "-keyout", made.key]
+        openssl("req", *asked, "-out", request)
+        signed = ["-in", request, "-extfile", extensions, "-out", made.certificate]
+        if until:
+            self._act("-batch", "-notext", "-enddate", until.strftime("%Y%m%d%H%M%SZ"), *signed)
+        else:
+            by = ["-CA", self.certificate, "-CAkey", self._key, "-CAcreateserial", "-days", str(days)]
+            openssl("x509", "-req", *by, *signed)
+        return made
+
+    def issue_for_station(self, name: str = "substation 7", days: int = 30, key: str = EC) -> Identity:
+        """One whose key the station alone may read."""
+        made = self.issue(name, days, key, usage="serverAuth")
+        made.key.chmod(0o400)
+        if os.geteuid() == 0:
+            os.chown(made.key, STATION_USER, STATION_USER)
+        return made
+
+    def revoke(self, *identities: Identity) -> Path:
+        """The list of these."""
+        for identity in identities:
+            self._act("-revoke", identity.certificate)
+        revoked = self.folder / "crl.pem"
+        self._act("-gencrl", "-crldays", "30", "-out", revoked)
+        return revoked
+
+    def _act(self, *arguments: str | Path) -> None:
+        """What goes into the authority's book."""
+        (self.folder / "index.txt").touch()
+        settings = self.folder / "ca.cnf"
+        settings.write_text(BOOK)
+        by = ["-config", settings, "-cert", self.certificate, "-keyfile", self._key]
+        openssl("ca", *by, *arguments, folder=self.folder)
