@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from capture import recorded
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
@@ -84,7 +85,7 @@ class Desk(Substation):
 
 @contextlib.contextmanager
 def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[LineSim, Gateway]]:
-    """Simulated devices and a gateway on a free TCP port of its own; removed afterwards."""
+    """Simulated devices and a gateway on a free TCP port of its own, recorded; removed afterwards."""
     directory = run_directory()
     config = listening_on(copy.deepcopy(config), free_port())
     with contextlib.ExitStack() as stack:
@@ -92,7 +93,9 @@ def gateway_on_lines(config: dict[str, Any], build: Path) -> Iterator[tuple[Line
         file = directory / "linesim.json"
         file.write_text(json.dumps(config))
         lines = stack.enter_context(LineSim(file, CHAPTER_5 / "values.json", directory / "dev"))
-        yield lines, stack.enter_context(Gateway(config, directory, build))
+        gateway = stack.enter_context(Gateway(config, directory, build))
+        stack.enter_context(recorded(gateway))
+        yield lines, gateway
 
 
 @contextlib.contextmanager
