@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux linux-debug system unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test-linux test soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build dtb qemu uboot linux linux-debug system unit asan cross fuzzers fuzz image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test-linux test soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -55,11 +55,24 @@ cross: build/arm/build.ninja ## cross-compile for ARMv5, run the C unit tests un
 	ninja -C build/arm
 	$(MESON_TEST) -C build/arm
 
+fuzzers: build/fuzz/build.ninja ## build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
+	ninja -C build/fuzz fuzzers
+
+FUZZ_SECONDS := 60
+
+fuzz: fuzzers $(VENV) ## search with the fuzzers, each for FUZZ_SECONDS=60, and go on from there the next time
+	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
+
 build/native/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(SRC) -Dtests=enabled
 
 build/asan/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(SRC) -Dtests=enabled -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+
+# What gcc does not warn of is no error here.
+build/fuzz/build.ninja: | $(PACKAGES)
+	CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dwerror=false -Db_lundef=false \
+	  -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
 build/arm/build.ninja: build/sysroot.ini
 	meson setup $(@D) $(SRC) -Dtests=enabled --cross-file $< --cross-file scripts/armel.ini
@@ -248,7 +261,7 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross qemu uboot $(VENV) ## all tests
+test: lint unit asan cross fuzzers qemu uboot $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest --ignore=tests/linux
 	$(MAKE) test-linux
