@@ -298,8 +298,9 @@ run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: st
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
 
-bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
+bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, its station beside c104's, nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py
