@@ -169,6 +169,7 @@ def test_one_frame_at_a_time(slow_master: Bare) -> None:
     assert slow_master.frame() == s_frame(slow_master.sent)
 
 
+@pytest.mark.slow
 def test_silent_connection_is_tested_and_given_up(narrow: Substation) -> None:
     """t3, then t1, also while stopped; a TESTFR con that was not asked for is passed over."""
     with Bare(narrow.gateway.address) as master:
@@ -183,6 +184,7 @@ def test_silent_connection_is_tested_and_given_up(narrow: Substation) -> None:
         assert master.closed() - asked >= 2.9  # t1, less what the frame was under way
 
 
+@pytest.mark.slow
 def test_unacknowledged_frame_ends_the_connection(slow_master: Bare) -> None:
     """t1 of an own I frame, which TESTFR does not put off."""
     slow_master.ask(probe())
@@ -193,6 +195,7 @@ def test_unacknowledged_frame_ends_the_connection(slow_master: Bare) -> None:
     assert slow_master.closed() - sent >= 2.9
 
 
+@pytest.mark.slow
 def test_steps_of_the_clock_fire_no_timer(slow_master: Bare) -> None:
     """A year on and two years back: nothing is sent and nothing closed before t1, t3 say so."""
     now = datetime.datetime.now(datetime.UTC)
@@ -465,6 +468,7 @@ def image(asdus: list[bytes]) -> dict[int, bytes]:
     return known
 
 
+@pytest.mark.slow
 def test_lost_events_leave_no_stale_value(usual: Substation, master: Bare) -> None:
     """A master that takes nothing while more happens than the ring holds knows the truth afterwards."""
     points = 300 + len(SOLITARY) + 200
@@ -499,6 +503,7 @@ def voluntary_switches(pid: int) -> int:
     return int(status.partition("\nvoluntary_ctxt_switches:")[2].split()[0])
 
 
+@pytest.mark.slow
 def test_nothing_happens_and_nothing_is_done(programs: Path) -> None:
     """With open connections, the station wakes for its heartbeat to rtud alone, four times a second."""
     seconds = 3.0
