@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux linux-debug system unit asan cross image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test-linux test soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build dtb qemu uboot linux linux-debug system unit asan cross fuzzers fuzz image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test-linux test soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -55,11 +55,24 @@ cross: build/arm/build.ninja ## cross-compile for ARMv5, run the C unit tests un
 	ninja -C build/arm
 	$(MESON_TEST) -C build/arm
 
+fuzzers: build/fuzz/build.ninja ## build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
+	ninja -C build/fuzz fuzzers
+
+FUZZ_SECONDS := 60
+
+fuzz: fuzzers $(VENV) ## search with the fuzzers, each for FUZZ_SECONDS=60, and go on from there the next time
+	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
+
 build/native/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true
 
 build/asan/build.ninja: | $(PACKAGES)
 	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+
+# What gcc does not warn of is no error here.
+build/fuzz/build.ninja: | $(PACKAGES)
+	CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dwerror=false -Db_lundef=false \
+	  -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
 build/arm/build.ninja: build/sysroot.ini
 	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
@@ -230,7 +243,7 @@ PAYLOAD     = tests/netboot/payload
 PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
-UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_station_queues.py tests/test_station_tls.py tests/test_station_wire.py
+UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py $(wildcard tests/test_station_*.py)
 SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
@@ -248,7 +261,7 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross qemu uboot $(VENV) ## all tests
+test: lint unit asan cross fuzzers qemu uboot $(VENV) ## all tests
 	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
 	$(PYTHON) -m pytest --ignore=tests/linux
 	$(MAKE) test-linux
@@ -285,8 +298,9 @@ run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: st
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
 
-bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
+bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, its station beside c104's, nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import capture
 from desk import Desk, chapter_5, desk_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -74,3 +75,15 @@ def desk(programs: Path) -> Iterator[Desk]:
     """The gateway of chapter 5 between simulated devices and a controlling station; one a module."""
     with desk_of(chapter_5(), programs) as desk:
         yield desk
+
+
+@pytest.fixture(scope="session", autouse=True)
+def every_frame_is_dissected(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What masters and stations said to each other in this session, as tshark reads it."""
+    yield
+    if not capture.RECORD:
+        return
+    pcap = tmp_path_factory.mktemp("capture") / "iec104.pcap"
+    _, findings = capture.dissect(capture.RECORD, pcap)
+    wrong = [str(finding) for finding in findings if not finding.allowed]
+    assert not wrong, f"in {pcap}: " + "\n".join(wrong[:20])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from capture import recorded
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
@@ -95,7 +96,7 @@ class Desk(Substation):
 def gateway_on_lines(
     config: dict[str, Any], build: Path, initial: dict[str, Any] | None = None
 ) -> Iterator[tuple[LineSim, Gateway]]:
-    """Simulated devices and a gateway on a free TCP port of its own; removed afterwards.
+    """Simulated devices and a gateway on a free TCP port of its own, recorded; removed afterwards.
 
     `initial` replaces the devices' values of chapter 5.
     """
@@ -108,7 +109,9 @@ def gateway_on_lines(
         values = directory / "values.json"
         values.write_text(json.dumps(values_of(config) if initial is None else initial))
         lines = stack.enter_context(LineSim(file, values, directory / "dev"))
-        yield lines, stack.enter_context(Gateway(config, directory, build))
+        gateway = stack.enter_context(Gateway(config, directory, build))
+        stack.enter_context(recorded(gateway))
+        yield lines, gateway
 
 
 @contextlib.contextmanager

@@ -17,6 +17,7 @@ from typing import Any
 import c104
 import pytest
 
+from capture import recorded
 from desk import CHAPTER_5, chapter_5, of_port
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
@@ -153,6 +154,7 @@ def lines(programs: Path) -> Iterator[Lines]:
         wild.plug()
         stack.callback(wild.unplug)
         gateway = stack.enter_context(Gateway(config, directory, programs))
+        stack.enter_context(recorded(gateway))
         master = stack.enter_context(Master(*gateway.address))
         lines = Lines(gateway, master, wild)
         gateway.wait_for(

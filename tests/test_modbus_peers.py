@@ -12,6 +12,7 @@ from typing import Any
 import c104
 import pytest
 
+from capture import recorded
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from peers.device import BAUD_RATE, FIRST_ADDRESS, UNIT, Device
@@ -128,6 +129,7 @@ def peers(programs: Path) -> Iterator[dict[str, Peer]]:
             stack.enter_context(line(directory / "dev" / f"ttyS{port}", end))
             devices[name] = stack.enter_context(powered(make(end)))
         gateway = stack.enter_context(Gateway(config, directory, programs))
+        stack.enter_context(recorded(gateway))
         master = stack.enter_context(Master(*gateway.address))
         peers = {
             name: Peer(1000 * port + UNIT, device, gateway, master)

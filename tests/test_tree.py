@@ -2,6 +2,7 @@
 """The tree itself: licences, layout, front door, links. What a reader would otherwise find out too late."""
 
 import fnmatch
+import itertools
 import os
 import re
 import subprocess
@@ -24,7 +25,7 @@ LICENCES = [
     ("dts/*", "GPL-2.0-only OR MIT"),
     ("*", "GPL-3.0-or-later"),
 ]
-NO_COMMENT = {".json", ".pcap"}
+NO_COMMENT = {".json", ".pcap", ".seed"}
 
 # A registry's host or one machine's path ties the tree to where it was written; a mkdtemp template does not,
 # nor the board's own /root/.ssh, nor its /tmp in the tests that run there.
@@ -176,3 +177,23 @@ def test_links_of_a_page_resolve(page: Path) -> None:
         if not linked.exists() or (anchor and anchor not in anchors(linked.relative_to(ROOT))):
             broken.append(f"{target}#{anchor}" if anchor else target)
     assert broken == []
+
+
+def test_each_trap_has_its_tests() -> None:
+    """docs/traps.md names a test as `file:function`, from the folders below."""
+    page = text_of(Path("docs/traps.md"))
+    assert re.findall(r"^\| \*\*(\d+)\*\*", page, re.MULTILINE) == [str(number) for number in range(1, 13)]
+    rows = [line for line in page.splitlines() if line.startswith("| ")][1:]
+    named = [re.findall(r"`([\w/]+)\.(c|py):(\w+)`", row) for row in rows]
+    assert all(named)
+    definition = {
+        "c": (Path("package/openrtu/src"), r"^static void {0}\(void \*\*state\)[\s\S]*\b{0}\)"),  # and is run
+        "py": (Path("tests"), r"^def {0}\("),
+    }
+    missing = [
+        f"{name}.{suffix}:{test}"
+        for name, suffix, test in itertools.chain.from_iterable(named)
+        for folder, pattern in [definition[suffix]]
+        if not re.search(pattern.format(test), text_of(folder / f"{name}.{suffix}"), re.MULTILINE)
+    ]
+    assert missing == []

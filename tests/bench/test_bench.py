@@ -161,3 +161,15 @@ def test_the_bench_runs_through(programs: Path, tmp_path: Path) -> None:
     rows = json.loads((tmp_path / "bench.json").read_text())["rows"]
     assert {row["measured"][:3] for row in rows} == {"(a)", "(b)", "(c)", "(d)"}
     assert (tmp_path / "bench.md").read_text().count("\n| (") == len(rows)
+
+
+@pytest.mark.slow
+def test_the_bench_of_stations_runs_through(programs: Path) -> None:
+    """No cell is empty: no frame was lost on either side, at the lowest rate."""
+    bench = [sys.executable, Path(__file__).with_name("stations.py"), "--quick"]
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY / "scripts"), "OPENRTU_BUILD": str(programs)}
+    run = subprocess.run(bench, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert (run.returncode, run.stderr) == (0, "")
+    rows = [line.strip("|").split("|") for line in run.stdout.splitlines() if line.startswith("| ")][1:]
+    assert len(rows) == 10
+    assert all(cell.strip() for row in rows[:7] for cell in row)

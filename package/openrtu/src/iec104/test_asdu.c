@@ -188,6 +188,7 @@ static const struct element_case element_cases[] = {
      5,
      {0x78, 0x56, 0x34, 0x92, 0x10}},
     {MAP_NORMALIZED, {.value.i = -1}, 9, 34, 3, {0xff, 0xff, 0x00}},
+    {MAP_NORMALIZED, {.value.i = -32768}, 9, 34, 3, {0x00, 0x80, 0x00}}, /* -1.0 */
     {MAP_NORMALIZED, {.value.i = 16384}, 9, 34, 3, {0x00, 0x40, 0x00}},
     {MAP_NORMALIZED, {.value.i = 32767}, 9, 34, 3, {0xff, 0x7f, 0x00}},
     {MAP_SCALED, {.value.i = 1495}, 11, 35, 3, {0xd7, 0x05, 0x00}},

@@ -52,6 +52,20 @@ static void test_refusals(void **state)
 	assert_int_equal(fake.request_count, 0);
 }
 
+/* 101, 7.3.4 and 7.3.5: the address of a system command is 0, and a test command is for one station. */
+static void test_addresses_of_system_commands(void **state)
+{
+	(void)state;
+	ASK(0, 101, 1, 6, 5, 0xa1, 0x0f, 0, 0, 1, 5);
+	EXPECT(0, 101, 1, 0x40 | 47, 5, 0xa1, 0x0f, 0, 0, 1, 5);
+	ASK(0, 107, 1, 6, 5, 0xfb, 0x0b, 0, 1, 0, 1, 0, TIME);
+	EXPECT(0, 107, 1, 0x40 | 47, 5, 0xfb, 0x0b, 0, 1, 0, 1, 0, TIME);
+	ASK(0, 107, 1, 6, 5, 0xff, 0xff, 0, 0, 0, 1, 0, TIME);
+	EXPECT(0, 107, 1, 0x40 | 46, 5, 0xff, 0xff, 0, 0, 0, 1, 0, TIME);
+	expect_nothing(0);
+	assert_int_equal(fake.request_count, 0);
+}
+
 static void test_wrong_sizes_close(void **state)
 {
 	static const struct {
@@ -201,10 +215,15 @@ static void test_random_requests(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    TEST(test_test_command),          TEST(test_refusals),
-	    TEST(test_wrong_sizes_close),     TEST(test_station_without_devices),
-	    TEST(test_number_of_connections), TEST(test_master_that_only_asks),
-	    TEST(test_log_is_not_flooded),    TEST(test_random_requests),
+	    TEST(test_test_command),
+	    TEST(test_refusals),
+	    TEST(test_addresses_of_system_commands),
+	    TEST(test_wrong_sizes_close),
+	    TEST(test_station_without_devices),
+	    TEST(test_number_of_connections),
+	    TEST(test_master_that_only_asks),
+	    TEST(test_log_is_not_flooded),
+	    TEST(test_random_requests),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

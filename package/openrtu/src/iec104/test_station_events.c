@@ -172,6 +172,32 @@ static void test_lost_events(void **state)
 	assert_int_equal(next_frame(&masters[0])[6], 31);
 }
 
+/* A clock that is set a year on or back dates events and moves no deadline: t1..t3 are CLOCK_MONOTONIC. */
+static void test_steps_of_the_clock_fire_no_timer(void **state)
+{
+	const int64_t year_ns = 366 * 86400 * S;
+
+	(void)state;
+	publish(COIL4, 0);
+	run();
+	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, TIME);
+	for (int direction = -1; direction <= 1; direction += 2) {
+		int64_t deadline_ns = iec104_session_deadline(&masters[0].connection->session);
+
+		fake.clock.offset_ns += direction * year_ns;
+		now += MS;
+		expect_nothing(0);
+		assert_true(iec104_session_deadline(&masters[0].connection->session) == deadline_ns);
+		fake.clock.offset_ns -= direction * year_ns;
+	}
+	now += 15 * S - 2 * MS - 1;
+	run();
+	assert_int_equal(masters[0].connection->session.closing, IEC104_OPEN);
+	now += 1;
+	run();
+	assert_int_equal(masters[0].connection->session.closing, IEC104_T1_I_FRAME);
+}
+
 /* ---- periodic values ---------------------------------------------------------------------------- */
 
 static void test_periodic(void **state)
@@ -237,6 +263,7 @@ int main(void)
 	    TEST(test_module_down_and_up),
 	    TEST(test_heartbeat_is_missing_for_a_moment),
 	    TEST(test_lost_events),
+	    TEST(test_steps_of_the_clock_fire_no_timer),
 	    TEST(test_periodic),
 	    TEST(test_stations_are_kept_apart),
 	    TEST(test_periodic_while_nothing_is_acknowledged),

@@ -160,6 +160,29 @@ static void test_stop_ends_an_interrogation(void **state)
 	expect_nothing(0);
 }
 
+/* The connection is lost in the middle: the next one in its place begins with nothing under way. */
+static void test_interrogation_ends_with_its_connection(void **state)
+{
+	(void)state;
+	fake.config.settings.k = 2;
+	iec104_station_init(&station, &fake, sent_ns, places);
+	connect_master(0, true);
+	start(0);
+	masters[0].mute = true;
+	ASK(0, 100, 1, 6, 1, 0xff, 0xff, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, 1, 0x84, 20, 1, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+	iec104_session_close(&masters[0].connection->session, IEC104_CLOSED_BY_PEER);
+	run();
+	iec104_station_disconnect(&station, masters[0].connection);
+	connect_master(0, true);
+	start(0);
+	expect_nothing(0);
+	ASK(0, 100, 1, 6, 2, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 7, 2, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, 1, 0x84, 20, 2, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+}
+
 static void test_test_bit_of_an_interrogation(void **state)
 {
 	(void)state;
@@ -219,6 +242,7 @@ int main(void)
 	    TEST(test_second_interrogation_of_all_stations),
 	    TEST(test_deactivated_interrogation),
 	    TEST(test_stop_ends_an_interrogation),
+	    TEST(test_interrogation_ends_with_its_connection),
 	    TEST(test_test_bit_of_an_interrogation),
 	    TEST(test_read),
 	    TEST(test_read_with_pn),

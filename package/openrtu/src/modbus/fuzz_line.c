@@ -1,0 +1,276 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * libFuzzer on a line in virtual time: the input says what octets arrive, when, and what commands come. The line's
+ * own requests can be answered with a right frame, so that the input gets behind the CRC. What must hold:
+ * - frames that go out are whole, with a right CRC, and no write goes out twice;
+ * - the deadline is ahead;
+ * - a read's data lie within the answer, and each command ends once.
+ */
+#include <stdlib.h>
+#include <string.h>
+
+#include "modbus/line.h"
+
+#define CHECK(condition)                                                                                     \
+	do {                                                                                                 \
+		if (!(condition))                                                                            \
+			abort();                                                                             \
+	} while (0)
+
+#define MS           1000000LL
+#define DEVICES      3
+#define OBJECTS      12
+#define COMMANDS_MAX 4
+#define TAGS         65536
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static struct modbus_line line;
+static struct modbus_device devices[DEVICES];
+static struct modbus_object objects[DEVICES][OBJECTS];
+static struct modbus_read reads[DEVICES][OBJECTS];
+static struct modbus_command commands[COMMANDS_MAX];
+static int64_t now;
+static uint32_t ordered, ended, written; /* commands; frames of writes */
+static bool done[TAGS];
+static uint8_t request[MODBUS_FRAME_MAX]; /* the latest */
+static size_t request_length;
+static unsigned sum; /* of what was read: a sanitizer sees data that is not there */
+
+static struct input {
+	const uint8_t *at, *end;
+} input;
+
+static uint8_t next_octet(void)
+{
+	return input.at < input.end ? *input.at++ : 0;
+}
+
+/* ---- what the line tells ----------------------------------------------------------------------- */
+
+static void check_objects(uint32_t device, const struct modbus_read *read)
+{
+	CHECK(device < DEVICES && read->first + read->objects <= devices[device].object_count);
+	for (uint32_t i = 0; i < read->objects; i++)
+		CHECK(objects[device][read->first + i].function == read->function);
+}
+
+static void on_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
+		    int64_t now_ns)
+{
+	(void)context;
+	CHECK(now_ns == now);
+	check_objects(device, read);
+	for (uint32_t i = 0; i < modbus_read_bytes(read->function, read->count); i++)
+		sum += data[i];
+}
+
+static void on_refused(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
+		       int64_t now_ns)
+{
+	(void)context;
+	(void)exception;
+	(void)now_ns;
+	check_objects(device, read);
+}
+
+static void on_alive(void *context, uint32_t device, bool alive, int64_t now_ns)
+{
+	(void)context;
+	(void)now_ns;
+	CHECK(device < DEVICES && devices[device].alive == alive);
+}
+
+static void on_command(void *context, const struct modbus_command *command, enum modbus_result result,
+		       uint8_t exception)
+{
+	(void)context;
+	(void)exception;
+	CHECK(result <= MODBUS_TOO_OLD && command->tag < ordered && !done[command->tag]);
+	done[command->tag] = true;
+	ended++;
+}
+
+static const struct modbus_events events = {on_read, on_refused, on_alive, on_command};
+
+/* ---- what happens ------------------------------------------------------------------------------ */
+
+static void poll_line(void)
+{
+	struct modbus_output output = modbus_line_poll(&line, now);
+
+	CHECK(output.deadline_ns > now);
+	if (output.length == 0)
+		return;
+	CHECK(output.length <= MODBUS_FRAME_MAX && modbus_crc_valid(output.frame, output.length));
+	if (!modbus_is_read(output.frame[1]))
+		CHECK(++written <= ordered);
+	memcpy(request, output.frame, output.length);
+	request_length = output.length;
+}
+
+static void receive(const uint8_t *octets, size_t length)
+{
+	modbus_line_receive(&line, octets, length, now);
+	poll_line();
+}
+
+static void seal_and_receive(uint8_t *frame, size_t length)
+{
+	uint16_t crc = modbus_crc(frame, length);
+
+	frame[length] = (uint8_t)crc;
+	frame[length + 1] = (uint8_t)(crc >> 8);
+	receive(frame, length + 2);
+}
+
+static void receive_anything(bool sealed)
+{
+	uint8_t octets[256 + 2];
+	size_t length = 1u + next_octet();
+
+	for (size_t i = 0; i < length; i++)
+		octets[i] = next_octet();
+	if (sealed)
+		seal_and_receive(octets, length);
+	else
+		receive(octets, length);
+}
+
+/* The answer that the latest request asks for, but for what the input does to it. */
+static void receive_answer(uint8_t slip)
+{
+	uint8_t frame[2 * MODBUS_FRAME_MAX] = {request[0], request[1]};
+	size_t length;
+
+	if (request_length == 0)
+		return;
+	if (slip & 1) {
+		frame[1] |= MODBUS_EXCEPTION_BIT;
+		frame[2] = next_octet();
+		length = 3;
+	} else if (modbus_is_read(request[1])) {
+		frame[2] = (uint8_t)modbus_read_bytes(request[1], modbus_register(request + 4, 0));
+		for (length = 3; length < 3u + frame[2]; length++)
+			frame[length] = next_octet();
+	} else {
+		memcpy(frame + 2, request + 2, 4);
+		length = 6;
+	}
+	if (slip & 2)
+		frame[next_octet() % length] ^= next_octet();
+	seal_and_receive(frame, length);
+}
+
+static void let_time_pass(uint8_t argument)
+{
+	int64_t until = now + (1 + argument) * (next_octet() & 1 ? 50 * MS : MS);
+
+	while (now < until) {
+		struct modbus_output output;
+
+		poll_line();
+		output = modbus_line_poll(&line, now);
+		CHECK(output.length == 0 && output.deadline_ns > now);
+		now = output.deadline_ns < until ? output.deadline_ns : until;
+	}
+	poll_line();
+}
+
+static void command(uint8_t argument)
+{
+	static const uint8_t functions[] = {MODBUS_WRITE_COIL, MODBUS_WRITE_REGISTER, MODBUS_WRITE_REGISTERS};
+	uint32_t device = argument % DEVICES;
+	struct modbus_command order = {
+	    .device = device,
+	    .tag = ordered,
+	    .deadline_ns = now + next_octet() * 10 * MS,
+	    .request = {
+		devices[device].unit, functions[next_octet() % 3], next_octet(), 1, {next_octet() & 1}}};
+
+	if (order.request.function == MODBUS_WRITE_REGISTERS)
+		order.request.count = 2;
+	if (ordered < TAGS && modbus_line_command(&line, &order))
+		ordered++;
+	poll_line();
+}
+
+static void lose_port(void)
+{
+	modbus_line_close(&line, now);
+	CHECK(ended == ordered);
+	request_length = 0;
+	now += MS;
+	modbus_line_open(&line, now);
+	poll_line();
+}
+
+static void step(void)
+{
+	uint8_t octet = next_octet(), argument = octet >> 3;
+
+	switch (octet & 7) {
+	case 0:
+		receive_anything(false);
+		break;
+	case 1:
+		receive_anything(true);
+		break;
+	case 2:
+	case 3:
+		receive_answer(argument);
+		break;
+	case 4:
+	case 5:
+		let_time_pass(argument);
+		break;
+	case 6:
+		command(argument);
+		break;
+	default:
+		if (argument == 0)
+			lose_port();
+		break;
+	}
+}
+
+static void begin(void)
+{
+	static const uint8_t functions[] = {1, 2, 3, 4};
+
+	memset(done, 0, sizeof(done));
+	memset(devices, 0, sizeof(devices));
+	ordered = ended = written = 0;
+	request_length = 0;
+	now = 5000 * MS;
+	for (uint32_t d = 0; d < DEVICES; d++) {
+		devices[d] = (struct modbus_device){.unit = (uint8_t)d, /* 0: broadcast */
+						    .retries = 1,
+						    .response_timeout_ns = 100 * MS,
+						    .objects = objects[d],
+						    .reads = reads[d]};
+		for (uint16_t i = 0; d > 0 && i < OBJECTS; i++)
+			objects[d][devices[d].object_count++] = (struct modbus_object){
+			    i, (uint16_t)(i * i), functions[i % 4], (uint8_t)(1 + i % 2)};
+	}
+	line = (struct modbus_line){.events = &events,
+				    .devices = devices,
+				    .device_count = DEVICES,
+				    .commands = commands,
+				    .command_capacity = COMMANDS_MAX,
+				    .wire = modbus_wire(19200, 11)};
+	modbus_line_init(&line);
+	modbus_line_open(&line, now);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+	input = (struct input){.at = data, .end = data + size};
+	begin();
+	poll_line();
+	while (input.at < input.end)
+		step();
+	modbus_line_close(&line, now);
+	CHECK(ended == ordered);
+	return 0;
+}

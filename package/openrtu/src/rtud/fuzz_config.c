@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * libFuzzer on the configuration file: the input is the file. It is refused with a message, or every index and
+ * size in what was read is within its bounds, so that the map and the modules need not ask again.
+ */
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "rtud/config.h"
+
+#define CHECK(condition)                                                                                     \
+	do {                                                                                                 \
+		if (!(condition))                                                                            \
+			abort();                                                                             \
+	} while (0)
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void check_settings(const struct map_settings *settings)
+{
+	CHECK(settings->k >= 1 && settings->w >= 1 && settings->w <= settings->k);
+	CHECK(settings->t2_s < settings->t1_s && settings->t2_s >= 1 && settings->t3_s >= 1);
+	CHECK(settings->max_connections >= 1 && settings->max_connections <= 16);
+	CHECK(settings->clock_master_count <= MAP_CLOCK_MASTERS_MAX);
+	CHECK(settings->event_ring >= 64 && (settings->event_ring & (settings->event_ring - 1)) == 0);
+	CHECK(memchr(settings->address, '\0', sizeof(settings->address)) != NULL);
+}
+
+/* Points by device, devices by line, without holes: what the map's sweeps rely on. */
+static void check_order(const struct map_config *config)
+{
+	uint32_t next_device = 0, next_point = 0;
+
+	for (uint32_t i = 0; i < config->line_count; i++) {
+		CHECK(config->lines[i].first_device == next_device);
+		CHECK(config->lines[i].device_count <= config->device_count - next_device);
+		for (uint32_t end = next_device + config->lines[i].device_count; next_device < end;
+		     next_device++)
+			CHECK(config->devices[next_device].line == i);
+	}
+	CHECK(next_device == config->device_count);
+	for (uint32_t i = 0; i < config->device_count; i++) {
+		CHECK(config->devices[i].first_point == next_point);
+		CHECK(config->devices[i].point_count <= config->point_count - next_point);
+		for (uint32_t end = next_point + config->devices[i].point_count; next_point < end;
+		     next_point++)
+			CHECK(config->points[next_point].device == i);
+	}
+	CHECK(next_point == config->point_count);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+	static const struct config_modules all = {.iec104 = true, .modbus = true};
+	static FILE *messages;
+	int fd = memfd_create("config", MFD_CLOEXEC);
+	struct map_config config;
+	char path[32];
+	enum config_result result;
+	long before;
+
+	if (messages == NULL)
+		messages = fopen("/dev/null", "we");
+	CHECK(fd >= 0 && messages != NULL && write(fd, data, size) == (ssize_t)size);
+	snprintf(path, sizeof(path), "/proc/self/fd/%d", fd);
+	rewind(messages);
+	before = ftell(messages);
+	result = config_load(path, all, &config, messages);
+	if (result == CONFIG_GOOD) {
+		check_settings(&config.settings);
+		check_order(&config);
+	} else {
+		CHECK(ftell(messages) > before); /* nothing is refused without a reason */
+		CHECK(config.points == NULL && config.point_count == 0);
+	}
+	config_free(&config);
+	close(fd);
+	return 0;
+}

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The fuzzers from their seeds, for some seconds and in every run alike; `make fuzz` goes on from there."""
+
+from pathlib import Path
+
+import pytest
+
+from conftest import built
+from fuzzing import SEEDS, TARGETS, run
+
+# Some five seconds each, by the targets' speeds.
+RUNS = {"asdu": 40_000, "session": 150_000, "station": 25_000, "line": 50_000, "config": 3_000}
+SEED_SIZE_MAX = 1024
+SEEDS_MAX = 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", TARGETS)
+def test_nothing_is_found(target: str, tmp_path: Path) -> None:
+    build = built("OPENRTU_FUZZ", "build/fuzz")
+    done = run(target, build, tmp_path, f"-runs={RUNS[target]}", "-seed=104")
+    assert done.returncode == 0, done.stderr[-6000:]
+    assert f"Done {RUNS[target]} runs" in done.stderr
+
+
+def test_seeds_are_few_and_small() -> None:
+    seeds = [file for file in SEEDS.rglob("*") if file.is_file()]
+    assert {file.parent.name for file in seeds} == set(TARGETS)
+    assert len(seeds) < SEEDS_MAX
+    assert [str(file) for file in seeds if file.stat().st_size >= SEED_SIZE_MAX] == []
