@@ -33,6 +33,8 @@ class Connection:
     test: str
     pieces: list[tuple[bool, bytes]] = field(default_factory=list)
     closed_by_station: bool | None = None  # None: it is open
+    master_port: int = 0  # the master's, as it sees itself,
+    station_port: int = 0  # and as the station sees it, behind the relay
 
     @property
     def encrypted(self) -> bool:
@@ -71,7 +73,7 @@ class Relay:
     def _accept(self) -> None:
         while True:
             try:
-                master, (host, *_) = self._listener.accept()
+                master, (host, port, *_) = self._listener.accept()
             except OSError:
                 return
             try:  # a station may ask who its master is
@@ -79,7 +81,8 @@ class Relay:
             except OSError:
                 master.close()
                 continue
-            connection = Connection(os.environ.get("PYTEST_CURRENT_TEST", "?"))
+            test = os.environ.get("PYTEST_CURRENT_TEST", "?")
+            connection = Connection(test, master_port=port, station_port=station.getsockname()[1])
             self._record.append(connection)
             for ends in ((master, station, False), (station, master, True)):
                 ends[0].settimeout(None)
@@ -102,6 +105,12 @@ def _carry(source: socket.socket, sink: socket.socket, by_station: bool, connect
 
 
 RECORD: list[Connection] = []  # of this process, for the session's last fixture
+
+
+def port_behind_relay(master_port: int) -> int | None:
+    """The port by which the station knows a master; None: the relay has not connected it yet."""
+    ports = [end.station_port for end in reversed(RECORD) if end.master_port == master_port]
+    return ports[0] if ports else None
 
 
 @contextlib.contextmanager

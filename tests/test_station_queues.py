@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import pytest
 
+from capture import port_behind_relay
 from desk import Substation, chapter_5, of_port, processor_seconds, substation_of
 from lab.gateway import Gateway
 from lab.raw_master import Asdu, Object, RawMaster, new_source
@@ -51,7 +52,9 @@ class Link:
     def __init__(self, gateway: Gateway, source: str) -> None:
         self._gateway = gateway
         self._socket = socket.create_connection(gateway.address, SOON_S, (source, 0))
-        self.name = "{} port {}".format(*self._socket.getsockname())
+        port = self._socket.getsockname()[1]
+        gateway.wait_for(lambda: port_behind_relay(port) is not None, SOON_S, "it is connected")
+        self.name = f"{source} port {port_behind_relay(port)}"
         self.received = self.sent = 0  # V(R), V(S)
 
     def __enter__(self) -> Self:

@@ -23,12 +23,13 @@ from bare import (
     s_frame,
 )
 from desk import Substation, chapter_5, of_port, substation_of
+from lab.gateway import Gateway
 
 BIG_UNIT = 90
 BIG, BIG_DEVICE = 3000 + BIG_UNIT, f"3.{BIG_UNIT}"
 STATION = 3067
 RELAY, RELAY_DEVICE = 1010, "1.10"
-C_SC, C_DC, C_SE_NB, C_IC, C_RD, C_CS, C_TS = 45, 46, 49, 100, 102, 103, 107
+M_EI, C_SC, C_DC, C_SE_NB, C_IC, C_RD, C_CS, C_TS = 70, 45, 46, 49, 100, 102, 103, 107
 REQUEST, ACT, ACT_CON, DEACT, DEACT_CON, ACT_TERM, INTROGEN = 5, 6, 7, 8, 9, 10, 20
 NEGATIVE, SEQUENCE, INVALID = 0x40, 0x80, 0x80
 SOLITARY = range(400, 540, 2)  # coils without neighbours
@@ -79,10 +80,20 @@ def configuration(**settings: int) -> dict[str, Any]:
     return config
 
 
+def hear_initialisation(gateway: Gateway) -> None:
+    """The first connection that is started is told the end of initialisation of each station."""
+    with Bare(gateway.address) as first:
+        first.start()
+        for _ in {point["ca"] for point in gateway.points().values()}:
+            assert first.asdu()[0] == M_EI
+            first.acknowledge()
+
+
 @pytest.fixture(scope="module")
 def usual(programs: Path) -> Iterator[Substation]:
     """The usual k, w and times; the event ring is the smallest there is."""
     with substation_of(configuration() | {"event_ring": 64}, programs) as substation:
+        hear_initialisation(substation.gateway)
         yield substation
 
 
@@ -90,6 +101,7 @@ def usual(programs: Path) -> Iterator[Substation]:
 def narrow(programs: Path) -> Iterator[Substation]:
     """k = w = 1, and the shortest times."""
     with substation_of(configuration(k=1, w=1, t1=3, t2=1, t3=2, select_timeout=1), programs) as substation:
+        hear_initialisation(substation.gateway)
         yield substation
 
 
