@@ -9,6 +9,8 @@ from typing import Self
 
 import pytest
 
+from lab.raw_master import new_source
+
 SEQUENCE_MODULO = 32768
 ANSWER_TIMEOUT_S = 10.0
 
@@ -34,7 +36,8 @@ class Bare:
     """One connection, stopped. `sent` and `taken` count I frames, without end."""
 
     def __init__(self, address: tuple[str, int]) -> None:
-        self.socket = socket.create_connection(address, timeout=ANSWER_TIMEOUT_S)
+        source = (new_source(address[0]), 0)
+        self.socket = socket.create_connection(address, ANSWER_TIMEOUT_S, source)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.sent = self.taken = 0
         self._waiting = b""

@@ -127,8 +127,9 @@ def gateway_with(pki: Pki, programs: Path, **tls: Any) -> Iterator[TlsGateway]:
         remove(directory)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def gateway(pki: Pki, programs: Path) -> Iterator[TlsGateway]:
+    """Of the test's own: what others have done leaves lines of its log out."""
     with gateway_with(pki, programs) as gateway:
         yield gateway
 
