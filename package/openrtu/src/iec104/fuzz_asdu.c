@@ -24,6 +24,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 static struct iec104_station station;
 static struct iec104_connection *connection;
 static int64_t sent_ns[K];
+static struct map_queue_place places[K];
 static uint16_t ns, nr;            /* V(S), V(R) of the controlling station */
 static unsigned replies, refusals; /* since the last request */
 static unsigned answered;          /* requests to the map */
@@ -122,7 +123,11 @@ static void ask(const uint8_t *asdu, size_t size)
 
 static void connect_master(void)
 {
-	connection = iec104_station_connect(&station, "fuzz", true, now);
+	connection = iec104_station_connect(
+	    &station,
+	    &(struct iec104_peer){
+		.name = "fuzz", .address = "192.0.2.1", .group = MAP_NONE, .clock_master = true},
+	    now);
 	CHECK(connection != NULL);
 	ns = nr = 0;
 	send_frame((struct iec104_apdu){.format = IEC104_U_FRAME, .function = IEC104_STARTDT_ACT});
@@ -132,9 +137,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	fake_begin();
 	for (uint32_t i = 0; i < POINTS; i++)
-		fake.config.points[i].cyclic_ms = 0;
+		fake.config.points[i].period_ms = 0;
 	answered = 0;
-	iec104_station_init(&station, &fake, sent_ns);
+	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_master();
 	while (size > 0) {
 		size_t asdu_size = 1 + data[0] % IEC104_ASDU_MAX;

@@ -86,7 +86,7 @@ static void on_command(void *context, const struct modbus_command *command, enum
 {
 	(void)context;
 	(void)exception;
-	CHECK(result <= MODBUS_TOO_OLD && command->tag < ordered && !done[command->tag]);
+	CHECK(result <= MODBUS_NOT_SENT && command->tag < ordered && !done[command->tag]);
 	done[command->tag] = true;
 	ended++;
 }
