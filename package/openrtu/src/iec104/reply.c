@@ -35,6 +35,19 @@ void iec104_mirror(struct iec104_connection *connection, const uint8_t *asdu, si
 	replies->end = (uint16_t)(replies->end + size + 1);
 }
 
+void iec104_refuse(const struct iec104_received *received, enum iec104_cause cause)
+{
+	iec104_mirror(received->connection, received->bytes, received->size, cause, true);
+}
+
+void iec104_confirm(const struct iec104_received *received, bool negative)
+{
+	iec104_mirror(received->connection, received->bytes, received->size,
+		      received->asdu.cause == IEC104_DEACTIVATION ? IEC104_DEACTIVATION_CON
+								  : IEC104_ACTIVATION_CON,
+		      negative);
+}
+
 /* The oldest reply, or NULL. A read command stands in the queue as such, until its turn. */
 static const uint8_t *first_reply(const struct iec104_connection *connection, size_t *size)
 {

@@ -9,6 +9,15 @@
 
 #include "iec104/station.h"
 
+/* An ASDU that a connection has received. */
+struct iec104_received {
+	struct iec104_connection *connection;
+	const uint8_t *bytes;
+	size_t size;
+	struct iec104_asdu asdu;
+	int64_t now_ns;
+};
+
 static inline const struct map_point *iec104_point(const struct iec104_station *station, uint32_t point)
 {
 	return &station->config->points[point];
@@ -202,6 +211,9 @@ bool iec104_advance_procedure(const struct iec104_station *station, struct iec10
  */
 void iec104_mirror(struct iec104_connection *connection, const uint8_t *asdu, size_t size,
 		   enum iec104_cause cause, bool negative);
+/* The same of what was received, with P/N = 1; and its confirmation, of an activation or a deactivation. */
+void iec104_refuse(const struct iec104_received *received, enum iec104_cause cause);
+void iec104_confirm(const struct iec104_received *received, bool negative);
 bool iec104_send_confirmation(struct iec104_connection *connection, int64_t now_ns);
 bool iec104_answer_read(const struct iec104_station *station, struct iec104_connection *connection,
 			int64_t now_ns);
@@ -211,6 +223,16 @@ bool iec104_answer_read(const struct iec104_station *station, struct iec104_conn
 /* An ASDU received in an I frame. */
 void iec104_take_asdu(struct iec104_station *station, struct iec104_connection *connection,
 		      const uint8_t *bytes, size_t size, int64_t now_ns);
+/* ---- command.c --------------------------------------------------------------------------- */
+
+/* A command whose type, cause, common address and size were checked. */
+void iec104_take_command(struct iec104_station *station, const struct iec104_received *received);
+
+/* ---- request.c --------------------------------------------------------------------------- */
+
+/* Asks the point's owner, or rtud where there is no point. False: it is not there, or too many requests are open. */
+bool iec104_post(struct iec104_station *station, const struct iec104_received *received,
+		 struct map_request request);
 /* The owners' and rtud's answers to requests of this process. True: there were some. */
 bool iec104_take_answers(struct iec104_station *station);
 /* ACT_TERM of a command whose return information was sent. */
