@@ -105,10 +105,13 @@ def _carry(source: socket.socket, sink: socket.socket, by_station: bool, connect
 
 
 RECORD: list[Connection] = []  # of this process, for the session's last fixture
+STATIONS: dict[tuple[str, int], tuple[str, int]] = {}  # behind the relays
 
 
-def port_behind_relay(master_port: int) -> int | None:
+def port_behind_relay(gateway: Rtu, master_port: int) -> int | None:
     """The port by which the station knows a master; None: the relay has not connected it yet."""
+    if gateway.address not in STATIONS:
+        return master_port
     ports = [end.station_port for end in reversed(RECORD) if end.master_port == master_port]
     return ports[0] if ports else None
 
@@ -118,11 +121,23 @@ def recorded(gateway: Rtu) -> Iterator[None]:
     """What connects to gateway.address from now on is recorded."""
     address, relay = gateway.address, Relay(gateway.address, RECORD)
     gateway.address = relay.address
+    STATIONS[relay.address] = address
     try:
         yield
     finally:
         gateway.address = address
         relay.close()
+
+
+@contextlib.contextmanager
+def unrecorded(gateway: Rtu) -> Iterator[None]:
+    """Without the relay, which may carry the end of a connection after the beginning of the next."""
+    relay = gateway.address
+    gateway.address = STATIONS[relay]
+    try:
+        yield
+    finally:
+        gateway.address = relay
 
 
 # ---- as packets -------------------------------------------------------------------------------------

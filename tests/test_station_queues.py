@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import pytest
 
-from capture import port_behind_relay
+from capture import port_behind_relay, unrecorded
 from desk import Substation, chapter_5, of_port, processor_seconds, substation_of
 from lab.gateway import Gateway
 from lab.raw_master import Asdu, Object, RawMaster, new_source
@@ -53,8 +53,8 @@ class Link:
         self._gateway = gateway
         self._socket = socket.create_connection(gateway.address, SOON_S, (source, 0))
         port = self._socket.getsockname()[1]
-        gateway.wait_for(lambda: port_behind_relay(port) is not None, SOON_S, "it is connected")
-        self.name = f"{source} port {port_behind_relay(port)}"
+        gateway.wait_for(lambda: port_behind_relay(gateway, port) is not None, SOON_S, "it is connected")
+        self.name = f"{source} port {port_behind_relay(gateway, port)}"
         self.received = self.sent = 0  # V(R), V(S)
 
     def __enter__(self) -> Self:
@@ -242,7 +242,7 @@ def test_unacknowledged_events_survive(
 def test_reconnection_at_once_finds_its_queue(substation: Substation) -> None:
     """The former one's last frame, its end and the next STARTDT may be there at the same time."""
     gateway, source = substation.gateway, "127.0.0.70"
-    with Link(gateway, source).start() as link:
+    with unrecorded(gateway), Link(gateway, source).start() as link:
         for value in range(150, 170):
             count_up(substation, range(value, value + 1), link)
             link.acknowledge()
