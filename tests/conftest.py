@@ -42,6 +42,12 @@ def asan_programs() -> Path:
 
 
 @pytest.fixture(scope="session")
+def fuzzers() -> Path:
+    """The folder of `make fuzzers`."""
+    return built("OPENRTU_FUZZ", "build/fuzz")
+
+
+@pytest.fixture(scope="session")
 def linesim_program() -> Path:
     return built("OPENRTU_LINESIM", "build/linesim/linesim")
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from conftest import built
 from fuzzing import SEEDS, TARGETS, run
 
 # Some five seconds each, by the targets' speeds.
@@ -16,9 +15,8 @@ SEEDS_MAX = 100
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
-def test_nothing_is_found(target: str, tmp_path: Path) -> None:
-    build = built("OPENRTU_FUZZ", "build/fuzz")
-    done = run(target, build, tmp_path, f"-runs={RUNS[target]}", "-seed=104")
+def test_nothing_is_found(target: str, fuzzers: Path, tmp_path: Path) -> None:
+    done = run(target, fuzzers, tmp_path, f"-runs={RUNS[target]}", "-seed=104")
     assert done.returncode == 0, done.stderr[-6000:]
     assert f"Done {RUNS[target]} runs" in done.stderr
 
