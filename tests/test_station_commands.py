@@ -177,52 +177,62 @@ def assert_nothing_more(master: RawMaster, kind: int, seconds: float = 0.3) -> N
 
 HALF = struct.pack("<hB", 0x4000, 0)
 FLOAT = struct.pack("<fB", 1.5, 0)
-# type, object, element; the writes it becomes; the value in the return information
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command, and what becomes of it."""
+
+    name: str
+    kind: int
+    ioa: int
+    body: bytes
+    written: tuple[tuple[int, str], ...]  # function, and the octets behind it
+    value: bytes  # in the return information
+
+    def writes(self) -> list[tuple[int, bytes]]:
+        return [(function, bytes.fromhex(data)) for function, data in self.written]
+
+
 COMMANDS = [
-    pytest.param(C_SC, SINGLE, b"\x01", [(5, "0000 ff00")], b"\x01", id="single"),
-    pytest.param(C_SC, SINGLE, bytes([PERSISTENT | 1]), [(5, "0000 ff00")], b"\x01", id="persistent"),
-    pytest.param(C_DC, DOUBLE, b"\x02", [(15, "0002 0002 01 02")], b"\x02", id="double"),
-    pytest.param(C_DC, APART, b"\x02", [(5, "000a 0000"), (5, "0014 ff00")], b"\x02", id="double apart on"),
-    pytest.param(C_DC, APART, b"\x01", [(5, "0014 0000"), (5, "000a ff00")], b"\x01", id="double apart off"),
-    pytest.param(C_RC, LEVEL, b"\x02", [(6, "0001 000a")], b"\x0a\x00\x00", id="step higher"),
-    pytest.param(C_RC, LEVEL, b"\x01", [(6, "0001 fff6")], b"\xf6\xff\x00", id="step lower"),
-    pytest.param(
-        C_RC, CURRENT, b"\x02", [(16, "0002 0002 04 3f000000")], b"\x00\x00\x00\x3f\x00", id="float step"
-    ),
-    pytest.param(C_SE_NA, NORMALIZED, HALF, [(6, "0000 4000")], HALF, id="normalized"),
-    pytest.param(C_SE_NB, LEVEL, b"\x23\x00\x00", [(6, "0001 0023")], b"\x23\x00\x00", id="scaled"),
-    pytest.param(C_SE_NC, CURRENT, FLOAT, [(16, "0002 0002 04 3fc00000")], FLOAT, id="float"),
-    pytest.param(
-        C_BO, BITS, b"\x78\x56\x34\x12", [(16, "0004 0002 04 12345678")], b"\x78\x56\x34\x12\x00", id="bits"
-    ),
+    Command("single", C_SC, SINGLE, b"\x01", ((5, "0000 ff00"),), b"\x01"),
+    Command("persistent", C_SC, SINGLE, bytes([PERSISTENT | 1]), ((5, "0000 ff00"),), b"\x01"),
+    Command("double", C_DC, DOUBLE, b"\x02", ((15, "0002 0002 01 02"),), b"\x02"),
+    Command("double apart on", C_DC, APART, b"\x02", ((5, "000a 0000"), (5, "0014 ff00")), b"\x02"),
+    Command("double apart off", C_DC, APART, b"\x01", ((5, "0014 0000"), (5, "000a ff00")), b"\x01"),
+    Command("step higher", C_RC, LEVEL, b"\x02", ((6, "0001 000a"),), b"\x0a\x00\x00"),
+    Command("step lower", C_RC, LEVEL, b"\x01", ((6, "0001 fff6"),), b"\xf6\xff\x00"),
+    Command("float step", C_RC, CURRENT, b"\x02", ((16, "0002 0002 04 3f000000"),), b"\0\0\0\x3f\0"),
+    Command("normalized", C_SE_NA, NORMALIZED, HALF, ((6, "0000 4000"),), HALF),
+    Command("scaled", C_SE_NB, LEVEL, b"\x23\x00\x00", ((6, "0001 0023"),), b"\x23\x00\x00"),
+    Command("float", C_SE_NC, CURRENT, FLOAT, ((16, "0002 0002 04 3fc00000"),), FLOAT),
+    Command("bits", C_BO, BITS, b"\x78\x56\x34\x12", ((16, "0004 0002 04 12345678"),), b"\x78\x56\x34\x12\0"),
 ]
+each_command = pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
 
 
 @pytest.mark.parametrize("tagged", [False, True], ids=["", "tagged"])
-@pytest.mark.parametrize(("kind", "ioa", "body", "written", "value"), COMMANDS)
+@each_command
 def test_confirmation_return_information_termination(
     plant: Plant,
     master: RawMaster,
-    kind: int,
-    ioa: int,
-    body: bytes,
-    written: list[tuple[int, str]],
-    value: bytes,
+    command: Command,
     tagged: bool,
 ) -> None:
     mark = plant.lines.mark()
-    sent, information = element(kind, body, tagged)
-    master.request(sent, CA, ioa, information, originator=9)
+    sent, information = element(command.kind, command.body, tagged)
+    address = command.ioa.to_bytes(3, "little")
+    master.request(sent, CA, command.ioa, information, originator=9)
     confirmation, returned, end = receive(master, sent, ACT_TERM)
     assert causes([confirmation, returned, end]) == [
         (sent, ACT_CON),
-        (M_TAGGED[ioa], RETURN_REMOTE),
+        (M_TAGGED[command.ioa], RETURN_REMOTE),
         (sent, ACT_TERM),
     ]
-    assert confirmation.body == end.body == ioa.to_bytes(3, "little") + information
+    assert confirmation.body == end.body == address + information
     assert (confirmation.originator, returned.originator, end.originator) == (9, 0, 9)
-    assert returned.body[:-7] == ioa.to_bytes(3, "little") + value
-    assert plant.writes(mark) == [(function, bytes.fromhex(data)) for function, data in written]
+    assert returned.body[:-7] == address + command.value
+    assert plant.writes(mark) == command.writes()
     assert_nothing_more(master, sent, 0.05)
 
 
@@ -251,7 +261,7 @@ def test_session_goes_on_while_the_device_is_slow(plant: Plant, master: RawMaste
     ]
 
 
-@pytest.mark.parametrize(("kind", "ioa", "body", "written", "value"), COMMANDS)
+@each_command
 @pytest.mark.parametrize(
     ("fault", "tagged"),
     [
@@ -264,22 +274,18 @@ def test_session_goes_on_while_the_device_is_slow(plant: Plant, master: RawMaste
 def test_failure_is_one_negative_confirmation_and_one_write(
     plant: Plant,
     master: RawMaster,
-    kind: int,
-    ioa: int,
-    body: bytes,
-    written: list[tuple[int, str]],
-    value: bytes,
+    command: Command,
     fault: tuple[Any, ...],
     tagged: bool,
 ) -> None:
     mark = plant.lines.mark()
-    function = written[0][0]
+    function = command.written[0][0]
     plant.lines.fault(DEVICE, *fault, *((function,) if fault[0] == "exception" else ()))
-    kind, body = element(kind, body, tagged)
-    assert refused(master, kind, ioa, body)
+    kind, body = element(command.kind, command.body, tagged)
+    assert refused(master, kind, command.ioa, body)
     plant.lines.fault(DEVICE, "clear")
     plant.wait_all_good(CA)
-    assert plant.writes(mark) == [(function, bytes.fromhex(written[0][1]))]
+    assert plant.writes(mark) == command.writes()[:1]
     assert_nothing_more(master, kind, 0.05)
 
 
@@ -542,22 +548,18 @@ def test_selection_of_a_step_is_deactivated(plant: Plant, master: RawMaster) -> 
     assert plant.writes(mark) == []
 
 
-@pytest.mark.parametrize(("kind", "ioa", "body", "written", "value"), COMMANDS)
+@each_command
 def test_test_bit_is_never_executed(
     plant: Plant,
     master: RawMaster,
-    kind: int,
-    ioa: int,
-    body: bytes,
-    written: list[tuple[int, str]],
-    value: bytes,
+    command: Command,
 ) -> None:
     mark = plant.lines.mark()
-    master.request(kind, CA, ioa, body, cause=ACT | TEST)
-    assert master.answer(kind).cause == ACT_CON | TEST
+    master.request(command.kind, CA, command.ioa, command.body, cause=ACT | TEST)
+    assert master.answer(command.kind).cause == ACT_CON | TEST
     plant.wait_scan(DEVICE)
     assert plant.writes(mark) == []
-    assert_nothing_more(master, kind, 0.05)
+    assert_nothing_more(master, command.kind, 0.05)
 
 
 def test_pulse_with_an_old_time_tag_is_refused(plant: Plant, master: RawMaster) -> None:

@@ -506,7 +506,7 @@ def test_slow_reader(gateway: TlsGateway, pki: Pki, version: str) -> None:
                 sent += slow.send(TESTFR_ACT * 2000)
         before = gateway.processor_seconds()
         assert len(other.interrogate(STATION).objects) == POINTS
-        time.sleep(1.0)
+        time.sleep(1.0)  # the time that is measured
         assert gateway.processor_seconds() - before < 0.3
         slow.settimeout(WAITS_S)
         assert received(slow, sent) == TESTFR_CON * (sent // 6)

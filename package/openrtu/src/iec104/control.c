@@ -123,8 +123,7 @@ static void refuse_originator(const struct iec104_received *received)
 
 static void take_interrogation(struct iec104_station *station, const struct iec104_received *received)
 {
-	bool accepted = iec104_interrogate(station, received->connection, received->bytes, received->size,
-					   received->now_ns);
+	bool accepted = iec104_interrogate(station, received);
 
 	if (!accepted || received->asdu.cause == IEC104_DEACTIVATION)
 		iec104_confirm(received, !accepted);

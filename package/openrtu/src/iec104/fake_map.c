@@ -115,12 +115,10 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 	const struct map_settings *settings = &map->config.settings;
 
 	*out = map->queues[slot];
-	out->limit = settings->event_ring - 1;
+	out->limit = map_queue_limit(settings, slot);
 	out->waiting = map_events_behind(map, &map->places[slot].cursor);
-	if (slot < settings->group_count) {
+	if (slot < settings->group_count)
 		snprintf(out->name, sizeof(out->name), "%s", settings->groups[slot].name);
-		out->limit = settings->groups[slot].queue;
-	}
 }
 
 void map_queue_place(const struct map *map, unsigned slot, struct map_queue_place *out)

@@ -93,25 +93,25 @@ bool iec104_freeze_waits(const struct iec104_station *station, const struct iec1
 	return false;
 }
 
-bool iec104_freeze(struct iec104_station *station, struct iec104_connection *connection,
-		   const struct iec104_procedure *procedure, const uint8_t *asdu, size_t size, int64_t now_ns)
+bool iec104_freeze(struct iec104_station *station, const struct iec104_received *received,
+		   const struct iec104_procedure *procedure)
 {
 	struct iec104_freeze *freeze = free_place(station);
 	uint32_t points[MAP_MODULES_MAX];
 	uint32_t owners = find_owners(station, procedure, points);
 
-	if (freeze == NULL || size > sizeof(freeze->asdu) || !all_alive(station, owners))
+	if (freeze == NULL || !all_alive(station, owners))
 		return false;
 	*freeze = (struct iec104_freeze){
 	    .used = true,
-	    .connection = connection,
-	    .serial = connection->serial,
+	    .connection = received->connection,
+	    .serial = received->connection->serial,
 	    .procedure = *procedure,
-	    .asdu_size = size,
-	    .posted_ns = now_ns,
-	    .deadline_ns = now_ns + station->config->settings.command_timeout_s * NS_PER_S,
+	    .asdu_size = received->size,
+	    .posted_ns = received->now_ns,
+	    .deadline_ns = received->now_ns + station->config->settings.command_timeout_s * NS_PER_S,
 	};
-	memcpy(freeze->asdu, asdu, size);
+	memcpy(freeze->asdu, received->bytes, received->size);
 	for (uint32_t i = 0; owners >> i != 0; i++)
 		if (owners & 1u << i)
 			ask_owner(station, freeze, i, points[i]);
@@ -143,15 +143,12 @@ void iec104_take_freeze_answer(struct iec104_station *station, const struct map_
 	}
 }
 
-/* As for commands: rtud says when an owner has ended; later than the deadline an answer was lost. */
+/* Later than the deadline an answer was lost. */
 static bool has_ended(const struct iec104_station *station, const struct iec104_freeze *freeze,
 		      uint32_t owner, int64_t now_ns)
 {
-	struct map_module module;
-
-	map_module(station->map, owner, &module);
-	return module.state == MAP_MODULE_DOWN || module.state == MAP_MODULE_STOPPED ||
-	       module.generation != freeze->generations[owner] || now_ns >= freeze->deadline_ns;
+	return iec104_owner_has_ended(station, owner, freeze->generations[owner]) ||
+	       now_ns >= freeze->deadline_ns;
 }
 
 void iec104_conclude_freezes(struct iec104_station *station, int64_t now_ns)

@@ -4,22 +4,14 @@
  * arrive in sound I frames, so that every octet of the input reaches the station. Devices answer each command at once.
  * What must hold: the connection is closed, or each ASDU is answered, and no refusal comes twice.
  */
-#include <stdlib.h>
 #include <string.h>
 
+#include "fuzz.h"
 #include "iec104/fake_map.h"
 #include "iec104/station.h"
 
-#define CHECK(condition)                                                                                     \
-	do {                                                                                                 \
-		if (!(condition))                                                                            \
-			abort();                                                                             \
-	} while (0)
-
 #define K           12
 #define TURNS_OF_GI 64 /* an interrogation of all is done in less */
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static struct iec104_station station;
 static struct iec104_connection *connection;

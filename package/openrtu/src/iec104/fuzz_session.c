@@ -7,23 +7,15 @@
  * - the deadline is ahead once the session has been run, and no later than t1, t2 and t3 allow;
  * - a session that is over sends and takes nothing more.
  */
-#include <stdlib.h>
 #include <string.h>
 
+#include "fuzz_input.h"
 #include "iec104/session.h"
 
 #define S       1000000000LL
 #define MS      1000000LL
 #define K_MOST  40 /* more than the output holds */
 #define ASDU_OF 0x2a
-
-#define CHECK(condition)                                                                                     \
-	do {                                                                                                 \
-		if (!(condition))                                                                            \
-			abort();                                                                             \
-	} while (0)
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static struct iec104_session session;
 static _Atomic uint32_t counters[MAP_STATION_COUNTERS];
@@ -32,15 +24,6 @@ static int64_t sent_ns[K_MOST], now;
 static uint16_t sent, written; /* I frames: given to the session, seen in its output */
 static uint8_t pending[IEC104_APDU_MAX + IEC104_OUTPUT_SIZE];
 static size_t pending_size;
-
-static struct input {
-	const uint8_t *at, *end;
-} input;
-
-static uint8_t next_octet(void)
-{
-	return input.at < input.end ? *input.at++ : 0;
-}
 
 /* ---- what comes out ---------------------------------------------------------------------------- */
 

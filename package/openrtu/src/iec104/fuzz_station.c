@@ -7,9 +7,9 @@
  * - no command has more than one confirmation or refusal, nor a termination without a confirmation;
  * - once all is acknowledged, each point is what the model was told last: no event was lost, nothing stale is good.
  */
-#include <stdlib.h>
 #include <string.h>
 
+#include "fuzz_input.h"
 #include "iec104/fake_map.h"
 #include "iec104/station.h"
 
@@ -19,26 +19,9 @@
 #define STEPS_TO_SETTLE 2000
 #define RUNS_UNTIL_DONE 4
 
-#define CHECK(condition)                                                                                     \
-	do {                                                                                                 \
-		if (!(condition))                                                                            \
-			abort();                                                                             \
-	} while (0)
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
 static struct iec104_station station;
 static int64_t sent_ns[CONNECTIONS * K];
 static struct map_queue_place places[CONNECTIONS * K];
-
-static struct input {
-	const uint8_t *at, *end;
-} input;
-
-static uint8_t next_octet(void)
-{
-	return input.at < input.end ? *input.at++ : 0;
-}
 
 /* ---- a controlling station and what it knows --------------------------------------------------- */
 

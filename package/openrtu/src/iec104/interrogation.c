@@ -208,19 +208,14 @@ static bool can_interrogate(const struct iec104_procedure *procedure)
 	return procedure->qualifier >= QOI_STATION && procedure->qualifier <= QOI_GROUP_LAST;
 }
 
-bool iec104_interrogate(struct iec104_station *station, struct iec104_connection *connection,
-			const uint8_t *bytes, size_t size, int64_t now_ns)
+bool iec104_interrogate(struct iec104_station *station, const struct iec104_received *received)
 {
-	struct iec104_procedure procedure;
-	struct iec104_asdu asdu;
-	unsigned place;
-	bool found;
+	struct iec104_connection *connection = received->connection;
+	struct iec104_procedure procedure = iec104_procedure_of(station, &received->asdu);
+	unsigned place = find_procedure(connection, &procedure);
+	bool found = place < connection->procedure_count;
 
-	iec104_asdu_decode(bytes, size, &asdu);
-	procedure = iec104_procedure_of(station, &asdu);
-	place = find_procedure(connection, &procedure);
-	found = place < connection->procedure_count;
-	if (asdu.cause == IEC104_DEACTIVATION) {
+	if (received->asdu.cause == IEC104_DEACTIVATION) {
 		if (found)
 			remove_procedure(connection, place);
 		return found;
@@ -230,6 +225,6 @@ bool iec104_interrogate(struct iec104_station *station, struct iec104_connection
 	if (procedure.type == IEC104_C_CI_NA_1 && iec104_freeze_waits(station, connection))
 		return false;
 	if (is_freeze(&procedure) && !procedure.test)
-		return iec104_freeze(station, connection, &procedure, bytes, size, now_ns);
+		return iec104_freeze(station, received, &procedure);
 	return iec104_add_procedure(connection, &procedure);
 }

@@ -11,18 +11,6 @@
 #include <inttypes.h>
 #include <string.h>
 
-static bool is_groups(const struct iec104_station *station, uint32_t queue)
-{
-	return queue < station->config->settings.group_count;
-}
-
-static uint32_t limit_of(const struct iec104_station *station, uint32_t queue)
-{
-	const struct map_settings *settings = &station->config->settings;
-
-	return is_groups(station, queue) ? settings->groups[queue].queue : settings->event_ring - 1;
-}
-
 /* The connection that is sent the events of a queue; NULL: none is. */
 static struct iec104_connection *holder_of(struct iec104_station *station, uint32_t queue)
 {
@@ -148,7 +136,7 @@ static void trim_waiting(struct iec104_station *station, uint32_t slot)
 	bool episode_begins;
 
 	map_queue_place(station->map, slot, &place);
-	drop_oldest(station, &place.cursor, limit_of(station, slot));
+	drop_oldest(station, &place.cursor, map_queue_limit(&station->config->settings, slot));
 	if (place.cursor.lost == 0)
 		return;
 	episode_begins = place.refresh != MAP_REFRESH_ALL;
@@ -169,7 +157,8 @@ void iec104_trim_queues(struct iec104_station *station)
 		if (!connection->open || !connection->holds_queue)
 			continue;
 		waiting &= ~(1u << connection->queue);
-		drop_oldest(station, &connection->cursor, limit_of(station, connection->queue));
+		drop_oldest(station, &connection->cursor,
+			    map_queue_limit(&station->config->settings, connection->queue));
 		iec104_note_lost_events(station, connection);
 	}
 	for (; waiting != 0; waiting &= waiting - 1)

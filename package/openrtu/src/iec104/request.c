@@ -18,7 +18,7 @@ static bool is_session_of(const struct iec104_connection *connection, uint32_t s
 	return session_of(connection, (uint8_t)session) == session;
 }
 
-static bool is_free(const struct iec104_open_command *open)
+static bool is_free(const struct iec104_open_request *open)
 {
 	return open->request.id == 0 && !open->terminating;
 }
@@ -28,12 +28,12 @@ bool iec104_post(struct iec104_station *station, const struct iec104_received *r
 {
 	struct iec104_connection *connection = received->connection;
 	uint32_t owner = request.point == MAP_NONE ? MAP_RTUD : map_owner(station->map, request.point);
-	struct iec104_open_command *open = station->open_commands;
+	struct iec104_open_request *open = station->open_requests;
 	struct map_module module;
 
-	while (open < station->open_commands + IEC104_OPEN_COMMANDS_MAX && !is_free(open))
+	while (open < station->open_requests + IEC104_OPEN_REQUESTS_MAX && !is_free(open))
 		open++;
-	if (open == station->open_commands + IEC104_OPEN_COMMANDS_MAX)
+	if (open == station->open_requests + IEC104_OPEN_REQUESTS_MAX)
 		return false;
 	map_module(station->map, owner, &module);
 	request.session = session_of(connection, received->asdu.originator);
@@ -42,7 +42,7 @@ bool iec104_post(struct iec104_station *station, const struct iec104_received *r
 	request.id = map_request_post(station->map, request);
 	if (request.id == 0)
 		return false;
-	*open = (struct iec104_open_command){.request = request};
+	*open = (struct iec104_open_request){.request = request};
 	open->generation = module.generation;
 	open->connection = connection;
 	open->serial = connection->serial;
@@ -51,18 +51,18 @@ bool iec104_post(struct iec104_station *station, const struct iec104_received *r
 	return true;
 }
 
-static bool is_still_there(const struct iec104_open_command *open)
+static bool is_still_there(const struct iec104_open_request *open)
 {
 	return open->connection->open && open->connection->serial == open->serial;
 }
 
-static bool takes_data(const struct iec104_open_command *open)
+static bool takes_data(const struct iec104_open_request *open)
 {
 	return is_still_there(open) && open->connection->session.started;
 }
 
 /* Confirms to the connection that asked, if it is still there and takes data. */
-static void report(const struct iec104_station *station, const struct iec104_open_command *open,
+static void report(const struct iec104_station *station, const struct iec104_open_request *open,
 		   bool positive)
 {
 	struct iec104_connection *connection = open->connection;
@@ -83,7 +83,7 @@ static void report(const struct iec104_station *station, const struct iec104_ope
 }
 
 /* The device has confirmed an execution, or that and its end are told at once. Of anything else, an owner gone wild says so. */
-static void report_execution(const struct iec104_station *station, struct iec104_open_command *open)
+static void report_execution(const struct iec104_station *station, struct iec104_open_request *open)
 {
 	if (open->confirmed || open->request.action != MAP_EXECUTE)
 		return;
@@ -91,7 +91,7 @@ static void report_execution(const struct iec104_station *station, struct iec104
 	open->confirmed = true;
 }
 
-static void begin_termination(const struct iec104_station *station, struct iec104_open_command *open,
+static void begin_termination(const struct iec104_station *station, struct iec104_open_request *open,
 			      bool positive)
 {
 	if (!takes_data(open))
@@ -102,7 +102,7 @@ static void begin_termination(const struct iec104_station *station, struct iec10
 	open->connection->terminations++;
 }
 
-static void end_termination(struct iec104_open_command *open)
+static void end_termination(struct iec104_open_request *open)
 {
 	open->terminating = false;
 	open->connection->terminations--;
@@ -110,7 +110,7 @@ static void end_termination(struct iec104_open_command *open)
 
 /* Where no event waits all were sent, whatever an owner gone wild made of its ring. */
 static bool return_information_was_sent(const struct iec104_station *station,
-					const struct iec104_open_command *open)
+					const struct iec104_open_request *open)
 {
 	return iec104_events_were_sent(open->connection, map_owner(station->map, open->request.point),
 				       open->events_end) ||
@@ -120,8 +120,8 @@ static bool return_information_was_sent(const struct iec104_station *station,
 bool iec104_send_termination(struct iec104_station *station, struct iec104_connection *connection,
 			     int64_t now_ns)
 {
-	for (unsigned i = 0; connection->terminations > 0 && i < IEC104_OPEN_COMMANDS_MAX; i++) {
-		struct iec104_open_command *open = &station->open_commands[i];
+	for (unsigned i = 0; connection->terminations > 0 && i < IEC104_OPEN_REQUESTS_MAX; i++) {
+		struct iec104_open_request *open = &station->open_requests[i];
 
 		if (!open->terminating || open->connection != connection ||
 		    !return_information_was_sent(station, open))
@@ -136,10 +136,10 @@ bool iec104_send_termination(struct iec104_station *station, struct iec104_conne
 
 void iec104_drop_terminations(struct iec104_station *station, struct iec104_connection *connection)
 {
-	for (unsigned i = 0; connection->terminations > 0 && i < IEC104_OPEN_COMMANDS_MAX; i++)
-		if (station->open_commands[i].terminating &&
-		    station->open_commands[i].connection == connection)
-			end_termination(&station->open_commands[i]);
+	for (unsigned i = 0; connection->terminations > 0 && i < IEC104_OPEN_REQUESTS_MAX; i++)
+		if (station->open_requests[i].terminating &&
+		    station->open_requests[i].connection == connection)
+			end_termination(&station->open_requests[i]);
 }
 
 /* Back to inactive. The owner sees to it that only the session that was last served can do that. */
@@ -155,7 +155,7 @@ static bool is_command(uint8_t action)
 	return action == MAP_SELECT || action == MAP_EXECUTE || action == MAP_CANCEL;
 }
 
-static void conclude(struct iec104_station *station, struct iec104_open_command *open, bool positive)
+static void conclude(struct iec104_station *station, struct iec104_open_request *open, bool positive)
 {
 	bool selected = positive && open->request.action == MAP_SELECT && is_still_there(open);
 
@@ -191,8 +191,8 @@ static void take_answer(struct iec104_station *station, const struct map_answer 
 		iec104_take_freeze_answer(station, answer);
 		return;
 	}
-	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++) {
-		struct iec104_open_command *open = &station->open_commands[i];
+	for (unsigned i = 0; i < IEC104_OPEN_REQUESTS_MAX; i++) {
+		struct iec104_open_request *open = &station->open_requests[i];
 
 		if (open->request.id == 0 || open->request.id != answer->id)
 			continue;
@@ -217,19 +217,21 @@ bool iec104_take_answers(struct iec104_station *station)
 	return any;
 }
 
-/*
- * An owner whose generation has ended will not answer, and nobody knows what became of the command. One that
- * is only silent for a moment will: rtud decides, not the heartbeat's age.
- */
-static bool owner_has_ended(const struct iec104_station *station, const struct iec104_open_command *open)
+bool iec104_owner_has_ended(const struct iec104_station *station, uint32_t owner, uint32_t generation)
 {
 	struct map_module module;
 
-	if (open->request.point == MAP_NONE)
-		return false; /* rtud, which this process does not outlive */
-	map_module(station->map, map_owner(station->map, open->request.point), &module);
+	map_module(station->map, owner, &module);
 	return module.state == MAP_MODULE_DOWN || module.state == MAP_MODULE_STOPPED ||
-	       module.generation != open->generation;
+	       module.generation != generation;
+}
+
+/* rtud, which is asked where there is no point, is not outlived by this process. */
+static bool owner_has_ended(const struct iec104_station *station, const struct iec104_open_request *open)
+{
+	return open->request.point != MAP_NONE &&
+	       iec104_owner_has_ended(station, map_owner(station->map, open->request.point),
+				      open->generation);
 }
 
 /*
@@ -237,7 +239,7 @@ static bool owner_has_ended(const struct iec104_station *station, const struct i
  * writes, and the octets take their time; as much again for a pulse and its end. Later than this, request or answer was
  * overwritten in the map unread.
  */
-static int64_t last_moment(const struct iec104_open_command *open)
+static int64_t last_moment(const struct iec104_open_request *open)
 {
 	if (!open->confirmed)
 		return open->request.deadline_ns + 30 * NS_PER_S;
@@ -245,15 +247,15 @@ static int64_t last_moment(const struct iec104_open_command *open)
 }
 
 /* What the device has confirmed is done, unless its pulse is to be ended yet. */
-static bool was_done(const struct iec104_open_command *open)
+static bool was_done(const struct iec104_open_request *open)
 {
 	return open->confirmed && open->request.pulse_ms == 0;
 }
 
 void iec104_conclude_orphans(struct iec104_station *station, int64_t now_ns)
 {
-	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++) {
-		struct iec104_open_command *open = &station->open_commands[i];
+	for (unsigned i = 0; i < IEC104_OPEN_REQUESTS_MAX; i++) {
+		struct iec104_open_request *open = &station->open_requests[i];
 
 		if (open->request.id != 0 && (owner_has_ended(station, open) || now_ns >= last_moment(open)))
 			conclude(station, open, was_done(open));
@@ -264,8 +266,8 @@ int64_t iec104_orphan_deadline(const struct iec104_station *station)
 {
 	int64_t deadline = INT64_MAX;
 
-	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++) {
-		const struct iec104_open_command *open = &station->open_commands[i];
+	for (unsigned i = 0; i < IEC104_OPEN_REQUESTS_MAX; i++) {
+		const struct iec104_open_request *open = &station->open_requests[i];
 
 		if (open->request.id != 0 && last_moment(open) < deadline)
 			deadline = last_moment(open);

@@ -18,8 +18,8 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	station->log_withheld = 0;
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		station->connections[i].open = false;
-	for (unsigned i = 0; i < IEC104_OPEN_COMMANDS_MAX; i++)
-		station->open_commands[i] = (struct iec104_open_command){.terminating = false};
+	for (unsigned i = 0; i < IEC104_OPEN_REQUESTS_MAX; i++)
+		station->open_requests[i] = (struct iec104_open_request){.terminating = false};
 	for (unsigned i = 0; i < IEC104_OPEN_FREEZES_MAX; i++)
 		station->freezes[i].used = false;
 	station->initialised = false;

@@ -55,7 +55,7 @@
 #define IEC104_CONNECTIONS_MAX    MAP_STATION_CONNECTIONS
 #define IEC104_REPLIES_SIZE       8192
 #define IEC104_INTERROGATIONS_MAX 64 /* of different stations, under way or waiting, on one connection */
-#define IEC104_OPEN_COMMANDS_MAX  64 /* waiting for their devices, of all connections */
+#define IEC104_OPEN_REQUESTS_MAX  64 /* waiting for their devices, of all connections */
 #define IEC104_OPEN_FREEZES_MAX   16 /* waiting for the counters' owners, one a connection */
 
 /* Confirmations and refusals that wait for room in k, oldest first: one octet of size, then the ASDU. */
@@ -137,7 +137,7 @@ struct iec104_connection {
 };
 
 /* A request to a point's owner or to rtud that has not been answered, or whose end has not been sent. */
-struct iec104_open_command {
+struct iec104_open_request {
 	struct map_request request; /* id 0: answered */
 	bool confirmed;             /* ACT_CON was sent: ACT_TERM follows */
 	bool terminating;           /* answered, ACT_TERM waits: */
@@ -175,7 +175,7 @@ struct iec104_station {
 	uint32_t queues; /* those that a group or an address has, a bit each */
 	uint32_t next_serial;
 	struct iec104_connection connections[IEC104_CONNECTIONS_MAX];
-	struct iec104_open_command open_commands[IEC104_OPEN_COMMANDS_MAX];
+	struct iec104_open_request open_requests[IEC104_OPEN_REQUESTS_MAX];
 	struct iec104_freeze freezes[IEC104_OPEN_FREEZES_MAX];
 
 	bool initialised;      /* all devices were asked since the start; not looked at once it was told */
@@ -196,10 +196,10 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 
 /* Who connects. */
 struct iec104_peer {
-	const char *name;    /* in the log: less than MAP_PEER_SIZE */
-	const char *address; /* IPv4 or IPv6, in the one way that inet_ntop writes it */
-	uint32_t group;      /* index of its redundancy group in the settings, MAP_NONE: none */
-	bool clock_master;   /* may set the clock */
+	char name[MAP_PEER_SIZE];       /* in the log: address and port */
+	char address[MAP_ADDRESS_SIZE]; /* IPv4 or IPv6, in the one way that inet_ntop writes it */
+	uint32_t group;                 /* index of its redundancy group in the settings, MAP_NONE: none */
+	bool clock_master;              /* may set the clock */
 };
 
 /*

@@ -151,9 +151,8 @@ bool iec104_send_periodic(const struct iec104_station *station, struct iec104_co
  * Asks the owners of the counters that a counter interrogation means to freeze or reset them. False, and nothing
  * asked: an owner is not alive, or too many are waiting. The confirmation follows when all have answered.
  */
-bool iec104_freeze(struct iec104_station *station, struct iec104_connection *connection,
-		   const struct iec104_procedure *procedure, const uint8_t *asdu, size_t size,
-		   int64_t now_ns);
+bool iec104_freeze(struct iec104_station *station, const struct iec104_received *received,
+		   const struct iec104_procedure *procedure);
 /* The connection waits for a freeze. */
 bool iec104_freeze_waits(const struct iec104_station *station, const struct iec104_connection *connection);
 void iec104_take_freeze_answer(struct iec104_station *station, const struct map_answer *answer);
@@ -198,8 +197,7 @@ bool iec104_add_procedure(struct iec104_connection *connection, const struct iec
  * Activates or deactivates. False: the confirmation is negative. The positive one of an activation is the
  * procedure's own, when its turn has come.
  */
-bool iec104_interrogate(struct iec104_station *station, struct iec104_connection *connection,
-			const uint8_t *asdu, size_t size, int64_t now_ns);
+bool iec104_interrogate(struct iec104_station *station, const struct iec104_received *received);
 bool iec104_advance_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			      int64_t now_ns);
 
@@ -233,6 +231,11 @@ void iec104_take_command(struct iec104_station *station, const struct iec104_rec
 /* Asks the point's owner, or rtud where there is no point. False: it is not there, or too many requests are open. */
 bool iec104_post(struct iec104_station *station, const struct iec104_received *received,
 		 struct map_request request);
+/*
+ * An owner whose generation has ended will not answer, and nobody knows what became of what it was asked. One that is
+ * only silent for a moment will: rtud decides, not the heartbeat's age.
+ */
+bool iec104_owner_has_ended(const struct iec104_station *station, uint32_t owner, uint32_t generation);
 /* The owners' and rtud's answers to requests of this process. True: there were some. */
 bool iec104_take_answers(struct iec104_station *station);
 /* ACT_TERM of a command whose return information was sent. */

@@ -32,7 +32,6 @@ void iec104_show_connection(const struct iec104_station *station, const struct i
 	const struct iec104_session *session = &connection->session;
 	struct map_connection_stats *stats = stats_of(station, connection);
 	struct map_queue_place place;
-
 	bool moved = stats->next_ns != session->next_ns || stats->unacknowledged != session->unacknowledged;
 
 	set(&stats->queue, connection->queue);

@@ -141,7 +141,7 @@ static void test_many_commands_wait_for_their_ends(void **state)
 {
 	(void)state;
 	hold_back(0);
-	for (uint32_t i = 1; i <= IEC104_OPEN_COMMANDS_MAX + 1; i++) {
+	for (uint32_t i = 1; i <= IEC104_OPEN_REQUESTS_MAX + 1; i++) {
 		if (i % 5 == 0)
 			iec104_station_disconnect(&station, masters[0].connection), connect_master(0, true),
 			    start(0), hold_back(0);

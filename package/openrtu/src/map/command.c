@@ -131,11 +131,7 @@ static struct map_command current(const struct command_cell *cell)
 
 static void store(struct command_cell *cell, const struct map_command *command)
 {
-	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(&cell->latch);
-
-		cell->copies[turn] = *command;
-	}
+	latch_store(&cell->latch, cell->copies, command, sizeof(*command));
 }
 
 static struct map_command command_of(const struct map *map, const struct map_request *request,
@@ -268,19 +264,24 @@ static void release(const struct map *map, struct command_cell *cell, const stru
 	store(cell, &command);
 }
 
+void map_request_answer(struct map *map, const struct map_request *request, enum map_command_result result)
+{
+	struct map_command end = command_of(
+	    map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND, result);
+
+	answer(map, &end, request->point, (enum map_action)request->action);
+}
+
 /* What the owner does at once, without the device. */
 static void carry_out(struct map *map, const struct map_request *request)
 {
 	enum map_command_result result = MAP_RESULT_DONE;
-	struct map_command end;
 
 	if (map_now_ns() > request->deadline_ns)
 		result = MAP_RESULT_TOO_OLD;
 	else if (request->action == MAP_FREEZE ? !totals_freeze(map, request) : !parameter_load(map, request))
 		result = MAP_RESULT_OUT_OF_RANGE;
-	end = command_of(map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND,
-			 result);
-	answer(map, &end, request->point, (enum map_action)request->action);
+	map_request_answer(map, request, result);
 }
 
 bool map_command_request(struct map *map, const struct map_request *request)
@@ -358,14 +359,6 @@ void map_command_finish(struct map *map, uint32_t point, enum map_command_result
 	answer(map, &command, point, MAP_EXECUTE);
 }
 
-void map_clock_answer(struct map *map, const struct map_request *request, enum map_command_result result)
-{
-	struct map_command command = command_of(
-	    map, request, result == MAP_RESULT_DONE ? MAP_EXECUTED_COMMAND : MAP_REFUSED_COMMAND, result);
-
-	answer(map, &command, MAP_NONE, (enum map_action)request->action);
-}
-
 /* A pulse that nobody knows to have begun is ended all the same: off is the safe end. */
 static void recover_pulse(struct map_command *command)
 {
@@ -410,22 +403,17 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 {
 	const struct segment *segment = &map->segments[map_owner(map, point)];
 	struct command_cell *cell;
+	struct map_command command;
 
 	if (!(map->config.points[point].flags & MAP_POINT_COMMAND)) {
 		*out = (struct map_command){.state = MAP_INACTIVE};
 		return true;
 	}
 	cell = &segment->commands[map->config.points[point].command];
-	for (int tries = 0; tries < LATCH_TRIES; tries++) {
-		uint32_t sequence = latch_read_begin(&cell->latch);
-		struct map_command command = cell->copies[sequence & 1];
-
-		if (!latch_read_done(&cell->latch, sequence))
-			continue;
-		*out = is_past(command.time_ns) ? command : (struct map_command){.state = MAP_INACTIVE};
-		return true;
-	}
-	return false;
+	if (!latch_load(&cell->latch, cell->copies, &command, sizeof(command)))
+		return false;
+	*out = is_past(command.time_ns) ? command : (struct map_command){.state = MAP_INACTIVE};
+	return true;
 }
 
 const char *map_command_state_name(enum map_command_state state)

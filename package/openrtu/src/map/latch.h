@@ -12,7 +12,9 @@
 
 #include <stdatomic.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 /* ARMv5: GCC says 1 (sometimes), since they are lock-free through the kernel's helpers (CONFIG_KUSER_HELPERS). */
 _Static_assert(ATOMIC_INT_LOCK_FREE != 0, "atomics in shared memory must be lock-free");
@@ -28,6 +30,13 @@ static inline unsigned latch_turn(map_latch *latch)
 	/* The sequence must be seen before what follows in the copy it takes from the readers. */
 	atomic_thread_fence(memory_order_release);
 	return (sequence & 1) ? 0 : 1;
+}
+
+/* Puts a record into both copies of an array of two. */
+static inline void latch_store(map_latch *latch, void *copies, const void *record, size_t size)
+{
+	for (int copy = 0; copy < 2; copy++)
+		memcpy((uint8_t *)copies + latch_turn(latch) * size, record, size);
 }
 
 /* The copy that is whole, whatever a former writer left half done. */
@@ -53,5 +62,18 @@ static inline bool latch_read_done(map_latch *latch, uint32_t sequence)
  * bytes; writers publish at the pace of a serial line.
  */
 #define LATCH_TRIES 64
+
+/* Takes a record out of an array of two copies. False: the writer overtook every try, and out is of no use. */
+static inline bool latch_load(map_latch *latch, const void *copies, void *out, size_t size)
+{
+	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		uint32_t sequence = latch_read_begin(latch);
+
+		memcpy(out, (const uint8_t *)copies + (sequence & 1) * size, size);
+		if (latch_read_done(latch, sequence))
+			return true;
+	}
+	return false;
+}
 
 #endif

@@ -54,6 +54,12 @@ enum map_counter_detail {
 	MAP_COUNTER_ADJUSTED = 0x40, /* it was reset in that period, by request or at the device */
 };
 
+/* A measured value or a counter as a number. */
+static inline double map_number(enum map_type type, union map_value value)
+{
+	return type == MAP_FLOAT ? (double)value.f : value.i;
+}
+
 struct map_sample {
 	union map_value value; /* which member: enum map_type */
 	uint8_t quality;       /* enum map_quality, or-ed */

@@ -143,26 +143,17 @@ void map_announce(struct map *map, enum map_event_kind kind, uint32_t module)
 struct map_clock map_clock_read(const struct map *map)
 {
 	struct directory *directory = map->directory;
-	struct map_clock clock = {0};
+	struct map_clock clock;
 
-	for (int tries = 0; tries < LATCH_TRIES; tries++) {
-		uint32_t sequence = latch_read_begin(&directory->clock_latch);
-
-		clock = directory->clock[sequence & 1];
-		if (latch_read_done(&directory->clock_latch, sequence))
-			return clock;
-	}
-	clock.set = false; /* rtud sets it once a tick at most: not reached, and if so, not to be trusted */
+	if (!latch_load(&directory->clock_latch, directory->clock, &clock, sizeof(clock)))
+		clock.set =
+		    false; /* rtud sets it once a tick at most: not reached, and if so, not to be trusted */
 	return clock;
 }
 
 void map_clock_write(struct map *map, struct map_clock clock)
 {
-	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(&map->directory->clock_latch);
-
-		map->directory->clock[turn] = clock;
-	}
+	latch_store(&map->directory->clock_latch, map->directory->clock, &clock, sizeof(clock));
 }
 
 /* ---- log --------------------------------------------------------------------------------- */

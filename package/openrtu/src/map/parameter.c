@@ -17,11 +17,6 @@ static struct parameter_cell *cell_of(const struct map *map, uint32_t point)
 	return &map->segments[map_owner(map, point)].parameters[map->config.points[point].parameters];
 }
 
-static double number_of(enum map_type type, union map_value value)
-{
-	return type == MAP_FLOAT ? (double)value.f : value.i;
-}
-
 static double loaded(const struct map *map, uint32_t point, enum map_parameter kind, double otherwise)
 {
 	struct parameter_cell *cell = cell_of(map, point);
@@ -30,7 +25,7 @@ static double loaded(const struct map *map, uint32_t point, enum map_parameter k
 	if (!(atomic_load(&cell->state) & 1u << kind))
 		return otherwise;
 	value.u = atomic_load(&cell->values[kind - 1]);
-	return number_of((enum map_type)map->config.points[point].type, value);
+	return map_number((enum map_type)map->config.points[point].type, value);
 }
 
 void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out)
@@ -61,7 +56,7 @@ void map_parameters_read(const struct map *map, uint32_t point, struct map_param
 
 static bool is_sane(const struct map *map, const struct map_request *request)
 {
-	double value = number_of((enum map_type)map->config.points[request->point].type, request->value);
+	double value = map_number((enum map_type)map->config.points[request->point].type, request->value);
 	struct map_parameters now;
 
 	map_parameters_read(map, request->point, &now);
@@ -108,7 +103,7 @@ void map_smooth(struct map *map, uint32_t point, struct map_sample *sample)
 	if (!has_parameters(map, point))
 		return;
 	map_parameters_read(map, point, &parameters);
-	value = number_of((enum map_type)object->type, sample->value);
+	value = map_number((enum map_type)object->type, sample->value);
 	if (parameters.smoothing_s <= 0 || sample->quality != MAP_GOOD || smoothed->time_ns == 0) {
 		*smoothed = (struct smoothed){value, sample->quality == MAP_GOOD ? sample->time_ns : 0};
 		return;
@@ -131,5 +126,5 @@ static int side(const struct map_parameters *parameters, double value)
 bool parameters_crossed(const struct map_parameters *parameters, enum map_type type, union map_value from,
 			union map_value to)
 {
-	return side(parameters, number_of(type, from)) != side(parameters, number_of(type, to));
+	return side(parameters, map_number(type, from)) != side(parameters, map_number(type, to));
 }

@@ -61,11 +61,10 @@ static double distance(enum map_type type, union map_value a, union map_value b)
 {
 	switch (type) {
 	case MAP_FLOAT:
-		return fabs((double)a.f - (double)b.f);
 	case MAP_NORMALIZED:
 	case MAP_SCALED:
 	case MAP_COUNTER:
-		return fabs((double)a.i - (double)b.i);
+		return fabs(map_number(type, a) - map_number(type, b));
 	default:
 		return a.u == b.u ? 0 : INFINITY;
 	}

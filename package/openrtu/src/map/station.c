@@ -41,13 +41,8 @@ void map_queue_place(const struct map *map, unsigned slot, struct map_queue_plac
 {
 	struct queue_cell *cell = queue_cell(map, slot);
 
-	for (int tries = 0; tries < LATCH_TRIES; tries++) {
-		uint32_t sequence = latch_read_begin(&cell->latch);
-
-		*out = cell->places[sequence & 1];
-		if (latch_read_done(&cell->latch, sequence))
-			break; /* else its owner acknowledges faster than this reads: any of its places will do */
-	}
+	/* Where its owner acknowledges faster than this reads, any of its places will do. */
+	latch_load(&cell->latch, cell->places, out, sizeof(*out));
 	check_place(map, out);
 }
 
@@ -127,7 +122,7 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 
 	map_queue_place(map, slot, &place);
 	*out = (struct map_queue){
-	    .limit = slot < settings->group_count ? settings->groups[slot].queue : settings->event_ring - 1,
+	    .limit = map_queue_limit(settings, slot),
 	    .waiting = map_events_behind(map, &place.cursor),
 	    .unacknowledged = atomic_load(&cell->unacknowledged),
 	    .lost = atomic_load(&cell->lost),

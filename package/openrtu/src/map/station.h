@@ -34,6 +34,11 @@ struct map_queue {
 	uint32_t used;               /* the turn in which it was last taken or left: larger is later */
 };
 
+/* How many events may wait in it. */
+static inline uint32_t map_queue_limit(const struct map_settings *settings, unsigned slot)
+{
+	return slot < settings->group_count ? settings->groups[slot].queue : settings->event_ring - 1;
+}
 /* What is known of a queue: its place's and counters' state now. slot < MAP_QUEUES. */
 void map_queue(const struct map *map, unsigned slot, struct map_queue *out);
 /* A queue's place. One that cannot be, as a crash or another's mistake leaves it, becomes the end, and all is owed. */

@@ -24,8 +24,8 @@ void map_module_ended(struct map *map, uint32_t module, bool failed);
 void map_announce(struct map *map, enum map_event_kind kind, uint32_t module);
 
 void map_clock_write(struct map *map, struct map_clock clock);
-/* Answers a MAP_SET_CLOCK or MAP_RESTART request. */
-void map_clock_answer(struct map *map, const struct map_request *request, enum map_command_result result);
+/* Answers a request that is carried out at once, such as MAP_SET_CLOCK: done, or refused for this reason. */
+void map_request_answer(struct map *map, const struct map_request *request, enum map_command_result result);
 
 /*
  * Opens a module's segment for the process that rtud starts: it finds it at MAP_SEGMENT_FD. All segments are files of

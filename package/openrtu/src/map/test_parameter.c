@@ -11,17 +11,13 @@ enum { LEVEL = 1, LAMP = 2 };
 static int set_up_measured(void **state)
 {
 	struct stage *stage;
-	char error[MAP_ERROR_SIZE];
 
 	set_up(state);
 	stage = *state;
-	map_remove(stage->rtud);
-	map_detach(stage->rtud);
 	stage->points[LEVEL].deadband = 10;
 	stage->points[LEVEL].period_ms = 1000;
 	stage->points[LAMP].type = MAP_BITSTRING;
-	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
-		fail_msg("%s", error);
+	make_again(stage);
 	return 0;
 }
 

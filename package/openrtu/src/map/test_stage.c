@@ -5,10 +5,17 @@
 #include <string.h>
 #include <unistd.h>
 
+static void make(struct stage *stage)
+{
+	char error[MAP_ERROR_SIZE];
+
+	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
+		fail_msg("%s", error);
+}
+
 int set_up(void **state)
 {
 	struct stage *stage = calloc(1, sizeof(*stage));
-	char error[MAP_ERROR_SIZE];
 
 	for (uint16_t i = 0; i < 2; i++) {
 		stage->lines[i] = (struct map_line){
@@ -39,10 +46,16 @@ int set_up(void **state)
 	    .points = stage->points};
 	strcpy(stage->dir, "/tmp/test_map.XXXXXX");
 	assert_non_null(mkdtemp(stage->dir));
-	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
-		fail_msg("%s", error);
+	make(stage);
 	*state = stage;
 	return 0;
+}
+
+void make_again(struct stage *stage)
+{
+	map_remove(stage->rtud);
+	map_detach(stage->rtud);
+	make(stage);
 }
 
 int tear_down(void **state)

@@ -32,6 +32,9 @@ struct stage {
 int set_up(void **state);
 int tear_down(void **state);
 
+/* Takes the map away and makes another of the stage's configuration as it is now. */
+void make_again(struct stage *stage);
+
 /* The module's number. */
 uint32_t index_of(const struct stage *stage, const char *name);
 /* A new generation of a module, in this process. */

@@ -9,12 +9,9 @@ enum { COUNTER, GROUP_2, OTHER_DEVICE = 4 };
 static int set_up_counters(void **state)
 {
 	struct stage *stage;
-	char error[MAP_ERROR_SIZE];
 
 	set_up(state);
 	stage = *state;
-	map_remove(stage->rtud);
-	map_detach(stage->rtud);
 	stage->points[COUNTER].type = stage->points[GROUP_2].type = stage->points[OTHER_DEVICE].type =
 	    MAP_COUNTER;
 	stage->points[GROUP_2].counter_group = 2;
@@ -22,8 +19,7 @@ static int set_up_counters(void **state)
 	stage->devices[1].line = 0; /* both devices are one owner's */
 	stage->lines[0].device_count = 2;
 	stage->lines[1].device_count = 0;
-	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
-		fail_msg("%s", error);
+	make_again(stage);
 	return 0;
 }
 

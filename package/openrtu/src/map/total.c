@@ -17,11 +17,7 @@ static struct map_total current(const struct total_cell *cell)
 
 static void store(struct total_cell *cell, const struct map_total *total)
 {
-	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(&cell->latch);
-
-		cell->copies[turn] = *total;
-	}
+	latch_store(&cell->latch, cell->copies, total, sizeof(*total));
 }
 
 /* ---- readings ---------------------------------------------------------------------------- */
@@ -138,17 +134,12 @@ bool map_total_read(const struct map *map, uint32_t point, struct map_sample *ou
 {
 	struct total_cell *cell =
 	    &map->segments[map_owner(map, point)].totals[map->config.points[point].total];
+	struct map_total total;
 
-	for (int tries = 0; tries < LATCH_TRIES; tries++) {
-		uint32_t sequence = latch_read_begin(&cell->latch);
-		struct map_sample frozen = cell->copies[sequence & 1].frozen;
-
-		if (!latch_read_done(&cell->latch, sequence))
-			continue;
-		if (frozen.time_ns == 0 || !is_past(frozen.time_ns))
-			return map_read(map, point, out);
-		*out = frozen;
-		return true;
-	}
-	return false;
+	if (!latch_load(&cell->latch, cell->copies, &total, sizeof(total)))
+		return false;
+	if (total.frozen.time_ns == 0 || !is_past(total.frozen.time_ns))
+		return map_read(map, point, out);
+	*out = total.frozen;
+	return true;
 }

@@ -6,24 +6,16 @@
  * - the deadline is ahead;
  * - a read's data lie within the answer, and each command ends once.
  */
-#include <stdlib.h>
 #include <string.h>
 
+#include "fuzz_input.h"
 #include "modbus/line.h"
-
-#define CHECK(condition)                                                                                     \
-	do {                                                                                                 \
-		if (!(condition))                                                                            \
-			abort();                                                                             \
-	} while (0)
 
 #define MS           1000000LL
 #define DEVICES      3
 #define OBJECTS      12
 #define COMMANDS_MAX 4
 #define TAGS         65536
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static struct modbus_line line;
 static struct modbus_device devices[DEVICES];
@@ -36,15 +28,6 @@ static bool done[TAGS];
 static uint8_t request[MODBUS_FRAME_MAX]; /* the latest */
 static size_t request_length;
 static unsigned sum; /* of what was read: a sanitizer sees data that is not there */
-
-static struct input {
-	const uint8_t *at, *end;
-} input;
-
-static uint8_t next_octet(void)
-{
-	return input.at < input.end ? *input.at++ : 0;
-}
 
 /* ---- what the line tells ----------------------------------------------------------------------- */
 

@@ -7,14 +7,13 @@
 #define OPENRTU_MODULES_NEWCOMERS_H
 
 #include "modules/channel.h"
-#include "modules/peer.h"
 
 #define NEWCOMERS_MAX 16
 
 struct newcomer {
 	bool here;
 	int64_t until_ns; /* CLOCK_MONOTONIC; it is greeted by then, or sent away */
-	struct peer peer;
+	struct iec104_peer peer;
 	struct channel channel;
 };
 

@@ -10,11 +10,6 @@ static bool is_integer(const struct map_point *point)
 	return point->type != MAP_FLOAT;
 }
 
-static double number_of(const struct map_point *point, union map_value value)
-{
-	return is_integer(point) ? value.i : (double)value.f;
-}
-
 static bool takes_steps(const struct map_point *point)
 {
 	return point->step > 0;
@@ -27,7 +22,7 @@ static bool within_limits(const struct map_point *point, double number)
 
 static bool step_from(const struct map_point *point, union map_value from, int direction, union map_value *to)
 {
-	double number = number_of(point, from) + direction * (double)point->step;
+	double number = map_number((enum map_type)point->type, from) + direction * (double)point->step;
 
 	if (!within_limits(point, number) ||
 	    (is_integer(point) && (number < INT16_MIN || number > INT16_MAX)))
@@ -110,7 +105,7 @@ enum map_command_result operation_begin(const struct map_point *point, uint8_t u
 	}
 	if (request->pulse_ms != 0 && !takes_pulse(point, value))
 		return MAP_RESULT_NOT_COMMANDABLE;
-	if ((takes_steps(point) && !within_limits(point, number_of(point, value))) ||
+	if ((takes_steps(point) && !within_limits(point, map_number((enum map_type)point->type, value))) ||
 	    !convert_to_raw(point, value, request->detail, raw))
 		return MAP_RESULT_OUT_OF_RANGE;
 	write_raw(point, unit, raw, out);

@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "map/address.h"
+
 /* An IPv4 peer of an IPv6 socket is seen as a mapped address; here both are the same. */
 static void map_to_ipv6(const struct sockaddr_storage *address, struct in6_addr *out)
 {
@@ -18,24 +20,12 @@ static void map_to_ipv6(const struct sockaddr_storage *address, struct in6_addr 
 	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)address)->sin_addr, sizeof(struct in_addr));
 }
 
-static bool parse_address(const char *text, struct in6_addr *out)
-{
-	struct sockaddr_storage ipv4 = {.ss_family = AF_INET};
-
-	if (inet_pton(AF_INET6, text, out) == 1)
-		return true;
-	if (inet_pton(AF_INET, text, &((struct sockaddr_in *)&ipv4)->sin_addr) != 1)
-		return false;
-	map_to_ipv6(&ipv4, out);
-	return true;
-}
-
 static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
 {
 	struct in6_addr listed;
 
 	for (uint32_t i = 0; i < count; i++)
-		if (parse_address(list[i], &listed) && memcmp(address, &listed, sizeof(listed)) == 0)
+		if (map_address_parse(list[i], &listed) && memcmp(address, &listed, sizeof(listed)) == 0)
 			return true;
 	return false;
 }
@@ -68,18 +58,17 @@ static void write_address(const struct in6_addr *address, char text[MAP_ADDRESS_
 		inet_ntop(AF_INET6, address, text, MAP_ADDRESS_SIZE);
 }
 
-struct peer peer_of(const struct sockaddr_storage *from, const struct map_settings *settings)
+bool peer_identify(const struct sockaddr_storage *from, const struct map_settings *settings,
+		   struct iec104_peer *out)
 {
 	/* the port has the same place in both families */
 	unsigned port = ntohs(((const struct sockaddr_in *)from)->sin_port);
 	struct in6_addr address;
-	struct peer peer = {0};
 
 	map_to_ipv6(from, &address);
-	write_address(&address, peer.address);
-	snprintf(peer.name, sizeof(peer.name), "%s port %u", peer.address, port);
-	peer.group = group_of(settings, &address);
-	peer.listed = may_connect(settings, &address);
-	peer.clock_master = may_set_clock(settings, &address);
-	return peer;
+	write_address(&address, out->address);
+	snprintf(out->name, sizeof(out->name), "%s port %u", out->address, port);
+	out->group = group_of(settings, &address);
+	out->clock_master = may_set_clock(settings, &address);
+	return may_connect(settings, &address);
 }

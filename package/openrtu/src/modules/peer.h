@@ -5,16 +5,10 @@
 
 #include <sys/socket.h>
 
-#include "map/station.h"
+#include "iec104/station.h"
 
-struct peer {
-	char name[MAP_PEER_SIZE];       /* for the log: address and port */
-	char address[MAP_ADDRESS_SIZE]; /* an IPv4 peer of an IPv6 socket is seen by its IPv4 address */
-	uint32_t group;                 /* index of its redundancy group, MAP_NONE: none */
-	bool listed;                    /* may connect */
-	bool clock_master;              /* may set the clock */
-};
-
-struct peer peer_of(const struct sockaddr_storage *from, const struct map_settings *settings);
+/* Fills in out, in which an IPv4 peer of an IPv6 socket has its IPv4 address. False: it may not connect. */
+bool peer_identify(const struct sockaddr_storage *from, const struct map_settings *settings,
+		   struct iec104_peer *out);
 
 #endif

@@ -23,6 +23,7 @@
 #include "map/map.h"
 #include "modules/channel.h"
 #include "modules/newcomers.h"
+#include "modules/peer.h"
 
 #define NS_PER_MS 1000000LL
 #define IDLE_MS   250 /* well below the second in which rtud expects a heartbeat */
@@ -85,14 +86,8 @@ static bool accept_failed(void)
 /* Its peer is who it should be: it becomes a connection of the station, if one is free. */
 static void admit(struct newcomer *newcomer)
 {
-	const struct peer *peer = &newcomer->peer;
 	struct iec104_connection *connection =
-	    iec104_station_connect(&station,
-				   &(struct iec104_peer){.name = peer->name,
-							 .address = peer->address,
-							 .group = peer->group,
-							 .clock_master = peer->clock_master},
-				   map_now_ns());
+	    iec104_station_connect(&station, &newcomer->peer, map_now_ns());
 	uint32_t index;
 
 	newcomer->here = false;
@@ -129,12 +124,11 @@ static bool accept_one(void)
 	struct newcomer *newcomer;
 	const int on = 1;
 	int fd = accept4(listen_fd, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
-	struct peer peer;
+	struct iec104_peer peer;
 
 	if (fd < 0)
 		return accept_failed();
-	peer = peer_of(&from, &map_config(map)->settings);
-	if (!peer.listed) {
+	if (!peer_identify(&from, &map_config(map)->settings, &peer)) {
 		iec104_station_refuse(&station, peer.name, map_now_ns());
 		close(fd);
 		return true;

@@ -94,14 +94,11 @@ static void print_row(json_t *row)
 
 int rtuctl_show(struct map *map, const struct rtuctl_request *request)
 {
-	const char *name = request->arguments[0];
-	uint32_t point = rtuctl_find_point(map_config(map), name);
+	uint32_t point = rtuctl_find_point(map_config(map), request->arguments[0]);
 	json_t *row;
 
-	if (point == MAP_NONE) {
-		fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
+	if (point == MAP_NONE)
 		return RTUCTL_FAILED;
-	}
 	row = rtuctl_point_row(map, point);
 	add_details(map, point, row);
 	if (request->json)

@@ -32,10 +32,8 @@ static const struct command commands[] = {
      "from the device; quality \"good\" means all is well.\n",
      rtuctl_points},
     {"show", "NAME", 1, 1, 0, NULL, "one point with all there is to know of it",
-     "Of a measured value also the parameters in force, and which of them a controlling station has loaded; "
-     "of "
-     "a\n"
-     "counter the reading that was frozen last.\n",
+     "Of a measured value also the parameters in force, and which of them a controlling station\n"
+     "has loaded; of a counter the reading that was frozen last.\n",
      rtuctl_show},
     {"watch", "[PATTERN] [--count N]", 0, 1, TAKES_COUNT, NULL, "changes as they happen, until Ctrl-C",
      "Prints each change of a matching point, and modules going down and up. Ends after N lines with "

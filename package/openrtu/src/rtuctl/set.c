@@ -25,6 +25,7 @@ uint32_t rtuctl_find_point(const struct map_config *config, const char *name)
 	for (uint32_t i = 0; i < config->point_count; i++)
 		if (strcmp(config->points[i].name, name) == 0)
 			return i;
+	fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
 	return MAP_NONE;
 }
 
@@ -134,8 +135,6 @@ static bool name_point(const struct map *map, const char *name, struct map_reque
 {
 	request->session = (uint32_t)getpid();
 	request->point = rtuctl_find_point(map_config(map), name);
-	if (request->point == MAP_NONE)
-		fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
 	return request->point != MAP_NONE;
 }
 

@@ -66,7 +66,7 @@ void clock_set(struct map *map, const struct map_request *request)
 	struct map_module requester;
 
 	if (!is_possible(request)) {
-		map_clock_answer(map, request, MAP_RESULT_OUT_OF_RANGE);
+		map_request_answer(map, request, MAP_RESULT_OUT_OF_RANGE);
 		return;
 	}
 	clock.offset_ns = request->wall_ns - request->time_ns;
@@ -75,12 +75,12 @@ void clock_set(struct map *map, const struct map_request *request)
 	    set_system_clock(map_now_ns() + clock.offset_ns) < 0) {
 		map_log(map, MAP_LOG_ERROR, "cannot set the system's clock for %s: %s", requester.name,
 			strerror(errno));
-		map_clock_answer(map, request, MAP_RESULT_NOT_COMMANDABLE);
+		map_request_answer(map, request, MAP_RESULT_NOT_COMMANDABLE);
 		return;
 	}
 	map_log(map, MAP_LOG_INFO, "clock set by %s, moved by %.3f s", requester.name,
 		(double)(clock.offset_ns - map_clock_read(map).offset_ns) / SECOND_NS);
 	map_clock_write(map, clock);
 	map_announce(map, MAP_EVENT_CLOCK, request->requester);
-	map_clock_answer(map, request, MAP_RESULT_DONE);
+	map_request_answer(map, request, MAP_RESULT_DONE);
 }

@@ -2,8 +2,9 @@
 /* Controlling stations: who may connect, who may command, and which of them are redundant. */
 #include "rtud/config_parts.h"
 
-#include <arpa/inet.h>
 #include <string.h>
+
+#include "map/address.h"
 
 #define QUEUE_LEAST 100
 #define QUEUE_MOST  65535
@@ -17,20 +18,11 @@ static const struct config_rule group_rules[GROUP_KEYS] = {
 
 /* ---- addresses --------------------------------------------------------------------------- */
 
-static bool parse_address(const char *text, struct in6_addr *out)
-{
-	memset(out, 0, sizeof(*out));
-	if (inet_pton(AF_INET6, text, out) == 1)
-		return true;
-	out->s6_addr[10] = out->s6_addr[11] = 0xff; /* as an IPv6 socket sees it */
-	return inet_pton(AF_INET, text, &out->s6_addr[12]) == 1;
-}
-
 static bool is_same_address(const char *a, const char *b)
 {
 	struct in6_addr left, right;
 
-	return parse_address(a, &left) && parse_address(b, &right) &&
+	return map_address_parse(a, &left) && map_address_parse(b, &right) &&
 	       memcmp(&left, &right, sizeof(left)) == 0;
 }
 
@@ -39,7 +31,7 @@ void config_read_address(struct config_loader *loader, const struct config_place
 {
 	struct in6_addr parsed;
 
-	if (parse_address(text, &parsed))
+	if (map_address_parse(text, &parsed))
 		snprintf(out, MAP_ADDRESS_SIZE, "%s", text);
 	else
 		config_error(&loader->report, place,

@@ -3,21 +3,12 @@
  * libFuzzer on the configuration file: the input is the file. It is refused with a message, or every index and
  * size in what was read is within its bounds, so that the map and the modules need not ask again.
  */
-#include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "fuzz.h"
 #include "rtud/config.h"
-
-#define CHECK(condition)                                                                                     \
-	do {                                                                                                 \
-		if (!(condition))                                                                            \
-			abort();                                                                             \
-	} while (0)
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static void check_settings(const struct map_settings *settings)
 {

@@ -272,7 +272,7 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 	map_module(supervisor->map, request->requester, &requester);
 	map_log(supervisor->map, MAP_LOG_WARNING, "reset of all modules asked for by %s%s", requester.name,
 		soon ? ", refused: the last one was just now" : "");
-	map_clock_answer(supervisor->map, request, soon ? MAP_RESULT_INTERLOCK : MAP_RESULT_DONE);
+	map_request_answer(supervisor->map, request, soon ? MAP_RESULT_INTERLOCK : MAP_RESULT_DONE);
 	if (!soon)
 		supervisor->reset_at_ns = now + RESET_DELAY_MS * MS;
 }
