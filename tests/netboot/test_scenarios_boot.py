@@ -99,7 +99,7 @@ REACHED = [
         "autoboot faster than any key",
         errors.AutobootMissed,
         board=environment(bootdelay="-2", bootcmd="bootm 0x7fc0"),
-        prepare=lambda bench: bench.double.ram.__setitem__(slice(0x7FC0, 0x8040), uimage(b"")),
+        prepare=lambda bench: bench.double.ram.__setitem__(slice(0x7FC0, 0x8000), uimage(b"")),
     ),
     fails("no hush", errors.NoStatus, board={"hush": False}, says=("'if'",)),
     fails(
