@@ -71,8 +71,8 @@ build/asan/build.ninja: | $(PACKAGES)
 
 # What gcc does not warn of is no error here.
 build/fuzz/build.ninja: | $(PACKAGES)
-	CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dwerror=false -Db_lundef=false \
-	  -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+	CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Db_lundef=false -Db_sanitize=address,undefined \
+	  -Dc_args='-fno-sanitize-recover=all -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini
 	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
@@ -298,9 +298,10 @@ run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: st
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
 
-bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, its station beside c104's, nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
+bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, its station beside c104's, its lines beside pymodbus', nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py
