@@ -7,6 +7,7 @@
  * - no command has more than one confirmation or refusal, nor a termination without a confirmation;
  * - once all is acknowledged, each point is what the model was told last: no event was lost, nothing stale is good.
  */
+#include <stdio.h>
 #include <string.h>
 
 #include "fuzz_input.h"
@@ -38,11 +39,11 @@ static struct model {
 
 static void connect_model(struct model *model)
 {
-	const struct iec104_peer peer = {.name = "fuzz",
-					 .address = model == models ? "10.0.0.1" : "10.0.0.2",
-					 .group = fake.config.settings.group_count > 0 ? 0 : MAP_NONE,
-					 .clock_master = true};
+	struct iec104_peer peer = {.name = "fuzz",
+				   .group = fake.config.settings.group_count > 0 ? 0 : MAP_NONE,
+				   .clock_master = true};
 
+	snprintf(peer.address, sizeof(peer.address), "10.0.0.%u", (unsigned)(model - models) + 1);
 	*model = (struct model){.connection = iec104_station_connect(&station, &peer, now), .proper = true};
 	CHECK(model->connection != NULL);
 }
