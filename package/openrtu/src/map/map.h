@@ -98,7 +98,7 @@ struct map_module {
 /*
  * Creates the segments of rtud, of one module per process number in config->lines, of rtu-iec104 and
  * of rtuctl in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
- * lines[].module, points[].slot and points[].command, in config and in the map. Segments and folder belong to the
+ * lines[].module, points[].slot, .command and .extra, in config and in the map. Segments and folder belong to the
  * caller's user; group, unless 0, is the modules' and may ring the bells.
  * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).
  */
@@ -288,16 +288,13 @@ struct map_command {
 	uint8_t state;  /* enum map_command_state */
 	uint8_t result; /* enum map_command_result */
 	uint8_t detail;
-	uint8_t reserved;
+	int8_t step;       /* as requested */
+	uint16_t pulse_ms; /* as requested */
 	uint16_t requester;
-	uint16_t reserved2;
 	uint32_t id;
 	uint32_t session;
 	uint32_t generation; /* of the requester's module */
 	union map_value value;
-	uint16_t pulse_ms; /* as requested */
-	int8_t step;       /* as requested */
-	uint8_t reserved3;
 	int64_t time_ns;  /* of the last change of state */
 	int64_t until_ns; /* end of the selection */
 	int64_t off_ns;   /* when the pulse's end is due at the device; 0: none is */
