@@ -150,6 +150,8 @@ struct map {
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
 	struct smoothed *smoothed;
+	int64_t turn_ns; /* when the caller's loop began its turn, 0: it has not said */
+	uint32_t turn_ms;
 	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;   /* requests and answers since the bell was cleared */
 };
@@ -167,7 +169,7 @@ void bell_ring_event_readers(const struct map *map);
 uint32_t now_ms(void);
 uint32_t now_s(void);
 /* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
-bool is_past(int64_t time_ns);
+bool is_past(const struct map *map, int64_t time_ns);
 
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);

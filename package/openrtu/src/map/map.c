@@ -27,9 +27,14 @@ int64_t map_now_ns(void)
 	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
+static uint32_t ms_of(int64_t time_ns)
+{
+	return (uint32_t)(time_ns / 1000000);
+}
+
 uint32_t now_ms(void)
 {
-	return (uint32_t)(map_now_ns() / 1000000);
+	return ms_of(map_now_ns());
 }
 
 uint32_t now_s(void)
@@ -37,9 +42,17 @@ uint32_t now_s(void)
 	return (uint32_t)(map_now_ns() / 1000000000);
 }
 
-bool is_past(int64_t time_ns)
+int64_t map_turn(struct map *map)
 {
-	return time_ns >= 0 && time_ns <= map_now_ns();
+	map->turn_ns = map_now_ns();
+	map->turn_ms = ms_of(map->turn_ns);
+	return map->turn_ns;
+}
+
+/* What was past when the turn began needs no look at the clock. */
+bool is_past(const struct map *map, int64_t time_ns)
+{
+	return time_ns >= 0 && (time_ns <= map->turn_ns || time_ns <= map_now_ns());
 }
 
 __attribute__((format(printf, 2, 3))) static int fail(char *error, const char *format, ...)

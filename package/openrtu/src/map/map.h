@@ -384,6 +384,12 @@ struct map_clock {
 };
 
 int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
+/*
+ * Begins a turn of the caller's loop, and gives its time. Until the next one map_read and map_alive take a heartbeat
+ * that was young enough then for young enough: reading the clock for each point would be most of an interrogation's
+ * cost (ARMv5 has no vDSO). For who reads many points; the turn shall be short beside MAP_HEARTBEAT_LIMIT_MS.
+ */
+int64_t map_turn(struct map *map);
 struct map_clock map_clock_read(const struct map *map);
 
 /* ---- log --------------------------------------------------------------------------------- */

@@ -138,7 +138,7 @@ bool map_total_read(const struct map *map, uint32_t point, struct map_sample *ou
 
 	if (!latch_load(&cell->latch, cell->copies, &total, sizeof(total)))
 		return false;
-	if (total.frozen.time_ns == 0 || !is_past(total.frozen.time_ns))
+	if (total.frozen.time_ns == 0 || !is_past(map, total.frozen.time_ns))
 		return map_read(map, point, out);
 	*out = total.frozen;
 	return true;
