@@ -412,7 +412,7 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 	cell = &segment->commands[map->config.points[point].command];
 	if (!latch_load(&cell->latch, cell->copies, &command, sizeof(command)))
 		return false;
-	*out = is_past(command.time_ns) ? command : (struct map_command){.state = MAP_INACTIVE};
+	*out = is_past(map, command.time_ns) ? command : (struct map_command){.state = MAP_INACTIVE};
 	return true;
 }
 

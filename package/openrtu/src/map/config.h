@@ -83,7 +83,7 @@ struct map_device {
 
 /* One object of a device, seen by every protocol. */
 struct map_point {
-	char name[MAP_NAME_SIZE];
+	uint32_t name; /* place among the configuration's names, 0: of its addresses */
 	uint16_t device;
 	uint16_t address;        /* Modbus address, from 0 */
 	uint8_t table;           /* enum map_table */
@@ -103,11 +103,11 @@ struct map_point {
 	double deadband; /* in the unit of the value sent; 0: every change is an event */
 	float
 	    step; /* of a regulating step command, in the unit of the value sent; 0: none, min and max mean nothing */
-	float min, max;      /* within which the point is commanded, in that unit */
-	uint32_t slot;       /* place among its owner's points; set by map_create */
-	uint32_t command;    /* place among its owner's commands; set by map_create */
-	uint32_t total;      /* place among its owner's totals, of a counter; set by map_create */
-	uint32_t parameters; /* the same of a measured value; MAP_NONE else */
+	float min, max;   /* within which the point is commanded, in that unit */
+	uint32_t slot;    /* place among its owner's points; set by map_create */
+	uint32_t command; /* place among its owner's commands; set by map_create */
+	uint32_t
+	    extra; /* place among its owner's totals, of a counter, or parameters, of a measured value; set by map_create */
 };
 
 /* When summer time begins or ends: the n-th weekday of a month, in the local time until then (POSIX TZ, Mm.w.d/time). */
@@ -189,6 +189,11 @@ struct map_config {
 	struct map_line *lines;
 	struct map_device *devices;
 	struct map_point *points;
+	char *names; /* given to points, each with its terminator; the first begins at 1 */
+	uint32_t names_size;
 };
+
+/* A point's name: what the file gave it, or else "p1.5.i30" of port, Modbus address, table and address. */
+void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE]);
 
 #endif

@@ -13,9 +13,26 @@ static size_t section(struct layout *layout, size_t bytes)
 	return offset;
 }
 
+/* What a kind of module never writes has one place, where no record is ever read. */
+static struct capacities capacities_of(const struct module_entry *entry, const struct map_config *config)
+{
+	static const struct capacities kinds[] = {
+	    [MAP_MODULE_RTUD] = {.requests = 1, .answers = 256, .events = 256, .log = 128},
+	    [MAP_MODULE_MODBUS] = {.requests = 1, .answers = 256, .log = 128},
+	    [MAP_MODULE_IEC104] = {.requests = 256, .answers = 1, .events = 1, .log = 128},
+	    [MAP_MODULE_RTUCTL] = {.requests = 256, .answers = 1, .events = 1, .log = 1},
+	};
+	struct capacities capacities = kinds[entry->kind];
+
+	if (entry->kind == MAP_MODULE_MODBUS)
+		capacities.events = config->settings.event_ring;
+	return capacities;
+}
+
 struct layout layout_of(const struct module_entry *entry, const struct map_config *config)
 {
-	struct layout layout = {.size = sizeof(struct segment_header)};
+	const struct capacities capacities = capacities_of(entry, config);
+	struct layout layout = {.size = sizeof(struct segment_header), .capacities = capacities};
 
 	if (entry->kind == MAP_MODULE_RTUD) {
 		layout.directory = section(&layout, sizeof(struct directory));
@@ -23,12 +40,12 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 		layout.devices = section(&layout, config->device_count * sizeof(struct map_device));
 		layout.points = section(&layout, config->point_count * sizeof(struct map_point));
 		layout.by_address = section(&layout, config->point_count * sizeof(uint32_t));
+		layout.names = section(&layout, config->names_size);
 	}
-	layout.event_capacity = entry->kind == MAP_MODULE_MODBUS ? config->settings.event_ring : RTUD_EVENTS;
-	layout.requests = section(&layout, ring_size(REQUEST_RING, sizeof(struct map_request)));
-	layout.answers = section(&layout, ring_size(ANSWER_RING, sizeof(struct map_answer)));
-	layout.events = section(&layout, ring_size(layout.event_capacity, sizeof(struct map_event)));
-	layout.log = section(&layout, ring_size(LOG_RING, sizeof(struct map_log_line)));
+	layout.requests = section(&layout, ring_size(capacities.requests, sizeof(struct map_request)));
+	layout.answers = section(&layout, ring_size(capacities.answers, sizeof(struct map_answer)));
+	layout.events = section(&layout, ring_size(capacities.events, sizeof(struct map_event)));
+	layout.log = section(&layout, ring_size(capacities.log, sizeof(struct map_log_line)));
 	if (entry->kind == MAP_MODULE_IEC104) {
 		layout.queues = section(&layout, MAP_QUEUES * sizeof(struct queue_cell));
 		layout.station_stats = section(&layout, sizeof(struct map_station_stats));
@@ -53,12 +70,15 @@ static void *at(void *memory, size_t offset)
 
 void segment_place(struct segment *segment, void *memory, const struct layout *layout)
 {
+	const struct capacities *capacities = &layout->capacities;
+
 	segment->header = memory;
-	segment->requests = ring_at(at(memory, layout->requests), REQUEST_RING, sizeof(struct map_request));
-	segment->answers = ring_at(at(memory, layout->answers), ANSWER_RING, sizeof(struct map_answer));
-	segment->events =
-	    ring_at(at(memory, layout->events), layout->event_capacity, sizeof(struct map_event));
-	segment->log = ring_at(at(memory, layout->log), LOG_RING, sizeof(struct map_log_line));
+	segment->requests =
+	    ring_at(at(memory, layout->requests), capacities->requests, sizeof(struct map_request));
+	segment->answers =
+	    ring_at(at(memory, layout->answers), capacities->answers, sizeof(struct map_answer));
+	segment->events = ring_at(at(memory, layout->events), capacities->events, sizeof(struct map_event));
+	segment->log = ring_at(at(memory, layout->log), capacities->log, sizeof(struct map_log_line));
 	segment->latches = at(memory, layout->latches);
 	segment->samples[0] = at(memory, layout->samples[0]);
 	segment->samples[1] = at(memory, layout->samples[1]);

@@ -13,12 +13,8 @@
 #include "map/ring.h"
 #include "map/station.h"
 
-#define MAP_MAGIC    0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT   2u          /* raise with every change of what lies in the segments */
-#define REQUEST_RING 256u
-#define ANSWER_RING  256u
-#define LOG_RING     128u
-#define RTUD_EVENTS  256u /* rtud's own: modules going down and up, clock */
+#define MAP_MAGIC  0x5552544Fu /* "ORTU" */
+#define MAP_LAYOUT 3u          /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -93,13 +89,18 @@ struct directory {
 	struct map_clock clock[2];
 	struct module_entry modules[MAP_MODULES_MAX];
 	struct map_settings settings;
-	uint32_t line_count, device_count, point_count;
+	uint32_t line_count, device_count, point_count, names_size;
+};
+
+/* How many records each ring of a segment holds. */
+struct capacities {
+	uint32_t requests, answers, events, log;
 };
 
 /* Where the sections of one segment begin; 0 where it has none. */
 struct layout {
 	size_t directory; /* rtud's only, first: it holds the counts that the rest follows from */
-	size_t lines, devices, points, by_address;
+	size_t lines, devices, points, by_address, names;
 	size_t requests, answers, events, log;
 	size_t latches; /* one a device of the configuration */
 	size_t samples[2];
@@ -107,7 +108,7 @@ struct layout {
 	size_t line_stats, device_stats;
 	size_t queues, station_stats;
 	size_t size;
-	uint32_t event_capacity;
+	struct capacities capacities;
 };
 
 /* One segment as mapped here. */
@@ -149,6 +150,8 @@ struct map {
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
 	struct smoothed *smoothed;
+	int64_t turn_ns; /* when the caller's loop began its turn, 0: it has not said */
+	uint32_t turn_ms;
 	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;   /* requests and answers since the bell was cleared */
 };
@@ -166,7 +169,7 @@ void bell_ring_event_readers(const struct map *map);
 uint32_t now_ms(void);
 uint32_t now_s(void);
 /* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
-bool is_past(int64_t time_ns);
+bool is_past(const struct map *map, int64_t time_ns);
 
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);
@@ -180,6 +183,10 @@ bool parameter_load(struct map *map, const struct map_request *request);
 /* A measured value has crossed one of its limits. */
 bool parameters_crossed(const struct map_parameters *parameters, enum map_type type, union map_value from,
 			union map_value to);
+static inline bool is_measured(const struct map_point *point)
+{
+	return point->type == MAP_NORMALIZED || point->type == MAP_SCALED || point->type == MAP_FLOAT;
+}
 /* The owner's own last sample. */
 struct map_sample own_sample(const struct map *map, uint32_t point);
 /* Puts an event of an update, whatever the last one said. */

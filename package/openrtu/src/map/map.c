@@ -27,9 +27,14 @@ int64_t map_now_ns(void)
 	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
+static uint32_t ms_of(int64_t time_ns)
+{
+	return (uint32_t)(time_ns / 1000000);
+}
+
 uint32_t now_ms(void)
 {
-	return (uint32_t)(map_now_ns() / 1000000);
+	return ms_of(map_now_ns());
 }
 
 uint32_t now_s(void)
@@ -37,9 +42,17 @@ uint32_t now_s(void)
 	return (uint32_t)(map_now_ns() / 1000000000);
 }
 
-bool is_past(int64_t time_ns)
+int64_t map_turn(struct map *map)
 {
-	return time_ns >= 0 && time_ns <= map_now_ns();
+	map->turn_ns = map_now_ns();
+	map->turn_ms = ms_of(map->turn_ns);
+	return map->turn_ns;
+}
+
+/* What was past when the turn began needs no look at the clock. */
+bool is_past(const struct map *map, int64_t time_ns)
+{
+	return time_ns >= 0 && (time_ns <= map->turn_ns || time_ns <= map_now_ns());
 }
 
 __attribute__((format(printf, 2, 3))) static int fail(char *error, const char *format, ...)
@@ -104,11 +117,6 @@ static int assign_modules(struct directory *directory, const struct map_config *
 	return 0;
 }
 
-static bool is_measured(const struct map_point *point)
-{
-	return point->type == MAP_NORMALIZED || point->type == MAP_SCALED || point->type == MAP_FLOAT;
-}
-
 static void assign_slots(struct directory *directory, const struct map_config *config)
 {
 	for (uint32_t i = 0; i < config->point_count; i++) {
@@ -118,8 +126,10 @@ static void assign_slots(struct directory *directory, const struct map_config *c
 
 		point->slot = owner->point_count++;
 		point->command = (point->flags & MAP_POINT_COMMAND) ? owner->command_count++ : MAP_NONE;
-		point->total = point->type == MAP_COUNTER ? owner->total_count++ : MAP_NONE;
-		point->parameters = is_measured(point) ? owner->parameter_count++ : MAP_NONE;
+		if (point->type == MAP_COUNTER)
+			point->extra = owner->total_count++;
+		else if (is_measured(point))
+			point->extra = owner->parameter_count++;
 	}
 }
 
@@ -226,11 +236,13 @@ static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struc
 	directory->line_count = config->line_count;
 	directory->device_count = config->device_count;
 	directory->point_count = config->point_count;
+	directory->names_size = config->names_size;
 	memcpy(memory + layout->directory, directory, sizeof(*directory));
 	copy_table(memory + layout->lines, config->lines, config->line_count * sizeof(*config->lines));
 	copy_table(memory + layout->devices, config->devices,
 		   config->device_count * sizeof(*config->devices));
 	copy_table(memory + layout->points, config->points, config->point_count * sizeof(*config->points));
+	copy_table(memory + layout->names, config->names, config->names_size);
 	return index_addresses(config, (uint32_t *)(void *)(memory + layout->by_address));
 }
 
@@ -419,6 +431,7 @@ static int attach_directory(struct map *map, bool writable, char *error)
 	map->config.line_count = directory->line_count;
 	map->config.device_count = directory->device_count;
 	map->config.point_count = directory->point_count;
+	map->config.names_size = directory->names_size;
 	layout = layout_of(&rtud, &map->config);
 	if (layout.size != size)
 		return fail(error, "rtud.seg has %zu bytes, its contents need %zu", size, layout.size);
@@ -428,6 +441,7 @@ static int attach_directory(struct map *map, bool writable, char *error)
 	map->config.devices = (void *)(memory + layout.devices);
 	map->config.points = (void *)(memory + layout.points);
 	map->by_address = (void *)(memory + layout.by_address);
+	map->config.names = (char *)(memory + layout.names);
 	return 0;
 }
 

@@ -98,7 +98,7 @@ struct map_module {
 /*
  * Creates the segments of rtud, of one module per process number in config->lines, of rtu-iec104 and
  * of rtuctl in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
- * lines[].module, points[].slot and points[].command, in config and in the map. Segments and folder belong to the
+ * lines[].module, points[].slot, .command and .extra, in config and in the map. Segments and folder belong to the
  * caller's user; group, unless 0, is the modules' and may ring the bells.
  * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).
  */
@@ -288,16 +288,13 @@ struct map_command {
 	uint8_t state;  /* enum map_command_state */
 	uint8_t result; /* enum map_command_result */
 	uint8_t detail;
-	uint8_t reserved;
+	int8_t step;       /* as requested */
+	uint16_t pulse_ms; /* as requested */
 	uint16_t requester;
-	uint16_t reserved2;
 	uint32_t id;
 	uint32_t session;
 	uint32_t generation; /* of the requester's module */
 	union map_value value;
-	uint16_t pulse_ms; /* as requested */
-	int8_t step;       /* as requested */
-	uint8_t reserved3;
 	int64_t time_ns;  /* of the last change of state */
 	int64_t until_ns; /* end of the selection */
 	int64_t off_ns;   /* when the pulse's end is due at the device; 0: none is */
@@ -387,6 +384,12 @@ struct map_clock {
 };
 
 int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
+/*
+ * Begins a turn of the caller's loop, and gives its time. Until the next one map_read and map_alive take a heartbeat
+ * that was young enough then for young enough: reading the clock for each point would be most of an interrogation's
+ * cost (ARMv5 has no vDSO). For who reads many points; the turn shall be short beside MAP_HEARTBEAT_LIMIT_MS.
+ */
+int64_t map_turn(struct map *map);
 struct map_clock map_clock_read(const struct map *map);
 
 /* ---- log --------------------------------------------------------------------------------- */

@@ -12,13 +12,26 @@ uint32_t map_module_count(const struct map *map)
 	return map->directory->module_count;
 }
 
+static uint32_t last_beat_ms(const struct map *map, uint32_t module)
+{
+	return atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
+}
+
 static uint32_t heartbeat_age_ms(const struct map *map, uint32_t module)
 {
 	/* Before the clock: one that beats in between would come out 49.7 days old. */
-	uint32_t beaten =
-	    atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
+	uint32_t beaten = last_beat_ms(map, module);
 
 	return now_ms() - beaten;
+}
+
+/* What was young enough when the turn began is; of any other, one that has beaten since among them, the clock tells. */
+static bool beats(const struct map *map, uint32_t module)
+{
+	uint32_t limit_ms = map_heartbeat_limit_ms(map, module);
+
+	return (map->turn_ns != 0 && map->turn_ms - last_beat_ms(map, module) <= limit_ms) ||
+	       heartbeat_age_ms(map, module) <= limit_ms;
 }
 
 static bool attached(const struct map *map, uint32_t module)
@@ -34,7 +47,7 @@ bool map_alive(const struct map *map, uint32_t module)
 	uint32_t state = atomic_load_explicit(&map->directory->modules[module].state, memory_order_acquire);
 
 	return (state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING) && attached(map, module) &&
-	       heartbeat_age_ms(map, module) <= map_heartbeat_limit_ms(map, module);
+	       beats(map, module);
 }
 
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
@@ -187,7 +200,7 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 		return false;
 	*position += 1;
 	make_printable(out->text);
-	if (!is_past(out->time_ns))
+	if (!is_past(map, out->time_ns))
 		out->time_ns = map_now_ns();
 	return true;
 }

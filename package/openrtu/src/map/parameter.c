@@ -9,12 +9,12 @@ static const double TENTHS_PER_S = 10;
 
 static bool has_parameters(const struct map *map, uint32_t point)
 {
-	return map->config.points[point].parameters != MAP_NONE;
+	return is_measured(&map->config.points[point]);
 }
 
 static struct parameter_cell *cell_of(const struct map *map, uint32_t point)
 {
-	return &map->segments[map_owner(map, point)].parameters[map->config.points[point].parameters];
+	return &map->segments[map_owner(map, point)].parameters[map->config.points[point].extra];
 }
 
 static double loaded(const struct map *map, uint32_t point, enum map_parameter kind, double otherwise)

@@ -45,7 +45,7 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 
 		if (!latch_read_done(latch, sequence))
 			continue;
-		if (!is_past(sample.time_ns))
+		if (!is_past(map, sample.time_ns))
 			sample = (struct map_sample){.quality = MAP_INVALID};
 		if (!alive)
 			sample.quality |= MAP_INVALID;
@@ -200,7 +200,7 @@ uint32_t map_events_behind(const struct map *map, const struct map_cursor *curso
 /* What a module wrote is believed about its own points only. */
 static bool event_makes_sense(const struct map *map, uint32_t writer, const struct map_event *event)
 {
-	if (!is_past(event->sample.time_ns))
+	if (!is_past(map, event->sample.time_ns))
 		return false;
 	switch (event->kind) {
 	case MAP_EVENT_CHANGE:

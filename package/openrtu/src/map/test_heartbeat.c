@@ -119,6 +119,54 @@ static void test_a_heartbeat_while_its_age_is_taken_is_not_an_old_one(void **sta
 	map_detach(owner);
 }
 
+static unsigned clock_readings;
+
+static void count_reading(void)
+{
+	clock_readings++;
+}
+
+static void test_points_are_read_by_the_time_of_the_turn(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	struct map_update update = scaled(0, 7, MAP_GOOD, map_now_ns());
+
+	map_publish(owner, &update, 1);
+	map_heartbeat(owner);
+	map_turn(stage->rtud);
+	after_clock = count_reading;
+	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
+	assert_int_equal(clock_readings, 0);
+	after_clock = NULL;
+
+	clock_shift_ns += (MAP_HEARTBEAT_LIMIT_MS + 1) * 1000000;
+	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
+	map_turn(stage->rtud);
+	assert_sample(stage->rtud, 0, 7, MAP_INVALID);
+	map_detach(owner);
+}
+
+/* A turn vouches for nothing that it does not know: what comes after its beginning is judged by the clock. */
+static void test_what_is_younger_than_the_turn_is_judged_by_the_clock(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	struct map_update update = scaled(0, 7, MAP_GOOD, map_now_ns());
+
+	map_publish(owner, &update, 1);
+	map_turn(stage->rtud);
+	clock_shift_ns += 2 * MAP_HEARTBEAT_LIMIT_MS * 1000000;
+	map_heartbeat(owner);
+	update = scaled(0, 8, MAP_GOOD, map_now_ns());
+	map_publish(owner, &update, 1);
+	assert_sample(stage->rtud, 0, 8, MAP_GOOD);
+	update = scaled(0, 9, MAP_GOOD, map_now_ns() + 1000000000);
+	map_publish(owner, &update, 1);
+	assert_sample(stage->rtud, 0, 0, MAP_INVALID);
+	map_detach(owner);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -127,6 +175,10 @@ int main(void)
 	    cmocka_unit_test_setup_teardown(test_a_heartbeat_lives_on_when_the_millisecond_counter_wraps,
 					    set_up, right_clock_and_tear_down),
 	    cmocka_unit_test_setup_teardown(test_a_heartbeat_while_its_age_is_taken_is_not_an_old_one, set_up,
+					    right_clock_and_tear_down),
+	    cmocka_unit_test_setup_teardown(test_points_are_read_by_the_time_of_the_turn, set_up,
+					    right_clock_and_tear_down),
+	    cmocka_unit_test_setup_teardown(test_what_is_younger_than_the_turn_is_judged_by_the_clock, set_up,
 					    right_clock_and_tear_down),
 	};
 

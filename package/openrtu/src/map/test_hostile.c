@@ -96,14 +96,14 @@ static void read_all(struct map *map)
 
 	map_bell_clear(map);
 	while (map_event_next(map, &cursor, &event))
-		assert_true(is_past(event.sample.time_ns));
+		assert_true(is_past(map, event.sample.time_ns));
 	while (map_request_next(map, &taken))
 		map_command_request(map, &taken);
 	while (map_answer_next(map, &answer))
 		;
 	for (uint32_t i = 0; i < POINTS; i++) {
-		assert_true(map_read(map, i, &sample) && is_past(sample.time_ns));
-		assert_true(map_command_read(map, i, &command) && is_past(command.time_ns));
+		assert_true(map_read(map, i, &sample) && is_past(map, sample.time_ns));
+		assert_true(map_command_read(map, i, &command) && is_past(map, command.time_ns));
 	}
 	for (uint32_t i = 0; i < map_module_count(map); i++) {
 		struct map_module module;
@@ -112,7 +112,7 @@ static void read_all(struct map *map)
 
 		map_module(map, i, &module);
 		while (map_log_next(map, i, &position, &line))
-			assert_true(memchr(line.text, 0, sizeof(line.text)) && is_past(line.time_ns));
+			assert_true(memchr(line.text, 0, sizeof(line.text)) && is_past(map, line.time_ns));
 	}
 }
 

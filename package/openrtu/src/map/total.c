@@ -6,7 +6,7 @@
 
 static struct total_cell *own_cell(const struct map *map, uint32_t point)
 {
-	return &map->segments[map->self].totals[map->config.points[point].total];
+	return &map->segments[map->self].totals[map->config.points[point].extra];
 }
 
 /* The owner is the only writer: what it wrote last is in either copy. */
@@ -133,12 +133,12 @@ void totals_recover(struct map *map)
 bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out)
 {
 	struct total_cell *cell =
-	    &map->segments[map_owner(map, point)].totals[map->config.points[point].total];
+	    &map->segments[map_owner(map, point)].totals[map->config.points[point].extra];
 	struct map_total total;
 
 	if (!latch_load(&cell->latch, cell->copies, &total, sizeof(total)))
 		return false;
-	if (total.frozen.time_ns == 0 || !is_past(total.frozen.time_ns))
+	if (total.frozen.time_ns == 0 || !is_past(map, total.frozen.time_ns))
 		return map_read(map, point, out);
 	*out = total.frozen;
 	return true;

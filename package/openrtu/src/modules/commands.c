@@ -75,9 +75,12 @@ static void finish(struct commands *commands, struct commands_progress *progress
 static void postpone_end(struct commands *commands, struct commands_progress *progress,
 			 enum map_command_result result, uint8_t exception, int64_t now_ns)
 {
+	char name[MAP_NAME_SIZE];
+
+	map_point_name(map_config(commands->map), point_of(commands, progress->point), name);
 	if (progress->backoff_ns == 0)
-		map_log(commands->map, MAP_LOG_ERROR, "%s: its pulse is not ended: %s; tried again",
-			point_of(commands, progress->point)->name, map_command_result_name(result));
+		map_log(commands->map, MAP_LOG_ERROR, "%s: its pulse is not ended: %s; tried again", name,
+			map_command_result_name(result));
 	if (!progress->reported)
 		map_command_finish(commands->map, progress->point, result, exception);
 	progress->reported = true;
@@ -241,11 +244,12 @@ void commands_resume(struct commands *commands)
 
 	for (uint32_t i = 0; i < config->point_count; i++) {
 		int64_t off_ns = map_pulse_end(commands->map, i);
+		char name[MAP_NAME_SIZE];
 
 		if (off_ns == 0)
 			continue;
-		map_log(commands->map, MAP_LOG_WARNING, "%s: its pulse is ended after a restart",
-			config->points[i].name);
+		map_point_name(config, &config->points[i], name);
+		map_log(commands->map, MAP_LOG_WARNING, "%s: its pulse is ended after a restart", name);
 		commands->progress[commands->count++] = (struct commands_progress){
 		    .point = i, .phase = COMMANDS_PULSE, .reported = true, .due_ns = off_ns};
 	}

@@ -212,7 +212,7 @@ static void serve(void)
 
 	do {
 		moved = false;
-		iec104_station_run(&station, map_now_ns());
+		iec104_station_run(&station, map_turn(map));
 		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
 			if (!station.connections[i].open)
 				continue;

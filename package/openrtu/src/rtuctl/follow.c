@@ -33,7 +33,7 @@ static json_t *change_row(const struct map *map, const struct map_event *event)
 	words_quality(event->sample.quality, quality);
 	json_object_set_new(row, "time", json_string(time));
 	json_object_set_new(row, "event", json_string("change"));
-	json_object_set_new(row, "name", json_string(point->name));
+	json_object_set_new(row, "name", rtuctl_point_name(map_config(map), event->point));
 	json_object_set_new(row, "value", words_value(point->type, &event->sample.value));
 	if (point->type == MAP_STEP)
 		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));
@@ -100,8 +100,7 @@ static void print_event(const struct map *map, const struct map_event *event, bo
 
 static bool is_wanted(const struct map *map, const struct map_event *event, const char *pattern)
 {
-	return event->kind != MAP_EVENT_CHANGE ||
-	       rtuctl_matches(&map_config(map)->points[event->point], pattern);
+	return event->kind != MAP_EVENT_CHANGE || rtuctl_matches(map_config(map), event->point, pattern);
 }
 
 static void report_lost(struct map_cursor *cursor)

@@ -22,9 +22,13 @@ static const int64_t NS_PER_S = 1000000000;
 
 uint32_t rtuctl_find_point(const struct map_config *config, const char *name)
 {
-	for (uint32_t i = 0; i < config->point_count; i++)
-		if (strcmp(config->points[i].name, name) == 0)
+	char known[MAP_NAME_SIZE];
+
+	for (uint32_t i = 0; i < config->point_count; i++) {
+		map_point_name(config, &config->points[i], known);
+		if (strcmp(known, name) == 0)
 			return i;
+	}
 	fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
 	return MAP_NONE;
 }

@@ -16,9 +16,22 @@
 static const double NS_PER_S = 1e9;
 static const double US_PER_MS = 1e3;
 
-bool rtuctl_matches(const struct map_point *point, const char *pattern)
+json_t *rtuctl_point_name(const struct map_config *config, uint32_t point)
 {
-	return pattern == NULL || fnmatch(pattern, point->name, 0) == 0;
+	char name[MAP_NAME_SIZE];
+
+	map_point_name(config, &config->points[point], name);
+	return json_string(name);
+}
+
+bool rtuctl_matches(const struct map_config *config, uint32_t point, const char *pattern)
+{
+	char name[MAP_NAME_SIZE];
+
+	if (pattern == NULL)
+		return true;
+	map_point_name(config, &config->points[point], name);
+	return fnmatch(pattern, name, 0) == 0;
 }
 
 /* Seconds since a time of the map; null when there was none. */
@@ -63,7 +76,7 @@ json_t *rtuctl_point_row(const struct map *map, uint32_t index)
 
 	map_read(map, index, &sample);
 	words_quality(sample.quality, quality);
-	json_object_set_new(row, "name", json_string(point->name));
+	json_object_set_new(row, "name", rtuctl_point_name(config, index));
 	json_object_set_new(row, "type", json_string(words_type(point->type)));
 	json_object_set_new(row, "value",
 			    sample.time_ns != 0 ? words_value(point->type, &sample.value) : json_null());
@@ -86,7 +99,7 @@ int rtuctl_points(struct map *map, const struct rtuctl_request *request)
 
 	listing_begin(&listing, point_columns, COUNT(point_columns), request->json);
 	for (uint32_t i = 0; i < config->point_count; i++)
-		if (rtuctl_matches(&config->points[i], pattern))
+		if (rtuctl_matches(config, i, pattern))
 			listing_add(&listing, rtuctl_point_row(map, i));
 	listing_end(&listing);
 	return found(&listing, "point", pattern);
@@ -107,7 +120,7 @@ static json_t *command_row(const struct map *map, uint32_t index)
 	bool used = map_command_read(map, index, &command) && command.time_ns != 0;
 	json_t *row = json_object();
 
-	json_object_set_new(row, "name", json_string(point->name));
+	json_object_set_new(row, "name", rtuctl_point_name(map_config(map), index));
 	json_object_set_new(row, "state", json_string(map_command_state_name(command.state)));
 	json_object_set_new(row, "result", json_string(map_command_result_name(command.result)));
 	if (command.result == MAP_RESULT_EXCEPTION)
@@ -127,8 +140,7 @@ int rtuctl_commands(struct map *map, const struct rtuctl_request *request)
 
 	listing_begin(&listing, command_columns, COUNT(command_columns), request->json);
 	for (uint32_t i = 0; i < config->point_count; i++)
-		if ((config->points[i].flags & MAP_POINT_COMMAND) &&
-		    rtuctl_matches(&config->points[i], pattern))
+		if ((config->points[i].flags & MAP_POINT_COMMAND) && rtuctl_matches(config, i, pattern))
 			listing_add(&listing, command_row(map, i));
 	listing_end(&listing);
 	return found(&listing, "command", pattern);

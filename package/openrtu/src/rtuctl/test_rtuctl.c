@@ -28,20 +28,30 @@ static struct map_line lines[] = {
     {.port = 3, .process = 1, .device_count = 1, .stop_bits = 2, .baud = 19200, .device = "ttyS3"}};
 static struct map_device devices[] = {
     {.ca = 3067, .unit = 67, .response_timeout_ms = 500, .point_count = POINTS, .name = "Pump"}};
+static struct {
+	char none[1], lamp[sizeof("pump/lamp")], breaker[sizeof("pump/breaker")], level[sizeof("level")],
+	    current[sizeof("current")];
+} names = {"", "pump/lamp", "pump/breaker", "level", "current"};
 static struct map_point points[POINTS] = {
-    [LAMP] = {.name = "pump/lamp",
+    [LAMP] = {.name = offsetof(typeof(names), lamp),
 	      .table = MAP_COILS,
 	      .type = MAP_SINGLE,
 	      .ioa = 1,
 	      .flags = MAP_POINT_COMMAND,
 	      .short_pulse_ms = 400},
-    [BREAKER] = {.name = "pump/breaker",
+    [BREAKER] = {.name = offsetof(typeof(names), breaker),
 		 .table = MAP_COILS,
 		 .type = MAP_DOUBLE,
 		 .ioa = 2,
 		 .flags = MAP_POINT_COMMAND | MAP_POINT_SELECT},
-    [LEVEL] = {.name = "level", .table = MAP_INPUT_REGISTERS, .type = MAP_SCALED, .ioa = 30001},
-    [CURRENT] = {.name = "current", .table = MAP_INPUT_REGISTERS, .type = MAP_FLOAT, .ioa = 30002},
+    [LEVEL] = {.name = offsetof(typeof(names), level),
+	       .table = MAP_INPUT_REGISTERS,
+	       .type = MAP_SCALED,
+	       .ioa = 30001},
+    [CURRENT] = {.name = offsetof(typeof(names), current),
+		 .table = MAP_INPUT_REGISTERS,
+		 .type = MAP_FLOAT,
+		 .ioa = 30002},
 };
 static const struct map_config config = {
     .settings = {.command_timeout_s = 10,
@@ -57,6 +67,8 @@ static const struct map_config config = {
     .lines = lines,
     .devices = devices,
     .points = points,
+    .names = (char *)&names,
+    .names_size = sizeof(names),
 };
 
 static const char *program;

@@ -121,8 +121,23 @@ static bool allocate_records(struct config_loader *loader, const json_t *root)
 	loader->config->lines = allocate(counts.line_count, sizeof(struct map_line));
 	loader->config->devices = allocate(counts.device_count, sizeof(struct map_device));
 	loader->config->points = allocate(counts.point_count, sizeof(struct map_point));
+	loader->config->names = allocate(counts.point_count + 1, MAP_NAME_SIZE);
 	return loader->entries != NULL && loader->config->lines != NULL && loader->config->devices != NULL &&
-	       loader->config->points != NULL;
+	       loader->config->points != NULL && loader->config->names != NULL;
+}
+
+/* In the order in which the map wants them; only a name that was given is kept. */
+static void keep_points(struct map_config *config, const struct config_entry *entries)
+{
+	config->names_size = 1;
+	for (uint32_t i = 0; i < config->point_count; i++) {
+		config->points[i] = entries[i].point;
+		if (!entries[i].named)
+			continue;
+		config->points[i].name = config->names_size;
+		strcpy(config->names + config->names_size, entries[i].name);
+		config->names_size += (uint32_t)strlen(entries[i].name) + 1;
+	}
 }
 
 static enum config_result build(struct config_loader *loader, const json_t *root,
@@ -134,8 +149,7 @@ static enum config_result build(struct config_loader *loader, const json_t *root
 	}
 	config_read_file(loader, root);
 	config_check_collisions(loader);
-	for (uint32_t i = 0; i < loader->config->point_count; i++)
-		loader->config->points[i] = loader->entries[i].point;
+	keep_points(loader->config, loader->entries);
 	if (loader->report.errors > 0)
 		return CONFIG_WRONG;
 	config_check_modules(loader, root, modules);
@@ -165,6 +179,7 @@ void config_free(struct map_config *config)
 	free(config->lines);
 	free(config->devices);
 	free(config->points);
+	free(config->names);
 	*config = (struct map_config){.line_count = 0};
 }
 

@@ -48,7 +48,7 @@ static int by_ioa(const void *left, const void *right)
 static int by_name(const void *left, const void *right)
 {
 	const struct config_entry *a = left, *b = right;
-	int by_text = strcmp(a->point.name, b->point.name);
+	int by_text = strcmp(a->name, b->name);
 
 	return by_text != 0 ? by_text : by_file(a, b);
 }
@@ -171,9 +171,9 @@ static void check_names(struct config_loader *loader, const struct config_entry 
 		const struct config_entry *one = &entries[i - 1], *other = &entries[i];
 		char what[MAP_NAME_SIZE + 32];
 
-		if (strcmp(one->point.name, other->point.name) != 0 || (!one->named && !other->named))
+		if (strcmp(one->name, other->name) != 0 || (!one->named && !other->named))
 			continue;
-		snprintf(what, sizeof(what), "has the name \"%s\" of", one->point.name);
+		snprintf(what, sizeof(what), "has the name \"%s\" of", one->name);
 		refuse_pair(loader, other, one, what);
 	}
 }

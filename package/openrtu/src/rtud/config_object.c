@@ -16,7 +16,6 @@
 #define MODBUS_LAST 65535
 #define IOA_MAX     16777215
 
-static const char table_letters[] = {'c', 'd', 'i', 'h'};
 static const uint32_t first_ioa[] = {1, 10001, 30001, 40001};
 
 static const char *const type_names[] = {
@@ -292,15 +291,11 @@ static struct map_point object_point(const struct config_value *values, enum map
 static void name_point(struct config_loader *loader, struct config_entry *entry,
 		       const struct config_value *name)
 {
-	const struct map_device *device = &loader->config->devices[entry->point.device];
-	const struct map_line *line = &loader->config->lines[device->line];
-
 	entry->named = name->given;
 	if (name->given)
-		snprintf(entry->point.name, sizeof(entry->point.name), "%s", name->text);
+		snprintf(entry->name, sizeof(entry->name), "%s", name->text);
 	else
-		snprintf(entry->point.name, sizeof(entry->point.name), "p%u.%u.%c%u", line->port,
-			 device->unit, table_letters[entry->point.table], entry->point.address);
+		map_point_name(loader->config, &entry->point, entry->name);
 }
 
 static void check_object(struct config_loader *loader, const struct config_place *place,

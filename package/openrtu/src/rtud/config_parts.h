@@ -22,6 +22,7 @@
 struct config_entry {
 	struct map_point point;
 	uint32_t port, slave, object;
+	char name[MAP_NAME_SIZE];
 	bool named; /* by the file */
 };
 

@@ -42,6 +42,14 @@ static struct map_config load(const char *text)
 	return config;
 }
 
+static void assert_name(const struct map_config *config, size_t point, const char *expected)
+{
+	char name[MAP_NAME_SIZE];
+
+	map_point_name(config, &config->points[point], name);
+	assert_string_equal(name, expected);
+}
+
 /* Figure 4.9, with its objects in another order. */
 static void test_report_file(void **state)
 {
@@ -82,7 +90,7 @@ static void test_report_file(void **state)
 	assert_string_equal(config.devices[0].name, "Temperature sensor");
 	assert_int_equal(config.point_count, 5);
 	for (size_t i = 0; i < config.point_count; i++) {
-		assert_string_equal(config.points[i].name, expected[i].name);
+		assert_name(&config, i, expected[i].name);
 		assert_int_equal(config.points[i].ioa, expected[i].ioa);
 		assert_int_equal(config.points[i].type, expected[i].type);
 		assert_int_equal(config.points[i].flags, expected[i].flags);
@@ -221,14 +229,16 @@ static void test_object_keys(void **state)
 		 "{'address': 0, 'signed': false, 'scale': 0.5, 'offset': -2, 'deadband': 3,"
 		 " 'group': 16, 'cyclic_ms': 1000, 'byte_order': 'little'},"
 		 "{'address': 65534, 'type': 'float', 'word_order': 'little', "
-		 "'ioa': 16777215}]}") "]}");
+		 "'ioa': 16777215, 'name': 'level'}]}") "]}");
 	const struct map_point *point = config.points;
 
 	(void)state;
 	assert_string_equal(config.lines[0].device, "ttyS8");
 	assert_string_equal(config.devices[0].name, "p6.1");
 	assert_int_equal(config.point_count, 3);
-	assert_string_equal(point[0].name, "breaker");
+	assert_name(&config, 0, "breaker");
+	assert_name(&config, 1, "p6.1.i0");
+	assert_name(&config, 2, "level");
 	assert_int_equal(point[0].type, MAP_DOUBLE);
 	assert_int_equal(point[0].width, 2);
 	assert_int_equal(point[0].ioa, 5);
@@ -267,8 +277,8 @@ static void test_tables_refer_to_each_other(void **state)
 	assert_int_equal(config.devices[2].point_count, 0);
 	assert_int_equal(config.devices[3].first_point, 3);
 	assert_int_equal(config.devices[3].point_count, 1);
-	assert_string_equal(config.points[0].name, "p2.9.c0");
-	assert_string_equal(config.points[1].name, "p2.9.c1");
+	assert_name(&config, 0, "p2.9.c0");
+	assert_name(&config, 1, "p2.9.c1");
 	assert_int_equal(config.points[3].device, 3);
 	config_free(&config);
 }
