@@ -254,6 +254,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "input_register.background_ms": {"type": "step"},
     "holding_register.background_ms": {"type": "step"},
     "second_address": {"type": "double"},
+    "quality": {"type": "normalized"},
     "step": {"type": "float", "min": -2, "max": 2},
     "min": {"step": 1, "max": 1e31},
     "max": {"step": 1, "min": -1e31},

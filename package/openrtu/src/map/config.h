@@ -54,6 +54,7 @@ enum map_point_flag {
 	MAP_POINT_BITS_SWAPPED = 1u << 3,  /* double point: first bit ON, second OFF */
 	MAP_POINT_SELECT = 1u << 4,        /* a command needs a selection first */
 	MAP_POINT_COMMAND = 1u << 5,       /* coil or holding register: may be commanded */
+	MAP_POINT_NO_QUALITY = 1u << 6,    /* normalized: sent without quality, and so only while good */
 };
 
 /* One RS-485 line. */

@@ -61,6 +61,7 @@ enum {
 	OBJECT_STEP,
 	OBJECT_MIN,
 	OBJECT_MAX,
+	OBJECT_QUALITY,
 	OBJECT_KEYS
 };
 static const struct config_rule object_rules[OBJECT_KEYS] = {
@@ -87,6 +88,7 @@ static const struct config_rule object_rules[OBJECT_KEYS] = {
     [OBJECT_STEP] = {"step", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [OBJECT_MIN] = {"min", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [OBJECT_MAX] = {"max", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
+    [OBJECT_QUALITY] = {"quality", CONFIG_BOOLEAN, .fallback = true},
 };
 /* The types that give a key a meaning; 0: all do. */
 static const unsigned object_key_types[OBJECT_KEYS] = {
@@ -107,6 +109,7 @@ static const unsigned object_key_types[OBJECT_KEYS] = {
     [OBJECT_STEP] = OF_MEASURED,
     [OBJECT_MIN] = OF_MEASURED,
     [OBJECT_MAX] = OF_MEASURED,
+    [OBJECT_QUALITY] = BIT(MAP_NORMALIZED), /* 101, 7.3.1: of no other type is there one without */
 };
 /* Of commands: they mean nothing where nothing can be commanded. */
 static const bool is_command_key[OBJECT_KEYS] = {
@@ -256,6 +259,8 @@ static uint8_t object_flags(const struct config_value *values, enum map_type typ
 		flags |= MAP_POINT_SELECT;
 	if (config_is_writable(table))
 		flags |= MAP_POINT_COMMAND;
+	if (!values[OBJECT_QUALITY].integer)
+		flags |= MAP_POINT_NO_QUALITY;
 	return (uint8_t)flags;
 }
 
