@@ -57,6 +57,14 @@ enum map_point_flag {
 	MAP_POINT_NO_QUALITY = 1u << 6,    /* normalized: sent without quality, and so only while good */
 };
 
+/* What a status bit of the device, while it is ON, makes of a point's quality. */
+enum map_status {
+	MAP_BLOCKED_BY,
+	MAP_SUBSTITUTED_BY,
+	MAP_NOT_TOPICAL_BY,
+	MAP_STATUS_BITS,
+};
+
 /* One RS-485 line. */
 struct map_line {
 	uint16_t port;    /* the file's "value": 1..6 on this board */
@@ -109,6 +117,8 @@ struct map_point {
 	uint32_t command;    /* place among its owner's commands; set by map_create */
 	uint32_t total;      /* place among its owner's totals, of a counter; set by map_create */
 	uint32_t parameters; /* the same of a measured value; MAP_NONE else */
+	/* By enum map_status: 1 + place of the status bit among the device's points, 0: none. */
+	uint16_t status[MAP_STATUS_BITS];
 };
 
 /* When summer time begins or ends: the n-th weekday of a month, in the local time until then (POSIX TZ, Mm.w.d/time). */

@@ -134,6 +134,7 @@ static enum config_result build(struct config_loader *loader, const json_t *root
 	}
 	config_read_file(loader, root);
 	config_check_collisions(loader);
+	config_resolve_status(loader);
 	for (uint32_t i = 0; i < loader->config->point_count; i++)
 		loader->config->points[i] = loader->entries[i].point;
 	if (loader->report.errors > 0)
