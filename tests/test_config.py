@@ -254,6 +254,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "input_register.background_ms": {"type": "step"},
     "holding_register.background_ms": {"type": "step"},
     "second_address": {"type": "double"},
+    "quality": {"type": "normalized"},
     "step": {"type": "float", "min": -2, "max": 2},
     "min": {"step": 1, "max": 1e31},
     "max": {"step": 1, "min": -1e31},
@@ -264,7 +265,9 @@ def small_file() -> dict[str, Any]:
     """No value here is at a bound of its key."""
     line = {"baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
-    slaves = [{"id": 1}, {"id": 2} | {table: [{"address": 5}] for table in tables}]
+    device: dict[str, Any] = {"id": 2} | {table: [{"address": 5}] for table in tables}
+    device["discrete_inputs"].append({"address": 700})
+    slaves = [{"id": 1}, device]
     ports = [{"value": 3, "active": 1, **line, "slaves": slaves}, {"value": 5, "active": 0}]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]

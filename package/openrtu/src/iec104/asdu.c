@@ -254,7 +254,7 @@ bool iec104_asdu_add(struct iec104_builder *builder, uint32_t ioa, const uint8_t
 	return true;
 }
 
-uint8_t iec104_monitor_type(enum map_type type, bool tagged)
+uint8_t iec104_monitor_type(const struct map_point *point, bool tagged)
 {
 	static const uint8_t types[][2] = {
 	    [MAP_SINGLE] = {IEC104_M_SP_NA_1, IEC104_M_SP_TB_1},
@@ -267,7 +267,7 @@ uint8_t iec104_monitor_type(enum map_type type, bool tagged)
 	    [MAP_COUNTER] = {IEC104_M_IT_NA_1, IEC104_M_IT_TB_1},
 	};
 
-	return types[type][tagged];
+	return point->flags & MAP_POINT_NO_QUALITY ? IEC104_M_ME_ND_1 : types[point->type][tagged];
 }
 
 size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type,

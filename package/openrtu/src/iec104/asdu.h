@@ -26,6 +26,7 @@ enum iec104_type {
 	IEC104_M_ME_NB_1 = 11,
 	IEC104_M_ME_NC_1 = 13,
 	IEC104_M_IT_NA_1 = 15,
+	IEC104_M_ME_ND_1 = 21,
 	IEC104_M_SP_TB_1 = 30,
 	IEC104_M_DP_TB_1 = 31,
 	IEC104_M_ST_TB_1 = 32,
@@ -146,9 +147,12 @@ bool iec104_asdu_add(struct iec104_builder *builder, uint32_t ioa, const uint8_t
 /* How many objects were added. */
 unsigned iec104_asdu_count(const struct iec104_builder *builder);
 
-/* The type that carries a point in monitoring direction: 1..15, or with a time tag 30..37. */
-uint8_t iec104_monitor_type(enum map_type type, bool tagged);
-/* Encodes value and quality as the information element of a point's type, without time tag. Returns its size. */
+/*
+ * The type that carries a point in monitoring direction: 1..15, or with a time tag 30..37; 21, which has no partner
+ * with a time tag, of one without quality.
+ */
+uint8_t iec104_monitor_type(const struct map_point *point, bool tagged);
+/* Encodes value and quality as the information element of a type, without time tag. Returns its size. */
 size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type,
 			     const struct map_sample *sample);
 

@@ -63,6 +63,12 @@ static bool counts_upwards(uint8_t type)
 	return type != MAP_SINGLE && type != MAP_DOUBLE && type != MAP_STEP;
 }
 
+/* Has no quality: what it was told is good, and may be out of date. */
+static bool is_plain(uint32_t point)
+{
+	return (points[point].flags & MAP_POINT_NO_QUALITY) != 0;
+}
+
 static void take_object(struct model *model, uint32_t point, const uint8_t *element)
 {
 	static const uint8_t value_sizes[] = {
@@ -70,7 +76,7 @@ static void take_object(struct model *model, uint32_t point, const uint8_t *elem
 	    [MAP_NORMALIZED] = 2, [MAP_SCALED] = 2, [MAP_FLOAT] = 4, [MAP_COUNTER] = 4};
 	uint8_t type = points[point].type, value_size = value_sizes[type];
 	uint32_t value = value_size > 0 ? get(element, value_size) : (uint32_t)(element[0] & 3);
-	bool invalid = (element[value_size] & MAP_INVALID) != 0;
+	bool invalid = !is_plain(point) && (element[value_size] & MAP_INVALID) != 0;
 
 	/* An invalid value says nothing. */
 	if (!invalid && model->known[point] && !model->invalid[point] && counts_upwards(type))
@@ -85,9 +91,10 @@ static void take_information(struct model *model, const struct iec104_asdu *asdu
 	static const uint8_t sizes[] = {
 	    [MAP_SINGLE] = 1,     [MAP_DOUBLE] = 1, [MAP_STEP] = 2,  [MAP_BITSTRING] = 5,
 	    [MAP_NORMALIZED] = 3, [MAP_SCALED] = 3, [MAP_FLOAT] = 5, [MAP_COUNTER] = 5};
-	bool tagged = asdu->type >= IEC104_M_SP_TB_1;
-	enum map_type type = (enum map_type)(tagged ? asdu->type - IEC104_M_SP_TB_1 : asdu->type / 2);
-	size_t size = sizes[type] + (size_t)(tagged ? IEC104_TIME56_SIZE : 0);
+	bool tagged = asdu->type >= IEC104_M_SP_TB_1, plain = asdu->type == IEC104_M_ME_ND_1;
+	enum map_type type =
+	    plain ? MAP_NORMALIZED : (enum map_type)(tagged ? asdu->type - IEC104_M_SP_TB_1 : asdu->type / 2);
+	size_t size = sizes[type] + (size_t)(tagged ? IEC104_TIME56_SIZE : 0) - plain;
 	const uint8_t *at = asdu->objects, *end = at + asdu->objects_size;
 	uint32_t ioa = 0;
 
@@ -103,7 +110,7 @@ static void take_information(struct model *model, const struct iec104_asdu *asdu
 		}
 		CHECK((size_t)(end - at) >= size);
 		point = map_find(&fake, asdu->ca, ioa);
-		CHECK(point != MAP_NONE && points[point].type == type);
+		CHECK(point != MAP_NONE && points[point].type == type && is_plain(point) == plain);
 		if (asdu->cause < IEC104_COUNTERS_REQUESTED) /* a frozen reading is older, and may be */
 			take_object(model, point, at);
 		at += size;
@@ -421,7 +428,7 @@ static void expect_truth(const struct model *model)
 				: type == MAP_SINGLE                           ? 1
 									       : 3;
 
-		if (!model->known[i])
+		if (!model->known[i] || (is_plain(i) && invalid))
 			continue;
 		CHECK(model->invalid[i] == invalid);
 		CHECK(invalid || (model->value[i] & mask) == (sample->value.u & mask));
@@ -469,6 +476,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		fake.starts = 1;
 	if (variant & 16)
 		fake.parameters[NORMALIZED].loaded = fake.parameters[FLOAT].loaded = 0x1e;
+	points[NORMALIZED].flags =
+	    variant & 64 ? MAP_POINT_COMMAND | MAP_POINT_NO_QUALITY : MAP_POINT_COMMAND;
 	if (variant & 32)
 		fake.totals[COUNTER].time_ns = now;
 	for (uint32_t i = 0; i < POINTS; i++)

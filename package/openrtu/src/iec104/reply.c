@@ -86,6 +86,19 @@ bool iec104_send_confirmation(struct iec104_connection *connection, int64_t now_
 	return true;
 }
 
+/* Not a word of the value: the read command comes back with P/N = 1. */
+static void refuse_read(struct iec104_connection *connection, const uint8_t *asdu, size_t size,
+			int64_t now_ns)
+{
+	uint8_t refusal[IEC104_ASDU_HEADER + IEC104_IOA_SIZE];
+
+	memcpy(refusal, asdu, sizeof(refusal));
+	iec104_asdu_mirror(refusal, IEC104_REQUEST, true);
+	count_refusal(connection, IEC104_REQUEST, true);
+	iec104_session_send(&connection->session, refusal, sizeof(refusal), now_ns);
+	drop_first_reply(connection, size);
+}
+
 bool iec104_answer_read(const struct iec104_station *station, struct iec104_connection *connection,
 			int64_t now_ns)
 {
@@ -106,6 +119,10 @@ bool iec104_answer_read(const struct iec104_station *station, struct iec104_conn
 	}
 	if (iec104_event_waits(station, connection)) /* it may be older than the sample: it goes first */
 		return true;
+	if (!iec104_is_tellable(station, point, &sample)) {
+		refuse_read(connection, asdu, size, now_ns);
+		return true;
+	}
 	manner.originator = read.originator;
 	manner.test = read.test;
 	iec104_begin_asdu(station, &builder, point, &manner, false);

@@ -134,8 +134,10 @@ static bool add_event(const struct iec104_station *station, struct iec104_builde
 	if (event == first)
 		iec104_begin_asdu(station, builder, event->point, &manner, false);
 	else if (event->kind != MAP_EVENT_CHANGE || event->cause != first->cause ||
-		 iec104_point(station, event->point)->type != iec104_point(station, first->point)->type ||
-		 iec104_point(station, event->point)->device != iec104_point(station, first->point)->device)
+		 iec104_point(station, event->point)->device != iec104_point(station, first->point)->device ||
+		 iec104_monitor_type(iec104_point(station, event->point), true) !=
+		     iec104_monitor_type(iec104_point(station, first->point), true) ||
+		 !iec104_is_tellable(station, event->point, &event->sample))
 		return false;
 	return iec104_add_sample(station, builder, event->point, &event->sample, true);
 }
@@ -171,10 +173,10 @@ bool iec104_send_event(struct iec104_station *station, struct iec104_connection 
 	if (is_return_information(&event) && iec104_take_answers(station))
 		return true;
 	connection->cursor = ahead;
-	if (event.kind == MAP_EVENT_CHANGE)
-		send_changes(station, connection, &event, now_ns);
-	else
+	if (event.kind != MAP_EVENT_CHANGE)
 		take_module_event(station, connection, &event, &before);
+	else if (iec104_is_tellable(station, event.point, &event.sample))
+		send_changes(station, connection, &event, now_ns);
 	iec104_note_lost_events(station, connection);
 	return true;
 }

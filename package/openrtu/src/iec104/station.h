@@ -31,6 +31,8 @@
  * wait on this connection, those of all stations: it is refused unless it is sent to all, or there is but one.
  * Parameters (P_ME, P_AC) are for a measured value of their own type, have LPC and POP 0, and are in force when confirmed.
  * A station interrogation sends those that were loaded behind the values.
+ * A value without quality descriptor (type 21) is sent only while it is good; a read command of one that is not comes back
+ * with P/N = 1.
  * With the test bit, a command is checked and confirmed, and not carried out.
  * A command is confirmed when its device has confirmed it, and terminated after its point's return information; of a
  * pulse, after that of its end. What fails in between is told by a negative termination.
@@ -67,8 +69,8 @@ struct iec104_replies {
 /* A place in the points of some devices, ordered by device, then type. */
 struct iec104_sweep {
 	uint32_t device, end_device;
-	uint32_t next; /* point */
-	uint8_t types; /* of this device's wanted points, those not done yet: bits of enum map_type */
+	uint32_t next;  /* point */
+	uint32_t types; /* of this device's wanted points, those not done yet: bits of enum iec104_type */
 };
 
 enum iec104_phase { IEC104_CONFIRM, IEC104_DATA, IEC104_PARAMETERS, IEC104_TERMINATE };

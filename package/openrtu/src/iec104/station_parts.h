@@ -104,7 +104,10 @@ bool iec104_read_point(const struct iec104_station *station, struct iec104_conne
 /* Begins an ASDU for this point and others of its station and type. */
 void iec104_begin_asdu(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct iec104_manner *manner, bool sequence);
-/* Adds a point's sample, with its wall time if tagged. False: the ASDU is full. */
+/* The sample can be sent as what it is: a type without quality is only of a good one. */
+bool iec104_is_tellable(const struct iec104_station *station, uint32_t point,
+			const struct map_sample *sample);
+/* Adds a tellable sample of a point, with its wall time if tagged and its type has a time tag. False: the ASDU is full. */
 bool iec104_add_sample(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct map_sample *sample, bool tagged);
 void iec104_send(struct iec104_connection *connection, const struct iec104_builder *builder, int64_t now_ns);

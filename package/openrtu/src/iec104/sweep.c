@@ -37,6 +37,11 @@ bool iec104_event_waits(const struct iec104_station *station, const struct iec10
 	return map_event_next(station->map, &ahead, &event);
 }
 
+bool iec104_is_tellable(const struct iec104_station *station, uint32_t point, const struct map_sample *sample)
+{
+	return !(iec104_point(station, point)->flags & MAP_POINT_NO_QUALITY) || sample->quality == MAP_GOOD;
+}
+
 bool iec104_add_sample(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct map_sample *sample, bool tagged)
 {
@@ -44,6 +49,8 @@ bool iec104_add_sample(const struct iec104_station *station, struct iec104_build
 	uint8_t element[IEC104_ELEMENT_MAX];
 	size_t size = iec104_element_encode(element, (enum map_type)object->type, sample);
 
+	if (object->flags & MAP_POINT_NO_QUALITY) /* M_ME_ND_1 has neither quality nor a time tag */
+		return iec104_asdu_add(builder, object->ioa, element, size - 1);
 	if (tagged) {
 		struct map_clock clock = map_clock_read(station->map);
 
@@ -59,6 +66,12 @@ void iec104_send(struct iec104_connection *connection, const struct iec104_build
 	iec104_session_send(&connection->session, builder->bytes, builder->size, now_ns);
 }
 
+/* What has one of these is one ASDU's. */
+static uint8_t untagged_type(const struct iec104_station *station, uint32_t point)
+{
+	return iec104_monitor_type(iec104_point(station, point), false);
+}
+
 static void enter_device(const struct iec104_station *station, const struct iec104_connection *connection,
 			 struct iec104_sweep *sweep, uint32_t index, iec104_wanted *wanted)
 {
@@ -72,7 +85,7 @@ static void enter_device(const struct iec104_station *station, const struct iec1
 	sweep->next = device->first_point;
 	for (uint32_t i = 0; i < device->point_count; i++)
 		if (wanted(station, connection, device->first_point + i))
-			sweep->types |= (uint8_t)(1u << iec104_point(station, device->first_point + i)->type);
+			sweep->types |= 1u << untagged_type(station, device->first_point + i);
 }
 
 void iec104_begin_sweep(const struct iec104_station *station, const struct iec104_connection *connection,
@@ -96,11 +109,11 @@ static uint32_t find_point(const struct iec104_station *station, const struct ie
 	while (sweep->device < sweep->end_device) {
 		const struct map_device *device = &station->config->devices[sweep->device];
 
-		for (; sweep->types != 0; sweep->types &= (uint8_t)(sweep->types - 1)) {
+		for (; sweep->types != 0; sweep->types &= sweep->types - 1) {
 			int type = __builtin_ctz(sweep->types);
 
 			for (; sweep->next < device->first_point + device->point_count; sweep->next++)
-				if (iec104_point(station, sweep->next)->type == type &&
+				if (untagged_type(station, sweep->next) == type &&
 				    wanted(station, connection, sweep->next))
 					return sweep->next;
 			sweep->next = device->first_point;
@@ -118,8 +131,8 @@ static bool neighbour_follows(const struct iec104_station *station,
 	const struct map_point *here = iec104_point(station, point), *there = here + 1;
 
 	return point + 1 < station->config->point_count && there->device == here->device &&
-	       there->type == here->type && there->ioa == here->ioa + 1 &&
-	       wanted(station, connection, point + 1);
+	       untagged_type(station, point + 1) == untagged_type(station, point) &&
+	       there->ioa == here->ioa + 1 && wanted(station, connection, point + 1);
 }
 
 /* IEC 60870-5-101, 7.3.1: only measured values may be cyclic, integrated totals only spontaneous. */
@@ -140,17 +153,17 @@ static uint8_t periodic_cause(uint8_t type)
 void iec104_begin_asdu(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct iec104_manner *manner, bool sequence)
 {
-	uint8_t type = iec104_point(station, point)->type;
+	const struct map_point *object = iec104_point(station, point);
 
-	iec104_asdu_begin(builder,
-			  &(struct iec104_asdu){
-			      .type = iec104_monitor_type((enum map_type)type, manner->tagged),
-			      .sequence = sequence,
-			      .cause = manner->cause == IEC104_CYCLIC ? periodic_cause(type) : manner->cause,
-			      .test = manner->test,
-			      .originator = manner->originator,
-			      .ca = iec104_device(station, point)->ca,
-			  });
+	iec104_asdu_begin(builder, &(struct iec104_asdu){
+				       .type = iec104_monitor_type(object, manner->tagged),
+				       .sequence = sequence,
+				       .cause = manner->cause == IEC104_CYCLIC ? periodic_cause(object->type)
+									       : manner->cause,
+				       .test = manner->test,
+				       .originator = manner->originator,
+				       .ca = iec104_device(station, point)->ca,
+				   });
 }
 
 /*
@@ -162,7 +175,7 @@ static bool fill_asdu(const struct iec104_station *station, struct iec104_connec
 		      const struct iec104_manner *manner)
 {
 	uint32_t device = sweep->device, point = sweep->next;
-	uint8_t type = iec104_point(station, point)->type;
+	uint8_t type = untagged_type(station, point);
 	bool sequence = !manner->tagged && neighbour_follows(station, connection, point, manner->wanted);
 
 	iec104_begin_asdu(station, builder, point, manner, sequence);
@@ -176,12 +189,13 @@ static bool fill_asdu(const struct iec104_station *station, struct iec104_connec
 			sample.time_ns = manner->invalid_since_ns;
 		}
 		if (!(manner->valid_only && (sample.quality & MAP_INVALID)) &&
+		    iec104_is_tellable(station, point, &sample) &&
 		    !iec104_add_sample(station, builder, point, &sample, manner->tagged))
 			return true;
 		sweep->next++;
 		point = find_point(station, connection, sweep, manner->wanted);
 	} while (
-	    point != MAP_NONE && sweep->device == device && iec104_point(station, point)->type == type &&
+	    point != MAP_NONE && sweep->device == device && untagged_type(station, point) == type &&
 	    (manner->tagged || sequence || !neighbour_follows(station, connection, point, manner->wanted)));
 	return true;
 }

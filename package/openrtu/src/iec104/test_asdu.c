@@ -203,13 +203,23 @@ static void test_elements(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof(element_cases) / sizeof(element_cases[0]); i++) {
 		const struct element_case *item = &element_cases[i];
+		const struct map_point point = {.type = (uint8_t)item->type};
 		uint8_t octets[IEC104_ELEMENT_MAX];
 
-		assert_int_equal(iec104_monitor_type(item->type, false), item->plain);
-		assert_int_equal(iec104_monitor_type(item->type, true), item->tagged);
+		assert_int_equal(iec104_monitor_type(&point, false), item->plain);
+		assert_int_equal(iec104_monitor_type(&point, true), item->tagged);
 		assert_int_equal(iec104_element_encode(octets, item->type, &item->sample), item->size);
 		assert_memory_equal(octets, item->octets, item->size);
 	}
+}
+
+static void test_type_without_quality(void **state)
+{
+	const struct map_point point = {.type = MAP_NORMALIZED, .flags = MAP_POINT_NO_QUALITY};
+
+	(void)state;
+	assert_int_equal(iec104_monitor_type(&point, false), 21);
+	assert_int_equal(iec104_monitor_type(&point, true), 21);
 }
 
 static void test_objects_with_addresses(void **state)
@@ -273,11 +283,17 @@ static void test_limits(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(test_figure_5_6),  cmocka_unit_test(test_header_too_short),
-	    cmocka_unit_test(test_header_bits), cmocka_unit_test(test_mirror),
-	    cmocka_unit_test(test_commands),    cmocka_unit_test(test_sizes_of_system_commands),
-	    cmocka_unit_test(test_elements),    cmocka_unit_test(test_objects_with_addresses),
-	    cmocka_unit_test(test_sequence),    cmocka_unit_test(test_limits),
+	    cmocka_unit_test(test_figure_5_6),
+	    cmocka_unit_test(test_header_too_short),
+	    cmocka_unit_test(test_header_bits),
+	    cmocka_unit_test(test_mirror),
+	    cmocka_unit_test(test_commands),
+	    cmocka_unit_test(test_sizes_of_system_commands),
+	    cmocka_unit_test(test_elements),
+	    cmocka_unit_test(test_objects_with_addresses),
+	    cmocka_unit_test(test_sequence),
+	    cmocka_unit_test(test_limits),
+	    cmocka_unit_test(test_type_without_quality),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -54,6 +54,15 @@ enum map_point_flag {
 	MAP_POINT_BITS_SWAPPED = 1u << 3,  /* double point: first bit ON, second OFF */
 	MAP_POINT_SELECT = 1u << 4,        /* a command needs a selection first */
 	MAP_POINT_COMMAND = 1u << 5,       /* coil or holding register: may be commanded */
+	MAP_POINT_NO_QUALITY = 1u << 6,    /* normalized: sent without quality, and so only while good */
+};
+
+/* What a status bit of the device, while it is ON, makes of a point's quality. */
+enum map_status {
+	MAP_BLOCKED_BY,
+	MAP_SUBSTITUTED_BY,
+	MAP_NOT_TOPICAL_BY,
+	MAP_STATUS_BITS,
 };
 
 /* One RS-485 line. */
@@ -108,6 +117,8 @@ struct map_point {
 	uint32_t command; /* place among its owner's commands; set by map_create */
 	uint32_t
 	    extra; /* place among its owner's totals, of a counter, or parameters, of a measured value; set by map_create */
+	/* By enum map_status: 1 + place of the status bit among the device's points, 0: none. */
+	uint16_t status[MAP_STATUS_BITS];
 };
 
 /* When summer time begins or ends: the n-th weekday of a month, in the local time until then (POSIX TZ, Mm.w.d/time). */

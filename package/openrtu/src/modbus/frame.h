@@ -17,6 +17,14 @@
 #define MODBUS_BROADCAST     0
 #define MODBUS_EXCEPTION_BIT 0x80
 
+/* MODBUS Application Protocol, 7: the exceptions that say nothing against what was asked. */
+enum modbus_exception_of_the_moment {
+	MODBUS_ACKNOWLEDGE = 5, /* it takes the device longer */
+	MODBUS_BUSY = 6,
+	MODBUS_NO_PATH = 10,   /* a gateway's: to the device */
+	MODBUS_NO_TARGET = 11, /* a gateway's: the device did not answer it */
+};
+
 enum modbus_function {
 	MODBUS_READ_COILS = 1,
 	MODBUS_READ_DISCRETE_INPUTS = 2,

@@ -152,8 +152,9 @@ static bool refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_
 	if (exception <= LAST_LASTING_EXCEPTION &&
 	    modbus_plan_halve(device->objects, device->reads, &device->read_count, read_index))
 		return true;
-	if (read->pause_ns == 0)
+	if (read->pause_ns == 0 || read->exception != exception)
 		line->events->refused(line->context, index, read, exception, now_ns);
+	read->exception = exception;
 	read->failures = 0;
 	read->pause_ns = modbus_next_backoff(read->pause_ns);
 	read->not_before_ns = now_ns + read->pause_ns;

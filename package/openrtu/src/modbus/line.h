@@ -108,8 +108,8 @@ struct modbus_events {
 	void (*read)(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
 		     int64_t now_ns);
 	/*
-	 * The device lives but does not give these objects any more; exception 0: it is silent when
-	 * asked for them.
+	 * The device lives but does not give these objects any more, or for another reason than before;
+	 * exception 0: it is silent when asked for them.
 	 */
 	void (*refused)(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
 			int64_t now_ns);

@@ -26,6 +26,7 @@ struct modbus_read {
 	uint8_t function;
 	uint16_t failures;     /* in a row, while the device answered other requests */
 	bool urgent;           /* wanted before its turn */
+	uint8_t exception;     /* that it was refused with last */
 	int64_t pause_ns;      /* not 0: an object that the device does not give is asked for this seldom */
 	int64_t not_before_ns; /* when it is asked for again */
 };

@@ -56,6 +56,28 @@ static void a_busy_device_is_not_split(void **state)
 	assert_true(bus.reads_done[0] > 10);
 }
 
+/* What a busy device holds is old; what it then says it does not have is wrong. */
+static void a_refusal_for_another_reason_is_told(void **state)
+{
+	(void)state;
+	start_simple(0);
+	bus.slaves[0].exception = 6;
+	run_for(4 * SECOND);
+	assert_int_equal(bus.last_exception, 6);
+	bus.refused_addresses[0] = 0;
+	bus.slaves[0].exception = 11;
+	run_for(8 * SECOND);
+	assert_int_equal(bus.last_exception, 11);
+	assert_int_equal(bus.refused_addresses[0], 0xFF);
+	bus.refused_addresses[0] = 0;
+	run_for(60 * SECOND);
+	assert_int_equal(bus.refused_addresses[0], 0); /* no news */
+	bus.slaves[0].exception = 2;
+	run_for(120 * SECOND);
+	assert_int_equal(bus.last_exception, 2);
+	assert_int_equal(bus.refused_addresses[0], 0xFF);
+}
+
 static void a_device_that_was_gone_is_planned_anew(void **state)
 {
 	(void)state;
@@ -107,6 +129,7 @@ int main(void)
 	    cmocka_unit_test(a_refused_read_is_halved_down_to_the_object),
 	    cmocka_unit_test(all_objects_refused_leaves_a_living_device),
 	    cmocka_unit_test(a_busy_device_is_not_split),
+	    cmocka_unit_test(a_refusal_for_another_reason_is_told),
 	    cmocka_unit_test(a_device_that_was_gone_is_planned_anew),
 	    cmocka_unit_test(one_lost_answer_does_not_split_a_read),
 	    cmocka_unit_test(a_silent_read_is_halved_too),

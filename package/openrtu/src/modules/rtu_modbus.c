@@ -21,6 +21,7 @@
 #include "modbus/line.h"
 #include "modules/commands.h"
 #include "modules/convert.h"
+#include "modules/quality.h"
 #include "modules/serial.h"
 
 #define NS_PER_MS      1000000LL
@@ -61,6 +62,7 @@ struct gateway {
 	struct port *ports;
 	uint32_t port_count;
 	struct commands commands;
+	struct quality quality;
 	struct map_update *updates; /* room for the largest device */
 	int epoll_fd;
 	int timer_fd;
@@ -94,6 +96,13 @@ static const struct map_device *device_config(const struct port *port, uint32_t 
 	return &port->gateway->config->devices[port->config->first_device + device];
 }
 
+/* gateway->updates, so many of them */
+static void publish(struct gateway *gateway, const struct map_device *device, size_t count, int64_t now_ns)
+{
+	count = quality_complete(&gateway->quality, device, gateway->updates, count, now_ns);
+	map_publish(gateway->map, gateway->updates, count);
+}
+
 static uint16_t raw_word(const struct modbus_read *read, const uint8_t *data, uint32_t index)
 {
 	if (index >= read->count)
@@ -125,33 +134,29 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 		else
 			map_smooth(gateway->map, point, &update->sample);
 	}
-	map_publish(gateway->map, gateway->updates, read->objects);
+	publish(gateway, device_config(port, device), read->objects, now_ns);
 	for (uint32_t i = 0; i < read->objects; i++)
 		commands_published(&gateway->commands, gateway->updates[i].point);
 }
 
-/* The last value, which is no longer the device's. */
-static struct map_update invalid_update(struct map *map, uint32_t point, int64_t now_ns)
+/* What was read before is old then, and not wrong. */
+static bool is_of_the_moment(uint8_t exception)
 {
-	struct map_update update = {.point = point};
-
-	if (!map_read(map, point, &update.sample))
-		update.sample = (struct map_sample){0};
-	update.sample.quality |= MAP_INVALID;
-	update.sample.time_ns = now_ns;
-	return update;
+	return exception == MODBUS_ACKNOWLEDGE || exception == MODBUS_BUSY || exception == MODBUS_NO_PATH ||
+	       exception == MODBUS_NO_TARGET;
 }
 
-static void invalidate_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
-			    int64_t now_ns)
+static void lose_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
+		      int64_t now_ns)
 {
 	struct port *port = context;
 	struct gateway *gateway = port->gateway;
 
 	for (uint32_t i = 0; i < read->objects; i++)
-		gateway->updates[i] = invalid_update(
-		    gateway->map, port->line.devices[device].objects[read->first + i].tag, now_ns);
-	map_publish(gateway->map, gateway->updates, read->objects);
+		gateway->updates[i] =
+		    quality_lost(&gateway->quality, port->line.devices[device].objects[read->first + i].tag,
+				 is_of_the_moment(exception) ? MAP_NOT_TOPICAL : MAP_INVALID, now_ns);
+	publish(gateway, device_config(port, device), read->objects, now_ns);
 	if (exception == 0)
 		map_log(gateway->map, MAP_LOG_WARNING, "%s: no answer to function %u, address %u",
 			device_config(port, device)->name, read->function, read->address);
@@ -163,8 +168,9 @@ static void invalidate_read(void *context, uint32_t device, const struct modbus_
 static void invalidate_device(struct gateway *gateway, const struct map_device *device, int64_t now_ns)
 {
 	for (uint32_t i = 0; i < device->point_count; i++)
-		gateway->updates[i] = invalid_update(gateway->map, device->first_point + i, now_ns);
-	map_publish(gateway->map, gateway->updates, device->point_count);
+		gateway->updates[i] =
+		    quality_lost(&gateway->quality, device->first_point + i, MAP_INVALID, now_ns);
+	publish(gateway, device, device->point_count, now_ns);
 }
 
 static void device_changed(void *context, uint32_t device, bool alive, int64_t now_ns)
@@ -187,7 +193,7 @@ static void take_command_answer(void *context, const struct modbus_command *comm
 	commands_answered(&port->gateway->commands, command->tag, result, exception, map_now_ns());
 }
 
-static const struct modbus_events line_events = {publish_read, invalidate_read, device_changed,
+static const struct modbus_events line_events = {publish_read, lose_read, device_changed,
 						 take_command_answer};
 
 /* ---- commands ---------------------------------------------------------------------------------------- */
@@ -473,6 +479,8 @@ static void set_up_ports(struct gateway *gateway, const char *directory)
 		if (config->devices[i].point_count > largest)
 			largest = config->devices[i].point_count;
 	gateway->updates = allocate(largest, sizeof(*gateway->updates));
+	quality_init(&gateway->quality, gateway->map,
+		     allocate(config->point_count, sizeof(*gateway->quality.points)));
 }
 
 static void set_up_commands(struct gateway *gateway)
@@ -505,6 +513,7 @@ static void release_ports(struct gateway *gateway)
 	}
 	free(gateway->ports);
 	free(gateway->updates);
+	free(gateway->quality.points);
 	free(gateway->commands.progress);
 }
 

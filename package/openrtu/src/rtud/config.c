@@ -149,6 +149,7 @@ static enum config_result build(struct config_loader *loader, const json_t *root
 	}
 	config_read_file(loader, root);
 	config_check_collisions(loader);
+	config_resolve_status(loader);
 	keep_points(loader->config, loader->entries);
 	if (loader->report.errors > 0)
 		return CONFIG_WRONG;

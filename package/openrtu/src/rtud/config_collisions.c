@@ -53,10 +53,8 @@ static int by_name(const void *left, const void *right)
 	return by_text != 0 ? by_text : by_file(a, b);
 }
 
-#define ENTRY_LINKS 7
-
-static const struct config_place *entry_place(const struct config_entry *entry,
-					      struct config_place links[ENTRY_LINKS])
+const struct config_place *config_entry_place(const struct config_entry *entry,
+					      struct config_place links[CONFIG_ENTRY_LINKS])
 {
 	links[0] = (struct config_place){.in = NULL};
 	links[1] = config_key_of(&links[0], CONFIG_KEY_PORTS);
@@ -72,11 +70,11 @@ static const struct config_place *entry_place(const struct config_entry *entry,
 static void refuse_pair(struct config_loader *loader, const struct config_entry *entry,
 			const struct config_entry *other, const char *what)
 {
-	struct config_place links[ENTRY_LINKS], other_links[ENTRY_LINKS];
+	struct config_place links[CONFIG_ENTRY_LINKS], other_links[CONFIG_ENTRY_LINKS];
 	char there[CONFIG_PLACE_SIZE];
 
-	config_place_text(entry_place(other, other_links), there);
-	config_error(&loader->report, entry_place(entry, links), "%s %s", what, there);
+	config_place_text(config_entry_place(other, other_links), there);
+	config_error(&loader->report, config_entry_place(entry, links), "%s %s", what, there);
 }
 
 /* Addresses of one table that follow each other: a point covers one such range, or two when its bits lie apart. */

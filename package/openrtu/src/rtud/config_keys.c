@@ -7,7 +7,7 @@
 
 #define QUOTE_SIZE      64
 #define WORD_LENGTH_MAX 32 /* longer than any word of the tables */
-#define EXPECTED_SIZE   256
+#define EXPECTED_SIZE   512
 #define CONTROL_DELETE  0x7f
 #define UTF8_IS_TAIL(c) (((unsigned char)(c)&0xc0u) == 0x80u)
 

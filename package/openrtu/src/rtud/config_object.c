@@ -31,6 +31,7 @@ static const uint8_t type_widths[] = {
 #define OF_BITS      (BIT(MAP_SINGLE) | BIT(MAP_DOUBLE))
 #define OF_MEASURED  (BIT(MAP_NORMALIZED) | BIT(MAP_SCALED) | BIT(MAP_FLOAT))
 #define OF_TWO_WORDS (BIT(MAP_BITSTRING) | BIT(MAP_FLOAT) | BIT(MAP_COUNTER))
+#define NOT_COUNTER  (~BIT(MAP_COUNTER))
 #define OF_REGISTERS (BIT(MAP_STEP) | OF_MEASURED | OF_TWO_WORDS)
 
 static const char *const orders[] = {"big", "little", NULL};
@@ -60,6 +61,10 @@ enum {
 	OBJECT_STEP,
 	OBJECT_MIN,
 	OBJECT_MAX,
+	OBJECT_QUALITY,
+	OBJECT_BLOCKED_BY,
+	OBJECT_SUBSTITUTED_BY,
+	OBJECT_NOT_TOPICAL_BY,
 	OBJECT_KEYS
 };
 static const struct config_rule object_rules[OBJECT_KEYS] = {
@@ -86,6 +91,15 @@ static const struct config_rule object_rules[OBJECT_KEYS] = {
     [OBJECT_STEP] = {"step", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [OBJECT_MIN] = {"min", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [OBJECT_MAX] = {"max", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
+    [OBJECT_QUALITY] = {"quality", CONFIG_BOOLEAN, .fallback = true},
+    [OBJECT_BLOCKED_BY] = {"blocked_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [OBJECT_SUBSTITUTED_BY] = {"substituted_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [OBJECT_NOT_TOPICAL_BY] = {"not_topical_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+};
+const char *const config_status_keys[MAP_STATUS_BITS] = {
+    [MAP_BLOCKED_BY] = "blocked_by",
+    [MAP_SUBSTITUTED_BY] = "substituted_by",
+    [MAP_NOT_TOPICAL_BY] = "not_topical_by",
 };
 /* The types that give a key a meaning; 0: all do. */
 static const unsigned object_key_types[OBJECT_KEYS] = {
@@ -106,6 +120,10 @@ static const unsigned object_key_types[OBJECT_KEYS] = {
     [OBJECT_STEP] = OF_MEASURED,
     [OBJECT_MIN] = OF_MEASURED,
     [OBJECT_MAX] = OF_MEASURED,
+    [OBJECT_QUALITY] = BIT(MAP_NORMALIZED), /* 101, 7.3.1: of no other type is there one without */
+    [OBJECT_BLOCKED_BY] = NOT_COUNTER,      /* a BCR knows IV alone */
+    [OBJECT_SUBSTITUTED_BY] = NOT_COUNTER,
+    [OBJECT_NOT_TOPICAL_BY] = NOT_COUNTER,
 };
 /* Of commands: they mean nothing where nothing can be commanded. */
 static const bool is_command_key[OBJECT_KEYS] = {
@@ -255,6 +273,8 @@ static uint8_t object_flags(const struct config_value *values, enum map_type typ
 		flags |= MAP_POINT_SELECT;
 	if (config_is_writable(table))
 		flags |= MAP_POINT_COMMAND;
+	if (!values[OBJECT_QUALITY].integer)
+		flags |= MAP_POINT_NO_QUALITY;
 	return (uint8_t)flags;
 }
 
@@ -337,6 +357,9 @@ static void read_object(struct config_loader *loader, const struct config_place 
 	entry.point = object_point(values, type, table);
 	entry.point.device = (uint16_t)(loader->config->device_count - 1);
 	name_point(loader, &entry, &values[OBJECT_NAME]);
+	for (unsigned i = 0; i < MAP_STATUS_BITS; i++)
+		entry.status[i] =
+		    values[OBJECT_BLOCKED_BY + i].given ? values[OBJECT_BLOCKED_BY + i].text : NULL;
 	loader->entries[loader->config->point_count++] = entry;
 }
 

@@ -23,7 +23,8 @@ struct config_entry {
 	struct map_point point;
 	uint32_t port, slave, object;
 	char name[MAP_NAME_SIZE];
-	bool named; /* by the file */
+	bool named;                          /* by the file */
+	const char *status[MAP_STATUS_BITS]; /* names of status bits, NULL: none; the file's */
 };
 
 struct config_loader {
@@ -94,9 +95,23 @@ void config_read_slaves(struct config_loader *loader, const struct config_place 
 void config_read_objects(struct config_loader *loader, const struct config_place *slave,
 			 const json_t *objects, enum map_table table, struct config_entry entry);
 
+/* The key of each status bit in an object, by enum map_status. */
+extern const char *const config_status_keys[MAP_STATUS_BITS];
+
 /* ---- config_collisions.c ----------------------------------------------------------------- */
 
 /* Reports entries that share what must be a point's own. Leaves the entries in the order map/config.h asks for. */
 void config_check_collisions(struct config_loader *loader);
+
+#define CONFIG_ENTRY_LINKS 7
+
+/* Where an entry is in the file, put together in links. */
+const struct config_place *config_entry_place(const struct config_entry *entry,
+					      struct config_place links[CONFIG_ENTRY_LINKS]);
+
+/* ---- config_status.c --------------------------------------------------------------------- */
+
+/* Fills in the status bits of the entries' points. The entries are in their final order. */
+void config_resolve_status(struct config_loader *loader);
 
 #endif

@@ -37,8 +37,12 @@ static void check_order(const struct map_config *config)
 		CHECK(config->devices[i].first_point == next_point);
 		CHECK(config->devices[i].point_count <= config->point_count - next_point);
 		for (uint32_t end = next_point + config->devices[i].point_count; next_point < end;
-		     next_point++)
+		     next_point++) {
 			CHECK(config->points[next_point].device == i);
+			for (unsigned bit = 0; bit < MAP_STATUS_BITS; bit++)
+				CHECK(config->points[next_point].status[bit] <=
+				      config->devices[i].point_count);
+		}
 	}
 	CHECK(next_point == config->point_count);
 }

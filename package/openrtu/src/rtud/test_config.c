@@ -254,6 +254,29 @@ static void test_object_keys(void **state)
 	config_free(&config);
 }
 
+/* The points are put in order behind the file's back; a status bit is found by its name, given or not. */
+static void test_status_bits(void **state)
+{
+	struct map_config config = load("{'port': [" LINE(
+	    "1", "{'id': 1, 'coils': [{'address': 0}]}, "
+		 "{'id': 2, 'input_registers': [{'address': 9, 'blocked_by': 'test', "
+		 "'not_topical_by': 'p1.2.c4'}],"
+		 "'discrete_inputs': [{'address': 8, 'name': 'test'}, {'address': 1}],"
+		 "'coils': [{'address': 4}, {'address': 2, 'substituted_by': 'p1.2.d1'}]}") "]}");
+	const uint32_t first = config.devices[1].first_point;
+	const struct map_point *point = config.points + first;
+
+	(void)state;
+	assert_int_equal(config.devices[1].point_count, 5);
+	assert_name(&config, first + 4, "p1.2.i9");
+	assert_name(&config, first + point[4].status[MAP_BLOCKED_BY] - 1, "test");
+	assert_name(&config, first + point[4].status[MAP_NOT_TOPICAL_BY] - 1, "p1.2.c4");
+	assert_int_equal(point[4].status[MAP_SUBSTITUTED_BY], 0);
+	assert_name(&config, first + 0, "p1.2.c2");
+	assert_name(&config, first + point[0].status[MAP_SUBSTITUTED_BY] - 1, "p1.2.d1");
+	config_free(&config);
+}
+
 /* Points by device, devices by line; the second line's first device has none. */
 static void test_tables_refer_to_each_other(void **state)
 {
@@ -336,6 +359,7 @@ int main(void)
 	    cmocka_unit_test(test_tls_defaults),
 	    cmocka_unit_test(test_tls),
 	    cmocka_unit_test(test_object_keys),
+	    cmocka_unit_test(test_status_bits),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),
 	};

@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "quality.h"
+
+void quality_init(struct quality *quality, struct map *map, struct quality_of_point *points)
+{
+	*quality = (struct quality){.map = map, .points = points};
+	for (uint32_t i = 0; i < map_config(map)->point_count; i++)
+		points[i] = (struct quality_of_point){.own = MAP_INVALID, .said = MAP_INVALID};
+}
+
+/* With the value that the point has. */
+static struct map_update update_of(const struct quality *quality, uint32_t point, uint8_t is, int64_t now_ns)
+{
+	struct map_update update = {.point = point};
+
+	if (!map_read(quality->map, point, &update.sample))
+		update.sample = (struct map_sample){0};
+	update.sample.quality = is;
+	update.sample.time_ns = now_ns;
+	return update;
+}
+
+struct map_update quality_lost(const struct quality *quality, uint32_t point, enum map_quality how,
+			       int64_t now_ns)
+{
+	uint8_t own = quality->points[point].own;
+
+	return update_of(quality, point,
+			 (uint8_t)((own & MAP_OVERFLOW) | (own & MAP_INVALID ? MAP_INVALID : how)), now_ns);
+}
+
+static bool has_status(const struct map_point *point)
+{
+	return point->status[MAP_BLOCKED_BY] != 0 || point->status[MAP_SUBSTITUTED_BY] != 0 ||
+	       point->status[MAP_NOT_TOPICAL_BY] != 0;
+}
+
+static uint8_t quality_of(const struct quality *quality, const struct map_device *device, uint32_t point)
+{
+	static const uint8_t says[] = {[MAP_BLOCKED_BY] = MAP_BLOCKED,
+				       [MAP_SUBSTITUTED_BY] = MAP_SUBSTITUTED,
+				       [MAP_NOT_TOPICAL_BY] = MAP_NOT_TOPICAL};
+	const struct map_point *config = &map_config(quality->map)->points[point];
+	uint8_t is = quality->points[point].own;
+
+	if (is & MAP_INVALID)
+		return is;
+	for (unsigned i = 0; i < MAP_STATUS_BITS; i++) {
+		const struct quality_of_point *bit;
+
+		if (config->status[i] == 0)
+			continue;
+		bit = &quality->points[device->first_point + config->status[i] - 1];
+		if (bit->own != MAP_GOOD)
+			is |= MAP_NOT_TOPICAL;
+		else if (bit->on)
+			is |= says[i];
+	}
+	return is;
+}
+
+static void take_updates(struct quality *quality, const struct map_update *updates, size_t count)
+{
+	for (size_t i = 0; i < count; i++) {
+		struct quality_of_point *point = &quality->points[updates[i].point];
+
+		point->own = updates[i].sample.quality;
+		point->on = updates[i].sample.value.u != 0;
+		point->updated = true;
+	}
+}
+
+size_t quality_complete(struct quality *quality, const struct map_device *device, struct map_update *updates,
+			size_t count, int64_t now_ns)
+{
+	const struct map_config *config = map_config(quality->map);
+	size_t updated = count;
+
+	take_updates(quality, updates, count);
+	for (uint32_t i = device->first_point; i < device->first_point + device->point_count; i++) {
+		struct quality_of_point *point = &quality->points[i];
+
+		if (point->updated || !has_status(&config->points[i]) ||
+		    quality_of(quality, device, i) == point->said)
+			continue;
+		point->said = quality_of(quality, device, i);
+		updates[count++] = update_of(quality, i, point->said, now_ns);
+	}
+	for (size_t i = 0; i < updated; i++) {
+		struct quality_of_point *point = &quality->points[updates[i].point];
+
+		updates[i].sample.quality = point->said = quality_of(quality, device, updates[i].point);
+		point->updated = false;
+	}
+	return count;
+}
