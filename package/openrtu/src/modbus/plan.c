@@ -6,12 +6,11 @@
 
 #include "frame.h"
 
-#define NS_PER_S            1000000000LL
-#define FAST_BAUD           19200
-#define FAST_SILENCE_NS     1750000 /* MODBUS over Serial Line, 2.5.1.1: fixed above 19200 bit/s */
-#define REQUEST_CHARS       8
-#define ANSWER_CHARS        5       /* besides the data */
-#define TYPICAL_REACTION_NS 5000000 /* of a device, between request and answer */
+#define NS_PER_S        1000000000LL
+#define FAST_BAUD       19200
+#define FAST_SILENCE_NS 1750000 /* MODBUS over Serial Line, 2.5.1.1: fixed above 19200 bit/s */
+#define REQUEST_CHARS   8
+#define ANSWER_CHARS    5 /* besides the data */
 
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char)
 {
@@ -64,11 +63,16 @@ static bool fits(const struct modbus_read *read)
 	       (modbus_is_bit_function(read->function) ? MODBUS_BITS_MAX : MODBUS_REGISTERS_MAX);
 }
 
+int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns)
+{
+	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(function, count);
+
+	return chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
+}
+
 static int64_t duration(const struct modbus_wire *wire, const struct modbus_read *read)
 {
-	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(read->function, read->count);
-
-	return chars * wire->char_ns + 2 * wire->silence_ns + TYPICAL_REACTION_NS;
+	return modbus_read_ns(wire, read->function, read->count, MODBUS_REACTION_NS);
 }
 
 /* Takes the object behind the read into it when that is allowed and not slower than a read of its own. */

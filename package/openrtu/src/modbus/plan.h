@@ -9,6 +9,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Assumed of a device: from the silence that ends a request to the answer's first character. */
+#define MODBUS_REACTION_NS 5000000LL
+
 /* What a device offers at one address. Its bits or registers always travel in one answer. */
 struct modbus_object {
 	uint32_t tag;     /* the caller's; not looked at */
@@ -38,6 +41,12 @@ struct modbus_wire {
 
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
+
+/*
+ * The least time that a read of count bits or registers takes of the line: its request and its answer, a silence
+ * after each (the device knows by the first that the request has ended), and the device's reaction.
+ */
+int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns);
 
 /* Sorts by function, address: the order modbus_plan needs. */
 void modbus_objects_sort(struct modbus_object *objects, size_t count);

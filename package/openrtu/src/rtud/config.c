@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "rtud/config_parts.h"
+#include "rtud/limit.h"
 
 /* Reads up to CONFIG_FILE_SIZE_MAX + 1 bytes, so that the caller sees a larger file. NULL with errno when it cannot. */
 static char *read_bytes(const char *path, size_t *length)
@@ -168,14 +169,19 @@ void config_free(struct map_config *config)
 	*config = (struct map_config){.line_count = 0};
 }
 
-int config_check(const char *path, struct config_modules modules)
+int config_check(const char *path, struct config_modules modules, bool requests)
 {
 	struct map_config config;
 	enum config_result result = config_load(path, modules, &config, stderr);
 
-	if (result == CONFIG_GOOD)
+	if (result == CONFIG_GOOD) {
 		printf("%s: good: lines %u, devices %u, points %u\n", path, config.line_count,
 		       config.device_count, config.point_count);
+		if (!limit_print(&config, requests, stdout)) {
+			fputs("out of memory\n", stderr);
+			result = CONFIG_UNUSABLE;
+		}
+	}
 	config_free(&config);
 	return (int)result;
 }
