@@ -175,6 +175,52 @@ def test_each_device_has_its_share_and_the_broadcast_none(programs: Path, tmp_pa
     ]
 
 
+@dataclass(frozen=True)
+class Periods:
+    """Periods in the report's file, and what rtud says of its line."""
+
+    name: str
+    summary: str
+    note: str
+    slave_ms: int | None = None
+    coil_ms: int | None = None
+
+
+PERIODS = [
+    Periods("held", ", periods take 17 %, the rest is read every 89.0 ms", "", coil_ms=100),
+    Periods(
+        "blocked",
+        ", periods take 68 %, the rest is read every 231.7 ms",
+        "note: port[2]: a period of 25 ms is missed when a request of 19.9 ms is under way\n",
+        coil_ms=25,
+    ),
+    Periods(
+        "more-than-the-line",
+        ", periods take 106 %",
+        "note: port[2]: its periods need 106 % of the line's time when devices react after 5 ms, "
+        "and will not all be held\n",
+        slave_ms=70,
+    ),
+    Periods("all", ", periods take 74 %", "", slave_ms=100),
+    Periods("one-of-all", ", periods take 82 %", "", slave_ms=100, coil_ms=200),
+]
+
+
+@pytest.mark.parametrize("case", PERIODS, ids=lambda case: case.name)
+def test_periods_are_summed_up(programs: Path, tmp_path: Path, case: Periods) -> None:
+    document = report_file()
+    slave = document["port"][2]["slaves"][0]
+    if case.slave_ms is not None:
+        slave["period_ms"] = case.slave_ms
+    if case.coil_ms is not None:
+        slave["coils"][0]["period_ms"] = case.coil_ms
+    result = check_document(programs, tmp_path, document)
+    assert (result.returncode, result.stderr) == (0, case.note)
+    assert result.stdout.endswith(f" ms{case.summary}\n")
+    if case.note:
+        assert case.note.strip() in LIMIT_PAGE.read_text()
+
+
 # ---- wrong files -------------------------------------------------------------------------------------------
 
 
@@ -351,7 +397,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
 
 def small_file() -> dict[str, Any]:
     """No value here is at a bound of its key."""
-    line = {"baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    line = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
     slaves = [{"id": 1}, {"id": 2} | {table: [{"address": 5}] for table in tables}]
     ports = [{"value": 3, "active": 1, **line, "slaves": slaves}, {"value": 5, "active": 0}]

@@ -41,7 +41,8 @@ static struct modbus_object object_of(const struct map_point *point, uint32_t nu
 	return (struct modbus_object){.tag = number,
 				      .address = first,
 				      .function = read_function(point->table),
-				      .width = (uint16_t)(last - first + 1)};
+				      .width = (uint16_t)(last - first + 1),
+				      .period_ms = point->scan_period_ms};
 }
 
 static bool configure_device(const struct map_config *config, const struct map_device *from,

@@ -18,6 +18,7 @@ struct modbus_object {
 	uint16_t address; /* from 0 */
 	uint8_t function; /* that reads it: 1..4 */
 	uint16_t width; /* bits or registers: 1, 2; of two bits that lie apart, what lies between them too */
+	uint16_t period_ms; /* it is read so often, 0: in turn */
 };
 
 /* One request of the plan: the objects first .. first + objects - 1 of the sorted table. */
@@ -31,6 +32,8 @@ struct modbus_read {
 	bool urgent;           /* wanted before its turn */
 	int64_t pause_ns;      /* not 0: an object that the device does not give is asked for this seldom */
 	int64_t not_before_ns; /* when it is asked for again */
+	int64_t period_ns;     /* not 0: see period.h */
+	int64_t due_ns;        /* 0: at once */
 };
 
 /* Durations of one line. */
@@ -48,13 +51,13 @@ struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
  */
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns);
 
-/* Sorts by function, address: the order modbus_plan needs. */
+/* Sorts by period, function, address: the order modbus_plan needs. */
 void modbus_objects_sort(struct modbus_object *objects, size_t count);
 
 /*
  * Plans the reads of count sorted objects into reads, which has room for count of them. Returns how
- * many reads it made. Neighbours are merged, over a hole too when carrying the hole takes less time
- * than another request.
+ * many reads it made. Neighbours of one period are merged, over a hole too when carrying the hole takes less
+ * time than another request.
  */
 uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
 		     struct modbus_read *reads);

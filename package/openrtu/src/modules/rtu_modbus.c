@@ -340,6 +340,7 @@ static void show_device(struct map_device_stats *stats, const struct modbus_devi
 	show(&stats->next_probe_ms, (uint32_t)(device->backoff_ns / NS_PER_MS));
 	show(&stats->latency_us, device->counters.latency_us);
 	show(&stats->planned_requests, device->read_count);
+	show(&stats->missed_periods, device->counters.missed_periods);
 }
 
 static void show_counters(struct port *port)

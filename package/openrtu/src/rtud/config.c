@@ -126,17 +126,23 @@ static bool allocate_records(struct config_loader *loader, const json_t *root)
 	       loader->config->points != NULL;
 }
 
+static enum config_result out_of_memory(struct config_loader *loader)
+{
+	fputs("out of memory\n", loader->report.messages);
+	return CONFIG_UNUSABLE;
+}
+
 static enum config_result build(struct config_loader *loader, const json_t *root,
 				struct config_modules modules)
 {
-	if (!allocate_records(loader, root)) {
-		fputs("out of memory\n", loader->report.messages);
-		return CONFIG_UNUSABLE;
-	}
+	if (!allocate_records(loader, root))
+		return out_of_memory(loader);
 	config_read_file(loader, root);
 	config_check_collisions(loader);
 	for (uint32_t i = 0; i < loader->config->point_count; i++)
 		loader->config->points[i] = loader->entries[i].point;
+	if (loader->report.errors == 0 && !config_check_periods(loader))
+		return out_of_memory(loader);
 	if (loader->report.errors > 0)
 		return CONFIG_WRONG;
 	config_check_modules(loader, root, modules);

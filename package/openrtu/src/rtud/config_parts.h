@@ -22,7 +22,8 @@
 struct config_entry {
 	struct map_point point;
 	uint32_t port, slave, object;
-	bool named; /* by the file */
+	uint16_t period_ms; /* the slave's, for objects without one */
+	bool named;         /* by the file */
 };
 
 struct config_loader {
@@ -97,5 +98,10 @@ void config_read_objects(struct config_loader *loader, const struct config_place
 
 /* Reports entries that share what must be a point's own. Leaves the entries in the order map/config.h asks for. */
 void config_check_collisions(struct config_loader *loader);
+
+/* ---- config_periods.c -------------------------------------------------------------------- */
+
+/* Reports periods that a line cannot hold. The configuration is complete and has no errors. False without memory. */
+bool config_check_periods(struct config_loader *loader);
 
 #endif

@@ -28,6 +28,22 @@ static int64_t line_ns(const struct modbus_line *line)
 	return sum;
 }
 
+double limit_load(const struct modbus_line *line, int64_t reaction_ns)
+{
+	double load = 0;
+
+	for (uint32_t i = 0; i < line->device_count; i++)
+		for (uint32_t j = 0; j < line->devices[i].read_count; j++) {
+			const struct modbus_read *read = &line->devices[i].reads[j];
+
+			if (read->period_ns > 0)
+				load += (double)modbus_read_ns(&line->wire, read->function, read->count,
+							       reaction_ns) /
+					(double)read->period_ns;
+		}
+	return load;
+}
+
 static uint32_t line_requests(const struct modbus_line *line)
 {
 	uint32_t count = 0;
@@ -42,6 +58,23 @@ static const char *plural(uint32_t count)
 	return count == 1 ? "" : "s";
 }
 
+/* What has no period is read in the time that is left. */
+static void print_load(const struct modbus_line *line, FILE *out)
+{
+	double load = limit_load(line, MODBUS_REACTION_NS);
+	int64_t rest_ns = 0;
+
+	if (!(load > 0))
+		return;
+	for (uint32_t i = 0; i < line->device_count; i++)
+		for (uint32_t j = 0; j < line->devices[i].read_count; j++)
+			if (line->devices[i].reads[j].period_ns == 0)
+				rest_ns += read_ns(line, &line->devices[i].reads[j]);
+	fprintf(out, ", periods take %.0f %%", 100 * load);
+	if (rest_ns > 0 && load < 1)
+		fprintf(out, ", the rest is read every %.1f ms", (double)rest_ns / (1 - load) / NS_PER_MS);
+}
+
 static void print_summary(const struct map_line *config, const struct modbus_line *line, FILE *out)
 {
 	static const char parities[] = {
@@ -51,10 +84,12 @@ static void print_summary(const struct map_line *config, const struct modbus_lin
 	fprintf(out, "port %u: %u bit/s 8%c%u, ", config->port, (unsigned)config->baud,
 		parities[config->parity], config->stop_bits);
 	if (requests == 0)
-		fputs("nothing to read\n", out);
+		fputs("nothing to read", out);
 	else
-		fprintf(out, "%u request%s, shortest scan %.1f ms\n", requests, plural(requests),
+		fprintf(out, "%u request%s, shortest scan %.1f ms", requests, plural(requests),
 			(double)line_ns(line) / NS_PER_MS);
+	print_load(line, out);
+	fputc('\n', out);
 }
 
 static void print_read(const struct modbus_line *line, const struct modbus_device *device,
@@ -65,8 +100,11 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 	    .unit = device->unit, .function = read->function, .address = read->address, .count = read->count};
 	size_t octets = modbus_request_frame(&request, frame) + modbus_answer_length(&request);
 
-	fprintf(out, "  %4u  %8u  %7u  %5u  %6zu  %7.2f\n", device->unit, read->function, read->address,
+	fprintf(out, "  %4u  %8u  %7u  %5u  %6zu  %7.2f", device->unit, read->function, read->address,
 		read->count, octets, (double)read_ns(line, read) / NS_PER_MS);
+	if (read->period_ns > 0)
+		fprintf(out, "  every %.0f ms", (double)read->period_ns / NS_PER_MS);
+	fputc('\n', out);
 }
 
 static void print_device(const struct modbus_line *line, const struct modbus_device *device, const char *name,

@@ -7,6 +7,13 @@
 #include <stdio.h>
 
 #include "map/config.h"
+#include "modbus/line.h"
+
+/*
+ * The share of the line's time that its reads with a period need when devices react so fast. More than 1 cannot be
+ * held; less can, but for one request that is under way when another is due.
+ */
+double limit_load(const struct modbus_line *line, int64_t reaction_ns);
 
 /*
  * Prints for each line its shortest scan, computed from the read plan that rtu-modbus begins with; with requests,
