@@ -19,6 +19,7 @@ REPORT = ROOT / "tests/fixtures/report/figure-4.8-4.9.json"
 EXAMPLES = [*sorted((ROOT / "docs/examples").glob("*.json")), ROOT / "tests/fixtures/chapter5/gateway.json"]
 EVERY_KEY = ROOT / "docs/examples/every-key.json"
 PAGE = ROOT / "docs/configuration.md"
+LIMIT_PAGE = ROOT / "docs/limit.md"
 SCHEMA = json.loads((ROOT / "package/openrtu/src/rtud/config.schema.json").read_text())
 VALIDATOR = Draft202012Validator(SCHEMA, format_checker=Draft202012Validator.FORMAT_CHECKER)
 REMOVED = object()
@@ -26,8 +27,8 @@ REMOVED = object()
 Json = dict[str, "Json"] | list["Json"] | str | float | bool | None
 
 
-def check(programs: Path, path: Path) -> subprocess.CompletedProcess[str]:
-    command = [programs / "rtud/rtud", "--check", path]
+def check(programs: Path, path: Path, option: str = "--check") -> subprocess.CompletedProcess[str]:
+    command = [programs / "rtud/rtud", option, path]
     return subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=20, check=False)
 
 
@@ -62,12 +63,18 @@ def edit(document: Json, place: str, value: Json | object) -> None:
 def test_report_file_loads(programs: Path, tmp_path: Path) -> None:
     full = check(programs, REPORT)
     assert (full.returncode, full.stderr) == (0, "")
-    assert full.stdout == f"{REPORT}: good: lines 1, devices 1, points 12\n"
+    assert full.stdout.splitlines() == [
+        f"{REPORT}: good: lines 1, devices 1, points 12",
+        "port 3: 19200 bit/s 8N2, 4 requests, shortest scan 73.9 ms",
+    ]
     figure_4_8 = report_file()
     figure_4_8["port"][2]["slaves"] = []
     empty = check_document(programs, tmp_path, figure_4_8)
     assert (empty.returncode, empty.stderr) == (0, "")
-    assert empty.stdout.endswith("gateway.json: good: lines 1, devices 0, points 0\n")
+    assert empty.stdout.splitlines() == [
+        f"{tmp_path}/gateway.json: good: lines 1, devices 0, points 0",
+        "port 3: 19200 bit/s 8N2, nothing to read",
+    ]
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
@@ -84,6 +91,134 @@ def test_inactive_port_with_slaves_is_noted(programs: Path, tmp_path: Path) -> N
     assert result.returncode == 0
     assert result.stderr == "note: port[2]: not active, its slaves (1) are not polled and have no points\n"
     assert result.stdout.endswith("good: lines 0, devices 0, points 0\n")
+
+
+# ---- the shortest scan -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A row of rtud --plan."""
+
+    unit: int
+    function: int
+    address: int
+    count: int
+    octets: int
+    ms: float
+
+
+def plan(programs: Path, directory: Path, document: Json) -> tuple[list[str], list[Planned]]:
+    """The lines of text of rtud --plan, and its rows."""
+    path = directory / "gateway.json"
+    path.write_text(json.dumps(document))
+    result = check(programs, path, "--plan")
+    assert (result.returncode, result.stderr) == (0, "")
+    lines = result.stdout.splitlines()
+    rows = [line.split() for line in lines if re.fullmatch(r"[ \d.]+", line)]
+    return lines, [Planned(*map(int, row[:5]), float(row[5])) for row in rows]
+
+
+def test_plan_is_the_one_on_the_page(programs: Path, tmp_path: Path) -> None:
+    block = re.search(r"```text\n(.*?)```", LIMIT_PAGE.read_text(), re.DOTALL)
+    assert block is not None
+    lines, _ = plan(programs, tmp_path, report_file())
+    assert "\n".join(lines) + "\n" == block[1].replace("gateway.json", f"{tmp_path}/gateway.json")
+
+
+@pytest.mark.parametrize("parity", [0, 1, 2])
+@pytest.mark.parametrize("stop_bits", [1, 2])
+@pytest.mark.parametrize("baud", [1200, 9600, 19200, 38400, 460800])
+def test_limit_is_characters_silences_and_reactions(
+    programs: Path, tmp_path: Path, baud: int, stop_bits: int, parity: int
+) -> None:
+    document = report_file()
+    document["port"][2] |= {"baud_rate": baud, "stop_bits": stop_bits, "parity": parity}
+    slave = document["port"][2]["slaves"][0]
+    slave["coils"] = [{"address": address} for address in range(0, 2400, 3)]
+    slave["input_registers"] = [{"address": address} for address in range(200)]
+    lines, rows = plan(programs, tmp_path, document)
+    character_ms = (1 + 8 + (parity > 0) + stop_bits) / baud * 1000
+    silence_ms = 1.75 if baud > 19200 else 3.5 * character_ms
+    shortest_ms = 0.0
+    for row in rows:
+        data = (row.count + 7) // 8 if row.function <= 2 else 2 * row.count
+        assert row.octets == 8 + 5 + data
+        ms = row.octets * character_ms + 2 * silence_ms + 5
+        assert row.ms == pytest.approx(ms, abs=0.011)
+        shortest_ms += ms
+    assert lines[1] == (
+        f"port 3: {baud} bit/s 8{'NOE'[parity]}{stop_bits}, {len(rows)} requests, "
+        f"shortest scan {shortest_ms:.1f} ms"
+    )
+    assert [(row.function, row.address, row.count) for row in rows] == [
+        (1, 0, 1999),
+        (1, 2001, 397),
+        (2, 0, 3),
+        (3, 0, 3),
+        (4, 0, 125),
+        (4, 125, 75),
+    ]
+
+
+def test_each_device_has_its_share_and_the_broadcast_none(programs: Path, tmp_path: Path) -> None:
+    document = report_file()
+    slaves = document["port"][2]["slaves"]
+    slaves.append({"id": 0, "coils": [{"address": 0}]})
+    slaves.append({"id": 36, "description": "Meter", "input_registers": [{"address": 0}, {"address": 9000}]})
+    lines, rows = plan(programs, tmp_path, document)
+    assert {row.unit for row in rows} == {35, 36}
+    shares = [line for line in lines if line.endswith("%")]
+    assert shares == [
+        "    35  Temperature sensor: 4 requests, 73.9 ms, 68 %",
+        "    36  Meter: 2 requests, 35.2 ms, 32 %",
+    ]
+
+
+@dataclass(frozen=True)
+class Periods:
+    """Periods in the report's file, and what rtud says of its line."""
+
+    name: str
+    summary: str
+    note: str
+    slave_ms: int | None = None
+    coil_ms: int | None = None
+
+
+PERIODS = [
+    Periods("held", ", periods take 17 %, the rest is read every 89.0 ms", "", coil_ms=100),
+    Periods(
+        "blocked",
+        ", periods take 68 %, the rest is read every 231.7 ms",
+        "note: port[2]: a period of 25 ms is missed when a request of 19.9 ms is under way\n",
+        coil_ms=25,
+    ),
+    Periods(
+        "more-than-the-line",
+        ", periods take 106 %",
+        "note: port[2]: its periods need 106 % of the line's time when devices react after 5 ms, "
+        "and will not all be held\n",
+        slave_ms=70,
+    ),
+    Periods("all", ", periods take 74 %", "", slave_ms=100),
+    Periods("one-of-all", ", periods take 82 %", "", slave_ms=100, coil_ms=200),
+]
+
+
+@pytest.mark.parametrize("case", PERIODS, ids=lambda case: case.name)
+def test_periods_are_summed_up(programs: Path, tmp_path: Path, case: Periods) -> None:
+    document = report_file()
+    slave = document["port"][2]["slaves"][0]
+    if case.slave_ms is not None:
+        slave["period_ms"] = case.slave_ms
+    if case.coil_ms is not None:
+        slave["coils"][0]["period_ms"] = case.coil_ms
+    result = check_document(programs, tmp_path, document)
+    assert (result.returncode, result.stderr) == (0, case.note)
+    assert result.stdout.endswith(f" ms{case.summary}\n")
+    if case.note:
+        assert case.note.strip() in LIMIT_PAGE.read_text()
 
 
 # ---- wrong files -------------------------------------------------------------------------------------------
@@ -263,7 +398,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
 
 def small_file() -> dict[str, Any]:
     """No value here is at a bound of its key."""
-    line = {"baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    line = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
     device: dict[str, Any] = {"id": 2} | {table: [{"address": 5}] for table in tables}
     device["discrete_inputs"].append({"address": 700})

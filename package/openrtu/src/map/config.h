@@ -107,6 +107,7 @@ struct map_point {
 	uint32_t freeze_s;       /* a counter's period of local freezes, 0: none */
 	uint16_t short_pulse_ms; /* of a coil: duration of QU 1, 0: none */
 	uint16_t long_pulse_ms;  /* of QU 2 */
+	uint16_t scan_period_ms; /* between two reads of the device, 0: it is read in turn */
 	double scale;            /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	double offset;
 	double deadband; /* in the unit of the value sent; 0: every change is an event */

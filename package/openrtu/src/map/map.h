@@ -424,7 +424,7 @@ struct map_line_stats {
 	_Atomic uint32_t late_answers;  /* drained after a time-out */
 	_Atomic uint32_t noise_bytes;   /* outside a transaction */
 	_Atomic uint32_t commands;
-	_Atomic uint32_t scan_us;     /* last time all living devices of the line were read once */
+	_Atomic uint32_t scan_us;     /* last time all that has no period was read once */
 	_Atomic uint32_t port_errors; /* open, read, write failed */
 	_Atomic uint32_t open;        /* 1: the port is open */
 };
@@ -439,6 +439,7 @@ struct map_device_stats {
 	_Atomic uint32_t next_probe_ms;    /* back-off now in force, 0 when alive */
 	_Atomic uint32_t latency_us;       /* last: end of request to first byte */
 	_Atomic uint32_t planned_requests; /* reads of one scan */
+	_Atomic uint32_t missed_periods;   /* in which a read with a period was not begun */
 };
 
 /* Owner: to count in. Others get the same memory read-only. */

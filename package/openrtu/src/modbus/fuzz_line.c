@@ -233,8 +233,9 @@ static void begin(void)
 						    .objects = objects[d],
 						    .reads = reads[d]};
 		for (uint16_t i = 0; d > 0 && i < OBJECTS; i++)
-			objects[d][devices[d].object_count++] = (struct modbus_object){
-			    i, (uint16_t)(i * i), functions[i % 4], (uint8_t)(1 + i % 2)};
+			objects[d][devices[d].object_count++] =
+			    (struct modbus_object){i, (uint16_t)(i * i), functions[i % 4],
+						   (uint8_t)(1 + i % 2), (uint16_t)(i % 3 * 50)};
 	}
 	line = (struct modbus_line){.events = &events,
 				    .devices = devices,

@@ -348,6 +348,14 @@ static void end(struct modbus_line *line, int64_t silent_ns, int64_t now_ns)
 	line->restless_ns = now_ns;
 }
 
+static void serve_period(struct modbus_line *line, struct modbus_read *read)
+{
+	int64_t begun_ns = line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns;
+
+	if (read->period_ns > 0)
+		line->devices[line->device].counters.missed_periods += modbus_period_served(read, begun_ns);
+}
+
 static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
@@ -358,6 +366,7 @@ static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t
 	read->pause_ns = 0;
 	if (line->read == device->cursor)
 		device->cursor++;
+	serve_period(line, read);
 	line->scan_ended_ns = now_ns;
 	line->events->read(line->context, line->device, read, data, now_ns);
 	/* What the device refused it gives now: what was halved for it may be whole again. */
@@ -370,7 +379,10 @@ static void read_refused(struct modbus_line *line, uint8_t exception, int64_t no
 	struct modbus_device *device = &line->devices[line->device];
 
 	line->scan_ended_ns = now_ns;
-	if (!refuse_read(line, line->device, line->read, exception, now_ns) && line->read == device->cursor)
+	if (refuse_read(line, line->device, line->read, exception, now_ns))
+		return;
+	serve_period(line, &device->reads[line->read]);
+	if (line->read == device->cursor)
 		device->cursor++;
 }
 
@@ -610,6 +622,46 @@ static size_t begin_urgent_read(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
+/* Of the reads that are due, the one whose deadline is first; of devices that owe an answer, or of the others. */
+static bool find_due_read(struct modbus_line *line, bool owing, int64_t now_ns, uint32_t *index,
+			  uint32_t *read)
+{
+	int64_t first_ns = MODBUS_NEVER;
+
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		struct modbus_device *device = &line->devices[i];
+
+		forget_unanswered(device, now_ns);
+		if (!device->alive || (device->unanswered_count > 0) != owing)
+			continue;
+		if (owing && !find_probe(device, &line->request))
+			continue;
+		for (uint32_t j = 0; j < device->read_count; j++) {
+			if (!modbus_period_due(&device->reads[j], now_ns) ||
+			    modbus_period_deadline(&device->reads[j]) >= first_ns)
+				continue;
+			first_ns = modbus_period_deadline(&device->reads[j]);
+			*index = i;
+			*read = j;
+		}
+	}
+	return first_ns != MODBUS_NEVER;
+}
+
+/* A device that owes an answer is probed before it is read, and behind the others: it may be dying. */
+static size_t begin_due_read(struct modbus_line *line, int64_t now_ns)
+{
+	uint32_t index, read;
+	size_t length = 0;
+
+	if (find_due_read(line, false, now_ns, &index, &read))
+		length = begin_read(line, index, read, now_ns);
+	else if (find_due_read(line, true, now_ns, &index, &read))
+		length = begin_probe(line, index, now_ns);
+	line->due_in_row += length > 0;
+	return length;
+}
+
 /* The next dead device whose probe is due, after the one that was probed last. */
 static size_t begin_due_probe(struct modbus_line *line, int64_t now_ns)
 {
@@ -640,13 +692,17 @@ static void next_turn(struct modbus_line *line)
 	line->scan_begun = false;
 }
 
+static bool is_of_scan(const struct modbus_read *read, int64_t now_ns)
+{
+	return read->period_ns == 0 && (read->pause_ns == 0 || now_ns >= read->not_before_ns);
+}
+
 /* The next read of the device whose turn it is; 0 when it is through. */
 static size_t begin_scan_read(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->turn];
 
-	while (device->cursor < device->read_count && device->reads[device->cursor].pause_ns > 0 &&
-	       now_ns < device->reads[device->cursor].not_before_ns)
+	while (device->cursor < device->read_count && !is_of_scan(&device->reads[device->cursor], now_ns))
 		device->cursor++;
 	if (device->cursor >= device->read_count)
 		return 0;
@@ -682,10 +738,20 @@ static size_t begin_scan(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
-/*
- * However many devices are dead, the living ones are scanned after each probe that nobody answered; and
- * however many commands come, polling goes on.
- */
+/* What keeps its place in the line's turn: however many devices are dead, the living are scanned after each probe. */
+static size_t begin_in_turn(struct modbus_line *line, int64_t now_ns)
+{
+	size_t length = 0;
+
+	line->due_in_row = 0;
+	if (!line->probed_in_vain)
+		length = begin_due_probe(line, now_ns);
+	if (length == 0)
+		length = begin_scan(line, now_ns);
+	return length;
+}
+
+/* However many commands come, polling goes on; however many reads are due, the scan does. */
 static size_t begin_next(struct modbus_line *line, int64_t now_ns)
 {
 	size_t length = 0;
@@ -698,13 +764,15 @@ static size_t begin_next(struct modbus_line *line, int64_t now_ns)
 	if (length > 0)
 		return length;
 	line->commands_in_row = 0;
-	if (!line->probed_in_vain)
-		length = begin_due_probe(line, now_ns);
+	if (line->due_in_row < MODBUS_DUE_IN_ROW)
+		length = begin_due_read(line, now_ns);
 	if (length == 0)
-		length = begin_scan(line, now_ns);
+		length = begin_in_turn(line, now_ns);
+	/* Nobody is kept waiting. */
 	if (length == 0)
 		length = begin_command(line, now_ns);
-	/* Nobody is kept waiting. */
+	if (length == 0)
+		length = begin_due_read(line, now_ns);
 	if (length == 0)
 		length = begin_due_probe(line, now_ns);
 	return length;
@@ -722,9 +790,12 @@ static int64_t next_due(const struct modbus_line *line, int64_t now_ns)
 			due = earlier(due, device->trust_ns);
 		if (!device->alive && is_readable(device) && device->next_probe_ns > now_ns)
 			due = earlier(due, device->next_probe_ns);
-		for (uint32_t read = 0; device->alive && read < device->read_count; read++)
+		for (uint32_t read = 0; device->alive && read < device->read_count; read++) {
 			if (device->reads[read].not_before_ns > now_ns)
 				due = earlier(due, device->reads[read].not_before_ns);
+			if (device->reads[read].period_ns > 0 && device->reads[read].due_ns > now_ns)
+				due = earlier(due, device->reads[read].due_ns);
+		}
 	}
 	return due;
 }
@@ -761,7 +832,7 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 	line->last_byte_ns = now_ns - MODBUS_GAP_NS;
 	line->turn = line->probe_turn = 0;
 	line->probed_in_vain = line->scan_begun = false;
-	line->commands_in_row = 0;
+	line->commands_in_row = line->due_in_row = 0;
 	/* Whatever was under way when the port was opened must have ended. */
 	end(line, now_ns + MODBUS_GAP_NS, now_ns);
 }

@@ -17,9 +17,11 @@
  * that, because it did not run, are nobody's.
  *
  * Whose turn it is. Commands go first, then what was written is read back; after
- * MODBUS_COMMANDS_IN_ROW of them the scan goes on by one request. Living devices are scanned in turn;
- * after a probe that no dead one answered, they are scanned once before the next. So the age of their
- * values grows by one time-out, not with the number of the dead.
+ * MODBUS_COMMANDS_IN_ROW of them polling goes on by one request. Polling is, first, the reads that are due
+ * (period.h), by deadline; after MODBUS_DUE_IN_ROW of them the scan, which is all reads without a period, goes
+ * on by one request, so that a line that is asked for too much still reads everything. Living devices are
+ * scanned in turn; after a probe that no dead one answered, they are scanned once before the next. So the age
+ * of their values grows by one time-out, not with the number of the dead.
  */
 #ifndef OPENRTU_MODBUS_LINE_H
 #define OPENRTU_MODBUS_LINE_H
@@ -29,6 +31,7 @@
 #include <stdint.h>
 
 #include "frame.h"
+#include "period.h"
 #include "plan.h"
 
 #define MODBUS_NEVER           INT64_MAX
@@ -40,8 +43,9 @@
 #define MODBUS_RAREST_PROBE_NS 60000000000LL /* doubled from there to here */
 #define MODBUS_SILENT_READS    3             /* unanswered so often, a read is split: less may be noise */
 #define MODBUS_UNANSWERED_MAX  8
-#define MODBUS_ECHO_MEMORY     8 /* one echo may be lost among noise */
-#define MODBUS_COMMANDS_IN_ROW 8 /* then the scan goes on by one read: a flood of them stops no polling */
+#define MODBUS_ECHO_MEMORY     8  /* one echo may be lost among noise */
+#define MODBUS_COMMANDS_IN_ROW 8  /* then polling goes on by one read: a flood of them does not stop it */
+#define MODBUS_DUE_IN_ROW      16 /* then the scan goes on by one read */
 
 enum modbus_result {
 	MODBUS_DONE,      /* the device confirmed it; a broadcast: it was sent */
@@ -62,6 +66,7 @@ struct modbus_device_counters {
 	uint32_t requests, answers, exceptions, timeouts;
 	uint32_t errors; /* CRC, wrong answers */
 	uint32_t latency_us;
+	uint32_t missed_periods; /* in which a read with a period was not sent */
 };
 
 struct modbus_line_counters {
@@ -145,7 +150,8 @@ struct modbus_line {
 
 	/* The line's own. */
 	uint32_t command_count;
-	uint32_t commands_in_row; /* since the last read of the scan */
+	uint32_t commands_in_row; /* since the last poll */
+	uint32_t due_in_row;      /* since the last read of the scan */
 	uint32_t turn;            /* the device being scanned */
 	uint32_t probe_turn;      /* the device to be probed next, if it is dead and due */
 	bool probed_in_vain;      /* in this scan */

@@ -6,12 +6,12 @@
 
 #include "frame.h"
 
-#define NS_PER_S            1000000000LL
-#define FAST_BAUD           19200
-#define FAST_SILENCE_NS     1750000 /* MODBUS over Serial Line, 2.5.1.1: fixed above 19200 bit/s */
-#define REQUEST_CHARS       8
-#define ANSWER_CHARS        5       /* besides the data */
-#define TYPICAL_REACTION_NS 5000000 /* of a device, between request and answer */
+#define NS_PER_S        1000000000LL
+#define NS_PER_MS       1000000LL
+#define FAST_BAUD       19200
+#define FAST_SILENCE_NS 1750000 /* MODBUS over Serial Line, 2.5.1.1: fixed above 19200 bit/s */
+#define REQUEST_CHARS   8
+#define ANSWER_CHARS    5 /* besides the data */
 
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char)
 {
@@ -25,6 +25,8 @@ static int compare_objects(const void *left, const void *right)
 {
 	const struct modbus_object *a = left, *b = right;
 
+	if (a->period_ms != b->period_ms)
+		return a->period_ms < b->period_ms ? -1 : 1;
 	if (a->function != b->function)
 		return a->function < b->function ? -1 : 1;
 	return (a->address > b->address) - (a->address < b->address);
@@ -49,7 +51,11 @@ static void cover_last(struct modbus_read *read, const struct modbus_object *obj
 static struct modbus_read read_of(const struct modbus_object *objects, uint32_t first, uint32_t count)
 {
 	struct modbus_read read = {
-	    .first = first, .address = objects[first].address, .function = objects[first].function};
+	    .first = first,
+	    .address = objects[first].address,
+	    .function = objects[first].function,
+	    .period_ns = objects[first].period_ms * NS_PER_MS,
+	};
 
 	while (read.objects < count) {
 		read.objects++;
@@ -64,11 +70,16 @@ static bool fits(const struct modbus_read *read)
 	       (modbus_is_bit_function(read->function) ? MODBUS_BITS_MAX : MODBUS_REGISTERS_MAX);
 }
 
+int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns)
+{
+	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(function, count);
+
+	return chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
+}
+
 static int64_t duration(const struct modbus_wire *wire, const struct modbus_read *read)
 {
-	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(read->function, read->count);
-
-	return chars * wire->char_ns + 2 * wire->silence_ns + TYPICAL_REACTION_NS;
+	return modbus_read_ns(wire, read->function, read->count, MODBUS_REACTION_NS);
 }
 
 /* Takes the object behind the read into it when that is allowed and not slower than a read of its own. */
@@ -78,6 +89,7 @@ static bool merge_next(const struct modbus_wire *wire, const struct modbus_objec
 	uint32_t next = read->first + read->objects;
 
 	if (objects[next].function != read->function ||
+	    objects[next].period_ms * NS_PER_MS != read->period_ns ||
 	    (uint32_t)objects[next].address + objects[next].width - read->address > MODBUS_BITS_MAX)
 		return false;
 
@@ -119,6 +131,7 @@ bool modbus_plan_halve(const struct modbus_object *objects, struct modbus_read *
 	reads[index] = read_of(objects, whole.first, half);
 	reads[index + 1] = read_of(objects, whole.first + half, whole.objects - half);
 	reads[index].urgent = reads[index + 1].urgent = whole.urgent;
+	reads[index].due_ns = reads[index + 1].due_ns = whole.due_ns;
 	(*count)++;
 	return true;
 }

@@ -9,12 +9,16 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Assumed of a device: from the silence that ends a request to the answer's first character. */
+#define MODBUS_REACTION_NS 5000000LL
+
 /* What a device offers at one address. Its bits or registers always travel in one answer. */
 struct modbus_object {
 	uint32_t tag;     /* the caller's; not looked at */
 	uint16_t address; /* from 0 */
 	uint8_t function; /* that reads it: 1..4 */
 	uint16_t width; /* bits or registers: 1, 2; of two bits that lie apart, what lies between them too */
+	uint16_t period_ms; /* it is read so often, 0: in turn */
 };
 
 /* One request of the plan: the objects first .. first + objects - 1 of the sorted table. */
@@ -29,6 +33,8 @@ struct modbus_read {
 	uint8_t exception;     /* that it was refused with last */
 	int64_t pause_ns;      /* not 0: an object that the device does not give is asked for this seldom */
 	int64_t not_before_ns; /* when it is asked for again */
+	int64_t period_ns;     /* not 0: see period.h */
+	int64_t due_ns;        /* 0: at once */
 };
 
 /* Durations of one line. */
@@ -40,13 +46,19 @@ struct modbus_wire {
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
 
-/* Sorts by function, address: the order modbus_plan needs. */
+/*
+ * The least time that a read of count bits or registers takes of the line: its request and its answer, a silence
+ * after each (the device knows by the first that the request has ended), and the device's reaction.
+ */
+int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns);
+
+/* Sorts by period, function, address: the order modbus_plan needs. */
 void modbus_objects_sort(struct modbus_object *objects, size_t count);
 
 /*
  * Plans the reads of count sorted objects into reads, which has room for count of them. Returns how
- * many reads it made. Neighbours are merged, over a hole too when carrying the hole takes less time
- * than another request.
+ * many reads it made. Neighbours of one period are merged, over a hole too when carrying the hole takes less
+ * time than another request.
  */
 uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
 		     struct modbus_read *reads);

@@ -45,7 +45,7 @@ static void neighbours_are_one_request_and_tables_are_not(void **state)
 {
 	(void)state;
 	struct modbus_object objects[] = {
-	    {0, 2, 3, 1}, {1, 0, 3, 2}, {2, 0, 1, 1}, {3, 1, 1, 2}, {4, 0, 4, 1}};
+	    {0, 2, 3, 1, 0}, {1, 0, 3, 2, 0}, {2, 0, 1, 1, 0}, {3, 1, 1, 2, 0}, {4, 0, 4, 1, 0}};
 	struct modbus_wire wire = slow_wire();
 
 	modbus_objects_sort(objects, COUNT(objects));
@@ -64,8 +64,8 @@ static void holes_are_carried_while_that_is_shorter(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object near[] = {{0, 0, 3, 1}, {0, 13, 3, 1}};
-	struct modbus_object far[] = {{0, 0, 3, 1}, {0, 14, 3, 1}};
+	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 13, 3, 1, 0}};
+	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 14, 3, 1, 0}};
 
 	assert_int_equal(modbus_plan(&wire, near, 2, reads), 1);
 	assert_read(&reads[0], 3, 0, 14, 2);
@@ -78,8 +78,8 @@ static void bits_bridge_wider_holes(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object near[] = {{0, 0, 1, 1}, {0, 190, 1, 1}};
-	struct modbus_object far[] = {{0, 0, 1, 1}, {0, 230, 1, 1}};
+	struct modbus_object near[] = {{0, 0, 1, 1, 0}, {0, 190, 1, 1, 0}};
+	struct modbus_object far[] = {{0, 0, 1, 1, 0}, {0, 230, 1, 1, 0}};
 
 	assert_int_equal(modbus_plan(&wire, near, 2, reads), 1);
 	assert_int_equal(modbus_plan(&wire, far, 2, reads), 2);
@@ -91,13 +91,13 @@ static void limits_are_kept_and_no_object_is_torn(void **state)
 	struct modbus_wire wire = slow_wire();
 
 	for (uint32_t i = 0; i < 100; i++)
-		many[i] = (struct modbus_object){i, (uint16_t)(2 * i), 3, 2};
+		many[i] = (struct modbus_object){i, (uint16_t)(2 * i), 3, 2, 0};
 	assert_int_equal(modbus_plan(&wire, many, 100, reads), 2);
 	assert_read(&reads[0], 3, 0, 124, 62);
 	assert_read(&reads[1], 3, 124, 76, 38);
 
 	for (uint32_t i = 0; i < 2001; i++)
-		many[i] = (struct modbus_object){i, (uint16_t)i, 2, 1};
+		many[i] = (struct modbus_object){i, (uint16_t)i, 2, 1, 0};
 	assert_int_equal(modbus_plan(&wire, many, 2001, reads), 2);
 	assert_read(&reads[0], 2, 0, 2000, 2000);
 	assert_read(&reads[1], 2, 2000, 1, 1);
@@ -107,7 +107,7 @@ static void the_ends_of_the_address_space(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object objects[] = {{0, 0, 3, 1}, {0, 65534, 3, 1}, {0, 65535, 3, 1}};
+	struct modbus_object objects[] = {{0, 0, 3, 1, 0}, {0, 65534, 3, 1, 0}, {0, 65535, 3, 1, 0}};
 
 	assert_int_equal(modbus_plan(&wire, objects, 3, reads), 2);
 	assert_read(&reads[0], 3, 0, 1, 1);
@@ -118,7 +118,8 @@ static void halving_ends_at_single_objects(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object objects[] = {{0, 0, 3, 1}, {1, 1, 3, 1}, {2, 4, 3, 2}, {3, 40, 3, 1}};
+	struct modbus_object objects[] = {
+	    {0, 0, 3, 1, 0}, {1, 1, 3, 1, 0}, {2, 4, 3, 2, 0}, {3, 40, 3, 1, 0}};
 	uint32_t count = modbus_plan(&wire, objects, 4, reads);
 
 	assert_int_equal(count, 2);
@@ -153,7 +154,7 @@ static void every_object_is_in_one_read(void **state)
 
 		for (uint32_t i = 0; i < total; i++) {
 			many[i] = (struct modbus_object){i, (uint16_t)address, (uint8_t)(1 + i * 4 / total),
-							 (uint8_t)(1 + random_next(&seed) % 2)};
+							 (uint8_t)(1 + random_next(&seed) % 2), 0};
 			address += 2 + random_next(&seed) % 3 * (random_next(&seed) % 60);
 		}
 		uint32_t count = modbus_plan(&wire, many, total, reads);
@@ -178,6 +179,24 @@ static void every_object_is_in_one_read(void **state)
 	}
 }
 
+/* What is read every 100 ms does not wait for, nor hasten, what is read in turn; in either class neighbours merge. */
+static void objects_with_a_period_have_requests_of_their_own(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	struct modbus_object objects[] = {
+	    {0, 0, 3, 1, 0}, {1, 1, 3, 1, 100}, {2, 2, 3, 1, 0}, {3, 3, 3, 1, 100}, {4, 4, 3, 1, 500}};
+
+	modbus_objects_sort(objects, COUNT(objects));
+	assert_int_equal(modbus_plan(&wire, objects, COUNT(objects), reads), 3);
+	assert_read(&reads[0], 3, 0, 3, 2);
+	assert_int_equal(reads[0].period_ns, 0);
+	assert_read(&reads[1], 3, 1, 3, 2);
+	assert_int_equal(reads[1].period_ns, 100000000);
+	assert_read(&reads[2], 3, 4, 1, 1);
+	assert_int_equal(reads[2].period_ns, 500000000);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -189,6 +208,7 @@ int main(void)
 	    cmocka_unit_test(the_ends_of_the_address_space),
 	    cmocka_unit_test(halving_ends_at_single_objects),
 	    cmocka_unit_test(every_object_is_in_one_read),
+	    cmocka_unit_test(objects_with_a_period_have_requests_of_their_own),
 	};
 	return cmocka_run_group_tests_name("modbus plan", tests, NULL, NULL);
 }

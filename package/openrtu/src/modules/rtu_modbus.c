@@ -18,7 +18,7 @@
 #include <unistd.h>
 
 #include "map/map.h"
-#include "modbus/line.h"
+#include "modbus/configured.h"
 #include "modules/commands.h"
 #include "modules/convert.h"
 #include "modules/quality.h"
@@ -346,6 +346,7 @@ static void show_device(struct map_device_stats *stats, const struct modbus_devi
 	show(&stats->next_probe_ms, (uint32_t)(device->backoff_ns / NS_PER_MS));
 	show(&stats->latency_us, device->counters.latency_us);
 	show(&stats->planned_requests, device->read_count);
+	show(&stats->missed_periods, device->counters.missed_periods);
 }
 
 static void show_counters(struct port *port)
@@ -374,96 +375,34 @@ static void show_counters(struct port *port)
  * ------------------------------------------------------------------------------------------------
  */
 
+static void out_of_memory(void)
+{
+	fputs("rtu-modbus: not enough memory for the configuration\n", stderr);
+	exit(EXIT_FAILURE);
+}
+
 static void *allocate(size_t count, size_t size)
 {
 	void *memory = calloc(count ? count : 1, size);
 
-	if (memory == NULL) {
-		fputs("rtu-modbus: not enough memory for the configuration\n", stderr);
-		exit(EXIT_FAILURE);
-	}
+	if (memory == NULL)
+		out_of_memory();
 	return memory;
-}
-
-static uint8_t read_function(uint8_t table)
-{
-	switch ((enum map_table)table) {
-	case MAP_COILS:
-		return MODBUS_READ_COILS;
-	case MAP_DISCRETE_INPUTS:
-		return MODBUS_READ_DISCRETE_INPUTS;
-	case MAP_INPUT_REGISTERS:
-		return MODBUS_READ_INPUT_REGISTERS;
-	case MAP_HOLDING_REGISTERS:
-		break;
-	}
-	return MODBUS_READ_HOLDING_REGISTERS;
-}
-
-/* Two bits that lie apart are read with what lies between them: only in one answer they belong together. */
-static struct modbus_object object_of(const struct map_point *point, uint32_t number)
-{
-	bool swapped = point->width > 1 && point->second_address < point->address;
-	uint16_t first = swapped ? point->second_address : point->address;
-	uint16_t last = swapped || point->width == 1 ? point->address : point->second_address;
-
-	return (struct modbus_object){.tag = number,
-				      .address = first,
-				      .function = read_function(point->table),
-				      .width = (uint16_t)(last - first + 1)};
-}
-
-static void set_up_device(const struct map_config *config, const struct map_device *from,
-			  struct modbus_device *device)
-{
-	*device = (struct modbus_device){
-	    .unit = from->unit,
-	    .retries = from->retries,
-	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
-	    .object_count = from->point_count,
-	    .objects = allocate(from->point_count, sizeof(*device->objects)),
-	    .reads = allocate(from->point_count, sizeof(*device->reads)),
-	};
-	for (uint32_t i = 0; i < from->point_count; i++) {
-		const struct map_point *point = &config->points[from->first_point + i];
-
-		device->objects[i] = object_of(point, from->first_point + i);
-	}
-}
-
-/* A point has one command at a time: a line's queue with room for each of its points is never full. */
-static uint32_t points_of_line(const struct map_config *config, const struct map_line *line)
-{
-	uint32_t count = 0;
-
-	for (uint32_t i = 0; i < line->device_count; i++)
-		count += config->devices[line->first_device + i].point_count;
-	return count;
 }
 
 static void set_up_port(struct gateway *gateway, struct port *port, uint32_t number, const char *directory)
 {
 	const struct map_config *config = gateway->config;
 	const struct map_line *line = &config->lines[number];
-	uint32_t commands = points_of_line(config, line);
 
 	*port = (struct port){.gateway = gateway, .config = line, .number = number, .fd = -1};
 	if (line->device[0] == '/')
 		snprintf(port->path, sizeof(port->path), "%s", line->device);
 	else
 		snprintf(port->path, sizeof(port->path), "%s/%s", directory, line->device);
-	port->line = (struct modbus_line){
-	    .events = &line_events,
-	    .context = port,
-	    .devices = allocate(line->device_count, sizeof(struct modbus_device)),
-	    .device_count = line->device_count,
-	    .commands = allocate(commands, sizeof(struct modbus_command)),
-	    .command_capacity = commands,
-	    .wire = modbus_wire(line->baud, serial_bits_per_char(line)),
-	};
-	for (uint32_t i = 0; i < line->device_count; i++)
-		set_up_device(config, &config->devices[line->first_device + i], &port->line.devices[i]);
-	modbus_line_init(&port->line);
+	port->line = (struct modbus_line){.events = &line_events, .context = port};
+	if (!modbus_line_configure(&port->line, config, number))
+		out_of_memory();
 }
 
 static void set_up_ports(struct gateway *gateway, const char *directory)
@@ -501,16 +440,8 @@ static void set_up_commands(struct gateway *gateway)
 
 static void release_ports(struct gateway *gateway)
 {
-	for (uint32_t i = 0; i < gateway->port_count; i++) {
-		struct modbus_line *line = &gateway->ports[i].line;
-
-		for (uint32_t device = 0; device < line->device_count; device++) {
-			free(line->devices[device].objects);
-			free(line->devices[device].reads);
-		}
-		free(line->devices);
-		free(line->commands);
-	}
+	for (uint32_t i = 0; i < gateway->port_count; i++)
+		modbus_line_release(&gateway->ports[i].line);
 	free(gateway->ports);
 	free(gateway->updates);
 	free(gateway->quality.points);

@@ -21,11 +21,6 @@
 #define BAUD_TOLERANCE_PERCENT 2
 #define CHECKED_FLAGS          (CSIZE | PARENB | PARODD | CSTOPB | CRTSCTS)
 
-unsigned serial_bits_per_char(const struct map_line *line)
-{
-	return 1u + 8u + (line->parity != MAP_PARITY_NONE) + line->stop_bits;
-}
-
 void serial_discard_output(int fd)
 {
 	ioctl(fd, TCFLSH, TCOFLUSH);

@@ -23,7 +23,4 @@ void serial_discard_output(int fd);
 /* Closes the port at once: close alone waits up to 30 s for what a stuck port has not sent. */
 void serial_close(int fd);
 
-/* Bits of one character: start, data, parity, stop. */
-unsigned serial_bits_per_char(const struct map_line *line);
-
 #endif

@@ -109,18 +109,6 @@ static void what_is_no_port_is_refused(void **state)
 	unlink(file);
 }
 
-static void characters_have_ten_to_twelve_bits(void **state)
-{
-	(void)state;
-	struct map_line line = {.stop_bits = 1, .parity = MAP_PARITY_NONE};
-
-	assert_int_equal(serial_bits_per_char(&line), 10);
-	line.stop_bits = 2;
-	assert_int_equal(serial_bits_per_char(&line), 11);
-	line.parity = MAP_PARITY_ODD;
-	assert_int_equal(serial_bits_per_char(&line), 12);
-}
-
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -129,7 +117,6 @@ int main(void)
 	    cmocka_unit_test_setup_teardown(bytes_pass_unchanged, open_master, close_master),
 	    cmocka_unit_test_setup_teardown(only_one_may_have_it, open_master, close_master),
 	    cmocka_unit_test(what_is_no_port_is_refused),
-	    cmocka_unit_test(characters_have_ten_to_twelve_bits),
 	};
 	return cmocka_run_group_tests_name("serial", tests, NULL, NULL);
 }

@@ -221,6 +221,7 @@ static const struct listing_column device_columns[] = {
     {"alive", "ALIVE", LISTING_TEXT},
     {"latency_ms", "LATENCY MS", LISTING_RIGHT},
     {"planned_requests", "READS", LISTING_RIGHT},
+    {"missed_periods", "MISSED", LISTING_RIGHT},
     {"requests", "REQUESTS", LISTING_RIGHT},
     {"answers", "ANSWERS", LISTING_RIGHT},
     {"exceptions", "EXCEPT", LISTING_RIGHT},
@@ -248,6 +249,7 @@ static json_t *device_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "alive", json_boolean(stats->alive));
 	json_object_set_new(row, "latency_ms", milliseconds(stats->latency_us));
 	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
+	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));
 	json_object_set_new(row, "requests", json_integer(stats->requests));
 	json_object_set_new(row, "answers", json_integer(stats->answers));
 	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "rtud/config_parts.h"
+#include "rtud/limit.h"
 
 /* Reads up to CONFIG_FILE_SIZE_MAX + 1 bytes, so that the caller sees a larger file. NULL with errno when it cannot. */
 static char *read_bytes(const char *path, size_t *length)
@@ -140,17 +141,23 @@ static void keep_points(struct map_config *config, const struct config_entry *en
 	}
 }
 
+static enum config_result out_of_memory(struct config_loader *loader)
+{
+	fputs("out of memory\n", loader->report.messages);
+	return CONFIG_UNUSABLE;
+}
+
 static enum config_result build(struct config_loader *loader, const json_t *root,
 				struct config_modules modules)
 {
-	if (!allocate_records(loader, root)) {
-		fputs("out of memory\n", loader->report.messages);
-		return CONFIG_UNUSABLE;
-	}
+	if (!allocate_records(loader, root))
+		return out_of_memory(loader);
 	config_read_file(loader, root);
 	config_check_collisions(loader);
 	config_resolve_status(loader);
 	keep_points(loader->config, loader->entries);
+	if (loader->report.errors == 0 && !config_check_periods(loader))
+		return out_of_memory(loader);
 	if (loader->report.errors > 0)
 		return CONFIG_WRONG;
 	config_check_modules(loader, root, modules);
@@ -184,14 +191,19 @@ void config_free(struct map_config *config)
 	*config = (struct map_config){.line_count = 0};
 }
 
-int config_check(const char *path, struct config_modules modules)
+int config_check(const char *path, struct config_modules modules, bool requests)
 {
 	struct map_config config;
 	enum config_result result = config_load(path, modules, &config, stderr);
 
-	if (result == CONFIG_GOOD)
+	if (result == CONFIG_GOOD) {
 		printf("%s: good: lines %u, devices %u, points %u\n", path, config.line_count,
 		       config.device_count, config.point_count);
+		if (!limit_print(&config, requests, stdout)) {
+			fputs("out of memory\n", stderr);
+			result = CONFIG_UNUSABLE;
+		}
+	}
 	config_free(&config);
 	return (int)result;
 }

@@ -34,7 +34,10 @@ enum config_result config_load(const char *path, struct config_modules modules, 
 			       FILE *messages);
 void config_free(struct map_config *config);
 
-/* rtud --check: reports the errors on stderr, or on stdout what the file describes. Returns the exit code. */
-int config_check(const char *path, struct config_modules modules);
+/*
+ * rtud --check: reports the errors on stderr, or on stdout what the file describes and the shortest scan of each line;
+ * with requests (--plan) how it comes about. Returns the exit code.
+ */
+int config_check(const char *path, struct config_modules modules, bool requests);
 
 #endif

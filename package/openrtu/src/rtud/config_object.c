@@ -65,6 +65,7 @@ enum {
 	OBJECT_BLOCKED_BY,
 	OBJECT_SUBSTITUTED_BY,
 	OBJECT_NOT_TOPICAL_BY,
+	OBJECT_PERIOD,
 	OBJECT_KEYS
 };
 static const struct config_rule object_rules[OBJECT_KEYS] = {
@@ -95,6 +96,7 @@ static const struct config_rule object_rules[OBJECT_KEYS] = {
     [OBJECT_BLOCKED_BY] = {"blocked_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [OBJECT_SUBSTITUTED_BY] = {"substituted_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [OBJECT_NOT_TOPICAL_BY] = {"not_topical_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [OBJECT_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
 };
 const char *const config_status_keys[MAP_STATUS_BITS] = {
     [MAP_BLOCKED_BY] = "blocked_by",
@@ -257,6 +259,15 @@ static void check_scheme(struct config_loader *loader, const struct config_place
 		    SCHEME_LAST + 1, IOA_MAX);
 }
 
+static void check_period(struct config_loader *loader, const struct config_place *object)
+{
+	const struct config_place here = config_key_of(object, object_rules[OBJECT_PERIOD].name);
+
+	if (loader->config->devices[loader->config->device_count - 1].unit == 0)
+		config_error(&loader->report, &here,
+			     "has no meaning for slave 0: the broadcast address is never read");
+}
+
 static uint8_t object_flags(const struct config_value *values, enum map_type type, enum map_table table)
 {
 	unsigned flags = 0;
@@ -299,6 +310,7 @@ static struct map_point object_point(const struct config_value *values, enum map
 	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
 	    .short_pulse_ms = (uint16_t)values[OBJECT_SHORT_PULSE].integer,
 	    .long_pulse_ms = (uint16_t)values[OBJECT_LONG_PULSE].integer,
+	    .scan_period_ms = (uint16_t)values[OBJECT_PERIOD].integer,
 	    .scale = values[OBJECT_SCALE].number,
 	    .offset = values[OBJECT_OFFSET].number,
 	    .deadband = values[OBJECT_DEADBAND].number,
@@ -338,6 +350,8 @@ static void check_object(struct config_loader *loader, const struct config_place
 		check_name(loader, place, values[OBJECT_NAME].text);
 	if (values[OBJECT_SCALE].given)
 		check_scale(loader, place, values[OBJECT_SCALE].number);
+	if (values[OBJECT_PERIOD].given)
+		check_period(loader, place);
 }
 
 /* entry: where it is in the file */
@@ -356,6 +370,8 @@ static void read_object(struct config_loader *loader, const struct config_place 
 		return;
 	entry.point = object_point(values, type, table);
 	entry.point.device = (uint16_t)(loader->config->device_count - 1);
+	if (!values[OBJECT_PERIOD].given)
+		entry.point.scan_period_ms = entry.period_ms;
 	name_point(loader, &entry, &values[OBJECT_NAME]);
 	for (unsigned i = 0; i < MAP_STATUS_BITS; i++)
 		entry.status[i] =

@@ -23,6 +23,7 @@ struct config_entry {
 	struct map_point point;
 	uint32_t port, slave, object;
 	char name[MAP_NAME_SIZE];
+	uint16_t period_ms;                  /* the slave's, for objects without one */
 	bool named;                          /* by the file */
 	const char *status[MAP_STATUS_BITS]; /* names of status bits, NULL: none; the file's */
 };
@@ -113,5 +114,9 @@ const struct config_place *config_entry_place(const struct config_entry *entry,
 
 /* Fills in the status bits of the entries' points. The entries are in their final order. */
 void config_resolve_status(struct config_loader *loader);
+/* ---- config_periods.c -------------------------------------------------------------------- */
+
+/* Reports periods that a line cannot hold. The configuration is complete and has no errors. False without memory. */
+bool config_check_periods(struct config_loader *loader);
 
 #endif

@@ -13,7 +13,14 @@ const char *const config_table_names[CONFIG_TABLES] = {
 };
 
 /* A slave's tables come first, so that enum map_table indexes them. */
-enum { SLAVE_ID = CONFIG_TABLES, SLAVE_DESCRIPTION, SLAVE_RESPONSE_TIMEOUT, SLAVE_RETRIES, SLAVE_KEYS };
+enum {
+	SLAVE_ID = CONFIG_TABLES,
+	SLAVE_DESCRIPTION,
+	SLAVE_RESPONSE_TIMEOUT,
+	SLAVE_RETRIES,
+	SLAVE_PERIOD,
+	SLAVE_KEYS
+};
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [MAP_COILS] = {"coils", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
     [MAP_DISCRETE_INPUTS] = {"discrete_inputs", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
@@ -24,11 +31,14 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_RESPONSE_TIMEOUT] = {"response_timeout_ms", CONFIG_INTEGER, .low = 20, .high = 10000,
 				.fallback = 500},
     [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
+    [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
 };
 
 static void check_broadcast(struct config_loader *loader, const struct config_place *slave,
 			    const struct config_value *values)
 {
+	const struct config_place period = config_key_of(slave, slave_rules[SLAVE_PERIOD].name);
+
 	for (size_t table = 0; table < CONFIG_TABLES; table++) {
 		const struct config_place here = config_key_of(slave, config_table_names[table]);
 
@@ -37,6 +47,9 @@ static void check_broadcast(struct config_loader *loader, const struct config_pl
 				     "slave 0 is the broadcast address, which is never read, expected only "
 				     "coils and holding_registers");
 	}
+	if (values[SLAVE_PERIOD].given)
+		config_error(&loader->report, &period,
+			     "has no meaning for slave 0: the broadcast address is never read");
 }
 
 static void add_device(struct config_loader *loader, const struct config_value *values)
@@ -87,6 +100,7 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 			check_broadcast(loader, place, values);
 	}
 	add_device(loader, values);
+	entry.period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
 	device = &loader->config->devices[loader->config->device_count - 1];
 	for (size_t table = 0; table < CONFIG_TABLES; table++)
 		config_read_objects(loader, place, values[table].json, (enum map_table)table, entry);

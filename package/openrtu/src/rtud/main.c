@@ -17,7 +17,8 @@ static const struct config_modules modules = {
 
 static const char usage[] =
     "usage: rtud [OPTION]... FILE    run the gateway that the configuration FILE describes\n"
-    "       rtud --check FILE        report every error in FILE\n"
+    "       rtud --check FILE        report every error in FILE, or each line's shortest scan\n"
+    "       rtud --plan FILE         the same, with the requests to each device\n"
     "\n"
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
     "  --dev DIR        folder of the serial devices            [/dev]\n"
@@ -34,6 +35,7 @@ struct arguments {
 	struct supervise_options supervise;
 	const char *file;
 	bool check;
+	bool plan;
 	bool help;
 };
 
@@ -49,10 +51,15 @@ static bool parse_uid(const char *text, uint32_t *uid)
 static bool parse(int argc, char **argv, struct arguments *arguments)
 {
 	static const struct option options[] = {
-	    {"check", no_argument, NULL, 'c'},          {"map", required_argument, NULL, 'm'},
-	    {"dev", required_argument, NULL, 'd'},      {"modules", required_argument, NULL, 'p'},
-	    {"uid-base", required_argument, NULL, 'u'}, {"watchdog", required_argument, NULL, 'w'},
-	    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0},
+	    {"check", no_argument, NULL, 'c'},
+	    {"plan", no_argument, NULL, 'l'},
+	    {"map", required_argument, NULL, 'm'},
+	    {"dev", required_argument, NULL, 'd'},
+	    {"modules", required_argument, NULL, 'p'},
+	    {"uid-base", required_argument, NULL, 'u'},
+	    {"watchdog", required_argument, NULL, 'w'},
+	    {"help", no_argument, NULL, 'h'},
+	    {NULL, 0, NULL, 0},
 	};
 	int option;
 
@@ -60,6 +67,9 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 		switch (option) {
 		case 'c':
 			arguments->check = true;
+			break;
+		case 'l':
+			arguments->check = arguments->plan = true;
 			break;
 		case 'm':
 			arguments->supervise.map = optarg;
@@ -130,5 +140,5 @@ int main(int argc, char **argv)
 		fputs(usage, stdout);
 		return 0;
 	}
-	return arguments.check ? config_check(arguments.file, modules) : run(&arguments);
+	return arguments.check ? config_check(arguments.file, modules, arguments.plan) : run(&arguments);
 }

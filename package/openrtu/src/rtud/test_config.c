@@ -277,6 +277,19 @@ static void test_status_bits(void **state)
 	config_free(&config);
 }
 
+static void test_an_object_has_its_own_period_or_its_slaves(void **state)
+{
+	struct map_config config = load("{'port': [" LINE(
+	    "3", "{'id': 1, 'period_ms': 500, 'coils': [{'address': 0}, "
+		 "{'address': 1, 'period_ms': 200}]}, {'id': 2, 'coils': [{'address': 0}]}") "]}");
+
+	(void)state;
+	assert_int_equal(config.points[0].scan_period_ms, 500);
+	assert_int_equal(config.points[1].scan_period_ms, 200);
+	assert_int_equal(config.points[2].scan_period_ms, 0);
+	config_free(&config);
+}
+
 /* Points by device, devices by line; the second line's first device has none. */
 static void test_tables_refer_to_each_other(void **state)
 {
@@ -360,6 +373,7 @@ int main(void)
 	    cmocka_unit_test(test_tls),
 	    cmocka_unit_test(test_object_keys),
 	    cmocka_unit_test(test_status_bits),
+	    cmocka_unit_test(test_an_object_has_its_own_period_or_its_slaves),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),
 	};

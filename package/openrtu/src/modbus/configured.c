@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "configured.h"
+
+#include <stdlib.h>
+
+#define NS_PER_MS 1000000LL
+
+unsigned modbus_bits_per_char(const struct map_line *line)
+{
+	return 1u + 8u + (line->parity != MAP_PARITY_NONE) + line->stop_bits;
+}
+
+/* An array of at least one element, so that NULL means no memory. */
+static void *allocate(size_t count, size_t size)
+{
+	return calloc(count > 0 ? count : 1, size);
+}
+
+static uint8_t read_function(uint8_t table)
+{
+	switch ((enum map_table)table) {
+	case MAP_COILS:
+		return MODBUS_READ_COILS;
+	case MAP_DISCRETE_INPUTS:
+		return MODBUS_READ_DISCRETE_INPUTS;
+	case MAP_INPUT_REGISTERS:
+		return MODBUS_READ_INPUT_REGISTERS;
+	case MAP_HOLDING_REGISTERS:
+		break;
+	}
+	return MODBUS_READ_HOLDING_REGISTERS;
+}
+
+/* Two bits that lie apart are read with what lies between them: only in one answer they belong together. */
+static struct modbus_object object_of(const struct map_point *point, uint32_t number)
+{
+	bool swapped = point->width > 1 && point->second_address < point->address;
+	uint16_t first = swapped ? point->second_address : point->address;
+	uint16_t last = swapped || point->width == 1 ? point->address : point->second_address;
+
+	return (struct modbus_object){.tag = number,
+				      .address = first,
+				      .function = read_function(point->table),
+				      .width = (uint16_t)(last - first + 1),
+				      .period_ms = point->scan_period_ms};
+}
+
+static bool configure_device(const struct map_config *config, const struct map_device *from,
+			     struct modbus_device *device)
+{
+	*device = (struct modbus_device){
+	    .unit = from->unit,
+	    .retries = from->retries,
+	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
+	    .object_count = from->point_count,
+	    .objects = allocate(from->point_count, sizeof(*device->objects)),
+	    .reads = allocate(from->point_count, sizeof(*device->reads)),
+	};
+	if (device->objects == NULL || device->reads == NULL)
+		return false;
+	for (uint32_t i = 0; i < from->point_count; i++) {
+		const struct map_point *point = &config->points[from->first_point + i];
+
+		device->objects[i] = object_of(point, from->first_point + i);
+	}
+	return true;
+}
+
+/* A point has one command at a time: a line's queue with room for each of its points is never full. */
+static uint32_t points_of_line(const struct map_config *config, const struct map_line *line)
+{
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < line->device_count; i++)
+		count += config->devices[line->first_device + i].point_count;
+	return count;
+}
+
+bool modbus_line_configure(struct modbus_line *line, const struct map_config *config, uint32_t number)
+{
+	const struct map_line *from = &config->lines[number];
+
+	line->wire = modbus_wire(from->baud, modbus_bits_per_char(from));
+	line->command_capacity = points_of_line(config, from);
+	line->commands = allocate(line->command_capacity, sizeof(*line->commands));
+	line->devices = allocate(from->device_count, sizeof(*line->devices));
+	if (line->commands == NULL || line->devices == NULL)
+		return false;
+	line->device_count = from->device_count;
+	for (uint32_t i = 0; i < line->device_count; i++)
+		if (!configure_device(config, &config->devices[from->first_device + i], &line->devices[i]))
+			return false;
+	modbus_line_init(line);
+	return true;
+}
+
+void modbus_line_release(struct modbus_line *line)
+{
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		free(line->devices[i].objects);
+		free(line->devices[i].reads);
+	}
+	free(line->devices);
+	free(line->commands);
+}

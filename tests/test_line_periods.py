@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Two devices with periods and one without share a line: who is asked when, as the devices see it."""
+
+import statistics
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bare import Bare
+from desk import Substation, everything_read, gateway_on_lines
+
+pytestmark = pytest.mark.slow  # as a whole
+
+PORT, FAST, SLOWER, IN_TURN = 1, 1, 2, 3
+PERIOD_NS = {FAST: 100_000_000, SLOWER: 250_000_000}
+WATCHED_S = 8.0
+STORM_S = 4.0
+COILS = 16
+# A request is begun late by the one under way and by the other device's, 14 ms each at 38400 bit/s, and its
+# last character is 4 ms behind. A busy host stops us all for longer now and then: three quarters are on time.
+LATE_NS = 32_000_000
+READ_INPUT_REGISTERS, WRITE_COIL = 4, 5
+C_SC, ACT, ACT_TERM = 45, 6, 10
+
+
+def configuration() -> dict[str, Any]:
+    registers = [{"address": address} for address in range(8)]
+    coils = [{"address": address} for address in range(COILS)]
+    slaves = [
+        {"id": FAST, "period_ms": 100, "input_registers": registers},
+        {"id": SLOWER, "input_registers": [{**register, "period_ms": 250} for register in registers]},
+        {"id": IN_TURN, "input_registers": registers, "coils": coils},
+    ]
+    line = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    return {"iec104": {}, "port": [{"value": PORT, "active": 1, **line, "slaves": slaves}]}
+
+
+@pytest.fixture(scope="module")
+def substation(programs: Path) -> Iterator[Substation]:
+    with gateway_on_lines(configuration(), programs, {}) as (lines, gateway):
+        gateway.wait_for(lambda: everything_read(gateway), 10.0, "every device has been read")
+        yield Substation(lines, gateway)
+
+
+def asked_at(substation: Substation, unit: int, since: int) -> list[int]:
+    """When the device had a read, by CLOCK_MONOTONIC in ns."""
+    return [
+        frame.monotonic_ns
+        for frame in substation.lines.frames(since)
+        if frame.kind == "received" and frame.unit == unit and frame.bytes[1] == READ_INPUT_REGISTERS
+    ]
+
+
+def missed(substation: Substation) -> dict[int, int]:
+    (line,) = substation.gateway.query("lines")
+    return {device["id"]: device["missed_periods"] for device in line["devices"]}
+
+
+def assert_periods_hold(substation: Substation) -> None:
+    since, before = substation.lines.mark(), missed(substation)
+    time.sleep(WATCHED_S)  # what is measured is this time
+    after = missed(substation)
+    for unit, period_ns in PERIOD_NS.items():
+        times = asked_at(substation, unit, since)
+        expected = WATCHED_S * 1e9 / period_ns
+        assert expected - 2 <= len(times) + after[unit] - before[unit] <= expected + 3
+        assert after[unit] - before[unit] <= expected / 20
+        late = [time_ns % period_ns for time_ns in times]
+        assert statistics.quantiles(late, n=4)[-1] <= LATE_NS, (
+            late
+        )  # of its period, not of the request before
+    assert after[IN_TURN] == 0
+    assert len(asked_at(substation, IN_TURN, since)) > WATCHED_S * 1e9 / PERIOD_NS[FAST]
+
+
+def test_periods_hold_and_the_rest_is_read(substation: Substation) -> None:
+    assert_periods_hold(substation)
+
+
+def single_command(coil: int, on: bool) -> bytes:
+    ca = (1000 * PORT + IN_TURN).to_bytes(2, "little")
+    return bytes([C_SC, 1, ACT, 0]) + ca + (coil + 1).to_bytes(3, "little") + bytes([on])
+
+
+def storm(substation: Substation) -> None:
+    """A command waits for each coil all the time: a new one follows the end of each."""
+    with Bare(substation.gateway.address) as master:
+        master.start()
+        master.ask(*(single_command(coil, True) for coil in range(COILS)))
+        end_s = time.monotonic() + STORM_S
+        while time.monotonic() < end_s:
+            asdu = master.asdu()
+            master.acknowledge()
+            if asdu[0] == C_SC and asdu[2] & 0x3F == ACT_TERM:
+                master.ask(single_command(int.from_bytes(asdu[6:9], "little") - 1, not asdu[9] & 1))
+
+
+def test_periods_slip_under_a_storm_of_commands_and_hold_again(substation: Substation) -> None:
+    since = substation.lines.mark()
+    storm(substation)
+    writes = [
+        frame
+        for frame in substation.lines.frames(since)
+        if frame.kind == "received" and frame.bytes[1] == WRITE_COIL
+    ]
+    assert len(writes) > 100
+    for unit, period_ns in PERIOD_NS.items():
+        assert len(asked_at(substation, unit, since)) >= STORM_S * 1e9 / period_ns / 4
+    assert asked_at(substation, IN_TURN, since)
+    substation.gateway.wait_for(
+        lambda: not any(command["state"] == "executing" for command in substation.gateway.query("commands")),
+        10.0,
+        "no command is under way",
+    )
+    assert_periods_hold(substation)
