@@ -142,6 +142,13 @@ enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, co
 	return judge_crc(bytes, length, modbus_answer_length(request), MODBUS_ANSWER);
 }
 
+size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t *bytes, size_t length)
+{
+	bool positive = length > 1 && bytes[1] == request->function;
+
+	return (positive ? modbus_answer_length(request) : EXCEPTION_LENGTH) - length;
+}
+
 bool modbus_bit(const uint8_t *data, uint16_t index)
 {
 	return (data[index / 8] >> (index % 8)) & 1;

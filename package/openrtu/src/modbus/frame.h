@@ -81,6 +81,12 @@ size_t modbus_answer_length(const struct modbus_request *request);
 enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, const uint8_t *bytes,
 					size_t length);
 
+/*
+ * How many bytes an answer lacks at least that began with these, which were judged incomplete: until the second one is
+ * there it may be an exception.
+ */
+size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t *bytes, size_t length);
+
 /* Bit or register number index of an answer's data bytes. */
 bool modbus_bit(const uint8_t *data, uint16_t index);
 uint16_t modbus_register(const uint8_t *data, uint16_t index);

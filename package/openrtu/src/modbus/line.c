@@ -518,9 +518,15 @@ static void burst_ended(struct modbus_line *line, int64_t now_ns)
 	remove_strays(line);
 }
 
+/* Until when the line is known to be as it should, whether anybody has listened meanwhile or not. */
+static int64_t heard_ns(const struct modbus_line *line)
+{
+	return later(line->last_byte_ns, line->listen_ns);
+}
+
 static bool is_bursting(const struct modbus_line *line, int64_t now_ns)
 {
-	return line->received_count > 0 && now_ns < line->last_byte_ns + MODBUS_GAP_NS;
+	return line->received_count > 0 && now_ns < heard_ns(line) + MODBUS_GAP_NS;
 }
 
 /* The end of an answer that begins at the very end of the response time. */
@@ -885,6 +891,16 @@ static void receive_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 		take_answer(line, now_ns);
 }
 
+/* Characters that must come before anything can be done with them. */
+static size_t missing(const struct modbus_line *line)
+{
+	size_t begun = line->received_count - line->strays;
+
+	if (line->state != MODBUS_WAITING || begun == 0 || line->devices[line->device].echoes > 0)
+		return 0;
+	return modbus_answer_missing(&line->request, line->received + line->strays, begun);
+}
+
 void modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
 {
 	if (line->state == MODBUS_CLOSED || length == 0)
@@ -895,6 +911,7 @@ void modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t 
 	line->last_byte_ns = now_ns;
 	for (size_t i = 0; i < length; i++)
 		receive_byte(line, bytes[i], now_ns);
+	line->listen_ns = now_ns + (int64_t)missing(line) * line->wire.char_ns;
 }
 
 static size_t leave_idle(struct modbus_line *line, int64_t now_ns)
@@ -922,7 +939,7 @@ static int64_t next_deadline(const struct modbus_line *line, int64_t now_ns)
 		return next_due(line, now_ns);
 	case MODBUS_WAITING:
 		if (is_bursting(line, now_ns))
-			return earlier(line->last_byte_ns + MODBUS_GAP_NS, last_moment(line));
+			return earlier(heard_ns(line) + MODBUS_GAP_NS, last_moment(line));
 		return line->deadline_ns;
 	case MODBUS_TURNAROUND:
 		return line->deadline_ns;
@@ -941,5 +958,6 @@ struct modbus_output modbus_line_poll(struct modbus_line *line, int64_t now_ns)
 	if (line->state == MODBUS_IDLE)
 		output.length = leave_idle(line, now_ns);
 	output.deadline_ns = next_deadline(line, now_ns);
+	output.listen_ns = line->listen_ns;
 	return output;
 }

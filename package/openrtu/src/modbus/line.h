@@ -163,6 +163,7 @@ struct modbus_line {
 	int64_t silent_ns;   /* when the line may be used, if nothing more comes */
 	int64_t restless_ns; /* since when silence is being waited for */
 	int64_t last_byte_ns;
+	int64_t listen_ns; /* when the answer under way can be complete */
 
 	/* The transaction under way. */
 	enum modbus_purpose purpose;
@@ -186,6 +187,7 @@ struct modbus_output {
 	const uint8_t *frame; /* to be sent at once; valid until the next call */
 	size_t length;        /* 0: nothing to send */
 	int64_t deadline_ns;  /* when to poll again at the latest */
+	int64_t listen_ns; /* what arrives before completes no answer: it may stay in the port until then */
 };
 
 /* How long to wait after one more try that failed. backoff_ns: after the one before, 0 for the first. */
@@ -206,7 +208,7 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns);
  */
 bool modbus_line_command(struct modbus_line *line, const struct modbus_command *command);
 
-/* Takes bytes that arrived by now_ns. Before a poll, everything that is readable must have been given. */
+/* Takes bytes that arrived by now_ns. Before a poll from listen_ns on, everything that is readable must have been given. */
 void modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
 
 /*

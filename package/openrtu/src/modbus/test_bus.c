@@ -259,6 +259,7 @@ void deliver(void)
 	bus.wire_count -= count;
 	memmove(&bus.wire[0], &bus.wire[count], bus.wire_count * sizeof(bus.wire[0]));
 	modbus_line_receive(&bus.line, bytes, count, bus.now_ns);
+	bus.deliveries += count > 0;
 }
 
 uint32_t random_next(uint32_t *seed)
@@ -275,6 +276,14 @@ static int64_t delay(void)
 	return (int64_t)(random_next(&bus.chance) % 200) * MS;
 }
 
+/* Somebody has to do something: at a deadline, or when there is something on the wire and it is listened to. */
+static int64_t earliest(int64_t deadline_ns, int64_t listen_ns)
+{
+	int64_t heard_ns = bus.wire[0].time_ns > listen_ns ? bus.wire[0].time_ns : listen_ns;
+
+	return heard_ns < deadline_ns ? heard_ns : deadline_ns;
+}
+
 static void run_until(int64_t until_ns)
 {
 	for (;;) {
@@ -282,8 +291,8 @@ static void run_until(int64_t until_ns)
 
 		take_output(&output);
 		int64_t next_ns = output.deadline_ns;
-		if (bus.wire_count > 0 && bus.wire[0].time_ns <= next_ns)
-			next_ns = bus.wire[0].time_ns;
+		if (bus.wire_count > 0)
+			next_ns = earliest(next_ns, output.listen_ns);
 		if (next_ns > until_ns)
 			break;
 		bus.still = output.length == 0 && next_ns <= bus.now_ns ? bus.still + 1 : 0;
@@ -291,7 +300,8 @@ static void run_until(int64_t until_ns)
 		if (next_ns > bus.now_ns)
 			bus.now_ns = next_ns;
 		bus.now_ns += delay();
-		deliver();
+		if (bus.now_ns >= output.listen_ns)
+			deliver();
 	}
 	if (until_ns > bus.now_ns)
 		bus.now_ns = until_ns;

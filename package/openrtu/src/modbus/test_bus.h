@@ -70,6 +70,7 @@ struct bus {
 	struct slave slaves[DEVICES_MAX];
 	struct wire_byte wire[WIRE_MAX];
 	size_t wire_count;
+	unsigned deliveries; /* how often what had arrived was given to the line */
 	int64_t now_ns;
 	int64_t busy_ns; /* end of the last character on the wire */
 	bool echoing;    /* the transceiver hears what it sends */

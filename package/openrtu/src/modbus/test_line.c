@@ -35,6 +35,25 @@ static void silence_is_three_and_a_half_characters(void **state)
 	assert_int_equal(period, characters * bus.line.wire.char_ns + REACTION_NS + bus.line.wire.silence_ns);
 }
 
+/* The first character; the fourth behind it, when it could be an exception; the last one, however many come between. */
+static void an_answer_is_listened_to_in_three_pieces(void **state)
+{
+	(void)state;
+	start_simple(0);
+	run_for(SECOND);
+	uint32_t answers = bus.line.counters.answers;
+	bus.deliveries = 0;
+	run_for(10 * SECOND);
+	assert_in_range(bus.deliveries, 3 * (bus.line.counters.answers - answers) - 2,
+			3 * (bus.line.counters.answers - answers) + 2);
+	bus.slaves[0].exception = 6;
+	answers = bus.line.counters.answers;
+	bus.deliveries = 0;
+	run_for(10 * SECOND);
+	assert_in_range(bus.deliveries, 2 * (bus.line.counters.answers - answers) - 2,
+			2 * (bus.line.counters.answers - answers) + 2);
+}
+
 static void a_broadcast_device_is_never_read(void **state)
 {
 	(void)state;
@@ -148,6 +167,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(devices_are_scanned_in_turn),
 	    cmocka_unit_test(silence_is_three_and_a_half_characters),
+	    cmocka_unit_test(an_answer_is_listened_to_in_three_pieces),
 	    cmocka_unit_test(a_broadcast_device_is_never_read),
 	    cmocka_unit_test(nothing_is_sent_before_open_or_after_close),
 	    cmocka_unit_test(a_dead_device_is_probed_ever_more_rarely),

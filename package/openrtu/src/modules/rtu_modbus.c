@@ -52,7 +52,8 @@ struct port {
 	int fd;       /* -1: not open */
 	bool failing; /* said in the log */
 	bool pty_logged;
-	int64_t deadline_ns; /* of the line, or of the next try to open the port */
+	int64_t deadline_ns; /* of the line, or of the next try to open the port; 0: it is to be served now */
+	bool listening;      /* bytes that arrive wake this process */
 	struct modbus_line line;
 };
 
@@ -218,6 +219,7 @@ static bool write_to_line(void *context, uint32_t point, const struct modbus_req
 	if (port == NULL)
 		return false;
 	command.device = device - port->config->first_device;
+	port->deadline_ns = 0;
 	return modbus_line_command(&port->line, &command);
 }
 
@@ -262,6 +264,7 @@ static void open_port(struct port *port, int64_t now_ns)
 	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
 		(unsigned)port->config->baud);
 	port->failing = false;
+	port->listening = true;
 	modbus_line_open(&port->line, now_ns);
 }
 
@@ -308,19 +311,33 @@ static void write_port(struct port *port, const struct modbus_output *output, in
 		lose_port(port, length < 0 ? strerror(errno) : "it does not send", now_ns);
 }
 
+/* An answer comes character by character: to wake for each would be most of a line's cost. */
+static void listen_to(struct port *port, bool listening)
+{
+	struct epoll_event event = {.events = listening ? EPOLLIN : 0, .data.ptr = port};
+
+	if (listening == port->listening)
+		return;
+	epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
+	port->listening = listening;
+}
+
 static void serve_port(struct port *port)
 {
 	int64_t now_ns = map_now_ns();
 
-	if (port->fd < 0 && now_ns >= port->deadline_ns)
+	if (port->fd < 0)
 		open_port(port, now_ns);
 	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
-	if (port->fd >= 0 && now_ns >= port->deadline_ns)
+	if (port->fd >= 0)
 		read_port(port);
 	if (port->fd < 0)
 		return;
 	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
-	port->deadline_ns = output.deadline_ns;
+	bool listening = now_ns >= output.listen_ns;
+
+	port->deadline_ns = listening ? output.deadline_ns : earlier(output.deadline_ns, output.listen_ns);
+	listen_to(port, listening);
 	if (output.length > 0)
 		write_port(port, &output, now_ns);
 }
@@ -500,14 +517,12 @@ static void wait_and_take(struct gateway *gateway)
 		if (events[i].data.ptr == gateway)
 			take_requests(gateway);
 		else if (events[i].data.ptr != &gateway->timer_fd)
-			read_port(events[i].data.ptr);
+			((struct port *)events[i].data.ptr)->deadline_ns = 0;
 	}
 }
 
-static void beat(struct gateway *gateway)
+static void beat(struct gateway *gateway, int64_t now_ns)
 {
-	int64_t now_ns = map_now_ns();
-
 	if (now_ns < gateway->heartbeat_ns)
 		return;
 	gateway->heartbeat_ns = now_ns + HEARTBEAT_NS;
@@ -519,10 +534,13 @@ static void beat(struct gateway *gateway)
 
 static void take_turn(struct gateway *gateway)
 {
-	beat(gateway);
-	commands_run(&gateway->commands, map_now_ns());
+	int64_t now_ns = map_now_ns();
+
+	beat(gateway, now_ns);
+	commands_run(&gateway->commands, now_ns);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
-		serve_port(&gateway->ports[i]);
+		if (now_ns >= gateway->ports[i].deadline_ns)
+			serve_port(&gateway->ports[i]);
 	arm_timer(gateway);
 	wait_and_take(gateway);
 }
