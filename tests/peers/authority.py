@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import subprocess
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 EC = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1"
@@ -21,6 +21,7 @@ policy = policy
 [policy]
 commonName = supplied
 """
+DATE = "%Y%m%d%H%M%SZ"
 STATION_USER = 61201  # rtud's user for rtu-iec104, when it runs as root
 
 
@@ -60,6 +61,7 @@ class Authority:
         days: int = 30,
         key: str = EC,
         usage: str = "clientAuth",
+        since: datetime | None = None,
         until: datetime | None = None,
     ) -> Identity:
         """A certificate with that common name; its days begin now, and with days < 0 are over."""
@@ -70,8 +72,10 @@ class Authority:
         asked = ["-new", "-nodes", *key.split(), "-subj", f"/CN={name}", "-keyout", made.key]
         openssl("req", *asked, "-out", request)
         signed = ["-in", request, "-extfile", extensions, "-out", made.certificate]
-        if until:
-            self._act("-batch", "-notext", "-enddate", until.strftime("%Y%m%d%H%M%SZ"), *signed)
+        if since or until:
+            begin, end = since or datetime.now(UTC), until or datetime.now(UTC) + timedelta(days=days)
+            dates = ["-startdate", begin.strftime(DATE), "-enddate", end.strftime(DATE)]
+            self._act("-batch", "-notext", *dates, *signed)
         else:
             by = ["-CA", self.certificate, "-CAkey", self._key, "-CAcreateserial", "-days", str(days)]
             openssl("x509", "-req", *by, *signed)
@@ -85,12 +89,12 @@ class Authority:
             os.chown(made.key, STATION_USER, STATION_USER)
         return made
 
-    def revoke(self, *identities: Identity) -> Path:
-        """The list of these."""
+    def revoke(self, *identities: Identity, seconds: int = 30 * 86400) -> Path:
+        """The list of these and of those before, good for so long."""
         for identity in identities:
             self._act("-revoke", identity.certificate)
         revoked = self.folder / "crl.pem"
-        self._act("-gencrl", "-crldays", "30", "-out", revoked)
+        self._act("-gencrl", "-crlsec", str(seconds), "-out", revoked)
         return revoked
 
     def _act(self, *arguments: str | Path) -> None:

@@ -107,7 +107,6 @@ struct map_point {
 	uint32_t freeze_s;       /* a counter's period of local freezes, 0: none */
 	uint16_t short_pulse_ms; /* of a coil: duration of QU 1, 0: none */
 	uint16_t long_pulse_ms;  /* of QU 2 */
-	uint16_t scan_period_ms; /* between two reads of the device, 0: it is read in turn */
 	double scale;            /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	double offset;
 	double deadband; /* in the unit of the value sent; 0: every change is an event */
@@ -120,6 +119,7 @@ struct map_point {
 	    extra; /* place among its owner's totals, of a counter, or parameters, of a measured value; set by map_create */
 	/* By enum map_status: 1 + place of the status bit among the device's points, 0: none. */
 	uint16_t status[MAP_STATUS_BITS];
+	uint16_t scan_period_ms; /* between two reads of the device, 0: it is read in turn */
 };
 
 /* When summer time begins or ends: the n-th weekday of a month, in the local time until then (POSIX TZ, Mm.w.d/time). */
@@ -157,6 +157,7 @@ struct map_tls {
 	char ca[MAP_FILE_SIZE];  /* whose certificates the masters have */
 	char crl[MAP_FILE_SIZE]; /* of each of these CAs; empty: nothing is revoked */
 	uint32_t resumption_s;   /* how long a session may be resumed, 0: never */
+	uint32_t renewal_s;      /* how old a connection's keys become */
 	uint8_t versions;        /* enum map_tls_version */
 	uint8_t master_count;    /* 0: whoever has a certificate from the CA */
 	uint8_t reserved[2];
