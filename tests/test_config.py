@@ -363,6 +363,7 @@ SITES = [
     Site("tls", "tls", ("tls",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("port", "port[0]", ("port",)),
+    Site("rs485", "port[0].rs485", ("rs485",)),
     Site("inactive_port", "port[1]", ("inactive_port",)),
     Site("slave", "port[0].slaves[0]", ("slave",)),
     Site("coil", "port[0].slaves[1].coils[0]", ("object", "bits", "command", "pulse")),
@@ -381,6 +382,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "t1": {"t2": 1},
     "t2": {"t1": 255},
     "value": {"device": "ttyUSB0"},
+    "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
     "bit_order": {"type": "double"},
     "word_order": {"type": "float"},
@@ -403,7 +405,7 @@ def small_file() -> dict[str, Any]:
     device: dict[str, Any] = {"id": 2} | {table: [{"address": 5}] for table in tables}
     device["discrete_inputs"].append({"address": 700})
     slaves = [{"id": 1}, device]
-    ports = [{"value": 3, "active": 1, **line, "slaves": slaves}, {"value": 5, "active": 0}]
+    ports = [{"value": 3, "active": 1, **line, "rs485": {}, "slaves": slaves}, {"value": 5, "active": 0}]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
     others = {"iec104": {}, "tls": tls, "modbus": {}, "event_ring": 65536, "redundancy_groups": groups}
@@ -509,7 +511,7 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
 def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Every key of the schema: the definition it is in, its name, its rule."""
     objects = ("object", "command", "bits", "registers", "pulse", "step")
-    for name in ("", "iec104", "tls", "redundancy_group", "modbus", "port", "slave", *objects):
+    for name in ("", "iec104", "tls", "redundancy_group", "modbus", "port", "rs485", "slave", *objects):
         for key, rule in definition(name)["properties"].items():
             yield name, key, resolved(rule)
 

@@ -193,3 +193,15 @@ def test_broadcast_that_the_port_does_not_take_is_not_confirmed(lines: Lines) ->
         lines.assert_neighbours_are_fresh()
     lines.wait_quality("good", REOPEN_S)
     assert lines.master.command(BROADCAST_CA, 1, "C_SC_NA_1", c104.SingleCmd(on=True))
+
+
+def test_pseudo_terminal_that_carries_no_parity_is_told_once(lines: Lines) -> None:
+    lines.wild.unplug()
+    lines.wait_quality("invalid", NOTICE_S)
+    lines.wild.plug()
+    lines.wait_quality("good", REOPEN_S)
+    log = [json.loads(line)["text"] for line in lines.gateway.ctl("--json", "log").splitlines()]
+    assert sum("is open" in text and "port 6" in text for text in log) > 1
+    told = [text for text in log if "carries no parity" in text]
+    assert len(told) == 1
+    assert told[0].startswith("port 6: ")

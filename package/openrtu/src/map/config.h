@@ -65,6 +65,13 @@ enum map_status {
 	MAP_STATUS_BITS,
 };
 
+/* How a port's driver drives an RS-485 transceiver that has a direction pin. */
+enum map_rs485 {
+	MAP_RS485_NONE, /* the transceiver finds the direction itself, or somebody else has told the driver */
+	MAP_RS485_HIGH, /* RTS is active while sending */
+	MAP_RS485_LOW,
+};
+
 /* One RS-485 line. */
 struct map_line {
 	uint16_t port;    /* the file's "value": 1..6 on this board */
@@ -72,9 +79,12 @@ struct map_line {
 	uint16_t module;  /* index of that process in the module table; set by map_create */
 	uint16_t first_device;
 	uint16_t device_count;
-	uint8_t stop_bits; /* 1, 2 */
-	uint8_t parity;    /* enum map_parity */
-	uint32_t baud;     /* bit/s */
+	uint8_t stop_bits;           /* 1, 2 */
+	uint8_t parity;              /* enum map_parity */
+	uint32_t baud;               /* bit/s */
+	uint8_t rs485;               /* enum map_rs485 */
+	uint8_t before_ms, after_ms; /* that mode's delays around a frame, 0..100 */
+	uint8_t reserved;
 	char device[MAP_PATH_SIZE];
 };
 

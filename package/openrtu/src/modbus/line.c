@@ -332,7 +332,7 @@ static size_t begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 	line->device = index;
 	line->garbled = line->echoed = false;
 	line->frame_length = length;
-	line->sent_ns = now_ns + (int64_t)length * line->wire.char_ns;
+	line->sent_ns = now_ns + line->wire.turn_ns + (int64_t)length * line->wire.char_ns;
 	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
 	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : device->response_timeout_ns);
 	line->counters.requests++;
@@ -350,7 +350,8 @@ static void end(struct modbus_line *line, int64_t silent_ns, int64_t now_ns)
 
 static void serve_period(struct modbus_line *line, struct modbus_read *read)
 {
-	int64_t begun_ns = line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns;
+	int64_t begun_ns =
+	    line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.turn_ns;
 
 	if (read->period_ns > 0)
 		line->devices[line->device].counters.missed_periods += modbus_period_served(read, begun_ns);

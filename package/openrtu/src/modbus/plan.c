@@ -74,7 +74,7 @@ int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_
 {
 	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(function, count);
 
-	return chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
+	return wire->turn_ns + chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
 }
 
 static int64_t duration(const struct modbus_wire *wire, const struct modbus_read *read)

@@ -41,6 +41,8 @@ struct modbus_read {
 struct modbus_wire {
 	int64_t char_ns;
 	int64_t silence_ns; /* between frames: 3.5 characters */
+	int64_t
+	    turn_ns; /* from the order to send until the first character: the port switches the direction */
 };
 
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
@@ -48,7 +50,8 @@ struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
 
 /*
  * The least time that a read of count bits or registers takes of the line: its request and its answer, a silence
- * after each (the device knows by the first that the request has ended), and the device's reaction.
+ * after each (the device knows by the first that the request has ended), the device's reaction, and what the port
+ * takes before it sends.
  */
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns);
 

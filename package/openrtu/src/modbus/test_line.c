@@ -54,6 +54,25 @@ static void an_answer_is_listened_to_in_three_pieces(void **state)
 			2 * (bus.line.counters.answers - answers) + 2);
 }
 
+/* The time-out begins when the request has left: a port that switches the direction first sends it later. */
+static void the_time_out_begins_behind_the_turn_of_the_direction(void **state)
+{
+	(void)state;
+	start_simple(0);
+	bus.slaves[0].present = false;
+	run_for(50 * MS);
+	int64_t due_ns = bus.line.deadline_ns - bus.sent[bus.sent_count - 1].time_ns;
+	start_simple(0);
+	bus.line.wire.turn_ns = 20 * MS;
+	run_for(100 * MS);
+	bus.slaves[0].present = false;
+	run_for(50 * MS);
+	int64_t later_ns = bus.line.deadline_ns - bus.sent[bus.sent_count - 1].time_ns;
+	assert_int_equal(later_ns, due_ns + 20 * MS);
+	assert_int_equal(modbus_read_ns(&bus.line.wire, MODBUS_READ_HOLDING_REGISTERS, 8, REACTION_NS),
+			 29 * bus.line.wire.char_ns + 2 * bus.line.wire.silence_ns + 25 * MS);
+}
+
 static void a_broadcast_device_is_never_read(void **state)
 {
 	(void)state;
@@ -168,6 +187,7 @@ int main(void)
 	    cmocka_unit_test(devices_are_scanned_in_turn),
 	    cmocka_unit_test(silence_is_three_and_a_half_characters),
 	    cmocka_unit_test(an_answer_is_listened_to_in_three_pieces),
+	    cmocka_unit_test(the_time_out_begins_behind_the_turn_of_the_direction),
 	    cmocka_unit_test(a_broadcast_device_is_never_read),
 	    cmocka_unit_test(nothing_is_sent_before_open_or_after_close),
 	    cmocka_unit_test(a_dead_device_is_probed_ever_more_rarely),

@@ -8,6 +8,7 @@
 #include <asm/termbits.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/serial.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/file.h>
@@ -19,6 +20,7 @@
 #define PTY_MAJOR_FIRST        136 /* Linux, Documentation/admin-guide/devices.txt: Unix98 PTY slaves */
 #define PTY_MAJOR_LAST         143
 #define BAUD_TOLERANCE_PERCENT 2
+#define RS485_FLAGS            (SER_RS485_ENABLED | SER_RS485_RTS_ON_SEND | SER_RS485_RTS_AFTER_SEND)
 #define CHECKED_FLAGS          (CSIZE | PARENB | PARODD | CSTOPB | CRTSCTS)
 
 void serial_discard_output(int fd)
@@ -68,12 +70,49 @@ static bool is_near(uint32_t baud, uint32_t wanted)
 	return difference <= wanted / 100 * BAUD_TOLERANCE_PERCENT;
 }
 
-static bool took(const struct termios2 *settings, const struct termios2 *wanted, bool carries_parity)
+/* A driver says nothing when it cannot do something: what it did not take is seen only when it is read back. */
+static bool took(const struct termios2 *settings, const struct termios2 *wanted, bool carries_parity,
+		 char *error)
 {
 	tcflag_t checked = carries_parity ? CHECKED_FLAGS : CHECKED_FLAGS & ~(tcflag_t)(PARENB | PARODD);
 
-	return ((settings->c_cflag ^ wanted->c_cflag) & checked) == 0 &&
-	       is_near(settings->c_ospeed, wanted->c_ospeed);
+	if (!is_near(settings->c_ospeed, wanted->c_ospeed))
+		snprintf(error, SERIAL_ERROR_SIZE, "does not take %u bit/s, it stays at %u",
+			 (unsigned)wanted->c_ospeed, (unsigned)settings->c_ospeed);
+	else if (((settings->c_cflag ^ wanted->c_cflag) & checked) != 0)
+		snprintf(error, SERIAL_ERROR_SIZE, "does not take this parity or these stop bits");
+	else
+		return true;
+	return false;
+}
+
+static struct serial_rs485 wanted_rs485(const struct map_line *line)
+{
+	return (struct serial_rs485){
+	    .flags = SER_RS485_ENABLED |
+		     (line->rs485 == MAP_RS485_HIGH ? SER_RS485_RTS_ON_SEND : SER_RS485_RTS_AFTER_SEND),
+	    .delay_rts_before_send = line->before_ms,
+	    .delay_rts_after_send = line->after_ms,
+	};
+}
+
+/* To be called after each change of termios: some drivers forget the mode or the level of RTS then. */
+static bool configure_rs485(int fd, const struct map_line *line, char *error)
+{
+	struct serial_rs485 wanted = wanted_rs485(line), settings = {0};
+
+	if (line->rs485 == MAP_RS485_NONE)
+		return true;
+	if (ioctl(fd, TIOCSRS485, &wanted) < 0 || ioctl(fd, TIOCGRS485, &settings) < 0) {
+		snprintf(error, SERIAL_ERROR_SIZE, "has no RS-485 mode: %s", strerror(errno));
+		return false;
+	}
+	if (((settings.flags ^ wanted.flags) & RS485_FLAGS) == 0 &&
+	    settings.delay_rts_before_send == wanted.delay_rts_before_send &&
+	    settings.delay_rts_after_send == wanted.delay_rts_after_send)
+		return true;
+	snprintf(error, SERIAL_ERROR_SIZE, "does not take this RS-485 level or these delays");
+	return false;
 }
 
 static bool configure(int fd, const struct map_line *line, bool carries_parity, char *error)
@@ -84,11 +123,8 @@ static bool configure(int fd, const struct map_line *line, bool carries_parity, 
 		snprintf(error, SERIAL_ERROR_SIZE, "is not a serial port: %s", strerror(errno));
 		return false;
 	}
-	if (!took(&settings, &wanted, carries_parity)) {
-		snprintf(error, SERIAL_ERROR_SIZE, "cannot do %u bit/s with this parity and these stop bits",
-			 (unsigned)line->baud);
+	if (!took(&settings, &wanted, carries_parity, error) || !configure_rs485(fd, line, error))
 		return false;
-	}
 	ioctl(fd, TCFLSH, TCIOFLUSH);
 	return true;
 }

@@ -12,7 +12,7 @@
 
 /*
  * Opens the port for us alone, raw, non-blocking, 8 data bits, with the line's baud rate, parity and
- * stop bits, and checks what it took. *carries_parity is false for a pseudo-terminal, which has none to
+ * stop bits, and RS-485 mode, and checks what it took. *carries_parity is false for a pseudo-terminal, which has none to
  * carry. Returns the descriptor, or -1 with a message in error (SERIAL_ERROR_SIZE bytes).
  */
 int serial_open(const char *path, const struct map_line *line, bool *carries_parity, char *error);

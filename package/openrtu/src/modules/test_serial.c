@@ -109,6 +109,17 @@ static void what_is_no_port_is_refused(void **state)
 	unlink(file);
 }
 
+static void a_pseudo_terminal_has_no_rs485_mode(void **state)
+{
+	(void)state;
+	const struct map_line line = {.baud = 19200, .stop_bits = 1, .rs485 = MAP_RS485_HIGH};
+	char error[SERIAL_ERROR_SIZE];
+	bool carries_parity;
+
+	assert_int_equal(serial_open(path, &line, &carries_parity, error), -1);
+	assert_non_null(strstr(error, "has no RS-485 mode"));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -117,6 +128,7 @@ int main(void)
 	    cmocka_unit_test_setup_teardown(bytes_pass_unchanged, open_master, close_master),
 	    cmocka_unit_test_setup_teardown(only_one_may_have_it, open_master, close_master),
 	    cmocka_unit_test(what_is_no_port_is_refused),
+	    cmocka_unit_test_setup_teardown(a_pseudo_terminal_has_no_rs485_mode, open_master, close_master),
 	};
 	return cmocka_run_group_tests_name("serial", tests, NULL, NULL);
 }

@@ -6,7 +6,8 @@
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-#define DATA_BITS_RTU 8
+#define DATA_BITS_RTU  8
+#define BOARD_BAUD_MAX 460800 /* the last usual speed below its transceivers' 500 kbit/s */
 
 /* The report's /dev names of ports 1 to 6: the NUC980's UARTs behind the board's RS-485 terminals. */
 static const char *const board_devices[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", "ttyS6", "ttyS8"};
@@ -21,18 +22,20 @@ enum {
 	PORT_SLAVES,
 	PORT_DEVICE,
 	PORT_PROCESS,
+	PORT_RS485,
 	PORT_KEYS
 };
 static const struct config_rule port_rules[PORT_KEYS] = {
     [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = CONFIG_PORTS_MAX},
     [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
-    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .required = true, .low = 300, .high = 460800},
+    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .required = true, .low = 300, .high = 4000000},
     [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .required = true, .low = 4, .high = 8},
     [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .required = true, .low = 1, .high = 2},
     [PORT_PARITY] = {"parity", CONFIG_INTEGER, .required = true, .low = 0, .high = 2},
     [PORT_SLAVES] = {CONFIG_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = CONFIG_UNIT_MAX + 1},
     [PORT_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MAP_PATH_SIZE - 1},
     [PORT_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1},
+    [PORT_RS485] = {"rs485", CONFIG_OBJECT},
 };
 /* Figure 4.8: the parameters of a port that is not active are zeros and mean nothing. */
 static const struct config_rule inactive_port_rules[PORT_KEYS] = {
@@ -45,6 +48,16 @@ static const struct config_rule inactive_port_rules[PORT_KEYS] = {
     [PORT_SLAVES] = {CONFIG_KEY_SLAVES, CONFIG_ANYTHING},
     [PORT_DEVICE] = {"device", CONFIG_ANYTHING},
     [PORT_PROCESS] = {"process", CONFIG_ANYTHING},
+    [PORT_RS485] = {"rs485", CONFIG_ANYTHING},
+};
+
+/* The kernel holds the delays to 100 ms. */
+enum { RS485_RTS_ON_SEND, RS485_DELAY_BEFORE, RS485_DELAY_AFTER, RS485_KEYS };
+static const char *const levels[] = {"high", "low", NULL};
+static const struct config_rule rs485_rules[RS485_KEYS] = {
+    [RS485_RTS_ON_SEND] = {"rts_on_send", CONFIG_CHOICE, .choices = levels},
+    [RS485_DELAY_BEFORE] = {"delay_before_ms", CONFIG_INTEGER, .low = 0, .high = 100},
+    [RS485_DELAY_AFTER] = {"delay_after_ms", CONFIG_INTEGER, .low = 0, .high = 100},
 };
 
 static bool is_inactive(const json_t *port)
@@ -78,6 +91,19 @@ static void check_data_bits(struct config_loader *loader, const struct config_pl
 	if (value->given && value->integer != DATA_BITS_RTU)
 		config_error(&loader->report, &here, "%lld, expected %d: Modbus RTU sends whole bytes",
 			     (long long)value->integer, DATA_BITS_RTU);
+}
+
+static void check_baud_rate(struct config_loader *loader, const struct config_place *port,
+			    const struct config_value *values)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_BAUD_RATE].name);
+
+	if (values[PORT_BAUD_RATE].integer > BOARD_BAUD_MAX && !values[PORT_DEVICE].given)
+		config_error(
+		    &loader->report, &here,
+		    "%lld, expected at most %d: the board's transceivers end at 500 kbit/s, a faster port "
+		    "needs a device",
+		    (long long)values[PORT_BAUD_RATE].integer, BOARD_BAUD_MAX);
 }
 
 /* The path of the port's serial device, NULL when the file does not say it. */
@@ -130,6 +156,18 @@ static void add_line(struct config_loader *loader, const struct config_place *po
 	loader->port_of_line[config->line_count++] = (uint32_t)port->index;
 }
 
+static void read_rs485(struct config_loader *loader, const struct config_place *port, const json_t *json,
+		       struct map_line *line)
+{
+	const struct config_place place = config_key_of(port, port_rules[PORT_RS485].name);
+	struct config_value values[RS485_KEYS];
+
+	config_read_keys(&loader->report, &place, json, rs485_rules, RS485_KEYS, values);
+	line->rs485 = values[RS485_RTS_ON_SEND].integer == 0 ? MAP_RS485_HIGH : MAP_RS485_LOW;
+	line->before_ms = (uint8_t)values[RS485_DELAY_BEFORE].integer;
+	line->after_ms = (uint8_t)values[RS485_DELAY_AFTER].integer;
+}
+
 static void read_inactive_port(struct config_loader *loader, const struct config_place *place,
 			       const json_t *json)
 {
@@ -153,9 +191,13 @@ static void read_active_port(struct config_loader *loader, const struct config_p
 	config_read_keys(&loader->report, place, json, port_rules, PORT_KEYS, values);
 	claim_value(loader, place, &values[PORT_VALUE]);
 	check_data_bits(loader, place, &values[PORT_DATA_BITS]);
+	check_baud_rate(loader, place, values);
 	device = port_device(loader, place, values);
 	claim_device(loader, place, device);
 	add_line(loader, place, values, device);
+	if (values[PORT_RS485].given)
+		read_rs485(loader, place, values[PORT_RS485].json,
+			   &loader->config->lines[loader->config->line_count - 1]);
 	if (values[PORT_SLAVES].given)
 		config_read_slaves(loader, place, values[PORT_SLAVES].json);
 }
