@@ -39,6 +39,8 @@ RATES = (250, 500, 1000, 2000, 4000, 8000, 16000, 32000, 64000, 128000, 256000) 
 W = 8
 EVENT_TRIES = 2
 PATIENCE_S = 3.0
+EVENT_RING = 4096  # places for events in the map, as a configuration without it has
+AWAY, AWAY_RING, QUEUED = "127.0.0.2", 16384, 10_000  # a master, and the events that wait for it
 SOURCES = REPOSITORY / "package" / "openrtu" / "src"
 
 
@@ -64,8 +66,8 @@ class BenchError(Exception):
 class Client:
     """Looks at no more of a frame than what is measured, so that it is not what is measured."""
 
-    def __init__(self, address: tuple[str, int]) -> None:
-        self.socket = socket.create_connection(address, 10)
+    def __init__(self, address: tuple[str, int], source: str = "127.0.0.1") -> None:
+        self.socket = socket.create_connection(address, 10, (source, 0))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._waiting = b""
         self._sent = self._taken = self._owed = 0
@@ -178,6 +180,25 @@ def receive_events(clients: list[Client], station: Station, rate: int) -> float:
     return events / (max(each.last_s for each in counted.values()) - begun)
 
 
+def count_events(client: Client, most: int) -> int:
+    """Events of registers with a value, as the made ones have it: up to so many, or until no more come."""
+    count = 0
+    client.socket.settimeout(PATIENCE_S)
+    with contextlib.suppress(TimeoutError):
+        while count < most:
+            count += sum(map(values_in, client.frames()))
+    client.acknowledge()
+    return count
+
+
+def values_in(frame: bytes) -> int:
+    """Objects of a spontaneous ASDU of scaled values, tagged or not, that are not 0."""
+    if frame[2] & 1 or frame[8] != 3 or frame[6] not in (11, 35):
+        return 0
+    size = (len(frame) - 12) // (frame[7] & 0x7F)
+    return sum(frame[at + 3 : at + 5] != b"\0\0" for at in range(12, len(frame), size))
+
+
 # ---- the stations -----------------------------------------------------------------------------------
 
 
@@ -190,6 +211,9 @@ class Station:
     make_events: Callable[[int], None]  # at a rate, for a second, EVENTS_MAX at most
     map: Path | None = None
 
+    def map_octets(self) -> int:
+        return sum(file.stat().st_size for file in self.map.iterdir()) if self.map else 0
+
     def cpu_ns(self) -> int:
         """Of all its threads."""
         tasks = Path(f"/proc/{self.pid}/task").glob("*/schedstat")
@@ -200,16 +224,16 @@ def event_source() -> Path:
     return report_program().with_name("event_source")
 
 
-def configuration(port: int) -> dict[str, object]:
+def configuration(port: int, **settings: object) -> dict[str, object]:
     tables = {table: [{"address": address} for address in range(size)] for table, size in SIZE.items()}
     line = {"value": 1, "active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
     station = {"address": "127.0.0.1", "port": port, "max_connections": 16}
-    return {"iec104": station, "port": [{**line, "slaves": [{"id": UNIT, **tables}]}]}
+    return {"iec104": station, "port": [{**line, "slaves": [{"id": UNIT, **tables}]}], **settings}
 
 
 @contextlib.contextmanager
-def ours() -> Iterator[Station]:
-    """rtud and rtu-iec104, with the source of events in the place of rtu-modbus."""
+def ours(**settings: object) -> Iterator[Station]:
+    """rtud and rtu-iec104, with the source of events in the place of rtu-modbus; settings for its file."""
     directory = run_directory()
     try:
         build = directory / "build"
@@ -218,7 +242,7 @@ def ours() -> Iterator[Station]:
             (build / name).symlink_to(default_build().resolve() / name)
         (build / "modules" / "rtu-iec104").symlink_to(default_build().resolve() / "modules" / "rtu-iec104")
         (build / "modules" / "rtu-modbus").symlink_to(event_source().resolve())
-        with Gateway(configuration(free_port()), directory, build) as gateway:
+        with Gateway(configuration(free_port(), **settings), directory, build) as gateway:
             gateway.wait_for(lambda: next(iter(gateway.points().values()))["quality"] == "good", 10, "good")
             pid = gateway.modules()["rtu-iec104"]["pid"]
             yield Station(gateway.address, pid, set_point_for(gateway.address), gateway.map)
@@ -291,6 +315,28 @@ def measured(station: Station, rounds: int) -> dict[str, Spread | Memory]:
     }
 
 
+@dataclass(frozen=True)
+class Queue:
+    """What a station keeps of QUEUED events for a master that is away."""
+
+    memory: Memory  # of the process, while it keeps them
+    map_octets: int
+    kept: int  # as the master counts when it comes
+
+
+def queued(station: Station) -> Queue:
+    """Another master, who is there, sees when all were made."""
+    present = Client(station.address)
+    station.make_events(QUEUED)
+    count_events(present, QUEUED)
+    memory = memory_of(station.pid)
+    away = Client(station.address, AWAY)
+    kept = count_events(away, QUEUED)
+    for client in (present, away):
+        client.socket.close()
+    return Queue(memory, station.map_octets(), kept)
+
+
 def attempt(station: Station, masters: int, rate: int) -> float:
     """Events a second as they arrived, 0 when one was lost."""
     clients = [Client(station.address) for _ in range(masters)]
@@ -321,6 +367,19 @@ def sustained(
     return Spread("/s", best)
 
 
+def queue_rows(our_map_octets: int, mine: Queue, other: Queue) -> list[str]:
+    """The map's places for events beside those it had before are all that its growth is."""
+    octets = (mine.map_octets - our_map_octets) / (AWAY_RING - EVENT_RING)
+    ratio = f"{mine.memory.middle / other.memory.middle:.2g}"
+    return [
+        f"| kept of {QUEUED} events for a master that is away | {mine.kept} | {other.kept} | |",
+        f"| memory of the process then | {mine.memory} | {other.memory} | {ratio} |",
+        f"| the map, with {EVENT_RING} places for events | {our_map_octets / 1024:.0f} KiB | | |",
+        f"| the map with these events, {AWAY_RING} places | {mine.map_octets / 1024:.0f} KiB | | |",
+        f"| the map for each event, whoever waits for it | {octets:.0f} octets | | |",
+    ]
+
+
 def text_size() -> str:
     """Of iec104/ at -Os, by the cross compiler for ARMv5, or this machine's when there is none."""
     tests = ("test_", "fuzz_", "fake_")
@@ -349,16 +408,20 @@ def main() -> int:
         return 2
     head = f"{machine()}. Median (minimum..maximum) of {amounts.rounds}, of events {amounts.event_rounds}."
     results: list[dict[str, Spread | Memory]] = []
-    map_kib = 0
+    queues: list[Queue] = []
+    map_octets = 0
     try:
         for start in (ours, theirs):
             with start() as station:
                 results.append(measured(station, amounts.rounds))
-                if station.map:
-                    map_kib = sum(file.stat().st_size for file in station.map.iterdir()) // 1024
+                map_octets = max(map_octets, station.map_octets())
             for masters in (1, 8):
                 text = f"events without loss, to {masters} master{'s' if masters > 1 else ''}"
                 results[-1][text] = sustained(start, masters, amounts)
+        away = [{"name": "away", "masters": [AWAY]}]
+        for begin in (lambda: ours(event_ring=AWAY_RING, redundancy_groups=away), theirs):
+            with begin() as station:
+                queues.append(queued(station))
     except (BenchError, OSError) as error:
         print(f"the bench ended early: {error}", file=sys.stderr)
         return 1
@@ -367,7 +430,7 @@ def main() -> int:
         other = results[1][text]
         ratio = f"{mine.middle / other.middle:.2g}" if other.middle else ""
         print(f"| {text} | {mine} | {other} | {ratio} |")
-    print(f"| the map beside it, with its rings of events | {map_kib} KiB | | |")
+    print(*queue_rows(map_octets, *queues), sep="\n")
     print(f"| text of iec104/ at -Os | {text_size()} | | |")
     return 0
 
