@@ -118,9 +118,10 @@ static bool allocate_records(struct config_loader *loader, const json_t *root)
 	count_records(root, &counts);
 	loader->entries_max = counts.point_count;
 	loader->entries = allocate(counts.point_count, sizeof(*loader->entries));
-	loader->config->lines = allocate(counts.line_count, sizeof(struct map_line));
-	loader->config->devices = allocate(counts.device_count, sizeof(struct map_device));
-	loader->config->points = allocate(counts.point_count, sizeof(struct map_point));
+	loader->config->lines = allocate(counts.line_count + 1, sizeof(struct map_line));
+	loader->config->devices = allocate(counts.device_count + 1, sizeof(struct map_device));
+	loader->config->points =
+	    allocate(counts.point_count + CONFIG_OWN_POINTS_MAX, sizeof(struct map_point));
 	return loader->entries != NULL && loader->config->lines != NULL && loader->config->devices != NULL &&
 	       loader->config->points != NULL;
 }
@@ -137,6 +138,7 @@ static enum config_result build(struct config_loader *loader, const json_t *root
 	config_resolve_status(loader);
 	for (uint32_t i = 0; i < loader->config->point_count; i++)
 		loader->config->points[i] = loader->entries[i].point;
+	config_add_own_station(loader);
 	if (loader->report.errors > 0)
 		return CONFIG_WRONG;
 	config_check_modules(loader, root, modules);
@@ -175,8 +177,8 @@ int config_check(const char *path, struct config_modules modules)
 	enum config_result result = config_load(path, modules, &config, stderr);
 
 	if (result == CONFIG_GOOD)
-		printf("%s: good: lines %u, devices %u, points %u\n", path, config.line_count,
-		       config.device_count, config.point_count);
+		printf("%s: good: lines %u, devices %u, points %u\n", path, map_serial_lines(&config),
+		       map_slaves(&config), config.point_count);
 	config_free(&config);
 	return (int)result;
 }

@@ -108,6 +108,16 @@ void config_check_collisions(struct config_loader *loader);
 const struct config_place *config_entry_place(const struct config_entry *entry,
 					      struct config_place links[CONFIG_ENTRY_LINKS]);
 
+/* ---- config_own.c ------------------------------------------------------------------------ */
+
+#define CONFIG_OWN_POINTS_MAX (2 * (MAP_GROUPS_MAX + 1))
+
+/*
+ * Adds the gateway's own station behind all others, if the settings have its common address. There is room for a line,
+ * a device and CONFIG_OWN_POINTS_MAX points. Reports what they collide with.
+ */
+void config_add_own_station(struct config_loader *loader);
+
 /* ---- config_status.c --------------------------------------------------------------------- */
 
 /* Fills in the status bits of the entries' points. The entries are in their final order. */
