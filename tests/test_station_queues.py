@@ -392,6 +392,78 @@ def test_overflow_is_counted_and_all_values_follow(programs: Path) -> None:
             wait_log(gateway, f"{main.name}: {standby.name} takes over")
 
 
+OWN_CA, LOSING, LOST = 900, 1, 101  # of the first group; M_SP_TB_1 and M_BO_TB_1
+
+
+def until_own(master: RawMaster, kind: int, ioa: int, value: bytes) -> None:
+    """The object's next event in the gateway's own station, its time tag apart."""
+    deadline = time.monotonic() + SOON_S
+    while True:
+        asdu = master.next_asdu(deadline)
+        size = {30: 3 + 1 + 7, 33: 3 + 5 + 7}[asdu.type] if asdu.ca == OWN_CA and asdu.type != 70 else 1
+        objects = [asdu.body[begin : begin + size] for begin in range(0, len(asdu.body), size)]
+        found = [octets[3:-7] for octets in objects if octets[:3] == ioa.to_bytes(3, "little")]
+        if asdu.ca == OWN_CA and asdu.type == kind and found:
+            assert (asdu.cause, found) == (3, [value])
+            return
+
+
+def own_objects(master: RawMaster) -> list[tuple[int, bytes]]:
+    """Of an interrogation of the gateway's own station."""
+    master.request(100, OWN_CA, 0, bytes([20]))
+    assert master.answer(100).cause == 7
+    found: list[tuple[int, bytes]] = []
+    while (asdu := master.next_asdu(time.monotonic() + SOON_S)).type != 100:
+        found += [(asdu.type, asdu.body)] if asdu.cause == 20 else []
+    return found
+
+
+def test_losses_are_points_of_the_gateway_itself(programs: Path) -> None:
+    """Another control centre is told when it begins and when it is over."""
+    config = configuration()
+    config["event_ring"] = 256
+    config["redundancy_groups"][0]["queue"] = 100
+    config["iec104"]["own_ca"] = OWN_CA
+    with substation_of(config, programs) as substation:
+        gateway = substation.gateway
+        empty(gateway, "Control centre", MAIN)
+        empty(gateway, "Reserve", RESERVE)
+        with RawMaster(*gateway.address, source=RESERVE) as reserve:
+            for value in range(501, 541):  # three registers
+                substation.set_and_scan(DEVICE, "input_registers", 0, [value, value, value])
+            until_own(reserve, 30, LOSING, b"\x01")
+            assert gateway.points()["gateway.queue-1.losing"]["value"] == "on"
+            empty(gateway, "Control centre", MAIN)
+            until_own(reserve, 30, LOSING, b"\x00")
+            lost = queue(gateway, "Control centre")["lost"]
+            assert lost > 10
+            count = lost.to_bytes(4, "little") + b"\x00"
+            until_own(reserve, 33, LOST, count)
+            told = own_objects(reserve)
+            assert told == [  # of two groups and all others, neighbours together
+                (1, bytes.fromhex("010000 00 00")),
+                (1, bytes.fromhex("090000 00")),
+                (7, b"\x65\x00\x00" + count + bytes(5)),
+                (7, b"\x6d\x00\x00" + bytes(5)),
+            ]
+            reserve.request(45, OWN_CA, LOSING, b"\x01")  # nobody commands it
+            assert reserve.answer(45).cause == 47 | 0x40
+        former = gateway.modules()["rtu-iec104"]["pid"]
+        gateway.kill("rtu-iec104")
+        gateway.wait_for(
+            lambda: (
+                gateway.modules()["rtu-iec104"]["pid"] not in (former, 0)
+                and {p["quality"] for p in gateway.points("gateway.*").values()} == {"good"}
+            ),
+            SOON_S,
+            "its points are good again",
+        )
+        assert [(port["port"], len(port["devices"])) for port in gateway.query("lines")] == [(3, 1)]
+        with RawMaster(*gateway.address, source=RESERVE) as reserve:
+            assert own_objects(reserve) == told
+        assert not [line for line in gateway.log(1000).splitlines() if "Reserve: more than" in line]
+
+
 # ---- who may connect, who may command -------------------------------------------------------------------
 
 

@@ -6,7 +6,7 @@
 
 #define COMMAND MAP_POINT_COMMAND
 
-struct map_point points[POINTS] = {
+struct map_point points[POINTS + OWN] = {
     /* CA 3067: report 003, figure 5.3 */
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
@@ -29,13 +29,20 @@ struct map_point points[POINTS] = {
     {.device = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
     {.device = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
     {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .period_ms = 5000},
+    /* CA 900: this process's own */
+    {.device = 2, .type = MAP_SINGLE, .ioa = 1},
+    {.device = 2, .type = MAP_SINGLE, .ioa = 9},
+    {.device = 2, .type = MAP_BITSTRING, .ioa = 101},
+    {.device = 2, .type = MAP_BITSTRING, .ioa = 109},
 };
 
-struct map_device devices[DEVICES] = {
+struct map_device devices[DEVICES + 1] = {
     {.line = 0, .unit = 67, .ca = 3067, .first_point = 0, .point_count = 13},
     {.line = 1, .unit = 1, .ca = 4001, .first_point = 13, .point_count = 7},
+    {.line = 2, .unit = 255, .ca = 900, .first_point = 20, .point_count = OWN},
 };
-static struct map_line lines[] = {{.module = 1, .device_count = 1}, {.module = 2, .device_count = 1}};
+static struct map_line lines[] = {
+    {.module = 1, .device_count = 1}, {.module = 2, .device_count = 1}, {.module = 0, .device_count = 1}};
 
 struct map fake;
 int64_t now;
@@ -198,6 +205,18 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 	return true;
 }
 
+void map_publish(struct map *map, const struct map_update *updates, size_t count)
+{
+	for (size_t i = 0; i < count; i++) {
+		struct map_sample *held = &map->samples[updates[i].point];
+		bool changed = held->value.u != updates[i].sample.value.u || held->quality != 0;
+
+		*held = updates[i].sample;
+		if (changed)
+			put_event(MAP_EVENT_CHANGE, updates[i].point, *held);
+	}
+}
+
 uint32_t map_request_post(struct map *map, struct map_request request)
 {
 	uint32_t owner = request.point == MAP_NONE ? MAP_RTUD : map_owner(map, request.point);
@@ -257,6 +276,16 @@ void publish(uint32_t point, int32_t value)
 {
 	fake.samples[point] = (struct map_sample){.value.i = value, .time_ns = now};
 	put_event(MAP_EVENT_CHANGE, point, fake.samples[point]);
+}
+
+void fake_own_station(void)
+{
+	fake.config.settings.own_ca = 900;
+	fake.config.settings.group_count = 1;
+	fake.config.line_count = fake.config.device_count = DEVICES + 1;
+	fake.config.point_count = POINTS + OWN;
+	for (uint32_t i = POINTS; i < POINTS + OWN; i++)
+		fake.samples[i] = (struct map_sample){.quality = MAP_INVALID};
 }
 
 void return_information(uint32_t point, int32_t value)

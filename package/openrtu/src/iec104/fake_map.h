@@ -15,6 +15,7 @@
 
 #define POINTS   20
 #define DEVICES  2
+#define OWN      4    /* points of the gateway's own station, of one redundancy group and all others */
 #define RINGS    3    /* rtud and two owners */
 #define EVENTS   4096 /* a power of two, as are the next two */
 #define REQUESTS 64
@@ -22,14 +23,14 @@
 
 enum { COIL4 = 3, HOLDING3 = 12, DOUBLE1 = 13, BITS = 15, NORMALIZED = 16, FLOAT = 17, COUNTER = 18 };
 
-extern struct map_point points[POINTS];
-extern struct map_device devices[DEVICES];
+extern struct map_point points[POINTS + OWN];
+extern struct map_device devices[DEVICES + 1];
 
 struct map {
 	struct map_config config;
-	struct map_sample samples[POINTS];
-	struct map_sample totals[POINTS]; /* of counters; time_ns 0: never frozen */
-	struct map_parameters parameters[POINTS];
+	struct map_sample samples[POINTS + OWN];
+	struct map_sample totals[POINTS + OWN]; /* of counters; time_ns 0: never frozen */
+	struct map_parameters parameters[POINTS + OWN];
 	struct map_event events[EVENTS]; /* this and the next two: rings */
 	uint32_t event_count;
 	uint32_t event_capacity; /* how many are kept: a power of two, EVENTS at most */
@@ -41,7 +42,7 @@ struct map {
 	unsigned request_count;
 	struct map_answer answers[ANSWERS];
 	unsigned answer_count, answers_read;
-	struct map_command commands[POINTS];
+	struct map_command commands[POINTS + OWN];
 	bool dead[3]; /* rtud and the two modules */
 	bool starting[3];
 	bool silent[3]; /* its heartbeat is missing */
@@ -59,6 +60,8 @@ extern int64_t now;
 
 /* Begins anew at 500 s, with two devices of a module each: CA 3067 of report 003's figure 5.3, CA 4001. */
 void fake_begin(void);
+/* One redundancy group, and a station of the gateway's own, CA 900, which this process owns. */
+void fake_own_station(void);
 void put_event(enum map_event_kind kind, uint32_t point, struct map_sample sample);
 /* The owner publishes a value: readers see it, and an event is made. */
 void publish(uint32_t point, int32_t value);

@@ -30,9 +30,9 @@ static struct model {
 	struct iec104_connection *connection;
 	uint16_t ns, nr, acknowledged; /* V(S), V(R), last N(R) sent */
 	bool proper;                   /* has sent nothing but whole APDUs in sequence */
-	bool known[POINTS];            /* was told a value */
-	bool invalid[POINTS];
-	uint32_t value[POINTS];
+	bool known[POINTS + OWN];      /* was told a value */
+	bool invalid[POINTS + OWN];
+	uint32_t value[POINTS + OWN];
 	unsigned commands, confirmed, terminated;
 	bool deaf; /* reads nothing for a while */
 } models[CONNECTIONS];
@@ -168,7 +168,12 @@ static void take_output(struct model *model)
 
 static void run_station(void)
 {
-	iec104_station_run(&station, now);
+	uint32_t events;
+
+	do { /* its own events ring its bell */
+		events = fake.event_count;
+		iec104_station_run(&station, now);
+	} while (fake.event_count != events);
 	for (unsigned i = 0; i < CONNECTIONS; i++) {
 		take_output(&models[i]);
 		if (models[i].connection->session.closing != IEC104_OPEN) {
@@ -418,7 +423,7 @@ static void step(void)
 
 static void expect_truth(const struct model *model)
 {
-	for (uint32_t i = 0; i < POINTS; i++) {
+	for (uint32_t i = 0; i < fake.config.point_count; i++) {
 		const struct map_sample *sample = &fake.samples[i];
 		uint8_t type = points[i].type;
 		bool invalid = fake.dead[map_owner(&fake, i)] || (sample->quality & MAP_INVALID);
@@ -469,6 +474,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	variant = next_octet();
 	if (variant & 1)
 		fake.event_capacity = 8;
+	if (variant & 128)
+		fake_own_station();
 	if (variant & 2) /* both are of one redundancy group */
 		fake.config.settings.group_count = 1;
 	fake.config.settings.groups[0].queue = variant & 4 ? 6 : EVENTS - 1;

@@ -102,6 +102,7 @@ static void note_lost(struct iec104_station *station, uint32_t slot, bool episod
 	map_count(&station->stats->counters[MAP_STATION_EVENTS_LOST], lost);
 	if (!episode_begins)
 		return;
+	station->losses_changed = true;
 	map_queue(station->map, slot, &queue);
 	iec104_log(station, MAP_LOG_WARNING, queue.name,
 		   "more than %" PRIu32 " events wait, the oldest are lost; all points will be sent",
@@ -117,6 +118,17 @@ void iec104_note_lost_events(struct iec104_station *station, struct iec104_conne
 	connection->cursor.lost = 0;
 	note_lost(station, connection->queue, !connection->refresh_all, lost);
 	skip_lost(station, connection);
+}
+
+bool iec104_queue_recovers(struct iec104_station *station, uint32_t queue)
+{
+	const struct iec104_connection *holder = holder_of(station, queue);
+	struct map_queue_place place;
+
+	if (holder != NULL)
+		return holder->refresh_all;
+	map_queue_place(station->map, queue, &place);
+	return place.refresh == MAP_REFRESH_ALL;
 }
 
 /* As long as this takes: a module that puts events faster holds nobody up. */
@@ -249,6 +261,7 @@ static uint32_t new_queue(struct iec104_station *station, const struct iec104_co
 		map_cursor_to_end(station->map, &place.cursor);
 	map_queue_assign(station->map, slot, connection->address, &place);
 	station->queues |= 1u << slot;
+	station->losses_changed = true;
 	return slot;
 }
 
@@ -300,6 +313,7 @@ void iec104_release_queue(struct iec104_station *station, struct iec104_connecti
 	if (connection->succeeded_ns > connection->session.heard_ns) { /* its successor has all of it */
 		map_queue_free(station->map, connection->queue);
 		station->queues &= ~(1u << connection->queue);
+		station->losses_changed = true;
 	} else {
 		map_queue_use(station->map, connection->queue);
 	}

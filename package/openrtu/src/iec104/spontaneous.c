@@ -55,8 +55,7 @@ bool iec104_send_invalid(const struct iec104_station *station, struct iec104_con
 	return progress != IEC104_SWEEP_TRY_LATER;
 }
 
-bool iec104_send_refresh(const struct iec104_station *station, struct iec104_connection *connection,
-			 int64_t now_ns)
+bool iec104_send_refresh(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
 	const struct iec104_manner manner = {
 	    .wanted = to_be_refreshed,
@@ -70,6 +69,7 @@ bool iec104_send_refresh(const struct iec104_station *station, struct iec104_con
 		return false;
 	progress = iec104_send_points(station, connection, &connection->refresh_sweep, &manner, now_ns);
 	if (progress == IEC104_SWEEP_DONE) {
+		station->losses_changed |= connection->refresh_all;
 		connection->refresh = connection->refresh_all = false;
 		connection->refresh_modules = 0;
 	}

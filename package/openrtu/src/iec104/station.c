@@ -31,6 +31,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		atomic_store(&station->stats->connections[i].open, 0);
 	iec104_find_queues(station);
+	station->losses_changed = true;
 	station->times = (struct iec104_times){
 	    .k = settings->k,
 	    .w = settings->w,
@@ -205,6 +206,7 @@ void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 	iec104_trim_queues(station);
 	run_connections(station, true, now_ns);
 	run_connections(station, false, now_ns);
+	iec104_publish_losses(station);
 }
 
 static int64_t earlier(int64_t a, int64_t b)

@@ -45,6 +45,7 @@
  * A controlling station without a group has a queue by its address, from its first STARTDT on. A further connection from an
  * address may be another controlling station, or the same one after its link failed in silence: nothing is closed, and it
  * begins with what the first one has not acknowledged.
+ * With settings.own_ca, that events are lost is itself told by points, of which this process is the owner (losses.c).
  */
 #ifndef OPENRTU_IEC104_STATION_H
 #define OPENRTU_IEC104_STATION_H
@@ -174,7 +175,8 @@ struct iec104_station {
 	int64_t *sent_ns;
 	struct map_queue_place *places;
 	struct map_station_stats *stats;
-	uint32_t queues; /* those that a group or an address has, a bit each */
+	uint32_t queues;     /* those that a group or an address has, a bit each */
+	bool losses_changed; /* what the own station says of them */
 	uint32_t next_serial;
 	struct iec104_connection connections[IEC104_CONNECTIONS_MAX];
 	struct iec104_open_request open_requests[IEC104_OPEN_REQUESTS_MAX];

@@ -48,8 +48,15 @@ void iec104_take_acknowledgement(struct iec104_station *station, struct iec104_c
 void iec104_note_lost_events(struct iec104_station *station, struct iec104_connection *connection);
 /* Drops the oldest events of queues in which more wait than may. */
 void iec104_trim_queues(struct iec104_station *station);
+/* Events of this queue were lost, and the current values that take their place have not all been sent. */
+bool iec104_queue_recovers(struct iec104_station *station, uint32_t queue);
 /* Those that a former process of this station has left. */
 void iec104_find_queues(struct iec104_station *station);
+
+/* ---- losses.c ---------------------------------------------------------------------------- */
+
+/* Publishes the points of the gateway's own station, if there is one and they may have changed. */
+void iec104_publish_losses(struct iec104_station *station);
 
 /* ---- stats.c ----------------------------------------------------------------------------- */
 
@@ -129,7 +136,7 @@ bool iec104_send_invalid(const struct iec104_station *station, struct iec104_con
 void iec104_resolve_doubts(const struct iec104_station *station, struct iec104_connection *connection,
 			   int64_t now_ns);
 /* Current values after lost events, or of a module that is back. */
-bool iec104_send_refresh(const struct iec104_station *station, struct iec104_connection *connection,
+bool iec104_send_refresh(struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
 
 /* ---- periodic.c -------------------------------------------------------------------------- */

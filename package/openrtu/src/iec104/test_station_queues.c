@@ -47,6 +47,81 @@ static void restart_station(void)
 	iec104_station_init(&station, &fake, sent_ns, places);
 }
 
+/* ---- what is said of losses ---------------------------------------------------------------- */
+
+static int set_up_own_station(void **state)
+{
+	set_up_group(state);
+	fake_own_station();
+	fake.config.settings.groups[GROUP].queue = 6;
+	iec104_station_init(&station, &fake, sent_ns, places);
+	run();
+	return 0;
+}
+
+#define OWN_TEST(name) cmocka_unit_test_setup(name, set_up_own_station)
+
+/* Its own events are not among those that are lost again and again, and tell of each episode twice. */
+static void test_losses_are_points(void **state)
+{
+	uint32_t events;
+
+	(void)state;
+	connect_from(0, "10.0.0.1", GROUP);
+	start(0);
+	EXPECT(0, 30, 2, 3, 0, 0x84, 3, 1, 0, 0, 0, TIME, 9, 0, 0, 0, TIME);
+	EXPECT(0, 33, 2, 3, 0, 0x84, 3, 101, 0, 0, 0, 0, 0, 0, 0, TIME, 109, 0, 0, 0, 0, 0, 0, 0, TIME);
+	acknowledge(&masters[0]);
+	put_bytes(&masters[0], stopdt, sizeof(stopdt));
+	assert_non_null(next_frame(&masters[0]));
+	events = fake.event_count;
+	for (int32_t value = 1; value <= 10; value++)
+		publish(HOLDING3, value);
+	run();
+	assert_int_equal(fake.event_count, events + 10 + 2); /* that it loses, and how many by now */
+	assert_int_equal(fake.samples[POINTS].value.u, 1);
+	assert_int_equal(fake.samples[POINTS + 1].value.u, 0);
+	assert_int_equal(fake.samples[POINTS + 2].value.u, 4);
+	for (int i = 0; i < 20; i++)
+		run();
+	assert_int_equal(fake.event_count, events + 10 + 2);
+	assert_int_equal(fake.queues[GROUP].lost, 6); /* these two took the place of two others */
+	start(0);
+	EXPECT(0, 35, 4, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 7, 0, 0, TIME, 0x43, 0x9c, 0, 8, 0, 0, TIME, 0x43,
+	       0x9c, 0, 9, 0, 0, TIME, 0x43, 0x9c, 0, 10, 0, 0, TIME);
+	EXPECT(0, 30, 1, 3, 0, 0x84, 3, 1, 0, 0, 1, TIME);
+	EXPECT(0, 33, 1, 3, 0, 0x84, 3, 101, 0, 0, 4, 0, 0, 0, 0, TIME);
+	for (const uint8_t *frame = NULL; fake.samples[POINTS].value.u == 1; frame = next_frame(&masters[0]))
+		if (frame == NULL)
+			acknowledge(&masters[0]); /* the values of all points follow */
+	acknowledge(&masters[0]);
+	run();
+	while (next_frame(&masters[0]) != NULL)
+		acknowledge(&masters[0]);
+	assert_int_equal(fake.samples[POINTS + 2].value.u, 6);
+	ASK(0, 100, 1, 6, 0, 0x84, 3, 0, 0, 0, 20);
+	EXPECT(0, 100, 1, 7, 0, 0x84, 3, 0, 0, 0, 20);
+	EXPECT(0, 1, 2, 20, 0, 0x84, 3, 1, 0, 0, 0, 9, 0, 0, 0);
+	EXPECT(0, 7, 2, 20, 0, 0x84, 3, 101, 0, 0, 6, 0, 0, 0, 0, 109, 0, 0, 0, 0, 0, 0, 0);
+	EXPECT(0, 100, 1, 10, 0, 0x84, 3, 0, 0, 0, 20);
+	expect_nothing(0);
+}
+
+static void test_losses_of_addresses_without_a_group(void **state)
+{
+	(void)state;
+	fake.config.settings.event_ring = 8;
+	connect_master(0, false);
+	start(0);
+	put_bytes(&masters[0], stopdt, sizeof(stopdt));
+	assert_non_null(next_frame(&masters[0]));
+	for (int32_t value = 1; value <= 9; value++)
+		publish(HOLDING3, value);
+	run();
+	assert_int_equal(fake.samples[POINTS + 1].value.u, 1);
+	assert_int_equal(fake.samples[POINTS + 3].value.u, 2);
+}
+
 /* ---- what is sent again ------------------------------------------------------------------- */
 
 static void test_unacknowledged_events_are_sent_again(void **state)
@@ -562,6 +637,8 @@ int main(void)
 	    TEST(test_many_disconnections),
 	    TEST(test_module_down_is_reported_whole),
 	    TEST(test_refresh_outlives_the_connection),
+	    OWN_TEST(test_losses_are_points),
+	    OWN_TEST(test_losses_of_addresses_without_a_group),
 	    GROUP_TEST(test_group_has_events_from_before_its_first_connection),
 	    GROUP_TEST(test_switch_over_after_a_silent_failure),
 	    GROUP_TEST(test_orderly_switch_over),

@@ -184,6 +184,7 @@ struct map_settings {
 	uint16_t max_connections;
 	uint16_t select_timeout_s;  /* a selection that is not executed ends */
 	uint16_t command_timeout_s; /* oldest acceptable time tag, longest wait for the device */
+	uint16_t own_ca;            /* common address of the gateway's own station, 0: there is none */
 	uint8_t clock;              /* enum map_clock_mode */
 	uint8_t clock_master_count; /* 0: every master may set the clock */
 	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
@@ -205,7 +206,13 @@ static inline bool map_tls_used(const struct map_settings *settings)
 	return settings->tls.certificate[0] != '\0';
 }
 
-/* The whole configuration. The arrays belong to whoever filled it, or lie in the map. */
+/*
+ * The whole configuration. The arrays belong to whoever filled it, or lie in the map.
+ *
+ * With own_ca, the last line is none, and its only device is the gateway's own station: points of rtu-iec104 about its
+ * event queues. First one for each redundancy group and one for all others that says whether events were lost and not
+ * made up for, then as many that count them.
+ */
 struct map_config {
 	struct map_settings settings;
 	uint32_t line_count, device_count, point_count;
@@ -218,5 +225,16 @@ struct map_config {
 
 /* A point's name: what the file gave it, or else "p1.5.i30" of port, Modbus address, table and address. */
 void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE]);
+
+static inline uint32_t map_serial_lines(const struct map_config *config)
+{
+	return config->line_count - (config->settings.own_ca != 0);
+}
+
+/* The Modbus devices. */
+static inline uint32_t map_slaves(const struct map_config *config)
+{
+	return config->device_count - (config->settings.own_ca != 0);
+}
 
 #endif

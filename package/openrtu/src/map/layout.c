@@ -50,7 +50,7 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 		layout.queues = section(&layout, MAP_QUEUES * sizeof(struct queue_cell));
 		layout.station_stats = section(&layout, sizeof(struct map_station_stats));
 	}
-	if (entry->kind != MAP_MODULE_MODBUS)
+	if (entry->kind != MAP_MODULE_MODBUS && entry->point_count == 0)
 		return layout;
 	layout.latches = section(&layout, config->device_count * sizeof(map_latch));
 	layout.samples[0] = section(&layout, entry->point_count * sizeof(struct map_sample));

@@ -104,11 +104,15 @@ static int modbus_module(struct directory *directory, uint16_t process)
 
 static int assign_modules(struct directory *directory, const struct map_config *config, char *error)
 {
+	uint32_t iec104;
+
 	add_module(directory, "rtud", MAP_MODULE_RTUD);
+	iec104 = directory->module_count;
 	add_module(directory, "rtu-iec104", MAP_MODULE_IEC104);
 	add_module(directory, "rtuctl", MAP_MODULE_RTUCTL);
 	for (uint32_t i = 0; i < config->line_count; i++) {
-		int module = modbus_module(directory, config->lines[i].process);
+		int module = i < map_serial_lines(config) ? modbus_module(directory, config->lines[i].process)
+							  : (int)iec104;
 
 		if (module < 0)
 			return fail(error, "too many processes: %d modules at most", MAP_MODULES_MAX);

@@ -96,8 +96,8 @@ struct map_module {
 /* ---- create, attach ---------------------------------------------------------------------- */
 
 /*
- * Creates the segments of rtud, of one module per process number in config->lines, of rtu-iec104 and
- * of rtuctl in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
+ * Creates the segments of rtud, of one module per process number in config->lines (but the own station's, which is
+ * rtu-iec104's), of rtu-iec104 and of rtuctl in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
  * lines[].module, points[].slot, .command and .extra, in config and in the map. Segments and folder belong to the
  * caller's user; group, unless 0, is the modules' and may ring the bells.
  * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).

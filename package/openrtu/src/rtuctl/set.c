@@ -73,6 +73,9 @@ static struct map_answer step(struct map *map, struct map_request request, enum 
 	int64_t patience_ns = map_config(map)->settings.command_timeout_s * NS_PER_S;
 	uint32_t id;
 
+	if (!(map_config(map)->points[request.point].flags &
+	      MAP_POINT_COMMAND)) /* its owner may take no requests */
+		return no_answer(MAP_RESULT_NOT_COMMANDABLE);
 	request.action = (uint8_t)action;
 	request.time_ns = map_now_ns();
 	request.deadline_ns = request.time_ns + patience_ns;

@@ -308,7 +308,7 @@ static void list_devices(const struct map *map)
 	struct listing listing;
 
 	listing_begin(&listing, device_columns, COUNT(device_columns), false);
-	for (uint32_t i = 0; i < map_config(map)->device_count; i++)
+	for (uint32_t i = 0; i < map_slaves(map_config(map)); i++)
 		listing_add(&listing, device_row(map, i));
 	listing_end(&listing);
 }
@@ -318,7 +318,7 @@ int rtuctl_lines(struct map *map, const struct rtuctl_request *request)
 	struct listing listing;
 
 	listing_begin(&listing, line_columns, COUNT(line_columns), request->json);
-	for (uint32_t i = 0; i < map_config(map)->line_count; i++)
+	for (uint32_t i = 0; i < map_serial_lines(map_config(map)); i++)
 		listing_add(&listing, line_row(map, i));
 	listing_end(&listing);
 	if (!request->json) {

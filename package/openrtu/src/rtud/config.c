@@ -119,12 +119,20 @@ static bool allocate_records(struct config_loader *loader, const json_t *root)
 	count_records(root, &counts);
 	loader->entries_max = counts.point_count;
 	loader->entries = allocate(counts.point_count, sizeof(*loader->entries));
-	loader->config->lines = allocate(counts.line_count, sizeof(struct map_line));
-	loader->config->devices = allocate(counts.device_count, sizeof(struct map_device));
-	loader->config->points = allocate(counts.point_count, sizeof(struct map_point));
-	loader->config->names = allocate(counts.point_count + 1, MAP_NAME_SIZE);
+	loader->config->lines = allocate(counts.line_count + 1, sizeof(struct map_line));
+	loader->config->devices = allocate(counts.device_count + 1, sizeof(struct map_device));
+	loader->config->points =
+	    allocate(counts.point_count + CONFIG_OWN_POINTS_MAX, sizeof(struct map_point));
+	loader->config->names = allocate(counts.point_count + CONFIG_OWN_POINTS_MAX + 1, MAP_NAME_SIZE);
 	return loader->entries != NULL && loader->config->lines != NULL && loader->config->devices != NULL &&
 	       loader->config->points != NULL && loader->config->names != NULL;
+}
+
+void config_keep_name(struct map_config *config, struct map_point *point, const char *name)
+{
+	point->name = config->names_size;
+	strcpy(config->names + config->names_size, name);
+	config->names_size += (uint32_t)strlen(name) + 1;
 }
 
 /* In the order in which the map wants them; only a name that was given is kept. */
@@ -133,11 +141,8 @@ static void keep_points(struct map_config *config, const struct config_entry *en
 	config->names_size = 1;
 	for (uint32_t i = 0; i < config->point_count; i++) {
 		config->points[i] = entries[i].point;
-		if (!entries[i].named)
-			continue;
-		config->points[i].name = config->names_size;
-		strcpy(config->names + config->names_size, entries[i].name);
-		config->names_size += (uint32_t)strlen(entries[i].name) + 1;
+		if (entries[i].named)
+			config_keep_name(config, &config->points[i], entries[i].name);
 	}
 }
 
@@ -158,6 +163,7 @@ static enum config_result build(struct config_loader *loader, const json_t *root
 	keep_points(loader->config, loader->entries);
 	if (loader->report.errors == 0 && !config_check_periods(loader))
 		return out_of_memory(loader);
+	config_add_own_station(loader);
 	if (loader->report.errors > 0)
 		return CONFIG_WRONG;
 	config_check_modules(loader, root, modules);
@@ -197,8 +203,8 @@ int config_check(const char *path, struct config_modules modules, bool requests)
 	enum config_result result = config_load(path, modules, &config, stderr);
 
 	if (result == CONFIG_GOOD) {
-		printf("%s: good: lines %u, devices %u, points %u\n", path, config.line_count,
-		       config.device_count, config.point_count);
+		printf("%s: good: lines %u, devices %u, points %u\n", path, map_serial_lines(&config),
+		       map_slaves(&config), config.point_count);
 		if (!limit_print(&config, requests, stdout)) {
 			fputs("out of memory\n", stderr);
 			result = CONFIG_UNUSABLE;

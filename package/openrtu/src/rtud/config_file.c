@@ -49,6 +49,7 @@ enum {
 	IEC104_SELECT_TIMEOUT,
 	IEC104_COMMAND_TIMEOUT,
 	IEC104_CLOCK_MASTERS,
+	IEC104_OWN_CA,
 	IEC104_KEYS
 };
 static const struct config_rule iec104_rules[IEC104_KEYS] = {
@@ -63,6 +64,7 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 30},
     [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 10},
     [IEC104_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = MAP_CLOCK_MASTERS_MAX},
+    [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
 };
 
 enum { MODBUS_PRIORITY, MODBUS_KEYS };
@@ -118,6 +120,7 @@ static void read_iec104(struct config_loader *loader, const struct config_place 
 	settings->max_connections = (uint16_t)values[IEC104_MAX_CONNECTIONS].integer;
 	settings->select_timeout_s = (uint16_t)values[IEC104_SELECT_TIMEOUT].integer;
 	settings->command_timeout_s = (uint16_t)values[IEC104_COMMAND_TIMEOUT].integer;
+	settings->own_ca = (uint16_t)values[IEC104_OWN_CA].integer;
 	if (!values[IEC104_ADDRESS].wrong)
 		config_read_address(loader, &address,
 				    values[IEC104_ADDRESS].given ? values[IEC104_ADDRESS].text : "0.0.0.0",
@@ -230,7 +233,7 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 		config_error(&loader->report, &tls,
 			     "this build has no rtu-iec104-tls: remove the object, or build with "
 			     "-Dtls=true, in Buildroot BR2_PACKAGE_OPENRTU_TLS");
-	if (!modules.modbus && loader->config->line_count > 0)
+	if (!modules.modbus && map_serial_lines(loader->config) > 0)
 		config_error(&loader->report, &ports,
 			     "this build has no rtu-modbus: make no port active, or build with "
 			     "-Dmodbus=true, in Buildroot BR2_PACKAGE_OPENRTU_MODBUS");

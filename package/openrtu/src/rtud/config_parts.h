@@ -99,6 +99,11 @@ void config_read_objects(struct config_loader *loader, const struct config_place
 /* The key of each status bit in an object, by enum map_status. */
 extern const char *const config_status_keys[MAP_STATUS_BITS];
 
+/* ---- config.c ---------------------------------------------------------------------------- */
+
+/* Gives the point a name of its own; there is room for one each. */
+void config_keep_name(struct map_config *config, struct map_point *point, const char *name);
+
 /* ---- config_collisions.c ----------------------------------------------------------------- */
 
 /* Reports entries that share what must be a point's own. Leaves the entries in the order map/config.h asks for. */
@@ -109,6 +114,16 @@ void config_check_collisions(struct config_loader *loader);
 /* Where an entry is in the file, put together in links. */
 const struct config_place *config_entry_place(const struct config_entry *entry,
 					      struct config_place links[CONFIG_ENTRY_LINKS]);
+
+/* ---- config_own.c ------------------------------------------------------------------------ */
+
+#define CONFIG_OWN_POINTS_MAX (2 * (MAP_GROUPS_MAX + 1))
+
+/*
+ * Adds the gateway's own station behind all others, if the settings have its common address. There is room for a line,
+ * a device and CONFIG_OWN_POINTS_MAX points. Reports what they collide with.
+ */
+void config_add_own_station(struct config_loader *loader);
 
 /* ---- config_status.c --------------------------------------------------------------------- */
 

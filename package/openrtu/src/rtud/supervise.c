@@ -476,7 +476,7 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 	raise_priority(&supervisor);
 	clock_begin(supervisor.map);
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
-		config->line_count, config->device_count, config->point_count, options->map);
+		map_serial_lines(config), map_slaves(config), config->point_count, options->map);
 	watch_modules(&supervisor);
 	started = start_watchdog(&supervisor);
 	if (started)

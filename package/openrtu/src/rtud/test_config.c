@@ -293,6 +293,33 @@ static void test_an_object_has_its_own_period_or_its_slaves(void **state)
 	config_free(&config);
 }
 
+/* Behind all others, on a line that is none. */
+static void test_own_station(void **state)
+{
+	struct map_config config =
+	    load("{'iec104': {'own_ca': 900}, 'redundancy_groups': [{'name': 'a', 'masters': ['::1']}], "
+		 "'port': [" LINE("1", "{'id': 1, 'coils': [{'address': 0}]}") "]}");
+	const struct map_point *point = config.points + 1;
+
+	(void)state;
+	assert_int_equal(config.line_count, 2);
+	assert_int_equal(map_serial_lines(&config), 1);
+	assert_int_equal(map_slaves(&config), 1);
+	assert_int_equal(config.devices[1].ca, 900);
+	assert_int_equal(config.devices[1].line, 1);
+	assert_int_equal(config.lines[1].first_device, 1);
+	assert_int_equal(config.devices[1].point_count, 4);
+	assert_int_equal(config.point_count, 5);
+	assert_string_equal(point[0].name, "gateway.queue-1.losing");
+	assert_string_equal(point[1].name, "gateway.queue-others.losing");
+	assert_int_equal(point[1].ioa, 9);
+	assert_string_equal(point[2].name, "gateway.queue-1.lost");
+	assert_int_equal(point[2].type, MAP_BITSTRING);
+	assert_int_equal(point[3].ioa, 109);
+	assert_int_equal(point[3].flags, 0);
+	config_free(&config);
+}
+
 /* Points by device, devices by line; the second line's first device has none. */
 static void test_tables_refer_to_each_other(void **state)
 {
@@ -377,6 +404,7 @@ int main(void)
 	    cmocka_unit_test(test_object_keys),
 	    cmocka_unit_test(test_status_bits),
 	    cmocka_unit_test(test_an_object_has_its_own_period_or_its_slaves),
+	    cmocka_unit_test(test_own_station),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),
 	};
