@@ -12,7 +12,6 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -20,111 +19,33 @@ from typing import Any
 import c104
 import pytest
 
-from lab.gateway import TESTFR_ACT, TESTFR_CON, Gateway, free_port, remove, run_directory
+from lab.gateway import TESTFR_ACT, TESTFR_CON, remove, run_directory
 from lab.raw_master import RawMaster
-from peers.authority import Authority, Identity, openssl
+from peers.authority import openssl
+from peers.tls_gateway import (
+    POINTS,
+    VERSIONS,
+    WAITS_S,
+    Pki,
+    TlsGateway,
+    assert_refused,
+    closed_by_station,
+    connected,
+    gateway_with,
+    public_keys,
+    received,
+)
 
-STATION, POINTS = 1001, 5000
+STATION = 1001
 STARTDT_ACT, STARTDT_CON = bytes.fromhex("680407000000"), bytes.fromhex("68040b000000")
-VERSIONS = {"1.2": ssl.TLSVersion.TLSv1_2, "1.3": ssl.TLSVersion.TLSv1_3}
-WAITS_S = 10.0
 HANDSHAKE_S = 10.0  # what the station grants
-
-
-@dataclass
-class Pki:
-    """The certificates of a control centre, a substation, and a few that are not right."""
-
-    ours: Authority
-    station: Identity
-    centre: Identity
-    stranger: Identity
-
-    def settings(self, **more: Any) -> dict[str, Any]:
-        files = {
-            "certificate": self.station.certificate,
-            "key": self.station.key,
-            "ca": self.ours.certificate,
-        }
-        return {name: str(path) for name, path in files.items()} | more
-
-    def client(
-        self, identity: Identity | None = None, version: str | None = None, weak: bool = False
-    ) -> ssl.SSLContext:
-        """A controlling station's side; by default the centre's, in every version."""
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-        context.check_hostname = False
-        if weak:
-            context.set_ciphers("DEFAULT@SECLEVEL=0")
-        context.load_verify_locations(self.ours.certificate)
-        identity = identity or self.centre
-        context.load_cert_chain(identity.certificate, identity.key)
-        if version:
-            context.minimum_version = context.maximum_version = VERSIONS[version]
-        return context
 
 
 @pytest.fixture(scope="module")
 def pki() -> Iterator[Pki]:
     folder = run_directory()  # the station's user may enter it
-    ours, theirs = Authority(folder / "ours"), Authority(folder / "theirs", "Other CA")
-    yield Pki(ours, ours.issue_for_station(), ours.issue("centre 1"), theirs.issue("stranger"))
+    yield public_keys(folder)
     remove(folder)
-
-
-class TlsGateway(Gateway):
-    """It is up when its station answers one who may ask."""
-
-    def __init__(self, pki: Pki, directory: Path, build: Path, **tls: Any) -> None:
-        line = {"value": 1, "active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
-        device = {"id": 1, "input_registers": [{"address": address} for address in range(POINTS)]}
-        config = {
-            "iec104": {"address": "127.0.0.1", "port": free_port()},
-            "tls": pki.settings(**tls),
-            "port": [line | {"slaves": [device]}],
-        }
-        self.pki = pki
-        self.asked_by = pki.client()
-        super().__init__(config, directory, build)
-
-    def _station_answers(self) -> bool:
-        try:
-            with connected(self, self.asked_by) as connection:
-                connection.sendall(TESTFR_ACT)
-                return connection.recv(len(TESTFR_CON)) == TESTFR_CON
-        except OSError:
-            return False
-
-    def master(self, version: str | None = None) -> RawMaster:
-        return RawMaster(*self.address, tls=self.pki.client(version=version))
-
-    def wait_log(self, pattern: str) -> None:
-        """Until the pattern is in a line of the log."""
-        wanted = re.compile(pattern, re.MULTILINE)
-        self.wait_for(lambda: bool(wanted.search(self.log_file.read_text())), WAITS_S, pattern)
-
-    def restart_station(self, number: signal.Signals) -> None:
-        former = self.modules()["rtu-iec104"]["pid"]
-        os.kill(former, number)
-        self.wait_for(
-            lambda: self.modules()["rtu-iec104"]["pid"] not in (0, former) and self._station_answers(),
-            WAITS_S,
-            "the station is back",
-        )
-
-    def processor_seconds(self) -> float:
-        stat = Path(f"/proc/{self.modules()['rtu-iec104']['pid']}/stat").read_text()
-        return sum(map(int, stat.rpartition(")")[2].split()[11:13])) / os.sysconf("SC_CLK_TCK")
-
-
-@contextlib.contextmanager
-def gateway_with(pki: Pki, programs: Path, **tls: Any) -> Iterator[TlsGateway]:
-    directory = run_directory()
-    try:
-        with TlsGateway(pki, directory, programs, **tls) as gateway:
-            yield gateway
-    finally:
-        remove(directory)
 
 
 @pytest.fixture
@@ -134,52 +55,12 @@ def gateway(pki: Pki, programs: Path) -> Iterator[TlsGateway]:
         yield gateway
 
 
-def connected(
-    gateway: Gateway, context: ssl.SSLContext, session: ssl.SSLSession | None = None
-) -> ssl.SSLSocket:
-    plain = socket.create_connection(gateway.address, timeout=WAITS_S)
-    try:
-        return context.wrap_socket(plain, session=session)
-    except BaseException:
-        plain.close()
-        raise
-
-
-def received(connection: socket.socket, count: int) -> bytes:
-    octets = bytearray()
-    while len(octets) < count:
-        octets += connection.recv(count - len(octets)) or pytest.fail("closed by the station")
-    return bytes(octets)
-
-
-def closed_by_station(connection: socket.socket) -> bool:
-    with contextlib.suppress(ConnectionResetError):
-        while connection.recv(4096):
-            pass
-    return True
-
-
-def knock(gateway: TlsGateway, context: ssl.SSLContext) -> int:
-    """Tries to come in; returns the own TCP port. TLS 1.3 refuses after the client's end of the handshake."""
-    with socket.create_connection(gateway.address, timeout=WAITS_S) as plain:
-        port = int(plain.getsockname()[1])
-        refusals = contextlib.suppress(ssl.SSLError, ConnectionResetError, BrokenPipeError)
-        with refusals, context.wrap_socket(plain) as connection:
-            connection.sendall(TESTFR_ACT)
-            assert connection.recv(6) != TESTFR_CON, "came in"
-        return port
-
-
 def speak_plainly(gateway: TlsGateway, octets: bytes) -> int:
     """Sends octets that are not TLS; returns the own TCP port."""
     with socket.create_connection(gateway.address, timeout=WAITS_S) as connection:
         connection.sendall(octets)
         assert closed_by_station(connection)
         return int(connection.getsockname()[1])
-
-
-def assert_refused(gateway: TlsGateway, context: ssl.SSLContext, why: str) -> None:
-    gateway.wait_log(rf" port {knock(gateway, context)}: refused, {re.escape(why)}$")
 
 
 # ---- who comes in ---------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import subprocess
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 EC = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1"
@@ -21,6 +21,7 @@ policy = policy
 [policy]
 commonName = supplied
 """
+DATE = "%Y%m%d%H%M%SZ"
 STATION_USER = 61201  # rtud's user for rtu-iec104, when it runs as root
 
 
@@ -46,13 +47,19 @@ class Identity:
 class Authority:
     """Makes certificates in a folder, and a list of those that are revoked."""
 
-    def __init__(self, folder: Path, name: str = "Test CA") -> None:
+    def __init__(self, folder: Path, name: str = "Test CA", above: Authority | None = None) -> None:
         self.folder = folder
         folder.mkdir()
         self.certificate, self._key = folder / "ca.pem", folder / "ca.key"
-        signed = ["-x509", "-nodes", "-days", "30", "-subj", f"/CN={name}"]
-        files = ["-keyout", self._key, "-out", self.certificate]
-        openssl("req", *signed, *EC.split(), *files)
+        asked = ["-nodes", "-subj", f"/CN={name}", *EC.split(), "-keyout", self._key]
+        if above:
+            request, extensions = folder / "ca.csr", folder / "ca-extensions.cnf"
+            extensions.write_text("basicConstraints = critical, CA:true\n")
+            openssl("req", "-new", *asked, "-out", request)
+            by = ["-CA", above.certificate, "-CAkey", above._key, "-CAcreateserial", "-days", "30"]
+            openssl("x509", "-req", *by, "-in", request, "-extfile", extensions, "-out", self.certificate)
+        else:
+            openssl("req", "-x509", "-days", "30", *asked, "-out", self.certificate)
 
     def issue(
         self,
@@ -60,6 +67,7 @@ class Authority:
         days: int = 30,
         key: str = EC,
         usage: str = "clientAuth",
+        since: datetime | None = None,
         until: datetime | None = None,
     ) -> Identity:
         """A certificate with that common name; its days begin now, and with days < 0 are over."""
@@ -70,8 +78,10 @@ class Authority:
         asked = ["-new", "-nodes", *key.split(), "-subj", f"/CN={name}", "-keyout", made.key]
         openssl("req", *asked, "-out", request)
         signed = ["-in", request, "-extfile", extensions, "-out", made.certificate]
-        if until:
-            self._act("-batch", "-notext", "-enddate", until.strftime("%Y%m%d%H%M%SZ"), *signed)
+        if since or until:
+            begin, end = since or datetime.now(UTC), until or datetime.now(UTC) + timedelta(days=days)
+            dates = ["-startdate", begin.strftime(DATE), "-enddate", end.strftime(DATE)]
+            self._act("-batch", "-notext", *dates, *signed)
         else:
             by = ["-CA", self.certificate, "-CAkey", self._key, "-CAcreateserial", "-days", str(days)]
             openssl("x509", "-req", *by, *signed)
@@ -85,12 +95,12 @@ class Authority:
             os.chown(made.key, STATION_USER, STATION_USER)
         return made
 
-    def revoke(self, *identities: Identity) -> Path:
-        """The list of these."""
+    def revoke(self, *identities: Identity, seconds: int = 30 * 86400) -> Path:
+        """The list of these and of those before, good for so long."""
         for identity in identities:
             self._act("-revoke", identity.certificate)
         revoked = self.folder / "crl.pem"
-        self._act("-gencrl", "-crldays", "30", "-out", revoked)
+        self._act("-gencrl", "-crlsec", str(seconds), "-out", revoked)
         return revoked
 
     def _act(self, *arguments: str | Path) -> None:

@@ -145,6 +145,7 @@ struct map_tls {
 	char ca[MAP_FILE_SIZE];  /* whose certificates the masters have */
 	char crl[MAP_FILE_SIZE]; /* of each of these CAs; empty: nothing is revoked */
 	uint32_t resumption_s;   /* how long a session may be resumed, 0: never */
+	uint32_t renewal_s;      /* how old a connection's keys become */
 	uint8_t versions;        /* enum map_tls_version */
 	uint8_t master_count;    /* 0: whoever has a certificate from the CA */
 	uint8_t reserved[2];

@@ -14,7 +14,7 @@
 #include "map/station.h"
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT   2u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   3u          /* raise with every change of what lies in the segments */
 #define REQUEST_RING 256u
 #define ANSWER_RING  256u
 #define LOG_RING     128u

@@ -14,8 +14,13 @@ struct channel {
 	int fd; /* non-blocking, for epoll */
 	uint32_t
 	    wants; /* EPOLLIN or EPOLLOUT: it can neither greet nor receive before that; 0: nothing special */
-	void *tls; /* of channel_tls.c alone */
 	char peer[MAP_PEER_SIZE];
+	/* of channel_tls.c alone */
+	void *tls;
+	bool stuck;       /* a record is not wholly written */
+	uint32_t reading; /* of the files by which the peer's certificate was looked at last */
+	int64_t look_ns;  /* when it is looked at next */
+	int64_t renew_ns; /* when its keys are too old */
 };
 
 enum channel_greeting {
@@ -26,6 +31,9 @@ enum channel_greeting {
 
 /* Before the first channel; the station, initialised, is where it logs. False: said in the log and on stderr. */
 bool channel_start(struct iec104_station *station);
+
+/* To be called in each turn: what lies outside, as files, may have changed. now_ns: CLOCK_MONOTONIC. */
+void channel_watch(int64_t now_ns);
 
 /* Puts a channel on a connected socket, which it closes in the end; peer names it in the log. */
 enum channel_greeting channel_open(struct channel *channel, int fd, const char *peer);
@@ -38,6 +46,9 @@ ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size);
 bool channel_pending(const struct channel *channel);
 /* Returns how many octets went; 0: none now, -1: the connection is over. After 0, they must be offered again. */
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size);
+
+/* To be called in each turn, once it is greeted: renews what has its time. False: logged; to be closed. */
+bool channel_keep(struct channel *channel, int64_t now_ns);
 
 void channel_close(struct channel *channel);
 

@@ -13,6 +13,11 @@ bool channel_start(struct iec104_station *station)
 	return true;
 }
 
+void channel_watch(int64_t now_ns)
+{
+	(void)now_ns;
+}
+
 enum channel_greeting channel_open(struct channel *channel, int fd, const char *peer)
 {
 	*channel = (struct channel){.fd = fd};
@@ -51,6 +56,12 @@ ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t s
 	ssize_t count = send(channel->fd, bytes, size, MSG_NOSIGNAL);
 
 	return count < 0 && is_later() ? 0 : count;
+}
+
+bool channel_keep(struct channel *channel, int64_t now_ns)
+{
+	(void)channel, (void)now_ns;
+	return true;
 }
 
 void channel_close(struct channel *channel)

@@ -8,112 +8,28 @@
 #include "modules/channel.h"
 
 #include <openssl/err.h>
-#include <openssl/x509v3.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
 #include <unistd.h>
 
+#include "modules/tls_certificate.h"
 #include "modules/tls_context.h"
+#include "modules/tls_dates.h"
+#include "modules/tls_files.h"
 
-#define COMMON_NAME_SIZE 65 /* X.520, ub-common-name */
-#define DATE_SIZE        32
+#define NS_PER_S 1000000000LL
+#define FILES_NS (5 * NS_PER_S) /* how often the files are looked at */
+#define LOOK_NS  NS_PER_S       /* how often a connection is */
 
 static struct iec104_station *station;
 static const struct map_tls *settings;
 static SSL_CTX *context;
-
-/* What the certificate in hand was refused for. */
-static struct {
-	int error; /* X509_V_... */
-	char name[COMMON_NAME_SIZE];
-} refused;
-
-/* ---- certificates ------------------------------------------------------------------------ */
-
-/* The subject's common name in UTF-8, cut; empty: it has none, or there is no certificate. A name with a NUL inside is none that anybody typed. */
-static void common_name(const X509 *certificate, char name[COMMON_NAME_SIZE])
-{
-	const X509_NAME *subject = certificate != NULL ? X509_get_subject_name(certificate) : NULL;
-	int place = X509_NAME_get_index_by_NID(subject, NID_commonName, -1);
-	unsigned char *utf8 = NULL;
-	int length;
-
-	name[0] = '\0';
-	if (place < 0)
-		return;
-	length = ASN1_STRING_to_UTF8(&utf8, X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, place)));
-	if (length > 0 && memchr(utf8, '\0', (size_t)length) == NULL)
-		snprintf(name, COMMON_NAME_SIZE, "%.*s", length, (const char *)utf8);
-	OPENSSL_free(utf8);
-}
-
-/* As `openssl x509 -fingerprint -sha256` prints it. */
-static void fingerprint(const X509 *certificate, char text[MAP_TLS_MASTER_SIZE])
-{
-	unsigned char digest[EVP_MAX_MD_SIZE];
-	unsigned size = 0;
-
-	X509_digest(certificate, EVP_sha256(), digest, &size);
-	text[0] = '\0';
-	for (unsigned i = 0; i < size; i++)
-		snprintf(text + 3 * i, 4, "%02X%s", digest[i], i + 1 < size ? ":" : "");
-}
-
-static bool is_master(const X509 *certificate)
-{
-	char name[COMMON_NAME_SIZE], print[MAP_TLS_MASTER_SIZE];
-
-	common_name(certificate, name);
-	fingerprint(certificate, print);
-	for (unsigned i = 0; i < settings->master_count && i < MAP_TLS_MASTERS_MAX; i++)
-		if (strcmp(settings->masters[i], name) == 0 || strcasecmp(settings->masters[i], print) == 0)
-			return true;
-	return settings->master_count == 0;
-}
-
-/* OpenSSL asks for each certificate from the CA's down to the master's, at depth 0. */
-static int verify(int good, X509_STORE_CTX *store)
-{
-	X509 *master = X509_STORE_CTX_get0_cert(store);
-
-	if (good && X509_STORE_CTX_get_error_depth(store) == 0 && !is_master(master)) {
-		X509_STORE_CTX_set_error(store, X509_V_ERR_APPLICATION_VERIFICATION);
-		good = 0;
-	}
-	if (!good) {
-		refused.error = X509_STORE_CTX_get_error(store);
-		common_name(master, refused.name);
-	}
-	return good;
-}
-
-/* A session is resumed without a look at the certificate it began with. */
-static bool has_expired(const SSL *tls)
-{
-	const X509 *certificate = SSL_get0_peer_certificate(tls);
-
-	return certificate == NULL || X509_cmp_current_time(X509_get0_notAfter(certificate)) < 0;
-}
+static uint32_t readings; /* of the files; each makes a context */
+static int64_t next_files_ns;
 
 /* ---- log --------------------------------------------------------------------------------- */
-
-static const char *certificate_refusal(void)
-{
-	switch (refused.error) {
-	case X509_V_ERR_APPLICATION_VERIFICATION:
-		return "not in the list of masters";
-	case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
-	case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
-	case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:
-	case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
-	case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
-		return "certificate is of no known CA";
-	default:
-		return X509_verify_cert_error_string(refused.error);
-	}
-}
 
 static const char *handshake_refusal(unsigned long error)
 {
@@ -144,13 +60,13 @@ static const char *handshake_refusal(unsigned long error)
 
 static void log_refusal(const struct channel *channel)
 {
-	const char *why = handshake_refusal(ERR_peek_last_error());
+	const char *alert = handshake_refusal(ERR_peek_last_error());
+	char why[TLS_WHY_SIZE];
 
-	if (refused.error != X509_V_OK)
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s: \"%s\"",
-			   certificate_refusal(), refused.name);
+	if (tls_refusal(why))
+		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s", why);
 	else
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s", why ? why : "no TLS");
+		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s", alert ? alert : "no TLS");
 }
 
 /* A peer's wish to begin anew on its own connection was turned down; the connection goes on. */
@@ -165,50 +81,55 @@ static void log_renegotiation(const SSL *tls, int where, int what)
 
 static void log_greeting(const struct channel *channel)
 {
-	char name[COMMON_NAME_SIZE];
+	char name[TLS_NAME_SIZE];
 
-	common_name(SSL_get0_peer_certificate(channel->tls), name);
+	tls_common_name(SSL_get0_peer_certificate(channel->tls), name);
 	iec104_log(station, MAP_LOG_INFO, channel->peer, "%s%s, \"%s\"", SSL_get_version(channel->tls),
 		   SSL_session_reused(channel->tls) ? " resumed" : "", name);
 }
 
 /* ---- start ------------------------------------------------------------------------------- */
 
-/* The masters judge it, by their own clocks: ours may be wrong. */
-static void log_own_certificate(void)
+/* The files are read; those of before stay in force if one of them does not do. */
+static bool read_files(void)
 {
-	const X509 *certificate = SSL_CTX_get0_certificate(context);
-	char name[COMMON_NAME_SIZE], until[DATE_SIZE] = "";
-	struct tm end;
+	char error[TLS_ERROR_SIZE];
+	SSL_CTX *fresh = tls_context_create(settings, tls_verify, error);
 
-	common_name(certificate, name);
-	if (ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) == 1)
-		strftime(until, sizeof(until), "%Y-%m-%d", &end);
-	if (X509_cmp_current_time(X509_get0_notAfter(certificate)) < 0)
-		map_log(station->map, MAP_LOG_WARNING, "own certificate has expired on %s: \"%s\"", until,
-			name);
-	else if (X509_cmp_current_time(X509_get0_notBefore(certificate)) > 0)
-		map_log(station->map, MAP_LOG_WARNING, "own certificate is not yet valid: \"%s\"", name);
-	else
-		map_log(station->map, MAP_LOG_INFO, "TLS, own certificate until %s: \"%s\"", until, name);
+	if (fresh == NULL) {
+		map_log(station->map, MAP_LOG_ERROR, "%s%s", context != NULL ? "not in force: " : "", error);
+		fprintf(stderr, "rtu-iec104-tls: %s\n", error);
+		return false;
+	}
+	SSL_CTX_set_info_callback(fresh, log_renegotiation);
+	SSL_CTX_free(context); /* connections that began with it keep it, until they end */
+	context = fresh;
+	readings++;
+	tls_dates_forget();
+	return true;
 }
 
 bool channel_start(struct iec104_station *of_station)
 {
-	char error[TLS_ERROR_SIZE];
-
 	station = of_station;
 	settings = &of_station->config->settings.tls;
 	signal(SIGPIPE, SIG_IGN); /* OpenSSL writes without MSG_NOSIGNAL */
-	context = tls_context_create(settings, verify, error);
-	if (context == NULL) {
-		map_log(station->map, MAP_LOG_ERROR, "%s", error);
-		fprintf(stderr, "rtu-iec104-tls: %s\n", error);
+	tls_certificate_start(settings);
+	tls_files_changed(settings); /* before they are read: what changes meanwhile is seen later */
+	if (!read_files())
 		return false;
-	}
-	SSL_CTX_set_info_callback(context, log_renegotiation);
-	log_own_certificate();
+	tls_dates_watch(station->map, context, map_now_ns());
 	return true;
+}
+
+void channel_watch(int64_t now_ns)
+{
+	if (now_ns < next_files_ns)
+		return;
+	next_files_ns = now_ns + FILES_NS;
+	if (tls_files_changed(settings) && read_files())
+		map_log(station->map, MAP_LOG_INFO, "TLS, its files have changed and are in force");
+	tls_dates_watch(station->map, context, now_ns);
 }
 
 /* ---- the handshake ----------------------------------------------------------------------- */
@@ -217,22 +138,29 @@ enum channel_greeting channel_open(struct channel *channel, int fd, const char *
 {
 	SSL *tls = SSL_new(context);
 
-	*channel = (struct channel){.fd = fd, .wants = EPOLLIN, .tls = tls};
+	*channel = (struct channel){.fd = fd, .wants = EPOLLIN, .tls = tls, .reading = readings};
 	snprintf(channel->peer, sizeof(channel->peer), "%s", peer);
 	ERR_clear_error();
+	tls_refusal_clear();
 	if (tls != NULL && SSL_set_fd(tls, fd) == 1)
 		return CHANNEL_WAITS;
 	log_refusal(channel);
 	return CHANNEL_REFUSED;
 }
 
+static void renew_next_time(struct channel *channel)
+{
+	channel->renew_ns = map_now_ns() + settings->renewal_s * NS_PER_S;
+}
+
+/* A session is resumed without a look at the certificate it began with. */
 static enum channel_greeting finish_greeting(struct channel *channel)
 {
 	channel->wants = 0;
-	if (has_expired(channel->tls)) {
-		SSL_CTX_remove_session(context, SSL_get_session(channel->tls));
-		refused.error = X509_V_ERR_CERT_HAS_EXPIRED;
-		common_name(SSL_get0_peer_certificate(channel->tls), refused.name);
+	renew_next_time(channel);
+	if (tls_has_expired(channel->tls)) {
+		SSL_CTX_remove_session(SSL_get_SSL_CTX(channel->tls), SSL_get_session(channel->tls));
+		tls_refuse(X509_V_ERR_CERT_HAS_EXPIRED, SSL_get0_peer_certificate(channel->tls));
 		log_refusal(channel);
 		return CHANNEL_REFUSED;
 	}
@@ -245,8 +173,7 @@ enum channel_greeting channel_greet(struct channel *channel)
 	int result;
 
 	ERR_clear_error();
-	refused.error = X509_V_OK;
-	refused.name[0] = '\0';
+	tls_refusal_clear();
 	result = SSL_accept(channel->tls);
 	if (result == 1)
 		return finish_greeting(channel);
@@ -312,12 +239,72 @@ bool channel_pending(const struct channel *channel)
 
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size)
 {
-	uint32_t waits_for;
+	uint32_t waits_for = 0;
 	int count;
 
 	ERR_clear_error();
 	count = SSL_write(channel->tls, bytes, (int)size);
+	channel->stuck = count <= 0;
 	return count > 0 ? count : outcome(channel, count, &waits_for);
+}
+
+/* ---- a connection that lasts ------------------------------------------------------------- */
+
+/* False: logged; the certificate would not be let in any more. */
+static bool is_still_good(struct channel *channel)
+{
+	char why[TLS_WHY_SIZE];
+
+	channel->reading = readings;
+	if (tls_still_good(channel->tls, context))
+		return true;
+	tls_refusal(why);
+	iec104_log(station, MAP_LOG_WARNING, channel->peer, "no longer let in, %s", why);
+	return false;
+}
+
+/*
+ * TLS 1.3: the station's keys are others from here on, and the peer is asked for the same; no octet waits for it.
+ * TLS 1.2 would have to renegotiate. A client may ignore that (RFC 5246, 7.4.1.1) and most are built to, it would be a
+ * second way through the handshake for a peer that is let in already, and what it ends in is a new connection all the
+ * same: so it is ended, in order, and the peer comes back, by resumption with one round trip.
+ */
+static bool renew_keys(struct channel *channel)
+{
+	uint32_t waits_for = 0;
+	int result;
+
+	if (SSL_version(channel->tls) < TLS1_3_VERSION) {
+		iec104_log(station, MAP_LOG_INFO, channel->peer, "its keys are as old as renewal_s");
+		return false;
+	}
+	if (channel->stuck || channel->wants != 0) /* what is half written goes first */
+		return true;
+	ERR_clear_error();
+	if (SSL_key_update(channel->tls, SSL_KEY_UPDATE_REQUESTED) != 1) {
+		log_fault(channel);
+		return false;
+	}
+	result = SSL_do_handshake(channel->tls);
+	if (result <= 0 && outcome(channel, result, &waits_for) < 0)
+		return false;
+	channel->wants = waits_for == EPOLLOUT ? EPOLLOUT : 0;
+	renew_next_time(channel);
+	iec104_log(station, MAP_LOG_INFO, channel->peer, "its keys are renewed");
+	return true;
+}
+
+bool channel_keep(struct channel *channel, int64_t now_ns)
+{
+	bool renews = now_ns >= channel->renew_ns;
+
+	if (now_ns < channel->look_ns && channel->reading == readings)
+		return true;
+	channel->look_ns = now_ns + LOOK_NS;
+	if ((renews || channel->reading != readings || tls_has_expired(channel->tls)) &&
+	    !is_still_good(channel))
+		return false;
+	return !renews || renew_keys(channel);
 }
 
 void channel_close(struct channel *channel)

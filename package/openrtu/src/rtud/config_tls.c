@@ -9,7 +9,17 @@
 #define FINGERPRINT_LENGTH 95 /* 32 octets, as AB:CD:... */
 #define SECONDS_OF_A_DAY   86400
 
-enum { TLS_CERTIFICATE, TLS_KEY, TLS_CA, TLS_CRL, TLS_VERSIONS, TLS_MASTERS, TLS_RESUMPTION, TLS_KEYS };
+enum {
+	TLS_CERTIFICATE,
+	TLS_KEY,
+	TLS_CA,
+	TLS_CRL,
+	TLS_VERSIONS,
+	TLS_MASTERS,
+	TLS_RESUMPTION,
+	TLS_RENEWAL,
+	TLS_KEYS
+};
 static const struct config_rule tls_rules[TLS_KEYS] = {
     [TLS_CERTIFICATE] = {"certificate", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
     [TLS_KEY] = {"key", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
@@ -20,6 +30,9 @@ static const struct config_rule tls_rules[TLS_KEYS] = {
     /* IEC 62351-3: a session is resumed within a day, then the certificates are looked at again. */
     [TLS_RESUMPTION] = {"resumption_s", CONFIG_INTEGER, .low = 0, .high = SECONDS_OF_A_DAY,
 			.fallback = SECONDS_OF_A_DAY},
+    /* IEC 62351-3: keys are renewed within a day. */
+    [TLS_RENEWAL] = {"renewal_s", CONFIG_INTEGER, .low = 10, .high = SECONDS_OF_A_DAY,
+		     .fallback = SECONDS_OF_A_DAY},
 };
 
 static void read_path(struct config_loader *loader, const struct config_place *tls, unsigned key,
@@ -124,4 +137,5 @@ void config_read_tls(struct config_loader *loader, const struct config_place *pl
 	if (values[TLS_MASTERS].given)
 		read_masters(loader, place, values[TLS_MASTERS].json);
 	tls->resumption_s = (uint32_t)values[TLS_RESUMPTION].integer;
+	tls->renewal_s = (uint32_t)values[TLS_RENEWAL].integer;
 }

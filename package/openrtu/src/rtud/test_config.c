@@ -190,15 +190,17 @@ static void test_tls_defaults(void **state)
 	assert_int_equal(settings->tls.versions, MAP_TLS_1_2 | MAP_TLS_1_3);
 	assert_int_equal(settings->tls.master_count, 0);
 	assert_int_equal(settings->tls.resumption_s, 86400);
+	assert_int_equal(settings->tls.renewal_s, 86400);
 	config_free(&config);
 }
 
 static void test_tls(void **state)
 {
-	struct map_config config = load("{'port': [], 'iec104': {'port': 2404}, 'tls': {" FILES
-					", 'crl': '/crl.pem', 'versions': ['1.3'], 'resumption_s': 0,"
-					"'masters': ['centre 1', '00:11:22:33:44:55:66:77:88:99:aa:bb:cc:dd:"
-					"ee:FF:00:11:22:33:44:55:66:77:88:99:AA:BB:CC:DD:EE:FF']}}");
+	struct map_config config =
+	    load("{'port': [], 'iec104': {'port': 2404}, 'tls': {" FILES
+		 ", 'crl': '/crl.pem', 'versions': ['1.3'], 'resumption_s': 0, 'renewal_s': 10,"
+		 "'masters': ['centre 1', '00:11:22:33:44:55:66:77:88:99:aa:bb:cc:dd:"
+		 "ee:FF:00:11:22:33:44:55:66:77:88:99:AA:BB:CC:DD:EE:FF']}}");
 	const struct map_settings *settings = &config.settings;
 
 	(void)state;
@@ -206,6 +208,7 @@ static void test_tls(void **state)
 	assert_string_equal(settings->tls.crl, "/crl.pem");
 	assert_int_equal(settings->tls.versions, MAP_TLS_1_3);
 	assert_int_equal(settings->tls.resumption_s, 0);
+	assert_int_equal(settings->tls.renewal_s, 10);
 	assert_int_equal(settings->tls.master_count, 2);
 	assert_string_equal(settings->tls.masters[0], "centre 1");
 	assert_int_equal(strlen(settings->tls.masters[1]), 95);
