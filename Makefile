@@ -147,7 +147,8 @@ build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 # A build for a site has a folder of its own.
 SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(OPENRTU_SITE)')))
 # With OpenSSL only where the site's configuration asks for TLS.
-GATEWAY := $(or $(if $(SITE),$(shell scripts/image/rootfs.py gateway '$(SITE)')),gateway)
+FOR_SITE := $(or $(SITE),$(OPENRTU_SITE))
+GATEWAY := $(or $(if $(FOR_SITE),$(shell scripts/image/rootfs.py gateway '$(FOR_SITE)')),gateway)
 SYSTEM_PARTS := build/linux/done build/busybox/done build/root/packages.done build/root/$(GATEWAY).done \
   build/dtb/nuc980-gateway.dtb
 

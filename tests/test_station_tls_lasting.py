@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from lab.gateway import TESTFR_ACT, TESTFR_CON, remove, run_directory
+from peers.authority import Authority
 from peers.tls_gateway import (
     POINTS,
     VERSIONS,
@@ -133,6 +134,8 @@ def test_connection_of_tls_1_2_is_closed_in_order_and_resumed(renewing: TlsGatew
         first.settimeout(RENEWAL_S + WAITS_S)
         assert first.recv(1) == b""  # close_notify: without it, ssl.SSLEOFError
         assert RENEWAL_S - 0.1 < time.monotonic() - begun < RENEWAL_S + 3
+        counters = {row["counter"]: row["value"] for row in renewing.query("iec104", "counters")}
+        assert counters["closed_not_secure"] >= 1
         renewing.wait_log(rf"port {port}: its keys are as old as renewal_s$")
         renewing.wait_log(rf"port {port}: connection ends: its keys or its certificate are no longer good$")
         with connected(renewing, context, first.session) as second:
@@ -216,6 +219,27 @@ def test_own_certificate_is_exchanged(pki: Pki, programs: Path) -> None:
         with connected(gateway, pki.client()) as later:
             assert "substation 7 anew'" in str(later.getpeercert())
         assert is_alive(staying)
+
+
+@pytest.mark.slow
+def test_chain_of_a_resumed_connection_is_still_known(pki: Pki, programs: Path) -> None:
+    """A resumption shows no certificates; the second look is at those of the session's beginning."""
+    region = Authority(pki.ours.folder / "region", "Region CA", above=pki.ours)
+    centre = region.issue("centre of the region")
+    with centre.certificate.open("a") as chain:
+        chain.write(region.certificate.read_text())
+    with gateway_with(pki, programs) as gateway, contextlib.ExitStack() as stack:
+        resumed = []
+        for version in VERSIONS:
+            context = pki.client(centre, version)
+            with connected(gateway, context) as first:
+                assert is_alive(first)
+                session = first.session
+            resumed.append(stack.enter_context(connected(gateway, context, session)))
+            assert resumed[-1].session_reused
+        os.utime(pki.ours.certificate)
+        gateway.wait_for(lambda: "have changed and are in force" in gateway.log(), SEEN_S, "a second look")
+        assert all(is_alive(connection) for connection in resumed)
 
 
 # ---- dates ----------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ import ssl
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -50,7 +51,7 @@ def configuration() -> str:
 
 
 @pytest.fixture(scope="module")
-def linux(boot: object, pki: Pki, port: int) -> Linux:
+def linux(boot: Any, pki: Pki, port: int) -> Linux:
     """The uImage as it is; over it the points, and the files that an engineer puts into /data."""
     if not (IMAGE / "uImage").exists():
         pytest.fail(f"{IMAGE}/uImage is not there: `make system SITE=tests/linux/site-tls`", pytrace=False)
@@ -63,7 +64,7 @@ def linux(boot: object, pki: Pki, port: int) -> Linux:
     }
     network = ETHERNET[0].arguments({port: STATION_PORT})
     kernel = Kernel(IMAGE / "uImage", IMAGE / "nuc980-gateway.dtb")
-    linux: Linux = boot(*network, *INSTRUCTION_TIME, kernel=kernel, files=files)  # type: ignore[operator]
+    linux: Linux = boot(*network, *INSTRUCTION_TIME, kernel=kernel, files=files)
     linux.run("mkdir /data/tls && cp /keys/* /data/tls && chown 61201 /data/tls/station.key")
     linux.run("chmod 400 /data/tls/station.key")
     wait = f"until netstat -lnt | grep -q ':{STATION_PORT} '; do sleep 0.1; done"

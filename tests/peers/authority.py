@@ -47,13 +47,19 @@ class Identity:
 class Authority:
     """Makes certificates in a folder, and a list of those that are revoked."""
 
-    def __init__(self, folder: Path, name: str = "Test CA") -> None:
+    def __init__(self, folder: Path, name: str = "Test CA", above: Authority | None = None) -> None:
         self.folder = folder
         folder.mkdir()
         self.certificate, self._key = folder / "ca.pem", folder / "ca.key"
-        signed = ["-x509", "-nodes", "-days", "30", "-subj", f"/CN={name}"]
-        files = ["-keyout", self._key, "-out", self.certificate]
-        openssl("req", *signed, *EC.split(), *files)
+        asked = ["-nodes", "-subj", f"/CN={name}", *EC.split(), "-keyout", self._key]
+        if above:
+            request, extensions = folder / "ca.csr", folder / "ca-extensions.cnf"
+            extensions.write_text("basicConstraints = critical, CA:true\n")
+            openssl("req", "-new", *asked, "-out", request)
+            by = ["-CA", above.certificate, "-CAkey", above._key, "-CAcreateserial", "-days", "30"]
+            openssl("x509", "-req", *by, "-in", request, "-extfile", extensions, "-out", self.certificate)
+        else:
+            openssl("req", "-x509", "-days", "30", *asked, "-out", self.certificate)
 
     def issue(
         self,

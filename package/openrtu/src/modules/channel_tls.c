@@ -281,8 +281,10 @@ static bool renew_keys(struct channel *channel)
 	if (channel->stuck || channel->wants != 0) /* what is half written goes first */
 		return true;
 	ERR_clear_error();
-	if (SSL_key_update(channel->tls, SSL_KEY_UPDATE_REQUESTED) != 1)
+	if (SSL_key_update(channel->tls, SSL_KEY_UPDATE_REQUESTED) != 1) {
+		log_fault(channel);
 		return false;
+	}
 	result = SSL_do_handshake(channel->tls);
 	if (result <= 0 && outcome(channel, result, &waits_for) < 0)
 		return false;

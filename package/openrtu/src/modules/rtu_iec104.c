@@ -208,6 +208,7 @@ static void watch_connection(uint32_t index)
 
 static void serve(void)
 {
+	int64_t now_ns;
 	bool moved;
 
 	do {
@@ -220,12 +221,13 @@ static void serve(void)
 			moved |= channel_pending(&sockets[i].channel) && receive(i);
 		}
 	} while (moved);
+	now_ns = map_now_ns();
 	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
 		struct iec104_session *session = &station.connections[i].session;
 
 		if (!station.connections[i].open)
 			continue;
-		if (session->closing == IEC104_OPEN && !channel_keep(&sockets[i].channel, map_now_ns()))
+		if (session->closing == IEC104_OPEN && !channel_keep(&sockets[i].channel, now_ns))
 			iec104_session_close(session, IEC104_NOT_SECURE);
 		if (session->closing != IEC104_OPEN)
 			end_connection(i);

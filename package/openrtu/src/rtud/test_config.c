@@ -310,10 +310,10 @@ static void test_own_station(void **state)
 	assert_int_equal(config.lines[1].first_device, 1);
 	assert_int_equal(config.devices[1].point_count, 4);
 	assert_int_equal(config.point_count, 5);
-	assert_string_equal(point[0].name, "gateway.queue-1.losing");
-	assert_string_equal(point[1].name, "gateway.queue-others.losing");
+	assert_name(&config, 1 + 0, "gateway.queue-1.losing");
+	assert_name(&config, 1 + 1, "gateway.queue-others.losing");
 	assert_int_equal(point[1].ioa, 9);
-	assert_string_equal(point[2].name, "gateway.queue-1.lost");
+	assert_name(&config, 1 + 2, "gateway.queue-1.lost");
 	assert_int_equal(point[2].type, MAP_BITSTRING);
 	assert_int_equal(point[3].ioa, 109);
 	assert_int_equal(point[3].flags, 0);
