@@ -52,6 +52,8 @@ struct port {
 	bool failing; /* said in the log */
 	bool pty_logged;
 	int64_t deadline_ns; /* of the line, or of the next try to open the port */
+	bool waiting;        /* for deadline_ns, which lay ahead */
+	struct modbus_histogram wakeups;
 	struct modbus_line line;
 };
 
@@ -264,6 +266,7 @@ static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 	serial_close(port->fd);
 	port->fd = -1;
 	port->failing = true;
+	port->waiting = false;
 	port->deadline_ns = now_ns + REOPEN_NS;
 	count_port_error(port);
 	map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
@@ -302,9 +305,20 @@ static void write_port(struct port *port, const struct modbus_output *output, in
 		lose_port(port, length < 0 ? strerror(errno) : "it does not send", now_ns);
 }
 
+/* How late we are for what the line waits for, once each time. */
+static void measure_wakeup(struct port *port, int64_t now_ns)
+{
+	if (!port->waiting || now_ns < port->deadline_ns)
+		return;
+	modbus_histogram_add(&port->wakeups, now_ns - port->deadline_ns);
+	port->waiting = false;
+}
+
 static void serve_port(struct port *port)
 {
 	int64_t now_ns = map_now_ns();
+
+	measure_wakeup(port, now_ns);
 
 	if (port->fd < 0 && now_ns >= port->deadline_ns)
 		open_port(port, now_ns);
@@ -315,6 +329,7 @@ static void serve_port(struct port *port)
 		return;
 	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
 	port->deadline_ns = output.deadline_ns;
+	port->waiting = port->deadline_ns > now_ns;
 	if (output.length > 0)
 		write_port(port, &output, now_ns);
 }
@@ -327,6 +342,14 @@ static void serve_port(struct port *port)
 static void show(_Atomic uint32_t *counter, uint32_t value)
 {
 	atomic_store_explicit(counter, value, memory_order_relaxed);
+}
+
+static void show_histogram(struct map_histogram *shown, const struct modbus_histogram *histogram)
+{
+	_Static_assert(MAP_BUCKETS == MODBUS_BUCKETS, "they are the same");
+	for (uint32_t i = 0; i < MODBUS_BUCKETS; i++)
+		show(&shown->counts[i], histogram->counts[i]);
+	show(&shown->longest_us, histogram->longest_us);
 }
 
 static void show_device(struct map_device_stats *stats, const struct modbus_device *device)
@@ -360,6 +383,8 @@ static void show_counters(struct port *port)
 	show(&stats->commands, counters->commands);
 	show(&stats->scan_us, counters->scan_us);
 	show(&stats->open, port->fd >= 0);
+	show_histogram(&stats->wakeups, &port->wakeups);
+	show_histogram(&stats->transactions, &counters->transactions);
 	for (uint32_t i = 0; i < port->line.device_count; i++)
 		show_device(map_device_stats(map, port->config->first_device + i), &port->line.devices[i]);
 }
