@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two devices with periods and one without share a line: who is asked when, as the devices see it."""
 
+import os
 import statistics
 import time
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ import pytest
 
 from bare import Bare
 from desk import Substation, everything_read, gateway_on_lines
+from lab.gateway import GatewayError
 
 pytestmark = pytest.mark.slow  # as a whole
 
@@ -116,3 +118,35 @@ def test_periods_slip_under_a_storm_of_commands_and_hold_again(substation: Subst
         "no command is under way",
     )
     assert_periods_hold(substation)
+
+
+def is_realtime_kernel() -> bool:
+    said = Path("/sys/kernel/realtime")
+    return "PREEMPT_RT" in os.uname().version or (said.exists() and said.read_text().startswith("1"))
+
+
+def test_histogram_shows_what_was_measured_and_what_it_is_worth(substation: Substation) -> None:
+    answers = substation.gateway.query("lines")[0]["answers"]
+    (line,) = substation.gateway.query("lines", "--histogram")
+    transactions, wakeups = line["transactions"]["counts"], line["wakeups"]["counts"]
+    assert answers <= sum(transactions) <= answers + 100
+    # 29 characters of a read at 38400 bit/s alone take 7.6 ms: no transaction is below 4096 us.
+    assert sum(transactions[:13]) == 0
+    assert line["transactions"]["longest_us"] >= 7600
+    # The line sleeps after each answer at least, until the silence has passed.
+    assert sum(wakeups) >= answers / 2
+    assert line["realtime_kernel"] is is_realtime_kernel()
+    if not line["realtime_kernel"]:
+        assert line["verdict"].startswith("none: this kernel is not PREEMPT_RT")
+    table = substation.gateway.ctl("lines", "--histogram").splitlines()
+    assert table[0].startswith(f"port {PORT}: longest wake-up ")
+    assert table[1].split() == ["BELOW", "US", "WAKE-UPS", "TRANSACTIONS"]
+    shown = [[int(cell) for cell in row.split()] for row in table[2:-1] if not row.strip().startswith("more")]
+    assert [below for below, _, _ in shown] == sorted(below for below, _, _ in shown)
+    assert sum(count for _, _, count in shown) >= sum(transactions) - transactions[-1]
+    assert table[-1] == f"verdict: {line['verdict']}"
+
+
+def test_histogram_belongs_to_lines_alone(substation: Substation) -> None:
+    with pytest.raises(GatewayError, match="it takes no --histogram"):
+        substation.gateway.ctl("modules", "--histogram")

@@ -413,6 +413,16 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 
 /* ---- counters of lines and devices --------------------------------------------------------- */
 
+/*
+ * How often durations were how long: below 1 us, then number i from 2^(i-1) to below 2^i us, the last whatever is
+ * longer.
+ */
+#define MAP_BUCKETS 21
+struct map_histogram {
+	_Atomic uint32_t counts[MAP_BUCKETS];
+	_Atomic uint32_t longest_us;
+};
+
 /* 32-bit counters that wrap. Each is written by the line's owner alone and read by anyone, singly. */
 struct map_line_stats {
 	_Atomic uint32_t requests;
@@ -424,9 +434,11 @@ struct map_line_stats {
 	_Atomic uint32_t late_answers;  /* drained after a time-out */
 	_Atomic uint32_t noise_bytes;   /* outside a transaction */
 	_Atomic uint32_t commands;
-	_Atomic uint32_t scan_us;     /* last time all that has no period was read once */
-	_Atomic uint32_t port_errors; /* open, read, write failed */
-	_Atomic uint32_t open;        /* 1: the port is open */
+	_Atomic uint32_t scan_us;          /* last time all that has no period was read once */
+	_Atomic uint32_t port_errors;      /* open, read, write failed */
+	_Atomic uint32_t open;             /* 1: the port is open */
+	struct map_histogram wakeups;      /* how late the process woke at a time that the line had named */
+	struct map_histogram transactions; /* from the request to the end of its answer */
 };
 
 struct map_device_stats {

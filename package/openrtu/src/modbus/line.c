@@ -348,13 +348,17 @@ static void end(struct modbus_line *line, int64_t silent_ns, int64_t now_ns)
 	line->restless_ns = now_ns;
 }
 
+/* When the request under way was given to the port. */
+static int64_t begun_ns(const struct modbus_line *line)
+{
+	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.turn_ns;
+}
+
 static void serve_period(struct modbus_line *line, struct modbus_read *read)
 {
-	int64_t begun_ns =
-	    line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.turn_ns;
-
 	if (read->period_ns > 0)
-		line->devices[line->device].counters.missed_periods += modbus_period_served(read, begun_ns);
+		line->devices[line->device].counters.missed_periods +=
+		    modbus_period_served(read, begun_ns(line));
 }
 
 static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t now_ns)
@@ -405,6 +409,7 @@ static void request_answered(struct modbus_line *line, const uint8_t *frame, boo
 	uint8_t exception = is_exception ? frame[2] : 0;
 
 	count_answer(line, is_exception);
+	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
 	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
 		device->echoes--;
 	settle_unanswered(device, &line->request, is_exception, line->sent_ns, now_ns);

@@ -31,6 +31,7 @@
 #include <stdint.h>
 
 #include "frame.h"
+#include "histogram.h"
 #include "period.h"
 #include "plan.h"
 
@@ -76,6 +77,7 @@ struct modbus_line_counters {
 	uint32_t noise_bytes;
 	uint32_t commands;
 	uint32_t scan_us;
+	struct modbus_histogram transactions; /* from the request to the end of its answer */
 };
 
 struct modbus_device {

@@ -54,6 +54,8 @@ struct port {
 	bool pty_logged;
 	int64_t deadline_ns; /* of the line, or of the next try to open the port; 0: it is to be served now */
 	bool listening;      /* bytes that arrive wake this process */
+	bool waiting;        /* for deadline_ns, which lay ahead */
+	struct modbus_histogram wakeups;
 	struct modbus_line line;
 };
 
@@ -273,6 +275,7 @@ static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 	serial_close(port->fd);
 	port->fd = -1;
 	port->failing = true;
+	port->waiting = false;
 	port->deadline_ns = now_ns + REOPEN_NS;
 	count_port_error(port);
 	map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
@@ -322,10 +325,19 @@ static void listen_to(struct port *port, bool listening)
 	port->listening = listening;
 }
 
+/* How late we are for what the line waits for. */
+static void measure_wakeup(struct port *port, int64_t now_ns)
+{
+	if (port->waiting && port->deadline_ns != 0)
+		modbus_histogram_add(&port->wakeups, now_ns - port->deadline_ns);
+	port->waiting = false;
+}
+
 static void serve_port(struct port *port)
 {
 	int64_t now_ns = map_now_ns();
 
+	measure_wakeup(port, now_ns);
 	if (port->fd < 0)
 		open_port(port, now_ns);
 	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
@@ -337,6 +349,7 @@ static void serve_port(struct port *port)
 	bool listening = now_ns >= output.listen_ns;
 
 	port->deadline_ns = listening ? output.deadline_ns : earlier(output.deadline_ns, output.listen_ns);
+	port->waiting = port->deadline_ns > now_ns;
 	listen_to(port, listening);
 	if (output.length > 0)
 		write_port(port, &output, now_ns);
@@ -350,6 +363,14 @@ static void serve_port(struct port *port)
 static void show(_Atomic uint32_t *counter, uint32_t value)
 {
 	atomic_store_explicit(counter, value, memory_order_relaxed);
+}
+
+static void show_histogram(struct map_histogram *shown, const struct modbus_histogram *histogram)
+{
+	_Static_assert(MAP_BUCKETS == MODBUS_BUCKETS, "they are the same");
+	for (uint32_t i = 0; i < MODBUS_BUCKETS; i++)
+		show(&shown->counts[i], histogram->counts[i]);
+	show(&shown->longest_us, histogram->longest_us);
 }
 
 static void show_device(struct map_device_stats *stats, const struct modbus_device *device)
@@ -383,6 +404,8 @@ static void show_counters(struct port *port)
 	show(&stats->commands, counters->commands);
 	show(&stats->scan_us, counters->scan_us);
 	show(&stats->open, port->fd >= 0);
+	show_histogram(&stats->wakeups, &port->wakeups);
+	show_histogram(&stats->transactions, &counters->transactions);
 	for (uint32_t i = 0; i < port->line.device_count; i++)
 		show_device(map_device_stats(map, port->config->first_device + i), &port->line.devices[i]);
 }

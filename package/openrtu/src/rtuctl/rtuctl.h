@@ -27,6 +27,7 @@ struct rtuctl_request {
 	unsigned long count; /* 0: no limit */
 	bool json;
 	bool select;
+	bool histogram;
 	const char *pulse; /* NULL: none */
 };
 
@@ -38,6 +39,7 @@ rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
 rtuctl_command rtuctl_lines;
+rtuctl_command rtuctl_histogram; /* lines --histogram */
 rtuctl_command rtuctl_iec104;
 rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;

@@ -317,6 +317,8 @@ int rtuctl_lines(struct map *map, const struct rtuctl_request *request)
 {
 	struct listing listing;
 
+	if (request->histogram)
+		return rtuctl_histogram(map, request);
 	listing_begin(&listing, line_columns, COUNT(line_columns), request->json);
 	for (uint32_t i = 0; i < map_serial_lines(map_config(map)); i++)
 		listing_add(&listing, line_row(map, i));

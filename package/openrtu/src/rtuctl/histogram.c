@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* How punctual the lines are, after LinuxCNC's latency-histogram. */
+#include <stdio.h>
+#include <sys/utsname.h>
+
+#include "rtuctl/listing.h"
+#include "rtuctl/realtime.h"
+#include "rtuctl/rtuctl.h"
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+static const struct listing_column columns[] = {
+    {"below_us", "BELOW US", LISTING_RIGHT},
+    {"wakeups", "WAKE-UPS", LISTING_RIGHT},
+    {"transactions", "TRANSACTIONS", LISTING_RIGHT},
+};
+
+static bool is_realtime(void)
+{
+	struct utsname system;
+
+	return uname(&system) == 0 && realtime_kernel("/sys/kernel/realtime", system.version);
+}
+
+static const char *verdict(const struct map *map, const struct map_line_stats *stats)
+{
+	return realtime_verdict(is_realtime(), map_config(map)->settings.modbus_priority,
+				stats->wakeups.longest_us);
+}
+
+static json_t *bound_of(uint32_t bucket)
+{
+	return bucket == MAP_BUCKETS - 1 ? json_string("more") : json_integer(1 << bucket);
+}
+
+static void print_buckets(const struct map_line_stats *stats)
+{
+	struct listing listing;
+
+	listing_begin(&listing, columns, COUNT(columns), false);
+	for (uint32_t i = 0; i < MAP_BUCKETS; i++) {
+		uint32_t wakeups = stats->wakeups.counts[i], transactions = stats->transactions.counts[i];
+
+		if (wakeups > 0 || transactions > 0)
+			listing_add(&listing,
+				    json_pack("{s:o, s:I, s:I}", "below_us", bound_of(i), "wakeups",
+					      (json_int_t)wakeups, "transactions", (json_int_t)transactions));
+	}
+	listing_end(&listing);
+}
+
+static void print_line(const struct map *map, uint32_t index)
+{
+	const struct map_line_stats *stats = map_line_stats(map, index);
+
+	printf("%sport %u: longest wake-up %u us late, longest transaction %u us\n", index > 0 ? "\n" : "",
+	       map_config(map)->lines[index].port, (unsigned)stats->wakeups.longest_us,
+	       (unsigned)stats->transactions.longest_us);
+	print_buckets(stats);
+	printf("verdict: %s\n", verdict(map, stats));
+}
+
+static json_t *histogram_json(const struct map_histogram *histogram)
+{
+	json_t *counts = json_array();
+
+	for (uint32_t i = 0; i < MAP_BUCKETS; i++)
+		json_array_append_new(counts, json_integer(histogram->counts[i]));
+	return json_pack("{s:I, s:o}", "longest_us", (json_int_t)histogram->longest_us, "counts", counts);
+}
+
+static json_t *line_json(const struct map *map, uint32_t index)
+{
+	const struct map_line_stats *stats = map_line_stats(map, index);
+
+	return json_pack("{s:i, s:o, s:o, s:b, s:s}", "port", map_config(map)->lines[index].port, "wakeups",
+			 histogram_json(&stats->wakeups), "transactions",
+			 histogram_json(&stats->transactions), "realtime_kernel", is_realtime(), "verdict",
+			 verdict(map, stats));
+}
+
+int rtuctl_histogram(struct map *map, const struct rtuctl_request *request)
+{
+	struct listing listing;
+
+	if (request->json)
+		listing_begin(&listing, columns, COUNT(columns), true);
+	for (uint32_t i = 0; i < map_config(map)->line_count; i++) {
+		if (request->json)
+			listing_add(&listing, line_json(map, i));
+		else
+			print_line(map, i);
+	}
+	if (request->json)
+		listing_end(&listing);
+	return RTUCTL_DONE;
+}
