@@ -146,11 +146,14 @@ build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 
 # A build for a site has a folder of its own.
 SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(OPENRTU_SITE)')))
-SYSTEM_PARTS := build/linux/done build/busybox/done build/root/packages.done build/root/gateway.done \
+# With OpenSSL only where the site's configuration asks for TLS.
+FOR_SITE := $(or $(SITE),$(OPENRTU_SITE))
+GATEWAY := $(or $(if $(FOR_SITE),$(shell scripts/image/rootfs.py gateway '$(FOR_SITE)')),gateway)
+SYSTEM_PARTS := build/linux/done build/busybox/done build/root/packages.done build/root/$(GATEWAY).done \
   build/dtb/nuc980-gateway.dtb
 
 system: $(SYSTEM_PARTS) ## build the image for the board from Debian's packages (SITE=folder: with its settings)
-	scripts/build-system.sh $(SYSTEM) $(LINUX_FRAGMENTS)
+	scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
 
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
 	scripts/build-busybox.sh build/busybox/debian $(@D)
@@ -161,14 +164,18 @@ build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | b
 	packages=$$(scripts/image/rootfs.py packages) && ARCHITECTURE=armel scripts/debian-package.sh $(@D)/packages $$packages
 	touch $@
 
-build/root/gateway.done: build/arm-release/build.ninja $(shell find $(SRC) -type f)
-	ninja -C build/arm-release
-	rm -rf $(@D)/gateway
-	DESTDIR=$(CURDIR)/$(@D)/gateway meson install -C build/arm-release --strip --no-rebuild --quiet
+build/root/gateway.done: build/arm-release/build.ninja
+build/root/gateway-tls.done: build/arm-release-tls/build.ninja
+build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f)
+	ninja -C $(patsubst build/root/gateway%.done,build/arm-release%,$@)
+	rm -rf $(@:.done=)
+	DESTDIR=$(CURDIR)/$(@:.done=) meson install -C $(patsubst build/root/gateway%.done,build/arm-release%,$@) \
+	  --strip --no-rebuild --quiet
 	touch $@
 
-build/arm-release/build.ninja: build/sysroot.ini
-	meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled --cross-file $< --cross-file scripts/armel.ini
+build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini
+	meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dtls=$(if $(findstring -tls,$@),true,false) \
+	  --cross-file $< --cross-file scripts/armel.ini
 
 build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
 	scripts/build-dtb.sh $(DTS) $@
@@ -268,6 +275,7 @@ test: lint unit asan cross fuzzers qemu uboot $(VENV) ## all tests
 
 test-linux: linux linux-debug system lab qemu uboot $(VENV) ## all tests of Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
+	$(MAKE) system SITE=tests/linux/site-tls
 	$(PYTHON) -m pytest -n 2 --dist loadfile tests/linux
 
 soak: build qemu uboot linux system $(VENV) ## the long tests: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-system.sh FOLDER [FRAGMENT...]: the image for the board from Debian's packages, of what `make system` made in
-# build. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
+# build-system.sh FOLDER GATEWAY [FRAGMENT...]: the image for the board from Debian's packages, of what `make system` made in
+# build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
 # FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
 # in it. OPENRTU_SITE in the environment names a folder with the settings of a site.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
-shift
+gateway=$2
+shift 2
 tree=$(realpath -e "$(dirname "$0")/..")
 board=$tree/board/nuc980
 build=$tree/build
@@ -18,9 +19,9 @@ fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
 umask 022
 
 inputs() {
-	echo "$folder ${OPENRTU_SITE:-}"
+	echo "$folder $gateway ${OPENRTU_SITE:-}"
 	{
-		find "$board"/{skeleton,rootfs-overlay} "$build/root/gateway" -type f -print0
+		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,linux/inputs,dtb/nuc980-gateway.dtb}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
@@ -33,7 +34,7 @@ make_root() {
 	rm -rf "$parts"
 	mkdir -p "$parts/root"
 	"$tree/scripts/image/rootfs.py" make --packages "$build/root/packages" --busybox "$build/busybox" \
-		--gateway "$build/root/gateway" "$parts/root"
+		--gateway "$build/root/$gateway" "$parts/root"
 	"$board/post-build.sh" "$parts/root"
 	"$tree/scripts/image/cpio.py" "$parts/root" "$parts/initramfs.cpio"
 	cat >"$parts/initramfs.fragment" <<-END
@@ -62,12 +63,20 @@ make_images() {
 	"$board/place-macs.sh" "$folder/nuc980-gateway.dtb"
 }
 
+# Name and version of those that the image has files of.
+packages() {
+	local without=()
+	[ "$gateway" = gateway-tls ] || without=(--without-tls)
+	"$tree/scripts/image/rootfs.py" packages "${without[@]}" | tr ' ' '\n' |
+		awk 'NR == FNR { taken[$1]; next } $1 in taken' - "$build/root/packages.versions"
+}
+
 licences() {
 	local package
 	mkdir -p "$parts/licences"
 	while read -r package _; do
 		cp "$build/root/packages/usr/share/doc/$package/copyright" "$parts/licences/$package"
-	done <"$build/root/packages.versions"
+	done < <(packages)
 	for package in linux busybox; do
 		cp "$build/$package/debian/debian/copyright" "$parts/licences/$package"
 	done
@@ -75,7 +84,7 @@ licences() {
 }
 
 versions() {
-	cat "$build/root/packages.versions"
+	packages
 	for part in linux busybox; do
 		sed -nE 's/^(Source|Version): //p' "$build/$part/debian.dsc" | paste -sd ' '
 	done

@@ -10,6 +10,7 @@ Nothing but the standard library; `readelf` says which libraries a program names
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shutil
 import subprocess
@@ -39,13 +40,13 @@ class Table:
     issue: str
     programs: dict[str, list[str]]
     library_packages: list[str]
+    tls_packages: list[str]
     more_libraries: list[str]
     folders: dict[str, int]
     links: dict[str, str]
 
-    @property
-    def packages(self) -> list[str]:
-        return sorted({*self.programs, *self.library_packages})
+    def packages(self, tls: bool) -> list[str]:
+        return sorted({*self.programs, *self.library_packages, *(self.tls_packages if tls else [])})
 
 
 def read_table(file: Path) -> Table:
@@ -56,6 +57,7 @@ def read_table(file: Path) -> Table:
             issue=table["issue"],
             programs=table["programs"],
             library_packages=table["libraries"]["packages"],
+            tls_packages=table["tls"]["packages"],
             more_libraries=table["libraries"]["also"],
             folders=table["folders"],
             links=table["links"],
@@ -228,10 +230,28 @@ def make_root(table: Table, packages: Path, busybox: Path, gateway: Path, root: 
     (root / "etc/shadow").chmod(0o600)
 
 
+# ---- what a site asks for ------------------------------------------------------------------------
+
+
+def asks_for_tls(site: Path) -> bool:
+    """Whether its gateway needs rtu-iec104-tls. What else is wrong with a configuration rtud says."""
+    file = site / "config.json"
+    if not file.exists():
+        return False
+    try:
+        configuration = json.loads(file.read_bytes())
+    except ValueError as error:
+        raise UnusableInput(f"{file} is no JSON: {error}") from error
+    return isinstance(configuration, dict) and "tls" in configuration
+
+
 def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="rootfs", description="Put the root file system together.")
     commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("packages", help="print the Debian packages that it takes files of")
+    packages = commands.add_parser("packages", help="print the Debian packages that it takes files of")
+    packages.add_argument("--without-tls", action="store_true", help="for a gateway without OpenSSL")
+    gateway = commands.add_parser("gateway", help="print which gateway a site needs: gateway or gateway-tls")
+    gateway.add_argument("site", type=Path, help="the folder with its settings")
     make = commands.add_parser("make", help="fill an empty folder")
     make.add_argument("--packages", type=Path, required=True, metavar="DIR", help="the packages, unpacked")
     make.add_argument("--busybox", type=Path, required=True, metavar="DIR", help="of build-busybox.sh")
@@ -241,7 +261,9 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         table = read_table(TABLE)
         if arguments.command == "packages":
-            print(*table.packages)
+            print(*table.packages(tls=not arguments.without_tls))
+        elif arguments.command == "gateway":
+            print("gateway-tls" if asks_for_tls(arguments.site) else "gateway")
         else:
             make_root(table, arguments.packages, arguments.busybox, arguments.gateway, arguments.root)
     except UnusableInput as error:

@@ -15,6 +15,7 @@ from image.rootfs import (
     UnusableInput,
     add_libraries,
     add_users,
+    asks_for_tls,
     copy_tree,
     read_table,
     users_of,
@@ -153,7 +154,9 @@ def test_start_scripts_are_programs() -> None:
 
 
 def test_table_can_be_read() -> None:
-    assert "libc6" in read_table(TABLE).packages
+    table = read_table(TABLE)
+    assert "libc6" in table.packages(tls=False)
+    assert set(table.packages(tls=True)) - set(table.packages(tls=False)) == {"libatomic1", "libssl3"}
 
 
 @pytest.mark.parametrize("text", ["", "hostname = ", 'hostname = "a"\nlibraries = 3\n'])
@@ -161,3 +164,25 @@ def test_unusable_table_is_said(tmp_path: Path, text: str) -> None:
     (tmp_path / "system.toml").write_text(text)
     with pytest.raises(UnusableInput, match="it must be a table as"):
         read_table(tmp_path / "system.toml")
+
+
+# ---- what a site asks for
+
+
+@pytest.mark.parametrize(
+    ("text", "asks"), [('{"port": [], "tls": {}}', True), ('{"port": []}', False), ('["tls"]', False)]
+)
+def test_site_with_tls_gets_openssl(tmp_path: Path, text: str, asks: bool) -> None:
+    (tmp_path / "config.json").write_text(text)
+    assert asks_for_tls(tmp_path) == asks
+
+
+def test_site_without_a_configuration_asks_for_nothing(tmp_path: Path) -> None:
+    assert not asks_for_tls(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b'{"port": [', b"\xff\xfe"])
+def test_site_whose_configuration_is_no_json_is_said(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "config.json").write_bytes(content)
+    with pytest.raises(UnusableInput, match="is no JSON"):
+        asks_for_tls(tmp_path)

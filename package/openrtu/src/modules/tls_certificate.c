@@ -143,7 +143,7 @@ void tls_refuse(int error, const X509 *certificate)
 }
 
 /* A board without its time refuses everybody for this; the line tells whose clock is wrong. */
-static const char *not_yet_valid(char text[TLS_WHY_SIZE])
+static const char *not_yet_valid(char text[TLS_WHY_SIZE], const char *what)
 {
 	char today[TLS_DATE_SIZE] = "";
 	time_t now = time(NULL);
@@ -151,7 +151,7 @@ static const char *not_yet_valid(char text[TLS_WHY_SIZE])
 
 	if (gmtime_r(&now, &parts) != NULL)
 		strftime(today, sizeof(today), "%Y-%m-%d", &parts);
-	snprintf(text, TLS_WHY_SIZE, "certificate is not yet valid, by our clock it is %s", today);
+	snprintf(text, TLS_WHY_SIZE, "%s is not yet valid, by our clock it is %s", what, today);
 	return text;
 }
 
@@ -167,7 +167,9 @@ static const char *reason(char text[TLS_WHY_SIZE])
 	case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
 		return "certificate is of no known CA";
 	case X509_V_ERR_CERT_NOT_YET_VALID:
-		return not_yet_valid(text);
+		return not_yet_valid(text, "certificate");
+	case X509_V_ERR_CRL_NOT_YET_VALID:
+		return not_yet_valid(text, "CRL");
 	default:
 		return X509_verify_cert_error_string(refused.error);
 	}

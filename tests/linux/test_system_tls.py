@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The image of `make system` for a site with TLS (site-tls): who comes in, what it takes on the twin."""
+
+import json
+import re
+import socket
+import ssl
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from image.manifest import read_limits
+from lab.board import ETHERNET
+from lab.gateway import TESTFR_ACT, TESTFR_CON, free_port, remove, run_directory
+from lab.raw_master import RawMaster
+from nuc980.twin.linux import Kernel, Linux
+from peers.tls_gateway import VERSIONS, Pki, public_keys, received
+
+ROOT = Path(__file__).resolve().parents[2]
+BOARD = ROOT / "board/nuc980"
+IMAGE = ROOT / "build/system-site-tls"
+SITE = Path(__file__).parent / "site-tls/config.json"
+STATION, POINTS, STATION_PORT = 1001, 5000, 19998
+WAITS_S = 60.0
+AVAILABLE_KIB = 32 * 1024
+HANDSHAKES = 10
+# The board's time is counted in instructions, of 8 ns each: a busy host does not make it longer.
+INSTRUCTION_TIME = ("-icount", "shift=3")
+
+
+@pytest.fixture(scope="module")
+def pki() -> Iterator[Pki]:
+    folder = run_directory()
+    yield public_keys(folder)
+    remove(folder)
+
+
+@pytest.fixture(scope="module")
+def port() -> int:
+    return free_port()
+
+
+def configuration() -> str:
+    """The site's, with points whose device does not answer."""
+    device = {"id": 1, "input_registers": [{"address": address} for address in range(POINTS)]}
+    line = {"value": 1, "active": 1, "baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    return json.dumps(json.loads(SITE.read_text()) | {"port": [line | {"slaves": [device]}]})
+
+
+@pytest.fixture(scope="module")
+def linux(boot: Any, pki: Pki, port: int) -> Linux:
+    """The uImage as it is; over it the points, and the files that an engineer puts into /data."""
+    if not (IMAGE / "uImage").exists():
+        pytest.fail(f"{IMAGE}/uImage is not there: `make system SITE=tests/linux/site-tls`", pytrace=False)
+    files: dict[str, Path | str] = {
+        "/etc/openrtu/gateway.json": configuration(),
+        "/keys/station.pem": pki.station.certificate,
+        "/keys/station.key": pki.station.key,
+        "/keys/ca.pem": pki.ours.certificate,
+        "/keys/crl.pem": pki.ours.revoke(),
+    }
+    network = ETHERNET[0].arguments({port: STATION_PORT})
+    kernel = Kernel(IMAGE / "uImage", IMAGE / "nuc980-gateway.dtb")
+    linux: Linux = boot(*network, *INSTRUCTION_TIME, kernel=kernel, files=files)
+    linux.run("mkdir /data/tls && cp /keys/* /data/tls && chown 61201 /data/tls/station.key")
+    linux.run("chmod 400 /data/tls/station.key")
+    wait = f"until netstat -lnt | grep -q ':{STATION_PORT} '; do sleep 0.1; done"
+    linux.run(f'timeout {WAITS_S} sh -c "{wait}"', 2 * WAITS_S)
+    return linux
+
+
+@pytest.fixture(scope="module")
+def on_time(linux: Linux, pki: Pki) -> Linux:
+    """The board, its clock set since the certificates were made."""
+    linux.run(f"date -u -s @{int(time.time()) + 1}")
+    return linux
+
+
+def log(linux: Linux) -> str:
+    return linux.run("rtuctl log")
+
+
+def greeted(port: int, context: ssl.SSLContext) -> bool:
+    """Whether the station lets somebody in and answers."""
+    with socket.create_connection(("127.0.0.1", port), timeout=WAITS_S) as plain:
+        try:
+            with context.wrap_socket(plain) as connection:
+                connection.sendall(TESTFR_ACT)
+                return received(connection, len(TESTFR_CON)) == TESTFR_CON
+        except (ssl.SSLError, ConnectionResetError, BrokenPipeError, pytest.fail.Exception):
+            return False
+
+
+def processor_seconds(linux: Linux) -> float:
+    """The module's, of the board's time."""
+    stat = linux.run("cat /proc/$(pidof rtu-iec104)/stat").rpartition(")")[2].split()
+    return (int(stat[11]) + int(stat[12])) / 100
+
+
+def test_clock_that_was_never_set_is_said(linux: Linux, pki: Pki, port: int) -> None:
+    """Nobody comes in, and the log tells why; once it is set, all do, without a restart."""
+    assert not greeted(port, pki.client())
+    said = log(linux)
+    assert "the system's clock was never set: every certificate is refused until it is" in said
+    assert 'refused, CRL is not yet valid, by our clock it is 1970-01-01: "centre 1"' in said
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_interrogation(on_time: Linux, pki: Pki, port: int, version: str) -> None:
+    with RawMaster("127.0.0.1", port, tls=pki.client(version=version)) as master:
+        assert len(master.interrogate(STATION).objects) == POINTS
+    assert f'TLSv{version}, "centre 1"' in log(on_time)
+
+
+def test_time_of_a_handshake(on_time: Linux, pki: Pki, port: int) -> None:
+    for version in VERSIONS:
+        before = processor_seconds(on_time)
+        for _ in range(HANDSHAKES):
+            assert greeted(port, pki.client(version=version))
+        seconds = (processor_seconds(on_time) - before) / HANDSHAKES
+        print(f"TLS {version}: {seconds:.3f} s of CPU on the twin for a handshake, an answer and the end")
+        assert 0 < seconds < 2
+
+
+def test_random_numbers_are_there_in_time(linux: Linux) -> None:
+    ready = re.search(r"\[ *(\d+\.\d+)\] random: crng init done", linux.run("dmesg"))
+    assert ready
+    print(f"random numbers {ready[1]} s after the kernel's start")
+    assert float(ready[1]) < 10
+
+
+def test_memory_and_size(on_time: Linux, pki: Pki, port: int) -> None:
+    with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
+        assert len(master.interrogate(STATION).objects) == POINTS
+        pss = on_time.run(
+            "for each in $(pidof rtud rtu-iec104 rtu-modbus); do grep ^Pss: /proc/$each/smaps_rollup; done"
+        )
+        module = on_time.run("grep -E '^(Pss|Private_Dirty):' /proc/$(pidof rtu-iec104)/smaps_rollup")
+        available = int(re.findall(r"MemAvailable: +(\d+)", on_time.run("cat /proc/meminfo"))[0])
+    gateway = sum(map(int, re.findall(r"(\d+) kB", pss)))
+    size, limit = (IMAGE / "uImage").stat().st_size, read_limits(BOARD / "image-limits.toml").memory_room
+    print(
+        f"gateway {gateway} KiB, available {available} KiB; uImage {size} of {limit}; rtu-iec104-tls:", module
+    )
+    assert available >= AVAILABLE_KIB
+    assert size <= limit
+
+
+def test_plain_image_has_no_openssl() -> None:
+    def names(parts: Path) -> set[str]:
+        return {file.name for file in (parts / "root").rglob("*")}
+
+    only_with_tls = {"rtu-iec104-tls", "libssl.so.3", "libcrypto.so.3", "libatomic.so.1"}
+    assert only_with_tls <= names(IMAGE.with_name(f"{IMAGE.name}.parts"))
+    assert not only_with_tls & names(ROOT / "build/system.parts")
+    assert "libssl3 " in (ROOT / "build/system-site-tls.parts/versions").read_text()
+    assert "libssl3 " not in (ROOT / "build/system.parts/versions").read_text()
