@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two devices with periods and one without share a line: who is asked when, as the devices see it."""
 
+import json
 import os
 import statistics
 import time
@@ -123,6 +124,14 @@ def test_periods_slip_under_a_storm_of_commands_and_hold_again(substation: Subst
 def is_realtime_kernel() -> bool:
     said = Path("/sys/kernel/realtime")
     return "PREEMPT_RT" in os.uname().version or (said.exists() and said.read_text().startswith("1"))
+
+
+def test_a_point_shows_its_period(substation: Substation) -> None:
+    shown = [
+        json.loads(substation.gateway.ctl("--json", "show", f"p{PORT}.{unit}.i0"))["period_ms"]
+        for unit in (FAST, SLOWER, IN_TURN)
+    ]
+    assert shown == [100, 250, None]
 
 
 def test_histogram_shows_what_was_measured_and_what_it_is_worth(substation: Substation) -> None:

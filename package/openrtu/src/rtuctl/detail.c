@@ -77,6 +77,12 @@ static void add_details(const struct map *map, uint32_t point, json_t *row)
 	}
 }
 
+/* Null: it is read in turn. */
+static json_t *period(const struct map_point *point)
+{
+	return point->scan_period_ms > 0 ? json_integer(point->scan_period_ms) : json_null();
+}
+
 static void print_row(json_t *row)
 {
 	const char *key;
@@ -100,6 +106,7 @@ int rtuctl_show(struct map *map, const struct rtuctl_request *request)
 	if (point == MAP_NONE)
 		return RTUCTL_FAILED;
 	row = rtuctl_point_row(map, point);
+	json_object_set_new(row, "period_ms", period(&map_config(map)->points[point]));
 	add_details(map, point, row);
 	if (request->json)
 		listing_print_json(row);
