@@ -33,6 +33,8 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 		layout.queues = section(&layout, MAP_QUEUES * sizeof(struct queue_cell));
 		layout.station_stats = section(&layout, sizeof(struct map_station_stats));
 	}
+	if (entry->kind == MAP_MODULE_JOURNAL)
+		layout.journal_stats = section(&layout, sizeof(struct map_journal_stats));
 	if (entry->kind != MAP_MODULE_MODBUS)
 		return layout;
 	layout.latches = section(&layout, config->device_count * sizeof(map_latch));
@@ -69,6 +71,7 @@ void segment_place(struct segment *segment, void *memory, const struct layout *l
 	segment->device_stats = at(memory, layout->device_stats);
 	segment->queues = at(memory, layout->queues);
 	segment->station_stats = at(memory, layout->station_stats);
+	segment->journal_stats = at(memory, layout->journal_stats);
 	segment->size = layout->size;
 }
 
@@ -81,6 +84,7 @@ uint32_t layout_fingerprint(void)
 	    sizeof(struct map_answer),        sizeof(struct command_cell),     sizeof(struct map_log_line),
 	    sizeof(struct map_line_stats),    sizeof(struct map_device_stats), sizeof(struct queue_cell),
 	    sizeof(struct map_station_stats), sizeof(struct total_cell),       sizeof(struct parameter_cell),
+	    sizeof(struct map_journal_stats),
 	};
 	uint32_t hash = 2166136261u; /* FNV-1a */
 

@@ -14,7 +14,7 @@
 #include "map/station.h"
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT   2u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   3u          /* raise with every change of what lies in the segments */
 #define REQUEST_RING 256u
 #define ANSWER_RING  256u
 #define LOG_RING     128u
@@ -83,6 +83,7 @@ struct module_entry {
 	_Atomic uint32_t generation;
 	_Atomic uint32_t restarts;
 	_Atomic uint32_t started_s; /* CLOCK_MONOTONIC */
+	uint32_t restored;          /* events from the journal, which are the first of its ring */
 };
 
 /* What rtud's segment holds besides the sections that every segment has. */
@@ -106,6 +107,7 @@ struct layout {
 	size_t commands, totals, parameters;
 	size_t line_stats, device_stats;
 	size_t queues, station_stats;
+	size_t journal_stats;
 	size_t size;
 	uint32_t event_capacity;
 };
@@ -123,6 +125,7 @@ struct segment {
 	struct map_device_stats *device_stats;
 	struct queue_cell *queues;
 	struct map_station_stats *station_stats;
+	struct map_journal_stats *journal_stats;
 	size_t size;
 	int bell;
 };

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "journal/wear.h"
 #include "rtud/config_parts.h"
 
 /* Reads up to CONFIG_FILE_SIZE_MAX + 1 bytes, so that the caller sees a larger file. NULL with errno when it cannot. */
@@ -168,6 +169,14 @@ void config_free(struct map_config *config)
 	*config = (struct map_config){.line_count = 0};
 }
 
+static void print_wear(const struct map_journal *journal)
+{
+	printf("journal: at most %.1f MiB a day reach the flash, which %u MiB with %u cycles bear for %.0f "
+	       "years\n",
+	       (double)journal_bytes_a_day(journal) / 1048576, journal->volume_mb, journal->cycles,
+	       journal_life_years(journal));
+}
+
 int config_check(const char *path, struct config_modules modules)
 {
 	struct map_config config;
@@ -176,6 +185,8 @@ int config_check(const char *path, struct config_modules modules)
 	if (result == CONFIG_GOOD)
 		printf("%s: good: lines %u, devices %u, points %u\n", path, config.line_count,
 		       config.device_count, config.point_count);
+	if (result == CONFIG_GOOD && map_journal_used(&config.settings))
+		print_wear(&config.settings.journal);
 	config_free(&config);
 	return (int)result;
 }
