@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Events that outlive a power cut: all processes killed at once, the map gone, the file as synchronised."""
 
+import contextlib
 import datetime
 import json
 import os
@@ -332,6 +333,67 @@ def test_folder_that_cannot_be(programs: Path, journal: Path) -> None:
         with Link(gateway, MAIN).start() as link:
             take_all(link)
             count_up(substation, range(600, 602), link)
+
+
+@pytest.fixture
+def volume(journal: Path) -> Iterator[Path]:
+    """The journal on a file system of its own, of which the tests may make anything."""
+    journal.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=256k,mode=755", "tmpfs", journal]
+    if subprocess.run(command, capture_output=True, check=False).returncode != 0:
+        pytest.skip("needs the right to mount")
+    yield journal
+    subprocess.run(["umount", "-l", journal], check=True)
+
+
+def fill(volume: Path) -> None:
+    with contextlib.suppress(OSError), (volume / "filler").open("wb", buffering=0) as filler:
+        while True:
+            filler.write(bytes(4096))
+
+
+def empty_again(volume: Path) -> None:
+    (volume / "filler").unlink()
+
+
+def forbid(volume: Path) -> None:
+    subprocess.run(["mount", "-o", "remount,ro", volume], check=True)
+
+
+def allow(volume: Path) -> None:
+    subprocess.run(["mount", "-o", "remount,rw", volume], check=True)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "repair", "message"),
+    [(fill, empty_again, "No space left on device"), (forbid, allow, "Read-only file system")],
+)
+def test_file_system_that_cannot_be_written(
+    programs: Path, volume: Path, spoil: Callable[[Path], None], repair: Callable[[Path], None], message: str
+) -> None:
+    """What was written before it is safe all the time; what came meanwhile, once it can be written again."""
+    with substation_of(configuration(volume), programs) as substation:
+        gateway = substation.gateway
+        empty(gateway, "Control centre", MAIN)
+        count_up(substation, range(800, 803))
+        wait_journal(gateway, 3)
+        gateway.stop()  # its file has to be begun anew at the next start, which needs room
+        spoil(volume)
+        gateway.start()
+        wait_log(gateway, "3 events restored from the journal")
+        wait_log(gateway, f"cannot write in {volume}: {message}; a power cut would lose events")
+        cut_power(gateway)
+        gateway.start()
+        wait_log(gateway, f"cannot write in {volume}: {message}; a power cut would lose events")
+        count_up(substation, range(803, 806))
+        repair(volume)
+        wait_log(gateway, f"writes again in {volume}")
+        gateway.wait_for(lambda: not state(gateway)["failing"], SOON_S, "it does not fail any more")
+        cut_power(gateway)
+        start_again(substation)
+        with Link(gateway, MAIN).start() as link:
+            values = [found.value for found in take_all(link)]
+        assert list(dict.fromkeys(values)) == list(range(800, 806))
 
 
 # ---- what it costs ----------------------------------------------------------------------------------------

@@ -17,6 +17,14 @@
 
 /* ---- the folder -------------------------------------------------------------------------- */
 
+/* rtu-journal's user has to walk through it, whatever the umask. */
+static int make_folder(const char *path)
+{
+	if (mkdir(path, 0755) == 0)
+		return chmod(path, 0755);
+	return errno == EEXIST ? 0 : -1;
+}
+
 /* Each folder on the way, as mkdir -p. */
 static int make_folders(const char *path)
 {
@@ -25,26 +33,27 @@ static int make_folders(const char *path)
 	snprintf(part, sizeof(part), "%s", path);
 	for (char *slash = strchr(part + 1, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
 		*slash = '\0';
-		if (mkdir(part, 0755) < 0 && errno != EEXIST)
+		if (make_folder(part) < 0)
 			return -1;
 		*slash = '/';
 	}
-	return mkdir(part, 0755) < 0 && errno != EEXIST ? -1 : 0;
+	return make_folder(part);
 }
 
-/* What is in it belongs to the user of before, if that was another; rtu-journal makes its files anew. */
-static int open_folder(const char *path, uid_t owner, gid_t group)
+static int open_folder(const char *path)
 {
-	int fd;
+	return make_folders(path) < 0 ? -1 : open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+}
 
-	if (make_folders(path) < 0)
-		return -1;
-	fd = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-	if (fd >= 0 && owner != 0 && (fchown(fd, owner, group) < 0 || fchmod(fd, 0700) < 0)) {
-		close(fd);
-		return -1;
-	}
-	return fd;
+/*
+ * What is in it belongs to the user of before, if that was another; rtu-journal makes its files anew. Where it cannot be
+ * given away, as on a file system that has turned read-only, it can be read.
+ */
+static void give_folder(struct map *map, int folder, uid_t owner, gid_t group)
+{
+	if (owner != 0 && (fchown(folder, owner, group) < 0 || fchmod(folder, 0700) < 0))
+		map_log(map, MAP_LOG_ERROR, "cannot give the journal's folder to rtu-journal: %s",
+			strerror(errno));
 }
 
 static void warn_of_memory(struct map *map, int folder, const char *path)
@@ -120,11 +129,12 @@ void journal_begin_again(struct map *map, uid_t owner, gid_t group)
 
 	if (!map_journal_used(settings))
 		return;
-	folder = open_folder(path, owner, group);
+	folder = open_folder(path);
 	if (folder < 0) {
 		map_log(map, MAP_LOG_ERROR, "no journal: %s: %s", path, strerror(errno));
 		return;
 	}
+	give_folder(map, folder, owner, group);
 	warn_of_memory(map, folder, path);
 	bytes = read_file(folder, &size, &error);
 	if (error != 0 && error != ENOENT)
