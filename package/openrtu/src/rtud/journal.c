@@ -60,7 +60,9 @@ static void warn_of_memory(struct map *map, int folder, const char *path)
 {
 	struct statfs system;
 
-	if (fstatfs(folder, &system) == 0 && (system.f_type == TMPFS_MAGIC || system.f_type == RAMFS_MAGIC))
+	if (fstatfs(folder, &system) < 0)
+		return;
+	if ((uint32_t)system.f_type == TMPFS_MAGIC || (uint32_t)system.f_type == RAMFS_MAGIC)
 		map_log(map, MAP_LOG_WARNING, "the journal in %s is in memory: it survives no power cut",
 			path);
 }
