@@ -20,6 +20,7 @@ TARGETS = {  # by the name of its corpus: the program
     "station": "iec104/fuzz_station",
     "line": "modbus/fuzz_line",
     "config": "rtud/fuzz_config",
+    "journal": "journal/fuzz_journal",
 }
 INPUT_MAX = 4096
 

@@ -361,6 +361,7 @@ SITES = [
     Site("iec104", "iec104", ("iec104",)),
     Site("redundancy_group", "redundancy_groups[0]", ("redundancy_group",)),
     Site("tls", "tls", ("tls",)),
+    Site("journal", "journal", ("journal",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("port", "port[0]", ("port",)),
     Site("rs485", "port[0].rs485", ("rs485",)),
@@ -381,6 +382,10 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "w": {"k": 32767},
     "t1": {"t2": 1},
     "t2": {"t1": 255},
+    "size_kb": {"volume_mb": 1048576},
+    "interval_s": {"volume_mb": 1048576},
+    "volume_mb": {"interval_s": 3600, "size_kb": 64},
+    "journal.cycles": {"volume_mb": 1048576},
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
@@ -408,7 +413,14 @@ def small_file() -> dict[str, Any]:
     ports = [{"value": 3, "active": 1, **line, "rs485": {}, "slaves": slaves}, {"value": 5, "active": 0}]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
-    others = {"iec104": {}, "tls": tls, "modbus": {}, "event_ring": 65536, "redundancy_groups": groups}
+    others = {
+        "iec104": {},
+        "tls": tls,
+        "journal": {},
+        "modbus": {},
+        "event_ring": 65536,
+        "redundancy_groups": groups,
+    }
     return {"port": ports, **others}
 
 
@@ -511,7 +523,7 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
 def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Every key of the schema: the definition it is in, its name, its rule."""
     objects = ("object", "command", "bits", "registers", "pulse", "step")
-    for name in ("", "iec104", "tls", "redundancy_group", "modbus", "port", "rs485", "slave", *objects):
+    for name in ("", "iec104", "tls", "journal", "redundancy_group", "modbus", "port", "rs485", "slave", *objects):
         for key, rule in definition(name)["properties"].items():
             yield name, key, resolved(rule)
 

@@ -8,7 +8,14 @@ import pytest
 from fuzzing import SEEDS, TARGETS, run
 
 # Some five seconds each, by the targets' speeds.
-RUNS = {"asdu": 40_000, "session": 150_000, "station": 25_000, "line": 50_000, "config": 3_000}
+RUNS = {
+    "asdu": 40_000,
+    "session": 150_000,
+    "station": 25_000,
+    "line": 50_000,
+    "config": 3_000,
+    "journal": 1_700,
+}
 SEED_SIZE_MAX = 1024
 SEEDS_MAX = 100
 

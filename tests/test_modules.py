@@ -97,13 +97,16 @@ def refused(build: Path, directory: Path, config: dict[str, Any] | None = None) 
 
 def test_left_out_is_not_installed(without_iec104: Path, without_modbus: Path) -> None:
     assert installed(without_iec104) == EVERYWHERE | {"rtu-modbus"}
-    assert installed(without_modbus) == EVERYWHERE | {"rtu-iec104"}
+    assert installed(without_modbus) == EVERYWHERE | {"rtu-iec104", "rtu-journal"}
 
 
 def test_configuration_that_needs_what_is_left_out_is_refused(
     without_iec104: Path, without_modbus: Path, directory: Path
 ) -> None:
     assert refused(without_iec104, directory) == NO_IEC104
+    assert refused(without_iec104, directory, lines_only() | {"journal": {}}) == NO_IEC104.replace(
+        "iec104:", "journal:", 1
+    )
     assert refused(without_modbus, directory) == NO_MODBUS
     files = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     assert refused(without_modbus, directory, station_only() | {"tls": files}).endswith(NO_TLS)

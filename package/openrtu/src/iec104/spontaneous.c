@@ -139,7 +139,7 @@ static bool add_event(const struct iec104_station *station, struct iec104_builde
 		     iec104_monitor_type(iec104_point(station, first->point), true) ||
 		 !iec104_is_tellable(station, event->point, &event->sample))
 		return false;
-	return iec104_add_sample(station, builder, event->point, &event->sample, true);
+	return iec104_add_event(station, builder, event);
 }
 
 /* As many events as come one after another and go into one ASDU, in their order. */

@@ -117,6 +117,9 @@ bool iec104_is_tellable(const struct iec104_station *station, uint32_t point,
 /* Adds a tellable sample of a point, with its wall time if tagged and its type has a time tag. False: the ASDU is full. */
 bool iec104_add_sample(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct map_sample *sample, bool tagged);
+/* Adds an event of the ASDU's station and type, with the time it had. False: the ASDU is full. */
+bool iec104_add_event(const struct iec104_station *station, struct iec104_builder *builder,
+		      const struct map_event *event);
 void iec104_send(struct iec104_connection *connection, const struct iec104_builder *builder, int64_t now_ns);
 /* Comes back to a point that could not be read, without waiting for anything else. */
 void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns);

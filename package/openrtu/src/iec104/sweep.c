@@ -42,23 +42,40 @@ bool iec104_is_tellable(const struct iec104_station *station, uint32_t point, co
 	return !(iec104_point(station, point)->flags & MAP_POINT_NO_QUALITY) || sample->quality == MAP_GOOD;
 }
 
+/* Value and quality. M_ME_ND_1 has no quality: the last octet of the element. */
+static size_t encode(const struct map_point *object, const struct map_sample *sample, uint8_t *element)
+{
+	size_t size = iec104_element_encode(element, (enum map_type)object->type, sample);
+
+	return object->flags & MAP_POINT_NO_QUALITY ? size - 1 : size;
+}
+
+bool iec104_add_event(const struct iec104_station *station, struct iec104_builder *builder,
+		      const struct map_event *event)
+{
+	const struct map_point *object = iec104_point(station, event->point);
+	struct map_clock clock = map_clock_read(station->map);
+	uint8_t element[IEC104_ELEMENT_MAX];
+	size_t size = encode(object, &event->sample, element);
+
+	if (!(object->flags & MAP_POINT_NO_QUALITY)) { /* which has no time tag either */
+		iec104_time56_encode(element + size, map_event_wall_ns(event, clock),
+				     !map_event_time_is_set(event, clock), &station->config->settings.zone);
+		size += IEC104_TIME56_SIZE;
+	}
+	return iec104_asdu_add(builder, object->ioa, element, size);
+}
+
 bool iec104_add_sample(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct map_sample *sample, bool tagged)
 {
 	const struct map_point *object = iec104_point(station, point);
 	uint8_t element[IEC104_ELEMENT_MAX];
-	size_t size = iec104_element_encode(element, (enum map_type)object->type, sample);
 
-	if (object->flags & MAP_POINT_NO_QUALITY) /* M_ME_ND_1 has neither quality nor a time tag */
-		return iec104_asdu_add(builder, object->ioa, element, size - 1);
-	if (tagged) {
-		struct map_clock clock = map_clock_read(station->map);
-
-		iec104_time56_encode(element + size, sample->time_ns + clock.offset_ns, !clock.set,
-				     &station->config->settings.zone);
-		size += IEC104_TIME56_SIZE;
-	}
-	return iec104_asdu_add(builder, object->ioa, element, size);
+	if (tagged)
+		return iec104_add_event(station, builder,
+					&(struct map_event){.point = point, .sample = *sample});
+	return iec104_asdu_add(builder, object->ioa, element, encode(object, sample, element));
 }
 
 void iec104_send(struct iec104_connection *connection, const struct iec104_builder *builder, int64_t now_ns)

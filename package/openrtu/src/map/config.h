@@ -174,6 +174,15 @@ struct map_tls {
 	char masters[MAP_TLS_MASTERS_MAX][MAP_TLS_MASTER_SIZE]; /* common names and fingerprints */
 };
 
+/* What rtu-journal writes, so that events outlive a power cut. */
+struct map_journal {
+	char path[MAP_FILE_SIZE]; /* its folder; empty: no journal */
+	uint32_t size_kb;         /* of its file, at most; a record has a quarter of it at most */
+	uint32_t interval_s;      /* between two records, at least */
+	uint32_t volume_mb;       /* MiB of the flash that the file system spreads its writing over */
+	uint32_t cycles;          /* how often a block of it may be erased */
+};
+
 /* What belongs to no line. Times of IEC 60870-5-104, 9.6. */
 struct map_settings {
 	char address[MAP_ADDRESS_SIZE]; /* where rtu-iec104 listens */
@@ -198,12 +207,18 @@ struct map_settings {
 	struct map_group groups[MAP_GROUPS_MAX];
 	uint32_t originators_refused[8]; /* a bit for each originator address that may not command */
 	struct map_tls tls;
+	struct map_journal journal;
 };
 
 /* rtu-iec104-tls is the module's program. */
 static inline bool map_tls_used(const struct map_settings *settings)
 {
 	return settings->tls.certificate[0] != '\0';
+}
+
+static inline bool map_journal_used(const struct map_settings *settings)
+{
+	return settings->journal.path[0] != '\0';
 }
 
 /*

@@ -3,7 +3,8 @@
 
 #include <string.h>
 
-#define SECTION_ALIGNMENT 32 /* a cache line of the ARM926 */
+#define SECTION_ALIGNMENT 32  /* a cache line of the ARM926 */
+#define OWN_EVENTS        256 /* of the gateway's own station, which has two for each episode of losses */
 
 static size_t section(struct layout *layout, size_t bytes)
 {
@@ -21,11 +22,14 @@ static struct capacities capacities_of(const struct module_entry *entry, const s
 	    [MAP_MODULE_MODBUS] = {.requests = 1, .answers = 256, .log = 128},
 	    [MAP_MODULE_IEC104] = {.requests = 256, .answers = 1, .events = 1, .log = 128},
 	    [MAP_MODULE_RTUCTL] = {.requests = 256, .answers = 1, .events = 1, .log = 1},
+	    [MAP_MODULE_JOURNAL] = {.requests = 1, .answers = 1, .events = 1, .log = 128},
 	};
 	struct capacities capacities = kinds[entry->kind];
 
 	if (entry->kind == MAP_MODULE_MODBUS)
 		capacities.events = config->settings.event_ring;
+	else if (entry->kind == MAP_MODULE_IEC104 && entry->point_count > 0)
+		capacities.events = OWN_EVENTS;
 	return capacities;
 }
 
@@ -50,6 +54,8 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 		layout.queues = section(&layout, MAP_QUEUES * sizeof(struct queue_cell));
 		layout.station_stats = section(&layout, sizeof(struct map_station_stats));
 	}
+	if (entry->kind == MAP_MODULE_JOURNAL)
+		layout.journal_stats = section(&layout, sizeof(struct map_journal_stats));
 	if (entry->kind != MAP_MODULE_MODBUS && entry->point_count == 0)
 		return layout;
 	layout.latches = section(&layout, config->device_count * sizeof(map_latch));
@@ -89,6 +95,7 @@ void segment_place(struct segment *segment, void *memory, const struct layout *l
 	segment->device_stats = at(memory, layout->device_stats);
 	segment->queues = at(memory, layout->queues);
 	segment->station_stats = at(memory, layout->station_stats);
+	segment->journal_stats = at(memory, layout->journal_stats);
 	segment->size = layout->size;
 }
 
@@ -101,6 +108,7 @@ uint32_t layout_fingerprint(void)
 	    sizeof(struct map_answer),        sizeof(struct command_cell),     sizeof(struct map_log_line),
 	    sizeof(struct map_line_stats),    sizeof(struct map_device_stats), sizeof(struct queue_cell),
 	    sizeof(struct map_station_stats), sizeof(struct total_cell),       sizeof(struct parameter_cell),
+	    sizeof(struct map_journal_stats),
 	};
 	uint32_t hash = 2166136261u; /* FNV-1a */
 

@@ -79,6 +79,7 @@ struct module_entry {
 	_Atomic uint32_t generation;
 	_Atomic uint32_t restarts;
 	_Atomic uint32_t started_s; /* CLOCK_MONOTONIC */
+	uint32_t restored;          /* events from the journal, which are the first of its ring */
 };
 
 /* What rtud's segment holds besides the sections that every segment has. */
@@ -107,6 +108,7 @@ struct layout {
 	size_t commands, totals, parameters;
 	size_t line_stats, device_stats;
 	size_t queues, station_stats;
+	size_t journal_stats;
 	size_t size;
 	struct capacities capacities;
 };
@@ -124,6 +126,7 @@ struct segment {
 	struct map_device_stats *device_stats;
 	struct queue_cell *queues;
 	struct map_station_stats *station_stats;
+	struct map_journal_stats *journal_stats;
 	size_t size;
 	int bell;
 };

@@ -118,6 +118,11 @@ static int assign_modules(struct directory *directory, const struct map_config *
 			return fail(error, "too many processes: %d modules at most", MAP_MODULES_MAX);
 		config->lines[i].module = (uint16_t)module;
 	}
+	/* Last: the others' numbers, and so their users, are the same with a journal and without. */
+	if (map_journal_used(&config->settings) &&
+	    add_module(directory, "rtu-journal", MAP_MODULE_JOURNAL) < 0)
+		return fail(error, "too many processes: %d modules at most, of which rtu-journal is one",
+			    MAP_MODULES_MAX);
 	return 0;
 }
 

@@ -70,7 +70,13 @@ struct map_sample {
 
 /* ---- modules ----------------------------------------------------------------------------- */
 
-enum map_module_kind { MAP_MODULE_RTUD, MAP_MODULE_MODBUS, MAP_MODULE_IEC104, MAP_MODULE_RTUCTL };
+enum map_module_kind {
+	MAP_MODULE_RTUD,
+	MAP_MODULE_MODBUS,
+	MAP_MODULE_IEC104,
+	MAP_MODULE_RTUCTL,
+	MAP_MODULE_JOURNAL
+};
 
 enum map_module_state {
 	MAP_MODULE_STOPPED,  /* no process, on purpose */
@@ -97,7 +103,7 @@ struct map_module {
 
 /*
  * Creates the segments of rtud, of one module per process number in config->lines (but the own station's, which is
- * rtu-iec104's), of rtu-iec104 and of rtuctl in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
+ * rtu-iec104's), of rtu-iec104, of rtuctl and, with a journal, of rtu-journal in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
  * lines[].module, points[].slot, .command and .extra, in config and in the map. Segments and folder belong to the
  * caller's user; group, unless 0, is the modules' and may ring the bells.
  * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).
@@ -173,11 +179,19 @@ enum map_event_kind {
 	MAP_EVENT_CLOCK,       /* the map's clock was set */
 };
 
+/* What an event's time is. The monotonic clock begins anew with each start, the events of an earlier one do not. */
+enum map_event_time {
+	MAP_TIME_MONOTONIC,
+	MAP_TIME_WALL,       /* since 1970, UTC */
+	MAP_TIME_WALL_UNSET, /* the same by a clock that was never set */
+};
+
 struct map_event {
 	uint32_t point;
 	uint8_t kind;  /* enum map_event_kind */
 	uint8_t cause; /* MAP_EVENT_CHANGE: enum map_cause */
-	uint8_t reserved[2];
+	uint8_t time;  /* enum map_event_time; not monotonic: restored from the journal */
+	uint8_t reserved;
 	struct map_sample sample;
 };
 
@@ -191,7 +205,7 @@ struct map_cursor {
 void map_cursor_to_end(const struct map *map, struct map_cursor *cursor);
 /* How many events are behind the cursor, those among them that nobody would believe or that are overwritten. */
 uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor);
-/* The oldest event behind the cursor, over all modules, and moves on. False: there is none now. */
+/* The oldest event behind the cursor, over all modules, those restored from the journal first, and moves on. False: there is none now. */
 bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out);
 
 /* ---- bells ------------------------------------------------------------------------------- */
@@ -392,6 +406,18 @@ int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
 int64_t map_turn(struct map *map);
 struct map_clock map_clock_read(const struct map *map);
 
+/* When an event happened, by the clock as it is now, or as it was before a power cut. */
+static inline int64_t map_event_wall_ns(const struct map_event *event, struct map_clock clock)
+{
+	return event->time == MAP_TIME_MONOTONIC ? event->sample.time_ns + clock.offset_ns
+						 : event->sample.time_ns;
+}
+/* Whether that clock was set. */
+static inline bool map_event_time_is_set(const struct map_event *event, struct map_clock clock)
+{
+	return event->time == MAP_TIME_MONOTONIC ? clock.set : event->time == MAP_TIME_WALL;
+}
+
 /* ---- log --------------------------------------------------------------------------------- */
 
 enum map_log_level { MAP_LOG_ERROR, MAP_LOG_WARNING, MAP_LOG_INFO, MAP_LOG_DEBUG };
@@ -457,5 +483,22 @@ struct map_device_stats {
 /* Owner: to count in. Others get the same memory read-only. */
 struct map_line_stats *map_line_stats(const struct map *map, uint32_t line);
 struct map_device_stats *map_device_stats(const struct map *map, uint32_t device);
+
+/* ---- the journal's counters -------------------------------------------------------------- */
+
+/* Since the gateway started; they wrap. Written by rtu-journal. */
+struct map_journal_stats {
+	_Atomic uint32_t records;    /* written and synchronised */
+	_Atomic uint32_t kib;        /* in these, rounded up one by one */
+	_Atomic uint32_t failures;   /* records that could not be written */
+	_Atomic uint32_t events;     /* in the file, that somebody has not acknowledged */
+	_Atomic uint32_t left_out;   /* events for which a record had no room */
+	_Atomic uint32_t written_s;  /* CLOCK_MONOTONIC, of the last record; 0: none */
+	_Atomic uint32_t longest_ms; /* that a record took */
+	_Atomic uint32_t failing;    /* 1: the last record could not be written */
+};
+
+/* NULL: there is no journal. For others than rtu-journal it is read-only. */
+struct map_journal_stats *map_journal_stats(const struct map *map);
 
 #endif

@@ -207,6 +207,11 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 
 /* ---- counters ---------------------------------------------------------------------------- */
 
+struct map_journal_stats *map_journal_stats(const struct map *map)
+{
+	return map->segments[map->directory->module_count - 1].journal_stats; /* NULL of any other module */
+}
+
 struct map_line_stats *map_line_stats(const struct map *map, uint32_t line)
 {
 	return &map->segments[map->config.lines[line].module].line_stats[line];

@@ -197,10 +197,21 @@ uint32_t map_events_behind(const struct map *map, const struct map_cursor *curso
 	return behind;
 }
 
-/* What a module wrote is believed about its own points only. */
-static bool event_makes_sense(const struct map *map, uint32_t writer, const struct map_event *event)
+/* rtud says how many there are: a module cannot pass off as restored what would go before all that is live. */
+static bool time_makes_sense(const struct map *map, uint32_t writer, uint32_t number,
+			     const struct map_event *event)
 {
-	if (!is_past(map, event->sample.time_ns))
+	if (event->time == MAP_TIME_MONOTONIC)
+		return is_past(map, event->sample.time_ns);
+	return event->time <= MAP_TIME_WALL_UNSET && number < map->directory->modules[writer].restored &&
+	       event->sample.time_ns >= 0;
+}
+
+/* What a module wrote is believed about its own points only. */
+static bool event_makes_sense(const struct map *map, uint32_t writer, uint32_t number,
+			      const struct map_event *event)
+{
+	if (!time_makes_sense(map, writer, number, event))
 		return false;
 	switch (event->kind) {
 	case MAP_EVENT_CHANGE:
@@ -222,15 +233,23 @@ static bool peek_event(const struct map *map, struct map_cursor *cursor, uint32_
 	for (uint32_t skipped = 0; skipped <= map->segments[writer].events.capacity; skipped++) {
 		if (!ring_peek(&map->segments[writer].events, &cursor->next[writer], out, &cursor->lost))
 			return false;
-		if (event_makes_sense(map, writer, out))
+		if (event_makes_sense(map, writer, cursor->next[writer], out))
 			return true;
 		cursor->next[writer]++;
 	}
 	return false;
 }
 
+static bool is_older(const struct map_event *event, const struct map_event *other)
+{
+	bool restored = event->time != MAP_TIME_MONOTONIC, other_restored = other->time != MAP_TIME_MONOTONIC;
+
+	return restored != other_restored ? restored : event->sample.time_ns < other->sample.time_ns;
+}
+
 bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out)
 {
+	struct map_event first = {.kind = MAP_EVENT_CHANGE};
 	uint32_t oldest = MAP_NONE;
 
 	for (uint32_t i = 0; i < map->directory->module_count; i++) {
@@ -238,13 +257,14 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 
 		if (!peek_event(map, cursor, i, &event))
 			continue;
-		if (oldest != MAP_NONE && event.sample.time_ns >= out->sample.time_ns)
+		if (oldest != MAP_NONE && !is_older(&event, &first))
 			continue;
-		*out = event;
+		first = event;
 		oldest = i;
 	}
 	if (oldest == MAP_NONE)
 		return false;
+	*out = first;
 	cursor->next[oldest]++;
 	return true;
 }

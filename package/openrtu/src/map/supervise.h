@@ -6,6 +6,7 @@
 #define OPENRTU_MAP_SUPERVISE_H
 
 #include "map/map.h"
+#include "map/station.h"
 
 #define MAP_SEGMENT_FD 3
 
@@ -22,6 +23,25 @@ void map_module_running(struct map *map, uint32_t module);
 void map_module_ended(struct map *map, uint32_t module, bool failed);
 /* Puts MAP_EVENT_MODULE_DOWN, MAP_EVENT_MODULE_UP or MAP_EVENT_CLOCK before all readers of events. */
 void map_announce(struct map *map, enum map_event_kind kind, uint32_t module);
+
+/* An event of before a power cut: a change of a point, with a wall time. */
+struct map_kept_event {
+	struct map_event event;
+	uint32_t wanted; /* a bit for each queue that has not acknowledged it */
+};
+
+/* What the journal held. Queues of addresses lie behind the groups', the one unused longest first. */
+struct map_kept {
+	struct map_kept_event *events; /* oldest first */
+	uint32_t event_count;
+	char addresses[MAP_QUEUES][MAP_ADDRESS_SIZE]; /* empty: a group's, or none */
+};
+
+/*
+ * Puts events back into their owners' rings and queues to the places they had. After map_create, before any module is
+ * started. Returns 0, or -1 with a message in error.
+ */
+int map_restore(struct map *map, const struct map_kept *kept, char *error);
 
 void map_clock_write(struct map *map, struct map_clock clock);
 /* Answers a request that is carried out at once, such as MAP_SET_CLOCK: done, or refused for this reason. */

@@ -29,7 +29,7 @@ static json_t *change_row(const struct map *map, const struct map_event *event)
 	char time[WORDS_SIZE], quality[WORDS_SIZE];
 	json_t *row = json_object();
 
-	event_time(map, event->sample.time_ns, time);
+	words_time(map_event_wall_ns(event, map_clock_read(map)), time);
 	words_quality(event->sample.quality, quality);
 	json_object_set_new(row, "time", json_string(time));
 	json_object_set_new(row, "event", json_string("change"));

@@ -160,6 +160,36 @@ static const struct listing_column module_columns[] = {
     {"lost_events", "LOST EVENTS", LISTING_RIGHT},
 };
 
+static json_t *journal_state(const struct map *map)
+{
+	const struct map_journal_stats *stats = map_journal_stats(map);
+	uint32_t written_s = stats->written_s;
+	json_t *state = json_object();
+
+	json_object_set_new(state, "events", json_integer(stats->events));
+	json_object_set_new(state, "written_s", age_of(written_s * (int64_t)NS_PER_S));
+	json_object_set_new(state, "records", json_integer(stats->records));
+	json_object_set_new(state, "kib", json_integer(stats->kib));
+	json_object_set_new(state, "longest_ms", json_integer(stats->longest_ms));
+	json_object_set_new(state, "left_out", json_integer(stats->left_out));
+	json_object_set_new(state, "failures", json_integer(stats->failures));
+	json_object_set_new(state, "failing", json_boolean(stats->failing));
+	return state;
+}
+
+static void print_journal(const struct map *map)
+{
+	const struct map_journal_stats *stats = map_journal_stats(map);
+	uint32_t written_s = stats->written_s;
+
+	printf("\njournal: %s%u events not acknowledged; %u records, %u KiB, %u failures",
+	       stats->failing ? "FAILS, " : "", stats->events, stats->records, stats->kib, stats->failures);
+	if (written_s != 0)
+		printf("; the last %lld s ago, the slowest took %u ms",
+		       (long long)(map_now_ns() / (int64_t)NS_PER_S - written_s), stats->longest_ms);
+	putchar('\n');
+}
+
 static json_t *module_row(const struct map *map, uint32_t index)
 {
 	struct map_module module;
@@ -176,6 +206,8 @@ static json_t *module_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "restarts", json_integer(module.restarts));
 	json_object_set_new(row, "points", json_integer(module.point_count));
 	json_object_set_new(row, "lost_events", json_integer(module.lost_events));
+	if (module.kind == MAP_MODULE_JOURNAL)
+		json_object_set_new(row, "journal", journal_state(map));
 	return row;
 }
 
@@ -188,6 +220,8 @@ int rtuctl_modules(struct map *map, const struct rtuctl_request *request)
 	for (uint32_t i = 0; i < map_module_count(map); i++)
 		listing_add(&listing, module_row(map, i));
 	listing_end(&listing);
+	if (!request->json && map_journal_stats(map) != NULL)
+		print_journal(map);
 	if (!request->json && data_line(request->dir, "/data", line))
 		printf("\n%s\n", line);
 	return RTUCTL_DONE;

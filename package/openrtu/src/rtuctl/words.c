@@ -30,7 +30,7 @@ const char *words_type(enum map_type type)
 
 const char *words_module_kind(enum map_module_kind kind)
 {
-	static const char *const words[] = {"supervisor", "modbus", "iec104", "rtuctl"};
+	static const char *const words[] = {"supervisor", "modbus", "iec104", "rtuctl", "journal"};
 
 	return word(words, COUNT(words), kind);
 }

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "journal/wear.h"
 #include "rtud/config_parts.h"
 #include "rtud/limit.h"
 
@@ -197,6 +198,14 @@ void config_free(struct map_config *config)
 	*config = (struct map_config){.line_count = 0};
 }
 
+static void print_wear(const struct map_journal *journal)
+{
+	printf("journal: at most %.1f MiB a day reach the flash, which %u MiB with %u cycles bear for %.0f "
+	       "years\n",
+	       (double)journal_bytes_a_day(journal) / 1048576, journal->volume_mb, journal->cycles,
+	       journal_life_years(journal));
+}
+
 int config_check(const char *path, struct config_modules modules, bool requests)
 {
 	struct map_config config;
@@ -205,6 +214,8 @@ int config_check(const char *path, struct config_modules modules, bool requests)
 	if (result == CONFIG_GOOD) {
 		printf("%s: good: lines %u, devices %u, points %u\n", path, map_serial_lines(&config),
 		       map_slaves(&config), config.point_count);
+		if (map_journal_used(&config.settings))
+			print_wear(&config.settings.journal);
 		if (!limit_print(&config, requests, stdout)) {
 			fputs("out of memory\n", stderr);
 			result = CONFIG_UNUSABLE;

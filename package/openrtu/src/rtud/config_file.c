@@ -21,6 +21,7 @@ enum {
 	FILE_MASTERS,
 	FILE_GROUPS,
 	FILE_ORIGINATORS,
+	FILE_JOURNAL,
 	FILE_KEYS
 };
 static const struct config_rule file_rules[FILE_KEYS] = {
@@ -35,6 +36,7 @@ static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_MASTERS] = {"masters", CONFIG_ARRAY, .high = MAP_MASTERS_MAX},
     [FILE_GROUPS] = {"redundancy_groups", CONFIG_ARRAY, .high = MAP_GROUPS_MAX},
     [FILE_ORIGINATORS] = {"originators", CONFIG_ARRAY, .high = ORIGINATORS},
+    [FILE_JOURNAL] = {"journal", CONFIG_OBJECT},
 };
 
 enum {
@@ -195,6 +197,7 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place tls = config_key_of(&file, file_rules[FILE_TLS].name);
+	const struct config_place journal = config_key_of(&file, file_rules[FILE_JOURNAL].name);
 	struct config_value values[FILE_KEYS];
 
 	config_read_keys(&loader->report, &file, root, file_rules, FILE_KEYS, values);
@@ -204,6 +207,8 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 		    values[FILE_TLS].given);
 	if (values[FILE_TLS].given)
 		config_read_tls(loader, &tls, values[FILE_TLS].json);
+	if (values[FILE_JOURNAL].given)
+		config_read_journal(loader, &journal, values[FILE_JOURNAL].json);
 	read_modbus(loader, &file, values[FILE_MODBUS].given ? values[FILE_MODBUS].json : NULL);
 	read_event_ring(loader, &file, &values[FILE_EVENT_RING]);
 	read_timezone(loader, &file, &values[FILE_TIMEZONE]);
@@ -217,7 +222,8 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules)
 {
 	const struct config_place file = {.in = NULL};
-	static const unsigned iec104_keys[] = {FILE_IEC104, FILE_MASTERS, FILE_GROUPS, FILE_ORIGINATORS};
+	static const unsigned iec104_keys[] = {FILE_IEC104, FILE_MASTERS, FILE_GROUPS, FILE_ORIGINATORS,
+					       FILE_JOURNAL};
 	const struct config_place tls = config_key_of(&file, file_rules[FILE_TLS].name);
 	const struct config_place ports = config_key_of(&file, file_rules[FILE_PORT].name);
 

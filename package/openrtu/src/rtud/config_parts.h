@@ -74,6 +74,11 @@ bool config_read_zone(const char *text, struct map_zone *zone);
 /* Fills settings.tls. json: the object "tls" of the file. */
 void config_read_tls(struct config_loader *loader, const struct config_place *place, const json_t *json);
 
+/* ---- config_journal.c -------------------------------------------------------------------- */
+
+/* Fills settings.journal. json: the object "journal" of the file. */
+void config_read_journal(struct config_loader *loader, const struct config_place *place, const json_t *json);
+
 /* ---- config_port.c ----------------------------------------------------------------------- */
 
 /* Adds a line for every active port, with its devices and entries. ports: an array of at most CONFIG_PORTS_MAX. */

@@ -18,6 +18,7 @@
 #include "map/map.h"
 #include "map/supervise.h"
 #include "rtud/clock.h"
+#include "rtud/journal.h"
 #include "rtud/process.h"
 #include "rtud/watchdog.h"
 
@@ -96,9 +97,17 @@ static const char *program_of(const struct supervisor *supervisor, uint8_t kind)
 		if (map_tls_used(&map_config(supervisor->map)->settings))
 			return "rtu-iec104-tls"; /* without the program there is no tls: config_check_modules */
 		return OPENRTU_IEC104 ? "rtu-iec104" : NULL;
+	case MAP_MODULE_JOURNAL: /* without rtu-iec104 there is none: config_check_modules */
+		return "rtu-journal";
 	default:
 		return NULL; /* rtud itself, and rtuctl, which people run */
 	}
+}
+
+/* A module's user, of modules that have one of their own. */
+static uid_t user_of(const struct supervisor *supervisor, uint32_t index)
+{
+	return supervisor->options->uid_base ? supervisor->options->uid_base + index : 0;
 }
 
 static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
@@ -114,7 +123,7 @@ static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 	    .dev = options->dev,
 	    .segment = map_segment_open(supervisor->map, index),
 	    .serial = line_process,
-	    .uid = options->uid_base ? options->uid_base + index : 0,
+	    .uid = user_of(supervisor, index),
 	    .gid = options->uid_base,
 	};
 	pid_t pid;
@@ -475,6 +484,8 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 	}
 	raise_priority(&supervisor);
 	clock_begin(supervisor.map);
+	journal_begin_again(supervisor.map, user_of(&supervisor, map_module_count(supervisor.map) - 1),
+			    options->uid_base); /* rtu-journal is the last one */
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
 		map_serial_lines(config), map_slaves(config), config->point_count, options->map);
 	watch_modules(&supervisor);

@@ -1,0 +1,224 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "journal/follow.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define CLOCK_MOVED_NS 1000000000LL /* less is a master's daily correction: not worth a whole file */
+
+void journal_follow(struct journal_follower *follower, const struct map *map, uint8_t *memory, size_t size)
+{
+	*follower = (struct journal_follower){.map = map, .record = {.bytes = memory, .size = size}};
+}
+
+/* ---- queues ------------------------------------------------------------------------------ */
+
+struct used_queue {
+	uint32_t slot, used;
+};
+
+static int compare_used(const void *left, const void *right)
+{
+	const struct used_queue *a = left, *b = right;
+
+	return (a->used > b->used) - (a->used < b->used);
+}
+
+static void note_queue(const struct map *map, uint32_t slot, struct journal_queue *out)
+{
+	struct map_queue_place place;
+	struct map_queue queue;
+
+	map_queue(map, slot, &queue);
+	map_queue_place(map, slot, &place);
+	out->kind = slot < map_config(map)->settings.group_count ? JOURNAL_GROUP : JOURNAL_ADDRESS;
+	memcpy(out->name, queue.name, sizeof(out->name));
+	memcpy(out->next, place.cursor.next, sizeof(out->next));
+}
+
+/* The one unused longest first. */
+static void note_queues(const struct map *map, struct journal_said *said)
+{
+	struct used_queue used[MAP_QUEUES];
+	struct map_queue queue;
+
+	said->queue_count = 0;
+	for (uint32_t slot = 0; slot < MAP_QUEUES; slot++) {
+		map_queue(map, slot, &queue);
+		if (queue.name[0] != '\0')
+			used[said->queue_count++] = (struct used_queue){slot, queue.used};
+	}
+	qsort(used, said->queue_count, sizeof(used[0]), compare_used);
+	for (uint32_t i = 0; i < said->queue_count; i++)
+		note_queue(map, used[i].slot, &said->queues[i]);
+}
+
+/* Of two numbers of a ring, which wrap. */
+static uint32_t later(uint32_t a, uint32_t b)
+{
+	return (int32_t)(a - b) >= 0 ? a : b;
+}
+
+static uint32_t earlier(uint32_t a, uint32_t b)
+{
+	return (int32_t)(a - b) >= 0 ? b : a;
+}
+
+/* The first event of a module that some queue wants; end: none does. */
+static uint32_t first_wanted(const struct journal_said *said, uint32_t module, uint32_t end)
+{
+	for (uint32_t i = 0; i < said->queue_count; i++)
+		end = earlier(end, said->queues[i].next[module]);
+	return end;
+}
+
+/* Of what the file holds the queues want the same as it says that they do. */
+static bool same_wishes(const struct journal_said *said, const struct journal_said *now, uint32_t modules)
+{
+	if (said->queue_count != now->queue_count)
+		return false;
+	for (uint32_t i = 0; i < now->queue_count; i++) {
+		const struct journal_queue *before = &said->queues[i], *after = &now->queues[i];
+
+		if (before->kind != after->kind || strcmp(before->name, after->name) != 0)
+			return false;
+		for (uint32_t module = 0; module < modules; module++)
+			if (earlier(before->next[module], said->heads[module]) !=
+			    earlier(after->next[module], said->heads[module]))
+				return false;
+	}
+	return true;
+}
+
+static bool anything_wanted(const struct journal_said *said, uint32_t modules)
+{
+	for (uint32_t module = 0; module < modules; module++)
+		if (first_wanted(said, module, said->heads[module]) != said->heads[module])
+			return true;
+	return false;
+}
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+static struct journal_event translate(const struct map *map, const struct map_event *event, uint32_t number,
+				      struct map_clock clock)
+{
+	const struct map_point *point = &map_config(map)->points[event->point];
+
+	return (struct journal_event){
+	    .ca = map_config(map)->devices[point->device].ca,
+	    .module = (uint8_t)map_owner(map, event->point),
+	    .type = point->type,
+	    .ioa = point->ioa,
+	    .number = number,
+	    .value = event->sample.value.u,
+	    .quality = event->sample.quality,
+	    .detail = event->sample.detail,
+	    .cause = event->cause,
+	    .time = map_event_time_is_set(event, clock) ? MAP_TIME_WALL : MAP_TIME_WALL_UNSET,
+	    .wall_ns = map_event_wall_ns(event, clock),
+	};
+}
+
+/* The newest that fit: what a file has no room for is the oldest. */
+static uint32_t skip_oldest(const struct map *map, struct map_cursor *cursor, size_t room)
+{
+	uint32_t most = map_events_behind(map, cursor), skipped = 0;
+	struct map_event event;
+
+	while (map_events_behind(map, cursor) > room / JOURNAL_EVENT_SIZE && skipped < most &&
+	       map_event_next(map, cursor, &event))
+		skipped++;
+	return skipped;
+}
+
+/* What has no room waits for the next record. Events of modules are no points': after a power cut all are read anew. */
+static void add_events(struct journal_follower *follower, struct map_cursor *cursor, struct map_clock clock)
+{
+	struct map_cursor ahead = *cursor;
+	struct map_event event;
+
+	while (map_event_next(follower->map, &ahead, &event)) {
+		uint32_t owner =
+		    event.kind == MAP_EVENT_CHANGE ? map_owner(follower->map, event.point) : MAP_RTUD;
+		struct journal_event entry;
+
+		if (owner != MAP_RTUD) {
+			entry = translate(follower->map, &event, ahead.next[owner] - 1, clock);
+			if (!journal_add(&follower->record, &entry))
+				return;
+		}
+		*cursor = ahead;
+	}
+}
+
+/* ---- records ----------------------------------------------------------------------------- */
+
+static bool clock_moved(struct map_clock said, struct map_clock now)
+{
+	return said.set != now.set || llabs(said.offset_ns - now.offset_ns) > CLOCK_MOVED_NS;
+}
+
+static struct map_cursor begin_at(const struct journal_follower *follower, const struct journal_said *now,
+				  bool first, uint32_t modules)
+{
+	struct map_cursor cursor;
+
+	map_cursor_to_end(follower->map, &cursor);
+	for (uint32_t i = 0; i < modules; i++) {
+		cursor.next[i] = first_wanted(now, i, cursor.next[i]);
+		if (!first)
+			cursor.next[i] = later(cursor.next[i], follower->said.heads[i]);
+	}
+	return cursor;
+}
+
+bool journal_make(struct journal_follower *follower, bool anew)
+{
+	struct journal_said *now = &follower->next;
+	const uint32_t modules = map_module_count(follower->map);
+	const struct map_clock clock = map_clock_read(follower->map);
+	struct map_cursor cursor;
+	bool first;
+
+	note_queues(follower->map, now);
+	memcpy(now->heads, follower->said.heads, sizeof(now->heads));
+	first = anew || !follower->begun ||
+		(clock_moved(follower->said.clock, clock) && anything_wanted(now, modules));
+	now->clock = first ? clock : follower->said.clock;
+	now->number = first ? 0 : follower->said.number;
+	cursor = begin_at(follower, now, first, modules);
+	follower->left_out = 0;
+	journal_begin(&follower->record, now->number, modules, now->queues, now->queue_count);
+	if (first)
+		follower->left_out =
+		    skip_oldest(follower->map, &cursor, follower->record.size - follower->record.used);
+	add_events(follower, &cursor, clock);
+	if (!first && follower->record.events == 0 && same_wishes(&follower->said, now, modules))
+		return false;
+	memcpy(now->heads, cursor.next, sizeof(now->heads));
+	journal_end(&follower->record);
+	now->number++;
+	return true;
+}
+
+void journal_written(struct journal_follower *follower)
+{
+	follower->said = follower->next;
+	follower->begun = true;
+}
+
+void journal_abandon(struct journal_follower *follower)
+{
+	follower->begun = false;
+}
+
+uint32_t journal_pending(const struct journal_follower *follower)
+{
+	uint32_t pending = 0;
+
+	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(follower->map); i++)
+		pending +=
+		    follower->said.heads[i] - first_wanted(&follower->said, i, follower->said.heads[i]);
+	return pending;
+}

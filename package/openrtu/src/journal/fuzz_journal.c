@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * libFuzzer on the journal's file. The input is a row of records without their heads, two octets with the length of each
+ * in front: magic, number and CRC are made, since chance does not find them. A length beyond the rest: what follows is the
+ * file's end as it stands. Whatever it says, the map has only what can be, and each queue a place in its rings.
+ */
+#include <stdatomic.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "fuzz_input.h"
+#include "journal/record.h"
+#include "journal/restore.h"
+
+#define POINTS   4
+#define FILE_MAX 8192
+
+static char directory[] = "/dev/shm/fuzz_journal.XXXXXX";
+static struct map *map;
+
+static void remove_map(void)
+{
+	map_remove(map);
+	rmdir(directory);
+}
+
+static void make_map(void)
+{
+	struct map_line line = {.port = 1, .process = 1, .device_count = 1, .baud = 9600};
+	struct map_device device = {.ca = 1001, .unit = 1, .point_count = POINTS};
+	struct map_point points[POINTS];
+	struct map_config config = {
+	    .settings = {.event_ring = 64, .group_count = 1, .groups = {{.name = "A"}}},
+	    .line_count = 1,
+	    .device_count = 1,
+	    .point_count = POINTS,
+	    .lines = &line,
+	    .devices = &device,
+	    .points = points};
+	char error[MAP_ERROR_SIZE];
+
+	for (uint16_t i = 0; i < POINTS; i++)
+		points[i] = (struct map_point){.address = i,
+					       .table = MAP_HOLDING_REGISTERS,
+					       .type = MAP_SCALED,
+					       .width = 1,
+					       .ioa = i + 1u,
+					       .scale = 1};
+	CHECK(mkdtemp(directory) != NULL);
+	CHECK(map_create(&map, directory, &config, 0, error) == 0);
+	atexit(remove_map);
+}
+
+/* What journal_end writes of the octets that stand behind the head. */
+static size_t make_record(uint8_t *at, uint32_t number, size_t length)
+{
+	struct journal_builder builder = {.bytes = at, .size = JOURNAL_HEAD_SIZE + length};
+
+	journal_begin(&builder, number, 0, NULL, 0);
+	for (size_t i = 0; i < length; i++)
+		at[JOURNAL_HEAD_SIZE + i] = next_octet();
+	builder.events = length < 8 ? 0 : at[JOURNAL_HEAD_SIZE + 4];
+	builder.used = builder.size;
+	journal_end(&builder);
+	return builder.used;
+}
+
+static size_t make_file(uint8_t file[FILE_MAX])
+{
+	size_t size = 0;
+
+	for (uint32_t number = 0; input.at < input.end; number++) {
+		size_t length = next_octet() | (size_t)next_octet() << 8;
+
+		if (length < JOURNAL_RECORD_LEAST || length > (size_t)(input.end - input.at) ||
+		    JOURNAL_HEAD_SIZE + length > FILE_MAX - size)
+			break;
+		size += make_record(file + size, number, length);
+	}
+	while (input.at < input.end && size < FILE_MAX)
+		file[size++] = next_octet();
+	return size;
+}
+
+static void check_kept(const struct map_kept *kept, const struct journal_findings *findings, size_t size)
+{
+	CHECK(findings->unread <= size && kept->event_count <= size / JOURNAL_EVENT_SIZE);
+	CHECK(kept->addresses[0][0] == '\0'); /* the group's */
+	for (uint32_t i = 0; i < kept->event_count; i++) {
+		const struct map_event *event = &kept->events[i].event;
+
+		CHECK(kept->events[i].wanted != 0 && event->point < POINTS &&
+		      event->kind == MAP_EVENT_CHANGE);
+		CHECK(event->time == MAP_TIME_WALL || event->time == MAP_TIME_WALL_UNSET);
+		CHECK(event->sample.time_ns >= 0);
+	}
+}
+
+static void check_queues(void)
+{
+	for (uint32_t slot = 0; slot < MAP_QUEUES; slot++) {
+		struct map_queue_place place;
+		struct map_event event;
+
+		map_queue_place(map, slot, &place);
+		CHECK(place.refresh == 0);
+		while (map_event_next(map, &place.cursor, &event))
+			CHECK(event.point < POINTS && event.time != MAP_TIME_MONOTONIC);
+		CHECK(map_events_behind(map, &place.cursor) == 0);
+	}
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+	static uint8_t file[FILE_MAX];
+	struct journal_findings findings;
+	char error[MAP_ERROR_SIZE];
+	struct map_kept kept;
+	size_t file_size;
+
+	if (map == NULL)
+		make_map();
+	input.at = data;
+	input.end = data + size;
+	file_size = make_file(file);
+	CHECK(journal_restore(map, file, file_size, &kept, &findings));
+	check_kept(&kept, &findings, file_size);
+	CHECK(map_restore(map, &kept, error) == 0);
+	check_queues();
+	free(kept.events);
+	return 0;
+}

@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The journal's file: records one behind the other, each with its length, its number and a CRC-32. The first one holds
+ * all events that somebody has not acknowledged; each further one those that came since. Every record holds the
+ * places of all event queues. Numbers have the low octet first.
+ *
+ *	head	magic 4, length of the rest 4, number in the file 4, CRC-32 of all else 4
+ *	rest	modules 1, queues 1, 0 2, events 4, then these queues and these events
+ *	queue	kind 1, length of its name 1, its name, then for each module the first event not acknowledged 4
+ *	event	CA 2, module 1, type 1, IOA 4, number in its module's ring 4, value 4, quality 1, detail 1, cause 1,
+ *		enum map_event_time 1, nanoseconds since 1970 8
+ *
+ * A point is what it is to a controlling station, CA, IOA and type: a changed configuration keeps what is still there.
+ */
+#ifndef OPENRTU_JOURNAL_RECORD_H
+#define OPENRTU_JOURNAL_RECORD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "map/station.h"
+
+#define JOURNAL_FILE         "events"     /* in the journal's folder */
+#define JOURNAL_FILE_NEW     "events.new" /* the next one, until it is whole */
+#define JOURNAL_FILE_MAX     (8u << 20)   /* bytes */
+#define JOURNAL_HEAD_SIZE    16u
+#define JOURNAL_EVENT_SIZE   28u
+#define JOURNAL_RECORD_LEAST 8u
+/* Of a record without events; less than a quarter of the smallest file. */
+#define JOURNAL_QUEUES_SIZE                                                                                  \
+	(JOURNAL_HEAD_SIZE + JOURNAL_RECORD_LEAST +                                                          \
+	 MAP_QUEUES * (2u + MAP_ADDRESS_SIZE + MAP_MODULES_MAX * 4u))
+
+enum journal_queue_kind { JOURNAL_GROUP, JOURNAL_ADDRESS };
+
+struct journal_queue {
+	uint8_t kind;                   /* enum journal_queue_kind */
+	char name[MAP_ADDRESS_SIZE];    /* of the group, or the address */
+	uint32_t next[MAP_MODULES_MAX]; /* the first event of each module that is not acknowledged */
+};
+
+struct journal_event {
+	uint16_t ca;
+	uint8_t module;
+	uint8_t type; /* enum map_type */
+	uint32_t ioa;
+	uint32_t number; /* in its module's ring */
+	uint32_t value;  /* union map_value's bits */
+	uint8_t quality, detail, cause, time;
+	int64_t wall_ns;
+};
+
+/* ---- writing ----------------------------------------------------------------------------- */
+
+/* A record that grows in memory. size is at least JOURNAL_QUEUES_SIZE. */
+struct journal_builder {
+	uint8_t *bytes;
+	size_t size, used;
+	uint32_t events;
+};
+
+void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t modules,
+		   const struct journal_queue *queues, uint32_t queue_count);
+/* False: there is no room for another. */
+bool journal_add(struct journal_builder *builder, const struct journal_event *event);
+/* Afterwards bytes[0..used) is a record. */
+void journal_end(struct journal_builder *builder);
+
+/* ---- reading ----------------------------------------------------------------------------- */
+
+/* A record that was found whole. */
+struct journal_record {
+	uint32_t modules, queue_count, event_count;
+	size_t size;           /* head included */
+	const uint8_t *queues; /* queue_count of them, then event_count events */
+	const uint8_t *events;
+};
+
+/* Looks for the record of that number at bytes. False: it is torn, broken or something else. */
+bool journal_parse(const uint8_t *bytes, size_t size, uint32_t number, struct journal_record *out);
+/* Takes the queue at *at and moves behind it. */
+void journal_take_queue(const struct journal_record *record, const uint8_t **at, struct journal_queue *out);
+/* index < event_count */
+struct journal_event journal_event(const struct journal_record *record, uint32_t index);
+
+#endif

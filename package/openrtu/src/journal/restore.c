@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "journal/restore.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "journal/record.h"
+
+#define LATEST_NS (INT64_MAX / 2) /* in 2116; CP56Time2a ends with 2099 */
+
+/* A queue as it was, and its slot as it is. */
+struct reader {
+	struct journal_queue queue;
+	uint32_t slot;
+};
+
+struct readers {
+	struct reader readers[MAP_QUEUES];
+	uint32_t count;
+};
+
+/* ---- queues ------------------------------------------------------------------------------ */
+
+static uint32_t group_slot(const struct map_settings *settings, const char *name)
+{
+	for (uint32_t i = 0; i < settings->group_count; i++)
+		if (strcmp(settings->groups[i].name, name) == 0)
+			return i;
+	return MAP_NONE;
+}
+
+static uint32_t count_addresses(const struct journal_record *record)
+{
+	const uint8_t *at = record->queues;
+	struct journal_queue queue;
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < record->queue_count; i++) {
+		journal_take_queue(record, &at, &queue);
+		count += queue.kind == JOURNAL_ADDRESS;
+	}
+	return count;
+}
+
+/* Where more groups are configured now, the addresses unused longest have no room. */
+static void take_queues(const struct map *map, const struct journal_record *record, struct readers *readers,
+			struct map_kept *kept)
+{
+	const struct map_settings *settings = &map_config(map)->settings;
+	uint32_t slot = settings->group_count, room = MAP_QUEUES - slot, addresses = count_addresses(record);
+	const uint8_t *at = record->queues;
+
+	for (uint32_t i = 0; i < record->queue_count; i++) {
+		struct reader *reader = &readers->readers[readers->count];
+
+		journal_take_queue(record, &at, &reader->queue);
+		if (reader->queue.kind == JOURNAL_GROUP) {
+			reader->slot = group_slot(settings, reader->queue.name);
+		} else if (addresses-- <= room) {
+			reader->slot = slot;
+			memcpy(kept->addresses[slot++], reader->queue.name, MAP_ADDRESS_SIZE);
+		} else {
+			reader->slot = MAP_NONE;
+		}
+		if (reader->slot != MAP_NONE)
+			readers->count++;
+	}
+}
+
+static uint32_t who_wants(const struct readers *readers, const struct journal_event *event)
+{
+	uint32_t wanted = 0;
+
+	for (uint32_t i = 0; i < readers->count; i++)
+		if ((int32_t)(event->number - readers->readers[i].queue.next[event->module]) >= 0)
+			wanted |= 1u << readers->readers[i].slot;
+	return wanted;
+}
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+/* False: there is no such point now, or there cannot be such an event. */
+static bool translate(const struct map *map, const struct journal_event *event, struct map_event *out)
+{
+	uint32_t point = map_find(map, event->ca, event->ioa);
+
+	if (point == MAP_NONE || map_config(map)->points[point].type != event->type ||
+	    event->cause > MAP_RETURN_LOCAL || event->wall_ns < 0 || event->wall_ns > LATEST_NS ||
+	    (event->time != MAP_TIME_WALL && event->time != MAP_TIME_WALL_UNSET))
+		return false;
+	*out = (struct map_event){
+	    .point = point,
+	    .kind = MAP_EVENT_CHANGE,
+	    .cause = event->cause,
+	    .time = event->time,
+	    .sample = {.value.u = event->value,
+		       .quality = event->quality,
+		       .detail = event->detail,
+		       .time_ns = event->wall_ns},
+	};
+	return true;
+}
+
+static void take_events(const struct map *map, const struct journal_record *record,
+			const struct readers *readers, struct map_kept *kept,
+			struct journal_findings *findings)
+{
+	for (uint32_t i = 0; i < record->event_count; i++) {
+		const struct journal_event event = journal_event(record, i);
+		struct map_kept_event *out = &kept->events[kept->event_count];
+
+		if (event.module >= record->modules || !translate(map, &event, &out->event)) {
+			findings->unknown++;
+			continue;
+		}
+		out->wanted = who_wants(readers, &event);
+		kept->event_count += out->wanted != 0;
+	}
+}
+
+/* ---- the file ---------------------------------------------------------------------------- */
+
+/* How many events the whole records have; the last of these. */
+static uint32_t count_events(const uint8_t *bytes, size_t size, struct journal_findings *findings,
+			     struct journal_record *last)
+{
+	struct journal_record record;
+	uint32_t events = 0;
+	size_t at = 0;
+
+	while (journal_parse(bytes + at, size - at, findings->records, &record) &&
+	       (findings->records == 0 || record.modules == last->modules)) {
+		findings->records++;
+		events += record.event_count;
+		at += record.size;
+		*last = record;
+	}
+	findings->unread = size - at;
+	return events;
+}
+
+bool journal_restore(const struct map *map, const uint8_t *bytes, size_t size, struct map_kept *kept,
+		     struct journal_findings *findings)
+{
+	struct readers readers = {.count = 0};
+	struct journal_record record = {0};
+	uint32_t events;
+
+	*kept = (struct map_kept){.event_count = 0};
+	*findings = (struct journal_findings){.records = 0};
+	events = count_events(bytes, size, findings, &record);
+	kept->events = calloc(events + 1u, sizeof(*kept->events));
+	if (kept->events == NULL)
+		return false;
+	take_queues(map, &record, &readers, kept); /* as the last record has them */
+	for (uint32_t i = 0; i < findings->records; i++, bytes += record.size) {
+		journal_parse(bytes, size, i, &record);
+		size -= record.size;
+		take_events(map, &record, &readers, kept, findings);
+	}
+	return true;
+}

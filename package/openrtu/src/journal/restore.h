@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#ifndef OPENRTU_JOURNAL_RESTORE_H
+#define OPENRTU_JOURNAL_RESTORE_H
+
+#include "map/supervise.h"
+
+struct journal_findings {
+	uint32_t records; /* that are whole, one behind the other from the beginning */
+	size_t unread;    /* bytes behind them: torn by the power cut, or broken */
+	uint32_t unknown; /* events of points that are not configured, or otherwise */
+};
+
+/*
+ * Reads a journal's file, which may be anything, for the configuration of this map. Gives what its whole records say:
+ * the events that a queue of now has not acknowledged, and the queues. The caller frees kept->events. False: out of memory.
+ */
+bool journal_restore(const struct map *map, const uint8_t *bytes, size_t size, struct map_kept *kept,
+		     struct journal_findings *findings);
+
+#endif

@@ -1,0 +1,561 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What the journal says of a map, and what the next map has of it, whatever became of the file. */
+#include "map/test_stage.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "journal/follow.h"
+#include "journal/restore.h"
+
+#define STATION  "rtu-iec104"
+#define CENTRE   0 /* the group's queue */
+#define OWN      5 /* a queue of an address */
+#define ADDRESS  "192.0.2.7"
+#define S        1000000000LL
+#define WALL_NS  (1700000000 * S)
+#define FILE_MAX 16384
+
+/* A map with a station, and the journal's file as it grows. */
+struct scene {
+	struct stage *stage;
+	struct map *first, *second, *station;
+	struct journal_follower follower;
+	uint8_t memory[4096], file[FILE_MAX];
+	size_t size;
+	int32_t value; /* published last */
+};
+
+static void set_clock(struct scene *scene, int64_t wall_ns, bool set)
+{
+	map_clock_write(scene->stage->rtud,
+			(struct map_clock){.offset_ns = wall_ns - map_now_ns(), .set = set});
+}
+
+static void begin(struct scene *scene, void **state)
+{
+	*scene = (struct scene){.stage = *state};
+	strcpy(scene->stage->config.settings.groups[0].name, "Centre");
+	scene->stage->config.settings.group_count = 1;
+	make_again(scene->stage);
+	scene->first = start(scene->stage, FIRST);
+	scene->second = start(scene->stage, SECOND);
+	scene->station = start(scene->stage, STATION);
+	set_clock(scene, WALL_NS, true);
+	journal_follow(&scene->follower, scene->stage->rtud, scene->memory, sizeof(scene->memory));
+}
+
+static void end(struct scene *scene)
+{
+	map_detach(scene->first);
+	map_detach(scene->second);
+	map_detach(scene->station);
+}
+
+/* Values count up, of both lines by turns. */
+static void publish(struct scene *scene, int count)
+{
+	for (int32_t value = scene->value + 1; value <= scene->value + count; value++) {
+		struct map_update update = scaled(value % 2 ? 1 : 5, value, MAP_GOOD, map_now_ns());
+
+		map_publish(value % 2 ? scene->first : scene->second, &update, 1);
+	}
+	scene->value += count;
+}
+
+static void assign(struct scene *scene)
+{
+	struct map_queue_place place = {.refresh = 0};
+
+	map_cursor_to_end(scene->station, &place.cursor);
+	map_queue_assign(scene->station, OWN, ADDRESS, &place);
+	map_queue_use(scene->station, OWN);
+}
+
+static void acknowledge(struct scene *scene, uint32_t slot, int count)
+{
+	struct map_queue_place place;
+	struct map_event event;
+
+	map_queue_place(scene->station, slot, &place);
+	while (count-- > 0)
+		assert_true(map_event_next(scene->station, &place.cursor, &event));
+	map_queue_move(scene->station, slot, &place);
+}
+
+/* What rtu-journal does each interval_s. */
+static bool write_news(struct scene *scene)
+{
+	if (!journal_make(&scene->follower, false))
+		return false;
+	if (journal_is_first(&scene->follower))
+		scene->size = 0;
+	assert_true(scene->follower.record.used <= FILE_MAX - scene->size);
+	memcpy(scene->file + scene->size, scene->follower.record.bytes, scene->follower.record.used);
+	scene->size += scene->follower.record.used;
+	journal_written(&scene->follower);
+	return true;
+}
+
+/* The power is cut: a new map, whose clock was never set, has what the journal says. */
+static struct journal_findings cut_power(struct scene *scene)
+{
+	struct journal_findings findings;
+	char error[MAP_ERROR_SIZE];
+	struct map_kept kept;
+
+	end(scene);
+	make_again(scene->stage);
+	set_clock(scene, 5 * S, false);
+	assert_true(journal_restore(scene->stage->rtud, scene->file, scene->size, &kept, &findings));
+	if (map_restore(scene->stage->rtud, &kept, error) < 0)
+		fail_msg("%s", error);
+	free(kept.events);
+	scene->first = start(scene->stage, FIRST);
+	scene->second = start(scene->stage, SECOND);
+	scene->station = start(scene->stage, STATION);
+	journal_follow(&scene->follower, scene->stage->rtud, scene->memory, sizeof(scene->memory));
+	return findings;
+}
+
+/* A queue has values from..to and no other. */
+static void assert_waits(struct scene *scene, uint32_t slot, int32_t from, int32_t to)
+{
+	struct map_clock clock = map_clock_read(scene->stage->rtud);
+	struct map_queue_place place;
+	struct map_event event;
+
+	map_queue_place(scene->station, slot, &place);
+	for (int32_t value = from; value <= to; value++) {
+		assert_true(map_event_next(scene->station, &place.cursor, &event));
+		assert_int_equal(event.sample.value.i, value);
+		assert_int_equal(event.point, value % 2 ? 1 : 5);
+		assert_in_range(map_event_wall_ns(&event, clock), WALL_NS, WALL_NS + 60 * S);
+		assert_true(map_event_time_is_set(&event, clock));
+	}
+	assert_false(map_event_next(scene->station, &place.cursor, &event));
+	assert_int_equal(place.cursor.lost, 0);
+	assert_int_equal(place.refresh, 0);
+}
+
+/* ---- what outlives the power cut --------------------------------------------------------- */
+
+static void test_each_queue_has_what_it_did_not_acknowledge(void **state)
+{
+	struct scene scene;
+	struct map_queue queue;
+
+	begin(&scene, state);
+	publish(&scene, 3);
+	assert_true(write_news(&scene));
+	assign(&scene);
+	publish(&scene, 4);
+	acknowledge(&scene, CENTRE, 2);
+	assert_true(write_news(&scene));
+	acknowledge(&scene, OWN, 3);
+	assert_true(write_news(&scene));
+	assert_int_equal(journal_pending(&scene.follower), 5);
+	assert_int_equal(cut_power(&scene).records, 3);
+	assert_waits(&scene, CENTRE, 3, 7);
+	assert_waits(&scene, 1, 7, 7); /* the first queue behind the groups' */
+	map_queue(scene.station, 1, &queue);
+	assert_string_equal(queue.name, ADDRESS);
+	end(&scene);
+}
+
+static void test_restored_events_come_before_new_ones(void **state)
+{
+	struct scene scene;
+	struct map_queue_place place;
+	struct map_event event;
+
+	begin(&scene, state);
+	publish(&scene, 3);
+	write_news(&scene);
+	cut_power(&scene);
+	publish(&scene, 2);
+	map_queue_place(scene.station, CENTRE, &place);
+	for (int32_t value = 1; value <= 5; value++) {
+		assert_true(map_event_next(scene.station, &place.cursor, &event));
+		assert_int_equal(event.sample.value.i, value);
+		assert_int_equal(event.time, value <= 3 ? MAP_TIME_WALL : MAP_TIME_MONOTONIC);
+	}
+	end(&scene);
+}
+
+/* A second cut finds what the first one left, with the times of before both. */
+static void test_power_is_cut_again(void **state)
+{
+	struct scene scene;
+
+	begin(&scene, state);
+	publish(&scene, 5);
+	write_news(&scene);
+	cut_power(&scene);
+	acknowledge(&scene, CENTRE, 2);
+	assert_true(write_news(&scene));
+	assert_false(write_news(&scene));
+	cut_power(&scene);
+	assert_waits(&scene, CENTRE, 3, 5);
+	end(&scene);
+}
+
+static void test_nothing_new_is_nothing_written(void **state)
+{
+	struct scene scene;
+
+	begin(&scene, state);
+	assert_true(write_news(&scene)); /* in the place of what is there from another time */
+	assert_false(write_news(&scene));
+	publish(&scene, 4);
+	acknowledge(&scene, CENTRE, 4);
+	assert_false(write_news(&scene)); /* acknowledged before it was in the file */
+	publish(&scene, 2);
+	assert_true(write_news(&scene));
+	assert_false(write_news(&scene));
+	publish(&scene, 2);
+	acknowledge(&scene, CENTRE, 4);
+	assert_true(write_news(&scene)); /* or these two would come again */
+	assert_int_equal(journal_pending(&scene.follower), 0);
+	assert_false(write_news(&scene));
+	cut_power(&scene);
+	assert_waits(&scene, CENTRE, 1, 0);
+	end(&scene);
+}
+
+static void test_a_failed_record_is_made_again(void **state)
+{
+	struct scene scene;
+
+	begin(&scene, state);
+	publish(&scene, 2);
+	write_news(&scene);
+	publish(&scene, 2);
+	assert_true(journal_make(&scene.follower, false)); /* and is not written */
+	publish(&scene, 1);
+	assert_true(write_news(&scene));
+	cut_power(&scene);
+	assert_waits(&scene, CENTRE, 1, 5);
+	publish(&scene, 1);
+	assert_true(write_news(&scene));
+	journal_abandon(&scene.follower);
+	assert_true(write_news(&scene));
+	assert_true(journal_is_first(&scene.follower));
+	end(&scene);
+}
+
+static void test_a_record_holds_the_newest(void **state)
+{
+	struct scene scene;
+	int32_t left_out;
+
+	begin(&scene, state);
+	journal_follow(&scene.follower, scene.stage->rtud, scene.memory, 1000);
+	publish(&scene, 100);
+	assert_true(write_news(&scene));
+	left_out = (int32_t)scene.follower.left_out;
+	assert_int_equal(scene.follower.record.events + scene.follower.left_out, 100);
+	assert_in_range(left_out, 60, 70);
+	cut_power(&scene);
+	assert_waits(&scene, CENTRE, left_out + 1, 100);
+	end(&scene);
+}
+
+/* What one record has no room for is in the next: nothing is left out of a file that goes on. */
+static void test_a_further_record_goes_on_where_the_last_one_ended(void **state)
+{
+	struct scene scene;
+
+	begin(&scene, state);
+	journal_follow(&scene.follower, scene.stage->rtud, scene.memory, 300);
+	write_news(&scene);
+	publish(&scene, 20);
+	while (write_news(&scene))
+		assert_int_equal(scene.follower.left_out, 0);
+	assert_int_equal(journal_pending(&scene.follower), 20);
+	cut_power(&scene);
+	assert_waits(&scene, CENTRE, 1, 20);
+	end(&scene);
+}
+
+/* ---- the clock --------------------------------------------------------------------------- */
+
+static void test_a_clock_that_is_set_later_dates_all(void **state)
+{
+	struct scene scene;
+
+	begin(&scene, state);
+	set_clock(&scene, 5 * S, false);
+	publish(&scene, 3);
+	assert_true(write_news(&scene));
+	assert_false(write_news(&scene));
+	set_clock(&scene, WALL_NS + S, true);
+	assert_true(write_news(&scene));
+	assert_true(journal_is_first(&scene.follower));
+	set_clock(&scene, WALL_NS + 3 * S / 2, true);
+	assert_false(write_news(&scene));
+	cut_power(&scene);
+	assert_waits(&scene, CENTRE, 1, 3);
+	end(&scene);
+}
+
+static void test_a_clock_that_was_never_set_stays_so(void **state)
+{
+	struct scene scene;
+	struct map_queue_place place;
+	struct map_event event;
+
+	begin(&scene, state);
+	set_clock(&scene, 5 * S, false);
+	publish(&scene, 1);
+	write_news(&scene);
+	cut_power(&scene);
+	set_clock(&scene, WALL_NS, true);
+	map_queue_place(scene.station, CENTRE, &place);
+	assert_true(map_event_next(scene.station, &place.cursor, &event));
+	assert_false(map_event_time_is_set(&event, map_clock_read(scene.stage->rtud)));
+	assert_in_range(map_event_wall_ns(&event, map_clock_read(scene.stage->rtud)), 0, 60 * S);
+	end(&scene);
+}
+
+/* ---- another configuration --------------------------------------------------------------- */
+
+static void test_what_is_configured_no_more_is_dropped(void **state)
+{
+	struct scene scene;
+	struct map_queue_place place;
+	struct map_event event;
+
+	begin(&scene, state);
+	publish(&scene, 4);
+	write_news(&scene);
+	scene.stage->points[5].type = MAP_SINGLE;
+	assert_int_equal(cut_power(&scene).unknown, 2);
+	map_queue_place(scene.station, CENTRE, &place);
+	for (int32_t value = 1; value <= 3; value += 2) {
+		assert_true(map_event_next(scene.station, &place.cursor, &event));
+		assert_int_equal(event.sample.value.i, value);
+	}
+	assert_false(map_event_next(scene.station, &place.cursor, &event));
+	end(&scene);
+}
+
+/* Both lines' events are in one ring now. */
+static void test_lines_of_one_process_keep_the_order(void **state)
+{
+	struct scene scene;
+	struct journal_findings findings;
+	char error[MAP_ERROR_SIZE];
+	struct map_kept kept;
+
+	begin(&scene, state);
+	publish(&scene, 6);
+	acknowledge(&scene, CENTRE, 1);
+	write_news(&scene);
+	end(&scene);
+	scene.stage->lines[1].process = 1;
+	make_again(scene.stage);
+	assert_true(journal_restore(scene.stage->rtud, scene.file, scene.size, &kept, &findings));
+	assert_int_equal(map_restore(scene.stage->rtud, &kept, error), 0);
+	free(kept.events);
+	scene.station = start(scene.stage, STATION);
+	assert_waits(&scene, CENTRE, 2, 6);
+	map_detach(scene.station);
+}
+
+static void test_a_group_of_another_name_begins_anew(void **state)
+{
+	struct scene scene;
+
+	begin(&scene, state);
+	publish(&scene, 4);
+	write_news(&scene);
+	strcpy(scene.stage->config.settings.groups[0].name, "Other");
+	cut_power(&scene);
+	assert_waits(&scene, CENTRE, 1, 0);
+	end(&scene);
+}
+
+/* A module cannot pass off what it says now as what was before the power cut, which would go before all else. */
+static void test_what_is_new_cannot_be_restored(void **state)
+{
+	struct scene scene;
+	struct map_queue_place place;
+	struct map_event event = {.point = 1, .time = MAP_TIME_WALL, .sample = {.time_ns = WALL_NS}};
+
+	begin(&scene, state);
+	publish(&scene, 1);
+	write_news(&scene);
+	cut_power(&scene);
+	ring_put(&scene.first->segments[scene.first->self].events, &event);
+	map_queue_place(scene.station, CENTRE, &place);
+	assert_true(map_event_next(scene.station, &place.cursor, &event));
+	assert_int_equal(event.sample.value.i, 1);
+	assert_false(map_event_next(scene.station, &place.cursor, &event));
+	end(&scene);
+}
+
+/* ---- the file, broken -------------------------------------------------------------------- */
+
+static void write_three(struct scene *scene, void **state, size_t ends[3])
+{
+	begin(scene, state);
+	for (int i = 0; i < 3; i++) {
+		publish(scene, 2);
+		if (i == 1)
+			acknowledge(scene, CENTRE, 1);
+		assert_true(write_news(scene));
+		ends[i] = scene->size;
+	}
+}
+
+/* What the first whole records say, and nothing else: values 1, 2; then 2..4; then 2..6. */
+static void assert_says(const struct scene *scene, const uint8_t *bytes, size_t size, uint32_t records)
+{
+	static const int32_t firsts[] = {1, 1, 2, 2}, lasts[] = {0, 2, 4, 6};
+	struct journal_findings findings;
+	struct map_kept kept;
+
+	assert_true(journal_restore(scene->stage->rtud, bytes, size, &kept, &findings));
+	assert_int_equal(findings.records, records);
+	assert_int_equal(findings.unknown, 0);
+	assert_int_equal(kept.event_count, lasts[records] - firsts[records] + 1);
+	for (uint32_t i = 0; i < kept.event_count; i++) {
+		int32_t value = firsts[records] + (int32_t)i;
+
+		assert_int_equal(kept.events[i].event.sample.value.i, value);
+		assert_int_equal(kept.events[i].event.point, value % 2 ? 1 : 5);
+		assert_int_equal(kept.events[i].wanted, 1u << CENTRE);
+	}
+	free(kept.events);
+}
+
+static uint32_t whole_records(const size_t ends[3], size_t size)
+{
+	uint32_t records = 0;
+
+	while (records < 3 && ends[records] <= size)
+		records++;
+	return records;
+}
+
+/* Each copy has the length it says, so that AddressSanitizer sees a look behind it. */
+static void test_a_file_that_ends_anywhere(void **state)
+{
+	struct scene scene;
+	size_t ends[3];
+
+	write_three(&scene, state, ends);
+	for (size_t size = 0; size <= scene.size; size++) {
+		uint8_t *copy = malloc(size + 1);
+
+		memcpy(copy + 1, scene.file, size); /* nothing in it is aligned */
+		assert_says(&scene, copy + 1, size, whole_records(ends, size));
+		free(copy);
+	}
+	end(&scene);
+}
+
+static void test_a_file_with_any_bit_flipped(void **state)
+{
+	struct scene scene;
+	size_t ends[3];
+
+	write_three(&scene, state, ends);
+	for (size_t bit = 0; bit < scene.size * 8; bit++) {
+		scene.file[bit / 8] ^= (uint8_t)(1u << bit % 8);
+		assert_says(&scene, scene.file, scene.size, whole_records(ends, bit / 8));
+		scene.file[bit / 8] ^= (uint8_t)(1u << bit % 8);
+	}
+	end(&scene);
+}
+
+static void test_records_in_another_order(void **state)
+{
+	struct scene scene;
+	size_t ends[3];
+	uint8_t last[512];
+
+	write_three(&scene, state, ends);
+	assert_says(&scene, scene.file + ends[0], scene.size - ends[0], 0);
+	memcpy(last, scene.file + ends[1], scene.size - ends[1]);
+	memmove(scene.file + ends[0], last, scene.size - ends[1]);
+	assert_says(&scene, scene.file, scene.size - (ends[1] - ends[0]), 1);
+	end(&scene);
+}
+
+/* A CRC is no signature: the numbers in a record may be anything, and are looked at. */
+static void test_records_that_lie(void **state)
+{
+	static const struct journal_event event = {.ca = 1001,
+						   .type = MAP_SCALED,
+						   .ioa = 40002,
+						   .module = 3,
+						   .time = MAP_TIME_WALL,
+						   .wall_ns = WALL_NS};
+	struct journal_queue queues[MAP_QUEUES] = {{.kind = JOURNAL_GROUP, .name = "Centre"}};
+	struct journal_event lies[6];
+	struct journal_findings findings;
+	struct map_kept kept;
+	struct scene scene;
+
+	begin(&scene, state);
+	for (unsigned i = 0; i < 6; i++)
+		lies[i] = event;
+	lies[0].module = 200;
+	lies[1].cause = 77;
+	lies[2].time = MAP_TIME_MONOTONIC;
+	lies[3].wall_ns = -1;
+	lies[4].ioa = 40009;
+	journal_begin(&scene.follower.record, 0, 5, queues, 1);
+	for (unsigned i = 0; i < 6; i++)
+		assert_true(journal_add(&scene.follower.record, &lies[i]));
+	journal_end(&scene.follower.record);
+	assert_true(
+	    journal_restore(scene.stage->rtud, scene.memory, scene.follower.record.used, &kept, &findings));
+	assert_int_equal(findings.unknown, 5);
+	assert_int_equal(kept.event_count, 1);
+	free(kept.events);
+
+	for (unsigned i = 0; i < MAP_QUEUES;
+	     i++) { /* more addresses than there is room for beside the group */
+		queues[i].kind = JOURNAL_ADDRESS;
+		snprintf(queues[i].name, sizeof(queues[i].name), "192.0.2.%u", i);
+	}
+	journal_begin(&scene.follower.record, 0, 5, queues, MAP_QUEUES);
+	journal_end(&scene.follower.record);
+	assert_true(
+	    journal_restore(scene.stage->rtud, scene.memory, scene.follower.record.used, &kept, &findings));
+	assert_int_equal(findings.records, 1);
+	assert_string_equal(kept.addresses[0], "");
+	assert_string_equal(kept.addresses[1], "192.0.2.1"); /* 192.0.2.0 was unused longest */
+	assert_string_equal(kept.addresses[MAP_QUEUES - 1], "192.0.2.31");
+	free(kept.events);
+	end(&scene);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    TEST(test_each_queue_has_what_it_did_not_acknowledge),
+	    TEST(test_restored_events_come_before_new_ones),
+	    TEST(test_power_is_cut_again),
+	    TEST(test_nothing_new_is_nothing_written),
+	    TEST(test_a_failed_record_is_made_again),
+	    TEST(test_a_record_holds_the_newest),
+	    TEST(test_a_further_record_goes_on_where_the_last_one_ended),
+	    TEST(test_a_clock_that_is_set_later_dates_all),
+	    TEST(test_a_clock_that_was_never_set_stays_so),
+	    TEST(test_what_is_configured_no_more_is_dropped),
+	    TEST(test_lines_of_one_process_keep_the_order),
+	    TEST(test_a_group_of_another_name_begins_anew),
+	    TEST(test_what_is_new_cannot_be_restored),
+	    TEST(test_a_file_that_ends_anywhere),
+	    TEST(test_a_file_with_any_bit_flipped),
+	    TEST(test_records_in_another_order),
+	    TEST(test_records_that_lie),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,117 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What the journal held goes back into the map: events into their owners' rings, queues to their places. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "map/layout.h"
+#include "map/supervise.h"
+
+struct restoration {
+	struct segment segments[MAP_MODULES_MAX]; /* writable, of owners of points and of the station */
+	struct map_queue_place places[MAP_QUEUES];
+	uint32_t placed[MAP_QUEUES]; /* a bit for each module in whose ring the queue has its place */
+};
+
+static bool has_part(const struct module_entry *entry)
+{
+	return entry->kind == MAP_MODULE_MODBUS || entry->kind == MAP_MODULE_IEC104;
+}
+
+static bool open_segment(const struct map *map, uint32_t module, struct segment *out)
+{
+	struct layout layout = layout_of(&map->directory->modules[module], &map->config);
+	int fd = map_segment_open(map, module);
+	void *memory = MAP_FAILED;
+
+	if (fd >= 0) {
+		memory = mmap(NULL, layout.size, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+		close(fd);
+	}
+	if (memory == MAP_FAILED)
+		return false;
+	segment_place(out, memory, &layout);
+	return true;
+}
+
+static bool open_segments(const struct map *map, struct restoration *restoration)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++)
+		if (has_part(&map->directory->modules[i]) && !open_segment(map, i, &restoration->segments[i]))
+			return false;
+	return true;
+}
+
+static void close_segments(struct restoration *restoration)
+{
+	for (unsigned i = 0; i < MAP_MODULES_MAX; i++)
+		if (restoration->segments[i].header)
+			munmap(restoration->segments[i].header, restoration->segments[i].size);
+}
+
+static void put_event(const struct map *map, struct restoration *restoration,
+		      const struct map_kept_event *kept)
+{
+	uint32_t owner = map_owner(map, kept->event.point);
+	const struct ring *ring = &restoration->segments[owner].events;
+
+	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
+		if (!(kept->wanted & 1u << queue) || (restoration->placed[queue] & 1u << owner))
+			continue;
+		restoration->places[queue].cursor.next[owner] = ring_head(ring);
+		restoration->placed[queue] |= 1u << owner;
+	}
+	ring_put(ring, &kept->event);
+}
+
+/* Of what a queue has acknowledged, or of a group that is new, nothing is sent. */
+static void place_at_end(const struct map *map, struct restoration *restoration, uint32_t queue)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++)
+		if (has_part(&map->directory->modules[i]) && !(restoration->placed[queue] & 1u << i))
+			restoration->places[queue].cursor.next[i] =
+			    ring_head(&restoration->segments[i].events);
+}
+
+static void put_queue(struct queue_cell *cell, const char *address, const struct map_queue_place *place,
+		      uint32_t used)
+{
+	snprintf(cell->name, sizeof(cell->name), "%s", address);
+	atomic_store(&cell->used, used);
+	cell->places[latch_whole_copy(&cell->latch)] = *place;
+}
+
+static void put_queues(struct map *map, struct restoration *restoration, const struct map_kept *kept)
+{
+	uint32_t station = MAP_RTUD;
+
+	while (map->directory->modules[station].kind != MAP_MODULE_IEC104)
+		station++;
+	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
+		if (queue >= map->config.settings.group_count && kept->addresses[queue][0] == '\0')
+			continue;
+		place_at_end(map, restoration, queue);
+		put_queue(&restoration->segments[station].queues[queue], kept->addresses[queue],
+			  &restoration->places[queue], queue + 1);
+	}
+}
+
+int map_restore(struct map *map, const struct map_kept *kept, char *error)
+{
+	struct restoration restoration = {0};
+	bool opened = open_segments(map, &restoration);
+
+	if (!opened)
+		snprintf(error, MAP_ERROR_SIZE, "cannot open the map's segments: %s", strerror(errno));
+	for (uint32_t i = 0; opened && i < kept->event_count; i++)
+		put_event(map, &restoration, &kept->events[i]);
+	if (opened)
+		put_queues(map, &restoration, kept);
+	for (uint32_t i = 0; opened && i < map->directory->module_count; i++)
+		if (has_part(&map->directory->modules[i]))
+			map->directory->modules[i].restored = ring_head(&restoration.segments[i].events);
+	close_segments(&restoration);
+	return opened ? 0 : -1;
+}
