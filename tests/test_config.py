@@ -523,7 +523,18 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
 def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Every key of the schema: the definition it is in, its name, its rule."""
     objects = ("object", "command", "bits", "registers", "pulse", "step")
-    for name in ("", "iec104", "tls", "journal", "redundancy_group", "modbus", "port", "rs485", "slave", *objects):
+    for name in (
+        "",
+        "iec104",
+        "tls",
+        "journal",
+        "redundancy_group",
+        "modbus",
+        "port",
+        "rs485",
+        "slave",
+        *objects,
+    ):
         for key, rule in definition(name)["properties"].items():
             yield name, key, resolved(rule)
 
