@@ -8,6 +8,7 @@ Reads blocks on one line over and over, by pymodbus' ordinary client calls: line
 from __future__ import annotations
 
 import contextlib
+import logging
 import sys
 
 from pymodbus.client import ModbusSerialClient
@@ -16,6 +17,7 @@ from pymodbus.exceptions import ModbusException
 
 def main() -> int:
     device, baud, stop_bits, *texts = sys.argv[1:]
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # a dead device is what is measured
     client = ModbusSerialClient(device, baudrate=int(baud), stopbits=int(stop_bits))
     if not client.connect():
         print(f"{device} cannot be opened", file=sys.stderr)
