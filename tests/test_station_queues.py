@@ -459,6 +459,7 @@ def test_losses_are_points_of_the_gateway_itself(programs: Path) -> None:
             "its points are good again",
         )
         assert [(port["port"], len(port["devices"])) for port in gateway.query("lines")] == [(3, 1)]
+        assert [port["port"] for port in gateway.query("lines", "--histogram")] == [3]
         with RawMaster(*gateway.address, source=RESERVE) as reserve:
             assert own_objects(reserve) == told
         assert not [line for line in gateway.log(1000).splitlines() if "Reserve: more than" in line]

@@ -1,13 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "quality.h"
 
-void quality_init(struct quality *quality, struct map *map, struct quality_of_point *points)
-{
-	*quality = (struct quality){.map = map, .points = points};
-	for (uint32_t i = 0; i < map_config(map)->point_count; i++)
-		points[i] = (struct quality_of_point){.own = MAP_INVALID, .said = MAP_INVALID};
-}
-
 /* With the value that the point has. */
 static struct map_update update_of(const struct quality *quality, uint32_t point, uint8_t is, int64_t now_ns)
 {
@@ -33,6 +26,17 @@ static bool has_status(const struct map_point *point)
 {
 	return point->status[MAP_BLOCKED_BY] != 0 || point->status[MAP_SUBSTITUTED_BY] != 0 ||
 	       point->status[MAP_NOT_TOPICAL_BY] != 0;
+}
+
+void quality_init(struct quality *quality, struct map *map, struct quality_of_point *points)
+{
+	const struct map_config *config = map_config(map);
+
+	*quality = (struct quality){.map = map, .points = points};
+	for (uint32_t i = 0; i < config->point_count; i++) {
+		points[i] = (struct quality_of_point){.own = MAP_INVALID, .said = MAP_INVALID};
+		quality->with_status |= has_status(&config->points[i]);
+	}
 }
 
 static uint8_t quality_of(const struct quality *quality, const struct map_device *device, uint32_t point)
@@ -77,14 +81,15 @@ size_t quality_complete(struct quality *quality, const struct map_device *device
 	size_t updated = count;
 
 	take_updates(quality, updates, count);
-	for (uint32_t i = device->first_point; i < device->first_point + device->point_count; i++) {
-		struct quality_of_point *point = &quality->points[i];
+	for (uint32_t i = 0; quality->with_status && i < device->point_count; i++) {
+		uint32_t number = device->first_point + i;
+		struct quality_of_point *point = &quality->points[number];
 
-		if (point->updated || !has_status(&config->points[i]) ||
-		    quality_of(quality, device, i) == point->said)
+		if (point->updated || !has_status(&config->points[number]) ||
+		    quality_of(quality, device, number) == point->said)
 			continue;
-		point->said = quality_of(quality, device, i);
-		updates[count++] = update_of(quality, i, point->said, now_ns);
+		point->said = quality_of(quality, device, number);
+		updates[count++] = update_of(quality, number, point->said, now_ns);
 	}
 	for (size_t i = 0; i < updated; i++) {
 		struct quality_of_point *point = &quality->points[updates[i].point];

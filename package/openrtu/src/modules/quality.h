@@ -26,6 +26,7 @@ struct quality_of_point {
 struct quality {
 	struct map *map;
 	struct quality_of_point *points; /* all of the configuration's */
+	bool with_status;                /* some point names a status bit: most configurations have none */
 };
 
 /* No point has been read yet. points: room for all of the configuration's, the caller's. */
