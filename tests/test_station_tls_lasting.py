@@ -115,7 +115,7 @@ def test_keys_wait_for_a_peer_that_does_not_read(renewing: TlsGateway) -> None:
         with contextlib.suppress(TimeoutError):
             while True:  # ends when neither side has room for more
                 sent += slow.send(TESTFR_ACT * 2000)
-        time.sleep(until - time.monotonic())
+        time.sleep(max(0.0, until - time.monotonic()))
         assert f"port {port}: its keys" not in renewing.log(1000)
         slow.settimeout(WAITS_S)
         assert received(slow, sent) == TESTFR_CON * (sent // 6)
