@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What the files of a line share with each other, and nobody else. Indices are of the line's devices, times CLOCK_MONOTONIC. */
+#ifndef OPENRTU_MODBUS_LINE_PARTS_H
+#define OPENRTU_MODBUS_LINE_PARTS_H
+
+#include "line.h"
+
+static inline int64_t later(int64_t a, int64_t b)
+{
+	return a > b ? a : b;
+}
+
+static inline int64_t earlier(int64_t a, int64_t b)
+{
+	return a < b ? a : b;
+}
+
+/* ---- device.c ---------------------------------------------------------------------------- */
+
+/* It has objects, and is no broadcast address. */
+bool modbus_is_readable(const struct modbus_device *device);
+
+/* A request whose time-out has passed: its answer may still come (line.h, "Late answers"). */
+void modbus_add_unanswered(struct modbus_device *device, const struct modbus_request *request,
+			   int64_t sent_ns);
+void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns);
+/* Such an answer would look like that to a request with this function. */
+bool modbus_owes(const struct modbus_device *device, uint8_t function);
+/* This request was answered, and with it what was unanswered before. */
+void modbus_settle_unanswered(struct modbus_device *device, const struct modbus_request *request,
+			      bool is_exception, int64_t sent_ns, int64_t now_ns);
+/* A short read whose answer is like none that is owed. False: there is none now. */
+bool modbus_find_probe(const struct modbus_device *device, struct modbus_request *request);
+
+/* Plans the device's reads as at the start. */
+void modbus_replan(struct modbus_line *line, struct modbus_device *device);
+/* The device lives but does not give this read; exception 0: it is silent. True when the read was halved. */
+bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_index, uint8_t exception,
+			int64_t now_ns);
+
+/* It has answered, and lives; it did not answer, and may be dead; it cannot be reached any more. */
+void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t now_ns);
+void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_ns);
+void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns);
+
+/* ---- turn.c ------------------------------------------------------------------------------ */
+
+/* Begins what comes next. Returns the length of the request in line->frame, 0: there is nothing to do. */
+size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns);
+/* When something may become due on a line that has nothing to do. */
+int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns);
+
+/* ---- line.c ------------------------------------------------------------------------------ */
+
+/* Takes a command out of its place in the queue. */
+struct modbus_command modbus_take_command(struct modbus_line *line, uint32_t place);
+/* Answers those whose deadline has passed: they are not sent. */
+void modbus_drop_old_commands(struct modbus_line *line, int64_t now_ns);
+/* Begins line->request. Returns the length of its frame, in line->frame. */
+size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns);
+
+#endif

@@ -1,0 +1,254 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Whose turn it is on a line that is silent: commands, what was written, what is due, the scan, the dead. */
+#include "line_parts.h"
+
+#define NS_PER_US 1000
+
+static size_t begin_probe(struct modbus_line *line, uint32_t index, int64_t now_ns)
+{
+	if (!modbus_find_probe(&line->devices[index], &line->request))
+		return 0;
+	return modbus_begin(line, MODBUS_PROBE, index, now_ns);
+}
+
+static size_t begin_read(struct modbus_line *line, uint32_t index, uint32_t read_index, int64_t now_ns)
+{
+	const struct modbus_device *device = &line->devices[index];
+	struct modbus_read *read = &device->reads[read_index];
+
+	read->urgent = false;
+	line->read = read_index;
+	line->request = (struct modbus_request){
+	    .unit = device->unit, .function = read->function, .address = read->address, .count = read->count};
+	return modbus_begin(line, MODBUS_SCAN, index, now_ns);
+}
+
+static bool is_first_of_device(const struct modbus_line *line, uint32_t place)
+{
+	for (uint32_t i = 0; i < place; i++)
+		if (line->commands[i].device == line->commands[place].device)
+			return false;
+	return true;
+}
+
+/* Commands of one device go in order; one that must wait for its device does not stop those of others. */
+static size_t begin_command(struct modbus_line *line, int64_t now_ns)
+{
+	modbus_drop_old_commands(line, now_ns);
+	for (uint32_t place = 0; place < line->command_count; place++) {
+		uint32_t index = line->commands[place].device;
+		struct modbus_device *device = &line->devices[index];
+		size_t length = 0;
+
+		if (!is_first_of_device(line, place))
+			continue;
+		modbus_forget_unanswered(device, now_ns);
+		if (!modbus_owes(device, line->commands[place].request.function)) {
+			line->command = modbus_take_command(line, place);
+			line->request = line->command.request;
+			line->counters.commands++;
+			line->commands_in_row++;
+			return modbus_begin(line, MODBUS_COMMAND, index, now_ns);
+		}
+		if (device->alive)
+			length = begin_probe(line, index, now_ns);
+		if (length > 0)
+			return length;
+	}
+	return 0;
+}
+
+static size_t begin_urgent_read(struct modbus_line *line, int64_t now_ns)
+{
+	if (!line->urgent)
+		return 0;
+	for (uint32_t index = 0; index < line->device_count; index++) {
+		struct modbus_device *device = &line->devices[index];
+
+		modbus_forget_unanswered(device, now_ns);
+		if (!device->alive || device->unanswered_count > 0)
+			continue;
+		for (uint32_t read = 0; read < device->read_count; read++)
+			if (device->reads[read].urgent && device->reads[read].pause_ns == 0)
+				return begin_read(line, index, read, now_ns);
+	}
+	line->urgent = false;
+	return 0;
+}
+
+/* Of the reads that are due, the one whose deadline is first; of devices that owe an answer, or of the others. */
+static bool find_due_read(struct modbus_line *line, bool owing, int64_t now_ns, uint32_t *index,
+			  uint32_t *read)
+{
+	int64_t first_ns = MODBUS_NEVER;
+
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		struct modbus_device *device = &line->devices[i];
+
+		modbus_forget_unanswered(device, now_ns);
+		if (!device->alive || (device->unanswered_count > 0) != owing)
+			continue;
+		if (owing && !modbus_find_probe(device, &line->request))
+			continue;
+		for (uint32_t j = 0; j < device->read_count; j++) {
+			if (!modbus_period_due(&device->reads[j], now_ns) ||
+			    modbus_period_deadline(&device->reads[j]) >= first_ns)
+				continue;
+			first_ns = modbus_period_deadline(&device->reads[j]);
+			*index = i;
+			*read = j;
+		}
+	}
+	return first_ns != MODBUS_NEVER;
+}
+
+/* A device that owes an answer is probed before it is read, and behind the others: it may be dying. */
+static size_t begin_due_read(struct modbus_line *line, int64_t now_ns)
+{
+	uint32_t index, read;
+	size_t length = 0;
+
+	if (find_due_read(line, false, now_ns, &index, &read))
+		length = begin_read(line, index, read, now_ns);
+	else if (find_due_read(line, true, now_ns, &index, &read))
+		length = begin_probe(line, index, now_ns);
+	line->due_in_row += length > 0;
+	return length;
+}
+
+/* The next dead device whose probe is due, after the one that was probed last. */
+static size_t begin_due_probe(struct modbus_line *line, int64_t now_ns)
+{
+	for (uint32_t tried = 0; tried < line->device_count; tried++) {
+		uint32_t index = line->probe_turn;
+		struct modbus_device *device = &line->devices[index];
+		size_t length = 0;
+
+		line->probe_turn = (line->probe_turn + 1) % line->device_count;
+		modbus_forget_unanswered(device, now_ns);
+		if (!device->alive && modbus_is_readable(device) && now_ns >= device->next_probe_ns)
+			length = begin_probe(line, index, now_ns);
+		if (length > 0)
+			return length;
+	}
+	return 0;
+}
+
+static void next_turn(struct modbus_line *line)
+{
+	line->devices[line->turn].cursor = 0;
+	if (++line->turn < line->device_count)
+		return;
+	line->turn = 0;
+	line->probed_in_vain = false;
+	if (line->scan_begun)
+		line->counters.scan_us = (uint32_t)((line->scan_ended_ns - line->scan_began_ns) / NS_PER_US);
+	line->scan_begun = false;
+}
+
+static bool is_of_scan(const struct modbus_read *read, int64_t now_ns)
+{
+	return read->period_ns == 0 && (read->pause_ns == 0 || now_ns >= read->not_before_ns);
+}
+
+/* The next read of the device whose turn it is; 0 when it is through. */
+static size_t begin_scan_read(struct modbus_line *line, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->turn];
+
+	while (device->cursor < device->read_count && !is_of_scan(&device->reads[device->cursor], now_ns))
+		device->cursor++;
+	if (device->cursor >= device->read_count)
+		return 0;
+	if (!line->scan_begun) {
+		line->scan_begun = true;
+		line->scan_began_ns = now_ns;
+	}
+	return begin_read(line, line->turn, device->cursor, now_ns);
+}
+
+static size_t begin_for_turn(struct modbus_line *line, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->turn];
+
+	modbus_forget_unanswered(device, now_ns);
+	if (!device->alive)
+		return 0;
+	if (device->unanswered_count > 0)
+		return begin_probe(line, line->turn, now_ns);
+	return begin_scan_read(line, now_ns);
+}
+
+static size_t begin_scan(struct modbus_line *line, int64_t now_ns)
+{
+	/* One more than there are devices: the first may only have to end its scan. */
+	for (uint32_t tried = 0; tried <= line->device_count && line->device_count > 0; tried++) {
+		size_t length = begin_for_turn(line, now_ns);
+
+		if (length > 0)
+			return length;
+		next_turn(line);
+	}
+	return 0;
+}
+
+/* What keeps its place in the line's turn: however many devices are dead, the living are scanned after each probe. */
+static size_t begin_in_turn(struct modbus_line *line, int64_t now_ns)
+{
+	size_t length = 0;
+
+	line->due_in_row = 0;
+	if (!line->probed_in_vain)
+		length = begin_due_probe(line, now_ns);
+	if (length == 0)
+		length = begin_scan(line, now_ns);
+	return length;
+}
+
+/* However many commands come, polling goes on; however many reads are due, the scan does. */
+size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
+{
+	size_t length = 0;
+
+	if (line->commands_in_row < MODBUS_COMMANDS_IN_ROW)
+		length = begin_command(line, now_ns);
+	if (length > 0)
+		return length;
+	length = begin_urgent_read(line, now_ns);
+	if (length > 0)
+		return length;
+	line->commands_in_row = 0;
+	if (line->due_in_row < MODBUS_DUE_IN_ROW)
+		length = begin_due_read(line, now_ns);
+	if (length == 0)
+		length = begin_in_turn(line, now_ns);
+	/* Nobody is kept waiting. */
+	if (length == 0)
+		length = begin_command(line, now_ns);
+	if (length == 0)
+		length = begin_due_read(line, now_ns);
+	if (length == 0)
+		length = begin_due_probe(line, now_ns);
+	return length;
+}
+
+int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
+{
+	int64_t due = MODBUS_NEVER;
+
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		const struct modbus_device *device = &line->devices[i];
+
+		if (device->unanswered_count > 0 || device->inherited)
+			due = earlier(due, device->trust_ns);
+		if (!device->alive && modbus_is_readable(device) && device->next_probe_ns > now_ns)
+			due = earlier(due, device->next_probe_ns);
+		for (uint32_t read = 0; device->alive && read < device->read_count; read++) {
+			if (device->reads[read].not_before_ns > now_ns)
+				due = earlier(due, device->reads[read].not_before_ns);
+			if (device->reads[read].period_ns > 0 && device->reads[read].due_ns > now_ns)
+				due = earlier(due, device->reads[read].due_ns);
+		}
+	}
+	return due;
+}
