@@ -250,7 +250,7 @@ PAYLOAD     = tests/netboot/payload
 PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
-UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_journal.py $(wildcard tests/test_station_*.py)
+UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
 SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 

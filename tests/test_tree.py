@@ -115,6 +115,12 @@ def targets() -> set[str]:
     return set(re.findall(r"^([a-z][a-z-]*):", text_of(Path("Makefile")), re.MULTILINE))
 
 
+def test_no_two_modules_of_tests_have_one_name() -> None:
+    """pytest stops at the second: `conftest.py` alone may be in several folders."""
+    names = sorted(file.name for file in (ROOT / "tests").rglob("test_*.py"))
+    assert [name for name, other in itertools.pairwise(names) if name == other] == []
+
+
 def test_make_help_lists_every_target() -> None:
     environment = {
         name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))
