@@ -108,12 +108,14 @@ RECORD: list[Connection] = []  # of this process, for the session's last fixture
 STATIONS: dict[tuple[str, int], tuple[str, int]] = {}  # behind the relays
 
 
-def port_behind_relay(gateway: Rtu, master_port: int) -> int | None:
-    """The port by which the station knows a master; None: the relay has not connected it yet."""
+def port_behind_relay(gateway: Rtu, master_port: int, since: int) -> int | None:
+    """
+    The port by which the station knows a master; None: the relay has not connected it yet. since: the length
+    of RECORD before it connected, for a long run of tests uses ports again.
+    """
     if gateway.address not in STATIONS:
         return master_port
-    ports = [end.station_port for end in reversed(RECORD) if end.master_port == master_port]
-    return ports[0] if ports else None
+    return next((end.station_port for end in RECORD[since:] if end.master_port == master_port), None)
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import pytest
 
-from capture import port_behind_relay, unrecorded
+from capture import RECORD, port_behind_relay, unrecorded
 from desk import Substation, chapter_5, of_port, processor_seconds, substation_of
 from lab.gateway import Gateway
 from lab.raw_master import Asdu, Object, RawMaster, new_source
@@ -51,10 +51,13 @@ class Link:
 
     def __init__(self, gateway: Gateway, source: str) -> None:
         self._gateway = gateway
+        before = len(RECORD)
         self._socket = socket.create_connection(gateway.address, SOON_S, (source, 0))
-        port = self._socket.getsockname()[1]
-        gateway.wait_for(lambda: port_behind_relay(gateway, port) is not None, SOON_S, "it is connected")
-        self.name = f"{source} port {port_behind_relay(gateway, port)}"
+        own = self._socket.getsockname()[1]
+        gateway.wait_for(
+            lambda: port_behind_relay(gateway, own, before) is not None, SOON_S, "it is connected"
+        )
+        self.name = f"{source} port {port_behind_relay(gateway, own, before)}"
         self.received = self.sent = 0  # V(R), V(S)
 
     def __enter__(self) -> Self:
