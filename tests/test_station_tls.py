@@ -16,7 +16,6 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-import c104
 import pytest
 
 from lab.gateway import TESTFR_ACT, TESTFR_CON, remove, run_directory
@@ -24,6 +23,7 @@ from lab.raw_master import RawMaster
 from peers.authority import openssl
 from peers.tls_gateway import (
     POINTS,
+    STATION,
     VERSIONS,
     WAITS_S,
     Pki,
@@ -32,11 +32,11 @@ from peers.tls_gateway import (
     closed_by_station,
     connected,
     gateway_with,
+    interrogate_with_lib60870,
     public_keys,
     received,
 )
 
-STATION = 1001
 STARTDT_ACT, STARTDT_CON = bytes.fromhex("680407000000"), bytes.fromhex("68040b000000")
 HANDSHAKE_S = 10.0  # what the station grants
 
@@ -105,17 +105,7 @@ def tunnel(gateway: TlsGateway, context: ssl.SSLContext) -> Iterator[int]:
 def test_lib60870_through_tls(gateway: TlsGateway, pki: Pki, version: str) -> None:
     """In a tunnel: the TLS of c104 2.2.1 itself ends each handshake for want of a host name (-0x5d80)."""
     with tunnel(gateway, pki.client(version=version)) as port:
-        client = c104.Client(tick_rate_ms=50, command_timeout_ms=10_000)
-        connection = client.add_connection(ip="127.0.0.1", port=port, init=c104.Init.NONE)
-        client.start()
-        try:
-            connection.connect()
-            gateway.wait_for(lambda: connection.is_connected, WAITS_S, "c104 is connected")
-            connection.unmute()
-            gateway.wait_for(lambda: not connection.is_muted, WAITS_S, "data transfer has started")
-            assert connection.interrogation(common_address=STATION)
-        finally:
-            client.stop()
+        interrogate_with_lib60870(gateway, port)
 
 
 @pytest.mark.parametrize(

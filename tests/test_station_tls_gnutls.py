@@ -8,15 +8,13 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-import c104
 import pytest
 
 from lab.gateway import TESTFR_ACT, TESTFR_CON, remove, run_directory
 from peers.authority import Identity
 from peers.gnutls import GnuTls, GnuTlsError
-from peers.tls_gateway import WAITS_S, TlsGateway, gateway_with, public_keys
+from peers.tls_gateway import WAITS_S, TlsGateway, gateway_with, interrogate_with_lib60870, public_keys
 
-STATION = 1001
 RENEWAL_S = 10
 VERSIONS = {"1.2": "NORMAL:-VERS-ALL:+VERS-TLS1.2", "1.3": "NORMAL:-VERS-ALL:+VERS-TLS1.3"}
 
@@ -109,17 +107,7 @@ def tunnel(secured: GnuTls) -> Iterator[int]:
 @pytest.mark.parametrize("version", VERSIONS)
 def test_lib60870_through_gnutls(gateway: TlsGateway, version: str) -> None:
     with tunnel(connected(gateway, VERSIONS[version])) as port:
-        client = c104.Client(tick_rate_ms=50, command_timeout_ms=10_000)
-        connection = client.add_connection(ip="127.0.0.1", port=port, init=c104.Init.NONE)
-        client.start()
-        try:
-            connection.connect()
-            gateway.wait_for(lambda: connection.is_connected, WAITS_S, "c104 is connected")
-            connection.unmute()
-            gateway.wait_for(lambda: not connection.is_muted, WAITS_S, "data transfer has started")
-            assert connection.interrogation(common_address=STATION)
-        finally:
-            client.stop()
+        interrogate_with_lib60870(gateway, port)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -19,6 +19,7 @@ from lab.gateway import TESTFR_ACT, TESTFR_CON, remove, run_directory
 from peers.authority import Authority
 from peers.tls_gateway import (
     POINTS,
+    STATION,
     VERSIONS,
     WAITS_S,
     Pki,
@@ -31,7 +32,6 @@ from peers.tls_gateway import (
     received,
 )
 
-STATION = 1001
 RENEWAL_S = 10  # the shortest that may be configured
 FILES_S = 5.0  # how often the station looks at its files
 SEEN_S = FILES_S + 5.0

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import c104
 import pytest
 
 from lab.gateway import TESTFR_ACT, TESTFR_CON, Gateway, free_port, remove, run_directory
@@ -23,6 +24,7 @@ from peers.authority import Authority, Identity
 POINTS = 5000
 VERSIONS = {"1.2": ssl.TLSVersion.TLSv1_2, "1.3": ssl.TLSVersion.TLSv1_3}
 WAITS_S = 10.0
+STATION = 1001
 
 
 @dataclass
@@ -157,3 +159,18 @@ def knock(gateway: TlsGateway, context: ssl.SSLContext) -> int:
 
 def assert_refused(gateway: TlsGateway, context: ssl.SSLContext, why: str) -> None:
     gateway.wait_log(rf" port {knock(gateway, context)}: refused, {re.escape(why)}$")
+
+
+def interrogate_with_lib60870(gateway: TlsGateway, port: int) -> None:
+    """By c104, which speaks plain TCP to a tunnel's port of 127.0.0.1."""
+    client = c104.Client(tick_rate_ms=50, command_timeout_ms=10_000)
+    connection = client.add_connection(ip="127.0.0.1", port=port, init=c104.Init.NONE)
+    client.start()
+    try:
+        connection.connect()
+        gateway.wait_for(lambda: connection.is_connected, WAITS_S, "c104 is connected")
+        connection.unmute()
+        gateway.wait_for(lambda: not connection.is_muted, WAITS_S, "data transfer has started")
+        assert connection.interrogation(common_address=STATION)
+    finally:
+        client.stop()

@@ -5,7 +5,6 @@
  */
 #include <arpa/inet.h>
 #include <errno.h>
-#include <getopt.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
@@ -23,6 +22,7 @@
 #include "map/map.h"
 #include "modules/channel.h"
 #include "modules/newcomers.h"
+#include "modules/options.h"
 #include "modules/peer.h"
 
 #define NS_PER_MS 1000000LL
@@ -379,41 +379,18 @@ static int start(void)
 	return 0;
 }
 
-static int usage(void)
-{
-	fputs("usage: rtu-iec104 --map DIR --module NAME [--dev DIR]\n"
-	      "rtud starts it so; --dev is for the modules that have serial devices\n",
-	      stderr);
-	return 2;
-}
-
 int main(int argc, char **argv)
 {
-	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},
-	    {"module", required_argument, NULL, 'n'},
-	    {"dev", required_argument, NULL, 'd'},
-	    {0},
-	};
-	const char *directory = NULL, *module = NULL;
+	struct options options;
 	char error[MAP_ERROR_SIZE];
-	int option;
 
-	while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
-		if (option == 'm')
-			directory = optarg;
-		else if (option == 'n')
-			module = optarg;
-		else if (option != 'd')
-			return usage();
-	}
-	if (directory == NULL || module == NULL || optind != argc)
-		return usage();
-	if (map_attach(&map, directory, module, error) < 0) {
-		fail(directory, error);
+	if (!options_parse(argc, argv, "rtu-iec104", &options))
+		return 2;
+	if (map_attach(&map, options.map, options.module, error) < 0) {
+		fail(options.map, error);
 		return 1;
 	}
-	prctl(PR_SET_NAME, module); /* rtud executes a descriptor, whose number would be its name */
+	prctl(PR_SET_NAME, options.module); /* rtud executes a descriptor, whose number would be its name */
 	if (start() < 0)
 		return 1;
 	run();

@@ -4,7 +4,6 @@
  * own, since a flash may take long to synchronise: rtud's watchdog and the lines do not wait for it.
  */
 #include <errno.h>
-#include <getopt.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -18,6 +17,7 @@
 #include "journal/follow.h"
 #include "journal/wear.h"
 #include "map/map.h"
+#include "modules/options.h"
 
 #define NS_PER_MS 1000000LL
 #define NS_PER_S  1000000000LL
@@ -126,14 +126,6 @@ static void run(int signals)
 	write_news();
 }
 
-static int usage(void)
-{
-	fputs("usage: rtu-journal --map DIR --module NAME [--dev DIR]\n"
-	      "rtud starts it so; --dev is for the modules that have serial devices\n",
-	      stderr);
-	return 2;
-}
-
 static int start(void)
 {
 	uint8_t *memory;
@@ -152,31 +144,17 @@ static int start(void)
 
 int main(int argc, char **argv)
 {
-	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},
-	    {"module", required_argument, NULL, 'n'},
-	    {"dev", required_argument, NULL, 'd'},
-	    {0},
-	};
-	const char *directory = NULL, *module = NULL;
+	struct options options;
 	char error[MAP_ERROR_SIZE];
-	int option, signals;
+	int signals;
 
-	while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
-		if (option == 'm')
-			directory = optarg;
-		else if (option == 'n')
-			module = optarg;
-		else if (option != 'd')
-			return usage();
-	}
-	if (directory == NULL || module == NULL || optind != argc)
-		return usage();
-	if (map_attach(&map, directory, module, error) < 0) {
-		fprintf(stderr, "rtu-journal: %s: %s\n", directory, error);
+	if (!options_parse(argc, argv, "rtu-journal", &options))
+		return 2;
+	if (map_attach(&map, options.map, options.module, error) < 0) {
+		fprintf(stderr, "rtu-journal: %s: %s\n", options.map, error);
 		return 1;
 	}
-	prctl(PR_SET_NAME, module); /* rtud executes a descriptor, whose number would be its name */
+	prctl(PR_SET_NAME, options.module); /* rtud executes a descriptor, whose number would be its name */
 	signals = start();
 	if (signals < 0) {
 		fprintf(stderr, "rtu-journal: cannot start: %s\n", strerror(errno));

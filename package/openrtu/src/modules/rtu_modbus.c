@@ -5,7 +5,6 @@
  * lines and the map.
  */
 #include <errno.h>
-#include <getopt.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -21,6 +20,7 @@
 #include "modbus/configured.h"
 #include "modules/commands.h"
 #include "modules/convert.h"
+#include "modules/options.h"
 #include "modules/quality.h"
 #include "modules/serial.h"
 
@@ -34,12 +34,6 @@
 #define EPOLL_EVENTS   16
 #define WRONG_USAGE    2
 #define PORT_PATH_SIZE 512
-
-struct options {
-	const char *map;
-	const char *module;
-	const char *devices;
-};
 
 struct gateway;
 
@@ -581,40 +575,14 @@ static void serve(struct gateway *gateway)
 		take_turn(gateway);
 }
 
-static bool parse_options(int argc, char **argv, struct options *options)
-{
-	static const struct option known[] = {{"map", required_argument, NULL, 'm'},
-					      {"module", required_argument, NULL, 'n'},
-					      {"dev", required_argument, NULL, 'd'},
-					      {0}};
-
-	options->devices = "/dev";
-	for (int option; (option = getopt_long(argc, argv, "", known, NULL)) >= 0;) {
-		if (option == 'm')
-			options->map = optarg;
-		else if (option == 'n')
-			options->module = optarg;
-		else if (option == 'd')
-			options->devices = optarg;
-		else
-			return false;
-	}
-	return options->map && options->module && optind == argc;
-}
-
 int main(int argc, char **argv)
 {
-	struct options options = {0};
+	struct options options;
 	struct gateway gateway = {0};
 	char error[MAP_ERROR_SIZE];
 
-	if (!parse_options(argc, argv, &options)) {
-		fputs("usage: rtu-modbus --map DIR --module NAME [--dev DIR]\n"
-		      "It is started by rtud. DIR of --dev holds the ports that the configuration names "
-		      "without a path.\n",
-		      stderr);
+	if (!options_parse(argc, argv, "rtu-modbus", &options))
 		return WRONG_USAGE;
-	}
 	set_up_signals();
 	if (map_attach(&gateway.map, options.map, options.module, error) < 0) {
 		fprintf(stderr, "rtu-modbus: %s\n", error);

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The command line that rtud starts every module with. */
+#ifndef OPENRTU_MODULES_OPTIONS_H
+#define OPENRTU_MODULES_OPTIONS_H
+
+#include <stdbool.h>
+
+struct options {
+	const char *map;     /* folder of the point map */
+	const char *module;  /* name in it */
+	const char *devices; /* folder of the serial devices: /dev unless it is given */
+};
+
+/* --map DIR --module NAME [--dev DIR]. False, with the usage of the program on stderr, for anything else. */
+bool options_parse(int argc, char **argv, const char *program, struct options *out);
+
+#endif
