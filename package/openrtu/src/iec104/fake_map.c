@@ -25,10 +25,10 @@ struct map_point points[POINTS + OWN] = {
     {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2, .long_pulse_ms = 2000},
     {.device = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
     {.device = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
-    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .period_ms = 1000},
+    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .send_period_ms = 1000},
     {.device = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
     {.device = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
-    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .period_ms = 5000},
+    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .send_period_ms = 5000},
     /* CA 900: this process's own */
     {.device = 2, .type = MAP_SINGLE, .ioa = 1},
     {.device = 2, .type = MAP_SINGLE, .ioa = 9},
@@ -104,7 +104,7 @@ bool map_total_read(const struct map *map, uint32_t point, struct map_sample *ou
 void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out)
 {
 	*out = map->parameters[point];
-	out->cyclic = points[point].period_ms != 0 && !(out->loaded & 1u << MAP_CYCLIC);
+	out->cyclic = points[point].send_period_ms != 0 && !(out->loaded & 1u << MAP_CYCLIC);
 }
 
 uint32_t map_starts(const struct map *map)

@@ -129,7 +129,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	fake_begin();
 	for (uint32_t i = 0; i < POINTS; i++)
-		fake.config.points[i].period_ms = 0;
+		fake.config.points[i].send_period_ms = 0;
 	answered = 0;
 	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_master();

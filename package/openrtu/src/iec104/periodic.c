@@ -7,7 +7,7 @@
 /* The end of the period that lies behind time. Periods count from the start of the monotonic clock. */
 static int64_t period_end(const struct map_point *point, int64_t time_ns)
 {
-	int64_t period_ns = point->period_ms * NS_PER_MS;
+	int64_t period_ns = point->send_period_ms * NS_PER_MS;
 
 	return (time_ns / period_ns + 1) * period_ns;
 }
@@ -18,7 +18,7 @@ static bool period_ended(const struct iec104_station *station, const struct iec1
 	const struct map_point *object = iec104_point(station, point);
 	struct map_parameters parameters;
 
-	if (object->period_ms == 0 ||
+	if (object->send_period_ms == 0 ||
 	    period_end(object, connection->periodic_from_ns) > connection->periodic_to_ns)
 		return false;
 	map_parameters_read(station->map, point, &parameters);
@@ -34,7 +34,7 @@ void iec104_schedule_periodic(const struct iec104_station *station, struct iec10
 	for (uint32_t i = 0; i < station->config->point_count; i++) {
 		const struct map_point *point = iec104_point(station, i);
 
-		if (point->period_ms != 0 && period_end(point, from_ns) < connection->periodic_due_ns)
+		if (point->send_period_ms != 0 && period_end(point, from_ns) < connection->periodic_due_ns)
 			connection->periodic_due_ns = period_end(point, from_ns);
 	}
 }

@@ -222,7 +222,7 @@ static void test_periodic(void **state)
 static void test_stations_are_kept_apart(void **state)
 {
 	(void)state;
-	points[HOLDING3].period_ms = 1000;
+	points[HOLDING3].send_period_ms = 1000;
 	points[NORMALIZED].type = MAP_SCALED;
 	publish(HOLDING3, 1);
 	publish(NORMALIZED, 2);
@@ -233,7 +233,7 @@ static void test_stations_are_kept_apart(void **state)
 	run();
 	EXPECT(0, 11, 1, 1, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1, 0, 0);
 	EXPECT(0, 11, 1, 1, 0, 0xa1, 0x0f, 9, 0, 0, 2, 0, 0);
-	points[HOLDING3].period_ms = 0;
+	points[HOLDING3].send_period_ms = 0;
 	points[NORMALIZED].type = MAP_NORMALIZED;
 }
 

@@ -656,6 +656,6 @@ int main(void)
 	    TEST(test_originators),
 	};
 
-	points[NORMALIZED].period_ms = points[POINTS - 1].period_ms = 0; /* nothing but events */
+	points[NORMALIZED].send_period_ms = points[POINTS - 1].send_period_ms = 0; /* nothing but events */
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

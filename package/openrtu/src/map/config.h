@@ -113,7 +113,7 @@ struct map_point {
 	uint8_t group;           /* interrogation group 1..16, 0: none */
 	uint8_t counter_group;   /* 1..4, 0: none */
 	uint16_t second_address; /* of width 2: Modbus address of the second bit or register */
-	uint32_t period_ms;      /* of cyclic transmission or background scan, 0: none */
+	uint32_t send_period_ms; /* of cyclic transmission or background scan, 0: none */
 	uint32_t freeze_s;       /* a counter's period of local freezes, 0: none */
 	uint16_t short_pulse_ms; /* of a coil: duration of QU 1, 0: none */
 	uint16_t long_pulse_ms;  /* of QU 2 */

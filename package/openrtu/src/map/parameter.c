@@ -36,7 +36,7 @@ void map_parameters_read(const struct map *map, uint32_t point, struct map_param
 	*out = (struct map_parameters){.threshold = object->deadband,
 				       .low = -INFINITY,
 				       .high = INFINITY,
-				       .cyclic = object->period_ms != 0};
+				       .cyclic = object->send_period_ms != 0};
 	if (!has_parameters(map, point))
 		return;
 	out->loaded = atomic_load(&cell_of(map, point)->state);
@@ -69,7 +69,7 @@ static bool is_sane(const struct map *map, const struct map_request *request)
 	case MAP_HIGH_LIMIT:
 		return isfinite(value) && value >= now.low;
 	case MAP_CYCLIC:
-		return request->value.u <= 1 && map->config.points[request->point].period_ms != 0;
+		return request->value.u <= 1 && map->config.points[request->point].send_period_ms != 0;
 	default:
 		return false;
 	}

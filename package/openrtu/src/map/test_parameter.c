@@ -15,7 +15,7 @@ static int set_up_measured(void **state)
 	set_up(state);
 	stage = *state;
 	stage->points[LEVEL].deadband = 10;
-	stage->points[LEVEL].period_ms = 1000;
+	stage->points[LEVEL].send_period_ms = 1000;
 	stage->points[LAMP].type = MAP_BITSTRING;
 	make_again(stage);
 	return 0;

@@ -305,7 +305,7 @@ static struct map_point object_point(const struct config_value *values, enum map
 		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
 	    .group = (uint8_t)values[OBJECT_GROUP].integer,
 	    .counter_group = (uint8_t)values[OBJECT_COUNTER_GROUP].integer,
-	    .period_ms = (uint32_t)(values[OBJECT_CYCLIC].integer + values[OBJECT_BACKGROUND].integer),
+	    .send_period_ms = (uint32_t)(values[OBJECT_CYCLIC].integer + values[OBJECT_BACKGROUND].integer),
 	    .freeze_s = (uint32_t)values[OBJECT_FREEZE].integer,
 	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
 	    .short_pulse_ms = (uint16_t)values[OBJECT_SHORT_PULSE].integer,

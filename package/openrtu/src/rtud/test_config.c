@@ -249,7 +249,7 @@ static void test_object_keys(void **state)
 	assert_int_equal(point[1].flags, MAP_POINT_BYTES_SWAPPED);
 	assert_true(point[1].scale == 0.5f && point[1].offset == -2.0f && point[1].deadband == 3.0f);
 	assert_int_equal(point[1].group, 16);
-	assert_int_equal(point[1].period_ms, 1000);
+	assert_int_equal(point[1].send_period_ms, 1000);
 	assert_int_equal(point[2].flags, MAP_POINT_WORDS_SWAPPED);
 	assert_int_equal(point[2].address, 65534);
 	assert_int_equal(point[2].width, 2);
