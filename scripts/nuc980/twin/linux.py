@@ -29,6 +29,11 @@ TROUBLE = re.compile(
 )
 PANIC = re.compile(r"---\[ end Kernel panic")
 
+# The kernel's console does not wait for a line's end: its messages come between any characters of a program.
+MESSAGE = r"(?:\[ *\d+\.\d{6}\]|\*\* \d+ printk messages dropped)[^\n]*\n"
+STATUS = rf"(?:\d(?:{MESSAGE})*)+"
+BROKEN_IN = re.compile(rf"(?<=[^\n])(?:{MESSAGE})+")
+
 SHELL_IS_UP = "<shell>"
 # Takes the place of the log-in: no password, no line editing; a command's lines, then the mark that starts
 # them. As the kernel's first process it also mounts what a start script would have. The kernel is heard from
@@ -139,7 +144,7 @@ class Linux:
 
     def wait_for(self, text: str | re.Pattern[str], seconds: float = BOOT_SECONDS) -> str:
         """Reads until it has come after the last wait_for; returns all up to its end. A panic ends it."""
-        pattern = re.compile(re.escape(text)) if isinstance(text, str) else text
+        pattern = broken(re.escape(character) for character in text) if isinstance(text, str) else text
         deadline = time.monotonic() + seconds
         while not (found := pattern.search(self._heard, self._answered)):
             if PANIC.search(self._heard, self._answered):
@@ -155,7 +160,7 @@ class Linux:
 
     def wait_for_shell(self, seconds: float = BOOT_SECONDS) -> str:
         """Until the shell is there, at first or after a restart; returns what came before."""
-        return self.wait_for(SHELL_IS_UP, seconds)  # the kernel may speak before the line's end
+        return self.wait_for(SHELL_IS_UP, seconds)
 
     def run(self, command: str, seconds: float = RUN_SECONDS) -> str:
         """What a command writes; raises LinuxError with it for a status that is not 0.
@@ -172,8 +177,9 @@ class Linux:
         self._commands += 1
         number = self._commands
         self.type(f"{command}\n<run {number}>\n")
-        output = self.wait_for(re.compile(rf"<ran {number}> \d+>"), seconds)
-        text, _, status = output.rpartition(f"<ran {number}> ")
+        ran = f"<ran {number}> "
+        output = BROKEN_IN.sub("", self.wait_for(broken([*map(re.escape, ran), STATUS, ">"]), seconds))
+        text, _, status = output.rpartition(ran)
         return int(status.removesuffix(">")), text.removesuffix("\n")
 
     def type(self, text: str) -> None:
@@ -181,7 +187,7 @@ class Linux:
         for start in range(0, len(text), UART_FIFO):
             part = text[start : start + UART_FIFO]
             self.machine.uarts[0].send(part.encode())
-            # What the kernel says meanwhile may stand between the characters.
+            # What programs and the kernel say meanwhile may stand between the characters.
             self.wait_for(re.compile(".*?".join(map(re.escape, part)), re.DOTALL), RUN_SECONDS)
 
     def _receive(self, seconds: float) -> bool:
@@ -198,6 +204,11 @@ class Linux:
 
     def _end(self) -> str:
         return self.log[-4000:]
+
+
+def broken(parts: Iterable[str]) -> re.Pattern[str]:
+    """A pattern of these, one after another, whatever messages of the kernel stand between them."""
+    return re.compile(f"(?:{MESSAGE})*".join(parts))
 
 
 def archive(files: Mapping[str, Path | str]) -> bytes:
