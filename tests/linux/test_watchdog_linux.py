@@ -19,7 +19,9 @@ SYSFS = "/sys/class/watchdog/watchdog0"
 WDT_CTL, WDT_RUNS, REGWPCTL = 0xB0040000, 1 << 7, 0xB00001FC
 PCLKEN0, WDT_CLOCK, DIV8, X32K = 0xB0000218, 1 << 0, 0xB0000240, 3
 CARDRESET = 0x20
-LATE_S = 10.0  # a busy host
+TOUTSEL = 0x7 << 8
+SHORT_INTERVAL, LONG_INTERVAL = 6 << 8, 7 << 8  # 2^16 and 2^18 ticks
+LATE_S = 8.0  # a busy host; less than what lies between the intervals
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +65,18 @@ def test_time_out_of_nothing_is_refused(linux: Linux) -> None:
     assert "Invalid argument" in said
 
 
+def test_new_time_out_of_a_running_watchdog_is_the_hardwares(linux: Linux) -> None:
+    linux.run("watchdog-test 30 stop")
+    for timeout, interval in ((2, SHORT_INTERVAL), (30, LONG_INTERVAL), (2, SHORT_INTERVAL)):
+        linux.run(f"watchdog-test {timeout} feed & sleep 1; kill -9 $!")
+        assert linux.machine.read(WDT_CTL) & (TOUTSEL | WDT_RUNS) == interval | WDT_RUNS
+    linux.run("watchdog-test 30 stop")
+
+
 @pytest.mark.parametrize(("timeout", "at_least"), [(2, 65536 / 23437.5), (11, 262144 / 23437.5), (13, 13.0)])
 def test_who_leaves_it_running_is_reset_in_time(linux: Linux, timeout: int, at_least: float) -> None:
-    """2 and 11 by the hardware alone, 13 with the core, which stops feeding in time."""
+    """2 and 11 by the hardware alone, 13 with the core, which stops feeding in time; whatever it was before."""
+    linux.run(f"watchdog-test {30 if timeout == 2 else 2} stop")
     seconds = seconds_to_reset(linux, f"watchdog-test {timeout} leave")
     assert at_least <= seconds <= at_least + LATE_S
     assert bootstatus(linux) == CARDRESET
