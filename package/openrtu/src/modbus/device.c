@@ -120,9 +120,10 @@ bool modbus_find_probe(const struct modbus_device *device, struct modbus_request
 
 void modbus_replan(struct modbus_line *line, struct modbus_device *device)
 {
-	device->read_count = modbus_is_readable(device) ? modbus_plan(&line->wire, device->objects,
-								      device->object_count, device->reads)
-							: 0;
+	device->read_count = modbus_is_readable(device)
+				 ? modbus_plan(&line->wire, &device->limits, device->objects,
+					       device->object_count, device->reads)
+				 : 0;
 	device->cursor = 0;
 }
 

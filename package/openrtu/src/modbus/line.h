@@ -84,6 +84,7 @@ struct modbus_device {
 	/* Filled in by the caller, who owns the memory. */
 	uint8_t unit;    /* MODBUS_BROADCAST: written, never read */
 	uint8_t retries; /* unanswered requests in a row beyond the first before it counts as dead */
+	struct modbus_limits limits;
 	int64_t response_timeout_ns;   /* end of request to first byte of the answer */
 	struct modbus_object *objects; /* sorted by modbus_line_init */
 	uint32_t object_count;

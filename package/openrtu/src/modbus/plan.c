@@ -64,10 +64,14 @@ static struct modbus_read read_of(const struct modbus_object *objects, uint32_t 
 	return read;
 }
 
-static bool fits(const struct modbus_read *read)
+static bool fits(const struct modbus_limits *limits, const struct modbus_read *read)
 {
-	return read->count <=
-	       (modbus_is_bit_function(read->function) ? MODBUS_BITS_MAX : MODBUS_REGISTERS_MAX);
+	bool bits = modbus_is_bit_function(read->function);
+	uint16_t limit = bits ? limits->bits : limits->registers;
+
+	if (limit == 0)
+		limit = bits ? MODBUS_BITS_MAX : MODBUS_REGISTERS_MAX;
+	return read->count <= limit;
 }
 
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns)
@@ -83,8 +87,8 @@ static int64_t duration(const struct modbus_wire *wire, const struct modbus_read
 }
 
 /* Takes the object behind the read into it when that is allowed and not slower than a read of its own. */
-static bool merge_next(const struct modbus_wire *wire, const struct modbus_object *objects,
-		       struct modbus_read *read)
+static bool merge_next(const struct modbus_wire *wire, const struct modbus_limits *limits,
+		       const struct modbus_object *objects, struct modbus_read *read)
 {
 	uint32_t next = read->first + read->objects;
 
@@ -92,20 +96,22 @@ static bool merge_next(const struct modbus_wire *wire, const struct modbus_objec
 	    objects[next].period_ms * NS_PER_MS != read->period_ns ||
 	    (uint32_t)objects[next].address + objects[next].width - read->address > MODBUS_BITS_MAX)
 		return false;
+	if (limits->no_holes && objects[next].address > read->address + (uint32_t)read->count)
+		return false;
 
 	struct modbus_read alone = read_of(objects, next, 1);
 	struct modbus_read merged = *read;
 
 	merged.objects++;
 	cover_last(&merged, objects);
-	if (!fits(&merged) || duration(wire, &merged) > duration(wire, read) + duration(wire, &alone))
+	if (!fits(limits, &merged) || duration(wire, &merged) > duration(wire, read) + duration(wire, &alone))
 		return false;
 	*read = merged;
 	return true;
 }
 
-uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
-		     struct modbus_read *reads)
+uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_limits *limits,
+		     const struct modbus_object *objects, uint32_t count, struct modbus_read *reads)
 {
 	uint32_t made = 0;
 
@@ -113,7 +119,7 @@ uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object 
 		struct modbus_read *read = &reads[made++];
 
 		*read = read_of(objects, next, 1);
-		while (read->first + read->objects < count && merge_next(wire, objects, read))
+		while (read->first + read->objects < count && merge_next(wire, limits, objects, read))
 			;
 	}
 	return made;

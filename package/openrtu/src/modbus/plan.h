@@ -21,6 +21,13 @@ struct modbus_object {
 	uint16_t period_ms; /* it is read so often, 0: in turn */
 };
 
+/* What one request may read of a device; all 0: as much as the protocol allows. */
+struct modbus_limits {
+	uint16_t bits;      /* 1..MODBUS_BITS_MAX, 0: so many */
+	uint16_t registers; /* 1..MODBUS_REGISTERS_MAX, 0: so many */
+	bool no_holes;      /* only addresses that some object has */
+};
+
 /* One request of the plan: the objects first .. first + objects - 1 of the sorted table. */
 struct modbus_read {
 	uint32_t first;
@@ -60,11 +67,11 @@ void modbus_objects_sort(struct modbus_object *objects, size_t count);
 
 /*
  * Plans the reads of count sorted objects into reads, which has room for count of them. Returns how
- * many reads it made. Neighbours of one period are merged, over a hole too when carrying the hole takes less
- * time than another request.
+ * many reads it made. Neighbours of one period are merged within the limits, over a hole too when carrying the
+ * hole takes less time than another request. An object that is wider than the limits is a read of its own.
  */
-uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
-		     struct modbus_read *reads);
+uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_limits *limits,
+		     const struct modbus_object *objects, uint32_t count, struct modbus_read *reads);
 
 /*
  * Replaces reads[index] by its two halves, for a device that refuses the whole; *count grows by one.
