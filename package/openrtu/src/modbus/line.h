@@ -32,6 +32,7 @@
 
 #include "frame.h"
 #include "histogram.h"
+#include "learned.h"
 #include "period.h"
 #include "plan.h"
 
@@ -92,7 +93,9 @@ struct modbus_device {
 
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
+	struct modbus_latency latency;
 	uint32_t read_count;
+	bool news;          /* of what it takes (learned.h); the caller's to clear */
 	int64_t backoff_ns; /* in force while it is dead, else 0 */
 	bool alive;
 

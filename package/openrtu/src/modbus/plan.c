@@ -44,6 +44,8 @@ static void cover_last(struct modbus_read *read, const struct modbus_object *obj
 	const struct modbus_object *last = &objects[read->first + read->objects - 1];
 	uint32_t count = (uint32_t)last->address + last->width - read->address;
 
+	if (read->count > 0 && last->address > read->address + (uint32_t)read->count)
+		read->holed = true;
 	if (count > read->count)
 		read->count = (uint16_t)count;
 }
@@ -125,17 +127,48 @@ uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_limits 
 	return made;
 }
 
-bool modbus_plan_halve(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
-		       uint32_t index)
+static uint32_t apart(uint32_t a, uint32_t b)
+{
+	return a > b ? a - b : b - a;
+}
+
+/* How many of its objects lie before the widest hole; of equals, that nearest to the middle. 0: there is none. */
+static uint32_t before_widest_hole(const struct modbus_object *objects, const struct modbus_read *read)
+{
+	uint32_t end = read->address, widest = 0, before = 0;
+
+	for (uint32_t i = 0; i < read->objects; i++) {
+		const struct modbus_object *object = &objects[read->first + i];
+		uint32_t hole = object->address > end ? object->address - end : 0;
+
+		if (hole > widest || (hole > 0 && hole == widest &&
+				      apart(2 * i, read->objects) < apart(2 * before, read->objects))) {
+			widest = hole;
+			before = i;
+		}
+		if ((uint32_t)object->address + object->width > end)
+			end = (uint32_t)object->address + object->width;
+	}
+	return before;
+}
+
+bool modbus_plan_split(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
+		       uint32_t index, uint8_t exception)
 {
 	struct modbus_read whole = reads[index];
-	uint32_t half = whole.objects / 2;
+	uint32_t before = 0;
 
-	if (half == 0)
+	if (exception == MODBUS_ILLEGAL_ADDRESS && whole.holed)
+		before = before_widest_hole(objects, &whole);
+	if (before == 0)
+		before = whole.objects / 2;
+	if (before == 0)
 		return false;
 	memmove(&reads[index + 2], &reads[index + 1], (*count - index - 1) * sizeof(*reads));
-	reads[index] = read_of(objects, whole.first, half);
-	reads[index + 1] = read_of(objects, whole.first + half, whole.objects - half);
+	reads[index] = read_of(objects, whole.first, before);
+	reads[index + 1] = read_of(objects, whole.first + before, whole.objects - before);
+	reads[index + 1].whole = whole.first + 1;
+	reads[index + 1].whole_exception = exception;
 	reads[index].urgent = reads[index + 1].urgent = whole.urgent;
 	reads[index].due_ns = reads[index + 1].due_ns = whole.due_ns;
 	(*count)++;

@@ -159,16 +159,16 @@ static void halving_ends_at_single_objects(void **state)
 	uint32_t count = modbus_plan(&wire, &unlimited, objects, 4, reads);
 
 	assert_int_equal(count, 2);
-	assert_true(modbus_plan_halve(objects, reads, &count, 0));
+	assert_true(modbus_plan_split(objects, reads, &count, 0, 3));
 	assert_int_equal(count, 3);
 	assert_read(&reads[0], 3, 0, 1, 1);
 	assert_read(&reads[1], 3, 1, 5, 2);
 	assert_read(&reads[2], 3, 40, 1, 1);
-	assert_true(modbus_plan_halve(objects, reads, &count, 1));
+	assert_true(modbus_plan_split(objects, reads, &count, 1, 3));
 	assert_read(&reads[1], 3, 1, 1, 1);
 	assert_read(&reads[2], 3, 4, 2, 1);
 	for (uint32_t i = 0; i < count; i++)
-		assert_false(modbus_plan_halve(objects, reads, &count, i));
+		assert_false(modbus_plan_split(objects, reads, &count, i, 3));
 	assert_int_equal(count, 4);
 }
 
@@ -209,7 +209,7 @@ static void every_object_is_in_one_read(void **state)
 				assert_int_equal(next, total);
 		}
 		for (uint32_t i = 0; i < count; i++)
-			while (modbus_plan_halve(many, reads, &count, i))
+			while (modbus_plan_split(many, reads, &count, i, (uint8_t)(round % 5)))
 				;
 		assert_int_equal(count, total);
 	}
