@@ -466,6 +466,13 @@ def test_exception_for_one_function_counts_only_that(sim: LineSim, master: Maste
     assert list(master.exchange(bytes(FIGURES_OF_COMMANDS[0][0]), 8)) == FIGURES_OF_COMMANDS[0][0]
 
 
+def test_limit_of_a_read(sim: LineSim, master: Master) -> None:
+    sim.fault("3.67", "limit", 2)
+    assert master.exchange(framed(67, 3, 0, 0, 0, 3), 5) == framed(67, 0x83, 3)
+    assert master.exchange(framed(67, 3, 0, 0, 0, 2), 9)[:3] == bytes((67, 3, 4))
+    assert_healthy(master)
+
+
 def test_delay(sim: LineSim, master: Master) -> None:
     sim.fault("3.67", "delay", 100, count=1)
     begin = time.monotonic()
@@ -580,6 +587,8 @@ def test_set_of_neighbours_is_all_or_nothing(sim: LineSim) -> None:
         ("fault 3.67 noise 0", "usage: fault"),
         ("fault 3.67 noise 257", "usage: fault"),
         ("fault 3.67 mute 3", "usage: fault"),
+        ("fault 3.67 limit 0", "usage: fault"),
+        ("fault 3.67 limit 2001", "usage: fault"),
         ("fault 3.67 exception 256", "usage: fault"),
         ("fault 3.67 exception 2 128", "usage: fault"),
         ("fault 3.67 mute count", "usage: fault"),

@@ -20,6 +20,7 @@
 #define SET_VALUES_MAX 32
 #define OUTPUT_SIZE    (512 * 1024) /* what a client may leave unread before it is put out */
 #define DELAY_MAX_MS   60000
+#define LIMIT_MAX      2000 /* bits that a read may have */
 #define COUNT_MAX      1000000
 
 struct client {
@@ -207,6 +208,7 @@ static const struct {
     {"noise", SLAVE_NOISE, 1, LINE_NOISE_MAX},
     {"wrong-unit", SLAVE_WRONG_UNIT, 0, 0},
     {"truncate", SLAVE_TRUNCATE, 0, 0},
+    {"limit", SLAVE_LIMIT, 1, LIMIT_MAX},
 };
 
 /* "count N" at the end. Returns how many words stand before it, or -1 when N is no count. */
@@ -362,7 +364,8 @@ static const struct command commands[] = {
     {"fault", 3, 7, set_fault,
      "fault PORT.UNIT clear | mute | corrupt | echo | wrong-unit | truncate | delay MS | late MS (0 to "
      "60000) | noise "
-     "BYTES (1 to 256) | exception CODE [FUNCTION] (1 to 255, 1 to 127), each: [count N] (1 to 1000000)"},
+     "BYTES (1 to 256) | limit N (1 to 2000) | exception CODE [FUNCTION] (1 to 255, 1 to 127), each: [count "
+     "N] (1 to 1000000)"},
     {"unplug", 2, 2, set_plugged, "unplug PORT"},
     {"plug", 2, 2, set_plugged, "plug PORT"},
     {"stats", 1, 1, report, "stats"},

@@ -18,6 +18,8 @@
 #define FAST_BAUD       19200
 #define FAST_SILENCE_NS 1750000 /* clause 2.5.1.1: fixed above 19200 bit/s */
 #define FRAME_MIN       4
+
+#define ILLEGAL_DATA_VALUE 3 /* MODBUS Application Protocol V1.1b3, 7 */
 /* Bytes that last less are written a few at a time, at the last one's end. */
 #define SHORTEST_WAIT_NS      500000
 #define PTY_PATH_SIZE         64
@@ -129,9 +131,11 @@ static size_t execute(struct line *line, struct slave *slave, const struct slave
 	const uint8_t *request = line->request.bytes + 1;
 	struct slave_access access;
 
-	if (fault->kind == SLAVE_EXCEPTION) {
+	const bool too_long = slave_is_too_long(fault, request, line->request.size - 3);
+
+	if (fault->kind == SLAVE_EXCEPTION || too_long) {
 		pdu[0] = request[0] | 0x80;
-		pdu[1] = (uint8_t)fault->argument;
+		pdu[1] = too_long ? ILLEGAL_DATA_VALUE : (uint8_t)fault->argument;
 		return 2;
 	}
 

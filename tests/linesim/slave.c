@@ -219,6 +219,12 @@ size_t slave_execute(struct slave *slave, const uint8_t *request, size_t size, u
 	return t.answer_size;
 }
 
+bool slave_is_too_long(const struct slave_fault *fault, const uint8_t *request, size_t size)
+{
+	return fault->kind == SLAVE_LIMIT && request[0] <= 4 && size == 5 &&
+	       get_u16(request + 3) > fault->argument;
+}
+
 struct slave_fault slave_take_fault(struct slave *slave, uint8_t function)
 {
 	struct slave_fault *fault = &slave->fault;
@@ -281,7 +287,7 @@ const char *slave_fault_name(enum slave_fault_kind kind)
 	    [SLAVE_HEALTHY] = "",          [SLAVE_MUTE] = "mute",       [SLAVE_DELAY] = "delay",
 	    [SLAVE_LATE] = "late",         [SLAVE_CORRUPT] = "corrupt", [SLAVE_EXCEPTION] = "exception",
 	    [SLAVE_ECHO] = "echo",         [SLAVE_NOISE] = "noise",     [SLAVE_WRONG_UNIT] = "wrong-unit",
-	    [SLAVE_TRUNCATE] = "truncate",
+	    [SLAVE_TRUNCATE] = "truncate", [SLAVE_LIMIT] = "limit",
 	};
 	return names[kind];
 }

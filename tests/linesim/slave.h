@@ -34,6 +34,7 @@ enum slave_fault_kind {
 	SLAVE_ECHO,       /* the request comes back before the answer */
 	SLAVE_NOISE,      /* random bytes before the answer */
 	SLAVE_WRONG_UNIT, /* the answer carries the next unit's number */
+	SLAVE_LIMIT,      /* a read of more bits or registers than this is exception 3 */
 	SLAVE_TRUNCATE,   /* only the first half of the answer */
 };
 
@@ -77,6 +78,9 @@ struct slave_access {
  */
 size_t slave_execute(struct slave *slave, const uint8_t *request, size_t size, uint8_t answer[SLAVE_PDU_MAX],
 		     struct slave_access *access);
+
+/* The request PDU is a read of more than the fault lets through. */
+bool slave_is_too_long(const struct slave_fault *fault, const uint8_t *request, size_t size);
 
 /* The fault that applies to a request with this function code; counts it down. */
 struct slave_fault slave_take_fault(struct slave *slave, uint8_t function);

@@ -467,6 +467,24 @@ struct map_line_stats {
 	struct map_histogram transactions; /* from the request to the end of its answer */
 };
 
+/*
+ * What a device has shown that it takes and what not, by the reads in force: modbus/learned.h says what follows from it.
+ * Functions 1..4; bits or registers; 0: none.
+ */
+struct map_learned {
+	_Atomic uint32_t given_bits, given_registers; /* of the longest read that it gives */
+	_Atomic uint32_t refused_bits,
+	    refused_registers; /* of the shortest that it refused, and gives in parts */
+	/* A hole in a read that it refused, on either side of which it gives what was asked for; count 0: none. */
+	_Atomic uint32_t hole_function, hole_address, hole_count, hole_exception;
+	_Atomic uint32_t hole_read; /* bits or registers of that read */
+	/* The first object that it does not give by itself, and how many there are. Exception 0: no answer. */
+	_Atomic uint32_t lacking_function, lacking_address, lacking_exception, lacking_count;
+	_Atomic uint32_t holes_given; /* reads over holes that it gives */
+	_Atomic uint32_t unclear;     /* reads that it gives in parts only, for no known reason */
+	_Atomic uint32_t open;        /* reads of which it is not known yet whether it gives them */
+};
+
 struct map_device_stats {
 	_Atomic uint32_t requests;
 	_Atomic uint32_t answers;
@@ -478,6 +496,8 @@ struct map_device_stats {
 	_Atomic uint32_t latency_us;       /* last: end of request to first byte */
 	_Atomic uint32_t planned_requests; /* reads of one scan */
 	_Atomic uint32_t missed_periods;   /* in which a read with a period was not begun */
+	_Atomic uint32_t latency_least_us, latency_typical_us, latency_most_us; /* 0: there was no answer */
+	struct map_learned learned;
 };
 
 /* Owner: to count in. Others get the same memory read-only. */

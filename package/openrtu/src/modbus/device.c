@@ -4,9 +4,6 @@
 
 #define BITS_STEP 8 /* bits that make an answer one byte longer */
 
-/* MODBUS Application Protocol V1.1b3, 7. */
-#define LAST_LASTING_EXCEPTION 4 /* 1..4 concern what was asked; 5, 6 ... the moment */
-
 int64_t modbus_next_backoff(int64_t backoff_ns)
 {
 	return earlier(later(2 * backoff_ns, MODBUS_FIRST_PROBE_NS), MODBUS_RAREST_PROBE_NS);
@@ -120,16 +117,18 @@ bool modbus_find_probe(const struct modbus_device *device, struct modbus_request
 
 void modbus_replan(struct modbus_line *line, struct modbus_device *device)
 {
-	device->read_count = modbus_is_readable(device) ? modbus_plan(&line->wire, device->objects,
-								      device->object_count, device->reads)
-							: 0;
+	device->read_count = modbus_is_readable(device)
+				 ? modbus_plan(&line->wire, &device->limits, device->objects,
+					       device->object_count, device->reads)
+				 : 0;
 	device->cursor = 0;
+	device->news = true;
 }
 
 /*
- * The device lives but does not give this read (exception 0: it is silent). Halves it, since one object
+ * The device lives but does not give this read (exception 0: it is silent). Divides it, since one object
  * that the device does not have, or a hole, spoils it for all. A single object, or what a busy device
- * does not give now, is asked for ever more rarely. True when the read was halved.
+ * does not give now, is asked for ever more rarely. True when the read was divided.
  */
 bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_index, uint8_t exception,
 			int64_t now_ns)
@@ -137,8 +136,9 @@ bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_
 	struct modbus_device *device = &line->devices[index];
 	struct modbus_read *read = &device->reads[read_index];
 
-	if (exception <= LAST_LASTING_EXCEPTION &&
-	    modbus_plan_halve(device->objects, device->reads, &device->read_count, read_index))
+	device->news = true;
+	if (!modbus_is_of_the_moment(exception) &&
+	    modbus_plan_split(device->objects, device->reads, &device->read_count, read_index, exception))
 		return true;
 	if (read->pause_ns == 0 || read->exception != exception)
 		line->events->refused(line->context, index, read, exception, now_ns);

@@ -154,6 +154,8 @@ static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t
 	struct modbus_read *read = &device->reads[line->read];
 	bool recovered = read->pause_ns > 0;
 
+	device->news |= !read->given;
+	read->given = true;
 	read->failures = 0;
 	read->pause_ns = 0;
 	if (line->read == device->cursor)
@@ -161,7 +163,7 @@ static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t
 	serve_period(line, read);
 	line->scan_ended_ns = now_ns;
 	line->events->read(line->context, line->device, read, data, now_ns);
-	/* What the device refused it gives now: what was halved for it may be whole again. */
+	/* What the device refused it gives now: what was divided for it may be whole again. */
 	if (recovered)
 		modbus_replan(line, device);
 }
@@ -196,6 +198,7 @@ static void request_answered(struct modbus_line *line, const uint8_t *frame, boo
 	uint8_t exception = is_exception ? frame[2] : 0;
 
 	count_answer(line, is_exception);
+	modbus_latency_add(&device->latency, device->counters.latency_us);
 	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
 	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
 		device->echoes--;

@@ -32,6 +32,7 @@
 
 #include "frame.h"
 #include "histogram.h"
+#include "learned.h"
 #include "period.h"
 #include "plan.h"
 
@@ -84,6 +85,7 @@ struct modbus_device {
 	/* Filled in by the caller, who owns the memory. */
 	uint8_t unit;    /* MODBUS_BROADCAST: written, never read */
 	uint8_t retries; /* unanswered requests in a row beyond the first before it counts as dead */
+	struct modbus_limits limits;
 	int64_t response_timeout_ns;   /* end of request to first byte of the answer */
 	struct modbus_object *objects; /* sorted by modbus_line_init */
 	uint32_t object_count;
@@ -91,7 +93,9 @@ struct modbus_device {
 
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
+	struct modbus_latency latency;
 	uint32_t read_count;
+	bool news;          /* of what it takes (learned.h); the caller's to clear */
 	int64_t backoff_ns; /* in force while it is dead, else 0 */
 	bool alive;
 

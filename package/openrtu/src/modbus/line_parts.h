@@ -34,7 +34,7 @@ bool modbus_find_probe(const struct modbus_device *device, struct modbus_request
 
 /* Plans the device's reads as at the start. */
 void modbus_replan(struct modbus_line *line, struct modbus_device *device);
-/* The device lives but does not give this read; exception 0: it is silent. True when the read was halved. */
+/* The device lives but does not give this read; exception 0: it is silent. True when the read was divided. */
 bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_index, uint8_t exception,
 			int64_t now_ns);
 

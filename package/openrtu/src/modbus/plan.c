@@ -44,6 +44,8 @@ static void cover_last(struct modbus_read *read, const struct modbus_object *obj
 	const struct modbus_object *last = &objects[read->first + read->objects - 1];
 	uint32_t count = (uint32_t)last->address + last->width - read->address;
 
+	if (read->count > 0 && last->address > read->address + (uint32_t)read->count)
+		read->holed = true;
 	if (count > read->count)
 		read->count = (uint16_t)count;
 }
@@ -64,10 +66,14 @@ static struct modbus_read read_of(const struct modbus_object *objects, uint32_t 
 	return read;
 }
 
-static bool fits(const struct modbus_read *read)
+static bool fits(const struct modbus_limits *limits, const struct modbus_read *read)
 {
-	return read->count <=
-	       (modbus_is_bit_function(read->function) ? MODBUS_BITS_MAX : MODBUS_REGISTERS_MAX);
+	bool bits = modbus_is_bit_function(read->function);
+	uint16_t limit = bits ? limits->bits : limits->registers;
+
+	if (limit == 0)
+		limit = bits ? MODBUS_BITS_MAX : MODBUS_REGISTERS_MAX;
+	return read->count <= limit;
 }
 
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns)
@@ -83,8 +89,8 @@ static int64_t duration(const struct modbus_wire *wire, const struct modbus_read
 }
 
 /* Takes the object behind the read into it when that is allowed and not slower than a read of its own. */
-static bool merge_next(const struct modbus_wire *wire, const struct modbus_object *objects,
-		       struct modbus_read *read)
+static bool merge_next(const struct modbus_wire *wire, const struct modbus_limits *limits,
+		       const struct modbus_object *objects, struct modbus_read *read)
 {
 	uint32_t next = read->first + read->objects;
 
@@ -92,20 +98,22 @@ static bool merge_next(const struct modbus_wire *wire, const struct modbus_objec
 	    objects[next].period_ms * NS_PER_MS != read->period_ns ||
 	    (uint32_t)objects[next].address + objects[next].width - read->address > MODBUS_BITS_MAX)
 		return false;
+	if (limits->no_holes && objects[next].address > read->address + (uint32_t)read->count)
+		return false;
 
 	struct modbus_read alone = read_of(objects, next, 1);
 	struct modbus_read merged = *read;
 
 	merged.objects++;
 	cover_last(&merged, objects);
-	if (!fits(&merged) || duration(wire, &merged) > duration(wire, read) + duration(wire, &alone))
+	if (!fits(limits, &merged) || duration(wire, &merged) > duration(wire, read) + duration(wire, &alone))
 		return false;
 	*read = merged;
 	return true;
 }
 
-uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
-		     struct modbus_read *reads)
+uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_limits *limits,
+		     const struct modbus_object *objects, uint32_t count, struct modbus_read *reads)
 {
 	uint32_t made = 0;
 
@@ -113,23 +121,54 @@ uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object 
 		struct modbus_read *read = &reads[made++];
 
 		*read = read_of(objects, next, 1);
-		while (read->first + read->objects < count && merge_next(wire, objects, read))
+		while (read->first + read->objects < count && merge_next(wire, limits, objects, read))
 			;
 	}
 	return made;
 }
 
-bool modbus_plan_halve(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
-		       uint32_t index)
+static uint32_t apart(uint32_t a, uint32_t b)
+{
+	return a > b ? a - b : b - a;
+}
+
+/* How many of its objects lie before the widest hole; of equals, that nearest to the middle. 0: there is none. */
+static uint32_t before_widest_hole(const struct modbus_object *objects, const struct modbus_read *read)
+{
+	uint32_t end = read->address, widest = 0, before = 0;
+
+	for (uint32_t i = 0; i < read->objects; i++) {
+		const struct modbus_object *object = &objects[read->first + i];
+		uint32_t hole = object->address > end ? object->address - end : 0;
+
+		if (hole > widest || (hole > 0 && hole == widest &&
+				      apart(2 * i, read->objects) < apart(2 * before, read->objects))) {
+			widest = hole;
+			before = i;
+		}
+		if ((uint32_t)object->address + object->width > end)
+			end = (uint32_t)object->address + object->width;
+	}
+	return before;
+}
+
+bool modbus_plan_split(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
+		       uint32_t index, uint8_t exception)
 {
 	struct modbus_read whole = reads[index];
-	uint32_t half = whole.objects / 2;
+	uint32_t before = 0;
 
-	if (half == 0)
+	if (exception == MODBUS_ILLEGAL_ADDRESS && whole.holed)
+		before = before_widest_hole(objects, &whole);
+	if (before == 0)
+		before = whole.objects / 2;
+	if (before == 0)
 		return false;
 	memmove(&reads[index + 2], &reads[index + 1], (*count - index - 1) * sizeof(*reads));
-	reads[index] = read_of(objects, whole.first, half);
-	reads[index + 1] = read_of(objects, whole.first + half, whole.objects - half);
+	reads[index] = read_of(objects, whole.first, before);
+	reads[index + 1] = read_of(objects, whole.first + before, whole.objects - before);
+	reads[index + 1].whole = whole.first + 1;
+	reads[index + 1].whole_exception = exception;
 	reads[index].urgent = reads[index + 1].urgent = whole.urgent;
 	reads[index].due_ns = reads[index + 1].due_ns = whole.due_ns;
 	(*count)++;

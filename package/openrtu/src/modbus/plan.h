@@ -12,6 +12,10 @@
 /* Assumed of a device: from the silence that ends a request to the answer's first character. */
 #define MODBUS_REACTION_NS 5000000LL
 
+/* MODBUS Application Protocol V1.1b3, 7: what a device that takes less than it is asked for says of it. */
+#define MODBUS_ILLEGAL_ADDRESS 2
+#define MODBUS_ILLEGAL_VALUE   3 /* the quantity */
+
 /* What a device offers at one address. Its bits or registers always travel in one answer. */
 struct modbus_object {
 	uint32_t tag;     /* the caller's; not looked at */
@@ -21,6 +25,13 @@ struct modbus_object {
 	uint16_t period_ms; /* it is read so often, 0: in turn */
 };
 
+/* What one request may read of a device; all 0: as much as the protocol allows. */
+struct modbus_limits {
+	uint16_t bits;      /* 1..MODBUS_BITS_MAX, 0: so many */
+	uint16_t registers; /* 1..MODBUS_REGISTERS_MAX, 0: so many */
+	bool no_holes;      /* only addresses that some object has */
+};
+
 /* One request of the plan: the objects first .. first + objects - 1 of the sorted table. */
 struct modbus_read {
 	uint32_t first;
@@ -28,13 +39,17 @@ struct modbus_read {
 	uint16_t address;
 	uint16_t count; /* bits or registers */
 	uint8_t function;
-	uint16_t failures;     /* in a row, while the device answered other requests */
-	bool urgent;           /* wanted before its turn */
-	uint8_t exception;     /* that it was refused with last */
-	int64_t pause_ns;      /* not 0: an object that the device does not give is asked for this seldom */
-	int64_t not_before_ns; /* when it is asked for again */
-	int64_t period_ns;     /* not 0: see period.h */
-	int64_t due_ns;        /* 0: at once */
+	bool holed;     /* carries addresses that no object has */
+	bool given;     /* it was answered with data */
+	uint32_t whole; /* 1 + the first object of the refused read that this is the second part of, else 0 */
+	uint8_t whole_exception; /* that it was refused with, 0: it was not answered */
+	uint16_t failures;       /* in a row, while the device answered other requests */
+	bool urgent;             /* wanted before its turn */
+	uint8_t exception;       /* that it was refused with last */
+	int64_t pause_ns;        /* not 0: an object that the device does not give is asked for this seldom */
+	int64_t not_before_ns;   /* when it is asked for again */
+	int64_t period_ns;       /* not 0: see period.h */
+	int64_t due_ns;          /* 0: at once */
 };
 
 /* Durations of one line. */
@@ -60,17 +75,19 @@ void modbus_objects_sort(struct modbus_object *objects, size_t count);
 
 /*
  * Plans the reads of count sorted objects into reads, which has room for count of them. Returns how
- * many reads it made. Neighbours of one period are merged, over a hole too when carrying the hole takes less
- * time than another request.
+ * many reads it made. Neighbours of one period are merged within the limits, over a hole too when carrying the
+ * hole takes less time than another request. An object that is wider than the limits is a read of its own.
  */
-uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_object *objects, uint32_t count,
-		     struct modbus_read *reads);
+uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_limits *limits,
+		     const struct modbus_object *objects, uint32_t count, struct modbus_read *reads);
 
 /*
- * Replaces reads[index] by its two halves, for a device that refuses the whole; *count grows by one.
- * False when it is a single object and nothing was changed.
+ * Replaces reads[index] by two parts of it, for a device that refuses the whole with this exception (0: does not answer
+ * it); *count grows by one. When the device says that an address is illegal, the parts are what is on either side
+ * of the widest hole, the one nearest to the middle; else, and where there is none, the halves. False when it is a
+ * single object and nothing was changed.
  */
-bool modbus_plan_halve(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
-		       uint32_t index);
+bool modbus_plan_split(const struct modbus_object *objects, struct modbus_read *reads, uint32_t *count,
+		       uint32_t index, uint8_t exception);
 
 #endif

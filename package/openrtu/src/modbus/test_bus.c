@@ -104,6 +104,11 @@ static uint8_t exception_for(const struct slave *slave, const struct modbus_requ
 {
 	if (slave->exception)
 		return slave->exception;
+	if (slave->most > 0 && modbus_is_read(request->function) && request->count > slave->most)
+		return MODBUS_ILLEGAL_VALUE;
+	for (int i = 0; i < slave->blanks; i++)
+		if (covers(request, slave->blank + i))
+			return MODBUS_ILLEGAL_ADDRESS;
 	return covers(request, slave->missing) || request->address + request->count > ADDRESSES ? 2 : 0;
 }
 

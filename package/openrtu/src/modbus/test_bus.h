@@ -44,10 +44,12 @@ struct slave {
 	int64_t reaction_ns; /* request to answer */
 	unsigned late;       /* how many answers take late_ns */
 	int64_t late_ns;
-	int64_t free_ns;   /* when it has dealt with all so far */
-	uint8_t exception; /* its answer to everything, when not 0 */
-	int missing;       /* address it answers with exception 2; -1: none */
-	int deaf;          /* address it does not answer to when read together with others */
+	int64_t free_ns;        /* when it has dealt with all so far */
+	uint8_t exception;      /* its answer to everything, when not 0 */
+	int missing;            /* address it answers with exception 2; -1: none */
+	uint16_t blank, blanks; /* so many addresses from there on that it answers with exception 2 */
+	uint16_t most;          /* not 0: a read of more is answered with exception 3 */
+	int deaf;               /* address it does not answer to when read together with others */
 	uint16_t registers[ADDRESSES];
 };
 

@@ -35,6 +35,9 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	     .unit = 7,
 	     .retries = 2,
 	     .response_timeout_ms = 300,
+	     .max_bits = 32,
+	     .max_registers = 4,
+	     .no_holes = true,
 	     .first_point = 2,
 	     .point_count = 2},
 	};
@@ -60,6 +63,9 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	assert_int_equal(line.devices[1].unit, 7);
 	assert_int_equal(line.devices[1].retries, 2);
 	assert_int_equal(line.devices[1].response_timeout_ns, 300000000);
+	assert_int_equal(line.devices[1].limits.bits, 32);
+	assert_int_equal(line.devices[1].limits.registers, 4);
+	assert_true(line.devices[1].limits.no_holes);
 	assert_int_equal(line.devices[1].read_count, 2);
 	assert_int_equal(line.devices[1].reads[0].function, MODBUS_READ_COILS);
 	assert_int_equal(line.devices[1].reads[0].address, 10);

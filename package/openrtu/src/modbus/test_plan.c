@@ -14,6 +14,7 @@
 
 static struct modbus_read reads[OBJECTS_MAX];
 static struct modbus_object many[OBJECTS_MAX];
+static const struct modbus_limits unlimited;
 
 static struct modbus_wire slow_wire(void)
 {
@@ -49,7 +50,7 @@ static void neighbours_are_one_request_and_tables_are_not(void **state)
 	struct modbus_wire wire = slow_wire();
 
 	modbus_objects_sort(objects, COUNT(objects));
-	assert_int_equal(modbus_plan(&wire, objects, COUNT(objects), reads), 3);
+	assert_int_equal(modbus_plan(&wire, &unlimited, objects, COUNT(objects), reads), 3);
 	assert_read(&reads[0], 1, 0, 3, 2);
 	assert_read(&reads[1], 3, 0, 3, 2);
 	assert_read(&reads[2], 4, 0, 1, 1);
@@ -67,9 +68,9 @@ static void holes_are_carried_while_that_is_shorter(void **state)
 	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 13, 3, 1, 0}};
 	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 14, 3, 1, 0}};
 
-	assert_int_equal(modbus_plan(&wire, near, 2, reads), 1);
+	assert_int_equal(modbus_plan(&wire, &unlimited, near, 2, reads), 1);
 	assert_read(&reads[0], 3, 0, 14, 2);
-	assert_int_equal(modbus_plan(&wire, far, 2, reads), 2);
+	assert_int_equal(modbus_plan(&wire, &unlimited, far, 2, reads), 2);
 	assert_read(&reads[0], 3, 0, 1, 1);
 	assert_read(&reads[1], 3, 14, 1, 1);
 }
@@ -81,8 +82,8 @@ static void bits_bridge_wider_holes(void **state)
 	struct modbus_object near[] = {{0, 0, 1, 1, 0}, {0, 190, 1, 1, 0}};
 	struct modbus_object far[] = {{0, 0, 1, 1, 0}, {0, 230, 1, 1, 0}};
 
-	assert_int_equal(modbus_plan(&wire, near, 2, reads), 1);
-	assert_int_equal(modbus_plan(&wire, far, 2, reads), 2);
+	assert_int_equal(modbus_plan(&wire, &unlimited, near, 2, reads), 1);
+	assert_int_equal(modbus_plan(&wire, &unlimited, far, 2, reads), 2);
 }
 
 static void limits_are_kept_and_no_object_is_torn(void **state)
@@ -92,15 +93,50 @@ static void limits_are_kept_and_no_object_is_torn(void **state)
 
 	for (uint32_t i = 0; i < 100; i++)
 		many[i] = (struct modbus_object){i, (uint16_t)(2 * i), 3, 2, 0};
-	assert_int_equal(modbus_plan(&wire, many, 100, reads), 2);
+	assert_int_equal(modbus_plan(&wire, &unlimited, many, 100, reads), 2);
 	assert_read(&reads[0], 3, 0, 124, 62);
 	assert_read(&reads[1], 3, 124, 76, 38);
 
 	for (uint32_t i = 0; i < 2001; i++)
 		many[i] = (struct modbus_object){i, (uint16_t)i, 2, 1, 0};
-	assert_int_equal(modbus_plan(&wire, many, 2001, reads), 2);
+	assert_int_equal(modbus_plan(&wire, &unlimited, many, 2001, reads), 2);
 	assert_read(&reads[0], 2, 0, 2000, 2000);
 	assert_read(&reads[1], 2, 2000, 1, 1);
+}
+
+/* What a device is known to take bounds every request, but for an object that cannot be torn. */
+static void limits_of_the_device_are_kept(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	const struct modbus_limits limits = {.bits = 16, .registers = 5};
+	struct modbus_object objects[] = {
+	    {0, 0, 1, 1, 0}, {1, 14, 1, 2, 0}, {2, 16, 1, 1, 0}, {3, 0, 3, 1, 0},  {4, 1, 3, 2, 0},
+	    {5, 3, 3, 2, 0}, {6, 5, 3, 1, 0},  {7, 0, 4, 1, 0},  {8, 10, 4, 6, 0}, {9, 16, 4, 1, 0}};
+
+	assert_int_equal(modbus_plan(&wire, &limits, objects, COUNT(objects), reads), 7);
+	assert_read(&reads[0], 1, 0, 16, 2);
+	assert_read(&reads[1], 1, 16, 1, 1);
+	assert_read(&reads[2], 3, 0, 5, 3);
+	assert_read(&reads[3], 3, 5, 1, 1);
+	assert_read(&reads[4], 4, 0, 1, 1);
+	assert_read(&reads[5], 4, 10, 6, 1);
+	assert_read(&reads[6], 4, 16, 1, 1);
+}
+
+static void without_holes_only_neighbours_are_merged(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	const struct modbus_limits limits = {.no_holes = true};
+	struct modbus_object objects[] = {{0, 0, 2, 1, 0}, {1, 1, 2, 1, 0}, {2, 3, 2, 1, 0},
+					  {3, 7, 3, 2, 0}, {4, 9, 3, 1, 0}, {5, 11, 3, 2, 0}};
+
+	assert_int_equal(modbus_plan(&wire, &limits, objects, COUNT(objects), reads), 4);
+	assert_read(&reads[0], 2, 0, 2, 2);
+	assert_read(&reads[1], 2, 3, 1, 1);
+	assert_read(&reads[2], 3, 7, 3, 2);
+	assert_read(&reads[3], 3, 11, 2, 1);
 }
 
 static void the_ends_of_the_address_space(void **state)
@@ -109,7 +145,7 @@ static void the_ends_of_the_address_space(void **state)
 	struct modbus_wire wire = slow_wire();
 	struct modbus_object objects[] = {{0, 0, 3, 1, 0}, {0, 65534, 3, 1, 0}, {0, 65535, 3, 1, 0}};
 
-	assert_int_equal(modbus_plan(&wire, objects, 3, reads), 2);
+	assert_int_equal(modbus_plan(&wire, &unlimited, objects, 3, reads), 2);
 	assert_read(&reads[0], 3, 0, 1, 1);
 	assert_read(&reads[1], 3, 65534, 2, 2);
 }
@@ -120,19 +156,19 @@ static void halving_ends_at_single_objects(void **state)
 	struct modbus_wire wire = slow_wire();
 	struct modbus_object objects[] = {
 	    {0, 0, 3, 1, 0}, {1, 1, 3, 1, 0}, {2, 4, 3, 2, 0}, {3, 40, 3, 1, 0}};
-	uint32_t count = modbus_plan(&wire, objects, 4, reads);
+	uint32_t count = modbus_plan(&wire, &unlimited, objects, 4, reads);
 
 	assert_int_equal(count, 2);
-	assert_true(modbus_plan_halve(objects, reads, &count, 0));
+	assert_true(modbus_plan_split(objects, reads, &count, 0, 3));
 	assert_int_equal(count, 3);
 	assert_read(&reads[0], 3, 0, 1, 1);
 	assert_read(&reads[1], 3, 1, 5, 2);
 	assert_read(&reads[2], 3, 40, 1, 1);
-	assert_true(modbus_plan_halve(objects, reads, &count, 1));
+	assert_true(modbus_plan_split(objects, reads, &count, 1, 3));
 	assert_read(&reads[1], 3, 1, 1, 1);
 	assert_read(&reads[2], 3, 4, 2, 1);
 	for (uint32_t i = 0; i < count; i++)
-		assert_false(modbus_plan_halve(objects, reads, &count, i));
+		assert_false(modbus_plan_split(objects, reads, &count, i, 3));
 	assert_int_equal(count, 4);
 }
 
@@ -157,7 +193,7 @@ static void every_object_is_in_one_read(void **state)
 							 (uint8_t)(1 + random_next(&seed) % 2), 0};
 			address += 2 + random_next(&seed) % 3 * (random_next(&seed) % 60);
 		}
-		uint32_t count = modbus_plan(&wire, many, total, reads);
+		uint32_t count = modbus_plan(&wire, &unlimited, many, total, reads);
 		for (uint32_t i = 0, next = 0; i < count; i++) {
 			const struct modbus_read *read = &reads[i];
 
@@ -173,7 +209,7 @@ static void every_object_is_in_one_read(void **state)
 				assert_int_equal(next, total);
 		}
 		for (uint32_t i = 0; i < count; i++)
-			while (modbus_plan_halve(many, reads, &count, i))
+			while (modbus_plan_split(many, reads, &count, i, (uint8_t)(round % 5)))
 				;
 		assert_int_equal(count, total);
 	}
@@ -188,7 +224,7 @@ static void objects_with_a_period_have_requests_of_their_own(void **state)
 	    {0, 0, 3, 1, 0}, {1, 1, 3, 1, 100}, {2, 2, 3, 1, 0}, {3, 3, 3, 1, 100}, {4, 4, 3, 1, 500}};
 
 	modbus_objects_sort(objects, COUNT(objects));
-	assert_int_equal(modbus_plan(&wire, objects, COUNT(objects), reads), 3);
+	assert_int_equal(modbus_plan(&wire, &unlimited, objects, COUNT(objects), reads), 3);
 	assert_read(&reads[0], 3, 0, 3, 2);
 	assert_int_equal(reads[0].period_ns, 0);
 	assert_read(&reads[1], 3, 1, 3, 2);
@@ -205,6 +241,8 @@ int main(void)
 	    cmocka_unit_test(holes_are_carried_while_that_is_shorter),
 	    cmocka_unit_test(bits_bridge_wider_holes),
 	    cmocka_unit_test(limits_are_kept_and_no_object_is_torn),
+	    cmocka_unit_test(limits_of_the_device_are_kept),
+	    cmocka_unit_test(without_holes_only_neighbours_are_merged),
 	    cmocka_unit_test(the_ends_of_the_address_space),
 	    cmocka_unit_test(halving_ends_at_single_objects),
 	    cmocka_unit_test(every_object_is_in_one_read),

@@ -136,23 +136,18 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 		commands_published(&gateway->commands, gateway->updates[i].point);
 }
 
-/* What was read before is old then, and not wrong. */
-static bool is_of_the_moment(uint8_t exception)
-{
-	return exception == MODBUS_ACKNOWLEDGE || exception == MODBUS_BUSY || exception == MODBUS_NO_PATH ||
-	       exception == MODBUS_NO_TARGET;
-}
-
 static void lose_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
 		      int64_t now_ns)
 {
 	struct port *port = context;
 	struct gateway *gateway = port->gateway;
+	/* What was read before may be old, and not wrong. */
+	enum map_quality quality = modbus_is_of_the_moment(exception) ? MAP_NOT_TOPICAL : MAP_INVALID;
 
 	for (uint32_t i = 0; i < read->objects; i++)
 		gateway->updates[i] =
 		    quality_lost(&gateway->quality, port->line.devices[device].objects[read->first + i].tag,
-				 is_of_the_moment(exception) ? MAP_NOT_TOPICAL : MAP_INVALID, now_ns);
+				 quality, now_ns);
 	publish(gateway, device_config(port, device), read->objects, now_ns);
 	if (exception == 0)
 		map_log(gateway->map, MAP_LOG_WARNING, "%s: no answer to function %u, address %u",
@@ -367,7 +362,27 @@ static void show_histogram(struct map_histogram *shown, const struct modbus_hist
 	show(&shown->longest_us, histogram->longest_us);
 }
 
-static void show_device(struct map_device_stats *stats, const struct modbus_device *device)
+static void show_learned(struct map_learned *shown, const struct modbus_learned *learned)
+{
+	show(&shown->given_bits, learned->given_bits);
+	show(&shown->given_registers, learned->given_registers);
+	show(&shown->refused_bits, learned->refused_bits);
+	show(&shown->refused_registers, learned->refused_registers);
+	show(&shown->hole_function, learned->hole.function);
+	show(&shown->hole_address, learned->hole.address);
+	show(&shown->hole_count, learned->hole.count);
+	show(&shown->hole_exception, learned->hole.exception);
+	show(&shown->hole_read, learned->hole.read);
+	show(&shown->lacking_function, learned->lacking.function);
+	show(&shown->lacking_address, learned->lacking.address);
+	show(&shown->lacking_exception, learned->lacking.exception);
+	show(&shown->lacking_count, learned->lacking.count);
+	show(&shown->holes_given, learned->holes_given);
+	show(&shown->unclear, learned->unclear);
+	show(&shown->open, learned->open);
+}
+
+static void show_device(struct map_device_stats *stats, struct modbus_device *device)
 {
 	show(&stats->requests, device->counters.requests);
 	show(&stats->answers, device->counters.answers);
@@ -379,6 +394,15 @@ static void show_device(struct map_device_stats *stats, const struct modbus_devi
 	show(&stats->latency_us, device->counters.latency_us);
 	show(&stats->planned_requests, device->read_count);
 	show(&stats->missed_periods, device->counters.missed_periods);
+	show(&stats->latency_least_us, device->latency.least_us);
+	show(&stats->latency_typical_us, device->latency.typical_us);
+	show(&stats->latency_most_us, device->latency.most_us);
+	if (device->news) {
+		struct modbus_learned learned = modbus_learn(device->reads, device->read_count);
+
+		show_learned(&stats->learned, &learned);
+		device->news = false;
+	}
 }
 
 static void show_counters(struct port *port)

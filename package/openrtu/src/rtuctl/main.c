@@ -12,7 +12,7 @@
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-enum { TAKES_COUNT = 1, TAKES_SELECT = 2, TAKES_PULSE = 4, TAKES_HISTOGRAM = 8 };
+enum { TAKES_COUNT = 1, TAKES_SELECT = 2, TAKES_PULSE = 4, TAKES_HISTOGRAM = 8, TAKES_SUGGEST = 16 };
 
 struct command {
 	const char *name;
@@ -47,10 +47,13 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
-    {"lines", "[--histogram]", 0, 0, TAKES_HISTOGRAM, NULL, "serial lines and their devices, with counters",
-     "Counters count since the module started and wrap at 2^32.\n"
-     "--histogram shows how late the lines' process woke, how long transactions took, and what that is "
-     "worth.\n",
+    {"lines", "[--histogram | --suggest]", 0, 0, TAKES_HISTOGRAM | TAKES_SUGGEST, NULL,
+     "serial lines and their devices, with counters",
+     "Counters count since the module started and wrap at 2^32. The third table is what was learned of the\n"
+     "devices: how fast they answer, the longest reads they give, and what they refuse.\n"
+     "--histogram shows how late the lines' process woke, how long transactions took, what the kernel has "
+     "given\nthat process, and what that is worth.\n"
+     "--suggest prints what was learned as keys to add to the configuration, and says why.\n",
      rtuctl_lines},
     {"iec104", "[TABLE]", 0, 1, 0, NULL, "controlling stations: connections, event queues, counters",
      "TABLE is connections, queues or counters; without it, all of them. A queue's name is that of its\n"
@@ -137,10 +140,15 @@ static bool parse_count(const char *text, struct line *line)
 static int take_option(struct line *line, int argc, char **argv)
 {
 	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},   {"json", no_argument, NULL, 'j'},
-	    {"count", required_argument, NULL, 'c'}, {"select", no_argument, NULL, 's'},
-	    {"pulse", required_argument, NULL, 'p'}, {"histogram", no_argument, NULL, 'g'},
-	    {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0},
+	    {"map", required_argument, NULL, 'm'},
+	    {"json", no_argument, NULL, 'j'},
+	    {"count", required_argument, NULL, 'c'},
+	    {"select", no_argument, NULL, 's'},
+	    {"pulse", required_argument, NULL, 'p'},
+	    {"histogram", no_argument, NULL, 'g'},
+	    {"suggest", no_argument, NULL, 'u'},
+	    {"help", no_argument, NULL, 'h'},
+	    {NULL, 0, NULL, 0},
 	};
 
 	switch (getopt_long(argc, argv, "+", options, NULL)) {
@@ -162,6 +170,9 @@ static int take_option(struct line *line, int argc, char **argv)
 		return RTUCTL_DONE;
 	case 'g':
 		line->request.histogram = true;
+		return RTUCTL_DONE;
+	case 'u':
+		line->request.suggest = true;
 		return RTUCTL_DONE;
 	case 'h':
 		line->help = true;
@@ -198,6 +209,10 @@ static int check_line(const struct line *line)
 		return wrong_usage(line->command, "it takes no --select", "");
 	if (line->request.histogram && !(line->command->takes & TAKES_HISTOGRAM))
 		return wrong_usage(line->command, "it takes no --histogram", "");
+	if (line->request.suggest && !(line->command->takes & TAKES_SUGGEST))
+		return wrong_usage(line->command, "it takes no --suggest", "");
+	if (line->request.suggest && line->request.histogram)
+		return wrong_usage(line->command, "it takes --histogram or --suggest, not both", "");
 	if (line->request.pulse != NULL && !(line->command->takes & TAKES_PULSE))
 		return wrong_usage(line->command, "it takes no --pulse", "");
 	return RTUCTL_DONE;

@@ -28,6 +28,7 @@ struct rtuctl_request {
 	bool json;
 	bool select;
 	bool histogram;
+	bool suggest;
 	const char *pulse; /* NULL: none */
 };
 
@@ -40,6 +41,7 @@ rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
 rtuctl_command rtuctl_lines;
 rtuctl_command rtuctl_histogram; /* lines --histogram */
+rtuctl_command rtuctl_suggest;   /* lines --suggest */
 rtuctl_command rtuctl_iec104;
 rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;

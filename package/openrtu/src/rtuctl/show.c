@@ -8,6 +8,7 @@
 #include <jansson.h>
 
 #include "rtuctl/data.h"
+#include "rtuctl/learned.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
@@ -282,6 +283,10 @@ static json_t *device_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "ca", json_integer(device->ca));
 	json_object_set_new(row, "alive", json_boolean(stats->alive));
 	json_object_set_new(row, "latency_ms", milliseconds(stats->latency_us));
+	json_object_set_new(row, "latency_least_ms", milliseconds(stats->latency_least_us));
+	json_object_set_new(row, "latency_typical_ms", milliseconds(stats->latency_typical_us));
+	json_object_set_new(row, "latency_most_ms", milliseconds(stats->latency_most_us));
+	json_object_set_new(row, "learned", learned_json(&stats->learned));
 	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
 	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));
 	json_object_set_new(row, "requests", json_integer(stats->requests));
@@ -353,6 +358,8 @@ int rtuctl_lines(struct map *map, const struct rtuctl_request *request)
 
 	if (request->histogram)
 		return rtuctl_histogram(map, request);
+	if (request->suggest)
+		return rtuctl_suggest(map, request);
 	listing_begin(&listing, line_columns, COUNT(line_columns), request->json);
 	for (uint32_t i = 0; i < map_serial_lines(map_config(map)); i++)
 		listing_add(&listing, line_row(map, i));
@@ -360,6 +367,8 @@ int rtuctl_lines(struct map *map, const struct rtuctl_request *request)
 	if (!request->json) {
 		putchar('\n');
 		list_devices(map);
+		putchar('\n');
+		learned_list(map);
 	}
 	return RTUCTL_DONE;
 }

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -273,6 +274,174 @@ static void test_lines(void **state)
 	json_decref(json);
 }
 
+/* The lines' process is this one. */
+static void test_histogram_says_what_the_kernel_has_given(void **state)
+{
+	bool locked;
+	json_t *json, *process;
+
+	(void)state;
+	assert_int_equal(RUN("lines", "--histogram"), 0);
+	assert_contains("\nrtu-modbus-1: ");
+	assert_contains(", memory not locked\nverdict: none: ");
+	locked = mlockall(MCL_CURRENT) == 0;
+	assert_int_equal(RUN("--json", "lines", "--histogram"), 0);
+	munlockall();
+	json = parse_output();
+	process = json_object_get(json_array_get(json, 0), "process");
+	assert_string_equal(json_string_value(json_object_get(process, "name")), "rtu-modbus-1");
+	assert_true(json_is_true(json_object_get(process, "running")));
+	assert_int_equal(json_integer_value(json_object_get(process, "locked_kib")) > 0, locked);
+	assert_false(json_is_true(json_object_get(json_array_get(json, 0), "realtime")));
+	json_decref(json);
+}
+
+/* As rtu-modbus would leave it for a device with a limit, a hole and an object that is not there. */
+static void learn(void)
+{
+	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+
+	memset(learned, 0, sizeof(*learned));
+	learned->given_registers = 16;
+	learned->refused_registers = 20;
+}
+
+static void forget(void)
+{
+	memset(&map_device_stats(owner, 0)->learned, 0, sizeof(struct map_learned));
+}
+
+static void find_hole(uint32_t read, uint32_t exception)
+{
+	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+
+	learned->hole_function = 3;
+	learned->hole_address = 5;
+	learned->hole_count = 3;
+	learned->hole_exception = exception;
+	learned->hole_read = read;
+}
+
+static void test_lines_show_what_was_learned(void **state)
+{
+	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+	json_t *json, *row;
+
+	(void)state;
+	learn();
+	find_hole(12, 2);
+	learned->lacking_function = 1;
+	learned->lacking_address = 9;
+	learned->lacking_count = 3;
+	map_device_stats(owner, 0)->latency_least_us = 1500;
+	map_device_stats(owner, 0)->latency_typical_us = 2500;
+	map_device_stats(owner, 0)->latency_most_us = 10000;
+	assert_int_equal(RUN("lines"), 0);
+	assert_contains(
+	    "PORT  ID  LEAST MS  TYPICAL MS  MOST MS  BITS  REGISTERS  REFUSED\n"
+	    "   3  67       1.5         2.5       10     0         16  20 registers; hole at holding "
+	    "registers 5 to 7; coil 9; 2 other objects\n");
+	assert_int_equal(RUN("lines", "--json"), 0);
+	json = parse_output();
+	row = json_array_get(json_object_get(json_array_get(json, 0), "devices"), 0);
+	row = json_object_get(row, "learned");
+	assert_int_equal(json_integer_value(json_object_get(row, "given_registers")), 16);
+	assert_int_equal(json_integer_value(json_object_get(json_object_get(row, "hole"), "address")), 5);
+	assert_int_equal(json_integer_value(json_object_get(json_object_get(row, "lacking"), "count")), 3);
+	json_decref(json);
+	forget();
+}
+
+/* Asserts what is suggested for the only slave, remarks apart. keys: as JSON has them, "" for none. */
+static void assert_suggested(const char *keys)
+{
+	char expected[OUTPUT_SIZE / 2];
+
+	assert_int_equal(RUN("--json", "lines", "--suggest"), 0);
+	if (keys[0] == '\0')
+		snprintf(expected, sizeof(expected), "{\"port\": []}\n");
+	else
+		snprintf(expected, sizeof(expected),
+			 "{\"port\": [{\"value\": 3, \"slaves\": [{\"id\": 67, %s}]}]}\n", keys);
+	assert_contains(expected);
+}
+
+static void test_suggest_a_length(void **state)
+{
+	(void)state;
+	learn();
+	assert_suggested("\"max_registers\": 16");
+	assert_contains(
+	    "rtuctl: port 3, slave 67: max_registers 16: it refused 20 in one read, and gives them in two\n");
+	map_device_stats(owner, 0)->learned.given_registers = 30;
+	assert_suggested("");
+	assert_contains(
+	    "no key for the read of 20 registers that it refused, and gives in two: it gives 30 elsewhere\n");
+	assert_contains("rtuctl: nothing to suggest\n");
+	learn();
+	map_device_stats(owner, 0)->learned.given_bits = 100;
+	map_device_stats(owner, 0)->learned.refused_bits = 101;
+	assert_suggested("\"max_bits\": 100, \"max_registers\": 16");
+	forget();
+	assert_suggested("");
+}
+
+static void test_suggest_no_holes(void **state)
+{
+	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+
+	(void)state;
+	forget();
+	learned->given_registers = 16;
+	find_hole(12, 2); /* shorter than what it gives */
+	assert_suggested("\"holes\": false");
+	assert_contains("holes false: it refused a read over holding registers 5 to 7, which nobody asked "
+			"for (exception 2)\n");
+	learned->holes_given = 2;
+	assert_suggested("");
+	assert_contains("it gives 2 other reads over holes");
+	learned->holes_given = 0;
+	find_hole(17, 2);
+	assert_suggested("\"holes\": false");
+	assert_contains("; or that read was too long for it\n");
+	find_hole(17, 3); /* which says that it was */
+	assert_suggested("\"max_registers\": 16");
+	learned->refused_registers = 17;
+	find_hole(17, 2);
+	assert_suggested("\"max_registers\": 16");
+	assert_null(strstr(output, "hole"));
+	forget();
+}
+
+static void test_suggest_nothing_unsound(void **state)
+{
+	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+
+	(void)state;
+	learn();
+	learned->open = 1;
+	assert_suggested("");
+	assert_contains("1 of its reads were not answered yet, try again later\n");
+	forget();
+	learned->given_registers = 4;
+	learned->lacking_function = 3;
+	learned->lacking_address = 5;
+	learned->lacking_exception = 2;
+	learned->lacking_count = 1;
+	learned->unclear = 2;
+	assert_suggested("");
+	assert_contains("no key for holding register 5, which it does not give (exception 2)\n");
+	assert_contains("no key for 2 reads that it gives in two only");
+	learned->lacking_exception = 0;
+	learned->lacking_count = 3;
+	assert_suggested("");
+	assert_contains("which it does not give (no answer), and 2 other objects\n");
+	forget();
+	assert_int_equal(RUN("lines", "--suggest", "--histogram"), 2);
+	assert_int_equal(RUN("points", "--suggest"), 2);
+	assert_contains("it takes no --suggest");
+}
+
 /* As rtu-iec104 would leave it after two acknowledged events and one that was only sent. */
 static void fill_station(void)
 {
@@ -529,6 +698,11 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_modules),
 	    cmocka_unit_test(test_modules_say_where_the_data_is),
 	    cmocka_unit_test(test_lines),
+	    cmocka_unit_test(test_histogram_says_what_the_kernel_has_given),
+	    cmocka_unit_test(test_lines_show_what_was_learned),
+	    cmocka_unit_test(test_suggest_a_length),
+	    cmocka_unit_test(test_suggest_no_holes),
+	    cmocka_unit_test(test_suggest_nothing_unsound),
 	    cmocka_unit_test(test_iec104),
 	    cmocka_unit_test(test_iec104_json),
 	    cmocka_unit_test(test_set),

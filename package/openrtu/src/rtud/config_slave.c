@@ -5,6 +5,10 @@
 #define UNIT_BROADCAST 0
 #define CA_PER_PORT    1000
 
+/* MODBUS Application Protocol V1.1b3, 6.1 to 6.4. */
+#define READ_BITS_MAX      2000
+#define READ_REGISTERS_MAX 125
+
 const char *const config_table_names[CONFIG_TABLES] = {
     [MAP_COILS] = "coils",
     [MAP_DISCRETE_INPUTS] = "discrete_inputs",
@@ -19,6 +23,9 @@ enum {
 	SLAVE_RESPONSE_TIMEOUT,
 	SLAVE_RETRIES,
 	SLAVE_PERIOD,
+	SLAVE_MAX_BITS,
+	SLAVE_MAX_REGISTERS,
+	SLAVE_HOLES,
 	SLAVE_KEYS
 };
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
@@ -32,13 +39,16 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 				.fallback = 500},
     [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
     [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
+    [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
+			.fallback = READ_BITS_MAX},
+    [SLAVE_MAX_REGISTERS] = {"max_registers", CONFIG_INTEGER, .low = 1, .high = READ_REGISTERS_MAX,
+			     .fallback = READ_REGISTERS_MAX},
+    [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .fallback = true},
 };
 
 static void check_broadcast(struct config_loader *loader, const struct config_place *slave,
 			    const struct config_value *values)
 {
-	const struct config_place period = config_key_of(slave, slave_rules[SLAVE_PERIOD].name);
-
 	for (size_t table = 0; table < CONFIG_TABLES; table++) {
 		const struct config_place here = config_key_of(slave, config_table_names[table]);
 
@@ -47,9 +57,37 @@ static void check_broadcast(struct config_loader *loader, const struct config_pl
 				     "slave 0 is the broadcast address, which is never read, expected only "
 				     "coils and holding_registers");
 	}
-	if (values[SLAVE_PERIOD].given)
-		config_error(&loader->report, &period,
-			     "has no meaning for slave 0: the broadcast address is never read");
+	for (size_t key = SLAVE_PERIOD; key <= SLAVE_HOLES; key++) {
+		const struct config_place here = config_key_of(slave, slave_rules[key].name);
+
+		if (values[key].given)
+			config_error(&loader->report, &here,
+				     "has no meaning for slave 0: the broadcast address is never read");
+	}
+}
+
+static uint32_t span(const struct map_point *point)
+{
+	uint32_t first = point->address, last = point->width > 1 ? point->second_address : first;
+
+	return (last > first ? last - first : first - last) + 1;
+}
+
+/* An object is read whole. The device's, which are the last entries. */
+static void check_spans(struct config_loader *loader, const struct map_device *device)
+{
+	for (uint32_t i = device->first_point; i < loader->config->point_count; i++) {
+		const struct config_entry *entry = &loader->entries[i];
+		bool bits = entry->point.table <= MAP_DISCRETE_INPUTS;
+		uint32_t limit = bits ? device->max_bits : device->max_registers;
+		struct config_place links[CONFIG_ENTRY_LINKS];
+
+		if (span(&entry->point) > limit)
+			config_error(&loader->report, config_entry_place(entry, links),
+				     "is read with %u %s at once, which is more than %s of its slave",
+				     span(&entry->point), bits ? "bits" : "registers",
+				     slave_rules[bits ? SLAVE_MAX_BITS : SLAVE_MAX_REGISTERS].name);
+	}
 }
 
 static void add_device(struct config_loader *loader, const struct config_value *values)
@@ -65,6 +103,9 @@ static void add_device(struct config_loader *loader, const struct config_value *
 	    .unit = unit,
 	    .retries = (uint8_t)values[SLAVE_RETRIES].integer,
 	    .response_timeout_ms = (uint16_t)values[SLAVE_RESPONSE_TIMEOUT].integer,
+	    .max_bits = (uint16_t)values[SLAVE_MAX_BITS].integer,
+	    .max_registers = (uint16_t)values[SLAVE_MAX_REGISTERS].integer,
+	    .no_holes = !values[SLAVE_HOLES].integer,
 	    .first_point = config->point_count,
 	};
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')
@@ -105,6 +146,7 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 	for (size_t table = 0; table < CONFIG_TABLES; table++)
 		config_read_objects(loader, place, values[table].json, (enum map_table)table, entry);
 	device->point_count = loader->config->point_count - device->first_point;
+	check_spans(loader, device);
 }
 
 void config_read_slaves(struct config_loader *loader, const struct config_place *port, const json_t *slaves)

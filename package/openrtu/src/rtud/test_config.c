@@ -293,6 +293,22 @@ static void test_an_object_has_its_own_period_or_its_slaves(void **state)
 	config_free(&config);
 }
 
+static void test_a_slave_has_its_limits_or_the_protocols(void **state)
+{
+	struct map_config config =
+	    load("{'port': [" LINE("3", "{'id': 1, 'max_bits': 32, 'max_registers': 4, 'holes': false}, "
+					"{'id': 2, 'holes': true}") "]}");
+
+	(void)state;
+	assert_int_equal(config.devices[0].max_bits, 32);
+	assert_int_equal(config.devices[0].max_registers, 4);
+	assert_true(config.devices[0].no_holes);
+	assert_int_equal(config.devices[1].max_bits, 2000);
+	assert_int_equal(config.devices[1].max_registers, 125);
+	assert_false(config.devices[1].no_holes);
+	config_free(&config);
+}
+
 /* Behind all others, on a line that is none. */
 static void test_own_station(void **state)
 {
@@ -404,6 +420,7 @@ int main(void)
 	    cmocka_unit_test(test_object_keys),
 	    cmocka_unit_test(test_status_bits),
 	    cmocka_unit_test(test_an_object_has_its_own_period_or_its_slaves),
+	    cmocka_unit_test(test_a_slave_has_its_limits_or_the_protocols),
 	    cmocka_unit_test(test_own_station),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),

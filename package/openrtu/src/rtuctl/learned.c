@@ -1,0 +1,143 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "rtuctl/learned.h"
+
+#include <stdio.h>
+
+#include "rtuctl/listing.h"
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+#define REFUSED_SIZE 320
+
+static const double US_PER_MS = 1e3;
+
+static const struct listing_column columns[] = {
+    {"port", "PORT", LISTING_RIGHT},
+    {"id", "ID", LISTING_RIGHT},
+    {"latency_least_ms", "LEAST MS", LISTING_RIGHT},
+    {"latency_typical_ms", "TYPICAL MS", LISTING_RIGHT},
+    {"latency_most_ms", "MOST MS", LISTING_RIGHT},
+    {"given_bits", "BITS", LISTING_RIGHT},
+    {"given_registers", "REGISTERS", LISTING_RIGHT},
+    {"refused", "REFUSED", LISTING_TEXT},
+};
+
+void learned_objects(uint32_t function, uint32_t address, uint32_t count, char out[LEARNED_WORDS_SIZE])
+{
+	static const char *const tables[] = {"object", "coil", "discrete input", "holding register",
+					     "input register"};
+	const char *table = tables[function < COUNT(tables) ? function : 0];
+
+	if (count > 1)
+		snprintf(out, LEARNED_WORDS_SIZE, "%ss %u to %u", table, address, address + count - 1);
+	else
+		snprintf(out, LEARNED_WORDS_SIZE, "%s %u", table, address);
+}
+
+static json_t *hole_json(const struct map_learned *learned)
+{
+	if (learned->hole_count == 0)
+		return json_null();
+	return json_pack("{s:I, s:I, s:I, s:I, s:I}", "function", (json_int_t)learned->hole_function,
+			 "address", (json_int_t)learned->hole_address, "count",
+			 (json_int_t)learned->hole_count, "exception", (json_int_t)learned->hole_exception,
+			 "read", (json_int_t)learned->hole_read);
+}
+
+static json_t *lacking_json(const struct map_learned *learned)
+{
+	if (learned->lacking_count == 0)
+		return json_null();
+	return json_pack("{s:I, s:I, s:I, s:I}", "function", (json_int_t)learned->lacking_function, "address",
+			 (json_int_t)learned->lacking_address, "exception",
+			 (json_int_t)learned->lacking_exception, "count", (json_int_t)learned->lacking_count);
+}
+
+json_t *learned_json(const struct map_learned *learned)
+{
+	return json_pack("{s:I, s:I, s:I, s:I, s:o, s:o, s:I, s:I, s:I}", "given_bits",
+			 (json_int_t)learned->given_bits, "given_registers",
+			 (json_int_t)learned->given_registers, "refused_bits",
+			 (json_int_t)learned->refused_bits, "refused_registers",
+			 (json_int_t)learned->refused_registers, "hole", hole_json(learned), "lacking",
+			 lacking_json(learned), "holes_given", (json_int_t)learned->holes_given, "unclear",
+			 (json_int_t)learned->unclear, "open", (json_int_t)learned->open);
+}
+
+static void add_refused(json_t *list, const struct map_learned *learned)
+{
+	char words[LEARNED_WORDS_SIZE];
+
+	if (learned->refused_bits > 0)
+		json_array_append_new(list, json_sprintf("%u bits", learned->refused_bits));
+	if (learned->refused_registers > 0)
+		json_array_append_new(list, json_sprintf("%u registers", learned->refused_registers));
+	if (learned->hole_count > 0) {
+		learned_objects(learned->hole_function, learned->hole_address, learned->hole_count, words);
+		json_array_append_new(list, json_sprintf("hole at %s", words));
+	}
+	if (learned->lacking_count > 0) {
+		learned_objects(learned->lacking_function, learned->lacking_address, 1, words);
+		json_array_append_new(list, json_string(words));
+	}
+	if (learned->lacking_count > 1)
+		json_array_append_new(list, json_sprintf("%u other objects", learned->lacking_count - 1));
+	if (learned->unclear > 0)
+		json_array_append_new(list, json_sprintf("%u reads, unclear why", learned->unclear));
+	if (learned->open > 0)
+		json_array_append_new(list, json_sprintf("%u reads not answered yet", learned->open));
+}
+
+static json_t *refused_text(const struct map_learned *learned)
+{
+	char text[REFUSED_SIZE] = "-";
+	json_t *list = json_array();
+	const json_t *words;
+	size_t i, used = 0;
+
+	add_refused(list, learned);
+	json_array_foreach(list, i, words)
+	{
+		int length = snprintf(text + used, sizeof(text) - used, "%s%s", i > 0 ? "; " : "",
+				      json_string_value(words));
+
+		if (length < 0 || (size_t)length >= sizeof(text) - used)
+			break;
+		used += (size_t)length;
+	}
+	json_decref(list);
+	return json_string(text);
+}
+
+static json_t *milliseconds(uint32_t us)
+{
+	return json_real(us / US_PER_MS);
+}
+
+static json_t *row_of(const struct map *map, uint32_t index)
+{
+	const struct map_config *config = map_config(map);
+	const struct map_device *device = &config->devices[index];
+	const struct map_device_stats *stats = map_device_stats(map, index);
+	json_t *row = json_object();
+
+	json_object_set_new(row, "port", json_integer(config->lines[device->line].port));
+	json_object_set_new(row, "id", json_integer(device->unit));
+	json_object_set_new(row, "latency_least_ms", milliseconds(stats->latency_least_us));
+	json_object_set_new(row, "latency_typical_ms", milliseconds(stats->latency_typical_us));
+	json_object_set_new(row, "latency_most_ms", milliseconds(stats->latency_most_us));
+	json_object_set_new(row, "given_bits", json_integer(stats->learned.given_bits));
+	json_object_set_new(row, "given_registers", json_integer(stats->learned.given_registers));
+	json_object_set_new(row, "refused", refused_text(&stats->learned));
+	return row;
+}
+
+void learned_list(const struct map *map)
+{
+	struct listing listing;
+
+	listing_begin(&listing, columns, COUNT(columns), false);
+	for (uint32_t i = 0; i < map_slaves(map_config(map)); i++)
+		listing_add(&listing, row_of(map, i));
+	listing_end(&listing);
+}

@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * What was learned of the devices, as keys for the configuration. Only what follows (modbus/learned.h) is suggested, and
+ * only what costs no request more than the plan in force has; why, or why not, is said on the standard error.
+ */
+#include <stdarg.h>
+#include <stdio.h>
+
+#include "rtuctl/learned.h"
+#include "rtuctl/rtuctl.h"
+
+#define ILLEGAL_ADDRESS 2 /* MODBUS Application Protocol V1.1b3, 7 */
+
+/* What is learned of reads of bits, or of registers. */
+struct length {
+	const char *key, *unit;
+	uint32_t given, refused;
+	uint32_t configured; /* 0: nothing */
+};
+
+struct device {
+	const struct map_device *config;
+	uint32_t port;
+	const struct map_learned *learned;
+	json_t *keys;
+};
+
+static void remark(struct device *device, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static void remark(struct device *device, const char *format, ...)
+{
+	va_list arguments;
+
+	fprintf(stderr, "rtuctl: port %u, slave %u: ", device->port, device->config->unit);
+	va_start(arguments, format);
+	vfprintf(stderr, format, arguments);
+	va_end(arguments);
+	fputc('\n', stderr);
+}
+
+static struct length length_of(const struct device *device, bool bits)
+{
+	const struct map_learned *learned = device->learned;
+
+	if (bits)
+		return (struct length){.key = "max_bits",
+				       .unit = "bits",
+				       .given = learned->given_bits,
+				       .refused = learned->refused_bits,
+				       .configured = device->config->max_bits};
+	return (struct length){.key = "max_registers",
+			       .unit = "registers",
+			       .given = learned->given_registers,
+			       .refused = learned->refused_registers,
+			       .configured = device->config->max_registers};
+}
+
+static bool is_bounded(const struct length *length)
+{
+	return length->given > 0 && length->refused > length->given &&
+	       (length->configured == 0 || length->given < length->configured);
+}
+
+static void suggest_length(struct device *device, const struct length *length)
+{
+	json_object_set_new(device->keys, length->key, json_integer(length->given));
+}
+
+static void judge_length(struct device *device, bool bits)
+{
+	struct length length = length_of(device, bits);
+
+	if (length.refused == 0)
+		return;
+	if (!is_bounded(&length)) {
+		remark(
+		    device,
+		    "no key for the read of %u %s that it refused, and gives in two: it gives %u elsewhere",
+		    length.refused, length.unit, length.given);
+		return;
+	}
+	suggest_length(device, &length);
+	remark(device, "%s %u: it refused %u in one read, and gives them in two", length.key, length.given,
+	       length.refused);
+}
+
+/* The read over the hole was longer than anything that the device gives: by the exception, it was too long. */
+static void suggest_either(struct device *device, const struct length *length, const char *hole)
+{
+	suggest_length(device, length);
+	remark(device,
+	       "%s %u: it refused %u in one read as an illegal value, and gives them in two; if that was for "
+	       "the hole at %s, \"holes\": false is the better key",
+	       length->key, length->given, device->learned->hole_read, hole);
+}
+
+static void judge_hole(struct device *device)
+{
+	const struct map_learned *learned = device->learned;
+	struct length length = length_of(device, learned_is_of_bits(learned->hole_function));
+	bool certain = learned->hole_read <= length.given;
+	char hole[LEARNED_WORDS_SIZE];
+
+	/* Too long it was anyway; what the device makes of the hole shows when that is spared. */
+	if (learned->hole_count == 0 || length.given == 0 ||
+	    (is_bounded(&length) && length.refused <= learned->hole_read))
+		return;
+	learned_objects(learned->hole_function, learned->hole_address, learned->hole_count, hole);
+	if (!certain && learned->hole_exception != ILLEGAL_ADDRESS) {
+		suggest_either(device, &length, hole);
+	} else if (learned->holes_given > 0) {
+		remark(
+		    device,
+		    "no key for the hole at %s, which it refuses: without any holes, it would be asked more "
+		    "often, for it gives %u other reads over holes",
+		    hole, learned->holes_given);
+	} else {
+		json_object_set_new(device->keys, "holes", json_false());
+		remark(device,
+		       "holes false: it refused a read over %s, which nobody asked for (exception %u)%s",
+		       hole, learned->hole_exception, certain ? "" : "; or that read was too long for it");
+	}
+}
+
+static void judge_lacking(struct device *device)
+{
+	const struct map_learned *learned = device->learned;
+	char object[LEARNED_WORDS_SIZE], others[LEARNED_WORDS_SIZE] = "", reason[] = "exception 4294967295";
+
+	if (learned->lacking_count == 0)
+		return;
+	learned_objects(learned->lacking_function, learned->lacking_address, 1, object);
+	if (learned->lacking_count > 1)
+		snprintf(others, sizeof(others), ", and %u other objects", learned->lacking_count - 1);
+	if (learned->lacking_exception > 0)
+		snprintf(reason, sizeof(reason), "exception %u", learned->lacking_exception);
+	else
+		snprintf(reason, sizeof(reason), "no answer");
+	remark(device, "no key for %s, which it does not give (%s)%s", object, reason, others);
+}
+
+static void judge_unclear(struct device *device)
+{
+	const struct map_learned *learned = device->learned;
+
+	if (learned->unclear > 0)
+		remark(device,
+		       "no key for %u reads that it gives in two only: it had not answered them, or refused "
+		       "them with another exception than 2 and 3",
+		       learned->unclear);
+}
+
+static void judge(struct device *device)
+{
+	if (device->learned->open > 0) {
+		remark(device, "%u of its reads were not answered yet, try again later",
+		       device->learned->open);
+		return;
+	}
+	judge_length(device, true);
+	judge_length(device, false);
+	judge_hole(device);
+	judge_lacking(device);
+	judge_unclear(device);
+}
+
+/* The slave as an element of its port's array, NULL: nothing is suggested for it. */
+static json_t *slave_of(const struct map *map, const struct map_line *line, uint32_t index)
+{
+	struct device device = {.config = &map_config(map)->devices[index],
+				.port = line->port,
+				.learned = &map_device_stats(map, index)->learned,
+				.keys = json_object()};
+	json_t *slave = NULL;
+
+	judge(&device);
+	if (json_object_size(device.keys) > 0) {
+		slave = json_pack("{s:i}", "id", device.config->unit);
+		json_object_update(slave, device.keys);
+	}
+	json_decref(device.keys);
+	return slave;
+}
+
+static json_t *slaves_of(const struct map *map, const struct map_line *line)
+{
+	json_t *slaves = json_array();
+
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		json_t *slave = slave_of(map, line, line->first_device + i);
+
+		if (slave != NULL)
+			json_array_append_new(slaves, slave);
+	}
+	return slaves;
+}
+
+int rtuctl_suggest(struct map *map, const struct rtuctl_request *request)
+{
+	const struct map_config *config = map_config(map);
+	json_t *ports = json_array(), *file;
+
+	for (uint32_t i = 0; i < map_serial_lines(config); i++) {
+		json_t *slaves = slaves_of(map, &config->lines[i]);
+
+		if (json_array_size(slaves) > 0)
+			json_array_append_new(
+			    ports, json_pack("{s:i, s:O}", "value", config->lines[i].port, "slaves", slaves));
+		json_decref(slaves);
+	}
+	if (json_array_size(ports) == 0)
+		fputs("rtuctl: nothing to suggest\n", stderr);
+	file = json_pack("{s:o}", "port", ports);
+	json_dumpf(file, stdout, request->json ? 0 : JSON_INDENT(2));
+	putchar('\n');
+	json_decref(file);
+	return RTUCTL_DONE;
+}

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Devices that take less than the protocol allows: the gateway learns it, says it, and is told it."""
+
+import contextlib
+import copy
+import json
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from capture import recorded
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.linesim import LineSim
+
+PORT, SHORT, HOLED, LACKING = 1, 1, 2, 3
+LIMIT = 16
+LEARNED = 10  # of 40, halved until it is below the limit
+MISSING = 5
+
+
+def objects(*addresses: int) -> list[dict[str, int]]:
+    return [{"address": address} for address in addresses]
+
+
+def configuration() -> dict[str, Any]:
+    slaves = [
+        {"id": SHORT, "coils": objects(*range(40)), "holding_registers": objects(*range(40))},
+        {
+            "id": HOLED,
+            "holding_registers": objects(*range(5), 8, 9),
+            "input_registers": objects(*range(20)),
+        },
+        {"id": LACKING, "holding_registers": objects(*range(8))},
+    ]
+    line = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    return {"iec104": {}, "port": [{"value": PORT, "active": 1, **line, "slaves": slaves}]}
+
+
+def of_devices() -> dict[str, Any]:
+    """What is really there: one object is not."""
+    config = configuration()
+    config["port"][0]["slaves"][2]["holding_registers"].pop(MISSING)
+    return config
+
+
+@dataclass
+class Bench:
+    lines: LineSim
+    directory: Path
+    programs: Path
+
+    @contextlib.contextmanager
+    def gateway(self, config: dict[str, Any]) -> Iterator[Gateway]:
+        config = listening_on(config, free_port())
+        with Gateway(config, self.directory, self.programs) as gateway, recorded(gateway):
+            gateway.wait_for(lambda: knows_everything(gateway), 30.0, "every device is known")
+            yield gateway
+
+    def asked(self, gateway: Gateway) -> set[tuple[int, ...]]:
+        """The reads of two scans: unit, function, address, count; but what a device lacks."""
+        mark, reads = self.lines.mark(), gateway.query("lines")[0]["answers"]
+        planned = sum(device["planned_requests"] for device in devices(gateway).values())
+        done = reads + 2 * planned
+        gateway.wait_for(lambda: gateway.query("lines")[0]["answers"] > done, 10.0, "two scans")
+        return {
+            (
+                frame.unit,
+                frame.bytes[1],
+                int.from_bytes(frame.bytes[2:4], "big"),
+                int.from_bytes(frame.bytes[4:6], "big"),
+            )
+            for frame in self.lines.frames(mark)
+            if frame.kind == "received" and (frame.unit, frame.bytes[3]) != (LACKING, MISSING)
+        }
+
+    def refused(self, unit: int) -> int:
+        return int(self.lines.stats()[str(PORT)]["slaves"][str(unit)]["exceptions"])
+
+
+def devices(gateway: Gateway) -> dict[int, dict[str, Any]]:
+    return {device["id"]: device for device in gateway.query("lines")[0]["devices"]}
+
+
+def knows_everything(gateway: Gateway) -> bool:
+    return all(device["alive"] and device["learned"]["open"] == 0 for device in devices(gateway).values())
+
+
+def suggested(gateway: Gateway) -> tuple[dict[str, Any], list[str]]:
+    """What `rtuctl lines --suggest` prints, and its remarks."""
+    command = [gateway.build / "rtuctl" / "rtuctl", "--map", gateway.map, "lines", "--suggest"]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    return json.loads(result.stdout), result.stderr.splitlines()
+
+
+def merged(config: dict[str, Any], keys: dict[str, Any]) -> dict[str, Any]:
+    """The configuration with the keys at their places."""
+    config = copy.deepcopy(config)
+    ports = {port["value"]: port for port in config["port"]}
+    for port in keys["port"]:
+        slaves = {slave["id"]: slave for slave in ports[port["value"]]["slaves"]}
+        for slave in port["slaves"]:
+            slaves[slave["id"]].update(slave)
+    return config
+
+
+@pytest.fixture
+def bench(programs: Path) -> Iterator[Bench]:
+    directory = run_directory()
+    with contextlib.ExitStack() as stack:
+        stack.callback(remove, directory)
+        file = directory / "linesim.json"
+        file.write_text(json.dumps(of_devices()))
+        lines = stack.enter_context(LineSim(file, None, directory / "dev"))
+        lines.fault(f"{PORT}.{SHORT}", "limit", LIMIT)
+        yield Bench(lines, directory, programs)
+
+
+def test_what_was_learned_spares_the_next_start_every_refusal(bench: Bench) -> None:
+    with bench.gateway(configuration()) as gateway:
+        short, holed, lacking = (devices(gateway)[unit]["learned"] for unit in (SHORT, HOLED, LACKING))
+        assert (short["given_registers"], short["refused_registers"]) == (LEARNED, 2 * LEARNED)
+        assert (short["given_bits"], short["refused_bits"]) == (LEARNED, 2 * LEARNED)
+        assert holed["hole"] == {"function": 3, "address": 5, "count": 3, "exception": 2, "read": 10}
+        assert lacking["lacking"] == {"function": 3, "address": MISSING, "exception": 2, "count": 1}
+        keys, remarks = suggested(gateway)
+        slaves = [
+            {"id": SHORT, "max_bits": LEARNED, "max_registers": LEARNED},
+            {"id": HOLED, "holes": False},
+        ]
+        assert keys == {"port": [{"value": PORT, "slaves": slaves}]}
+        assert len(remarks) == 4
+        assert remarks[-1].startswith(
+            f"rtuctl: port {PORT}, slave {LACKING}: no key for holding register {MISSING}"
+        )
+        learned, refused = bench.asked(gateway), bench.refused(SHORT)
+        assert refused == 6
+    at_start = {unit: bench.refused(unit) for unit in (SHORT, HOLED)}
+    with bench.gateway(merged(configuration(), keys)) as gateway:
+        assert bench.asked(gateway) == learned
+        assert {unit: bench.refused(unit) for unit in (SHORT, HOLED)} == at_start
+        assert {unit: devices(gateway)[unit]["exceptions"] for unit in (SHORT, HOLED)} == {SHORT: 0, HOLED: 0}
+        keys, remarks = suggested(gateway)
+        assert keys == {"port": []}
+        assert len(remarks) == 2  # on the object that is not there, and that there is nothing to suggest
+
+
+def test_plan_of_the_configuration_is_what_is_asked(bench: Bench) -> None:
+    config = configuration()
+    config["port"][0]["slaves"][0] |= {"max_bits": LIMIT, "max_registers": LIMIT}
+    config["port"][0]["slaves"][1]["holes"] = False
+    config["port"][0]["slaves"].pop()
+    with bench.gateway(config) as gateway:
+        command = [gateway.build / "rtud" / "rtud", "--plan", gateway.config_file]
+        plan = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        rows = [
+            line.split() for line in plan.splitlines() if line.replace(".", "").replace(" ", "").isdigit()
+        ]
+        assert {tuple(map(int, row[:4])) for row in rows} == bench.asked(gateway)
+        assert bench.refused(SHORT) == bench.refused(HOLED) == 0
+
+
+def test_lines_show_what_was_learned(bench: Bench) -> None:
+    with bench.gateway(configuration()) as gateway:
+        table = gateway.ctl("lines").split("\n\n")[2].splitlines()
+        assert table[0].split() == [
+            *("PORT", "ID", "LEAST", "MS", "TYPICAL", "MS", "MOST", "MS"),
+            *("BITS", "REGISTERS", "REFUSED"),
+        ]
+        assert table[1].endswith("    10         10  20 bits; 20 registers")
+        assert table[2].endswith("     0         20  hole at holding registers 5 to 7")
+        assert table[3].endswith("     0          4  holding register 5")
+        device = devices(gateway)[HOLED]
+        # linesim answers 2 ms behind the silence of 1.75 ms.
+        assert 3.75 <= device["latency_least_ms"] <= device["latency_typical_ms"] <= device["latency_most_ms"]
