@@ -4,9 +4,6 @@
 
 #define BITS_STEP 8 /* bits that make an answer one byte longer */
 
-/* MODBUS Application Protocol V1.1b3, 7. */
-#define LAST_LASTING_EXCEPTION 4 /* 1..4 concern what was asked; 5, 6 ... the moment */
-
 int64_t modbus_next_backoff(int64_t backoff_ns)
 {
 	return earlier(later(2 * backoff_ns, MODBUS_FIRST_PROBE_NS), MODBUS_RAREST_PROBE_NS);
@@ -137,7 +134,7 @@ bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_
 	struct modbus_device *device = &line->devices[index];
 	struct modbus_read *read = &device->reads[read_index];
 
-	if (exception <= LAST_LASTING_EXCEPTION &&
+	if (!modbus_is_of_the_moment(exception) &&
 	    modbus_plan_halve(device->objects, device->reads, &device->read_count, read_index))
 		return true;
 	if (read->pause_ns == 0 || read->exception != exception)

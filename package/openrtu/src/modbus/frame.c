@@ -38,6 +38,14 @@ bool modbus_is_read(uint8_t function)
 	return function >= MODBUS_READ_COILS && function <= MODBUS_READ_INPUT_REGISTERS;
 }
 
+bool modbus_is_of_the_moment(uint8_t exception)
+{
+	enum { ACKNOWLEDGE = 5, BUSY = 6, NO_PATH = 10, NO_TARGET = 11 };
+
+	return exception == ACKNOWLEDGE || exception == BUSY || exception == NO_PATH ||
+	       exception == NO_TARGET;
+}
+
 static size_t put_word(uint8_t *frame, size_t at, uint16_t word)
 {
 	frame[at] = (uint8_t)(word >> 8);

@@ -17,14 +17,6 @@
 #define MODBUS_BROADCAST     0
 #define MODBUS_EXCEPTION_BIT 0x80
 
-/* MODBUS Application Protocol, 7: the exceptions that say nothing against what was asked. */
-enum modbus_exception_of_the_moment {
-	MODBUS_ACKNOWLEDGE = 5, /* it takes the device longer */
-	MODBUS_BUSY = 6,
-	MODBUS_NO_PATH = 10,   /* a gateway's: to the device */
-	MODBUS_NO_TARGET = 11, /* a gateway's: the device did not answer it */
-};
-
 enum modbus_function {
 	MODBUS_READ_COILS = 1,
 	MODBUS_READ_DISCRETE_INPUTS = 2,
@@ -61,6 +53,13 @@ bool modbus_crc_valid(const uint8_t *frame, size_t length);
 
 bool modbus_is_bit_function(uint8_t function);
 bool modbus_is_read(uint8_t function);
+
+/*
+ * MODBUS Application Protocol V1.1b3, 7: an exception that says nothing against what was asked, only that it cannot be had
+ * now: 5 acknowledge, 6 busy, 10 and 11 of a Modbus gateway. All others are about what was asked, for which one object may be
+ * to blame: 8 is a parity error of its memory; 7 and 9 are not in the standard, and what they mean is the device's own.
+ */
+bool modbus_is_of_the_moment(uint8_t exception);
 
 /*
  * Writes the request's frame and returns its length. The request must be within the protocol's limits:

@@ -72,9 +72,13 @@ struct modbus_device_counters {
 
 struct modbus_line_counters {
 	uint32_t requests, answers, exceptions, timeouts, crc_errors;
-	uint32_t wrong_answers; /* sound frames that nobody waited for */
-	uint32_t late_answers;  /* sound frames of a device that owed one */
+	/* Sound frames, when another is awaited: of another unit, function, length, or else different. */
+	uint32_t wrong_units, wrong_functions, wrong_lengths, wrong_answers;
+	uint32_t late_answers;   /* sound frames of a device that owed one */
+	uint32_t unasked_frames; /* sound frames when nothing is awaited */
+	uint32_t echoes;         /* requests that came back */
 	uint32_t noise_bytes;
+	uint32_t stuck_s; /* seconds, one after the other, without silence */
 	uint32_t commands;
 	uint32_t scan_us;
 	struct modbus_histogram transactions; /* from the request to the end of its answer */

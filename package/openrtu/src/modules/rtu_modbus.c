@@ -136,23 +136,18 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 		commands_published(&gateway->commands, gateway->updates[i].point);
 }
 
-/* What was read before is old then, and not wrong. */
-static bool is_of_the_moment(uint8_t exception)
-{
-	return exception == MODBUS_ACKNOWLEDGE || exception == MODBUS_BUSY || exception == MODBUS_NO_PATH ||
-	       exception == MODBUS_NO_TARGET;
-}
-
 static void lose_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
 		      int64_t now_ns)
 {
 	struct port *port = context;
 	struct gateway *gateway = port->gateway;
+	/* What was read before may be old, and not wrong. */
+	enum map_quality quality = modbus_is_of_the_moment(exception) ? MAP_NOT_TOPICAL : MAP_INVALID;
 
 	for (uint32_t i = 0; i < read->objects; i++)
 		gateway->updates[i] =
 		    quality_lost(&gateway->quality, port->line.devices[device].objects[read->first + i].tag,
-				 is_of_the_moment(exception) ? MAP_NOT_TOPICAL : MAP_INVALID, now_ns);
+				 quality, now_ns);
 	publish(gateway, device_config(port, device), read->objects, now_ns);
 	if (exception == 0)
 		map_log(gateway->map, MAP_LOG_WARNING, "%s: no answer to function %u, address %u",
@@ -392,9 +387,15 @@ static void show_counters(struct port *port)
 	show(&stats->exceptions, counters->exceptions);
 	show(&stats->timeouts, counters->timeouts);
 	show(&stats->crc_errors, counters->crc_errors);
+	show(&stats->wrong_units, counters->wrong_units);
+	show(&stats->wrong_functions, counters->wrong_functions);
+	show(&stats->wrong_lengths, counters->wrong_lengths);
 	show(&stats->wrong_answers, counters->wrong_answers);
 	show(&stats->late_answers, counters->late_answers);
+	show(&stats->unasked_frames, counters->unasked_frames);
+	show(&stats->echoes, counters->echoes);
 	show(&stats->noise_bytes, counters->noise_bytes);
+	show(&stats->stuck_s, counters->stuck_s);
 	show(&stats->commands, counters->commands);
 	show(&stats->scan_us, counters->scan_us);
 	show(&stats->open, port->fd >= 0);
