@@ -73,7 +73,7 @@ static void read_back(struct modbus_line *line, const struct modbus_command *com
 
 static void end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception)
 {
-	if (result == MODBUS_DONE)
+	if (result == MODBUS_DONE && !line->command.no_read_back)
 		read_back(line, &line->command);
 	line->events->command(line->context, &line->command, result, exception);
 }

@@ -205,7 +205,11 @@ static bool write_to_line(void *context, uint32_t point, const struct modbus_req
 	struct gateway *gateway = context;
 	uint32_t device = gateway->config->points[point].device;
 	struct port *port = port_of_line(gateway, gateway->config->devices[device].line);
-	struct modbus_command command = {.tag = point, .deadline_ns = deadline_ns, .request = *request};
+	struct modbus_command command = {.tag = point,
+					 .deadline_ns = deadline_ns,
+					 .no_read_back =
+					     gateway->config->points[point].flags & MAP_POINT_NO_READ_BACK,
+					 .request = *request};
 
 	if (port == NULL)
 		return false;

@@ -19,6 +19,7 @@ enum {
 	SLAVE_RESPONSE_TIMEOUT,
 	SLAVE_RETRIES,
 	SLAVE_PERIOD,
+	SLAVE_READ_BACK,
 	SLAVE_KEYS
 };
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
@@ -32,6 +33,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 				.fallback = 500},
     [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
     [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
+    [SLAVE_READ_BACK] = {"read_back", CONFIG_BOOLEAN, .fallback = true},
 };
 
 static void check_broadcast(struct config_loader *loader, const struct config_place *slave,
@@ -101,6 +103,7 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 	}
 	add_device(loader, values);
 	entry.period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
+	entry.read_back = values[SLAVE_READ_BACK].integer;
 	device = &loader->config->devices[loader->config->device_count - 1];
 	for (size_t table = 0; table < CONFIG_TABLES; table++)
 		config_read_objects(loader, place, values[table].json, (enum map_table)table, entry);
