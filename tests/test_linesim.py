@@ -437,6 +437,35 @@ def test_wrong_unit_is_a_sound_answer_of_another(sim: LineSim, master: Master) -
     assert_healthy(master)
 
 
+def test_wrong_function_is_a_sound_answer(sim: LineSim, master: Master) -> None:
+    sim.fault("3.67", "wrong-function", count=1)
+    assert master.exchange(REQUEST, 7) == framed(67, 5, *ANSWER[2:5])
+    assert_healthy(master)
+
+
+def test_wrong_length_is_a_sound_answer(sim: LineSim, master: Master) -> None:
+    sim.fault("3.67", "wrong-length", count=1)
+    assert master.exchange(REQUEST, 8) == framed(67, 4, 3, *ANSWER[3:5], 0)
+    assert_healthy(master)
+
+
+def test_wrong_echo_confirms_another_value(sim: LineSim, master: Master) -> None:
+    sim.fault("3.67", "wrong-echo", count=2)
+    assert master.exchange(framed(67, 6, 0, 2, 0, 255), 8) == framed(67, 6, 0, 2, 0, 254)
+    assert sim.get("3.67", "holding_registers", 2) == 255
+    assert_healthy(master)  # only writes
+
+
+def test_override_writes_behind_a_write(sim: LineSim, master: Master) -> None:
+    sim.fault("3.67", "override", 1234)
+    assert_healthy(master)
+    write = framed(67, 6, 0, 2, 0, 255)
+    assert master.exchange(write, 8) == write
+    assert sim.get("3.67", "holding_registers", 2) == 1234
+    master.exchange(bytes(FIGURES_OF_COMMANDS[0][0]), 8)
+    assert sim.get("3.67", "coils", 3) == 1
+
+
 def test_echo_comes_before_the_answer(sim: LineSim, master: Master) -> None:
     sim.fault("3.67", "echo", count=1)
     assert master.exchange(REQUEST, 15) == REQUEST + ANSWER
@@ -499,6 +528,13 @@ def test_late_answer_comes_after_the_next_transaction(sim: LineSim, master: Mast
     assert [frame.unit for frame in sim.frames() if frame.kind == "sent"] in ([35, 67], [35])
 
 
+def test_nothing_overtakes_a_late_answer_of_its_device(sim: LineSim, master: Master) -> None:
+    sim.fault("3.67", "late", 300, count=1)
+    master.port.write(REQUEST)
+    sim.wait_frame(lambda frame: frame.kind == "reading")
+    assert master.exchange(framed(67, 1, 0, 0, 0, 1), 13) == ANSWER + framed(67, 1, 1, 1)
+
+
 def test_late_answer_into_a_request_spoils_both(sim: LineSim) -> None:
     line = Master(sim.line("ttyS6"), 4800, 1)
     sim.fault("5.50", "late", 200, count=1)
@@ -543,6 +579,26 @@ def test_unplugging_cuts_an_answer_that_waits(sim: LineSim, master: Master) -> N
     sim.unplug(3)
     sim.plug(3)
     assert master.hears_nothing(0.3)
+
+
+def test_jammed_line_is_never_silent(sim: LineSim, master: Master) -> None:
+    sim.command("jam 3")
+    begin = time.monotonic()
+    assert len(master.port.read(500)) == 500
+    assert time.monotonic() - begin >= 450 * CHAR_19200_8N2_S  # not faster than the line
+    master.port.write(framed(67, 6, 0, 2, 0, 255))
+    wait_until(lambda: sim.stats()["3"]["collisions"] > 0)
+    sim.command("unjam 3")
+    assert sim.get("3.67", "holding_registers", 2) == 0
+    master.port.reset_input_buffer()
+    assert_healthy(master)
+
+
+def test_somebody_else_says_something(sim: LineSim, master: Master) -> None:
+    sim.command("say 3 1 2 255")
+    assert master.port.read(3) == bytes([1, 2, 255])
+    assert sim.stats()["3"]["answers"] == 0
+    assert_healthy(master)
 
 
 # ---- control ------------------------------------------------------------------------------
@@ -595,6 +651,10 @@ def test_set_of_neighbours_is_all_or_nothing(sim: LineSim) -> None:
         ("fault 3.67 mute count 0", "usage: fault"),
         ("unplug", "usage: unplug"),
         ("unplug 7", 'no active port "7"'),
+        ("jam 7", 'no active port "7"'),
+        ("say 3", "usage: say"),
+        ("say 3 256", "usage: say"),
+        ("fault 3.67 override 65536", "usage: fault"),
         ("stats all", "usage: stats"),
         ("trace maybe", "usage: trace"),
         ("x" * 600, "at most 511 characters"),

@@ -209,6 +209,10 @@ static const struct {
     {"wrong-unit", SLAVE_WRONG_UNIT, 0, 0},
     {"truncate", SLAVE_TRUNCATE, 0, 0},
     {"limit", SLAVE_LIMIT, 1, LIMIT_MAX},
+    {"wrong-function", SLAVE_WRONG_FUNCTION, 0, 0},
+    {"wrong-length", SLAVE_WRONG_LENGTH, 0, 0},
+    {"wrong-echo", SLAVE_WRONG_ECHO, 0, 0},
+    {"override", SLAVE_OVERRIDE, 0, UINT16_MAX},
 };
 
 /* "count N" at the end. Returns how many words stand before it, or -1 when N is no count. */
@@ -266,16 +270,53 @@ static void set_fault(struct client *client, const struct command *command, int 
 	answer(client, "ok");
 }
 
+static struct line *named_line(struct client *client, const char *name)
+{
+	struct line *line = plant_line(plant, name);
+
+	if (!line)
+		answer(client, "error no active port \"%s\"", name);
+	return line;
+}
+
 static void set_plugged(struct client *client, const struct command *command, int count, char **words)
 {
-	struct line *line = plant_line(plant, words[1]);
+	struct line *line = named_line(client, words[1]);
 
 	(void)count;
-	if (!line) {
-		answer(client, "error no active port \"%s\"", words[1]);
+	if (!line)
 		return;
-	}
 	line_set_plugged(line, strcmp(command->name, "plug") == 0);
+	answer(client, "ok");
+}
+
+static void set_jammed(struct client *client, const struct command *command, int count, char **words)
+{
+	struct line *line = named_line(client, words[1]);
+
+	(void)count;
+	if (!line)
+		return;
+	line_set_jammed(line, strcmp(command->name, "jam") == 0, loop_now_ns());
+	answer(client, "ok");
+}
+
+static void say(struct client *client, const struct command *command, int count, char **words)
+{
+	struct line *line = named_line(client, words[1]);
+	uint8_t bytes[WORDS_MAX];
+	long octet;
+
+	if (!line)
+		return;
+	for (int i = 2; i < count; i++) {
+		if (!plant_number(words[i], 0, UINT8_MAX, &octet)) {
+			refuse_usage(client, command);
+			return;
+		}
+		bytes[i - 2] = (uint8_t)octet;
+	}
+	line_say(line, bytes, (size_t)count - 2, loop_now_ns());
 	answer(client, "ok");
 }
 
@@ -358,16 +399,21 @@ static void quit(struct client *client, const struct command *command, int count
 	loop_stop();
 }
 
+#define COMMANDS "set, get, fault, unplug, plug, jam, unjam, say, stats, trace or quit"
+
 static const struct command commands[] = {
     {"set", 5, 4 + SET_VALUES_MAX, set, "set PORT.UNIT TABLE ADDRESS VALUE..."},
     {"get", 4, 4, get, "get PORT.UNIT TABLE ADDRESS"},
     {"fault", 3, 7, set_fault,
-     "fault PORT.UNIT clear | mute | corrupt | echo | wrong-unit | truncate | delay MS | late MS (0 to "
-     "60000) | noise "
+     "fault PORT.UNIT clear | mute | corrupt | echo | wrong-unit | wrong-function | wrong-length | "
+     "wrong-echo | truncate | delay MS | late MS (0 to 60000) | override VALUE (0 to 65535) | noise "
      "BYTES (1 to 256) | limit N (1 to 2000) | exception CODE [FUNCTION] (1 to 255, 1 to 127), each: [count "
      "N] (1 to 1000000)"},
     {"unplug", 2, 2, set_plugged, "unplug PORT"},
     {"plug", 2, 2, set_plugged, "plug PORT"},
+    {"jam", 2, 2, set_jammed, "jam PORT"},
+    {"unjam", 2, 2, set_jammed, "unjam PORT"},
+    {"say", 3, WORDS_MAX, say, "say PORT OCTET... (0 to 255)"},
     {"stats", 1, 1, report, "stats"},
     {"trace", 2, 2, trace, "trace on|off"},
     {"quit", 1, 1, quit, "quit"},
@@ -382,8 +428,7 @@ static void run_command(struct client *client, char *text)
 	     word = strtok_r(NULL, " \t\r", &rest))
 		words[count++] = word;
 	if (count == 0) {
-		answer(client,
-		       "error empty command, expected set, get, fault, unplug, plug, stats, trace or quit");
+		answer(client, "error empty command, expected " COMMANDS);
 		return;
 	}
 	for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
@@ -395,9 +440,7 @@ static void run_command(struct client *client, char *text)
 			commands[i].run(client, &commands[i], count, words);
 		return;
 	}
-	answer(client,
-	       "error unknown command \"%s\", expected set, get, fault, unplug, plug, stats, trace or quit",
-	       words[0]);
+	answer(client, "error unknown command \"%s\", expected " COMMANDS, words[0]);
 }
 
 /* ---- the socket -------------------------------------------------------------------------- */

@@ -125,6 +125,13 @@ static void compose(struct line *line, struct line_answer *answer, const struct 
 		answer->size /= 2;
 }
 
+static void override(struct slave *slave, const struct slave_access *access, uint16_t value)
+{
+	for (unsigned i = 0; i < access->count; i++)
+		slave->table[access->table].value[access->first + i] =
+		    slave_table_has_bits(access->table) ? value != 0 : value;
+}
+
 static size_t execute(struct line *line, struct slave *slave, const struct slave_fault *fault,
 		      uint8_t pdu[SLAVE_PDU_MAX])
 {
@@ -142,7 +149,42 @@ static size_t execute(struct line *line, struct slave *slave, const struct slave
 	const size_t size = slave_execute(slave, request, line->request.size - 3, pdu, &access);
 
 	trace_access(line->port, slave, &access);
+	if (fault->kind == SLAVE_OVERRIDE && access.write)
+		override(slave, &access, (uint16_t)fault->argument);
 	return size;
+}
+
+/* What a fault makes of a sound PDU. Returns the new size. */
+static size_t spoil_pdu(enum slave_fault_kind fault, uint8_t pdu[SLAVE_PDU_MAX], size_t size)
+{
+	const bool read = pdu[0] <= 4;
+
+	if (fault == SLAVE_WRONG_FUNCTION)
+		pdu[0]++;
+	if (fault == SLAVE_WRONG_ECHO && size == 5 && !read)
+		pdu[4] ^= 1;
+	if (fault != SLAVE_WRONG_LENGTH || size == SLAVE_PDU_MAX)
+		return size;
+	if (read)
+		pdu[1]++;
+	pdu[size] = 0;
+	return size + 1;
+}
+
+/* A device answers one request after the other, so nothing it says overtakes its late answers. */
+static int64_t free_ns(const struct line *line, const struct slave *slave)
+{
+	int64_t free_ns = 0;
+
+	for (int i = 0; i < LINE_WAITING_MAX; i++) {
+		const struct line_answer *answer = &line->waiting[i];
+		const int64_t end_ns =
+		    answer->start_ns + (int64_t)answer->size * line->char_ns + line->silence_ns;
+
+		if (answer->size && answer->slave == slave && answer->fault == SLAVE_LATE && end_ns > free_ns)
+			free_ns = end_ns;
+	}
+	return free_ns;
 }
 
 static void serve(struct line *line, struct slave *slave, int64_t complete_ns)
@@ -156,7 +198,10 @@ static void serve(struct line *line, struct slave *slave, int64_t complete_ns)
 	if (fault.kind == SLAVE_MUTE)
 		return;
 
-	const size_t pdu_size = execute(line, slave, &fault, pdu);
+	const size_t sound_size = execute(line, slave, &fault, pdu);
+	const size_t pdu_size = spoil_pdu(fault.kind, pdu, sound_size);
+	const int64_t ready_ns = complete_ns + (slow ? (int64_t)fault.argument * MS : 0);
+	const int64_t earliest_ns = free_ns(line, slave);
 
 	if (!answer) {
 		line->stats.dropped++;
@@ -164,7 +209,7 @@ static void serve(struct line *line, struct slave *slave, int64_t complete_ns)
 	}
 	answer->slave = slave;
 	answer->fault = fault.kind;
-	answer->start_ns = complete_ns + line->latency_ns + (slow ? (int64_t)fault.argument * MS : 0);
+	answer->start_ns = line->latency_ns + (ready_ns > earliest_ns ? ready_ns : earliest_ns);
 	compose(line, answer, &fault, pdu, pdu_size);
 	if (pdu[0] & 0x80)
 		slave->stats.exceptions++;
@@ -263,16 +308,19 @@ static void trace_answer(const struct line *line)
 {
 	const struct line_answer *answer = &line->sending.answer;
 
-	trace_frame(line->port, answer->slave->unit, line->sending.spoiled ? TRACE_COLLISION : TRACE_SENT,
-		    answer->bytes, answer->size, answer->fault);
+	trace_frame(line->port, answer->slave ? answer->slave->unit : answer->bytes[0],
+		    line->sending.spoiled ? TRACE_COLLISION : TRACE_SENT, answer->bytes, answer->size,
+		    answer->fault);
 }
 
 static void end_answer(struct line *line)
 {
 	struct line_answer *answer = &line->sending.answer;
 
-	answer->slave->stats.answers++;
-	line->stats.answers++;
+	if (answer->slave) {
+		answer->slave->stats.answers++;
+		line->stats.answers++;
+	}
 	answer->size = 0;
 }
 
@@ -325,8 +373,25 @@ static int64_t next_bytes_ns(const struct line *line)
 	return byte_end_ns(line, (end < size ? end : size) - 1);
 }
 
+/* Never silent: some bytes at a time, as many as have ended by now. */
+static int64_t jam(struct line *line, int64_t now_ns)
+{
+	const int64_t few_ns = line->char_ns * (1 + SHORTEST_WAIT_NS / line->char_ns);
+
+	while (line->jammed_ns + line->char_ns <= now_ns) {
+		const uint8_t byte = random_byte(line);
+
+		write_pty(line, &byte, 1);
+		line->jammed_ns += line->char_ns;
+		line->stats.busy_ns += line->char_ns;
+	}
+	return line->jammed_ns + few_ns;
+}
+
 int64_t line_advance(struct line *line, int64_t now_ns)
 {
+	if (line->jammed_ns)
+		return jam(line, now_ns);
 	for (;;) {
 		struct line_answer *waiting = next_waiting(line);
 		const int64_t begin = waiting ? waiting->start_ns : LOOP_NEVER;
@@ -384,18 +449,49 @@ static void pty_ready(void *owner, uint32_t events)
 	(void)events;
 	if (size <= 0 || line->unplugged)
 		return;
+	if (line->jammed_ns) {
+		line->stats.collisions++;
+		return;
+	}
 	line_advance(line, now_ns);
 	receive(line, bytes, (size_t)size, now_ns);
 }
 
-void line_set_plugged(struct line *line, bool plugged)
+static void clear(struct line *line)
 {
-	line->unplugged = !plugged;
 	line->request.size = 0;
 	line->request.spoiled = false;
 	line->sending.answer.size = 0;
 	for (int i = 0; i < LINE_WAITING_MAX; i++)
 		line->waiting[i].size = 0;
+}
+
+void line_set_plugged(struct line *line, bool plugged)
+{
+	line->unplugged = !plugged;
+	clear(line);
+}
+
+void line_set_jammed(struct line *line, bool jammed, int64_t now_ns)
+{
+	line->jammed_ns = jammed ? now_ns : 0;
+	clear(line);
+}
+
+void line_say(struct line *line, const uint8_t *bytes, size_t size, int64_t now_ns)
+{
+	struct line_answer *answer = free_place(line);
+
+	if (!answer) {
+		line->stats.dropped++;
+		return;
+	}
+	answer->slave = NULL;
+	answer->fault = SLAVE_LATE; /* as that, not to be given up */
+	answer->start_ns = now_ns;
+	answer->size = size;
+	answer->pause_at = 0;
+	memcpy(answer->bytes, bytes, size);
 }
 
 /* ---- the pty ----------------------------------------------------------------------------- */

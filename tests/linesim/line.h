@@ -29,7 +29,7 @@
 
 /* What goes over the wire as one answer. size 0: none. */
 struct line_answer {
-	struct slave *slave;
+	struct slave *slave; /* NULL: nobody of this line says it */
 	enum slave_fault_kind fault;
 	int64_t start_ns;
 	size_t size;
@@ -59,6 +59,7 @@ struct line {
 	int far_end; /* the pty's slave side, kept open: without it a master that closes hangs the line up */
 	struct loop_source closings; /* inotify: a master closed the port */
 	bool unplugged;
+	int64_t jammed_ns; /* until when what jams the line has been written, 0: nothing does */
 	uint32_t random;
 	struct line_stats stats;
 
@@ -90,5 +91,11 @@ int64_t line_advance(struct line *line, int64_t now_ns);
 
 /* Cuts the line between the master and all slaves, or joins it. What is on the wire vanishes. */
 void line_set_plugged(struct line *line, bool plugged);
+
+/* Somebody sends without end, and what the master sends collides with it; or nobody does any more. */
+void line_set_jammed(struct line *line, bool jammed, int64_t now_ns);
+
+/* Somebody who is no slave of this line sends these bytes, at most LINE_ANSWER_MAX. */
+void line_say(struct line *line, const uint8_t *bytes, size_t size, int64_t now_ns);
 
 #endif

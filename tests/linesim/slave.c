@@ -284,10 +284,21 @@ const char *slave_table_mark(enum slave_table table)
 const char *slave_fault_name(enum slave_fault_kind kind)
 {
 	static const char *const names[] = {
-	    [SLAVE_HEALTHY] = "",          [SLAVE_MUTE] = "mute",       [SLAVE_DELAY] = "delay",
-	    [SLAVE_LATE] = "late",         [SLAVE_CORRUPT] = "corrupt", [SLAVE_EXCEPTION] = "exception",
-	    [SLAVE_ECHO] = "echo",         [SLAVE_NOISE] = "noise",     [SLAVE_WRONG_UNIT] = "wrong-unit",
-	    [SLAVE_TRUNCATE] = "truncate", [SLAVE_LIMIT] = "limit",
+	    [SLAVE_HEALTHY] = "",
+	    [SLAVE_MUTE] = "mute",
+	    [SLAVE_DELAY] = "delay",
+	    [SLAVE_LATE] = "late",
+	    [SLAVE_CORRUPT] = "corrupt",
+	    [SLAVE_EXCEPTION] = "exception",
+	    [SLAVE_ECHO] = "echo",
+	    [SLAVE_NOISE] = "noise",
+	    [SLAVE_WRONG_UNIT] = "wrong-unit",
+	    [SLAVE_TRUNCATE] = "truncate",
+	    [SLAVE_LIMIT] = "limit",
+	    [SLAVE_WRONG_FUNCTION] = "wrong-function",
+	    [SLAVE_WRONG_LENGTH] = "wrong-length",
+	    [SLAVE_WRONG_ECHO] = "wrong-echo",
+	    [SLAVE_OVERRIDE] = "override",
 	};
 	return names[kind];
 }

@@ -36,6 +36,10 @@ enum slave_fault_kind {
 	SLAVE_WRONG_UNIT, /* the answer carries the next unit's number */
 	SLAVE_LIMIT,      /* a read of more bits or registers than this is exception 3 */
 	SLAVE_TRUNCATE,   /* only the first half of the answer */
+	SLAVE_WRONG_FUNCTION, /* the answer carries the next function code */
+	SLAVE_WRONG_LENGTH,   /* the answer is an octet longer, and sound */
+	SLAVE_WRONG_ECHO,     /* the answer to a write repeats another value */
+	SLAVE_OVERRIDE,       /* somebody else writes this value behind each write, before anything is read */
 };
 
 struct slave_fault {

@@ -55,6 +55,7 @@ enum map_point_flag {
 	MAP_POINT_SELECT = 1u << 4,        /* a command needs a selection first */
 	MAP_POINT_COMMAND = 1u << 5,       /* coil or holding register: may be commanded */
 	MAP_POINT_NO_QUALITY = 1u << 6,    /* normalized: sent without quality, and so only while good */
+	MAP_POINT_NO_READ_BACK = 1u << 7, /* what was written is not read ahead of its turn, nor waited for */
 };
 
 /* What a status bit of the device, while it is ON, makes of a point's quality. */

@@ -456,9 +456,15 @@ struct map_line_stats {
 	_Atomic uint32_t exceptions;
 	_Atomic uint32_t timeouts;
 	_Atomic uint32_t crc_errors;
-	_Atomic uint32_t wrong_answers; /* other slave, function or length */
-	_Atomic uint32_t late_answers;  /* drained after a time-out */
-	_Atomic uint32_t noise_bytes;   /* outside a transaction */
+	_Atomic uint32_t wrong_units;     /* sound frames, when another is awaited: of another slave, */
+	_Atomic uint32_t wrong_functions; /* another function, */
+	_Atomic uint32_t wrong_lengths;   /* another length, */
+	_Atomic uint32_t wrong_answers;   /* or a confirmation of another write */
+	_Atomic uint32_t late_answers;    /* of a slave that owed one after a time-out */
+	_Atomic uint32_t unasked_frames;  /* sound frames when nothing is awaited */
+	_Atomic uint32_t echoes;          /* requests that came back */
+	_Atomic uint32_t noise_bytes;     /* that are no frame */
+	_Atomic uint32_t stuck_s;         /* seconds without silence */
 	_Atomic uint32_t commands;
 	_Atomic uint32_t scan_us;          /* last time all that has no period was read once */
 	_Atomic uint32_t port_errors;      /* open, read, write failed */

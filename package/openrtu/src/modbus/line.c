@@ -73,7 +73,7 @@ static void read_back(struct modbus_line *line, const struct modbus_command *com
 
 static void end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception)
 {
-	if (result == MODBUS_DONE)
+	if (result == MODBUS_DONE && !line->command.no_read_back)
 		read_back(line, &line->command);
 	line->events->command(line->context, &line->command, result, exception);
 }
@@ -89,18 +89,44 @@ static bool is_late_answer(const struct modbus_line *line, const uint8_t *frame)
 	return false;
 }
 
+/* Nothing is awaited then that could be taken for it. */
+static bool is_echo_of_broadcast(const struct modbus_line *line)
+{
+	return line->state != MODBUS_WAITING && line->request.unit == MODBUS_BROADCAST &&
+	       line->strays == line->frame_length &&
+	       memcmp(line->received, line->frame, line->frame_length) == 0;
+}
+
+/* What is wrong with a sound frame when an answer is awaited. */
+static void count_wrong_answer(struct modbus_line *line, const uint8_t *frame)
+{
+	struct modbus_line_counters *counters = &line->counters;
+
+	if (frame[0] != line->request.unit)
+		counters->wrong_units++;
+	else if ((frame[1] & (uint8_t)~MODBUS_EXCEPTION_BIT) != line->request.function)
+		counters->wrong_functions++;
+	else if (modbus_is_read(line->request.function) ||
+		 line->strays != modbus_answer_length(&line->request))
+		counters->wrong_lengths++;
+	else
+		counters->wrong_answers++;
+	line->devices[line->device].counters.errors++;
+}
+
 /* Counts the strays, which are one burst, and removes them. */
 static void remove_strays(struct modbus_line *line)
 {
-	if (!modbus_crc_valid(line->received, line->strays)) {
+	if (!modbus_crc_valid(line->received, line->strays))
 		line->counters.noise_bytes += (uint32_t)line->strays;
-	} else if (is_late_answer(line, line->received)) {
+	else if (is_echo_of_broadcast(line))
+		line->counters.echoes++;
+	else if (is_late_answer(line, line->received))
 		line->counters.late_answers++;
-	} else {
-		line->counters.wrong_answers++;
-		if (line->state == MODBUS_WAITING)
-			line->devices[line->device].counters.errors++;
-	}
+	else if (line->state == MODBUS_WAITING)
+		count_wrong_answer(line, line->received);
+	else
+		line->counters.unasked_frames++;
 	line->received_count -= line->strays;
 	memmove(line->received, line->received + line->strays, line->received_count);
 	line->strays = 0;
@@ -265,7 +291,7 @@ static bool take_echo(struct modbus_line *line)
 	line->echoed = true;
 	device->echoes = MODBUS_ECHO_MEMORY;
 	line->garbled = false;
-	line->counters.wrong_answers++;
+	line->counters.echoes++;
 	line->received_count = line->strays = 0;
 	return true;
 }
@@ -467,6 +493,7 @@ static size_t leave_idle(struct modbus_line *line, int64_t now_ns)
 	}
 	if (now_ns >= line->restless_ns + MODBUS_BABBLE_NS) {
 		line->restless_ns = now_ns;
+		line->counters.stuck_s++;
 		lose_all(line, now_ns);
 	}
 	return 0;

@@ -16,7 +16,7 @@
  * command's confirmation, provided the device answers in order. Values that a process finds later than
  * that, because it did not run, are nobody's.
  *
- * Whose turn it is. Commands go first, then what was written is read back; after
+ * Whose turn it is. Commands go first, then what was written is read back, unless that is not wanted; after
  * MODBUS_COMMANDS_IN_ROW of them polling goes on by one request. Polling is, first, the reads that are due
  * (period.h), by deadline; after MODBUS_DUE_IN_ROW of them the scan, which is all reads without a period, goes
  * on by one request, so that a line that is asked for too much still reads everything. Living devices are
@@ -61,6 +61,7 @@ struct modbus_command {
 	uint32_t device; /* index in the line's devices */
 	uint32_t tag;    /* the caller's; not looked at */
 	int64_t deadline_ns;
+	bool no_read_back;             /* what it writes is not read ahead of its turn */
 	struct modbus_request request; /* function 5, 6, 15, 16 */
 };
 
@@ -73,9 +74,13 @@ struct modbus_device_counters {
 
 struct modbus_line_counters {
 	uint32_t requests, answers, exceptions, timeouts, crc_errors;
-	uint32_t wrong_answers; /* sound frames that nobody waited for */
-	uint32_t late_answers;  /* sound frames of a device that owed one */
+	/* Sound frames, when another is awaited: of another unit, function, length, or else different. */
+	uint32_t wrong_units, wrong_functions, wrong_lengths, wrong_answers;
+	uint32_t late_answers;   /* sound frames of a device that owed one */
+	uint32_t unasked_frames; /* sound frames when nothing is awaited */
+	uint32_t echoes;         /* requests that came back */
 	uint32_t noise_bytes;
+	uint32_t stuck_s; /* seconds, one after the other, without silence */
 	uint32_t commands;
 	uint32_t scan_us;
 	struct modbus_histogram transactions; /* from the request to the end of its answer */

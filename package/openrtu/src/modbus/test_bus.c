@@ -172,6 +172,10 @@ static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
 	case WRONG_LENGTH:
 		frame[2]++;
 		return seal(frame, length - 1);
+	case WRONG_ECHO:
+		if (!modbus_is_read(frame[1]) && !(frame[1] & MODBUS_EXCEPTION_BIT))
+			frame[5]++;
+		return seal(frame, length - 2);
 	case NOISE_BEFORE:
 		memmove(frame + 3, frame, length);
 		frame[0] = frame[1] = frame[2] = 0xFF;

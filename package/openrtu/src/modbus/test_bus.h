@@ -31,6 +31,7 @@ enum fault {
 	WRONG_UNIT, /* the rest, CRC included, is sound */
 	WRONG_FUNCTION,
 	WRONG_LENGTH,   /* a byte more than asked for */
+	WRONG_ECHO,     /* a write is confirmed with another value */
 	NOISE_BEFORE,   /* three bytes, then the answer */
 	STRANGER_FIRST, /* another unit's sound answer, then the right one */
 };

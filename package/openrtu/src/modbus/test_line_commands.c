@@ -65,6 +65,33 @@ static void what_was_written_is_read_back_next(void **state)
 	}
 }
 
+/* Three devices that are read in turn: what was written waits for its device's turn. */
+static void what_is_not_to_be_read_back_waits_for_its_turn(void **state)
+{
+	(void)state;
+	set_up();
+	for (uint8_t unit = 1; unit <= 3; unit++) {
+		add_device(unit, 0);
+		add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	}
+	start();
+	run_for(SECOND);
+	while (bus.line.turn != 1)
+		run_for(MS);
+	forget_trace();
+	struct modbus_command order = {.deadline_ns = bus.now_ns + SECOND,
+				       .no_read_back = true,
+				       .request = {1, MODBUS_WRITE_REGISTER, 3, 1, {7}}};
+	assert_true(modbus_line_command(&bus.line, &order));
+	run_for(200 * MS);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
+	size_t i = 0;
+	while (bus.sent[i].request.function != MODBUS_WRITE_REGISTER)
+		i++;
+	assert_int_not_equal(bus.sent[i + 1].request.unit, 1);
+	assert_true(sent_with(1, MODBUS_READ_HOLDING_REGISTERS) > 0);
+}
+
 static void a_refused_command_tells_why(void **state)
 {
 	(void)state;
@@ -192,6 +219,7 @@ int main(void)
 	    cmocka_unit_test(commands_go_ahead_of_polling_in_order),
 	    cmocka_unit_test(a_flood_of_commands_stops_no_polling),
 	    cmocka_unit_test(what_was_written_is_read_back_next),
+	    cmocka_unit_test(what_is_not_to_be_read_back_waits_for_its_turn),
 	    cmocka_unit_test(a_refused_command_tells_why),
 	    cmocka_unit_test(a_command_past_its_deadline_is_not_sent),
 	    cmocka_unit_test(the_queue_has_an_end),

@@ -46,7 +46,8 @@ static void another_units_answer_is_not_taken(void **state)
 {
 	(void)state;
 	spoil_one(WRONG_UNIT);
-	assert_int_equal(bus.line.counters.wrong_answers, 1);
+	assert_int_equal(bus.line.counters.wrong_units, 1);
+	assert_int_equal(bus.devices[0].counters.errors, 1);
 	assert_int_equal(bus.line.counters.timeouts, 1);
 }
 
@@ -54,14 +55,33 @@ static void another_functions_answer_is_not_taken(void **state)
 {
 	(void)state;
 	spoil_one(WRONG_FUNCTION);
-	assert_int_equal(bus.line.counters.wrong_answers, 1);
+	assert_int_equal(bus.line.counters.wrong_functions, 1);
+	assert_int_equal(bus.line.counters.timeouts, 1);
 }
 
 static void another_lengths_answer_is_not_taken(void **state)
 {
 	(void)state;
 	spoil_one(WRONG_LENGTH);
+	assert_int_equal(bus.line.counters.wrong_lengths, 1);
+	assert_int_equal(bus.line.counters.timeouts, 1);
+}
+
+static void another_writes_confirmation_is_not_taken(void **state)
+{
+	(void)state;
+	start_simple(0);
+	bus.slaves[0].fault = WRONG_ECHO;
+	bus.slaves[0].faults = 1;
+	command(0, MODBUS_WRITE_REGISTER, 3, 7, 1);
+	run_for(200 * MS);
+	assert_int_equal(bus.last_result, MODBUS_TIMED_OUT);
 	assert_int_equal(bus.line.counters.wrong_answers, 1);
+	assert_int_equal(bus.line.counters.timeouts, 1);
+	run_for(3 * SECOND);
+	command(0, MODBUS_WRITE_REGISTER, 3, 8, 2);
+	run_for(200 * MS);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
 }
 
 static void noise_before_an_answer_does_not_hide_it(void **state)
@@ -77,7 +97,7 @@ static void a_strangers_frame_does_not_hide_the_answer(void **state)
 {
 	(void)state;
 	spoil_one(STRANGER_FIRST);
-	assert_int_equal(bus.line.counters.wrong_answers, 1);
+	assert_int_equal(bus.line.counters.wrong_units, 1);
 	assert_int_equal(bus.line.counters.timeouts, 0);
 }
 
@@ -94,6 +114,24 @@ static void noise_between_frames_delays_the_next_request(void **state)
 	assert_true(bus.sent[0].time_ns >= bus.now_ns - 200 * MS + 30 * MS + MODBUS_GAP_NS);
 }
 
+/* As of another master, while nothing of ours is under way. */
+static void a_frame_that_nobody_asked_for_is_counted_as_such(void **state)
+{
+	uint8_t frame[8] = {99, 3, 0, 0, 0, 1};
+
+	(void)state;
+	start_simple(0);
+	modbus_line_close(&bus.line, bus.now_ns);
+	bus.wire_count = 0;
+	modbus_line_open(&bus.line, bus.now_ns);
+	put_on_wire(bus.now_ns + 10 * MS, frame, seal(frame, 6));
+	run_for(SECOND);
+	assert_int_equal(bus.line.counters.unasked_frames, 1);
+	assert_int_equal(bus.line.counters.noise_bytes, 0);
+	assert_int_equal(bus.line.counters.timeouts, 0);
+	assert_true(bus.reads_done[0] > 1);
+}
+
 /* A line that babbles is not sent on, and its devices are not good. */
 static void a_babbling_line_is_given_up(void **state)
 {
@@ -106,7 +144,9 @@ static void a_babbling_line_is_given_up(void **state)
 	assert_int_equal(bus.deaths[0], 1);
 	assert_true(bus.died_ns[0] - began < 2 * SECOND);
 	assert_true(bus.sent_count <= 2);
+	assert_int_equal(bus.line.counters.stuck_s, 3);
 	run_for(10 * SECOND);
+	assert_in_range(bus.line.counters.stuck_s, 3, 4);
 	assert_true(bus.devices[0].alive);
 }
 
@@ -121,6 +161,7 @@ static void an_echo_is_not_a_confirmation(void **state)
 	assert_int_equal(bus.deaths[0], 0);
 	assert_true(bus.reads_done[0] > 10);
 	assert_int_equal(bus.devices[0].counters.errors, 0);
+	assert_in_range(bus.line.counters.echoes, bus.sent_count - 1, bus.sent_count);
 	command(0, MODBUS_WRITE_REGISTER, 3, 900, 1);
 	run_for(200 * MS);
 	assert_int_equal(bus.last_result, MODBUS_DONE);
@@ -158,6 +199,21 @@ static void one_lost_echo_does_not_make_the_next_a_confirmation(void **state)
 	run_for(SECOND);
 	assert_int_equal(bus.commands_done, 1);
 	assert_int_equal(bus.last_result, MODBUS_TIMED_OUT);
+}
+
+static void a_broadcasts_echo_is_one(void **state)
+{
+	(void)state;
+	start_simple(0);
+	add_device(MODBUS_BROADCAST, 0);
+	bus.echoing = true;
+	run_for(SECOND);
+	forget_trace();
+	command(1, MODBUS_WRITE_REGISTER, 6, 4321, 9);
+	run_for(SECOND);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
+	assert_in_range(bus.line.counters.echoes, bus.sent_count - 1, bus.sent_count);
+	assert_int_equal(bus.line.counters.unasked_frames, 0);
 }
 
 /* The request 17 1 3 0 0 24 looks like the answer with the three data bytes 0, 0, 24. */
@@ -199,12 +255,15 @@ int main(void)
 	    cmocka_unit_test(another_units_answer_is_not_taken),
 	    cmocka_unit_test(another_functions_answer_is_not_taken),
 	    cmocka_unit_test(another_lengths_answer_is_not_taken),
+	    cmocka_unit_test(another_writes_confirmation_is_not_taken),
 	    cmocka_unit_test(noise_before_an_answer_does_not_hide_it),
 	    cmocka_unit_test(a_strangers_frame_does_not_hide_the_answer),
 	    cmocka_unit_test(noise_between_frames_delays_the_next_request),
+	    cmocka_unit_test(a_frame_that_nobody_asked_for_is_counted_as_such),
 	    cmocka_unit_test(a_babbling_line_is_given_up),
 	    cmocka_unit_test(an_echo_is_not_a_confirmation),
 	    cmocka_unit_test(one_lost_echo_does_not_make_the_next_a_confirmation),
+	    cmocka_unit_test(a_broadcasts_echo_is_one),
 	    cmocka_unit_test(an_echo_is_not_a_value),
 	    cmocka_unit_test(a_value_is_not_an_echo),
 	};

@@ -56,6 +56,28 @@ static void a_busy_device_is_not_split(void **state)
 	assert_true(bus.reads_done[0] > 10);
 }
 
+/* Of all others one object may be to blame, also of those that the standard does not know. */
+static void only_exceptions_of_the_moment_leave_a_read_whole(void **state)
+{
+	static const uint8_t of_the_moment[] = {5, 6, 10, 11};
+	size_t next = 0;
+
+	(void)state;
+	for (unsigned exception = 1; exception <= 255; exception++) {
+		bool momentary = next < sizeof(of_the_moment) && of_the_moment[next] == exception;
+
+		next += momentary;
+		start_simple(0);
+		bus.slaves[0].exception = (uint8_t)exception;
+		run_for(4 * SECOND);
+		assert_int_equal(modbus_is_of_the_moment((uint8_t)exception), momentary);
+		assert_int_equal(bus.devices[0].read_count, momentary ? 1 : 8);
+		assert_int_equal(bus.refused_addresses[0], 0xFF);
+		assert_int_equal(bus.last_exception, exception);
+		assert_true(bus.devices[0].alive);
+	}
+}
+
 /* What a busy device holds is old; what it then says it does not have is wrong. */
 static void a_refusal_for_another_reason_is_told(void **state)
 {
@@ -129,6 +151,7 @@ int main(void)
 	    cmocka_unit_test(a_refused_read_is_halved_down_to_the_object),
 	    cmocka_unit_test(all_objects_refused_leaves_a_living_device),
 	    cmocka_unit_test(a_busy_device_is_not_split),
+	    cmocka_unit_test(only_exceptions_of_the_moment_leave_a_read_whole),
 	    cmocka_unit_test(a_refusal_for_another_reason_is_told),
 	    cmocka_unit_test(a_device_that_was_gone_is_planned_anew),
 	    cmocka_unit_test(one_lost_answer_does_not_split_a_read),

@@ -89,15 +89,29 @@ static void postpone_end(struct commands *commands, struct commands_progress *pr
 	progress->due_ns = now_ns + progress->backoff_ns;
 }
 
-static void begin_read_back(struct commands *commands, struct commands_progress *progress, int64_t now_ns)
+static void begin_read_back(struct commands_progress *progress, int64_t now_ns)
 {
-	if (unit_of(commands, progress->point) == MODBUS_BROADCAST) {
-		finish(commands, progress, MAP_RESULT_DONE, 0);
-		return;
-	}
 	progress->phase = COMMANDS_READ_BACK;
-	progress->unseen = true;
 	progress->due_ns = now_ns + COMMANDS_READ_BACK_NS;
+}
+
+/* Nobody waits for the read: the command has ended, and the point takes the next one. */
+static void leave_to_polling(struct commands *commands, struct commands_progress *progress, int64_t now_ns)
+{
+	progress->phase = COMMANDS_READ_LATER;
+	progress->due_ns = now_ns + COMMANDS_READ_LATER_NS;
+	map_command_finish(commands->map, progress->point, MAP_RESULT_DONE, 0);
+}
+
+static void await_return(struct commands *commands, struct commands_progress *progress, int64_t now_ns)
+{
+	progress->unseen = true;
+	if (unit_of(commands, progress->point) == MODBUS_BROADCAST)
+		finish(commands, progress, MAP_RESULT_DONE, 0);
+	else if (point_of(commands, progress->point)->flags & MAP_POINT_NO_READ_BACK)
+		leave_to_polling(commands, progress, now_ns);
+	else
+		begin_read_back(progress, now_ns);
 }
 
 /* ---- writes ------------------------------------------------------------------------------ */
@@ -136,13 +150,13 @@ static void all_written(struct commands *commands, struct commands_progress *pro
 		map_command_confirm(commands->map, progress->point);
 	} else if (progress->phase == COMMANDS_WRITING) {
 		map_command_confirm(commands->map, progress->point);
-		begin_read_back(commands, progress, now_ns);
+		await_return(commands, progress, now_ns);
 	} else {
 		map_pulse_set_end(commands->map, progress->point, 0);
 		if (progress->reported)
 			remove_progress(commands, progress);
 		else
-			begin_read_back(commands, progress, now_ns);
+			await_return(commands, progress, now_ns);
 	}
 }
 
@@ -190,23 +204,30 @@ static enum map_cause cause_of(const struct commands *commands, const struct map
 	return requester.kind == MAP_MODULE_RTUCTL ? MAP_RETURN_LOCAL : MAP_RETURN_REMOTE;
 }
 
+/* In the place of the one before, if that is still to be seen. */
+static void keep(struct commands *commands, const struct commands_progress *begun)
+{
+	struct commands_progress *before = find(commands, begun->point);
+
+	*(before ? before : &commands->progress[commands->count++]) = *begun;
+}
+
 static void begin(struct commands *commands, const struct map_request *request)
 {
-	struct commands_progress *progress = &commands->progress[commands->count];
+	struct commands_progress begun = {.point = request->point,
+					  .phase = COMMANDS_WRITING,
+					  .cause = cause_of(commands, request),
+					  .pulse_ms = request->pulse_ms};
 	struct map_sample last = {.quality = MAP_INVALID};
 	enum map_command_result result;
 
-	*progress = (struct commands_progress){.point = request->point,
-					       .phase = COMMANDS_WRITING,
-					       .cause = cause_of(commands, request),
-					       .pulse_ms = request->pulse_ms};
 	map_read(commands->map, request->point, &last);
 	result = operation_begin(point_of(commands, request->point), unit_of(commands, request->point),
-				 request, &last, &progress->operation);
-	if (result == MAP_RESULT_NONE && !write_next(commands, progress, request->deadline_ns))
+				 request, &last, &begun.operation);
+	if (result == MAP_RESULT_NONE && !write_next(commands, &begun, request->deadline_ns))
 		result = MAP_RESULT_TIMEOUT;
 	if (result == MAP_RESULT_NONE)
-		commands->count++;
+		keep(commands, &begun);
 	else
 		map_command_finish(commands->map, request->point, result, 0);
 }
@@ -273,6 +294,13 @@ void commands_published(struct commands *commands, uint32_t point)
 	progress->unseen = false;
 	if (progress->phase == COMMANDS_READ_BACK)
 		finish(commands, progress, MAP_RESULT_DONE, 0);
+	else if (progress->phase == COMMANDS_READ_LATER)
+		remove_progress(commands, progress);
+}
+
+static bool is_to_be_read(const struct commands_progress *progress)
+{
+	return progress->phase == COMMANDS_READ_BACK || progress->phase == COMMANDS_READ_LATER;
 }
 
 /* A device that is dead again will not be read, and one that is back takes the end of its pulses at once. */
@@ -284,7 +312,7 @@ void commands_device_changed(struct commands *commands, uint32_t device, bool al
 		if (point_of(commands, progress->point)->device != device)
 			continue;
 		if (alive ? progress->phase == COMMANDS_PULSE && progress->backoff_ns != 0
-			  : progress->phase == COMMANDS_READ_BACK)
+			  : is_to_be_read(progress))
 			progress->due_ns = now_ns;
 	}
 }
@@ -307,7 +335,7 @@ bool commands_end_pulses(struct commands *commands, int64_t now_ns)
 
 static bool is_timed(const struct commands_progress *progress)
 {
-	return progress->phase == COMMANDS_PULSE || progress->phase == COMMANDS_READ_BACK;
+	return progress->phase == COMMANDS_PULSE || is_to_be_read(progress);
 }
 
 void commands_run(struct commands *commands, int64_t now_ns)
@@ -319,6 +347,8 @@ void commands_run(struct commands *commands, int64_t now_ns)
 			continue;
 		if (progress->phase == COMMANDS_PULSE)
 			end_pulse(commands, progress, now_ns);
+		else if (progress->phase == COMMANDS_READ_LATER)
+			remove_progress(commands, progress);
 		else
 			finish(commands, progress, MAP_RESULT_DONE, 0);
 	}

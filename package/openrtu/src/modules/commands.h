@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The commands of a process' lines, each from its acceptance to its read-back: writes, confirmation, the end of
- * its pulse. A pulse's end is carried out by whoever owns the point then; it is tried until the device confirms it.
+ * The commands of a process' lines, each from its acceptance to the read that shows its effect: writes, confirmation,
+ * the end of its pulse. A pulse's end is carried out by whoever owns the point then; it is tried until the device confirms it.
  */
 #ifndef OPENRTU_MODULES_COMMANDS_H
 #define OPENRTU_MODULES_COMMANDS_H
@@ -13,12 +13,15 @@
 #define COMMANDS_HELD_MAX 16
 #define COMMANDS_READ_BACK_NS                                                                                \
 	3000000000LL /* a device that confirmed and is not read by then: done all the same */
+#define COMMANDS_READ_LATER_NS                                                                               \
+	120000000000LL /* twice the longest period; what is read behind that is no return */
 
 enum commands_phase {
 	COMMANDS_WRITING,
 	COMMANDS_PULSE,     /* until due_ns */
 	COMMANDS_ENDING,    /* its end is being written */
 	COMMANDS_READ_BACK, /* until due_ns at most */
+	COMMANDS_READ_LATER, /* ended; its return information comes with a read in its turn, until due_ns at most */
 };
 
 /* A command under way. */

@@ -205,7 +205,11 @@ static bool write_to_line(void *context, uint32_t point, const struct modbus_req
 	struct gateway *gateway = context;
 	uint32_t device = gateway->config->points[point].device;
 	struct port *port = port_of_line(gateway, gateway->config->devices[device].line);
-	struct modbus_command command = {.tag = point, .deadline_ns = deadline_ns, .request = *request};
+	struct modbus_command command = {.tag = point,
+					 .deadline_ns = deadline_ns,
+					 .no_read_back =
+					     gateway->config->points[point].flags & MAP_POINT_NO_READ_BACK,
+					 .request = *request};
 
 	if (port == NULL)
 		return false;
@@ -416,9 +420,15 @@ static void show_counters(struct port *port)
 	show(&stats->exceptions, counters->exceptions);
 	show(&stats->timeouts, counters->timeouts);
 	show(&stats->crc_errors, counters->crc_errors);
+	show(&stats->wrong_units, counters->wrong_units);
+	show(&stats->wrong_functions, counters->wrong_functions);
+	show(&stats->wrong_lengths, counters->wrong_lengths);
 	show(&stats->wrong_answers, counters->wrong_answers);
 	show(&stats->late_answers, counters->late_answers);
+	show(&stats->unasked_frames, counters->unasked_frames);
+	show(&stats->echoes, counters->echoes);
 	show(&stats->noise_bytes, counters->noise_bytes);
+	show(&stats->stuck_s, counters->stuck_s);
 	show(&stats->commands, counters->commands);
 	show(&stats->scan_us, counters->scan_us);
 	show(&stats->open, port->fd >= 0);

@@ -188,6 +188,54 @@ static void test_without_read_back_it_ends_all_the_same(void **state)
 	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 }
 
+static void leave_to_polling(void **state, uint32_t point)
+{
+	struct stage *stage = *state;
+
+	stage->rtud->config.points[point].flags |= MAP_POINT_NO_READ_BACK;
+}
+
+static void command_register(int32_t value)
+{
+	command(REGISTER, value, 0);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	device_answers(REGISTER, MODBUS_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_DONE);
+	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+}
+
+static void test_the_confirmation_ends_what_is_not_to_be_read_back(void **state)
+{
+	leave_to_polling(state, REGISTER);
+	command_register(7);
+	read_back(REGISTER); /* by a read in its turn */
+	assert_int_equal(commands.count, 0);
+	expect_no_answer();
+	command_register(8);
+	command_register(9); /* before anything was read */
+	assert_int_equal(commands.count, 1);
+	read_back(REGISTER);
+	assert_int_equal(commands.count, 0);
+	assert_true(commands_deadline(&commands) == INT64_MAX);
+}
+
+static void test_what_is_read_much_later_is_no_return(void **state)
+{
+	leave_to_polling(state, REGISTER);
+	command_register(7);
+	pass(COMMANDS_READ_LATER_NS - 1);
+	assert_int_equal(commands_cause(&commands, REGISTER), MAP_RETURN_REMOTE);
+	pass(1);
+	assert_int_equal(commands_cause(&commands, REGISTER), MAP_SPONTANEOUS);
+	assert_int_equal(commands.count, 0);
+	command_register(8);
+	commands_device_changed(&commands, 0, false, now);
+	pass(0);
+	assert_int_equal(commands_cause(&commands, REGISTER), MAP_SPONTANEOUS);
+	assert_int_equal(commands.count, 0);
+	expect_no_answer();
+}
+
 static void test_refusals(void **state)
 {
 	static const enum map_command_result results[] = {[MODBUS_REFUSED] = MAP_RESULT_EXCEPTION,
@@ -263,6 +311,22 @@ static void test_a_pulse_ends(void **state)
 	expect_no_answer();
 	read_back(COIL);
 	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+}
+
+static void test_a_pulse_that_is_not_read_back_ends_with_its_last_write(void **state)
+{
+	leave_to_polling(state, COIL);
+	begin_pulse(500);
+	device_answers(COIL, MODBUS_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_DONE);
+	read_back(COIL);
+	pass(500 * MS);
+	expect_write(COIL, 1, 0);
+	expect_no_answer();
+	device_answers(COIL, MODBUS_DONE);
+	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+	read_back(COIL);
+	assert_int_equal(commands.count, 0);
 }
 
 static void test_a_pulse_is_ended_until_the_device_confirms(void **state)
@@ -386,9 +450,12 @@ int main(void)
 	    TEST_COMMANDS(test_confirmation_read_back_end),
 	    TEST_COMMANDS(test_the_next_command_waits_for_the_read_back),
 	    TEST_COMMANDS(test_without_read_back_it_ends_all_the_same),
+	    TEST_COMMANDS(test_the_confirmation_ends_what_is_not_to_be_read_back),
+	    TEST_COMMANDS(test_what_is_read_much_later_is_no_return),
 	    TEST_COMMANDS(test_refusals),
 	    TEST_COMMANDS(test_the_second_write_waits_for_the_first),
 	    TEST_COMMANDS(test_a_pulse_ends),
+	    TEST_COMMANDS(test_a_pulse_that_is_not_read_back_ends_with_its_last_write),
 	    TEST_COMMANDS(test_a_pulse_is_ended_until_the_device_confirms),
 	    TEST_COMMANDS(test_pulses_are_ended_early_when_the_process_stops),
 	    TEST_COMMANDS(test_a_pulse_that_may_have_begun_is_ended),

@@ -238,14 +238,25 @@ static const struct listing_column line_columns[] = {
     {"scan_ms", "SCAN MS", LISTING_RIGHT},
     {"requests", "REQUESTS", LISTING_RIGHT},
     {"answers", "ANSWERS", LISTING_RIGHT},
+    {"commands", "COMMANDS", LISTING_RIGHT},
+    {"port_errors", "PORT ERR", LISTING_RIGHT},
+};
+
+/* docs/faults.md says of each what it shows. */
+static const struct listing_column fault_columns[] = {
+    {"port", "PORT", LISTING_RIGHT},
     {"exceptions", "EXCEPT", LISTING_RIGHT},
     {"timeouts", "TIME-OUTS", LISTING_RIGHT},
     {"crc_errors", "CRC", LISTING_RIGHT},
-    {"wrong_answers", "WRONG", LISTING_RIGHT},
     {"late_answers", "LATE", LISTING_RIGHT},
+    {"wrong_units", "UNIT", LISTING_RIGHT},
+    {"wrong_functions", "FUNCTION", LISTING_RIGHT},
+    {"wrong_lengths", "LENGTH", LISTING_RIGHT},
+    {"wrong_answers", "WRONG", LISTING_RIGHT},
+    {"unasked_frames", "UNASKED", LISTING_RIGHT},
+    {"echoes", "ECHO", LISTING_RIGHT},
     {"noise_bytes", "NOISE", LISTING_RIGHT},
-    {"commands", "COMMANDS", LISTING_RIGHT},
-    {"port_errors", "PORT ERR", LISTING_RIGHT},
+    {"stuck_s", "STUCK S", LISTING_RIGHT},
 };
 
 static const struct listing_column device_columns[] = {
@@ -333,13 +344,29 @@ static json_t *line_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));
 	json_object_set_new(row, "timeouts", json_integer(stats->timeouts));
 	json_object_set_new(row, "crc_errors", json_integer(stats->crc_errors));
-	json_object_set_new(row, "wrong_answers", json_integer(stats->wrong_answers));
 	json_object_set_new(row, "late_answers", json_integer(stats->late_answers));
+	json_object_set_new(row, "wrong_units", json_integer(stats->wrong_units));
+	json_object_set_new(row, "wrong_functions", json_integer(stats->wrong_functions));
+	json_object_set_new(row, "wrong_lengths", json_integer(stats->wrong_lengths));
+	json_object_set_new(row, "wrong_answers", json_integer(stats->wrong_answers));
+	json_object_set_new(row, "unasked_frames", json_integer(stats->unasked_frames));
+	json_object_set_new(row, "echoes", json_integer(stats->echoes));
 	json_object_set_new(row, "noise_bytes", json_integer(stats->noise_bytes));
+	json_object_set_new(row, "stuck_s", json_integer(stats->stuck_s));
 	json_object_set_new(row, "commands", json_integer(stats->commands));
 	json_object_set_new(row, "port_errors", json_integer(stats->port_errors));
 	json_object_set_new(row, "devices", line_devices(map, line));
 	return row;
+}
+
+static void list_lines(const struct map *map, const struct listing_column *columns, size_t count, bool json)
+{
+	struct listing listing;
+
+	listing_begin(&listing, columns, count, json);
+	for (uint32_t i = 0; i < map_serial_lines(map_config(map)); i++)
+		listing_add(&listing, line_row(map, i));
+	listing_end(&listing);
 }
 
 static void list_devices(const struct map *map)
@@ -354,17 +381,14 @@ static void list_devices(const struct map *map)
 
 int rtuctl_lines(struct map *map, const struct rtuctl_request *request)
 {
-	struct listing listing;
-
 	if (request->histogram)
 		return rtuctl_histogram(map, request);
 	if (request->suggest)
 		return rtuctl_suggest(map, request);
-	listing_begin(&listing, line_columns, COUNT(line_columns), request->json);
-	for (uint32_t i = 0; i < map_serial_lines(map_config(map)); i++)
-		listing_add(&listing, line_row(map, i));
-	listing_end(&listing);
+	list_lines(map, line_columns, COUNT(line_columns), request->json);
 	if (!request->json) {
+		putchar('\n');
+		list_lines(map, fault_columns, COUNT(fault_columns), false);
 		putchar('\n');
 		list_devices(map);
 		putchar('\n');

@@ -263,9 +263,15 @@ static void test_lines(void **state)
 
 	(void)state;
 	map_line_stats(owner, 0)->requests = 17;
+	map_line_stats(owner, 0)->wrong_lengths = 5;
+	map_line_stats(owner, 0)->echoes = 6;
 	map_device_stats(owner, 0)->timeouts = 4;
 	assert_int_equal(RUN("lines"), 0);
 	assert_contains("   3  ttyS3   19200 8N2  no          0        17");
+	assert_contains(
+	    "PORT  EXCEPT  TIME-OUTS  CRC  LATE  UNIT  FUNCTION  LENGTH  WRONG  UNASKED  ECHO  NOISE  "
+	    "STUCK S\n   3       0          0    0     0     0         0       5      0        0     6"
+	    "      0        0\n");
 	assert_contains("   3  67  Pump         3067");
 	assert_int_equal(RUN("lines", "--json"), 0);
 	json = parse_output();

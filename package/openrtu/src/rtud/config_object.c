@@ -66,6 +66,7 @@ enum {
 	OBJECT_SUBSTITUTED_BY,
 	OBJECT_NOT_TOPICAL_BY,
 	OBJECT_PERIOD,
+	OBJECT_READ_BACK,
 	OBJECT_KEYS
 };
 static const struct config_rule object_rules[OBJECT_KEYS] = {
@@ -97,6 +98,7 @@ static const struct config_rule object_rules[OBJECT_KEYS] = {
     [OBJECT_SUBSTITUTED_BY] = {"substituted_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [OBJECT_NOT_TOPICAL_BY] = {"not_topical_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [OBJECT_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
+    [OBJECT_READ_BACK] = {"read_back", CONFIG_BOOLEAN},
 };
 const char *const config_status_keys[MAP_STATUS_BITS] = {
     [MAP_BLOCKED_BY] = "blocked_by",
@@ -129,8 +131,8 @@ static const unsigned object_key_types[OBJECT_KEYS] = {
 };
 /* Of commands: they mean nothing where nothing can be commanded. */
 static const bool is_command_key[OBJECT_KEYS] = {
-    [OBJECT_SELECT] = true, [OBJECT_SHORT_PULSE] = true, [OBJECT_LONG_PULSE] = true,
-    [OBJECT_STEP] = true,   [OBJECT_MIN] = true,         [OBJECT_MAX] = true,
+    [OBJECT_SELECT] = true, [OBJECT_SHORT_PULSE] = true, [OBJECT_LONG_PULSE] = true, [OBJECT_STEP] = true,
+    [OBJECT_MIN] = true,    [OBJECT_MAX] = true,         [OBJECT_READ_BACK] = true,
 };
 
 static bool is_bit_table(enum map_table table)
@@ -372,6 +374,9 @@ static void read_object(struct config_loader *loader, const struct config_place 
 	entry.point.device = (uint16_t)(loader->config->device_count - 1);
 	if (!values[OBJECT_PERIOD].given)
 		entry.point.scan_period_ms = entry.period_ms;
+	if (config_is_writable(table) &&
+	    !(values[OBJECT_READ_BACK].given ? values[OBJECT_READ_BACK].integer : entry.read_back))
+		entry.point.flags |= MAP_POINT_NO_READ_BACK;
 	name_point(loader, &entry, &values[OBJECT_NAME]);
 	for (unsigned i = 0; i < MAP_STATUS_BITS; i++)
 		entry.status[i] =

@@ -24,6 +24,7 @@ struct config_entry {
 	uint32_t port, slave, object;
 	char name[MAP_NAME_SIZE];
 	uint16_t period_ms;                  /* the slave's, for objects without one */
+	bool read_back;                      /* the same */
 	bool named;                          /* by the file */
 	const char *status[MAP_STATUS_BITS]; /* names of status bits, NULL: none; the file's */
 };

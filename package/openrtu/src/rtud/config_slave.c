@@ -26,6 +26,7 @@ enum {
 	SLAVE_MAX_BITS,
 	SLAVE_MAX_REGISTERS,
 	SLAVE_HOLES,
+	SLAVE_READ_BACK,
 	SLAVE_KEYS
 };
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
@@ -44,6 +45,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_MAX_REGISTERS] = {"max_registers", CONFIG_INTEGER, .low = 1, .high = READ_REGISTERS_MAX,
 			     .fallback = READ_REGISTERS_MAX},
     [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .fallback = true},
+    [SLAVE_READ_BACK] = {"read_back", CONFIG_BOOLEAN, .fallback = true},
 };
 
 static void check_broadcast(struct config_loader *loader, const struct config_place *slave,
@@ -142,6 +144,7 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 	}
 	add_device(loader, values);
 	entry.period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
+	entry.read_back = values[SLAVE_READ_BACK].integer;
 	device = &loader->config->devices[loader->config->device_count - 1];
 	for (size_t table = 0; table < CONFIG_TABLES; table++)
 		config_read_objects(loader, place, values[table].json, (enum map_table)table, entry);

@@ -309,6 +309,20 @@ static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 	config_free(&config);
 }
 
+static void test_an_object_is_read_back_as_it_says_or_its_slave(void **state)
+{
+	static const bool read_back[] = {true, false, false, true, true};
+	struct map_config config = load("{'port': [" LINE(
+	    "3", "{'id': 1, 'coils': [{'address': 0}, {'address': 1, 'read_back': false}]},"
+		 "{'id': 2, 'read_back': false, 'coils': [{'address': 0}, {'address': 1, 'read_back': true}],"
+		 " 'input_registers': [{'address': 0}]}") "]}");
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(read_back) / sizeof(read_back[0]); i++)
+		assert_int_equal(!(config.points[i].flags & MAP_POINT_NO_READ_BACK), read_back[i]);
+	config_free(&config);
+}
+
 /* Behind all others, on a line that is none. */
 static void test_own_station(void **state)
 {
@@ -421,6 +435,7 @@ int main(void)
 	    cmocka_unit_test(test_status_bits),
 	    cmocka_unit_test(test_an_object_has_its_own_period_or_its_slaves),
 	    cmocka_unit_test(test_a_slave_has_its_limits_or_the_protocols),
+	    cmocka_unit_test(test_an_object_is_read_back_as_it_says_or_its_slave),
 	    cmocka_unit_test(test_own_station),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),
