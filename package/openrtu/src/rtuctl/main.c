@@ -47,7 +47,7 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
-    {"lines", "[--histogram]", 0, 0, TAKES_HISTOGRAM, NULL, "serial lines and their devices, with counters",
+    {"lines", "[--histogram]", 0, 0, TAKES_HISTOGRAM, NULL, "lines and their devices, with counters",
      "Counters count since the module started and wrap at 2^32.\n"
      "--histogram shows how late the lines' process woke, how long transactions took, and what that is "
      "worth.\n",
