@@ -175,6 +175,15 @@ def test_each_device_has_its_share_and_the_broadcast_none(programs: Path, tmp_pa
     ]
 
 
+def test_connection_counts_requests_and_no_characters(programs: Path, tmp_path: Path) -> None:
+    lines, rows = plan(programs, tmp_path, json.loads(EVERY_KEY.read_text()))
+    head = next(line for line in lines if line.startswith("port 8:"))
+    assert head in LIMIT_PAGE.read_text().splitlines()
+    meter = rows[-1]
+    assert (meter.unit, meter.count, meter.octets, meter.ms) == (12, 1, 12 + 11, 10.0)
+    assert "   255         4        0      2      25    10.00  every 1000 ms" in lines
+
+
 @dataclass(frozen=True)
 class Periods:
     """Periods in the report's file, and what rtud says of its line."""
@@ -364,6 +373,8 @@ SITES = [
     Site("journal", "journal", ("journal",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("port", "port[0]", ("port",)),
+    Site("tcp_connection", "port[2]", ("tcp_connection",)),
+    Site("tcp_slave", "port[2].slaves[0]", ("tcp_slave",)),
     Site("rs485", "port[0].rs485", ("rs485",)),
     Site("inactive_port", "port[1]", ("inactive_port",)),
     Site("slave", "port[0].slaves[0]", ("slave",)),
@@ -410,7 +421,11 @@ def small_file() -> dict[str, Any]:
     device: dict[str, Any] = {"id": 2} | {table: [{"address": 5}] for table in tables}
     device["discrete_inputs"].append({"address": 700})
     slaves = [{"id": 1}, device]
-    ports = [{"value": 3, "active": 1, **line, "rs485": {}, "slaves": slaves}, {"value": 5, "active": 0}]
+    ports = [
+        {"value": 3, "active": 1, **line, "rs485": {}, "slaves": slaves},
+        {"value": 5, "active": 0},
+        {"value": 9, "active": 1, "host": "192.0.2.9", "tcp_port": 503, "slaves": [{"id": 2}]},
+    ]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
     others = {
@@ -438,7 +453,12 @@ def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
 def resolved(rule: Json) -> dict[str, Any]:
     if not isinstance(rule, dict):
         return {}
-    return (SCHEMA["$defs"][rule["$ref"].rsplit("/", 1)[1]] if "$ref" in rule else {}) | rule
+    if "$ref" not in rule:
+        return rule
+    target: Any = SCHEMA
+    for step in rule["$ref"].removeprefix("#/").split("/"):
+        target = target[step]
+    return target | rule
 
 
 def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
@@ -531,8 +551,10 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "redundancy_group",
         "modbus",
         "port",
+        "tcp_connection",
         "rs485",
         "slave",
+        "tcp_slave",
         *objects,
     ):
         for key, rule in definition(name)["properties"].items():
@@ -550,7 +572,7 @@ def test_every_key_is_described(name: str, key: str, rule: dict[str, Any]) -> No
 
 def values_cell(key: str, rule: dict[str, Any]) -> str:
     """A key's values as the page's tables show them."""
-    if key == "address" and "maxLength" in rule:
+    if key in ("address", "host") and "maxLength" in rule:
         return "IP address"
     if key == "event_ring":
         return "64, 128, … 65536"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The gateway on Modbus devices of other makes: a pymodbus server on port 1, a libmodbus server on port 2."""
+"""The gateway on Modbus devices of other makes: servers of pymodbus and libmodbus, on lines and on TCP."""
 
 import contextlib
 import random
@@ -20,7 +20,10 @@ from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
 from peers.pymodbus_device import PymodbusDevice
 
-SERVERS: dict[str, type[Device]] = {"pymodbus": PymodbusDevice, "libmodbus": LibmodbusDevice}
+MAKES: dict[str, type[Device]] = {"pymodbus": PymodbusDevice, "libmodbus": LibmodbusDevice}
+SERIAL_PORTS = dict(zip(MAKES, (1, 2), strict=True))  # ttyS1 and ttyS2
+TCP_PORTS = dict(zip(MAKES, (7, 8), strict=True))
+PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES)]
 
 MISSING = FIRST_ADDRESS - 1  # configured in every table, and no address of the devices
 MISSING_POINTS = {f"{letter}{MISSING}" for letter in "cdih"}  # the names of these points behind the device's
@@ -67,11 +70,15 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
 }
 
 
-def gateway_config() -> dict[str, Any]:
-    """The same device on ports 1 and 2, which are ttyS1 and ttyS2."""
+def gateway_config(listening: dict[str, int]) -> dict[str, Any]:
+    """The same device on each port. listening: the TCP ports of 127.0.0.1, by make."""
     serial = {"active": 1, "baud_rate": BAUD_RATE, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    slave = {"id": UNIT, "response_timeout_ms": 300, **OBJECTS}
-    return {"port": [{"value": port, **serial, "slaves": [slave]} for port in (1, 2)]}
+    slaves = [{"id": UNIT, "response_timeout_ms": 300, **OBJECTS}]
+    ports = [{"value": port, **serial, "slaves": slaves} for port in SERIAL_PORTS.values()]
+    for make, port in TCP_PORTS.items():
+        host = {"host": "127.0.0.1", "tcp_port": listening[make]}
+        ports.append({"value": port, "active": 1, **host, "slaves": slaves})
+    return {"port": ports}
 
 
 @dataclass
@@ -117,30 +124,33 @@ def powered(device: Device) -> Iterator[Device]:
 
 @pytest.fixture(scope="module")
 def peers(programs: Path) -> Iterator[dict[str, Peer]]:
-    """Both devices, powered on and read, by their servers' names."""
+    """All devices, powered on and read, by their names."""
     directory = run_directory()
     (directory / "dev").mkdir()
-    config = listening_on(gateway_config(), free_port())
+    listening = {make: free_port() for make in MAKES}
+    config = listening_on(gateway_config(listening), free_port())
     with contextlib.ExitStack() as stack:
         stack.callback(remove, directory)
-        devices: dict[str, Device] = {}
-        for port, (name, make) in enumerate(SERVERS.items(), 1):
+        devices: dict[str, tuple[int, Device]] = {}
+        for name, make in MAKES.items():
             end = directory / name
-            stack.enter_context(line(directory / "dev" / f"ttyS{port}", end))
-            devices[name] = stack.enter_context(powered(make(end)))
+            stack.enter_context(line(directory / "dev" / f"ttyS{SERIAL_PORTS[name]}", end))
+            devices[name] = SERIAL_PORTS[name], stack.enter_context(powered(make(end)))
+            served = stack.enter_context(powered(make(listening[name])))
+            devices[f"{name}-tcp"] = TCP_PORTS[name], served
         gateway = stack.enter_context(Gateway(config, directory, programs))
         stack.enter_context(recorded(gateway))
         master = stack.enter_context(Master(*gateway.address))
         peers = {
             name: Peer(1000 * port + UNIT, device, gateway, master)
-            for port, (name, device) in enumerate(devices.items(), 1)
+            for name, (port, device) in devices.items()
         }
         for peer in peers.values():
             peer.wait_until_read()
         yield peers
 
 
-@pytest.fixture(params=SERVERS)
+@pytest.fixture(params=PEERS)
 def peer(peers: dict[str, Peer], request: pytest.FixtureRequest) -> Peer:
     return peers[request.param]
 
@@ -283,7 +293,7 @@ def test_command_that_the_device_refuses_is_negative(
 
 @pytest.mark.slow
 def test_device_without_power_is_invalid_until_it_has_it_again(peer: Peer, peers: dict[str, Peer]) -> None:
-    (other,) = (candidate for candidate in peers.values() if candidate is not peer)
+    others = [candidate for candidate in peers.values() if candidate is not peer]
     everything = set(peer.points())
     since = peer.master.mark()
     peer.device.set("holding_registers", 16, [1234])
@@ -292,10 +302,12 @@ def test_device_without_power_is_invalid_until_it_has_it_again(peer: Peer, peers
     try:
         peer.gateway.wait_for(lambda: peer.invalid() == everything, 5.0, "all points are invalid")
         assert {report.good for report in peer.interrogate().values()} == {False}
-        since = peer.master.mark()
-        other.device.set("holding_registers", 16, [4321])
-        assert other.wait_report(40017, 4321, since).good
-        assert other.invalid() == MISSING_POINTS
+        for other in others:
+            since = peer.master.mark()
+            other.device.set("holding_registers", 16, [4321])
+            assert other.wait_report(40017, 4321, since).good
+            other.device.set("holding_registers", 16, [0])
+            assert other.invalid() == MISSING_POINTS
     finally:
         since = peer.master.mark()
         peer.device.start()

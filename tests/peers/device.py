@@ -13,10 +13,13 @@ TABLE_SIZE = LAST_ADDRESS + 1 - FIRST_ADDRESS
 
 
 class Device(ABC):
-    """A Modbus RTU server, 115200 8N1. At power-on its tables, FIRST_ADDRESS to LAST_ADDRESS, are 0."""
+    """A Modbus server. At power-on its tables, FIRST_ADDRESS to LAST_ADDRESS, are 0.
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    On a serial device it speaks RTU, 115200 8N1; on a port of 127.0.0.1, Modbus TCP.
+    """
+
+    def __init__(self, place: Path | int) -> None:
+        self.place = place
         self.requests: list[bytes] = []  # the protocol data units that the server took, function first
 
     @abstractmethod

@@ -7,7 +7,7 @@ from collections.abc import Coroutine, Sequence
 from typing import Any
 
 from pymodbus.pdu import ModbusPDU
-from pymodbus.server import ModbusSerialServer
+from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from peers.device import BAUD_RATE, FIRST_ADDRESS, TABLE_SIZE, UNIT, Device
@@ -26,7 +26,7 @@ def _registers() -> list[SimData]:
 
 
 class PymodbusDevice(Device):
-    _server: ModbusSerialServer
+    _server: ModbusSerialServer | ModbusTcpServer
 
     def start(self) -> None:
         self._loop = asyncio.new_event_loop()
@@ -50,12 +50,14 @@ class PymodbusDevice(Device):
         self._run(self._server.async_setValues(UNIT, FUNCTION[table], address, own))
 
     async def _listen(self) -> None:
-        self._server = ModbusSerialServer(
-            SimDevice(UNIT, (_bits(), _bits(), _registers(), _registers())),
-            port=str(self.path),
-            baudrate=BAUD_RATE,
-            trace_pdu=self._trace,
-        )
+        memory = SimDevice(UNIT, (_bits(), _bits(), _registers(), _registers()))
+        if isinstance(self.place, int):
+            address = ("127.0.0.1", self.place)
+            self._server = ModbusTcpServer(memory, address=address, trace_pdu=self._trace)
+        else:
+            self._server = ModbusSerialServer(
+                memory, port=str(self.place), baudrate=BAUD_RATE, trace_pdu=self._trace
+            )
         await self._server.serve_forever(background=True)
 
     def _trace(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:

@@ -73,7 +73,7 @@ enum map_rs485 {
 	MAP_RS485_LOW,
 };
 
-/* One RS-485 line. */
+/* One RS-485 line, or one Modbus TCP connection with the units behind it. */
 struct map_line {
 	uint16_t port;    /* the file's "value": 1..6 on this board */
 	uint16_t process; /* lines with one number share one rtu-modbus process */
@@ -86,14 +86,16 @@ struct map_line {
 	uint8_t rs485;               /* enum map_rs485 */
 	uint8_t before_ms, after_ms; /* that mode's delays around a frame, 0..100 */
 	uint8_t reserved;
-	char device[MAP_PATH_SIZE];
+	uint16_t tcp_port; /* of a TCP connection, which has nothing of a serial line; else 0 */
+	uint16_t reserved2;
+	char device[MAP_PATH_SIZE]; /* the serial device's path; the IP address of a TCP connection */
 };
 
 /* One Modbus slave; also one IEC 104 station and one set of points. */
 struct map_device {
 	uint16_t line;
 	uint16_t ca;     /* common address: 1000 * port + unit */
-	uint8_t unit;    /* Modbus address 1..247; 0: broadcast, written and never read */
+	uint8_t unit;    /* Modbus address 1..247, 255 on TCP; 0: broadcast, written and never read */
 	uint8_t retries; /* repeated reads before the device counts as dead; writes are never repeated */
 	uint16_t response_timeout_ms;     /* end of request to first byte of the answer */
 	uint16_t max_bits, max_registers; /* that one request may read, 0: as the protocol has it */
@@ -245,6 +247,12 @@ struct map_config {
 /* A point's name: what the file gave it, or else "p1.5.i30" of port, Modbus address, table and address. */
 void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE]);
 
+static inline bool map_line_is_tcp(const struct map_line *line)
+{
+	return line->tcp_port != 0;
+}
+
+/* All lines but the one of the gateway's own station. */
 static inline uint32_t map_serial_lines(const struct map_config *config)
 {
 	return config->line_count - (config->settings.own_ca != 0);

@@ -81,7 +81,8 @@ bool modbus_line_configure(struct modbus_line *line, const struct map_config *co
 {
 	const struct map_line *from = &config->lines[number];
 
-	line->wire = modbus_wire(from->baud, modbus_bits_per_char(from));
+	line->wire =
+	    map_line_is_tcp(from) ? modbus_wire_tcp() : modbus_wire(from->baud, modbus_bits_per_char(from));
 	if (from->rs485 != MAP_RS485_NONE)
 		line->wire.turn_ns = from->before_ms * NS_PER_MS;
 	line->command_capacity = points_of_line(config, from);

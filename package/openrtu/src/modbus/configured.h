@@ -9,7 +9,7 @@
 #include "line.h"
 #include "map/config.h"
 
-/* Bits of one character: start, data, parity, stop. */
+/* Bits of one character of a serial line: start, data, parity, stop. */
 unsigned modbus_bits_per_char(const struct map_line *line);
 
 /*

@@ -3,8 +3,8 @@
 
 #define CRC_POLYNOMIAL   0xA001 /* 0x8005, bits reversed */
 #define HEAD_LENGTH      2      /* unit, function */
-#define CRC_LENGTH       2
-#define EXCEPTION_LENGTH 5
+#define EXCEPTION_BODY   3
+#define EXCEPTION_LENGTH (EXCEPTION_BODY + MODBUS_CRC_LENGTH)
 #define COIL_ON          0xFF00
 
 uint16_t modbus_crc(const uint8_t *bytes, size_t length)
@@ -21,9 +21,9 @@ uint16_t modbus_crc(const uint8_t *bytes, size_t length)
 
 bool modbus_crc_valid(const uint8_t *frame, size_t length)
 {
-	if (length < HEAD_LENGTH + CRC_LENGTH)
+	if (length < HEAD_LENGTH + MODBUS_CRC_LENGTH)
 		return false;
-	uint16_t crc = modbus_crc(frame, length - CRC_LENGTH);
+	uint16_t crc = modbus_crc(frame, length - MODBUS_CRC_LENGTH);
 	return frame[length - 2] == (crc & 0xFF) && frame[length - 1] == crc >> 8;
 }
 
@@ -40,10 +40,8 @@ bool modbus_is_read(uint8_t function)
 
 bool modbus_is_of_the_moment(uint8_t exception)
 {
-	enum { ACKNOWLEDGE = 5, BUSY = 6, NO_PATH = 10, NO_TARGET = 11 };
-
-	return exception == ACKNOWLEDGE || exception == BUSY || exception == NO_PATH ||
-	       exception == NO_TARGET;
+	return exception == MODBUS_ACKNOWLEDGE || exception == MODBUS_BUSY || exception == MODBUS_NO_PATH ||
+	       exception == MODBUS_NO_TARGET;
 }
 
 static size_t put_word(uint8_t *frame, size_t at, uint16_t word)
@@ -86,18 +84,24 @@ static size_t put_echoed(uint8_t *frame, size_t at, const struct modbus_request 
 	}
 }
 
-size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[MODBUS_FRAME_MAX])
+size_t modbus_request_body(const struct modbus_request *request, uint8_t *body)
 {
-	frame[0] = request->unit;
-	frame[1] = request->function;
-	size_t at = put_echoed(frame, HEAD_LENGTH, request);
+	body[0] = request->unit;
+	body[1] = request->function;
+	size_t at = put_echoed(body, HEAD_LENGTH, request);
 
 	if (request->function == MODBUS_WRITE_COILS)
-		at = put_coils(frame, at, request);
+		at = put_coils(body, at, request);
 	else if (request->function == MODBUS_WRITE_REGISTERS)
-		at = put_registers(frame, at, request);
+		at = put_registers(body, at, request);
+	return at;
+}
 
+size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[MODBUS_FRAME_MAX])
+{
+	size_t at = modbus_request_body(request, frame);
 	uint16_t crc = modbus_crc(frame, at);
+
 	frame[at++] = (uint8_t)(crc & 0xFF);
 	frame[at++] = (uint8_t)(crc >> 8);
 	return at;
@@ -111,8 +115,9 @@ uint16_t modbus_read_bytes(uint8_t function, uint16_t count)
 size_t modbus_answer_length(const struct modbus_request *request)
 {
 	if (modbus_is_read(request->function))
-		return HEAD_LENGTH + 1u + modbus_read_bytes(request->function, request->count) + CRC_LENGTH;
-	return HEAD_LENGTH + 4 + CRC_LENGTH;
+		return HEAD_LENGTH + 1u + modbus_read_bytes(request->function, request->count) +
+		       MODBUS_CRC_LENGTH;
+	return HEAD_LENGTH + 4 + MODBUS_CRC_LENGTH;
 }
 
 /* What stands between unit, function and the data or CRC: the byte count of a read, the echo of a write. */
@@ -124,30 +129,47 @@ static size_t expected_fields(const struct modbus_request *request, uint8_t fiel
 	return 1;
 }
 
-static enum modbus_verdict judge_crc(const uint8_t *bytes, size_t have, size_t whole,
-				     enum modbus_verdict complete)
-{
-	if (have < whole)
-		return MODBUS_INCOMPLETE;
-	return modbus_crc_valid(bytes, whole) ? complete : MODBUS_GARBLED;
-}
-
-enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, const uint8_t *bytes,
-					size_t length)
+/* Judges the first bytes of a body. *whole: how long it is when it is not another's. */
+static enum modbus_verdict judge_beginning(const struct modbus_request *request, const uint8_t *bytes,
+					   size_t length, size_t *whole)
 {
 	uint8_t fields[4];
 	size_t field_count = expected_fields(request, fields);
 
+	*whole = EXCEPTION_BODY;
 	if (length > 0 && bytes[0] != request->unit)
 		return MODBUS_NOT_ITS_OWN;
 	if (length > 1 && bytes[1] == (request->function | MODBUS_EXCEPTION_BIT))
-		return judge_crc(bytes, length, EXCEPTION_LENGTH, MODBUS_EXCEPTION);
+		return MODBUS_EXCEPTION;
 	if (length > 1 && bytes[1] != request->function)
 		return MODBUS_NOT_ITS_OWN;
 	for (size_t i = 0; i < field_count && HEAD_LENGTH + i < length; i++)
 		if (bytes[HEAD_LENGTH + i] != fields[i])
 			return MODBUS_NOT_ITS_OWN;
-	return judge_crc(bytes, length, modbus_answer_length(request), MODBUS_ANSWER);
+	*whole = modbus_answer_length(request) - MODBUS_CRC_LENGTH;
+	return MODBUS_ANSWER;
+}
+
+enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, const uint8_t *bytes,
+					size_t length)
+{
+	size_t whole;
+	enum modbus_verdict complete = judge_beginning(request, bytes, length, &whole);
+
+	if (complete == MODBUS_NOT_ITS_OWN)
+		return MODBUS_NOT_ITS_OWN;
+	if (length < whole + MODBUS_CRC_LENGTH)
+		return MODBUS_INCOMPLETE;
+	return modbus_crc_valid(bytes, whole + MODBUS_CRC_LENGTH) ? complete : MODBUS_GARBLED;
+}
+
+enum modbus_verdict modbus_body_judge(const struct modbus_request *request, const uint8_t *body,
+				      size_t length)
+{
+	size_t whole;
+	enum modbus_verdict verdict = judge_beginning(request, body, length, &whole);
+
+	return length == whole ? verdict : MODBUS_NOT_ITS_OWN;
 }
 
 size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t *bytes, size_t length)

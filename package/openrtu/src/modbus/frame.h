@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * Modbus RTU frames of the controlling station: building requests, judging answers. MODBUS Application
- * Protocol V1.1b3 (functions, exceptions) and MODBUS over Serial Line V1.02 (RTU frame, CRC).
+ * Modbus frames of the controlling station: building requests, judging answers. MODBUS Application
+ * Protocol V1.1b3 (functions, exceptions) and MODBUS over Serial Line V1.02 (RTU frame, CRC); mbap.h has what is
+ * different on TCP. A frame's body is unit and PDU, which both have.
  */
 #ifndef OPENRTU_MODBUS_FRAME_H
 #define OPENRTU_MODBUS_FRAME_H
@@ -11,11 +12,20 @@
 #include <stdint.h>
 
 #define MODBUS_FRAME_MAX     256 /* RTU frame: unit, PDU of 253, CRC */
+#define MODBUS_CRC_LENGTH    2
 #define MODBUS_BITS_MAX      2000
 #define MODBUS_REGISTERS_MAX 125
 #define MODBUS_WRITE_MAX     2 /* an object has at most two bits or registers */
 #define MODBUS_BROADCAST     0
 #define MODBUS_EXCEPTION_BIT 0x80
+
+/* MODBUS Application Protocol V1.1b3, 7: those that say nothing against what was asked. */
+enum modbus_exception_of_the_moment {
+	MODBUS_ACKNOWLEDGE = 5, /* it takes the device longer */
+	MODBUS_BUSY = 6,
+	MODBUS_NO_PATH = 10,   /* a gateway's: to the device */
+	MODBUS_NO_TARGET = 11, /* a gateway's: the device did not answer it */
+};
 
 enum modbus_function {
 	MODBUS_READ_COILS = 1,
@@ -55,22 +65,22 @@ bool modbus_is_bit_function(uint8_t function);
 bool modbus_is_read(uint8_t function);
 
 /*
- * MODBUS Application Protocol V1.1b3, 7: an exception that says nothing against what was asked, only that it cannot be had
- * now: 5 acknowledge, 6 busy, 10 and 11 of a Modbus gateway. All others are about what was asked, for which one object may be
- * to blame: 8 is a parity error of its memory; 7 and 9 are not in the standard, and what they mean is the device's own.
+ * What was asked cannot be had now. All other exceptions are about what was asked, for which one object may be to blame:
+ * 8 is a parity error of its memory; 7 and 9 are not in the standard, and what they mean is the device's own.
  */
 bool modbus_is_of_the_moment(uint8_t exception);
 
 /*
- * Writes the request's frame and returns its length. The request must be within the protocol's limits:
+ * Writes the request's body, or its RTU frame, and returns its length. The request must be within the protocol's limits:
  * count 1..MODBUS_BITS_MAX or MODBUS_REGISTERS_MAX, for writes 1..MODBUS_WRITE_MAX.
  */
+size_t modbus_request_body(const struct modbus_request *request, uint8_t *body);
 size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[MODBUS_FRAME_MAX]);
 
 /* Data bytes of the answer to a read of count bits or registers. */
 uint16_t modbus_read_bytes(uint8_t function, uint16_t count);
 
-/* Length of the positive answer's whole frame. */
+/* Length of the positive answer's whole RTU frame. */
 size_t modbus_answer_length(const struct modbus_request *request);
 
 /*
@@ -79,6 +89,10 @@ size_t modbus_answer_length(const struct modbus_request *request);
  */
 enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, const uint8_t *bytes,
 					size_t length);
+
+/* Judges a whole body: its answer, its exception, or not its own. */
+enum modbus_verdict modbus_body_judge(const struct modbus_request *request, const uint8_t *body,
+				      size_t length);
 
 /*
  * How many bytes an answer lacks at least that began with these, which were judged incomplete: until the second one is

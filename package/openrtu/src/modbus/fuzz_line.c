@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * libFuzzer on a line in virtual time: the input says what octets arrive, when, and what commands come. The line's
- * own requests can be answered with a right frame, so that the input gets behind the CRC. What must hold:
- * - frames that go out are whole, with a right CRC, and no write goes out twice;
+ * libFuzzer on a line in virtual time: the input says what octets arrive, when, and what commands come; its last octet,
+ * whether the line is serial or TCP. The line's own requests can be answered with a right frame, so that the input gets
+ * behind the CRC or the transaction. What must hold:
+ * - frames that go out are whole, with a right CRC or MBAP header, and no write goes out twice;
  * - the deadline is ahead;
  * - a read's data lie within the answer, and each command ends once.
  */
@@ -25,7 +26,8 @@ static struct modbus_command commands[COMMANDS_MAX];
 static int64_t now;
 static uint32_t ordered, ended, written; /* commands; frames of writes */
 static bool done[TAGS];
-static uint8_t request[MODBUS_FRAME_MAX]; /* the latest */
+static uint8_t request[MODBUS_FRAME_MAX]; /* the latest, from its unit on */
+static uint8_t transaction[2];            /* and, on TCP, what stands before */
 static size_t request_length;
 static unsigned sum; /* of what was read: a sanitizer sees data that is not there */
 
@@ -78,6 +80,18 @@ static const struct modbus_events events = {on_read, on_refused, on_alive, on_co
 
 /* ---- what happens ------------------------------------------------------------------------------ */
 
+static size_t prefix_length(void)
+{
+	return line.wire.tcp ? MODBUS_MBAP_PREFIX : 0;
+}
+
+static bool is_whole(const struct modbus_output *output)
+{
+	if (line.wire.tcp)
+		return modbus_mbap_length(output->frame, output->length) == output->length;
+	return modbus_crc_valid(output->frame, output->length);
+}
+
 static void poll_line(void)
 {
 	struct modbus_output output = modbus_line_poll(&line, now);
@@ -85,23 +99,46 @@ static void poll_line(void)
 	CHECK(output.deadline_ns > now);
 	if (output.length == 0)
 		return;
-	CHECK(output.length <= MODBUS_FRAME_MAX && modbus_crc_valid(output.frame, output.length));
-	if (!modbus_is_read(output.frame[1]))
+	CHECK(output.length <= MODBUS_FRAME_MAX && is_whole(&output));
+	request_length = output.length - prefix_length();
+	memcpy(request, output.frame + prefix_length(), request_length);
+	memcpy(transaction, output.frame, sizeof(transaction));
+	if (!modbus_is_read(request[1]))
 		CHECK(++written <= ordered);
-	memcpy(request, output.frame, output.length);
-	request_length = output.length;
+}
+
+static void lose_port(void)
+{
+	modbus_line_close(&line, now);
+	CHECK(ended == ordered);
+	request_length = 0;
+	now += MS;
+	modbus_line_open(&line, now);
+	poll_line();
 }
 
 static void receive(const uint8_t *octets, size_t length)
 {
-	modbus_line_receive(&line, octets, length, now);
+	if (!modbus_line_receive(&line, octets, length, now)) {
+		CHECK(line.wire.tcp);
+		lose_port();
+	}
 	poll_line();
 }
 
+/* Lets the octets of a body arrive as a sound frame. */
 static void seal_and_receive(uint8_t *frame, size_t length)
 {
 	uint16_t crc = modbus_crc(frame, length);
+	const uint8_t head[] = {transaction[0],         transaction[1],          0, 0,
+				(uint8_t)(length >> 8), (uint8_t)(length & 0xFF)};
 
+	if (line.wire.tcp) {
+		memmove(frame + sizeof(head), frame, length);
+		memcpy(frame, head, sizeof(head));
+		receive(frame, sizeof(head) + length);
+		return;
+	}
 	frame[length] = (uint8_t)crc;
 	frame[length + 1] = (uint8_t)(crc >> 8);
 	receive(frame, length + 2);
@@ -109,7 +146,7 @@ static void seal_and_receive(uint8_t *frame, size_t length)
 
 static void receive_anything(bool sealed)
 {
-	uint8_t octets[256 + 2];
+	uint8_t octets[256 + MODBUS_MBAP_PREFIX];
 	size_t length = 1u + next_octet();
 
 	for (size_t i = 0; i < length; i++)
@@ -178,16 +215,6 @@ static void command(uint8_t argument)
 	poll_line();
 }
 
-static void lose_port(void)
-{
-	modbus_line_close(&line, now);
-	CHECK(ended == ordered);
-	request_length = 0;
-	now += MS;
-	modbus_line_open(&line, now);
-	poll_line();
-}
-
 static void step(void)
 {
 	uint8_t octet = next_octet(), argument = octet >> 3;
@@ -217,7 +244,7 @@ static void step(void)
 	}
 }
 
-static void begin(void)
+static void begin(bool tcp)
 {
 	static const uint8_t functions[] = {1, 2, 3, 4};
 
@@ -242,7 +269,7 @@ static void begin(void)
 				    .device_count = DEVICES,
 				    .commands = commands,
 				    .command_capacity = COMMANDS_MAX,
-				    .wire = modbus_wire(19200, 11)};
+				    .wire = tcp ? modbus_wire_tcp() : modbus_wire(19200, 11)};
 	modbus_line_init(&line);
 	modbus_line_open(&line, now);
 }
@@ -250,7 +277,7 @@ static void begin(void)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	input = (struct input){.at = data, .end = data + size};
-	begin();
+	begin(size > 0 && data[size - 1] & 1);
 	poll_line();
 	while (input.at < input.end)
 		step();

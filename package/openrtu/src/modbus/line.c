@@ -97,17 +97,16 @@ static bool is_echo_of_broadcast(const struct modbus_line *line)
 	       memcmp(line->received, line->frame, line->frame_length) == 0;
 }
 
-/* What is wrong with a sound frame when an answer is awaited. */
-static void count_wrong_answer(struct modbus_line *line, const uint8_t *frame)
+void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length)
 {
 	struct modbus_line_counters *counters = &line->counters;
 
-	if (frame[0] != line->request.unit)
+	if (body[0] != line->request.unit)
 		counters->wrong_units++;
-	else if ((frame[1] & (uint8_t)~MODBUS_EXCEPTION_BIT) != line->request.function)
+	else if ((body[1] & (uint8_t)~MODBUS_EXCEPTION_BIT) != line->request.function)
 		counters->wrong_functions++;
 	else if (modbus_is_read(line->request.function) ||
-		 line->strays != modbus_answer_length(&line->request))
+		 length != modbus_answer_length(&line->request) - MODBUS_CRC_LENGTH)
 		counters->wrong_lengths++;
 	else
 		counters->wrong_answers++;
@@ -124,7 +123,7 @@ static void remove_strays(struct modbus_line *line)
 	else if (is_late_answer(line, line->received))
 		line->counters.late_answers++;
 	else if (line->state == MODBUS_WAITING)
-		count_wrong_answer(line, line->received);
+		modbus_count_wrong_answer(line, line->received, line->strays - MODBUS_CRC_LENGTH);
 	else
 		line->counters.unasked_frames++;
 	line->received_count -= line->strays;
@@ -134,10 +133,18 @@ static void remove_strays(struct modbus_line *line)
 
 /* ---- transactions ------------------------------------------------------------------------------------ */
 
+static size_t build_frame(struct modbus_line *line)
+{
+	if (!line->wire.tcp)
+		return modbus_request_frame(&line->request, line->frame);
+	line->overdue <<= 1;
+	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
+}
+
 size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
-	size_t length = modbus_request_frame(&line->request, line->frame);
+	size_t length = build_frame(line);
 	bool broadcast = line->request.unit == MODBUS_BROADCAST;
 
 	line->purpose = purpose;
@@ -216,13 +223,21 @@ static void count_answer(struct modbus_line *line, bool exception)
 	device->exceptions += exception;
 }
 
-/* frame: the answer, of which everything before the CRC has been checked against the request. */
-static void request_answered(struct modbus_line *line, const uint8_t *frame, bool is_exception,
-			     int64_t now_ns)
+/* A gateway's word that it does not reach the device: it comes instead of the device's own. */
+static bool is_unreachable(const struct modbus_line *line, uint8_t exception)
+{
+	return line->wire.tcp && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
+}
+
+void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
-	uint8_t exception = is_exception ? frame[2] : 0;
+	uint8_t exception = is_exception ? body[2] : 0;
+	bool unreachable = is_unreachable(line, exception);
 
+	end(line,
+	    later(later(now_ns, line->sent_ns) + line->wire.silence_ns, begun_ns(line) + line->wire.least_ns),
+	    now_ns);
 	count_answer(line, is_exception);
 	modbus_latency_add(&device->latency, device->counters.latency_us);
 	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
@@ -232,18 +247,30 @@ static void request_answered(struct modbus_line *line, const uint8_t *frame, boo
 
 	if (line->purpose == MODBUS_COMMAND)
 		end_command(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception);
-	else if (line->purpose == MODBUS_SCAN && is_exception)
+	else if (line->purpose == MODBUS_SCAN && !is_exception)
+		read_answered(line, body + 3, now_ns);
+	else if (line->purpose == MODBUS_SCAN && !unreachable)
 		read_refused(line, exception, now_ns);
-	else if (line->purpose == MODBUS_SCAN)
-		read_answered(line, frame + 3, now_ns);
-	modbus_device_answered(line, line->device, now_ns);
+	if (unreachable)
+		modbus_device_silent(line, line->device, now_ns);
+	else
+		modbus_device_answered(line, line->device, now_ns);
+}
+
+/* Its answer may still come. On TCP it cannot be mistaken. */
+static void remember_unanswered(struct modbus_line *line)
+{
+	if (line->wire.tcp)
+		line->overdue |= 1;
+	else
+		modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
 }
 
 static void request_unanswered(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
 
-	modbus_add_unanswered(device, &line->request, line->sent_ns);
+	remember_unanswered(line);
 	end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
 	if (line->purpose == MODBUS_COMMAND)
 		end_command(line, MODBUS_TIMED_OUT, 0);
@@ -316,8 +343,7 @@ static bool take_answer(struct modbus_line *line, int64_t now_ns)
 				remove_strays(line);
 			line->received_count -= length;
 			memmove(line->received, line->received + length, line->received_count);
-			end(line, later(now_ns, line->sent_ns) + line->wire.silence_ns, now_ns);
-			request_answered(line, frame, is_exception, now_ns);
+			modbus_request_answered(line, frame, is_exception, now_ns);
 			return true;
 		}
 		line->garbled |= verdict == MODBUS_GARBLED;
@@ -399,18 +425,19 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		line->devices[i].backoff_ns = 0;
 		line->devices[i].next_probe_ns = now_ns;
-		line->devices[i].inherited = modbus_is_readable(&line->devices[i]);
+		line->devices[i].inherited = !line->wire.tcp && modbus_is_readable(&line->devices[i]);
 		line->devices[i].trust_ns =
 		    later(line->devices[i].trust_ns,
 			  now_ns + line->devices[i].response_timeout_ns + MODBUS_LATE_NS);
 	}
-	line->received_count = 0;
+	line->received_count = line->stream_count = 0;
+	line->overdue = 0;
 	line->last_byte_ns = now_ns - MODBUS_GAP_NS;
 	line->turn = line->probe_turn = 0;
 	line->probed_in_vain = line->scan_begun = false;
 	line->commands_in_row = line->due_in_row = 0;
-	/* Whatever was under way when the port was opened must have ended. */
-	end(line, now_ns + MODBUS_GAP_NS, now_ns);
+	/* Whatever was under way when the serial port was opened must have ended. */
+	end(line, line->wire.tcp ? now_ns : now_ns + MODBUS_GAP_NS, now_ns);
 }
 
 void modbus_line_close(struct modbus_line *line, int64_t now_ns)
@@ -419,7 +446,7 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 			  line->state == MODBUS_TURNAROUND;
 
 	if (line->state == MODBUS_WAITING)
-		modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
+		remember_unanswered(line);
 	line->state = MODBUS_CLOSED;
 	if (commanding)
 		end_command(line, MODBUS_TIMED_OUT, 0);
@@ -471,17 +498,20 @@ static size_t missing(const struct modbus_line *line)
 	return modbus_answer_missing(&line->request, line->received + line->strays, begun);
 }
 
-void modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
+bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
 {
 	if (line->state == MODBUS_CLOSED || length == 0)
-		return;
+		return true;
 	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_SCAN &&
 	    now_ns >= last_moment(line) + MODBUS_LATE_NS)
 		timed_out(line, now_ns);
+	if (line->wire.tcp)
+		return modbus_stream_receive(line, bytes, length, now_ns);
 	line->last_byte_ns = now_ns;
 	for (size_t i = 0; i < length; i++)
 		receive_byte(line, bytes[i], now_ns);
 	line->listen_ns = now_ns + (int64_t)missing(line) * line->wire.char_ns;
+	return true;
 }
 
 static size_t leave_idle(struct modbus_line *line, int64_t now_ns)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * One RS-485 line: who is asked what, and when. Bytes and time come in, frames and results go out;
+ * One line, serial or a TCP connection: who is asked what, and when. Bytes and time come in, frames and results go out;
  * there is no clock, no port and no allocation in here.
  *
  * Late answers. A Modbus RTU answer does not say which request it answers: after a time-out, the answer
@@ -15,6 +15,11 @@
  * begins less than MODBUS_LATE_NS after its time-out never becomes another register's value or another
  * command's confirmation, provided the device answers in order. Values that a process finds later than
  * that, because it did not run, are nobody's.
+ *
+ * On TCP (wire.tcp) an answer says by its transaction which request it answers: none can be mistaken for another's, so the
+ * line goes on at once after a time-out. One request is under way at a time, as many devices want it. There are no
+ * silences, no noise and no echo. What a gateway on the way says of a device that it cannot reach (exceptions 10 and 11)
+ * is this device's silence.
  *
  * Whose turn it is. Commands go first, then what was written is read back, unless that is not wanted; after
  * MODBUS_COMMANDS_IN_ROW of them polling goes on by one request. Polling is, first, the reads that are due
@@ -33,6 +38,7 @@
 #include "frame.h"
 #include "histogram.h"
 #include "learned.h"
+#include "mbap.h"
 #include "period.h"
 #include "plan.h"
 
@@ -76,7 +82,8 @@ struct modbus_line_counters {
 	uint32_t requests, answers, exceptions, timeouts, crc_errors;
 	/* Sound frames, when another is awaited: of another unit, function, length, or else different. */
 	uint32_t wrong_units, wrong_functions, wrong_lengths, wrong_answers;
-	uint32_t late_answers;   /* sound frames of a device that owed one */
+	uint32_t
+	    late_answers; /* sound frames of a device that owed one; on TCP, of a request that timed out */
 	uint32_t unasked_frames; /* sound frames when nothing is awaited */
 	uint32_t echoes;         /* requests that came back */
 	uint32_t noise_bytes;
@@ -192,6 +199,12 @@ struct modbus_line {
 	uint8_t received[2 * MODBUS_FRAME_MAX];
 	size_t received_count;
 	size_t strays; /* of these, the first that belong to no answer */
+
+	/* Of TCP. */
+	uint16_t transaction; /* of the latest request */
+	uint64_t overdue;     /* bit i: transaction - i has timed out, and its answer has not come */
+	uint8_t stream[MODBUS_MBAP_FRAME_MAX]; /* a frame's beginning */
+	size_t stream_count;
 };
 
 struct modbus_output {
@@ -219,8 +232,11 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns);
  */
 bool modbus_line_command(struct modbus_line *line, const struct modbus_command *command);
 
-/* Takes bytes that arrived by now_ns. Before a poll from listen_ns on, everything that is readable must have been given. */
-void modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
+/*
+ * Takes bytes that arrived by now_ns. Before a poll from listen_ns on, everything that is readable must have been given.
+ * False: on TCP, what comes is not Modbus, and never will be again: the connection must be closed.
+ */
+bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
 
 /*
  * Does what is due at now_ns. A returned frame is taken to leave now_ns, at the line's speed. Call it

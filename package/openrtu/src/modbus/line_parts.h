@@ -58,5 +58,16 @@ struct modbus_command modbus_take_command(struct modbus_line *line, uint32_t pla
 void modbus_drop_old_commands(struct modbus_line *line, int64_t now_ns);
 /* Begins line->request. Returns the length of its frame, in line->frame. */
 size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns);
+/* The request under way was answered. body: unit, function and data, which have been checked against it. */
+void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception,
+			     int64_t now_ns);
+
+/* A sound frame that is not the answer awaited. body: length bytes of unit, function and data. */
+void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length);
+
+/* ---- stream.c ---------------------------------------------------------------------------- */
+
+/* modbus_line_receive on TCP. */
+bool modbus_stream_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
 
 #endif

@@ -58,7 +58,15 @@ struct modbus_wire {
 	int64_t silence_ns; /* between frames: 3.5 characters */
 	int64_t
 	    turn_ns; /* from the order to send until the first character: the port switches the direction */
+	int64_t least_ns; /* from one request to the next, whatever it takes */
+	bool tcp;         /* Modbus TCP: a connection, and no wire. All durations but the last are 0 */
 };
+
+/*
+ * Of a Modbus TCP connection. Nothing but the device holds back its requests, and a fast one would keep this processor
+ * busy: so there are 100 a second at most.
+ */
+struct modbus_wire modbus_wire_tcp(void);
 
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
@@ -66,7 +74,7 @@ struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
 /*
  * The least time that a read of count bits or registers takes of the line: its request and its answer, a silence
  * after each (the device knows by the first that the request has ended), the device's reaction, and what the port
- * takes before it sends.
+ * takes before it sends. On TCP, the reaction, or what the next request waits for.
  */
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns);
 

@@ -79,7 +79,7 @@ void put_on_wire(int64_t time_ns, const uint8_t *bytes, size_t length)
 	for (size_t i = 0; i < length; i++) {
 		size_t at = bus.wire_count++;
 
-		time_ns += bus.line.wire.char_ns;
+		time_ns += bus.line.wire.char_ns + bus.spread_ns;
 		for (; at > 0 && bus.wire[at - 1].time_ns > time_ns; at--)
 			bus.wire[at] = bus.wire[at - 1];
 		bus.wire[at] = (struct wire_byte){time_ns, bytes[i]};
@@ -159,7 +159,7 @@ static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
 	case MUTE:
 		return 0;
 	case CORRUPT:
-		frame[3] ^= 0x10;
+		frame[3] ^= bus.line.wire.tcp ? 0 : 0x10;
 		return length;
 	case TRUNCATED:
 		return length - 2;
@@ -191,6 +191,30 @@ static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
 	return length;
 }
 
+/* Makes a Modbus TCP frame of an RTU frame. */
+static size_t framed(uint8_t *frame, size_t length)
+{
+	size_t body = length - MODBUS_CRC_LENGTH;
+
+	memmove(frame + MODBUS_MBAP_PREFIX, frame, body);
+	memcpy(frame,
+	       (const uint8_t[]){(uint8_t)(bus.transaction >> 8), (uint8_t)bus.transaction, 0, 0,
+				 (uint8_t)(body >> 8), (uint8_t)body},
+	       MODBUS_MBAP_PREFIX);
+	return MODBUS_MBAP_PREFIX + body;
+}
+
+/* The opposite. */
+static size_t unframed(const struct modbus_output *output, uint8_t frame[MODBUS_FRAME_MAX])
+{
+	size_t body = output->length - MODBUS_MBAP_PREFIX;
+
+	assert_int_equal(modbus_mbap_length(output->frame, output->length), output->length);
+	bus.transaction = modbus_register(output->frame, 0);
+	memcpy(frame, output->frame + MODBUS_MBAP_PREFIX, body);
+	return seal(frame, body);
+}
+
 static void slave_takes(struct slave *slave, const struct modbus_request *request, const uint8_t *bytes)
 {
 	uint8_t frame[2 * MODBUS_FRAME_MAX];
@@ -206,6 +230,8 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 	length = spoil(slave, frame, length);
 	if (length == 0)
 		return;
+	if (bus.line.wire.tcp)
+		length = framed(frame, length);
 	start += slave->reaction_ns;
 	if (slave->late > 0) {
 		slave->late--;
@@ -248,11 +274,17 @@ static void take_output(const struct modbus_output *output)
 	if (bus.echoing)
 		put_on_wire(bus.now_ns, output->frame, output->length);
 	bus.busy_ns = bus.now_ns + (int64_t)output->length * bus.line.wire.char_ns;
-	struct modbus_request request = parse(output->frame, output->length);
+	uint8_t frame[MODBUS_FRAME_MAX];
+	size_t length = output->length;
+	if (bus.line.wire.tcp)
+		length = unframed(output, frame);
+	else
+		memcpy(frame, output->frame, length);
+	struct modbus_request request = parse(frame, length);
 	if (bus.sent_count < TRACE_MAX)
 		bus.sent[bus.sent_count++] = (struct sent){bus.now_ns, request};
 	for (uint32_t i = 0; i < bus.line.device_count; i++)
-		slave_takes(&bus.slaves[i], &request, output->frame);
+		slave_takes(&bus.slaves[i], &request, frame);
 }
 
 void deliver(void)
@@ -267,7 +299,7 @@ void deliver(void)
 	}
 	bus.wire_count -= count;
 	memmove(&bus.wire[0], &bus.wire[count], bus.wire_count * sizeof(bus.wire[0]));
-	modbus_line_receive(&bus.line, bytes, count, bus.now_ns);
+	assert_true(modbus_line_receive(&bus.line, bytes, count, bus.now_ns));
 	bus.deliveries += count > 0;
 }
 
@@ -342,6 +374,11 @@ void set_up(void)
 					.commands = bus.commands,
 					.command_capacity = COMMANDS_MAX,
 					.wire = modbus_wire(19200, 11)};
+}
+
+void use_tcp(void)
+{
+	bus.line.wire = modbus_wire_tcp();
 }
 
 void add_device(uint8_t unit, uint8_t retries)

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* A line and its devices in virtual time: the bus delivers bytes one by one, at the speed of the wire. */
+/*
+ * A line and its devices in virtual time: the bus delivers bytes one by one, at the speed of the wire; of TCP, with
+ * line.wire of modbus_wire_tcp, they come at once, or with spread_ns between two.
+ */
 #ifndef OPENRTU_MODBUS_TEST_BUS_H
 #define OPENRTU_MODBUS_TEST_BUS_H
 
@@ -26,7 +29,7 @@
 enum fault {
 	SOUND,
 	MUTE,
-	CORRUPT,    /* a bit of the data */
+	CORRUPT,    /* a bit of the data; on TCP, whose checksum would find it, none */
 	TRUNCATED,  /* its last two bytes are missing */
 	WRONG_UNIT, /* the rest, CRC included, is sound */
 	WRONG_FUNCTION,
@@ -75,10 +78,12 @@ struct bus {
 	size_t wire_count;
 	unsigned deliveries; /* how often what had arrived was given to the line */
 	int64_t now_ns;
-	int64_t busy_ns; /* end of the last character on the wire */
-	bool echoing;    /* the transceiver hears what it sends */
-	uint32_t chance; /* not 0: the process runs late, at random */
-	unsigned still;  /* polls in a row that neither sent nor let time pass */
+	int64_t busy_ns;      /* end of the last character on the wire */
+	int64_t spread_ns;    /* between two octets, besides the wire's speed */
+	uint16_t transaction; /* of the latest request on TCP */
+	bool echoing;         /* the transceiver hears what it sends */
+	uint32_t chance;      /* not 0: the process runs late, at random */
+	unsigned still;       /* polls in a row that neither sent nor let time pass */
 	struct sent sent[TRACE_MAX];
 	size_t sent_count;
 	unsigned reads_done[DEVICES_MAX], objects_read[DEVICES_MAX];
@@ -100,6 +105,8 @@ void set_up(void);
 void add_device(uint8_t unit, uint8_t retries);
 void add_objects(uint8_t function, uint16_t address, uint16_t count);
 void start(void);
+/* On TCP from then on; to be called before the line starts. */
+void use_tcp(void);
 /* One device with eight holding registers, scanned at least once. */
 void start_simple(uint8_t retries);
 

@@ -76,11 +76,29 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	modbus_line_release(&line);
 }
 
+static void a_connection_has_no_durations_of_a_wire(void **state)
+{
+	(void)state;
+	struct map_line lines[] = {{.port = 7, .tcp_port = 502, .device_count = 1}};
+	struct map_device devices[] = {{.unit = 255, .response_timeout_ms = 500}};
+	const struct map_config config = {
+	    .line_count = 1, .device_count = 1, .lines = lines, .devices = devices};
+	struct modbus_line line = {.device_count = 0};
+
+	assert_true(modbus_line_configure(&line, &config, 0));
+	assert_true(line.wire.tcp);
+	assert_int_equal(line.wire.char_ns, 0);
+	assert_int_equal(line.wire.silence_ns, 0);
+	assert_int_equal(line.devices[0].unit, 255);
+	modbus_line_release(&line);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(characters_have_ten_to_twelve_bits),
 	    cmocka_unit_test(a_line_has_its_own_devices_and_their_reads),
+	    cmocka_unit_test(a_connection_has_no_durations_of_a_wire),
 	};
 	return cmocka_run_group_tests_name("modbus configured", tests, NULL, NULL);
 }

@@ -6,7 +6,7 @@
  * Faults of every kind at random: no value is ever another's (on_read), no command is confirmed that was
  * not executed (on_command), each ends once, all devices come back.
  */
-static void a_bad_line(bool echoing, bool late_process)
+static void a_bad_line(bool echoing, bool late_process, bool tcp)
 {
 	for (uint32_t seed = 1; seed <= 20; seed++) {
 		uint32_t chance = seed;
@@ -15,6 +15,8 @@ static void a_bad_line(bool echoing, bool late_process)
 		set_up();
 		bus.echoing = echoing;
 		bus.chance = late_process ? seed : 0;
+		if (tcp)
+			use_tcp();
 		for (uint8_t unit = 1; unit <= DEVICES_MAX; unit++) {
 			add_device(unit, unit);
 			add_objects(MODBUS_READ_COILS, 0, 5);
@@ -51,19 +53,31 @@ static void a_bad_line(bool echoing, bool late_process)
 static void faults_at_random(void **state)
 {
 	(void)state;
-	a_bad_line(false, false);
+	a_bad_line(false, false, false);
 }
 
 static void faults_on_a_line_that_hears_itself(void **state)
 {
 	(void)state;
-	a_bad_line(true, false);
+	a_bad_line(true, false, false);
 }
 
 static void faults_under_a_late_process(void **state)
 {
 	(void)state;
-	a_bad_line(false, true);
+	a_bad_line(false, true, false);
+}
+
+static void faults_on_a_connection(void **state)
+{
+	(void)state;
+	a_bad_line(false, false, true);
+}
+
+static void faults_on_a_connection_under_a_late_process(void **state)
+{
+	(void)state;
+	a_bad_line(false, true, true);
 }
 
 /* Bytes of any kind in pieces of any size at any time: nothing breaks, and the deadline is always ahead. */
@@ -95,6 +109,8 @@ int main(void)
 	    cmocka_unit_test(faults_at_random),
 	    cmocka_unit_test(faults_on_a_line_that_hears_itself),
 	    cmocka_unit_test(faults_under_a_late_process),
+	    cmocka_unit_test(faults_on_a_connection),
+	    cmocka_unit_test(faults_on_a_connection_under_a_late_process),
 	    cmocka_unit_test(hostile_bytes),
 	};
 	return cmocka_run_group_tests_name("modbus line random", tests, NULL, NULL);

@@ -75,6 +75,20 @@ static void holes_are_carried_while_that_is_shorter(void **state)
 	assert_read(&reads[1], 3, 14, 1, 1);
 }
 
+/* As on a serial line of 19200 8E1, 0.573 ms a character: 13 of them, 4 ms of silences and 5 ms are 28.7 characters. */
+static void holes_on_tcp_are_those_of_a_line_behind(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = modbus_wire_tcp();
+	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 15, 3, 1, 0}};
+	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 16, 3, 1, 0}};
+
+	assert_int_equal(modbus_plan(&wire, &unlimited, near, 2, reads), 1);
+	assert_int_equal(modbus_plan(&wire, &unlimited, far, 2, reads), 2);
+	assert_int_equal(modbus_read_ns(&wire, 3, 125, 5000000), 10000000);
+	assert_int_equal(modbus_read_ns(&wire, 3, 125, 30000000), 30000000);
+}
+
 static void bits_bridge_wider_holes(void **state)
 {
 	(void)state;
@@ -239,6 +253,7 @@ int main(void)
 	    cmocka_unit_test(durations_of_the_wire),
 	    cmocka_unit_test(neighbours_are_one_request_and_tables_are_not),
 	    cmocka_unit_test(holes_are_carried_while_that_is_shorter),
+	    cmocka_unit_test(holes_on_tcp_are_those_of_a_line_behind),
 	    cmocka_unit_test(bits_bridge_wider_holes),
 	    cmocka_unit_test(limits_are_kept_and_no_object_is_torn),
 	    cmocka_unit_test(limits_of_the_device_are_kept),

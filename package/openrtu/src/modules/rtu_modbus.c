@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * rtu-modbus: the controlling station of some RS-485 lines. One loop serves all lines that the
- * configuration gives to this process: it carries bytes between ports and lines, and results between
+ * rtu-modbus: the controlling station of some RS-485 lines and Modbus TCP connections. One loop serves all lines
+ * that the configuration gives to this process: it carries bytes between ports and lines, and results between
  * lines and the map.
  */
 #include <errno.h>
@@ -23,10 +23,13 @@
 #include "modules/options.h"
 #include "modules/quality.h"
 #include "modules/serial.h"
+#include "modules/tcp.h"
 
 #define NS_PER_MS      1000000LL
 #define NS_PER_S       1000000000LL
 #define REOPEN_NS      NS_PER_S
+#define CONNECT_NS     (3 * NS_PER_S) /* then a host that has said nothing is not there */
+#define RECONNECT_NS   (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
 #define STOP_NS        (2 * NS_PER_S) /* rtud waits 3 s */
 #define HEARTBEAT_NS   (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
 #define READ_SIZE      512
@@ -37,7 +40,7 @@
 
 struct gateway;
 
-/* One line and its port. */
+/* One line and its port: a serial port, or a TCP connection. */
 struct port {
 	struct gateway *gateway;
 	const struct map_line *config;
@@ -46,6 +49,8 @@ struct port {
 	int fd;       /* -1: not open */
 	bool failing; /* said in the log */
 	bool pty_logged;
+	int64_t connected_by_ns; /* until then a connection may take; 0: none is being made */
+	uint32_t answers;        /* of the line, before the port was opened */
 	int64_t deadline_ns; /* of the line, or of the next try to open the port; 0: it is to be served now */
 	bool listening;      /* bytes that arrive wake this process */
 	bool waiting;        /* for deadline_ns, which lay ahead */
@@ -214,8 +219,10 @@ static bool write_to_line(void *context, uint32_t point, const struct modbus_req
 	if (port == NULL)
 		return false;
 	command.device = device - port->config->first_device;
+	if (!modbus_line_command(&port->line, &command))
+		return false;
 	port->deadline_ns = 0;
-	return modbus_line_command(&port->line, &command);
+	return true;
 }
 
 static void take_requests(struct gateway *gateway)
@@ -229,26 +236,74 @@ static void take_requests(struct gateway *gateway)
 
 /* ---- ports -------------------------------------------------------------------------------------------- */
 
-static void open_port(struct port *port, int64_t now_ns)
+static void close_port(struct port *port)
+{
+	if (map_line_is_tcp(port->config))
+		close(port->fd);
+	else
+		serial_close(port->fd);
+	port->fd = -1;
+	port->connected_by_ns = 0;
+	port->waiting = false;
+}
+
+/* Said once, until the port is open again. */
+static void retry_port(struct port *port, const char *error, int64_t after_ns, int64_t now_ns)
+{
+	count_port_error(port);
+	if (!port->failing)
+		map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s %s; tried again %s",
+			port->config->port, port->path, error,
+			after_ns == REOPEN_NS ? "each second" : "every few seconds");
+	port->failing = true;
+	port->deadline_ns = now_ns + after_ns;
+}
+
+/* The descriptor that was opened; events: what wakes this process. */
+static bool wait_for_port(struct port *port, uint32_t events, char error[SERIAL_ERROR_SIZE])
+{
+	struct epoll_event event = {.events = events, .data.ptr = port};
+
+	if (epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_ADD, port->fd, &event) == 0)
+		return true;
+	snprintf(error, SERIAL_ERROR_SIZE, "cannot be waited for: %s", strerror(errno));
+	close_port(port);
+	return false;
+}
+
+static void begin_line(struct port *port, int64_t now_ns)
+{
+	port->answers = port->line.counters.answers;
+	port->listening = true;
+	modbus_line_open(&port->line, now_ns);
+}
+
+static void log_connected(const struct port *port)
+{
+	map_log(port->gateway->map, MAP_LOG_INFO, "port %u: %s is connected", port->config->port, port->path);
+}
+
+/*
+ * A device that takes no further connection accepts it and hangs up: a connection that has failed before is said to be
+ * there when something came of it, and not each second.
+ */
+static void note_answers(struct port *port)
+{
+	if (!port->failing || port->line.counters.answers == port->answers)
+		return;
+	port->failing = false;
+	log_connected(port);
+}
+
+static void open_serial(struct port *port, int64_t now_ns)
 {
 	struct map *map = port->gateway->map;
-	struct epoll_event event = {.events = EPOLLIN, .data.ptr = port};
 	char error[SERIAL_ERROR_SIZE];
 	bool carries_parity;
 
 	port->fd = serial_open(port->path, port->config, &carries_parity, error);
-	if (port->fd >= 0 && epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_ADD, port->fd, &event) < 0) {
-		snprintf(error, sizeof(error), "cannot be waited for: %s", strerror(errno));
-		serial_close(port->fd);
-		port->fd = -1;
-	}
-	if (port->fd < 0) {
-		count_port_error(port);
-		if (!port->failing)
-			map_log(map, MAP_LOG_ERROR, "port %u: %s %s; tried again each second",
-				port->config->port, port->path, error);
-		port->failing = true;
-		port->deadline_ns = now_ns + REOPEN_NS;
+	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
+		retry_port(port, error, REOPEN_NS, now_ns);
 		return;
 	}
 	if (!carries_parity && port->config->parity != MAP_PARITY_NONE && !port->pty_logged) {
@@ -259,20 +314,73 @@ static void open_port(struct port *port, int64_t now_ns)
 	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
 		(unsigned)port->config->baud);
 	port->failing = false;
-	port->listening = true;
-	modbus_line_open(&port->line, now_ns);
+	begin_line(port, now_ns);
+}
+
+static void begin_connection(struct port *port, int64_t now_ns)
+{
+	char error[TCP_ERROR_SIZE];
+
+	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
+	port->fd = tcp_connect(port->config, error);
+	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	}
+	port->deadline_ns = port->connected_by_ns = now_ns + CONNECT_NS;
+}
+
+static void end_connecting(struct port *port, int64_t now_ns)
+{
+	struct epoll_event event = {.events = EPOLLIN, .data.ptr = port};
+	char error[TCP_ERROR_SIZE];
+
+	switch (tcp_look(port->fd, error)) {
+	case TCP_PENDING:
+		port->deadline_ns = port->connected_by_ns;
+		if (now_ns < port->connected_by_ns)
+			return;
+		close_port(port);
+		retry_port(port, "does not answer", RECONNECT_NS, now_ns);
+		return;
+	case TCP_FAILED:
+		close_port(port);
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	case TCP_CONNECTED:
+		break;
+	}
+	port->connected_by_ns = 0;
+	epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
+	if (!port->failing)
+		log_connected(port);
+	begin_line(port, now_ns);
+}
+
+static void open_port(struct port *port, int64_t now_ns)
+{
+	if (!map_line_is_tcp(port->config))
+		open_serial(port, now_ns);
+	else if (port->fd < 0)
+		begin_connection(port, now_ns);
+	else
+		end_connecting(port, now_ns);
+}
+
+static bool is_open(const struct port *port)
+{
+	return port->fd >= 0 && port->connected_by_ns == 0;
 }
 
 static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 {
-	serial_close(port->fd);
-	port->fd = -1;
+	close_port(port);
+	if (!port->failing)
+		map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port,
+			port->path, cause);
 	port->failing = true;
-	port->waiting = false;
 	port->deadline_ns = now_ns + REOPEN_NS;
 	count_port_error(port);
-	map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
-		cause);
 	modbus_line_close(&port->line, now_ns);
 }
 
@@ -284,9 +392,9 @@ static void read_port(struct port *port)
 		ssize_t length = read(port->fd, bytes, sizeof(bytes));
 		int64_t now_ns = map_now_ns();
 
-		if (length > 0)
-			modbus_line_receive(&port->line, bytes, (size_t)length, now_ns);
-		else if (length == 0 || (errno != EAGAIN && errno != EINTR))
+		if (length > 0 && !modbus_line_receive(&port->line, bytes, (size_t)length, now_ns))
+			lose_port(port, "what comes is not Modbus", now_ns);
+		else if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
 			lose_port(port, length == 0 ? "hung up" : strerror(errno), now_ns);
 		if (length < (ssize_t)sizeof(bytes))
 			return;
@@ -300,7 +408,8 @@ static void read_port(struct port *port)
  */
 static void write_port(struct port *port, const struct modbus_output *output, int64_t now_ns)
 {
-	serial_discard_output(port->fd);
+	if (!map_line_is_tcp(port->config))
+		serial_discard_output(port->fd);
 	ssize_t length = write(port->fd, output->frame, output->length);
 
 	if (length != (ssize_t)output->length)
@@ -331,13 +440,14 @@ static void serve_port(struct port *port)
 	int64_t now_ns = map_now_ns();
 
 	measure_wakeup(port, now_ns);
-	if (port->fd < 0)
+	if (!is_open(port))
 		open_port(port, now_ns);
 	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
-	if (port->fd >= 0)
+	if (is_open(port))
 		read_port(port);
-	if (port->fd < 0)
+	if (!is_open(port))
 		return;
+	note_answers(port);
 	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
 	bool listening = now_ns >= output.listen_ns;
 
@@ -431,7 +541,7 @@ static void show_counters(struct port *port)
 	show(&stats->stuck_s, counters->stuck_s);
 	show(&stats->commands, counters->commands);
 	show(&stats->scan_us, counters->scan_us);
-	show(&stats->open, port->fd >= 0);
+	show(&stats->open, is_open(port));
 	show_histogram(&stats->wakeups, &port->wakeups);
 	show_histogram(&stats->transactions, &counters->transactions);
 	for (uint32_t i = 0; i < port->line.device_count; i++)
@@ -464,7 +574,9 @@ static void set_up_port(struct gateway *gateway, struct port *port, uint32_t num
 	const struct map_line *line = &config->lines[number];
 
 	*port = (struct port){.gateway = gateway, .config = line, .number = number, .fd = -1};
-	if (line->device[0] == '/')
+	if (map_line_is_tcp(line))
+		snprintf(port->path, sizeof(port->path), "%s port %u", line->device, line->tcp_port);
+	else if (line->device[0] == '/')
 		snprintf(port->path, sizeof(port->path), "%s", line->device);
 	else
 		snprintf(port->path, sizeof(port->path), "%s/%s", directory, line->device);

@@ -48,7 +48,7 @@ static const struct command commands[] = {
      "flash.\n",
      rtuctl_modules},
     {"lines", "[--histogram | --suggest]", 0, 0, TAKES_HISTOGRAM | TAKES_SUGGEST, NULL,
-     "serial lines and their devices, with counters",
+     "lines and their devices, with counters",
      "Counters count since the module started and wrap at 2^32. The third table is what was learned of the\n"
      "devices: how fast they answer, the longest reads they give, and what they refuse.\n"
      "--histogram shows how late the lines' process woke, how long transactions took, what the kernel has "

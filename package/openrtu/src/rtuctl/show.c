@@ -309,12 +309,14 @@ static json_t *device_row(const struct map *map, uint32_t index)
 	return row;
 }
 
-/* As engineers write it: 19200 8N2 */
+/* As engineers write it: 19200 8N2, TCP 502 */
 static json_t *line_format(const struct map_line *line)
 {
 	static const char parities[] = {
 	    [MAP_PARITY_NONE] = 'N', [MAP_PARITY_ODD] = 'O', [MAP_PARITY_EVEN] = 'E'};
 
+	if (map_line_is_tcp(line))
+		return json_sprintf("TCP %u", line->tcp_port);
 	return json_sprintf("%u 8%c%u", line->baud, parities[line->parity], line->stop_bits);
 }
 

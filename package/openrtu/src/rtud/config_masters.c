@@ -18,7 +18,7 @@ static const struct config_rule group_rules[GROUP_KEYS] = {
 
 /* ---- addresses --------------------------------------------------------------------------- */
 
-static bool is_same_address(const char *a, const char *b)
+bool config_is_same_address(const char *a, const char *b)
 {
 	struct in6_addr left, right;
 
@@ -95,7 +95,8 @@ static void check_masters(struct config_loader *loader, const struct config_plac
 
 		for (uint32_t i = 0; i <= index; i++)
 			for (uint32_t j = 0; j < (i < index ? groups[i].master_count : master); j++)
-				if (is_same_address(groups[i].masters[j], groups[index].masters[master]))
+				if (config_is_same_address(groups[i].masters[j],
+							   groups[index].masters[master]))
 					config_error(&loader->report, &here,
 						     "is also redundancy_groups[%u].masters[%u], expected "
 						     "each address once",

@@ -10,8 +10,8 @@
 #include "rtud/config.h"
 #include "rtud/config_keys.h"
 
-#define CONFIG_PORTS_MAX 64 /* 1000 * 64 + 247 is still a common address */
-#define CONFIG_UNIT_MAX  247
+#define CONFIG_PORTS_MAX 64  /* 1000 * 64 + 255 is still a common address */
+#define CONFIG_UNIT_MAX  247 /* of serial devices; on TCP, 255 is the device itself */
 #define CONFIG_TABLES    (MAP_HOLDING_REGISTERS + 1)
 
 /* The keys that lead to an object; a slave's tables follow, see config_table_names. */
@@ -53,6 +53,7 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 
 /* ---- config_masters.c -------------------------------------------------------------------- */
 
+bool config_is_same_address(const char *a, const char *b);
 /* An IP address at a place; out is left as it is when it is none. */
 void config_read_address(struct config_loader *loader, const struct config_place *place, const char *text,
 			 char out[MAP_ADDRESS_SIZE]);

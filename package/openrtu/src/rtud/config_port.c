@@ -6,8 +6,12 @@
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-#define DATA_BITS_RTU  8
-#define BOARD_BAUD_MAX 460800 /* the last usual speed below its transceivers' 500 kbit/s */
+#define CONFIG_KEY_HOST     "host"
+#define CONFIG_KEY_TCP_PORT "tcp_port"
+
+#define TCP_PORT_DEFAULT 502
+#define DATA_BITS_RTU    8
+#define BOARD_BAUD_MAX   460800 /* the last usual speed below its transceivers' 500 kbit/s */
 
 /* The report's /dev names of ports 1 to 6: the NUC980's UARTs behind the board's RS-485 terminals. */
 static const char *const board_devices[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", "ttyS6", "ttyS8"};
@@ -23,7 +27,10 @@ enum {
 	PORT_DEVICE,
 	PORT_PROCESS,
 	PORT_RS485,
-	PORT_KEYS
+	PORT_KEYS,
+	PORT_HOST = PORT_KEYS, /* the keys of Modbus TCP, of a port that is not active */
+	PORT_TCP_PORT,
+	INACTIVE_PORT_KEYS
 };
 static const struct config_rule port_rules[PORT_KEYS] = {
     [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = CONFIG_PORTS_MAX},
@@ -38,7 +45,7 @@ static const struct config_rule port_rules[PORT_KEYS] = {
     [PORT_RS485] = {"rs485", CONFIG_OBJECT},
 };
 /* Figure 4.8: the parameters of a port that is not active are zeros and mean nothing. */
-static const struct config_rule inactive_port_rules[PORT_KEYS] = {
+static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
     [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = CONFIG_PORTS_MAX},
     [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
     [PORT_BAUD_RATE] = {"baud_rate", CONFIG_ANYTHING},
@@ -49,6 +56,21 @@ static const struct config_rule inactive_port_rules[PORT_KEYS] = {
     [PORT_DEVICE] = {"device", CONFIG_ANYTHING},
     [PORT_PROCESS] = {"process", CONFIG_ANYTHING},
     [PORT_RS485] = {"rs485", CONFIG_ANYTHING},
+    [PORT_HOST] = {CONFIG_KEY_HOST, CONFIG_ANYTHING},
+    [PORT_TCP_PORT] = {CONFIG_KEY_TCP_PORT, CONFIG_ANYTHING},
+};
+
+/* A Modbus TCP connection has nothing of a serial port, and none of the board's numbers. */
+enum { TCP_VALUE, TCP_ACTIVE, TCP_HOST, TCP_PORT, TCP_SLAVES, TCP_PROCESS, TCP_KEYS };
+static const struct config_rule tcp_rules[TCP_KEYS] = {
+    [TCP_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1,
+		   .high = CONFIG_PORTS_MAX},
+    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
+    [TCP_HOST] = {CONFIG_KEY_HOST, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
+    [TCP_PORT] = {CONFIG_KEY_TCP_PORT, CONFIG_INTEGER, .low = 1, .high = UINT16_MAX,
+		  .fallback = TCP_PORT_DEFAULT},
+    [TCP_SLAVES] = {CONFIG_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = CONFIG_UNIT_MAX + 1},
+    [TCP_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1},
 };
 
 /* The kernel holds the delays to 100 ms. */
@@ -132,7 +154,7 @@ static void claim_device(struct config_loader *loader, const struct config_place
 	const struct map_config *config = loader->config;
 
 	for (uint32_t line = 0; device != NULL && line < config->line_count; line++)
-		if (strcmp(config->lines[line].device, device) == 0)
+		if (!map_line_is_tcp(&config->lines[line]) && strcmp(config->lines[line].device, device) == 0)
 			config_error(&loader->report, &here, "%s is already the device of port[%u]", device,
 				     loader->port_of_line[line]);
 }
@@ -171,10 +193,10 @@ static void read_rs485(struct config_loader *loader, const struct config_place *
 static void read_inactive_port(struct config_loader *loader, const struct config_place *place,
 			       const json_t *json)
 {
-	struct config_value values[PORT_KEYS];
+	struct config_value values[INACTIVE_PORT_KEYS];
 	size_t slaves;
 
-	config_read_keys(&loader->report, place, json, inactive_port_rules, PORT_KEYS, values);
+	config_read_keys(&loader->report, place, json, inactive_port_rules, INACTIVE_PORT_KEYS, values);
 	claim_value(loader, place, &values[PORT_VALUE]);
 	slaves = json_array_size(values[PORT_SLAVES].json);
 	if (slaves > 0)
@@ -202,6 +224,47 @@ static void read_active_port(struct config_loader *loader, const struct config_p
 		config_read_slaves(loader, place, values[PORT_SLAVES].json);
 }
 
+static bool is_tcp(const json_t *port)
+{
+	return json_object_get(port, CONFIG_KEY_HOST) != NULL ||
+	       json_object_get(port, CONFIG_KEY_TCP_PORT) != NULL;
+}
+
+/* Many devices take one connection only, and all units behind it share that. */
+static void claim_host(struct config_loader *loader, const struct config_place *host,
+		       const struct map_line *line)
+{
+	for (const struct map_line *other = loader->config->lines; other < line; other++)
+		if (other->tcp_port == line->tcp_port && config_is_same_address(other->device, line->device))
+			config_error(&loader->report, host, "%s port %u is already that of port[%u]",
+				     line->device, line->tcp_port,
+				     loader->port_of_line[other - loader->config->lines]);
+}
+
+static void read_tcp_port(struct config_loader *loader, const struct config_place *place, const json_t *json)
+{
+	const struct config_place host = config_key_of(place, CONFIG_KEY_HOST);
+	struct config_value values[TCP_KEYS];
+	struct map_config *config = loader->config;
+	struct map_line *line = &config->lines[config->line_count];
+
+	config_read_keys(&loader->report, place, json, tcp_rules, TCP_KEYS, values);
+	claim_value(loader, place, &values[TCP_VALUE]);
+	*line = (struct map_line){
+	    .port = (uint16_t)values[TCP_VALUE].integer,
+	    .process = (uint16_t)values[TCP_PROCESS].integer,
+	    .first_device = (uint16_t)config->device_count,
+	    .tcp_port = values[TCP_PORT].wrong ? TCP_PORT_DEFAULT : (uint16_t)values[TCP_PORT].integer,
+	};
+	if (values[TCP_HOST].given) {
+		config_read_address(loader, &host, values[TCP_HOST].text, line->device);
+		claim_host(loader, &host, line);
+	}
+	loader->port_of_line[config->line_count++] = (uint32_t)place->index;
+	if (values[TCP_SLAVES].given)
+		config_read_slaves(loader, place, values[TCP_SLAVES].json);
+}
+
 void config_read_ports(struct config_loader *loader, const struct config_place *file, const json_t *ports)
 {
 	const struct config_place array = config_key_of(file, CONFIG_KEY_PORTS);
@@ -214,6 +277,8 @@ void config_read_ports(struct config_loader *loader, const struct config_place *
 
 		if (is_inactive(json))
 			read_inactive_port(loader, &place, json);
+		else if (is_tcp(json))
+			read_tcp_port(loader, &place, json);
 		else
 			read_active_port(loader, &place, json);
 	}

@@ -2,8 +2,12 @@
 /* One slave of a port, and the device it becomes. */
 #include "rtud/config_parts.h"
 
+#include <string.h>
+
 #define UNIT_BROADCAST 0
-#define CA_PER_PORT    1000
+/* MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.1.2: who is at the connection's end itself. */
+#define UNIT_ITSELF 255
+#define CA_PER_PORT 1000
 
 /* MODBUS Application Protocol V1.1b3, 6.1 to 6.4. */
 #define READ_BITS_MAX      2000
@@ -47,6 +51,25 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .fallback = true},
     [SLAVE_READ_BACK] = {"read_back", CONFIG_BOOLEAN, .fallback = true},
 };
+
+/* On a TCP connection nobody is addressed with the broadcast, and 255 is its end itself. */
+static void rules_of_line(const struct map_line *line, struct config_rule rules[SLAVE_KEYS])
+{
+	memcpy(rules, slave_rules, sizeof(slave_rules));
+	if (!map_line_is_tcp(line))
+		return;
+	rules[SLAVE_ID].low = UNIT_BROADCAST + 1;
+	rules[SLAVE_ID].high = UNIT_ITSELF;
+}
+
+static void check_unit(struct config_loader *loader, const struct config_place *slave, int64_t unit)
+{
+	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_ID].name);
+
+	if (unit > CONFIG_UNIT_MAX && unit < UNIT_ITSELF)
+		config_error(&loader->report, &here, "%lld is reserved, expected 1 to %d or %d",
+			     (long long)unit, CONFIG_UNIT_MAX, UNIT_ITSELF);
+}
 
 static void check_broadcast(struct config_loader *loader, const struct config_place *slave,
 			    const struct config_value *values)
@@ -119,7 +142,7 @@ static void add_device(struct config_loader *loader, const struct config_value *
 
 /* slave_of[id]: 1 + index of the slave of this port that has the id */
 static void claim_unit(struct config_loader *loader, const struct config_place *slave, int64_t unit,
-		       size_t slave_of[CONFIG_UNIT_MAX + 1])
+		       size_t slave_of[UNIT_ITSELF + 1])
 {
 	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_ID].name);
 
@@ -131,13 +154,16 @@ static void claim_unit(struct config_loader *loader, const struct config_place *
 }
 
 static void read_slave(struct config_loader *loader, const struct config_place *place, const json_t *json,
-		       struct config_entry entry, size_t slave_of[CONFIG_UNIT_MAX + 1])
+		       struct config_entry entry, size_t slave_of[UNIT_ITSELF + 1])
 {
+	struct config_rule rules[SLAVE_KEYS];
 	struct config_value values[SLAVE_KEYS];
 	struct map_device *device;
 
-	config_read_keys(&loader->report, place, json, slave_rules, SLAVE_KEYS, values);
+	rules_of_line(&loader->config->lines[loader->config->line_count - 1], rules);
+	config_read_keys(&loader->report, place, json, rules, SLAVE_KEYS, values);
 	if (values[SLAVE_ID].given) {
+		check_unit(loader, place, values[SLAVE_ID].integer);
 		claim_unit(loader, place, values[SLAVE_ID].integer, slave_of);
 		if (values[SLAVE_ID].integer == UNIT_BROADCAST)
 			check_broadcast(loader, place, values);
@@ -155,7 +181,7 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 void config_read_slaves(struct config_loader *loader, const struct config_place *port, const json_t *slaves)
 {
 	const struct config_place array = config_key_of(port, CONFIG_KEY_SLAVES);
-	size_t slave_of[CONFIG_UNIT_MAX + 1] = {0};
+	size_t slave_of[UNIT_ITSELF + 1] = {0};
 	const json_t *json;
 	size_t i;
 

@@ -75,14 +75,23 @@ static void print_load(const struct modbus_line *line, FILE *out)
 		fprintf(out, ", the rest is read every %.1f ms", (double)rest_ns / (1 - load) / NS_PER_MS);
 }
 
-static void print_summary(const struct map_line *config, const struct modbus_line *line, FILE *out)
+static void print_medium(const struct map_line *config, FILE *out)
 {
 	static const char parities[] = {
 	    [MAP_PARITY_NONE] = 'N', [MAP_PARITY_ODD] = 'O', [MAP_PARITY_EVEN] = 'E'};
+
+	if (map_line_is_tcp(config))
+		fprintf(out, "port %u: %s port %u, ", config->port, config->device, config->tcp_port);
+	else
+		fprintf(out, "port %u: %u bit/s 8%c%u, ", config->port, (unsigned)config->baud,
+			parities[config->parity], config->stop_bits);
+}
+
+static void print_summary(const struct map_line *config, const struct modbus_line *line, FILE *out)
+{
 	uint32_t requests = line_requests(line);
 
-	fprintf(out, "port %u: %u bit/s 8%c%u, ", config->port, (unsigned)config->baud,
-		parities[config->parity], config->stop_bits);
+	print_medium(config, out);
 	if (requests == 0)
 		fputs("nothing to read", out);
 	else
@@ -100,6 +109,9 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 	    .unit = device->unit, .function = read->function, .address = read->address, .count = read->count};
 	size_t octets = modbus_request_frame(&request, frame) + modbus_answer_length(&request);
 
+	/* Each of the two frames has MBAP's prefix, and no CRC. */
+	if (line->wire.tcp)
+		octets += 2 * (MODBUS_MBAP_PREFIX - MODBUS_CRC_LENGTH);
 	fprintf(out, "  %4u  %8u  %7u  %5u  %6zu  %7.2f", device->unit, read->function, read->address,
 		read->count, octets, (double)read_ns(line, read) / NS_PER_MS);
 	if (read->period_ns > 0)
@@ -125,10 +137,15 @@ static void print_requests(const struct map_config *config, const struct map_lin
 {
 	if (line_requests(line) == 0)
 		return;
-	fprintf(out,
-		"  a character takes %.3f ms, a silence %.3f ms, a device's reaction %.1f ms (assumed)\n",
-		(double)line->wire.char_ns / NS_PER_MS, (double)line->wire.silence_ns / NS_PER_MS,
-		(double)MODBUS_REACTION_NS / NS_PER_MS);
+	if (line->wire.tcp)
+		fprintf(out, "  a request takes as long as its answer does, but at least %.0f ms\n",
+			(double)line->wire.least_ns / NS_PER_MS);
+	else
+		fprintf(
+		    out,
+		    "  a character takes %.3f ms, a silence %.3f ms, a device's reaction %.1f ms (assumed)\n",
+		    (double)line->wire.char_ns / NS_PER_MS, (double)line->wire.silence_ns / NS_PER_MS,
+		    (double)MODBUS_REACTION_NS / NS_PER_MS);
 	fputs("  UNIT  FUNCTION  ADDRESS  COUNT  OCTETS       MS\n", out);
 	for (uint32_t i = 0; i < line->device_count; i++)
 		print_device(line, &line->devices[i], config->devices[from->first_device + i].name, out);

@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * Modbus TCP frames: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 3.1. The MBAP header, which is transaction,
+ * protocol, length and unit, stands before the PDU; there is no CRC.
+ */
+#ifndef OPENRTU_MODBUS_MBAP_H
+#define OPENRTU_MODBUS_MBAP_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "frame.h"
+
+#define MODBUS_MBAP_PREFIX    6 /* transaction, protocol, length: two octets each */
+#define MODBUS_MBAP_FRAME_MAX 260
+
+/*
+ * Writes the request's frame and returns its length. The request must be within the protocol's limits, as for
+ * modbus_request_frame.
+ */
+size_t modbus_mbap_frame(const struct modbus_request *request, uint16_t transaction,
+			 uint8_t frame[MODBUS_FRAME_MAX]);
+
+/*
+ * Length of the whole frame that begins with these octets: at most MODBUS_MBAP_FRAME_MAX, and more than
+ * there are until its length field has come. 0: no frame of Modbus begins so, and where the next one does is unknown.
+ */
+size_t modbus_mbap_length(const uint8_t *bytes, size_t length);
+
+#endif

@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What a line makes of the stream of a TCP connection: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.2. */
+#include "line_parts.h"
+
+#define NS_PER_US    1000
+#define OVERDUE_BITS 64
+
+/* A frame that nobody waits for: a request's that has timed out, or none's. */
+static void count_stranger(struct modbus_line *line, uint16_t transaction)
+{
+	uint16_t age = (uint16_t)(line->transaction - transaction);
+
+	if (age < OVERDUE_BITS && line->overdue >> age & 1) {
+		line->overdue &= ~(UINT64_C(1) << age);
+		line->counters.late_answers++;
+	} else {
+		line->counters.unasked_frames++;
+	}
+}
+
+static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t length, int64_t now_ns)
+{
+	uint16_t transaction = modbus_register(frame, 0);
+	const uint8_t *body = frame + MODBUS_MBAP_PREFIX;
+	struct modbus_device *device;
+	enum modbus_verdict verdict;
+
+	if (line->state != MODBUS_WAITING || transaction != line->transaction) {
+		count_stranger(line, transaction);
+		return;
+	}
+	device = &line->devices[line->device];
+	verdict = modbus_body_judge(&line->request, body, length - MODBUS_MBAP_PREFIX);
+	if (verdict == MODBUS_NOT_ITS_OWN) {
+		modbus_count_wrong_answer(line, body, length - MODBUS_MBAP_PREFIX);
+		return;
+	}
+	device->counters.latency_us = (uint32_t)(later(now_ns - line->sent_ns, 0) / NS_PER_US);
+	modbus_request_answered(line, body, verdict == MODBUS_EXCEPTION, now_ns);
+}
+
+bool modbus_stream_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
+{
+	for (size_t i = 0; i < length; i++) {
+		line->stream[line->stream_count++] = bytes[i];
+		size_t whole = modbus_mbap_length(line->stream, line->stream_count);
+
+		if (whole == 0)
+			return false;
+		if (line->stream_count < whole)
+			continue;
+		line->stream_count = 0;
+		take_frame(line, line->stream, whole, now_ns);
+	}
+	return true;
+}
