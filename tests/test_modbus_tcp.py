@@ -209,7 +209,8 @@ def test_connection_is_a_line_like_others(programs: Path, address: str) -> None:
         assert values == {"p7.255.h0": 1, "p7.255.h4": 5}
         row = counters(gateway, 7)
         assert (row["device"], row["format"], row["open"]) == (address, f"TCP {server.port}", True)
-        assert row["timeouts"] + row["unasked_frames"] + row["late_answers"] + row["noise_bytes"] == 0
+        faults = ("timeouts", "unasked_frames", "late_answers", "noise_bytes")
+        assert sum(row[fault] for fault in faults) == 0
         wait_said(gateway, 7, ["is connected"])
         with Master(*gateway.address) as master:
             assert master.command(7255, 40001, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
