@@ -149,9 +149,10 @@ def test_histogram_shows_what_was_measured_and_what_it_is_worth(substation: Subs
     table = substation.gateway.ctl("lines", "--histogram").splitlines()
     assert table[0].startswith(f"port {PORT}: longest wake-up ")
     assert table[1].split() == ["BELOW", "US", "WAKE-UPS", "TRANSACTIONS"]
-    shown = [[int(cell) for cell in row.split()] for row in table[2:-1] if not row.strip().startswith("more")]
+    shown = [[int(cell) for cell in row.split()] for row in table[2:-2] if not row.strip().startswith("more")]
     assert [below for below, _, _ in shown] == sorted(below for below, _, _ in shown)
     assert sum(count for _, _, count in shown) >= sum(transactions) - transactions[-1]
+    assert table[-2].startswith(f"{line['process']['name']}: ")
     assert table[-1] == f"verdict: {line['verdict']}"
 
 

@@ -114,6 +114,65 @@ def test_files_of_the_map_are_nobody_elses_to_write(gateway: Gateway) -> None:
             assert segment.stat().st_mode & 0o777 == 0o644
 
 
+def granted(pid: int) -> dict[str, Any]:
+    fifo = os.sched_getscheduler(pid) == os.SCHED_FIFO
+    locked_kib = int(status_of(pid)["VmLck"][0])
+    priority = os.sched_getparam(pid).sched_priority
+    return {"running": True, "fifo": fifo, "priority": priority, "locked_kib": locked_kib}
+
+
+def wait_serving(gateway: Gateway) -> dict[str, dict[str, Any]]:
+    """Until the line processes have all that they get, and try to open their ports, which are not there."""
+    modules = wait_running(gateway)
+    gateway.wait_for(lambda: all(line["port_errors"] for line in gateway.query("lines")), 10, "lines work")
+    return modules
+
+
+def said(gateway: Gateway, module: str, text: str) -> int:
+    """How often a module has said it in its log."""
+    lines = map(json.loads, gateway.ctl("--json", "log").splitlines())
+    return sum(line["module"] == module and line["text"].startswith(text) for line in lines)
+
+
+NO_PRIORITY = "no real-time priority for the line processes: "
+NOT_LOCKED = "memory is not locked: "
+
+
+def test_histogram_says_what_the_kernel_has_given(gateway: Gateway) -> None:
+    with rtud(gateway):
+        modules = wait_serving(gateway)
+        lines = gateway.query("lines", "--histogram")
+        assert {line["process"]["name"] for line in lines} == set(LINES)
+        for line in lines:
+            name, process = line["process"]["name"], line["process"]
+            given = granted(modules[name]["pid"])
+            assert process == given | {"name": name}
+            realtime = line["realtime_kernel"] and given["fifo"] and given["locked_kib"] > 0
+            assert line["realtime"] is realtime
+            assert line["verdict"].startswith("none: ") is not realtime
+            assert said(gateway, name, NOT_LOCKED) == (given["locked_kib"] == 0)
+        assert said(gateway, "rtud", NO_PRIORITY) == (not all(line["process"]["fifo"] for line in lines))
+
+
+def test_what_the_kernel_refuses_is_said_once(gateway: Gateway) -> None:
+    """rtud without the rights that real time takes: everything works, and nothing is called real-time."""
+    refuse: list[str | Path] = ["prlimit", "--rtprio=0:0", "--memlock=0:0"]
+    if os.geteuid() == 0:
+        refuse += ["setpriv", "--bounding-set", "-sys_nice,-ipc_lock,-sys_resource"]
+    with rtud(gateway, args=refuse + command(gateway)):
+        wait_serving(gateway)
+        lines = gateway.query("lines", "--histogram")
+        for line in lines:
+            process = line["process"]
+            assert (process["fifo"], process["priority"], process["locked_kib"]) == (False, 0, 0)
+            assert not line["realtime"]
+            assert line["verdict"].startswith("none: ")
+        table = gateway.ctl("lines", "--histogram")
+        assert table.count("ordinary scheduling, memory not locked\nverdict: none: ") == len(lines)
+        assert said(gateway, "rtud", NO_PRIORITY) == 1
+        assert [said(gateway, name, NOT_LOCKED) for name in LINES] == [1, 1]
+
+
 # ---- where it is started ------------------------------------------------------------------------
 
 

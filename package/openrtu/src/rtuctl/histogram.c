@@ -22,9 +22,19 @@ static bool is_realtime(void)
 	return uname(&system) == 0 && realtime_kernel("/sys/kernel/realtime", system.version);
 }
 
-static const char *verdict(const struct map *map, const struct map_line_stats *stats)
+/* Of a line: its process, and what the kernel has given that. */
+static struct realtime_grant grant_of(const struct map *map, uint32_t index, struct map_module *module)
 {
-	return realtime_verdict(is_realtime(), map_config(map)->settings.modbus_priority,
+	map_module(map, map_config(map)->lines[index].module, module);
+	if (!module->alive)
+		return (struct realtime_grant){.running = false};
+	return realtime_granted("/proc", module->pid);
+}
+
+static const char *verdict(const struct map *map, const struct realtime_grant *grant,
+			   const struct map_line_stats *stats)
+{
+	return realtime_verdict(is_realtime(), grant, map_config(map)->settings.modbus_priority,
 				stats->wakeups.longest_us);
 }
 
@@ -52,12 +62,17 @@ static void print_buckets(const struct map_line_stats *stats)
 static void print_line(const struct map *map, uint32_t index)
 {
 	const struct map_line_stats *stats = map_line_stats(map, index);
+	struct map_module module;
+	struct realtime_grant grant = grant_of(map, index, &module);
+	char words[REALTIME_WORDS_SIZE];
 
 	printf("%sport %u: longest wake-up %u us late, longest transaction %u us\n", index > 0 ? "\n" : "",
 	       map_config(map)->lines[index].port, (unsigned)stats->wakeups.longest_us,
 	       (unsigned)stats->transactions.longest_us);
 	print_buckets(stats);
-	printf("verdict: %s\n", verdict(map, stats));
+	realtime_words(&grant, words);
+	printf("%s: %s\n", module.name, words);
+	printf("verdict: %s\n", verdict(map, &grant, stats));
 }
 
 static json_t *histogram_json(const struct map_histogram *histogram)
@@ -69,14 +84,24 @@ static json_t *histogram_json(const struct map_histogram *histogram)
 	return json_pack("{s:I, s:o}", "longest_us", (json_int_t)histogram->longest_us, "counts", counts);
 }
 
+static json_t *process_json(const struct map_module *module, const struct realtime_grant *grant)
+{
+	return json_pack("{s:s, s:b, s:b, s:I, s:I}", "name", module->name, "running", grant->running, "fifo",
+			 grant->fifo, "priority", (json_int_t)grant->priority, "locked_kib",
+			 (json_int_t)grant->locked_kib);
+}
+
 static json_t *line_json(const struct map *map, uint32_t index)
 {
 	const struct map_line_stats *stats = map_line_stats(map, index);
+	struct map_module module;
+	struct realtime_grant grant = grant_of(map, index, &module);
 
-	return json_pack("{s:i, s:o, s:o, s:b, s:s}", "port", map_config(map)->lines[index].port, "wakeups",
-			 histogram_json(&stats->wakeups), "transactions",
-			 histogram_json(&stats->transactions), "realtime_kernel", is_realtime(), "verdict",
-			 verdict(map, stats));
+	return json_pack("{s:i, s:o, s:o, s:o, s:b, s:b, s:s}", "port", map_config(map)->lines[index].port,
+			 "wakeups", histogram_json(&stats->wakeups), "transactions",
+			 histogram_json(&stats->transactions), "process", process_json(&module, &grant),
+			 "realtime_kernel", is_realtime(), "realtime", realtime_is(is_realtime(), &grant),
+			 "verdict", verdict(map, &grant, stats));
 }
 
 int rtuctl_histogram(struct map *map, const struct rtuctl_request *request)

@@ -51,8 +51,8 @@ static const struct command commands[] = {
      "serial lines and their devices, with counters",
      "Counters count since the module started and wrap at 2^32. The third table is what was learned of the\n"
      "devices: how fast they answer, the longest reads they give, and what they refuse.\n"
-     "--histogram shows how late the lines' process woke, how long transactions took, and what that is "
-     "worth.\n"
+     "--histogram shows how late the lines' process woke, how long transactions took, what the kernel has "
+     "given\nthat process, and what that is worth.\n"
      "--suggest prints what was learned as keys to add to the configuration, and says why.\n",
      rtuctl_lines},
     {"iec104", "[TABLE]", 0, 1, 0, NULL, "controlling stations: connections, event queues, counters",

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -270,6 +271,29 @@ static void test_lines(void **state)
 	json = parse_output();
 	row = json_array_get(json_object_get(json_array_get(json, 0), "devices"), 0);
 	assert_int_equal(json_integer_value(json_object_get(row, "timeouts")), 4);
+	json_decref(json);
+}
+
+/* The lines' process is this one. */
+static void test_histogram_says_what_the_kernel_has_given(void **state)
+{
+	bool locked;
+	json_t *json, *process;
+
+	(void)state;
+	assert_int_equal(RUN("lines", "--histogram"), 0);
+	assert_contains("\nrtu-modbus-1: ");
+	assert_contains(", memory not locked\nverdict: none: ");
+	/* Not by mlock, which does nothing under AddressSanitizer. */
+	locked = syscall(SYS_mlock, output, sizeof(output)) == 0;
+	assert_int_equal(RUN("--json", "lines", "--histogram"), 0);
+	syscall(SYS_munlock, output, sizeof(output));
+	json = parse_output();
+	process = json_object_get(json_array_get(json, 0), "process");
+	assert_string_equal(json_string_value(json_object_get(process, "name")), "rtu-modbus-1");
+	assert_true(json_is_true(json_object_get(process, "running")));
+	assert_int_equal(json_integer_value(json_object_get(process, "locked_kib")) > 0, locked);
+	assert_false(json_is_true(json_object_get(json_array_get(json, 0), "realtime")));
 	json_decref(json);
 }
 
@@ -675,6 +699,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_modules),
 	    cmocka_unit_test(test_modules_say_where_the_data_is),
 	    cmocka_unit_test(test_lines),
+	    cmocka_unit_test(test_histogram_says_what_the_kernel_has_given),
 	    cmocka_unit_test(test_lines_show_what_was_learned),
 	    cmocka_unit_test(test_suggest_a_length),
 	    cmocka_unit_test(test_suggest_no_holes),

@@ -50,8 +50,9 @@ struct supervisor {
 	uint32_t log_position[MAP_MODULES_MAX];
 	int watchdog; /* descriptor; -1: none */
 	bool stopping;
-	int64_t reset_at_ns; /* all modules are restarted then; 0: no */
-	int64_t reset_ns;    /* when they were last */
+	bool priority_refused; /* said in the log */
+	int64_t reset_at_ns;   /* all modules are restarted then; 0: no */
+	int64_t reset_ns;      /* when they were last */
 };
 
 static const int64_t MS = 1000000;
@@ -211,14 +212,24 @@ static void reap(struct supervisor *supervisor)
 				module_ended(supervisor, i, status);
 }
 
-/* It has read its configuration and is about to work. What rtud may not give, it has said at its own start. */
+/* Says once what it may not give. */
+static void give_priority(struct supervisor *supervisor, pid_t pid, int priority)
+{
+	if (process_set_priority(pid, priority) == 0 || supervisor->priority_refused)
+		return;
+	supervisor->priority_refused = true;
+	map_log(supervisor->map, MAP_LOG_WARNING, "no real-time priority for the line processes: %s",
+		strerror(errno));
+}
+
+/* It has read its configuration and is about to work. */
 static void module_attached(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
 {
 	struct child *child = &supervisor->children[index];
 
 	child->attached = true;
 	if (module->kind == MAP_MODULE_MODBUS)
-		process_set_priority(child->pid, map_config(supervisor->map)->settings.modbus_priority);
+		give_priority(supervisor, child->pid, map_config(supervisor->map)->settings.modbus_priority);
 	map_module_running(supervisor->map, index);
 }
 
@@ -460,9 +471,8 @@ static void raise_priority(struct supervisor *supervisor)
 {
 	int lines = map_config(supervisor->map)->settings.modbus_priority;
 
-	if (lines && process_set_priority(0, lines < 99 ? lines + 1 : lines) < 0)
-		map_log(supervisor->map, MAP_LOG_WARNING, "no real-time priority for the line processes: %s",
-			strerror(errno));
+	if (lines)
+		give_priority(supervisor, 0, lines < 99 ? lines + 1 : lines);
 }
 
 int supervise(const struct map_config *config, const struct supervise_options *options)
