@@ -8,8 +8,8 @@
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -119,11 +119,11 @@ static void this_process_has_what_it_asked_for(void **state)
 	assert_true(grant.running);
 	assert_int_equal(grant.priority, parameter.sched_priority);
 	assert_int_equal(grant.locked_kib, 0);
-	if (mlockall(MCL_CURRENT) < 0)
+	/* Not by mlock, which does nothing under AddressSanitizer. */
+	if (syscall(SYS_mlock, &grant, sizeof(grant)) < 0)
 		skip();
-	grant = realtime_granted("/proc", getpid());
-	assert_true(grant.locked_kib > 0);
-	munlockall();
+	assert_true(realtime_granted("/proc", getpid()).locked_kib > 0);
+	syscall(SYS_munlock, &grant, sizeof(grant));
 }
 
 #define PROMISES_NOTHING ", what was measured promises nothing"

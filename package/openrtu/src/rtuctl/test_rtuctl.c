@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -290,9 +290,10 @@ static void test_histogram_says_what_the_kernel_has_given(void **state)
 	assert_int_equal(RUN("lines", "--histogram"), 0);
 	assert_contains("\nrtu-modbus-1: ");
 	assert_contains(", memory not locked\nverdict: none: ");
-	locked = mlockall(MCL_CURRENT) == 0;
+	/* Not by mlock, which does nothing under AddressSanitizer. */
+	locked = syscall(SYS_mlock, output, sizeof(output)) == 0;
 	assert_int_equal(RUN("--json", "lines", "--histogram"), 0);
-	munlockall();
+	syscall(SYS_munlock, output, sizeof(output));
 	json = parse_output();
 	process = json_object_get(json_array_get(json, 0), "process");
 	assert_string_equal(json_string_value(json_object_get(process, "name")), "rtu-modbus-1");
