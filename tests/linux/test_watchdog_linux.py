@@ -75,7 +75,7 @@ def test_new_time_out_of_a_running_watchdog_is_the_hardwares(linux: Linux) -> No
 
 @pytest.mark.parametrize(("timeout", "at_least"), [(2, 65536 / 23437.5), (11, 262144 / 23437.5), (13, 13.0)])
 def test_who_leaves_it_running_is_reset_in_time(linux: Linux, timeout: int, at_least: float) -> None:
-    """2 and 11 by the hardware alone, 13 with the core, which stops feeding in time; whatever it was before."""
+    """2 and 11 by the hardware alone, 13 with the core; whatever it was before."""
     linux.run(f"watchdog-test {30 if timeout == 2 else 2} stop")
     seconds = seconds_to_reset(linux, f"watchdog-test {timeout} leave")
     assert at_least <= seconds <= at_least + LATE_S
