@@ -212,6 +212,18 @@ static void a_silent_unit_is_dead(void **state)
 	one_unit_is_dead(0);
 }
 
+/* The scan in which the device died has no end. */
+static void a_scan_without_an_answer_has_no_duration(void **state)
+{
+	(void)state;
+	start_tcp(0);
+	run_for(SECOND);
+	bus.slaves[0].present = false;
+	run_for(3 * SECOND);
+	assert_int_equal(bus.deaths[0], 1);
+	assert_in_range(bus.line.counters.scan_us, REACTION_NS / 1000, PACE_NS / 1000);
+}
+
 static void a_read_that_is_refused_is_halved(void **state)
 {
 	(void)state;
@@ -271,6 +283,7 @@ int main(void)
 	    cmocka_unit_test(what_is_no_modbus_ends_the_connection),
 	    cmocka_unit_test(a_unit_that_a_gateway_does_not_reach_is_dead),
 	    cmocka_unit_test(a_silent_unit_is_dead),
+	    cmocka_unit_test(a_scan_without_an_answer_has_no_duration),
 	    cmocka_unit_test(a_read_that_is_refused_is_halved),
 	    cmocka_unit_test(a_command_is_confirmed_refused_or_lost),
 	    cmocka_unit_test(commands_do_not_wait_for_late_answers),

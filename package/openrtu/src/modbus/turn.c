@@ -141,7 +141,8 @@ static void next_turn(struct modbus_line *line)
 		return;
 	line->turn = 0;
 	line->probed_in_vain = false;
-	if (line->scan_begun)
+	/* Else nothing was answered in it. */
+	if (line->scan_begun && line->scan_ended_ns >= line->scan_began_ns)
 		line->counters.scan_us = (uint32_t)((line->scan_ended_ns - line->scan_began_ns) / NS_PER_US);
 	line->scan_begun = false;
 }

@@ -50,6 +50,7 @@ struct port {
 	bool failing; /* said in the log */
 	bool pty_logged;
 	int64_t connected_by_ns; /* until then a connection may take; 0: none is being made */
+	uint32_t answers;        /* of the line, before the port was opened */
 	int64_t deadline_ns; /* of the line, or of the next try to open the port; 0: it is to be served now */
 	bool listening;      /* bytes that arrive wake this process */
 	bool waiting;        /* for deadline_ns, which lay ahead */
@@ -273,9 +274,26 @@ static bool wait_for_port(struct port *port, uint32_t events, char error[SERIAL_
 
 static void begin_line(struct port *port, int64_t now_ns)
 {
-	port->failing = false;
+	port->answers = port->line.counters.answers;
 	port->listening = true;
 	modbus_line_open(&port->line, now_ns);
+}
+
+static void log_connected(const struct port *port)
+{
+	map_log(port->gateway->map, MAP_LOG_INFO, "port %u: %s is connected", port->config->port, port->path);
+}
+
+/*
+ * A device that takes no further connection accepts it and hangs up: a connection that has failed before is said to be
+ * there when something came of it, and not each second.
+ */
+static void note_answers(struct port *port)
+{
+	if (!port->failing || port->line.counters.answers == port->answers)
+		return;
+	port->failing = false;
+	log_connected(port);
 }
 
 static void open_serial(struct port *port, int64_t now_ns)
@@ -296,6 +314,7 @@ static void open_serial(struct port *port, int64_t now_ns)
 	}
 	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
 		(unsigned)port->config->baud);
+	port->failing = false;
 	begin_line(port, now_ns);
 }
 
@@ -334,7 +353,8 @@ static void end_connecting(struct port *port, int64_t now_ns)
 	}
 	port->connected_by_ns = 0;
 	epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
-	map_log(port->gateway->map, MAP_LOG_INFO, "port %u: %s is connected", port->config->port, port->path);
+	if (!port->failing)
+		log_connected(port);
 	begin_line(port, now_ns);
 }
 
@@ -356,11 +376,12 @@ static bool is_open(const struct port *port)
 static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 {
 	close_port(port);
+	if (!port->failing)
+		map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port,
+			port->path, cause);
 	port->failing = true;
 	port->deadline_ns = now_ns + REOPEN_NS;
 	count_port_error(port);
-	map_log(port->gateway->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
-		cause);
 	modbus_line_close(&port->line, now_ns);
 }
 
@@ -427,6 +448,7 @@ static void serve_port(struct port *port)
 		read_port(port);
 	if (!is_open(port))
 		return;
+	note_answers(port);
 	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
 	bool listening = now_ns >= output.listen_ns;
 
