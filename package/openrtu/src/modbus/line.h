@@ -79,8 +79,7 @@ struct modbus_device_counters {
 struct modbus_line_counters {
 	uint32_t requests, answers, exceptions, timeouts, crc_errors;
 	uint32_t wrong_answers; /* sound frames that nobody waited for */
-	uint32_t
-	    late_answers; /* sound frames of a device that owed one; on TCP, of a request that timed out */
+	uint32_t late_answers;  /* sound frames of a device that owed one; on TCP, of what timed out */
 	uint32_t noise_bytes;
 	uint32_t commands;
 	uint32_t scan_us;
