@@ -82,8 +82,7 @@ struct modbus_line_counters {
 	uint32_t requests, answers, exceptions, timeouts, crc_errors;
 	/* Sound frames, when another is awaited: of another unit, function, length, or else different. */
 	uint32_t wrong_units, wrong_functions, wrong_lengths, wrong_answers;
-	uint32_t
-	    late_answers; /* sound frames of a device that owed one; on TCP, of a request that timed out */
+	uint32_t late_answers;   /* sound frames of a device that owed one; on TCP, of what timed out */
 	uint32_t unasked_frames; /* sound frames when nothing is awaited */
 	uint32_t echoes;         /* requests that came back */
 	uint32_t noise_bytes;
