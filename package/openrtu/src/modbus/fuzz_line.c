@@ -244,6 +244,20 @@ static void step(void)
 	}
 }
 
+/* Whatever the devices said: what follows from it keeps within the protocol, and counts no read twice. */
+static void check_learned(void)
+{
+	for (uint32_t d = 0; d < DEVICES; d++) {
+		struct modbus_learned learned = modbus_learn(devices[d].reads, devices[d].read_count);
+
+		CHECK(learned.given_bits <= MODBUS_BITS_MAX && learned.refused_bits <= MODBUS_BITS_MAX);
+		CHECK(learned.given_registers <= MODBUS_REGISTERS_MAX &&
+		      learned.refused_registers <= MODBUS_REGISTERS_MAX);
+		CHECK(learned.hole.count < learned.hole.read || learned.hole.read == 0);
+		CHECK(learned.open + learned.lacking.count + learned.holes_given <= devices[d].read_count);
+	}
+}
+
 static void begin(bool tcp)
 {
 	static const uint8_t functions[] = {1, 2, 3, 4};
@@ -281,6 +295,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	poll_line();
 	while (input.at < input.end)
 		step();
+	check_learned();
 	modbus_line_close(&line, now);
 	CHECK(ended == ordered);
 	return 0;
