@@ -510,7 +510,9 @@ bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t 
 	line->last_byte_ns = now_ns;
 	for (size_t i = 0; i < length; i++)
 		receive_byte(line, bytes[i], now_ns);
-	line->listen_ns = now_ns + (int64_t)missing(line) * line->wire.char_ns;
+	size_t lacking = missing(line);
+
+	line->listen_ns = lacking > 0 ? now_ns + (int64_t)lacking * line->wire.char_ns : 0;
 	return true;
 }
 

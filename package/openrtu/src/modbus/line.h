@@ -180,7 +180,7 @@ struct modbus_line {
 	int64_t silent_ns;   /* when the line may be used, if nothing more comes */
 	int64_t restless_ns; /* since when silence is being waited for */
 	int64_t last_byte_ns;
-	int64_t listen_ns; /* when the answer under way can be complete */
+	int64_t listen_ns; /* when the answer under way can be complete; 0: none is, or it may be now */
 
 	/* The transaction under way. */
 	enum modbus_purpose purpose;

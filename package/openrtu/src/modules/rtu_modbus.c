@@ -54,6 +54,7 @@ struct port {
 	int64_t deadline_ns; /* of the line, or of the next try to open the port; 0: it is to be served now */
 	bool listening;      /* bytes that arrive wake this process */
 	bool waiting;        /* for deadline_ns, which lay ahead */
+	uint32_t answered;   /* line.counters.answers when the last request was written */
 	struct modbus_histogram wakeups;
 	struct modbus_line line;
 };
@@ -68,8 +69,9 @@ struct gateway {
 	struct map_update *updates; /* room for the largest device */
 	int epoll_fd;
 	int timer_fd;
-	int64_t heartbeat_ns; /* the next one */
-	int64_t armed_ns;     /* what the timer is set to */
+	int heartbeat_fd;
+	int64_t heartbeat_ns; /* the next one, which wakes this process */
+	int64_t armed_ns;     /* what the timer is set to; 0: it has expired */
 };
 
 static volatile sig_atomic_t stop_requested;
@@ -403,28 +405,32 @@ static void read_port(struct port *port)
 
 /*
  * What the port has not sent of an older request, which has timed out by now, it shall not send any
- * more. A port that does not even then take a request whole is broken, and what was to be sent is not
- * confirmed: a broadcast, too, was not sent.
+ * more; one that was answered has left. A port that does not even then take a request whole is broken,
+ * and what was to be sent is not confirmed: a broadcast, too, was not sent.
  */
 static void write_port(struct port *port, const struct modbus_output *output, int64_t now_ns)
 {
-	if (!map_line_is_tcp(port->config))
+	if (!map_line_is_tcp(port->config) && port->answered == port->line.counters.answers)
 		serial_discard_output(port->fd);
+	port->answered = port->line.counters.answers;
 	ssize_t length = write(port->fd, output->frame, output->length);
 
 	if (length != (ssize_t)output->length)
 		lose_port(port, length < 0 ? strerror(errno) : "it does not send", now_ns);
 }
 
-/* An answer comes character by character: to wake for each would be most of a line's cost. */
-static void listen_to(struct port *port, bool listening)
+/*
+ * An answer comes character by character: to wake for each would be most of a line's cost. One wakes, and then none until
+ * this is called.
+ */
+static void listen_to(struct port *port)
 {
-	struct epoll_event event = {.events = listening ? EPOLLIN : 0, .data.ptr = port};
+	struct epoll_event event = {.events = EPOLLIN | EPOLLONESHOT, .data.ptr = port};
 
-	if (listening == port->listening)
+	if (port->listening)
 		return;
 	epoll_ctl(port->gateway->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
-	port->listening = listening;
+	port->listening = true;
 }
 
 /* How late we are for what the line waits for. */
@@ -453,7 +459,8 @@ static void serve_port(struct port *port)
 
 	port->deadline_ns = listening ? output.deadline_ns : earlier(output.deadline_ns, output.listen_ns);
 	port->waiting = port->deadline_ns > now_ns;
-	listen_to(port, listening);
+	if (listening)
+		listen_to(port);
 	if (output.length > 0)
 		write_port(port, &output, now_ns);
 }
@@ -628,16 +635,28 @@ static void release_ports(struct gateway *gateway)
 	free(gateway->commands.progress);
 }
 
+static struct timespec timespec_of(int64_t ns)
+{
+	return (struct timespec){.tv_sec = (time_t)(ns / NS_PER_S), .tv_nsec = (long)(ns % NS_PER_S)};
+}
+
 static bool set_up_waiting(struct gateway *gateway)
 {
 	struct epoll_event bell = {.events = EPOLLIN, .data.ptr = gateway};
-	struct epoll_event timer = {.events = EPOLLIN, .data.ptr = &gateway->timer_fd};
+	struct epoll_event timer = {.events = EPOLLIN | EPOLLET, .data.ptr = &gateway->timer_fd};
+	struct epoll_event heartbeat = {.events = EPOLLIN, .data.ptr = &gateway->heartbeat_fd};
+	struct itimerspec beats = {.it_interval = {.tv_nsec = HEARTBEAT_NS}};
 
+	gateway->heartbeat_ns = map_now_ns() + HEARTBEAT_NS;
+	beats.it_value = timespec_of(gateway->heartbeat_ns);
 	gateway->epoll_fd = epoll_create1(EPOLL_CLOEXEC);
 	gateway->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-	return gateway->epoll_fd >= 0 && gateway->timer_fd >= 0 &&
+	gateway->heartbeat_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+	return gateway->epoll_fd >= 0 && gateway->timer_fd >= 0 && gateway->heartbeat_fd >= 0 &&
+	       timerfd_settime(gateway->heartbeat_fd, TFD_TIMER_ABSTIME, &beats, NULL) == 0 &&
 	       epoll_ctl(gateway->epoll_fd, EPOLL_CTL_ADD, map_bell_fd(gateway->map), &bell) == 0 &&
-	       epoll_ctl(gateway->epoll_fd, EPOLL_CTL_ADD, gateway->timer_fd, &timer) == 0;
+	       epoll_ctl(gateway->epoll_fd, EPOLL_CTL_ADD, gateway->timer_fd, &timer) == 0 &&
+	       epoll_ctl(gateway->epoll_fd, EPOLL_CTL_ADD, gateway->heartbeat_fd, &heartbeat) == 0;
 }
 
 static void set_up_signals(void)
@@ -655,20 +674,34 @@ static void set_up_signals(void)
  * ----------------------------------------------------------------------------------------------
  */
 
+/* To set the timer costs most of what a wake-up costs. What is due behind the next heartbeat is looked at again then. */
 static void arm_timer(struct gateway *gateway)
 {
-	int64_t at_ns = earlier(gateway->heartbeat_ns, commands_deadline(&gateway->commands));
+	int64_t at_ns = commands_deadline(&gateway->commands);
 
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		at_ns = earlier(at_ns, gateway->ports[i].deadline_ns);
 	if (at_ns < 1)
 		at_ns = 1; /* 0 would disarm */
-	if (at_ns == gateway->armed_ns)
-		return; /* most wake-ups bring bytes and change nothing */
+	if (at_ns >= gateway->heartbeat_ns || at_ns == gateway->armed_ns)
+		return;
 	gateway->armed_ns = at_ns;
-	struct itimerspec timer = {
-	    .it_value = {.tv_sec = (time_t)(at_ns / NS_PER_S), .tv_nsec = (long)(at_ns % NS_PER_S)}};
+	struct itimerspec timer = {.it_value = timespec_of(at_ns)};
 	timerfd_settime(gateway->timer_fd, TFD_TIMER_ABSTIME, &timer, NULL);
+}
+
+static void wake_port(struct port *port)
+{
+	port->deadline_ns = 0;
+	port->listening = false;
+}
+
+/* Starts the next period. */
+static void take_heartbeat(const struct gateway *gateway)
+{
+	uint64_t expiries;
+
+	(void)!read(gateway->heartbeat_fd, &expiries, sizeof(expiries));
 }
 
 static void wait_and_take(struct gateway *gateway)
@@ -679,8 +712,12 @@ static void wait_and_take(struct gateway *gateway)
 	for (int i = 0; i < count; i++) {
 		if (events[i].data.ptr == gateway)
 			take_requests(gateway);
-		else if (events[i].data.ptr != &gateway->timer_fd)
-			((struct port *)events[i].data.ptr)->deadline_ns = 0;
+		else if (events[i].data.ptr == &gateway->timer_fd)
+			gateway->armed_ns = 0;
+		else if (events[i].data.ptr == &gateway->heartbeat_fd)
+			take_heartbeat(gateway);
+		else
+			wake_port(events[i].data.ptr);
 	}
 }
 
@@ -688,7 +725,7 @@ static void beat(struct gateway *gateway, int64_t now_ns)
 {
 	if (now_ns < gateway->heartbeat_ns)
 		return;
-	gateway->heartbeat_ns = now_ns + HEARTBEAT_NS;
+	gateway->heartbeat_ns += ((now_ns - gateway->heartbeat_ns) / HEARTBEAT_NS + 1) * HEARTBEAT_NS;
 	map_heartbeat(gateway->map);
 	map_totals_tick(gateway->map);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
