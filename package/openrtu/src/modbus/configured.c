@@ -52,6 +52,7 @@ static bool configure_device(const struct map_config *config, const struct map_d
 	    .unit = from->unit,
 	    .retries = from->retries,
 	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
+	    .response_timeout_min_ns = from->response_timeout_min_ms * NS_PER_MS,
 	    .object_count = from->point_count,
 	    .objects = allocate(from->point_count, sizeof(*device->objects)),
 	    .reads = allocate(from->point_count, sizeof(*device->reads)),

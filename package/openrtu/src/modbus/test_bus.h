@@ -44,7 +44,10 @@ struct slave {
 	int64_t reaction_ns; /* request to answer */
 	unsigned late;       /* how many answers take late_ns */
 	int64_t late_ns;
+	int64_t long_ns;   /* on top of the reaction: of reads of more than one register */
+	int64_t write_ns;  /* ... of writes */
 	int64_t free_ns;   /* when it has dealt with all so far */
+	bool one_ear;      /* what is asked until then is lost, not done later */
 	uint8_t exception; /* its answer to everything, when not 0 */
 	int missing;       /* address it answers with exception 2; -1: none */
 	int deaf;          /* address it does not answer to when read together with others */
@@ -72,8 +75,10 @@ struct bus {
 	size_t wire_count;
 	unsigned deliveries; /* how often what had arrived was given to the line */
 	int64_t now_ns;
-	int64_t busy_ns; /* end of the last character on the wire */
-	bool echoing;    /* the transceiver hears what it sends */
+	int64_t busy_ns;   /* end of the last character on the wire */
+	int64_t waited_ns; /* for the answer to the request under way */
+	int64_t lost_ns[DEVICES_MAX], lost_by_death_ns[DEVICES_MAX]; /* of that, in vain */
+	bool echoing;                                                /* the transceiver hears what it sends */
 	uint32_t chance; /* not 0: the process runs late, at random */
 	unsigned still;  /* polls in a row that neither sent nor let time pass */
 	struct sent sent[TRACE_MAX];
@@ -101,6 +106,8 @@ void start(void);
 void start_simple(uint8_t retries);
 
 void run_for(int64_t ns);
+/* Until the device is dead; it must be within the time. */
+void run_until_dead(uint32_t device, int64_t within_ns);
 /* What has arrived by now comes in one piece. */
 void deliver(void);
 

@@ -35,6 +35,7 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	     .unit = 7,
 	     .retries = 2,
 	     .response_timeout_ms = 300,
+	     .response_timeout_min_ms = 60,
 	     .first_point = 2,
 	     .point_count = 2},
 	};
@@ -60,6 +61,7 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	assert_int_equal(line.devices[1].unit, 7);
 	assert_int_equal(line.devices[1].retries, 2);
 	assert_int_equal(line.devices[1].response_timeout_ns, 300000000);
+	assert_int_equal(line.devices[1].response_timeout_min_ns, 60000000);
 	assert_int_equal(line.devices[1].read_count, 2);
 	assert_int_equal(line.devices[1].reads[0].function, MODBUS_READ_COILS);
 	assert_int_equal(line.devices[1].reads[0].address, 10);

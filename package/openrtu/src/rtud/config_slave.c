@@ -17,6 +17,7 @@ enum {
 	SLAVE_ID = CONFIG_TABLES,
 	SLAVE_DESCRIPTION,
 	SLAVE_RESPONSE_TIMEOUT,
+	SLAVE_RESPONSE_TIMEOUT_MIN,
 	SLAVE_RETRIES,
 	SLAVE_PERIOD,
 	SLAVE_KEYS
@@ -30,6 +31,8 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_DESCRIPTION] = {"description", CONFIG_TEXT, .low = 0, .high = MAP_NAME_SIZE - 1},
     [SLAVE_RESPONSE_TIMEOUT] = {"response_timeout_ms", CONFIG_INTEGER, .low = 20, .high = 10000,
 				.fallback = 500},
+    [SLAVE_RESPONSE_TIMEOUT_MIN] = {"response_timeout_min_ms", CONFIG_INTEGER, .low = 10, .high = 10000,
+				    .fallback = 100},
     [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
     [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
 };
@@ -52,7 +55,24 @@ static void check_broadcast(struct config_loader *loader, const struct config_pl
 			     "has no meaning for slave 0: the broadcast address is never read");
 }
 
-static void add_device(struct config_loader *loader, const struct config_value *values)
+/* The floor of a time-out, which is the ceiling where that is lower than the default. */
+static uint16_t least_timeout_ms(struct config_loader *loader, const struct config_place *slave,
+				 const struct config_value *values)
+{
+	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_RESPONSE_TIMEOUT_MIN].name);
+	int64_t least_ms = values[SLAVE_RESPONSE_TIMEOUT_MIN].integer;
+	int64_t whole_ms = values[SLAVE_RESPONSE_TIMEOUT].integer;
+
+	if (least_ms <= whole_ms)
+		return (uint16_t)least_ms;
+	if (values[SLAVE_RESPONSE_TIMEOUT_MIN].given)
+		config_error(&loader->report, &here, "%lld is above response_timeout_ms, %lld",
+			     (long long)least_ms, (long long)whole_ms);
+	return (uint16_t)whole_ms;
+}
+
+static void add_device(struct config_loader *loader, const struct config_place *place,
+		       const struct config_value *values)
 {
 	struct map_config *config = loader->config;
 	struct map_line *line = &config->lines[config->line_count - 1];
@@ -65,6 +85,7 @@ static void add_device(struct config_loader *loader, const struct config_value *
 	    .unit = unit,
 	    .retries = (uint8_t)values[SLAVE_RETRIES].integer,
 	    .response_timeout_ms = (uint16_t)values[SLAVE_RESPONSE_TIMEOUT].integer,
+	    .response_timeout_min_ms = least_timeout_ms(loader, place, values),
 	    .first_point = config->point_count,
 	};
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')
@@ -99,7 +120,7 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 		if (values[SLAVE_ID].integer == UNIT_BROADCAST)
 			check_broadcast(loader, place, values);
 	}
-	add_device(loader, values);
+	add_device(loader, place, values);
 	entry.period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
 	device = &loader->config->devices[loader->config->device_count - 1];
 	for (size_t table = 0; table < CONFIG_TABLES; table++)
