@@ -400,6 +400,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
+    "response_timeout_min_ms": {"response_timeout_ms": 10000},
     "bit_order": {"type": "double"},
     "word_order": {"type": "float"},
     "counter_group": {"type": "counter"},

@@ -98,9 +98,10 @@ struct map_device {
 	uint8_t unit;    /* Modbus address 1..247, 255 on TCP; 0: broadcast, written and never read */
 	uint8_t retries; /* repeated reads before the device counts as dead; writes are never repeated */
 	uint16_t response_timeout_ms;     /* end of request to first byte of the answer */
+	uint16_t response_timeout_min_ms; /* the least that is waited, however fast it has been */
 	uint16_t max_bits, max_registers; /* that one request may read, 0: as the protocol has it */
 	uint8_t no_holes;                 /* a request reads only addresses that points have */
-	uint8_t reserved[3];
+	uint8_t reserved;
 	uint32_t first_point;
 	uint32_t point_count;
 	char name[MAP_NAME_SIZE]; /* the file's "description" */

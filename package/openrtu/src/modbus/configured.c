@@ -53,6 +53,7 @@ static bool configure_device(const struct map_config *config, const struct map_d
 	    .retries = from->retries,
 	    .limits = {.bits = from->max_bits, .registers = from->max_registers, .no_holes = from->no_holes},
 	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
+	    .response_timeout_min_ns = from->response_timeout_min_ms * NS_PER_MS,
 	    .object_count = from->point_count,
 	    .objects = allocate(from->point_count, sizeof(*device->objects)),
 	    .reads = allocate(from->point_count, sizeof(*device->reads)),

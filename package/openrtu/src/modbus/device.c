@@ -4,6 +4,8 @@
 
 #define BITS_STEP 8 /* bits that make an answer one byte longer */
 
+#define PROBE_LENGTH 8 /* characters of a read's request */
+
 int64_t modbus_next_backoff(int64_t backoff_ns)
 {
 	return earlier(later(2 * backoff_ns, MODBUS_FIRST_PROBE_NS), MODBUS_RAREST_PROBE_NS);
@@ -24,7 +26,13 @@ static uint16_t answer_bytes(const struct modbus_request *request)
 void modbus_add_unanswered(struct modbus_device *device, const struct modbus_request *request,
 			   int64_t sent_ns)
 {
-	device->trust_ns = later(device->trust_ns, sent_ns + device->response_timeout_ns + MODBUS_LATE_NS);
+	int64_t taken_ns = sent_ns; /* by the device, which ends what it had before */
+
+	if (device->unanswered_count == 0 || !device->alive)
+		device->asked_ns = sent_ns;
+	if (device->unanswered_count > 0)
+		taken_ns = later(sent_ns, device->trust_ns - MODBUS_LATE_NS);
+	device->trust_ns = later(device->trust_ns, taken_ns + device->response_timeout_ns + MODBUS_LATE_NS);
 	if (device->unanswered_count < MODBUS_UNANSWERED_MAX)
 		device->unanswered[device->unanswered_count++] =
 		    (struct modbus_unanswered){request->function, answer_bytes(request)};
@@ -38,11 +46,13 @@ void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns)
 	device->inherited = false;
 }
 
-/* Its answers may be off by one: only time helps. */
-static void distrust_everything(struct modbus_device *device, int64_t now_ns)
+/* Its answers may be off by one, that to what was sent at sent_ns still to come: only time helps. */
+static void distrust_everything(struct modbus_device *device, int64_t sent_ns, int64_t now_ns)
 {
+	int64_t due_ns = later(sent_ns + device->response_timeout_ns, now_ns);
+
 	device->unanswered_count = MODBUS_UNANSWERED_MAX;
-	device->trust_ns = later(device->trust_ns, now_ns + MODBUS_LATE_NS);
+	device->trust_ns = later(device->trust_ns, due_ns + MODBUS_LATE_NS);
 }
 
 /* An exception names its function only, a write's echo may equal an older one: the function decides. */
@@ -56,6 +66,11 @@ bool modbus_owes(const struct modbus_device *device, uint8_t function)
 	return false;
 }
 
+bool modbus_may_be_busy(const struct modbus_device *device, int64_t now_ns)
+{
+	return device->alive && device->unanswered_count > 0 && now_ns < device->trust_ns - MODBUS_LATE_NS;
+}
+
 /*
  * After an answer: a device answers in order, so what was asked before this request has no answer any
  * more.
@@ -64,7 +79,7 @@ void modbus_settle_unanswered(struct modbus_device *device, const struct modbus_
 			      bool is_exception, int64_t sent_ns, int64_t now_ns)
 {
 	if (is_exception && modbus_owes(device, request->function)) {
-		distrust_everything(device, now_ns);
+		distrust_everything(device, sent_ns, now_ns);
 	} else if (device->inherited) {
 		/*
 		 * It may have been the answer to an inherited request: then that to this one is still
@@ -111,6 +126,54 @@ bool modbus_find_probe(const struct modbus_device *device, struct modbus_request
 		}
 	}
 	return false;
+}
+
+/* ---- how long an answer is waited for (line.h, "Time-outs") ----------------------------------- */
+
+static int64_t doubled(int64_t time_ns, uint32_t times, int64_t most_ns)
+{
+	while (times-- > 0 && time_ns < most_ns)
+		time_ns *= 2;
+	return earlier(time_ns, most_ns);
+}
+
+static void set_timeout(struct modbus_device *device)
+{
+	int64_t learned_ns =
+	    later(MODBUS_LATENCY_FACTOR * device->slowest_ns, device->response_timeout_min_ns);
+
+	if (device->slowest_ns == 0)
+		device->timeout_ns = 0;
+	else if (device->alive && device->failures >= device->retries)
+		device->timeout_ns = device->response_timeout_ns;
+	else
+		device->timeout_ns = doubled(learned_ns, device->failures, device->response_timeout_ns);
+}
+
+int64_t modbus_timeout(const struct modbus_device *device)
+{
+	return device->timeout_ns > 0 ? device->timeout_ns : device->response_timeout_ns;
+}
+
+void modbus_learn_latency(struct modbus_device *device, int64_t latency_ns)
+{
+	int64_t faded_ns = device->slowest_ns - device->slowest_ns / MODBUS_LATENCY_FADING;
+
+	device->slowest_ns = later(later(latency_ns, 1), faded_ns);
+	set_timeout(device);
+}
+
+bool modbus_was_in_time(struct modbus_device *device, int64_t began_ns, int64_t ended_ns)
+{
+	int64_t latency_ns = began_ns - device->asked_ns;
+
+	if (device->unanswered_count == 0 || latency_ns > device->response_timeout_ns)
+		return false;
+	if (device->alive)
+		device->failures = 0;
+	modbus_learn_latency(device, latency_ns);
+	device->asked_ns = ended_ns;
+	return true;
 }
 
 /* ---- life and death of a device --------------------------------------------------------------- */
@@ -163,25 +226,44 @@ static void refuse_silent_reads(struct modbus_line *line, uint32_t index, int64_
 void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
-	bool was_gone = device->backoff_ns > MODBUS_FIRST_PROBE_NS;
+	bool was_alive = device->alive, was_gone = !was_alive && device->failures > 0;
 
+	device->alive = modbus_is_readable(device);
 	device->failures = 0;
-	device->backoff_ns = 0;
+	device->lost_ns = device->backoff_ns = 0;
+	set_timeout(device);
 	refuse_silent_reads(line, index, now_ns);
-	if (device->alive || !modbus_is_readable(device))
+	if (was_alive || !device->alive)
 		return;
+	/* A command may have reached it before it was probed. */
+	device->paid_ns = earlier(device->paid_ns, now_ns);
 	/* It may be another one that now has this address, and refuse other things. */
 	if (was_gone)
 		modbus_replan(line, device);
-	device->alive = true;
 	device->cursor = 0;
 	line->events->alive(line->context, index, true, now_ns);
 }
 
-static void set_backoff(struct modbus_device *device, int64_t backoff_ns, int64_t now_ns)
+/* What the line loses when the next probe is not answered. */
+static int64_t vain_probe_ns(const struct modbus_line *line, const struct modbus_device *device)
 {
-	device->backoff_ns = backoff_ns;
-	device->next_probe_ns = now_ns + backoff_ns;
+	return line->wire.turn_ns + PROBE_LENGTH * line->wire.char_ns + modbus_timeout(device);
+}
+
+/*
+ * Until the next probe, if that is in vain, the device will have had its share of the line's time: for what it cost
+ * since it was paid last, and for this probe.
+ */
+static void let_rest(const struct modbus_line *line, struct modbus_device *device, int64_t now_ns)
+{
+	int64_t pause_ns = doubled(MODBUS_FIRST_PROBE_NS, device->failures, MODBUS_RAREST_PROBE_NS);
+
+	device->paid_ns = later(device->paid_ns + MODBUS_DEAD_SHARE * device->lost_ns, now_ns);
+	device->lost_ns = 0;
+	set_timeout(device);
+	device->next_probe_ns =
+	    later(now_ns + pause_ns, device->paid_ns + (MODBUS_DEAD_SHARE - 1) * vain_probe_ns(line, device));
+	device->backoff_ns = device->next_probe_ns - now_ns;
 }
 
 void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns)
@@ -191,17 +273,29 @@ void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns
 	if (!device->alive)
 		return;
 	device->alive = false;
-	set_backoff(device, MODBUS_FIRST_PROBE_NS, now_ns);
+	device->failures = 0;
+	let_rest(line, device, now_ns);
 	line->events->alive(line->context, index, false, now_ns);
+}
+
+/* A process that did not run meanwhile has cost the line more, but that was not the device. */
+static int64_t lost_to_request(const struct modbus_line *line, int64_t now_ns)
+{
+	return earlier(now_ns, line->deadline_ns + MODBUS_GAP_NS) - begun_ns(line);
 }
 
 void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
 
+	if (line->purpose != MODBUS_COMMAND)
+		device->lost_ns += lost_to_request(line, now_ns);
+	else if (!device->alive)
+		return;
 	device->failures++;
-	if (!device->alive && line->purpose == MODBUS_PROBE) {
-		set_backoff(device, modbus_next_backoff(device->backoff_ns), now_ns);
+	set_timeout(device);
+	if (!device->alive) {
+		let_rest(line, device, now_ns);
 		line->probed_in_vain = true;
 	} else if (device->failures > device->retries) {
 		modbus_device_died(line, index, now_ns);

@@ -271,6 +271,7 @@ static void begin(bool tcp)
 		devices[d] = (struct modbus_device){.unit = (uint8_t)d, /* 0: broadcast */
 						    .retries = 1,
 						    .response_timeout_ns = 100 * MS,
+						    .response_timeout_min_ns = 5 * MS,
 						    .objects = objects[d],
 						    .reads = reads[d]};
 		for (uint16_t i = 0; d > 0 && i < OBJECTS; i++)

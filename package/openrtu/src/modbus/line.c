@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#define NS_PER_US 1000
+#define NS_PER_US 1000LL
 
 /* ---- commands ------------------------------------------------------------------------------------ */
 
@@ -80,13 +80,27 @@ static void end_command(struct modbus_line *line, enum modbus_result result, uin
 
 /* ---- strays: bytes that belong to no answer -------------------------------------------------------- */
 
-static bool is_late_answer(const struct modbus_line *line, const uint8_t *frame)
+/* The device that owes this frame, or NULL. */
+static struct modbus_device *find_debtor(struct modbus_line *line, const uint8_t *frame)
 {
 	for (uint32_t i = 0; i < line->device_count; i++)
 		if (line->devices[i].unit == frame[0] &&
 		    modbus_owes(&line->devices[i], frame[1] & (uint8_t)~MODBUS_EXCEPTION_BIT))
-			return true;
-	return false;
+			return &line->devices[i];
+	return NULL;
+}
+
+/* The strays are an answer that comes late. A device answers in order: it begins with what is under way only now. */
+static void take_late_answer(struct modbus_line *line, struct modbus_device *device)
+{
+	int64_t began_ns = line->last_byte_ns - (int64_t)line->strays * line->wire.char_ns;
+
+	line->counters.late_answers++;
+	if (!modbus_was_in_time(device, began_ns, line->last_byte_ns) || line->state != MODBUS_WAITING ||
+	    device != &line->devices[line->device])
+		return;
+	line->deadline_ns = later(line->deadline_ns, line->last_byte_ns + device->response_timeout_ns);
+	device->trust_ns = later(device->trust_ns, line->deadline_ns + MODBUS_LATE_NS);
 }
 
 /* Nothing is awaited then that could be taken for it. */
@@ -116,12 +130,14 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 /* Counts the strays, which are one burst, and removes them. */
 static void remove_strays(struct modbus_line *line)
 {
+	struct modbus_device *debtor;
+
 	if (!modbus_crc_valid(line->received, line->strays))
 		line->counters.noise_bytes += (uint32_t)line->strays;
 	else if (is_echo_of_broadcast(line))
 		line->counters.echoes++;
-	else if (is_late_answer(line, line->received))
-		line->counters.late_answers++;
+	else if ((debtor = find_debtor(line, line->received)) != NULL)
+		take_late_answer(line, debtor);
 	else if (line->state == MODBUS_WAITING)
 		modbus_count_wrong_answer(line, line->received, line->strays - MODBUS_CRC_LENGTH);
 	else
@@ -141,6 +157,15 @@ static size_t build_frame(struct modbus_line *line)
 	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
 }
 
+/* A command's fate must be known, and a read that was not answered before is given up when it is not again. */
+static int64_t timeout_of(const struct modbus_line *line, const struct modbus_device *device)
+{
+	if (line->purpose == MODBUS_COMMAND ||
+	    (line->purpose == MODBUS_SCAN && device->reads[line->read].failures > 0))
+		return device->response_timeout_ns;
+	return modbus_timeout(device);
+}
+
 size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
@@ -154,7 +179,7 @@ size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 	line->frame_length = length;
 	line->sent_ns = now_ns + line->wire.turn_ns + (int64_t)length * line->wire.char_ns;
 	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
-	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : device->response_timeout_ns);
+	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : timeout_of(line, device));
 	line->counters.requests++;
 	device->counters.requests++;
 	return length;
@@ -166,12 +191,6 @@ static void end(struct modbus_line *line, int64_t silent_ns, int64_t now_ns)
 	line->strays = line->received_count;
 	line->silent_ns = silent_ns;
 	line->restless_ns = now_ns;
-}
-
-/* When the request under way was given to the port. */
-static int64_t begun_ns(const struct modbus_line *line)
-{
-	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.turn_ns;
 }
 
 static void serve_period(struct modbus_line *line, struct modbus_read *read)
@@ -326,6 +345,8 @@ static bool take_echo(struct modbus_line *line)
 /* Searches what was received for the answer. True when it was there; what follows it is left over. */
 static bool take_answer(struct modbus_line *line, int64_t now_ns)
 {
+	struct modbus_device *device = &line->devices[line->device];
+
 	while (line->strays < line->received_count) {
 		const uint8_t *start = line->received + line->strays;
 		enum modbus_verdict verdict =
@@ -341,6 +362,8 @@ static bool take_answer(struct modbus_line *line, int64_t now_ns)
 			memcpy(frame, start, length);
 			if (line->strays > 0)
 				remove_strays(line);
+			else if (modbus_is_read(line->request.function))
+				modbus_learn_latency(device, device->counters.latency_us * NS_PER_US);
 			line->received_count -= length;
 			memmove(line->received, line->received + length, line->received_count);
 			modbus_request_answered(line, frame, is_exception, now_ns);
@@ -424,6 +447,8 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 {
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		line->devices[i].backoff_ns = 0;
+		line->devices[i].timeout_ns = line->devices[i].slowest_ns = 0;
+		line->devices[i].failures = 0;
 		line->devices[i].next_probe_ns = now_ns;
 		line->devices[i].inherited = !line->wire.tcp && modbus_is_readable(&line->devices[i]);
 		line->devices[i].trust_ns =

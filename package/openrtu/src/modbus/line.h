@@ -14,7 +14,24 @@
  * differ must be answered, which is enough for one such request. What is guaranteed: an answer that
  * begins less than MODBUS_LATE_NS after its time-out never becomes another register's value or another
  * command's confirmation, provided the device answers in order. Values that a process finds later than
- * that, because it did not run, are nobody's.
+ * that, because it did not run, are nobody's. The time-out meant here is response_timeout_ns, counted for each request
+ * from the end of that of the one before, however early the line itself went on.
+ *
+ * Time-outs. The line waits for MODBUS_LATENCY_FACTOR times the longest latency that it has seen of the device's reads
+ * of late, though not less than response_timeout_min_ns; twice as long after each request in a row that was not answered
+ * (as RFC 6298, 5.5), and never longer than response_timeout_ns. It waits all of that
+ * - while the device has not answered since the port was opened,
+ * - for the answer to a command, whose fate must be known,
+ * - for that to a read that was not answered the last time, and for the last one before the device counts as dead: a
+ *   device, or a read, that became slower is not given up for a time-out that was learned.
+ * What comes late, but within response_timeout_ns, shows the same: it is learned from, the requests that were not
+ * answered count no more, and the response time of the one under way begins again, since the device begins with it only
+ * then. A command waits until its device cannot be busy with a read any more.
+ *
+ * What a dead device costs. Probes begin with the time-out that was learned, and it doubles with each in vain. The pause
+ * before a probe doubles too, and is long enough that, if the probe is in vain, the line has lost no more than one
+ * MODBUS_DEAD_SHAREth of the time to it: from the death on, but for the requests by which the device was found dead. The
+ * time in which it lived has paid for these; where that was too short, the first pause is the longer.
  *
  * On TCP (wire.tcp) an answer says by its transaction which request it answers: none can be mistaken for another's, so the
  * line goes on at once after a time-out. One request is under way at a time, as many devices want it. There are no
@@ -49,6 +66,9 @@
 #define MODBUS_BROADCAST_NS    100000000LL   /* MODBUS over Serial Line, 2.4.1: turnaround 100..200 ms */
 #define MODBUS_FIRST_PROBE_NS  1000000000LL  /* back-off of a dead device or a refused object: */
 #define MODBUS_RAREST_PROBE_NS 60000000000LL /* doubled from there to here */
+#define MODBUS_DEAD_SHARE      20            /* a dead device costs at most this part of the line's time */
+#define MODBUS_LATENCY_FACTOR  4             /* a time-out is so many latencies */
+#define MODBUS_LATENCY_FADING  2048          /* each answer takes this part off the longest latency */
 #define MODBUS_SILENT_READS    3             /* unanswered so often, a read is split: less may be noise */
 #define MODBUS_UNANSWERED_MAX  8
 #define MODBUS_ECHO_MEMORY     8  /* one echo may be lost among noise */
@@ -97,8 +117,9 @@ struct modbus_device {
 	uint8_t unit;    /* MODBUS_BROADCAST: written, never read */
 	uint8_t retries; /* unanswered requests in a row beyond the first before it counts as dead */
 	struct modbus_limits limits;
-	int64_t response_timeout_ns;   /* end of request to first byte of the answer */
-	struct modbus_object *objects; /* sorted by modbus_line_init */
+	int64_t response_timeout_ns;     /* end of request to first byte of the answer: the ceiling */
+	int64_t response_timeout_min_ns; /* the floor: less is never waited for */
+	struct modbus_object *objects;   /* sorted by modbus_line_init */
 	uint32_t object_count;
 	struct modbus_read *reads; /* room for object_count of them */
 
@@ -108,12 +129,17 @@ struct modbus_device {
 	uint32_t read_count;
 	bool news;          /* of what it takes (learned.h); the caller's to clear */
 	int64_t backoff_ns; /* in force while it is dead, else 0 */
+	int64_t timeout_ns; /* in force now; 0: nothing was learned, it is response_timeout_ns */
 	bool alive;
 
 	/* The line's own. */
-	uint32_t cursor;   /* the next read of this scan */
-	uint32_t failures; /* unanswered requests in a row */
+	uint32_t cursor;    /* the next read of this scan */
+	uint32_t failures;  /* unanswered requests in a row; of a dead device, probes */
+	int64_t slowest_ns; /* latency of its reads, fading; 0: none since the port was opened */
+	int64_t lost_ns;    /* to its unanswered requests in a row */
+	int64_t paid_ns;    /* when what was lost before was its share of the line's time */
 	int64_t next_probe_ns;
+	int64_t asked_ns; /* when it had the oldest unanswered request to answer; a dead one, the latest */
 	int64_t trust_ns; /* when no answer can come any more to what is unanswered */
 	uint8_t echoes;   /* answered reads without an echo until none is expected any more */
 	bool inherited;   /* whoever had the port before may have left a request unanswered */

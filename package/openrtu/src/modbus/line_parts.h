@@ -15,6 +15,12 @@ static inline int64_t earlier(int64_t a, int64_t b)
 	return a < b ? a : b;
 }
 
+/* When the request under way was given to the port. */
+static inline int64_t begun_ns(const struct modbus_line *line)
+{
+	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.turn_ns;
+}
+
 /* ---- device.c ---------------------------------------------------------------------------- */
 
 /* It has objects, and is no broadcast address. */
@@ -26,11 +32,20 @@ void modbus_add_unanswered(struct modbus_device *device, const struct modbus_req
 void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns);
 /* Such an answer would look like that to a request with this function. */
 bool modbus_owes(const struct modbus_device *device, uint8_t function);
+/* It lives, and may still be at work on what it did not answer: the response time of that has not passed. */
+bool modbus_may_be_busy(const struct modbus_device *device, int64_t now_ns);
 /* This request was answered, and with it what was unanswered before. */
 void modbus_settle_unanswered(struct modbus_device *device, const struct modbus_request *request,
 			      bool is_exception, int64_t sent_ns, int64_t now_ns);
 /* A short read whose answer is like none that is owed. False: there is none now. */
 bool modbus_find_probe(const struct modbus_device *device, struct modbus_request *request);
+
+/* How long the answer to a read or a probe is waited for (line.h, "Time-outs"). */
+int64_t modbus_timeout(const struct modbus_device *device);
+/* A read's answer began so long after its request. */
+void modbus_learn_latency(struct modbus_device *device, int64_t latency_ns);
+/* An answer that was missing has come. True: within the response time, so the device is slow, not dead. */
+bool modbus_was_in_time(struct modbus_device *device, int64_t began_ns, int64_t ended_ns);
 
 /* Plans the device's reads as at the start. */
 void modbus_replan(struct modbus_line *line, struct modbus_device *device);

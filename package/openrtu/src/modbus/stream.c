@@ -2,7 +2,7 @@
 /* What a line makes of the stream of a TCP connection: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.2. */
 #include "line_parts.h"
 
-#define NS_PER_US    1000
+#define NS_PER_US    1000LL
 #define OVERDUE_BITS 64
 
 /* A frame that nobody waits for: a request's that has timed out, or none's. */
@@ -36,6 +36,8 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 		return;
 	}
 	device->counters.latency_us = (uint32_t)(later(now_ns - line->sent_ns, 0) / NS_PER_US);
+	if (modbus_is_read(line->request.function))
+		modbus_learn_latency(device, device->counters.latency_us * NS_PER_US);
 	modbus_request_answered(line, body, verdict == MODBUS_EXCEPTION, now_ns);
 }
 

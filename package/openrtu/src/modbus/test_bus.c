@@ -51,6 +51,7 @@ static void on_alive(void *context, uint32_t device, bool alive, int64_t now_ns)
 	} else {
 		bus.deaths[device]++;
 		bus.died_ns[device] = now_ns;
+		bus.lost_by_death_ns[device] = bus.lost_ns[device] + bus.waited_ns;
 	}
 }
 
@@ -215,6 +216,13 @@ static size_t unframed(const struct modbus_output *output, uint8_t frame[MODBUS_
 	return seal(frame, body);
 }
 
+static int64_t extra_ns(const struct slave *slave, const struct modbus_request *request)
+{
+	if (!modbus_is_read(request->function))
+		return slave->write_ns;
+	return request->count > 1 ? slave->long_ns : 0;
+}
+
 static void slave_takes(struct slave *slave, const struct modbus_request *request, const uint8_t *bytes)
 {
 	uint8_t frame[2 * MODBUS_FRAME_MAX];
@@ -224,6 +232,8 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 		return;
 	if (covers(request, slave->deaf) && request->count > 1)
 		return;
+	if (slave->one_ear && bus.busy_ns < slave->free_ns)
+		return;
 	size_t length = answer_of(slave, request, bytes, frame);
 	if (request->unit == MODBUS_BROADCAST)
 		return;
@@ -232,7 +242,7 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 		return;
 	if (bus.line.wire.tcp)
 		length = framed(frame, length);
-	start += slave->reaction_ns;
+	start += slave->reaction_ns + extra_ns(slave, request);
 	if (slave->late > 0) {
 		slave->late--;
 		start += slave->late_ns;
@@ -325,10 +335,31 @@ static int64_t earliest(int64_t deadline_ns, int64_t listen_ns)
 	return heard_ns < deadline_ns ? heard_ns : deadline_ns;
 }
 
+static void let_time_pass(int64_t until_ns)
+{
+	if (until_ns <= bus.now_ns)
+		return;
+	bus.waited_ns += until_ns - bus.now_ns;
+	bus.now_ns = until_ns;
+}
+
+static struct modbus_output poll_line(void)
+{
+	bool waiting = bus.line.state == MODBUS_WAITING;
+	uint32_t device = bus.line.device, timeouts = bus.line.counters.timeouts;
+	struct modbus_output output = modbus_line_poll(&bus.line, bus.now_ns);
+
+	if (waiting && bus.line.counters.timeouts > timeouts)
+		bus.lost_ns[device] += bus.waited_ns;
+	if (output.length > 0)
+		bus.waited_ns = 0;
+	return output;
+}
+
 static void run_until(int64_t until_ns)
 {
 	for (;;) {
-		struct modbus_output output = modbus_line_poll(&bus.line, bus.now_ns);
+		struct modbus_output output = poll_line();
 
 		take_output(&output);
 		int64_t next_ns = output.deadline_ns;
@@ -338,19 +369,26 @@ static void run_until(int64_t until_ns)
 			break;
 		bus.still = output.length == 0 && next_ns <= bus.now_ns ? bus.still + 1 : 0;
 		assert_true(bus.still < 3);
-		if (next_ns > bus.now_ns)
-			bus.now_ns = next_ns;
-		bus.now_ns += delay();
+		let_time_pass(next_ns);
+		let_time_pass(bus.now_ns + delay());
 		if (bus.now_ns >= output.listen_ns)
 			deliver();
 	}
-	if (until_ns > bus.now_ns)
-		bus.now_ns = until_ns;
+	let_time_pass(until_ns);
 }
 
 void run_for(int64_t ns)
 {
 	run_until(bus.now_ns + ns);
+}
+
+void run_until_dead(uint32_t device, int64_t within_ns)
+{
+	int64_t until_ns = bus.now_ns + within_ns;
+
+	while (bus.devices[device].alive && bus.now_ns < until_ns)
+		run_for(MS);
+	assert_false(bus.devices[device].alive);
 }
 
 /* ---- what a test does --------------------------------------------------------------------------- */
@@ -388,6 +426,7 @@ void add_device(uint8_t unit, uint8_t retries)
 	bus.devices[index] = (struct modbus_device){.unit = unit,
 						    .retries = retries,
 						    .response_timeout_ns = TIMEOUT_NS,
+						    .response_timeout_min_ns = TIMEOUT_NS,
 						    .objects = bus.objects[index],
 						    .reads = bus.reads[index]};
 	bus.slaves[index] = (struct slave){.unit = unit,

@@ -48,7 +48,10 @@ struct slave {
 	int64_t reaction_ns; /* request to answer */
 	unsigned late;       /* how many answers take late_ns */
 	int64_t late_ns;
+	int64_t long_ns;        /* on top of the reaction: of reads of more than one register */
+	int64_t write_ns;       /* ... of writes */
 	int64_t free_ns;        /* when it has dealt with all so far */
+	bool one_ear;           /* what is asked until then is lost, not done later */
 	uint8_t exception;      /* its answer to everything, when not 0 */
 	int missing;            /* address it answers with exception 2; -1: none */
 	uint16_t blank, blanks; /* so many addresses from there on that it answers with exception 2 */
@@ -78,12 +81,14 @@ struct bus {
 	size_t wire_count;
 	unsigned deliveries; /* how often what had arrived was given to the line */
 	int64_t now_ns;
-	int64_t busy_ns;      /* end of the last character on the wire */
-	int64_t spread_ns;    /* between two octets, besides the wire's speed */
-	uint16_t transaction; /* of the latest request on TCP */
-	bool echoing;         /* the transceiver hears what it sends */
-	uint32_t chance;      /* not 0: the process runs late, at random */
-	unsigned still;       /* polls in a row that neither sent nor let time pass */
+	int64_t busy_ns;   /* end of the last character on the wire */
+	int64_t spread_ns; /* between two octets, besides the wire's speed */
+	int64_t waited_ns; /* for the answer to the request under way */
+	int64_t lost_ns[DEVICES_MAX], lost_by_death_ns[DEVICES_MAX]; /* of that, in vain */
+	uint16_t transaction;                                        /* of the latest request on TCP */
+	bool echoing;                                                /* the transceiver hears what it sends */
+	uint32_t chance; /* not 0: the process runs late, at random */
+	unsigned still;  /* polls in a row that neither sent nor let time pass */
 	struct sent sent[TRACE_MAX];
 	size_t sent_count;
 	unsigned reads_done[DEVICES_MAX], objects_read[DEVICES_MAX];
@@ -111,6 +116,8 @@ void use_tcp(void);
 void start_simple(uint8_t retries);
 
 void run_for(int64_t ns);
+/* Until the device is dead; it must be within the time. */
+void run_until_dead(uint32_t device, int64_t within_ns);
 /* What has arrived by now comes in one piece. */
 void deliver(void);
 

@@ -105,6 +105,9 @@ static void a_dead_device_is_probed_ever_more_rarely(void **state)
 {
 	(void)state;
 	start_simple(1);
+	bus.devices[0].response_timeout_min_ns = TIMEOUT_NS / 4;
+	run_for(SECOND);
+	forget_trace();
 	bus.slaves[0].present = false;
 	int64_t unplugged = bus.now_ns;
 	run_for(400 * SECOND);
@@ -120,7 +123,8 @@ static void a_dead_device_is_probed_ever_more_rarely(void **state)
 		int64_t pause = bus.sent[probe].time_ns - before;
 
 		assert_in_range(pause, seconds[i] * SECOND, seconds[i] * SECOND + 130 * MS);
-		assert_int_equal(bus.sent[probe].request.count, 1);
+		/* an answer to the requests before the death may still follow the first */
+		assert_int_equal(bus.sent[probe].request.count, i == 0 ? 2 : 1);
 		before = bus.sent[probe].time_ns;
 	}
 	assert_int_equal(bus.devices[0].backoff_ns, 60 * SECOND);
@@ -174,7 +178,7 @@ static void dead_devices_are_probed_one_a_scan(void **state)
 	}
 	start();
 	run_for(30 * SECOND);
-	assert_int_equal(bus.line.counters.timeouts, 2 * 5); /* 0, 1, 3, 7, 15 seconds after the start */
+	assert_int_equal(bus.line.counters.timeouts, 2 * 4); /* 0, 2, 6, 14 seconds after the start */
 	assert_in_range(bus.longest_ns[2], TIMEOUT_NS, TIMEOUT_NS + 50 * MS);
 	bus.slaves[0].present = bus.slaves[1].present = true;
 	run_for(33 * SECOND);

@@ -6,7 +6,7 @@
  * Faults of every kind at random: no value is ever another's (on_read), no command is confirmed that was
  * not executed (on_command), each ends once, all devices come back.
  */
-static void a_bad_line(bool echoing, bool late_process, bool tcp)
+static void a_bad_line(bool echoing, bool late_process, bool tcp, int64_t floor_ns)
 {
 	for (uint32_t seed = 1; seed <= 20; seed++) {
 		uint32_t chance = seed;
@@ -19,6 +19,7 @@ static void a_bad_line(bool echoing, bool late_process, bool tcp)
 			use_tcp();
 		for (uint8_t unit = 1; unit <= DEVICES_MAX; unit++) {
 			add_device(unit, unit);
+			bus.devices[unit - 1].response_timeout_min_ns = floor_ns;
 			add_objects(MODBUS_READ_COILS, 0, 5);
 			add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 4);
 			add_objects(MODBUS_READ_HOLDING_REGISTERS, 40, 4);
@@ -53,31 +54,36 @@ static void a_bad_line(bool echoing, bool late_process, bool tcp)
 static void faults_at_random(void **state)
 {
 	(void)state;
-	a_bad_line(false, false, false);
+	a_bad_line(false, false, false, TIMEOUT_NS);
+	a_bad_line(false, false, false, 10 * MS);
 }
 
 static void faults_on_a_line_that_hears_itself(void **state)
 {
 	(void)state;
-	a_bad_line(true, false, false);
+	a_bad_line(true, false, false, TIMEOUT_NS);
+	a_bad_line(true, false, false, 10 * MS);
 }
 
 static void faults_under_a_late_process(void **state)
 {
 	(void)state;
-	a_bad_line(false, true, false);
+	a_bad_line(false, true, false, TIMEOUT_NS);
+	a_bad_line(false, true, false, 10 * MS);
 }
 
 static void faults_on_a_connection(void **state)
 {
 	(void)state;
-	a_bad_line(false, false, true);
+	a_bad_line(false, false, true, TIMEOUT_NS);
+	a_bad_line(false, false, true, 10 * MS);
 }
 
 static void faults_on_a_connection_under_a_late_process(void **state)
 {
 	(void)state;
-	a_bad_line(false, true, true);
+	a_bad_line(false, true, true, TIMEOUT_NS);
+	a_bad_line(false, true, true, 10 * MS);
 }
 
 /* Bytes of any kind in pieces of any size at any time: nothing breaks, and the deadline is always ahead. */

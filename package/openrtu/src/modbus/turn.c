@@ -43,7 +43,8 @@ static size_t begin_command(struct modbus_line *line, int64_t now_ns)
 		if (!is_first_of_device(line, place))
 			continue;
 		modbus_forget_unanswered(device, now_ns);
-		if (!modbus_owes(device, line->commands[place].request.function)) {
+		if (!modbus_owes(device, line->commands[place].request.function) &&
+		    !modbus_may_be_busy(device, now_ns)) {
 			line->command = modbus_take_command(line, place);
 			line->request = line->command.request;
 			line->counters.commands++;
@@ -242,6 +243,8 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 
 		if (device->unanswered_count > 0 || device->inherited)
 			due = earlier(due, device->trust_ns);
+		if (modbus_may_be_busy(device, now_ns))
+			due = earlier(due, device->trust_ns - MODBUS_LATE_NS);
 		if (!device->alive && modbus_is_readable(device) && device->next_probe_ns > now_ns)
 			due = earlier(due, device->next_probe_ns);
 		for (uint32_t read = 0; device->alive && read < device->read_count; read++) {

@@ -25,6 +25,7 @@ enum {
 	SLAVE_ID = CONFIG_TABLES,
 	SLAVE_DESCRIPTION,
 	SLAVE_RESPONSE_TIMEOUT,
+	SLAVE_RESPONSE_TIMEOUT_MIN,
 	SLAVE_RETRIES,
 	SLAVE_PERIOD,
 	SLAVE_MAX_BITS,
@@ -42,6 +43,8 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_DESCRIPTION] = {"description", CONFIG_TEXT, .low = 0, .high = MAP_NAME_SIZE - 1},
     [SLAVE_RESPONSE_TIMEOUT] = {"response_timeout_ms", CONFIG_INTEGER, .low = 20, .high = 10000,
 				.fallback = 500},
+    [SLAVE_RESPONSE_TIMEOUT_MIN] = {"response_timeout_min_ms", CONFIG_INTEGER, .low = 10, .high = 10000,
+				    .fallback = 100},
     [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
     [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
     [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
@@ -115,7 +118,24 @@ static void check_spans(struct config_loader *loader, const struct map_device *d
 	}
 }
 
-static void add_device(struct config_loader *loader, const struct config_value *values)
+/* The floor of a time-out, which is the ceiling where that is lower than the default. */
+static uint16_t least_timeout_ms(struct config_loader *loader, const struct config_place *slave,
+				 const struct config_value *values)
+{
+	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_RESPONSE_TIMEOUT_MIN].name);
+	int64_t least_ms = values[SLAVE_RESPONSE_TIMEOUT_MIN].integer;
+	int64_t whole_ms = values[SLAVE_RESPONSE_TIMEOUT].integer;
+
+	if (least_ms <= whole_ms)
+		return (uint16_t)least_ms;
+	if (values[SLAVE_RESPONSE_TIMEOUT_MIN].given)
+		config_error(&loader->report, &here, "%lld is above response_timeout_ms, %lld",
+			     (long long)least_ms, (long long)whole_ms);
+	return (uint16_t)whole_ms;
+}
+
+static void add_device(struct config_loader *loader, const struct config_place *place,
+		       const struct config_value *values)
 {
 	struct map_config *config = loader->config;
 	struct map_line *line = &config->lines[config->line_count - 1];
@@ -131,6 +151,7 @@ static void add_device(struct config_loader *loader, const struct config_value *
 	    .max_bits = (uint16_t)values[SLAVE_MAX_BITS].integer,
 	    .max_registers = (uint16_t)values[SLAVE_MAX_REGISTERS].integer,
 	    .no_holes = !values[SLAVE_HOLES].integer,
+	    .response_timeout_min_ms = least_timeout_ms(loader, place, values),
 	    .first_point = config->point_count,
 	};
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')
@@ -168,7 +189,7 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 		if (values[SLAVE_ID].integer == UNIT_BROADCAST)
 			check_broadcast(loader, place, values);
 	}
-	add_device(loader, values);
+	add_device(loader, place, values);
 	entry.period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
 	entry.read_back = values[SLAVE_READ_BACK].integer;
 	device = &loader->config->devices[loader->config->device_count - 1];

@@ -87,6 +87,7 @@ static void test_report_file(void **state)
 	assert_int_equal(config.devices[0].unit, 35);
 	assert_int_equal(config.devices[0].retries, 1);
 	assert_int_equal(config.devices[0].response_timeout_ms, 500);
+	assert_int_equal(config.devices[0].response_timeout_min_ms, 100);
 	assert_string_equal(config.devices[0].name, "Temperature sensor");
 	assert_int_equal(config.point_count, 5);
 	for (size_t i = 0; i < config.point_count; i++) {
