@@ -2,6 +2,7 @@
 """What the tests of Linux on the emulated board share. A module's tests share one boot."""
 
 import os
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -30,6 +31,18 @@ def kernel() -> Kernel:
         if not file.exists():
             pytest.fail(f"{file} is not there: `make linux system dtb`", pytrace=False)
     return Kernel(folder / "zImage", dtb, root)
+
+
+@pytest.fixture(scope="session")
+def serial_line(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A program for the board, at the near end of a serial line."""
+    program = tmp_path_factory.mktemp("serial") / "serial-line"
+    subprocess.run(
+        ["arm-linux-gnueabi-gcc", "-static", "-std=c11", "-D_GNU_SOURCE", "-O2", "-Wall", "-Wextra",
+         "-Werror", "-o", program, HERE / "programs/serial-line.c"],
+        check=True,
+    )  # fmt: skip
+    return program
 
 
 Boot = Callable[..., Linux]

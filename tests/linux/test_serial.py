@@ -7,7 +7,6 @@ Every byte both ways, at each speed and format; errors, flow control, RS-485; th
 import dataclasses
 import random
 import re
-import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -46,18 +45,6 @@ def wire_flow_control(machine: Machine) -> None:
 
 def uart(number: int) -> int:
     return 0xB0070000 + 0x1000 * number
-
-
-@pytest.fixture(scope="session")
-def serial_line(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The near end's program, for the board."""
-    program = tmp_path_factory.mktemp("serial") / "serial-line"
-    subprocess.run(
-        ["arm-linux-gnueabi-gcc", "-static", "-std=c11", "-D_GNU_SOURCE", "-O2", "-Wall", "-Wextra",
-         "-Werror", "-o", program, HERE / "programs/serial-line.c"],
-        check=True,
-    )  # fmt: skip
-    return program
 
 
 def with_pdma(kernel: Kernel) -> Kernel:
@@ -323,29 +310,42 @@ ENABLED, RTS_ON_SEND, RTS_AFTER_SEND = 1, 2, 4
 WORDS = ("after-setting.", "after-tcsetattr.", "with-crtscts.", "after-open.", "after-rts.")
 
 
+# Milliseconds before and after sending: without any the UART moves RTS, with one the driver.
+DELAYS = ((0, 0), (2, 0), (0, 3), (2, 3))
+
+
+@pytest.mark.parametrize("delays", DELAYS, ids=str)
 @pytest.mark.parametrize("polarity", [RTS_ON_SEND, RTS_AFTER_SEND])
-def test_rs485_settings_stay(linux: Linux, polarity: int) -> None:
-    said = Near(linux, "direction", ENABLED | polarity, "/dev/ttyS2").finish()
-    flags = hex(ENABLED | polarity)
+def test_rs485_settings_stay(linux: Linux, polarity: int, delays: tuple[int, int]) -> None:
+    said = Near(linux, "direction", ENABLED | polarity, *delays, "/dev/ttyS2").finish()
+    settings = f"{ENABLED | polarity:#x} {delays[0]} {delays[1]}"
     assert said.split("\n") == [
-        f"set {flags} 0",
-        *(f"{word} {flags} 0 0" for word in WORDS),
+        f"set {settings}",
+        *(f"{word} {settings}" for word in WORDS),
         "without. 0 0 0",
         "",
     ]
-    assert "RTS delay before sending not supported" in linux.run("dmesg")
+    sent = "".join((*WORDS, "without.")).encode()
+    assert linux.machine.uarts[2].wait_for(b"without.").endswith(sent)
 
 
+@pytest.mark.parametrize("delays", [DELAYS[0], DELAYS[-1]], ids=str)
 @pytest.mark.parametrize("polarity", [RTS_ON_SEND, RTS_AFTER_SEND])
 def test_rs485_direction(
-    mode: str, qemu: Path, kernel: Kernel, serial_line: Path, tmp_path: Path, polarity: int
+    mode: str,
+    qemu: Path,
+    kernel: Kernel,
+    serial_line: Path,
+    tmp_path: Path,
+    polarity: int,
+    delays: tuple[int, int],
 ) -> None:
     """On a board whose RTS drives the transceivers, where even the debug UART, without RTS, is not heard."""
     assert kernel.root
     script = (
         "#!/bin/sh\nexport PATH=/sbin:/bin:/usr/bin\nmount -t devtmpfs devtmpfs /dev\n"
-        f"serial-line direction {ENABLED | polarity} /dev/ttyS2\n"
-        "serial-line direction 3 /dev/ttyS3\nwhile :; do sleep 1000; done\n"
+        f"serial-line direction {ENABLED | polarity} {delays[0]} {delays[1]} /dev/ttyS2\n"
+        "serial-line direction 3 0 0 /dev/ttyS3\nwhile :; do sleep 1000; done\n"
     )
     initrd = tmp_path / "initrd"
     root = kernel.root.read_bytes()

@@ -6,7 +6,8 @@
  *   serial-line receive FORMAT SPEED COUNT DEVICE     COUNT bytes, their errors marked
  *   serial-line echo FORMAT COUNT DEVICE SPEED...     COUNT bytes back at each speed, in one open
  *   serial-line speeds DEVICE SPEED...                what each becomes
- *   serial-line direction FLAGS DEVICE                a word after each thing that might turn RS-485 off
+ *   serial-line direction FLAGS BEFORE AFTER DEVICE   a word after each thing that might turn RS-485 off
+ *   serial-line rs485 DEVICE [off]                    its flags and delays; turns it off before
  */
 
 #include <errno.h>
@@ -238,6 +239,12 @@ static int speeds(const char *device, unsigned count, char **wanted)
 	return 0;
 }
 
+static void print_rs485(const char *word, const struct serial_rs485 *rs485)
+{
+	printf("%s %#x %u %u\n", word, rs485->flags, rs485->delay_rts_before_send,
+	       rs485->delay_rts_after_send);
+}
+
 static void say(int fd, const char *word)
 {
 	struct serial_rs485 rs485;
@@ -248,18 +255,32 @@ static void say(int fd, const char *word)
 		fail("tcdrain");
 	if (ioctl(fd, TIOCGRS485, &rs485) != 0)
 		fail("TIOCGRS485");
-	printf("%s %#x %u %u\n", word, rs485.flags, rs485.delay_rts_before_send, rs485.delay_rts_after_send);
+	print_rs485(word, &rs485);
 }
 
-static int direction(unsigned flags, const char *device)
+static int rs485(const char *device, bool off)
 {
-	struct serial_rs485 rs485 = {.flags = flags, .delay_rts_before_send = 1};
+	struct serial_rs485 settings = {0};
+	int fd = open_line(device);
+
+	if (off && ioctl(fd, TIOCSRS485, &settings) != 0)
+		fail("TIOCSRS485");
+	if (ioctl(fd, TIOCGRS485, &settings) != 0)
+		fail("TIOCGRS485");
+	print_rs485(device, &settings);
+	return 0;
+}
+
+static int direction(unsigned flags, unsigned before, unsigned after, const char *device)
+{
+	struct serial_rs485 rs485 = {
+	    .flags = flags, .delay_rts_before_send = before, .delay_rts_after_send = after};
 	int fd = open_line(device);
 
 	set_line(fd, "8N1", 115200);
 	if (ioctl(fd, TIOCSRS485, &rs485) != 0)
 		fail("TIOCSRS485");
-	printf("set %#x %u\n", rs485.flags, rs485.delay_rts_before_send);
+	print_rs485("set", &rs485);
 	say(fd, "after-setting.");
 	set_line(fd, "8E1", 19200);
 	say(fd, "after-tcsetattr.");
@@ -293,8 +314,11 @@ int main(int argc, char **argv)
 		return echo(argv[2], (uint32_t)atoi(argv[3]), argv[4], (unsigned)argc - 5, argv + 5);
 	if (!strcmp(what, "speeds") && argc > 3)
 		return speeds(argv[2], (unsigned)argc - 3, argv + 3);
-	if (!strcmp(what, "direction") && argc == 4)
-		return direction((unsigned)strtoul(argv[2], NULL, 0), argv[3]);
+	if (!strcmp(what, "direction") && argc == 6)
+		return direction((unsigned)strtoul(argv[2], NULL, 0), (unsigned)atoi(argv[3]),
+				 (unsigned)atoi(argv[4]), argv[5]);
+	if (!strcmp(what, "rs485") && (argc == 3 || argc == 4))
+		return rs485(argv[2], argc == 4);
 	fprintf(stderr, "usage: see the head of serial-line.c\n");
 	return 2;
 }

@@ -30,6 +30,7 @@
 #define REOPEN_NS      NS_PER_S
 #define CONNECT_NS     (3 * NS_PER_S) /* then a host that has said nothing is not there */
 #define RECONNECT_NS   (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
+#define CHECK_NS       NS_PER_S
 #define STOP_NS        (2 * NS_PER_S) /* rtud waits 3 s */
 #define HEARTBEAT_NS   (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
 #define READ_SIZE      512
@@ -51,6 +52,7 @@ struct port {
 	bool pty_logged;
 	int64_t connected_by_ns; /* until then a connection may take; 0: none is being made */
 	uint32_t answers;        /* of the line, before the port was opened */
+	int64_t check_ns;        /* the next look whether the port is as it was set */
 	int64_t deadline_ns; /* of the line, or of the next try to open the port; 0: it is to be served now */
 	bool listening;      /* bytes that arrive wake this process */
 	bool waiting;        /* for deadline_ns, which lay ahead */
@@ -386,6 +388,16 @@ static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 	modbus_line_close(&port->line, now_ns);
 }
 
+/* What is set anew is the whole port: its speed, its format and, behind them, its RS-485 mode. */
+static void check_port(struct port *port, int64_t now_ns)
+{
+	if (map_line_is_tcp(port->config) || now_ns < port->check_ns)
+		return;
+	port->check_ns = now_ns + CHECK_NS;
+	if (!serial_is_as_set(port->fd, port->config))
+		lose_port(port, "another program has changed its settings", now_ns);
+}
+
 /* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
 static void read_port(struct port *port)
 {
@@ -448,6 +460,8 @@ static void serve_port(struct port *port)
 	measure_wakeup(port, now_ns);
 	if (!is_open(port))
 		open_port(port, now_ns);
+	if (is_open(port))
+		check_port(port, now_ns);
 	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
 	if (is_open(port))
 		read_port(port);

@@ -45,9 +45,9 @@ static bool is_pty(int fd)
 
 static struct termios2 wanted_settings(const struct map_line *line)
 {
-	/* A character with a parity error is read as 0, and the CRC finds it. */
+	/* A character with a parity or framing error is read as 0, and the CRC finds it. */
 	struct termios2 settings = {
-	    .c_iflag = IGNBRK | (line->parity == MAP_PARITY_NONE ? 0 : INPCK),
+	    .c_iflag = IGNBRK | INPCK,
 	    .c_cflag = CS8 | CREAD | CLOCAL | BOTHER,
 	    .c_ispeed = line->baud,
 	    .c_ospeed = line->baud,
@@ -96,6 +96,15 @@ static struct serial_rs485 wanted_rs485(const struct map_line *line)
 	};
 }
 
+static bool is_rs485(const struct serial_rs485 *settings, const struct map_line *line)
+{
+	struct serial_rs485 wanted = wanted_rs485(line);
+
+	return ((settings->flags ^ wanted.flags) & RS485_FLAGS) == 0 &&
+	       settings->delay_rts_before_send == wanted.delay_rts_before_send &&
+	       settings->delay_rts_after_send == wanted.delay_rts_after_send;
+}
+
 /* To be called after each change of termios: some drivers forget the mode or the level of RTS then. */
 static bool configure_rs485(int fd, const struct map_line *line, char *error)
 {
@@ -107,9 +116,7 @@ static bool configure_rs485(int fd, const struct map_line *line, char *error)
 		snprintf(error, SERIAL_ERROR_SIZE, "has no RS-485 mode: %s", strerror(errno));
 		return false;
 	}
-	if (((settings.flags ^ wanted.flags) & RS485_FLAGS) == 0 &&
-	    settings.delay_rts_before_send == wanted.delay_rts_before_send &&
-	    settings.delay_rts_after_send == wanted.delay_rts_after_send)
+	if (is_rs485(&settings, line))
 		return true;
 	snprintf(error, SERIAL_ERROR_SIZE, "does not take this RS-485 level or these delays");
 	return false;
@@ -160,4 +167,30 @@ int serial_open(const char *path, const struct map_line *line, bool *carries_par
 		return fd;
 	close(fd);
 	return -1;
+}
+
+/* A port that does not answer has hung up: reading it will tell. */
+static bool has_termios(int fd, const struct map_line *line)
+{
+	struct termios2 wanted = wanted_settings(line), settings;
+
+	if (ioctl(fd, TCGETS2, &settings) < 0)
+		return true;
+	return is_near(settings.c_ospeed, wanted.c_ospeed) &&
+	       ((settings.c_cflag ^ wanted.c_cflag) & CHECKED_FLAGS) == 0 &&
+	       settings.c_iflag == wanted.c_iflag && settings.c_oflag == wanted.c_oflag &&
+	       settings.c_lflag == wanted.c_lflag;
+}
+
+static bool has_rs485(int fd, const struct map_line *line)
+{
+	struct serial_rs485 settings;
+
+	return line->rs485 == MAP_RS485_NONE || ioctl(fd, TIOCGRS485, &settings) < 0 ||
+	       is_rs485(&settings, line);
+}
+
+bool serial_is_as_set(int fd, const struct map_line *line)
+{
+	return is_pty(fd) || (has_termios(fd, line) && has_rs485(fd, line));
 }

@@ -17,6 +17,12 @@
  */
 int serial_open(const char *path, const struct map_line *line, bool *carries_parity, char *error);
 
+/*
+ * Whether the port still has what serial_open set: another program that may open it, as root may in spite of us, may
+ * have set something else. A pseudo-terminal always has: its settings are those of its other side as well.
+ */
+bool serial_is_as_set(int fd, const struct map_line *line);
+
 /* Forgets what was written and has not been sent. */
 void serial_discard_output(int fd);
 

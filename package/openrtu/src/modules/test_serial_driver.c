@@ -8,6 +8,7 @@
 #include <asm/termbits.h>
 #include <cmocka.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <linux/serial.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -131,6 +132,7 @@ static void eight_data_bits_and_every_parity_and_stop_bit(void **state)
 			assert_string_equal(opened(&line), "");
 			assert_int_equal(driver.settings.c_cflag & (CSIZE | PARENB | PARODD | CSTOPB),
 					 format);
+			assert_int_equal(driver.settings.c_iflag & (INPCK | IGNPAR | PARMRK), INPCK);
 		}
 	}
 }
@@ -214,6 +216,38 @@ static void rs485_that_was_not_taken_is_refused(void **state)
 	assert_string_equal(opened(&line), "does not take this RS-485 level or these delays");
 }
 
+/* Root may open and change a port that is ours alone. */
+static void what_another_program_changes_is_seen(void **state)
+{
+	(void)state;
+	const struct map_line line = {
+	    .baud = 9600, .stop_bits = 1, .rs485 = MAP_RS485_HIGH, .before_ms = 2, .after_ms = 1};
+	struct termios2 ours;
+	int fd;
+
+	driver.has_rs485 = true;
+	assert_string_equal(opened(&line), "");
+	ours = driver.settings;
+	fd = open(path, O_RDWR | O_CLOEXEC);
+	assert_true(serial_is_as_set(fd, &line));
+	driver.settings.c_ospeed = 4800;
+	assert_false(serial_is_as_set(fd, &line));
+	driver.settings = ours;
+	driver.settings.c_cflag |= PARENB;
+	assert_false(serial_is_as_set(fd, &line));
+	driver.settings = ours;
+	driver.settings.c_lflag |= ICANON;
+	assert_false(serial_is_as_set(fd, &line));
+	driver.settings = ours;
+	driver.rs485.delay_rts_after_send = 0;
+	assert_false(serial_is_as_set(fd, &line));
+	close(fd);
+	assert_string_equal(opened(&line), "");
+	fd = open(path, O_RDWR | O_CLOEXEC);
+	assert_true(serial_is_as_set(fd, &line));
+	close(fd);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -224,6 +258,7 @@ int main(void)
 	    cmocka_unit_test_setup(rs485_is_in_force_when_the_port_is_open, set_up),
 	    cmocka_unit_test_setup(rs485_is_left_alone_where_nobody_asks_for_it, set_up),
 	    cmocka_unit_test_setup(rs485_that_was_not_taken_is_refused, set_up),
+	    cmocka_unit_test_setup(what_another_program_changes_is_seen, set_up),
 	};
 	int file = mkstemp(path), failed;
 

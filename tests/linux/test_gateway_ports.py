@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The gateway and its ports on the emulated board.
+
+RS-485 with delays, what a port does not take, what another program changes.
+"""
+
+import contextlib
+import json
+import math
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from uarts import FUNCSEL, RS485, Moment, Uart
+
+from desk import everything_read
+from lab.board import RESPONSE_MS, SILENCE_US, Board
+from lab.gateway import GatewayError, remove, run_directory
+from lab.linesim import LineSim
+from nuc980.twin.linux import Linux
+
+# Time stands still while the host is busy elsewhere.
+CLOCK = ("-icount", "shift=3")
+PATIENCE_S = 300.0  # a busy host
+WATCHED_S = 2.0  # of the board's time
+GRAIN_MS = 5.0  # how well a delay is known
+CONFIG = "etc/openrtu/gateway.json"
+BAUD = 19200
+ENABLED, RTS_ON_SEND, RTS_AFTER_SEND = 1, 2, 4
+
+DELAYED, LOW, DIRECT = 2, 3, 4  # ports of the good configuration
+BEFORE_MS, AFTER_MS = 20, 35
+RS485_OF: dict[int, dict[str, Any]] = {
+    DELAYED: {"rts_on_send": "high", "delay_before_ms": BEFORE_MS, "delay_after_ms": AFTER_MS},
+    LOW: {"rts_on_send": "low", "delay_before_ms": BEFORE_MS},
+    DIRECT: {"rts_on_send": "high"},
+}
+SETTINGS = {
+    DELAYED: f"{ENABLED | RTS_ON_SEND:#x} {BEFORE_MS} {AFTER_MS}",
+    LOW: f"{ENABLED | RTS_AFTER_SEND:#x} {BEFORE_MS} 0",
+    DIRECT: f"{ENABLED | RTS_ON_SEND:#x} 0 0",
+}
+PERIOD_MS = 200  # so that RTS has time to fall between the requests
+
+# What a port does not take, by port, and what the log says of it.
+REFUSED: dict[int, tuple[dict[str, Any], str]] = {
+    1: ({"device": "ttyS1", "baud_rate": 4000000}, r"ttyS1 does not take 4000000 bit/s, it stays at \d+"),
+    2: ({"device": "ttyS2", "baud_rate": 1050000}, "ttyS2 does not take 1050000 bit/s, it stays at 1090909"),
+    3: ({"device": "ttyS5"}, "ttyS5 cannot be opened: No such file or directory"),
+    4: ({"device": "ttyS0"}, "ttyS0 cannot be opened: Permission denied"),
+    5: ({}, "ttyS6 is used by another process"),
+}
+
+
+def port(number: int, **keys: Any) -> dict[str, Any]:
+    device = {
+        "id": number,
+        "response_timeout_ms": RESPONSE_MS,
+        "period_ms": PERIOD_MS,
+        "holding_registers": [{"address": 0}],
+    }
+    settings = {"baud_rate": BAUD, "data_bits": 8, "parity": 2, "stop_bits": 1}
+    return {"value": number, "active": 1, **settings, "slaves": [device], **keys}
+
+
+def good_configuration() -> dict[str, Any]:
+    return {"port": [port(number, rs485=rs485) for number, rs485 in RS485_OF.items()]}
+
+
+def refused_configuration() -> dict[str, Any]:
+    return {"port": [port(number, **keys) for number, (keys, _) in REFUSED.items()]}
+
+
+@pytest.fixture(scope="module")
+def lines(linesim_program: Path) -> Iterator[LineSim]:
+    folder = run_directory()
+    (folder / "config.json").write_text(json.dumps(good_configuration()))
+    with LineSim(
+        folder / "config.json", None, folder / "dev", silence_us=SILENCE_US, program=linesim_program
+    ) as lines:
+        yield lines
+    remove(folder)
+
+
+@pytest.fixture(scope="module")
+def board_arguments() -> tuple[str | Path, ...]:
+    return CLOCK
+
+
+@pytest.fixture(scope="module")
+def board_chardevs(lines: LineSim) -> dict[int, str]:
+    return {number: f"serial,path={lines.line(f'ttyS{number}')}" for number in RS485_OF}
+
+
+@pytest.fixture(scope="module")
+def extra_files(serial_line: Path) -> dict[str, Path | str]:
+    return {
+        "/bin/serial-line": serial_line,
+        CONFIG: json.dumps(good_configuration()),
+        "refused.json": json.dumps(refused_configuration()),
+    }
+
+
+@pytest.fixture(scope="module")
+def board(linux: Linux, lines: LineSim) -> Board:
+    board = Board(linux.machine, lambda command: linux.run(f"{command} 2> /dev/null"), ("", 0))
+    wait_all_read(board)
+    return board
+
+
+def wait_all_read(board: Board) -> None:
+    def read() -> bool:
+        with contextlib.suppress(GatewayError):
+            return everything_read(board)
+        return False
+
+    board.wait_for(read, PATIENCE_S, "every device has been read")
+
+
+def wait_logged(board: Board, pattern: str) -> None:
+    """Until one of the gateway's lines matches."""
+
+    def logged() -> bool:
+        with contextlib.suppress(GatewayError):
+            return re.search(pattern, board.ctl("log")) is not None
+        return False
+
+    board.wait_for(logged, PATIENCE_S, pattern)
+
+
+def check_in_force(linux: Linux) -> None:
+    """What the kernel has, and what the UART's registers say of it."""
+    for number, settings in SETTINGS.items():
+        device = f"/dev/ttyS{number}"
+        assert linux.run(f"serial-line rs485 {device}") == f"{device} {settings}"
+        uart = Uart(linux.machine, number)
+        assert (uart.register(FUNCSEL) == RS485) == (number == DIRECT), number
+        assert (uart.speed, uart.format) == (pytest.approx(BAUD, rel=0.005), "8E1")
+
+
+def test_kernel_has_the_settings(linux: Linux, board: Board) -> None:
+    check_in_force(linux)
+
+
+Times = list[tuple[float, float]]  # of each event: after the first, before the second
+
+
+def changes(moments: list[Moment], state: str, to: bool) -> Times:
+    """When rts_high or sending became so."""
+    return [
+        (before.begin, after.end)
+        for before, after in pairwise(moments)
+        if getattr(before, state) != to == getattr(after, state)
+    ]
+
+
+def delays(first: Times, second: Times) -> Times:
+    """From each of the first to what followed of the second: so long at least, and at most."""
+    found = []
+    for begin, end in first:
+        following = [(then - end, until - begin) for then, until in second if until > begin]
+        if following and following[0][0] < PERIOD_MS / 2:  # else it went by unseen
+            found.append(following[0])
+    return found
+
+
+def delay_between(first: Times, second: Times) -> tuple[float, float]:
+    """The least and the most that it can be, if it is always the same."""
+    found = delays(first, second)
+    return max((least for least, _ in found), default=0.0), min((most for _, most in found), default=math.inf)
+
+
+@pytest.mark.parametrize("number", RS485_OF)
+def test_direction_pin_moves_around_each_request(linux: Linux, board: Board, number: int) -> None:
+    active = number != LOW
+    uart, settings, seen = Uart(linux.machine, number), RS485_OF[number], list[Moment]()
+
+    def before_and_after() -> list[tuple[float, float]]:
+        pin_on, pin_off = changes(seen, "rts_high", active), changes(seen, "rts_high", not active)
+        sent = changes(seen, "sending", True), changes(seen, "sending", False)
+        return [delay_between(pin_on, sent[0]), delay_between(sent[1], pin_off)]
+
+    def is_known() -> bool:
+        seen[:] = uart.watch(WATCHED_S)
+        return all(most - least < GRAIN_MS for least, most in before_and_after())
+
+    board.wait_for(is_known, PATIENCE_S, "its delays are known")
+    for key, (least, most) in zip(("delay_before_ms", "delay_after_ms"), before_and_after(), strict=True):
+        wanted = settings.get(key, 0)
+        assert most >= wanted, f"{key}: sooner"
+        assert least <= wanted + GRAIN_MS, f"{key}: later"
+
+
+def test_restart_sets_all_of_it_again(linux: Linux, board: Board) -> None:
+    linux.run("/etc/init.d/S80rtud stop", PATIENCE_S)
+    for number in RS485_OF:
+        device = f"/dev/ttyS{number}"
+        assert (
+            linux.run(f"stty -F {device} 4800 icanon && serial-line rs485 {device} off") == f"{device} 0 0 0"
+        )
+    linux.run("/etc/init.d/S80rtud start")
+    wait_all_read(board)
+    check_in_force(linux)
+
+
+@pytest.mark.parametrize("change", ["4800", "-parenb", "icanon"], ids=["speed", "parity", "mode"])
+def test_another_program_changes_an_open_port(linux: Linux, board: Board, change: str) -> None:
+    """Root may: within a second it is seen, and all of it is set anew."""
+    before = len(re.findall("has changed its settings", board.ctl("log")))
+    linux.run(f"stty -F /dev/ttyS{DELAYED} {change}")
+    lost = f"port {DELAYED}: /dev/ttyS{DELAYED} is lost: another program has changed its settings"
+    wait_logged(board, rf"(?s)({re.escape(lost)}.*){{{before + 1}}}port {DELAYED}: .* is open, {BAUD} bit/s")
+    wait_all_read(board)
+    check_in_force(linux)
+
+
+def test_what_a_port_does_not_take_is_refused_with_a_message(linux: Linux, board: Board) -> None:
+    linux.run(
+        "/etc/init.d/S80rtud stop && mount -o remount,rw / && cp /refused.json /etc/openrtu/gateway.json",
+        PATIENCE_S,
+    )
+    linux.run("flock /dev/ttyS6 sleep 100000 > /dev/null 2>&1 &")
+    linux.run("/etc/init.d/S80rtud start")
+    for number, (_, message) in REFUSED.items():
+        wait_logged(board, rf"port {number}: /dev/{message}; tried again each second")
+    assert [line["open"] for line in board.query("lines")] == [False] * len(REFUSED)
+    linux.run("pkill -f 'sleep 10000[0]'")
+    wait_logged(board, f"port 5: /dev/ttyS6 is open, {BAUD} bit/s")
