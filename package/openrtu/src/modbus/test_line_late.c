@@ -159,6 +159,35 @@ static void a_device_with_one_object_rests(void **state)
 	assert_true(bus.reads_done[0] > 10);
 }
 
+/*
+ * The refusal of the read comes while its probe is under way, and looks like that of the probe: the probe's answer may come
+ * as late as any, and the read that is due first then looks like the probe.
+ */
+static void a_probe_behind_a_late_refusal_is_not_forgotten(void **state)
+{
+	(void)state;
+	for (int64_t late = 0; late < 1060; late += 5) {
+		set_up();
+		add_device(17, 5);
+		add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 4);
+		add_objects(MODBUS_READ_HOLDING_REGISTERS, 40, 1);
+		bus.objects[0][4].period_ms = 1000;
+		start();
+		run_for(2500 * MS);
+		bus.slaves[0].exception = 2;
+		bus.slaves[0].late = 1;
+		bus.slaves[0].late_ns = TIMEOUT_NS + 20 * MS;
+		while (bus.slaves[0].late > 0)
+			run_for(MS);
+		bus.slaves[0].exception = 0;
+		bus.slaves[0].late = 1;
+		bus.slaves[0].late_ns = late * MS;
+		run_for(5 * SECOND);
+		assert_int_equal(bus.slaves[0].late, 0);
+		assert_true(bus.devices[0].alive);
+	}
+}
+
 static void a_late_confirmation_is_not_another_commands(void **state)
 {
 	(void)state;
@@ -187,6 +216,7 @@ int main(void)
 	    cmocka_unit_test(an_old_answer_is_no_news),
 	    cmocka_unit_test(a_device_that_rests_is_at_rest),
 	    cmocka_unit_test(a_device_with_one_object_rests),
+	    cmocka_unit_test(a_probe_behind_a_late_refusal_is_not_forgotten),
 	    cmocka_unit_test(a_late_confirmation_is_not_another_commands),
 	};
 	return cmocka_run_group_tests_name("modbus line late", tests, NULL, NULL);
