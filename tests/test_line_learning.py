@@ -177,7 +177,7 @@ def test_plan_of_the_configuration_is_what_is_asked(bench: Bench) -> None:
 
 def test_lines_show_what_was_learned(bench: Bench) -> None:
     with bench.gateway(configuration()) as gateway:
-        table = gateway.ctl("lines").split("\n\n")[2].splitlines()
+        table = gateway.ctl("lines").split("\n\n")[3].splitlines()
         assert table[0].split() == [
             *("PORT", "ID", "LEAST", "MS", "TYPICAL", "MS", "MOST", "MS"),
             *("BITS", "REGISTERS", "REFUSED"),

@@ -235,6 +235,7 @@ void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t no
 	refuse_silent_reads(line, index, now_ns);
 	if (was_alive || !device->alive)
 		return;
+	line->living++;
 	/* A command may have reached it before it was probed. */
 	device->paid_ns = earlier(device->paid_ns, now_ns);
 	/* It may be another one that now has this address, and refuse other things. */
@@ -250,20 +251,33 @@ static int64_t vain_probe_ns(const struct modbus_line *line, const struct modbus
 	return line->wire.turn_ns + PROBE_LENGTH * line->wire.char_ns + modbus_timeout(device);
 }
 
+/* Somebody has to wait while this device is waited for. */
+static bool has_living_others(const struct modbus_line *line, const struct modbus_device *device)
+{
+	return line->living > (device->alive ? 1u : 0u);
+}
+
 /*
  * Until the next probe, if that is in vain, the device will have had its share of the line's time: for what it cost
- * since it was paid last, and for this probe.
+ * since it was paid last, and for this probe. Where no other lives, nothing is lost, and it need not wait so long.
  */
 static void let_rest(const struct modbus_line *line, struct modbus_device *device, int64_t now_ns)
 {
 	int64_t pause_ns = doubled(MODBUS_FIRST_PROBE_NS, device->failures, MODBUS_RAREST_PROBE_NS);
 
 	device->paid_ns = later(device->paid_ns + MODBUS_DEAD_SHARE * device->lost_ns, now_ns);
+	device->paid_ns = earlier(device->paid_ns, now_ns + MODBUS_RAREST_PROBE_NS);
 	device->lost_ns = 0;
 	set_timeout(device);
-	device->next_probe_ns =
-	    later(now_ns + pause_ns, device->paid_ns + (MODBUS_DEAD_SHARE - 1) * vain_probe_ns(line, device));
-	device->backoff_ns = device->next_probe_ns - now_ns;
+	device->lone_probe_ns = now_ns + pause_ns;
+	device->next_probe_ns = later(
+	    device->lone_probe_ns, device->paid_ns + (MODBUS_DEAD_SHARE - 1) * vain_probe_ns(line, device));
+	device->backoff_ns = modbus_probe_due_ns(line, device) - now_ns;
+}
+
+int64_t modbus_probe_due_ns(const struct modbus_line *line, const struct modbus_device *device)
+{
+	return line->living > 0 ? device->next_probe_ns : device->lone_probe_ns;
 }
 
 void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns)
@@ -273,6 +287,7 @@ void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns
 	if (!device->alive)
 		return;
 	device->alive = false;
+	line->living--;
 	device->failures = 0;
 	let_rest(line, device, now_ns);
 	line->events->alive(line->context, index, false, now_ns);
@@ -288,10 +303,10 @@ void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_
 {
 	struct modbus_device *device = &line->devices[index];
 
-	if (line->purpose != MODBUS_COMMAND)
-		device->lost_ns += lost_to_request(line, now_ns);
-	else if (!device->alive)
+	if (line->purpose == MODBUS_COMMAND && !device->alive)
 		return;
+	if (line->purpose != MODBUS_COMMAND && has_living_others(line, device))
+		device->lost_ns += lost_to_request(line, now_ns);
 	device->failures++;
 	set_timeout(device);
 	if (!device->alive) {

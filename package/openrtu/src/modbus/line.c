@@ -449,7 +449,7 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 		line->devices[i].backoff_ns = 0;
 		line->devices[i].timeout_ns = line->devices[i].slowest_ns = 0;
 		line->devices[i].failures = 0;
-		line->devices[i].next_probe_ns = now_ns;
+		line->devices[i].next_probe_ns = line->devices[i].lone_probe_ns = now_ns;
 		line->devices[i].inherited = !line->wire.tcp && modbus_is_readable(&line->devices[i]);
 		line->devices[i].trust_ns =
 		    later(line->devices[i].trust_ns,

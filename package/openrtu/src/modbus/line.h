@@ -31,7 +31,8 @@
  * What a dead device costs. Probes begin with the time-out that was learned, and it doubles with each in vain. The pause
  * before a probe doubles too, and is long enough that, if the probe is in vain, the line has lost no more than one
  * MODBUS_DEAD_SHAREth of the time to it: from the death on, but for the requests by which the device was found dead. The
- * time in which it lived has paid for these; where that was too short, the first pause is the longer.
+ * time in which it lived has paid for these; where that was too short, the first pause is the longer, by a minute at
+ * most. While no device of the line lives, a probe costs nobody anything: then the pause only doubles.
  *
  * On TCP (wire.tcp) an answer says by its transaction which request it answers: none can be mistaken for another's, so the
  * line goes on at once after a time-out. One request is under way at a time, as many devices want it. There are no
@@ -139,6 +140,7 @@ struct modbus_device {
 	int64_t lost_ns;    /* to its unanswered requests in a row */
 	int64_t paid_ns;    /* when what was lost before was its share of the line's time */
 	int64_t next_probe_ns;
+	int64_t lone_probe_ns; /* the same while no device of the line lives */
 	int64_t asked_ns; /* when it had the oldest unanswered request to answer; a dead one, the latest */
 	int64_t trust_ns; /* when no answer can come any more to what is unanswered */
 	uint8_t echoes;   /* answered reads without an echo until none is expected any more */
@@ -195,6 +197,7 @@ struct modbus_line {
 	uint32_t command_count;
 	uint32_t commands_in_row; /* since the last poll */
 	uint32_t due_in_row;      /* since the last read of the scan */
+	uint32_t living;          /* devices */
 	uint32_t turn;            /* the device being scanned */
 	uint32_t probe_turn;      /* the device to be probed next, if it is dead and due */
 	bool probed_in_vain;      /* in this scan */

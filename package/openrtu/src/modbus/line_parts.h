@@ -57,6 +57,8 @@ bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_
 void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t now_ns);
 void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_ns);
 void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns);
+/* When a dead device is to be probed next. */
+int64_t modbus_probe_due_ns(const struct modbus_line *line, const struct modbus_device *device);
 
 /* ---- turn.c ------------------------------------------------------------------------------ */
 

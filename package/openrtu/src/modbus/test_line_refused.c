@@ -108,7 +108,7 @@ static void a_device_that_was_gone_is_planned_anew(void **state)
 	run_for(130 * SECOND); /* it is asked for what it refused each minute only */
 	assert_int_equal(bus.devices[0].read_count, 4);
 	bus.slaves[0].present = false;
-	run_for(4 * SECOND);
+	run_for(2 * SECOND);
 	bus.slaves[0].present = true;
 	bus.slaves[0].missing = -1;
 	run_for(3 * SECOND);

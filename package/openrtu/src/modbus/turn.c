@@ -127,7 +127,8 @@ static size_t begin_due_probe(struct modbus_line *line, int64_t now_ns)
 
 		line->probe_turn = (line->probe_turn + 1) % line->device_count;
 		modbus_forget_unanswered(device, now_ns);
-		if (!device->alive && modbus_is_readable(device) && now_ns >= device->next_probe_ns)
+		if (!device->alive && modbus_is_readable(device) &&
+		    now_ns >= modbus_probe_due_ns(line, device))
 			length = begin_probe(line, index, now_ns);
 		if (length > 0)
 			return length;
@@ -245,8 +246,9 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 			due = earlier(due, device->trust_ns);
 		if (modbus_may_be_busy(device, now_ns))
 			due = earlier(due, device->trust_ns - MODBUS_LATE_NS);
-		if (!device->alive && modbus_is_readable(device) && device->next_probe_ns > now_ns)
-			due = earlier(due, device->next_probe_ns);
+		if (!device->alive && modbus_is_readable(device) &&
+		    modbus_probe_due_ns(line, device) > now_ns)
+			due = earlier(due, modbus_probe_due_ns(line, device));
 		for (uint32_t read = 0; device->alive && read < device->read_count; read++) {
 			if (device->reads[read].not_before_ns > now_ns)
 				due = earlier(due, device->reads[read].not_before_ns);

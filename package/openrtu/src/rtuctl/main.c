@@ -49,8 +49,10 @@ static const struct command commands[] = {
      rtuctl_modules},
     {"lines", "[--histogram | --suggest]", 0, 0, TAKES_HISTOGRAM | TAKES_SUGGEST, NULL,
      "lines and their devices, with counters",
-     "Counters count since the module started and wrap at 2^32. The third table is what was learned of the\n"
-     "devices: how fast they answer, the longest reads they give, and what they refuse.\n"
+     "Counters count since the module started and wrap at 2^32. The second table is what went wrong on the\n"
+     "lines, the last what was learned of the devices: how fast they answer, the longest reads they give, "
+     "and\n"
+     "what they refuse.\n"
      "--histogram shows how late the lines' process woke, how long transactions took, what the kernel has "
      "given\nthat process, and what that is worth.\n"
      "--suggest prints what was learned as keys to add to the configuration, and says why.\n",
