@@ -1,0 +1,288 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "port.h"
+
+#include <errno.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <unistd.h>
+
+#include "modules/serial.h"
+#include "modules/tcp.h"
+
+#define NS_PER_S     1000000000LL
+#define REOPEN_NS    NS_PER_S
+#define CONNECT_NS   (3 * NS_PER_S) /* then a host that has said nothing is not there */
+#define RECONNECT_NS (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
+#define CHECK_NS     NS_PER_S
+#define READ_SIZE    512
+#define READS_A_TURN 16
+
+void port_init(struct port *port, struct map *map, uint32_t number, const char *directory, int epoll_fd)
+{
+	const struct map_line *line = &map_config(map)->lines[number];
+
+	*port = (struct port){.map = map, .config = line, .number = number, .epoll_fd = epoll_fd, .fd = -1};
+	if (map_line_is_tcp(line))
+		snprintf(port->path, sizeof(port->path), "%s port %u", line->device, line->tcp_port);
+	else if (line->device[0] == '/')
+		snprintf(port->path, sizeof(port->path), "%s", line->device);
+	else
+		snprintf(port->path, sizeof(port->path), "%s/%s", directory, line->device);
+}
+
+static void count_port_error(struct port *port)
+{
+	atomic_fetch_add_explicit(&map_line_stats(port->map, port->number)->port_errors, 1,
+				  memory_order_relaxed);
+}
+
+static void close_port(struct port *port)
+{
+	if (map_line_is_tcp(port->config))
+		close(port->fd);
+	else
+		serial_close(port->fd);
+	port->fd = -1;
+	port->connected_by_ns = 0;
+	port->waiting = false;
+}
+
+/* Said once, until the port is open again. */
+static void retry_port(struct port *port, const char *error, int64_t after_ns, int64_t now_ns)
+{
+	count_port_error(port);
+	if (!port->failing)
+		map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s; tried again %s", port->config->port,
+			port->path, error, after_ns == REOPEN_NS ? "each second" : "every few seconds");
+	port->failing = true;
+	port->deadline_ns = now_ns + after_ns;
+}
+
+/* The descriptor that was opened; events: what wakes this process. */
+static bool wait_for_port(struct port *port, uint32_t events, char error[SERIAL_ERROR_SIZE])
+{
+	struct epoll_event event = {.events = events, .data.ptr = port};
+
+	if (epoll_ctl(port->epoll_fd, EPOLL_CTL_ADD, port->fd, &event) == 0)
+		return true;
+	snprintf(error, SERIAL_ERROR_SIZE, "cannot be waited for: %s", strerror(errno));
+	close_port(port);
+	return false;
+}
+
+static void begin_line(struct port *port, int64_t now_ns)
+{
+	port->answers = port->line.counters.answers;
+	port->listening = true;
+	modbus_line_open(&port->line, now_ns);
+}
+
+static void log_connected(const struct port *port)
+{
+	map_log(port->map, MAP_LOG_INFO, "port %u: %s is connected", port->config->port, port->path);
+}
+
+/*
+ * A device that takes no further connection accepts it and hangs up: a connection that has failed before is said to be
+ * there when something came of it, and not each second.
+ */
+static void note_answers(struct port *port)
+{
+	if (!port->failing || port->line.counters.answers == port->answers)
+		return;
+	port->failing = false;
+	log_connected(port);
+}
+
+static void open_serial(struct port *port, int64_t now_ns)
+{
+	struct map *map = port->map;
+	char error[SERIAL_ERROR_SIZE];
+	bool carries_parity;
+
+	port->fd = serial_open(port->path, port->config, &carries_parity, error);
+	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	}
+	if (!carries_parity && port->config->parity != MAP_PARITY_NONE && !port->pty_logged) {
+		map_log(map, MAP_LOG_INFO, "port %u: %s is a pseudo-terminal, which carries no parity",
+			port->config->port, port->path);
+		port->pty_logged = true;
+	}
+	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
+		(unsigned)port->config->baud);
+	port->failing = false;
+	begin_line(port, now_ns);
+}
+
+static void begin_connection(struct port *port, int64_t now_ns)
+{
+	char error[TCP_ERROR_SIZE];
+
+	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
+	port->fd = tcp_connect(port->config, error);
+	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	}
+	port->deadline_ns = port->connected_by_ns = now_ns + CONNECT_NS;
+}
+
+static void end_connecting(struct port *port, int64_t now_ns)
+{
+	struct epoll_event event = {.events = EPOLLIN, .data.ptr = port};
+	char error[TCP_ERROR_SIZE];
+
+	switch (tcp_look(port->fd, error)) {
+	case TCP_PENDING:
+		port->deadline_ns = port->connected_by_ns;
+		if (now_ns < port->connected_by_ns)
+			return;
+		close_port(port);
+		retry_port(port, "does not answer", RECONNECT_NS, now_ns);
+		return;
+	case TCP_FAILED:
+		close_port(port);
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	case TCP_CONNECTED:
+		break;
+	}
+	port->connected_by_ns = 0;
+	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
+	if (!port->failing)
+		log_connected(port);
+	begin_line(port, now_ns);
+}
+
+static void open_port(struct port *port, int64_t now_ns)
+{
+	if (!map_line_is_tcp(port->config))
+		open_serial(port, now_ns);
+	else if (port->fd < 0)
+		begin_connection(port, now_ns);
+	else
+		end_connecting(port, now_ns);
+}
+
+bool port_is_open(const struct port *port)
+{
+	return port->fd >= 0 && port->connected_by_ns == 0;
+}
+
+static void lose_port(struct port *port, const char *cause, int64_t now_ns)
+{
+	close_port(port);
+	if (!port->failing)
+		map_log(port->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
+			cause);
+	port->failing = true;
+	port->deadline_ns = now_ns + REOPEN_NS;
+	count_port_error(port);
+	modbus_line_close(&port->line, now_ns);
+}
+
+/* What is set anew is the whole port: its speed, its format and, behind them, its RS-485 mode. */
+static void check_port(struct port *port, int64_t now_ns)
+{
+	if (map_line_is_tcp(port->config) || now_ns < port->check_ns)
+		return;
+	port->check_ns = now_ns + CHECK_NS;
+	if (!serial_is_as_set(port->fd, port->config))
+		lose_port(port, "another program has changed its settings", now_ns);
+}
+
+/* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
+static void read_port(struct port *port)
+{
+	for (int reads = 0; reads < READS_A_TURN && port->fd >= 0; reads++) {
+		uint8_t bytes[READ_SIZE];
+		ssize_t length = read(port->fd, bytes, sizeof(bytes));
+		int64_t now_ns = map_now_ns();
+
+		if (length > 0 && !modbus_line_receive(&port->line, bytes, (size_t)length, now_ns))
+			lose_port(port, "what comes is not Modbus", now_ns);
+		else if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
+			lose_port(port, length == 0 ? "hung up" : strerror(errno), now_ns);
+		if (length < (ssize_t)sizeof(bytes))
+			return;
+	}
+}
+
+/*
+ * What the port has not sent of an older request, which has timed out by now, it shall not send any
+ * more; one that was answered has left. A port that does not even then take a request whole is broken,
+ * and what was to be sent is not confirmed: a broadcast, too, was not sent.
+ */
+static void write_port(struct port *port, const struct modbus_output *output, int64_t now_ns)
+{
+	if (!map_line_is_tcp(port->config) && port->answered == port->line.counters.answers)
+		serial_discard_output(port->fd);
+	port->answered = port->line.counters.answers;
+	ssize_t length = write(port->fd, output->frame, output->length);
+
+	if (length != (ssize_t)output->length)
+		lose_port(port, length < 0 ? strerror(errno) : "it does not send", now_ns);
+}
+
+/*
+ * An answer comes character by character: to wake for each would be most of a line's cost. One wakes, and then none until
+ * this is called.
+ */
+static void listen_to(struct port *port)
+{
+	struct epoll_event event = {.events = EPOLLIN | EPOLLONESHOT, .data.ptr = port};
+
+	if (port->listening)
+		return;
+	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
+	port->listening = true;
+}
+
+/* How late we are for what the line waits for. */
+static void measure_wakeup(struct port *port, int64_t now_ns)
+{
+	if (port->waiting && port->deadline_ns != 0)
+		modbus_histogram_add(&port->wakeups, now_ns - port->deadline_ns);
+	port->waiting = false;
+}
+
+void port_wake(struct port *port)
+{
+	port->deadline_ns = 0;
+	port->listening = false;
+}
+
+static int64_t earlier(int64_t a, int64_t b)
+{
+	return a < b ? a : b;
+}
+
+void port_serve(struct port *port)
+{
+	int64_t now_ns = map_now_ns();
+
+	measure_wakeup(port, now_ns);
+	if (!port_is_open(port))
+		open_port(port, now_ns);
+	if (port_is_open(port))
+		check_port(port, now_ns);
+	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
+	if (port_is_open(port))
+		read_port(port);
+	if (!port_is_open(port))
+		return;
+	note_answers(port);
+	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
+	bool listening = now_ns >= output.listen_ns;
+
+	port->deadline_ns = listening ? output.deadline_ns : earlier(output.deadline_ns, output.listen_ns);
+	port->waiting = port->deadline_ns > now_ns;
+	if (listening)
+		listen_to(port);
+	if (output.length > 0)
+		write_port(port, &output, now_ns);
+}
