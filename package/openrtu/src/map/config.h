@@ -254,7 +254,7 @@ static inline bool map_line_is_tcp(const struct map_line *line)
 }
 
 /* All lines but the one of the gateway's own station. */
-static inline uint32_t map_serial_lines(const struct map_config *config)
+static inline uint32_t map_modbus_lines(const struct map_config *config)
 {
 	return config->line_count - (config->settings.own_ca != 0);
 }

@@ -111,7 +111,7 @@ static int assign_modules(struct directory *directory, const struct map_config *
 	add_module(directory, "rtu-iec104", MAP_MODULE_IEC104);
 	add_module(directory, "rtuctl", MAP_MODULE_RTUCTL);
 	for (uint32_t i = 0; i < config->line_count; i++) {
-		int module = i < map_serial_lines(config) ? modbus_module(directory, config->lines[i].process)
+		int module = i < map_modbus_lines(config) ? modbus_module(directory, config->lines[i].process)
 							  : (int)iec104;
 
 		if (module < 0)

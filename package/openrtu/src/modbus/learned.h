@@ -27,9 +27,8 @@ void modbus_latency_add(struct modbus_latency *latency, uint32_t us);
 struct modbus_learned {
 	/* Bits or registers; 0: none. */
 	uint16_t given_bits, given_registers; /* of the longest read that it gives */
-	uint16_t refused_bits,
-	    refused_registers; /* of the shortest that it refused, the parts of which it gives, and
-						     which have no hole between them */
+	/* Of the shortest that it refused, the parts of which it gives, and which have no hole between them. */
+	uint16_t refused_bits, refused_registers;
 	/* Between two parts that it gives, of a read that it refused: of all such, that of the shortest read. */
 	struct {
 		uint8_t function, exception;

@@ -110,7 +110,7 @@ int rtuctl_histogram(struct map *map, const struct rtuctl_request *request)
 
 	if (request->json)
 		listing_begin(&listing, columns, COUNT(columns), true);
-	for (uint32_t i = 0; i < map_serial_lines(map_config(map)); i++) {
+	for (uint32_t i = 0; i < map_modbus_lines(map_config(map)); i++) {
 		if (request->json)
 			listing_add(&listing, line_json(map, i));
 		else

@@ -366,7 +366,7 @@ static void list_lines(const struct map *map, const struct listing_column *colum
 	struct listing listing;
 
 	listing_begin(&listing, columns, count, json);
-	for (uint32_t i = 0; i < map_serial_lines(map_config(map)); i++)
+	for (uint32_t i = 0; i < map_modbus_lines(map_config(map)); i++)
 		listing_add(&listing, line_row(map, i));
 	listing_end(&listing);
 }

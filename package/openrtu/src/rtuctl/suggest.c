@@ -200,7 +200,7 @@ int rtuctl_suggest(struct map *map, const struct rtuctl_request *request)
 	const struct map_config *config = map_config(map);
 	json_t *ports = json_array(), *file;
 
-	for (uint32_t i = 0; i < map_serial_lines(config); i++) {
+	for (uint32_t i = 0; i < map_modbus_lines(config); i++) {
 		json_t *slaves = slaves_of(map, &config->lines[i]);
 
 		if (json_array_size(slaves) > 0)

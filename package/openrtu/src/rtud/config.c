@@ -212,7 +212,7 @@ int config_check(const char *path, struct config_modules modules, bool requests)
 	enum config_result result = config_load(path, modules, &config, stderr);
 
 	if (result == CONFIG_GOOD) {
-		printf("%s: good: lines %u, devices %u, points %u\n", path, map_serial_lines(&config),
+		printf("%s: good: lines %u, devices %u, points %u\n", path, map_modbus_lines(&config),
 		       map_slaves(&config), config.point_count);
 		if (map_journal_used(&config.settings))
 			print_wear(&config.settings.journal);

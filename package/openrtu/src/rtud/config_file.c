@@ -239,7 +239,7 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 		config_error(&loader->report, &tls,
 			     "this build has no rtu-iec104-tls: remove the object, or build with "
 			     "-Dtls=true, in Buildroot BR2_PACKAGE_OPENRTU_TLS");
-	if (!modules.modbus && map_serial_lines(loader->config) > 0)
+	if (!modules.modbus && map_modbus_lines(loader->config) > 0)
 		config_error(&loader->report, &ports,
 			     "this build has no rtu-modbus: make no port active, or build with "
 			     "-Dmodbus=true, in Buildroot BR2_PACKAGE_OPENRTU_MODBUS");

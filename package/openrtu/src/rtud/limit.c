@@ -167,7 +167,7 @@ static bool print_line(const struct map_config *config, uint32_t number, bool re
 
 bool limit_print(const struct map_config *config, bool requests, FILE *out)
 {
-	for (uint32_t i = 0; i < map_serial_lines(config); i++)
+	for (uint32_t i = 0; i < map_modbus_lines(config); i++)
 		if (!print_line(config, i, requests, out))
 			return false;
 	return true;

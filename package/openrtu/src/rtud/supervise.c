@@ -497,7 +497,7 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 	journal_begin_again(supervisor.map, user_of(&supervisor, map_module_count(supervisor.map) - 1),
 			    options->uid_base); /* rtu-journal is the last one */
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
-		map_serial_lines(config), map_slaves(config), config->point_count, options->map);
+		map_modbus_lines(config), map_slaves(config), config->point_count, options->map);
 	watch_modules(&supervisor);
 	started = start_watchdog(&supervisor);
 	if (started)

@@ -334,7 +334,7 @@ static void test_own_station(void **state)
 
 	(void)state;
 	assert_int_equal(config.line_count, 2);
-	assert_int_equal(map_serial_lines(&config), 1);
+	assert_int_equal(map_modbus_lines(&config), 1);
 	assert_int_equal(map_slaves(&config), 1);
 	assert_int_equal(config.devices[1].ca, 900);
 	assert_int_equal(config.devices[1].line, 1);
