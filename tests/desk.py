@@ -61,8 +61,8 @@ class Substation:
     def set_and_scan(self, device: str, table: str, address: int, values: list[int]) -> None:
         """Changes values at a device; returns when the gateway has read them."""
         unit = int(device.split(".")[1])
-        mark = self.lines.mark()
         self.lines.set(device, table, address, *values)
+        mark = self.lines.mark()  # before it the old values may have been read, and the first be the same
         self.lines.wait_frame(
             lambda f: (
                 (f.kind, f.unit, f.table, f.address, f.value) == ("reading", unit, table, address, values[0])
