@@ -96,10 +96,7 @@ static void take_requests(struct gateway *gateway)
 		commands_request(&gateway->commands, &request);
 }
 
-/*
- * ---- start
- * ------------------------------------------------------------------------------------------------
- */
+/* ---- start ------------------------------------------------------------------------------------------- */
 
 static void out_of_memory(void)
 {
@@ -212,10 +209,7 @@ static void set_up_signals(void)
 	sigaction(SIGPIPE, &ignore, NULL);
 }
 
-/*
- * ---- the loop
- * ----------------------------------------------------------------------------------------------
- */
+/* ---- the loop ---------------------------------------------------------------------------------------- */
 
 /* To set the timer costs most of what a wake-up costs. What is due behind the next heartbeat is looked at again then. */
 static void arm_timer(struct gateway *gateway)
