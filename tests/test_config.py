@@ -168,11 +168,20 @@ def test_each_device_has_its_share_and_the_broadcast_none(programs: Path, tmp_pa
     slaves.append({"id": 36, "description": "Meter", "input_registers": [{"address": 0}, {"address": 9000}]})
     lines, rows = plan(programs, tmp_path, document)
     assert {row.unit for row in rows} == {35, 36}
-    shares = [line for line in lines if line.endswith("%")]
+    shares = [line for line in lines if line.endswith("reacts in 5.0 ms (assumed)")]
     assert shares == [
-        "    35  Temperature sensor: 4 requests, 73.9 ms, 68 %",
-        "    36  Meter: 2 requests, 35.2 ms, 32 %",
+        "    35  Temperature sensor: 4 requests, 73.9 ms, 68 %, reacts in 5.0 ms (assumed)",
+        "    36  Meter: 2 requests, 35.2 ms, 32 %, reacts in 5.0 ms (assumed)",
     ]
+
+
+def test_device_takes_the_time_that_it_is_known_to_take(programs: Path, tmp_path: Path) -> None:
+    document = report_file()
+    document["port"][2]["slaves"][0]["reaction_ms"] = 20
+    lines, rows = plan(programs, tmp_path, document)
+    assert lines[1].endswith("shortest scan 133.9 ms")
+    assert lines[-1] == "    35  Temperature sensor: 4 requests, 133.9 ms, 100 %, reacts in 20.0 ms"
+    assert rows[0].ms == 32.03
 
 
 def test_connection_counts_requests_and_no_characters(programs: Path, tmp_path: Path) -> None:
@@ -206,7 +215,7 @@ PERIODS = [
     Periods(
         "more-than-the-line",
         ", periods take 106 %",
-        "note: port[2]: its periods need 106 % of the line's time when devices react after 5 ms, "
+        "note: port[2]: its periods need 106 % of the line's time, its devices' reactions included, "
         "and will not all be held\n",
         slave_ms=70,
     ),

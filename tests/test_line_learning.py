@@ -4,6 +4,7 @@
 import contextlib
 import copy
 import json
+import re
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ PORT, SHORT, HOLED, LACKING = 1, 1, 2, 3
 LIMIT = 16
 LEARNED = 10  # of 40, halved until it is below the limit
 MISSING = 5
+SLOW_MS = 40
+ENOUGH = 20  # answers
 COILS, HOLDING, INPUT = 1, 3, 4  # functions
 LEARNED_READS = {
     *((SHORT, function, first, LEARNED) for function in (COILS, HOLDING) for first in range(0, 40, 10)),
@@ -101,11 +104,39 @@ def knows_everything(gateway: Gateway) -> bool:
     return all(device["alive"] and device["learned"]["open"] == 0 for device in devices(gateway).values())
 
 
+def known_to_react(gateway: Gateway) -> None:
+    """Until so much has been answered that the average tells nothing but the device."""
+
+    def answered() -> bool:
+        return all(device["answers"] >= ENOUGH for device in devices(gateway).values())
+
+    gateway.wait_for(answered, 30.0, f"each device has answered {ENOUGH} times")
+
+
+def knows_how_fast(gateway: Gateway) -> bool:
+    keys, _ = suggested(gateway)
+    return keys == without_reactions(keys)
+
+
+def run(gateway: Gateway, program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [gateway.build / program, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True)
+
+
 def suggested(gateway: Gateway) -> tuple[dict[str, Any], list[str]]:
     """What `rtuctl lines --suggest` prints, and its remarks."""
-    command = [gateway.build / "rtuctl" / "rtuctl", "--map", gateway.map, "lines", "--suggest"]
-    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    result = run(gateway, "rtuctl/rtuctl", "--map", gateway.map, "lines", "--suggest")
     return json.loads(result.stdout), result.stderr.splitlines()
+
+
+def without_reactions(keys: dict[str, Any]) -> dict[str, Any]:
+    """What is suggested of what the devices take: how fast they are depends on how busy this host is."""
+    ports = []
+    for port in keys["port"]:
+        slaves = [{key: slave[key] for key in slave if key != "reaction_ms"} for slave in port["slaves"]]
+        if slaves := [slave for slave in slaves if slave.keys() > {"id"}]:
+            ports.append({**port, "slaves": slaves})
+    return {"port": ports}
 
 
 def merged(config: dict[str, Any], keys: dict[str, Any]) -> dict[str, Any]:
@@ -119,16 +150,22 @@ def merged(config: dict[str, Any], keys: dict[str, Any]) -> dict[str, Any]:
     return config
 
 
-@pytest.fixture
-def bench(programs: Path) -> Iterator[Bench]:
+@contextlib.contextmanager
+def bench_of(programs: Path, latency_us: int | None = None) -> Iterator[Bench]:
     directory = run_directory()
     with contextlib.ExitStack() as stack:
         stack.callback(remove, directory)
         file = directory / "linesim.json"
         file.write_text(json.dumps(of_devices()))
-        lines = stack.enter_context(LineSim(file, None, directory / "dev"))
+        lines = stack.enter_context(LineSim(file, None, directory / "dev", latency_us=latency_us))
         lines.fault(f"{PORT}.{SHORT}", "limit", LIMIT)
         yield Bench(lines, directory, programs)
+
+
+@pytest.fixture
+def bench(programs: Path) -> Iterator[Bench]:
+    with bench_of(programs) as bench:
+        yield bench
 
 
 def test_what_was_learned_spares_the_next_start_every_refusal(bench: Bench) -> None:
@@ -143,7 +180,8 @@ def test_what_was_learned_spares_the_next_start_every_refusal(bench: Bench) -> N
             {"id": SHORT, "max_bits": LEARNED, "max_registers": LEARNED},
             {"id": HOLED, "holes": False},
         ]
-        assert keys == {"port": [{"value": PORT, "slaves": slaves}]}
+        assert without_reactions(keys) == {"port": [{"value": PORT, "slaves": slaves}]}
+        remarks = [remark for remark in remarks if "reaction_ms" not in remark]
         assert len(remarks) == 4
         assert remarks[-1].startswith(
             f"rtuctl: port {PORT}, slave {LACKING}: no key for holding register {MISSING}"
@@ -155,9 +193,26 @@ def test_what_was_learned_spares_the_next_start_every_refusal(bench: Bench) -> N
         bench.wait_asked(gateway, LEARNED_READS)
         assert {unit: bench.refused(unit) for unit in (SHORT, HOLED)} == at_start
         assert {unit: devices(gateway)[unit]["exceptions"] for unit in (SHORT, HOLED)} == {SHORT: 0, HOLED: 0}
-        keys, remarks = suggested(gateway)
-        assert keys == {"port": []}
-        assert len(remarks) == 2  # on the object that is not there, and that there is nothing to suggest
+        keys, _ = suggested(gateway)
+        assert without_reactions(keys) == {"port": []}
+
+
+def test_how_fast_devices_are_is_learned_and_computed_with(programs: Path) -> None:
+    config = configuration()
+    with bench_of(programs, SLOW_MS * 1000) as bench:
+        with bench.gateway(config) as gateway:
+            known_to_react(gateway)
+            keys, remarks = suggested(gateway)
+            told = [remark for remark in remarks if "reaction_ms" in remark]
+            assert len(told) == len(config["port"][0]["slaves"])
+            for slave in keys["port"][0]["slaves"]:
+                assert SLOW_MS <= slave["reaction_ms"] <= 2 * SLOW_MS  # on a busy host
+        with bench.gateway(merged(config, keys)) as gateway:
+            gateway.wait_for(lambda: knows_how_fast(gateway), 30.0, "no other reaction is suggested")
+            plan = run(gateway, "rtud/rtud", "--plan", gateway.config_file).stdout
+            reactions = [float(ms) for ms in re.findall(r"reacts in (\S+) ms$", plan, re.MULTILINE)]
+            assert len(reactions) == len(config["port"][0]["slaves"])
+            assert min(reactions) >= SLOW_MS
 
 
 def test_plan_of_the_configuration_is_what_is_asked(bench: Bench) -> None:
@@ -166,8 +221,7 @@ def test_plan_of_the_configuration_is_what_is_asked(bench: Bench) -> None:
     config["port"][0]["slaves"][1]["holes"] = False
     config["port"][0]["slaves"].pop()
     with bench.gateway(config) as gateway:
-        command = [gateway.build / "rtud" / "rtud", "--plan", gateway.config_file]
-        plan = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        plan = run(gateway, "rtud/rtud", "--plan", gateway.config_file).stdout
         rows = [
             line.split() for line in plan.splitlines() if line.replace(".", "").replace(" ", "").isdigit()
         ]

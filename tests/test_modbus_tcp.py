@@ -6,6 +6,7 @@ What servers of other makes say when all goes well is in test_modbus_peers.py.
 
 import contextlib
 import errno
+import json
 import re
 import select
 import socket
@@ -218,6 +219,9 @@ def test_connection_is_a_line_like_others(programs: Path, address: str) -> None:
         with Master(*gateway.address) as master:
             assert master.command(7255, 40001, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
         assert counters(gateway, 7)["commands"] == 1
+        # It answers sooner than it is asked again: no key makes that faster.
+        suggested = json.loads(gateway.ctl("lines", "--suggest"))["port"]
+        assert 7 not in [port["value"] for port in suggested]
 
 
 def test_lost_server_is_connected_again(programs: Path) -> None:

@@ -102,6 +102,7 @@ struct map_device {
 	uint16_t max_bits, max_registers; /* that one request may read, 0: as the protocol has it */
 	uint8_t no_holes;                 /* a request reads only addresses that points have */
 	uint8_t reserved;
+	uint32_t reaction_us; /* from the silence behind a request to its answer's first byte, 0: not known */
 	uint32_t first_point;
 	uint32_t point_count;
 	char name[MAP_NAME_SIZE]; /* the file's "description" */

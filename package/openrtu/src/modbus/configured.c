@@ -3,6 +3,7 @@
 
 #include <stdlib.h>
 
+#define NS_PER_US 1000LL
 #define NS_PER_MS 1000000LL
 
 unsigned modbus_bits_per_char(const struct map_line *line)
@@ -51,7 +52,10 @@ static bool configure_device(const struct map_config *config, const struct map_d
 	*device = (struct modbus_device){
 	    .unit = from->unit,
 	    .retries = from->retries,
-	    .limits = {.bits = from->max_bits, .registers = from->max_registers, .no_holes = from->no_holes},
+	    .limits = {.bits = from->max_bits,
+		       .registers = from->max_registers,
+		       .no_holes = from->no_holes,
+		       .reaction_ns = from->reaction_us * NS_PER_US},
 	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
 	    .response_timeout_min_ns = from->response_timeout_min_ms * NS_PER_MS,
 	    .object_count = from->point_count,

@@ -92,16 +92,24 @@ int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_
 	return taken_ns > wire->least_ns ? taken_ns : wire->least_ns;
 }
 
+int64_t modbus_reaction_ns(const struct modbus_limits *limits)
+{
+	return limits->reaction_ns > 0 ? limits->reaction_ns : MODBUS_REACTION_NS;
+}
+
 /*
  * What a hole costs on a TCP connection nobody can see from here: nothing at the device itself, but much on the serial
  * line behind a gateway. There, what every serial device has by default is taken (MODBUS over Serial Line, 2.5.1, 3.2):
  * so a device itself is asked a little more often, and a line behind is never filled with holes.
  */
-static int64_t duration(const struct modbus_wire *wire, const struct modbus_read *read)
+static int64_t duration(const struct modbus_wire *wire, const struct modbus_limits *limits,
+			const struct modbus_read *read)
 {
 	const struct modbus_wire behind = modbus_wire(DEFAULT_BAUD, DEFAULT_BITS);
 
-	return modbus_read_ns(wire->tcp ? &behind : wire, read->function, read->count, MODBUS_REACTION_NS);
+	if (wire->tcp)
+		return modbus_read_ns(&behind, read->function, read->count, MODBUS_REACTION_NS);
+	return modbus_read_ns(wire, read->function, read->count, modbus_reaction_ns(limits));
 }
 
 /* Takes the object behind the read into it when that is allowed and not slower than a read of its own. */
@@ -122,7 +130,8 @@ static bool merge_next(const struct modbus_wire *wire, const struct modbus_limit
 
 	merged.objects++;
 	cover_last(&merged, objects);
-	if (!fits(limits, &merged) || duration(wire, &merged) > duration(wire, read) + duration(wire, &alone))
+	if (!fits(limits, &merged) ||
+	    duration(wire, limits, &merged) > duration(wire, limits, read) + duration(wire, limits, &alone))
 		return false;
 	*read = merged;
 	return true;

@@ -25,11 +25,12 @@ struct modbus_object {
 	uint16_t period_ms; /* it is read so often, 0: in turn */
 };
 
-/* What one request may read of a device; all 0: as much as the protocol allows. */
+/* What one request may read of a device, and how soon it answers; all 0: nothing is known of it. */
 struct modbus_limits {
-	uint16_t bits;      /* 1..MODBUS_BITS_MAX, 0: so many */
-	uint16_t registers; /* 1..MODBUS_REGISTERS_MAX, 0: so many */
-	bool no_holes;      /* only addresses that some object has */
+	uint16_t bits;       /* 1..MODBUS_BITS_MAX, 0: so many */
+	uint16_t registers;  /* 1..MODBUS_REGISTERS_MAX, 0: so many */
+	bool no_holes;       /* only addresses that some object has */
+	int64_t reaction_ns; /* 0: MODBUS_REACTION_NS */
 };
 
 /* One request of the plan: the objects first .. first + objects - 1 of the sorted table. */
@@ -70,6 +71,9 @@ struct modbus_wire modbus_wire_tcp(void);
 
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
+
+/* What the device takes, or is assumed to. */
+int64_t modbus_reaction_ns(const struct modbus_limits *limits);
 
 /*
  * The least time that a read of count bits or registers takes of the line: its request and its answer, a silence

@@ -75,6 +75,25 @@ static void holes_are_carried_while_that_is_shorter(void **state)
 	assert_read(&reads[1], 3, 14, 1, 1);
 }
 
+/* Known to take 20 ms instead of 5, a device is spared requests: 39.2 characters for one. */
+static void a_hole_is_weighed_against_the_device_s_reaction(void **state)
+{
+	(void)state;
+	struct modbus_wire wire = slow_wire();
+	const struct modbus_limits slow = {.reaction_ns = 20000000}, fast = {.reaction_ns = 100000};
+	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 20, 3, 1, 0}};
+	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 21, 3, 1, 0}};
+
+	assert_int_equal(modbus_plan(&wire, &slow, near, 2, reads), 1);
+	assert_int_equal(modbus_plan(&wire, &slow, far, 2, reads), 2);
+	near[1].address = 10; /* 20.1 characters for one */
+	far[1].address = 12;
+	assert_int_equal(modbus_plan(&wire, &fast, near, 2, reads), 1);
+	assert_int_equal(modbus_plan(&wire, &fast, far, 2, reads), 2);
+	assert_int_equal(modbus_reaction_ns(&fast), 100000);
+	assert_int_equal(modbus_reaction_ns(&unlimited), MODBUS_REACTION_NS);
+}
+
 /* As on a serial line of 19200 8E1, 0.573 ms a character: 13 of them, 4 ms of silences and 5 ms are 28.7 characters. */
 static void holes_on_tcp_are_those_of_a_line_behind(void **state)
 {
@@ -253,6 +272,7 @@ int main(void)
 	    cmocka_unit_test(durations_of_the_wire),
 	    cmocka_unit_test(neighbours_are_one_request_and_tables_are_not),
 	    cmocka_unit_test(holes_are_carried_while_that_is_shorter),
+	    cmocka_unit_test(a_hole_is_weighed_against_the_device_s_reaction),
 	    cmocka_unit_test(holes_on_tcp_are_those_of_a_line_behind),
 	    cmocka_unit_test(bits_bridge_wider_holes),
 	    cmocka_unit_test(limits_are_kept_and_no_object_is_torn),

@@ -1,15 +1,26 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * What was learned of the devices, as keys for the configuration. Only what follows (modbus/learned.h) is suggested, and
- * only what costs no request more than the plan in force has; why, or why not, is said on the standard error.
+ * only what costs the line no more time than the plan in force; why, or why not, is said on the standard error.
  */
+#include <math.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 
+#include "modbus/configured.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/rtuctl.h"
 
 #define ILLEGAL_ADDRESS 2 /* MODBUS Application Protocol V1.1b3, 7 */
+#define US_PER_MS       1000.0
+#define NS_PER_MS       1e6
+#define TENTHS          10.0
+#define REAL_DIGITS     6
+
+/* A reaction that differs by less is as it was: this part of it, and so much more. */
+#define REACTION_PART 0.25
+#define REACTION_MS   1.0
 
 /* What is learned of reads of bits, or of registers. */
 struct length {
@@ -21,7 +32,8 @@ struct length {
 struct device {
 	const struct map_device *config;
 	uint32_t port;
-	const struct map_learned *learned;
+	const struct map_device_stats *stats;
+	const struct map_learned *learned; /* of these */
 	json_t *keys;
 };
 
@@ -150,13 +162,47 @@ static void judge_unclear(struct device *device)
 		       learned->unclear);
 }
 
-static void judge(struct device *device)
+static struct modbus_wire wire_of(const struct map_line *line)
+{
+	return map_line_is_tcp(line) ? modbus_wire_tcp()
+				     : modbus_wire(line->baud, modbus_bits_per_char(line));
+}
+
+static double known_reaction_ms(const struct device *device)
+{
+	if (device->config->reaction_us > 0)
+		return device->config->reaction_us / US_PER_MS;
+	return MODBUS_REACTION_NS / NS_PER_MS;
+}
+
+static void judge_reaction(struct device *device, const struct map_line *line)
+{
+	double latency_ms =
+	    atomic_load_explicit(&device->stats->latency_typical_us, memory_order_relaxed) / US_PER_MS;
+	double known_ms = known_reaction_ms(device);
+	struct modbus_wire wire = wire_of(line);
+	/* What else comes before the answer's first character is the line's. */
+	double reaction_ms = latency_ms - (double)(wire.silence_ns + wire.char_ns) / NS_PER_MS;
+
+	if (latency_ms == 0 || fabs(reaction_ms - known_ms) <= REACTION_PART * known_ms + REACTION_MS)
+		return;
+	/* How much faster than it may be asked makes no difference. */
+	if (fmax(reaction_ms, known_ms) < (double)wire.least_ns / NS_PER_MS)
+		return;
+	reaction_ms = fmax(round(TENTHS * reaction_ms), 1) / TENTHS;
+	json_object_set_new(device->keys, "reaction_ms", json_real(reaction_ms));
+	remark(device, "reaction_ms %.1f: its answers begin %.1f ms behind the request, typically",
+	       reaction_ms, latency_ms);
+}
+
+static void judge(struct device *device, const struct map_line *line)
 {
 	if (device->learned->open > 0) {
 		remark(device, "%u of its reads were not answered yet, try again later",
 		       device->learned->open);
 		return;
 	}
+	judge_reaction(device, line);
 	judge_length(device, true);
 	judge_length(device, false);
 	judge_hole(device);
@@ -169,11 +215,12 @@ static json_t *slave_of(const struct map *map, const struct map_line *line, uint
 {
 	struct device device = {.config = &map_config(map)->devices[index],
 				.port = line->port,
+				.stats = map_device_stats(map, index),
 				.learned = &map_device_stats(map, index)->learned,
 				.keys = json_object()};
 	json_t *slave = NULL;
 
-	judge(&device);
+	judge(&device, line);
 	if (json_object_size(device.keys) > 0) {
 		slave = json_pack("{s:i}", "id", device.config->unit);
 		json_object_update(slave, device.keys);
@@ -211,7 +258,7 @@ int rtuctl_suggest(struct map *map, const struct rtuctl_request *request)
 	if (json_array_size(ports) == 0)
 		fputs("rtuctl: nothing to suggest\n", stderr);
 	file = json_pack("{s:o}", "port", ports);
-	json_dumpf(file, stdout, request->json ? 0 : JSON_INDENT(2));
+	json_dumpf(file, stdout, JSON_REAL_PRECISION(REAL_DIGITS) | (request->json ? 0 : JSON_INDENT(2)));
 	putchar('\n');
 	json_decref(file);
 	return RTUCTL_DONE;

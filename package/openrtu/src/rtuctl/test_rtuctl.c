@@ -316,6 +316,7 @@ static void learn(void)
 static void forget(void)
 {
 	memset(&map_device_stats(owner, 0)->learned, 0, sizeof(struct map_learned));
+	map_device_stats(owner, 0)->latency_typical_us = 0;
 }
 
 static void find_hole(uint32_t read, uint32_t exception)
@@ -391,6 +392,24 @@ static void test_suggest_a_length(void **state)
 	assert_suggested("\"max_bits\": 100, \"max_registers\": 16");
 	forget();
 	assert_suggested("");
+}
+
+/* At 19200 bit/s 8N2 a silence and a character are 2.6 ms, and 5 ms are assumed: what is near is no news. */
+static void test_suggest_a_reaction(void **state)
+{
+	(void)state;
+	forget();
+	map_device_stats(owner, 0)->latency_typical_us = 22600;
+	assert_suggested("\"reaction_ms\": 20.0");
+	assert_contains("rtuctl: port 3, slave 67: reaction_ms 20.0: its answers begin 22.6 ms behind the "
+			"request, typically\n");
+	map_device_stats(owner, 0)->latency_typical_us = 9800;
+	assert_suggested("");
+	map_device_stats(owner, 0)->latency_typical_us = 9900;
+	assert_suggested("\"reaction_ms\": 7.3");
+	map_device_stats(owner, 0)->latency_typical_us = 1000;
+	assert_suggested("\"reaction_ms\": 0.1");
+	forget();
 }
 
 static void test_suggest_no_holes(void **state)
@@ -708,6 +727,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_histogram_says_what_the_kernel_has_given),
 	    cmocka_unit_test(test_lines_show_what_was_learned),
 	    cmocka_unit_test(test_suggest_a_length),
+	    cmocka_unit_test(test_suggest_a_reaction),
 	    cmocka_unit_test(test_suggest_no_holes),
 	    cmocka_unit_test(test_suggest_nothing_unsound),
 	    cmocka_unit_test(test_iec104),

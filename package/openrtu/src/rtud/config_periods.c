@@ -9,31 +9,40 @@
 /* What the scheduler leaves to reads with a period when others wait, too. */
 #define HELD_LOAD ((double)MODBUS_DUE_IN_ROW / (MODBUS_DUE_IN_ROW + 1))
 
-static double read_ms(const struct modbus_line *line, const struct modbus_read *read, int64_t reaction_ns)
+/* A read and how long it takes. */
+struct timed_read {
+	const struct modbus_read *read; /* NULL: none */
+	double ms;
+};
+
+static struct timed_read timed(const struct modbus_line *line, const struct modbus_device *device,
+			       const struct modbus_read *read)
 {
-	return (double)modbus_read_ns(&line->wire, read->function, read->count, reaction_ns) / NS_PER_MS;
+	return (struct timed_read){read, (double)limit_read_ns(line, device, read, false) / NS_PER_MS};
 }
 
-/* The read that takes the longest, but for one; NULL: there is no other. */
-static const struct modbus_read *longest_but(const struct modbus_line *line, const struct modbus_read *one)
+/* The read that takes the longest, but for one. */
+static struct timed_read longest_but(const struct modbus_line *line, const struct modbus_read *one)
 {
-	const struct modbus_read *longest = NULL;
+	struct timed_read longest = {.read = NULL};
 
 	for (uint32_t i = 0; i < line->device_count; i++)
 		for (uint32_t j = 0; j < line->devices[i].read_count; j++) {
-			const struct modbus_read *read = &line->devices[i].reads[j];
+			const struct modbus_device *device = &line->devices[i];
+			struct timed_read read = timed(line, device, &device->reads[j]);
 
-			if (read != one &&
-			    (longest == NULL || read_ms(line, read, 0) > read_ms(line, longest, 0)))
+			if (read.read != one && read.ms > longest.ms)
 				longest = read;
 		}
 	return longest;
 }
 
 static void check_read(struct config_loader *loader, const struct config_place *slave,
-		       const struct modbus_line *line, const struct modbus_read *read)
+		       const struct modbus_line *line, const struct modbus_device *device,
+		       const struct modbus_read *read)
 {
-	double least_ms = read_ms(line, read, 0), period_ms = (double)read->period_ns / NS_PER_MS;
+	double least_ms = (double)limit_read_ns(line, device, read, true) / NS_PER_MS;
+	double period_ms = (double)read->period_ns / NS_PER_MS;
 
 	if (read->period_ns > 0 && least_ms > period_ms)
 		config_error(&loader->report, slave,
@@ -52,7 +61,7 @@ static void check_reads(struct config_loader *loader, const struct config_place 
 		const struct config_place slave = config_element_of(&slaves, i);
 
 		for (uint32_t j = 0; j < line->devices[i].read_count; j++)
-			check_read(loader, &slave, line, &line->devices[i].reads[j]);
+			check_read(loader, &slave, line, &line->devices[i], &line->devices[i].reads[j]);
 	}
 }
 
@@ -60,22 +69,22 @@ static void check_reads(struct config_loader *loader, const struct config_place 
 static void check_waiting(struct config_loader *loader, const struct config_place *port,
 			  const struct modbus_line *line)
 {
-	const struct modbus_read *longest = longest_but(line, NULL);
-	const struct modbus_read *second = longest_but(line, longest);
+	struct timed_read longest = longest_but(line, NULL);
+	struct timed_read second = longest_but(line, longest.read);
 
 	for (uint32_t i = 0; i < line->device_count; i++)
 		for (uint32_t j = 0; j < line->devices[i].read_count; j++) {
-			const struct modbus_read *read = &line->devices[i].reads[j];
-			const struct modbus_read *other = read == longest ? second : longest;
-			double period_ms = (double)read->period_ns / NS_PER_MS;
+			const struct modbus_device *device = &line->devices[i];
+			struct timed_read read = timed(line, device, &device->reads[j]);
+			struct timed_read other = read.read == longest.read ? second : longest;
+			double period_ms = (double)read.read->period_ns / NS_PER_MS;
 
-			if (read->period_ns == 0 || other == NULL ||
-			    period_ms >= read_ms(line, read, MODBUS_REACTION_NS) +
-					     read_ms(line, other, MODBUS_REACTION_NS))
+			if (read.read->period_ns == 0 || other.read == NULL ||
+			    period_ms >= read.ms + other.ms)
 				continue;
 			config_note(&loader->report, port,
 				    "a period of %.0f ms is missed when a request of %.1f ms is under way",
-				    period_ms, read_ms(line, other, MODBUS_REACTION_NS));
+				    period_ms, other.ms);
 			return;
 		}
 }
@@ -84,18 +93,17 @@ static void check_waiting(struct config_loader *loader, const struct config_plac
 static void check_load(struct config_loader *loader, const struct config_place *port,
 		       const struct modbus_line *line)
 {
-	double least = limit_load(line, 0), assumed = limit_load(line, MODBUS_REACTION_NS);
+	double least = limit_load(line, true), expected = limit_load(line, false);
 
 	if (least > 1)
 		config_error(&loader->report, port,
 			     "its periods need at least %.0f %% of the line's time, expected longer ones",
 			     100 * least);
-	else if (assumed > HELD_LOAD)
-		config_note(
-		    &loader->report, port,
-		    "its periods need %.0f %% of the line's time when devices react after %.0f ms, and will "
-		    "not all be held",
-		    100 * assumed, (double)MODBUS_REACTION_NS / NS_PER_MS);
+	else if (expected > HELD_LOAD)
+		config_note(&loader->report, port,
+			    "its periods need %.0f %% of the line's time, its devices' reactions included, "
+			    "and will not all be held",
+			    100 * expected);
 	else
 		check_waiting(loader, port, line);
 }

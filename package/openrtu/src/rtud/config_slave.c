@@ -2,12 +2,14 @@
 /* One slave of a port, and the device it becomes. */
 #include "rtud/config_parts.h"
 
+#include <math.h>
 #include <string.h>
 
 #define UNIT_BROADCAST 0
 /* MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.1.2: who is at the connection's end itself. */
 #define UNIT_ITSELF 255
 #define CA_PER_PORT 1000
+#define US_PER_MS   1000
 
 /* MODBUS Application Protocol V1.1b3, 6.1 to 6.4. */
 #define READ_BITS_MAX      2000
@@ -28,6 +30,7 @@ enum {
 	SLAVE_RESPONSE_TIMEOUT_MIN,
 	SLAVE_RETRIES,
 	SLAVE_PERIOD,
+	SLAVE_REACTION,
 	SLAVE_MAX_BITS,
 	SLAVE_MAX_REGISTERS,
 	SLAVE_HOLES,
@@ -47,6 +50,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 				    .fallback = 100},
     [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
     [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
+    [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .low = 0.1, .high = 10000},
     [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
 			.fallback = READ_BITS_MAX},
     [SLAVE_MAX_REGISTERS] = {"max_registers", CONFIG_INTEGER, .low = 1, .high = READ_REGISTERS_MAX,
@@ -134,6 +138,18 @@ static uint16_t least_timeout_ms(struct config_loader *loader, const struct conf
 	return (uint16_t)whole_ms;
 }
 
+static uint32_t reaction_us(struct config_loader *loader, const struct config_place *slave,
+			    const struct config_value *values)
+{
+	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_REACTION].name);
+	int64_t whole_ms = values[SLAVE_RESPONSE_TIMEOUT].integer;
+
+	if (values[SLAVE_REACTION].number > (double)whole_ms)
+		config_error(&loader->report, &here, "%g is above response_timeout_ms, %lld",
+			     values[SLAVE_REACTION].number, (long long)whole_ms);
+	return (uint32_t)lround(US_PER_MS * values[SLAVE_REACTION].number);
+}
+
 static void add_device(struct config_loader *loader, const struct config_place *place,
 		       const struct config_value *values)
 {
@@ -152,6 +168,7 @@ static void add_device(struct config_loader *loader, const struct config_place *
 	    .max_registers = (uint16_t)values[SLAVE_MAX_REGISTERS].integer,
 	    .no_holes = !values[SLAVE_HOLES].integer,
 	    .response_timeout_min_ms = least_timeout_ms(loader, place, values),
+	    .reaction_us = reaction_us(loader, place, values),
 	    .first_point = config->point_count,
 	};
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')

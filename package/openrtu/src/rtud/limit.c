@@ -5,9 +5,11 @@
 
 #define NS_PER_MS 1e6
 
-static int64_t read_ns(const struct modbus_line *line, const struct modbus_read *read)
+int64_t limit_read_ns(const struct modbus_line *line, const struct modbus_device *device,
+		      const struct modbus_read *read, bool at_once)
 {
-	return modbus_read_ns(&line->wire, read->function, read->count, MODBUS_REACTION_NS);
+	return modbus_read_ns(&line->wire, read->function, read->count,
+			      at_once ? 0 : modbus_reaction_ns(&device->limits));
 }
 
 static int64_t device_ns(const struct modbus_line *line, const struct modbus_device *device)
@@ -15,7 +17,7 @@ static int64_t device_ns(const struct modbus_line *line, const struct modbus_dev
 	int64_t sum = 0;
 
 	for (uint32_t i = 0; i < device->read_count; i++)
-		sum += read_ns(line, &device->reads[i]);
+		sum += limit_read_ns(line, device, &device->reads[i], false);
 	return sum;
 }
 
@@ -28,17 +30,17 @@ static int64_t line_ns(const struct modbus_line *line)
 	return sum;
 }
 
-double limit_load(const struct modbus_line *line, int64_t reaction_ns)
+double limit_load(const struct modbus_line *line, bool at_once)
 {
 	double load = 0;
 
 	for (uint32_t i = 0; i < line->device_count; i++)
 		for (uint32_t j = 0; j < line->devices[i].read_count; j++) {
-			const struct modbus_read *read = &line->devices[i].reads[j];
+			const struct modbus_device *device = &line->devices[i];
+			const struct modbus_read *read = &device->reads[j];
 
 			if (read->period_ns > 0)
-				load += (double)modbus_read_ns(&line->wire, read->function, read->count,
-							       reaction_ns) /
+				load += (double)limit_read_ns(line, device, read, at_once) /
 					(double)read->period_ns;
 		}
 	return load;
@@ -61,7 +63,7 @@ static const char *plural(uint32_t count)
 /* What has no period is read in the time that is left. */
 static void print_load(const struct modbus_line *line, FILE *out)
 {
-	double load = limit_load(line, MODBUS_REACTION_NS);
+	double load = limit_load(line, false);
 	int64_t rest_ns = 0;
 
 	if (!(load > 0))
@@ -69,7 +71,8 @@ static void print_load(const struct modbus_line *line, FILE *out)
 	for (uint32_t i = 0; i < line->device_count; i++)
 		for (uint32_t j = 0; j < line->devices[i].read_count; j++)
 			if (line->devices[i].reads[j].period_ns == 0)
-				rest_ns += read_ns(line, &line->devices[i].reads[j]);
+				rest_ns +=
+				    limit_read_ns(line, &line->devices[i], &line->devices[i].reads[j], false);
 	fprintf(out, ", periods take %.0f %%", 100 * load);
 	if (rest_ns > 0 && load < 1)
 		fprintf(out, ", the rest is read every %.1f ms", (double)rest_ns / (1 - load) / NS_PER_MS);
@@ -113,10 +116,19 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 	if (line->wire.tcp)
 		octets += 2 * (MODBUS_MBAP_PREFIX - MODBUS_CRC_LENGTH);
 	fprintf(out, "  %4u  %8u  %7u  %5u  %6zu  %7.2f", device->unit, read->function, read->address,
-		read->count, octets, (double)read_ns(line, read) / NS_PER_MS);
+		read->count, octets, (double)limit_read_ns(line, device, read, false) / NS_PER_MS);
 	if (read->period_ns > 0)
 		fprintf(out, "  every %.0f ms", (double)read->period_ns / NS_PER_MS);
 	fputc('\n', out);
+}
+
+/* Of a device on TCP nothing is assumed. */
+static void print_reaction(const struct modbus_line *line, const struct modbus_limits *limits, FILE *out)
+{
+	if (limits->reaction_ns == 0 && line->wire.tcp)
+		return;
+	fprintf(out, ", reacts in %.1f ms%s", (double)modbus_reaction_ns(limits) / NS_PER_MS,
+		limits->reaction_ns == 0 ? " (assumed)" : "");
 }
 
 static void print_device(const struct modbus_line *line, const struct modbus_device *device, const char *name,
@@ -128,8 +140,10 @@ static void print_device(const struct modbus_line *line, const struct modbus_dev
 		return;
 	for (uint32_t i = 0; i < device->read_count; i++)
 		print_read(line, device, &device->reads[i], out);
-	fprintf(out, "  %4u  %s: %u request%s, %.1f ms, %.0f %%\n", device->unit, name, device->read_count,
+	fprintf(out, "  %4u  %s: %u request%s, %.1f ms, %.0f %%", device->unit, name, device->read_count,
 		plural(device->read_count), own_ns / NS_PER_MS, 100 * own_ns / (double)line_ns(line));
+	print_reaction(line, &device->limits, out);
+	fputc('\n', out);
 }
 
 static void print_requests(const struct map_config *config, const struct map_line *from,
@@ -141,11 +155,8 @@ static void print_requests(const struct map_config *config, const struct map_lin
 		fprintf(out, "  a request takes as long as its answer does, but at least %.0f ms\n",
 			(double)line->wire.least_ns / NS_PER_MS);
 	else
-		fprintf(
-		    out,
-		    "  a character takes %.3f ms, a silence %.3f ms, a device's reaction %.1f ms (assumed)\n",
-		    (double)line->wire.char_ns / NS_PER_MS, (double)line->wire.silence_ns / NS_PER_MS,
-		    (double)MODBUS_REACTION_NS / NS_PER_MS);
+		fprintf(out, "  a character takes %.3f ms, a silence %.3f ms\n",
+			(double)line->wire.char_ns / NS_PER_MS, (double)line->wire.silence_ns / NS_PER_MS);
 	fputs("  UNIT  FUNCTION  ADDRESS  COUNT  OCTETS       MS\n", out);
 	for (uint32_t i = 0; i < line->device_count; i++)
 		print_device(line, &line->devices[i], config->devices[from->first_device + i].name, out);

@@ -9,11 +9,15 @@
 #include "map/config.h"
 #include "modbus/line.h"
 
+/* What a read takes when its device reacts as fast as it is known or assumed to, or at once. */
+int64_t limit_read_ns(const struct modbus_line *line, const struct modbus_device *device,
+		      const struct modbus_read *read, bool at_once);
+
 /*
- * The share of the line's time that its reads with a period need when devices react so fast. More than 1 cannot be
- * held; less can, but for one request that is under way when another is due.
+ * The share of the line's time that its reads with a period need. More than 1 cannot be held; less can, but for one
+ * request that is under way when another is due.
  */
-double limit_load(const struct modbus_line *line, int64_t reaction_ns);
+double limit_load(const struct modbus_line *line, bool at_once);
 
 /*
  * Prints for each line its shortest scan, computed from the read plan that rtu-modbus begins with; with requests,

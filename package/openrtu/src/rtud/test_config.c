@@ -297,16 +297,19 @@ static void test_an_object_has_its_own_period_or_its_slaves(void **state)
 static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 {
 	struct map_config config =
-	    load("{'port': [" LINE("3", "{'id': 1, 'max_bits': 32, 'max_registers': 4, 'holes': false}, "
+	    load("{'port': [" LINE("3", "{'id': 1, 'max_bits': 32, 'max_registers': 4, 'holes': false, "
+					"'reaction_ms': 12.5}, "
 					"{'id': 2, 'holes': true}") "]}");
 
 	(void)state;
 	assert_int_equal(config.devices[0].max_bits, 32);
 	assert_int_equal(config.devices[0].max_registers, 4);
 	assert_true(config.devices[0].no_holes);
+	assert_int_equal(config.devices[0].reaction_us, 12500);
 	assert_int_equal(config.devices[1].max_bits, 2000);
 	assert_int_equal(config.devices[1].max_registers, 125);
 	assert_false(config.devices[1].no_holes);
+	assert_int_equal(config.devices[1].reaction_us, 0);
 	config_free(&config);
 }
 
