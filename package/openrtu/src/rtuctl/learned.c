@@ -4,12 +4,11 @@
 #include <stdio.h>
 
 #include "rtuctl/listing.h"
+#include "rtuctl/rtuctl.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
 #define REFUSED_SIZE 320
-
-static const double US_PER_MS = 1e3;
 
 static const struct listing_column columns[] = {
     {"port", "PORT", LISTING_RIGHT},
@@ -109,26 +108,14 @@ static json_t *refused_text(const struct map_learned *learned)
 	return json_string(text);
 }
 
-static json_t *milliseconds(uint32_t us)
-{
-	return json_real(us / US_PER_MS);
-}
-
 static json_t *row_of(const struct map *map, uint32_t index)
 {
-	const struct map_config *config = map_config(map);
-	const struct map_device *device = &config->devices[index];
-	const struct map_device_stats *stats = map_device_stats(map, index);
-	json_t *row = json_object();
+	const struct map_learned *learned = &map_device_stats(map, index)->learned;
+	json_t *row = rtuctl_device_row(map, index);
 
-	json_object_set_new(row, "port", json_integer(config->lines[device->line].port));
-	json_object_set_new(row, "id", json_integer(device->unit));
-	json_object_set_new(row, "latency_least_ms", milliseconds(stats->latency_least_us));
-	json_object_set_new(row, "latency_typical_ms", milliseconds(stats->latency_typical_us));
-	json_object_set_new(row, "latency_most_ms", milliseconds(stats->latency_most_us));
-	json_object_set_new(row, "given_bits", json_integer(stats->learned.given_bits));
-	json_object_set_new(row, "given_registers", json_integer(stats->learned.given_registers));
-	json_object_set_new(row, "refused", refused_text(&stats->learned));
+	json_object_set_new(row, "given_bits", json_integer(learned->given_bits));
+	json_object_set_new(row, "given_registers", json_integer(learned->given_registers));
+	json_object_set_new(row, "refused", refused_text(learned));
 	return row;
 }
 

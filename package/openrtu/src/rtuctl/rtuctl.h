@@ -55,6 +55,8 @@ uint32_t rtuctl_find_point(const struct map_config *config, const char *name);
 json_t *rtuctl_point_name(const struct map_config *config, uint32_t point);
 /* A point as a row of the list. A new reference. */
 json_t *rtuctl_point_row(const struct map *map, uint32_t index);
+/* A device as a row of the list, and more. A new reference. */
+json_t *rtuctl_device_row(const struct map *map, uint32_t index);
 /* True when the point's name matches the pattern; no pattern matches all. */
 bool rtuctl_matches(const struct map_config *config, uint32_t point, const char *pattern);
 

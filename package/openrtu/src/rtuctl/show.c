@@ -281,7 +281,7 @@ static json_t *milliseconds(uint32_t us)
 	return json_real(us / US_PER_MS);
 }
 
-static json_t *device_row(const struct map *map, uint32_t index)
+json_t *rtuctl_device_row(const struct map *map, uint32_t index)
 {
 	const struct map_config *config = map_config(map);
 	const struct map_device *device = &config->devices[index];
@@ -325,7 +325,7 @@ static json_t *line_devices(const struct map *map, const struct map_line *line)
 	json_t *devices = json_array();
 
 	for (uint32_t i = 0; i < line->device_count; i++)
-		json_array_append_new(devices, device_row(map, line->first_device + i));
+		json_array_append_new(devices, rtuctl_device_row(map, line->first_device + i));
 	return devices;
 }
 
@@ -377,7 +377,7 @@ static void list_devices(const struct map *map)
 
 	listing_begin(&listing, device_columns, COUNT(device_columns), false);
 	for (uint32_t i = 0; i < map_slaves(map_config(map)); i++)
-		listing_add(&listing, device_row(map, i));
+		listing_add(&listing, rtuctl_device_row(map, i));
 	listing_end(&listing);
 }
 
