@@ -198,6 +198,17 @@ class PtyBoard:
                 self.board.fifo.extend(os.read(self._master, 4096))
 
 
+def fastest(deed: Callable[[], object], tries: int) -> float:
+    """Seconds of its fastest try: a busy host makes some of them slow."""
+
+    def seconds() -> float:
+        start = time.monotonic()
+        deed()
+        return time.monotonic() - start
+
+    return min(seconds() for _ in range(tries))
+
+
 def at_speed(data: bytes, sent: int, read: int, resync: bool = True) -> bytes:
     """What a receiver at one speed makes of bytes sent at another, bit by bit.
 

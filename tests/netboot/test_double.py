@@ -189,7 +189,7 @@ def test_boots_by_itself_what_is_in_its_flash(uimage: bytes, tree: bytes) -> Non
         double.nand.load(0x700000, tree)
         began = time.monotonic()
         said = plain(Terminal(double.port).wait_for(b"login: "))
-        assert time.monotonic() - began < 1
+        assert time.monotonic() - began < 3  # what the countdown takes, if nobody makes it shorter
     assert (
         "autoboot:  3 \b\b\b 2 \b\b\b 1 \b\b\b 0 \n\nNAND read: device 0 offset 0x200000, size 0x500000\n"
         in said
