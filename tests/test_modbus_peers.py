@@ -25,6 +25,7 @@ SERIAL_PORTS = dict(zip(MAKES, (1, 2), strict=True))  # ttyS1 and ttyS2
 TCP_PORTS = dict(zip(MAKES, (7, 8), strict=True))
 PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES)]
 
+PATIENCE_MS = 1500  # a device of Python on a busy host is not dead
 MISSING = FIRST_ADDRESS - 1  # configured in every table, and no address of the devices
 MISSING_POINTS = {f"{letter}{MISSING}" for letter in "cdih"}  # the names of these points behind the device's
 MANY_BITS = range(2000, 4000)  # MODBUS Application Protocol V1.1b3, 6.2: 2000 in one request
@@ -73,7 +74,7 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
 def gateway_config(listening: dict[str, int]) -> dict[str, Any]:
     """The same device on each port. listening: the TCP ports of 127.0.0.1, by make."""
     serial = {"active": 1, "baud_rate": BAUD_RATE, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    slaves = [{"id": UNIT, "response_timeout_ms": 300, **OBJECTS}]
+    slaves = [{"id": UNIT, "response_timeout_ms": PATIENCE_MS, **OBJECTS}]
     ports = [{"value": port, **serial, "slaves": slaves} for port in SERIAL_PORTS.values()]
     for make, port in TCP_PORTS.items():
         host = {"host": "127.0.0.1", "tcp_port": listening[make]}
