@@ -11,6 +11,24 @@ unsigned modbus_bits_per_char(const struct map_line *line)
 	return 1u + 8u + (line->parity != MAP_PARITY_NONE) + line->stop_bits;
 }
 
+struct modbus_wire modbus_wire_of(const struct map_line *line)
+{
+	struct modbus_wire wire =
+	    map_line_is_tcp(line) ? modbus_wire_tcp() : modbus_wire(line->baud, modbus_bits_per_char(line));
+
+	if (line->rs485 != MAP_RS485_NONE)
+		wire.turn_ns = line->before_ms * NS_PER_MS;
+	return wire;
+}
+
+struct modbus_limits modbus_limits_of(const struct map_device *device)
+{
+	return (struct modbus_limits){.bits = device->max_bits,
+				      .registers = device->max_registers,
+				      .no_holes = device->no_holes,
+				      .reaction_ns = device->reaction_us * NS_PER_US};
+}
+
 /* An array of at least one element, so that NULL means no memory. */
 static void *allocate(size_t count, size_t size)
 {
@@ -52,10 +70,7 @@ static bool configure_device(const struct map_config *config, const struct map_d
 	*device = (struct modbus_device){
 	    .unit = from->unit,
 	    .retries = from->retries,
-	    .limits = {.bits = from->max_bits,
-		       .registers = from->max_registers,
-		       .no_holes = from->no_holes,
-		       .reaction_ns = from->reaction_us * NS_PER_US},
+	    .limits = modbus_limits_of(from),
 	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
 	    .response_timeout_min_ns = from->response_timeout_min_ms * NS_PER_MS,
 	    .object_count = from->point_count,
@@ -86,10 +101,7 @@ bool modbus_line_configure(struct modbus_line *line, const struct map_config *co
 {
 	const struct map_line *from = &config->lines[number];
 
-	line->wire =
-	    map_line_is_tcp(from) ? modbus_wire_tcp() : modbus_wire(from->baud, modbus_bits_per_char(from));
-	if (from->rs485 != MAP_RS485_NONE)
-		line->wire.turn_ns = from->before_ms * NS_PER_MS;
+	line->wire = modbus_wire_of(from);
 	line->command_capacity = points_of_line(config, from);
 	line->commands = allocate(line->command_capacity, sizeof(*line->commands));
 	line->devices = allocate(from->device_count, sizeof(*line->devices));

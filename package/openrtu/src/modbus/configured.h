@@ -12,6 +12,12 @@
 /* Bits of one character of a serial line: start, data, parity, stop. */
 unsigned modbus_bits_per_char(const struct map_line *line);
 
+/* Durations of a line in ns, what its port takes to switch the direction included; of a TCP connection, too. */
+struct modbus_wire modbus_wire_of(const struct map_line *line);
+
+/* What the file says that a device takes. */
+struct modbus_limits modbus_limits_of(const struct map_device *device);
+
 /*
  * Makes line number of the configuration: its devices with their objects, whose tags are the indices of their
  * points, its durations, room for its commands; and plans its reads (modbus_line_init). Events and context stay as

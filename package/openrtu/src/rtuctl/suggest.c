@@ -31,9 +31,8 @@ struct length {
 
 struct device {
 	const struct map_device *config;
-	uint32_t port;
+	const struct map_line *line;
 	const struct map_device_stats *stats;
-	const struct map_learned *learned; /* of these */
 	json_t *keys;
 };
 
@@ -43,7 +42,7 @@ static void remark(struct device *device, const char *format, ...)
 {
 	va_list arguments;
 
-	fprintf(stderr, "rtuctl: port %u, slave %u: ", device->port, device->config->unit);
+	fprintf(stderr, "rtuctl: port %u, slave %u: ", device->line->port, device->config->unit);
 	va_start(arguments, format);
 	vfprintf(stderr, format, arguments);
 	va_end(arguments);
@@ -52,7 +51,7 @@ static void remark(struct device *device, const char *format, ...)
 
 static struct length length_of(const struct device *device, bool bits)
 {
-	const struct map_learned *learned = device->learned;
+	const struct map_learned *learned = &device->stats->learned;
 
 	if (bits)
 		return (struct length){.key = "max_bits",
@@ -103,12 +102,12 @@ static void suggest_either(struct device *device, const struct length *length, c
 	remark(device,
 	       "%s %u: it refused %u in one read as an illegal value, and gives them in two; if that was for "
 	       "the hole at %s, \"holes\": false is the better key",
-	       length->key, length->given, device->learned->hole_read, hole);
+	       length->key, length->given, device->stats->learned.hole_read, hole);
 }
 
 static void judge_hole(struct device *device)
 {
-	const struct map_learned *learned = device->learned;
+	const struct map_learned *learned = &device->stats->learned;
 	struct length length = length_of(device, learned_is_of_bits(learned->hole_function));
 	bool certain = learned->hole_read <= length.given;
 	char hole[LEARNED_WORDS_SIZE];
@@ -136,7 +135,7 @@ static void judge_hole(struct device *device)
 
 static void judge_lacking(struct device *device)
 {
-	const struct map_learned *learned = device->learned;
+	const struct map_learned *learned = &device->stats->learned;
 	char object[LEARNED_WORDS_SIZE], others[LEARNED_WORDS_SIZE] = "", reason[] = "exception 4294967295";
 
 	if (learned->lacking_count == 0)
@@ -153,7 +152,7 @@ static void judge_lacking(struct device *device)
 
 static void judge_unclear(struct device *device)
 {
-	const struct map_learned *learned = device->learned;
+	const struct map_learned *learned = &device->stats->learned;
 
 	if (learned->unclear > 0)
 		remark(device,
@@ -162,25 +161,13 @@ static void judge_unclear(struct device *device)
 		       learned->unclear);
 }
 
-static struct modbus_wire wire_of(const struct map_line *line)
-{
-	return map_line_is_tcp(line) ? modbus_wire_tcp()
-				     : modbus_wire(line->baud, modbus_bits_per_char(line));
-}
-
-static double known_reaction_ms(const struct device *device)
-{
-	if (device->config->reaction_us > 0)
-		return device->config->reaction_us / US_PER_MS;
-	return MODBUS_REACTION_NS / NS_PER_MS;
-}
-
-static void judge_reaction(struct device *device, const struct map_line *line)
+static void judge_reaction(struct device *device)
 {
 	double latency_ms =
 	    atomic_load_explicit(&device->stats->latency_typical_us, memory_order_relaxed) / US_PER_MS;
-	double known_ms = known_reaction_ms(device);
-	struct modbus_wire wire = wire_of(line);
+	struct modbus_limits limits = modbus_limits_of(device->config);
+	double known_ms = (double)modbus_reaction_ns(&limits) / NS_PER_MS;
+	struct modbus_wire wire = modbus_wire_of(device->line);
 	/* What else comes before the answer's first character is the line's. */
 	double reaction_ms = latency_ms - (double)(wire.silence_ns + wire.char_ns) / NS_PER_MS;
 
@@ -195,14 +182,14 @@ static void judge_reaction(struct device *device, const struct map_line *line)
 	       reaction_ms, latency_ms);
 }
 
-static void judge(struct device *device, const struct map_line *line)
+static void judge(struct device *device)
 {
-	if (device->learned->open > 0) {
+	if (device->stats->learned.open > 0) {
 		remark(device, "%u of its reads were not answered yet, try again later",
-		       device->learned->open);
+		       device->stats->learned.open);
 		return;
 	}
-	judge_reaction(device, line);
+	judge_reaction(device);
 	judge_length(device, true);
 	judge_length(device, false);
 	judge_hole(device);
@@ -214,13 +201,12 @@ static void judge(struct device *device, const struct map_line *line)
 static json_t *slave_of(const struct map *map, const struct map_line *line, uint32_t index)
 {
 	struct device device = {.config = &map_config(map)->devices[index],
-				.port = line->port,
+				.line = line,
 				.stats = map_device_stats(map, index),
-				.learned = &map_device_stats(map, index)->learned,
 				.keys = json_object()};
 	json_t *slave = NULL;
 
-	judge(&device, line);
+	judge(&device);
 	if (json_object_size(device.keys) > 0) {
 		slave = json_pack("{s:i}", "id", device.config->unit);
 		json_object_update(slave, device.keys);
