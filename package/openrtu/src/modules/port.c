@@ -242,11 +242,21 @@ static void listen_to(struct port *port)
 	port->listening = true;
 }
 
+static int64_t earlier(int64_t a, int64_t b)
+{
+	return a < b ? a : b;
+}
+
+static int64_t later(int64_t a, int64_t b)
+{
+	return a > b ? a : b;
+}
+
 /* How late we are for what the line waits for. */
-static void measure_wakeup(struct port *port, int64_t now_ns)
+static void measure_wakeup(struct port *port, int64_t due_ns, int64_t now_ns)
 {
 	if (port->waiting && port->deadline_ns != 0)
-		modbus_histogram_add(&port->wakeups, now_ns - port->deadline_ns);
+		modbus_histogram_add(&port->wakeups, now_ns - later(port->deadline_ns, due_ns));
 	port->waiting = false;
 }
 
@@ -256,16 +266,11 @@ void port_wake(struct port *port)
 	port->listening = false;
 }
 
-static int64_t earlier(int64_t a, int64_t b)
-{
-	return a < b ? a : b;
-}
-
-void port_serve(struct port *port)
+void port_serve(struct port *port, int64_t due_ns)
 {
 	int64_t now_ns = map_now_ns();
 
-	measure_wakeup(port, now_ns);
+	measure_wakeup(port, due_ns, now_ns);
 	if (!port_is_open(port))
 		open_port(port, now_ns);
 	if (port_is_open(port))
@@ -285,4 +290,17 @@ void port_serve(struct port *port)
 		listen_to(port);
 	if (output.length > 0)
 		write_port(port, &output, now_ns);
+}
+
+int64_t ports_due_ns(const struct port *ports, uint32_t count)
+{
+	int64_t first_ns = INT64_MAX, last_ns;
+
+	for (uint32_t i = 0; i < count; i++)
+		first_ns = earlier(first_ns, ports[i].deadline_ns);
+	last_ns = first_ns;
+	for (uint32_t i = 0; i < count; i++)
+		if (ports[i].deadline_ns - first_ns <= PORT_GATHER_NS)
+			last_ns = later(last_ns, ports[i].deadline_ns);
+	return last_ns;
 }

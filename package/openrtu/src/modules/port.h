@@ -13,6 +13,7 @@
 #include "modbus/line.h"
 
 #define PORT_PATH_SIZE 512
+#define PORT_GATHER_NS 250000 /* a seventh of the shortest silence between two frames */
 
 struct port {
 	/* The caller's. */
@@ -49,10 +50,16 @@ void port_init(struct port *port, struct map *map, uint32_t number, const char *
 void port_wake(struct port *port);
 
 /*
- * Does what is due: opens the port, gives its line what came, and sends what the line wants sent. To be called at
- * deadline_ns, which is set anew.
+ * Does what is due: opens the port, gives its line what came, and sends what the line wants sent. To be called from
+ * deadline_ns on, which is set anew. Until due_ns, of ports_due_ns, that is not late.
  */
-void port_serve(struct port *port);
+void port_serve(struct port *port, int64_t due_ns);
+
+/*
+ * When to serve the ports that are due first: at the first one's deadline, or up to PORT_GATHER_NS behind it if others are
+ * due until then. To wake costs more than to serve a line. INT64_MAX: none is due.
+ */
+int64_t ports_due_ns(const struct port *ports, uint32_t count);
 
 /* Its line is in use; a connection that is still being made is not open. */
 bool port_is_open(const struct port *port);

@@ -44,6 +44,7 @@ struct gateway {
 	int timer_fd;
 	int heartbeat_fd;
 	int64_t heartbeat_ns; /* the next one, which wakes this process */
+	int64_t due_ns;       /* of the ports that are due first */
 	int64_t armed_ns;     /* what the timer is set to; 0: it has expired */
 };
 
@@ -216,9 +217,9 @@ static void arm_timer(struct gateway *gateway)
 {
 	int64_t at_ns = commands_deadline(&gateway->commands);
 
-	for (uint32_t i = 0; i < gateway->port_count; i++)
-		if (gateway->ports[i].deadline_ns < at_ns)
-			at_ns = gateway->ports[i].deadline_ns;
+	gateway->due_ns = ports_due_ns(gateway->ports, gateway->port_count);
+	if (gateway->due_ns < at_ns)
+		at_ns = gateway->due_ns;
 	if (at_ns < 1)
 		at_ns = 1; /* 0 would disarm */
 	if (at_ns >= gateway->heartbeat_ns || at_ns == gateway->armed_ns)
@@ -272,7 +273,7 @@ static void take_turn(struct gateway *gateway)
 	commands_run(&gateway->commands, now_ns);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		if (now_ns >= gateway->ports[i].deadline_ns)
-			port_serve(&gateway->ports[i]);
+			port_serve(&gateway->ports[i], gateway->due_ns);
 	arm_timer(gateway);
 	wait_and_take(gateway);
 }
