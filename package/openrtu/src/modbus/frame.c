@@ -172,11 +172,12 @@ enum modbus_verdict modbus_body_judge(const struct modbus_request *request, cons
 	return length == whole ? verdict : MODBUS_NOT_ITS_OWN;
 }
 
-size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t *bytes, size_t length)
+size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t *bytes, size_t length,
+			     bool exception_expected)
 {
-	bool positive = length > 1 && bytes[1] == request->function;
+	bool is_exception = length > 1 ? bytes[1] != request->function : exception_expected;
 
-	return (positive ? modbus_answer_length(request) : EXCEPTION_LENGTH) - length;
+	return (is_exception ? EXCEPTION_LENGTH : modbus_answer_length(request)) - length;
 }
 
 bool modbus_bit(const uint8_t *data, uint16_t index)

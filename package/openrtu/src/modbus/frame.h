@@ -95,10 +95,11 @@ enum modbus_verdict modbus_body_judge(const struct modbus_request *request, cons
 				      size_t length);
 
 /*
- * How many bytes an answer lacks at least that began with these, which were judged incomplete: until the second one is
- * there it may be an exception.
+ * How many bytes an answer lacks that began with these, which were judged incomplete. That it is an exception shows in the
+ * second one; exception_expected holds until that is there.
  */
-size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t *bytes, size_t length);
+size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t *bytes, size_t length,
+			     bool exception_expected);
 
 /* Bit or register number index of an answer's data bytes. */
 bool modbus_bit(const uint8_t *data, uint16_t index);

@@ -234,12 +234,13 @@ static void read_refused(struct modbus_line *line, uint8_t exception, int64_t no
 
 static void count_answer(struct modbus_line *line, bool exception)
 {
-	struct modbus_device_counters *device = &line->devices[line->device].counters;
+	struct modbus_device *device = &line->devices[line->device];
 
 	line->counters.answers++;
-	device->answers++;
+	device->counters.answers++;
 	line->counters.exceptions += exception;
-	device->exceptions += exception;
+	device->counters.exceptions += exception;
+	device->refusing = exception;
 }
 
 /* A gateway's word that it does not reach the device: it comes instead of the device's own. */
@@ -513,14 +514,24 @@ static void receive_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 		take_answer(line, now_ns);
 }
 
-/* Characters that must come before anything can be done with them. */
+/* It gave what it was asked for last, and owes nothing: what begins like its answer is that. */
+static bool is_plain(const struct modbus_device *device)
+{
+	return !device->refusing && !device->inherited && device->unanswered_count == 0;
+}
+
+/*
+ * Characters that must come before anything can be done with them. To look whether they are an exception costs a wake-up:
+ * that of a plain device is taken as late as its answer would be.
+ */
 static size_t missing(const struct modbus_line *line)
 {
+	const struct modbus_device *device = &line->devices[line->device];
 	size_t begun = line->received_count - line->strays;
 
-	if (line->state != MODBUS_WAITING || begun == 0 || line->devices[line->device].echoes > 0)
+	if (line->state != MODBUS_WAITING || begun == 0 || device->echoes > 0)
 		return 0;
-	return modbus_answer_missing(&line->request, line->received + line->strays, begun);
+	return modbus_answer_missing(&line->request, line->received + line->strays, begun, !is_plain(device));
 }
 
 bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)

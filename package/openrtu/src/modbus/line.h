@@ -143,6 +143,7 @@ struct modbus_device {
 	int64_t lone_probe_ns; /* the same while no device of the line lives */
 	int64_t asked_ns; /* when it had the oldest unanswered request to answer; a dead one, the latest */
 	int64_t trust_ns; /* when no answer can come any more to what is unanswered */
+	bool refusing;    /* its last answer was an exception */
 	uint8_t echoes;   /* answered reads without an echo until none is expected any more */
 	bool inherited;   /* whoever had the port before may have left a request unanswered */
 	uint8_t unanswered_count;

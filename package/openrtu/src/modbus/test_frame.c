@@ -97,7 +97,9 @@ static void exceptions(void **state)
 	uint8_t answer[] = {10, 0x81, 2, 0xB0, 0x53};
 
 	assert_int_equal(modbus_answer_judge(&request, answer, 4), MODBUS_INCOMPLETE);
-	assert_int_equal(modbus_answer_missing(&request, answer, 4), 1);
+	assert_int_equal(modbus_answer_missing(&request, answer, 1, true), 4);
+	assert_int_equal(modbus_answer_missing(&request, answer, 1, false), 5);
+	assert_int_equal(modbus_answer_missing(&request, answer, 4, false), 1);
 	assert_int_equal(modbus_answer_judge(&request, answer, 5), MODBUS_EXCEPTION);
 	answer[2] = 3;
 	assert_int_equal(modbus_answer_judge(&request, answer, 5), MODBUS_GARBLED);
