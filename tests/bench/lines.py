@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from contenders import report_program
@@ -38,7 +39,6 @@ TABLES = {  # of each device: function code, and the addresses
 }
 VALUES = len(UNITS) * sum(len(addresses) for _, addresses in TABLES.values())  # of a line
 LATENCY_US = 2000
-BAUDS = (9600, 19200, 38400, 115200)
 DEAD_BAUD = 19200
 OURS, APART, PYMODBUS, LIBMODBUS, REPORT = NAMES = (
     "ours, one process",
@@ -56,15 +56,33 @@ class BenchError(Exception):
 
 
 @dataclass(frozen=True)
+class Speeds:
+    """Of the six lines, in bit/s."""
+
+    text: str
+    of: dict[int, int]  # by port
+
+
+def alike(baud: int) -> Speeds:
+    return Speeds(f"{baud} bit/s", dict.fromkeys(PORTS, baud))
+
+
+UNLIKE = Speeds(
+    "4800 to 115200 bit/s", dict(zip(PORTS, (4800, 9600, 19200, 38400, 57600, 115200), strict=True))
+)
+SPEEDS = (*map(alike, (9600, 19200, 38400, 115200)), UNLIKE)
+
+
+@dataclass(frozen=True)
 class Amounts:
-    bauds: tuple[int, ...]
+    speeds: tuple[Speeds, ...]
     seconds: float  # of one reading
     readings: int
     dead_seconds: float  # of one reading beside a dead device, which is probed ever more rarely
     dead_readings: int
 
 
-FULL, QUICK = Amounts(BAUDS, 6.0, 3, 20.0, 2), Amounts((DEAD_BAUD,), 0.5, 1, 0.5, 1)
+FULL, QUICK = Amounts(SPEEDS, 4.0, 5, 20.0, 2), Amounts((alike(DEAD_BAUD),), 0.5, 1, 0.5, 1)
 
 
 # ---- the line's arithmetic ---------------------------------------------------------------------------
@@ -93,6 +111,9 @@ class Block:
         return f"{self.unit}:{self.function}:{self.address}:{self.count}"
 
 
+Plans = dict[int, list[Block]]  # by port: the requests of a scan
+
+
 def silence_s(baud: int) -> float:
     """3.5 characters; fixed above 19200 bit/s (MODBUS over Serial Line V1.02, 2.5.1.1)."""
     return 0.00175 if baud > 19200 else 3.5 * CHAR_BITS / baud
@@ -117,28 +138,31 @@ def each_point() -> list[Block]:
 # ---- what polls --------------------------------------------------------------------------------------
 
 
-def configuration(baud: int, apart: bool = False) -> dict[str, Any]:
-    """Six lines alike, in one process or each in its own."""
+def configuration(speeds: Speeds, apart: bool = False) -> dict[str, Any]:
+    """Six lines, in one process or each in its own."""
     tables = {
         name: [{"address": address} for address in addresses] for name, (_, addresses) in TABLES.items()
     }
     slaves = [{"id": unit, **tables} for unit in UNITS]
-    line = {"active": 1, "baud_rate": baud, "data_bits": 8, "stop_bits": STOP_BITS, "parity": 0}
-    ports = [{"value": port, **line, "slaves": slaves, "process": port if apart else 1} for port in PORTS]
+    line = {"active": 1, "data_bits": 8, "stop_bits": STOP_BITS, "parity": 0, "slaves": slaves}
+    ports = [
+        {"value": port, "baud_rate": baud, **line, "process": port if apart else 1}
+        for port, baud in speeds.of.items()
+    ]
     return {"iec104": {"address": "127.0.0.1", "port": free_port()}, "port": ports}
 
 
 @contextlib.contextmanager
-def devices(baud: int, directory: Path) -> Iterator[LineSim]:
+def devices(speeds: Speeds, directory: Path) -> Iterator[LineSim]:
     config = directory / "devices.json"
-    config.write_text(json.dumps(configuration(baud)))
+    config.write_text(json.dumps(configuration(speeds)))
     with LineSim(config, None, directory / "dev", latency_us=LATENCY_US, trace=False) as lines:
         yield lines
 
 
 @contextlib.contextmanager
-def our_lines(name: str, baud: int, directory: Path) -> Iterator[list[int]]:
-    with Gateway(configuration(baud, name == APART), directory) as gateway:
+def our_lines(name: str, speeds: Speeds, directory: Path) -> Iterator[list[int]]:
+    with Gateway(configuration(speeds, name == APART), directory) as gateway:
         gateway.wait_for(
             lambda: all(point["quality"] == "good" for point in gateway.points().values()), 60, "all is read"
         )
@@ -153,13 +177,13 @@ def command_of(name: str) -> list[str | Path]:
 
 
 @contextlib.contextmanager
-def loops(name: str, baud: int, plan: list[Block], directory: Path) -> Iterator[list[int]]:
+def loops(name: str, speeds: Speeds, plans: Plans, directory: Path) -> Iterator[list[int]]:
     """A process a line."""
     with contextlib.ExitStack() as stack:
         pids = []
-        for device in PORTS.values():
-            path = directory / "dev" / device
-            command = [*command_of(name), path, str(baud), str(STOP_BITS), *map(str, plan)]
+        for port, device in PORTS.items():
+            line = [str(directory / "dev" / device), str(speeds.of[port]), str(STOP_BITS)]
+            command = [*command_of(name), *line, *map(str, plans[port])]
             process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
             stack.callback(process.kill)
             assert process.stdout is not None
@@ -174,56 +198,77 @@ def line_loop() -> Path:
 
 
 @contextlib.contextmanager
-def polling(name: str, baud: int, plan: list[Block], directory: Path) -> Iterator[tuple[LineSim, list[int]]]:
+def polling(name: str, speeds: Speeds, plans: Plans, directory: Path) -> Iterator[tuple[LineSim, list[int]]]:
     with contextlib.ExitStack() as stack:
-        lines = stack.enter_context(devices(baud, directory))
+        lines = stack.enter_context(devices(speeds, directory))
         if name in (OURS, APART):
-            yield lines, stack.enter_context(our_lines(name, baud, directory))
+            yield lines, stack.enter_context(our_lines(name, speeds, directory))
         else:
-            yield lines, stack.enter_context(loops(name, baud, plan, directory))
+            yield lines, stack.enter_context(loops(name, speeds, plans, directory))
 
 
 # ---- what is measured --------------------------------------------------------------------------------
 
 
-def plan_of(lines: LineSim) -> list[Block]:
-    """The requests of a scan, as the first line's devices see them: until each came twice."""
-    port = next(iter(PORTS))
+def plan_of(frames: list[bytes]) -> list[Block]:
+    """Empty unless each request of a scan came twice, and some a third time."""
+    if not frames or min(map(frames.count, set(frames))) < 2 or len(set(frames)) >= len(frames) // 2:
+        return []
+    return [Block.of_frame(frame) for frame in dict.fromkeys(frames)]
+
+
+def plans_of(lines: LineSim) -> Plans:
+    """As the devices see them."""
     lines.command("trace on")
     deadline = time.monotonic() + PLAN_TIMEOUT_S
     while time.monotonic() < deadline:
-        frames = [f.bytes for f in lines.frames() if f.kind == "received" and f.port == port]
-        if frames and min(map(frames.count, set(frames))) > 1 and len(set(frames)) < len(frames) // 2:
+        received = [frame for frame in lines.frames() if frame.kind == "received"]
+        plans = {port: plan_of([f.bytes for f in received if f.port == port]) for port in PORTS}
+        if all(plans.values()):
             lines.command("trace off")
-            return [Block.of_frame(frame) for frame in dict.fromkeys(frames)]
+            return plans
         time.sleep(0.1)
-    raise BenchError("no plan is to be seen on the line")
+    raise BenchError("no plan is to be seen on the lines")
 
 
 @dataclass(frozen=True)
 class Reading:
-    """The six lines together, over some seconds."""
+    """The six lines, over some seconds."""
 
-    line_s: float  # six times what elapsed
-    requests: int
-    busy_s: float  # wire time of all octets
+    seconds: float
+    requests: dict[int, int]  # by port
+    busy_s: dict[int, float]  # by port: wire time of all octets
     cpu_s: float  # of all that poll
     switches: int  # to and from them
 
+    def scans_s(self, plans: Plans) -> dict[int, float]:
+        return {port: self.seconds * len(plan) / self.requests[port] for port, plan in plans.items()}
+
+    def in_use(self, speeds: Speeds) -> dict[int, float]:
+        """Part of the time: octets, and a silence behind request and answer."""
+        return {
+            port: (self.busy_s[port] + 2 * self.requests[port] * silence_s(baud)) / self.seconds
+            for port, baud in speeds.of.items()
+        }
+
 
 def read(lines: LineSim, pids: list[int], seconds: float) -> Reading:
-    def counters() -> tuple[int, int, int, int, int]:
-        all_stats = lines.stats()
-        stats = [all_stats[str(port)] for port in PORTS]
-        sums = (sum(each[counter] for each in stats) for counter in ("requests", "busy_ns"))
-        return (len(PORTS) * time.monotonic_ns(), *sums, sum(map(cpu_ns, pids)), sum(map(switches, pids)))
+    def counters() -> tuple[int, dict[str, Any], int, int]:
+        return time.monotonic_ns(), lines.stats(), sum(map(cpu_ns, pids)), sum(map(switches, pids))
 
-    begun = counters()
+    def counted(counter: str) -> dict[int, int]:
+        return {port: stats[str(port)][counter] - stats_before[str(port)][counter] for port in PORTS}
+
+    began_ns, stats_before, used_ns_before, switched_before = counters()
     time.sleep(seconds)
-    line_ns, requests, busy_ns, used_ns, switched = (
-        after - before for before, after in zip(begun, counters(), strict=True)
+    ended_ns, stats, used_ns, switched = counters()
+    return Reading(
+        (ended_ns - began_ns) / 1e9,
+        counted("requests"),
+        {port: busy_ns / 1e9 for port, busy_ns in counted("busy_ns").items()},
+        (used_ns - used_ns_before) / 1e9,
+        switched - switched_before,
     )
-    return Reading(line_ns / 1e9, requests, busy_ns / 1e9, used_ns / 1e9, switched)
 
 
 def switches(pid: int) -> int:
@@ -232,47 +277,63 @@ def switches(pid: int) -> int:
     return sum(int(line.split()[1]) for line in lines if "ctxt_switches" in line)
 
 
-def results_of(readings: list[Reading], plan: list[Block], baud: int) -> dict[str, Spread]:
+def results_of(readings: list[Reading], plans: Plans, speeds: Speeds) -> dict[str, Spread]:
     """On average of the six lines."""
-    limit = limit_s(plan, baud)
-    scans = [reading.line_s * len(plan) / reading.requests for reading in readings]
-    used = [r.busy_s + 2 * r.requests * silence_s(baud) for r in readings]
+    limits = {port: limit_s(plan, speeds.of[port]) for port, plan in plans.items()}
+    scans = [reading.scans_s(plans) for reading in readings]
+    of_limits = [fmean(scan[port] / limits[port] for port in PORTS) for scan in scans]
+    used = [fmean(reading.in_use(speeds).values()) for reading in readings]
+    line_s = [len(PORTS) * reading.seconds for reading in readings]
     return {
-        "requests of a scan": Spread("", [len(plan)]),
-        "scan": Spread("ms", [1000 * scan for scan in scans]),
-        "scan / its limit": Spread("", [scan / limit for scan in scans]),
-        "line in use": Spread("%", [100 * use / r.line_s for use, r in zip(used, readings, strict=True)]),
-        "values of a line": Spread("/s", [VALUES / scan for scan in scans]),
-        "CPU of a line": Spread("ms/s", [1000 * r.cpu_s / r.line_s for r in readings]),
-        "context switches of a line": Spread("/s", [r.switches / r.line_s for r in readings]),
+        "requests of a scan": Spread("", [fmean(map(len, plans.values()))]),
+        "scan": Spread("ms", [1000 * fmean(scan.values()) for scan in scans]),
+        "scan / its limit": Spread("", of_limits),
+        "line in use": Spread("%", [100 * part for part in used]),
+        "values of a line": Spread("/s", [fmean(VALUES / each for each in scan.values()) for scan in scans]),
+        "CPU of a line": Spread(
+            "ms/s", [1000 * r.cpu_s / time_s for r, time_s in zip(readings, line_s, strict=True)]
+        ),
+        "context switches of a line": Spread(
+            "/s", [r.switches / time_s for r, time_s in zip(readings, line_s, strict=True)]
+        ),
     }
 
 
-def measured(name: str, baud: int, plan: list[Block], amounts: Amounts) -> dict[str, Spread]:
+def read_anew(name: str, speeds: Speeds, plans: Plans, seconds: float) -> Reading:
     directory = run_directory()
     try:
-        with polling(name, baud, plan, directory) as (lines, pids):
-            readings = [read(lines, pids, amounts.seconds) for _ in range(amounts.readings)]
-            return results_of(readings, plan, baud)
+        with polling(name, speeds, plans, directory) as (lines, pids):
+            return read(lines, pids, seconds)
     finally:
         remove(directory)
 
 
-def our_plan(baud: int) -> list[Block]:
+def measured(speeds: Speeds, plans: dict[str, Plans], amounts: Amounts) -> list[dict[str, Spread]]:
+    """Of each who polls. They take turns: what else the machine does meets them all."""
+    readings: dict[str, list[Reading]] = {name: [] for name in NAMES}
+    for turn in range(1, amounts.readings + 1):
+        for name in NAMES:
+            readings[name].append(read_anew(name, speeds, plans[name], amounts.seconds))
+        print(f"  {speeds.text}: {turn} of {amounts.readings} readings", file=sys.stderr, flush=True)
+    return [results_of(readings[name], plans[name], speeds) for name in NAMES]
+
+
+def our_plans(speeds: Speeds) -> Plans:
     directory = run_directory()
     try:
-        with polling(OURS, baud, [], directory) as (lines, _):
-            return plan_of(lines)
+        with polling(OURS, speeds, {}, directory) as (lines, _):
+            return plans_of(lines)
     finally:
         remove(directory)
 
 
-def cost_of_a_dead_device(name: str, plan: list[Block], amounts: Amounts) -> Spread:
+def cost_of_a_dead_device(name: str, plans: Plans, amounts: Amounts) -> Spread:
     """Of the line's time, in percent: what is left of the scans that the living could have."""
+    plan = plans[min(PORTS)]
     living = [block for block in plan if block.unit != DEAD]
     directory = run_directory()
     try:
-        with polling(name, DEAD_BAUD, plan, directory) as (lines, pids):
+        with polling(name, alike(DEAD_BAUD), plans, directory) as (lines, pids):
             before = read(lines, pids, amounts.seconds)
             for port in PORTS:
                 lines.fault(f"{port}.{DEAD}", "mute")
@@ -281,7 +342,7 @@ def cost_of_a_dead_device(name: str, plan: list[Block], amounts: Amounts) -> Spr
     finally:
         remove(directory)
     share = limit_s(living, DEAD_BAUD) / limit_s(plan, DEAD_BAUD)
-    scan_s = before.line_s * len(plan) / before.requests * share
+    scan_s = fmean(before.scans_s(plans).values()) * share
     return Spread("%", [100 * (1 - answers * scan_s / len(living)) for answers in after])
 
 
@@ -302,18 +363,15 @@ def read_living(lines: LineSim, seconds: float) -> float:
 
 
 def rows(amounts: Amounts) -> Iterator[tuple[str, list[Spread]]]:
-    for baud in amounts.bauds:
-        plan = our_plan(baud)
-        plans = {name: each_point() if name == REPORT else plan for name in NAMES}
-        columns = []
-        for name, blocks in plans.items():
-            columns.append(measured(name, baud, blocks, amounts))
-            print(f"  {baud} bit/s, {name}: scan {columns[-1]['scan']}", file=sys.stderr, flush=True)
+    for speeds in amounts.speeds:
+        ours = our_plans(speeds)
+        plans = {name: dict.fromkeys(PORTS, each_point()) if name == REPORT else ours for name in NAMES}
+        columns = measured(speeds, plans, amounts)
         for text in columns[0]:
-            yield f"{baud} bit/s: {text}", [column[text] for column in columns]
-        if baud == DEAD_BAUD:
-            costs = [cost_of_a_dead_device(name, blocks, amounts) for name, blocks in plans.items()]
-            yield f"{baud} bit/s: time lost to a dead device", costs
+            yield f"{speeds.text}: {text}", [column[text] for column in columns]
+        if speeds == alike(DEAD_BAUD):
+            costs = [cost_of_a_dead_device(name, plans[name], amounts) for name in NAMES]
+            yield f"{speeds.text}: time lost to a dead device", costs
 
 
 def main() -> int:
@@ -331,8 +389,8 @@ def main() -> int:
         )
         return 2
     head = (
-        f"{machine()}. Median (minimum..maximum) of {amounts.readings} readings of {amounts.seconds:g} s, "
-        f"with a dead device {amounts.dead_readings} of {amounts.dead_seconds:g} s."
+        f"{machine()}. Median (minimum..maximum) of {amounts.readings} readings of {amounts.seconds:g} s "
+        f"by turns, with a dead device {amounts.dead_readings} of {amounts.dead_seconds:g} s."
     )
     try:
         found = list(rows(amounts))
