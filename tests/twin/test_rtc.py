@@ -12,7 +12,7 @@ INIT, RWEN, FREQADJ, TIME, CAL = (RTC + r for r in (0x00, 0x04, 0x08, 0x0C, 0x10
 TIMEFMT, WEEKDAY, TALM, CALM, LEAPYEAR = (RTC + r for r in (0x14, 0x18, 0x1C, 0x20, 0x24))
 INTEN, INTSTS, TICK, PWRCTL, SPR0 = (RTC + r for r in (0x28, 0x2C, 0x30, 0x34, 0x40))
 INIT_KEY, RWEN_KEY, OPEN = 0xA5EB1357, 0xA965, 1 << 16
-ALARM, TICKS = 1, 2
+ALARM, TICKS, BUSY = 1, 2, 1 << 31
 ALARM_ENABLE, ANY_WEEKDAY = 1 << 3, 1 << 31
 RAWSTS0 = 0xB0042100
 SECOND = 1_000_000_000
@@ -63,9 +63,18 @@ def test_as_linux_sets_the_time(clock: Machine) -> None:
     clock.write(CAL, 0x311231)
     clock.write(TIME, 0x235900)
     clock.write(WEEKDAY, WEDNESDAY)
-    assert clock.read(INTSTS) >> 31 == 0
     clock.step(61 * SECOND)
     assert (clock.read(CAL), clock.read(TIME), clock.read(WEEKDAY)) == (0x320101, 0x000001, THURSDAY)
+
+
+@pytest.mark.parametrize(("register", "value"), [(RWEN, RWEN_KEY), (TIMEFMT, 1), (INTSTS, ALARM)])
+def test_a_write_takes_two_clocks(clock: Machine, register: int, value: int) -> None:
+    assert not clock.read(INTSTS) & BUSY
+    clock.write(register, value)
+    clock.step(2 * SECOND // 32768 - 1)
+    assert clock.read(INTSTS) & BUSY
+    clock.step(1)
+    assert not clock.read(INTSTS) & BUSY
 
 
 @pytest.mark.parametrize("register", [TIME, CAL, WEEKDAY, TALM, CALM, TICK, PWRCTL, SPR0])

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * clock read: writes the time of /dev/rtc0.
- * clock set YYYY-MM-DDThh:mm:ss: sets it.
+ * clock set YYYY-MM-DDThh:mm:ss [TIMES]: sets it, once or so many times.
  * clock alarm SECONDS: sets its alarm that far ahead and waits for it; writes how many seconds late it came.
  *
  * By the driver's own calls: time_t of the image's programs ends in 2038, and hwclock's dates with it.
@@ -43,7 +43,7 @@ static int read_clock(int fd)
 	return 0;
 }
 
-static int set_clock(int fd, const char *text)
+static int set_clock(int fd, const char *text, int times)
 {
 	struct tm tm = {0};
 	struct rtc_time rtc;
@@ -51,7 +51,10 @@ static int set_clock(int fd, const char *text)
 	if (!strptime(text, "%Y-%m-%dT%H:%M:%S", &tm))
 		return -1;
 	rtc = to_rtc(&tm);
-	return ioctl(fd, RTC_SET_TIME, &rtc);
+	for (int i = 0; i < times; i++)
+		if (ioctl(fd, RTC_SET_TIME, &rtc) < 0)
+			return -1;
+	return 0;
 }
 
 static int wait_for_alarm(int fd, int seconds)
@@ -79,8 +82,8 @@ static int run(int fd, int argc, char **argv)
 {
 	if (argc == 2 && strcmp(argv[1], "read") == 0)
 		return read_clock(fd);
-	if (argc == 3 && strcmp(argv[1], "set") == 0)
-		return set_clock(fd, argv[2]);
+	if (argc >= 3 && strcmp(argv[1], "set") == 0)
+		return set_clock(fd, argv[2], argc == 4 ? atoi(argv[3]) : 1);
 	return argc == 3 ? wait_for_alarm(fd, atoi(argv[2])) : -1;
 }
 

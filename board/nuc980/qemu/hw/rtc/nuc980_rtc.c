@@ -41,6 +41,7 @@ REG32(RTC_INTEN, 0x28)
 REG32(RTC_INTSTS, 0x2c)             /* write 1 to clear */
     FIELD(RTC_INTSTS, ALM, 0, 1)    /* INTEN has the same bits */
     FIELD(RTC_INTSTS, TICK, 1, 1)
+    FIELD(RTC_INTSTS, BUSY, 31, 1)  /* the last write has not arrived */
 REG32(RTC_TICK, 0x30)               /* every 1/2^n second */
 REG32(RTC_PWRCTL, 0x34)
     FIELD(RTC_PWRCTL, ALARM_EN, 3, 1)
@@ -51,15 +52,27 @@ REG32(RTC_SPR15, 0x7c)
 #define RWEN_KEY        0xa965
 #define X32K_HZ         32768
 #define RWEN_CLOCKS     1024
+#define WRITE_CLOCKS    2           /* guess */
 #define TICK_MASK       7
 #define HALF_DAY        12
 #define PM              20          /* added to the hours of a 12-hour clock */
 
 #define INT_BITS        (R_RTC_INTSTS_ALM_MASK | R_RTC_INTSTS_TICK_MASK)
 
+static int64_t rtc_in_clocks(int clocks)
+{
+    return qemu_clock_get_ns(QEMU_CLOCK_VIRTUAL) +
+           muldiv64(clocks, NANOSECONDS_PER_SECOND, X32K_HZ);
+}
+
 static bool rtc_is_open(NUC980RTCState *s)
 {
     return qemu_clock_get_ns(QEMU_CLOCK_VIRTUAL) < s->open_until_ns;
+}
+
+static bool rtc_is_busy(NUC980RTCState *s)
+{
+    return qemu_clock_get_ns(QEMU_CLOCK_VIRTUAL) < s->busy_until_ns;
 }
 
 static uint32_t rtc_pack(int high, int middle, int low)
@@ -230,8 +243,8 @@ static uint64_t rtc_read(void *opaque, hwaddr addr, unsigned size)
         return rtc_is_leap_year(&tm);
     case A_RTC_INTEN:
         return s->inten;
-    case A_RTC_INTSTS:              /* [31]: busy; writes end at once here */
-        return s->intsts;
+    case A_RTC_INTSTS:
+        return FIELD_DP32(s->intsts, RTC_INTSTS, BUSY, rtc_is_busy(s));
     case A_RTC_TICK:
         return s->tick_period;
     case A_RTC_PWRCTL:
@@ -288,10 +301,7 @@ static void rtc_write_weekday(NUC980RTCState *s, uint32_t value)
 
 static void rtc_write_rwen(NUC980RTCState *s, uint32_t value)
 {
-    int64_t now = qemu_clock_get_ns(QEMU_CLOCK_VIRTUAL);
-
-    s->open_until_ns = value == RWEN_KEY
-        ? now + muldiv64(RWEN_CLOCKS, NANOSECONDS_PER_SECOND, X32K_HZ) : 0;
+    s->open_until_ns = value == RWEN_KEY ? rtc_in_clocks(RWEN_CLOCKS) : 0;
 }
 
 /*
@@ -397,6 +407,7 @@ static void rtc_write(void *opaque, hwaddr addr, uint64_t value, unsigned size)
         return;
     }
     rtc_write_register(s, addr, value);
+    s->busy_until_ns = rtc_in_clocks(WRITE_CLOCKS);
     if (rtc_moves_alarm(addr)) {
         s->alarm_ns = rtc_find_alarm(s);
     }
@@ -414,7 +425,7 @@ static void rtc_reset(DeviceState *dev)
 {
     NUC980RTCState *s = NUC980_RTC(dev);
 
-    s->open_until_ns = 0;
+    s->open_until_ns = s->busy_until_ns = 0;
     s->inten = s->intsts = 0;
     s->tick = rtc_tick(s);
     rtc_update(s);
@@ -433,14 +444,15 @@ static int rtc_post_load(void *opaque, int version_id)
 
 static const VMStateDescription vmstate_nuc980_rtc = {
     .name = TYPE_NUC980_RTC,
-    .version_id = 1,
-    .minimum_version_id = 1,
+    .version_id = 2,
+    .minimum_version_id = 2,
     .post_load = rtc_post_load,
     .fields = (VMStateField[]) {
         VMSTATE_BOOL(active, NUC980RTCState),
         VMSTATE_INT32(offset, NUC980RTCState),
         VMSTATE_INT32(weekday_offset, NUC980RTCState),
         VMSTATE_INT64(open_until_ns, NUC980RTCState),
+        VMSTATE_INT64(busy_until_ns, NUC980RTCState),
         VMSTATE_INT64(alarm_ns, NUC980RTCState),
         VMSTATE_INT64(tick, NUC980RTCState),
         VMSTATE_UINT32(freqadj, NUC980RTCState),

@@ -28,6 +28,7 @@ struct NUC980RTCState {
     int32_t offset;                 /* seconds, to QEMU's -rtc */
     int32_t weekday_offset;         /* days, to the calendar's */
     int64_t open_until_ns;          /* when RWEN's key ends to count */
+    int64_t busy_until_ns;          /* when the last write has arrived */
     int64_t alarm_ns;               /* on rtc_clock; INT64_MAX: never */
     int64_t tick;                   /* the last one that INTSTS has seen */
     uint32_t freqadj, timefmt, talm, calm, inten, intsts, tick_period, pwrctl;
