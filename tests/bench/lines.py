@@ -198,8 +198,10 @@ def line_loop() -> Path:
 
 
 @contextlib.contextmanager
-def polling(name: str, speeds: Speeds, plans: Plans, directory: Path) -> Iterator[tuple[LineSim, list[int]]]:
+def polling(name: str, speeds: Speeds, plans: Plans) -> Iterator[tuple[LineSim, list[int]]]:
+    directory = run_directory()
     with contextlib.ExitStack() as stack:
+        stack.callback(remove, directory)
         lines = stack.enter_context(devices(speeds, directory))
         if name in (OURS, APART):
             yield lines, stack.enter_context(our_lines(name, speeds, directory))
@@ -240,6 +242,11 @@ class Reading:
     busy_s: dict[int, float]  # by port: wire time of all octets
     cpu_s: float  # of all that poll
     switches: int  # to and from them
+
+    @property
+    def line_s(self) -> float:
+        """Of all lines together."""
+        return len(PORTS) * self.seconds
 
     def scans_s(self, plans: Plans) -> dict[int, float]:
         return {port: self.seconds * len(plan) / self.requests[port] for port, plan in plans.items()}
@@ -283,29 +290,20 @@ def results_of(readings: list[Reading], plans: Plans, speeds: Speeds) -> dict[st
     scans = [reading.scans_s(plans) for reading in readings]
     of_limits = [fmean(scan[port] / limits[port] for port in PORTS) for scan in scans]
     used = [fmean(reading.in_use(speeds).values()) for reading in readings]
-    line_s = [len(PORTS) * reading.seconds for reading in readings]
     return {
         "requests of a scan": Spread("", [fmean(map(len, plans.values()))]),
         "scan": Spread("ms", [1000 * fmean(scan.values()) for scan in scans]),
         "scan / its limit": Spread("", of_limits),
         "line in use": Spread("%", [100 * part for part in used]),
         "values of a line": Spread("/s", [fmean(VALUES / each for each in scan.values()) for scan in scans]),
-        "CPU of a line": Spread(
-            "ms/s", [1000 * r.cpu_s / time_s for r, time_s in zip(readings, line_s, strict=True)]
-        ),
-        "context switches of a line": Spread(
-            "/s", [r.switches / time_s for r, time_s in zip(readings, line_s, strict=True)]
-        ),
+        "CPU of a line": Spread("ms/s", [1000 * r.cpu_s / r.line_s for r in readings]),
+        "context switches of a line": Spread("/s", [r.switches / r.line_s for r in readings]),
     }
 
 
 def read_anew(name: str, speeds: Speeds, plans: Plans, seconds: float) -> Reading:
-    directory = run_directory()
-    try:
-        with polling(name, speeds, plans, directory) as (lines, pids):
-            return read(lines, pids, seconds)
-    finally:
-        remove(directory)
+    with polling(name, speeds, plans) as (lines, pids):
+        return read(lines, pids, seconds)
 
 
 def measured(speeds: Speeds, plans: dict[str, Plans], amounts: Amounts) -> list[dict[str, Spread]]:
@@ -319,28 +317,20 @@ def measured(speeds: Speeds, plans: dict[str, Plans], amounts: Amounts) -> list[
 
 
 def our_plans(speeds: Speeds) -> Plans:
-    directory = run_directory()
-    try:
-        with polling(OURS, speeds, {}, directory) as (lines, _):
-            return plans_of(lines)
-    finally:
-        remove(directory)
+    with polling(OURS, speeds, {}) as (lines, _):
+        return plans_of(lines)
 
 
 def cost_of_a_dead_device(name: str, plans: Plans, amounts: Amounts) -> Spread:
     """Of the line's time, in percent: what is left of the scans that the living could have."""
     plan = plans[min(PORTS)]
     living = [block for block in plan if block.unit != DEAD]
-    directory = run_directory()
-    try:
-        with polling(name, alike(DEAD_BAUD), plans, directory) as (lines, pids):
-            before = read(lines, pids, amounts.seconds)
-            for port in PORTS:
-                lines.fault(f"{port}.{DEAD}", "mute")
-            time.sleep(SETTLE_S)
-            after = [read_living(lines, amounts.dead_seconds) for _ in range(amounts.dead_readings)]
-    finally:
-        remove(directory)
+    with polling(name, alike(DEAD_BAUD), plans) as (lines, pids):
+        before = read(lines, pids, amounts.seconds)
+        for port in PORTS:
+            lines.fault(f"{port}.{DEAD}", "mute")
+        time.sleep(SETTLE_S)
+        after = [read_living(lines, amounts.dead_seconds) for _ in range(amounts.dead_readings)]
     share = limit_s(living, DEAD_BAUD) / limit_s(plan, DEAD_BAUD)
     scan_s = fmean(before.scans_s(plans).values()) * share
     return Spread("%", [100 * (1 - answers * scan_s / len(living)) for answers in after])

@@ -33,7 +33,8 @@ def kernel(kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Kernel:
 @pytest.fixture(scope="module")
 def extra_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("rtc")
-    options = ["-static", "-O2", "-D_GNU_SOURCE", "-D_TIME_BITS=64", "-D_FILE_OFFSET_BITS=64"]
+    options = ["-static", "-std=c11", "-O2", "-D_GNU_SOURCE", "-D_TIME_BITS=64", "-D_FILE_OFFSET_BITS=64",
+               "-Wall", "-Wextra", "-Werror"]  # fmt: skip
     for name in ("clock", "busy"):
         subprocess.run([COMPILER, *options, "-o", folder / name, PROGRAMS / f"{name}.c"], check=True)
     return {f"usr/bin/{name}": folder / name for name in ("clock", "busy")}

@@ -1,14 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * busy TAKES LEAVES COMMAND...: runs a command while a process of the highest priority takes the processor for so many
- * milliseconds and leaves it for so many, in turns. Ends as the command does.
+ * busy TAKES LEAVES COMMAND...: runs a command and takes the processor from it for so many milliseconds, by the highest
+ * priority, and leaves it for so many, in turns. Ends as the command does.
  */
 #include <sched.h>
-#include <signal.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -27,36 +25,24 @@ static int64_t now_ms(void)
 	return now.tv_sec * INT64_C(1000) + now.tv_nsec / 1000000;
 }
 
-static void take_turns(int takes_ms, int leaves_ms)
+static void take(int ms)
 {
-	const struct sched_param first = {.sched_priority = sched_get_priority_max(SCHED_FIFO)};
+	const int64_t end = now_ms() + ms;
 
-	if (sched_setscheduler(0, SCHED_FIFO, &first) || prctl(PR_SET_PDEATHSIG, SIGKILL))
-		fail("busy");
-	for (;;) {
-		const int64_t end = now_ms() + takes_ms;
-
-		while (now_ms() < end)
-			;
-		usleep((useconds_t)leaves_ms * 1000);
-	}
+	while (now_ms() < end)
+		;
 }
 
 int main(int argc, char **argv)
 {
+	const struct sched_param first = {.sched_priority = sched_get_priority_max(SCHED_FIFO)};
+	int status = 0;
+
 	if (argc < 4) {
 		fputs("busy TAKES LEAVES COMMAND...\n", stderr);
 		return 1;
 	}
-	const pid_t busy = fork();
-
-	if (busy < 0)
-		fail("fork");
-	if (!busy)
-		take_turns(atoi(argv[1]), atoi(argv[2]));
-
 	const pid_t command = fork();
-	int status;
 
 	if (command < 0)
 		fail("fork");
@@ -64,7 +50,11 @@ int main(int argc, char **argv)
 		execvp(argv[3], argv + 3);
 		fail(argv[3]);
 	}
-	if (waitpid(command, &status, 0) != command || kill(busy, SIGKILL))
-		fail("busy");
+	if (sched_setscheduler(0, SCHED_FIFO, &first))
+		fail("SCHED_FIFO");
+	while (!waitpid(command, &status, WNOHANG)) {
+		take(atoi(argv[1]));
+		usleep((useconds_t)atoi(argv[2]) * 1000);
+	}
 	return WIFEXITED(status) ? WEXITSTATUS(status) : 1;
 }
