@@ -5,7 +5,7 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux linux-debug system unit asan cross fuzzers fuzz image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-twin test-linux test soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build dtb qemu uboot linux linux-debug system unit asan cross fuzzers fuzz image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-sanitizers test-native test-twin test-linux test soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -268,15 +268,27 @@ test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, q
 test-twin: qemu uboot $(VENV) ## the tests of the emulated board
 	$(PYTHON) -m pytest tests/twin
 
-test: lint unit asan cross fuzzers qemu uboot $(VENV) ## all tests
-	OPENRTU_BUILD=build/asan $(PYTHON) -m pytest $(UNDER_SANITIZERS)
-	$(PYTHON) -m pytest --ignore=tests/linux
-	$(MAKE) test-linux
+PARTS := lint unit asan cross fuzzers test-sanitizers test-native test-linux
+
+test: $(VENV) ## all tests, to the end; then what they cost, and which parts failed
+	rm -rf build/times
+	failed=; for part in $(PARTS); do $(MAKE) $$part || failed+=" $$part"; done; \
+	$(PYTHON) tests/times.py build/times/*.json; \
+	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
+
+# Many of these wait for a line, a timer or a guest: two at a time fill two cores. A file's tests share what they start.
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n 2 --dist loadfile
+
+test-sanitizers: build asan $(VENV) ## the gateway's tests with modules under AddressSanitizer and UBSan
+	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
+
+test-native: build asan fuzzers qemu uboot $(VENV) ## all pytest but those of Linux on the emulated board
+	$(PYTEST) --ignore=tests/linux
 
 test-linux: linux linux-debug system lab qemu uboot $(VENV) ## all tests of Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) system SITE=tests/linux/site-tls
-	$(PYTHON) -m pytest -n 2 --dist loadfile tests/linux
+	$(PYTEST) tests/linux
 
 soak: build qemu uboot linux system $(VENV) ## the long tests: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
 	$(PYTHON) -m pytest -m soak

@@ -10,12 +10,14 @@ import pytest
 
 import capture
 from desk import Desk, chapter_5, desk_of
+from times import Times
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def pytest_configure() -> None:
-    """A run in the background, or under nohup, ignores these, and so would all that the tests start."""
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(Times())
+    # A run in the background, or under nohup, ignores these, and so would all that the tests start.
     for number, action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, action)
