@@ -318,9 +318,9 @@ run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: st
 twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
 
-bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, its station beside c104's, its lines beside pymodbus', nuc980-pins beside dt-validate, TFTP beside tftpd-hpa
+bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, its station beside c104's, its lines beside pymodbus', nuc980-pins beside dt-validate, TFTP beside tftpd-hpa (LIB60870=folder: its station beside lib60870 in C too)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
-	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py

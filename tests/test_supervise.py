@@ -114,6 +114,23 @@ def test_files_of_the_map_are_nobody_elses_to_write(gateway: Gateway) -> None:
             assert segment.stat().st_mode & 0o777 == 0o644
 
 
+def anonymous_kib(pid: int) -> int:
+    """Heap, stack and data that no other process shares."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("Anonymous:"))
+
+
+def test_the_parsed_file_is_given_back(gateway: Gateway) -> None:
+    config = json.loads(gateway.config_file.read_text())
+    config["port"][0]["slaves"][0]["coils"] = [{"address": address} for address in range(5000)]
+    gateway.config_file.write_text(json.dumps(config))
+    with rtud(gateway) as process:
+        modules = wait_running(gateway)
+        assert anonymous_kib(process.pid) < 512
+        for name in (STATION, *LINES):  # who would lock it in memory for a rounding
+            assert "/libm." not in Path(f"/proc/{modules[name]['pid']}/maps").read_text()
+
+
 def granted(pid: int) -> dict[str, Any]:
     fifo = os.sched_getscheduler(pid) == os.SCHED_FIFO
     locked_kib = int(status_of(pid)["VmLck"][0])

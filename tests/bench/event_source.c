@@ -5,16 +5,16 @@
  * count the input registers upwards, one after the other.
  */
 #include <getopt.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/prctl.h>
-#include <time.h>
 
 #include "map/map.h"
 
 #define EVENTS_MAX 100000
-#define PERIOD_NS  1000000LL /* between two looks at the clock */
+#define PERIOD_MS  1 /* between two looks at the clock */
 #define NS_PER_S   1000000000LL
 #define BATCH_MAX  256
 
@@ -101,10 +101,12 @@ int main(int argc, char **argv)
 		return EXIT_FAILURE;
 	publish_all();
 	while (map_wanted(map)) {
+		struct pollfd bell = {.fd = map_bell_fd(map), .events = POLLIN};
+
 		map_heartbeat(map);
-		take_requests();
+		if (poll(&bell, 1, made < wanted ? PERIOD_MS : MAP_HEARTBEAT_PERIOD_MS) > 0)
+			take_requests();
 		make_events();
-		nanosleep(&(struct timespec){.tv_nsec = PERIOD_NS}, NULL);
 	}
 	return EXIT_SUCCESS;
 }

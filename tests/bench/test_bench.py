@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from bare_client import BenchError
+from station_contenders import lib60870
 from stopwatch import Memory, Spread, age_ms, readings_of
 
 from bench import Row, table
@@ -170,11 +172,25 @@ def test_the_bench_of_stations_runs_through(programs: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY / "scripts"), "OPENRTU_BUILD": str(programs)}
     run = subprocess.run(bench, env=environment, capture_output=True, text=True, timeout=120, check=False)
     assert (run.returncode, run.stderr) == (0, "")
-    rows = [line.strip("|").split("|") for line in run.stdout.splitlines() if line.startswith("| ")][1:]
-    assert len(rows) == 14
+    rows = [line.strip("|").split("|") for line in run.stdout.splitlines() if line.startswith("| ")][2:]
+    assert len(rows) == 15
     (kept,) = (row for row in rows if "master that is away" in row[0])
     assert kept[1].strip() == "10000"
-    assert all(cell.strip() for row in rows[:7] for cell in row)
+    assert all(cell.strip() for row in rows[:9] for cell in row)
+
+
+def test_lib60870_must_be_there_and_built(programs: Path, tmp_path: Path) -> None:
+    """It is on no registry: whoever names a folder is told what is wrong with it."""
+    with pytest.raises(BenchError, match=f"{tmp_path} is no checkout of lib60870"):
+        lib60870(tmp_path, tmp_path)
+    (tmp_path / "lib60870-C" / "src" / "inc" / "api").mkdir(parents=True)
+    with pytest.raises(BenchError, match=r"has no library in build: type `cmake -S"):
+        lib60870(tmp_path, tmp_path)
+    library = tmp_path / "lib60870-C" / "build" / "src" / "liblib60870.a"
+    library.parent.mkdir(parents=True)
+    library.write_bytes(b"!<arch>\n")
+    with pytest.raises(BenchError, match=r"lib60870_station.c cannot be built with .*liblib60870.a"):
+        lib60870(tmp_path, tmp_path)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@
 #ifndef OPENRTU_MAP_H
 #define OPENRTU_MAP_H
 
+#include <float.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -58,6 +59,15 @@ enum map_counter_detail {
 static inline double map_number(enum map_type type, union map_value value)
 {
 	return type == MAP_FLOAT ? (double)value.f : value.i;
+}
+
+/* The nearest integer, of two the even one, as lrint: libm for this alone was 0.4 MiB in each process's memory. */
+static inline int32_t map_round(double number)
+{
+	_Static_assert(FLT_EVAL_METHOD == 0, "a double has 53 bits here");
+	const double no_fraction = 0x1.8p52; /* a sum of this size has no place for one */
+
+	return (int32_t)(number + no_fraction - no_fraction);
 }
 
 struct map_sample {

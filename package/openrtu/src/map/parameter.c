@@ -114,7 +114,7 @@ void map_smooth(struct map *map, uint32_t point, struct map_sample *sample)
 	if (object->type == MAP_FLOAT)
 		sample->value.f = (float)smoothed->value;
 	else
-		sample->value.i = (int32_t)lrint(smoothed->value);
+		sample->value.i = map_round(smoothed->value);
 }
 
 /* -1 below the low limit, 1 above the high one; a value that is not a number is at neither side. */

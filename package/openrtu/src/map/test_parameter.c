@@ -163,6 +163,16 @@ static void test_parameters_survive_their_owner(void **state)
 	end_commands(&commands);
 }
 
+static void test_numbers_are_rounded_as_lrint_does(void **state)
+{
+	(void)state;
+	for (double number = -70000; number <= 70000; number += 0.125)
+		assert_int_equal(map_round(number), lrint(number));
+	assert_int_equal(map_round(INT32_MAX), INT32_MAX);
+	assert_int_equal(map_round(INT32_MIN), INT32_MIN);
+	assert_int_equal(map_round(nextafter(0.5, 0)), 0);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -172,6 +182,7 @@ int main(void)
 	    MEASURED(test_smoothing),
 	    MEASURED(test_wrong_values_are_refused),
 	    MEASURED(test_parameters_survive_their_owner),
+	    cmocka_unit_test(test_numbers_are_rounded_as_lrint_does),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -87,13 +87,22 @@ static bool configure_device(const struct map_config *config, const struct map_d
 	return true;
 }
 
-/* A point has one command at a time: a line's queue with room for each of its points is never full. */
-static uint32_t points_of_line(const struct map_config *config, const struct map_line *line)
+static uint32_t commands_of_device(const struct map_config *config, const struct map_device *device)
+{
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < device->point_count; i++)
+		count += (config->points[device->first_point + i].flags & MAP_POINT_COMMAND) != 0;
+	return count;
+}
+
+/* A point has one command at a time: a line's queue with room for each that takes them is never full. */
+static uint32_t commands_of_line(const struct map_config *config, const struct map_line *line)
 {
 	uint32_t count = 0;
 
 	for (uint32_t i = 0; i < line->device_count; i++)
-		count += config->devices[line->first_device + i].point_count;
+		count += commands_of_device(config, &config->devices[line->first_device + i]);
 	return count;
 }
 
@@ -102,7 +111,7 @@ bool modbus_line_configure(struct modbus_line *line, const struct map_config *co
 	const struct map_line *from = &config->lines[number];
 
 	line->wire = modbus_wire_of(from);
-	line->command_capacity = points_of_line(config, from);
+	line->command_capacity = commands_of_line(config, from);
 	line->commands = allocate(line->command_capacity, sizeof(*line->commands));
 	line->devices = allocate(from->device_count, sizeof(*line->devices));
 	if (line->commands == NULL || line->devices == NULL)

@@ -44,9 +44,14 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	};
 	struct map_point points[] = {
 	    {.table = MAP_COILS, .width = 1},
-	    {.device = 1, .table = MAP_COILS, .width = 1},
+	    {.device = 1, .table = MAP_COILS, .width = 1, .flags = MAP_POINT_COMMAND},
 	    {.device = 2, .table = MAP_HOLDING_REGISTERS, .address = 4, .second_address = 5, .width = 2},
-	    {.device = 2, .table = MAP_COILS, .address = 20, .second_address = 10, .width = 2},
+	    {.device = 2,
+	     .table = MAP_COILS,
+	     .address = 20,
+	     .second_address = 10,
+	     .width = 2,
+	     .flags = MAP_POINT_COMMAND},
 	};
 	const struct map_config config = {.line_count = 2,
 					  .device_count = 3,
@@ -58,7 +63,7 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 
 	assert_true(modbus_line_configure(&line, &config, 1));
 	assert_int_equal(line.device_count, 2);
-	assert_int_equal(line.command_capacity, 3);
+	assert_int_equal(line.command_capacity, 2);
 	assert_int_equal(line.wire.char_ns, 1000000000 * 11LL / 19200);
 	assert_int_equal(line.devices[0].read_count, 0);
 	assert_int_equal(line.devices[1].unit, 7);

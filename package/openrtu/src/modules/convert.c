@@ -53,7 +53,7 @@ static double unscaled(const struct map_point *point, double value)
 static int32_t rounded_within(double value, int32_t min, int32_t max, uint8_t *quality)
 {
 	if (value >= min && value <= max)
-		return (int32_t)lrint(value);
+		return map_round(value);
 	*quality |= MAP_OVERFLOW;
 	return value < min ? min : max;
 }

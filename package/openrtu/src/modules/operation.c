@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modules/operation.h"
 
-#include <math.h>
-
 #include "modules/convert.h"
 
 static bool is_integer(const struct map_point *point)
@@ -28,7 +26,7 @@ static bool step_from(const struct map_point *point, union map_value from, int d
 	    (is_integer(point) && (number < INT16_MIN || number > INT16_MAX)))
 		return false;
 	if (is_integer(point))
-		to->i = (int32_t)lrint(number);
+		to->i = map_round(number);
 	else
 		to->f = (float)number;
 	return true;

@@ -2,7 +2,6 @@
 /* One slave of a port, and the device it becomes. */
 #include "rtud/config_parts.h"
 
-#include <math.h>
 #include <string.h>
 
 #define UNIT_BROADCAST 0
@@ -147,7 +146,7 @@ static uint32_t reaction_us(struct config_loader *loader, const struct config_pl
 	if (values[SLAVE_REACTION].number > (double)whole_ms)
 		config_error(&loader->report, &here, "%g is above response_timeout_ms, %lld",
 			     values[SLAVE_REACTION].number, (long long)whole_ms);
-	return (uint32_t)lround(US_PER_MS * values[SLAVE_REACTION].number);
+	return (uint32_t)(US_PER_MS * values[SLAVE_REACTION].number + 0.5);
 }
 
 static void add_device(struct config_loader *loader, const struct config_place *place,

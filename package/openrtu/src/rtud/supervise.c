@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <limits.h>
+#include <malloc.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -18,6 +19,7 @@
 #include "map/map.h"
 #include "map/supervise.h"
 #include "rtud/clock.h"
+#include "rtud/config.h"
 #include "rtud/journal.h"
 #include "rtud/process.h"
 #include "rtud/watchdog.h"
@@ -475,7 +477,14 @@ static void raise_priority(struct supervisor *supervisor)
 		give_priority(supervisor, 0, lines < 99 ? lines + 1 : lines);
 }
 
-int supervise(const struct map_config *config, const struct supervise_options *options)
+/* Parsing took far more than config itself, from the same heap: the kernel gets these pages back too. */
+static void forget(struct map_config *config)
+{
+	config_free(config);
+	malloc_trim(0);
+}
+
+int supervise(struct map_config *config, const struct supervise_options *options)
 {
 	static struct supervisor supervisor;
 	char error[MAP_ERROR_SIZE];
@@ -498,6 +507,7 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 			    options->uid_base); /* rtu-journal is the last one */
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
 		map_modbus_lines(config), map_slaves(config), config->point_count, options->map);
+	forget(config);
 	watch_modules(&supervisor);
 	started = start_watchdog(&supervisor);
 	if (started)
