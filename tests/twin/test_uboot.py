@@ -2,14 +2,18 @@
 """Our U-Boot on the emulated board: from reset to its prompt, what it loads, what it keeps, how it leaves."""
 
 import os
+import random
 import re
 import shutil
+import signal
 import socket
 import struct
 import subprocess
+import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -259,6 +263,48 @@ def test_factorys_environment_does_no_harm(with_nand: Console) -> None:
     banner = with_nand.reset()
     assert "Loading Environment from NAND... OK" in banner
     assert "eth0: emac0" in banner
+
+
+@contextmanager
+def starved(machine: Machine, seconds: float = 0.12) -> Iterator[Callable[[], int]]:
+    """The host has no time for the machine for so long again and again, while the machine's clock runs on.
+
+    Yields how often that was. The driver gives the DMA 0.1 s.
+    """
+    over = threading.Event()
+    stops = 0
+
+    def starve() -> None:
+        nonlocal stops
+        moments = random.Random(980)
+        while not over.wait(moments.uniform(0.005, 0.05)):
+            machine.process.send_signal(signal.SIGSTOP)
+            over.wait(seconds)
+            machine.process.send_signal(signal.SIGCONT)
+            stops += 1
+
+    thread = threading.Thread(target=starve)
+    thread.start()
+    try:
+        yield lambda: stops
+    finally:
+        over.set()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("size", "stops", "reads"),
+    [(0x200000, 25, 1), pytest.param(0x20000, 1, 10_000, marks=pytest.mark.soak)],
+    ids=["25 stops", "10 000 blocks"],
+)
+def test_starved_reader_loses_nothing(with_nand: Console, size: int, stops: int, reads: int) -> None:
+    with_nand.run(f"mw.b 0x100000 0x5a {size:#x}; nand write 0x100000 spare {size:#x}")
+    done = 0
+    with starved(with_nand.machine) as stopped:
+        while done < reads or stopped() < stops:
+            assert with_nand.run(f"nand read 0x400000 spare {size:#x}").endswith(" bytes read: OK"), done
+            done += 1
+    assert "were the same" in with_nand.run(f"cmp.b 0x100000 0x400000 {size:#x}")
 
 
 def test_bad_block_stays_bad_and_is_skipped(with_nand: Console) -> None:
