@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from nuc980.netboot.board import Nand
+from nuc980.netboot.flash.tables import tables_content, tables_slot
 from nuc980.twin.linux import TROUBLE, Linux
 from nuc980.twin.machine import Machine
 from nuc980.twin.nand import BLOCKS, DATA, PAGE, PAGES, SPARE, NandImage
@@ -28,6 +30,7 @@ SPARE_AT, ROOT_AT = 0x800000, 0x1600000  # partitions
 ROOT_SIZE = 0x6480000
 U_BOOT, KERNEL, OTHER, ROOT = "/dev/mtd0", "/dev/mtd1", "/dev/mtd3", "/dev/mtd4"
 BAD = {17, 66, 180, 1019}  # blocks, one of them behind all partitions
+CHIP = Nand(BLOCKS * BLOCK, BLOCK, DATA, tuple(block * BLOCK for block in BAD))
 IN_RAM = 0x1000000
 SEED = 980
 REPLACED_IN, FILES = 4, 7  # as flashwork.c has them
@@ -77,7 +80,7 @@ def uboot_at(qemu: Path, uboot: Path) -> UBootAt:
 
 @pytest.fixture(scope="module")
 def nand(tmp_path_factory: pytest.TempPathFactory, uboot_at: UBootAt) -> NandImage:
-    """A flash with bad blocks, of which U-Boot has made the tables, and something of U-Boot's in `kernel`."""
+    """A flash with bad blocks and their tables, and something of U-Boot's in `kernel`."""
     nand = NandImage.blank(tmp_path_factory.mktemp("nand") / "nand")
     for block in BAD:
         nand.mark_bad(block)
@@ -86,6 +89,8 @@ def nand(tmp_path_factory: pytest.TempPathFactory, uboot_at: UBootAt) -> NandIma
         machine.write_memory(IN_RAM, FROM_U_BOOT)
         assert "OK" in console.run(f"nand erase 0x200000 {5 * BLOCK:#x}")
         assert "OK" in console.run(f"nand write {IN_RAM:#x} 0x200000 {4 * BLOCK:#x}")
+        machine.write_memory(IN_RAM, tables_content(CHIP))
+        assert "OK" in console.run(f"nand write {IN_RAM:#x} {tables_slot(CHIP).offset:#x} {4 * BLOCK:#x}")
     return nand
 
 
@@ -154,27 +159,27 @@ def test_ecc_and_pages_as_the_images_want_them(linux: Linux) -> None:
     }
 
 
-def test_tables_of_bad_blocks_are_u_boots(linux: Linux, nand: NandImage) -> None:
+def test_tables_of_bad_blocks_are_found(linux: Linux, nand: NandImage) -> None:
     assert len(re.findall("Bad block table found", linux.run("dmesg"))) == 2
     per_partition = linux.run("cat /sys/class/mtd/mtd[0-4]/bad_blocks").split()
     assert per_partition == ["0", "1", "0", "1", "1"]
 
 
-def test_a_blank_flash_gets_tables_that_u_boot_finds(
-    boot: Boot,
-    uboot_at: UBootAt,
-    tmp_path: Path,
-) -> None:
-    blank = NandImage.blank(tmp_path / "blank")
+def test_flash_without_tables_is_not_written(boot: Boot, uboot_at: UBootAt, tmp_path: Path) -> None:
+    """Its last blocks hold something else, as the factory's data does."""
+    flash = NandImage.blank(tmp_path / "factory")
+    for block in range(BLOCKS - 8, BLOCKS):
+        flash.write(block * PAGES, some(PAGE - SPARE, block) + WRITTEN)
     for block in BAD:
-        blank.mark_bad(block)
-    with boot(*with_flash(blank)) as linux:
-        assert linux.run("cat /sys/class/mtd/mtd[0-4]/bad_blocks").split() == ["0", "1", "0", "1", "1"]
-    written = blank.path.read_bytes()
-    with uboot_at(blank) as machine:
+        flash.mark_bad(block)
+    before = flash.path.read_bytes()
+    with uboot_at(flash) as machine:
         bad = Console(machine).run("nand bad")
-    assert {int(line, 16) // BLOCK for line in re.findall(r"^\s+([0-9a-f]+)", bad, re.M)} >= BAD
-    assert blank.path.read_bytes() == written, "U-Boot has made tables of its own"
+    assert {int(line, 16) // BLOCK for line in re.findall(r"^\s+([0-9a-f]+)", bad, re.M)} == BAD
+    assert flash.path.read_bytes() == before, "U-Boot has written"
+    with boot(*with_flash(flash)) as linux:
+        assert linux.run("cat /sys/class/mtd/mtd[0-4]/bad_blocks").split() == ["0", "1", "0", "1", "1"]
+    assert flash.path.read_bytes() == before, "Linux has written"
 
 
 # ---- from U-Boot to Linux and back

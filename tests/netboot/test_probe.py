@@ -110,7 +110,7 @@ def test_flash_is_left_out() -> None:
         ({"commands": frozenset({"nand"})}, "No crc32"),
         ({"nand": None}, "CONFIG_SPI_NAND"),
         ({"nand": Nand(1 << 27, 1 << 17, 2048, tuple(range(21)))}, "worn out"),
-        ({"nand": Nand(1 << 27, 1 << 17, 2048, (), keeps_table=True)}, "its first access writes"),
+        ({"nand": Nand(1 << 27, 1 << 17, 2048, (), keeps_table=True)}, "uses bad-block tables"),
         ({"link": False}, "emac has no link"),
     ],
 )

@@ -2,18 +2,24 @@
 """Our U-Boot on the emulated board: from reset to its prompt, what it loads, what it keeps, how it leaves."""
 
 import os
+import random
 import re
 import shutil
+import signal
 import socket
 import struct
 import subprocess
+import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from nuc980.netboot.board import Nand
+from nuc980.netboot.flash.tables import tables_content, tables_slot
 from nuc980.twin.machine import Machine
 from nuc980.twin.nand import NandImage
 from nuc980.twin.uboot import PROMPT, Console, text
@@ -261,6 +267,48 @@ def test_factorys_environment_does_no_harm(with_nand: Console) -> None:
     assert "eth0: emac0" in banner
 
 
+@contextmanager
+def starved(machine: Machine, seconds: float = 0.12) -> Iterator[Callable[[], int]]:
+    """The host has no time for the machine for so long again and again, while the machine's clock runs on.
+
+    Yields how often that was. The driver gives the DMA 0.1 s.
+    """
+    over = threading.Event()
+    stops = 0
+
+    def starve() -> None:
+        nonlocal stops
+        moments = random.Random(980)
+        while not over.wait(moments.uniform(0.005, 0.05)):
+            machine.process.send_signal(signal.SIGSTOP)
+            over.wait(seconds)
+            machine.process.send_signal(signal.SIGCONT)
+            stops += 1
+
+    thread = threading.Thread(target=starve)
+    thread.start()
+    try:
+        yield lambda: stops
+    finally:
+        over.set()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("size", "stops", "reads"),
+    [(0x200000, 25, 1), pytest.param(0x20000, 1, 10_000, marks=pytest.mark.soak)],
+    ids=["25 stops", "10 000 blocks"],
+)
+def test_starved_reader_loses_nothing(with_nand: Console, size: int, stops: int, reads: int) -> None:
+    with_nand.run(f"mw.b 0x100000 0x5a {size:#x}; nand write 0x100000 spare {size:#x}")
+    done = 0
+    with starved(with_nand.machine) as stopped:
+        while done < reads or stopped() < stops:
+            assert with_nand.run(f"nand read 0x400000 spare {size:#x}").endswith(" bytes read: OK"), done
+            done += 1
+    assert "were the same" in with_nand.run(f"cmp.b 0x100000 0x400000 {size:#x}")
+
+
 def test_bad_block_stays_bad_and_is_skipped(with_nand: Console) -> None:
     assert "successfully marked as bad" in with_nand.run("nand markbad 0x820000")
     with_nand.reset()
@@ -271,9 +319,25 @@ def test_bad_block_stays_bad_and_is_skipped(with_nand: Console) -> None:
     assert "131072 byte(s) were the same" in with_nand.run("cmp.b 0x100000 0x200000 0x20000")
 
 
-def test_bad_block_tables_are_where_linux_looks(with_nand: Console) -> None:
-    with_nand.run("nand bad; nand read.raw 0x100000 0x7fe0000 1; nand read.raw 0x200000 0x7fc0000 1")
-    assert [with_nand.machine.read_memory(page, 4) for page in (0x100000, 0x200000)] == [b"Bbt0", b"1tbB"]
+def test_bad_block_tables_are_used_where_linux_has_them(with_nand: Console) -> None:
+    """A block that only they know is bad; who marks another adds it to them."""
+    chip = Nand(128 << 20, 128 << 10, 2048, (0x820000,))
+    with_nand.machine.write_memory(0x100000, tables_content(chip))
+    with_nand.run(f"nand write 0x100000 {tables_slot(chip).offset:#x} 0x80000")
+    with_nand.reset()
+    reserved = ["07f80000", "07fa0000", "07fc0000", "07fe0000"]
+    assert with_nand.run("nand bad").split()[-5:] == ["00820000", *reserved]
+    with_nand.run("nand markbad 0x840000; nand read.raw 0x100000 0x7fe0000 1")
+    table = with_nand.machine.read_memory(0x100000, 32)
+    assert table[:5] == b"Bbt0\x02"
+    assert table[5 + 64 // 4] == 0b11_10_00_11  # blocks 64 to 67, from the lowest bits on
+
+
+def test_no_bad_block_tables_are_made(with_nand: Console) -> None:
+    """Not at its start, when it looks for its environment, and not when it writes that."""
+    with_nand.run("saveenv; nand bad; nand read.raw 0x100000 0x7fe0000 1; nand read.raw 0x200000 0x7fc0000 1")
+    last = [with_nand.machine.read_memory(page, 2048) for page in (0x100000, 0x200000)]
+    assert last == [b"\xff" * 2048] * 2
 
 
 def test_ubi_volume_keeps_its_data(with_nand: Console) -> None:

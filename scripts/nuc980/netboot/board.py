@@ -30,7 +30,7 @@ class Nand:
     page: int
     bad: tuple[int, ...]  # offsets of the blocks that U-Boot calls bad, those of its tables among them
     oob: int = 64
-    keeps_table: bool = False  # of bad blocks, in the flash; the first access writes it if there is none
+    keeps_table: bool = False  # of bad blocks, in the flash
     partitions: tuple[Partition, ...] = ()
 
     @property

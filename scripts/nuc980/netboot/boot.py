@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The plan of `boot`: kernel and device tree into RAM by TFTP, and started. The flash is not touched."""
+"""The plan of `boot`: kernel and device tree into RAM by TFTP, and started.
+
+Linux gets no flash unless told so: the vendor's driver erases the last blocks for its tables of bad blocks
+when there are none, and UBI writes by itself as soon as it is attached.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -118,10 +122,11 @@ def _without_macs(arguments: str) -> str:
 
 
 TREE_GROWTH = 4096  # what the arguments and addresses add
+FLASH = "nuvoton,nuc980-fmi"  # compatible with
 
 
-def tree_for(tree: libfdt.Fdt, arguments: str, macs: Sequence[str]) -> bytes:
-    """The device tree with the kernel's arguments and the ports' addresses.
+def tree_for(tree: libfdt.Fdt, arguments: str, macs: Sequence[str], *, flash: bool = False) -> bytes:
+    """The device tree with the kernel's arguments and the ports' addresses; flash: Linux gets the flash.
 
     Into the tree, not into U-Boot's variables: a long line need not be typed, and what the host has put
     there is checked by the CRC of the whole.
@@ -134,8 +139,20 @@ def tree_for(tree: libfdt.Fdt, arguments: str, macs: Sequence[str]) -> bytes:
         path = own.get_alias(f"ethernet{port}")
         if path is not None:
             own.setprop(own.path_offset(path), "local-mac-address", bytes.fromhex(mac.replace(":", "")))
+    if not flash:
+        for node in _flash_nodes(own):
+            own.setprop_str(node, "status", "disabled")
     own.pack()
     return bytes(own.as_bytearray())
+
+
+def _flash_nodes(tree: libfdt.Fdt) -> Iterator[int]:
+    """The offsets of the flash's controllers; what is written into one moves only those behind it."""
+    node, depth = 0, 0
+    while node >= 0 and depth >= 0:
+        if tree.hasprop(node, "compatible") and FLASH in tree.getprop(node, "compatible").as_stringlist():
+            yield node
+        node, depth = tree.next_node(node, depth, libfdt.QUIET_NOTFOUND)
 
 
 # ---- the plan

@@ -45,8 +45,8 @@ examples:
   nuc980-netboot probe --port /dev/ttyUSB0
   nuc980-netboot probe --port rfc2217://bench:4000 --json board.json --no-flash
 
-It sets nothing. A U-Boot that keeps bad-block tables in the flash, as this tree's does, writes them at its
-first access if there are none; --no-flash leaves the flash out.""",
+It sets nothing. A U-Boot built to keep bad-block tables in the flash writes them at its first access if there
+are none (this tree's only uses those that are there); --no-flash leaves the flash out.""",
     "boot": """\
 examples:
   nuc980-netboot boot --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
@@ -54,7 +54,9 @@ examples:
     --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
   nuc980-netboot boot --dry-run --as board.json --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
 
-The flash is not touched: after the next power-up the board is as before.""",
+The flash is not written: Linux does not get it, and after the next power-up the board is as before.
+With --with-flash, Linux may write there by itself: the vendor's kernel makes bad-block tables in the last
+four blocks when there are none, and UBI writes once it is attached.""",
     "flash": """\
 examples:
   nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 \\
@@ -273,6 +275,11 @@ def _add_linux(command: argparse.ArgumentParser) -> None:
         "--bootargs", metavar="TEXT", help="the kernel's arguments instead of the device tree's"
     )
     group.add_argument(
+        "--with-flash",
+        action="store_true",
+        help="leave the flash on in the device tree: the kernel may write there by itself",
+    )
+    group.add_argument(
         "--until",
         type=_pattern,
         metavar="PATTERN",
@@ -324,7 +331,11 @@ def _boot(run: Run) -> None:
     goal = Goal(parsed.until, parsed.timeout, min(parsed.timeout, Goal.first_seconds))
     with run.board(flash=False) as (session, board):
         network = run.target.network(board)
-        planned = run.target.planned_boot(board, network, parsed.uimage, parsed.dtb, parsed.bootargs, goal)
+        planned = run.target.planned_boot(
+            board, network, parsed.uimage, parsed.dtb, parsed.bootargs, goal, flash=parsed.with_flash
+        )
+        if not parsed.with_flash:
+            run.note("Linux gets no flash: its node in the device tree is off (--with-flash leaves it on).")
         with planned as (plan, arguments):
             run.note(f"The kernel's arguments: {arguments}")
             run.carry_out(plan, session, network)

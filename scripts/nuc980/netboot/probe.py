@@ -27,7 +27,7 @@ SEEN = (
 
 
 def probe(console: Console, progress: Progress, *, flash: bool) -> BoardReport:
-    """Asks the board. flash: also its NAND (on the first access U-Boot may write a bad-block table there)."""
+    """Asks the board. flash: also its NAND, at which U-Boot may look for the first time."""
     with progress.phase("probe"):
         version = console.run("version").required()
         names = set(re.findall(r"^(\S+?) *- ", console.run("help").required(), re.MULTILINE))
@@ -277,8 +277,8 @@ def _flash_remarks(board: BoardReport) -> Iterator[str]:
     else:
         if board.nand.keeps_table:
             yield (
-                "This U-Boot keeps bad-block tables in the last blocks of the flash; its first access writes "
-                "them if there are none."
+                "This U-Boot uses bad-block tables in the last blocks of the flash. One that is built to "
+                "make them has done so at its first access."
             )
         worn = len(board.nand.bad) - len(board.nand.tables)
         if worn > WORN * board.nand.size / board.nand.block:

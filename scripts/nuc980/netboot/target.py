@@ -96,8 +96,13 @@ class Target:
         tree: Path,
         bootargs: str | None = None,
         goal: Goal = LOGIN,
+        *,
+        flash: bool = False,
     ) -> Iterator[tuple[Plan, str]]:
-        """The plan of a boot, whose files are there until the end of `with`; and the kernel's arguments."""
+        """The plan of a boot, whose files are there until the end of `with`; and the kernel's arguments.
+
+        flash: Linux gets the flash, and may write by itself.
+        """
         images = Images.read(uimage, tree)
         addresses = Addresses.of(board)
         images.check(board, addresses)
@@ -105,7 +110,7 @@ class Target:
         arguments = arguments_for(images.tree, board.environment, bootargs, macs)
         with tempfile.TemporaryDirectory(prefix="netboot-") as folder:
             served = Path(folder) / "nuc980.dtb"
-            served.write_bytes(tree_for(images.tree, arguments, macs))
+            served.write_bytes(tree_for(images.tree, arguments, macs, flash=flash))
             plan = plan_boot(board, network, macs, Slice.of(uimage), Slice.of(served), goal, addresses)
             yield plan, arguments
 
@@ -130,12 +135,23 @@ class UBoot:
         return self.session.console.run(command, seconds).required()
 
     def boot(
-        self, uimage: str | Path, tree: str | Path, bootargs: str | None = None, goal: Goal = LOGIN
+        self,
+        uimage: str | Path,
+        tree: str | Path,
+        bootargs: str | None = None,
+        goal: Goal = LOGIN,
+        *,
+        flash: bool = False,
     ) -> Linux:
-        """Kernel and device tree by TFTP, and Linux up to its goal. Raises NetbootError."""
+        """Kernel and device tree by TFTP, and Linux up to its goal. Raises NetbootError.
+
+        flash: Linux gets the flash, and may write by itself.
+        """
         self.target.keep_environment(self.board)
         network = self.target.network(self.board)
-        planned = self.target.planned_boot(self.board, network, Path(uimage), Path(tree), bootargs, goal)
+        planned = self.target.planned_boot(
+            self.board, network, Path(uimage), Path(tree), bootargs, goal, flash=flash
+        )
         with planned as (plan, _), self.session.serving(network):
             plan.run(self.session)
         return Linux(self.session.console.line)

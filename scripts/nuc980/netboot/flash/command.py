@@ -36,6 +36,7 @@ from nuc980.netboot.flash.resume import (
     not_backed_up,
     still_to_do,
 )
+from nuc980.netboot.flash.tables import has_tables, still_right, tables_image
 from nuc980.netboot.plan import Plan, Step
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
@@ -152,13 +153,13 @@ class _Flash:
         self.setup: tuple[Step, ...] = (*plan_session(board), *plan_network(board, network, macs))
 
     def planned(self, files: dict[str, Path]) -> Plan:
-        """What begin() does when nothing goes wrong."""
+        """What begin() does when nothing goes wrong, and the flash has bad-block tables."""
         work = self._work(in_order(self._images(files)))
         backups = self._backups(work, self.site.folder / "flash-DATE")
         return Plan((*self.setup, *backups, *plan_flash(work)))
 
     def begin(self, files: dict[str, Path]) -> None:
-        work = self._work(in_order(self._images(files)))
+        work = self._work(in_order((*self._images(files), *self._tables(files))))
         journal = Journal.create(self.site.folder, header_of(work, self.board, self.parsed.no_backup))
         if self.way:
             slots = (image.slot for image in work.images)
@@ -168,6 +169,7 @@ class _Flash:
     def go_on(self, journal: Journal, content: str) -> None:
         check_same_board(journal, self.nand)
         images = in_order(images_of(journal) if content == NEW else backups_of(journal, self.nand))
+        images = still_right(images, journal.header["nand"]["bad"], self.nand, content)
         for image in images:
             image.slot.check_fits(image.size, self.nand)
         work = self._work(images, content)
@@ -203,6 +205,13 @@ class _Flash:
         for image in images:
             check_image(image, self.nand)
         return images
+
+    def _tables(self, files: dict[str, Path]) -> list[Image]:
+        """With a new root file system, and kept before; in a flash that has none."""
+        address = plan_ram(self.board, (), self.nand).scratch
+        if UBI not in files or not self.way or has_tables(self.session, self.nand, address):
+            return []
+        return [tables_image(self.nand, self.site.folder)]
 
     def _run(
         self, journal: Journal, work: Work, backups: tuple[Step, ...], images: tuple[Image, ...]

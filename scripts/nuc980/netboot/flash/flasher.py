@@ -16,6 +16,7 @@ from nuc980.netboot.flash.layout import KERNEL, LOADER
 from nuc980.netboot.flash.plan import Work, plan_end, plan_opening, plan_writing
 from nuc980.netboot.flash.resume import file_facts
 from nuc980.netboot.flash.steps import BLOCK_SECONDS, BackedUp, BlockFailed, FlashStep, Verified, WriteBlock
+from nuc980.netboot.flash.tables import still_right
 from nuc980.netboot.plan import Step
 from nuc980.netboot.probe import probe_nand
 from nuc980.netboot.session import Session
@@ -39,9 +40,12 @@ class Flasher:
         for image in images:
             image.check_unchanged()
         self._do([*before, *opening])
-        started = time.monotonic()
+        nand, started = self.work.nand, time.monotonic()
         for image in images:
             begun = time.monotonic()
+            if not still_right([image], nand.bad, self.work.nand, self.work.content):
+                self.session.progress.note(f"The {image.name} are left out: a block has died.")
+                continue
             self._write(image)
             self.seconds = time.monotonic() - started
             if image.name == KERNEL:

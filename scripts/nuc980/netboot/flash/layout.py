@@ -19,6 +19,7 @@ LOADER_OFFSET, LOADER_ROOM = 0x100000, 500 * 1024
 
 _OTHER = "read at "
 KERNEL, DEVICE_TREE, UBI, LOADER = "kernel", "device tree", "UBI", "boot loader"
+TABLES = "bad-block tables"
 UBI_PARTITIONS = ("rootfs", "user")
 DEPTH = 8  # of `run` in `run`
 WITHOUT_FLASH = "nuc980-netboot boot starts a kernel over the network"

@@ -18,7 +18,7 @@ from nuc980.netboot.errors import FlashNotPossible
 from nuc980.netboot.flash.backup import BySerial, ByTftp, Way, plan_backup
 from nuc980.netboot.flash.images import Image, blocks_needed, programmed
 from nuc980.netboot.flash.journal import NEW
-from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, TABLES, UBI
 from nuc980.netboot.flash.steps import (
     Announce,
     BackedUp,
@@ -33,7 +33,7 @@ from nuc980.netboot.steps import Load, Slice
 
 CHUNK = 8 << 20  # loaded, backed up and read back at once, bytes
 NEEDED = ("nand", "crc32", "mw", "tftpboot")
-ORDER = (UBI, DEVICE_TREE, KERNEL, LOADER)
+ORDER = (UBI, DEVICE_TREE, KERNEL, TABLES, LOADER)  # the tables last: a block may die before
 
 # What stays free of ours: in front, vectors and boot parameters; below U-Boot, its stack.
 RAM_FRONT, RAM_BACK = 0x100000, 0x100000
