@@ -22,6 +22,9 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 
 STATION = "rtu-iec104"
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
+MODULES_GROUP = 61200
+NO_FILTER = "modules have no filter of system calls: "
+EXECVE = 59  # of x86-64
 
 
 def command(gateway: Gateway, **changed: Path) -> list[str | Path]:
@@ -94,24 +97,82 @@ def test_modules_have_what_they_need_and_no_more(gateway: Gateway) -> None:
             assert not [file for file in files if file.endswith(".seg")]  # mapped, and let go of
             assert Path(f"/proc/{pid}/environ").read_bytes() == b"PATH=/usr/bin:/bin\0"
             assert status["NoNewPrivs"] == ["1"]
+            assert status["Seccomp"] == ["0" if is_sanitized(gateway) else "2"]
+            assert_limited(gateway, pid)
             if os.geteuid() == 0:
                 assert len(set(status["Uid"])) == 1
                 assert status["Uid"][0] != "0"
-                for kind in ("CapInh", "CapPrm", "CapEff", "CapAmb"):
+                for kind in ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb"):
                     assert int(status[kind][0], 16) == 0
         if os.geteuid() == 0:
             users = {status_of(modules[name]["pid"])["Uid"][0] for name in (STATION, *LINES)}
             assert len(users) == 3
             assert status_of(modules[STATION]["pid"])["Groups"] == []  # the network cannot reach a line
+    assert (NO_FILTER in gateway.log(1000)) is is_sanitized(gateway)
 
 
-def test_files_of_the_map_are_nobody_elses_to_write(gateway: Gateway) -> None:
+def is_sanitized(gateway: Gateway) -> bool:
+    """Its calls, processes and mappings are others: such a build does without filters and limits."""
+    return b"__asan_init" in (gateway.build / "modules" / "rtu-modbus").read_bytes()
+
+
+def assert_limited(gateway: Gateway, pid: int) -> None:
+    limits = Path(f"/proc/{pid}/limits").read_text()
+    hard = dict(re.findall(r"^Max (.+?)  +\S+ +(\S+)", limits, re.MULTILINE))
+    assert hard["core file size"] == "0"
+    assert int(hard["open files"]) < 128
+    assert int(hard["realtime timeout"]) == 5_000_000
+    if is_sanitized(gateway):
+        return
+    assert hard["processes"] == "0"
+    assert hard["file size"] == "0"
+    assert int(hard["address space"]) < 64 << 20
+
+
+def test_module_that_executes_something_is_ended_and_restarted(gateway: Gateway) -> None:
+    """The station's process, in somebody else's hands; the log names what it tried, and the lines go on."""
+    if is_sanitized(gateway):
+        pytest.skip("no filters in a build with a sanitizer, which the test above sees")
+    modules = gateway.directory / "modules"
+    modules.mkdir(mode=0o755)
+    (modules / "rtu-modbus").symlink_to(gateway.build / "modules" / "rtu-modbus")
+    (modules / STATION).symlink_to(gateway.build / "modules" / "planted")
+    ended = f"{STATION} was ended for a system call that is not its own: "
+    with rtud(gateway, args=command(gateway, modules=modules)):
+        gateway.wait_for(lambda: gateway.log(1000).count(ended) >= 3, 10, "it is restarted, and ended again")
+        log = gateway.log(1000)
+        assert log.count(ended) == log.count(f"{ended}{EXECVE} (execve)")
+        assert f"{STATION} info: works" in log
+        assert "execve has returned" not in log
+        assert [gateway.modules()[name]["restarts"] for name in LINES] == [0, 0]
+
+
+def test_files_of_the_map_are_nobody_elses(gateway: Gateway) -> None:
     with rtud(gateway, umask=0o077):
         wait_running(gateway)  # modules reach it, whatever rtud's umask
         assert gateway.map.stat().st_mode & 0o777 == 0o711
         for segment in gateway.map.glob("*.seg"):
             assert segment.stat().st_uid == os.geteuid()
-            assert segment.stat().st_mode & 0o777 == 0o644
+            assert segment.stat().st_mode & 0o777 == (0o640 if os.geteuid() == 0 else 0o600)
+            assert os.geteuid() != 0 or segment.stat().st_gid == MODULES_GROUP
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="other users take root to become")
+def test_map_is_shown_to_its_group_alone(gateway: Gateway) -> None:
+    def rtuctl(group: int, *words: str) -> subprocess.CompletedProcess[str]:
+        who = ["setpriv", "--reuid=65534", f"--regid={group}", "--clear-groups", "--"]
+        call = [*who, gateway.build / "rtuctl" / "rtuctl", "--map", gateway.map, *words]
+        return subprocess.run(call, capture_output=True, text=True, timeout=10)
+
+    with rtud(gateway):
+        wait_running(gateway)
+        assert STATION in rtuctl(MODULES_GROUP, "modules").stdout
+        stranger = rtuctl(65534, "modules")
+        assert stranger.returncode != 0
+        assert "cannot open rtud.seg: Permission denied (rtud's user may, and" in stranger.stderr
+        reader = rtuctl(MODULES_GROUP, "set", next(iter(gateway.points())), "1")
+        assert reader.returncode != 0
+        assert "cannot open rtuctl.seg: Permission denied" in reader.stderr
 
 
 def anonymous_kib(pid: int) -> int:

@@ -9,7 +9,7 @@ OPENRTU_SITE = $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu/src
 OPENRTU_SITE_METHOD = local
 OPENRTU_LICENSE = GPL-3.0-or-later
 OPENRTU_LICENSE_FILES = GPL-3.0-or-later.txt
-OPENRTU_DEPENDENCIES = host-pkgconf jansson
+OPENRTU_DEPENDENCIES = host-pkgconf jansson libseccomp
 
 # The unit tests run on the build machine (make test), and a newer compiler's
 # warning shall not stop a release.

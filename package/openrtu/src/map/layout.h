@@ -14,7 +14,7 @@
 #include "map/station.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 4u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT 5u          /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -26,6 +26,7 @@ struct segment_header {
 	_Atomic uint32_t heartbeat_ms;          /* CLOCK_MONOTONIC, low 32 bits */
 	_Atomic uint32_t next_request;          /* id of the next request */
 	uint32_t note;                          /* map_note */
+	_Atomic uint32_t forbidden;             /* map_note_forbidden, and one more; 0: none */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
 };
@@ -157,6 +158,7 @@ struct map {
 	uint32_t turn_ms;
 	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;   /* requests and answers since the bell was cleared */
+	uint32_t load;    /* what others have given this module to do in this period, in records */
 };
 
 uint32_t layout_fingerprint(void);

@@ -18,6 +18,9 @@
 #include "map/supervise.h"
 
 #define FILE_NAME_SIZE (MAP_NAME_SIZE + 8)
+/* Of a real-time module, by others: fifteen commands within 25 ms, which no line carries out. A wake-up is most of the cost. */
+#define LOAD_A_PERIOD  256
+#define LOAD_OF_A_RING 16
 
 int64_t map_now_ns(void)
 {
@@ -175,20 +178,22 @@ static int index_addresses(const struct map_config *config, uint32_t *by_address
 }
 
 /* A new file of that size, all zero and really there, so that a full tmpfs shows now and not as SIGBUS. */
-static void *create_segment(int directory_fd, const char *module, size_t size, char *error)
+static void *create_segment(int directory_fd, const char *module, size_t size, uint32_t group, char *error)
 {
+	const mode_t mode = group ? 0640 : 0600;
 	char name[FILE_NAME_SIZE];
 	void *memory = MAP_FAILED;
 	int fd;
 
 	segment_file(name, module);
 	unlinkat(directory_fd, name, 0);
-	fd = openat(directory_fd, name, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0644);
+	fd = openat(directory_fd, name, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, mode);
 	if (fd < 0) {
 		fail(error, "cannot create the map's segment %s: %s", name, strerror(errno));
 		return NULL;
 	}
-	if (fchmod(fd, 0644) < 0 || (errno = posix_fallocate(fd, 0, (off_t)size)) != 0 ||
+	if (fchmod(fd, mode) < 0 || (group && fchown(fd, (uid_t)-1, group) < 0) ||
+	    (errno = posix_fallocate(fd, 0, (off_t)size)) != 0 ||
 	    (memory = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0)) == MAP_FAILED)
 		fail(error, "cannot give the map's segment %s %zu bytes: %s", name, size, strerror(errno));
 	close(fd);
@@ -218,10 +223,10 @@ static void sign_header(struct segment_header *header, size_t size)
 }
 
 static int create_module_segment(int directory_fd, const struct module_entry *entry,
-				 const struct map_config *config, char *error)
+				 const struct map_config *config, uint32_t group, char *error)
 {
 	struct layout layout = layout_of(entry, config);
-	void *memory = create_segment(directory_fd, entry->name, layout.size, error);
+	void *memory = create_segment(directory_fd, entry->name, layout.size, group, error);
 
 	if (!memory)
 		return -1;
@@ -270,11 +275,11 @@ static int create_segments(int directory_fd, const struct map_config *config, ui
 
 		if (create_bell(directory_fd, entry->name, group, error) < 0)
 			return -1;
-		if (i != MAP_RTUD && create_module_segment(directory_fd, entry, config, error) < 0)
+		if (i != MAP_RTUD && create_module_segment(directory_fd, entry, config, group, error) < 0)
 			return -1;
 	}
 	layout = layout_of(&directory.modules[MAP_RTUD], config);
-	memory = create_segment(directory_fd, directory.modules[MAP_RTUD].name, layout.size, error);
+	memory = create_segment(directory_fd, directory.modules[MAP_RTUD].name, layout.size, group, error);
 	if (!memory)
 		return -1;
 	result = fill_rtud_segment(memory, &layout, &directory, config);
@@ -338,6 +343,15 @@ int map_create(struct map **map, const char *dir, const struct map_config *confi
 	atomic_store(&(*map)->directory->modules[MAP_RTUD].pid, (uint32_t)getpid());
 	atomic_store(&(*map)->directory->modules[MAP_RTUD].started_s, now_s());
 	return 0;
+}
+
+size_t map_size(const struct map *map)
+{
+	size_t size = 0;
+
+	for (uint32_t i = 0; i < map->directory->module_count; i++)
+		size += map->segments[i].size;
+	return size;
 }
 
 int map_segment_open(const struct map *map, uint32_t module)
@@ -406,7 +420,8 @@ static void *map_file(int directory_fd, const char *module, bool writable, size_
 	segment_file(name, module);
 	fd = open_segment(directory_fd, name, writable);
 	if (fd < 0) {
-		fail(error, "cannot open %s: %s", name, strerror(errno));
+		fail(error, "cannot open %s: %s%s", name, strerror(errno),
+		     errno == EACCES ? " (rtud's user may, and who is in the modules' group may read)" : "");
 		return NULL;
 	}
 	if (fstat(fd, &status) == 0 && status.st_size >= (off_t)sizeof(struct segment_header))
@@ -603,8 +618,18 @@ void map_bell_clear(struct map *map)
 	char heard[4096];
 	ssize_t rings = read(map_bell_fd(map), heard, sizeof(heard));
 
-	(void)rings;
+	map->load += map->taken + (rings > 0 ? LOAD_OF_A_RING : 0);
 	map->taken = 0;
+}
+
+bool map_bell_is_wild(const struct map *map)
+{
+	return map->load >= LOAD_A_PERIOD;
+}
+
+void map_bell_new_period(struct map *map)
+{
+	map->load = 0;
 }
 
 void bell_ring(const struct map *map, uint32_t module)

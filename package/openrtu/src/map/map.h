@@ -115,7 +115,7 @@ struct map_module {
  * Creates the segments of rtud, of one module per process number in config->lines (but the own station's, which is
  * rtu-iec104's), of rtu-iec104, of rtuctl and, with a journal, of rtu-journal in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
  * lines[].module, points[].slot, .command and .extra, in config and in the map. Segments and folder belong to the
- * caller's user; group, unless 0, is the modules' and may ring the bells.
+ * caller's user; group, unless 0, is the modules' and may read the segments and ring the bells.
  * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).
  */
 int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t group,
@@ -140,6 +140,8 @@ bool map_alive(const struct map *map, uint32_t module);
 uint32_t map_starts(const struct map *map);
 /* A number in the own segment, 0 at first, that survives the module's restart: what it means is the module's. */
 uint32_t *map_note(struct map *map);
+/* This process has made a system call that its filter forbids; -1: it has not. For rtud, which finds it dead. Signal-safe. */
+void map_note_forbidden(struct map *map, int call);
 /* How old a module's heartbeat may be. */
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module);
 uint32_t map_owner(const struct map *map, uint32_t point);
@@ -226,6 +228,13 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
  */
 int map_bell_fd(const struct map *map);
 void map_bell_clear(struct map *map);
+/*
+ * For a module with real-time priority, which a ring takes to the core at once: rings, and what was taken after them, count
+ * by periods of its own timer. True: it is so much in this one that whoever rings has gone wild; the bell is not to be
+ * waited for until the next one, when all that was left is still there.
+ */
+bool map_bell_is_wild(const struct map *map);
+void map_bell_new_period(struct map *map);
 
 /* ---- commands ---------------------------------------------------------------------------- */
 

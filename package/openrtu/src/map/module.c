@@ -86,6 +86,11 @@ uint32_t *map_note(struct map *map)
 	return &map->segments[map->self].header->note;
 }
 
+void map_note_forbidden(struct map *map, int call)
+{
+	atomic_store(&map->segments[map->self].header->forbidden, (uint32_t)(call + 1));
+}
+
 void map_heartbeat(struct map *map)
 {
 	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
@@ -137,6 +142,11 @@ void map_module_ended(struct map *map, uint32_t module, bool failed)
 	atomic_store(&entry->pid, 0);
 	if (failed)
 		atomic_fetch_add(&entry->restarts, 1);
+}
+
+int map_module_forbidden(const struct map *map, uint32_t module)
+{
+	return (int)(atomic_load(&map->segments[module].header->forbidden) - 1);
 }
 
 void map_announce(struct map *map, enum map_event_kind kind, uint32_t module)

@@ -21,6 +21,10 @@ bool map_module_attached(const struct map *map, uint32_t module);
 void map_module_running(struct map *map, uint32_t module);
 /* Ends the generation. failed: counts as a restart to come; otherwise it stops on purpose. */
 void map_module_ended(struct map *map, uint32_t module, bool failed);
+/* What the module says of itself: the number of the forbidden system call that ended it; -1: none did. */
+int map_module_forbidden(const struct map *map, uint32_t module);
+/* Of all segments, in bytes: what each process maps. */
+size_t map_size(const struct map *map);
 /* Puts MAP_EVENT_MODULE_DOWN, MAP_EVENT_MODULE_UP or MAP_EVENT_CLOCK before all readers of events. */
 void map_announce(struct map *map, enum map_event_kind kind, uint32_t module);
 

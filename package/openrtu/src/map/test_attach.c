@@ -78,10 +78,15 @@ static void test_a_module_cannot_truncate_its_segment(void **state)
 
 	assert_true(segment >= 0);
 	segment = fcntl(segment, F_DUPFD, MAP_SEGMENT_FD + 1);
-	snprintf(path, sizeof(path), "%s/" FIRST ".seg", stage->dir);
 	assert_int_equal(chmod(stage->dir, 0711), 0);
-	/* for a tester who is not root: his file, and yet not his to write */
-	assert_int_equal(chmod(path, 0444), 0);
+	/* the modules' group, and for a tester who is not root: his file, and yet not his to write */
+	for (uint32_t i = 0; i < map_module_count(stage->rtud); i++) {
+		struct map_module module;
+
+		map_module(stage->rtud, i, &module);
+		snprintf(path, sizeof(path), "%s/%s.seg", stage->dir, module.name);
+		assert_int_equal(chmod(path, 0444), 0);
+	}
 	child = fork();
 	if (child == 0)
 		_exit(attach_handed(stage, segment));

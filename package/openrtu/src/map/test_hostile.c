@@ -69,6 +69,94 @@ static void test_a_flooded_bell_is_cleared_in_one_go(void **state)
 	map_detach(map);
 }
 
+/* One turn of a loop at a line's priority, if the bell calls it. True: it did, and there was a request. */
+static bool turn(struct map *map, unsigned *wake_ups)
+{
+	struct map_request taken;
+	bool any = false;
+
+	if (map_bell_is_wild(map) || !bell_is_ringing(map))
+		return false;
+	(*wake_ups)++;
+	map_bell_clear(map);
+	while (map_request_next(map, &taken))
+		any = true;
+	return any;
+}
+
+static void test_a_flooded_bell_wakes_a_few_times_a_period(void **state)
+{
+	struct stage *stage = *state;
+	struct map *map = start(stage, FIRST);
+
+	for (int period = 0; period < 3; period++) {
+		unsigned wake_ups = 0;
+
+		for (int i = 0; i < 10000; i++) {
+			bell_ring(stage->rtud, map->self);
+			turn(map, &wake_ups);
+		}
+		assert_int_equal(wake_ups, 16);
+		map_bell_new_period(map);
+	}
+	map_detach(map);
+}
+
+static void test_commands_are_seen_at_once(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	unsigned wake_ups = 0;
+
+	for (int i = 1; i <= 15; i++) {
+		map_heartbeat(commands.owner);
+		map_request_post(commands.requester, request(1, MAP_SELECT, 1, 1));
+		assert_true(turn(commands.owner, &wake_ups));
+	}
+	end_commands(&commands);
+}
+
+static void test_a_command_in_a_flood_waits_for_the_next_period(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+	unsigned wake_ups = 0;
+
+	for (int i = 0; i < 10000; i++) {
+		bell_ring(stage->rtud, commands.owner->self);
+		turn(commands.owner, &wake_ups);
+	}
+	map_heartbeat(commands.owner);
+	map_request_post(commands.requester, request(1, MAP_SELECT, 1, 1));
+	assert_false(turn(commands.owner, &wake_ups));
+	map_bell_new_period(commands.owner);
+	assert_true(turn(commands.owner, &wake_ups));
+	end_commands(&commands);
+}
+
+/* Each of them wakes the owner: twice as much as it takes in one turn is the most of a period. */
+static void test_a_flood_of_requests_is_bounded_by_the_period(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+
+	for (int period = 0; period < 3; period++) {
+		struct map_request taken;
+		unsigned count = 0;
+
+		for (int i = 0; i < 10000; i++) {
+			map_heartbeat(commands.owner);
+			map_request_post(commands.requester, request(1, MAP_SELECT, 1, 1));
+			if (map_bell_is_wild(commands.owner))
+				continue;
+			map_bell_clear(commands.owner);
+			while (map_request_next(commands.owner, &taken))
+				count++;
+		}
+		assert_in_range(count, 15, 512);
+		map_bell_new_period(commands.owner);
+	}
+	end_commands(&commands);
+}
+
 static void test_a_line_process_commands_nobody(void **state)
 {
 	struct stage *stage = *state;
@@ -164,8 +252,14 @@ static void test_noise_in_a_segment_harms_nobody_else(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    TEST(test_a_forged_event_is_not_believed),       TEST(test_a_flood_of_requests_holds_nobody_up),
-	    TEST(test_a_flooded_bell_is_cleared_in_one_go),  TEST(test_a_line_process_commands_nobody),
+	    TEST(test_a_forged_event_is_not_believed),
+	    TEST(test_a_flood_of_requests_holds_nobody_up),
+	    TEST(test_a_flooded_bell_is_cleared_in_one_go),
+	    TEST(test_a_flooded_bell_wakes_a_few_times_a_period),
+	    TEST(test_commands_are_seen_at_once),
+	    TEST(test_a_command_in_a_flood_waits_for_the_next_period),
+	    TEST(test_a_flood_of_requests_is_bounded_by_the_period),
+	    TEST(test_a_line_process_commands_nobody),
 	    TEST(test_noise_in_a_segment_harms_nobody_else),
 	};
 

@@ -98,7 +98,8 @@ static bool read_files(void)
 
 	if (fresh == NULL) {
 		map_log(station->map, MAP_LOG_ERROR, "%s%s", context != NULL ? "not in force: " : "", error);
-		fprintf(stderr, "rtu-iec104-tls: %s\n", error);
+		if (context == NULL) /* later, stderr may be a file, and none can be written */
+			fprintf(stderr, "rtu-iec104-tls: %s\n", error);
 		return false;
 	}
 	SSL_CTX_set_info_callback(fresh, log_renegotiation);

@@ -3,6 +3,7 @@
 
 #include <getopt.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 static bool parse(int argc, char **argv, struct options *out)
 {
@@ -10,10 +11,11 @@ static bool parse(int argc, char **argv, struct options *out)
 	    {"map", required_argument, NULL, 'm'},
 	    {"module", required_argument, NULL, 'n'},
 	    {"dev", required_argument, NULL, 'd'},
+	    {"filter", required_argument, NULL, 'f'},
 	    {0},
 	};
 
-	*out = (struct options){.devices = "/dev"};
+	*out = (struct options){.devices = "/dev", .filter_fd = -1};
 	for (int option; (option = getopt_long(argc, argv, "", known, NULL)) != -1;) {
 		if (option == 'm')
 			out->map = optarg;
@@ -21,6 +23,8 @@ static bool parse(int argc, char **argv, struct options *out)
 			out->module = optarg;
 		else if (option == 'd')
 			out->devices = optarg;
+		else if (option == 'f')
+			out->filter_fd = atoi(optarg);
 		else
 			return false;
 	}
@@ -31,10 +35,11 @@ bool options_parse(int argc, char **argv, const char *program, struct options *o
 {
 	if (parse(argc, argv, out))
 		return true;
-	fprintf(
-	    stderr,
-	    "usage: %s --map DIR --module NAME [--dev DIR]\n"
-	    "rtud starts it so. DIR of --dev holds the ports that the configuration names without a path.\n",
-	    program);
+	fprintf(stderr,
+		"usage: %s --map DIR --module NAME [--dev DIR] [--filter FD]\n"
+		"rtud starts it so. DIR of --dev holds the ports that the configuration names without a "
+		"path; behind FD "
+		"is the filter of its system calls.\n",
+		program);
 	return false;
 }

@@ -9,9 +9,10 @@ struct options {
 	const char *map;     /* folder of the point map */
 	const char *module;  /* name in it */
 	const char *devices; /* folder of the serial devices: /dev unless it is given */
+	int filter_fd;       /* of the filter of its system calls, for confine(); -1: none */
 };
 
-/* --map DIR --module NAME [--dev DIR]. False, with the usage of the program on stderr, for anything else. */
+/* --map DIR --module NAME [--dev DIR] [--filter FD]. False, with the usage of the program on stderr, for anything else. */
 bool options_parse(int argc, char **argv, const char *program, struct options *out);
 
 #endif

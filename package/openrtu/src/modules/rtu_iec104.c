@@ -21,6 +21,7 @@
 #include "iec104/station.h"
 #include "map/map.h"
 #include "modules/channel.h"
+#include "modules/confine.h"
 #include "modules/newcomers.h"
 #include "modules/options.h"
 #include "modules/peer.h"
@@ -360,7 +361,7 @@ static int open_signals(void)
 	return signal_fd;
 }
 
-static int start(void)
+static int start(int filter_fd)
 {
 	const struct map_settings *settings = &map_config(map)->settings;
 
@@ -375,6 +376,8 @@ static int start(void)
 	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
 	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);
 	watch(EPOLL_CTL_ADD, signal_fd, EPOLLIN, SOURCE_SIGNAL);
+	if (confine(map, filter_fd, 0) < 0)
+		return fail("cannot be confined", strerror(errno));
 	map_log(map, MAP_LOG_INFO, "listening on %s port %u", settings->address, (unsigned)settings->port);
 	return 0;
 }
@@ -391,7 +394,7 @@ int main(int argc, char **argv)
 		return 1;
 	}
 	prctl(PR_SET_NAME, options.module); /* rtud executes a descriptor, whose number would be its name */
-	if (start() < 0)
+	if (start(options.filter_fd) < 0)
 		return 1;
 	run();
 	map_detach(map);

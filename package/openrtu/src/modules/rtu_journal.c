@@ -17,6 +17,7 @@
 #include "journal/follow.h"
 #include "journal/wear.h"
 #include "map/map.h"
+#include "modules/confine.h"
 #include "modules/options.h"
 
 #define NS_PER_MS 1000000LL
@@ -126,9 +127,10 @@ static void run(int signals)
 	write_news();
 }
 
-static int start(void)
+static int start(int filter_fd)
 {
 	uint8_t *memory;
+	int signals;
 	size_t size;
 
 	settings = &map_config(map)->settings.journal;
@@ -139,7 +141,8 @@ static int start(void)
 		return -1;
 	file.folder = settings->path;
 	journal_follow(&follower, map, memory, size);
-	return open_signals();
+	signals = open_signals();
+	return confine(map, filter_fd, settings->size_kb * 1024) < 0 ? -1 : signals;
 }
 
 int main(int argc, char **argv)
@@ -155,7 +158,7 @@ int main(int argc, char **argv)
 		return 1;
 	}
 	prctl(PR_SET_NAME, options.module); /* rtud executes a descriptor, whose number would be its name */
-	signals = start();
+	signals = start(options.filter_fd);
 	if (signals < 0) {
 		fprintf(stderr, "rtu-journal: cannot start: %s\n", strerror(errno));
 		return 1;

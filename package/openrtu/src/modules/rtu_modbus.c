@@ -18,6 +18,7 @@
 #include "map/map.h"
 #include "modbus/configured.h"
 #include "modules/commands.h"
+#include "modules/confine.h"
 #include "modules/line_counters.h"
 #include "modules/line_results.h"
 #include "modules/options.h"
@@ -88,11 +89,20 @@ static bool write_to_line(void *context, uint32_t point, const struct modbus_req
 	return true;
 }
 
+static void hear_bell(struct gateway *gateway, bool heard)
+{
+	struct epoll_event event = {.events = heard ? EPOLLIN : 0, .data.ptr = gateway};
+
+	epoll_ctl(gateway->epoll_fd, EPOLL_CTL_MOD, map_bell_fd(gateway->map), &event);
+}
+
 static void take_requests(struct gateway *gateway)
 {
 	struct map_request request;
 
 	map_bell_clear(gateway->map);
+	if (map_bell_is_wild(gateway->map))
+		hear_bell(gateway, false);
 	while (!stop_requested && map_request_next(gateway->map, &request))
 		commands_request(&gateway->commands, &request);
 }
@@ -259,6 +269,9 @@ static void beat(struct gateway *gateway, int64_t now_ns)
 	if (now_ns < gateway->heartbeat_ns)
 		return;
 	gateway->heartbeat_ns += ((now_ns - gateway->heartbeat_ns) / HEARTBEAT_NS + 1) * HEARTBEAT_NS;
+	if (map_bell_is_wild(gateway->map))
+		hear_bell(gateway, true);
+	map_bell_new_period(gateway->map);
 	map_heartbeat(gateway->map);
 	map_totals_tick(gateway->map);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
@@ -315,6 +328,10 @@ int main(int argc, char **argv)
 	}
 	if (mlockall(MCL_CURRENT | MCL_FUTURE) < 0)
 		map_log(gateway.map, MAP_LOG_INFO, "memory is not locked: %s", strerror(errno));
+	if (confine(gateway.map, options.filter_fd, 0) < 0) {
+		map_log(gateway.map, MAP_LOG_ERROR, "cannot be confined: %s", strerror(errno));
+		return EXIT_FAILURE;
+	}
 	serve(&gateway);
 	map_detach(gateway.map);
 	release_ports(&gateway);

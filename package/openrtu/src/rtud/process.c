@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <grp.h>
 #include <limits.h>
+#include <linux/securebits.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdio.h>
@@ -14,8 +15,20 @@
 #include <unistd.h>
 
 #include "map/supervise.h"
+#include "rtud/filter.h"
 
 #define EXIT_NOT_STARTED 127 /* the shell's word for "could not be executed" */
+#define FILTER_FD        (MAP_SEGMENT_FD + 1)
+#define FILTER_WORD      "4"
+/* Of SCHED_FIFO without ever sleeping: a module whose heart beats while it spins is ended too. A line sleeps within ms. */
+#define SPIN_US 5000000
+
+/* Of root's magic nothing is left, nor can be had back: user 0, a setuid or a file's capabilities give none. */
+#define SECURE_BITS                                                                                          \
+	(SECBIT_NOROOT | SECBIT_NOROOT_LOCKED | SECBIT_KEEP_CAPS_LOCKED | SECBIT_NO_CAP_AMBIENT_RAISE |      \
+	 SECBIT_NO_CAP_AMBIENT_RAISE_LOCKED)
+
+_Static_assert(FILTER_FD == 4, "FILTER_WORD says it");
 
 int process_set_priority(pid_t pid, int priority)
 {
@@ -32,9 +45,19 @@ static int set_groups(const struct process_plan *plan)
 	return setgroups(serial ? 1 : 0, serial ? &serial->gr_gid : NULL);
 }
 
+/* The last that the kernel knows has no next one to read. */
+static int drop_bounding_set(void)
+{
+	for (unsigned long capability = 0; prctl(PR_CAPBSET_READ, capability) >= 0; capability++)
+		if (prctl(PR_CAPBSET_READ, capability) == 1 && prctl(PR_CAPBSET_DROP, capability) < 0)
+			return -1;
+	return prctl(PR_SET_SECUREBITS, SECURE_BITS);
+}
+
 static int drop_privileges(const struct process_plan *plan)
 {
-	if (plan->uid && (set_groups(plan) < 0 || setgid(plan->gid) < 0 || setuid(plan->uid) < 0))
+	if (plan->uid && (drop_bounding_set() < 0 || set_groups(plan) < 0 || setgid(plan->gid) < 0 ||
+			  setuid(plan->uid) < 0))
 		return -1;
 	return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
 }
@@ -48,30 +71,64 @@ static void reset_signals(void)
 	sigprocmask(SIG_SETMASK, &none, NULL);
 }
 
-/* rtud may have inherited more than it opened. Its epoll came first: neither descriptor has the segment's number. */
-static void keep_only(int segment, int program)
+/*
+ * rtud may have inherited more than it opened. What it waits with came first: no descriptor here has the number of the
+ * segment's or the filter's.
+ */
+static void keep_only(int segment, int filter, int program)
 {
+	unsigned next = MAP_SEGMENT_FD + 1;
+
 	dup2(segment, MAP_SEGMENT_FD);
-	close_range(MAP_SEGMENT_FD + 1, (unsigned)program - 1, 0);
+	if (filter >= 0)
+		next = (unsigned)dup2(filter, FILTER_FD) + 1;
+	close_range(next, (unsigned)program - 1, 0);
 	close_range((unsigned)program + 1, UINT_MAX, 0);
+}
+
+/* A limit that rtud itself has, and may not raise, stays. */
+static void limit(__rlimit_resource_t resource, rlim_t most)
+{
+	const struct rlimit limits = {most, most};
+
+	setrlimit(resource, &limits);
+}
+
+/* What a module needs no process and no file for, it takes away itself, when it has started: modules/confine.h. */
+static void set_limits(const struct process_plan *plan)
+{
+	const rlim_t memory = plan->memory ? plan->memory : RLIM_INFINITY;
+
+	limit(RLIMIT_AS, memory);
+	limit(RLIMIT_MEMLOCK, memory); /* the module says when it cannot lock its memory */
+	limit(RLIMIT_NOFILE, plan->files);
+	limit(RLIMIT_CORE, 0); /* with the keys of TLS in it */
+	limit(RLIMIT_RTTIME, SPIN_US);
+}
+
+__attribute__((noreturn)) static void give_up(const char *what, const char *of)
+{
+	fprintf(stderr, "rtud: cannot %s %s: %s\n", what, of, strerror(errno));
+	_exit(EXIT_NOT_STARTED);
 }
 
 __attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
 {
-	const char *const arguments[] = {plan->program, "--map", plan->map, "--module",
-					 plan->module,  "--dev", plan->dev, NULL};
+	const char *const arguments[] = {
+	    plan->program, "--map", plan->map, "--module",
+	    plan->module,  "--dev", plan->dev, plan->filtered ? "--filter" : NULL,
+	    FILTER_WORD,   NULL};
 	const char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
-	const struct rlimit unlimited = {RLIM_INFINITY, RLIM_INFINITY};
+	int filter = plan->filtered ? filter_open(plan->program) : -1;
 
+	if (plan->filtered && filter < 0)
+		give_up("make the filter of", plan->program);
 	reset_signals();
-	keep_only(plan->segment, program);
-	setrlimit(RLIMIT_MEMLOCK, &unlimited); /* the module says when it cannot lock its memory */
+	keep_only(plan->segment, filter, program);
 	process_set_priority(0, 0);
-	if (drop_privileges(plan) < 0) {
-		fprintf(stderr, "rtud: cannot give up privileges for %s: %s\n", plan->module,
-			strerror(errno));
-		_exit(EXIT_NOT_STARTED);
-	}
+	set_limits(plan);
+	if (drop_privileges(plan) < 0)
+		give_up("give up privileges for", plan->module);
 	/*
 	 * After setuid, which clears it; and the parent may have gone before. SIGKILL: a module that hangs must not stay on its
 	 * line beside the next rtud's.
@@ -80,16 +137,17 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	if (getppid() != parent)
 		_exit(EXIT_NOT_STARTED);
 	fexecve(program, (char *const *)arguments, (char *const *)environment); /* which does not write */
-	fprintf(stderr, "rtud: cannot execute %s: %s\n", plan->program, strerror(errno));
-	_exit(EXIT_NOT_STARTED);
+	give_up("execute", plan->program);
 }
 
 pid_t process_start(const struct process_plan *plan)
 {
 	/* Opened here: the module's user need not be able to walk to the program's folder. */
-	int program = open(plan->program, O_PATH | O_CLOEXEC);
+	int folder = open(plan->folder, O_PATH | O_DIRECTORY | O_CLOEXEC);
+	int program = openat(folder, plan->program, O_PATH | O_CLOEXEC);
 	pid_t parent = getpid(), pid;
 
+	close(folder);
 	if (program < 0)
 		return -1;
 	pid = fork();

@@ -8,7 +8,8 @@
 #include <sys/types.h>
 
 struct process_plan {
-	const char *program; /* path of the executable */
+	const char *folder;  /* of the executables */
+	const char *program; /* name of the one */
 	const char *map;     /* folder of the map */
 	const char *module;  /* name in the module table */
 	const char *dev;     /* folder of the serial devices */
@@ -16,12 +17,15 @@ struct process_plan {
 	bool serial;         /* opens serial devices */
 	uid_t uid;           /* user of the process, 0: the caller's */
 	gid_t gid;           /* group shared by all modules */
+	size_t memory;       /* bytes of address space it may have at most; 0: unlimited */
+	unsigned files;      /* descriptors */
+	bool filtered;       /* gets the filter of system calls of its program */
 };
 
 /*
- * Forks and executes `program --map M --module N --dev D`. The child dies with its parent, has no descriptors but the
- * standard ones and its segment at MAP_SEGMENT_FD, may lock its memory, can gain no privilege, and as a user of its own
- * has none. It starts with ordinary scheduling: on this core a program's start takes longer than another line process'
+ * Forks and executes `folder/program --map M --module N --dev D [--filter F]`. The child dies with its parent, has no
+ * descriptors but the standard ones, its segment at MAP_SEGMENT_FD and its filter, may lock its memory, writes no core, can
+ * gain no privilege, and as a user of its own has none. It starts with ordinary scheduling: on this core a program's start takes longer than another line process'
  * heartbeat may. Returns its pid, or -1 with errno.
  */
 pid_t process_start(const struct process_plan *plan);

@@ -20,6 +20,7 @@
 #include "map/supervise.h"
 #include "rtud/clock.h"
 #include "rtud/config.h"
+#include "rtud/filter.h"
 #include "rtud/journal.h"
 #include "rtud/process.h"
 #include "rtud/watchdog.h"
@@ -35,6 +36,12 @@
 #define STOP_MS          3000 /* a module that takes longer to stop is killed */
 #define RESET_DELAY_MS   500  /* until then whoever asked for a reset has been told */
 #define RESET_PAUSE_MS   10000
+
+/* What a module may have: some times what each was seen to have, and more with the map. */
+#define MEMORY_BASE   (48u << 20) /* of address space: libcrypto alone maps 5 MiB */
+#define MEMORY_FACTOR 4
+#define FILES_BASE                                                                                           \
+	96u /* descriptors: a bell of each module, the station's connections and those that are to be */
 
 struct child {
 	pid_t pid;     /* 0: none */
@@ -52,6 +59,7 @@ struct supervisor {
 	uint32_t log_position[MAP_MODULES_MAX];
 	int watchdog; /* descriptor; -1: none */
 	bool stopping;
+	bool filtered;         /* modules get filters of their system calls */
 	bool priority_refused; /* said in the log */
 	int64_t reset_at_ns;   /* all modules are restarted then; 0: no */
 	int64_t reset_ns;      /* when they were last */
@@ -117,23 +125,24 @@ static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 			   const struct map_module *module)
 {
 	const struct supervise_options *options = supervisor->options;
-	bool line_process = module->kind == MAP_MODULE_MODBUS;
-	char program[PATH_MAX];
 	const struct process_plan plan = {
-	    .program = program,
+	    .folder = options->modules,
+	    .program = program_of(supervisor, module->kind),
 	    .map = options->map,
 	    .module = module->name,
 	    .dev = options->dev,
 	    .segment = map_segment_open(supervisor->map, index),
-	    .serial = line_process,
+	    .serial = module->kind == MAP_MODULE_MODBUS,
 	    .uid = user_of(supervisor, index),
 	    .gid = options->uid_base,
+	    .memory = OPENRTU_SANITIZED ? 0 : MEMORY_BASE + MEMORY_FACTOR * map_size(supervisor->map),
+	    .files = FILES_BASE + map_config(supervisor->map)->line_count,
+	    .filtered = supervisor->filtered,
 	};
 	pid_t pid;
 
 	if (plan.segment < 0)
 		return -1;
-	snprintf(program, sizeof(program), "%s/%s", options->modules, program_of(supervisor, module->kind));
 	pid = process_start(&plan);
 	close(plan.segment);
 	return pid;
@@ -177,9 +186,22 @@ static void plan_restart(struct child *child, int status)
 	child->restart_at_ns = now + child->pause_ms * MS;
 }
 
-static void log_end(struct supervisor *supervisor, const char *name, int status)
+/* No program of ours makes one: this is a fault of the filter's, or somebody else's code runs in the module. */
+static void log_forbidden_call(struct supervisor *supervisor, uint32_t index, const char *name)
 {
-	if (WIFSIGNALED(status))
+	int call = map_module_forbidden(supervisor->map, index);
+	char call_name[FILTER_NAME_SIZE];
+
+	filter_name(call, call_name);
+	map_log(supervisor->map, MAP_LOG_ERROR, "%s was ended for a system call that is not its own: %d (%s)",
+		name, call, call_name);
+}
+
+static void log_end(struct supervisor *supervisor, uint32_t index, const char *name, int status)
+{
+	if (WIFSIGNALED(status) && WTERMSIG(status) == SIGSYS)
+		log_forbidden_call(supervisor, index, name);
+	else if (WIFSIGNALED(status))
 		map_log(supervisor->map, MAP_LOG_ERROR, "%s was ended by signal %d (%s)", name,
 			WTERMSIG(status), strsignal(WTERMSIG(status)));
 	else
@@ -199,7 +221,7 @@ static void module_ended(struct supervisor *supervisor, uint32_t index, int stat
 	if (attached) /* also when it was silent: it may have woken and published before it died */
 		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
 	map_module(supervisor->map, index, &module);
-	log_end(supervisor, module.name, status);
+	log_end(supervisor, index, module.name, status);
 	plan_restart(child, status);
 }
 
@@ -394,6 +416,14 @@ static int watch_fd(int epoll, int fd)
 	return fd < 0 ? -1 : epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &event);
 }
 
+static void hear_bell(const struct supervisor *supervisor, int epoll, bool heard)
+{
+	int fd = map_bell_fd(supervisor->map);
+	struct epoll_event event = {.events = heard ? EPOLLIN : 0, .data.fd = fd};
+
+	epoll_ctl(epoll, EPOLL_CTL_MOD, fd, &event);
+}
+
 static int create_tick(void)
 {
 	const struct itimerspec tick = {.it_interval.tv_nsec = TICK_MS * MS, .it_value.tv_nsec = 1};
@@ -458,9 +488,15 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 		epoll_wait(epoll, events, 3, -1);
 		if (asked_to_stop(signals))
 			return;
-		if (read(tick, &ticks, sizeof(ticks)) == (ssize_t)sizeof(ticks))
+		if (read(tick, &ticks, sizeof(ticks)) == (ssize_t)sizeof(ticks)) {
+			if (map_bell_is_wild(supervisor->map))
+				hear_bell(supervisor, epoll, true);
+			map_bell_new_period(supervisor->map);
 			tick_passed(supervisor);
+		}
 		map_bell_clear(supervisor->map);
+		if (map_bell_is_wild(supervisor->map))
+			hear_bell(supervisor, epoll, false);
 		reap(supervisor);
 		serve_requests(supervisor);
 		reset_modules(supervisor);
@@ -484,6 +520,17 @@ static void forget(struct map_config *config)
 	malloc_trim(0);
 }
 
+/* What else a module may not do holds without filters: it is a user without rights, and its means have limits. */
+static void look_for_filters(struct supervisor *supervisor)
+{
+	const char *missing = filter_missing();
+
+	supervisor->filtered = missing == NULL;
+	if (missing != NULL)
+		map_log(supervisor->map, MAP_LOG_WARNING, "modules have no filter of system calls: %s",
+			missing);
+}
+
 int supervise(struct map_config *config, const struct supervise_options *options)
 {
 	static struct supervisor supervisor;
@@ -502,6 +549,7 @@ int supervise(struct map_config *config, const struct supervise_options *options
 		return 1;
 	}
 	raise_priority(&supervisor);
+	look_for_filters(&supervisor);
 	clock_begin(supervisor.map);
 	journal_begin_again(supervisor.map, user_of(&supervisor, map_module_count(supervisor.map) - 1),
 			    options->uid_base); /* rtu-journal is the last one */
