@@ -126,7 +126,9 @@ class Gateway(Rtu):
 
     def start(self) -> None:
         """Starts rtud and waits until its modules run and the station answers on its port."""
-        command = [self.build / "rtud" / "rtud", "--map", self.map, "--dev", self.dev]
+        # Whoever shows or tests the gateway may be killed, or end with its terminal, which rtud does not.
+        command = ["setpriv", "--pdeathsig", "TERM", self.build / "rtud" / "rtud"]
+        command += ["--map", self.map, "--dev", self.dev]
         command += ["--modules", self.build / "modules", self.config_file]
         with self.log_file.open("ab") as log:
             self.process = subprocess.Popen(command, stderr=log, stdin=subprocess.DEVNULL)

@@ -402,16 +402,9 @@ static int create_tick(void)
 	return fd;
 }
 
-static bool is_ignored(int signal_number)
-{
-	struct sigaction action;
-
-	return sigaction(signal_number, NULL, &action) == 0 && action.sa_handler == SIG_IGN;
-}
-
 /*
  * The end of who reads the log is not the gateway's. And whoever started rtud may have left SIGCHLD ignored: then the
- * kernel would reap the modules, and their pids would be other processes'.
+ * kernel would reap the modules, and their pids would be other processes'. So may nohup SIGHUP, which is answered in the log.
  */
 static int create_signals(void)
 {
@@ -419,23 +412,28 @@ static int create_signals(void)
 
 	signal(SIGPIPE, SIG_IGN);
 	signal(SIGCHLD, SIG_DFL);
+	signal(SIGHUP, SIG_DFL);
 	sigemptyset(&signals);
 	sigaddset(&signals, SIGTERM);
 	sigaddset(&signals, SIGINT);
 	sigaddset(&signals, SIGCHLD);
-	if (!is_ignored(SIGHUP)) /* by nohup */
-		sigaddset(&signals, SIGHUP);
+	sigaddset(&signals, SIGHUP);
 	sigprocmask(SIG_BLOCK, &signals, NULL);
 	return signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
 }
 
-static bool asked_to_stop(int signals)
+/* SIGHUP asks other services to read their files again; it also comes from a terminal that closes. */
+static bool asked_to_stop(struct map *map, int signals)
 {
 	struct signalfd_siginfo info;
 	bool stop = false;
 
 	while (read(signals, &info, sizeof(info)) == (ssize_t)sizeof(info))
-		stop |= info.ssi_signo != SIGCHLD;
+		if (info.ssi_signo == SIGHUP)
+			map_log(map, MAP_LOG_WARNING,
+				"SIGHUP is ignored: a changed configuration is read at the next start");
+		else
+			stop |= info.ssi_signo != SIGCHLD;
 	return stop;
 }
 
@@ -454,7 +452,7 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 		uint64_t ticks;
 
 		epoll_wait(epoll, events, 3, -1);
-		if (asked_to_stop(signals))
+		if (asked_to_stop(supervisor->map, signals))
 			return;
 		if (read(tick, &ticks, sizeof(ticks)) == (ssize_t)sizeof(ticks))
 			tick_passed(supervisor);

@@ -15,7 +15,7 @@ struct supervise_options {
 };
 
 /*
- * Creates the map, runs and watches the modules until SIGTERM, SIGINT or SIGHUP, stops them and removes the map.
+ * Creates the map, runs and watches the modules until SIGTERM or SIGINT, stops them and removes the map.
  * Returns rtud's exit code: 0 stopped as asked, 1 could not start (said on stderr).
  */
 int supervise(const struct map_config *config, const struct supervise_options *options);
