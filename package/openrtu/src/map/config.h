@@ -156,7 +156,12 @@ struct map_zone {
 	struct map_zone_rule begin, end;
 };
 
-enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
+/* Whom the clock is from (rtud/clock.h). */
+enum map_clock_mode {
+	MAP_CLOCK_GATEWAY, /* the system's clock while that is synchronised, else a controlling station */
+	MAP_CLOCK_MASTERS, /* a controlling station */
+	MAP_CLOCK_SYSTEM, /* the system's clock, which a controlling station sets unless it is synchronised */
+};
 
 /* Controlling stations, or connections of one, of which one at a time is sent the events. */
 struct map_group {

@@ -62,7 +62,7 @@ static const int64_t MS = 1000000;
 static void print_line(const struct map *map, uint32_t module, const struct map_log_line *line)
 {
 	static const char *const levels[] = {"error", "warning", "info", "debug"};
-	int64_t wall = line->time_ns + map_clock_read(map).offset_ns;
+	int64_t wall = map_wall_ns(map_clock_read(map), line->time_ns);
 	time_t seconds = (time_t)(wall / (1000 * MS));
 	struct map_module description;
 	struct tm utc;
@@ -297,13 +297,20 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 		supervisor->reset_at_ns = now + RESET_DELAY_MS * MS;
 }
 
+static void set_clock(struct map *map, const struct map_request *request)
+{
+	const struct clock_reading system = clock_read(adjtimex);
+
+	clock_set(map, request, &system);
+}
+
 static void serve_requests(struct supervisor *supervisor)
 {
 	struct map_request request;
 
 	while (map_request_next(supervisor->map, &request)) {
 		if (request.action == MAP_SET_CLOCK)
-			clock_set(supervisor->map, &request);
+			set_clock(supervisor->map, &request);
 		else if (request.action == MAP_RESTART)
 			take_reset(supervisor, &request);
 	}
@@ -439,7 +446,9 @@ static bool asked_to_stop(struct map *map, int signals)
 
 static void tick_passed(struct supervisor *supervisor)
 {
-	clock_follow(supervisor->map);
+	const struct clock_reading system = clock_read(adjtimex);
+
+	clock_follow(supervisor->map, &system);
 	print_logs(supervisor, LINES_A_TICK);
 	if (supervisor->watchdog >= 0)
 		watchdog_feed(supervisor->watchdog);
@@ -478,6 +487,7 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 	static struct supervisor supervisor;
 	char error[MAP_ERROR_SIZE];
 	int epoll = epoll_create1(EPOLL_CLOEXEC), signals = create_signals(), tick = create_tick();
+	struct clock_reading system;
 	bool started;
 
 	supervisor.options = options;
@@ -491,7 +501,8 @@ int supervise(const struct map_config *config, const struct supervise_options *o
 		return 1;
 	}
 	raise_priority(&supervisor);
-	clock_begin(supervisor.map);
+	system = clock_read(adjtimex);
+	clock_begin(supervisor.map, &system);
 	journal_begin_again(supervisor.map, user_of(&supervisor, map_module_count(supervisor.map) - 1),
 			    options->uid_base); /* rtu-journal is the last one */
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
