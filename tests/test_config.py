@@ -239,6 +239,19 @@ def test_periods_are_summed_up(programs: Path, tmp_path: Path, case: Periods) ->
         assert case.note.strip() in LIMIT_PAGE.read_text()
 
 
+def test_cost_of_early_probes_is_noted(programs: Path, tmp_path: Path) -> None:
+    document = report_file()
+    slaves = document["port"][2]["slaves"]
+    slaves[0]["probe_max_s"] = 2
+    assert check_document(programs, tmp_path, document).stderr == ""  # nobody else waits
+    slaves.append({"id": 2, "coils": [{"address": 0}], "probe_max_s": 10})  # 10 s are more than 19 time-outs
+    noted = check_document(programs, tmp_path, document)
+    assert noted.returncode == 0
+    assert noted.stderr.startswith("note: port[2].slaves[0].probe_max_s: ")
+    assert noted.stderr.count("\n") == 1
+    assert noted.stderr.strip() in LIMIT_PAGE.read_text()
+
+
 # ---- wrong files -------------------------------------------------------------------------------------------
 
 

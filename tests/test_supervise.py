@@ -2,14 +2,17 @@
 """rtud against what it meets: wrong folders, programs that cannot run, a log that nobody reads."""
 
 import contextlib
+import fcntl
 import itertools
 import json
 import os
+import pty
 import re
 import resource
 import signal
 import socket
 import subprocess
+import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -351,10 +354,48 @@ def test_deaths_are_seen_though_sigchld_was_ignored(gateway: Gateway) -> None:
         assert gateway.modules()[STATION]["restarts"] == 1
 
 
+def test_closed_terminal_stops_nothing(gateway: Gateway) -> None:
+    """The kernel sends SIGHUP to the session's leader, rtud, and to all in the foreground, the modules."""
+    master, slave = pty.openpty()
+
+    def take_terminal() -> None:
+        os.setsid()
+        fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
+
+    with rtud(gateway, stdin=slave, stdout=slave, stderr=slave, preexec_fn=take_terminal) as process:
+        os.close(slave)
+        before = wait_running(gateway)
+        os.close(master)
+        gateway.wait_for(lambda: said(gateway, "rtud", "SIGHUP is ignored") > 0, 10, "SIGHUP is logged")
+        gateway.kill(LINES[1])  # what rtud says of it goes to a terminal that is gone
+        gateway.wait_for(
+            lambda: gateway.modules()[LINES[1]]["pid"] not in (0, before[LINES[1]]["pid"]),
+            10,
+            "a new process",
+        )
+        after = wait_running(gateway)
+        assert [after[name]["pid"] for name in (STATION, LINES[0])] == [
+            before[name]["pid"] for name in (STATION, LINES[0])
+        ]
+        process.terminate()
+        assert process.wait(10) == 0
+
+
+def test_sighup_is_said_under_nohup_too(gateway: Gateway) -> None:
+    def ignore() -> None:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+    with rtud(gateway, preexec_fn=ignore) as process:
+        before = wait_running(gateway)
+        process.send_signal(signal.SIGHUP)
+        gateway.wait_for(lambda: said(gateway, "rtud", "SIGHUP is ignored") == 1, 10, "SIGHUP is logged")
+        assert wait_running(gateway)[STATION]["pid"] == before[STATION]["pid"]
+
+
 # ---- how it ends --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_stops_cleanly_with_a_stopped_module(gateway: Gateway, number: signal.Signals) -> None:
     with rtud(gateway) as process:
         os.kill(wait_running(gateway)[LINES[0]]["pid"], signal.SIGSTOP)

@@ -43,8 +43,12 @@ def free_port() -> int:
 
 
 def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
-    """A copy of a configuration whose station listens on 127.0.0.1, at that TCP port."""
+    """A copy of a configuration whose station listens on 127.0.0.1, at that TCP port.
+
+    Its clock is the controlling station's, if it does not say otherwise: this machine's may be synchronised or not.
+    """
     changed = copy.deepcopy(config)
+    changed.setdefault("clock", "masters")
     changed.setdefault("iec104", {}).update(address="127.0.0.1", port=port)
     return changed
 
@@ -126,7 +130,9 @@ class Gateway(Rtu):
 
     def start(self) -> None:
         """Starts rtud and waits until its modules run and the station answers on its port."""
-        command = [self.build / "rtud" / "rtud", "--map", self.map, "--dev", self.dev]
+        # Whoever shows or tests the gateway may be killed, or end with its terminal, which rtud does not.
+        command = ["setpriv", "--pdeathsig", "TERM", self.build / "rtud" / "rtud"]
+        command += ["--map", self.map, "--dev", self.dev]
         command += ["--modules", self.build / "modules", self.config_file]
         with self.log_file.open("ab") as log:
             self.process = subprocess.Popen(command, stderr=log, stdin=subprocess.DEVNULL)

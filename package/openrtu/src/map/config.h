@@ -101,7 +101,7 @@ struct map_device {
 	uint16_t response_timeout_min_ms; /* the least that is waited, however fast it has been */
 	uint16_t max_bits, max_registers; /* that one request may read, 0: as the protocol has it */
 	uint8_t no_holes;                 /* a request reads only addresses that points have */
-	uint8_t reserved;
+	uint8_t probe_max_s;  /* longest pause between two probes of it while dead, 0: see modbus/line.h */
 	uint32_t reaction_us; /* from the silence behind a request to its answer's first byte, 0: not known */
 	uint32_t first_point;
 	uint32_t point_count;
@@ -156,7 +156,12 @@ struct map_zone {
 	struct map_zone_rule begin, end;
 };
 
-enum map_clock_mode { MAP_CLOCK_GATEWAY, MAP_CLOCK_SYSTEM };
+/* Whom the clock is from (rtud/clock.h). */
+enum map_clock_mode {
+	MAP_CLOCK_GATEWAY, /* the system's clock while that is synchronised, else a controlling station */
+	MAP_CLOCK_MASTERS, /* a controlling station */
+	MAP_CLOCK_SYSTEM, /* the system's clock, which a controlling station sets unless it is synchronised */
+};
 
 /* Controlling stations, or connections of one, of which one at a time is sent the events. */
 struct map_group {

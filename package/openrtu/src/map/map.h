@@ -411,9 +411,24 @@ void map_smooth(struct map *map, uint32_t point, struct map_sample *sample);
 
 /* ---- clock ------------------------------------------------------------------------------- */
 
+/* Where the clock's time is from. */
+enum map_clock_source {
+	MAP_CLOCK_UNSET,        /* the system's clock at the start, or what nobody vouches for any more */
+	MAP_CLOCK_BY_MASTER,    /* a controlling station */
+	MAP_CLOCK_SYNCHRONISED, /* the system's clock, which is synchronised */
+	MAP_CLOCK_HELD,         /* the same until it was lost; the clock runs on by itself */
+};
+
 struct map_clock {
-	int64_t offset_ns; /* wall = monotonic + offset */
-	bool set;          /* by a master, or the system's clock is synchronised */
+	int64_t offset_ns; /* wall = monotonic + offset, of now: map_wall_ns */
+	int64_t leap_ns;   /* when the last leap second was; 0: none since the start */
+	int64_t since_ns;  /* the source is this one */
+	int64_t until_ns;  /* of one that is held: time tags are valid until then */
+	uint32_t error_us; /* the most that it is wrong, as last known while the system was synchronised */
+	int8_t leap_s;     /* what that leap second took off the offset: 1 was inserted, -1 left out */
+	int8_t leap_due_s; /* the same of one that comes at the end of this day, 0: none */
+	uint8_t source;    /* enum map_clock_source */
+	bool set;          /* time tags are valid */
 };
 
 int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
@@ -425,10 +440,16 @@ int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
 int64_t map_turn(struct map *map);
 struct map_clock map_clock_read(const struct map *map);
 
+/* The wall time of a moment, of which there may be a leap second since. */
+static inline int64_t map_wall_ns(struct map_clock clock, int64_t time_ns)
+{
+	return time_ns + clock.offset_ns + (time_ns < clock.leap_ns ? clock.leap_s * 1000000000LL : 0);
+}
+
 /* When an event happened, by the clock as it is now, or as it was before a power cut. */
 static inline int64_t map_event_wall_ns(const struct map_event *event, struct map_clock clock)
 {
-	return event->time == MAP_TIME_MONOTONIC ? event->sample.time_ns + clock.offset_ns
+	return event->time == MAP_TIME_MONOTONIC ? map_wall_ns(clock, event->sample.time_ns)
 						 : event->sample.time_ns;
 }
 /* Whether that clock was set. */

@@ -5,6 +5,7 @@
 
 #define NS_PER_US 1000LL
 #define NS_PER_MS 1000000LL
+#define NS_PER_S  1000000000LL
 
 unsigned modbus_bits_per_char(const struct map_line *line)
 {
@@ -73,6 +74,7 @@ static bool configure_device(const struct map_config *config, const struct map_d
 	    .limits = modbus_limits_of(from),
 	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
 	    .response_timeout_min_ns = from->response_timeout_min_ms * NS_PER_MS,
+	    .probe_max_ns = from->probe_max_s * NS_PER_S,
 	    .object_count = from->point_count,
 	    .objects = allocate(from->point_count, sizeof(*device->objects)),
 	    .reads = allocate(from->point_count, sizeof(*device->reads)),

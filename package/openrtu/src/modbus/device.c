@@ -245,10 +245,9 @@ void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t no
 	line->events->alive(line->context, index, true, now_ns);
 }
 
-/* What the line loses when the next probe is not answered. */
-static int64_t vain_probe_ns(const struct modbus_line *line, const struct modbus_device *device)
+int64_t modbus_vain_probe_ns(const struct modbus_wire *wire, int64_t timeout_ns)
 {
-	return line->wire.turn_ns + PROBE_LENGTH * line->wire.char_ns + modbus_timeout(device);
+	return wire->turn_ns + PROBE_LENGTH * wire->char_ns + timeout_ns;
 }
 
 /* Somebody has to wait while this device is waited for. */
@@ -259,19 +258,24 @@ static bool has_living_others(const struct modbus_line *line, const struct modbu
 
 /*
  * Until the next probe, if that is in vain, the device will have had its share of the line's time: for what it cost
- * since it was paid last, and for this probe. Where no other lives, nothing is lost, and it need not wait so long.
+ * since it was paid last, and for this probe. Where no other lives, nothing is lost, and it need not wait so long; nor
+ * where the configuration says how long at most.
  */
 static void let_rest(const struct modbus_line *line, struct modbus_device *device, int64_t now_ns)
 {
-	int64_t pause_ns = doubled(MODBUS_FIRST_PROBE_NS, device->failures, MODBUS_RAREST_PROBE_NS);
+	int64_t rarest_ns = device->probe_max_ns > 0 ? device->probe_max_ns : MODBUS_RAREST_PROBE_NS;
+	int64_t vain_ns;
 
 	device->paid_ns = later(device->paid_ns + MODBUS_DEAD_SHARE * device->lost_ns, now_ns);
 	device->paid_ns = earlier(device->paid_ns, now_ns + MODBUS_RAREST_PROBE_NS);
 	device->lost_ns = 0;
 	set_timeout(device);
-	device->lone_probe_ns = now_ns + pause_ns;
-	device->next_probe_ns = later(
-	    device->lone_probe_ns, device->paid_ns + (MODBUS_DEAD_SHARE - 1) * vain_probe_ns(line, device));
+	vain_ns = modbus_vain_probe_ns(&line->wire, modbus_timeout(device));
+	device->lone_probe_ns = now_ns + doubled(MODBUS_FIRST_PROBE_NS, device->failures, rarest_ns);
+	device->next_probe_ns =
+	    later(device->lone_probe_ns, device->paid_ns + (MODBUS_DEAD_SHARE - 1) * vain_ns);
+	if (device->probe_max_ns > 0)
+		device->next_probe_ns = earlier(device->next_probe_ns, now_ns + device->probe_max_ns);
 	device->backoff_ns = modbus_probe_due_ns(line, device) - now_ns;
 }
 

@@ -32,7 +32,8 @@
  * before a probe doubles too, and is long enough that, if the probe is in vain, the line has lost no more than one
  * MODBUS_DEAD_SHAREth of the time to it: from the death on, but for the requests by which the device was found dead. The
  * time in which it lived has paid for these; where that was too short, the first pause is the longer, by a minute at
- * most. While no device of the line lives, a probe costs nobody anything: then the pause only doubles.
+ * most. While no device of the line lives, a probe costs nobody anything: then the pause only doubles. A device with
+ * probe_max_ns is never left alone for longer than that, whatever its probes then cost.
  *
  * On TCP (wire.tcp) an answer says by its transaction which request it answers: none can be mistaken for another's, so the
  * line goes on at once after a time-out. One request is under way at a time, as many devices want it. There are no
@@ -120,7 +121,9 @@ struct modbus_device {
 	struct modbus_limits limits;
 	int64_t response_timeout_ns;     /* end of request to first byte of the answer: the ceiling */
 	int64_t response_timeout_min_ns; /* the floor: less is never waited for */
-	struct modbus_object *objects;   /* sorted by modbus_line_init */
+	int64_t
+	    probe_max_ns; /* the longest pause before a probe; 0: MODBUS_RAREST_PROBE_NS, or its share's */
+	struct modbus_object *objects; /* sorted by modbus_line_init */
 	uint32_t object_count;
 	struct modbus_read *reads; /* room for object_count of them */
 
@@ -245,6 +248,9 @@ struct modbus_output {
 
 /* How long to wait after one more try that failed. backoff_ns: after the one before, 0 for the first. */
 int64_t modbus_next_backoff(int64_t backoff_ns);
+
+/* What the line loses to a probe that is not answered within the time-out. */
+int64_t modbus_vain_probe_ns(const struct modbus_wire *wire, int64_t timeout_ns);
 
 /* Plans the reads of all devices. The line is closed then. */
 void modbus_line_init(struct modbus_line *line);

@@ -39,6 +39,7 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	     .max_registers = 4,
 	     .no_holes = true,
 	     .response_timeout_min_ms = 60,
+	     .probe_max_s = 5,
 	     .first_point = 2,
 	     .point_count = 2},
 	};
@@ -73,6 +74,7 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	assert_int_equal(line.devices[1].limits.registers, 4);
 	assert_true(line.devices[1].limits.no_holes);
 	assert_int_equal(line.devices[1].response_timeout_min_ns, 60000000);
+	assert_int_equal(line.devices[1].probe_max_ns, 5000000000);
 	assert_int_equal(line.devices[1].read_count, 2);
 	assert_int_equal(line.devices[1].reads[0].function, MODBUS_READ_COILS);
 	assert_int_equal(line.devices[1].reads[0].address, 10);

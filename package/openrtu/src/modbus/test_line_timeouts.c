@@ -333,6 +333,36 @@ static void a_line_without_a_living_device_loses_nothing(void **state)
 		assert_true(bus.devices[i].alive);
 }
 
+/* The second dead device of three has no such limit, and keeps its share. */
+static void a_pause_before_a_probe_has_the_limit_that_is_given(void **state)
+{
+	static const int64_t limits_s[] = {1, 2, 7, 255};
+	const struct dead_case two = {100, 500, 9600, 1, 0, 2, false};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(limits_s) / sizeof(limits_s[0]); i++) {
+		int64_t longest_ns = 0;
+
+		start_to_die(&two);
+		bus.devices[0].probe_max_ns = limits_s[i] * SECOND;
+		run_for(MODBUS_DEAD_SHARE * 3 * two.ceiling_ms * MS);
+		bus.slaves[0].present = bus.slaves[1].present = false;
+		run_until_dead(0, 200 * SECOND);
+		run_until_dead(1, 200 * SECOND);
+		for (int64_t end_ns = bus.now_ns + 1200 * SECOND; bus.now_ns < end_ns; run_for(10 * MS)) {
+			longest_ns =
+			    bus.devices[0].backoff_ns > longest_ns ? bus.devices[0].backoff_ns : longest_ns;
+			assert_true((bus.lost_ns[1] - bus.lost_by_death_ns[1]) * MODBUS_DEAD_SHARE <=
+				    bus.now_ns - bus.died_ns[1]);
+		}
+		assert_int_equal(longest_ns, limits_s[i] * SECOND);
+		bus.slaves[0].present = true;
+		run_for(limits_s[i] * SECOND + 600 * MS);
+		assert_true(bus.devices[0].alive);
+		assert_false(bus.devices[1].alive);
+	}
+}
+
 /* It answers for a second, then not until it was probed in vain so often, and so on. */
 static void a_device_that_comes_and_goes_costs_its_share_too(void **state)
 {
@@ -424,6 +454,7 @@ int main(void)
 	    cmocka_unit_test(an_early_time_out_mistakes_no_late_answer),
 	    cmocka_unit_test(a_dead_device_costs_its_share_at_most),
 	    cmocka_unit_test(a_line_without_a_living_device_loses_nothing),
+	    cmocka_unit_test(a_pause_before_a_probe_has_the_limit_that_is_given),
 	    cmocka_unit_test(a_device_that_comes_and_goes_costs_its_share_too),
 	    cmocka_unit_test(a_device_that_returns_slower_is_found),
 	    cmocka_unit_test(a_stopped_process_does_not_make_a_device_rest),

@@ -18,7 +18,7 @@ static const struct timespec LOOK_PERIOD = {.tv_nsec = 50 * 1000 * 1000};
 
 static void event_time(const struct map *map, int64_t time_ns, char *out)
 {
-	words_time(time_ns + map_clock_read(map).offset_ns, out);
+	words_time(map_wall_ns(map_clock_read(map), time_ns), out);
 }
 
 /* ---- events ------------------------------------------------------------------------------ */

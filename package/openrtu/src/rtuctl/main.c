@@ -47,6 +47,10 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
+    {"clock", "", 0, 0, 0, NULL, "the gateway's clock, and where its time is from",
+     "VALID is what time tags say of it. ERROR is the most that it may be wrong while the system's clock is\n"
+     "synchronised; LEFT, after that was lost, how long time tags stay valid.\n",
+     rtuctl_clock},
     {"lines", "[--histogram | --suggest]", 0, 0, TAKES_HISTOGRAM | TAKES_SUGGEST, NULL,
      "lines and their devices, with counters",
      "Counters count since the module started and wrap at 2^32. The second table is what went wrong on the\n"

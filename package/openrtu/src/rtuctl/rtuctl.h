@@ -39,6 +39,7 @@ rtuctl_command rtuctl_points;
 rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
+rtuctl_command rtuctl_clock;
 rtuctl_command rtuctl_lines;
 rtuctl_command rtuctl_histogram; /* lines --histogram */
 rtuctl_command rtuctl_suggest;   /* lines --suggest */

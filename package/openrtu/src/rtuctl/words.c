@@ -50,6 +50,14 @@ const char *words_cause(enum map_cause cause)
 	return word(words, COUNT(words), cause);
 }
 
+const char *words_clock_source(enum map_clock_source source)
+{
+	static const char *const words[] = {"none", "controlling station", "system, synchronised",
+					    "system, not synchronised any more"};
+
+	return word(words, COUNT(words), source);
+}
+
 const char *words_log_level(enum map_log_level level)
 {
 	static const char *const words[] = {"error", "warning", "info", "debug"};

@@ -18,6 +18,7 @@ const char *words_module_kind(enum map_module_kind kind);
 const char *words_module_state(enum map_module_state state);
 const char *words_log_level(enum map_log_level level);
 const char *words_cause(enum map_cause cause);
+const char *words_clock_source(enum map_clock_source source);
 
 /* "good", or what is wrong, joined by commas: "invalid,not topical". */
 void words_quality(uint8_t quality, char *out);

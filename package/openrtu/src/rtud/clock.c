@@ -2,48 +2,215 @@
 #include "rtud/clock.h"
 
 #include <errno.h>
+#include <stdlib.h>
 #include <string.h>
-#include <sys/timex.h>
 #include <time.h>
 
 #include "map/supervise.h"
 
 #define SECOND_NS 1000000000LL
+#define US_PER_S  1000000LL
+#define NS_PER_US 1000LL
 #define LATEST_NS (INT64_MAX / 2) /* in 2116; CP56Time2a ends with 2099 */
 
-static int64_t system_offset_ns(void)
+#define ATTEMPTS     3         /* at reading two clocks at once: the process may lose the core in between */
+#define MOVED_NS     1000000LL /* less is in no time tag, nor worth a line in the log */
+#define LEAP_NEAR_NS (SECOND_NS / 10)
+
+/* ---- the system's clock ------------------------------------------------------------------ */
+
+static void bracket(struct clock_reading *reading)
 {
 	struct timespec wall;
-	int64_t now = map_now_ns();
+	int64_t before = map_now_ns(), wall_ns;
 
 	clock_gettime(CLOCK_REALTIME, &wall);
-	return (int64_t)wall.tv_sec * SECOND_NS + wall.tv_nsec - now;
+	wall_ns = (int64_t)wall.tv_sec * SECOND_NS + wall.tv_nsec;
+	reading->now_ns = map_now_ns();
+	reading->earliest_ns = wall_ns - reading->now_ns;
+	reading->latest_ns = wall_ns - before;
 }
 
-static bool system_is_synchronised(void)
+struct clock_reading clock_read(int (*kernel)(struct timex *))
 {
+	struct clock_reading best = {.latest_ns = INT64_MAX};
 	struct timex state = {0};
 
-	return adjtimex(&state) != TIME_ERROR && !(state.status & STA_UNSYNC);
+	for (int i = 0; i < ATTEMPTS; i++) {
+		struct clock_reading reading = {0};
+
+		bracket(&reading);
+		if (reading.latest_ns - reading.earliest_ns < best.latest_ns - best.earliest_ns)
+			best = reading;
+	}
+	best.state = kernel(&state);
+	best.synchronised = best.state >= 0 && best.state != TIME_ERROR && !(state.status & STA_UNSYNC) &&
+			    state.maxerror < CLOCK_ERROR_MAX_US;
+	best.error_us = (uint32_t)state.maxerror;
+	return best;
 }
 
-void clock_begin(struct map *map)
-{
-	struct map_clock clock = {.offset_ns = system_offset_ns(), .set = system_is_synchronised()};
+/* ---- what is said of it ------------------------------------------------------------------ */
 
+static double seconds(int64_t ns)
+{
+	return (double)ns / SECOND_NS;
+}
+
+static void say_begin(struct map *map, const struct map_clock *clock, const struct clock_reading *system)
+{
+	time_t wall = (time_t)((system->now_ns + clock->offset_ns) / SECOND_NS);
+	struct tm utc;
+	char date[32];
+
+	gmtime_r(&wall, &utc);
+	strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%SZ", &utc);
+	if (clock->set)
+		map_log(map, MAP_LOG_INFO, "the clock begins with the system's, synchronised to %.3f s",
+			(double)clock->error_us / US_PER_S);
+	else
+		map_log(map, MAP_LOG_WARNING,
+			"the clock begins with the system's, %s: time tags are invalid until it is set",
+			date);
+}
+
+/* ---- following it ------------------------------------------------------------------------ */
+
+static void set_source(struct map_clock *clock, enum map_clock_source source, int64_t now_ns)
+{
+	clock->source = (uint8_t)source;
+	clock->since_ns = now_ns;
+	clock->set = source != MAP_CLOCK_UNSET;
+}
+
+/*
+ * Both clocks are slewed alike, so what lies between them changes by steps only: an offset that may still be right is
+ * right, and the moment at which the two were read adds nothing to it. Returns by how much it has moved.
+ */
+static int64_t track(struct map_clock *clock, const struct clock_reading *system)
+{
+	int64_t before_ns = clock->offset_ns;
+
+	if (before_ns < system->earliest_ns || before_ns > system->latest_ns)
+		clock->offset_ns = system->earliest_ns + (system->latest_ns - system->earliest_ns) / 2;
+	return clock->offset_ns - before_ns;
+}
+
+static int8_t leap_due(const struct clock_reading *system)
+{
+	return system->state == TIME_INS ? 1 : system->state == TIME_DEL ? -1 : 0;
+}
+
+/* The kernel has stepped its clock for the leap second that was due. */
+static bool is_leap(const struct map_clock *clock, const struct clock_reading *system, int64_t moved_ns)
+{
+	bool over = system->state == TIME_OOP || system->state == TIME_WAIT;
+
+	return over && clock->leap_due_s != 0 &&
+	       llabs(moved_ns + clock->leap_due_s * SECOND_NS) < LEAP_NEAR_NS;
+}
+
+/* At a whole second, a tick ago at most: what happened before it keeps its time. */
+static void take_leap(struct map *map, struct map_clock *clock, const struct clock_reading *system)
+{
+	clock->leap_s = clock->leap_due_s;
+	clock->leap_ns = system->now_ns - (system->now_ns + clock->offset_ns) % SECOND_NS;
+	map_log(map, MAP_LOG_INFO, "a leap second was %s", clock->leap_s > 0 ? "inserted" : "left out");
+}
+
+static void say_due(struct map *map, const struct map_clock *clock)
+{
+	if (clock->leap_due_s != 0)
+		map_log(map, MAP_LOG_INFO, "a leap second is %s at the end of this day, UTC",
+			clock->leap_due_s > 0 ? "inserted" : "left out");
+}
+
+static void take_synchronised(struct map *map, struct map_clock *clock, const struct clock_reading *system)
+{
+	int64_t moved_ns = track(clock, system);
+
+	clock->error_us = system->error_us;
+	if (clock->source != MAP_CLOCK_SYNCHRONISED) {
+		set_source(clock, MAP_CLOCK_SYNCHRONISED, system->now_ns);
+		map_log(map, MAP_LOG_INFO,
+			"the system's clock is synchronised to %.3f s: the clock follows it, moved by %.3f s",
+			(double)clock->error_us / US_PER_S, seconds(moved_ns));
+	} else if (is_leap(clock, system, moved_ns)) {
+		take_leap(map, clock, system);
+	} else if (llabs(moved_ns) >= MOVED_NS) {
+		map_log(map, MAP_LOG_INFO, "the clock follows the system's, moved by %.3f s",
+			seconds(moved_ns));
+	}
+	if (clock->leap_due_s != leap_due(system)) {
+		clock->leap_due_s = leap_due(system);
+		say_due(map, clock);
+	}
+}
+
+/* Until the clock may be wrong by more than it may. */
+static int64_t hold_ns(const struct map_clock *clock)
+{
+	return (CLOCK_ERROR_MAX_US - clock->error_us) * US_PER_S / CLOCK_DRIFT_PPM * NS_PER_US;
+}
+
+static void hold(struct map *map, struct map_clock *clock, const struct clock_reading *system)
+{
+	if (clock->source == MAP_CLOCK_SYNCHRONISED) {
+		set_source(clock, MAP_CLOCK_HELD, system->now_ns);
+		clock->until_ns = system->now_ns + hold_ns(clock);
+		clock->leap_due_s = 0;
+		map_log(
+		    map, MAP_LOG_WARNING,
+		    "the system's clock is not synchronised any more: time tags are valid for %.1f h more",
+		    seconds(hold_ns(clock)) / 3600);
+	}
+	if (clock->source == MAP_CLOCK_HELD && system->now_ns > clock->until_ns) {
+		set_source(clock, MAP_CLOCK_UNSET, system->now_ns);
+		map_log(map, MAP_LOG_WARNING,
+			"the clock may be wrong by more than %lld s: time tags are invalid until it is set",
+			CLOCK_ERROR_MAX_US / US_PER_S);
+	}
+}
+
+void clock_begin(struct map *map, const struct clock_reading *system)
+{
+	bool vouched = system->synchronised && map_config(map)->settings.clock != MAP_CLOCK_MASTERS;
+	struct map_clock clock = {.error_us = system->error_us};
+
+	track(&clock, system);
+	clock.leap_due_s = vouched ? leap_due(system) : 0;
+	set_source(&clock, vouched ? MAP_CLOCK_SYNCHRONISED : MAP_CLOCK_UNSET, system->now_ns);
 	map_clock_write(map, clock);
+	say_begin(map, &clock, system);
+	say_due(map, &clock);
 }
 
-void clock_follow(struct map *map)
+static bool is_news(const struct map_clock *before, const struct map_clock *clock)
 {
-	struct map_clock clock = map_clock_read(map);
+	return before->source != clock->source || llabs(before->offset_ns - clock->offset_ns) >= MOVED_NS;
+}
 
-	if (map_config(map)->settings.clock != MAP_CLOCK_SYSTEM)
+void clock_follow(struct map *map, const struct clock_reading *system)
+{
+	const struct map_clock before = map_clock_read(map);
+	enum map_clock_mode mode = (enum map_clock_mode)map_config(map)->settings.clock;
+	struct map_clock clock = before;
+
+	if (mode == MAP_CLOCK_MASTERS)
 		return;
-	clock.offset_ns = system_offset_ns();
-	clock.set = clock.set || system_is_synchronised();
+	if (system->synchronised) {
+		take_synchronised(map, &clock, system);
+	} else {
+		if (mode == MAP_CLOCK_SYSTEM)
+			track(&clock, system);
+		hold(map, &clock, system);
+	}
 	map_clock_write(map, clock);
+	if (is_news(&before, &clock))
+		map_announce(map, MAP_EVENT_CLOCK, MAP_RTUD);
 }
+
+/* ---- a controlling station sets it ------------------------------------------------------- */
 
 static int set_system_clock(int64_t wall_ns)
 {
@@ -60,26 +227,44 @@ static bool is_possible(const struct map_request *request)
 	       request->wall_ns <= LATEST_NS;
 }
 
-void clock_set(struct map *map, const struct map_request *request)
+/* MAP_RESULT_NONE: it may be set to this. */
+static enum map_command_result refusal(struct map *map, const struct map_request *request,
+				       const struct clock_reading *system, const char *requester)
 {
-	struct map_clock clock = {.set = true};
+	enum map_clock_mode mode = (enum map_clock_mode)map_config(map)->settings.clock;
+
+	if (!is_possible(request))
+		return MAP_RESULT_OUT_OF_RANGE;
+	if (mode != MAP_CLOCK_MASTERS && system->synchronised) {
+		map_log(map, MAP_LOG_INFO, "clock not set by %s: the system's is synchronised", requester);
+		return MAP_RESULT_INTERLOCK;
+	}
+	if (mode == MAP_CLOCK_SYSTEM &&
+	    set_system_clock(request->wall_ns + map_now_ns() - request->time_ns) < 0) {
+		map_log(map, MAP_LOG_ERROR, "cannot set the system's clock for %s: %s", requester,
+			strerror(errno));
+		return MAP_RESULT_NOT_COMMANDABLE;
+	}
+	return MAP_RESULT_NONE;
+}
+
+void clock_set(struct map *map, const struct map_request *request, const struct clock_reading *system)
+{
+	struct map_clock clock = map_clock_read(map);
+	int64_t before_ns = clock.offset_ns;
+	enum map_command_result refused;
 	struct map_module requester;
 
-	if (!is_possible(request)) {
-		map_request_answer(map, request, MAP_RESULT_OUT_OF_RANGE);
+	map_module(map, request->requester, &requester);
+	refused = refusal(map, request, system, requester.name);
+	if (refused != MAP_RESULT_NONE) {
+		map_request_answer(map, request, refused);
 		return;
 	}
 	clock.offset_ns = request->wall_ns - request->time_ns;
-	map_module(map, request->requester, &requester);
-	if (map_config(map)->settings.clock == MAP_CLOCK_SYSTEM &&
-	    set_system_clock(map_now_ns() + clock.offset_ns) < 0) {
-		map_log(map, MAP_LOG_ERROR, "cannot set the system's clock for %s: %s", requester.name,
-			strerror(errno));
-		map_request_answer(map, request, MAP_RESULT_NOT_COMMANDABLE);
-		return;
-	}
+	set_source(&clock, MAP_CLOCK_BY_MASTER, system->now_ns);
 	map_log(map, MAP_LOG_INFO, "clock set by %s, moved by %.3f s", requester.name,
-		(double)(clock.offset_ns - map_clock_read(map).offset_ns) / SECOND_NS);
+		seconds(clock.offset_ns - before_ns));
 	map_clock_write(map, clock);
 	map_announce(map, MAP_EVENT_CLOCK, request->requester);
 	map_request_answer(map, request, MAP_RESULT_DONE);

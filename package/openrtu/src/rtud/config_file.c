@@ -8,7 +8,8 @@
 #define PORT_PLAIN        2404
 #define PORT_TLS          19998 /* IANA: iec-104-sec */
 
-static const char *const clocks[] = {[MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_SYSTEM] = "system", NULL};
+static const char *const clocks[] = {
+    [MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_MASTERS] = "masters", [MAP_CLOCK_SYSTEM] = "system", NULL};
 
 enum {
 	FILE_PORT,

@@ -15,8 +15,9 @@
 #define CONFIG_TABLES    (MAP_HOLDING_REGISTERS + 1)
 
 /* The keys that lead to an object; a slave's tables follow, see config_table_names. */
-#define CONFIG_KEY_PORTS  "port"
-#define CONFIG_KEY_SLAVES "slaves"
+#define CONFIG_KEY_PORTS     "port"
+#define CONFIG_KEY_SLAVES    "slaves"
+#define CONFIG_KEY_PROBE_MAX "probe_max_s" /* of a slave */
 
 /* A point, and the indices that lead to it in the file. */
 struct config_entry {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Whether a line can hold the periods of its devices' objects: docs/limit.md. */
+/* What its devices ask of a line's time: whether it can hold their periods, what probes cost. docs/limit.md. */
 #include "modbus/configured.h"
 #include "rtud/config_parts.h"
 #include "rtud/limit.h"
@@ -108,6 +108,27 @@ static void check_load(struct config_loader *loader, const struct config_place *
 		check_waiting(loader, port, line);
 }
 
+/* A probe that the key asks for earlier than a dead device's share of the time would have it. */
+static void check_probes(struct config_loader *loader, const struct config_place *port,
+			 const struct modbus_line *line)
+{
+	const struct config_place slaves = config_key_of(port, CONFIG_KEY_SLAVES);
+
+	for (uint32_t i = 0; line->device_count > 1 && i < line->device_count; i++) {
+		const struct modbus_device *device = &line->devices[i];
+		const struct config_place slave = config_element_of(&slaves, i);
+		const struct config_place here = config_key_of(&slave, CONFIG_KEY_PROBE_MAX);
+		int64_t vain_ns = modbus_vain_probe_ns(&line->wire, device->response_timeout_ns);
+		double share = (double)vain_ns / (double)(device->probe_max_ns + vain_ns);
+
+		if (device->probe_max_ns > 0 && share * MODBUS_DEAD_SHARE > 1)
+			config_note(&loader->report, &here,
+				    "while the device is dead, it costs the line up to %.0f %% of its time, "
+				    "without the key %.0f %%",
+				    100 * share, 100.0 / MODBUS_DEAD_SHARE);
+	}
+}
+
 static bool check_line(struct config_loader *loader, uint32_t number)
 {
 	const struct config_place file = {.in = NULL};
@@ -121,6 +142,8 @@ static bool check_line(struct config_loader *loader, uint32_t number)
 		check_reads(loader, &port, &line);
 	if (made && loader->report.errors == errors)
 		check_load(loader, &port, &line);
+	if (made)
+		check_probes(loader, &port, &line);
 	modbus_line_release(&line);
 	return made;
 }

@@ -28,6 +28,7 @@ enum {
 	SLAVE_RESPONSE_TIMEOUT,
 	SLAVE_RESPONSE_TIMEOUT_MIN,
 	SLAVE_RETRIES,
+	SLAVE_PROBE_MAX,
 	SLAVE_PERIOD,
 	SLAVE_REACTION,
 	SLAVE_MAX_BITS,
@@ -48,6 +49,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_RESPONSE_TIMEOUT_MIN] = {"response_timeout_min_ms", CONFIG_INTEGER, .low = 10, .high = 10000,
 				    .fallback = 100},
     [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
+    [SLAVE_PROBE_MAX] = {CONFIG_KEY_PROBE_MAX, CONFIG_INTEGER, .low = 1, .high = UINT8_MAX},
     [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
     [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .low = 0.1, .high = 10000},
     [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
@@ -88,7 +90,7 @@ static void check_broadcast(struct config_loader *loader, const struct config_pl
 				     "slave 0 is the broadcast address, which is never read, expected only "
 				     "coils and holding_registers");
 	}
-	for (size_t key = SLAVE_PERIOD; key <= SLAVE_HOLES; key++) {
+	for (size_t key = SLAVE_PROBE_MAX; key <= SLAVE_HOLES; key++) {
 		const struct config_place here = config_key_of(slave, slave_rules[key].name);
 
 		if (values[key].given)
@@ -166,6 +168,7 @@ static void add_device(struct config_loader *loader, const struct config_place *
 	    .max_bits = (uint16_t)values[SLAVE_MAX_BITS].integer,
 	    .max_registers = (uint16_t)values[SLAVE_MAX_REGISTERS].integer,
 	    .no_holes = !values[SLAVE_HOLES].integer,
+	    .probe_max_s = (uint8_t)values[SLAVE_PROBE_MAX].integer,
 	    .response_timeout_min_ms = least_timeout_ms(loader, place, values),
 	    .reaction_us = reaction_us(loader, place, values),
 	    .first_point = config->point_count,

@@ -27,7 +27,7 @@ static const char usage[] =
     "  --watchdog DEV   feed this watchdog while rtud is healthy; an orderly end stops it       [none]\n"
     "  --help           this text\n"
     "\n"
-    "It stays in the foreground, logs to stderr and stops at SIGTERM, SIGINT or SIGHUP.\n"
+    "It stays in the foreground, logs to stderr, stops at SIGTERM or SIGINT and ignores SIGHUP.\n"
     "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage, FILE is not readable as\n"
     "JSON or needs a module that this build has not.\n";
 

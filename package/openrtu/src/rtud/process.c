@@ -67,6 +67,7 @@ static void reset_signals(void)
 	sigset_t none;
 
 	signal(SIGPIPE, SIG_DFL);
+	signal(SIGHUP, SIG_IGN); /* a terminal that closes sends it to all in the foreground */
 	sigemptyset(&none);
 	sigprocmask(SIG_SETMASK, &none, NULL);
 }

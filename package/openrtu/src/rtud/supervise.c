@@ -72,7 +72,7 @@ static const int64_t MS = 1000000;
 static void print_line(const struct map *map, uint32_t module, const struct map_log_line *line)
 {
 	static const char *const levels[] = {"error", "warning", "info", "debug"};
-	int64_t wall = line->time_ns + map_clock_read(map).offset_ns;
+	int64_t wall = map_wall_ns(map_clock_read(map), line->time_ns);
 	time_t seconds = (time_t)(wall / (1000 * MS));
 	struct map_module description;
 	struct tm utc;
@@ -321,13 +321,20 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 		supervisor->reset_at_ns = now + RESET_DELAY_MS * MS;
 }
 
+static void set_clock(struct map *map, const struct map_request *request)
+{
+	const struct clock_reading system = clock_read(adjtimex);
+
+	clock_set(map, request, &system);
+}
+
 static void serve_requests(struct supervisor *supervisor)
 {
 	struct map_request request;
 
 	while (map_request_next(supervisor->map, &request)) {
 		if (request.action == MAP_SET_CLOCK)
-			clock_set(supervisor->map, &request);
+			set_clock(supervisor->map, &request);
 		else if (request.action == MAP_RESTART)
 			take_reset(supervisor, &request);
 	}
@@ -434,16 +441,9 @@ static int create_tick(void)
 	return fd;
 }
 
-static bool is_ignored(int signal_number)
-{
-	struct sigaction action;
-
-	return sigaction(signal_number, NULL, &action) == 0 && action.sa_handler == SIG_IGN;
-}
-
 /*
  * The end of who reads the log is not the gateway's. And whoever started rtud may have left SIGCHLD ignored: then the
- * kernel would reap the modules, and their pids would be other processes'.
+ * kernel would reap the modules, and their pids would be other processes'. So may nohup SIGHUP, which is answered in the log.
  */
 static int create_signals(void)
 {
@@ -451,29 +451,36 @@ static int create_signals(void)
 
 	signal(SIGPIPE, SIG_IGN);
 	signal(SIGCHLD, SIG_DFL);
+	signal(SIGHUP, SIG_DFL);
 	sigemptyset(&signals);
 	sigaddset(&signals, SIGTERM);
 	sigaddset(&signals, SIGINT);
 	sigaddset(&signals, SIGCHLD);
-	if (!is_ignored(SIGHUP)) /* by nohup */
-		sigaddset(&signals, SIGHUP);
+	sigaddset(&signals, SIGHUP);
 	sigprocmask(SIG_BLOCK, &signals, NULL);
 	return signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
 }
 
-static bool asked_to_stop(int signals)
+/* SIGHUP asks other services to read their files again; it also comes from a terminal that closes. */
+static bool asked_to_stop(struct map *map, int signals)
 {
 	struct signalfd_siginfo info;
 	bool stop = false;
 
 	while (read(signals, &info, sizeof(info)) == (ssize_t)sizeof(info))
-		stop |= info.ssi_signo != SIGCHLD;
+		if (info.ssi_signo == SIGHUP)
+			map_log(map, MAP_LOG_WARNING,
+				"SIGHUP is ignored: a changed configuration is read at the next start");
+		else
+			stop |= info.ssi_signo != SIGCHLD;
 	return stop;
 }
 
 static void tick_passed(struct supervisor *supervisor)
 {
-	clock_follow(supervisor->map);
+	const struct clock_reading system = clock_read(adjtimex);
+
+	clock_follow(supervisor->map, &system);
 	print_logs(supervisor, LINES_A_TICK);
 	if (supervisor->watchdog >= 0)
 		watchdog_feed(supervisor->watchdog);
@@ -486,7 +493,7 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 		uint64_t ticks;
 
 		epoll_wait(epoll, events, 3, -1);
-		if (asked_to_stop(signals))
+		if (asked_to_stop(supervisor->map, signals))
 			return;
 		if (read(tick, &ticks, sizeof(ticks)) == (ssize_t)sizeof(ticks)) {
 			if (map_bell_is_wild(supervisor->map))
@@ -536,6 +543,7 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	static struct supervisor supervisor;
 	char error[MAP_ERROR_SIZE];
 	int epoll = epoll_create1(EPOLL_CLOEXEC), signals = create_signals(), tick = create_tick();
+	struct clock_reading system;
 	bool started;
 
 	supervisor.options = options;
@@ -550,7 +558,8 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	}
 	raise_priority(&supervisor);
 	look_for_filters(&supervisor);
-	clock_begin(supervisor.map);
+	system = clock_read(adjtimex);
+	clock_begin(supervisor.map, &system);
 	journal_begin_again(supervisor.map, user_of(&supervisor, map_module_count(supervisor.map) - 1),
 			    options->uid_base); /* rtu-journal is the last one */
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
