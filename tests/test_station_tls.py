@@ -26,6 +26,7 @@ from peers.tls_gateway import (
     STATION,
     VERSIONS,
     WAITS_S,
+    ApduAWake,
     Pki,
     TlsGateway,
     assert_refused,
@@ -72,6 +73,13 @@ def test_interrogation_of_5000_points(gateway: TlsGateway, version: str) -> None
         objects = master.interrogate(STATION).objects
     assert [found.ioa for found in objects] == list(range(30001, 30001 + POINTS))
     gateway.wait_log(rf'TLSv{version}, "centre 1"$')
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_each_apdu_has_a_record(gateway: TlsGateway, version: str) -> None:
+    """Also those that wait together: of two in a record, such a master would see one."""
+    with gateway.master(version, ApduAWake) as master:
+        assert len(master.interrogate(STATION).objects) == POINTS
 
 
 @contextlib.contextmanager
