@@ -20,12 +20,13 @@ import pytest
 
 from lab.gateway import TESTFR_ACT, TESTFR_CON, remove, run_directory
 from lab.raw_master import RawMaster
-from peers.authority import openssl
+from peers.authority import DocumentedAuthority, openssl
 from peers.tls_gateway import (
     POINTS,
     STATION,
     VERSIONS,
     WAITS_S,
+    ApduAWake,
     Pki,
     TlsGateway,
     assert_refused,
@@ -72,6 +73,33 @@ def test_interrogation_of_5000_points(gateway: TlsGateway, version: str) -> None
         objects = master.interrogate(STATION).objects
     assert [found.ioa for found in objects] == list(range(30001, 30001 + POINTS))
     gateway.wait_log(rf'TLSv{version}, "centre 1"$')
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_each_apdu_has_a_record(gateway: TlsGateway, version: str) -> None:
+    """Also those that wait together: of two in a record, such a master would see one."""
+    with gateway.master(version, ApduAWake) as master:
+        assert len(master.interrogate(STATION).objects) == POINTS
+
+
+@pytest.mark.parametrize(("kind", "bits"), [("ec", 256), ("rsa", 2048)])
+def test_documented_certificates(programs: Path, kind: str, bits: int) -> None:
+    """By the page's own commands. RSA is for masters that refuse short keys, as lib60870 in C does."""
+    folder = run_directory()
+    try:
+        made = DocumentedAuthority(folder / "documented", kind)
+        assert f"Public-Key: ({bits} bit)" in openssl(
+            "x509", "-in", made.station.certificate, "-noout", "-text"
+        )
+        pki = Pki(made, made.station, made.centre, made.centre)
+        with gateway_with(pki, programs) as gateway, gateway.master() as master:
+            assert len(master.interrogate(STATION).objects) == POINTS
+        lists = ["-crl_check", "-CAfile", made.certificate, "-CRLfile", made.folder / "crl.pem"]
+        openssl("verify", *lists, made.station.certificate)
+        with pytest.raises(AssertionError, match="certificate revoked"):
+            openssl("verify", *lists, made.centre.certificate)
+    finally:
+        remove(folder)
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -31,6 +32,13 @@ def openssl(*arguments: str | Path, folder: Path | None = None) -> str:
     return run.stdout
 
 
+def give_to_station(key: Path) -> None:
+    """The station alone may read it."""
+    key.chmod(0o400)
+    if os.geteuid() == 0:
+        os.chown(key, STATION_USER, STATION_USER)
+
+
 @dataclass(frozen=True)
 class Identity:
     """A certificate and its key."""
@@ -42,6 +50,23 @@ class Identity:
     def fingerprint(self) -> str:
         said = openssl("x509", "-in", self.certificate, "-noout", "-fingerprint", "-sha256")
         return said.strip().partition("=")[2]
+
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "telecontrol.md"
+ON_THE_BOARD = "/data/"  # in commands that are for it
+ANSWERS = """set -eu
+openssl() { printf '%s\\n' passphrase passphrase y y | command openssl "$@"; }
+"""
+
+
+def documented_commands(kind: str) -> str:
+    """How the page makes certificates, as a script; of its kinds of keys the one of that name."""
+    section = PAGE.read_text().partition("### Make the certificates")[2].partition("\n### ")[0]
+    blocks = re.findall(r"```sh\n(.*?)```", section, re.DOTALL)
+    kinds = [block for block in blocks if "key=" in block]
+    [chosen] = [block for block in kinds if f"key={kind}:" in block]
+    elsewhere = [block for block in blocks if ON_THE_BOARD in block or "s_client" in block]
+    return "".join([ANSWERS, chosen, *(block for block in blocks if block not in kinds + elsewhere)])
 
 
 class Authority:
@@ -90,9 +115,7 @@ class Authority:
     def issue_for_station(self, name: str = "substation 7", days: int = 30, key: str = EC) -> Identity:
         """One whose key the station alone may read."""
         made = self.issue(name, days, key, usage="serverAuth")
-        made.key.chmod(0o400)
-        if os.geteuid() == 0:
-            os.chown(made.key, STATION_USER, STATION_USER)
+        give_to_station(made.key)
         return made
 
     def revoke(self, *identities: Identity, seconds: int = 30 * 86400) -> Path:
@@ -110,3 +133,21 @@ class Authority:
         settings.write_text(BOOK)
         by = ["-config", settings, "-cert", self.certificate, "-keyfile", self._key]
         openssl("ca", *by, *arguments, folder=self.folder)
+
+
+class DocumentedAuthority(Authority):
+    """Made by the commands of the page: with a station, a controlling station, which is then revoked."""
+
+    def __init__(self, folder: Path, kind: str) -> None:
+        self.folder = folder
+        folder.mkdir()
+        self.certificate, self._key = folder / "ca.pem", folder / "ca.key"
+        command = ["sh", "-c", documented_commands(kind)]
+        # a session of its own has no terminal, which would be asked for the passphrase
+        run = subprocess.run(
+            command, cwd=folder, start_new_session=True, capture_output=True, text=True, check=False
+        )
+        assert run.returncode == 0, run.stderr
+        self.station = Identity(folder / "station.pem", folder / "station.key")
+        self.centre = Identity(folder / "centre.pem", folder / "centre.key")
+        give_to_station(self.station.key)

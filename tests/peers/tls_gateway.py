@@ -6,9 +6,11 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import select
 import signal
 import socket
 import ssl
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,8 +91,8 @@ class TlsGateway(Gateway):
         except OSError:
             return False
 
-    def master(self, version: str | None = None) -> RawMaster:
-        return RawMaster(*self.address, tls=self.pki.client(version=version))
+    def master(self, version: str | None = None, kind: type[RawMaster] = RawMaster) -> RawMaster:
+        return kind(*self.address, tls=self.pki.client(version=version))
 
     def wait_log(self, pattern: str) -> None:
         """Until the pattern is in a line of the log."""
@@ -109,6 +111,22 @@ class TlsGateway(Gateway):
     def processor_seconds(self) -> float:
         stat = Path(f"/proc/{self.modules()['rtu-iec104']['pid']}/stat").read_text()
         return sum(map(int, stat.rpartition(")")[2].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+class ApduAWake(RawMaster):
+    """
+    Reads one APDU each time its socket is readable and never asks what TLS holds back, as lib60870 in C does:
+    of two APDUs in a record, the second waits until something else comes.
+    """
+
+    def _receive(self, deadline: float) -> bytes | None:
+        connected = self._connected
+        while select.select([connected], [], [], max(0.0, deadline - time.monotonic()))[0]:
+            with contextlib.suppress(ssl.SSLWantReadError):  # a record of TLS may hold nothing for us
+                connected.setblocking(False)
+                head = connected.recv(2)
+                return head + connected.recv(head[1]) if head else head
+        return None
 
 
 @contextlib.contextmanager

@@ -44,7 +44,10 @@ enum channel_greeting channel_greet(struct channel *channel);
 ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size);
 /* Octets have come that the socket does not have any more, so that epoll does not tell of them. */
 bool channel_pending(const struct channel *channel);
-/* Returns how many octets went; 0: none now, -1: the connection is over. After 0, they must be offered again. */
+/*
+ * bytes: whole APDUs, or what is left of them. Returns how many octets went; 0: none now, -1: the connection is over. What
+ * did not go must be offered again.
+ */
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size);
 
 /* To be called in each turn, once it is greeted: renews what has its time. False: logged; to be closed. */

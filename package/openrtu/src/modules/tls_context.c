@@ -156,8 +156,8 @@ static bool use_rules(SSL_CTX *context, const struct map_tls *settings, SSL_veri
 	 * What is written may have moved and grown when it is offered again; an idle connection keeps no buffers; the
 	 * masters' CA is not added to the certificates that are sent.
 	 */
-	SSL_CTX_set_mode(context, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER |
-				      SSL_MODE_RELEASE_BUFFERS | SSL_MODE_NO_AUTO_CHAIN);
+	SSL_CTX_set_mode(context, SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER | SSL_MODE_RELEASE_BUFFERS |
+				      SSL_MODE_NO_AUTO_CHAIN);
 	/* A record without data, of which a peer may send many, does not keep a call from returning. */
 	SSL_CTX_clear_mode(context, SSL_MODE_AUTO_RETRY);
 	SSL_CTX_set_max_send_fragment(context, IEC104_OUTPUT_SIZE);
