@@ -163,6 +163,12 @@ def status(linux: Linux, program: str) -> list[dict[str, str]]:
     return [dict(line.split(":\t", 1) for line in text.splitlines() if ":\t" in line) for text in texts]
 
 
+def assert_confined(process: dict[str, str]) -> None:
+    assert {int(process[kind], 16) for kind in ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb")} == {0}
+    assert process["NoNewPrivs"] == "1"
+    assert process["Seccomp"] == "2"
+
+
 def test_first_process_is_busybox_init(linux: Linux) -> None:
     assert linux.run("readlink /proc/1/exe").strip() == "/bin/busybox"
     assert linux.run("cat /proc/1/comm").strip() == "init"
@@ -172,8 +178,7 @@ def test_modules_have_users_of_their_own_and_no_capability(linux: Linux, first_a
     users = {}
     for program in ("rtu-iec104", "rtu-modbus"):
         for process in status(linux, program):
-            assert int(process["CapEff"], 16) == int(process["CapPrm"], 16) == 0
-            assert process["NoNewPrivs"] == "1"
+            assert_confined(process)
             users[process["Uid"].split()[0]] = program
     assert users == {"61201": "rtu-iec104", "61203": "rtu-modbus"}
     assert linux.run("id -u rtu-iec104; id -u rtu-modbus; id -gn rtu-iec104").split() == [

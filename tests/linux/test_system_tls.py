@@ -47,7 +47,9 @@ def configuration() -> str:
     """The site's, with points whose device does not answer."""
     device = {"id": 1, "input_registers": [{"address": address} for address in range(POINTS)]}
     line = {"value": 1, "active": 1, "baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    return json.dumps(json.loads(SITE.read_text()) | {"port": [line | {"slaves": [device]}]})
+    journal = {"path": "/data/journal", "interval_s": 1, "volume_mb": 1048576}  # in memory here: no flash wears out
+    port = [line | {"slaves": [device]}]
+    return json.dumps(json.loads(SITE.read_text()) | {"port": port, "journal": journal})
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +115,21 @@ def test_interrogation(on_time: Linux, pki: Pki, port: int, version: str) -> Non
     with RawMaster("127.0.0.1", port, tls=pki.client(version=version)) as master:
         assert len(master.interrogate(STATION).objects) == POINTS
     assert f'TLSv{version}, "centre 1"' in log(on_time)
+
+
+def test_modules_have_their_filters_and_make_no_other_call(on_time: Linux, pki: Pki, port: int) -> None:
+    """What TLS and the journal ask of this kernel, with this glibc; the plain gateway has a test of its own."""
+    assert greeted(port, pki.client())
+    on_time.run("cp /data/tls/crl.pem /data/tls/again.pem && mv /data/tls/again.pem /data/tls/crl.pem")
+    wait = "until rtuctl log | grep -q 'TLS, its files have changed and are in force'; do sleep 0.2; done"
+    on_time.run(f'timeout {WAITS_S} sh -c "{wait}"', 2 * WAITS_S)
+    for program in ("rtu-iec104", "rtu-modbus", "rtu-journal"):
+        status = on_time.run(f"cat /proc/$(pidof {program})/status")
+        assert re.search(r"^Seccomp:\s+2$", status, re.MULTILINE), program
+        assert re.search(r"^CapBnd:\s+0+$", status, re.MULTILINE), program
+    (journal,) = (module for module in json.loads(on_time.run("rtuctl --json modules")) if "journal" in module)
+    assert journal["journal"]["records"] > 0
+    assert "a system call that is not its own" not in log(on_time)
 
 
 def test_time_of_a_handshake(on_time: Linux, pki: Pki, port: int) -> None:

@@ -52,6 +52,7 @@ int confine(struct map *map, int filter_fd, size_t file_size)
 		return 0;
 	map_of_handler = map;
 	map_note_forbidden(map, -1);
+	signal(SIGXFSZ, SIG_IGN); /* a file that would grow too long is an error of its writer: EFBIG */
 	if (limit(RLIMIT_NPROC, 0) < 0 || limit(RLIMIT_FSIZE, file_size) < 0 ||
 	    sigaction(SIGSYS, &action, NULL) < 0)
 		return -1;

@@ -276,8 +276,8 @@ static void fill_a_file(const struct call *call)
 	(void)call;
 	if (write(fileno(file), octets, sizeof(octets)) != sizeof(octets))
 		_exit(OTHER_ERROR);
-	(void)!write(fileno(file), octets, 1);
-	_exit(OTHER_ERROR);
+	if (write(fileno(file), octets, 1) >= 0 || errno != EFBIG)
+		_exit(OTHER_ERROR);
 }
 
 /* As a module's user: root may have as many as it likes. */
@@ -291,14 +291,15 @@ static void become_somebody(const struct call *call)
 
 static void test_means_are_limited_without_a_filter(void **state)
 {
+	void (*const acts[])(const struct call *) = {become_somebody, fill_a_file};
 	struct map *map = start(*state, FIRST);
-	int status = status_of(&(struct confined){map, NULL, become_somebody, NULL});
 
-	assert_true(WIFEXITED(status));
-	assert_int_equal(WEXITSTATUS(status), EXIT_SUCCESS);
-	status = status_of(&(struct confined){map, NULL, fill_a_file, NULL});
-	assert_true(WIFSIGNALED(status));
-	assert_int_equal(WTERMSIG(status), SIGXFSZ);
+	for (size_t i = 0; i < COUNT(acts); i++) {
+		int status = status_of(&(struct confined){map, NULL, acts[i], NULL});
+
+		assert_true(WIFEXITED(status));
+		assert_int_equal(WEXITSTATUS(status), EXIT_SUCCESS);
+	}
 	map_detach(map);
 }
 

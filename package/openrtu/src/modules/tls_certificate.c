@@ -57,7 +57,8 @@ static void fingerprint(const X509 *certificate, char text[MAP_TLS_MASTER_SIZE])
 	X509_digest(certificate, EVP_sha256(), digest, &size);
 	text[0] = '\0';
 	for (unsigned i = 0; i < size; i++)
-		snprintf(text + 3 * i, 4, "%02X%s", digest[i], i + 1 < size ? ":" : "");
+		snprintf(text + 3 * i, MAP_TLS_MASTER_SIZE - 3 * i, "%02X%s", digest[i],
+			 i + 1 < size ? ":" : "");
 }
 
 /* ---- whether it is good ------------------------------------------------------------------ */

@@ -38,7 +38,7 @@
 #define RESET_PAUSE_MS   10000
 
 /* What a module may have: some times what each was seen to have, and more with the map. */
-#define MEMORY_BASE   (48u << 20) /* of address space: libcrypto alone maps 5 MiB */
+#define MEMORY_BASE   (24u << 20) /* of address space; rtu-iec104-tls has been seen with 11 MiB */
 #define MEMORY_FACTOR 4
 #define FILES_BASE                                                                                           \
 	96u /* descriptors: a bell of each module, the station's connections and those that are to be */
