@@ -16,7 +16,15 @@ from nuc980.netboot.flash.backup import check_room
 from nuc980.netboot.flash.flasher import Flasher
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
-from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
+from nuc980.netboot.flash.layout import (
+    DEVICE_TREE,
+    KERNEL,
+    LOADER,
+    TABLES,
+    UBI,
+    layout_of,
+    loader_slot,
+)
 from nuc980.netboot.flash.plan import (
     Work,
     check_board,
@@ -169,7 +177,10 @@ class _Flash:
     def go_on(self, journal: Journal, content: str) -> None:
         check_same_board(journal, self.nand)
         images = in_order(images_of(journal) if content == NEW else backups_of(journal, self.nand))
-        images = still_right(images, journal.header["nand"]["bad"], self.nand, content)
+        right = still_right(images, journal.header["nand"]["bad"], self.nand, content)
+        if right != images:
+            self.session.progress.note(f"The {TABLES} stay as they are.")
+            images = right
         for image in images:
             image.slot.check_fits(image.size, self.nand)
         work = self._work(images, content)
@@ -207,9 +218,9 @@ class _Flash:
         return images
 
     def _tables(self, files: dict[str, Path]) -> list[Image]:
-        """With a new root file system, and kept before; in a flash that has none."""
+        """With a new root file system, in a flash that has none."""
         address = plan_ram(self.board, (), self.nand).scratch
-        if UBI not in files or not self.way or has_tables(self.session, self.nand, address):
+        if UBI not in files or has_tables(self.session, self.nand, address):
             return []
         return [tables_image(self.nand, self.site.folder)]
 
