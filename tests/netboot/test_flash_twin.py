@@ -110,6 +110,15 @@ def fill(board: Board, *blocks: int) -> None:
             ).required()
 
 
+def write_tables(board: Board) -> None:
+    """Of no bad block; U-Boot uses them from its next start on."""
+    with at_prompt(board) as session:
+        chip = check_board(probe(session.console, session.progress, flash=True), None)
+        board.machine.write_memory(0x1000000, tables_content(chip))
+        at = LAST[0] * BLOCK
+        session.console.run(f"nand erase {at:#x} 0x80000; nand write 0x1000000 {at:#x} 0x80000").required()
+
+
 def boots(board: Board) -> None:
     """By its own boot command, from the flash."""
     with at_prompt(board) as session:
@@ -149,7 +158,8 @@ def test_flash_holds_the_images_and_boots(bench: Bench, bad: set[int]) -> None:
         slot = {"kernel": KERNEL, "device tree": TREE, "UBI": ROOT_FS, TABLES: LAST}[entry["image"]]
         assert (journal.folder / entry["file"]).read_bytes() == bytes_of(slot, bad, before)
     boots(board)
-    with at_prompt(board) as session:
+    board.cut()
+    with at_prompt(bench.start()) as session:
         nand = probe(session.console, session.progress, flash=True).nand
     assert nand and nand.keeps_table  # U-Boot has found the tables
     assert {offset // BLOCK for offset in nand.bad} == bad | {*LAST}
@@ -160,18 +170,18 @@ def test_last_blocks_are_kept_and_come_back(bench: Bench) -> None:
     board = bench.start()
     fill(board, 180, *LAST)
     before = copy(bench.nand, bench.folder / "before")
-    assert bench.flash(board, *bench.files[4:], "--ubi-at", "0x1600000+0x80000") == 0
+    assert bench.flash(board, *bench.files[4:], *UBI_AT) == 0
     kept = (bench.journal().folder / "bad-block-tables.backup").read_bytes()
     assert kept == bytes_of(LAST, set(), before)
     assert bench.flash(board, "--roll-back", str(bench.journal().folder)) == 0
     assert changed_blocks(before.path, bench.nand.path) == set()
-    # Of tables that are there, by whomever, nothing changes.
-    with at_prompt(board) as session:
-        chip = check_board(probe(session.console, session.progress, flash=True), None)
-        board.machine.write_memory(0x1000000, tables_content(chip))
-        at = LAST[0] * BLOCK
-        session.console.run(f"nand erase {at:#x} 0x80000; nand write 0x1000000 {at:#x} 0x80000").required()
-    assert bench.flash(board, *bench.files[4:], "--ubi-at", "0x1600000+0x80000") == 0
+
+
+def test_tables_that_are_there_stay(bench: Bench) -> None:
+    """Also when U-Boot does not use them, as the vendor's."""
+    board = bench.start()
+    write_tables(board)
+    assert bench.flash(board, *bench.files[4:], *UBI_AT, "--no-backup", "empty") == 0
     assert not [entry for entry in bench.journal().header["images"] if entry["image"] == TABLES]
 
 
@@ -210,6 +220,9 @@ def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFix
 
 @pytest.mark.parametrize("worn", [(20,), (16, 17, 40), (56,)], ids=["in the kernel", "three", "device tree"])
 def test_worn_blocks_are_marked_and_left_out(bench: Bench, worn: tuple[int, ...]) -> None:
+    board = bench.start()
+    write_tables(board)
+    board.cut()
     board = bench.start("-global", f"nand.worn-blocks={','.join(map(str, worn))}")
     files = bench.files[:4]
     assert bench.flash(board, *files) == 0

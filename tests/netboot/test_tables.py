@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tables of bad blocks that `flash` writes, byte by byte, and when they are not right any more."""
+"""The tables of bad blocks that `flash` writes, byte by byte, and what becomes of them when a block dies."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +9,8 @@ import pytest
 from nuc980.netboot.board import Nand
 from nuc980.netboot.errors import LayoutUnknown
 from nuc980.netboot.flash.journal import NEW, OLD
-from nuc980.netboot.flash.layout import KERNEL, TABLES
-from nuc980.netboot.flash.tables import still_right, tables_content, tables_image, tables_slot
+from nuc980.netboot.flash.layout import KERNEL
+from nuc980.netboot.flash.tables import tables_content, tables_image, tables_slot, up_to_date
 
 BLOCK, BLOCKS = 0x20000, 1024
 
@@ -39,22 +39,20 @@ def test_without_two_good_blocks_there_is_no_room() -> None:
         tables_content(chip(1020, 1021, 1023))
 
 
-@pytest.mark.parametrize(
-    ("content", "died", "left"),
-    [
-        (NEW, (), (KERNEL, TABLES)),
-        (NEW, (300,), (KERNEL,)),
-        (NEW, (1023,), (KERNEL,)),
-        (OLD, (300,), (KERNEL, TABLES)),
-        (OLD, (1020, 1021, 1022, 1023), (KERNEL,)),  # U-Boot uses the new ones
-    ],
-)
-def test_right_until_a_block_dies(
-    tmp_path: Path, content: str, died: tuple[int, ...], left: tuple[str, ...]
-) -> None:
+@pytest.mark.parametrize("died", [(), (300,), (1023,)])
+@pytest.mark.parametrize("content", [NEW, OLD])
+def test_new_ones_know_what_has_died(tmp_path: Path, content: str, died: tuple[int, ...]) -> None:
+    before, now = chip(7), chip(7, *died)
+    old = tables_image(before, tmp_path)
+    (image,) = up_to_date([old], before.bad, now, content, tmp_path)
+    assert image.slot == tables_slot(now)
+    known = now if content == NEW else before
+    assert image.path.read_bytes() == tables_content(known)
+
+
+def test_tables_that_u_boot_uses_are_its_own(tmp_path: Path) -> None:
     before = chip(7)
     tables = tables_image(before, tmp_path)
-    assert tables.slot == tables_slot(before)
     kernel = replace(tables, slot=replace(tables.slot, name=KERNEL))
-    right = still_right((kernel, tables), before.bad, chip(7, *died), content)
-    assert tuple(image.name for image in right) == left
+    now = replace(chip(7, 1020, 1021, 1022, 1023), keeps_table=True)
+    assert up_to_date([kernel, tables], before.bad, now, NEW, tmp_path) == (kernel,)

@@ -16,15 +16,7 @@ from nuc980.netboot.flash.backup import check_room
 from nuc980.netboot.flash.flasher import Flasher
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
-from nuc980.netboot.flash.layout import (
-    DEVICE_TREE,
-    KERNEL,
-    LOADER,
-    TABLES,
-    UBI,
-    layout_of,
-    loader_slot,
-)
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
 from nuc980.netboot.flash.plan import (
     Work,
     check_board,
@@ -44,7 +36,7 @@ from nuc980.netboot.flash.resume import (
     not_backed_up,
     still_to_do,
 )
-from nuc980.netboot.flash.tables import has_tables, still_right, tables_image
+from nuc980.netboot.flash.tables import has_tables, tables_image, up_to_date
 from nuc980.netboot.plan import Plan, Step
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
@@ -177,10 +169,7 @@ class _Flash:
     def go_on(self, journal: Journal, content: str) -> None:
         check_same_board(journal, self.nand)
         images = in_order(images_of(journal) if content == NEW else backups_of(journal, self.nand))
-        right = still_right(images, journal.header["nand"]["bad"], self.nand, content)
-        if right != images:
-            self.session.progress.note(f"The {TABLES} stay as they are.")
-            images = right
+        images = up_to_date(images, journal.header["nand"]["bad"], self.nand, content, self.site.folder)
         for image in images:
             image.slot.check_fits(image.size, self.nand)
         work = self._work(images, content)
