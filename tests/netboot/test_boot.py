@@ -97,6 +97,14 @@ def test_addresses_are_in_the_tree(tree: libfdt.Fdt) -> None:
     assert "bootargs" not in properties(tree, "/chosen")  # the one that was given is as it was
 
 
+@pytest.mark.parametrize(("flash", "status"), [(False, "disabled"), (True, "okay")])
+def test_linux_gets_the_flash_only_if_told_so(tree: libfdt.Fdt, flash: bool, status: str) -> None:
+    served = libfdt.Fdt(tree_for(tree, "", MACS, flash=flash))
+    node = served.path_offset("/ahb/fmi@b0019000")
+    assert served.getprop(node, "status").as_str() == status
+    assert served.getprop(served.path_offset(served.get_alias("ethernet1")), "status").as_str() == "okay"
+
+
 def test_tree_without_chosen_and_aliases_gets_arguments() -> None:
     served = libfdt.Fdt(tree_for(libfdt.Fdt.create_empty_tree(512), "x" * 1023, MACS))
     assert served.getprop(served.path_offset("/chosen"), "bootargs").as_str() == "x" * 1023

@@ -22,8 +22,11 @@ from pathlib import Path
 import pytest
 
 from netboot.double import BLOCK, FACTORY_ENVIRONMENT, PAGE, Double, Operation, faults
+from nuc980.netboot.board import Nand
+from nuc980.netboot.flash.tables import tables_content, tables_slot
 from nuc980.twin.machine import Machine, SerialLine
 from nuc980.twin.nand import NandImage
+from nuc980.twin.uboot import Console
 
 PROMPT = b"\n=> "
 SECONDS = 10.0
@@ -555,11 +558,15 @@ def masked(answer: str) -> str:
 
 @pytest.fixture(scope="module")
 def real(qemu: Path, uboot: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What our U-Boot answers on the emulated board."""
+    """What our U-Boot answers on the emulated board, with a flash that has its tables of bad blocks."""
     folder = tmp_path_factory.mktemp("real")
     (folder / "file").write_bytes(LOADED)
     flash = NandImage.blank(folder / "flash").path
     drive = ("-drive", f"if=mtd,format=raw,file={flash}")
+    chip = Nand(128 << 20, 128 << 10, 2048, ())
+    with Machine(qemu, "-bios", uboot, *drive, options="pace=off") as machine:
+        machine.write_memory(0x1000000, tables_content(chip))
+        Console(machine).run(f"nand write 0x1000000 {tables_slot(chip).offset:#x} 0x80000")
     network = ("-nic", f"user,net=10.0.0.0/24,tftp={folder}", "-nic", "user,net=10.0.1.0/24")
     with Machine(qemu, "-bios", uboot, *drive, *network) as machine:
         return answers(AtTheTwin(machine.uarts[0]))

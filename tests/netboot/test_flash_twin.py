@@ -33,7 +33,9 @@ from netboot.ports import free_port
 from nuc980.netboot.cli import main
 from nuc980.netboot.flash.backup import BySerial, ByTftp, plan_backup
 from nuc980.netboot.flash.journal import FILE, Journal, newest_unfinished
+from nuc980.netboot.flash.layout import TABLES
 from nuc980.netboot.flash.plan import check_board, choose_way
+from nuc980.netboot.flash.tables import tables_content
 from nuc980.netboot.probe import probe
 from nuc980.twin.nand import PAGES, NandImage
 
@@ -41,6 +43,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 KERNEL, TREE, ROOT_FS = range(16, 56), range(56, 64), range(176, 208)
+LAST = range(1020, 1024)  # for the tables of bad blocks
 UBI_AT = ("--ubi-at", "0x1600000+0x400000")  # all of it takes a minute
 
 
@@ -107,6 +110,15 @@ def fill(board: Board, *blocks: int) -> None:
             ).required()
 
 
+def write_tables(board: Board) -> None:
+    """Of no bad block; U-Boot uses them from its next start on."""
+    with at_prompt(board) as session:
+        chip = check_board(probe(session.console, session.progress, flash=True), None)
+        board.machine.write_memory(0x1000000, tables_content(chip))
+        at = LAST[0] * BLOCK
+        session.console.run(f"nand erase {at:#x} 0x80000; nand write 0x1000000 {at:#x} 0x80000").required()
+
+
 def boots(board: Board) -> None:
     """By its own boot command, from the flash."""
     with at_prompt(board) as session:
@@ -135,7 +147,7 @@ def test_flash_holds_the_images_and_boots(bench: Bench, bad: set[int]) -> None:
 
     assert bench.flash(board, *bench.files, *UBI_AT) == 0
 
-    assert changed_blocks(before.path, bench.nand.path) <= {*KERNEL, *TREE, *ROOT_FS} - bad
+    assert changed_blocks(before.path, bench.nand.path) <= {*KERNEL, *TREE, *ROOT_FS, *LAST} - bad
     for slot, name in ((KERNEL, "uImage"), (TREE, "dtb"), (ROOT_FS, "root.ubi")):
         image = (bench.folder / name).read_bytes()
         found = bytes_of(slot, bad, bench.nand)
@@ -143,9 +155,34 @@ def test_flash_holds_the_images_and_boots(bench: Bench, bad: set[int]) -> None:
     journal = bench.journal()
     assert journal.is_finished
     for entry in journal.named("backup"):
-        slot = {"kernel": KERNEL, "device tree": TREE, "UBI": ROOT_FS}[entry["image"]]
+        slot = {"kernel": KERNEL, "device tree": TREE, "UBI": ROOT_FS, TABLES: LAST}[entry["image"]]
         assert (journal.folder / entry["file"]).read_bytes() == bytes_of(slot, bad, before)
     boots(board)
+    board.cut()
+    with at_prompt(bench.start()) as session:
+        nand = probe(session.console, session.progress, flash=True).nand
+    assert nand and nand.keeps_table  # U-Boot has found the tables
+    assert {offset // BLOCK for offset in nand.bad} == bad | {*LAST}
+
+
+def test_last_blocks_are_kept_and_come_back(bench: Bench) -> None:
+    """The factory's partition reaches to the chip's end."""
+    board = bench.start()
+    fill(board, 180, *LAST)
+    before = copy(bench.nand, bench.folder / "before")
+    assert bench.flash(board, *bench.files[4:], *UBI_AT) == 0
+    kept = (bench.journal().folder / "bad-block-tables.backup").read_bytes()
+    assert kept == bytes_of(LAST, set(), before)
+    assert bench.flash(board, "--roll-back", str(bench.journal().folder)) == 0
+    assert changed_blocks(before.path, bench.nand.path) == set()
+
+
+def test_tables_that_are_there_stay(bench: Bench) -> None:
+    """Also when U-Boot does not use them, as the vendor's."""
+    board = bench.start()
+    write_tables(board)
+    assert bench.flash(board, *bench.files[4:], *UBI_AT, "--no-backup", "empty") == 0
+    assert not [entry for entry in bench.journal().header["images"] if entry["image"] == TABLES]
 
 
 def test_root_file_system_can_be_attached(bench: Bench) -> None:
@@ -183,6 +220,9 @@ def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFix
 
 @pytest.mark.parametrize("worn", [(20,), (16, 17, 40), (56,)], ids=["in the kernel", "three", "device tree"])
 def test_worn_blocks_are_marked_and_left_out(bench: Bench, worn: tuple[int, ...]) -> None:
+    board = bench.start()
+    write_tables(board)
+    board.cut()
     board = bench.start("-global", f"nand.worn-blocks={','.join(map(str, worn))}")
     files = bench.files[:4]
     assert bench.flash(board, *files) == 0
@@ -263,7 +303,7 @@ def test_what_does_not_fit_is_refused(bench: Bench, capsys: pytest.CaptureFixtur
     bench.nand.mark_bad(30)
     board = bench.start()
     with at_prompt(board) as session:
-        probe(session.console, session.progress, flash=True)  # writes the tables of bad blocks
+        probe(session.console, session.progress, flash=True)
     before = copy(bench.nand, bench.folder / "before")
     assert bench.flash(board, "--kernel", str(bench.folder / "large")) == 2
     assert "1 bad blocks" in capsys.readouterr().err

@@ -29,8 +29,10 @@ from netboot.flashbench import (
     uimage,
 )
 from netboot.ports import free_port
+from nuc980.netboot.board import Nand
 from nuc980.netboot.cli import main
 from nuc980.netboot.flash.journal import Journal, newest_unfinished
+from nuc980.netboot.flash.tables import tables_content, tables_slot
 from nuc980.twin.nand import DATA, PAGE, PAGES, NandImage
 
 pytestmark = pytest.mark.slow
@@ -39,6 +41,7 @@ SLOTS = {"uImage": range(16, 20), "dtb": range(56, 58), "root.ubi": range(176, 1
 BAD = {17, 178}
 PLACES = ["--kernel-at", "0x200000+0x80000", "--dtb-at", "0x700000+0x40000", "--ubi-at", "0x1600000+0x80000"]
 WRITTEN = {block for blocks in SLOTS.values() for block in blocks} - BAD
+CHIP = Nand(1024 * BLOCK, BLOCK, DATA, tuple(block * BLOCK for block in BAD))
 SEED = 980
 STEPS = 40  # of the journal
 ERASES = 17  # from here on the flash may change; before, variables are set and backups made
@@ -104,7 +107,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def flashed(tmp_path_factory: pytest.TempPathFactory, qemu: Path, uboot: Path) -> Path:
-    """A flash with something in and around the slots, an environment, bad blocks; and what to write."""
+    """A flash with something in and around the slots, bad blocks and their tables; and what to write."""
     folder = tmp_path_factory.mktemp("flashed")
     nand = NandImage.blank(folder / "nand")
     for block in BAD:
@@ -112,6 +115,8 @@ def flashed(tmp_path_factory: pytest.TempPathFactory, qemu: Path, uboot: Path) -
     with switched_on(qemu, uboot, nand) as board, at_prompt(board) as session:
         run = session.console.run
         run("setenv kept yes; saveenv", 30).required()
+        board.machine.write_memory(0x1000000, tables_content(CHIP))
+        run(f"nand write 0x1000000 {tables_slot(CHIP).offset:#x} {4 * BLOCK:#x}", 30).required()
         for block in (0, 1, 8, 9, 16, 18, 20, 55, 56, 57, 58, 64, 175, 176, 177, 179, 180, 1000):
             at = block * BLOCK
             board.machine.write_memory(0x1000000, noise(BLOCK, block))

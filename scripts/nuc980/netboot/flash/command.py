@@ -36,7 +36,7 @@ from nuc980.netboot.flash.resume import (
     not_backed_up,
     still_to_do,
 )
-from nuc980.netboot.flash.tables import has_tables, still_right, tables_image
+from nuc980.netboot.flash.tables import has_tables, tables_image, up_to_date
 from nuc980.netboot.plan import Plan, Step
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
@@ -169,7 +169,7 @@ class _Flash:
     def go_on(self, journal: Journal, content: str) -> None:
         check_same_board(journal, self.nand)
         images = in_order(images_of(journal) if content == NEW else backups_of(journal, self.nand))
-        images = still_right(images, journal.header["nand"]["bad"], self.nand, content)
+        images = up_to_date(images, journal.header["nand"]["bad"], self.nand, content, self.site.folder)
         for image in images:
             image.slot.check_fits(image.size, self.nand)
         work = self._work(images, content)
@@ -207,9 +207,9 @@ class _Flash:
         return images
 
     def _tables(self, files: dict[str, Path]) -> list[Image]:
-        """With a new root file system, and kept before; in a flash that has none."""
+        """With a new root file system, in a flash that has none."""
         address = plan_ram(self.board, (), self.nand).scratch
-        if UBI not in files or not self.way or has_tables(self.session, self.nand, address):
+        if UBI not in files or has_tables(self.session, self.nand, address):
             return []
         return [tables_image(self.nand, self.site.folder)]
 

@@ -13,10 +13,10 @@ from nuc980.netboot.errors import DoesNotFit, FlashFailed
 from nuc980.netboot.flash.images import Image
 from nuc980.netboot.flash.journal import Journal
 from nuc980.netboot.flash.layout import KERNEL, LOADER
-from nuc980.netboot.flash.plan import Work, plan_end, plan_opening, plan_writing
+from nuc980.netboot.flash.plan import Work, plan_end, plan_loads, plan_opening, plan_writing
 from nuc980.netboot.flash.resume import file_facts
 from nuc980.netboot.flash.steps import BLOCK_SECONDS, BackedUp, BlockFailed, FlashStep, Verified, WriteBlock
-from nuc980.netboot.flash.tables import still_right
+from nuc980.netboot.flash.tables import up_to_date
 from nuc980.netboot.plan import Step
 from nuc980.netboot.probe import probe_nand
 from nuc980.netboot.session import Session
@@ -40,18 +40,24 @@ class Flasher:
         for image in images:
             image.check_unchanged()
         self._do([*before, *opening])
-        nand, started = self.work.nand, time.monotonic()
+        bad, started = self.work.nand.bad, time.monotonic()
         for image in images:
             begun = time.monotonic()
-            if not still_right([image], nand.bad, self.work.nand, self.work.content):
-                self.session.progress.note(f"The {image.name} are left out: a block has died.")
-                continue
-            self._write(image)
+            self._write(self._up_to_date(image, bad))
             self.seconds = time.monotonic() - started
             if image.name == KERNEL:
                 self.kernel_seconds = time.monotonic() - begun
         self._do(plan_end())
         self.journal.add("finished", content=self.work.content)
+
+    def _up_to_date(self, image: Image, bad: Sequence[int]) -> Image:
+        """Tables of bad blocks with what has died since; loaded again then."""
+        (found,) = up_to_date([image], bad, self.work.nand, self.work.content, self.journal.folder) or [image]
+        if found != image:
+            images = (*(each for each in self.work.images if each.name != image.name), found)
+            self.work = replace(self.work, images=images)
+            self._do(plan_loads(replace(self.work, images=(found,))))
+        return found
 
     def _write(self, image: Image) -> None:
         failures: Counter[int] = Counter()

@@ -70,13 +70,17 @@ def has_tables(session: Session, nand: Nand, address: int) -> bool:
     return False
 
 
-def still_right(images: Sequence[Image], bad: Sequence[int], nand: Nand, content: str) -> tuple[Image, ...]:
-    """The images without tables that are not right any more; bad: what was bad when they were made.
+def up_to_date(
+    images: Sequence[Image], bad: Sequence[int], nand: Nand, content: str, folder: Path
+) -> tuple[Image, ...]:
+    """The images, with tables that know what has died since `bad` was all that was bad.
 
-    A block that has died meanwhile is missing in new ones. The place's old content cannot come back where
-    U-Boot has found the new tables: it lets nobody write there.
+    None where U-Boot has found those that were written: it lets nobody write there any more, and adds to them
+    what dies.
     """
-    died = set(nand.bad) - set(bad)
-    in_place = any(offset >= tables_slot(nand).offset for offset in died)
-    wrong = bool(died) if content == NEW else in_place
-    return tuple(image for image in images if not (image.name == TABLES and wrong))
+    if set(nand.bad) == set(bad):
+        return tuple(images)
+    others = tuple(image for image in images if image.name != TABLES)
+    if len(others) == len(images) or nand.keeps_table:
+        return others
+    return (*others, tables_image(nand, folder)) if content == NEW else tuple(images)
