@@ -152,8 +152,8 @@ class VirtualLine:
         heard = self.back.on(at_speed(said, self.board.baud, self._baud), self.chance)
         return heard if heard or not said else self.read(until - self.board.now)
 
-    def shared_with(self) -> list[str]:
-        return []
+    def other_readers(self) -> str:
+        return ""
 
 
 class PtyBoard:

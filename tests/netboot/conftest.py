@@ -32,11 +32,34 @@ def emulated(tmp_path: Path) -> Iterator[Callable[..., Emulated]]:
         machine.close()
 
 
+NICS = [part for n in (0, 1) for part in ("-nic", f"user,id=net{n},net=10.0.{n}.0/24")]
+
+
 @pytest.fixture
 def twin(emulated: Callable[..., Emulated], qemu: Path, uboot: Path) -> Emulated:
     """The board with our U-Boot, and a network at each port: the host is 10.0.N.2 in both."""
-    nics = [part for n in (0, 1) for part in ("-nic", f"user,id=net{n},net=10.0.{n}.0/24")]
-    return emulated(qemu, "-M", "nuc980", "-bios", uboot, *nics)
+    return emulated(qemu, "-M", "nuc980", "-bios", uboot, *NICS)
+
+
+@pytest.fixture(scope="session")
+def hasty_uboot(uboot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Our U-Boot, which takes the console's pins away without flush(), as the vendor's does."""
+    names = subprocess.run(
+        ["arm-linux-gnueabi-nm", uboot.with_suffix("")], check=True, capture_output=True, text=True
+    ).stdout
+    address = dict(line.split()[::-2] for line in names.splitlines())
+    at = int(address["flush"], 16) - int(address["_start"], 16)
+    code = bytearray(uboot.read_bytes())
+    code[at : at + 4] = bytes.fromhex("1eff2fe1")  # bx lr
+    file = tmp_path_factory.mktemp("hasty") / "u-boot.bin"
+    file.write_bytes(code)
+    return file
+
+
+@pytest.fixture
+def hasty_twin(emulated: Callable[..., Emulated], qemu: Path, hasty_uboot: Path) -> Emulated:
+    """The twin with that one."""
+    return emulated(qemu, "-M", "nuc980", "-bios", hasty_uboot, *NICS)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tre
 from nuc980.netboot.commandline import LINE_ROOM
 from nuc980.netboot.errors import DoesNotFit, LineTooLong, UnusableImage, UnusableInput
 from nuc980.netboot.linux import Goal
+from nuc980.netboot.plan import SetVariable
 from nuc980.netboot.session import Network
 from nuc980.netboot.steps import Slice
 from nuc980.netboot.uimage import UImage, read_tree
@@ -149,6 +150,11 @@ def test_what_is_right_already_is_not_set() -> None:
 def test_what_stands_in_the_way_is_taken_out_in_the_ram() -> None:
     lines = dialogue(replace(BOARD, environment={**FACTORY, "bootargs": "x", "fdt_high": "0xffffffff"}))
     assert {"setenv bootargs", "setenv fdt_high"} <= set(lines)
+
+
+def test_title_says_whether_a_variable_is_set_or_removed() -> None:
+    assert SetVariable("bootcmd", "bootm").title() == "Set bootcmd."
+    assert SetVariable("bootcmd", "").title() == "Remove bootcmd."
 
 
 @pytest.mark.parametrize("word", ["saveenv", "nand", "ubi", "erase", "protect", "mtd"])

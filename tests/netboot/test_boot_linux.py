@@ -14,6 +14,7 @@ import pytest
 from nuc980.netboot import linux
 from nuc980.netboot.commandline import text
 from nuc980.netboot.errors import (
+    BoardHung,
     BoardReset,
     BootmFailed,
     KernelMute,
@@ -26,11 +27,12 @@ from nuc980.netboot.linux import Goal, LinuxWatch
 from nuc980.netboot.transport import Line
 
 BOOTM = b"## Booting kernel from Legacy Image at 00007fc0 ...\r\n   Verifying Checksum ... OK\r\n"
+TREE = BOOTM + b"   Loading Device Tree to 03b4d000, end 03b52fff ... OK\r\n"
 STARTING = BOOTM + b"\r\nStarting kernel ...\r\n\r\n"
 BANNER = b"Booting Linux on physical CPU 0x0\r\nLinux version 5.10.140\r\n"
 LOGIN = b"\r\nWelcome to Buildroot\r\nnuc980 login: "
-GOAL = Goal(seconds=20.0, first_seconds=20.0)
-SOON = Goal(seconds=0.3, first_seconds=0.3)  # where nothing is to come
+GOAL = Goal(seconds=20.0, bootm_seconds=20.0)
+SOON = Goal(seconds=0.3, bootm_seconds=0.3)  # where nothing is to come
 
 
 class Console:
@@ -60,7 +62,7 @@ class Console:
             self._voice.join()
 
     def until_login(self, goal: Goal = GOAL) -> None:
-        self.watch.until_kernel(goal.first_seconds)
+        self.watch.until_kernel(goal)
         self.watch.until(goal)
 
     def until_login_soon(self) -> None:
@@ -142,12 +144,22 @@ def test_bootm_comes_back(console: Console, said: bytes, cause: str) -> None:
     assert said.decode().split("\r\n")[-2] in error
 
 
-@pytest.mark.parametrize(
-    "words", [b"ERROR: fdt move failed - must RESET the board to recover.\r\n", b"U-Boot 2016.11-g"]
-)
-def test_bootm_resets_the_board(console: Console, words: bytes) -> None:
-    console.says(BOOTM + words + b"\r\nresetting ...\r\n")
+def test_bootm_resets_the_board(console: Console) -> None:
+    words = b"ERROR: fdt move failed - must RESET the board to recover.\r\nresetting ...\r\n"
+    console.says(BOOTM + words)
     assert "U-Boot did not start the kernel" in error_of(BootmFailed, console.until_login)
+
+
+def test_board_is_reset_in_bootm(console: Console) -> None:
+    console.says(BOOTM + b"\r\n\r\nU-Boot 2016.11 (Nov 06 2018 - 10:00:00)\r\n")
+    error = error_of(BoardReset, console.until_login)
+    assert "started anew in bootm, after '   Verifying Checksum ... OK'" in error and "supply" in error
+
+
+def test_bootm_gives_up_for_ever(console: Console) -> None:
+    console.says(TREE + b"FDT creation failed! hanging...### ERROR ### Please RESET the board ###\r\n")
+    error = error_of(BoardHung, console.until_login)
+    assert "FDT creation failed!" in error and "switch the board off and on" in error
 
 
 def test_bootm_hangs(console: Console) -> None:
@@ -168,6 +180,103 @@ def test_echo_of_the_command_says_nothing(console: Console) -> None:
         + LOGIN
     )
     console.until_login()
+
+
+# ---- where U-Boot's part ends: it may take the pins away before its last words are out
+
+FDT = b"Working FDT set to 3b4d000\r\n"  # 2023.01
+NEWER = BOOTM + FDT + b"   XIP Kernel Image\r\n" + TREE + FDT
+LAST_WORDS = {"2016.11": b"\n\rStarting kernel ...\n\r\n\r", "2023.01": b"\r\nStarting kernel ...\r\n\r\n"}
+FIRST_WORDS = {
+    "times": b"[    0.000000] Booting Linux on physical CPU 0x0\r\n[    0.000000] Linux version 5.10.140\r\n",
+    "callers": b"[    0.000000][    T0] Booting Linux on physical CPU 0x0\r\n",
+    "no times": b"Booting Linux on physical CPU 0x0\r\n",
+    "decompressor": b"Uncompressing Linux... done, booting the kernel.\r\n",
+    "quiet until init": b"Starting syslogd: OK\r\n",
+    "quiet until the login's greeting": b"\r\nOpenRTU\r\n",
+    "quiet until the login": b"",
+}
+
+
+class Said:
+    """In the place of a Line: what has come, in pieces of a size."""
+
+    def __init__(self, said: bytes, size: int) -> None:
+        self._pieces = [said[at : at + size] for at in range(0, len(said), size)]
+
+    def read(self, seconds: float) -> bytes:
+        if self._pieces:
+            return self._pieces.pop(0)
+        time.sleep(max(seconds, 0))
+        return b""
+
+    def other_readers(self) -> str:
+        return ""
+
+
+def watched(said: bytes, size: int = 4096, goal: Goal = GOAL) -> list[str]:
+    """Watches it to its end; what was shown."""
+    shown: list[str] = []
+    watch = LinuxWatch(Said(said, size), 17, shown.append)  # type: ignore[arg-type]
+    watch.until_kernel(goal)
+    watch.until(goal)
+    return shown
+
+
+def cuts() -> Iterator[bytes]:
+    """bootm's words, its last ones cut off at each character, with what a switched pin may add."""
+    for words in LAST_WORDS.values():
+        for kept in range(len(words) + 1):
+            for glitch in (b"", b"\0", b"\xf8"):
+                yield TREE + words[:kept] + glitch
+                yield NEWER + words[:kept] + glitch
+
+
+@pytest.mark.parametrize("size", [1, 4096])
+@pytest.mark.parametrize("first", FIRST_WORDS.values(), ids=FIRST_WORDS)
+def test_cut_line_is_no_failure(first: bytes, size: int) -> None:
+    for said in cuts():
+        assert "login: " in watched(said + first + b"gateway login: ", size)[-1], said
+
+
+@pytest.mark.parametrize("size", [1, 4096])
+def test_panic_behind_a_cut_line_is_a_panic(size: int) -> None:
+    for said in cuts():
+        error = error_of(KernelPanic, lambda said=said: watched(said + PANIC + TRACE + END, size))
+        assert "Attempted to kill init" in error, said
+
+
+def test_reset_behind_a_cut_line_is_a_reset() -> None:
+    banner = b"\n\r\n\rU-Boot 2016.11 (Nov 06 2018 - 10:00:00)\n\r"
+    for said in cuts():
+        assert "while Linux came up" in error_of(BoardReset, lambda said=said: watched(said + banner)), said
+
+
+@pytest.mark.parametrize("kept", [0, 1, 9, 21, 25])
+@pytest.mark.parametrize("before", [TREE, NEWER])
+def test_silence_behind_a_cut_line_is_the_kernels(before: bytes, kept: int) -> None:
+    said = before + LAST_WORDS["2016.11"][:kept]
+    soon = Goal(seconds=0.05, bootm_seconds=0.02)
+    assert "within 0.05 s" in error_of(KernelMute, lambda: watched(said, goal=soon))
+
+
+def test_quiet_kernel_is_waited_for(console: Console) -> None:
+    console.says(STARTING)
+    quiet = threading.Timer(0.2, console.says, [LOGIN])
+    quiet.start()
+    console.until_login(Goal(seconds=20.0, bootm_seconds=0.1))
+    quiet.join()
+
+
+@pytest.mark.parametrize("pattern", ["Linux", "Kernel Image", "OK", "."])
+def test_goal_is_not_found_in_uboots_words(pattern: str) -> None:
+    said = b"   Image Name:   Linux version 5.10\r\n   Image Type:   ARM Linux Kernel Image\r\n" + TREE
+    error_of(KernelMute, lambda: watched(said, goal=Goal(pattern, 0.05, 0.02)))
+
+
+def test_goal_that_begins_as_uboots_last_words_do() -> None:
+    goal = Goal("^Starting syslogd", 0.05, 0.02)
+    assert watched(TREE + b"\r\nStarting syslogd: OK\r\n", goal=goal)[-1] == "Starting syslogd: OK"
 
 
 # ---- the kernel's part
@@ -197,6 +306,9 @@ class Talker:
     def read(self, seconds: float) -> bytes:
         assert time.monotonic() < self.end
         return b"again and again\r\n"
+
+    def other_readers(self) -> str:
+        return ""
 
 
 def test_it_never_ends_talking() -> None:

@@ -13,6 +13,7 @@ from nuc980.netboot import host
 from nuc980.netboot.console import Answer
 from nuc980.netboot.errors import (
     FileRefused,
+    HostAmbiguous,
     LinkDown,
     NoAnswer,
     NoEthernet,
@@ -208,6 +209,35 @@ def test_host_serves_from_its_address_in_the_boards_network(monkeypatch: pytest.
     assert server_address(BOARD) == IPv4Address("192.168.1.2")
     with pytest.raises(NoHostAddress, match=r"sudo ip address add 172\.16\.0\."):
         server_address(IPv4Interface("172.16.0.50/24"))
+
+
+def test_choice_of_the_hosts_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    addresses = (
+        host.HostAddress("eth1", IPv4Address("192.168.1.2"), 24, True),
+        host.HostAddress("eth1", IPv4Address("192.168.1.3"), 24, True),
+    )
+    monkeypatch.setattr(host, "addresses", lambda: addresses)
+    server = server_address(BOARD)
+    told = str(Network(BOARD, server))
+    assert told == (
+        "files by TFTP at UDP port 69 of 192.168.1.2 (eth1), to 192.168.1.20 alone;"
+        " --server-ip chooses another: 192.168.1.3/24 (eth1)"
+    )
+    monkeypatch.setattr(host, "addresses", lambda: addresses[:1])
+    assert str(Network(BOARD, server)).endswith("192.168.1.2 (eth1), to 192.168.1.20 alone")
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_choice_that_cannot_be_made_is_refused(monkeypatch: pytest.MonkeyPatch, up: bool) -> None:
+    addresses = (
+        host.HostAddress("eth1", IPv4Address("192.168.1.2"), 24, up),
+        host.HostAddress("wlan0", IPv4Address("192.168.1.77"), 24, True),
+    )
+    monkeypatch.setattr(host, "addresses", lambda: addresses)
+    with pytest.raises(HostAmbiguous, match=r"192\.168\.1\.77/24 \(wlan0\)") as raised:
+        server_address(BOARD)
+    assert "192.168.1.2/24 (eth1" in raised.value.what
+    assert "--server-ip ADDRESS" in raised.value.next_step
 
 
 def test_port_without_a_link_is_still_taken(monkeypatch: pytest.MonkeyPatch) -> None:

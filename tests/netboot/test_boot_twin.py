@@ -5,7 +5,9 @@ import re
 import socket
 import subprocess
 import time
+from ast import literal_eval
 from collections.abc import Callable
+from functools import partial
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
@@ -37,11 +39,29 @@ def site(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def boot(twin: Emulated, payload: Path, dtb: Path, site: Path, udp_port: int) -> Boot:
+def boot(twin: Emulated, booted: Callable[[Emulated], Boot]) -> Boot:
     """Boots the payload; port: the Ethernet port that is used."""
+    return booted(twin)
+
+
+@pytest.fixture
+def hasty_boot(hasty_twin: Emulated, booted: Callable[[Emulated], Boot]) -> Boot:
+    """The same with a U-Boot whose last words are cut off."""
+    return booted(hasty_twin)
+
+
+@pytest.fixture
+def booted(payload: Path, dtb: Path, site: Path, udp_port: int) -> Callable[[Emulated], Boot]:
+    """What boots the payload on a board."""
+
+    def of(twin: Emulated) -> Boot:
+        return partial(run, twin)
 
     def run(
-        *arguments: str | Path, port: int = 0, kernel: Path | None = None
+        twin: Emulated,
+        *arguments: str | Path,
+        port: int = 0,
+        kernel: Path | None = None,
     ) -> subprocess.CompletedProcess[str]:
         network = ["--board-ip", f"10.0.{port}.15/24", "--server-ip", f"10.0.{port}.2"]
         nat = ["--listen", "127.0.0.1", "--seen-as", "127.0.0.1", "--tftp-port", str(udp_port)]
@@ -50,7 +70,7 @@ def boot(twin: Emulated, payload: Path, dtb: Path, site: Path, udp_port: int) ->
             *(*network, *nat, "--site", site, *arguments),
         )
 
-    return run
+    return of
 
 
 def kernel_said(output: str) -> list[str]:
@@ -110,6 +130,32 @@ def test_other_endings_say_what_they_are(boot: Boot, ending: str, words: list[st
     assert done.returncode == 1, done.stdout
     error = done.stdout[done.stdout.index("nuc980-netboot: ") :]
     assert [word for word in words if word not in error] == []
+
+
+CUT = re.compile(r"^  \| (S[a-z. ]*)\[ +0\.0+\] ", re.MULTILINE)
+
+
+@pytest.mark.parametrize("ending", ["login", "panic"])
+def test_boot_behind_a_cut_line(hasty_boot: Boot, ending: str) -> None:
+    """The UART's FIFO is full when the pins go: what it has is lost."""
+    done = hasty_boot("--bootargs", f"payload={ending}")
+    cut = CUT.search(done.stdout)
+    assert cut and "Starting kernel ...".startswith(cut[1]), done.stdout
+    assert done.returncode == (ending == "panic"), done.stdout
+    assert ("The kernel panicked:" in done.stdout) == (ending == "panic")
+
+
+def test_line_cut_at_each_character(boot: Boot, tmp_path: Path) -> None:
+    """As the emulated board sends it while its pins come and go."""
+    log = tmp_path / "log"
+    assert boot("--bootargs", "payload=cuts", "--until", "<end of cuts>", "--log", log).returncode == 0
+    heard = b"".join(
+        literal_eval(f"b{text}") for text in re.findall(r"^ *[\d.]+ < (.*)$", log.read_text(), re.MULTILINE)
+    )
+    kernel = b"[    0.000000] Booting Linux on physical CPU 0x0\r\n"
+    _, *said = heard.split(b"<end of cuts>")[0].split(b"<cut>")
+    words = b"\n\rStarting kernel ...\n\r\n\r"
+    assert said == [words[:kept] + kernel for kept in range(len(words) + 1)]
 
 
 def test_wrong_kernel_is_refused_before_anything_is_typed(boot: Boot, payload: Path, tmp_path: Path) -> None:

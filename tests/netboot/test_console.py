@@ -43,6 +43,7 @@ from nuc980.netboot.commandline import COMMAND_ROOM, LINE_ROOM, typed
 from nuc980.netboot.console import Console
 from nuc980.netboot.errors import (
     AutobootMissed,
+    BoardHung,
     BoardReset,
     CommandFailed,
     Garbage,
@@ -185,11 +186,48 @@ def test_error_says_what_is_there(board: Callable[[Board], Life], error: type[Ne
     assert bench.board.now < 16.0
 
 
+def gives_up(board: Board) -> Life:
+    """U-Boot's hang(), as it comes to it by a start that fails."""
+    yield 10.0
+    yield BANNER + b"initcall sequence 03f9b6c4 failed\n\r### ERROR ### Please RESET the board ###\n\r"
+    yield from silent(board)
+
+
+@pytest.mark.parametrize("hook", [False, True])
+def test_board_that_gives_up_is_named_at_once(hook: bool) -> None:
+    bench = Bench(gives_up)
+    with pytest.raises(BoardHung, match="initcall sequence 03f9b6c4 failed") as raised:
+        bench.console.reach(bench.board.power_cycle if hook else None, patience=60.0)
+    assert "switch the board off and on" in raised.value.next_step
+    assert bench.board.now < 12.0
+
+
+def test_board_that_gave_up_may_be_started_anew() -> None:
+    def at_last(board: Board) -> Life:
+        yield from UBoot()(board) if board.power_ups else gives_up(board)
+
+    bench = Bench(at_last)
+    with pytest.raises(BoardHung):
+        bench.console.reach()
+    bench.console.reach(bench.board.power_cycle)
+
+
+def test_kernel_is_known_by_a_cut_line() -> None:
+    """The vendor's U-Boot leaves so much of its last words; a kernel that is quiet then says no more."""
+
+    def boots(board: Board) -> Life:
+        yield b"Starti[    0.000000] Booting Linux on physical CPU 0x0\r\n"
+        yield from silent(board)
+
+    with pytest.raises(AutobootMissed):
+        Bench(boots).console.reach(patience=12.0)
+
+
 @pytest.mark.parametrize("board", [silent, hiss])
 def test_error_names_who_else_reads_the_port(board: Callable[[Board], Life]) -> None:
     bench = Bench(board)
     with (
-        mock.patch.object(bench.line, "shared_with", return_value=["minicom (42)"]),
+        mock.patch.object(bench.line, "other_readers", return_value="the port is open in minicom (42) too"),
         pytest.raises(NetbootError) as raised,
     ):
         bench.console.reach(patience=5.0)
@@ -201,7 +239,7 @@ def test_garbage_from_a_serial_server_is_the_servers_speed() -> None:
     bench.line.has_speed = False
     with pytest.raises(Garbage) as raised:
         bench.console.reach(patience=5.0)
-    assert "serial server" in raised.value.next_step
+    assert "a serial server or a pty's other end" in raised.value.next_step
     assert bench.line.baud == 115200
 
 

@@ -6,7 +6,7 @@ from ipaddress import IPv4Address
 
 import pytest
 
-from nuc980.netboot.host import HostAddress, addresses, advice, towards
+from nuc980.netboot.host import HostAddress, addresses, advice, near, rivals
 
 BOARD = IPv4Address("192.168.1.50")
 
@@ -38,13 +38,29 @@ IDLE = host("eth2")
         ([host("all", "192.168.1.1/0")], host("all", "192.168.1.1/0")),
     ],
 )  # fmt: skip
-def test_towards(found: list[HostAddress], expected: HostAddress | None) -> None:
-    assert towards(BOARD, found) == expected
+def test_near(found: list[HostAddress], expected: HostAddress | None) -> None:
+    assert next(iter(near(BOARD, found)), None) == expected
 
 
-def test_towards_a_board_on_this_host() -> None:
+def test_near_a_board_on_this_host() -> None:
     """An emulated one behind a NAT."""
-    assert towards(IPv4Address("127.0.0.9"), [OFFICE, LO]) == LO
+    assert near(IPv4Address("127.0.0.9"), [OFFICE, LO]) == [LO]
+
+
+@pytest.mark.parametrize(
+    ("other", "rival"),
+    [
+        (host("eth2", "192.168.1.11/24"), True),
+        (host("eth2", "192.168.1.11/24", up=False), True),  # a board at its cable is silent still
+        (host("eth1", "192.168.1.11/24"), False),  # the same wire
+        (host("wide", "192.168.0.1/16"), False),  # answers go to the smaller network
+        (OFFICE, False),
+    ],
+)
+def test_rivals(other: HostAddress, rival: bool) -> None:
+    found = near(BOARD, [BENCH, other])
+    assert found[0] == BENCH
+    assert rivals(BENCH, found) == ([other] if rival else [])
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from nuc980.netboot import errors
 BOOT = ("boot", "%kernel", "%tree")
 HOOK = ("--power-cycle", "%hook")
 OURS = {"variant": "ours"}
+HUNG = "### ERROR ### Please RESET the board ###\n"
 CHATTER = "\n[   12.340000] usb 1-1: new high-speed USB device number 2\nemac: link down\n"
 
 
@@ -135,6 +136,14 @@ LINE = [
     fails("starts again at a command", errors.BoardReset, faults.ResetsAt("command", 8), quick=True),
     fails("starts again at a key", errors.BoardReset, faults.ResetsAt("echo", 250)),
     fails("hangs", errors.StuckConsole, faults.HangsAt("^tftp"), patience=0.5),
+    fails(
+        "gives up",
+        errors.BoardHung,
+        faults.HangsAt("^tftp", last=f"out of memory\n{HUNG}"),
+        says=("out of memory",),
+        patience=60.0,
+        quick=True,
+    ),
 ]
 
 NETWORK = [
@@ -218,6 +227,12 @@ IMAGES = [
         says=("macs",),
     ),
     fails(
+        "bootm gives up",
+        errors.BoardHung,
+        faults.HangsAt("^bootm", last=f"FDT creation failed! hanging...{HUNG}"),
+        says=("FDT creation failed!",),
+    ),
+    fails(
         "bootm refuses",
         errors.BootmFailed,
         faults.Refuses("^bootm", "Bad Data CRC\nERROR: can't get kernel image!\n"),
@@ -232,6 +247,10 @@ LINUX = [
         board={"linux": "no root"},
         says=("Unable to mount root fs",),
         quick=True,
+    ),
+    works("not a word before the login", board={"linux": "quiet"}),
+    fails(
+        "a panic at first", errors.KernelPanic, board={"linux": "panic first"}, says=("Attempted to kill",)
     ),
     fails("kernel panic", errors.KernelPanic, board={"linux": "panic"}, says=("Attempted to kill init",)),
     fails("a driver's mistake", errors.KernelOops, board={"linux": "oops"}, says=("nuc980_emac_probe",)),

@@ -15,7 +15,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from unittest import mock
 
@@ -29,6 +29,8 @@ from nuc980.netboot.console import Console
 from nuc980.netboot.errors import (
     LineLost,
     NetbootError,
+    NoOutput,
+    NoSuchUrl,
     NotAPort,
     PortBusy,
     PortForbidden,
@@ -37,6 +39,8 @@ from nuc980.netboot.errors import (
     SpeedRefused,
     UnusableInput,
 )
+from nuc980.netboot.progress import Progress
+from nuc980.netboot.target import Target
 from nuc980.netboot.transport import Line
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
@@ -210,6 +214,38 @@ def test_programs_that_share_a_port_are_known(wire: Pty) -> None:
             assert [name.split()[-1] for name in line.shared_with()] == [f"({number})"]
 
 
+def test_program_that_reads_along_is_told_at_the_start() -> None:
+    """Locks keep only those out that ask for one, as `cat` does not."""
+    told: list[str] = []
+    with PtyBoard(Board(PROMPT)) as board, Line(board.port) as line:
+        with other_program("os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)", board.port) as number:
+            progress = mock.Mock(Progress, note=told.append, phase=lambda name: nullcontext())
+            with Target(board.port).session(line, progress):
+                pass
+        assert re.search(rf"Beware: the port is open in python\S* \({number}\) too.* Close", told[0])
+        told.clear()
+        with Target(board.port).session(line, progress):
+            pass
+        assert told == []
+
+
+def test_program_that_may_have_taken_the_answer_is_named(wire: Pty) -> None:
+    with (
+        Line(wire.name) as line,
+        other_program("os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)", wire.name) as number,
+        pytest.raises(NoOutput) as raised,
+    ):
+        Console(line).reach(patience=0.2)
+    assert f"({number}) too, which may take what the board says" in raised.value.cause
+
+
+def test_pty_has_no_speed(wire: Pty) -> None:
+    with Line(wire.name) as line:
+        assert not line.has_speed
+    with mock.patch.object(transport, "PTYS", ()), Line(wire.name) as line:
+        assert line.has_speed
+
+
 @pytest.mark.parametrize("baud", [0, -1])
 def test_speed_that_no_port_has_is_refused(wire: Pty, baud: int) -> None:
     refused(wire.name, SpeedRefused, baud)
@@ -226,10 +262,24 @@ def test_speed_that_the_port_refuses_leaves_the_old_one(wire: Pty) -> None:
 
 @pytest.mark.parametrize(
     "url",
-    ["sockets://host:1", "socket://127.0.0.1", "socket://127.0.0.1:port", "rfc2217://127.0.0.1:1", "://"],
+    [
+        "foo://x",
+        "sockets://host:1",
+        "socket://127.0.0.1",
+        "socket://127.0.0.1:port",
+        "rfc2217://:1",
+        "://",
+        "socket://[",
+    ],
 )
-def test_url_that_leads_nowhere_is_refused(url: str) -> None:
-    refused(url, PortUnreachable)
+def test_url_that_is_none_is_told_which_there_are(url: str) -> None:
+    advice = refused(url, NoSuchUrl).next_step
+    assert "socket://HOST:PORT" in advice and "rfc2217://HOST:PORT" in advice
+
+
+@pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+def test_server_that_is_not_there_is_said(scheme: str) -> None:
+    assert "ser2net" in refused(f"{scheme}://127.0.0.1:1", PortUnreachable).cause
 
 
 @pytest.mark.slow

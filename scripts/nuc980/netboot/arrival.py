@@ -6,11 +6,12 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from enum import Enum, auto
 
+from nuc980.netboot import linux
 from nuc980.netboot.errors import (
     AutobootMissed,
+    BoardHung,
     Garbage,
     NetbootError,
     NoOutput,
@@ -40,11 +41,16 @@ SPEED_SECONDS = 0.4  # an answer takes so long at most
 SETTLED_SECONDS = 0.25  # the answers to all keys are there
 
 STARTING = re.compile(rb"^U-Boot (?:SPL )?\d{4}\.\d\d|^DRAM: |to stop autoboot|autoboot in \d", re.M)
-KERNEL = re.compile(rb"Starting kernel|Uncompressing Linux|Linux version \d|^\[ *\d+\.\d{6}\] ", re.M)
+KERNEL = re.compile(rf"Starting kernel|{linux.KERNEL}".encode())
 LOGIN = re.compile(rb"(?:login|Password): \Z")
 # A shell repeats its prompt for a Ctrl-C.
 SHELL = re.compile(rb"(?:^|\n)([^\n]*[#$] )(?:(?!<INTERRUPT>)[^\n]){0,16}\n+\1\Z")
 PROMPT = re.compile(rb"<INTERRUPT>\n([ -~]{1,40})\Z")
+
+SPEED_ELSEWHERE = (
+    "set what this port leads to, a serial server or a pty's other end, to the board's 115200 bit/s, 8N1:"
+    " the port itself has no speed"
+)
 
 NOISE_WINDOW = 48
 TEXT_LEAST = 8
@@ -61,6 +67,7 @@ class Place(Enum):
     KERNEL = auto()
     LINUX = auto()  # its login, or a shell
     PROMPT = auto()
+    HUNG = auto()  # U-Boot, for ever
 
 
 NO_KEYS = (Place.KERNEL, Place.LINUX, Place.PROMPT)
@@ -98,7 +105,7 @@ class Arrival:
         """Returns at the prompt, with what the board said on the way.
 
         patience: seconds, from the end of the power hook on if there is one.
-        Raises AutobootMissed, Garbage, NoOutput, NotUBoot, PowerHookFailed, StuckConsole.
+        Raises AutobootMissed, BoardHung, Garbage, NoOutput, NotUBoot, PowerHookFailed, StuckConsole.
         """
         deadline = self._started + patience
         self._poke()
@@ -109,7 +116,7 @@ class Arrival:
                 deadline = self._line.now() + patience
             elif place is Place.PROMPT and self._quiet() >= SETTLED_SECONDS:
                 return self._arrived()
-            elif place is Place.KERNEL and self._hook:
+            elif place is Place.HUNG or (place is Place.KERNEL and self._hook):
                 raise self._why_not()
             self._tell(place)
             self._act(place)
@@ -130,7 +137,9 @@ class Arrival:
         end = words[-TAIL:]
         if is_noise(heard[-NOISE_WINDOW:]):
             return Place.NOISE
-        if PROMPT.search(end):
+        if linux.HUNG.encode() in end:
+            self._words = Place.HUNG
+        elif PROMPT.search(end):
             self._words = Place.PROMPT
         elif LOGIN.search(end) or SHELL.search(end):
             self._words = Place.LINUX
@@ -175,9 +184,11 @@ class Arrival:
     def _retune(self) -> None:
         at = self._speeds.index(self._line.baud)
         for speed in (*self._speeds[at + 1 :], *self._speeds[: at + 1]):
-            with suppress(SpeedRefused):
+            try:
                 self._line.baud = speed
                 break
+            except SpeedRefused:
+                self._untried -= 1
         self._tuned = len(self.said)
         self._tuned_at = self._line.now()
         self._poke()
@@ -200,17 +211,17 @@ class Arrival:
     def _why_not(self) -> NetbootError:
         last = self.said.decode(errors="replace")[-200:]
         match self._words:
+            case Place.HUNG:
+                return BoardHung(f"U-Boot does not come up. It says: {last.strip()!r}")
             case None if not self.said:
                 what = f"Nothing came from {self._line.url}{self._tried()}."
-                return NoOutput(what, cause=self._other_readers())
+                return NoOutput(what, cause=self._line.other_readers())
             case None if self._hook and not is_noise(self.said[-NOISE_WINDOW:]):
                 return PowerHookFailed("The power hook ran, and the board did not start anew.")
             case None:
                 what = f"What comes from {self._line.url} is no text{self._tried()}."
-                server = (
-                    "" if self._line.has_speed else "set the serial server to the board's 115200 bit/s, 8N1"
-                )
-                return Garbage(what, cause=self._other_readers(), next_step=server)
+                elsewhere = "" if self._line.has_speed else SPEED_ELSEWHERE
+                return Garbage(what, cause=self._line.other_readers(), next_step=elsewhere)
             case Place.LINUX if STARTING.search(self.said):
                 return AutobootMissed("The board booted what it has: U-Boot's prompt was missed.")
             case Place.LINUX:
@@ -222,10 +233,6 @@ class Arrival:
 
     def _tried(self) -> str:
         return f", at {', '.join(map(str, self._speeds))} bit/s" if self._line.has_speed else ""
-
-    def _other_readers(self) -> str:
-        others = ", ".join(self._line.shared_with())
-        return others and f"the port is open in {others} too, which may take the bytes"
 
 
 class _Running:

@@ -178,7 +178,7 @@ class StartKernel(Step):
         session.linux = LinuxWatch(
             session.console.line, marker, lambda line: session.progress.note(f"  | {line}")
         )
-        session.linux.until_kernel(self.goal.first_seconds)
+        session.linux.until_kernel(self.goal)
 
 
 @dataclass(frozen=True)

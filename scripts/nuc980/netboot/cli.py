@@ -328,7 +328,7 @@ def _probe(run: Run) -> None:
 def _boot(run: Run) -> None:
     parsed = run.parsed
     Images.read(parsed.uimage, parsed.dtb)  # before a board is touched
-    goal = Goal(parsed.until, parsed.timeout, min(parsed.timeout, Goal.first_seconds))
+    goal = Goal(parsed.until, parsed.timeout)
     with run.board(flash=False) as (session, board):
         network = run.target.network(board)
         planned = run.target.planned_boot(

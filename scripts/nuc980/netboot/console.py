@@ -11,6 +11,7 @@ from nuc980.netboot.arrival import CTRL_C, SETTLED_SECONDS, Arrival
 from nuc980.netboot.commandline import ended, text, typed
 from nuc980.netboot.errors import (
     AutobootMissed,
+    BoardHung,
     BoardReset,
     CommandFailed,
     LineUnsafe,
@@ -18,6 +19,7 @@ from nuc980.netboot.errors import (
     NotUBoot,
     StuckConsole,
 )
+from nuc980.netboot.linux import HUNG
 from nuc980.netboot.transport import Line
 
 # What the UART's receiver holds while U-Boot looks elsewhere; the factory's console drops the rest.
@@ -110,7 +112,7 @@ class Console:
         The command is run as it is meant or not at all, and the status is its own. The output is what came
         through the line: what must be right in it has to be checked by what it says (a CRC, twice the same).
         repeatable: whether it may be run again when its answer was lost on the line.
-        Raises StuckConsole, LineUnsafe, BoardReset, NoStatus, LineTooLong, LineLost.
+        Raises StuckConsole, LineUnsafe, BoardReset, BoardHung, NoStatus, LineTooLong, LineLost.
         """
         said = b""
         for _ in range(TRIES if repeatable else 1):
@@ -128,7 +130,8 @@ class Console:
                 return _answer_of(command, found)
             if found and late:
                 raise StuckConsole(f"'{command}' did not end within {seconds:g} s; Ctrl-C ended it.")
-        raise self._unsafe(f"The answer to '{command}' was lost; there came {text(said)[-300:]!r}")
+        what = f"The answer to '{command}' was lost; there came {text(said)[-300:]!r}"
+        raise LineUnsafe(what, cause=self.line.other_readers())
 
     def run_twice(self, command: str, seconds: float = 10.0) -> Answer:
         """As run(), until two answers are the same: for numbers that nothing else checks.
@@ -140,12 +143,12 @@ class Console:
             answers.append(self.run(command, seconds))
             if answers[-1] in answers[:-1]:
                 return answers[-1]
-        raise self._unsafe(f"Each answer to '{command}' is another.")
+        raise LineUnsafe(f"Each answer to '{command}' is another.", cause=self.line.other_readers())
 
     def start(self, command: str) -> int:
         """Types a command and Enter, and leaves it running; returns the number of its marker.
 
-        Raises StuckConsole, LineUnsafe, BoardReset, LineTooLong, LineLost.
+        Raises StuckConsole, LineUnsafe, BoardReset, BoardHung, LineTooLong, LineLost.
         """
         line = typed(command, self._commands + 1).encode()
         self._commands += 1
@@ -161,7 +164,7 @@ class Console:
             if self._echoed(line) and (not self._edits or self._read_back(line)):
                 return
             self._interrupt(f"'{text(line)}' did not come back as typed")
-        raise self._unsafe(f"'{text(line)}' does not come back as typed.")
+        raise LineUnsafe(f"'{text(line)}' does not come back as typed.", cause=self.line.other_readers())
 
     def _echoed(self, line: bytes) -> bool:
         """Types it. First the `if` alone: once it is there, a noise byte that is an Enter does no harm."""
@@ -231,7 +234,8 @@ class Console:
                 if at_prompt and not new:
                     return said
                 said += new
-        raise StuckConsole(f"{before}, and Ctrl-C brings no prompt; there came {text(said)[-300:]!r}")
+        what = f"{before}, and Ctrl-C brings no prompt; there came {text(said)[-300:]!r}"
+        raise StuckConsole(what, cause=self.line.other_readers())
 
     def _drain(self) -> None:
         deadline = self.line.now() + PROMPT_SECONDS
@@ -239,26 +243,25 @@ class Console:
             pass
 
     def _read(self, seconds: float) -> bytes:
-        """What comes, as Line.read. Raises BoardReset.
+        """What comes, as Line.read. Raises BoardReset, BoardHung.
 
         Without carriage returns, which the vendor's driver sends after a line feed and others before it.
         """
         deadline = self.line.now() + seconds
         while new := self.line.read(deadline - self.line.now()):
             if new := new.replace(b"\r", b""):
-                self._watch_for_reset(new)
+                self._watch_for_the_end(new)
                 break
         return new
 
-    def _watch_for_reset(self, new: bytes) -> None:
+    def _watch_for_the_end(self, new: bytes) -> None:
         self._tail = self._tail[-TAIL:] + new
+        if HUNG.encode() in self._tail:
+            said, self._tail = text(self._tail).strip(), b""
+            raise BoardHung(f"U-Boot gave up. Its last words: {said!r}")
         if RESTARTED.search(self._tail):
             self._tail = b""
             raise BoardReset("The board started anew while it was worked with.")
-
-    def _unsafe(self, what: str) -> LineUnsafe:
-        others = ", ".join(self.line.shared_with())
-        return LineUnsafe(what, cause=others and f"the port is open in {others} too")
 
 
 def _answer_of(command: str, end: re.Match[bytes]) -> Answer:

@@ -63,6 +63,13 @@ class NotAPort(UnusableInput):
     next_step = "give a device as /dev/ttyUSB0, or socket://HOST:PORT, or rfc2217://HOST:PORT"
 
 
+class NoSuchUrl(UnusableInput):
+    """No port can be behind this URL."""
+
+    cause = "a scheme that there is not, or a host or a port that is missing"
+    next_step = "give socket://HOST:PORT (raw TCP), rfc2217://HOST:PORT (Telnet), or a device as /dev/ttyUSB0"
+
+
 class PortUnreachable(UnusableInput):
     """The serial server on the network does not answer, or not as one."""
 
@@ -143,6 +150,13 @@ class BoardReset(NetbootError):
     next_step = "check the supply, and start again; an interrupted flash goes on with --resume"
 
 
+class BoardHung(NetbootError):
+    """U-Boot gave up: only a reset ends that."""
+
+    cause = "see what U-Boot said above: RAM, flash or a file that it cannot work with"
+    next_step = "switch the board off and on, and start again; at each start: U-Boot or the RAM is bad"
+
+
 class NoStatus(NetbootError):
     """This U-Boot's parser does not tell how a command ended."""
 
@@ -176,6 +190,13 @@ class UnusableImage(UnusableInput):
 
 class NoHostAddress(UnusableInput):
     """The host has no address that the board can reach."""
+
+
+class HostAmbiguous(UnusableInput):
+    """The host has more than one interface in the board's network."""
+
+    cause = "the board's cable is in one of them, which cannot be seen from here"
+    next_step = "name the address of the interface with the board's cable: --server-ip ADDRESS"
 
 
 class TftpError(UnusableInput):

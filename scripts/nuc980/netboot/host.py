@@ -51,10 +51,19 @@ def _ipv4(entries: Sequence[psutil._common.snicaddr]) -> Iterator[IPv4Interface]
             yield IPv4Interface((entry.address, entry.netmask or "255.255.255.255"))
 
 
-def towards(board: IPv4Address, addresses: Sequence[HostAddress]) -> HostAddress | None:
-    """The host's address in the board's network; of several one that is up, then the smallest network's."""
+def near(board: IPv4Address, addresses: Sequence[HostAddress]) -> list[HostAddress]:
+    """The host's addresses in the board's network: those that are up first, then by the smallest network."""
     fitting = [host for host in addresses if board in host.network and board != host.address]
-    return max(fitting, key=lambda host: (host.up, host.prefix), default=None)
+    return sorted(fitting, key=lambda host: (not host.up, -host.prefix))
+
+
+def rivals(chosen: HostAddress, near: Sequence[HostAddress]) -> list[HostAddress]:
+    """Those of another interface that may lead to the board as well.
+
+    A link decides nothing: a board at the other end of a cable gives none before its U-Boot wakes its PHY.
+    A smaller network does: this host's answers go there.
+    """
+    return [host for host in near if host.interface != chosen.interface and host.prefix == chosen.prefix]
 
 
 def advice(board: IPv4Address, addresses: Sequence[HostAddress]) -> str:
@@ -62,17 +71,18 @@ def advice(board: IPv4Address, addresses: Sequence[HostAddress]) -> str:
     wired = [host for host in addresses if not host.address.is_loopback]
     if twin := next((host for host in wired if host.address == board), None):
         return f"{board} is this host's own address ({twin.interface}): give the board another one."
-    near = towards(board, addresses)
-    if near is None:
+    found = near(board, addresses)
+    if not found:
         return f"{_networks(board, wired)} {_new_address(board, wired)}"
-    if near.up:
+    host = found[0]
+    if host.up:
         return (
-            f"{near.interface} ({near.address}/{near.prefix}) is in the board's network: the cable must lead"
+            f"{host.interface} ({host.address}/{host.prefix}) is in the board's network: the cable must lead"
             " there, and a firewall must let the board's UDP in."
         )
     return (
-        f"{near.interface} ({near.address}/{near.prefix}) is in the board's network and is down:"
-        f" plug the cable in, or sudo ip link set {near.interface} up."
+        f"{host.interface} ({host.address}/{host.prefix}) is in the board's network and is down:"
+        f" plug the cable in, or sudo ip link set {host.interface} up."
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from nuc980.netboot.commandline import ended, text
 from nuc980.netboot.errors import (
+    BoardHung,
     BoardReset,
     BootmFailed,
     KernelMute,
@@ -22,12 +23,22 @@ from nuc980.netboot.errors import (
 )
 from nuc980.netboot.transport import Line
 
+# bootm's last words. The vendor's U-Boot takes the console's pins away while the UART still has up to 17 of
+# these characters; a kernel's first ones stand behind what was sent: `Startin[    0.000000] Booting Linux`.
 STARTING = "Starting kernel ..."
+# What it says before them, when nothing else is to come but lines of the second kind.
+HANDED_OVER = re.compile(r"   (?:Loading|Using) Device Tree ")
+UBOOTS_OWN = re.compile(r"   |Working FDT set to ")
+# What a kernel says first: a line with its time, the decompressor's, those of a kernel without times.
+KERNEL = r"\[ *\d+\.\d{6}\]|Uncompressing Linux|Booting Linux on |Linux version \d"
+IMAGE_NAME = "   Image Name: "  # what stands behind it is the uImage's
 UNPACKED = "booting the kernel"  # the last word of a zImage that unpacks itself
 UBOOT = re.compile(r"^U-Boot (SPL )?\d{4}\.\d\d")
+HUNG = "Please RESET the board"  # U-Boot's hang(), which nothing ends but a reset
 RESET = re.compile(r"[Mm]ust RESET (the )?board")
 PANIC = re.compile(r"Kernel panic - not syncing")
 TROUBLE = re.compile(rf"{PANIC.pattern}|Internal error: |Unable to handle kernel |Cannot open root device")
+FIRST_WORDS = re.compile(rf"{KERNEL}|{TROUBLE.pattern}")
 NO_ROOT = re.compile(r"Unable to mount root fs|Waiting for root device|Cannot open root device")
 THE_END = re.compile(r"---\[ end Kernel panic|Rebooting in \d+ seconds")
 
@@ -51,12 +62,13 @@ BOOTM_WORDS = {
 class Goal:
     """The line that ends a boot, a regular expression; times in seconds.
 
-    first_seconds: for the kernel's first word, after it has unpacked itself; seconds: from there to the goal.
+    bootm_seconds: for U-Boot, to check what it was given and to hand over; seconds: from there to the
+    kernel's first word, which a quiet one says late, and from that to the goal.
     """
 
     pattern: str = r"^\S+ login: "
     seconds: float = 120.0
-    first_seconds: float = 30.0
+    bootm_seconds: float = 30.0
 
 
 class LinuxWatch:
@@ -72,35 +84,83 @@ class LinuxWatch:
         self._judged: deque[str] = deque(maxlen=LINES_KEPT)
         self._new: deque[str] = deque()  # whole lines, not judged yet
         self._rest = b""  # of the line at hand
+        self._handed_over = False  # by U-Boot, as far as it says
+        self._announced = False  # by it, in a line of its own
 
-    def until_kernel(self, seconds: float) -> None:
-        """Until the kernel's first word. Raises BootmFailed, KernelMute."""
-        deadline = time.monotonic() + seconds
-        started = False
-        while self._hear(deadline):
-            while self._new:
-                if self._gave_up(self._new[0]):
-                    raise self._bootm_failed()
-                if started and self._new[0].strip():
-                    return
-                started |= STARTING in self._judge()
-            if started and self._rest.strip():
+    def until_kernel(self, goal: Goal) -> None:
+        """Until a word that is a kernel's. Raises BootmFailed, BoardHung, BoardReset, KernelMute."""
+        wanted = re.compile(goal.pattern)
+        deadline = time.monotonic() + goal.bootm_seconds
+        while True:
+            before = self._handed_over
+            self._hear(deadline)
+            if self._kernel_speaks(wanted):
                 return
-        if not started:
-            raise BootmFailed(f"bootm did not end within {seconds:g} s: {self._last_words()}")
-        raise KernelMute(f"Not a word of the kernel within {seconds:g} s.")
+            if self._handed_over and not before:
+                deadline = time.monotonic() + goal.seconds
+            elif time.monotonic() >= deadline:
+                raise self._no_kernel(goal)
+
+    def _kernel_speaks(self, wanted: re.Pattern[str]) -> bool:
+        """Judges U-Boot's lines; from the first one that a kernel has a part in, all is left to until()."""
+        while self._new:
+            line = self._new[0]
+            self._check_uboot(line)
+            if own := self._kernels_part(line, wanted):
+                self._new[0] = own
+                return True
+            self._judge()
+            if line == STARTING or (self._handed_over and line and STARTING.startswith(line)):
+                self._handed_over = self._announced = True
+            self._handed_over |= bool(HANDED_OVER.match(line))
+        own = self._kernels_part(text(self._rest), wanted)
+        if own and (FIRST_WORDS.search(own) or wanted.search(own)):  # another part may be U-Boot's still
+            self._rest = own.encode()
+            return True
+        return False
+
+    def _kernels_part(self, line: str, wanted: re.Pattern[str]) -> str:
+        """What of a line a kernel has said, or a program of Linux; an empty text if nothing."""
+        if FIRST_WORDS.search(line) and not line.startswith(IMAGE_NAME):
+            return line
+        if not self._handed_over or UBOOTS_OWN.match(line) or not line.strip():
+            return ""
+        if self._announced or wanted.search(line):
+            return line
+        return line[_announced(line) :]
+
+    def _check_uboot(self, line: str) -> None:
+        """Raises BootmFailed, BoardHung, BoardReset."""
+        if self._ended.search(f"{line}\n".encode()) or RESET.search(line):
+            raise self._bootm_failed()
+        if HUNG in line:
+            raise BoardHung(f"U-Boot gave up in bootm:\n{self._story()}")
+        if UBOOT.match(line):
+            when, cause = "in bootm", ""
+            if self._handed_over:
+                when, cause = (
+                    "while Linux came up",
+                    "the watchdog, a kernel that restarts it (panic=10), or power dips",
+                )
+            raise BoardReset(f"The board started anew {when}, after {self._last_words()}", cause=cause)
+
+    def _no_kernel(self, goal: Goal) -> NetbootError:
+        others = self._line.other_readers()
+        if self._handed_over:
+            return KernelMute(f"Not a word of the kernel within {goal.seconds:g} s.", cause=others)
+        what = f"bootm did not end within {goal.bootm_seconds:g} s: {self._last_words()}"
+        return BootmFailed(what, cause=others)
 
     def until(self, goal: Goal) -> None:
-        """Until the goal's line, or its beginning. Raises KernelPanic, BoardReset, LinuxSilent."""
+        """Until the goal's line, or its beginning.
+
+        Raises KernelPanic, LinuxSilent, and what until_kernel() does.
+        """
         wanted = re.compile(goal.pattern)
         deadline = time.monotonic() + goal.seconds
         while True:
             while self._new:
-                if UBOOT.match(self._new[0]):
-                    raise BoardReset(
-                        f"The board started anew while Linux came up, after {self._last_words()}",
-                        cause="the watchdog, a kernel that restarts it (panic=10), or power dips",
-                    )
+                self._check_uboot(self._new[0])
                 line = self._judge()
                 if TROUBLE.search(line):
                     raise self._trouble(line)
@@ -143,21 +203,27 @@ class LinuxWatch:
             return KernelPanic(f"The kernel panicked:\n{lines}")
         return KernelOops(f"The kernel stumbled:\n{lines}")
 
-    def _gave_up(self, line: str) -> bool:
-        return bool(self._ended.search(f"{line}\n".encode()) or RESET.search(line) or UBOOT.match(line))
-
     def _bootm_failed(self) -> BootmFailed:
-        said = "\n".join(f"  {line}" for line in (*self._judged, *self._new))
+        said = self._story()
         causes = (cause for words, cause in BOOTM_WORDS.items() if re.search(words, said))
         return BootmFailed(f"U-Boot did not start the kernel:\n{said}", cause=next(causes, ""))
+
+    def _story(self) -> str:
+        return "\n".join(f"  {line}" for line in (*self._judged, *self._new))
 
     def _silence(self, goal: Goal) -> NetbootError:
         what = f"No line with '{goal.pattern}' within {goal.seconds:g} s; the last one: {self._last_words()}"
         if NO_ROOT.search(self._last_words()):
             return RootMissing(what)
-        return KernelMute(what) if UNPACKED in self._last_words() else LinuxSilent(what)
+        kind = KernelMute if UNPACKED in self._last_words() else LinuxSilent
+        return kind(what, cause=self._line.other_readers())
 
     def _last_words(self) -> str:
         unfinished = "" if self._new else text(self._rest).strip()
         lines = [line for line in self._judged if line.strip()]
         return repr(unfinished or (lines[-1] if lines else ""))
+
+
+def _announced(line: str) -> int:
+    """How many characters of bootm's last words a line begins with."""
+    return next(size for size in range(len(STARTING), -1, -1) if line.startswith(STARTING[:size]))

@@ -67,7 +67,7 @@ class SetVariable(Step):
     phase: ClassVar[str] = "set-up"
 
     def title(self) -> str:
-        return f"Set {self.name}."
+        return f"{'Set' if self.value else 'Remove'} {self.name}."
 
     def commands(self) -> tuple[str, ...]:
         """One, or for a value that no line holds: pieces in the shell's own variables, put together by it.

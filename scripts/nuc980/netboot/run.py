@@ -103,10 +103,7 @@ class Run:
                 self.note(
                     f"Write the board's MAC addresses into {macs}; new ones are shown here as examples."
                 )
-            self.note(
-                f"Serve files by TFTP at UDP port {network.port} of {network.listen or network.server}, "
-                f"to {network.seen_as or network.board.ip} alone, each while its step runs."
-            )
+            self.note(f"Serve {network}.")
         for title, lines in plan.dialogue(self._asked + 1):
             self._show(title, lines)
 

@@ -10,7 +10,7 @@ from ipaddress import IPv4Address, IPv4Interface
 
 from nuc980.netboot import host
 from nuc980.netboot.console import Console
-from nuc980.netboot.errors import NoHostAddress, UnusableInput
+from nuc980.netboot.errors import HostAmbiguous, NoHostAddress, UnusableInput
 from nuc980.netboot.linux import LinuxWatch
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.site import Site, with_prefix
@@ -35,6 +35,16 @@ class Network:
     listen: IPv4Address | None = None
     seen_as: IPv4Address | None = None
 
+    def __str__(self) -> str:
+        """Who serves whom, and what else this host could be to the board."""
+        here = self.listen or self.server
+        found = host.addresses()
+        which = next((f" ({each.interface})" for each in found if each.address == here), "")
+        others = [each for each in host.near(self.board.ip, found) if each.address != self.server]
+        choice = f"; --server-ip chooses another: {', '.join(map(str, others))}" if others else ""
+        seen = self.seen_as or self.board.ip
+        return f"files by TFTP at UDP port {self.port} of {here}{which}, to {seen} alone{choice}"
+
     def service(self) -> FileService:
         """The TFTP server for this board alone."""
         return FileService(str(self.listen or self.server), self.port, str(self.seen_as or self.board.ip))
@@ -57,15 +67,18 @@ def board_address(given: IPv4Interface | None, site: Site, environment: Mapping[
 
 
 def server_address(board: IPv4Interface) -> IPv4Address:
-    """The host's address in the board's network. Raises NoHostAddress, which says what to do."""
+    """The host's address in the board's network. Raises NoHostAddress, HostAmbiguous: they say what to do."""
     addresses = host.addresses()
-    found = host.towards(board.ip, addresses)
-    if found is None:
+    found = host.near(board.ip, addresses)
+    if not found:
         raise NoHostAddress(
             f"The board will be {board}, and this host has no address that it can reach.",
             next_step=host.advice(board.ip, addresses),
         )
-    return found.address
+    if others := host.rivals(found[0], found):
+        which = ", ".join(map(str, (found[0], *others)))
+        raise HostAmbiguous(f"The board will be {board}, and this host has {which}.")
+    return found[0].address
 
 
 @dataclass
@@ -82,5 +95,6 @@ class Session:
     def serving(self, network: Network) -> Iterator[None]:
         """With a server for the board's files. Raises TftpError."""
         self.network = network
+        self.progress.note(f"Serve {network}.")
         with network.service() as self.files:
             yield

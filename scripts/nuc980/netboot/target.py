@@ -62,6 +62,8 @@ class Target:
     @contextmanager
     def session(self, line: Line, progress: Progress) -> Iterator[Session]:
         """At U-Boot's prompt, as Console.reach() gets there."""
+        if others := line.other_readers():
+            progress.note(f"Beware: {others}. Close that program.")
         console = Console(line, progress.note)
         with progress.phase("reach U-Boot"):
             console.reach(PowerHook(self.power_cycle) if self.power_cycle else None)

@@ -15,12 +15,14 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TextIO
+from urllib.parse import urlsplit
 
 import serial
 from serial.tools import list_ports
 
 from nuc980.netboot.errors import (
     LineLost,
+    NoSuchUrl,
     NotAPort,
     PortBusy,
     PortForbidden,
@@ -38,6 +40,9 @@ BAUD = 115200
 POLL_SECONDS = 0.02
 WRITE_SECONDS = 5.0
 READ_MOST = 4096
+
+SCHEMES = ("socket", "rfc2217")
+PTYS = range(136, 144)  # major numbers: UNIX98_PTY_SLAVE_MAJOR
 
 BROKEN = (serial.SerialException, OSError, termios.error)
 
@@ -62,6 +67,7 @@ class Line:
         except BaseException:
             self._close_log()
             raise
+        self._pty = os.major(_device_number(url)) in PTYS
         self._socket: socket.socket | None = getattr(self._port, "_socket", None)
         if self._socket:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -100,8 +106,8 @@ class Line:
 
     @property
     def has_speed(self) -> bool:
-        """Whether `baud` means anything: behind socket:// it is set elsewhere."""
-        return not self.url.startswith("socket://")
+        """Whether `baud` means anything: behind socket:// it is set elsewhere, and a pty has none."""
+        return not self._pty and not self.url.startswith("socket://")
 
     def write(self, data: bytes) -> None:
         """Sends bytes. Raises LineLost."""
@@ -130,6 +136,11 @@ class Line:
     def shared_with(self) -> list[str]:
         """The other programs that have the device open, as far as this user may know: `name (pid)`."""
         return _holders(self.url)
+
+    def other_readers(self) -> str:
+        """What is to be said of those, or an empty text: no lock keeps a program out that asks for none."""
+        others = ", ".join(self.shared_with())
+        return others and f"the port is open in {others} too, which may take what the board says"
 
     def close(self) -> None:
         """Closes the port and the log."""
@@ -175,6 +186,8 @@ def _possible(speed: int) -> int:
 
 def _port(url: str, baud: int) -> serial.SerialBase:
     device = "://" not in url
+    if not device:
+        _check_url(url)
     try:
         _possible(baud)
         if device:
@@ -182,11 +195,24 @@ def _port(url: str, baud: int) -> serial.SerialBase:
             _keep_dtr_when_closed(port.fileno())
         else:
             port = serial.serial_for_url(url, baud, timeout=POLL_SECONDS)
-    except (ValueError, *BROKEN) as error:
+    except ValueError as error:
+        raise SpeedRefused(f"The serial port {url} cannot be opened: {error}") from error
+    except BROKEN as error:
         why = _why_no_device(url, error) if device else PortUnreachable
         said = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
         raise why(f"The serial port {url} cannot be opened: {said}") from error
     return port
+
+
+def _check_url(url: str) -> None:
+    """Raises NoSuchUrl."""
+    try:
+        found = urlsplit(url)
+        whole = found.scheme in SCHEMES and found.hostname and found.port
+    except ValueError as error:
+        raise NoSuchUrl(f"--port {url}: {error}") from error
+    if not whole:
+        raise NoSuchUrl(f"--port {url} leads nowhere.")
 
 
 def _keep_dtr_when_closed(port: int) -> None:
@@ -197,8 +223,6 @@ def _keep_dtr_when_closed(port: int) -> None:
 
 
 def _why_no_device(device: str, error: Exception) -> Callable[[str], UnusableInput]:
-    if isinstance(error, ValueError):
-        return SpeedRefused
     match getattr(error, "errno", None):
         case errno.ENOENT | errno.ENODEV | errno.ENXIO:
             return partial(PortMissing, next_step=_ports_there())
@@ -223,10 +247,16 @@ def _how_to_be_allowed(device: str) -> str:
     return f"sudo usermod -aG {group} $USER, then log out and in again"
 
 
+def _device_number(url: str) -> int:
+    """0 for what is no device."""
+    with suppress(OSError):
+        return Path(url).stat().st_rdev
+    return 0
+
+
 def _holders(device: str) -> list[str]:
-    try:
-        number = Path(device).stat().st_rdev
-    except OSError:
+    number = _device_number(device)
+    if not number:
         return []
     open_files = Path("/proc").glob("[0-9]*/fd/*")
     return sorted({_program(fd.parts[2]) for fd in open_files if _leads_to(fd, number)})

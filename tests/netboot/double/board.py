@@ -47,6 +47,7 @@ class Board:
         self.ram = double.ram
         self.second = double.second
         self.ending: linux.Ending = double.linux
+        self.cuts = self.variant.cuts if double.cuts is None else double.cuts
         self._double = double
         self.variables: dict[str, str] = {}
         self.commands = [name for name in sorted(COMMANDS) if name not in self.variant.absent]
@@ -245,7 +246,8 @@ class Double:
     environment: what is stored in the flash; None: nothing. Without it the factory's.
     state: "opened" powers up when a tool opens the port; "off" waits for power_cycle(); "prompt", "login" and
     "shell" have been there before. prompt, hush: of a build. talks: False is a dead board.
-    linux: how a kernel ends. second: how many seconds one of U-Boot's (TFTP's time-outs, sleep) lasts;
+    linux: how a kernel ends. cuts: how many of bootm's last characters are lost; None: the variant's.
+    second: how many seconds one of U-Boot's (TFTP's time-outs, sleep) lasts;
     countdown_second: one of autoboot's; start_seconds: what U-Boot takes from its banner on.
     lines: what has been typed and entered, in order. commands: what of it has run, and of autoboot, as words.
     kernels_started, power_ups: how many.
@@ -262,6 +264,7 @@ class Double:
         hush: bool = True,
         talks: bool = True,
         linux: linux.Ending = "login",
+        cuts: int | None = None,
         baud: int = 115200,
         second: float = 0.02,
         countdown_second: float = 1.0,
@@ -273,6 +276,7 @@ class Double:
         self.tftp = tftp
         self.prompt, self.hush, self.talks = prompt, hush, talks
         self.linux: linux.Ending = linux
+        self.cuts = cuts
         self.second, self.countdown_second = second, countdown_second
         self.start_seconds = start_seconds
         self.nand = Nand()

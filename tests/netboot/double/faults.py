@@ -257,14 +257,15 @@ class ResetsAt(Counted):
 
 
 class HangsAt(Counted):
-    """Says no more at a command whose line matches, until the supply goes off."""
+    """Says no more, but for its last words, at a command whose line matches, until the supply goes off."""
 
-    def __init__(self, pattern: str, at: int = 1) -> None:
+    def __init__(self, pattern: str, at: int = 1, last: str = "") -> None:
         super().__init__(at)
-        self.pattern = pattern
+        self.pattern, self.last = pattern, last
 
     def command(self, board: Board, words: list[str]) -> None:
         if re.search(self.pattern, " ".join(words)) and self.strikes():
+            board.wire.puts(self.last)
             board.wire.deaf()
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 from .faults import Reset
 from .wire import Wire
 
-Ending = Literal["login", "shell", "no root", "panic", "oops", "watchdog", "silent"]
+Ending = Literal["login", "shell", "no root", "panic", "oops", "watchdog", "silent", "quiet", "panic first"]
 
 HEAD = """\
 [    0.000000] Booting Linux on physical CPU 0x0
@@ -51,6 +51,11 @@ def run(wire: Wire, ending: Ending) -> None:
     """Plays the log and stays; only the board's power switch ends it."""
     wire.line_end = b"\r\n"
     if ending == "silent":
+        wire.deaf()
+    if ending == "quiet":
+        stay(wire, "login")
+    if ending == "panic first":
+        wire.puts(PANIC)
         wire.deaf()
     wire.puts(HEAD)
     if ending == "watchdog":

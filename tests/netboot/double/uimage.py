@@ -41,7 +41,7 @@ def bootm(board: Board, words: list[str], repeat: bool) -> int:
         board.puts(f"   Loading Device Tree to {high:08x}, end {high + total + 0x2FFF:08x} ... OK\n")
         if board.variant.working_fdt:
             board.puts(f"Working FDT set to {high:x}\n")
-    board.puts("\nStarting kernel ...\n\n")
+    board.wire.puts("\nStarting kernel ...\n\n", board.cuts)
     board.kernels_started += 1
     linux.run(board.wire, board.ending)
     raise AssertionError("a kernel does not come back")

@@ -20,6 +20,8 @@ class Variant:
     env_size: of the environment, beginning at 0x80000, in the first good blocks of four.
     line_end: what its UART driver makes of a line feed.
     reserved: blocks that hold bad-block tables and are called bad.
+    cuts: how many of bootm's last characters are still in the UART when it takes the pins away: its FIFO's
+    16, and the one on its way.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Variant:
     guards_itself: bool
     xip: str
     working_fdt: bool
+    cuts: int
     saving: str
     bdinfo: str
 
@@ -75,6 +78,7 @@ FACTORY = Variant(
     guards_itself=False,
     xip="   XIP Kernel Image ... OK\n",
     working_fdt=False,
+    cuts=17,
     saving="Saving Environment to NAND...\nErasing NAND...\n",
     bdinfo=(
         "arch_number = 0x00000000\nboot_params = 0x00000100\n"
@@ -131,6 +135,7 @@ OURS = Variant(
     guards_itself=True,
     xip="   XIP Kernel Image\n",
     working_fdt=True,
+    cuts=0,
     saving="Saving Environment to NAND... Erasing NAND...\n",
     bdinfo=(
         "boot_params = 0x00000100\nDRAM bank   = 0x00000000\n-> start    = 0x00000000\n"

@@ -124,10 +124,11 @@ class Wire:
             pass
         self._left = False
 
-    def puts(self, text: str | bytes) -> None:
-        """With the carriage returns that the UART's driver adds. Text is Latin-1."""
+    def puts(self, text: str | bytes, cut: int = 0) -> None:
+        """With the carriage returns of the UART's driver. Text is Latin-1. cut: bytes lost at its end."""
         data = text.encode("latin-1", "replace") if isinstance(text, str) else text
         data = data.replace(b"\n", self.line_end)
+        data = data[: max(len(data) - cut, 0)]
         for fault in self._faults:
             data = fault.sent(data)
         self._unsent += data

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * Prints what a Linux prints from its banner to its login, with what it finds in its device tree. On request of the
- * command line it ends otherwise: payload=oops, panic, noroot, hang, reset, mute; slow takes seconds before the login.
+ * command line it ends otherwise: payload=oops, panic, noroot, hang, reset, mute; slow takes seconds before the login;
+ * cuts says U-Boot's last words, cut off at each of their characters, and after each the kernel's first.
  */
 #include "kernel.h"
 
@@ -112,6 +113,23 @@ static void oops(void)
 	say("[    0.430000] ---[ end trace 0123456789abcdef ]---\n");
 }
 
+static void cuts(void)
+{
+	static const char words[] = "\n\rStarting kernel ...\n\r\n\r";
+
+	for (unsigned kept = 0; kept < sizeof(words); kept++) {
+		say("<cut>");
+		for (unsigned n = 0; n < sizeof(words) - 1; n++) {
+			if (n == kept)
+				close_console();
+			put(words[n]);
+		}
+		open_console();
+		say("[    0.000000] Booting Linux on physical CPU 0x0\n");
+	}
+	say("<end of cuts>\n");
+}
+
 /* From head.S; it halts when this returns. */
 void kernel(uint32_t zero, uint32_t machine, const void *tree);
 
@@ -122,6 +140,8 @@ void kernel(uint32_t zero, uint32_t machine, const void *tree)
 	if (zero != 0 || holds(arguments, "payload=mute"))
 		return; /* to an endless loop */
 	open_console();
+	if (holds(arguments, "payload=cuts"))
+		return cuts();
 	say("[    0.000000] Booting Linux on physical CPU 0x0\n"
 	    "[    0.000000] Linux version 5.10.140-payload (bare metal) #1 PREEMPT_RT\n"
 	    "[    0.000000] CPU: ARM926EJ-S [41069265] revision 5 (ARMv5TEJ), cr=00053177\n"

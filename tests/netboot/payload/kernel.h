@@ -7,6 +7,7 @@
 
 /* ---- machine-*.c */
 void open_console(void);
+void close_console(void); /* once all is sent; what is put then is lost */
 void put(char character);
 void wait_seconds(uint32_t seconds);
 void restart(void);

@@ -12,6 +12,10 @@ void open_console(void)
 {
 }
 
+void close_console(void)
+{
+}
+
 void put(char character)
 {
 	while (PL011_FR & FR_TX_FULL)
