@@ -166,7 +166,7 @@ def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFix
     capsys.readouterr()
     bench.site.mkdir()
     (bench.site / "macs").write_text("eth0 02:00:00:00:00:01\neth1 02:00:00:00:00:02\n")
-    assert main([*kernel, "--dry-run", "--as", str(report)]) == 0
+    assert main([*kernel, "--dry-run", "--all-lines", "--as", str(report)]) == 0
     shown = re.findall(r"^    => if (.*); then echo @\d+:", capsys.readouterr().out, re.MULTILINE)
     assert any("nand erase" in line for line in shown)
     assert not list(bench.site.glob("flash-*"))

@@ -144,6 +144,8 @@ def _check(parsed: argparse.Namespace) -> None:
     """What argparse cannot see. Raises UnusableInput."""
     if parsed.board_as and not parsed.dry_run:
         raise UnusableInput("--as is for --dry-run", next_step="without --dry-run the board is asked itself")
+    if parsed.all_lines and not parsed.dry_run:
+        raise UnusableInput("--all-lines is for --dry-run", next_step="--log FILE keeps what is typed")
     if parsed.console:
         check_terminal()
     for path in (parsed.junit, parsed.json):
@@ -223,6 +225,9 @@ def _add_common(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("without a board")
     group.add_argument(
         "--dry-run", action="store_true", help="show what would be typed and done; no port is opened"
+    )
+    group.add_argument(
+        "--all-lines", action="store_true", help="with --dry-run: also each of many lines that are alike"
     )
     group.add_argument(
         "--as",

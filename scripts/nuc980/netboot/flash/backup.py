@@ -15,11 +15,12 @@ from typing import ClassVar, Protocol
 
 from nuc980.netboot.console import TRIES, Answer
 from nuc980.netboot.errors import BackupFailed, LineUnsafe
-from nuc980.netboot.plan import Step
+from nuc980.netboot.plan import Cost, Step
 from nuc980.netboot.session import Session
 from nuc980.netboot.steps import CRC_SLOWEST, PATIENCE, SLOWEST, crc_command, ram_crc, ram_has
 
 MD_BYTES = 4096  # a command's worth of md.l: 17 kB of text, 1.5 s
+MD_PRINTS = 67  # characters for 16 bytes
 MD_LINE = re.compile(r"^([0-9a-f]{8}): ((?:[0-9a-f]{8} ){1,4})", re.MULTILINE)
 UNCORRECTABLE = "failed -74"  # EBADMSG, of which U-Boot gives the bytes all the same
 
@@ -28,6 +29,8 @@ class Way(Protocol):
     """How bytes get from the board's RAM into a file."""
 
     def commands(self, address: int, size: int, name: str) -> tuple[str, ...]: ...
+
+    def cost(self, size: int) -> Cost: ...
 
     def fetch(self, session: Session, address: int, size: int, name: str, target: Path) -> None:
         """Into a new file. Raises BackupFailed."""
@@ -38,6 +41,9 @@ class ByTftp:
 
     def commands(self, address: int, size: int, name: str) -> tuple[str, ...]:
         return (f"tftpput {address:#x} {size:#x} {name}",)
+
+    def cost(self, size: int) -> Cost:
+        return Cost(network=size)
 
     def fetch(self, session: Session, address: int, size: int, name: str, target: Path) -> None:
         assert session.files is not None
@@ -66,6 +72,10 @@ class BySerial:
                 *(_md(at) for at in range(block, block + self.block, MD_BYTES)),
             )
         )
+
+    def cost(self, size: int) -> Cost:
+        """The same."""
+        return Cost(summed=size, printed=size // 16 * MD_PRINTS)
 
     def fetch(self, session: Session, address: int, size: int, name: str, target: Path) -> None:
         with target.open("wb") as file, session.progress.bar(name, size) as bar:
@@ -161,6 +171,9 @@ class BackUp(Step):
             crc_command(self.address, self.size),
             *self.way.commands(self.address, self.size, self.name),
         )
+
+    def cost(self) -> Cost:
+        return Cost(read=self.size, summed=self.size) + self.way.cost(self.size)
 
     def run(self, session: Session) -> None:
         if not reads_well(session, self.address, self.blocks[0], self.size):

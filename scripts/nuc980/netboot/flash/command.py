@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,9 @@ from pathlib import Path
 from nuc980.netboot.board import BoardReport
 from nuc980.netboot.boot import plan_network
 from nuc980.netboot.errors import JournalUnusable, UnusableInput
-from nuc980.netboot.flash.backup import check_room
+from nuc980.netboot.flash.backup import BackUp, BySerial, check_room
 from nuc980.netboot.flash.flasher import Flasher
+from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
 from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
@@ -42,6 +44,7 @@ from nuc980.netboot.session import Network, Session
 
 PLACES = {KERNEL: "kernel", DEVICE_TREE: "dtb", UBI: "ubi"}  # options
 NEWEST = Path()  # --resume without a folder
+ERASED_IS_NOT_SENT = " Blocks that are erased need not be sent: with them it is less."
 
 
 def add_flash_options(command: argparse.ArgumentParser) -> None:
@@ -143,6 +146,7 @@ class _Flash:
     def __init__(self, run: Run, session: Session, board: BoardReport, network: Network) -> None:
         self.parsed, self.session, self.board, self.site = run.parsed, session, board, run.site
         parsed = run.parsed
+        self.baud = parsed.baud if run.dry else session.console.line.baud
         self.nand = check_board(board, None)
         self.way = None
         if parsed.no_backup is None:
@@ -154,8 +158,9 @@ class _Flash:
     def planned(self, files: dict[str, Path]) -> Plan:
         """What begin() does when nothing goes wrong."""
         work = self._work(in_order(self._images(files)))
-        backups = self._backups(work, self.site.folder / "flash-DATE")
-        return Plan((*self.setup, *backups, *plan_flash(work)))
+        steps = (*self.setup, *self._backups(work, self.site.folder / "flash-DATE"), *plan_flash(work))
+        self._forecast(steps)
+        return Plan(steps)
 
     def begin(self, files: dict[str, Path]) -> None:
         work = self._work(in_order(self._images(files)))
@@ -179,6 +184,13 @@ class _Flash:
             missing = not_backed_up(self.session, journal, work)
             backups = self._backups(replace(work, images=missing), journal.folder)
         self._run(journal, work, backups, still_to_do(self.session, journal, work))
+
+    def _forecast(self, steps: Sequence[Step]) -> Forecast:
+        """Tells how long they take."""
+        forecast = Forecast(steps, self.baud)
+        sent = any(isinstance(step, BackUp) and isinstance(step.way, BySerial) for step in steps)
+        self.session.progress.note(f"It takes {forecast}.{ERASED_IS_NOT_SENT if sent else ''}")
+        return forecast
 
     def _work(self, images: tuple[Image, ...], content: str = NEW) -> Work:
         return Work(images, self.nand, plan_ram(self.board, images, self.nand), content)
@@ -208,9 +220,11 @@ class _Flash:
         self, journal: Journal, work: Work, backups: tuple[Step, ...], images: tuple[Image, ...]
     ) -> None:
         note = self.session.progress.note
-        flasher = Flasher(self.session, journal, work)
+        before = (*self.setup, *backups)
         try:
-            flasher.run((*self.setup, *backups), images)
+            forecast = self._forecast((*before, *plan_flash(replace(work, images=images))))
+            flasher = Flasher(self.session, journal, work, forecast)
+            flasher.run(before, images)
         except BaseException:  # also Ctrl-C, and a full disk
             note(f"Not finished. `flash --resume` and `flash --roll-back` go on from {journal.folder}.")
             raise
