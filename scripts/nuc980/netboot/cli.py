@@ -61,6 +61,8 @@ examples:
     --kernel uImage --dtb nuc980-gateway.dtb --ubi rootfs.ubi
   nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --resume
   nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --roll-back
+  nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --ubi rootfs.ubi \\
+    --backup-by linux --backup-kernel netboot/uImage --backup-dtb netboot/nuc980-gateway.dtb
 
 What is there is kept in the site's folder before anything is erased.""",
     "restore-env": """\

@@ -68,7 +68,7 @@ class LinuxWatch:
     def __init__(self, line: Line, marker: int, show: Callable[[str], None]) -> None:
         self._line = line
         self._ended = ended(marker)
-        self._show = show
+        self.show = show
         self._judged: deque[str] = deque(maxlen=LINES_KEPT)
         self._new: deque[str] = deque()  # whole lines, not judged yet
         self._rest = b""  # of the line at hand
@@ -90,8 +90,8 @@ class LinuxWatch:
             raise BootmFailed(f"bootm did not end within {seconds:g} s: {self._last_words()}")
         raise KernelMute(f"Not a word of the kernel within {seconds:g} s.")
 
-    def until(self, goal: Goal) -> None:
-        """Until the goal's line, or its beginning. Raises KernelPanic, BoardReset, LinuxSilent."""
+    def until(self, goal: Goal) -> str:
+        """Returns the goal's line, or its beginning. Raises KernelPanic, BoardReset, LinuxSilent."""
         wanted = re.compile(goal.pattern)
         deadline = time.monotonic() + goal.seconds
         while True:
@@ -105,10 +105,11 @@ class LinuxWatch:
                 if TROUBLE.search(line):
                     raise self._trouble(line)
                 if wanted.search(line):
-                    return
+                    return line
             if wanted.search(text(self._rest)):
-                self._show(text(self._rest))
-                return
+                line, self._rest = text(self._rest), b""
+                self.show(line)
+                return line
             if not self._hear(deadline):
                 raise self._silence(goal)
 
@@ -119,7 +120,7 @@ class LinuxWatch:
         if len(self._rest) > LINE_LIMIT:
             whole, self._rest = [*whole, self._rest], b""
         for line in map(text, whole):
-            self._show(line)
+            self.show(line)
             self._new.append(line)
         return bool(said) and time.monotonic() < deadline
 

@@ -41,13 +41,12 @@ ORDER = (UBI, DEVICE_TREE, KERNEL, LOADER)
 RAM_FRONT, RAM_BACK = 0x100000, 0x100000
 
 
-def check_board(board: BoardReport, way: Way | None) -> Nand:
-    """The flash, if this board and its U-Boot can do what is needed. Raises FlashNotPossible."""
-    missing = [name for name in NEEDED if not board.knows(name)]
-    if isinstance(way, ByTftp) and not board.knows("tftpput"):
-        missing.append("tftpput")
-    if isinstance(way, BySerial) and not board.knows("md"):
-        missing.append("md")
+def check_board(board: BoardReport, needs: tuple[str, ...] = ()) -> Nand:
+    """The flash, if this board and its U-Boot can do what is needed. Raises FlashNotPossible.
+
+    needs: commands for a backup.
+    """
+    missing = [name for name in (*NEEDED, *needs) if not board.knows(name)]
     if missing:
         raise FlashNotPossible(f"This U-Boot has no {', '.join(missing)}.")
     nand = board.nand
