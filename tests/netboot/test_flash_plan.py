@@ -209,12 +209,12 @@ def test_ubi_of_all_blocks_is_restored_when_one_has_died(tmp_path: Path) -> None
 @pytest.mark.parametrize("missing", ["nand", "crc32", "mw", "tftpboot", "tftpput"])
 def test_uboot_must_know_the_commands(missing: str) -> None:
     with pytest.raises(FlashNotPossible, match=missing):
-        check_board(board(commands=COMMANDS - {missing}), ByTftp())
+        check_board(board(commands=COMMANDS - {missing}), ByTftp.needs)
 
 
 def test_board_without_a_flash() -> None:
     with pytest.raises(FlashNotPossible, match="no NAND"):
-        check_board(board(nand=False), None)
+        check_board(board(nand=False))
 
 
 def test_backup_goes_over_the_line_where_there_is_no_tftpput() -> None:

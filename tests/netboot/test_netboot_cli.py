@@ -70,6 +70,7 @@ def test_every_option_is_explained(name: str) -> None:
         (["probe", "--port", "/dev/no-such-port"], "/dev/no-such-port"),
         (["probe", "--port", "/dev/null", "--junit", "no/such/folder.xml"], "no folder no/such"),
         (["probe", "--port", "/dev/null", "--as", "x.json"], "--as is for --dry-run"),
+        (["probe", "--port", "/dev/null", "--all-lines"], "--all-lines is for --dry-run"),
         (["probe", "--dry-run", "--as", "no.json"], "no.json: No such file"),
         (["restore-env", "--dry-run", "no.txt"], "no.txt: No such file"),
         (["restore-env", "--dry-run", "/dev/null", "--as", __file__], "no JSON of nuc980-netboot probe"),
@@ -207,7 +208,7 @@ def test_dry_flash_is_what_a_flash_types(
         *("flash", "--kernel", kernel, "--dtb", tree, "--no-backup", "the double's flash is empty"),
         *("--site", str(site), *network(udp_port)),
     ]
-    assert main([*command, "--dry-run"]) == 0
+    assert main([*command, "--dry-run", "--all-lines"]) == 0
     shown = capsys.readouterr().out
     with Double("factory", tftp=("127.0.0.1", udp_port)) as double:
         assert main([*command, "--port", double.port]) == 0, capsys.readouterr()

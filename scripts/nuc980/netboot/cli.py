@@ -63,6 +63,8 @@ examples:
     --kernel uImage --dtb nuc980-gateway.dtb --ubi rootfs.ubi
   nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --resume
   nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --roll-back
+  nuc980-netboot flash --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --ubi rootfs.ubi \\
+    --backup-by linux --backup-kernel netboot/uImage --backup-dtb netboot/nuc980-gateway.dtb
 
 What is there is kept in the site's folder before anything is erased.""",
     "restore-env": """\
@@ -146,6 +148,8 @@ def _check(parsed: argparse.Namespace) -> None:
     """What argparse cannot see. Raises UnusableInput."""
     if parsed.board_as and not parsed.dry_run:
         raise UnusableInput("--as is for --dry-run", next_step="without --dry-run the board is asked itself")
+    if parsed.all_lines and not parsed.dry_run:
+        raise UnusableInput("--all-lines is for --dry-run", next_step="--log FILE keeps what is typed")
     if parsed.console:
         check_terminal()
     for path in (parsed.junit, parsed.json):
@@ -225,6 +229,9 @@ def _add_common(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("without a board")
     group.add_argument(
         "--dry-run", action="store_true", help="show what would be typed and done; no port is opened"
+    )
+    group.add_argument(
+        "--all-lines", action="store_true", help="with --dry-run: also each of many lines that are alike"
     )
     group.add_argument(
         "--as",

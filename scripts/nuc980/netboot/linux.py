@@ -80,7 +80,7 @@ class LinuxWatch:
     def __init__(self, line: Line, marker: int, show: Callable[[str], None]) -> None:
         self._line = line
         self._ended = ended(marker)
-        self._show = show
+        self.show = show
         self._judged: deque[str] = deque(maxlen=LINES_KEPT)
         self._new: deque[str] = deque()  # whole lines, not judged yet
         self._rest = b""  # of the line at hand
@@ -151,8 +151,8 @@ class LinuxWatch:
         what = f"bootm did not end within {goal.bootm_seconds:g} s: {self._last_words()}"
         return BootmFailed(what, cause=others)
 
-    def until(self, goal: Goal) -> None:
-        """Until the goal's line, or its beginning.
+    def until(self, goal: Goal) -> str:
+        """Returns the goal's line, or its beginning.
 
         Raises KernelPanic, LinuxSilent, and what until_kernel() does.
         """
@@ -165,10 +165,11 @@ class LinuxWatch:
                 if TROUBLE.search(line):
                     raise self._trouble(line)
                 if wanted.search(line):
-                    return
+                    return line
             if wanted.search(text(self._rest)):
-                self._show(text(self._rest))
-                return
+                line, self._rest = text(self._rest), b""
+                self.show(line)
+                return line
             if not self._hear(deadline):
                 raise self._silence(goal)
 
@@ -179,7 +180,7 @@ class LinuxWatch:
         if len(self._rest) > LINE_LIMIT:
             whole, self._rest = [*whole, self._rest], b""
         for line in map(text, whole):
-            self._show(line)
+            self.show(line)
             self._new.append(line)
         return bool(said) and time.monotonic() < deadline
 

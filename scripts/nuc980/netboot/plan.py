@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from itertools import takewhile
 from typing import TYPE_CHECKING, ClassVar
 
 from nuc980.netboot.commandline import COMMAND_ROOM, quoted, typed
@@ -14,6 +18,23 @@ if TYPE_CHECKING:
 
 # Names of shell variables, which are no part of U-Boot's environment.
 PIECE = "piece"
+NUMBER = re.compile(r"0x[0-9a-f]+|\d+")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a step moves, beside the lines that it types. In bytes; erased: in blocks; seconds: all else."""
+
+    network: int = 0
+    read: int = 0  # from the flash
+    summed: int = 0  # by crc32
+    erased: int = 0
+    written: int = 0
+    printed: int = 0  # by U-Boot over the serial line
+    seconds: float = 0.0
+
+    def __add__(self, other: Cost) -> Cost:
+        return Cost(*(mine + its for mine, its in zip(astuple(self), astuple(other), strict=True)))
 
 
 class Step(ABC):
@@ -33,6 +54,13 @@ class Step(ABC):
     def run(self, session: Session) -> None:
         """Does it. Raises NetbootError."""
 
+    def cost(self) -> Cost:
+        """What it takes when nothing goes wrong, for the forecast."""
+        return Cost()
+
+
+Shown = list[tuple[str, list[str]]]  # titles, and the lines below each
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -40,14 +68,27 @@ class Plan:
 
     steps: tuple[Step, ...]
 
-    def dialogue(self, first: int = 1) -> list[tuple[str, list[str]]]:
+    def dialogue(self, first: int = 1) -> Shown:
         """Each step's title and its lines exactly as typed; first: the number of the first marker."""
-        shown = []
+        shown: Shown = []
         for step in self.steps:
             lines = [typed(command, first + at) for at, command in enumerate(step.commands())]
             first += len(lines)
             shown.append((step.title(), lines))
         return shown
+
+    def summary(self, first: int = 1) -> Shown:
+        """As dialogue(), but steps that differ in numbers only are shown once, and so are their lines."""
+        alike: dict[str, Shown] = {}
+        for title, lines in self.dialogue(first):
+            alike.setdefault(NUMBER.sub("#", title), []).append((title, lines))
+        return [
+            (
+                steps[0][0] + (f" {len(steps)} such steps." if len(steps) > 1 else ""),
+                _counted([line for _, lines in steps for line in lines]),
+            )
+            for steps in alike.values()
+        ]
 
     def run(self, session: Session) -> None:
         """Does the steps. Raises NetbootError, also LineTooLong before anything is typed."""
@@ -56,6 +97,20 @@ class Plan:
             session.progress.note(step.title())
             with session.progress.phase(step.phase):
                 step.run(session)
+
+
+def _counted(lines: Sequence[str]) -> list[str]:
+    """Each line; of those that begin alike, up to their first number, how many there are."""
+    found = {_beginning(line): line for line in lines}
+    counts = Counter(map(_beginning, lines))
+    return [
+        line if counts[beginning] == 1 else f"{beginning} … {counts[beginning]} times"
+        for beginning, line in found.items()
+    ]
+
+
+def _beginning(line: str) -> str:
+    return " ".join(takewhile(lambda word: not word[0].isdigit(), line.removeprefix("if ").split(" ")))
 
 
 @dataclass(frozen=True)

@@ -97,14 +97,19 @@ class Run:
             plan.run(session)
 
     def show(self, plan: Plan, network: Network | None = None) -> None:
-        """The lines that would be typed, and what is done beside."""
+        """What would be typed, and what is done beside."""
         if network:
             if not (macs := self.site.folder / "macs").exists():
                 self.note(
                     f"Write the board's MAC addresses into {macs}; new ones are shown here as examples."
                 )
             self.note(f"Serve {network}.")
-        for title, lines in plan.dialogue(self._asked + 1):
+        first = self._asked + 1
+        shown = plan.dialogue(first)
+        if not self.parsed.all_lines and (summary := plan.summary(first)) != shown:
+            shown = summary
+            self.note("What is done many times is shown once; --all-lines shows each line.")
+        for title, lines in shown:
             self._show(title, lines)
 
     def _show(self, title: str, lines: list[str]) -> None:

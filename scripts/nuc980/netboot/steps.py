@@ -23,7 +23,7 @@ from nuc980.netboot.errors import (
     TransferFailed,
     WrongBytes,
 )
-from nuc980.netboot.plan import Step
+from nuc980.netboot.plan import Cost, Step
 from nuc980.netboot.session import TFTP_PORT, Session
 from nuc980.netboot.tftp import Transfer
 
@@ -71,6 +71,9 @@ class Load(Step):
             f"tftpboot {self.address:#x} {self.name}",
             crc_command(self.address, self.content.size),
         )
+
+    def cost(self) -> Cost:
+        return Cost(network=self.content.size, summed=self.content.size)
 
     def run(self, session: Session) -> None:
         """Up to TRIES times. Raises TransferFailed."""

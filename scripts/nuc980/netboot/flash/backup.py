@@ -15,19 +15,24 @@ from typing import ClassVar, Protocol
 
 from nuc980.netboot.console import TRIES, Answer
 from nuc980.netboot.errors import BackupFailed, LineUnsafe
-from nuc980.netboot.plan import Step
+from nuc980.netboot.plan import Cost, Step
 from nuc980.netboot.session import Session
 from nuc980.netboot.steps import CRC_SLOWEST, PATIENCE, SLOWEST, crc_command, ram_crc, ram_has
 
 MD_BYTES = 4096  # a command's worth of md.l: 17 kB of text, 1.5 s
+MD_PRINTS = 67  # characters for 16 bytes
 MD_LINE = re.compile(r"^([0-9a-f]{8}): ((?:[0-9a-f]{8} ){1,4})", re.MULTILINE)
 UNCORRECTABLE = "failed -74"  # EBADMSG, of which U-Boot gives the bytes all the same
 
 
 class Way(Protocol):
-    """How bytes get from the board's RAM into a file."""
+    """How bytes get from the board's RAM into a file. needs: the commands for it."""
+
+    needs: ClassVar[tuple[str, ...]]
 
     def commands(self, address: int, size: int, name: str) -> tuple[str, ...]: ...
+
+    def cost(self, size: int) -> Cost: ...
 
     def fetch(self, session: Session, address: int, size: int, name: str, target: Path) -> None:
         """Into a new file. Raises BackupFailed."""
@@ -36,8 +41,13 @@ class Way(Protocol):
 class ByTftp:
     """With tftpput: what the U-Boot has it for."""
 
+    needs: ClassVar[tuple[str, ...]] = ("tftpput",)
+
     def commands(self, address: int, size: int, name: str) -> tuple[str, ...]:
         return (f"tftpput {address:#x} {size:#x} {name}",)
+
+    def cost(self, size: int) -> Cost:
+        return Cost(network=size)
 
     def fetch(self, session: Session, address: int, size: int, name: str, target: Path) -> None:
         assert session.files is not None
@@ -55,6 +65,7 @@ class BySerial:
     """With md, block by block, each against its CRC32; what is all 0xFF is known by that and not sent."""
 
     block: int
+    needs: ClassVar[tuple[str, ...]] = ("md",)
 
     def commands(self, address: int, size: int, name: str) -> tuple[str, ...]:
         """As for blocks of which none is erased."""
@@ -67,13 +78,18 @@ class BySerial:
             )
         )
 
+    def cost(self, size: int) -> Cost:
+        """The same."""
+        return Cost(summed=size, printed=size // 16 * MD_PRINTS)
+
     def fetch(self, session: Session, address: int, size: int, name: str, target: Path) -> None:
         with target.open("wb") as file, session.progress.bar(name, size) as bar:
             for block in range(address, address + size, self.block):
-                file.write(self._block(session, block))
+                file.write(self.content(session, block))
                 bar.at(file.tell())
 
-    def _block(self, session: Session, address: int) -> bytes:
+    def content(self, session: Session, address: int) -> bytes:
+        """Of a block that lies in the board's RAM. Raises BackupFailed."""
         wanted = ram_crc(session, address, self.block)
         erased = b"\xff" * self.block
         if wanted == zlib.crc32(erased):
@@ -120,6 +136,21 @@ def reads_well(session: Session, address: int, offset: int, size: int) -> bool:
     return False
 
 
+def read_block(session: Session, address: int, offset: int, block: int) -> bool:
+    """Whether a block reads well; False for one beyond its correction, as it came. Raises BackupFailed."""
+    for _ in range(TRIES):  # a driver that gave up once, or noise in its words, is no worn block
+        answer = _read(session, address, offset, block)
+        if _is_whole(answer, block):
+            return True
+        if UNCORRECTABLE in answer.output:
+            session.progress.note(f"  The block at {offset:#x} cannot be read; it is kept as it came.")
+            return False
+    raise BackupFailed(  # nothing of the flash came
+        f"The block at {offset:#x} cannot be read. U-Boot: {answer.output.strip()[-300:]}",
+        cause="the flash or its driver, not a worn page",
+    )
+
+
 def _read(session: Session, address: int, offset: int, size: int) -> Answer:
     return session.console.run(nand_read(address, offset, size), PATIENCE + size / CRC_SLOWEST)
 
@@ -162,6 +193,9 @@ class BackUp(Step):
             *self.way.commands(self.address, self.size, self.name),
         )
 
+    def cost(self) -> Cost:
+        return Cost(read=self.size, summed=self.size) + self.way.cost(self.size)
+
     def run(self, session: Session) -> None:
         if not reads_well(session, self.address, self.blocks[0], self.size):
             self._read_by_block(session)
@@ -184,15 +218,7 @@ class BackUp(Step):
     def _read_by_block(self, session: Session) -> None:
         """A page that cannot be corrected ends a read over bad blocks: each block for itself, as it comes."""
         for number, offset in enumerate(self.blocks):
-            answer = _read(session, self.address + number * self.block, offset, self.block)
-            if _is_whole(answer, self.block):
-                continue
-            if UNCORRECTABLE not in answer.output:  # then nothing of the flash came
-                raise BackupFailed(
-                    f"The block at {offset:#x} cannot be read. U-Boot: {answer.output.strip()[-300:]}",
-                    cause="the flash or its driver, not a worn page",
-                )
-            session.progress.note(f"  The block at {offset:#x} cannot be read; it is kept as it came.")
+            read_block(session, self.address + number * self.block, offset, self.block)
 
 
 def plan_backup(

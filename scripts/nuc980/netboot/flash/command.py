@@ -5,20 +5,24 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from nuc980.netboot.board import BoardReport
-from nuc980.netboot.boot import plan_network
+from nuc980.netboot.boot import Images, plan_network
 from nuc980.netboot.errors import JournalUnusable, UnusableInput
-from nuc980.netboot.flash.backup import check_room
+from nuc980.netboot.flash.backup import BackUp, BySerial, check_room
 from nuc980.netboot.flash.flasher import Flasher
+from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
 from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
 from nuc980.netboot.flash.plan import (
     Work,
+    backup_file,
     check_board,
     choose_way,
     in_order,
@@ -36,13 +40,22 @@ from nuc980.netboot.flash.resume import (
     not_backed_up,
     still_to_do,
 )
+from nuc980.netboot.flash.steps import BackedUp
 from nuc980.netboot.flash.tables import has_tables, tables_image, up_to_date
+from nuc980.netboot.flash.through_linux import NEEDS, Place, checked, plan_linux
 from nuc980.netboot.plan import Plan, Step
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
 
 PLACES = {KERNEL: "kernel", DEVICE_TREE: "dtb", UBI: "ubi"}  # options
 NEWEST = Path()  # --resume without a folder
+LINUX = "linux"  # a way to back up
+LONG_SECONDS = 300.0  # a backup over the line that another way is offered for
+ERASED_IS_NOT_SENT = " Blocks that are erased need not be sent: with them it is less."
+OFFER = (
+    "A Linux out of RAM backs it up in minutes: --backup-by linux --backup-kernel uImage --backup-dtb DTB,"
+    " the files of the image nuc980_netboot. Nothing is erased yet: after Ctrl-C, --resume takes them."
+)
 
 
 def add_flash_options(command: argparse.ArgumentParser) -> None:
@@ -64,7 +77,15 @@ def add_flash_options(command: argparse.ArgumentParser) -> None:
         )
     group = command.add_argument_group("what was there before")
     group.add_argument("--no-backup", metavar="REASON", help="do not keep it; the journal keeps the reason")
-    group.add_argument("--backup-by", choices=("tftp", "serial"), help="how it comes to the host")
+    group.add_argument(
+        "--backup-by",
+        choices=("tftp", "serial", LINUX),
+        help="how it comes to the host (default: by U-Boot's tftpput where it has that, else by serial)",
+    )
+    group.add_argument(
+        "--backup-kernel", type=Path, metavar="FILE", help="for linux: the uImage of the image nuc980_netboot"
+    )
+    group.add_argument("--backup-dtb", type=Path, metavar="FILE", help="for linux: the board's device tree")
     group = command.add_mutually_exclusive_group()
     for option, does in (
         ("--resume", "bring an interrupted flash to its end"),
@@ -76,7 +97,11 @@ def add_flash_options(command: argparse.ArgumentParser) -> None:
 def run_flash(run: Run) -> None:
     """Raises NetbootError."""
     files = _files(run.parsed)
-    with nullcontext() if run.dry else only_one(run.site.folder):
+    _check_backup(run.parsed)
+    with (
+        TemporaryDirectory(prefix="netboot-") as folder,
+        nullcontext() if run.dry else only_one(run.site.folder),
+    ):
         journal = _journal(run.parsed, run.site.folder)
         if run.dry and journal:
             raise UnusableInput(
@@ -84,7 +109,7 @@ def run_flash(run: Run) -> None:
             )
         with run.board(flash=True) as (session, board):
             network = run.target.network(board)
-            flash = _Flash(run, session, board, network)
+            flash = _Flash(run, session, board, network, Path(folder))
             if run.dry:
                 run.show(flash.planned(files), network)
                 return
@@ -117,6 +142,20 @@ def _files(parsed: argparse.Namespace) -> dict[str, Path]:
     return files
 
 
+def _check_backup(parsed: argparse.Namespace) -> None:
+    """The options of a backup by Linux, and its files. Raises UnusableInput, UnusableImage."""
+    files = (parsed.backup_kernel, parsed.backup_dtb)
+    if parsed.backup_by != LINUX and any(files):
+        raise UnusableInput("--backup-kernel and --backup-dtb are for --backup-by linux")
+    if parsed.backup_by == LINUX:
+        if not all(files):
+            raise UnusableInput(
+                "--backup-by linux needs a kernel and a device tree",
+                next_step="--backup-kernel uImage --backup-dtb DTB, of the image nuc980_netboot",
+            )
+        Images.read(*files)
+
+
 def _journal(parsed: argparse.Namespace, site: Path) -> Journal | None:
     """The one to go on with; None for a new flash."""
     folder = parsed.resume or parsed.roll_back
@@ -141,27 +180,35 @@ def _place(text: str) -> tuple[int, int]:
 class _Flash:
     """One run of the subcommand on a board that has been probed."""
 
-    def __init__(self, run: Run, session: Session, board: BoardReport, network: Network) -> None:
+    def __init__(
+        self, run: Run, session: Session, board: BoardReport, network: Network, folder: Path
+    ) -> None:
         self.parsed, self.session, self.board, self.site = run.parsed, session, board, run.site
+        self.network, self.folder = network, folder
         parsed = run.parsed
-        self.nand = check_board(board, None)
-        self.way = None
-        if parsed.no_backup is None:
-            self.way = choose_way(board, parsed.backup_by, self.nand)
-            check_board(board, self.way)
-        macs = run.site.macs(board.environment)
-        self.setup: tuple[Step, ...] = (*plan_session(board), *plan_network(board, network, macs))
+        self.baud = parsed.baud if run.dry else session.console.line.baud
+        self.nand = check_board(board)
+        self.backs_up = parsed.no_backup is None
+        self.way = choose_way(board, parsed.backup_by, self.nand)
+        if self.backs_up and parsed.backup_by == LINUX:
+            check_board(board, NEEDS)
+            checked(parsed.backup_kernel, parsed.backup_dtb, board)
+        elif self.backs_up:
+            check_board(board, self.way.needs)
+        self.macs = run.site.macs(board.environment)
+        self.setup: tuple[Step, ...] = (*plan_session(board), *plan_network(board, network, self.macs))
 
     def planned(self, files: dict[str, Path]) -> Plan:
         """What begin() does when nothing goes wrong, and the flash has bad-block tables."""
         work = self._work(in_order(self._images(files)))
-        backups = self._backups(work, self.site.folder / "flash-DATE")
-        return Plan((*self.setup, *backups, *plan_flash(work)))
+        steps = (*self.setup, *self._backups(work, self.site.folder / "flash-DATE"), *plan_flash(work))
+        self._forecast(steps)
+        return Plan(steps)
 
     def begin(self, files: dict[str, Path]) -> None:
         work = self._work(in_order((*self._images(files), *self._tables(files))))
         journal = Journal.create(self.site.folder, header_of(work, self.board, self.parsed.no_backup))
-        if self.way:
+        if self.backs_up:
             slots = (image.slot for image in work.images)
             check_room(journal.folder, sum(len(slot.blocks(self.nand)) for slot in slots) * self.nand.block)
         self._run(journal, work, self._backups(work, journal.folder), work.images)
@@ -182,11 +229,34 @@ class _Flash:
             backups = self._backups(replace(work, images=missing), journal.folder)
         self._run(journal, work, backups, still_to_do(self.session, journal, work))
 
+    def _forecast(self, steps: Sequence[Step]) -> Forecast:
+        """Tells how long they take."""
+        forecast = Forecast(steps, self.baud)
+        sent = any(isinstance(step, BackUp) and isinstance(step.way, BySerial) for step in steps)
+        self.session.progress.note(f"It takes {forecast}.{ERASED_IS_NOT_SENT if sent else ''}")
+        if sent and self.parsed.backup_by is None and forecast.planned[BackUp.phase] > LONG_SECONDS:
+            self.session.progress.note(OFFER)
+        return forecast
+
     def _work(self, images: tuple[Image, ...], content: str = NEW) -> Work:
         return Work(images, self.nand, plan_ram(self.board, images, self.nand), content)
 
     def _backups(self, work: Work, folder: Path) -> tuple[Step, ...]:
-        return plan_backups(work, folder, self.way) if self.way else ()
+        """Of the images' places."""
+        if not self.backs_up or not work.images:
+            return ()
+        if self.parsed.backup_by != LINUX:
+            return plan_backups(work, folder, self.way)
+        places = [
+            Place(image.name, image.slot.blocks(self.nand), self.nand.block, backup_file(folder, image))
+            for image in work.images
+        ]
+        steps = plan_linux(
+            *(self.board, self.network, self.macs, self.parsed.backup_kernel, self.parsed.backup_dtb),
+            *(places, work.ram.scratch, self.folder),
+        )
+        # The board was restarted: what was set is gone.
+        return (*steps, *self.setup, *(BackedUp(place.image, place.file) for place in places))
 
     def _images(self, files: dict[str, Path]) -> list[Image]:
         if LOADER in files:
@@ -217,9 +287,11 @@ class _Flash:
         self, journal: Journal, work: Work, backups: tuple[Step, ...], images: tuple[Image, ...]
     ) -> None:
         note = self.session.progress.note
-        flasher = Flasher(self.session, journal, work)
+        before = (*self.setup, *backups)
         try:
-            flasher.run((*self.setup, *backups), images)
+            forecast = self._forecast((*before, *plan_flash(replace(work, images=images))))
+            flasher = Flasher(self.session, journal, work, forecast)
+            flasher.run(before, images)
         except BaseException:  # also Ctrl-C, and a full disk
             note(f"Not finished. `flash --resume` and `flash --roll-back` go on from {journal.folder}.")
             raise
@@ -228,4 +300,4 @@ class _Flash:
                 f"The flash alone could not boot for {flasher.seconds:.1f} s;"
                 f" its kernel was away for {flasher.kernel_seconds:.1f} s of them."
             )
-        note(f"Done. The journal{' and what was there before' if self.way else ''}: {journal.folder}")
+        note(f"Done. The journal{' and what was there before' if self.backs_up else ''}: {journal.folder}")

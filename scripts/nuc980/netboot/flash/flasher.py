@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 from nuc980.netboot.errors import DoesNotFit, FlashFailed
+from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image
 from nuc980.netboot.flash.journal import Journal
 from nuc980.netboot.flash.layout import KERNEL, LOADER
@@ -31,6 +32,7 @@ class Flasher:
     session: Session
     journal: Journal
     work: Work
+    forecast: Forecast
     seconds: float = 0.0  # from the first erase to the last byte read back
     kernel_seconds: float = 0.0  # of that, the kernel's
 
@@ -39,6 +41,7 @@ class Flasher:
         opening = plan_opening(replace(self.work, images=tuple(images)))
         for image in images:
             image.check_unchanged()
+        self.session.progress.left = self.forecast.left
         self._do([*before, *opening])
         bad, started = self.work.nand.bad, time.monotonic()
         for image in images:
@@ -112,7 +115,7 @@ class Flasher:
     def _do_one(self, step: Step) -> None:
         facts = step.record() if isinstance(step, FlashStep) else {}
         self.journal.add("begin", step=step.title(), **facts)
-        with self.session.progress.phase(step.phase):
+        with self.session.progress.phase(step.phase), self.forecast.measured(step):
             step.run(self.session)
         self.journal.add("end", step=step.title(), **facts)
         self._note_milestone(step)

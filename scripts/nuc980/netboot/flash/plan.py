@@ -16,6 +16,7 @@ from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.environment import IN_WORK
 from nuc980.netboot.errors import FlashNotPossible
 from nuc980.netboot.flash.backup import BySerial, ByTftp, Way, plan_backup
+from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image, blocks_needed, programmed
 from nuc980.netboot.flash.journal import NEW
 from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, TABLES, UBI
@@ -30,6 +31,7 @@ from nuc980.netboot.flash.steps import (
 )
 from nuc980.netboot.plan import SetVariable, Step
 from nuc980.netboot.steps import Load, Slice
+from nuc980.netboot.transport import BAUD
 
 CHUNK = 8 << 20  # loaded, backed up and read back at once, bytes
 NEEDED = ("nand", "crc32", "mw", "tftpboot")
@@ -37,16 +39,14 @@ ORDER = (UBI, DEVICE_TREE, KERNEL, TABLES, LOADER)  # the tables last: a block m
 
 # What stays free of ours: in front, vectors and boot parameters; below U-Boot, its stack.
 RAM_FRONT, RAM_BACK = 0x100000, 0x100000
-ERASE_SECONDS, WRITE_SPEED, READ_SPEED = 0.005, 1_000_000, 3_000_000  # a slow one: for the forecast only
 
 
-def check_board(board: BoardReport, way: Way | None) -> Nand:
-    """The flash, if this board and its U-Boot can do what is needed. Raises FlashNotPossible."""
-    missing = [name for name in NEEDED if not board.knows(name)]
-    if isinstance(way, ByTftp) and not board.knows("tftpput"):
-        missing.append("tftpput")
-    if isinstance(way, BySerial) and not board.knows("md"):
-        missing.append("md")
+def check_board(board: BoardReport, needs: tuple[str, ...] = ()) -> Nand:
+    """The flash, if this board and its U-Boot can do what is needed. Raises FlashNotPossible.
+
+    needs: commands for a backup.
+    """
+    missing = [name for name in (*NEEDED, *needs) if not board.knows(name)]
     if missing:
         raise FlashNotPossible(f"This U-Boot has no {', '.join(missing)}.")
     nand = board.nand
@@ -220,11 +220,8 @@ def plan_opening(work: Work) -> tuple[Step, ...]:
 
 def warning(work: Work) -> str:
     """What the reader must know before the first erase."""
-    seconds = sum(
-        len(image.slot.blocks(work.nand)) * (ERASE_SECONDS + work.nand.block / READ_SPEED)
-        + image.size / WRITE_SPEED
-        for image in work.images
-    )
+    writing = (step for image in work.images for step in plan_writing(work, image))
+    seconds = Forecast(writing, BAUD).left(0.0)
     names = ", ".join(image.name for image in work.images)
     if any(image.name == LOADER for image in work.images):
         return (

@@ -14,7 +14,7 @@ from nuc980.netboot.errors import BoardReset, FlashFailed, LineUnsafe, WrongByte
 from nuc980.netboot.flash.backup import nand_read, reads_well
 from nuc980.netboot.flash.images import ERASED
 from nuc980.netboot.flash.journal import NEW, Event
-from nuc980.netboot.plan import Step
+from nuc980.netboot.plan import Cost, Step
 from nuc980.netboot.session import Session
 from nuc980.netboot.steps import PATIENCE, crc_command, ram_has_crc
 
@@ -88,6 +88,9 @@ class CheckRam(FlashStep):
     def commands(self) -> tuple[str, ...]:
         return (crc_command(self.address, self.size),)
 
+    def cost(self) -> Cost:
+        return Cost(summed=self.size)
+
     def run(self, session: Session) -> None:
         if not ram_has_crc(session, self.address, self.size, self.crc32):
             raise WrongBytes(f"The {self.image} in RAM is not the file's any more, CRC32 {self.crc32:08x}.")
@@ -127,6 +130,9 @@ class WriteBlock(FlashStep):
 
     def record(self) -> Event:
         return {"image": self.image, "offset": self.offset, "erases": True}
+
+    def cost(self) -> Cost:
+        return Cost(erased=1, written=self.size)
 
     def run(self, session: Session) -> None:
         for _ in range(TRIES):
@@ -183,6 +189,9 @@ class ReadBack(FlashStep):
             nand_read(self.address, self.offset, self.size),
             crc_command(self.address, self.size),
         )
+
+    def cost(self) -> Cost:
+        return Cost(read=self.size, summed=self.size)
 
     def matches(self, session: Session) -> bool:
         """Whether the flash holds it."""
