@@ -149,7 +149,7 @@ SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename 
 # With OpenSSL only where the site's configuration asks for TLS.
 FOR_SITE := $(or $(SITE),$(OPENRTU_SITE))
 GATEWAY := $(or $(if $(FOR_SITE),$(shell scripts/image/rootfs.py gateway '$(FOR_SITE)')),gateway)
-SYSTEM_PARTS := build/linux/done build/busybox/done build/root/packages.done build/root/$(GATEWAY).done \
+SYSTEM_PARTS := build/linux/done build/busybox/done build/chrony/done build/root/packages.done build/root/$(GATEWAY).done \
   build/dtb/nuc980-gateway.dtb
 
 system: $(SYSTEM_PARTS) ## build the image for the board from Debian's packages (SITE=folder: with its settings)
@@ -157,6 +157,10 @@ system: $(SYSTEM_PARTS) ## build the image for the board from Debian's packages 
 
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
 	scripts/build-busybox.sh build/busybox/debian $(@D)
+	touch $@
+
+build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
+	scripts/build-chrony.sh build/chrony/debian $(@D)
 	touch $@
 
 build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | build/packages-twin.done

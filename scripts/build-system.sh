@@ -22,7 +22,7 @@ inputs() {
 	echo "$folder $gateway ${OPENRTU_SITE:-}"
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
-		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,linux/inputs,dtb/nuc980-gateway.dtb}
+		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,dtb/nuc980-gateway.dtb}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
@@ -34,7 +34,7 @@ make_root() {
 	rm -rf "$parts"
 	mkdir -p "$parts/root"
 	"$tree/scripts/image/rootfs.py" make --packages "$build/root/packages" --busybox "$build/busybox" \
-		--gateway "$build/root/$gateway" "$parts/root"
+		--chrony "$build/chrony" --gateway "$build/root/$gateway" "$parts/root"
 	"$board/post-build.sh" "$parts/root"
 	"$tree/scripts/image/cpio.py" "$parts/root" "$parts/initramfs.cpio"
 	cat >"$parts/initramfs.fragment" <<-END
@@ -77,15 +77,17 @@ licences() {
 	while read -r package _; do
 		cp "$build/root/packages/usr/share/doc/$package/copyright" "$parts/licences/$package"
 	done < <(packages)
-	for package in linux busybox; do
+	for package in linux busybox chrony; do
 		cp "$build/$package/debian/debian/copyright" "$parts/licences/$package"
 	done
+	# chronyd has it in itself.
+	cp "$build/arm-sysroot/usr/share/doc/libcap-dev/copyright" "$parts/licences/libcap"
 	cp "$tree/LICENSES/GPL-3.0-or-later.txt" "$parts/licences/openrtu"
 }
 
 versions() {
 	packages
-	for part in linux busybox; do
+	for part in linux busybox chrony; do
 		sed -nE 's/^(Source|Version): //p' "$build/$part/debian.dsc" | paste -sd ' '
 	done
 }

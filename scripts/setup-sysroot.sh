@@ -8,7 +8,7 @@ set -euo pipefail
 # shellcheck source=scripts/private-apt.sh
 . "$(dirname "$0")/private-apt.sh"
 
-packages=(libc6-dev libcmocka-dev libjansson-dev libseccomp-dev libssl-dev)
+packages=(libc6-dev libcap-dev libcmocka-dev libjansson-dev libseccomp-dev libssl-dev)
 sysroot=$(realpath -m "$1")
 root=$sysroot.apt
 

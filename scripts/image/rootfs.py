@@ -207,7 +207,9 @@ def _find_library(name: str, packages: Path, wanted_by: str) -> str:
 # ---- all of it -----------------------------------------------------------------------------------
 
 
-def make_root(table: Table, packages: Path, busybox: Path, gateway: Path, root: Path) -> None:
+def make_root(
+    table: Table, packages: Path, busybox: Path, chrony: Path, gateway: Path, root: Path
+) -> None:
     """Fills `root`, which must be empty, with everything but a site's settings (post-build.sh)."""
     for path, permissions in table.folders.items():
         (root / path).mkdir(parents=True, exist_ok=True)
@@ -217,6 +219,7 @@ def make_root(table: Table, packages: Path, busybox: Path, gateway: Path, root: 
     copy(PACKAGE / "S80rtud", root / "etc/init.d/S80rtud")
     (root / "etc/init.d/S80rtud").chmod(0o755)
     add_busybox(busybox, root)
+    copy_tree(chrony / "root", root)
     copy_tree(gateway, root)
     for files in table.programs.values():
         for file in files:
@@ -255,6 +258,7 @@ def main(words: Sequence[str] | None = None) -> int:
     make = commands.add_parser("make", help="fill an empty folder")
     make.add_argument("--packages", type=Path, required=True, metavar="DIR", help="the packages, unpacked")
     make.add_argument("--busybox", type=Path, required=True, metavar="DIR", help="of build-busybox.sh")
+    make.add_argument("--chrony", type=Path, required=True, metavar="DIR", help="of build-chrony.sh")
     make.add_argument("--gateway", type=Path, required=True, metavar="DIR", help="where it was installed to")
     make.add_argument("root", type=Path, help="the folder")
     arguments = parser.parse_args(words)
@@ -265,7 +269,14 @@ def main(words: Sequence[str] | None = None) -> int:
         elif arguments.command == "gateway":
             print("gateway-tls" if asks_for_tls(arguments.site) else "gateway")
         else:
-            make_root(table, arguments.packages, arguments.busybox, arguments.gateway, arguments.root)
+            make_root(
+                table,
+                arguments.packages,
+                arguments.busybox,
+                arguments.chrony,
+                arguments.gateway,
+                arguments.root,
+            )
     except UnusableInput as error:
         print(f"rootfs: {error}", file=sys.stderr)
         return 2

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""NTP on the board, by its chronyd: time that comes after the start, with TLS; a step, a leap, a loss."""
+
+import dataclasses
+import json
+import re
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab.board import ETHERNET
+from lab.gateway import free_port, remove, run_directory
+from lab.raw_master import RawMaster
+from nuc980.twin.linux import Kernel, Linux
+from peers.ntp import LEAP_INSERTED, LEAP_NONE, NtpServer
+from peers.tls_gateway import Pki, public_keys
+
+ROOT = Path(__file__).resolve().parents[2]
+SYSTEM = ROOT / "build/system-site-tls.parts/initramfs.cpio"
+SITE = Path(__file__).parent / "site-tls/config.json"
+STATION, OWN_STATION, STATION_PORT = 1001, 65000, 19998
+C_CS = 103
+ACTIVATION, ACT_CON, NEGATIVE, TEST = 6, 7, 0x40, 0x80
+IV = 0x80  # in the third octet of a CP56Time2a
+WAITS_S = 120.0
+NEAR_S = 1.0
+NEVER_SET = "the system's clock was never set: every certificate is refused until it is"
+
+
+@pytest.fixture(scope="module")
+def pki() -> Iterator[Pki]:
+    folder = run_directory()
+    yield public_keys(folder)
+    remove(folder)
+
+
+@pytest.fixture(scope="module")
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[NtpServer]:
+    """At first it says nothing."""
+    with NtpServer(silent=True) as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def linux(boot: Any, kernel: Kernel, pki: Pki, port: int, server: NtpServer) -> Linux:
+    """The system for a site with TLS, with an NTP server besides; its clock begins in 1970."""
+    if not SYSTEM.exists():
+        pytest.fail(f"{SYSTEM} is not there: `make system SITE=tests/linux/site-tls`", pytrace=False)
+    config = json.loads(SITE.read_text()) | {"iec104": {"own_ca": OWN_STATION}}
+    files: dict[str, Path | str] = {
+        "/etc/openrtu/gateway.json": json.dumps(config),
+        "/etc/chrony/site.sources": f"server {ETHERNET[0].host} port {server.port} minpoll 0 maxpoll 0\n",
+        "/keys/station.pem": pki.station.certificate,
+        "/keys/station.key": pki.station.key,
+        "/keys/ca.pem": pki.ours.certificate,
+        "/keys/crl.pem": pki.ours.revoke(),
+    }
+    network = ETHERNET[0].arguments({port: STATION_PORT})
+    linux: Linux = boot(*network, kernel=dataclasses.replace(kernel, root=SYSTEM), files=files)
+    linux.run("mkdir /data/tls && cp /keys/* /data/tls && chown 61201 /data/tls/station.key")
+    linux.run("chmod 400 /data/tls/station.key")
+    return linux
+
+
+def clock(linux: Linux) -> dict[str, Any]:
+    (row,) = json.loads(linux.run("rtuctl --json clock"))
+    return row
+
+
+def wait_source(linux: Linux, source: str) -> dict[str, Any]:
+    deadline = time.monotonic() + WAITS_S
+    while (row := clock(linux))["source"] != source:
+        assert time.monotonic() < deadline, f"{row}\n{linux.run('rtuctl log; tail -n 20 /var/log/messages')}"
+    return row
+
+
+def wait_log(linux: Linux, text: str) -> str:
+    deadline = time.monotonic() + WAITS_S
+    while text not in (said := linux.run("rtuctl log")):
+        assert time.monotonic() < deadline, (
+            f"no {text!r} in:\n{said}{linux.run('tail -n 20 /var/log/messages')}"
+        )
+    return said
+
+
+def assert_tells_the_servers_time(linux: Linux, server: NtpServer) -> None:
+    begin = server.now()
+    told = datetime.fromisoformat(clock(linux)["time"]).timestamp()
+    assert begin - NEAR_S < told < server.now() + NEAR_S
+
+
+@pytest.fixture(scope="module")
+def synchronised(linux: Linux, server: NtpServer) -> Linux:
+    """The server has been there for a moment."""
+    server.silent = False
+    wait_source(linux, "system, synchronised")
+    return linux
+
+
+def cp56(when: datetime) -> bytes:
+    milliseconds = when.second * 1000 + when.microsecond // 1000
+    return milliseconds.to_bytes(2, "little") + bytes(
+        (when.minute, when.hour, when.day, when.month, when.year % 100)
+    )
+
+
+def told_time(master: RawMaster) -> bytes:
+    """The station's time, as it confirms a test of a clock synchronisation."""
+    master.request(C_CS, OWN_STATION, 0, cp56(datetime.now(UTC)), cause=ACTIVATION | TEST)
+    answer = master.answer(C_CS)
+    assert answer.cause == ACT_CON | TEST
+    return answer.body[3:]
+
+
+def set_clock(master: RawMaster, when: datetime) -> int:
+    master.request(C_CS, OWN_STATION, 0, cp56(when))
+    return master.answer(C_CS).cause
+
+
+def test_before_the_server_answers_nothing_is_believed(linux: Linux, server: NtpServer) -> None:
+    """In 1970: tags are invalid, nobody comes in on TLS, and the log says why. Nothing listens for NTP."""
+    wait_log(linux, NEVER_SET)
+    assert "the clock begins with the system's, 1970-01-01T" in wait_log(linux, "time tags are invalid")
+    row = clock(linux)
+    assert (row["source"], row["valid"], row["time"][:10]) == ("none", False, "1970-01-01")
+    assert not server.silent or server.asked > 0
+    chronyd = linux.run("cat /proc/$(pidof chronyd)/status")
+    assert re.search(r"^Uid:\t123\t123\t123\t123$", chronyd, re.MULTILINE)
+    assert int(re.findall(r"^CapEff:\t(\w+)$", chronyd, re.MULTILINE)[0], 16) == 1 << 25  # CAP_SYS_TIME
+    listening = linux.run("netstat -lnu; netstat -lnt")
+    assert not re.search(r":(123|323) ", listening)
+
+
+def test_with_the_server_the_gateway_has_its_time(synchronised: Linux, server: NtpServer) -> None:
+    assert_tells_the_servers_time(synchronised, server)
+    row = clock(synchronised)
+    assert row["valid"]
+    assert 0 < row["error_s"] < 16
+    said = wait_log(synchronised, "the system's clock is synchronised to ")
+    assert re.search(r"the clock follows it, moved by \d{10}\.\d{3} s", said)
+
+
+def test_tls_lets_masters_in_without_a_restart(synchronised: Linux, pki: Pki, port: int) -> None:
+    restarts = json.loads(synchronised.run("rtuctl --json modules"))
+    assert all(module["restarts"] == 0 for module in restarts)
+    with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
+        told = told_time(master)
+        assert not told[2] & IV
+        assert told[6] == datetime.now(UTC).year % 100
+
+
+def test_masters_do_not_overrule_it_and_a_step_ends_no_connection(
+    synchronised: Linux, server: NtpServer, pki: Pki, port: int
+) -> None:
+    """t1 to t3 would have fired in the hour that was left out."""
+    with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
+        assert set_clock(master, datetime.now(UTC) - timedelta(days=1)) == ACT_CON | NEGATIVE
+        server.ahead_s = 3600
+        wait_log(synchronised, "the clock follows the system's, moved by 3")
+        assert_tells_the_servers_time(synchronised, server)
+        assert set_clock(master, datetime.now(UTC)) == ACT_CON | NEGATIVE
+    assert "closed" not in synchronised.run("rtuctl log | grep -i t1 || true")
+
+
+def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
+    synchronised: Linux, server: NtpServer, pki: Pki, port: int
+) -> None:
+    """Somebody stops chronyd and sets the system's clock by hand: no tag is off by a day."""
+    synchronised.run("/etc/init.d/S45chrony stop")
+    before = clock(synchronised)
+    assert before["source"] == "system, synchronised"  # the kernel's word, for as long as its bound holds
+    synchronised.run(f"date -u -s @{int(server.now()) - 86400 // 2}")
+    row = wait_source(synchronised, "system, not synchronised any more")
+    assert row["valid"]
+    assert 8 * 3600 < row["left_s"] < 9 * 3600
+    assert_tells_the_servers_time(synchronised, server)
+    with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
+        assert set_clock(master, datetime.fromtimestamp(server.now(), UTC)) == ACT_CON
+    assert clock(synchronised)["source"] == "controlling station"
+    synchronised.run("/etc/init.d/S45chrony start")
+    wait_source(synchronised, "system, synchronised")
+    assert_tells_the_servers_time(synchronised, server)
+
+
+def test_leap_second(synchronised: Linux, server: NtpServer) -> None:
+    """The kernel inserts it at the end of a half-year's last day, 40 s after the server came to that."""
+    server.leap = LEAP_INSERTED
+    server.tell(datetime(2027, 12, 31, 23, 59, 15, tzinfo=UTC))
+    wait_log(synchronised, "a leap second is inserted at the end of this day, UTC")
+    assert clock(synchronised)["leap_second"] == "inserted"
+    wait_log(synchronised, "a leap second was inserted")
+    server.ahead_s -= 1
+    server.leap = LEAP_NONE
+    wait_source(synchronised, "system, synchronised")
+    assert_tells_the_servers_time(synchronised, server)
+    assert "moved by -1" not in synchronised.run("rtuctl log")
