@@ -128,6 +128,9 @@ class Says:
     def read(self, seconds: float) -> bytes:
         return self.parts.pop(0) if self.parts else b""
 
+    def other_readers(self) -> str:
+        return ""
+
 
 def test_line_that_comes_in_parts_is_seen_once() -> None:
     watch = LinuxWatch(Says(b"backup: 1;", b"\r\nback", b"up: 2;\r\n"), 1, lambda line: None)  # type: ignore[arg-type]
