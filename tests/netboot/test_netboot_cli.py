@@ -125,10 +125,12 @@ def test_dry_boot_is_what_a_boot_types(
     with Double("factory", tftp=("127.0.0.1", udp_port)) as double:
         assert main([*command, "--port", double.port, "--junit", str(junit)]) == 0
     assert typed_in(shown) == double.lines
-    assert f"UDP port {udp_port} of 127.0.0.1, to 127.0.0.1 alone" in shown
+    serves = f"Serve files by TFTP at UDP port {udp_port} of 127.0.0.1 (lo), to 127.0.0.1 alone"
+    assert serves in shown
     assert double.nand.journal == [] and double.kernels_started == 1
     assert load(site / "environment.txt").variables == FACTORY_ENVIRONMENT
     said = capsys.readouterr().out
+    assert serves in said
     assert "environment is kept in" in said and re.search(r"^ +\d+\.\d\d s  Linux$", said, re.MULTILINE)
     check_junit(junit, failed=None)
 
