@@ -23,7 +23,15 @@ from typing import ClassVar
 import libfdt
 
 from nuc980.netboot.board import TABLE_BLOCKS, BoardReport, Nand
-from nuc980.netboot.boot import IN_THE_WAY, Addresses, Images, StartKernel, tree_for
+from nuc980.netboot.boot import (
+    IN_THE_WAY,
+    TREE_GROWTH,
+    Addresses,
+    Images,
+    StartKernel,
+    own_arguments,
+    tree_for,
+)
 from nuc980.netboot.console import TRIES
 from nuc980.netboot.errors import (
     BackupFailed,
@@ -330,28 +338,26 @@ def tree_of(
     tree: libfdt.Fdt, nand: Nand, network: Network, macs: Sequence[str], places: Sequence[Place]
 ) -> bytes:
     """The board's tree, in which all of the flash is one partition that nobody can write; and the script."""
-    flash = libfdt.Fdt(tree.as_bytearray())
-    node = _flash_node(flash)
-    for name in ("nand-on-flash-bbt", "partitions"):
-        if flash.hasprop(node, name):
-            flash.delprop(node, name)
-    while (child := flash.first_subnode(node, libfdt.QUIET_NOTFOUND)) >= 0:
-        flash.del_node(child)
     script = script_for(network, nand.block, places).encode()
-    flash.resize(flash.totalsize() + len(script) + 4096)
-    partitions = flash.add_subnode(node, "partitions")
-    flash.setprop_str(partitions, "compatible", "fixed-partitions")
-    flash.setprop_u32(partitions, "#address-cells", 1)
-    flash.setprop_u32(partitions, "#size-cells", 1)
-    partition = flash.add_subnode(partitions, "partition@0")
-    flash.setprop_str(partition, "label", LABEL)
-    flash.setprop(partition, "reg", bytes(4) + nand.size.to_bytes(4))
-    flash.setprop(partition, "read-only", b"")
-    chosen = flash.path_offset("/chosen", libfdt.QUIET_NOTFOUND)
-    chosen = chosen if chosen >= 0 else flash.add_subnode(0, "chosen")
-    own = flash.getprop(chosen, "bootargs").as_str() if flash.hasprop(chosen, "bootargs") else ""
-    flash.setprop(chosen, SCRIPT, script)
-    return tree_for(flash, arguments_of(own, macs), macs)
+    own = libfdt.Fdt(bytearray(tree_for(tree, arguments_of(own_arguments(tree), macs), macs)))
+    own.resize(own.totalsize() + len(script) + TREE_GROWTH)
+    own.setprop(own.path_offset("/chosen"), SCRIPT, script)
+    flash = _flash_node(own)
+    while (child := own.first_subnode(flash, libfdt.QUIET_NOTFOUND)) >= 0:
+        own.del_node(child)
+    if own.hasprop(flash, "nand-on-flash-bbt"):
+        own.delprop(flash, "nand-on-flash-bbt")
+    own.setprop_str(flash, "status", "okay")
+    partitions = own.add_subnode(flash, "partitions")
+    own.setprop_str(partitions, "compatible", "fixed-partitions")
+    own.setprop_u32(partitions, "#address-cells", 1)
+    own.setprop_u32(partitions, "#size-cells", 1)
+    partition = own.add_subnode(partitions, "partition@0")
+    own.setprop_str(partition, "label", LABEL)
+    own.setprop(partition, "reg", bytes(4) + nand.size.to_bytes(4))
+    own.setprop(partition, "read-only", b"")
+    own.pack()
+    return bytes(own.as_bytearray())
 
 
 def _flash_node(tree: libfdt.Fdt) -> int:
