@@ -3,6 +3,7 @@
 
 import re
 import subprocess
+import zlib
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
@@ -90,12 +91,21 @@ def test_runs_of_blocks() -> None:
 
 def test_other_bytes_than_uboots_are_no_backup(place: Place) -> None:
     content = noise(place.size, 1)
-    found = Findings({("UBI", 0): (2, 0), ("kernel", 0): (1, 1)}, {("UBI", 3): b"w" * BLOCK})
-    with pytest.raises(BackupFailed, match=r"2 blocks from 0x1600000 on \(UBI\)"):
+    rest = len(place.blocks) - 4
+    sums = {
+        ("UBI", 0): (3, zlib.crc32(content[: 3 * BLOCK])),
+        ("UBI", 4): (rest, zlib.crc32(content[4 * BLOCK :])),
+        ("kernel", 0): (1, 1),
+    }
+    found = Findings(sums | {("UBI", 0): (3, 0)}, {("UBI", 3): b"w" * BLOCK})
+    with pytest.raises(BackupFailed, match=r"3 blocks from 0x1600000 on \(UBI\)"):
         found.apply(place, bytearray(content))
     with pytest.raises(BackupFailed, match="bytes of the UBI's"):
         found.apply(place, bytearray(content[:-1]))
-    found.sums.clear()
+    found.sums = {("UBI", 0): sums["UBI", 0]}
+    with pytest.raises(BackupFailed, match="did not sum up all"):
+        found.apply(place, bytearray(content))
+    found.sums = sums
     whole = bytearray(content)
     found.apply(place, whole)
     assert whole[3 * BLOCK : 4 * BLOCK] == b"w" * BLOCK

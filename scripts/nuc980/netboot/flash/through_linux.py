@@ -93,15 +93,18 @@ class Findings:
         """Puts worn blocks into what Linux has sent, and compares all others. Raises BackupFailed."""
         if len(content) != place.size:
             raise BackupFailed(f"Linux sent {len(content)} bytes of the {place.image}'s {place.size}.")
-        for (image, first), block in self.worn.items():
-            if image == place.image:
-                content[first * place.block : (first + 1) * place.block] = block
-        for (image, first), (count, crc32) in self.sums.items():
+        worn = {first: block for (image, first), block in self.worn.items() if image == place.image}
+        sums = {first: each for (image, first), each in self.sums.items() if image == place.image}
+        if len(worn) + sum(count for count, _ in sums.values()) != len(place.blocks):
+            raise BackupFailed(f"U-Boot did not sum up all of the {place.image}'s place.")
+        for first, block in worn.items():
+            content[first * place.block : (first + 1) * place.block] = block
+        for first, (count, crc32) in sums.items():
             found = zlib.crc32(content[first * place.block : (first + count) * place.block])
-            if image == place.image and found != crc32:
+            if found != crc32:
                 raise BackupFailed(
-                    f"{count} blocks from {place.blocks[first]:#x} on ({image}): what Linux read has the"
-                    f" CRC32 {found:08x}, what U-Boot read {crc32:08x}.",
+                    f"{count} blocks from {place.blocks[first]:#x} on ({place.image}): what Linux read has"
+                    f" the CRC32 {found:08x}, what U-Boot read {crc32:08x}.",
                     cause="pages that read another way each time, or a kernel that changed the flash",
                     next_step="start again; --backup-by serial takes the other way",
                 )
