@@ -34,6 +34,14 @@ PLACES = {blocks: f"{blocks.start * BLOCK:#x}+{len(blocks) * BLOCK:#x}" for bloc
 BAD, WORN, FILLED = {57, 180, 181}, 178, (*range(56, 60), *range(176, 184), 199, 200)
 
 
+def table() -> bytes:
+    """A table of bad blocks behind its name, as Linux makes it: the version, two bits for each block."""
+    bits = bytearray(b"\xff" * 256)
+    for block in BAD:
+        bits[block // 4] &= ~(3 << 2 * (block % 4))
+    return b"\x01" + bits
+
+
 @pytest.fixture
 def board(tmp_path: Path, qemu: Path, uboot: Path) -> Iterator[Board]:
     """Its flash has bad blocks, something in others, and the tables of bad blocks; one block is worn."""
@@ -41,9 +49,12 @@ def board(tmp_path: Path, qemu: Path, uboot: Path) -> Iterator[Board]:
     for block in BAD:
         nand.mark_bad(block)
     with switched_on(qemu, uboot, nand) as board, at_prompt(board) as session:
-        probe(session.console, session.progress, flash=True)
-        for block in set(FILLED) - BAD:
-            board.machine.write_memory(0x1000000, noise(BLOCK, block))
+        contents = {block: noise(BLOCK, block) for block in set(FILLED) - BAD}
+        found = probe(session.console, session.progress, flash=True).nand
+        if found and not found.tables:
+            contents |= {1022: b"1tbB" + table(), 1023: b"Bbt0" + table()}
+        for block, content in contents.items():
+            board.machine.write_memory(0x1000000, content.ljust(BLOCK, b"\xff"))
             at = f"{block * BLOCK:#x} {BLOCK:#x}"
             session.console.run(f"nand erase {at}; nand write 0x1000000 {at}").required()
     nand.flip(WORN * PAGES + 1, range(0, 400, 3))

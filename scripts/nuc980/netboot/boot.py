@@ -100,7 +100,7 @@ def arguments_for(
     The vendor's drivers take those from ethaddr0= and ethaddr1= alone; without, all boards have the same
     pair. Those in a tree may be another board's: post-image.sh takes them out too. Raises UnusableInput.
     """
-    words = (environment.get("bootargs") or _without_macs(_own_arguments(tree))) if given is None else given
+    words = (environment.get("bootargs") or _without_macs(own_arguments(tree))) if given is None else given
     missing = (f"ethaddr{port}={mac}" for port, mac in enumerate(macs) if f"ethaddr{port}=" not in words)
     arguments = " ".join(filter(None, (words, *missing)))
     if len(arguments) >= COMMAND_LINE_SIZE or not arguments.isascii() or not arguments.isprintable():
@@ -110,7 +110,8 @@ def arguments_for(
     return arguments
 
 
-def _own_arguments(tree: libfdt.Fdt) -> str:
+def own_arguments(tree: libfdt.Fdt) -> str:
+    """The kernel's, as the tree has them."""
     chosen = tree.path_offset("/chosen", libfdt.QUIET_NOTFOUND)
     if chosen < 0 or not tree.hasprop(chosen, "bootargs"):
         return ""

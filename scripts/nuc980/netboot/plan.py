@@ -110,7 +110,7 @@ def _counted(lines: Sequence[str]) -> list[str]:
 
 
 def _beginning(line: str) -> str:
-    return " ".join(takewhile(lambda word: not word[0].isdigit(), line.removeprefix("if ").split(" ")))
+    return " ".join(takewhile(lambda word: not word[:1].isdigit(), line.removeprefix("if ").split(" ")))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,15 @@ from typing import ClassVar
 import libfdt
 
 from nuc980.netboot.board import TABLE_BLOCKS, BoardReport, Nand
-from nuc980.netboot.boot import IN_THE_WAY, Addresses, Images, StartKernel, tree_for
+from nuc980.netboot.boot import (
+    IN_THE_WAY,
+    TREE_GROWTH,
+    Addresses,
+    Images,
+    StartKernel,
+    own_arguments,
+    tree_for,
+)
 from nuc980.netboot.console import TRIES
 from nuc980.netboot.errors import (
     BackupFailed,
@@ -85,15 +93,18 @@ class Findings:
         """Puts worn blocks into what Linux has sent, and compares all others. Raises BackupFailed."""
         if len(content) != place.size:
             raise BackupFailed(f"Linux sent {len(content)} bytes of the {place.image}'s {place.size}.")
-        for (image, first), block in self.worn.items():
-            if image == place.image:
-                content[first * place.block : (first + 1) * place.block] = block
-        for (image, first), (count, crc32) in self.sums.items():
+        worn = {first: block for (image, first), block in self.worn.items() if image == place.image}
+        sums = {first: each for (image, first), each in self.sums.items() if image == place.image}
+        if len(worn) + sum(count for count, _ in sums.values()) != len(place.blocks):
+            raise BackupFailed(f"U-Boot did not sum up all of the {place.image}'s place.")
+        for first, block in worn.items():
+            content[first * place.block : (first + 1) * place.block] = block
+        for first, (count, crc32) in sums.items():
             found = zlib.crc32(content[first * place.block : (first + count) * place.block])
-            if image == place.image and found != crc32:
+            if found != crc32:
                 raise BackupFailed(
-                    f"{count} blocks from {place.blocks[first]:#x} on ({image}): what Linux read has the"
-                    f" CRC32 {found:08x}, what U-Boot read {crc32:08x}.",
+                    f"{count} blocks from {place.blocks[first]:#x} on ({place.image}): what Linux read has"
+                    f" the CRC32 {found:08x}, what U-Boot read {crc32:08x}.",
                     cause="pages that read another way each time, or a kernel that changed the flash",
                     next_step="start again; --backup-by serial takes the other way",
                 )
@@ -330,28 +341,26 @@ def tree_of(
     tree: libfdt.Fdt, nand: Nand, network: Network, macs: Sequence[str], places: Sequence[Place]
 ) -> bytes:
     """The board's tree, in which all of the flash is one partition that nobody can write; and the script."""
-    flash = libfdt.Fdt(tree.as_bytearray())
-    node = _flash_node(flash)
-    for name in ("nand-on-flash-bbt", "partitions"):
-        if flash.hasprop(node, name):
-            flash.delprop(node, name)
-    while (child := flash.first_subnode(node, libfdt.QUIET_NOTFOUND)) >= 0:
-        flash.del_node(child)
     script = script_for(network, nand.block, places).encode()
-    flash.resize(flash.totalsize() + len(script) + 4096)
-    partitions = flash.add_subnode(node, "partitions")
-    flash.setprop_str(partitions, "compatible", "fixed-partitions")
-    flash.setprop_u32(partitions, "#address-cells", 1)
-    flash.setprop_u32(partitions, "#size-cells", 1)
-    partition = flash.add_subnode(partitions, "partition@0")
-    flash.setprop_str(partition, "label", LABEL)
-    flash.setprop(partition, "reg", bytes(4) + nand.size.to_bytes(4))
-    flash.setprop(partition, "read-only", b"")
-    chosen = flash.path_offset("/chosen", libfdt.QUIET_NOTFOUND)
-    chosen = chosen if chosen >= 0 else flash.add_subnode(0, "chosen")
-    own = flash.getprop(chosen, "bootargs").as_str() if flash.hasprop(chosen, "bootargs") else ""
-    flash.setprop(chosen, SCRIPT, script)
-    return tree_for(flash, arguments_of(own, macs), macs)
+    own = libfdt.Fdt(bytearray(tree_for(tree, arguments_of(own_arguments(tree), macs), macs)))
+    own.resize(own.totalsize() + len(script) + TREE_GROWTH)
+    own.setprop(own.path_offset("/chosen"), SCRIPT, script)
+    flash = _flash_node(own)
+    while (child := own.first_subnode(flash, libfdt.QUIET_NOTFOUND)) >= 0:
+        own.del_node(child)
+    if own.hasprop(flash, "nand-on-flash-bbt"):
+        own.delprop(flash, "nand-on-flash-bbt")
+    own.setprop_str(flash, "status", "okay")
+    partitions = own.add_subnode(flash, "partitions")
+    own.setprop_str(partitions, "compatible", "fixed-partitions")
+    own.setprop_u32(partitions, "#address-cells", 1)
+    own.setprop_u32(partitions, "#size-cells", 1)
+    partition = own.add_subnode(partitions, "partition@0")
+    own.setprop_str(partition, "label", LABEL)
+    own.setprop(partition, "reg", bytes(4) + nand.size.to_bytes(4))
+    own.setprop(partition, "read-only", b"")
+    own.pack()
+    return bytes(own.as_bytearray())
 
 
 def _flash_node(tree: libfdt.Fdt) -> int:
