@@ -180,6 +180,18 @@ MISTAKES = [
         "table-gpio", "LED on a pin of unknown wiring", LEDS.format("&gpio 197 0"), Symptom(there=(LAMP,))
     ),
     Mistake("reserved-pin", "LED on a boot strap", LEDS.format("&gpio 192 0"), Symptom(there=(LAMP,))),
+    Mistake(
+        "reg-overlap",
+        "a port with the registers of the next",
+        "&uart1 { reg = <0xb0071000 0x2000>; };",
+        no_port(2, r"b0072000\.serial failed with error -16"),
+    ),
+    Mistake(
+        "unknown-property",
+        "the pins of a port, mistyped",
+        "&uart1 { /delete-property/ pinctrl-0; pinctl-0 = <&uart1_pins>; };",
+        DEAF_AND_DUMB,
+    ),
 ]
 
 # Rules whose mistakes have no boot here, each with why.
@@ -192,6 +204,25 @@ WITHOUT_SYMPTOM = {
     "unit-address": "the kernel takes the address from reg, and the name from that",
     "bus-num-twice": "of SPI and I2C, for which our port has no drivers yet",
     "pdma-without-dma": "our driver of the ports goes on without PDMA",
+    "bank-and-pin": "the line of that number works, only another is meant",
+    "no-rts": "the transceivers of the emulated lines turn round by themselves",
+    "outside-bus": "the kernel takes the device: it is its second node that hurts (address-twice)",
+    "wrong-trigger": "the port is there until somebody opens it",
+    "wrong-reference": "our drivers have their clocks without the tree, and go on with a line in the log",
+    "chip-address": "of SPI and I2C, for which our port has no drivers yet",
+    "spi-too-fast": "the same",
+    "quad-without-lines": "the same",
+    "partition-overlap": "nothing until somebody writes",
+    "partition-label-twice": "the same",
+    "partition-bounds": "the board boots from memory here",
+    "partition-moved": "the same",
+    "boot-writable": "nothing until somebody writes",
+    "no-ecc": "these boards have no chip at the NAND's pins",
+    "too-much-memory": "U-Boot writes the true size into the node, and the tests boot without it",
+    "reserved-outside": "nobody uses the region",
+    "wrong-console": "the tests give the kernel a command line of their own",
+    "wrong-alias": "U-Boot's, which these boots are without",
+    "bad-mac": "a random address serves as well",
 }
 
 # Whether what is written comes out, and what comes in is read: within its time, from one opening.

@@ -4,6 +4,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -123,6 +124,66 @@ FAULTS = {
     ),
 }
 
+# Valid, but refused once: what the kernel's own bindings describe, and what its core reads for our drivers.
+VALID = """
+/ {
+	buttons {
+		compatible = "gpio-keys";
+
+		button {
+			label = "reset";
+			linux,code = <0x198>;
+			debounce-interval = <20>;
+			gpios = <&gpio 139 1>;
+		};
+	};
+
+	regulator-sim {
+		compatible = "regulator-fixed";
+		regulator-name = "sim";
+		regulator-min-microvolt = <3300000>;
+		regulator-max-microvolt = <3300000>;
+		startup-delay-us = <1000>;
+		gpios = <&gpio 197 0>;
+	};
+};
+
+&pinctrl {
+	spi0 {
+		spi0_pins: spi0-pins {
+			nuvoton,pins = <3 9 1 0>, <3 10 1 0>, <3 11 1 0>;
+		};
+	};
+};
+
+&uart2_pins {
+	nuvoton,pins = <0 9 2 0>, <0 10 2 0>, <0 8 2 0>, <0 7 2 0>;
+};
+
+&uart2 {
+	linux,rs485-enabled-at-boot-time;
+	rs485-rts-active-low;
+	rs485-rts-delay = <0 1>;
+};
+
+&emac0 {
+	local-mac-address = [02 00 00 00 00 01];
+};
+
+&spi0 {
+	pinctrl-names = "default";
+	pinctrl-0 = <&spi0_pins>;
+	cs-gpios = <&gpio 104 1>;
+	status = "okay";
+
+	dac@0 {
+		compatible = "ti,dac7612";
+		reg = <0>;
+		spi-max-frequency = <1000000>;
+	};
+};
+"""
+
 
 def _run(tool: str, *arguments: object) -> str:
     """What a tool of dtschema says: dt-validate exits with 0 whatever it finds."""
@@ -178,7 +239,33 @@ def test_nothing_is_found_where_nothing_is_wrong(found: dict[str, dict[str, list
     assert set(found[FAULTY]) == {fault.node for fault in FAULTS.values()}
 
 
-@pytest.mark.slow
+@pytest.fixture
+def script(tmp_path: Path) -> Callable[[str], subprocess.CompletedProcess[str]]:
+    """What `make dtb` says of the gateway with something added."""
+
+    def validate(more: str) -> subprocess.CompletedProcess[str]:
+        source = tmp_path / "board.dts"
+        source.write_text(f'#include "{GATEWAY}"\n{more}')
+        command = [ROOT / "scripts" / "validate-dtb.sh", _compile(source, tmp_path / "board.dtb")]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    return validate
+
+
+def test_script_takes_what_the_kernel_describes(
+    script: Callable[[str], subprocess.CompletedProcess[str]],
+) -> None:
+    done = script(VALID)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_script_refuses_a_fault(script: Callable[[str], subprocess.CompletedProcess[str]]) -> None:
+    done = script(FAULTS["uart: typo"].source + FAULTS["sdh: no such compatible"].source)
+    assert done.returncode == 1
+    assert "pdma-enabel" in done.stderr
+    assert "nuvoton,nuc980-shd" in done.stderr
+
+
 def test_examples_are_valid(tmp_path: Path) -> None:
     dtbs = []
     for binding in BINDINGS.rglob("*.yaml"):

@@ -8,6 +8,7 @@ import pytest
 from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip
 from nuc980.pins.errors import UnusableInput
+from nuc980.pins.limits import Area
 
 CHIP = load_chip()
 TABLE = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "pins.yml"
@@ -86,6 +87,15 @@ PART = "part: NUC980DK61YC\n"
             PART + "devices: {uart1: {pins: {RXD: PA0}}}\ngpios: {PA0: LED}\nnot_connected: [PA0]",
             ["PA0 is used twice: uart1 UART1_RXD and gpios", "and not_connected"],
         ),
+        (PART + "limits: [x]", ["limits: the name of a file beside the table is wanted"]),
+        (
+            PART + "devices: {uart1: {}}\nconsole: uart2",
+            ["console: uart2: not under devices; did you mean uart1?"],
+        ),
+        (PART + "console: [uart1]", ["console: ['uart1']: not under devices"]),
+        (PART + "flash: fmi", ["flash: fmi: not under devices"]),
+        (PART + "ethernet: emac0", ["ethernet: a list of devices is wanted"]),
+        (PART + "devices: {emac0: {}}\nethernet: [emac0, emac1]", ["ethernet: emac1: not under devices"]),
         (PART + "gpios: {PB15: LED}", ["gpios: PB15: the chip has no such pin"]),
         (PART + "not_connected: PA1", ["not_connected: a list of pins is wanted"]),
         (PART + "accepted: {}", ["accepted: a list of {rule, node, reason} is wanted"]),
@@ -132,3 +142,49 @@ def test_missing_and_unreadable_files(tmp_path: Path) -> None:
 def test_what_is_there_twice_is_told_and_not_lost(tmp_path: Path, text: str) -> None:
     with pytest.raises(UnusableInput, match=r"(uart1|PE11|RXD) is there twice(.|\n)* line 2"):
         load_board(table(tmp_path, PART + text), CHIP)
+
+
+LIMITS = """
+[memory]
+size = 0x4000000
+[flash]
+size = 0x8000000
+block = 0x20000
+[flash.boot]
+label = "u-boot"
+offset = 0
+size = 0x200000
+"""
+
+
+def test_memory_and_flash_are_those_of_the_image(tmp_path: Path) -> None:
+    limits = load_board(TABLE, CHIP).limits
+    assert (limits.memory, limits.flash, limits.block) == (64 << 20, 128 << 20, 128 << 10)
+    assert limits.kernel == Area("kernel", 0x200000, 0x500000)
+    (tmp_path / "limits.toml").write_text(LIMITS)
+    limits = load_board(table(tmp_path, PART + "limits: limits.toml"), CHIP).limits
+    assert (limits.boot, limits.kernel, limits.root) == (Area("u-boot", 0, 0x200000), None, None)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        ("size = 0x4000000", "", "KeyError('size')"),
+        ("size = 0x4000000", "size = '64M'", "no size in bytes: '64M'"),
+        ("block = 0x20000", "block = 0", "no size in bytes: 0"),
+        ('label = "u-boot"', "label = 1", "no label and offset"),
+        ("offset = 0", "offset = -1", "no label and offset"),
+        ("[memory]", "memory = 1", "TypeError"),
+        ("[memory]", "[memory", "TOMLDecodeError"),
+    ],
+)
+def test_mistakes_in_the_limits_are_told(tmp_path: Path, before: str, after: str, says: str) -> None:
+    (tmp_path / "limits.toml").write_text(LIMITS.replace(before, after, 1))
+    with pytest.raises(UnusableInput, match=r"as board/nuc980/image-limits\.toml") as raised:
+        load_board(table(tmp_path, PART + "limits: limits.toml"), CHIP)
+    assert says in str(raised.value)
+
+
+def test_limits_that_are_not_there(tmp_path: Path) -> None:
+    with pytest.raises(UnusableInput, match=r"none\.toml: No such file.*named as limits in the pin table"):
+        load_board(table(tmp_path, PART + "limits: none.toml"), CHIP)

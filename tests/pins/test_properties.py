@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from trees import CHIP, GATEWAY_PINS, TABLE, built, child, set_cells, set_string
+from trees import CHIP, GATEWAY_PINS, MORE, TABLE, built, child, set_cells, set_string
 
 from nuc980.pins.board import Board, Device, load_board
 from nuc980.pins.chip import Peripheral, gpio_number
@@ -99,7 +99,7 @@ def test_a_pin_table_comes_back_from_its_device_tree(assignment: Assignment) -> 
         for path, text in files.items():
             (folder / path.name).write_text(text, encoding="utf-8")
         includes = "".join(f'#include "{path.name}"\n' for path in files)
-        switched_on = "".join(f"&{label} {{ {ON} }};\n" for label in assignment)
+        switched_on = "".join(f"&{label} {{ {ON} {MORE.get(label, '')} }};\n" for label in assignment)
         source = folder / "random.dts"
         source.write_text(f"/dts-v1/;\n{includes}{switched_on}", encoding="utf-8")
         tree = read_source(source)

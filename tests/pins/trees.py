@@ -19,10 +19,11 @@ CHIP = load_chip()
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "board" / "nuc980" / "pins.yml"
 
-CELLS = {
+MORE = {
     "aic": "interrupt-controller; #interrupt-cells = <3>;",
     "gpio": "gpio-controller; #gpio-cells = <2>; interrupt-controller; #interrupt-cells = <2>;",
     "pinctrl": "",
+    "fmi": 'nand-ecc-mode = "hw_oob_first"; nand-ecc-strength = <8>; nand-ecc-step-size = <512>;',
 }
 ALWAYS_ON = ("aic", "pinctrl", "gpio")
 
@@ -84,7 +85,7 @@ def _node(peripheral: Peripheral) -> str:
     for name, value in peripheral.properties.items():
         cells = value if isinstance(value, list) else [value]
         lines.append(f"{name} = <{' '.join(map(str, cells))}>;")
-    lines.append(CELLS.get(peripheral.label, ""))
+    lines.append(MORE.get(peripheral.label, ""))
     lines.append(f"status = {_quoted('okay' if peripheral.label in ALWAYS_ON else 'disabled')};")
     inner = "\n".join(f"            {line}" for line in lines if line)
     return f"        {peripheral.label}: {peripheral.full_node} {{\n{inner}\n        }};"

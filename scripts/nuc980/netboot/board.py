@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from nuc980.netboot import limits
 from nuc980.netboot.errors import UnusableInput
 
 SCHEMA = 1
@@ -117,12 +118,12 @@ FACTORY = BoardReport(
         "stdin": "serial",
         "stdout": "serial",
     },
-    ram=((0, 64 << 20),),
+    ram=((0, limits.MEMORY),),
     ram_end=0x3E00000,
     nand=Nand(
-        size=128 << 20,
-        block=128 << 10,
-        page=2048,
+        size=limits.FLASH,
+        block=limits.BLOCK,
+        page=limits.PAGE,
         bad=(),
         partitions=(
             Partition("u-boot", 0, 0x200000),

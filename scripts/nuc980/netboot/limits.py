@@ -8,6 +8,12 @@ from pathlib import Path
 
 _LIMITS = tomllib.loads((Path(__file__).parents[3] / "board/nuc980/image-limits.toml").read_text())
 
+# Of the board, bytes.
+MEMORY: int = _LIMITS["memory"]["size"]
+FLASH: int = _LIMITS["flash"]["size"]
+BLOCK: int = _LIMITS["flash"]["block"]
+PAGE: int = _LIMITS["flash"]["page"]
+
 # In RAM: the whole uImage, the kernel in it, which runs there, and the device tree.
 UIMAGE_AT: int = _LIMITS["memory"]["uimage"]
 ENTRY: int = _LIMITS["memory"]["entry"]

@@ -13,8 +13,21 @@ import yaml
 
 from nuc980.pins.chip import GPIO, Chip, Package, Peripheral, YamlLoader
 from nuc980.pins.errors import UnusableInput
+from nuc980.pins.limits import Limits, load_limits
 
-KEYS = {"board", "part", "devices", "gpios", "reserved", "not_connected", "accepted"}
+KEYS = {
+    "board",
+    "part",
+    "limits",
+    "flash",
+    "console",
+    "ethernet",
+    "devices",
+    "gpios",
+    "reserved",
+    "not_connected",
+    "accepted",
+}
 
 
 @dataclass(frozen=True)
@@ -48,6 +61,10 @@ class Board:
     reserved: dict[str, str] = field(default_factory=dict)  # pin: what it is wired to
     not_connected: frozenset[str] = frozenset()
     accepted: tuple[Accepted, ...] = ()
+    limits: Limits | None = None  # None: the sizes of memory and flash are not known
+    flash: str | None = None  # label of the device that the flash is at
+    console: str | None = None  # label of its port
+    ethernet: tuple[str, ...] = ()  # labels of the ports, eth0 first
 
     def use_of(self, pin: str) -> tuple[str, str] | None:
         """Who has a pin, and as what: ("uart1", "UART1_RXD"), ("gpios", "GPIO"); None: nobody."""
@@ -112,6 +129,10 @@ class _Reader:
             reserved=self._pins_with_text(table, "reserved"),
             not_connected=self._not_connected(table.get("not_connected")),
             accepted=tuple(self._accepted(table.get("accepted"))),
+            limits=self._limits(table.get("limits")),
+            flash=self._one_device(table, "flash"),
+            console=self._one_device(table, "console"),
+            ethernet=tuple(self._named_devices(table, "ethernet", table.get("ethernet") or [])),
         )
         self._check_bonded(board.package)
         if self.mistakes:
@@ -184,6 +205,29 @@ class _Reader:
                 yield Accepted(str(entry["rule"]), str(entry["node"]), str(entry["reason"]))
             else:
                 self._mistake(f"accepted: {entry}: rule, node and reason are wanted, none of them empty")
+
+    def _limits(self, name: Any) -> Limits | None:
+        """The file of this name beside the table."""
+        if isinstance(name, str):
+            return load_limits(self.file.parent / name)
+        if name is not None:
+            self._mistake("limits: the name of a file beside the table is wanted")
+        return None
+
+    def _one_device(self, table: dict[str, Any], key: str) -> str | None:
+        return next(self._named_devices(table, key, [table[key]]), None) if table.get(key) else None
+
+    def _named_devices(self, table: dict[str, Any], key: str, labels: Any) -> Iterator[str]:
+        """Those of the labels that the table has under devices."""
+        devices = self._mapping(table.get("devices"), "devices")
+        if not isinstance(labels, list):
+            self._mistake(f"{key}: a list of devices is wanted")
+            return
+        for label in labels:
+            if isinstance(label, str) and label in devices:
+                yield label
+            else:
+                self._mistake(f"{key}: {label}: not under devices{near(str(label), devices)}")
 
     def _check_bonded(self, package: Package) -> None:
         for pin, user in self.users.items():

@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 
-from nuc980.pins.chip import GPIO, Chip, pin_name, pin_of_gpio
+from nuc980.pins.chip import BANKS, GPIO, PINS_A_BANK, Chip, pin_name, pin_of_gpio
 from nuc980.pins.tree import Node, Place, Tree
 
 PINCTRL = "nuvoton,nuc980-pinctrl"
@@ -15,6 +15,10 @@ GPIO_CONTROLLER = "nuvoton,nuc980-gpio"
 KEYS = "nuvoton,nuc980-keys"
 BUSES = ("simple-bus", "simple-mfd")  # of these the kernel makes devices of the children (of/platform.c)
 PINS = "nuvoton,pins"
+# Of a line, dt-bindings/gpio/gpio.h: active low, open source, open drain. Transitory (8) says that a line
+# loses its level in sleep, which none of this chip does.
+LINE_FLAGS = (0, 1, 2, 3, 6, 7)
+TRIGGERS = (0, 1, 2, 3, 4, 8)  # of an interrupt, dt-bindings/interrupt-controller/irq.h
 CELLS_A_PIN = 4  # bank, pin, value of the multi-function field, a fourth that no driver reads
 
 
@@ -143,17 +147,33 @@ def _lines(tree: Tree, node: Node) -> Iterator[Claim]:
 
 
 def _line_numbers(tree: Tree, node: Node, name: str) -> Iterator[int]:
-    """The numbers of the chip's GPIO lines that a property names."""
-    if is_gpio_list(name):
-        for controller, specifier in gpio_specifiers(tree, node, name):
-            if GPIO_CONTROLLER in controller.strings("compatible"):
-                yield specifier[0]
-    elif name == interrupts_property(node):
-        for controller, specifier in interrupt_specifiers(tree, node):
-            if GPIO_CONTROLLER in controller.strings("compatible"):
+    """The numbers of the chip's GPIO lines that a property names, but for what means a bank and a pin."""
+    if is_gpio_list(name) or name == interrupts_property(node):
+        for specifier in line_specifiers(tree, node, name):
+            if meant_pin(specifier, name) is None:
                 yield specifier[0]
     elif name in ("gpio-keys-rows", "gpio-keys-cols") and KEYS in node.strings("compatible"):
         yield from _key_lines(node, name)
+
+
+def line_specifiers(tree: Tree, node: Node, name: str) -> Iterator[list[int]]:
+    """Of a list of GPIO lines or interrupts: the specifiers that are the chip's GPIO controller's."""
+    read = gpio_specifiers(tree, node, name) if is_gpio_list(name) else interrupt_specifiers(tree, node)
+    for controller, specifier in read:
+        if GPIO_CONTROLLER in controller.strings("compatible"):
+            yield specifier
+
+
+def meant_pin(specifier: Sequence[int], name: str) -> str | None:
+    """
+    The pin that <4 11> means to its author, bank and pin: line 4 with flags that nothing has; None for what
+    can be a number and its flags.
+    """
+    number, flags = (*specifier, 0)[:2]
+    known = LINE_FLAGS if is_gpio_list(name) else TRIGGERS
+    if number < len(BANKS) and flags < PINS_A_BANK and flags not in known:
+        return pin_name(number, flags)
+    return None
 
 
 def is_gpio_list(name: str) -> bool:

@@ -9,13 +9,36 @@ from dataclasses import replace
 from nuc980.pins.board import Board
 from nuc980.pins.chip import Chip, Package
 from nuc980.pins.findings import Finding
-from nuc980.pins.rules import devices, groups, pins, sets, table
+from nuc980.pins.rules import (
+    addresses,
+    boot,
+    devices,
+    flash,
+    groups,
+    interrupts,
+    pins,
+    properties,
+    serial_buses,
+    sets,
+    table,
+)
 from nuc980.pins.rules.context import Context, Rule
 from nuc980.pins.tree import Tree
 
-RULES: dict[str, Rule] = {
-    rule.name: rule for theme in (pins, groups, sets, devices, table) for rule in theme.RULES
-}
+THEMES = (
+    pins,
+    groups,
+    sets,
+    addresses,
+    interrupts,
+    devices,
+    properties,
+    serial_buses,
+    flash,
+    boot,
+    table,
+)
+RULES: dict[str, Rule] = {rule.name: rule for theme in THEMES for rule in theme.RULES}
 
 
 def check(

@@ -80,6 +80,19 @@ class Context:
         return {node: self.peripherals[node] for node in self.enabled if node in self.peripherals}
 
     @cached_property
+    def serial_buses(self) -> dict[Node, str]:
+        """The I2C and SPI controllers that are on, of the chip and by GPIO: "i2c" or "spi"."""
+        chips = {node: one.label for node, one in self.devices.items() if "bus_num" in one.properties}
+        kinds = {node: "i2c" if label.startswith("i2c") else "spi" for node, label in chips.items()}
+        by_lines = {
+            node: compatible.removesuffix("-gpio")
+            for node in self.enabled
+            for compatible in node.strings("compatible")
+            if compatible in ("i2c-gpio", "spi-gpio")
+        }
+        return kinds | by_lines
+
+    @cached_property
     def pinctrl(self) -> Node | None:
         return pin_controller(self.tree)
 
@@ -127,6 +140,18 @@ class Context:
         """What people call a node: uart1, or its path."""
         peripheral = self.peripherals.get(node)
         return peripheral.label if peripheral else node.labels[0] if node.labels else node.path
+
+
+def switched_off(node: Node) -> Node:
+    """Of a node that is off: itself, or the node above it that is."""
+    above = node.parent
+    return switched_off(above) if above and not above.enabled else node
+
+
+def off(node: Node) -> str:
+    """ "is off", with the bus that is the cause."""
+    cause = switched_off(node)
+    return "is off" if cause is node else f"is off, as {cause.path} is"
 
 
 def is_well_formed(group: Node) -> bool:

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator
 
-from nuc980.pins.chip import BANKS
+from nuc980.pins.chip import BANKS, GPIOS_A_BANK, pin_of_gpio
 from nuc980.pins.claims import (
     CELLS_A_PIN,
     KEYS,
@@ -18,11 +19,13 @@ from nuc980.pins.claims import (
     is_gpio_list,
     is_group,
     key_cells,
+    line_specifiers,
+    meant_pin,
     settings,
     states,
 )
 from nuc980.pins.findings import Claimant, Finding, at
-from nuc980.pins.rules.context import Context, grouped, is_well_formed, listed, rule
+from nuc980.pins.rules.context import Context, grouped, is_well_formed, listed, off, rule
 from nuc980.pins.tree import CELL, Node
 
 MOST_KEYS = 8  # rows, and columns (nuc980_keys.c, ROW_COL_MAX)
@@ -56,7 +59,7 @@ def cell_count(context: Context) -> Iterator[Finding]:
                     **at(node, name),
                     message=f"{name} of {context.name(node)} cannot be read: {error}",
                     remedy=f"Write {name} as <&gpio NUMBER FLAGS>: the controller, then as many cells as its "
-                    "#gpio-cells says (in a gpio-hog without the controller)",
+                    "#gpio-cells says (in a gpio-hog without the controller); NUMBER is 32 * bank + pin",
                 )
         if node not in context.peripherals:  # of those it is wrong-interrupt
             yield from _odd_interrupts(context, node)
@@ -97,6 +100,39 @@ def _short_key_lists(context: Context, node: Node) -> Iterator[Finding]:
 
 def _cells(length: int) -> str:
     return f"{length // CELL} cells" if length % CELL == 0 else f"{length} bytes"
+
+
+@rule(
+    "bank-and-pin",
+    "A GPIO line is written as bank and pin.",
+    "A line has one number, 32 * bank + pin, and its flags behind it: <&gpio 4 11> is line 4, PA4, with "
+    "flags that do not exist, not PE11.",
+)
+def bank_and_pin(context: Context) -> Iterator[Finding]:
+    for node in context.enabled:
+        for name in node.properties:
+            if not is_gpio_list(name) and name != interrupts_property(node):
+                continue
+            with contextlib.suppress(MalformedError):  # cell-count
+                for specifier in line_specifiers(context.tree, node, name):
+                    yield from _bank_and_pin(context, node, name, specifier)
+
+
+def _bank_and_pin(context: Context, node: Node, name: str, specifier: list[int]) -> Iterator[Finding]:
+    pin = meant_pin(specifier, name)
+    if pin is None:
+        return
+    written = " ".join(map(str, specifier))
+    number = GPIOS_A_BANK * specifier[0] + specifier[1]
+    yield Finding(
+        "bank-and-pin",
+        **at(node, name),
+        message=f"{name} of {context.name(node)} has <{written}>, line {specifier[0]} "
+        f"({pin_of_gpio(specifier[0])}) with flags {specifier[1]}, which do not exist; {pin} is likely meant",
+        remedy=f"For {pin} write {number} and its flags: the number is 32 * bank + pin, "
+        f"32 * {specifier[0]} + {specifier[1]}",
+        pins=(pin,),
+    )
 
 
 @rule(
@@ -169,8 +205,9 @@ def _fault(context: Context, phandle: int) -> str | None:
         return "a node that is not there"
     if not is_group(target):
         return f"{target.path}, which is no pin group"
-    if not target.parent.parent.enabled:
-        return f"a group of {target.parent.parent.path}, which is off"
+    controller = target.parent.parent
+    if not controller.enabled:
+        return f"a group of {controller.path}, which {off(controller)}"
     return None
 
 
@@ -227,4 +264,4 @@ def _plain(name: str) -> str:
     return name.replace("_", "-").casefold()
 
 
-RULES = (cell_count, group_name_twice, group_missing, no_default_state, label_misleads)
+RULES = (cell_count, bank_and_pin, group_name_twice, group_missing, no_default_state, label_misleads)

@@ -246,15 +246,16 @@ def _own_functions(context: Context, node: Node, pin: str) -> str:
 
 @rule(
     "pin-twice",
-    "A device has one pin twice, with different functions.",
-    "Both settings are written, the later one stays: the signal of the first is missing.",
+    "A device has one pin twice.",
+    "With different functions both settings are written and the later one stays: the signal of the first is "
+    "missing. With the same one it is mostly a line that was copied for another pin.",
 )
 def pin_twice(context: Context) -> Iterator[Finding]:
     for node in context.claims_of:
         for (_, pin), claims in grouped(
             context.muxed(node), lambda claim: (claim.property, claim.pin)
         ).items():
-            if len({claim.value for claim in claims}) < 2 or pin not in context.chip.pins:
+            if len(claims) < 2 or pin not in context.chip.pins:
                 continue
             functions = [f"{claim.signal or 'nothing'} ({claim.value})" for claim in claims]
             yield Finding(

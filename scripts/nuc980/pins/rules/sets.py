@@ -21,6 +21,14 @@ from nuc980.pins.rules.context import (
 )
 from nuc980.pins.tree import Node
 
+# A UART's: whoever writes one of them says that RTS does something.
+USES_RTS = (
+    "linux,rs485-enabled-at-boot-time",
+    "rs485-rts-active-high",
+    "rs485-rts-active-low",
+    "rs485-rts-delay",
+    "uart-has-rtscts",
+)
 TRIGGERS = 5  # gpio-nuc980.c, trigger_type
 
 
@@ -132,6 +140,30 @@ def _is_rts(has: list[str]) -> bool:
 
 
 @rule(
+    "no-rts",
+    "A UART is to use RTS, for RS-485 or for flow control, and has no pin for it.",
+    "The driver moves RTS inside the chip: the RS-485 driver outside is never turned round, so nothing is "
+    "sent or nothing heard. With flow control and no CTS the port waits for ever.",
+)
+def no_rts(context: Context) -> Iterator[Finding]:
+    for node, prefix, needed, used in _used_sets(context):
+        told = next((name for name in node.properties if name in USES_RTS), None)
+        wanted = ["RTS", "CTS"] if told == "uart-has-rtscts" else ["RTS"]
+        lacks = [f"{prefix}{signal}" for signal in wanted if signal not in used]
+        if told is None or "TXD" not in needed.required or not lacks or "rts-gpios" in node.properties:
+            continue
+        where = "; ".join(f"{signal} is on {places_of_signal(context.chip, signal)}" for signal in lacks)
+        yield Finding(
+            "no-rts",
+            **at(node, told),
+            message=f"{context.name(node)} has {told} and no pin for {listed(lacks)}",
+            remedy=f"Add {listed(lacks)} to its group ({where}), or delete {told}: a transceiver that turns "
+            "round by itself needs none",
+            claimants=claimants(context.working_claims(node)),
+        )
+
+
+@rule(
     "eint",
     "An external interrupt and the pins do not agree.",
     "eintN-config switches an interrupt on, the pin group of the GPIO controller switches the pin; the "
@@ -226,4 +258,4 @@ def _numbered(pins: tuple[str, ...]) -> str:
     return ", ".join(f"{index} {pin}" for index, pin in enumerate(pins))
 
 
-RULES = (no_pins, incomplete_set, half_set, eint)
+RULES = (no_pins, incomplete_set, half_set, no_rts, eint)

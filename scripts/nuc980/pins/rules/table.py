@@ -9,7 +9,18 @@ from nuc980.pins.board import Board
 from nuc980.pins.chip import GPIO, Peripheral
 from nuc980.pins.claims import Claim
 from nuc980.pins.findings import Finding, at
-from nuc980.pins.rules.context import Context, cells_of, claimants, grouped, in_order, listed, ranged, rule
+from nuc980.pins.rules.context import (
+    Context,
+    cells_of,
+    claimants,
+    grouped,
+    in_order,
+    listed,
+    off,
+    ranged,
+    rule,
+    switched_off,
+)
 from nuc980.pins.tree import Node
 
 TABLE = "the pin table"
@@ -60,8 +71,11 @@ def table_missing(context: Context) -> Iterator[Finding]:
         yield Finding(
             "table-missing",
             **where,
-            message=f"{label} ({device.purpose}) is in {TABLE} and {'is off' if node else 'not in the tree'}",
-            remedy=f'Set status = "okay" in {label}' if node else f"Write the node {device.peripheral.path}",
+            message=f"{label} ({device.purpose}) is in {TABLE} and "
+            + (off(node) if node else "not in the tree"),
+            remedy=f'Set status = "okay" in {context.name(switched_off(node))}'
+            if node
+            else f"Write the node {device.peripheral.path}",
         )
 
 

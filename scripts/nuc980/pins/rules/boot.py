@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules on what a kernel is told at boot: memory, console, the names of ports, MAC addresses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from nuc980.pins.findings import Claimant, Finding, at
+from nuc980.pins.rules.context import Context, grouped, listed, off, rule, switched_off
+from nuc980.pins.tree import Node
+
+MEMORY_WORD = re.compile(r"mem=(?P<size>0[xX][0-9a-fA-F]+|\d+)(?P<unit>[KkMmGg]?)(?:@.*)?")
+UNITS = {"": 0, "k": 10, "m": 20, "g": 30}
+CONSOLE_WORD = re.compile(r"console=(?P<tty>[A-Za-z]+\d*)(?:,.*)?")
+SERIAL = re.compile(r"serial(\d+)")
+ETHERNET = re.compile(r"ethernet(\d+)")
+MAC = ("mac-address", "local-mac-address")
+
+
+def _words(context: Context) -> list[str]:
+    """The kernel's command line."""
+    chosen = context.tree.find("/chosen")
+    return " ".join(chosen.strings("bootargs")).split() if chosen else []
+
+
+# ---- memory --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a place in the tree says that memory is."""
+
+    node: Node
+    property: str
+    text: str
+    end: int  # the first address behind it
+
+
+def _memory(context: Context) -> list[Told]:
+    found = [
+        Told(node, "reg", f"{node.path} ends at {start + size:#x}", start + size)
+        for node in context.tree.root
+        if node.enabled and (node.base_name == "memory" or "memory" in node.strings("device_type"))
+        for start, size in _pairs(node)
+    ]
+    chosen = context.tree.find("/chosen")
+    for word in _words(context):
+        told = MEMORY_WORD.fullmatch(word)
+        if told and chosen:
+            size = int(told["size"], 0) << UNITS[told["unit"].lower()]
+            found.append(Told(chosen, "bootargs", f"the command line has {word}", size))
+    return found
+
+
+def _pairs(node: Node) -> list[tuple[int, int]]:
+    """Start and size of each region of reg."""
+    cells = node.cells("reg")
+    return list(zip(cells[::2], cells[1::2], strict=False))
+
+
+@rule(
+    "too-much-memory",
+    "The kernel is told of more memory than the board has.",
+    "The kernel uses what is not there, or the same memory a second time: it dies at once, or long after it "
+    "has started, when the memory below is full.",
+)
+def too_much_memory(context: Context) -> Iterator[Finding]:
+    limits = context.board.limits if context.board else None
+    for told in _memory(context) if limits else ():
+        if told.end > limits.memory:
+            yield Finding(
+                "too-much-memory",
+                **at(told.node, told.property),
+                message=f"{told.text}; the board has {limits.memory:#x} bytes ({limits.memory >> 20} MiB)",
+                remedy=f"Write {limits.memory:#x} ({limits.memory >> 20}M), or correct {limits.file.name}",
+            )
+
+
+@rule(
+    "reserved-outside",
+    "Reserved memory is outside of the memory.",
+    "The kernel reserves nothing there; who uses the region reads and writes what is not there.",
+)
+def reserved_outside(context: Context) -> Iterator[Finding]:
+    ends = [told.end for told in _memory(context)]
+    if context.board and context.board.limits:
+        ends.append(context.board.limits.memory)
+    for node in context.tree.find("/reserved-memory") or () if ends else ():
+        for start, size in _pairs(node):
+            if node.enabled and start + size > min(ends):
+                yield Finding(
+                    "reserved-outside",
+                    **at(node, "reg"),
+                    message=f"{node.path} reserves up to {start + size:#x}; memory ends at {min(ends):#x}",
+                    remedy=f"Set reg of {node.name} to a region that ends by {min(ends):#x}",
+                )
+
+
+# ---- console -------------------------------------------------------------------------------------
+
+
+@rule(
+    "wrong-console",
+    "The console is a port that is off, or another than the board's.",
+    "The kernel starts and is not seen; netboot, which reads its messages, calls it dead.",
+)
+def wrong_console(context: Context) -> Iterator[Finding]:
+    for name, told, node, fault in _consoles(context):
+        fault = fault or _port_fault(context, node)
+        if fault:
+            yield Finding(
+                "wrong-console",
+                **at(context.tree.find("/chosen"), name),
+                message=f"{told} is {fault}",
+                remedy=_right_console(context, node),
+            )
+
+
+def _consoles(context: Context) -> Iterator[tuple[str, str, Node | None, str]]:
+    """Each console that the tree names: the property, what it says, its port, what is wrong with the name."""
+    chosen = context.tree.find("/chosen")
+    for value in chosen.strings("stdout-path")[:1] if chosen else ():
+        port, fault = _by_path(context, value.partition(":")[0])
+        yield "stdout-path", f'stdout-path = "{value}"', port, fault
+    # Of several, the last is /dev/console.
+    for word in [found for word in _words(context) if (found := CONSOLE_WORD.fullmatch(word))][-1:]:
+        tty = word["tty"]
+        if tty.startswith("ttyS"):
+            port = _port(context, tty.removeprefix("ttyS"))
+            yield "bootargs", word[0], port, "" if port else "no port of this tree"
+
+
+def _by_path(context: Context, name: str) -> tuple[Node | None, str]:
+    """The node of a path, or of an alias; and what is wrong with it."""
+    aliases = context.tree.find("/aliases")
+    path = name
+    if not name.startswith("/"):
+        path = next(iter(aliases.strings(name) if aliases else ()), "")
+        if not path:
+            return None, "no alias of this tree"
+    node = context.tree.find(path)
+    return node, "" if node else "no node of this tree"
+
+
+def _port(context: Context, number: str) -> Node | None:
+    """The UART of this number: the drivers go by port-number."""
+    label = f"uart{number}"
+    return next((node for node, one in context.peripherals.items() if one.label == label), None)
+
+
+def _port_fault(context: Context, node: Node) -> str:
+    if not node.enabled:
+        return f"{context.name(node)}, which {off(node)}"
+    peripheral = context.peripherals.get(node)
+    if peripheral is None or "port-number" not in peripheral.properties:
+        return f"{context.name(node)}, which is no serial port"
+    right = context.board.console if context.board else None
+    if right and peripheral.label != right:
+        purpose = context.board.devices[right].purpose
+        return f"{peripheral.label}; the console of the board is {right} ({purpose})"
+    return ""
+
+
+def _right_console(context: Context, named: Node | None) -> str:
+    right = context.board.console if context.board else None
+    if right is None:
+        return "Name a port that is on"
+    if named and not named.enabled and context.name(named) == right:
+        return f'Set status = "okay" in {context.name(switched_off(named))}'
+    number = context.chip.peripherals[right].properties.get("port-number")
+    return f"Name the console's port: ttyS{number} in console=, {right} in stdout-path"
+
+
+# ---- aliases -------------------------------------------------------------------------------------
+
+
+@rule(
+    "wrong-alias",
+    "An alias names another port than its number says.",
+    "ttyS1 is the UART with port-number 1, whatever serial1 says: stdout-path and people take another. "
+    "U-Boot writes the MAC addresses to ethernet0 and ethernet1: exchanged, each port has the other's.",
+)
+def wrong_alias(context: Context) -> Iterator[Finding]:
+    aliases = context.tree.find("/aliases")
+    for name in aliases.properties if aliases else ():
+        path = next(iter(aliases.strings(name)), "")
+        right = _right_label(context, name)
+        node = context.tree.find(path) if path.startswith("/") else None
+        peripheral = context.peripherals.get(node) if node else None
+        if right is None or (peripheral and peripheral.label == right):
+            continue
+        yield Finding(
+            "wrong-alias",
+            **at(aliases, name),
+            message=f"{name} is {context.name(node) if node else f'{path!r}, which is no node'}, not {right}",
+            remedy=f"Write {name} = &{right}, or delete {name}",
+        )
+
+
+def _right_label(context: Context, name: str) -> str | None:
+    """The device that an alias of this name is for; None: any, or nobody knows."""
+    if found := SERIAL.fullmatch(name):
+        label = f"uart{found[1]}"
+        return label if label in context.chip.peripherals else None
+    found = ETHERNET.fullmatch(name)
+    order = context.board.ethernet if context.board else ()
+    return order[int(found[1])] if found and int(found[1]) < len(order) else None
+
+
+@rule(
+    "bad-mac",
+    "A port has a MAC address that is a group's, or another port's.",
+    "The kernel refuses a group's address and takes a random one; with one address twice, the two ports take "
+    "each other's frames.",
+)
+def bad_mac(context: Context) -> Iterator[Finding]:
+    has = {
+        node: (name, node.properties[name].raw)
+        for node in context.devices
+        for name in MAC
+        if name in node.properties and any(node.properties[name].raw)  # zeros are for U-Boot to fill in
+    }
+    for node, (name, mac) in has.items():
+        if len(mac) != 6 or mac[0] & 1:
+            yield Finding(
+                "bad-mac",
+                **at(node, name),
+                message=f"{name} of {context.name(node)} is {mac.hex(':')}, "
+                + ("not six bytes" if len(mac) != 6 else "the address of a group: the first byte is odd"),
+                remedy=f"Write the port's own address, or delete {name}",
+            )
+    for mac, same in grouped(has, lambda node: has[node][1]).items():
+        if len(same) > 1:
+            yield Finding(
+                "bad-mac",
+                **at(same[-1], has[same[-1]][0]),
+                message=f"{listed(map(context.name, same))} all have the MAC address {mac.hex(':')}",
+                remedy="Give each port an address of its own",
+                claimants=tuple(
+                    Claimant(node.path, mac.hex(":"), node.place_of(has[node][0])) for node in same
+                ),
+            )
+
+
+RULES = (too_much_memory, reserved_outside, wrong_console, wrong_alias, bad_mac)

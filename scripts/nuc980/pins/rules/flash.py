@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules on the flash: its partitions, its error correction, its data lines."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from nuc980.pins.findings import Claimant, Finding, at
+from nuc980.pins.limits import Area, Limits
+from nuc980.pins.rules.context import Context, grouped, listed, rule
+from nuc980.pins.tree import Node
+
+CONTAINER = "fixed-partitions"
+OLD_STYLE = "partition"  # the name of partitions that are in the flash's node itself
+ECC = {"nand-ecc-mode": '"hw_oob_first"', "nand-ecc-strength": "<8>", "nand-ecc-step-size": "<512>"}
+QUAD = ("QSPI0_MOSI1", "QSPI0_MISO1")  # data lines 2 and 3
+
+
+@dataclass(frozen=True)
+class Partition:
+    """A part of a flash, as a node has it; bytes."""
+
+    node: Node
+    offset: int
+    size: int
+
+    @property
+    def end(self) -> int:
+        return self.offset + self.size
+
+    @cached_property
+    def label(self) -> str:
+        """As the kernel calls it (ofpart.c)."""
+        return next(iter(self.node.strings("label")), self.node.base_name)
+
+    @property
+    def read_only(self) -> bool:
+        return "read-only" in self.node.properties
+
+    def overlaps(self, other: Partition | Area) -> bool:
+        return self.offset < other.end and other.offset < self.end
+
+    def __str__(self) -> str:
+        return f"{self.label} ({self.offset:#x} to {self.end:#x})"
+
+    def claimant(self) -> Claimant:
+        return Claimant(self.node.path, f"{self.offset:#x} to {self.end:#x}", self.node.place_of("reg"))
+
+
+def _tables(context: Context) -> Iterator[tuple[Node, list[Partition]]]:
+    """Each flash that is on, or the node with its partitions: those, by their place."""
+    for parent in context.enabled:
+        in_container = CONTAINER in parent.strings("compatible")
+        found = [
+            Partition(node, *node.cells("reg"))
+            for node in parent
+            if len(node.cells("reg")) == 2 and (in_container or node.base_name == OLD_STYLE)
+        ]
+        if found:
+            yield parent, sorted(found, key=lambda one: (one.offset, one.size))
+
+
+def _boards_tables(context: Context) -> Iterator[tuple[Limits, list[Partition]]]:
+    """The partitions of the flash that the pin table knows."""
+    board = context.board
+    if board is None or board.limits is None:
+        return
+    for parent, partitions in _tables(context):
+        above: Node | None = parent
+        while above:
+            if above in context.devices and context.devices[above].label == board.flash:
+                yield board.limits, partitions
+            above = above.parent
+
+
+@rule(
+    "partition-overlap",
+    "Two partitions of a flash overlap.",
+    "The kernel makes both and says nothing: whoever writes or erases one destroys the other, such as the "
+    "device tree behind a kernel that grew.",
+)
+def partition_overlap(context: Context) -> Iterator[Finding]:
+    for _, partitions in _tables(context):
+        for first, second in itertools.combinations(partitions, 2):
+            if first.overlaps(second):
+                yield Finding(
+                    "partition-overlap",
+                    **at(first.node, "reg"),
+                    message=f"the partition {first} reaches into {second}",
+                    remedy=f"End {first.label} at {second.offset:#x}, or begin {second.label} at "
+                    f"{first.end:#x}",
+                    claimants=(first.claimant(), second.claimant()),
+                )
+
+
+@rule(
+    "partition-label-twice",
+    "Two partitions of a flash have one label.",
+    "Who asks for a partition by its label, as ubi.mtd= and mtd_info do, gets the first of them.",
+)
+def partition_label_twice(context: Context) -> Iterator[Finding]:
+    for _, partitions in _tables(context):
+        for label, same in grouped(partitions, lambda one: one.label).items():
+            if len(same) > 1:
+                yield Finding(
+                    "partition-label-twice",
+                    **at(same[-1].node, "label"),
+                    message=f"{listed(f'{one.node.name} ({one.offset:#x})' for one in same)} are all called "
+                    f"{label}",
+                    remedy=f"Give {listed(one.node.name for one in same[1:])} a label that no other has",
+                    claimants=tuple(one.claimant() for one in same),
+                )
+
+
+@rule(
+    "partition-bounds",
+    "A partition reaches beyond the flash, or does not begin and end with its erase blocks.",
+    "The kernel cuts or drops what is beyond, and makes a partition that begins or ends inside a block "
+    "read-only: what is to be written there cannot be, and UBI does not attach.",
+)
+def partition_bounds(context: Context) -> Iterator[Finding]:
+    for limits, partitions in _boards_tables(context):
+        for one in partitions:
+            faults = []
+            if one.end > limits.flash:
+                faults.append(f"ends beyond the flash, which has {limits.flash:#x} bytes")
+            odd = [f"{what} at {value:#x}" for what, value in (("begins", one.offset), ("ends", one.end))
+                   if value % limits.block]  # fmt: skip
+            if odd:
+                faults.append(f"{listed(odd)}, inside an erase block of {limits.block:#x} bytes")
+            if faults:
+                yield Finding(
+                    "partition-bounds",
+                    **at(one.node, "reg"),
+                    message=f"the partition {one} {listed(faults)}",
+                    remedy=f"Set reg of {one.label} to multiples of {limits.block:#x} that end by "
+                    f"{limits.flash:#x}, or correct {limits.file.name}",
+                )
+
+
+@rule(
+    "partition-moved",
+    "A partition is not where the factory's boot command or the image has it.",
+    "The boot loader reads kernel and device tree from fixed places, and the image's root lies at one: what "
+    "is written to a partition that has moved is never read, and what is read is something else.",
+)
+def partition_moved(context: Context) -> Iterator[Finding]:
+    for limits, partitions in _boards_tables(context):
+        for area in filter(None, (limits.kernel, limits.device_tree, limits.root)):
+            named = [one for one in partitions if one.label.casefold() == area.label]
+            for one in named:
+                if one.offset != area.offset or one.size < area.size:
+                    yield Finding(
+                        "partition-moved",
+                        **at(one.node, "reg"),
+                        message=f"the partition {one} should have {area.size:#x} bytes from {area.offset:#x}",
+                        remedy=f"Set reg = <{area.offset:#x} {area.size:#x}> in {one.label}, or correct "
+                        f"{limits.file.name}",
+                    )
+
+
+@rule(
+    "boot-writable",
+    "Linux may write to where the boot loader is.",
+    "One mistyped flash_erase, and the board starts from USB only, if its boot straps can be reached at all.",
+)
+def boot_writable(context: Context) -> Iterator[Finding]:
+    for limits, partitions in _boards_tables(context):
+        for one in partitions:
+            if limits.boot and one.overlaps(limits.boot) and not one.read_only:
+                yield Finding(
+                    "boot-writable",
+                    **at(one.node, "reg"),
+                    message=f"the partition {one} has the boot loader, up to {limits.boot.end:#x}, and is "
+                    "writable",
+                    remedy=f"Write read-only; in {one.label}, or begin it at {limits.boot.end:#x}",
+                )
+
+
+@rule(
+    "no-ecc",
+    "A NAND without its error correction.",
+    "The vendor's driver fails without mode, strength and step, and its way out ends in a panic that nobody "
+    "sees. Ours refuses the chip: there is no flash.",
+)
+def no_ecc(context: Context) -> Iterator[Finding]:
+    for node, peripheral in context.devices.items():
+        is_nand = any((claim.signal or "").startswith("NAND_") for claim in context.working_claims(node))
+        lacks = [name for name in ECC if name not in node.properties]
+        if peripheral.label == "fmi" and is_nand and lacks:
+            yield Finding(
+                "no-ecc",
+                **at(node),
+                message=f"{context.name(node)} has a NAND and no {listed(lacks)}",
+                remedy=f"Set {listed(f'{name} = {ECC[name]}' for name in lacks)} in {context.name(node)}",
+            )
+
+
+@rule(
+    "quad-without-lines",
+    "A flash is to be read by four data lines, and two of them have no pin.",
+    "The driver goes by spi-rx-bus-width and does not look at the pins: half of the bits it reads are noise.",
+)
+def quad_without_lines(context: Context) -> Iterator[Finding]:
+    for node, peripheral in context.devices.items():
+        wide = [
+            (child, name)
+            for child in node
+            for name in ("spi-rx-bus-width", "spi-tx-bus-width")
+            if child.enabled and child.cells(name) == [4]
+        ]
+        has = {claim.signal for claim in context.working_claims(node)}
+        lacks = [signal for signal in QUAD if signal not in has]
+        if peripheral.label == "qspi0" and wide and lacks and context.is_readable(node):
+            child, name = wide[0]
+            yield Finding(
+                "quad-without-lines",
+                **at(child, name),
+                message=f"{child.path} has {name} = <4>, but {context.name(node)} has no {listed(lacks)}",
+                remedy=f"Give {context.name(node)} a group with {listed(lacks)}, or set {name} = <1>",
+            )
+
+
+RULES = (
+    partition_overlap,
+    partition_label_twice,
+    partition_bounds,
+    partition_moved,
+    boot_writable,
+    no_ecc,
+    quad_without_lines,
+)

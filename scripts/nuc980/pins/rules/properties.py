@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules on any node's properties: names that are nearly right, and references to nodes of another kind."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import yaml
+
+from nuc980.pins.chip import Chip, YamlLoader
+from nuc980.pins.findings import Finding, at
+from nuc980.pins.rules.context import Context, off, rule
+from nuc980.pins.tree import Node
+
+KNOWN_FILE = Path(__file__).parents[1] / "properties.yml"
+SHORTEST = 5  # letters: of shorter ones too many are one letter away
+NUMBERED = re.compile(r"pinctrl-\d+|eint\d-config")
+ENDINGS = ("gpios", "gpio", "supply")  # alone, or behind what a driver calls the line
+FREE = ("/aliases", "/__symbols__", "/__fixups__", "/__local_fixups__")  # nodes whose names are the author's
+
+
+@rule(
+    "unknown-property",
+    "A property is one letter off one that is known.",
+    "Nobody reads it, and nobody says so: with pinctl-0 a port keeps the pins that U-Boot left, with "
+    "read-onyl Linux may erase the boot loader.",
+)
+def unknown_property(context: Context) -> Iterator[Finding]:
+    known = known_properties(context.chip)
+    for node in context.enabled:
+        if node.path.startswith(FREE):
+            continue
+        for name in node.properties:
+            meant = _meant(name, known)
+            if meant:
+                yield Finding(
+                    "unknown-property",
+                    **at(node, name),
+                    message=f"{context.name(node)} has {name}, which nothing reads; {meant} is likely meant",
+                    remedy=f"Write {meant}, or delete {name}",
+                )
+
+
+@functools.cache
+def _general() -> frozenset[str]:
+    subjects = yaml.load(KNOWN_FILE.read_text(encoding="utf-8"), Loader=YamlLoader)
+    return frozenset(name for names in subjects.values() for name in names.split())
+
+
+def known_properties(chip: Chip) -> frozenset[str]:
+    """All that somebody reads, as far as it is known."""
+    return _general().union(*(peripheral.properties for peripheral in chip.peripherals.values()))
+
+
+def _meant(name: str, known: frozenset[str]) -> str | None:
+    """The property that a name is one letter off; None for one that is known, or like none."""
+    if name in known or NUMBERED.fullmatch(name) or name.endswith(ENDINGS):
+        return None
+    first, dash, last = name.rpartition("-")
+    for ending in ENDINGS if dash else ():
+        if last.isalpha() and is_one_off(last, ending):
+            return f"{first}-{ending}"
+    words = [word for word in (*sorted(known), "pinctrl-0", "pinctrl-1") if len(word) >= SHORTEST]
+    return next((word for word in words if is_one_off(name, word)), None)
+
+
+def is_one_off(written: str, meant: str) -> bool:
+    """Whether one letter too many, too few, another, or two that changed places is all between two words."""
+    if written == meant or abs(len(written) - len(meant)) > 1:
+        return False
+    start = next(
+        (i for i, (a, b) in enumerate(zip(written, meant, strict=False)) if a != b),
+        min(len(written), len(meant)),
+    )
+    here, there = written[start:], meant[start:]
+    return (
+        here[1:] == there[1:]
+        or here[1:] == there
+        or here == there[1:]
+        or (here[:2] == there[:2][::-1] and here[2:] == there[2:])
+    )
+
+
+# Property: what tells how many cells stand behind a reference.
+REFERENCES = {
+    "clocks": "#clock-cells",
+    "assigned-clocks": "#clock-cells",
+    "dmas": "#dma-cells",
+    "resets": "#reset-cells",
+    "pwms": "#pwm-cells",
+    "phys": "#phy-cells",
+    "io-channels": "#io-channel-cells",
+}
+
+
+@rule(
+    "wrong-reference",
+    "A clock, DMA channel, reset, PWM, PHY or converter of a node that is none, or that is off.",
+    "The driver that asks for it fails (-EINVAL), or waits for ever (-EPROBE_DEFER): the device is missing. "
+    "Those of the chip's own devices have their clocks without the tree, and go on.",
+)
+def wrong_reference(context: Context) -> Iterator[Finding]:
+    for node in context.enabled:
+        for name, cells in REFERENCES.items():
+            fault = _reference_fault(context, node, name, cells) if name in node.properties else None
+            if fault:
+                yield Finding(
+                    "wrong-reference",
+                    **at(node, name),
+                    message=f"{name} of {context.name(node)} refers to {fault}",
+                    remedy=f"Let {name} of {context.name(node)} refer to a node with {cells} that is on, or "
+                    "delete it",
+                )
+
+
+def _reference_fault(context: Context, node: Node, name: str, size: str) -> str | None:
+    """What is wrong with the first reference of a list that is not right; None: nothing."""
+    cells = list(node.cells(name))
+    while cells:
+        phandle = cells.pop(0)
+        if phandle == 0:  # an optional one that is not there
+            continue
+        target = context.tree.by_phandle.get(phandle)
+        if target is None:
+            return "a node that is not there"
+        if size not in target.properties:
+            return f"{context.name(target)}, which has no {size}"
+        if not target.enabled:
+            return f"{context.name(target)}, which {off(target)}"
+        del cells[: next(iter(target.cells(size)), 0)]
+    return None
+
+
+RULES = (unknown_property, wrong_reference)

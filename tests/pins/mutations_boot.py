@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mistakes in what a kernel is told at boot, and in the flash: memory, console, port names, partitions."""
+
+from mutation import OFF, Mutation, root
+from trees import gateway
+
+BOOT = """
+/ {
+    aliases { serial0 = &uart0; ethernet0 = &emac0; ethernet1 = &emac1; };
+    chosen { stdout-path = "serial0:115200n8"; };
+    memory@0 { device_type = "memory"; reg = <0x0 0x4000000>; };
+};
+&fmi {
+    partitions {
+        compatible = "fixed-partitions"; #address-cells = <1>; #size-cells = <1>;
+        boot: partition@0 { label = "u-boot"; reg = <0x0 0x200000>; read-only; };
+        kernel: partition@200000 { label = "kernel"; reg = <0x200000 0x500000>; };
+        tree: partition@700000 { label = "device-tree"; reg = <0x700000 0x100000>; };
+        spare: partition@800000 { label = "spare"; reg = <0x800000 0xe00000>; };
+        rootfs: partition@1600000 { label = "rootfs"; reg = <0x1600000 0x6480000>; };
+    };
+};
+"""
+
+
+def mistake(rule: str, name: str, more: str, *says: str, also: tuple[str, ...] = ()) -> Mutation:
+    return Mutation(rule, name, more, says, also=also, good=gateway(BOOT))
+
+
+def chosen(text: str) -> str:
+    return root(f"chosen {{ {text} }};")
+
+
+# Against the pin table, and the limits that it names.
+BOOT_MUTATIONS = [
+    mistake(
+        "partition-overlap",
+        "kernel over the device tree",
+        "&kernel { reg = <0x200000 0x600000>; };",
+        "kernel (0x200000 to 0x800000) reaches into device-tree (0x700000 to 0x800000)",
+        "End kernel at 0x700000",
+    ),
+    mistake(
+        "partition-label-twice",
+        "two kernels",
+        '&spare { label = "rootfs"; };',
+        "partition@800000 (0x800000) and partition@1600000 (0x1600000) are all called rootfs",
+        also=("partition-moved",),
+    ),
+    mistake(
+        "partition-bounds",
+        "beyond the chip",
+        "&rootfs { reg = <0x1600000 0x6a80000>; };",
+        "rootfs (0x1600000 to 0x8080000) ends beyond the flash, which has 0x8000000 bytes",
+    ),
+    mistake(
+        "partition-bounds",
+        "inside a block",
+        "&spare { reg = <0x810000 0xdf0800>; };",
+        "begins at 0x810000 and ends at 0x1600800, inside an erase block of 0x20000 bytes",
+        also=("partition-overlap",),
+    ),
+    mistake(
+        "partition-moved",
+        "kernel off the place that the boot command reads",
+        "&kernel { reg = <0x220000 0x4e0000>; };",
+        "kernel (0x220000 to 0x700000) should have 0x500000 bytes from 0x200000",
+    ),
+    mistake(
+        "partition-moved",
+        "device tree behind it",
+        "&tree { reg = <0x720000 0xe0000>; };",
+        "should have 0x100000 bytes from 0x700000",
+    ),
+    mistake(
+        "partition-moved",
+        "another place for the root",
+        "&rootfs { reg = <0x1800000 0x6280000>; };",
+        "0x1600000",
+    ),
+    mistake(
+        "boot-writable",
+        "without read-only",
+        "&boot { /delete-property/ read-only; };",
+        "u-boot (0x0 to 0x200000) has the boot loader",
+        "Write read-only;",
+    ),
+    mistake(
+        "boot-writable",
+        "by a partition that begins too early",
+        "&boot { reg = <0x0 0x100000>; }; &spare { reg = <0x100000 0x100000>; };",
+        "spare (0x100000 to 0x200000)",
+    ),
+    mistake(
+        "unknown-property",
+        "read-only mistyped",
+        "&boot { /delete-property/ read-only; read-onyl; };",
+        "read-only is likely meant",
+        also=("boot-writable",),
+    ),
+    mistake(
+        "too-much-memory",
+        "memory node",
+        "/ { memory@0 { reg = <0x0 0x8000000>; }; };",
+        "/memory@0 ends at 0x8000000; the board has 0x4000000 bytes (64 MiB)",
+    ),
+    mistake(
+        "too-much-memory", "command line", chosen('bootargs = "mem=128M";'), "the command line has mem=128M"
+    ),
+    mistake(
+        "reserved-outside",
+        "behind the memory",
+        root(
+            "reserved-memory { #address-cells = <1>; #size-cells = <1>; ranges;"
+            " log@4000000 { reg = <0x4000000 0x10000>; no-map; }; };"
+        ),
+        "reserves up to 0x4010000; memory ends at 0x4000000",
+    ),
+    mistake(
+        "wrong-console",
+        "stdout-path on a port that is off",
+        chosen('stdout-path = "/apb/serial@b0075000:115200n8";'),
+        "is uart5, which is off",
+        "ttyS0 in console=, uart0 in stdout-path",
+    ),
+    mistake(
+        "wrong-console",
+        "stdout-path on an RS-485 port",
+        root("aliases { serial1 = &uart1; };") + chosen('stdout-path = "serial1";'),
+        "is uart1; the console of the board is uart0 (debug console on the USB serial connector)",
+    ),
+    mistake(
+        "wrong-console",
+        "alias that is not there",
+        chosen('stdout-path = "serial9";'),
+        "no alias of this tree",
+    ),
+    mistake(
+        "wrong-console",
+        "path that is not there",
+        chosen('stdout-path = "/apb/serial";'),
+        "no node of this tree",
+    ),
+    mistake("wrong-console", "no port", chosen('stdout-path = "/ahb/emac0@b0012000";'), "no serial port"),
+    mistake(
+        "wrong-console", "console= of another port", chosen('bootargs = "console=ttyS1,115200";'), "is uart1;"
+    ),
+    mistake(
+        "wrong-console",
+        "the last of two",
+        chosen('bootargs = "quiet console=ttyS0,115200 console=ttyS8";'),
+        "console=ttyS8 is uart8",
+    ),
+    mistake("wrong-console", "tenth port", chosen('bootargs = "console=ttyS10";'), "no port of this tree"),
+    mistake(
+        "wrong-console",
+        "bus of the port off",
+        root(f"apb {{ {OFF} }};"),
+        "uart0, which is off, as /apb is",
+        'Set status = "okay" in /apb',
+        also=("table-missing", "controller-off", "group-missing"),
+    ),
+    mistake(
+        "wrong-alias",
+        "console moved",
+        root("aliases { serial0 = &uart1; };"),
+        "serial0 is uart1, not uart0",
+        also=("wrong-console",),
+    ),
+    mistake(
+        "wrong-alias",
+        "Ethernet ports exchanged",
+        root("aliases { ethernet0 = &emac1; ethernet1 = &emac0; };"),
+        "ethernet0 is emac1, not emac0",
+        "ethernet1 is emac0, not emac1",
+    ),
+    mistake(
+        "wrong-alias",
+        "a node that is not there",
+        root('aliases { ethernet1 = "/ahb/ethernet@b0022000"; };'),
+        "'/ahb/ethernet@b0022000', which is no node",
+    ),
+]
+
+# What is right and looks like one of them.
+RIGHT = {
+    "as it is": "",
+    "command line": chosen('bootargs = "console=tty0 console=ttyS0,115200n8 mem=0x4000000 mem=64M@0";'),
+    "less memory": "/ { memory@0 { reg = <0x0 0x2000000>; }; };",
+    "reserved": root(
+        "reserved-memory { #address-cells = <1>; #size-cells = <1>; ranges;"
+        " log@3ff0000 { reg = <0x3ff0000 0x10000>; no-map; }; };"
+    ),
+    "no console named": root("chosen { /delete-property/ stdout-path; };"),
+    "other aliases": root("aliases { serial4 = &uart4; spi1 = &spi0; };"),
+    "kernel in two": "&tree { reg = <0x700000 0x100000>; }; &spare { reg = <0x800000 0x20000>; };",
+}

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mistakes in the names of properties, in references, and on serial buses."""
+
+from mutation import I2C0, QSPI0, UART3_OFF, Mutation, led, on, root, spi_bus
+from trees import device
+
+I2C_BUS = device("i2c0", I2C0)
+QUAD = QSPI0 | {"QSPI0_MOSI1": "PD6", "QSPI0_MISO1": "PD7"}
+
+
+def chip(bus: str, name: str, more: str) -> str:
+    return f'&{bus} {{ {name} {{ compatible = "acme,part"; {more} }}; }};'
+
+
+# Against the chip.
+PROPERTY_MUTATIONS = [
+    Mutation(
+        "unknown-property",
+        "a letter too few",
+        "&uart1 { pinctl-1 = <&pinctrl_uart1>; };",
+        ("uart1 has pinctl-1, which nothing reads; pinctrl-1 is likely meant",),
+    ),
+    Mutation(
+        "unknown-property",
+        "the pins of a port",
+        "&uart1 { /delete-property/ pinctrl-0; pinctl-0 = <&pinctrl_uart1>; };",
+        ("pinctrl-0 is likely meant",),
+        also=("no-pins",),
+    ),
+    Mutation("unknown-property", "another letter", on("uart1", "pdma_enable = <0>;"), ("pdma-enable",)),
+    Mutation(
+        "unknown-property",
+        "two letters exchanged",
+        led("&gpio 6 0") + root("leds { lable = [00]; };"),
+        ("label",),
+    ),
+    Mutation(
+        "unknown-property",
+        "a letter too many",
+        on("fmi", "nand-ecc-steps-size = <512>;"),
+        ("nand-ecc-step-size",),
+    ),
+    Mutation(
+        "unknown-property", "list of lines", on("emac0", "reset-gpois = <&gpio 7 1>;"), ("reset-gpios is",)
+    ),
+    Mutation(
+        "wrong-reference",
+        "clock of a port that is none",
+        "&uart2 { clocks = <&uart0>; };",
+        ("clocks of uart2 refers to uart0, which has no #clock-cells",),
+    ),
+    Mutation(
+        "wrong-reference",
+        "second clock",
+        root('osc: osc { compatible = "fixed-clock"; #clock-cells = <0>; clock-frequency = <12000000>; };')
+        + "&uart2 { clocks = <&osc>, <&aic 3>; };",
+        ("refers to aic",),
+    ),
+    Mutation(
+        "wrong-reference",
+        "clock that is off",
+        root('osc: osc { compatible = "fixed-clock"; #clock-cells = <0>; status = "disabled"; };')
+        + "&uart2 { clocks = <&osc>; };",
+        ("refers to osc, which is off",),
+    ),
+    Mutation(
+        "wrong-reference",
+        "node that is not there",
+        "&uart2 { dmas = <77 1>; };",
+        ("a node that is not there",),
+    ),
+    Mutation(
+        "chip-address",
+        "I2C address with the read bit",
+        I2C_BUS + chip("i2c0", "eeprom@a0", "reg = <0xa0>;"),
+        ("has reg 0xa0", "without the read bit, 0x50"),
+    ),
+    Mutation(
+        "chip-address",
+        "two at one address",
+        I2C_BUS + chip("i2c0", "codec@1a", "reg = <0x1a>;") + chip("i2c0", "eeprom@1a", "reg = <0x1a>;"),
+        ("codec@1a and eeprom@1a are all at 0x1a of i2c0",),
+    ),
+    Mutation("chip-address", "no address", I2C_BUS + chip("i2c0", "eeprom", ""), ("has no reg",)),
+    Mutation(
+        "chip-address",
+        "third chip select of two",
+        spi_bus() + chip("spi0", "dac@2", "reg = <2>;"),
+        ("has chip select 2, and the controller has 2",),
+    ),
+    Mutation(
+        "chip-address",
+        "third of two lines",
+        device("spi0", {"SPI0_CLK": "PD9", "SPI0_MOSI": "PD10", "SPI0_MISO": "PD11"})
+        + on("spi0", "cs-gpios = <0>, <&gpio 6 1>;")
+        + chip("spi0", "dac@2", "reg = <2>;"),
+        ("the controller has 2",),
+    ),
+    Mutation(
+        "chip-address",
+        "on a bus by GPIO",
+        root(
+            'i2c { compatible = "i2c-gpio"; sda-gpios = <&gpio 6 6>; scl-gpios = <&gpio 7 6>;'
+            " #address-cells = <1>; #size-cells = <0>;"
+            ' rtc@d0 { compatible = "acme,rtc"; reg = <0xd0>; }; };'
+        ),
+        ("/i2c/rtc@d0", "0x68"),
+    ),
+    Mutation(
+        "unit-address",
+        "of a device on a bus",
+        I2C_BUS + chip("i2c0", "eeprom@50", "reg = <0x51>;"),
+        ("eeprom@50 is called 50, its reg says 51",),
+    ),
+    Mutation(
+        "spi-too-fast",
+        "a zero too many",
+        spi_bus() + chip("spi0", "dac@0", "reg = <0>; spi-max-frequency = <300000000>;"),
+        ("<300000000>", "150000000 Hz"),
+    ),
+    Mutation(
+        "quad-without-lines",
+        "four pins",
+        UART3_OFF + device("qspi0", QSPI0) + chip("qspi0", "flash@0", "reg = <0>; spi-rx-bus-width = <4>;"),
+        ("spi-rx-bus-width = <4>", "no QSPI0_MOSI1 and QSPI0_MISO1"),
+    ),
+    Mutation(
+        "no-ecc",
+        "strength left out",
+        "&fmi { /delete-property/ nand-ecc-strength; };",
+        ("fmi has a NAND and no nand-ecc-strength", "nand-ecc-strength = <8>"),
+    ),
+    Mutation(
+        "no-ecc",
+        "none",
+        "&fmi { /delete-property/ nand-ecc-mode; /delete-property/ nand-ecc-strength;"
+        " /delete-property/ nand-ecc-step-size; };",
+        ("nand-ecc-mode, nand-ecc-strength and nand-ecc-step-size",),
+    ),
+    Mutation(
+        "bad-mac",
+        "a group's",
+        on("emac0", "local-mac-address = [01 23 45 67 89 ab];"),
+        ("01:23:45:67:89:ab, the address of a group",),
+    ),
+    Mutation("bad-mac", "five bytes", on("emac1", "mac-address = [02 00 00 00 01];"), ("not six bytes",)),
+    Mutation(
+        "bad-mac",
+        "both ports one",
+        on("emac0", "local-mac-address = [02 00 00 00 00 01];")
+        + on("emac1", "local-mac-address = [02 00 00 00 00 01];"),
+        ("emac0 and emac1 all have the MAC address 02:00:00:00:00:01",),
+    ),
+]
+
+# What is right and looks like one of them.
+RIGHT = {
+    "quad": UART3_OFF
+    + device("qspi0", QUAD)
+    + chip("qspi0", "flash@0", "reg = <0>; spi-rx-bus-width = <4>; spi-max-frequency = <100000000>;"),
+    "three lines": device("spi0", {"SPI0_CLK": "PD9", "SPI0_MOSI": "PD10", "SPI0_MISO": "PD11"})
+    + on("spi0", "cs-gpios = <0>, <&gpio 6 1>, <&gpio 7 1>;")
+    + chip("spi0", "dac@2", "reg = <2>;"),
+    "open drain": root('i2c { compatible = "i2c-gpio"; sda-gpios = <&gpio 6 6>; scl-gpios = <&gpio 5 7>; };')
+    + '&uart6 { status = "disabled"; };',
+    "clock": root('osc: osc { compatible = "fixed-clock"; #clock-cells = <0>; };')
+    + "&uart2 { clocks = <&osc>; };",
+    "zeros for U-Boot": on("emac0", "local-mac-address = [00 00 00 00 00 00];")
+    + on("emac1", "local-mac-address = [00 00 00 00 00 00];"),
+    "one part, two variants": I2C_BUS
+    + chip("i2c0", "codec@1a", "reg = <0x1a>;")
+    + chip("i2c0", "eeprom@1a", 'reg = <0x1a>; status = "disabled";'),
+    "names of one's own": root("aliases { labels = &uart1; };") + on("uart1", "acme,pinctrl = <0>;"),
+}
