@@ -337,7 +337,7 @@ const char *iec104_closing_text(enum iec104_closing reason)
 	static const char *const texts[] = {
 	    [IEC104_OPEN] = "open",
 	    [IEC104_BAD_APDU] = "not an APDU: start octet, length or control field",
-	    [IEC104_BAD_ASDU] = "ASDU does not have the size its type and number of objects demand",
+	    [IEC104_BAD_ASDU] = "ASDU is too short for its type and number of objects, or has none",
 	    [IEC104_BAD_NS] = "N(S) out of sequence",
 	    [IEC104_BAD_NR] = "N(R) acknowledges frames that were never sent",
 	    [IEC104_I_WHILE_STOPPED] = "I frame while data transfer is stopped",

@@ -26,7 +26,7 @@ struct iec104_times {
 enum iec104_closing {
 	IEC104_OPEN,
 	IEC104_BAD_APDU,         /* start octet, length or control field */
-	IEC104_BAD_ASDU,         /* no ASDU, or not the size its type and number of objects demand */
+	IEC104_BAD_ASDU,         /* no ASDU, or too short for its objects, or without one */
 	IEC104_BAD_NS,           /* a frame was lost or repeated */
 	IEC104_BAD_NR,           /* acknowledges what was never sent */
 	IEC104_I_WHILE_STOPPED,  /* between STOPDT act, or the beginning, and STARTDT act */

@@ -12,9 +12,10 @@
  * one of the same point. A station whose events come faster than they are acknowledged answers no
  * interrogation meanwhile.
  *
- * What the standard leaves open. A request gets one refusal, the first of: 44 type, 45 cause, 46 common
- * address, 47 information object address (also of a point that is not commandable, or of another type than
- * the command), negative confirmation. The latter is the answer to
+ * What the standard leaves open. A request gets one refusal, the first of: 44 type, 45 cause, 46 common address, negative
+ * confirmation of what has not one object (SQ = 0) or octets behind it, which the answer leaves out, 47 information object
+ * address (also of a point that is not commandable, or of another type than the command), negative confirmation. The latter
+ * is the answer to
  * - what the device refuses, does not answer, or has not selected;
  * - what cannot be carried out: a pulse without configured duration, a pulse to OFF, DCS and RCS 0 and 3, reserved
  *   qualifiers, not-a-number, a value or step beyond the point's limits, a step from a value that is not good;
@@ -24,7 +25,7 @@
  * - a freeze of counters whose owner is not alive, or any counter interrogation while the connection's freeze waits;
  * - a clock synchronisation by a controlling station that may not;
  * - a request by an originator that is not among the configured ones; a read command then with its cause.
- * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
+ * An ASDU that is too short for its objects, or says that it has none, closes the connection: an answer would be as wrong.
  * Counters: FRZ 1..3 is confirmed and terminated when all owners have carried it out, and brings no readings; FRZ 0
  * brings those frozen last. A frozen reading carries its sequence number, CY and CA; any other reading has them 0.
  * Reset process: QRP 1 restarts all of the gateway's modules, whatever station it is sent to. QRP 2 drops the events that
