@@ -20,7 +20,7 @@
  * - what cannot be carried out: a pulse without configured duration, a pulse to OFF, DCS and RCS 0 and 3, reserved
  *   qualifiers, not-a-number, a value or step beyond the point's limits, a step from a value that is not good;
  * - a time tag that is invalid, or further than command_timeout_s from the map's clock. While that clock is
- *   not set, the age cannot be known and is not judged;
+ *   not set, the age cannot be known: any time tag, unless settings.command_without_clock says otherwise;
  * - an interrogation of a station while one is under way; those of different stations wait for each other;
  * - a freeze of counters whose owner is not alive, or any counter interrogation while the connection's freeze waits;
  * - a clock synchronisation by a controlling station that may not;

@@ -205,9 +205,9 @@ struct map_settings {
 	uint8_t clock;              /* enum map_clock_mode */
 	uint8_t clock_master_count; /* 0: every master may set the clock */
 	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
-	uint8_t reserved;
-	struct map_zone zone; /* of the time tags on the wire */
-	uint32_t event_ring;  /* each module keeps one event less; a power of two */
+	bool command_without_clock; /* takes a time tag whose age nobody knows */
+	struct map_zone zone;       /* of the time tags on the wire */
+	uint32_t event_ring;        /* each module keeps one event less; a power of two */
 	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
 	uint32_t master_count; /* 0: everybody may connect */
 	char masters[MAP_MASTERS_MAX][MAP_ADDRESS_SIZE];

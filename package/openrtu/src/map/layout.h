@@ -14,7 +14,7 @@
 #include "map/station.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 4u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT 5u          /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {

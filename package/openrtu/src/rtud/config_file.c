@@ -51,6 +51,7 @@ enum {
 	IEC104_SELECT_TIMEOUT,
 	IEC104_COMMAND_TIMEOUT,
 	IEC104_CLOCK_MASTERS,
+	IEC104_COMMAND_WITHOUT_CLOCK,
 	IEC104_OWN_CA,
 	IEC104_KEYS
 };
@@ -67,6 +68,7 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 10},
     [IEC104_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = MAP_CLOCK_MASTERS_MAX},
     [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
+    [IEC104_COMMAND_WITHOUT_CLOCK] = {"command_without_clock", CONFIG_BOOLEAN},
 };
 
 enum { MODBUS_PRIORITY, MODBUS_KEYS };
@@ -143,6 +145,7 @@ static void read_modbus(struct config_loader *loader, const struct config_place 
 
 static void read_event_ring(struct config_loader *loader, const struct config_place *file,
 			    const struct config_value *value)
+	settings->command_without_clock = values[IEC104_COMMAND_WITHOUT_CLOCK].integer != 0;
 {
 	const struct config_place here = config_key_of(file, file_rules[FILE_EVENT_RING].name);
 
