@@ -324,7 +324,7 @@ def test_peer_cannot_flood_the_log(desk: Desk, connection: socket.socket) -> Non
 def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) -> None:
     """What cannot be accepted must not wake the station again and again, and is accepted when it can be."""
     config = chapter_5()
-    config["iec104"]["max_connections"] = 16
+    config["iec104"] |= {"max_connections": 16, "connections_per_address": 16}
     with gateway_on_lines(config, programs) as (_, gateway), contextlib.ExitStack() as stack:
         assert gateway.process is not None
         _, most = resource.prlimit(gateway.process.pid, resource.RLIMIT_NOFILE)

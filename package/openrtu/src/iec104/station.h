@@ -94,8 +94,10 @@ struct iec104_connection {
 	bool open;
 	bool clock_master; /* may set the clock */
 	bool transfer;     /* data transfer is started, as last logged */
+	bool has_started;  /* it was, at some time */
 	bool selects;      /* has selected a point, which may have been executed or cancelled since */
 	uint32_t serial;   /* tells this connection from an earlier one in this place */
+	int64_t since_ns;
 	char peer[MAP_PEER_SIZE];
 	char address[MAP_ADDRESS_SIZE];
 	struct iec104_session session;
@@ -104,6 +106,7 @@ struct iec104_connection {
 	bool tells_initialised;    /* M_EI_NA_1 is being sent, */
 	uint32_t next_initialised; /* of this device next */
 
+	uint32_t party;           /* as in struct iec104_peer */
 	uint32_t group;           /* its redundancy group; MAP_NONE: none */
 	uint32_t queue;           /* the event queue it has, or had last; MAP_NONE: none */
 	bool holds_queue;         /* and is sent its events now */
@@ -203,12 +206,20 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 struct iec104_peer {
 	char name[MAP_PEER_SIZE];       /* in the log: address and port */
 	char address[MAP_ADDRESS_SIZE]; /* IPv4 or IPv6, in the one way that inet_ntop writes it */
-	uint32_t group;                 /* index of its redundancy group in the settings, MAP_NONE: none */
-	bool clock_master;              /* may set the clock */
+	uint32_t
+	    party; /* of the settings' groups; behind these, of their masters in none; MAP_NONE: neither */
+	bool clock_master; /* may set the clock */
 };
 
 /*
- * A new connection. NULL: settings.max_connections (16 at most) are open.
+ * Who gives way to a peer for whom there is no place: a connection whose data transfer was not started once in t1. It is to
+ * be ended, and the peer connected. NULL: there is a place, or nobody gives way.
+ */
+struct iec104_connection *iec104_station_make_room(struct iec104_station *station,
+						   const struct iec104_peer *peer, int64_t now_ns);
+/*
+ * A new connection. NULL: there is no place for this peer, as settings.max_connections (16 at most),
+ * connections_per_address and the places that are kept for parties say.
  * Octets then go to iec104_session_space of its session, iec104_station_run answers them, and
  * iec104_session_output has the answers. When the session's closing is no longer IEC104_OPEN, the connection
  * is to be ended.
