@@ -30,7 +30,7 @@ static struct tally count_connections(const struct iec104_station *station, cons
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
 		const struct iec104_connection *connection = &station->connections[i];
 
-		if (!connection->open || connection == without)
+		if (connection == without || !connection->open)
 			continue;
 		tally.open++;
 		tally.of_address += strcmp(connection->address, address) == 0;
