@@ -35,9 +35,9 @@ def is_i(frame: bytes) -> bool:
 class Bare:
     """One connection, stopped. `sent` and `taken` count I frames, without end."""
 
-    def __init__(self, address: tuple[str, int]) -> None:
-        source = (new_source(address[0]), 0)
-        self.socket = socket.create_connection(address, ANSWER_TIMEOUT_S, source)
+    def __init__(self, address: tuple[str, int], source: str | None = None) -> None:
+        origin = (new_source(address[0]) if source is None else source, 0)
+        self.socket = socket.create_connection(address, ANSWER_TIMEOUT_S, origin)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.sent = self.taken = 0
         self._waiting = b""

@@ -11,7 +11,7 @@ import socket
 import struct
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -21,6 +21,7 @@ from lab.gateway import Rtu
 PORT = 2404
 MASTERS_PORT = 40000
 START, APDU_LEAST = 0x68, 4
+NEGATIVE = 0x40  # P/N beside the cause
 TLS_HANDSHAKE = b"\x16\x03"
 LINKTYPE_RAW = 101  # an IP packet without anything before it
 FIELDS = ("frame.number", "frame.protocols", "_ws.malformed", "_ws.expert.message")
@@ -178,7 +179,7 @@ class Finding:
 
     test: str
     by_station: bool
-    allowed: bool  # the master's, and the station closed the connection
+    allowed: bool  # the master's, and the station refused it or closed the connection
     frame: bytes
     text: str
 
@@ -192,6 +193,12 @@ def _is_apdu(frame: bytes) -> bool:
     return len(frame) >= 6 and frame[0] == START
 
 
+def _is_refused(request: bytes, replies: Iterable[bytes]) -> bool:
+    """Of the replies one mirrors the request, with P/N = 1."""
+    asdus = (reply[6:] for reply in replies if _is_apdu(reply) and not reply[2] & 1)
+    return any(asdu[:1] == request[6:7] and asdu[2] & NEGATIVE for asdu in asdus)
+
+
 def dissect(connections: list[Connection], pcap: Path) -> tuple[int, list[Finding]]:
     """How many frames there are, and what tshark finds wrong."""
     plain = [connection for connection in connections if not connection.encrypted]
@@ -202,12 +209,13 @@ def dissect(connections: list[Connection], pcap: Path) -> tuple[int, list[Findin
     output = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     assert len(output) == len(frames)
     findings = []
-    for line, (connection, by_station, frame) in zip(output, frames, strict=True):
+    for number, (line, (connection, by_station, frame)) in enumerate(zip(output, frames, strict=True)):
         _, protocols, malformed, messages = line.split("\t")
         understood = _is_apdu(frame) and (frame[2] & 1 or "iec60870_asdu" in protocols)
         if understood and not malformed and not messages:
             continue
         text = messages or malformed or f"dissected as {protocols} only"
-        allowed = not by_station and connection.closed_by_station is True
+        replies = (reply for end, is_reply, reply in frames[number:] if end is connection and is_reply)
+        allowed = not by_station and (connection.closed_by_station is True or _is_refused(frame, replies))
         findings.append(Finding(connection.test, by_station, allowed, frame, text))
     return len(frames), findings

@@ -58,6 +58,17 @@ def test_wrong_frame_of_the_master_that_is_answered_by_closing(tmp_path: Path) -
     assert [(f.by_station, f.allowed) for f in findings] == [(False, True)]
 
 
+def test_wrong_frame_of_the_master_that_is_refused(tmp_path: Path) -> None:
+    request = bytes.fromhex("68 0f 00 00 00 00 2d 01 06 00 fb 0b 04 00 00 01 aa")
+    refusal = bytes.fromhex("68 0e 00 00 02 00 2d 01 47 00 fb 0b 04 00 00 01")
+    connection = Connection("a test", [(False, request), (True, refusal)])
+    _, findings = dissect([connection], tmp_path / "pcap")
+    assert [(f.by_station, f.allowed) for f in findings] == [(False, True)]
+    confirmation = refusal.replace(b"\x47", b"\x07")
+    _, findings = dissect([Connection("a test", [(False, request), (True, confirmation)])], tmp_path / "pcap")
+    assert [(f.by_station, f.allowed) for f in findings] == [(False, False)]
+
+
 def test_wrong_frame_of_the_master_that_is_borne(tmp_path: Path) -> None:
     connection = Connection("a test", [(False, TWO_OBJECTS_OF_WHICH_ONE_IS_THERE), (True, STARTDT_CON)])
     _, findings = dissect([connection], tmp_path / "pcap")

@@ -413,6 +413,7 @@ SITES = [
 COMPANIONS: dict[str, dict[str, Any]] = {
     "k": {"w": 1},
     "w": {"k": 32767},
+    "connections_per_address": {"max_connections": 16},
     "t1": {"t2": 1},
     "t2": {"t1": 255},
     "size_kb": {"volume_mb": 1048576},

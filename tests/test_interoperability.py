@@ -23,7 +23,7 @@ STATED = {
 }
 SUPPORTED = {number: name for number, (name, supported) in STATED.items() if supported}
 CONTROL = [number for number, (name, _) in STATED.items() if name[0] in "CPF"]
-ACTIVATION, UNKNOWN_TYPE = 6, 44
+ACTIVATION, UNKNOWN_TYPE, NEGATIVE = 6, 44, 0x40
 
 
 def test_types_are_those_of_the_source() -> None:
@@ -47,12 +47,11 @@ def substation(programs: Path) -> Iterator[Substation]:
 
 @pytest.mark.parametrize("kind", CONTROL, ids=lambda kind: STATED[kind][0])
 def test_station_knows_the_types_that_are_stated(substation: Substation, kind: int) -> None:
-    """A type it knows is refused for another reason, here the size of its object."""
+    """A type it knows is refused for another reason, here what follows its object."""
     request = bytes([kind, 1, ACTIVATION, 0, *STATION.to_bytes(2, "little"), 1, 0, 0, *bytes(20)])
     with Bare(substation.gateway.address) as master:
         master.start()
         master.ask(request)
-        if kind in SUPPORTED:
-            master.closed()
-        else:
-            assert master.asdus_until(bytes([kind]))[-1][2] & 0x3F == UNKNOWN_TYPE
+        refused = master.asdus_until(bytes([kind]))[-1]
+        assert (refused[2] & 0x3F == UNKNOWN_TYPE) is (kind not in SUPPORTED)
+        assert refused[2] & NEGATIVE

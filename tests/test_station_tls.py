@@ -391,6 +391,20 @@ def test_many_that_hang_keep_nobody_out(pki: Pki, programs: Path) -> None:
         assert gateway.processor_seconds() - before < 0.2
 
 
+def test_flood_of_one_address_keeps_no_other_from_its_handshake(pki: Pki, programs: Path) -> None:
+    with gateway_with(pki, programs) as gateway, contextlib.ExitStack() as stack:
+
+        def come(source: str) -> socket.socket:
+            return stack.enter_context(socket.create_connection(gateway.address, WAITS_S, (source, 0)))
+
+        slow = come("127.0.0.2")
+        flood = [come("127.0.0.3") for _ in range(40)]
+        assert closed_by_station(flood[0])
+        connection = stack.enter_context(pki.client().wrap_socket(slow))
+        connection.sendall(TESTFR_ACT)
+        assert received(connection, 6) == TESTFR_CON
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_slow_reader(gateway: TlsGateway, pki: Pki, version: str) -> None:
     """Nothing is lost of what waits for it, nobody else waits, and waiting costs no time."""

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from bare import Bare
 from desk import Desk, chapter_5, desk_of, gateway_on_lines, processor_seconds
 from lab.raw_master import RawMaster, StationError, new_source
 from lab.show import DEVICE, FIGURE_5_5, STATION
@@ -136,6 +137,27 @@ def test_refusal_is_one_mirrored_reply(
     assert (refusal.cause, refusal.originator, refusal.ca) == (reply | NEGATIVE, 3, ca)
     assert refusal.body == ioa.to_bytes(3, "little") + element
     assert_silent(master, kind)
+
+
+@pytest.mark.parametrize(
+    ("request_", "reply"),
+    [
+        pytest.param("2d 01 06 00 fb0b 040000 01 aa", "2d 01 47 00 fb0b 040000 01", id="an octet too many"),
+        pytest.param("2d 81 06 00 fb0b 040000 01", "2d 81 47 00 fb0b 040000 01", id="SQ = 1"),
+        pytest.param(
+            "2d 02 06 00 fb0b 040000 01 040000 00", "2d 02 47 00 fb0b 040000 01 040000 00", id="two objects"
+        ),
+    ],
+)
+def test_command_of_other_than_one_object_is_refused(desk: Desk, request_: str, reply: str) -> None:
+    mark = desk.lines.mark()
+    with Bare(desk.gateway.address) as master:
+        master.start()
+        master.ask(bytes.fromhex(request_))
+        assert master.asdus_until(b"\x2d")[-1] == bytes.fromhex(reply)
+        master.ask(bytes.fromhex("2d 01 06 00 fb0b 040000 01"))  # the connection goes on
+        assert master.asdus_until(b"\x2d")[-1][2] == ACT_CON
+        assert len(writes(desk, mark)) == 1
 
 
 def test_double_command_without_a_state_is_refused(desk: Desk, master: RawMaster) -> None:
@@ -302,7 +324,7 @@ def test_peer_cannot_flood_the_log(desk: Desk, connection: socket.socket) -> Non
 def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) -> None:
     """What cannot be accepted must not wake the station again and again, and is accepted when it can be."""
     config = chapter_5()
-    config["iec104"]["max_connections"] = 16
+    config["iec104"] |= {"max_connections": 16, "connections_per_address": 16}
     with gateway_on_lines(config, programs) as (_, gateway), contextlib.ExitStack() as stack:
         assert gateway.process is not None
         _, most = resource.prlimit(gateway.process.pid, resource.RLIMIT_NOFILE)

@@ -73,7 +73,7 @@ def event_source() -> Path:
 def configuration(port: int, **settings: object) -> dict[str, object]:
     tables = {table: [{"address": address} for address in range(size)] for table, size in SIZE.items()}
     line = {"value": 1, "active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    station = {"address": "127.0.0.1", "port": port, "max_connections": 16}
+    station = {"address": "127.0.0.1", "port": port, "max_connections": 16, "connections_per_address": 16}
     return {"iec104": station, "port": [{**line, "slaves": [{"id": UNIT, **tables}]}], **settings}
 
 

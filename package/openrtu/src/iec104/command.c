@@ -60,8 +60,18 @@ static bool value_can_be_sent(const struct map_point *point, const struct iec104
 	}
 }
 
-static bool time_tag_is_recent(const struct iec104_station *station, const struct iec104_command *command,
-			       int64_t now_ns)
+/* A tag is there so that a command that was delayed is not carried out: one whose age nobody knows may have been. */
+static bool takes_unknown_age(struct iec104_station *station, const struct iec104_received *received)
+{
+	if (station->config->settings.command_without_clock)
+		return true;
+	iec104_log(station, MAP_LOG_WARNING, received->connection->peer,
+		   "a command with a time tag is refused, the clock was never set");
+	return false;
+}
+
+static bool time_tag_is_recent(struct iec104_station *station, const struct iec104_received *received,
+			       const struct iec104_command *command)
 {
 	struct map_clock clock = map_clock_read(station->map);
 	int64_t limit_ns = station->config->settings.command_timeout_s * NS_PER_S;
@@ -69,8 +79,10 @@ static bool time_tag_is_recent(const struct iec104_station *station, const struc
 
 	if (!iec104_time56_decode(command->time, &station->config->settings.zone, &wall_ns))
 		return false;
-	age_ns = now_ns + clock.offset_ns - wall_ns;
-	return !clock.set || (age_ns <= limit_ns && age_ns >= -limit_ns);
+	if (!clock.set)
+		return takes_unknown_age(station, received);
+	age_ns = received->now_ns + clock.offset_ns - wall_ns;
+	return age_ns <= limit_ns && age_ns >= -limit_ns;
 }
 
 static enum map_action action_of(const struct iec104_received *received, const struct iec104_command *command)
@@ -106,7 +118,7 @@ void iec104_take_command(struct iec104_station *station, const struct iec104_rec
 		return;
 	}
 	if (!value_can_be_sent(iec104_point(station, point), &command) ||
-	    (command.tagged && !time_tag_is_recent(station, &command, received->now_ns))) {
+	    (command.tagged && !time_tag_is_recent(station, received, &command))) {
 		iec104_confirm(received, true);
 		return;
 	}

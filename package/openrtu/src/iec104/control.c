@@ -112,13 +112,32 @@ static bool may_command(const struct iec104_station *station, uint8_t originator
 }
 
 /* A read command knows no confirmation: it comes back with its own cause. */
-static void refuse_originator(const struct iec104_received *received)
+static void confirm_negatively(const struct iec104_received *received)
 {
-	map_count(&received->connection->session.counters[MAP_STATION_ORIGINATOR], 1);
 	if (received->asdu.type == IEC104_C_RD_NA_1)
 		iec104_refuse(received, IEC104_REQUEST);
 	else
 		iec104_confirm(received, true);
+}
+
+static void refuse_originator(const struct iec104_received *received)
+{
+	map_count(&received->connection->session.counters[MAP_STATION_ORIGINATOR], 1);
+	confirm_negatively(received);
+}
+
+/* What the objects take, by SQ and their number (IEC 60870-5-101, 7.2.2.1). */
+static size_t size_of_objects(const struct iec104_asdu *asdu, size_t object_size)
+{
+	if (asdu->sequence)
+		return IEC104_IOA_SIZE + asdu->count * (object_size - IEC104_IOA_SIZE);
+	return asdu->count * object_size;
+}
+
+/* Each type in control direction has one information object, SQ = 0 (7.3.2, 7.3.4, 7.3.5). */
+static bool has_one_object(const struct iec104_asdu *asdu, size_t object_size)
+{
+	return !asdu->sequence && asdu->count == 1 && asdu->objects_size == object_size;
 }
 
 static void take_interrogation(struct iec104_station *station, const struct iec104_received *received)
@@ -174,7 +193,7 @@ void iec104_take_asdu(struct iec104_station *station, struct iec104_connection *
 	struct iec104_received received = {
 	    .connection = connection, .bytes = bytes, .size = size, .now_ns = now_ns};
 	const struct iec104_asdu *asdu = &received.asdu;
-	size_t object_size;
+	size_t object_size, objects_size;
 	uint32_t device;
 
 	if (!iec104_asdu_decode(bytes, size, &received.asdu)) {
@@ -182,15 +201,23 @@ void iec104_take_asdu(struct iec104_station *station, struct iec104_connection *
 		return;
 	}
 	object_size = iec104_control_object_size(asdu->type);
-	if (object_size == 0)
+	if (object_size == 0) {
 		iec104_refuse(&received, IEC104_UNKNOWN_TYPE);
-	else if (asdu->sequence || asdu->count != 1 || asdu->objects_size != object_size)
+		return;
+	}
+	objects_size = size_of_objects(asdu, object_size);
+	if (asdu->count == 0 || asdu->objects_size < objects_size) {
 		iec104_session_close(&connection->session, IEC104_BAD_ASDU);
-	else if (!cause_fits(asdu))
+		return;
+	}
+	received.size = IEC104_ASDU_HEADER + objects_size; /* what is behind them is not mirrored */
+	if (!cause_fits(asdu))
 		iec104_refuse(&received, IEC104_UNKNOWN_CAUSE);
 	else if (!iec104_find_device(station, asdu->ca, &device) ||
 		 (asdu->ca == IEC104_CA_BROADCAST && !may_be_broadcast(asdu->type)))
 		iec104_refuse(&received, IEC104_UNKNOWN_CA);
+	else if (!has_one_object(asdu, object_size))
+		confirm_negatively(&received);
 	else if (is_system_command(asdu->type) && iec104_ioa_decode(asdu->objects) != 0)
 		iec104_refuse(&received, IEC104_UNKNOWN_IOA);
 	else if (!may_command(station, asdu->originator))

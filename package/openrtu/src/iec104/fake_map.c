@@ -315,6 +315,7 @@ void fake_begin(void)
 			 .t2_s = 10,
 			 .t3_s = 20,
 			 .max_connections = 3,
+			 .connections_per_address = 3,
 			 .command_timeout_s = 10,
 			 .event_ring = EVENTS},
 	    .line_count = DEVICES,

@@ -118,7 +118,7 @@ static void connect_master(void)
 	connection = iec104_station_connect(
 	    &station,
 	    &(struct iec104_peer){
-		.name = "fuzz", .address = "192.0.2.1", .group = MAP_NONE, .clock_master = true},
+		.name = "fuzz", .address = "192.0.2.1", .party = MAP_NONE, .clock_master = true},
 	    now);
 	CHECK(connection != NULL);
 	ns = nr = 0;

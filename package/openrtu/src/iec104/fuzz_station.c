@@ -40,7 +40,7 @@ static struct model {
 static void connect_model(struct model *model)
 {
 	struct iec104_peer peer = {.name = "fuzz",
-				   .group = fake.config.settings.group_count > 0 ? 0 : MAP_NONE,
+				   .party = fake.config.settings.group_count > 0 ? 0 : MAP_NONE,
 				   .clock_master = true};
 
 	snprintf(peer.address, sizeof(peer.address), "10.0.0.%u", (unsigned)(model - models) + 1);

@@ -337,7 +337,7 @@ const char *iec104_closing_text(enum iec104_closing reason)
 	static const char *const texts[] = {
 	    [IEC104_OPEN] = "open",
 	    [IEC104_BAD_APDU] = "not an APDU: start octet, length or control field",
-	    [IEC104_BAD_ASDU] = "ASDU does not have the size its type and number of objects demand",
+	    [IEC104_BAD_ASDU] = "ASDU is too short for its type and number of objects, or has none",
 	    [IEC104_BAD_NS] = "N(S) out of sequence",
 	    [IEC104_BAD_NR] = "N(R) acknowledges frames that were never sent",
 	    [IEC104_I_WHILE_STOPPED] = "I frame while data transfer is stopped",
@@ -345,6 +345,7 @@ const char *iec104_closing_text(enum iec104_closing reason)
 	    [IEC104_T1_TESTFR] = "TESTFR act not confirmed in t1",
 	    [IEC104_UNREAD_ANSWERS] = "more requests than answers are acknowledged",
 	    [IEC104_TAKEN_OVER] = "another connection of its group was started",
+	    [IEC104_GAVE_WAY] = "data transfer was never started, and another one needs the place",
 	    [IEC104_NOT_SECURE] = "its keys or its certificate are no longer good",
 	    [IEC104_CLOSED_BY_PEER] = "closed by the controlling station",
 	    [IEC104_CLOSED_BY_STATION] = "station ends",

@@ -26,7 +26,7 @@ struct iec104_times {
 enum iec104_closing {
 	IEC104_OPEN,
 	IEC104_BAD_APDU,         /* start octet, length or control field */
-	IEC104_BAD_ASDU,         /* no ASDU, or not the size its type and number of objects demand */
+	IEC104_BAD_ASDU,         /* no ASDU, or too short for its objects, or without one */
 	IEC104_BAD_NS,           /* a frame was lost or repeated */
 	IEC104_BAD_NR,           /* acknowledges what was never sent */
 	IEC104_I_WHILE_STOPPED,  /* between STOPDT act, or the beginning, and STARTDT act */
@@ -34,6 +34,7 @@ enum iec104_closing {
 	IEC104_T1_TESTFR,        /* no TESTFR con in t1 */
 	IEC104_UNREAD_ANSWERS,   /* the peer asks on and on, and takes no answers */
 	IEC104_TAKEN_OVER,       /* another connection of its redundancy group was started */
+	IEC104_GAVE_WAY,         /* never started, and its place was wanted */
 	IEC104_NOT_SECURE,       /* old keys, or a certificate no longer good */
 	IEC104_CLOSED_BY_PEER,   /* end of file or error of the connection */
 	IEC104_CLOSED_BY_STATION /* the process ends */

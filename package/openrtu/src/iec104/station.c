@@ -54,6 +54,10 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 	const struct map_settings *settings = &station->config->settings;
 
 	station->now_ns = now_ns;
+	if (!iec104_admits(station, peer)) {
+		count(station, MAP_STATION_TOO_MANY);
+		return NULL;
+	}
 	for (unsigned i = 0; i < settings->max_connections && i < IEC104_CONNECTIONS_MAX; i++) {
 		struct iec104_connection *connection = &station->connections[i];
 
@@ -62,7 +66,9 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 		memset(connection, 0, sizeof(*connection));
 		connection->open = true;
 		connection->clock_master = peer->clock_master;
-		connection->group = peer->group;
+		connection->party = peer->party;
+		connection->group = peer->party < settings->group_count ? peer->party : MAP_NONE;
+		connection->since_ns = now_ns;
 		connection->queue = MAP_NONE;
 		connection->serial = ++station->next_serial;
 		connection->places = station->places + (size_t)i * settings->k;
@@ -76,9 +82,6 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 		iec104_log(station, MAP_LOG_INFO, peer->name, "connected");
 		return connection;
 	}
-	count(station, MAP_STATION_TOO_MANY);
-	iec104_log(station, MAP_LOG_WARNING, peer->name, "refused, %u connections are open",
-		   (unsigned)settings->max_connections);
 	return NULL;
 }
 
@@ -130,6 +133,7 @@ static void send_all(struct iec104_station *station, struct iec104_connection *c
 static void begin_transfer(struct iec104_station *station, struct iec104_connection *connection,
 			   int64_t now_ns)
 {
+	connection->has_started = true;
 	iec104_claim_queue(station, connection);
 	iec104_begin_initialised(station, connection);
 	iec104_schedule_periodic(station, connection, now_ns);

@@ -12,19 +12,20 @@
  * one of the same point. A station whose events come faster than they are acknowledged answers no
  * interrogation meanwhile.
  *
- * What the standard leaves open. A request gets one refusal, the first of: 44 type, 45 cause, 46 common
- * address, 47 information object address (also of a point that is not commandable, or of another type than
- * the command), negative confirmation. The latter is the answer to
+ * What the standard leaves open. A request gets one refusal, the first of: 44 type, 45 cause, 46 common address, negative
+ * confirmation of what has not one object (SQ = 0) or octets behind it, which the answer leaves out, 47 information object
+ * address (also of a point that is not commandable, or of another type than the command), negative confirmation. The latter
+ * is the answer to
  * - what the device refuses, does not answer, or has not selected;
  * - what cannot be carried out: a pulse without configured duration, a pulse to OFF, DCS and RCS 0 and 3, reserved
  *   qualifiers, not-a-number, a value or step beyond the point's limits, a step from a value that is not good;
  * - a time tag that is invalid, or further than command_timeout_s from the map's clock. While that clock is
- *   not set, the age cannot be known and is not judged;
+ *   not set, the age cannot be known: any time tag, unless settings.command_without_clock says otherwise;
  * - an interrogation of a station while one is under way; those of different stations wait for each other;
  * - a freeze of counters whose owner is not alive, or any counter interrogation while the connection's freeze waits;
  * - a clock synchronisation by a controlling station that may not;
  * - a request by an originator that is not among the configured ones; a read command then with its cause.
- * An ASDU of a known type with not one object (SQ = 0), or of another size, closes the connection.
+ * An ASDU that is too short for its objects, or says that it has none, closes the connection: an answer would be as wrong.
  * Counters: FRZ 1..3 is confirmed and terminated when all owners have carried it out, and brings no readings; FRZ 0
  * brings those frozen last. A frozen reading carries its sequence number, CY and CA; any other reading has them 0.
  * Reset process: QRP 1 restarts all of the gateway's modules, whatever station it is sent to. QRP 2 drops the events that
@@ -93,8 +94,10 @@ struct iec104_connection {
 	bool open;
 	bool clock_master; /* may set the clock */
 	bool transfer;     /* data transfer is started, as last logged */
+	bool has_started;  /* it was, at some time */
 	bool selects;      /* has selected a point, which may have been executed or cancelled since */
 	uint32_t serial;   /* tells this connection from an earlier one in this place */
+	int64_t since_ns;
 	char peer[MAP_PEER_SIZE];
 	char address[MAP_ADDRESS_SIZE];
 	struct iec104_session session;
@@ -103,6 +106,7 @@ struct iec104_connection {
 	bool tells_initialised;    /* M_EI_NA_1 is being sent, */
 	uint32_t next_initialised; /* of this device next */
 
+	uint32_t party;           /* as in struct iec104_peer */
 	uint32_t group;           /* its redundancy group; MAP_NONE: none */
 	uint32_t queue;           /* the event queue it has, or had last; MAP_NONE: none */
 	bool holds_queue;         /* and is sent its events now */
@@ -202,12 +206,20 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 struct iec104_peer {
 	char name[MAP_PEER_SIZE];       /* in the log: address and port */
 	char address[MAP_ADDRESS_SIZE]; /* IPv4 or IPv6, in the one way that inet_ntop writes it */
-	uint32_t group;                 /* index of its redundancy group in the settings, MAP_NONE: none */
-	bool clock_master;              /* may set the clock */
+	uint32_t
+	    party; /* of the settings' groups; behind these, of their masters in none; MAP_NONE: neither */
+	bool clock_master; /* may set the clock */
 };
 
 /*
- * A new connection. NULL: settings.max_connections (16 at most) are open.
+ * Who gives way to a peer for whom there is no place: a connection whose data transfer was not started once in t1. It is to
+ * be ended, and the peer connected. NULL: there is a place, or nobody gives way.
+ */
+struct iec104_connection *iec104_station_make_room(struct iec104_station *station,
+						   const struct iec104_peer *peer, int64_t now_ns);
+/*
+ * A new connection. NULL: there is no place for this peer, as settings.max_connections (16 at most),
+ * connections_per_address and the places that are kept for parties say.
  * Octets then go to iec104_session_space of its session, iec104_station_run answers them, and
  * iec104_session_output has the answers. When the session's closing is no longer IEC104_OPEN, the connection
  * is to be ended.

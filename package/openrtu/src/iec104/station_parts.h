@@ -34,6 +34,11 @@ static inline const struct map_device *iec104_device(const struct iec104_station
 void iec104_log(struct iec104_station *station, enum map_log_level level, const char *peer,
 		const char *format, ...) __attribute__((format(printf, 4, 5)));
 
+/* ---- admission.c ------------------------------------------------------------------------- */
+
+/* There is a place for this peer. False: logged. */
+bool iec104_admits(struct iec104_station *station, const struct iec104_peer *peer);
+
 /* ---- queue.c ----------------------------------------------------------------------------- */
 
 /* Takes the connection's event queue, from another one if need be, and begins where it is. */

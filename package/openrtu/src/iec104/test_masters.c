@@ -105,7 +105,7 @@ void connect_master(unsigned master, bool clock_master)
 
 void connect_from(unsigned master, const char *address, uint32_t group)
 {
-	struct iec104_peer peer = {.name = "master", .group = group};
+	struct iec104_peer peer = {.name = "master", .party = group};
 
 	snprintf(peer.address, sizeof(peer.address), "%s", address);
 	masters[master] = (struct master){.connection = iec104_station_connect(&station, &peer, now)};

@@ -66,7 +66,8 @@ static void test_addresses_of_system_commands(void **state)
 	assert_int_equal(fake.request_count, 0);
 }
 
-static void test_wrong_sizes_close(void **state)
+/* Nothing is in them that an answer could be about. */
+static void test_too_short_closes(void **state)
 {
 	static const struct {
 		uint8_t bytes[16];
@@ -76,10 +77,10 @@ static void test_wrong_sizes_close(void **state)
 	    {{45, 1, 6, 0, 0xfb}, 5},
 	    {{45, 1, 6, 0, 0xfb, 0x0b}, 6},
 	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0}, 9},
-	    {{45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0}, 11},
 	    {{45, 0, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1}, 10},
-	    {{45, 0x81, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1}, 10},
-	    {{45, 2, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 4, 0, 0, 1}, 14},
+	    {{45, 0x80, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1}, 10},
+	    {{45, 2, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 4, 0, 0}, 13},
+	    {{45, 0x83, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 1}, 11},
 	    {{100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0}, 9},
 	};
 
@@ -92,6 +93,34 @@ static void test_wrong_sizes_close(void **state)
 		iec104_station_disconnect(&station, masters[1].connection);
 	}
 	assert_int_equal(fake.request_count, 0);
+}
+
+/* A request has one object, SQ = 0. What is behind the objects is not mirrored. */
+static void test_other_than_one_object_is_refused(void **state)
+{
+	(void)state;
+	ASK(0, 45, 0x81, 6, 5, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, 45, 0x81, 0x47, 5, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, 45, 2, 6, 5, 0xfb, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
+	EXPECT(0, 45, 2, 0x47, 5, 0xfb, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
+	ASK(0, 45, 0x82, 8, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0);
+	EXPECT(0, 45, 0x82, 0x49, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0);
+	ASK(0, 45, 1, 6, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0xaa);
+	EXPECT(0, 45, 1, 0x47, 5, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, 45, 1, 5, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0xaa);
+	EXPECT(0, 45, 1, 0x40 | 45, 5, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, 45, 2, 6, 5, 0xfc, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
+	EXPECT(0, 45, 2, 0x40 | 46, 5, 0xfc, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
+	ASK(0, 102, 2, 5, 5, 0xfb, 0x0b, 4, 0, 0, 4, 0, 0);
+	EXPECT(0, 102, 2, 0x45, 5, 0xfb, 0x0b, 4, 0, 0, 4, 0, 0);
+	ASK(0, 102, 0x8f, 5, 5, 0xfb, 0x0b, 4, 0, 0);
+	EXPECT(0, 102, 0x8f, 0x45, 5, 0xfb, 0x0b, 4, 0, 0);
+	acknowledge(&masters[0]);
+	ASK(0, 100, 1, 6, 5, 0xff, 0xff, 0, 0, 0, 20, 0, 0);
+	EXPECT(0, 100, 1, 0x47, 5, 0xff, 0xff, 0, 0, 0, 20);
+	expect_nothing(0);
+	assert_int_equal(fake.request_count, 0);
+	assert_int_equal(fake.stats.counters[MAP_STATION_NEGATIVE], 7);
 }
 
 static void test_station_without_devices(void **state)
@@ -218,7 +247,8 @@ int main(void)
 	    TEST(test_test_command),
 	    TEST(test_refusals),
 	    TEST(test_addresses_of_system_commands),
-	    TEST(test_wrong_sizes_close),
+	    TEST(test_too_short_closes),
+	    TEST(test_other_than_one_object_is_refused),
 	    TEST(test_station_without_devices),
 	    TEST(test_number_of_connections),
 	    TEST(test_master_that_only_asks),

@@ -349,10 +349,25 @@ static void test_time_tags(void **state)
 	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
 	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
 	assert_int_equal(fake.request_count, 1);
-	fake.clock.set = false; /* its age cannot be known */
+}
+
+/* Its age cannot be known. */
+static void test_time_tag_while_the_clock_was_never_set(void **state)
+{
+	unsigned logged = fake.log_count;
+
+	(void)state;
+	fake.clock.set = false;
+	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	assert_int_equal(fake.request_count, 0);
+	assert_int_equal(fake.log_count, logged + 1);
+	ASK(0, 45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1);
+	assert_int_equal(fake.request_count, 1);
+	fake.config.settings.command_without_clock = true;
 	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
 	assert_int_equal(fake.request_count, 2);
-	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25);
+	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25); /* IV */
 	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25);
 	assert_int_equal(fake.request_count, 2);
 }
@@ -533,6 +548,7 @@ int main(void)
 	    TEST(test_values_that_cannot_be_carried_out),
 	    TEST(test_regulating_steps),
 	    TEST(test_time_tags),
+	    TEST(test_time_tag_while_the_clock_was_never_set),
 	    TEST(test_test_bit_of_a_command),
 	    TEST(test_owner_dies),
 	    TEST(test_owner_dies_after_its_confirmation),

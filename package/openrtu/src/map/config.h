@@ -204,17 +204,19 @@ struct map_settings {
 	uint16_t t1_s, t2_s;
 	uint32_t t3_s; /* up to 48 h */
 	uint16_t max_connections;
+	uint16_t connections_per_address;
 	uint16_t select_timeout_s;  /* a selection that is not executed ends */
 	uint16_t command_timeout_s; /* oldest acceptable time tag, longest wait for the device */
 	uint16_t own_ca;            /* common address of the gateway's own station, 0: there is none */
 	uint8_t clock;              /* enum map_clock_mode */
 	uint8_t clock_master_count; /* 0: every master may set the clock */
 	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
-	uint8_t reserved;
-	struct map_zone zone; /* of the time tags on the wire */
-	uint32_t event_ring;  /* each module keeps one event less; a power of two */
+	bool command_without_clock; /* takes a time tag whose age nobody knows */
+	struct map_zone zone;       /* of the time tags on the wire */
+	uint32_t event_ring;        /* each module keeps one event less; a power of two */
 	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
 	uint32_t master_count; /* 0: everybody may connect */
+	uint32_t lone_masters; /* of them, those in no group */
 	char masters[MAP_MASTERS_MAX][MAP_ADDRESS_SIZE];
 	uint32_t group_count;
 	struct map_group groups[MAP_GROUPS_MAX];

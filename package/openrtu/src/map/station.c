@@ -201,6 +201,7 @@ const char *map_station_counter_name(enum map_station_counter counter)
 	    [MAP_STATION_T1_TESTFR] = "closed_t1_testfr",
 	    [MAP_STATION_UNREAD_ANSWERS] = "closed_unread_answers",
 	    [MAP_STATION_TAKEN_OVER] = "closed_taken_over",
+	    [MAP_STATION_GAVE_WAY] = "closed_gave_way",
 	    [MAP_STATION_NOT_SECURE] = "closed_not_secure",
 	    [MAP_STATION_CLOSED_BY_PEER] = "closed_by_peer",
 	    [MAP_STATION_CLOSED_BY_STATION] = "closed_by_station",

@@ -17,8 +17,9 @@ struct newcomer {
 	struct channel channel;
 };
 
-/* A free place; when there is none, that of the newcomer who has taken longest and is sent away. */
-struct newcomer *newcomers_place(struct iec104_station *station, int64_t now_ns);
+/* A place for a peer; when none is free, of the address that has most the one who has taken longest is sent away. */
+struct newcomer *newcomers_place(struct iec104_station *station, const struct iec104_peer *peer,
+				 int64_t now_ns);
 /* The newcomer in a place, which is less than NEWCOMERS_MAX; NULL: nobody. */
 struct newcomer *newcomers_at(uint32_t place);
 uint32_t newcomers_place_of(const struct newcomer *newcomer);

@@ -20,19 +20,20 @@ static void map_to_ipv6(const struct sockaddr_storage *address, struct in6_addr 
 	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)address)->sin_addr, sizeof(struct in_addr));
 }
 
-static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
+/* Where an address is in a list; count: nowhere. */
+static uint32_t place_in(const char (*list)[MAP_ADDRESS_SIZE], uint32_t count, const struct in6_addr *address)
 {
 	struct in6_addr listed;
 
 	for (uint32_t i = 0; i < count; i++)
 		if (map_address_parse(list[i], &listed) && memcmp(address, &listed, sizeof(listed)) == 0)
-			return true;
-	return false;
+			return i;
+	return count;
 }
 
-static bool may_connect(const struct map_settings *settings, const struct in6_addr *address)
+static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
 {
-	return settings->master_count == 0 || is_among(address, settings->masters, settings->master_count);
+	return place_in(list, count, address) < count;
 }
 
 static bool may_set_clock(const struct map_settings *settings, const struct in6_addr *address)
@@ -41,13 +42,15 @@ static bool may_set_clock(const struct map_settings *settings, const struct in6_
 	       is_among(address, settings->clock_masters, settings->clock_master_count);
 }
 
-/* The redundancy group of an address; MAP_NONE: none. */
-static uint32_t group_of(const struct map_settings *settings, const struct in6_addr *address)
+/* As struct iec104_peer has it. */
+static uint32_t party_of(const struct map_settings *settings, const struct in6_addr *address)
 {
+	uint32_t master = place_in(settings->masters, settings->master_count, address);
+
 	for (uint32_t i = 0; i < settings->group_count; i++)
 		if (is_among(address, settings->groups[i].masters, settings->groups[i].master_count))
 			return i;
-	return MAP_NONE;
+	return master < settings->master_count ? settings->group_count + master : MAP_NONE;
 }
 
 static void write_address(const struct in6_addr *address, char text[MAP_ADDRESS_SIZE])
@@ -68,7 +71,7 @@ bool peer_identify(const struct sockaddr_storage *from, const struct map_setting
 	map_to_ipv6(from, &address);
 	write_address(&address, out->address);
 	snprintf(out->name, sizeof(out->name), "%s port %u", out->address, port);
-	out->group = group_of(settings, &address);
+	out->party = party_of(settings, &address);
 	out->clock_master = may_set_clock(settings, &address);
-	return may_connect(settings, &address);
+	return settings->master_count == 0 || is_among(&address, settings->masters, settings->master_count);
 }

@@ -84,19 +84,34 @@ static bool accept_failed(void)
 	}
 }
 
-/* Its peer is who it should be: it becomes a connection of the station, if one is free. */
+static uint32_t index_of(const struct iec104_connection *connection)
+{
+	return (uint32_t)(connection - station.connections);
+}
+
+static void end_connection(uint32_t index)
+{
+	iec104_station_disconnect(&station, &station.connections[index]);
+	channel_close(&sockets[index].channel);
+}
+
+/* Its peer is who it should be: it becomes a connection of the station, if there is a place for it. */
 static void admit(struct newcomer *newcomer)
 {
-	struct iec104_connection *connection =
-	    iec104_station_connect(&station, &newcomer->peer, map_now_ns());
+	int64_t now_ns = map_now_ns();
+	struct iec104_connection *leaving = iec104_station_make_room(&station, &newcomer->peer, now_ns);
+	struct iec104_connection *connection;
 	uint32_t index;
 
+	if (leaving != NULL)
+		end_connection(index_of(leaving));
+	connection = iec104_station_connect(&station, &newcomer->peer, now_ns);
 	newcomer->here = false;
 	if (connection == NULL) {
 		channel_close(&newcomer->channel);
 		return;
 	}
-	index = (uint32_t)(connection - station.connections);
+	index = index_of(connection);
 	sockets[index] = (struct socket){.channel = newcomer->channel, .interest = EPOLLIN};
 	watch(EPOLL_CTL_MOD, newcomer->channel.fd, EPOLLIN, index);
 }
@@ -135,8 +150,7 @@ static bool accept_one(void)
 		return true;
 	}
 	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	newcomer = newcomers_place(&station, map_now_ns());
-	newcomer->peer = peer;
+	newcomer = newcomers_place(&station, &peer, map_now_ns());
 	watch(EPOLL_CTL_ADD, fd, 0, SOURCE_NEWCOMERS + newcomers_place_of(newcomer));
 	settle(newcomer, channel_open(&newcomer->channel, fd, peer.name));
 	return true;
@@ -176,12 +190,6 @@ static bool transmit(uint32_t index)
 	else if (count < 0)
 		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
 	return count > 0;
-}
-
-static void end_connection(uint32_t index)
-{
-	iec104_station_disconnect(&station, &station.connections[index]);
-	channel_close(&sockets[index].channel);
 }
 
 /* Watches for input while there is space for it, and for output while some is left. */
@@ -281,12 +289,32 @@ static bool handle(const struct epoll_event *event, bool *greeted)
 	case SOURCE_SIGNAL:
 		return false;
 	default:
-		if (event->data.u32 < IEC104_CONNECTIONS_MAX)
-			handle_connection(event->data.u32, event->events);
-		else if (!*greeted) /* others are for the next turn: who is connected comes first */
+		if (!*greeted) /* others are for the next turn: who is connected comes first */
 			*greeted = greet(event->data.u32 - SOURCE_NEWCOMERS);
 		return true;
 	}
+}
+
+static void end_closed(void)
+{
+	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		if (station.connections[i].open && station.connections[i].session.closing != IEC104_OPEN)
+			end_connection(i);
+}
+
+/* Connections first: a newcomer may take the place of one that has ended, or gives way, and has nothing to do with its event. */
+static bool handle_all(const struct epoll_event *events, int count)
+{
+	bool wanted = true, greeted = false;
+
+	for (int i = 0; i < count; i++)
+		if (events[i].data.u32 < IEC104_CONNECTIONS_MAX)
+			handle_connection(events[i].data.u32, events[i].events);
+	end_closed();
+	for (int i = 0; i < count; i++)
+		if (events[i].data.u32 >= IEC104_CONNECTIONS_MAX)
+			wanted &= handle(&events[i], &greeted);
+	return wanted;
 }
 
 static void run(void)
@@ -296,10 +324,8 @@ static void run(void)
 	while (wanted && map_wanted(map)) {
 		struct epoll_event events[EVENTS];
 		int count = epoll_wait(poll_fd, events, EVENTS, wait_ms());
-		bool greeted = false;
 
-		for (int i = 0; i < count; i++)
-			wanted &= handle(&events[i], &greeted);
+		wanted = handle_all(events, count);
 		channel_watch(map_now_ns());
 		serve();
 		newcomers_watch(&station, map_now_ns());

@@ -49,8 +49,10 @@ enum {
 	IEC104_T2,
 	IEC104_T3,
 	IEC104_MAX_CONNECTIONS,
+	IEC104_CONNECTIONS_PER_ADDRESS,
 	IEC104_SELECT_TIMEOUT,
 	IEC104_COMMAND_TIMEOUT,
+	IEC104_COMMAND_WITHOUT_CLOCK,
 	IEC104_CLOCK_MASTERS,
 	IEC104_OWN_CA,
 	IEC104_KEYS
@@ -64,8 +66,10 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10},
     [IEC104_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20},
     [IEC104_MAX_CONNECTIONS] = {"max_connections", CONFIG_INTEGER, .low = 1, .high = 16, .fallback = 8},
+    [IEC104_CONNECTIONS_PER_ADDRESS] = {"connections_per_address", CONFIG_INTEGER, .low = 1, .high = 16},
     [IEC104_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 30},
     [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 10},
+    [IEC104_COMMAND_WITHOUT_CLOCK] = {"command_without_clock", CONFIG_BOOLEAN},
     [IEC104_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = MAP_CLOCK_MASTERS_MAX},
     [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
 };
@@ -101,6 +105,24 @@ static void check_times(struct config_loader *loader, const struct config_place 
 			     (long long)values[IEC104_T2].integer, (long long)values[IEC104_T1].integer);
 }
 
+/* Without the key half of all, so that no address takes every place. */
+static uint16_t connections_per_address(struct config_loader *loader, const struct config_place *iec104,
+					const struct config_value *values)
+{
+	const struct config_value *most = &values[IEC104_MAX_CONNECTIONS],
+				  *given = &values[IEC104_CONNECTIONS_PER_ADDRESS];
+	const struct config_place here =
+	    config_key_of(iec104, iec104_rules[IEC104_CONNECTIONS_PER_ADDRESS].name);
+
+	if (!given->given)
+		return (uint16_t)((most->integer + 1) / 2);
+	if (!most->wrong && !given->wrong && given->integer > most->integer)
+		config_error(&loader->report, &here,
+			     "%lld is more than max_connections (%lld), expected at most as many",
+			     (long long)given->integer, (long long)most->integer);
+	return (uint16_t)given->integer;
+}
+
 static void read_iec104(struct config_loader *loader, const struct config_place *file, const json_t *json,
 			bool tls)
 {
@@ -121,8 +143,10 @@ static void read_iec104(struct config_loader *loader, const struct config_place 
 	settings->t2_s = (uint16_t)values[IEC104_T2].integer;
 	settings->t3_s = (uint32_t)values[IEC104_T3].integer;
 	settings->max_connections = (uint16_t)values[IEC104_MAX_CONNECTIONS].integer;
+	settings->connections_per_address = connections_per_address(loader, &place, values);
 	settings->select_timeout_s = (uint16_t)values[IEC104_SELECT_TIMEOUT].integer;
 	settings->command_timeout_s = (uint16_t)values[IEC104_COMMAND_TIMEOUT].integer;
+	settings->command_without_clock = values[IEC104_COMMAND_WITHOUT_CLOCK].integer != 0;
 	settings->own_ca = (uint16_t)values[IEC104_OWN_CA].integer;
 	if (!values[IEC104_ADDRESS].wrong)
 		config_read_address(loader, &address,
@@ -176,6 +200,7 @@ static void read_controlling_stations(struct config_loader *loader, const struct
 	    {FILE_GROUPS, config_read_groups},
 	    {FILE_ORIGINATORS, config_read_originators},
 	};
+	const struct config_place groups = config_key_of(file, file_rules[FILE_GROUPS].name);
 
 	for (size_t i = 0; i < sizeof(keys) / sizeof(keys[0]); i++) {
 		const struct config_place array = config_key_of(file, file_rules[keys[i].key].name);
@@ -183,6 +208,7 @@ static void read_controlling_stations(struct config_loader *loader, const struct
 		if (values[keys[i].key].given)
 			keys[i].read(loader, &array, values[keys[i].key].json);
 	}
+	config_check_masters(loader, &groups);
 }
 
 static void check_point_count(struct config_loader *loader, const struct config_place *file)

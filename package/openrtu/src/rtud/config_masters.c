@@ -151,6 +151,54 @@ void config_read_groups(struct config_loader *loader, const struct config_place 
 	loader->config->settings.group_count = (uint32_t)json_array_size(json);
 }
 
+/* ---- both -------------------------------------------------------------------------------- */
+
+static bool is_among(const char *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
+{
+	for (uint32_t i = 0; i < count; i++)
+		if (config_is_same_address(list[i], address))
+			return true;
+	return false;
+}
+
+static void check_group(struct config_loader *loader, const struct config_place *place,
+			const struct map_group *group)
+{
+	const struct config_place array = config_key_of(place, group_rules[GROUP_MASTERS].name);
+	const struct map_settings *settings = &loader->config->settings;
+
+	for (uint32_t i = 0; i < group->master_count; i++) {
+		const struct config_place here = config_element_of(&array, i);
+
+		if (group->masters[i][0] != '\0' &&
+		    !is_among(group->masters[i], settings->masters, settings->master_count))
+			config_error(&loader->report, &here,
+				     "may not connect, expected one of \"masters\", or add it there");
+	}
+}
+
+static bool is_lone(const struct map_settings *settings, uint32_t master)
+{
+	for (uint32_t i = 0; i < settings->group_count; i++)
+		if (is_among(settings->masters[master], settings->groups[i].masters,
+			     settings->groups[i].master_count))
+			return false;
+	return !is_among(settings->masters[master], settings->masters, master); /* said once more */
+}
+
+void config_check_masters(struct config_loader *loader, const struct config_place *groups)
+{
+	struct map_settings *settings = &loader->config->settings;
+
+	for (uint32_t i = 0; settings->master_count > 0 && i < settings->group_count; i++) {
+		const struct config_place place = config_element_of(groups, i);
+
+		check_group(loader, &place, &settings->groups[i]);
+	}
+	for (uint32_t i = 0; i < settings->master_count; i++)
+		settings->lone_masters += is_lone(settings, i);
+}
+
 /* ---- originators ------------------------------------------------------------------------- */
 
 void config_read_originators(struct config_loader *loader, const struct config_place *array,

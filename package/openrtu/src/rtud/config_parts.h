@@ -66,6 +66,8 @@ void config_read_masters(struct config_loader *loader, const struct config_place
 void config_read_groups(struct config_loader *loader, const struct config_place *array, const json_t *json);
 void config_read_originators(struct config_loader *loader, const struct config_place *array,
 			     const json_t *json);
+/* Reports a group's master that may not connect, and counts the masters in no group. groups: where the groups are. */
+void config_check_masters(struct config_loader *loader, const struct config_place *groups);
 
 /* ---- config_zone.c ----------------------------------------------------------------------- */
 

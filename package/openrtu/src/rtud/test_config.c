@@ -115,6 +115,8 @@ static void test_settings_defaults(void **state)
 	assert_int_equal(settings->t2_s, 10);
 	assert_int_equal(settings->t3_s, 20);
 	assert_int_equal(settings->max_connections, 8);
+	assert_int_equal(settings->connections_per_address, 4);
+	assert_false(settings->command_without_clock);
 	assert_int_equal(settings->select_timeout_s, 30);
 	assert_int_equal(settings->command_timeout_s, 10);
 	assert_int_equal(settings->clock, MAP_CLOCK_GATEWAY);
@@ -131,12 +133,12 @@ static void test_settings_defaults(void **state)
 
 static void test_settings(void **state)
 {
-	struct map_config config =
-	    load("{'port': [], 'iec104': {'address': '::1', 'port': 2405, 'k': 6, 'w': 4, 't1': 9,"
-		 "'t2': 5, 't3': 172800, 'max_connections': 1, 'select_timeout': 7, 'command_timeout': "
-		 "8,"
-		 "'clock_masters': ['192.0.2.1', '2001:db8::1']}, 'clock': 'system',"
-		 "'modbus': {'priority': 0}, 'event_ring': 64}");
+	struct map_config config = load(
+	    "{'port': [], 'iec104': {'address': '::1', 'port': 2405, 'k': 6, 'w': 4, 't1': 9,"
+	    "'t2': 5, 't3': 172800, 'max_connections': 5, 'connections_per_address': 5, 'select_timeout': 7, "
+	    "'command_timeout': 8, 'command_without_clock': true,"
+	    "'clock_masters': ['192.0.2.1', '2001:db8::1']}, 'clock': 'system',"
+	    "'modbus': {'priority': 0}, 'event_ring': 64}");
 	const struct map_settings *settings = &config.settings;
 
 	(void)state;
@@ -147,7 +149,9 @@ static void test_settings(void **state)
 	assert_int_equal(settings->t1_s, 9);
 	assert_int_equal(settings->t2_s, 5);
 	assert_int_equal(settings->t3_s, 172800);
-	assert_int_equal(settings->max_connections, 1);
+	assert_int_equal(settings->max_connections, 5);
+	assert_int_equal(settings->connections_per_address, 5);
+	assert_true(settings->command_without_clock);
 	assert_int_equal(settings->select_timeout_s, 7);
 	assert_int_equal(settings->command_timeout_s, 8);
 	assert_int_equal(settings->clock, MAP_CLOCK_SYSTEM);
@@ -160,14 +164,16 @@ static void test_settings(void **state)
 
 static void test_controlling_stations(void **state)
 {
-	struct map_config config = load(
-	    "{'port': [], 'event_ring': 1024, 'masters': ['192.0.2.1', '::1'], 'originators': [0, 33, 255],"
-	    "'redundancy_groups': [{'name': 'a', 'masters': ['192.0.2.7', '192.0.2.8'], 'queue': 100},"
-	    "{'name': 'b', 'masters': ['::1']}]}");
+	struct map_config config =
+	    load("{'port': [], 'event_ring': 1024, 'masters': ['192.0.2.1', '::1', '192.0.2.7', "
+		 "'192.0.2.8', '192.0.2.2', '::ffff:192.0.2.1'], 'originators': [0, 33, 255],"
+		 "'redundancy_groups': [{'name': 'a', 'masters': ['192.0.2.7', '192.0.2.8'], 'queue': 100},"
+		 "{'name': 'b', 'masters': ['::1']}]}");
 	const struct map_settings *settings = &config.settings;
 
 	(void)state;
-	assert_int_equal(settings->master_count, 2);
+	assert_int_equal(settings->master_count, 6);
+	assert_int_equal(settings->lone_masters, 2); /* one of them said twice */
 	assert_string_equal(settings->masters[1], "::1");
 	assert_int_equal(settings->group_count, 2);
 	assert_string_equal(settings->groups[0].name, "a");
