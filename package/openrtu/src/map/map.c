@@ -598,13 +598,13 @@ int map_bell_fd(const struct map *map)
 }
 
 /* One read: who rings faster than it empties the pipe is heard again, and holds nobody up. */
-void map_bell_clear(struct map *map)
+bool map_bell_clear(struct map *map)
 {
 	char heard[4096];
 	ssize_t rings = read(map_bell_fd(map), heard, sizeof(heard));
 
-	(void)rings;
 	map->taken = 0;
+	return rings > 0;
 }
 
 void bell_ring(const struct map *map, uint32_t module)
