@@ -16,7 +16,8 @@ struct supervise_options {
 
 /*
  * Creates the map, runs and watches the modules until SIGTERM, SIGINT or SIGHUP, stops them and removes the map.
- * Once config is in the map it is freed (config_free), since rtud stays and its memory is the board's. Returns rtud's exit code: 0 stopped as asked, 1 could not start (said on stderr).
+ * Empties config as soon as it is in the map: rtud stays, and what parsing took is returned to the system. Returns rtud's
+ * exit code: 0 stopped as asked, 1 could not start (said on stderr).
  */
 int supervise(struct map_config *config, const struct supervise_options *options);
 
