@@ -195,6 +195,18 @@ def test_the_parsed_file_is_given_back(gateway: Gateway) -> None:
             assert "/libm." not in Path(f"/proc/{modules[name]['pid']}/maps").read_text()
 
 
+def test_rings_close_together_are_heard_together(gateway: Gateway) -> None:
+    with rtud(gateway):
+        pid = wait_running(gateway)[STATION]["pid"]
+        with (gateway.map / f"{STATION}.bell").open("wb", buffering=0) as bell:
+            before, begun = int(status_of(pid)["voluntary_ctxt_switches"][0]), time.monotonic()
+            while (passed := time.monotonic() - begun) < 0.5:
+                bell.write(b"\0")
+                os.sched_yield()
+            wakes = int(status_of(pid)["voluntary_ctxt_switches"][0]) - before
+        assert 2 <= wakes < 550 * passed  # one in 2 ms
+
+
 def granted(pid: int) -> dict[str, Any]:
     fifo = os.sched_getscheduler(pid) == os.SCHED_FIFO
     locked_kib = int(status_of(pid)["VmLck"][0])

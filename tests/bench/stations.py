@@ -31,6 +31,7 @@ from station_contenders import (
     c104,
     event_source,
     lib60870,
+    our_memory,
     ours,
 )
 from stopwatch import Memory, Spread
@@ -42,7 +43,8 @@ READS = 4000
 RATES = tuple(1000 << n for n in range(10))  # events a second
 SLOW, FAST = 4000, 64_000  # of these the CPU is measured; c104 makes the first at most
 EVENT_TRIES = 2
-EVENT_ROWS = ((1, EVENT_RING), (8, EVENT_RING), (1, 65536))  # masters, places for events
+ROOM = 65536  # places for events, more than come before they are taken
+EVENT_ROWS = ((1, EVENT_RING), (8, EVENT_RING), (1, ROOM))  # masters, places for events
 QUEUED = 10_000  # events that wait for a master
 SOURCES = REPOSITORY / "package" / "openrtu" / "src"
 
@@ -68,11 +70,12 @@ FULL = Amounts(7, 10, 3, RATES, (SLOW, FAST))
 QUICK = Amounts(1, 1, 1, (250,), ())
 
 
-def by_turns(contenders: list[Contender], rounds: int) -> Iterator[tuple[int, Contender]]:
+def by_turns(contenders: list[Contender], rounds: int) -> Iterator[Contender]:
     """So that whatever else the machine does falls on all of them: forwards, then backwards."""
     for number in range(rounds):
         for contender in contenders if number % 2 == 0 else contenders[::-1]:
-            yield number, contender
+            print(f"  turn {number + 1} of {rounds}: {contender.name}", flush=True)
+            yield contender
 
 
 # ---- interrogations and reads -----------------------------------------------------------------------
@@ -100,7 +103,7 @@ def answers(contenders: list[Contender], amounts: Amounts) -> tuple[Cells, int]:
         stations = {
             contender.name: stack.enter_context(contender.start(EVENT_RING)) for contender in contenders
         }
-        for _, contender in by_turns(contenders, amounts.rounds):
+        for contender in by_turns(contenders, amounts.rounds):
             for row, value in one_turn(stations[contender.name], amounts.interrogations).items():
                 values.setdefault(row, {}).setdefault(contender.name, []).append(value)
         cells: Cells = {row: spreads(UNITS[row], found) for row, found in values.items()}
@@ -168,6 +171,7 @@ def sustained(contenders: list[Contender], masters: int, places: int, amounts: A
             for race in races:
                 race.stop()
         for race in races:
+            print(f"  to {masters}, {places} places: {race.contender.name} {race.best:.0f} /s", flush=True)
             best[race.contender.name].append(race.best)
     return {name: Spread("/s", values) for name, values in best.items()}
 
@@ -176,8 +180,8 @@ def event_costs(contenders: list[Contender], rate: int, rounds: int) -> tuple[Ro
     """CPU of all processes for an event to one master, and its wait. Nothing of who lost some each time."""
     costs: dict[str, list[float]] = {contender.name: [] for contender in contenders}
     waits: dict[str, list[float]] = {contender.name: [] for contender in contenders}
-    for _, contender in by_turns(contenders, rounds):
-        with contender.start(EVENT_RING) as station:
+    for contender in by_turns(contenders, rounds):
+        with contender.start(ROOM) as station:
             attempt(station, 1, rate)
             begun = station.cpu_ns()
             if arrival := attempt(station, 1, rate):
@@ -296,6 +300,7 @@ def measured(contenders: list[Contender], amounts: Amounts) -> list[list[str]]:
         ["measured", *names, *(f"ours / {name}" for name in names[1:])],
         *(line(text, row, names) for text, row in cells.items()),
         *queue_rows(map_octets, queues),
+        ["our memory with rtu-modbus itself, all processes", str(our_memory())],
         ["text of iec104/ at -Os", text_size()],
     ]
 

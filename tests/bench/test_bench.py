@@ -173,7 +173,7 @@ def test_the_bench_of_stations_runs_through(programs: Path) -> None:
     run = subprocess.run(bench, env=environment, capture_output=True, text=True, timeout=120, check=False)
     assert (run.returncode, run.stderr) == (0, "")
     rows = [line.strip("|").split("|") for line in run.stdout.splitlines() if line.startswith("| ")][2:]
-    assert len(rows) == 15
+    assert len(rows) == 16
     (kept,) = (row for row in rows if "master that is away" in row[0])
     assert kept[1].strip() == "10000"
     assert all(cell.strip() for row in rows[:9] for cell in row)

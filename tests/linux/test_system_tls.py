@@ -47,7 +47,8 @@ def configuration() -> str:
     """The site's, with points whose device does not answer."""
     device = {"id": 1, "input_registers": [{"address": address} for address in range(POINTS)]}
     line = {"value": 1, "active": 1, "baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    journal = {"path": "/data/journal", "interval_s": 1, "volume_mb": 1048576}  # in memory here: no flash wears out
+    # In memory here: no flash wears out.
+    journal = {"path": "/data/journal", "interval_s": 1, "volume_mb": 1048576}
     port = [line | {"slaves": [device]}]
     return json.dumps(json.loads(SITE.read_text()) | {"port": port, "journal": journal})
 
@@ -118,7 +119,7 @@ def test_interrogation(on_time: Linux, pki: Pki, port: int, version: str) -> Non
 
 
 def test_modules_have_their_filters_and_make_no_other_call(on_time: Linux, pki: Pki, port: int) -> None:
-    """What TLS and the journal ask of this kernel, with this glibc; the plain gateway has a test of its own."""
+    """What TLS and the journal ask of this kernel and glibc; the plain gateway has a test of its own."""
     assert greeted(port, pki.client())
     on_time.run("cp /data/tls/crl.pem /data/tls/again.pem && mv /data/tls/again.pem /data/tls/crl.pem")
     wait = "until rtuctl log | grep -q 'TLS, its files have changed and are in force'; do sleep 0.2; done"
@@ -127,7 +128,8 @@ def test_modules_have_their_filters_and_make_no_other_call(on_time: Linux, pki: 
         status = on_time.run(f"cat /proc/$(pidof {program})/status")
         assert re.search(r"^Seccomp:\s+2$", status, re.MULTILINE), program
         assert re.search(r"^CapBnd:\s+0+$", status, re.MULTILINE), program
-    (journal,) = (module for module in json.loads(on_time.run("rtuctl --json modules")) if "journal" in module)
+    modules = json.loads(on_time.run("rtuctl --json modules"))
+    (journal,) = (module for module in modules if "journal" in module)
     assert journal["journal"]["records"] > 0
     assert "a system call that is not its own" not in log(on_time)
 

@@ -613,13 +613,14 @@ int map_bell_fd(const struct map *map)
 }
 
 /* One read: who rings faster than it empties the pipe is heard again, and holds nobody up. */
-void map_bell_clear(struct map *map)
+bool map_bell_clear(struct map *map)
 {
 	char heard[4096];
 	ssize_t rings = read(map_bell_fd(map), heard, sizeof(heard));
 
 	map->load += map->taken + (rings > 0 ? LOAD_OF_A_RING : 0);
 	map->taken = 0;
+	return rings > 0;
 }
 
 bool map_bell_is_wild(const struct map *map)

@@ -227,7 +227,8 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
  * rtu-iec104 and other readers of events), requests, answers. map_bell_clear before looking, or a ring is missed.
  */
 int map_bell_fd(const struct map *map);
-void map_bell_clear(struct map *map);
+/* True: it was rung since the last time. */
+bool map_bell_clear(struct map *map);
 /*
  * For a module with real-time priority, which a ring takes to the core at once: rings, and what was taken after them, count
  * by periods of its own timer. True: it is so much in this one that whoever rings has gone wild; the bell is not to be

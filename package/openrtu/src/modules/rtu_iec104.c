@@ -31,6 +31,10 @@
 #define BACKLOG   16
 #define EVENTS    (SOURCE_NEWCOMERS + NEWCOMERS_MAX)
 
+/* A wake-up costs an ARM926 its caches. Rings that follow each other so soon are heard together, after a rest. */
+#define BELL_SOON_NS (4 * NS_PER_MS)
+#define BELL_REST_NS (2 * NS_PER_MS)
+
 /* What an epoll event is about: a connection's index, one of these, or from the last on a newcomer's place. */
 enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL, SOURCE_NEWCOMERS };
 
@@ -44,7 +48,8 @@ static struct map *map;
 static int64_t *sent_ns;               /* k times a connection */
 static struct map_queue_place *places; /* the same */
 static int poll_fd, listen_fd, signal_fd;
-static int64_t rest_until_ns; /* the listener's; 0: it is watched */
+static int64_t rest_until_ns;                     /* the listener's; 0: it is watched */
+static int64_t bell_rest_until_ns, bell_heard_ns; /* the same of the bell; when it rang last */
 
 /* ---- connections ------------------------------------------------------------------------- */
 
@@ -213,6 +218,27 @@ static void watch_connection(uint32_t index)
 	watch(EPOLL_CTL_MOD, sockets[index].channel.fd, interest, index);
 }
 
+/* ---- the bell ---------------------------------------------------------------------------- */
+
+/* When it rang, or its rest is over. A ring after silence is heard at once, and so is what a master sends. */
+static void hear_bell(void)
+{
+	int64_t now_ns = map_now_ns();
+	bool rang = map_bell_clear(map), rests = rang && now_ns - bell_heard_ns < BELL_SOON_NS;
+
+	if (rang)
+		bell_heard_ns = now_ns;
+	if (rests != (bell_rest_until_ns != 0))
+		watch(EPOLL_CTL_MOD, map_bell_fd(map), rests ? 0 : EPOLLIN, SOURCE_BELL);
+	bell_rest_until_ns = rests ? now_ns + BELL_REST_NS : 0;
+}
+
+static void end_bell_rest(void)
+{
+	if (bell_rest_until_ns != 0 && map_now_ns() >= bell_rest_until_ns)
+		hear_bell();
+}
+
 /* ---- the loop ---------------------------------------------------------------------------- */
 
 static void serve(void)
@@ -249,6 +275,8 @@ static int wait_ms(void)
 {
 	int64_t now_ns = map_now_ns(), deadline_ns = iec104_station_deadline(&station);
 
+	if (bell_rest_until_ns != 0 && bell_rest_until_ns < deadline_ns)
+		deadline_ns = bell_rest_until_ns;
 	if (deadline_ns <= now_ns)
 		return 0;
 	if (deadline_ns >= now_ns + IDLE_MS * NS_PER_MS)
@@ -284,7 +312,7 @@ static bool handle(const struct epoll_event *event, bool *greeted)
 			; /* more are for the next turn: who is connected comes first */
 		return true;
 	case SOURCE_BELL:
-		map_bell_clear(map);
+		hear_bell();
 		return true;
 	case SOURCE_SIGNAL:
 		return false;
@@ -326,6 +354,7 @@ static void run(void)
 		int count = epoll_wait(poll_fd, events, EVENTS, wait_ms());
 
 		wanted = handle_all(events, count);
+		end_bell_rest();
 		channel_watch(map_now_ns());
 		serve();
 		newcomers_watch(&station, map_now_ns());
