@@ -16,7 +16,7 @@ from nuc980.netboot.flash.backup import check_room
 from nuc980.netboot.flash.flasher import Flasher
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
-from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, TABLES, UBI, layout_of, loader_slot
 from nuc980.netboot.flash.plan import (
     Work,
     check_board,
@@ -156,6 +156,8 @@ class _Flash:
         """What begin() does when nothing goes wrong, and the flash has bad-block tables."""
         work = self._work(in_order(self._images(files)))
         backups = self._backups(work, self.site.folder / "flash-DATE")
+        if UBI in files and not self.nand.keeps_table:
+            self.session.progress.note(f"A flash without {TABLES} gets them too, in its last blocks.")
         return Plan((*self.setup, *backups, *plan_flash(work)))
 
     def begin(self, files: dict[str, Path]) -> None:
