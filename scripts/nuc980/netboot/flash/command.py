@@ -19,7 +19,7 @@ from nuc980.netboot.flash.flasher import Flasher
 from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
-from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, UBI, layout_of, loader_slot
+from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, TABLES, UBI, layout_of, loader_slot
 from nuc980.netboot.flash.plan import (
     Work,
     backup_file,
@@ -202,6 +202,8 @@ class _Flash:
         """What begin() does when nothing goes wrong, and the flash has bad-block tables."""
         work = self._work(in_order(self._images(files)))
         steps = (*self.setup, *self._backups(work, self.site.folder / "flash-DATE"), *plan_flash(work))
+        if UBI in files and not self.nand.keeps_table:
+            self.session.progress.note(f"A flash without {TABLES} gets them too, in its last blocks.")
         self._forecast(steps)
         return Plan(steps)
 
