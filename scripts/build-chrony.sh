@@ -40,7 +40,7 @@ build() {
 	make --jobs="$(nproc)" chronyd chronyc
 	install -D -m 755 chronyd "$folder/root/usr/sbin/chronyd"
 	install -D -m 755 chronyc "$folder/root/usr/bin/chronyc"
-	"${prefix}strip" "$folder"/root/usr/*/chrony?
+	"${prefix}strip" "$folder/root/usr/sbin/chronyd" "$folder/root/usr/bin/chronyc"
 }
 
 if [[ -e $folder/inputs && $(inputs) == "$(<"$folder/inputs")" ]]; then

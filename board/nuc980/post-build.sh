@@ -39,7 +39,7 @@ set_root_password() {
 # The agent is there for the SNMP module that is to use it; started as it is, it would listen for nobody.
 rm -f "$target/etc/init.d/S59snmpd"
 
-# Buildroot's own would start chronyd without servers, too: S45chrony does not.
+# Buildroot's own would start chronyd without servers, too: S45chronyd does not.
 rm -f "$target"/etc/init.d/S49chrony*
 
 # Where S15data mounts the data.

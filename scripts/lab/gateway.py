@@ -45,7 +45,7 @@ def free_port() -> int:
 def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
     """A copy of a configuration whose station listens on 127.0.0.1, at that TCP port.
 
-    Its clock is the controlling station's, unless it says otherwise: this machine may be synchronised or not.
+    Its clock is the controlling station's if it does not say otherwise: this machine's may be synchronised.
     """
     changed = copy.deepcopy(config)
     changed.setdefault("clock", "masters")

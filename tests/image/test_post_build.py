@@ -19,7 +19,8 @@ def target(tmp_path: Path) -> Path:
     for folder in ("etc/init.d", "etc/openrtu", "root/.ssh"):
         (root / folder).mkdir(parents=True)
     (root / "etc/shadow").write_text(LOCKED)
-    (root / "etc/init.d/S59snmpd").touch()
+    for script in ("S49chronyd", "S59snmpd"):
+        (root / "etc/init.d" / script).touch()
     (root / "etc/openrtu/gateway.json").write_text("of another site")
     (root / "root/.ssh/authorized_keys").write_text("of another site")
     return root
@@ -40,7 +41,8 @@ def test_without_a_site_nobody_can_log_in_and_nothing_listens(target: Path) -> N
     assert (target / "etc/shadow").read_text() == LOCKED
     assert not (target / "root/.ssh").exists()
     assert not (target / "etc/openrtu").exists()
-    assert not (target / "etc/init.d/S59snmpd").exists()
+    assert not list((target / "etc/init.d").iterdir())
+    assert not (target / "etc/chrony").exists()
 
 
 def test_settings_are_placed_with_their_modes(target: Path) -> None:
@@ -51,6 +53,22 @@ def test_settings_are_placed_with_their_modes(target: Path) -> None:
     keys = target / "root/.ssh/authorized_keys"
     assert keys.read_text() == "ssh-ed25519 A\n"
     assert (keys.stat().st_mode & 0o777, keys.parent.stat().st_mode & 0o777) == (0o600, 0o700)
+
+
+def test_ntp_servers_are_chronys_sources(target: Path) -> None:
+    servers = "# the substation's\nserver 192.0.2.1 iburst\n\npool ntp.example iburst maxsources 3\n"
+    done = build(target, ntp=servers)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (target / "etc/chrony/site.sources").read_text() == servers
+
+
+@pytest.mark.parametrize("bad", ["192.0.2.1\n", "server \n", "server 192.0.2.1\nallow all\n", "# none\n", ""])
+def test_what_is_no_ntp_server_is_refused(target: Path, bad: str) -> None:
+    done = build(target, ntp=bad)
+    assert done.returncode != 0
+    assert "/ntp" in done.stderr
+    assert "server ADDRESS iburst" in done.stderr
+    assert not (target / "etc/chrony").exists()
 
 
 def test_root_password_goes_into_shadow(target: Path) -> None:

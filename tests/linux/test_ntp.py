@@ -16,7 +16,7 @@ from lab.board import ETHERNET
 from lab.gateway import free_port, remove, run_directory
 from lab.raw_master import RawMaster
 from nuc980.twin.linux import Kernel, Linux
-from peers.ntp import LEAP_INSERTED, LEAP_NONE, NtpServer
+from peers.ntp import NtpServer
 from peers.tls_gateway import Pki, public_keys
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,9 +25,10 @@ SITE = Path(__file__).parent / "site-tls/config.json"
 STATION, OWN_STATION, STATION_PORT = 1001, 65000, 19998
 C_CS = 103
 ACTIVATION, ACT_CON, NEGATIVE, TEST = 6, 7, 0x40, 0x80
+T3_S = 1800  # a test frame would be sent, if time tags' time were asked
 IV = 0x80  # in the third octet of a CP56Time2a
 WAITS_S = 120.0
-NEAR_S = 1.0
+NEAR_S = 2.0  # a busy host delays what is measured in milliseconds
 NEVER_SET = "the system's clock was never set: every certificate is refused until it is"
 
 
@@ -55,7 +56,7 @@ def linux(boot: Any, kernel: Kernel, pki: Pki, port: int, server: NtpServer) -> 
     """The system for a site with TLS, with an NTP server besides; its clock begins in 1970."""
     if not SYSTEM.exists():
         pytest.fail(f"{SYSTEM} is not there: `make system SITE=tests/linux/site-tls`", pytrace=False)
-    config = json.loads(SITE.read_text()) | {"iec104": {"own_ca": OWN_STATION}}
+    config = json.loads(SITE.read_text()) | {"iec104": {"own_ca": OWN_STATION, "t3": T3_S}}
     files: dict[str, Path | str] = {
         "/etc/openrtu/gateway.json": json.dumps(config),
         "/etc/chrony/site.sources": f"server {ETHERNET[0].host} port {server.port} minpoll 0 maxpoll 0\n",
@@ -99,7 +100,14 @@ def assert_tells_the_servers_time(linux: Linux, server: NtpServer) -> None:
 
 
 @pytest.fixture(scope="module")
-def synchronised(linux: Linux, server: NtpServer) -> Linux:
+def station_before(linux: Linux) -> str:
+    """The process of the station that refused everybody in 1970."""
+    wait_log(linux, NEVER_SET)
+    return linux.run("pidof rtu-iec104")
+
+
+@pytest.fixture(scope="module")
+def synchronised(linux: Linux, server: NtpServer, station_before: str) -> Linux:
     """The server has been there for a moment."""
     server.silent = False
     wait_source(linux, "system, synchronised")
@@ -149,9 +157,10 @@ def test_with_the_server_the_gateway_has_its_time(synchronised: Linux, server: N
     assert re.search(r"the clock follows it, moved by \d{10}\.\d{3} s", said)
 
 
-def test_tls_lets_masters_in_without_a_restart(synchronised: Linux, pki: Pki, port: int) -> None:
-    restarts = json.loads(synchronised.run("rtuctl --json modules"))
-    assert all(module["restarts"] == 0 for module in restarts)
+def test_tls_lets_masters_in_without_a_restart(
+    station_before: str, synchronised: Linux, pki: Pki, port: int
+) -> None:
+    assert synchronised.run("pidof rtu-iec104") == station_before
     with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
         told = told_time(master)
         assert not told[2] & IV
@@ -161,24 +170,23 @@ def test_tls_lets_masters_in_without_a_restart(synchronised: Linux, pki: Pki, po
 def test_masters_do_not_overrule_it_and_a_step_ends_no_connection(
     synchronised: Linux, server: NtpServer, pki: Pki, port: int
 ) -> None:
-    """t1 to t3 would have fired in the hour that was left out."""
+    """In the hour that was left out a test frame would have been due, and t1 over."""
     with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
         assert set_clock(master, datetime.now(UTC) - timedelta(days=1)) == ACT_CON | NEGATIVE
         server.ahead_s = 3600
         wait_log(synchronised, "the clock follows the system's, moved by 3")
         assert_tells_the_servers_time(synchronised, server)
         assert set_clock(master, datetime.now(UTC)) == ACT_CON | NEGATIVE
-    assert "closed" not in synchronised.run("rtuctl log | grep -i t1 || true")
 
 
 def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
     synchronised: Linux, server: NtpServer, pki: Pki, port: int
 ) -> None:
-    """Somebody stops chronyd and sets the system's clock by hand: no tag is off by a day."""
-    synchronised.run("/etc/init.d/S45chrony stop")
+    """Somebody stops chronyd and sets the system's clock by hand: no tag is off by half a day."""
+    synchronised.run("/etc/init.d/S45chronyd stop")
     before = clock(synchronised)
     assert before["source"] == "system, synchronised"  # the kernel's word, for as long as its bound holds
-    synchronised.run(f"date -u -s @{int(server.now()) - 86400 // 2}")
+    synchronised.run(f"date -u -s @{int(server.now()) + 86400 // 2}")
     row = wait_source(synchronised, "system, not synchronised any more")
     assert row["valid"]
     assert 8 * 3600 < row["left_s"] < 9 * 3600
@@ -186,20 +194,16 @@ def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
     with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
         assert set_clock(master, datetime.fromtimestamp(server.now(), UTC)) == ACT_CON
     assert clock(synchronised)["source"] == "controlling station"
-    synchronised.run("/etc/init.d/S45chrony start")
+    synchronised.run("/etc/init.d/S45chronyd start")
     wait_source(synchronised, "system, synchronised")
     assert_tells_the_servers_time(synchronised, server)
 
 
 def test_leap_second(synchronised: Linux, server: NtpServer) -> None:
-    """The kernel inserts it at the end of a half-year's last day, 40 s after the server came to that."""
-    server.leap = LEAP_INSERTED
-    server.tell(datetime(2027, 12, 31, 23, 59, 15, tzinfo=UTC))
+    """The kernel inserts it at the end of a half-year's last day."""
+    end = datetime(2028, 1, 1, tzinfo=UTC)
+    server.tell(end - timedelta(minutes=1), leap=end)
     wait_log(synchronised, "a leap second is inserted at the end of this day, UTC")
     assert clock(synchronised)["leap_second"] == "inserted"
     wait_log(synchronised, "a leap second was inserted")
-    server.ahead_s -= 1
-    server.leap = LEAP_NONE
-    wait_source(synchronised, "system, synchronised")
     assert_tells_the_servers_time(synchronised, server)
-    assert "moved by -1" not in synchronised.run("rtuctl log")

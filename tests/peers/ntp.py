@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
 import threading
@@ -22,7 +23,7 @@ class NtpServer:
 
     def __init__(self, silent: bool = False) -> None:
         self.silent = silent
-        self.leap = LEAP_NONE
+        self.leap_s = math.inf  # when its leap second begins, by its own time
         self.ahead_s = 0.0  # of this machine's clock
         self.asked = 0
         self._ends = False
@@ -45,10 +46,12 @@ class NtpServer:
 
     def now(self) -> float:
         """The time that it tells, in seconds since 1970."""
-        return time.time() + self.ahead_s
+        told = time.time() + self.ahead_s
+        return told if told < self.leap_s else told - 1
 
-    def tell(self, then: datetime) -> None:
-        """From here on it tells the time that begins with this one."""
+    def tell(self, then: datetime, leap: datetime) -> None:
+        """From here on it tells the time that begins with this one; a leap second is inserted at `leap`."""
+        self.leap_s = leap.timestamp()
         self.ahead_s = then.timestamp() - time.time()
 
     def _serve(self) -> None:
@@ -63,7 +66,8 @@ class NtpServer:
 
     def _answer(self, request: bytes, arrived: float) -> bytes:
         version, poll, originated = request[0] & 0o70, request[2], PACKET.unpack_from(request)[-1]
-        first = self.leap << 6 | version | SERVER
+        leap = LEAP_INSERTED if arrived < self.leap_s < math.inf else LEAP_NONE
+        first = leap << 6 | version | SERVER
         return PACKET.pack(
             first,
             1,

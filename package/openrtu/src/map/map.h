@@ -424,6 +424,7 @@ struct map_clock {
 	int64_t offset_ns; /* wall = monotonic + offset, of now: map_wall_ns */
 	int64_t leap_ns;   /* when the last leap second was; 0: none since the start */
 	int64_t since_ns;  /* the source is this one */
+	int64_t seen_ns;   /* the system's was synchronised last */
 	int64_t until_ns;  /* of one that is held: time tags are valid until then */
 	uint32_t error_us; /* the most that it is wrong, as last known while the system was synchronised */
 	int8_t leap_s;     /* what that leap second took off the offset: 1 was inserted, -1 left out */

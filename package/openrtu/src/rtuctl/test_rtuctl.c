@@ -241,6 +241,38 @@ static void test_modules(void **state)
 	assert_null(strstr(output, "data:"));
 }
 
+static void test_clock(void **state)
+{
+	struct map_clock clock = {.offset_ns = 1800000000LL * 1000000000 - map_now_ns(),
+				  .since_ns = map_now_ns() - 100 * 1000000000LL,
+				  .error_us = 20000,
+				  .leap_due_s = 1,
+				  .source = MAP_CLOCK_SYNCHRONISED,
+				  .set = true};
+	json_t *json, *row;
+
+	(void)state;
+	map_clock_write(rtud, clock);
+	assert_int_equal(RUN("clock"), 0);
+	assert_contains("2027-01-15T08:00:0");
+	assert_contains("yes    system, synchronised  100 s   0.02     -  inserted");
+	clock.source = MAP_CLOCK_HELD;
+	clock.until_ns = map_now_ns() + 3600 * 1000000000LL;
+	clock.leap_due_s = 0;
+	map_clock_write(rtud, clock);
+	assert_int_equal(RUN("--json", "clock"), 0);
+	json = json_loads(output, 0, NULL);
+	row = json_array_get(json, 0);
+	assert_string_equal(json_string_value(json_object_get(row, "source")),
+			    "system, not synchronised any more");
+	assert_true(json_is_null(json_object_get(row, "error_s")));
+	assert_in_range((int)json_real_value(json_object_get(row, "left_s")), 3500, 3600);
+	json_decref(json);
+	map_clock_write(rtud, (struct map_clock){.set = false});
+	assert_int_equal(RUN("clock"), 0);
+	assert_contains("no     none");
+}
+
 static void test_modules_say_where_the_data_is(void **state)
 {
 	char path[sizeof(dir) + sizeof("/data")];
@@ -722,6 +754,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_pattern),
 	    cmocka_unit_test(test_points_json),
 	    cmocka_unit_test(test_modules),
+	    cmocka_unit_test(test_clock),
 	    cmocka_unit_test(test_modules_say_where_the_data_is),
 	    cmocka_unit_test(test_lines),
 	    cmocka_unit_test(test_histogram_says_what_the_kernel_has_given),

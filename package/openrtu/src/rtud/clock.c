@@ -130,6 +130,7 @@ static void take_synchronised(struct map *map, struct map_clock *clock, const st
 	int64_t moved_ns = track(clock, system);
 
 	clock->error_us = system->error_us;
+	clock->seen_ns = system->now_ns;
 	if (clock->source != MAP_CLOCK_SYNCHRONISED) {
 		set_source(clock, MAP_CLOCK_SYNCHRONISED, system->now_ns);
 		map_log(map, MAP_LOG_INFO,
@@ -155,9 +156,9 @@ static int64_t hold_ns(const struct map_clock *clock)
 
 static void hold(struct map *map, struct map_clock *clock, const struct clock_reading *system)
 {
-	if (clock->source == MAP_CLOCK_SYNCHRONISED) {
+	if (clock->source == MAP_CLOCK_SYNCHRONISED && system->now_ns - clock->seen_ns > CLOCK_LOST_NS) {
 		set_source(clock, MAP_CLOCK_HELD, system->now_ns);
-		clock->until_ns = system->now_ns + hold_ns(clock);
+		clock->until_ns = clock->seen_ns + hold_ns(clock);
 		clock->leap_due_s = 0;
 		map_log(
 		    map, MAP_LOG_WARNING,
@@ -175,7 +176,7 @@ static void hold(struct map *map, struct map_clock *clock, const struct clock_re
 void clock_begin(struct map *map, const struct clock_reading *system)
 {
 	bool vouched = system->synchronised && map_config(map)->settings.clock != MAP_CLOCK_MASTERS;
-	struct map_clock clock = {.error_us = system->error_us};
+	struct map_clock clock = {.error_us = system->error_us, .seen_ns = system->now_ns};
 
 	track(&clock, system);
 	clock.leap_due_s = vouched ? leap_due(system) : 0;
@@ -229,17 +230,15 @@ static bool is_possible(const struct map_request *request)
 
 /* MAP_RESULT_NONE: it may be set to this. */
 static enum map_command_result refusal(struct map *map, const struct map_request *request,
-				       const struct clock_reading *system, const char *requester)
+				       const struct map_clock *clock, const char *requester)
 {
-	enum map_clock_mode mode = (enum map_clock_mode)map_config(map)->settings.clock;
-
 	if (!is_possible(request))
 		return MAP_RESULT_OUT_OF_RANGE;
-	if (mode != MAP_CLOCK_MASTERS && system->synchronised) {
+	if (clock->source == MAP_CLOCK_SYNCHRONISED) {
 		map_log(map, MAP_LOG_INFO, "clock not set by %s: the system's is synchronised", requester);
 		return MAP_RESULT_INTERLOCK;
 	}
-	if (mode == MAP_CLOCK_SYSTEM &&
+	if (map_config(map)->settings.clock == MAP_CLOCK_SYSTEM &&
 	    set_system_clock(request->wall_ns + map_now_ns() - request->time_ns) < 0) {
 		map_log(map, MAP_LOG_ERROR, "cannot set the system's clock for %s: %s", requester,
 			strerror(errno));
@@ -248,7 +247,7 @@ static enum map_command_result refusal(struct map *map, const struct map_request
 	return MAP_RESULT_NONE;
 }
 
-void clock_set(struct map *map, const struct map_request *request, const struct clock_reading *system)
+void clock_set(struct map *map, const struct map_request *request)
 {
 	struct map_clock clock = map_clock_read(map);
 	int64_t before_ns = clock.offset_ns;
@@ -256,13 +255,13 @@ void clock_set(struct map *map, const struct map_request *request, const struct 
 	struct map_module requester;
 
 	map_module(map, request->requester, &requester);
-	refused = refusal(map, request, system, requester.name);
+	refused = refusal(map, request, &clock, requester.name);
 	if (refused != MAP_RESULT_NONE) {
 		map_request_answer(map, request, refused);
 		return;
 	}
 	clock.offset_ns = request->wall_ns - request->time_ns;
-	set_source(&clock, MAP_CLOCK_BY_MASTER, system->now_ns);
+	set_source(&clock, MAP_CLOCK_BY_MASTER, map_now_ns());
 	map_log(map, MAP_LOG_INFO, "clock set by %s, moved by %.3f s", requester.name,
 		seconds(clock.offset_ns - before_ns));
 	map_clock_write(map, clock);

@@ -18,8 +18,9 @@
 
 #include "map/map.h"
 
-#define CLOCK_ERROR_MAX_US 16000000LL /* NTP_PHASE_LIMIT of the kernel */
-#define CLOCK_DRIFT_PPM    500        /* its MAXFREQ */
+#define CLOCK_ERROR_MAX_US 16000000LL    /* NTP_PHASE_LIMIT of the kernel */
+#define CLOCK_DRIFT_PPM    500           /* its MAXFREQ */
+#define CLOCK_LOST_NS      10000000000LL /* until then it is no loss: each step is called one, by the kernel */
 
 /* The system's clock as it is now. */
 struct clock_reading {
@@ -38,6 +39,6 @@ void clock_begin(struct map *map, const struct clock_reading *system);
 /* Takes up what became of the system's clock. Once a tick. */
 void clock_follow(struct map *map, const struct clock_reading *system);
 /* Carries out and answers a MAP_SET_CLOCK request. */
-void clock_set(struct map *map, const struct map_request *request, const struct clock_reading *system);
+void clock_set(struct map *map, const struct map_request *request);
 
 #endif

@@ -321,20 +321,13 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 		supervisor->reset_at_ns = now + RESET_DELAY_MS * MS;
 }
 
-static void set_clock(struct map *map, const struct map_request *request)
-{
-	const struct clock_reading system = clock_read(adjtimex);
-
-	clock_set(map, request, &system);
-}
-
 static void serve_requests(struct supervisor *supervisor)
 {
 	struct map_request request;
 
 	while (map_request_next(supervisor->map, &request)) {
 		if (request.action == MAP_SET_CLOCK)
-			set_clock(supervisor->map, &request);
+			clock_set(supervisor->map, &request);
 		else if (request.action == MAP_RESTART)
 			take_reset(supervisor, &request);
 	}
