@@ -95,6 +95,7 @@ class LinuxWatch:
             before = self._handed_over
             self._hear(deadline)
             if self._kernel_speaks(wanted):
+                self._handed_over = True
                 return
             if self._handed_over and not before:
                 deadline = time.monotonic() + goal.seconds
