@@ -187,7 +187,7 @@ def test_from_power_up_to_the_prompt() -> None:
 
 
 def test_boots_by_itself_what_is_in_its_flash(uimage: bytes, tree: bytes) -> None:
-    with Double(countdown_second=0.01) as double:
+    with Double(countdown_second=0.01, cuts=0) as double:
         double.nand.load(0x200000, uimage)
         double.nand.load(0x700000, tree)
         began = time.monotonic()

@@ -394,8 +394,7 @@ while read -r dev rest; do
 	case $rest in *'"{LABEL}"') flash=/dev/${{dev%:}} ;; esac
 done < /proc/mtd
 [ -c "$flash" ] || fail no flash
-mkdir -p /tmp
-hello() {{ tftp -g -r {HELLO} -l /tmp/hello {network.server} {network.port} 2> /dev/null; }}
+hello() {{ tftp -g -r {HELLO} -l /hello {network.server} {network.port} 2> /dev/null; }}
 up() {{
 	ip link set "$1" up
 	ip address add {network.board} dev "$1"
@@ -413,7 +412,7 @@ for try in 1 2; do
 		up "${{port##*/}}" && break 2
 	done
 done
-[ -s /tmp/hello ] || fail no TFTP server at {network.server}, port {network.port}
+[ -s /hello ] || fail no TFTP server at {network.server}, port {network.port}
 pieces() {{
 	name=$1
 	shift
