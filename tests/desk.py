@@ -20,8 +20,12 @@ RESPONSE_TIMEOUT_MS = 500  # where a slave says nothing else
 
 
 def chapter_5() -> dict[str, Any]:
-    """The configuration of `make run`, with more patience: a device that a busy host delays is not dead."""
+    """The configuration of `make run`, with more patience: a device that a busy host delays is not dead.
+
+    All masters have one address here.
+    """
     loaded: dict[str, Any] = json.loads((CHAPTER_5 / "gateway.json").read_text())
+    loaded.setdefault("iec104", {})["connections_per_address"] = 8
     for port in loaded["port"]:
         for slave in port.get("slaves", []):
             slave["response_timeout_min_ms"] = slave.get("response_timeout_ms", RESPONSE_TIMEOUT_MS)
