@@ -281,7 +281,7 @@ test: $(VENV) ## all tests, to the end; then what they cost, and which parts fai
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
 # Many of these wait for a line, a timer or a guest: two at a time fill two cores. A file's tests share what they start.
-PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n 2 --dist loadfile
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n 2 --dist loadfile --max-worker-restart 0
 
 test-sanitizers: build asan $(VENV) ## the gateway's tests with modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
