@@ -3,9 +3,6 @@
 
 import contextlib
 import datetime
-import os
-import resource
-import signal
 import socket
 import struct
 import subprocess
@@ -321,24 +318,20 @@ def test_peer_cannot_flood_the_log(desk: Desk, connection: socket.socket) -> Non
     assert desk.gateway.log_file.stat().st_size - before < starts
 
 
+def allow_descriptors(pid: int, count: int) -> None:
+    """As its own user: root without CAP_SYS_RESOURCE may not."""
+    status = Path(f"/proc/{pid}/stat").stat()
+    user = ("setpriv", f"--reuid={status.st_uid}", f"--regid={status.st_gid}", "--clear-groups")
+    subprocess.run([*user, "prlimit", f"--pid={pid}", f"--nofile={count}:{count}"], check=True)
+
+
 def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) -> None:
     """What cannot be accepted must not wake the station again and again, and is accepted when it can be."""
     config = chapter_5()
     config["iec104"] |= {"max_connections": 16, "connections_per_address": 16}
     with gateway_on_lines(config, programs) as (_, gateway), contextlib.ExitStack() as stack:
-        assert gateway.process is not None
-        _, most = resource.prlimit(gateway.process.pid, resource.RLIMIT_NOFILE)
-        resource.prlimit(gateway.process.pid, resource.RLIMIT_NOFILE, (24, most))
-        former = gateway.modules()["rtu-iec104"]
-        os.kill(former["pid"], signal.SIGTERM)
-        gateway.wait_for(
-            lambda: (
-                (now := gateway.modules()["rtu-iec104"])["pid"] != former["pid"] and now["state"] == "running"
-            ),
-            10.0,
-            "the station is back",
-        )
         station = gateway.modules()["rtu-iec104"]["pid"]
+        allow_descriptors(station, len(list(Path(f"/proc/{station}/fd").iterdir())) + 8)
         peers = [stack.enter_context(socket.create_connection(gateway.address, 5)) for _ in range(16)]
         for peer in peers:
             peer.sendall(TESTFR)
