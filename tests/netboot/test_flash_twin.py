@@ -113,7 +113,7 @@ def fill(board: Board, *blocks: int) -> None:
 def write_tables(board: Board) -> None:
     """Of no bad block; U-Boot uses them from its next start on."""
     with at_prompt(board) as session:
-        chip = check_board(probe(session.console, session.progress, flash=True), None)
+        chip = check_board(probe(session.console, session.progress, flash=True))
         board.machine.write_memory(0x1000000, tables_content(chip))
         at = LAST[0] * BLOCK
         session.console.run(f"nand erase {at:#x} 0x80000; nand write 0x1000000 {at:#x} 0x80000").required()
