@@ -22,7 +22,7 @@ from typing import ClassVar
 
 import libfdt
 
-from nuc980.netboot.board import TABLE_BLOCKS, BoardReport, Nand
+from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.boot import (
     IN_THE_WAY,
     TREE_GROWTH,
@@ -41,6 +41,7 @@ from nuc980.netboot.errors import (
     WrongBytes,
 )
 from nuc980.netboot.flash.backup import BySerial, nand_read, read_block, reads_well
+from nuc980.netboot.flash.tables import MIRROR, TABLE, tables_slot
 from nuc980.netboot.linux import Goal
 from nuc980.netboot.plan import Cost, SetVariable, Step
 from nuc980.netboot.progress import Progress
@@ -58,7 +59,7 @@ SCRIPT = "openrtu,backup"  # the property of /chosen that has the script
 BOOT = Goal(seconds=120.0)
 PIECE_SECONDS = 300.0  # patience with a piece, and with the way to the first one
 RESTART_SECONDS = 20.0  # forecast: Linux comes up, and U-Boot again
-TABLE_MARKS = frozenset((0x30746242, 0x42627431))  # "Bbt0" and "1tbB": nand_bbt.c of Linux, in the data
+TABLE_MARKS = frozenset(int.from_bytes(word, "little") for word in (TABLE, MIRROR))  # as md.l shows them
 # What of a tree's arguments is kept: a word more could attach UBI.
 KEPT_WORDS = ("console=", "earlycon", "earlyprintk", "mem=")
 
@@ -128,10 +129,8 @@ class FindTables(Step):
         return tuple(command for pair in self._pairs() for command in pair)
 
     def _pairs(self) -> Iterator[tuple[str, str]]:
-        end = self.nand.size
-        for offset in range(end - TABLE_BLOCKS * self.nand.block, end, self.nand.block):
-            if offset not in self.nand.bad:
-                yield nand_read(self.address, offset, self.nand.page), f"md.l {self.address:#x} 1"
+        for offset in tables_slot(self.nand).blocks(self.nand):
+            yield nand_read(self.address, offset, self.nand.page), f"md.l {self.address:#x} 1"
 
     def run(self, session: Session) -> None:
         marks = set()
