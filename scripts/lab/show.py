@@ -151,7 +151,7 @@ def spontaneous(stage: Stage) -> None:
     since = stage.master.mark()
     stage.lines.set(DEVICE, "input_registers", 0, 1510)
     say("     device 3.67  input register 0 = 1510")
-    event(stage.master.wait(lambda r: r.ioa == 30001 and r.value == 1510, since))
+    event(stage.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30001, 1510), since))
 
 
 def unplugged(stage: Stage) -> None:
@@ -161,7 +161,9 @@ def unplugged(stage: Stage) -> None:
     stage.lines.fault(DEVICE, "mute")
     say("     device 3.67  unplugged")
     for ioa in sorted(wanted):
-        report = stage.master.wait(lambda r, i=ioa: r.ioa == i and "Invalid" in r.quality, since)
+        report = stage.master.wait(
+            lambda r, i=ioa: (r.ca, r.ioa) == (STATION, i) and "Invalid" in r.quality, since
+        )
     event(report, f"and {len(wanted) - 1} others alike")
     others = [report for report in stage.master.interrogate(3035) if not report.good]
     check(not others, f"a dead device made points of its neighbour invalid: {others}")
@@ -170,7 +172,9 @@ def unplugged(stage: Stage) -> None:
     stage.lines.fault(DEVICE, "clear")
     say("     device 3.67  plugged in again")
     for ioa in sorted(wanted):
-        report = stage.master.wait(lambda r, i=ioa: r.ioa == i and r.good, since, timeout_s=20.0)
+        report = stage.master.wait(
+            lambda r, i=ioa: (r.ca, r.ioa) == (STATION, i) and r.good, since, timeout_s=20.0
+        )
     event(report, f"and {len(wanted) - 1} others alike")
 
 

@@ -189,7 +189,7 @@ def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
     synchronised.run(f"date -u -s @{int(server.now()) + 86400 // 2}")
     row = wait_source(synchronised, "system, not synchronised any more")
     assert row["valid"]
-    assert 8 * 3600 < row["left_s"] < 9 * 3600
+    assert 3600 < row["left_s"] < 9 * 3600  # less than 8.9 h by what the kernel knew of its error
     assert_tells_the_servers_time(synchronised, server)
     with RawMaster("127.0.0.1", port, tls=pki.client()) as master:
         assert set_clock(master, datetime.fromtimestamp(server.now(), UTC)) == ACT_CON
