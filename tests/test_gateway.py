@@ -54,6 +54,7 @@ def test_broadcast_device_is_never_valid(desk: Desk) -> None:
     assert {report.quality for report in desk.master.interrogate(1000)} == {"Invalid"}
 
 
+@pytest.mark.slow
 def test_read_command_answers_with_cause_requested(desk: Desk) -> None:
     desk.master.interrogate(STATION)
     since = desk.master.mark()
@@ -314,6 +315,7 @@ def test_broadcast_write_reaches_the_line(desk: Desk) -> None:
 # ---- devices that fail ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_dead_device_is_invalid_and_its_neighbours_are_not(desk: Desk) -> None:
     since = desk.master.mark()
     desk.lines.fault(DEVICE, "mute")

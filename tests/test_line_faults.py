@@ -186,7 +186,7 @@ def substation(programs: Path) -> Iterator[Substation]:
         for slave in port["slaves"]
     }
     with gateway_on_lines(config, programs, devices) as (lines, gateway):
-        gateway.wait_for(lambda: everything_read(gateway), 10.0, "every device has been read")
+        gateway.wait_for(lambda: everything_read(gateway), 60.0, "every device has been read")
         yield Substation(lines, gateway)
 
 

@@ -68,7 +68,7 @@ class Bench:
     def gateway(self, config: dict[str, Any]) -> Iterator[Gateway]:
         config = listening_on(config, free_port())
         with Gateway(config, self.directory, self.programs) as gateway, recorded(gateway):
-            gateway.wait_for(lambda: knows_everything(gateway), 30.0, "every device is known")
+            gateway.wait_for(lambda: knows_everything(gateway), 60.0, "every device is known")
             yield gateway
 
     def asked(self, gateway: Gateway) -> set[tuple[int, ...]]:
@@ -76,7 +76,7 @@ class Bench:
         mark, reads = self.lines.mark(), gateway.query("lines")[0]["answers"]
         planned = sum(device["planned_requests"] for device in devices(gateway).values())
         done = reads + 2 * planned
-        gateway.wait_for(lambda: gateway.query("lines")[0]["answers"] > done, 10.0, "two scans")
+        gateway.wait_for(lambda: gateway.query("lines")[0]["answers"] > done, 60.0, "two scans")
         return {
             (
                 frame.unit,
@@ -90,7 +90,7 @@ class Bench:
 
     def wait_asked(self, gateway: Gateway, reads: set[tuple[int, ...]]) -> None:
         """Until these are the reads. Where a busy host spoils an answer, a probe is among them once."""
-        gateway.wait_for(lambda: self.asked(gateway) == reads, 30.0, f"it asks for {sorted(reads)}")
+        gateway.wait_for(lambda: self.asked(gateway) == reads, 60.0, f"it asks for {sorted(reads)}")
 
     def refused(self, unit: int) -> int:
         return int(self.lines.stats()[str(PORT)]["slaves"][str(unit)]["exceptions"])
@@ -110,7 +110,7 @@ def known_to_react(gateway: Gateway) -> None:
     def answered() -> bool:
         return all(device["answers"] >= ENOUGH for device in devices(gateway).values())
 
-    gateway.wait_for(answered, 30.0, f"each device has answered {ENOUGH} times")
+    gateway.wait_for(answered, 60.0, f"each device has answered {ENOUGH} times")
 
 
 def knows_how_fast(gateway: Gateway) -> bool:
@@ -197,6 +197,7 @@ def test_what_was_learned_spares_the_next_start_every_refusal(bench: Bench) -> N
         assert without_reactions(keys) == {"port": []}
 
 
+@pytest.mark.slow
 def test_how_fast_devices_are_is_learned_and_computed_with(programs: Path) -> None:
     config = configuration()
     with bench_of(programs, SLOW_MS * 1000) as bench:
@@ -208,7 +209,7 @@ def test_how_fast_devices_are_is_learned_and_computed_with(programs: Path) -> No
             for slave in keys["port"][0]["slaves"]:
                 assert SLOW_MS <= slave["reaction_ms"] <= 2 * SLOW_MS  # on a busy host
         with bench.gateway(merged(config, keys)) as gateway:
-            gateway.wait_for(lambda: knows_how_fast(gateway), 30.0, "no other reaction is suggested")
+            gateway.wait_for(lambda: knows_how_fast(gateway), 60.0, "no other reaction is suggested")
             plan = run(gateway, "rtud/rtud", "--plan", gateway.config_file).stdout
             reactions = [float(ms) for ms in re.findall(r"reacts in (\S+) ms$", plan, re.MULTILINE)]
             assert len(reactions) == len(config["port"][0]["slaves"])

@@ -45,7 +45,7 @@ def configuration() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def substation(programs: Path) -> Iterator[Substation]:
     with gateway_on_lines(configuration(), programs, {}) as (lines, gateway):
-        gateway.wait_for(lambda: everything_read(gateway), 10.0, "every device has been read")
+        gateway.wait_for(lambda: everything_read(gateway), 60.0, "every device has been read")
         yield Substation(lines, gateway)
 
 

@@ -39,7 +39,7 @@ def configuration() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def substation(programs: Path) -> Iterator[Substation]:
     with gateway_on_lines(configuration(), programs, {}) as (lines, gateway):
-        gateway.wait_for(lambda: everything_read(gateway), 10.0, "every device has been read")
+        gateway.wait_for(lambda: everything_read(gateway), 60.0, "every device has been read")
         yield Substation(lines, gateway)
 
 
@@ -89,7 +89,7 @@ def test_dead_device_costs_its_line_a_twentieth(substation: Substation) -> None:
     substation.lines.fault(device, "mute")
     try:
         substation.gateway.wait_for(
-            lambda: qualities(substation, DYING) == {"invalid"}, 10.0, "the device is dead"
+            lambda: qualities(substation, DYING) == {"invalid"}, 60.0, "the device is dead"
         )
         mark, begin_s = substation.lines.mark(), time.monotonic()
         time.sleep(WATCHED_S)  # what is measured is this time

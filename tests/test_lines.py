@@ -158,7 +158,7 @@ def lines(programs: Path) -> Iterator[Lines]:
         master = stack.enter_context(Master(*gateway.address))
         lines = Lines(gateway, master, wild)
         gateway.wait_for(
-            lambda: {point["quality"] for point in lines.neighbours()} == {"good"}, 10.0, "port 3 was read"
+            lambda: {point["quality"] for point in lines.neighbours()} == {"good"}, 60.0, "port 3 was read"
         )
         lines.wait_quality("good", REOPEN_S)
         yield lines

@@ -101,7 +101,7 @@ class Peer:
 
     def wait_until_read(self) -> None:
         self.gateway.wait_for(
-            lambda: self.invalid() == MISSING_POINTS, 15.0, f"what the device of CA {self.ca} has is read"
+            lambda: self.invalid() == MISSING_POINTS, 60.0, f"what the device of CA {self.ca} has is read"
         )
 
     def interrogate(self) -> dict[int, Report]:
@@ -201,7 +201,7 @@ def test_2000_bits_and_125_registers_come_in_one_answer(peer: Peer) -> None:
     wholes = [struct.pack(">BHH", 2, 2000, 2000), struct.pack(">BHH", 4, 1000, 125)]
     # When the second of each comes, the first was answered and published.
     peer.gateway.wait_for(
-        lambda: all(peer.device.requests[mark:].count(whole) >= 2 for whole in wholes), 5.0, "both are read"
+        lambda: all(peer.device.requests[mark:].count(whole) >= 2 for whole in wholes), 60.0, "both are read"
     )
     reports = peer.interrogate()
     states = [DOUBLE_STATES[pair] for pair in zip(bits[::2], bits[1::2], strict=True)]
@@ -301,7 +301,7 @@ def test_device_without_power_is_invalid_until_it_has_it_again(peer: Peer, peers
     peer.wait_report(40017, 1234, since)
     peer.device.stop()
     try:
-        peer.gateway.wait_for(lambda: peer.invalid() == everything, 5.0, "all points are invalid")
+        peer.gateway.wait_for(lambda: peer.invalid() == everything, 60.0, "all points are invalid")
         assert {report.good for report in peer.interrogate().values()} == {False}
         for other in others:
             since = peer.master.mark()

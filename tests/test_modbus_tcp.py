@@ -345,7 +345,7 @@ def test_dead_unit_does_not_take_its_neighbour_with_it(programs: Path, word: str
         gateway.wait_for(
             lambda: device(gateway, 7, 2)["next_probe_ms"] >= 2000,
             2 * NOTICE_S,
-            "it is asked ever more rarely",
+            "it is asked less and less often",
         )
         assert is_fresh(gateway, "p7.1.*")
         assert device(gateway, 7, 1)["alive"]

@@ -19,7 +19,7 @@ CA, DEVICE = 1005, "1.5"
 AT_ONCE, IN_TURN = 0, 10  # registers: one is read back, the other in its turn
 each_register = pytest.mark.parametrize("register", [AT_ONCE, IN_TURN], ids=["at once", "in turn"])
 PERIOD_MS = 1000  # after a read, nothing is due for so long
-WAIT_S = 5.0
+WAIT_S = 60.0
 C_SE_NB, SCALED = 49, 35
 SPONTANEOUS, ACT_CON, ACT_TERM, RETURN_REMOTE = 3, 7, 10, 11
 READ, WRITE = 3, 6
@@ -35,7 +35,7 @@ def configuration() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def running(programs: Path) -> Iterator[Substation]:
     with gateway_on_lines(configuration(), programs, {}) as (lines, gateway):
-        gateway.wait_for(lambda: everything_read(gateway), 10.0, "every register has been read")
+        gateway.wait_for(lambda: everything_read(gateway), 60.0, "every register has been read")
         yield Substation(lines, gateway)
 
 

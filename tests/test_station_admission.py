@@ -17,7 +17,7 @@ from lab.show import STATION
 
 GROUP, CENTRE, IDLER = "127.0.0.71", "127.0.0.72", "127.0.0.73"
 PLACES, T1_S = 5, 3
-SOON_S = 15.0
+SOON_S = 60.0
 C_SC_TA, C_CS, ACT_CON, ACT_TERM, NEGATIVE = 58, 103, 7, 10, 0x40
 
 

@@ -23,7 +23,7 @@ TESTFR, TESTFR_CON = bytes.fromhex("680443000000"), bytes.fromhex("680483000000"
 TITLES = ["PEER", "QUEUE", "SINCE", "STARTED", "N(S)", "N(R)", "UNACKED", "K", "OWED", "W"]
 REGISTER, IOA = 1, 30002  # the input register whose values are counted up
 MAIN, STANDBY, RESERVE = "127.0.0.21", "127.0.0.22", "127.0.0.31"
-SOON_S = 10.0
+SOON_S = 30.0
 
 
 def configuration() -> dict[str, Any]:

@@ -284,6 +284,7 @@ def test_certificate_of_tomorrow_tells_whose_clock_is_wrong(pki: Pki, programs: 
 # ---- cost -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_looking_at_files_takes_no_time(pki: Pki, programs: Path) -> None:
     crl = str(pki.ours.revoke())
     with gateway_with(pki, programs, crl=crl) as gateway, connected(gateway, pki.client()) as connection:

@@ -65,7 +65,11 @@ def clock(when: datetime.datetime) -> bytes:
 def big_device() -> dict[str, Any]:
     """More points of a type than an ASDU holds, with neighbours and without."""
     coils = [{"address": address} for address in (*range(300), *SOLITARY)]
-    return {"id": BIG_UNIT, "coils": coils, "input_registers": [{"address": a} for a in range(200)]}
+    return {
+        "id": BIG_UNIT,
+        "coils": coils,
+        "input_registers": [{"address": a} for a in range(200)],
+    }
 
 
 def configuration(**settings: int) -> dict[str, Any]:
@@ -76,6 +80,7 @@ def configuration(**settings: int) -> dict[str, Any]:
         for slave in port["slaves"]:
             for register in slave["input_registers"]:
                 register.pop("cyclic_ms", None)  # nothing is sent but what the test makes happen
+            slave["retries"] = 5  # nor is a device dead that a busy host keeps from answering
     config["iec104"].update(settings)
     return config
 
@@ -188,37 +193,41 @@ def test_silent_connection_is_tested_and_given_up(narrow: Substation) -> None:
         begun = time.monotonic()
         master.send(TESTFR_CON)
         assert master.frame() == TESTFR
-        asked = time.monotonic()
-        assert asked - begun >= 2.0  # t3
+        answered = time.monotonic()
+        assert answered - begun >= 2.0  # t3
         master.send(TESTFR_CON)
         assert master.frame() == TESTFR
-        asked = time.monotonic()
-        assert master.closed() - asked >= 2.9  # t1, less what the frame was under way
+        assert master.closed() - answered >= 2.0 + 3.0  # t3 and t1
 
 
 @pytest.mark.slow
 def test_unacknowledged_frame_ends_the_connection(slow_master: Bare) -> None:
     """t1 of an own I frame, which TESTFR does not put off."""
+    asked = time.monotonic()
     slow_master.ask(probe())
     slow_master.asdu()
-    sent = time.monotonic()
     slow_master.send(TESTFR)
     assert slow_master.frame() == TESTFR_CON
-    assert slow_master.closed() - sent >= 2.9
+    assert slow_master.closed() - asked >= 3.0
 
 
 @pytest.mark.slow
 def test_steps_of_the_clock_fire_no_timer(slow_master: Bare) -> None:
-    """A year on and two years back: nothing is sent and nothing closed before t1, t3 say so."""
+    """A year on and two years back: nothing is tested and nothing closed before t1, t3 say so.
+
+    Data may come: a busy host lets devices look dead.
+    """
     now = datetime.datetime.now(datetime.UTC)
     for when in (now + YEAR, now - YEAR, now):
         slow_master.ask(clock(when))
         assert slow_master.asdu()[2] == ACT_CON
-        stepped = time.monotonic()
-        slow_master.nothing_for(0.5)
-        slow_master.acknowledge()
-        assert slow_master.frame() == TESTFR
-        assert time.monotonic() - stepped >= 2.0
+        frame = b""
+        while frame != TESTFR:
+            assert frame == b"" or is_i(frame)
+            acknowledged = time.monotonic()
+            slow_master.acknowledge()
+            frame = slow_master.frame()
+        assert time.monotonic() - acknowledged >= 2.0
         slow_master.send(TESTFR_CON)
 
 
@@ -428,7 +437,7 @@ def test_normalized_value_is_the_register(usual: Substation, master: Bare, raw: 
         master.acknowledge()
         return answer[9:]
 
-    usual.gateway.wait_for(lambda: read() == expected, 5.0, "the register's new value")
+    usual.gateway.wait_for(lambda: read() == expected, 60.0, "the register's new value")
 
 
 @pytest.mark.parametrize(
@@ -497,7 +506,7 @@ def test_lost_events_leave_no_stale_value(usual: Substation, master: Bare) -> No
     usual.lines.set(BIG_DEVICE, "input_registers", 7, 777)
     usual.wait_all_good(BIG)
     asdus: list[bytes] = []
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + 60
     while True:
         assert time.monotonic() < deadline
         data = master.asdu()

@@ -102,7 +102,7 @@ def test_selection_ends_with_its_connection(desk: Desk, master: RawMaster) -> No
         master.request(C_DC, 1010, 1, bytes([SELECT | 1]))
         return master.answer(C_DC).cause == ACT_CON
 
-    desk.gateway.wait_for(selected, 5.0, "the point can be selected again")
+    desk.gateway.wait_for(selected, 60.0, "the point can be selected again")
     master.request(C_DC, 1010, 1, bytes([SELECT | 1]), cause=DEACT)
     assert master.answer(C_DC).cause == DEACT_CON
 
@@ -352,6 +352,7 @@ def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) 
 # ---- tshark -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_tshark_finds_nothing_malformed(desk: Desk, connection: socket.socket, tmp_path: Path) -> None:
     """A GI of all stations and the events of a dying device, as an independent dissector reads them."""
     connection.sendall(STARTDT + i_frame(0, 0, GI_ALL))

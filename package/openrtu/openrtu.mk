@@ -4,8 +4,8 @@
 #
 ################################################################################
 
-OPENRTU_VERSION = 0.1.0
 OPENRTU_SITE = $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu/src
+OPENRTU_VERSION = $(shell cat $(OPENRTU_SITE)/VERSION)
 OPENRTU_SITE_METHOD = local
 OPENRTU_LICENSE = GPL-3.0-or-later
 OPENRTU_LICENSE_FILES = GPL-3.0-or-later.txt

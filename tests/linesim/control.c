@@ -18,7 +18,7 @@
 #define COMMAND_SIZE   512
 #define WORDS_MAX      64
 #define SET_VALUES_MAX 32
-#define OUTPUT_SIZE    (512 * 1024) /* what a client may leave unread before it is put out */
+#define OUTPUT_SIZE    (8 * 1024 * 1024) /* what a client may leave unread before it is put out */
 #define DELAY_MAX_MS   60000
 #define LIMIT_MAX      2000 /* bits that a read may have */
 #define COUNT_MAX      1000000

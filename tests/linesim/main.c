@@ -37,6 +37,7 @@ static const char help[] =
     "  --latency US   from the end of a request to the answer, microseconds, default 2000\n"
     "  --silence US   least silence that ends a request, microseconds, default 3.5 characters\n"
     "  --trace        writes the frame log to standard output\n"
+    "  --version      prints the version\n"
     "\n"
     "Prints \"ready\" when the lines are there. Ends upon SIGTERM.\n";
 
@@ -51,10 +52,15 @@ static enum exit_code complain(enum exit_code code, const char *subject, const c
 static enum exit_code parse_options(int count, char **words, struct options *options)
 {
 	static const struct option known[] = {
-	    {"config", required_argument, NULL, 'c'},  {"values", required_argument, NULL, 'v'},
-	    {"dir", required_argument, NULL, 'd'},     {"trace", no_argument, NULL, 't'},
-	    {"latency", required_argument, NULL, 'l'}, {"silence", required_argument, NULL, 's'},
-	    {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0},
+	    {"config", required_argument, NULL, 'c'},
+	    {"values", required_argument, NULL, 'v'},
+	    {"dir", required_argument, NULL, 'd'},
+	    {"trace", no_argument, NULL, 't'},
+	    {"latency", required_argument, NULL, 'l'},
+	    {"silence", required_argument, NULL, 's'},
+	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
+	    {NULL, 0, NULL, 0},
 	};
 	long latency_us = LATENCY_US, silence_us = 0;
 	int option;
@@ -85,6 +91,9 @@ static enum exit_code parse_options(int count, char **words, struct options *opt
 			break;
 		case 'h':
 			fputs(help, stdout);
+			exit(DONE);
+		case 'V':
+			puts("linesim (OpenRTU) " OPENRTU_VERSION);
 			exit(DONE);
 		default:
 			return WRONG_USAGE;

@@ -137,7 +137,7 @@ static int load_pace(struct line *line, json_t *description, const char *path, i
 	return 0;
 }
 
-/* The board's six ports are these (report 003, chapter 2); "device" names another. */
+/* The board's six ports are these (the project report, chapter 2); "device" names another. */
 static int name_line(struct line *line, json_t *description, const char *path, char *error)
 {
 	static const char *const board[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", "ttyS6", "ttyS8"};
@@ -211,7 +211,7 @@ int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns,
 	json_t *ports = json_object_get(root, "port");
 
 	if (!json_is_array(ports))
-		return fail(error, "port: expected an array (report 003, figure 4.8)");
+		return fail(error, "port: expected an array (the project report, figure 4.8)");
 	json_array_foreach(ports, index, port)
 	{
 		char place[32];

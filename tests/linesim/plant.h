@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The simulated plant: all lines and slaves, as the gateway's configuration file (report 003, section 4.4) and
+ * The simulated plant: all lines and slaves, as the gateway's configuration file (the project report, section 4.4) and
  * the file of initial values say. Keys that mean nothing to a line are not looked at: rtud --check judges the
  * file.
  */

@@ -51,7 +51,8 @@ static bool drop_events(const struct iec104_station *station, const struct iec10
 {
 	struct iec104_connection *connection = received->connection;
 
-	if (received->asdu.ca != IEC104_CA_BROADCAST && station->config->device_count > 1)
+	if (received->asdu.ca != IEC104_CA_BROADCAST &&
+	    iec104_next_station(station, 0) != station->config->device_count)
 		return false;
 	if (received->asdu.test)
 		return true;

@@ -7,7 +7,7 @@
 #define COMMAND MAP_POINT_COMMAND
 
 struct map_point points[POINTS + OWN] = {
-    /* CA 3067: report 003, figure 5.3 */
+    /* CA 3067: the project report, figure 5.3 */
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
     {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 3},

@@ -58,7 +58,7 @@ struct map {
 extern struct map fake;
 extern int64_t now;
 
-/* Begins anew at 500 s, with two devices of a module each: CA 3067 of report 003's figure 5.3, CA 4001. */
+/* Begins anew at 500 s, with two devices of a module each: CA 3067 of the project report's figure 5.3, CA 4001. */
 void fake_begin(void);
 /* One redundancy group, and a station of the gateway's own, CA 900, which this process owns. */
 void fake_own_station(void);

@@ -12,7 +12,9 @@
 static bool is_meant(const struct iec104_station *station, const struct iec104_procedure *procedure,
 		     uint32_t point)
 {
-	return (procedure->broadcast || iec104_point(station, point)->device == procedure->device) &&
+	uint16_t ca = station->config->devices[procedure->device].ca;
+
+	return (procedure->broadcast || iec104_device(station, point)->ca == ca) &&
 	       iec104_is_counter_of(station, point, procedure->qualifier);
 }
 

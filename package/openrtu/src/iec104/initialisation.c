@@ -82,9 +82,10 @@ bool iec104_send_initialised(const struct iec104_station *station, struct iec104
 	iec104_asdu_begin(&builder, &(struct iec104_asdu){
 					.type = IEC104_M_EI_NA_1,
 					.cause = IEC104_INITIALISED,
-					.ca = station->config->devices[connection->next_initialised++].ca,
+					.ca = station->config->devices[connection->next_initialised].ca,
 				    });
 	iec104_asdu_add(&builder, 0, &cause, 1);
+	connection->next_initialised = iec104_next_station(station, connection->next_initialised);
 	iec104_send(connection, &builder, now_ns);
 	return true;
 }

@@ -99,7 +99,8 @@ static void next_station(const struct iec104_station *station, struct iec104_con
 			 struct iec104_procedure *procedure)
 {
 	procedure->phase = IEC104_CONFIRM;
-	if (!procedure->broadcast || ++procedure->device == station->config->device_count)
+	procedure->device = iec104_next_station(station, procedure->device);
+	if (!procedure->broadcast || procedure->device == station->config->device_count)
 		end_first_procedure(connection);
 }
 
@@ -121,8 +122,8 @@ static void begin_procedure(const struct iec104_station *station, struct iec104_
 		return;
 	}
 	procedure->phase = IEC104_DATA;
-	iec104_begin_sweep(station, connection, &procedure->sweep, procedure->device, procedure->device + 1,
-			   interrogated);
+	iec104_begin_sweep_of_station(station, connection, &procedure->sweep, procedure->device,
+				      interrogated);
 }
 
 static uint8_t cause_of_data(const struct iec104_procedure *procedure)
@@ -147,7 +148,7 @@ static bool continue_procedure(const struct iec104_station *station, struct iec1
 
 	if (progress == IEC104_SWEEP_DONE) {
 		procedure->phase = procedure->type == IEC104_C_IC_NA_1 ? IEC104_PARAMETERS : IEC104_TERMINATE;
-		procedure->next_parameter = 0;
+		procedure->next_parameter = station->config->devices[procedure->device].first_point;
 	}
 	return progress != IEC104_SWEEP_TRY_LATER;
 }
@@ -183,6 +184,30 @@ bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint3
 		if (ca == IEC104_CA_BROADCAST || station->config->devices[*device].ca == ca)
 			return true;
 	return false;
+}
+
+uint32_t iec104_next_station(const struct iec104_station *station, uint32_t device)
+{
+	const struct map_device *devices = station->config->devices;
+	uint32_t first;
+
+	do {
+		if (++device >= station->config->device_count)
+			break;
+		for (first = 0; devices[first].ca != devices[device].ca;)
+			first++;
+	} while (first != device);
+	return device;
+}
+
+uint32_t iec104_station_end(const struct iec104_station *station, uint32_t device)
+{
+	const struct map_device *devices = station->config->devices;
+	uint32_t last = station->config->device_count - 1;
+
+	while (devices[last].ca != devices[device].ca)
+		last--;
+	return last + 1;
 }
 
 struct iec104_procedure iec104_procedure_of(const struct iec104_station *station,

@@ -81,13 +81,15 @@ static bool has_loaded(const struct map_parameters *parameters)
 bool iec104_send_parameters(const struct iec104_station *station, struct iec104_connection *connection,
 			    struct iec104_procedure *procedure, iec104_wanted *wanted, int64_t now_ns)
 {
-	const struct map_device *device = &station->config->devices[procedure->device];
+	const struct map_device *devices = station->config->devices;
+	const struct map_device *last = &devices[iec104_station_end(station, procedure->device) - 1];
 
-	while (procedure->next_parameter < device->point_count) {
-		uint32_t point = device->first_point + procedure->next_parameter++;
+	while (procedure->next_parameter < last->first_point + last->point_count) {
+		uint32_t point = procedure->next_parameter++;
 		struct map_parameters parameters;
 
-		if (type_for((enum map_type)iec104_point(station, point)->type) == 0 ||
+		if (iec104_device(station, point)->ca != last->ca ||
+		    type_for((enum map_type)iec104_point(station, point)->type) == 0 ||
 		    !wanted(station, connection, point))
 			continue;
 		map_parameters_read(station->map, point, &parameters);

@@ -31,7 +31,7 @@ static struct map_queue_place place_of(const struct iec104_connection *connectio
 	struct map_queue_place place = {
 	    .cursor = connection->down ? connection->before_down : connection->cursor,
 	    .refresh = connection->refresh_all ? MAP_REFRESH_ALL
-					       : connection->refresh_modules | connection->doubted_modules,
+					       : connection->refresh_modules | connection->silent_modules,
 	};
 
 	place.cursor.lost = 0;
@@ -282,7 +282,7 @@ static void continue_queue(struct iec104_station *station, struct iec104_connect
 	map_queue_place(station->map, connection->queue, &place);
 	connection->cursor = place.cursor;
 	connection->down = false;
-	connection->doubted_modules = 0;
+	connection->silent_modules = 0;
 	connection->refresh = false;
 	connection->refresh_all = place.refresh == MAP_REFRESH_ALL;
 	connection->refresh_modules = connection->refresh_all ? 0 : place.refresh;

@@ -23,17 +23,17 @@ void iec104_begin_refresh(const struct iec104_station *station, struct iec104_co
 	iec104_begin_sweep_of_all(station, connection, &connection->refresh_sweep, to_be_refreshed);
 }
 
-void iec104_resolve_doubts(const struct iec104_station *station, struct iec104_connection *connection,
-			   int64_t now_ns)
+void iec104_refresh_recovered(const struct iec104_station *station, struct iec104_connection *connection,
+			      int64_t now_ns)
 {
-	for (uint32_t i = 0; connection->doubted_modules >> i != 0; i++) {
-		if (!(connection->doubted_modules & 1u << i) || !map_alive(station->map, i))
+	for (uint32_t i = 0; connection->silent_modules >> i != 0; i++) {
+		if (!(connection->silent_modules & 1u << i) || !map_alive(station->map, i))
 			continue;
-		connection->doubted_modules &= ~(1u << i);
+		connection->silent_modules &= ~(1u << i);
 		connection->refresh_modules |= 1u << i;
 		iec104_begin_refresh(station, connection);
 	}
-	if (connection->doubted_modules != 0)
+	if (connection->silent_modules != 0)
 		connection->retry_ns = now_ns + DOUBT_NS;
 }
 
@@ -83,7 +83,7 @@ static void take_module_event(const struct iec104_station *station, struct iec10
 	switch (event->kind) {
 	case MAP_EVENT_MODULE_DOWN:
 		connection->refresh_modules &= ~(1u << event->point);
-		connection->doubted_modules &= ~(1u << event->point); /* its return is told */
+		connection->silent_modules &= ~(1u << event->point); /* its return is told */
 		connection->down = true;
 		connection->before_down = *before;
 		connection->down_module = event->point;

@@ -125,7 +125,7 @@ static bool send_next(struct iec104_station *station, struct iec104_connection *
 static void send_all(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns)
 {
 	connection->retry_ns = INT64_MAX;
-	iec104_resolve_doubts(station, connection, now_ns);
+	iec104_refresh_recovered(station, connection, now_ns);
 	while (iec104_session_may_send(&connection->session) && send_next(station, connection, now_ns))
 		iec104_note_place(station, connection);
 }

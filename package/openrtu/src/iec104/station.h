@@ -71,6 +71,7 @@ struct iec104_replies {
 /* A place in the points of some devices, ordered by device, then type. */
 struct iec104_sweep {
 	uint32_t device, end_device;
+	uint16_t ca;    /* of the devices that are meant, 0: all */
 	uint32_t next;  /* point */
 	uint32_t types; /* of this device's wanted points, those not done yet: bits of enum iec104_type */
 };
@@ -87,7 +88,7 @@ struct iec104_procedure {
 	enum iec104_phase phase;
 	uint32_t device;
 	struct iec104_sweep sweep;
-	uint32_t next_parameter; /* of the device's points */
+	uint32_t next_parameter; /* point */
 };
 
 struct iec104_connection {
@@ -128,7 +129,7 @@ struct iec104_connection {
 	bool refresh_all;         /* of all points, after lost events, */
 	uint32_t refresh_modules; /* or of modules that are back, a bit each */
 	struct iec104_sweep refresh_sweep;
-	uint32_t doubted_modules; /* sent as invalid for want of a heartbeat, maybe unseen by rtud */
+	uint32_t silent_modules; /* sent as invalid for want of a heartbeat, maybe unseen by rtud */
 
 	struct iec104_procedure procedures[IEC104_INTERROGATIONS_MAX]; /* a ring, the first is under way */
 	unsigned first_procedure, procedure_count;
@@ -140,7 +141,7 @@ struct iec104_connection {
 	int64_t periodic_due_ns;
 	struct iec104_sweep periodic_sweep;
 
-	int64_t retry_ns; /* a point could not be read just now, or its owner is doubted; INT64_MAX: none */
+	int64_t retry_ns; /* a point could not be read just now, or its owner is silent; INT64_MAX: none */
 };
 
 /* A request to a point's owner or to rtud that has not been answered, or whose end has not been sent. */

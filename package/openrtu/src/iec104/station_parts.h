@@ -95,8 +95,9 @@ enum iec104_progress {
 };
 
 /* Begins with the wanted points of the devices from first up to, and without, end. */
-void iec104_begin_sweep(const struct iec104_station *station, const struct iec104_connection *connection,
-			struct iec104_sweep *sweep, uint32_t first, uint32_t end, iec104_wanted *wanted);
+void iec104_begin_sweep_of_station(const struct iec104_station *station,
+				   const struct iec104_connection *connection, struct iec104_sweep *sweep,
+				   uint32_t first, iec104_wanted *wanted);
 void iec104_begin_sweep_of_all(const struct iec104_station *station,
 			       const struct iec104_connection *connection, struct iec104_sweep *sweep,
 			       iec104_wanted *wanted);
@@ -140,9 +141,9 @@ bool iec104_events_were_sent(const struct iec104_connection *connection, uint32_
 /* While connection->down, in the place of all events: the points of a module that is down. */
 bool iec104_send_invalid(const struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
-/* Has the points of doubted modules refreshed that are alive. */
-void iec104_resolve_doubts(const struct iec104_station *station, struct iec104_connection *connection,
-			   int64_t now_ns);
+/* Refreshes the points of silent modules that are alive again. */
+void iec104_refresh_recovered(const struct iec104_station *station, struct iec104_connection *connection,
+			      int64_t now_ns);
 /* Current values after lost events, or of a module that is back. */
 bool iec104_send_refresh(struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
@@ -204,8 +205,12 @@ bool iec104_send_parameters(const struct iec104_station *station, struct iec104_
 /* The point is a counter that a counter interrogation with this QCC means. */
 bool iec104_is_counter_of(const struct iec104_station *station, uint32_t point, uint8_t qualifier);
 
-/* The device a common address means; broadcast: the first. False: there is none. */
+/* The first device that a common address means; broadcast: of all. False: there is none. */
 bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint32_t *device);
+/* Devices with one common address are one station, known by its first device: that of the next one, device_count: none. */
+uint32_t iec104_next_station(const struct iec104_station *station, uint32_t device);
+/* Behind the last device of this one's station. */
+uint32_t iec104_station_end(const struct iec104_station *station, uint32_t device);
 /* The system command of an ASDU whose type, cause, common address and size were checked. */
 struct iec104_procedure iec104_procedure_of(const struct iec104_station *station,
 					    const struct iec104_asdu *asdu);

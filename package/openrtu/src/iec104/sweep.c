@@ -25,7 +25,7 @@ bool iec104_read_point(const struct iec104_station *station, struct iec104_conne
 	if (!map_read(station->map, point, sample))
 		return false;
 	if ((sample->quality & MAP_INVALID) && !map_alive(station->map, owner))
-		connection->doubted_modules |= 1u << owner;
+		connection->silent_modules |= 1u << owner;
 	return true;
 }
 
@@ -94,6 +94,8 @@ static void enter_device(const struct iec104_station *station, const struct iec1
 {
 	const struct map_device *device;
 
+	while (index < sweep->end_device && sweep->ca != 0 && station->config->devices[index].ca != sweep->ca)
+		index++;
 	sweep->device = index;
 	sweep->types = 0;
 	if (index == sweep->end_device)
@@ -105,10 +107,12 @@ static void enter_device(const struct iec104_station *station, const struct iec1
 			sweep->types |= 1u << untagged_type(station, device->first_point + i);
 }
 
-void iec104_begin_sweep(const struct iec104_station *station, const struct iec104_connection *connection,
-			struct iec104_sweep *sweep, uint32_t first, uint32_t end, iec104_wanted *wanted)
+void iec104_begin_sweep_of_station(const struct iec104_station *station,
+				   const struct iec104_connection *connection, struct iec104_sweep *sweep,
+				   uint32_t first, iec104_wanted *wanted)
 {
-	sweep->end_device = end;
+	sweep->ca = station->config->devices[first].ca;
+	sweep->end_device = iec104_station_end(station, first);
 	enter_device(station, connection, sweep, first, wanted);
 }
 
@@ -116,7 +120,9 @@ void iec104_begin_sweep_of_all(const struct iec104_station *station,
 			       const struct iec104_connection *connection, struct iec104_sweep *sweep,
 			       iec104_wanted *wanted)
 {
-	iec104_begin_sweep(station, connection, sweep, 0, station->config->device_count, wanted);
+	sweep->ca = 0;
+	sweep->end_device = station->config->device_count;
+	enter_device(station, connection, sweep, 0, wanted);
 }
 
 /* Moves to the next wanted point and returns it; MAP_NONE: there is none. */

@@ -11,7 +11,7 @@
 #include "iec104/asdu.h"
 
 /*
- * The single command of report 003's figure 5.6, CA 3067, IOA 4, originator 1. The figure prints the length octet as
+ * The single command of the project report's figure 5.6, CA 3067, IOA 4, originator 1. The figure prints the length octet as
  * 06; the frame has 16 octets, so it was 0e. It prints SCO 81, which is select; the text and figure 5.5 say execute, 01.
  */
 static const uint8_t figure_5_6[] = {0x2d, 0x01, 0x06, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x81};

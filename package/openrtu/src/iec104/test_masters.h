@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * A controlled station on the map that the test holds in its hand, and the controlling stations that are
- * connected to it. Frames are written out as octets, after IEC 60870-5-101 and -104 and report 003's chapter 5.
+ * connected to it. Frames are written out as octets, after IEC 60870-5-101 and -104 and the project report's chapter 5.
  */
 #ifndef OPENRTU_IEC104_TEST_MASTERS_H
 #define OPENRTU_IEC104_TEST_MASTERS_H

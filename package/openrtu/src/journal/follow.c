@@ -37,20 +37,20 @@ static void note_queue(const struct map *map, uint32_t slot, struct journal_queu
 }
 
 /* The one unused longest first. */
-static void note_queues(const struct map *map, struct journal_said *said)
+static void note_queues(const struct map *map, struct journal_content *written)
 {
 	struct used_queue used[MAP_QUEUES];
 	struct map_queue queue;
 
-	said->queue_count = 0;
+	written->queue_count = 0;
 	for (uint32_t slot = 0; slot < MAP_QUEUES; slot++) {
 		map_queue(map, slot, &queue);
 		if (queue.name[0] != '\0')
-			used[said->queue_count++] = (struct used_queue){slot, queue.used};
+			used[written->queue_count++] = (struct used_queue){slot, queue.used};
 	}
-	qsort(used, said->queue_count, sizeof(used[0]), compare_used);
-	for (uint32_t i = 0; i < said->queue_count; i++)
-		note_queue(map, used[i].slot, &said->queues[i]);
+	qsort(used, written->queue_count, sizeof(used[0]), compare_used);
+	for (uint32_t i = 0; i < written->queue_count; i++)
+		note_queue(map, used[i].slot, &written->queues[i]);
 }
 
 /* Of two numbers of a ring, which wrap. */
@@ -65,35 +65,36 @@ static uint32_t earlier(uint32_t a, uint32_t b)
 }
 
 /* The first event of a module that some queue wants; end: none does. */
-static uint32_t first_wanted(const struct journal_said *said, uint32_t module, uint32_t end)
+static uint32_t first_wanted(const struct journal_content *written, uint32_t module, uint32_t end)
 {
-	for (uint32_t i = 0; i < said->queue_count; i++)
-		end = earlier(end, said->queues[i].next[module]);
+	for (uint32_t i = 0; i < written->queue_count; i++)
+		end = earlier(end, written->queues[i].next[module]);
 	return end;
 }
 
 /* Of what the file holds the queues want the same as it says that they do. */
-static bool same_wishes(const struct journal_said *said, const struct journal_said *now, uint32_t modules)
+static bool same_wishes(const struct journal_content *written, const struct journal_content *now,
+			uint32_t modules)
 {
-	if (said->queue_count != now->queue_count)
+	if (written->queue_count != now->queue_count)
 		return false;
 	for (uint32_t i = 0; i < now->queue_count; i++) {
-		const struct journal_queue *before = &said->queues[i], *after = &now->queues[i];
+		const struct journal_queue *before = &written->queues[i], *after = &now->queues[i];
 
 		if (before->kind != after->kind || strcmp(before->name, after->name) != 0)
 			return false;
 		for (uint32_t module = 0; module < modules; module++)
-			if (earlier(before->next[module], said->heads[module]) !=
-			    earlier(after->next[module], said->heads[module]))
+			if (earlier(before->next[module], written->heads[module]) !=
+			    earlier(after->next[module], written->heads[module]))
 				return false;
 	}
 	return true;
 }
 
-static bool anything_wanted(const struct journal_said *said, uint32_t modules)
+static bool anything_wanted(const struct journal_content *written, uint32_t modules)
 {
 	for (uint32_t module = 0; module < modules; module++)
-		if (first_wanted(said, module, said->heads[module]) != said->heads[module])
+		if (first_wanted(written, module, written->heads[module]) != written->heads[module])
 			return true;
 	return false;
 }
@@ -154,12 +155,12 @@ static void add_events(struct journal_follower *follower, struct map_cursor *cur
 
 /* ---- records ----------------------------------------------------------------------------- */
 
-static bool clock_moved(struct map_clock said, struct map_clock now)
+static bool clock_moved(struct map_clock written, struct map_clock now)
 {
-	return said.set != now.set || llabs(said.offset_ns - now.offset_ns) > CLOCK_MOVED_NS;
+	return written.set != now.set || llabs(written.offset_ns - now.offset_ns) > CLOCK_MOVED_NS;
 }
 
-static struct map_cursor begin_at(const struct journal_follower *follower, const struct journal_said *now,
+static struct map_cursor begin_at(const struct journal_follower *follower, const struct journal_content *now,
 				  bool first, uint32_t modules)
 {
 	struct map_cursor cursor;
@@ -168,25 +169,25 @@ static struct map_cursor begin_at(const struct journal_follower *follower, const
 	for (uint32_t i = 0; i < modules; i++) {
 		cursor.next[i] = first_wanted(now, i, cursor.next[i]);
 		if (!first)
-			cursor.next[i] = later(cursor.next[i], follower->said.heads[i]);
+			cursor.next[i] = later(cursor.next[i], follower->written.heads[i]);
 	}
 	return cursor;
 }
 
 bool journal_make(struct journal_follower *follower, bool anew)
 {
-	struct journal_said *now = &follower->next;
+	struct journal_content *now = &follower->next;
 	const uint32_t modules = map_module_count(follower->map);
 	const struct map_clock clock = map_clock_read(follower->map);
 	struct map_cursor cursor;
 	bool first;
 
 	note_queues(follower->map, now);
-	memcpy(now->heads, follower->said.heads, sizeof(now->heads));
+	memcpy(now->heads, follower->written.heads, sizeof(now->heads));
 	first = anew || !follower->begun ||
-		(clock_moved(follower->said.clock, clock) && anything_wanted(now, modules));
-	now->clock = first ? clock : follower->said.clock;
-	now->number = first ? 0 : follower->said.number;
+		(clock_moved(follower->written.clock, clock) && anything_wanted(now, modules));
+	now->clock = first ? clock : follower->written.clock;
+	now->number = first ? 0 : follower->written.number;
 	cursor = begin_at(follower, now, first, modules);
 	follower->left_out = 0;
 	journal_begin(&follower->record, now->number, modules, now->queues, now->queue_count);
@@ -194,7 +195,7 @@ bool journal_make(struct journal_follower *follower, bool anew)
 		follower->left_out =
 		    skip_oldest(follower->map, &cursor, follower->record.size - follower->record.used);
 	add_events(follower, &cursor, clock);
-	if (!first && follower->record.events == 0 && same_wishes(&follower->said, now, modules))
+	if (!first && follower->record.events == 0 && same_wishes(&follower->written, now, modules))
 		return false;
 	memcpy(now->heads, cursor.next, sizeof(now->heads));
 	journal_end(&follower->record);
@@ -204,7 +205,7 @@ bool journal_make(struct journal_follower *follower, bool anew)
 
 void journal_written(struct journal_follower *follower)
 {
-	follower->said = follower->next;
+	follower->written = follower->next;
 	follower->begun = true;
 }
 
@@ -218,7 +219,7 @@ uint32_t journal_pending(const struct journal_follower *follower)
 	uint32_t pending = 0;
 
 	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(follower->map); i++)
-		pending +=
-		    follower->said.heads[i] - first_wanted(&follower->said, i, follower->said.heads[i]);
+		pending += follower->written.heads[i] -
+			   first_wanted(&follower->written, i, follower->written.heads[i]);
 	return pending;
 }

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * What the journal has to say next: follows the events and the queues of the map, and remembers what it has said. Asks no
- * clock but the map's, and does no input or output.
+ * Decides what the journal writes next: follows the events and the queues of the map, and remembers what it has written.
+ * It reads no clock but the map's, and does no input or output.
  */
 #ifndef OPENRTU_JOURNAL_FOLLOW_H
 #define OPENRTU_JOURNAL_FOLLOW_H
 
 #include "journal/record.h"
 
-/* What a file says: the queues, and all events that a queue wants of those before heads. */
-struct journal_said {
+/* The content of a file: the queues, and all events before heads that a queue wants. */
+struct journal_content {
 	uint32_t heads[MAP_MODULES_MAX];
 	struct journal_queue queues[MAP_QUEUES];
 	uint32_t queue_count;
@@ -19,7 +19,8 @@ struct journal_said {
 
 struct journal_follower {
 	const struct map *map;
-	struct journal_said said, next; /* next: with the record that was made last, which may yet fail */
+	struct journal_content written,
+	    next; /* next: with the record that was made last, which may yet fail */
 	struct journal_builder record;
 	uint32_t left_out; /* events for which the record made last has no room */
 	bool begun;        /* there is a file */
@@ -28,8 +29,8 @@ struct journal_follower {
 /* memory: for a record, of at least JOURNAL_QUEUES_SIZE bytes. */
 void journal_follow(struct journal_follower *follower, const struct map *map, uint8_t *memory, size_t size);
 /*
- * Makes the next record, in follower->record. False: the file says all there is to say. anew: as the first one of a new
- * file, always; so is any record when no file was begun, and when the clock was set meanwhile.
+ * Makes the next record, in follower->record. False: the file is up to date. anew: make one in any case, as the first of a
+ * new file. A record is also the first of a new file if none was begun, or if the clock was set since the last record.
  */
 bool journal_make(struct journal_follower *follower, bool anew);
 /* The record that was made begins a file. */
@@ -39,7 +40,7 @@ static inline bool journal_is_first(const struct journal_follower *follower)
 }
 /* The record that was made is in the file. */
 void journal_written(struct journal_follower *follower);
-/* The file is of no use any more: the next record begins one. */
+/* The file is useless: the next record begins a new one. */
 void journal_abandon(struct journal_follower *follower);
 /* How many events of the file somebody had not acknowledged when the last record was made. */
 uint32_t journal_pending(const struct journal_follower *follower);

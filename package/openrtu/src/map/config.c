@@ -10,6 +10,9 @@ void map_point_name(const struct map_config *config, const struct map_point *poi
 
 	if (point->name != 0)
 		snprintf(out, MAP_NAME_SIZE, "%s", &config->names[point->name]);
+	else if (map_point_is_register_bit(point))
+		snprintf(out, MAP_NAME_SIZE, "p%u.%u.%c%u.%u", config->lines[device->line].port, device->unit,
+			 letters[point->table], point->address, point->bit);
 	else
 		snprintf(out, MAP_NAME_SIZE, "p%u.%u.%c%u", config->lines[device->line].port, device->unit,
 			 letters[point->table], point->address);

@@ -12,20 +12,21 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define MAP_NAME_SIZE         40 /* names of points, devices and modules, terminator included */
-#define MAP_PATH_SIZE         64 /* a serial device's path */
-#define MAP_CLOCK_MASTERS_MAX 8  /* addresses in "clock_masters" */
-#define MAP_ADDRESS_SIZE      46 /* INET6_ADDRSTRLEN */
-#define MAP_MASTERS_MAX       32 /* addresses in "masters" */
-#define MAP_GROUPS_MAX        8  /* redundancy groups */
-#define MAP_GROUP_MASTERS_MAX 8  /* addresses of one */
+#define MAP_KNOTS_MAX         UINT16_MAX /* of all scaling tables */
+#define MAP_NAME_SIZE         40         /* names of points, devices and modules, terminator included */
+#define MAP_PATH_SIZE         64         /* a serial device's path */
+#define MAP_CLOCK_MASTERS_MAX 8          /* addresses in "clock_masters" */
+#define MAP_ADDRESS_SIZE      46         /* INET6_ADDRSTRLEN */
+#define MAP_MASTERS_MAX       32         /* addresses in "masters" */
+#define MAP_GROUPS_MAX        8          /* redundancy groups */
+#define MAP_GROUP_MASTERS_MAX 8          /* addresses of one */
 
 /* Of "tls": a file's path, the list "masters", and a SHA-256 fingerprint as openssl prints it. */
 #define MAP_FILE_SIZE       128
 #define MAP_TLS_MASTERS_MAX 16
 #define MAP_TLS_MASTER_SIZE 96
 
-/* The information types of report 003's tables 4.1 and 4.2. */
+/* The information types of the project report's tables 4.1 and 4.2. */
 enum map_type {
 	MAP_SINGLE,     /* value.u 0, 1 */
 	MAP_DOUBLE,     /* value.u 0 intermediate, 1 off, 2 on, 3 indeterminate */
@@ -47,8 +48,22 @@ enum map_table {
 
 enum map_parity { MAP_PARITY_NONE, MAP_PARITY_ODD, MAP_PARITY_EVEN }; /* the report's 0, 1, 2 */
 
+/* What a point's registers hold; a point of bits has MAP_FORMAT_BIT, in a register the bit number `bit`. */
+enum map_format {
+	MAP_FORMAT_BIT,
+	MAP_FORMAT_VTI, /* the low octet of a register */
+	MAP_FORMAT_INT16,
+	MAP_FORMAT_UINT16,
+	MAP_FORMAT_INT32,
+	MAP_FORMAT_UINT32,
+	MAP_FORMAT_INT64,
+	MAP_FORMAT_UINT64,
+	MAP_FORMAT_FLOAT32, /* IEEE 754 */
+	MAP_FORMAT_FLOAT64,
+};
+
 enum map_point_flag {
-	MAP_POINT_SIGNED = 1u << 0,        /* the raw 16 bits are two's complement */
+	MAP_POINT_INVERTED = 1u << 0,      /* of bits: each means the opposite */
 	MAP_POINT_WORDS_SWAPPED = 1u << 1, /* low word first */
 	MAP_POINT_BYTES_SWAPPED = 1u << 2, /* low byte first in each word */
 	MAP_POINT_BITS_SWAPPED = 1u << 3,  /* double point: first bit ON, second OFF */
@@ -56,6 +71,7 @@ enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 5,       /* coil or holding register: may be commanded */
 	MAP_POINT_NO_QUALITY = 1u << 6,    /* normalized: sent without quality, and so only while good */
 	MAP_POINT_NO_READ_BACK = 1u << 7, /* what was written is not read ahead of its turn, nor waited for */
+	MAP_POINT_UNIMPLEMENTED = 1u << 8, /* an integer's extreme value says that there is none (SunSpec) */
 };
 
 /* What a status bit of the device, while it is ON, makes of a point's quality. */
@@ -91,10 +107,10 @@ struct map_line {
 	char device[MAP_PATH_SIZE]; /* the serial device's path; the IP address of a TCP connection */
 };
 
-/* One Modbus slave; also one IEC 104 station and one set of points. */
+/* One Modbus slave and one set of points; devices with one common address are one IEC 104 station. */
 struct map_device {
 	uint16_t line;
-	uint16_t ca;     /* common address: 1000 * port + unit */
+	uint16_t ca;     /* common address; 1000 * port + unit where the file says nothing */
 	uint8_t unit;    /* Modbus address 1..247, 255 on TCP; 0: broadcast, written and never read */
 	uint8_t retries; /* repeated reads before the device counts as dead; writes are never repeated */
 	uint16_t response_timeout_ms;     /* end of request to first byte of the answer */
@@ -108,26 +124,36 @@ struct map_device {
 	char name[MAP_NAME_SIZE]; /* the file's "description" */
 };
 
+/* A point of a scaling table: from one to the next, values lie on a line. */
+struct map_knot {
+	double raw; /* greater than that of the knot before */
+	double value;
+};
+
 /* One object of a device, seen by every protocol. */
 struct map_point {
 	uint32_t name; /* place among the configuration's names, 0: of its addresses */
 	uint16_t device;
-	uint16_t address;        /* Modbus address, from 0 */
-	uint8_t table;           /* enum map_table */
-	uint8_t type;            /* enum map_type */
-	uint8_t width;           /* bits or registers it covers: 1, 2 */
-	uint8_t flags;           /* enum map_point_flag */
-	uint32_t ioa;            /* information object address, 1..16777215 */
-	uint8_t group;           /* interrogation group 1..16, 0: none */
-	uint8_t counter_group;   /* 1..4, 0: none */
-	uint16_t second_address; /* of width 2: Modbus address of the second bit or register */
-	uint32_t send_period_ms; /* of cyclic transmission or background scan, 0: none */
-	uint32_t freeze_s;       /* a counter's period of local freezes, 0: none */
-	uint16_t short_pulse_ms; /* of a coil: duration of QU 1, 0: none */
-	uint16_t long_pulse_ms;  /* of QU 2 */
-	double scale;            /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
+	uint16_t address;          /* Modbus address, from 0 */
+	uint8_t table;             /* enum map_table */
+	uint8_t type;              /* enum map_type */
+	uint8_t width : 4;         /* bits or registers it covers: 1, 2, 4 */
+	uint8_t format : 4;        /* enum map_format */
+	uint8_t group;             /* interrogation group 1..16, 0: none */
+	uint16_t flags;            /* enum map_point_flag */
+	uint16_t second_address;   /* of two bits: Modbus address of the second one */
+	uint16_t first_knot;       /* of its scaling table, place among the configuration's knots */
+	uint8_t knot_count;        /* of that, 0: scale and offset hold */
+	uint8_t counter_group : 4; /* 1..4, 0: none */
+	uint8_t bit : 4;           /* of a bit in a register: its number from 0, the least significant */
+	uint32_t ioa;              /* information object address, 1..16777215 */
+	uint32_t send_period_ms;   /* of cyclic transmission or background scan, 0: none */
+	uint32_t freeze_s;         /* a counter's period of local freezes, 0: none */
+	uint16_t short_pulse_ms;   /* of a coil: duration of QU 1, 0: none */
+	uint16_t long_pulse_ms;    /* of QU 2 */
+	float deadband;            /* in the unit of the value sent; 0: every change is an event */
+	double scale;              /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	double offset;
-	double deadband; /* in the unit of the value sent; 0: every change is an event */
 	float
 	    step; /* of a regulating step command, in the unit of the value sent; 0: none, min and max mean nothing */
 	float min, max;   /* within which the point is commanded, in that unit */
@@ -205,15 +231,16 @@ struct map_settings {
 	uint32_t t3_s; /* up to 48 h */
 	uint16_t max_connections;
 	uint16_t connections_per_address;
-	uint16_t select_timeout_s;  /* a selection that is not executed ends */
-	uint16_t command_timeout_s; /* oldest acceptable time tag, longest wait for the device */
-	uint16_t own_ca;            /* common address of the gateway's own station, 0: there is none */
-	uint8_t clock;              /* enum map_clock_mode */
-	uint8_t clock_master_count; /* 0: every master may set the clock */
-	uint8_t modbus_priority;    /* SCHED_FIFO 1..99, 0: none */
-	bool command_without_clock; /* takes a time tag whose age nobody knows */
-	struct map_zone zone;       /* of the time tags on the wire */
-	uint32_t event_ring;        /* each module keeps one event less; a power of two */
+	uint16_t select_timeout_s;   /* a selection that is not executed ends */
+	uint16_t command_timeout_s;  /* oldest acceptable time tag, longest wait for the device */
+	uint16_t own_ca;             /* common address of the gateway's own station, 0: there is none */
+	uint8_t clock;               /* enum map_clock_mode */
+	uint8_t clock_master_count;  /* 0: every master may set the clock */
+	uint8_t modbus_priority;     /* SCHED_FIFO 1..99, 0: none */
+	uint16_t heartbeat_limit_ms; /* of a line process; 0: MAP_HEARTBEAT_LIMIT_MS */
+	bool command_without_clock;  /* takes a time tag whose age nobody knows */
+	struct map_zone zone;        /* of the time tags on the wire */
+	uint32_t event_ring;         /* each module keeps one event less; a power of two */
 	char clock_masters[MAP_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
 	uint32_t master_count; /* 0: everybody may connect */
 	uint32_t lone_masters; /* of them, those in no group */
@@ -251,10 +278,25 @@ struct map_config {
 	struct map_point *points;
 	char *names; /* given to points, each with its terminator; the first begins at 1 */
 	uint32_t names_size;
+	struct map_knot *knots; /* of all scaling tables */
+	uint32_t knot_count;
 };
 
-/* A point's name: what the file gave it, or else "p1.5.i30" of port, Modbus address, table and address. */
+/* A point's name: what the file gave it, or else "p1.5.i30" of port, Modbus address, table and address, with ".7" of a bit. */
 void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE]);
+
+/* A bit, or two neighbours, of a register. */
+static inline bool map_point_is_register_bit(const struct map_point *point)
+{
+	return point->table >= MAP_INPUT_REGISTERS &&
+	       (point->type == MAP_SINGLE || point->type == MAP_DOUBLE);
+}
+
+/* Modbus address of its bit or register number i, below width. */
+static inline uint32_t map_point_address(const struct map_point *point, uint32_t i)
+{
+	return point->type == MAP_DOUBLE && i == 1 ? point->second_address : point->address + i;
+}
 
 static inline bool map_line_is_tcp(const struct map_line *line)
 {

@@ -45,6 +45,7 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 		layout.points = section(&layout, config->point_count * sizeof(struct map_point));
 		layout.by_address = section(&layout, config->point_count * sizeof(uint32_t));
 		layout.names = section(&layout, config->names_size);
+		layout.knots = section(&layout, config->knot_count * sizeof(struct map_knot));
 	}
 	layout.requests = section(&layout, ring_size(capacities.requests, sizeof(struct map_request)));
 	layout.answers = section(&layout, ring_size(capacities.answers, sizeof(struct map_answer)));

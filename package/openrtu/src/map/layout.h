@@ -14,7 +14,7 @@
 #include "map/station.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 5u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT 6u          /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -91,7 +91,7 @@ struct directory {
 	struct map_clock clock[2];
 	struct module_entry modules[MAP_MODULES_MAX];
 	struct map_settings settings;
-	uint32_t line_count, device_count, point_count, names_size;
+	uint32_t line_count, device_count, point_count, names_size, knot_count;
 };
 
 /* How many records each ring of a segment holds. */
@@ -102,7 +102,7 @@ struct capacities {
 /* Where the sections of one segment begin; 0 where it has none. */
 struct layout {
 	size_t directory; /* rtud's only, first: it holds the counts that the rest follows from */
-	size_t lines, devices, points, by_address, names;
+	size_t lines, devices, points, by_address, names, knots;
 	size_t requests, answers, events, log;
 	size_t latches; /* one a device of the configuration */
 	size_t samples[2];

@@ -251,12 +251,14 @@ static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struc
 	directory->device_count = config->device_count;
 	directory->point_count = config->point_count;
 	directory->names_size = config->names_size;
+	directory->knot_count = config->knot_count;
 	memcpy(memory + layout->directory, directory, sizeof(*directory));
 	copy_table(memory + layout->lines, config->lines, config->line_count * sizeof(*config->lines));
 	copy_table(memory + layout->devices, config->devices,
 		   config->device_count * sizeof(*config->devices));
 	copy_table(memory + layout->points, config->points, config->point_count * sizeof(*config->points));
 	copy_table(memory + layout->names, config->names, config->names_size);
+	copy_table(memory + layout->knots, config->knots, config->knot_count * sizeof(*config->knots));
 	return index_addresses(config, (uint32_t *)(void *)(memory + layout->by_address));
 }
 
@@ -379,7 +381,7 @@ void map_remove(struct map *map)
 static int check_header(const struct segment_header *header, size_t size, char *error)
 {
 	if (header->magic != MAP_MAGIC)
-		return fail(error, "rtud.seg is no segment of a point map");
+		return fail(error, "rtud.seg is not a segment of a point map");
 	if (header->layout != MAP_LAYOUT)
 		return fail(error,
 			    "rtud.seg has layout %u, this program was built for layout %u: restart rtud and "
@@ -456,6 +458,7 @@ static int attach_directory(struct map *map, bool writable, char *error)
 	map->config.device_count = directory->device_count;
 	map->config.point_count = directory->point_count;
 	map->config.names_size = directory->names_size;
+	map->config.knot_count = directory->knot_count;
 	layout = layout_of(&rtud, &map->config);
 	if (layout.size != size)
 		return fail(error, "rtud.seg has %zu bytes, its contents need %zu", size, layout.size);
@@ -466,6 +469,7 @@ static int attach_directory(struct map *map, bool writable, char *error)
 	map->config.points = (void *)(memory + layout.points);
 	map->by_address = (void *)(memory + layout.by_address);
 	map->config.names = (char *)(memory + layout.names);
+	map->config.knots = (void *)(memory + layout.knots);
 	return 0;
 }
 

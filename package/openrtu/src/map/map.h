@@ -24,7 +24,7 @@
 #define MAP_NONE                    UINT32_MAX
 #define MAP_ERROR_SIZE              256
 #define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
-#define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points */
+#define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points; configurable */
 #define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
 #define MAP_RTUD                    0    /* rtud's index in the module table */
 
@@ -61,13 +61,20 @@ static inline double map_number(enum map_type type, union map_value value)
 	return type == MAP_FLOAT ? (double)value.f : value.i;
 }
 
-/* The nearest integer, of two the even one, as lrint: libm for this alone was 0.4 MiB in each process's memory. */
-static inline int32_t map_round(double number)
+/* The nearest whole number, of two the even one, as rint: libm for this alone was 0.4 MiB in each process's memory. */
+static inline double map_nearest(double number)
 {
 	_Static_assert(FLT_EVAL_METHOD == 0, "a double has 53 bits here");
-	const double no_fraction = 0x1.8p52; /* a sum of this size has no place for one */
+	const double no_fraction = 0x1p52; /* numbers of this size have no place for one */
 
-	return (int32_t)(number + no_fraction - no_fraction);
+	if (number >= no_fraction || number <= -no_fraction)
+		return number;
+	return number < 0 ? number - no_fraction + no_fraction : number + no_fraction - no_fraction;
+}
+
+static inline int32_t map_round(double number)
+{
+	return (int32_t)map_nearest(number);
 }
 
 struct map_sample {
@@ -380,8 +387,12 @@ const char *map_command_result_name(enum map_command_result result);
  * is never written. Makes the reading of what was read from the device in *sample, before it is published; notes
  * an overflow of the reading. A device that falls back has been reset or exchanged: the reading begins anew with
  * it, and is adjusted. Owner only.
+ *
+ * narrow: the device's counter has 16 bits. The reading goes on where that wraps, which must be read before it has counted
+ * 32 768; when the device falls back further, the reading goes on from where it was, and is adjusted. A reading that is
+ * invalid changes nothing.
  */
-void map_total_count(struct map *map, uint32_t point, struct map_sample *sample);
+void map_total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample);
 /*
  * Freezes counters with a period of their own when the map's clock enters a new one, and makes an event of each
  * frozen reading. Each second or so; owner only.

@@ -52,8 +52,11 @@ bool map_alive(const struct map *map, uint32_t module)
 
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
 {
-	return map->directory->modules[module].kind == MAP_MODULE_MODBUS ? MAP_HEARTBEAT_LIMIT_MS
-									 : MAP_IDLE_HEARTBEAT_LIMIT_MS;
+	uint32_t configured_ms = map->directory->settings.heartbeat_limit_ms;
+
+	if (map->directory->modules[module].kind != MAP_MODULE_MODBUS)
+		return MAP_IDLE_HEARTBEAT_LIMIT_MS;
+	return configured_ms ? configured_ms : MAP_HEARTBEAT_LIMIT_MS;
 }
 
 void map_module(const struct map *map, uint32_t index, struct map_module *out)

@@ -163,11 +163,17 @@ static void test_parameters_survive_their_owner(void **state)
 	end_commands(&commands);
 }
 
-static void test_numbers_are_rounded_as_lrint_does(void **state)
+/* Up to the size that has no fraction: whole numbers, halves and quarters on both sides of it. */
+static void test_numbers_are_rounded_as_rint_does(void **state)
 {
 	(void)state;
 	for (double number = -70000; number <= 70000; number += 0.125)
 		assert_int_equal(map_round(number), lrint(number));
+	for (int power = 40; power <= 63; power++)
+		for (double more = -4; more <= 4; more += 0.25)
+			for (int sign = -1; sign <= 1; sign += 2)
+				assert_true(map_nearest(sign * (ldexp(1, power) + more)) ==
+					    rint(sign * (ldexp(1, power) + more)));
 	assert_int_equal(map_round(INT32_MAX), INT32_MAX);
 	assert_int_equal(map_round(INT32_MIN), INT32_MIN);
 	assert_int_equal(map_round(nextafter(0.5, 0)), 0);
@@ -182,7 +188,7 @@ int main(void)
 	    MEASURED(test_smoothing),
 	    MEASURED(test_wrong_values_are_refused),
 	    MEASURED(test_parameters_survive_their_owner),
-	    cmocka_unit_test(test_numbers_are_rounded_as_lrint_does),
+	    cmocka_unit_test(test_numbers_are_rounded_as_rint_does),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -25,13 +25,24 @@ static int set_up_counters(void **state)
 
 #define COUNTERS(name) cmocka_unit_test_setup_teardown(name, set_up_counters, tear_down)
 
+static void count_in(struct map *owner, uint32_t point, bool narrow, uint32_t value, uint8_t quality)
+{
+	struct map_update update = scaled(point, (int32_t)value, quality, map_now_ns());
+
+	map_total_count(owner, point, narrow, &update.sample);
+	map_publish(owner, &update, 1);
+}
+
 /* The device is read. */
 static void count(struct map *owner, uint32_t point, uint32_t value)
 {
-	struct map_update update = scaled(point, (int32_t)value, MAP_GOOD, map_now_ns());
+	count_in(owner, point, false, value, MAP_GOOD);
+}
 
-	map_total_count(owner, point, &update.sample);
-	map_publish(owner, &update, 1);
+/* The same of a counter of one register. */
+static void count_narrow(struct map *owner, uint16_t value)
+{
+	count_in(owner, COUNTER, true, value, MAP_GOOD);
 }
 
 static void freeze(struct command_stage *commands, uint32_t point, enum map_freeze mode, uint32_t which)
@@ -88,6 +99,24 @@ static void test_a_reset_is_a_subtraction(void **state)
 	end_commands(&commands);
 }
 
+/* A station of several devices freezes as one. */
+static void test_a_freeze_is_the_stations(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands;
+
+	stage->devices[1].ca = stage->devices[0].ca;
+	stage->points[OTHER_DEVICE].ioa += 1000;
+	make_again(stage);
+	commands = start_commands(*state);
+	count(commands.owner, COUNTER, 7);
+	count(commands.owner, OTHER_DEVICE, 8);
+	freeze(&commands, COUNTER, MAP_FREEZE_ONLY, 0);
+	assert_total(commands.requester, COUNTER, 7, 1);
+	assert_total(commands.requester, OTHER_DEVICE, 8, 1);
+	end_commands(&commands);
+}
+
 static void test_an_overflow_is_carried(void **state)
 {
 	struct command_stage commands = start_commands(*state);
@@ -99,6 +128,50 @@ static void test_an_overflow_is_carried(void **state)
 	assert_total(commands.requester, COUNTER, 5, 1 | MAP_COUNTER_CARRY);
 	freeze(&commands, COUNTER, MAP_FREEZE_ONLY, 0);
 	assert_total(commands.requester, COUNTER, 5, 2);
+	end_commands(&commands);
+}
+
+static void test_a_narrow_counter_goes_on_where_its_register_wraps(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+
+	count_narrow(commands.owner, 65000);
+	for (uint32_t total = 65000; total < 265000; total += 20000)
+		count_narrow(commands.owner, (uint16_t)(total + 20000));
+	assert_sample(commands.requester, COUNTER, 265000, MAP_GOOD);
+	freeze(&commands, COUNTER, MAP_FREEZE_AND_RESET, 0);
+	assert_total(commands.requester, COUNTER, 265000, 1); /* neither carried nor adjusted */
+	count_narrow(commands.owner, (uint16_t)(265000 + 30000));
+	count_narrow(commands.owner, (uint16_t)(265000 + 60000));
+	assert_sample(commands.requester, COUNTER, 60000, MAP_GOOD);
+	end_commands(&commands);
+}
+
+static void test_a_narrow_counter_that_falls_back_goes_on_and_says_so(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+
+	count_narrow(commands.owner, 60000);
+	count_narrow(commands.owner, 10000); /* 15 536 more */
+	count_narrow(commands.owner, 5);     /* it was restarted */
+	assert_sample(commands.requester, COUNTER, 75541, MAP_GOOD);
+	count_narrow(commands.owner, 6);
+	freeze(&commands, COUNTER, MAP_FREEZE_ONLY, 0);
+	assert_total(commands.requester, COUNTER, 75542, 1 | MAP_COUNTER_ADJUSTED);
+	end_commands(&commands);
+}
+
+/* A counter that comes as a floating point number may be none for a while. */
+static void test_an_invalid_reading_changes_nothing(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+
+	count(commands.owner, COUNTER, 100);
+	count_in(commands.owner, COUNTER, false, 0, MAP_INVALID);
+	assert_sample(commands.requester, COUNTER, 100, MAP_INVALID);
+	count(commands.owner, COUNTER, 101);
+	freeze(&commands, COUNTER, MAP_FREEZE_ONLY, 0);
+	assert_total(commands.requester, COUNTER, 101, 1);
 	end_commands(&commands);
 }
 
@@ -218,6 +291,10 @@ int main(void)
 	    COUNTERS(test_a_freeze_keeps_the_reading_and_counts),
 	    COUNTERS(test_a_reset_is_a_subtraction),
 	    COUNTERS(test_an_overflow_is_carried),
+	    COUNTERS(test_a_freeze_is_the_stations),
+	    COUNTERS(test_a_narrow_counter_goes_on_where_its_register_wraps),
+	    COUNTERS(test_a_narrow_counter_that_falls_back_goes_on_and_says_so),
+	    COUNTERS(test_an_invalid_reading_changes_nothing),
 	    COUNTERS(test_the_overflow_is_the_readings),
 	    COUNTERS(test_an_exchanged_device_is_adjusted),
 	    COUNTERS(test_groups_and_devices),

@@ -22,24 +22,42 @@ static void store(struct total_cell *cell, const struct map_total *total)
 
 /* ---- readings ---------------------------------------------------------------------------- */
 
-void map_total_count(struct map *map, uint32_t point, struct map_sample *sample)
+static void readjust(struct map_total *total, uint32_t device, uint32_t reading)
+{
+	total->since |= MAP_COUNTER_ADJUSTED;
+	total->offset = device - reading;
+}
+
+/* The reading behind last. What lies nearer behind it than ahead is a device that was reset or exchanged. */
+static uint32_t next_reading(struct map_total *total, uint32_t last, bool narrow, uint32_t device)
+{
+	uint32_t counted = device - total->offset - last;
+
+	if (narrow)
+		counted &= UINT16_MAX;
+	if (counted <= (narrow ? (uint32_t)INT16_MAX : (uint32_t)INT32_MAX)) {
+		total->since |= last + counted < last ? MAP_COUNTER_CARRY : 0;
+		return last + counted;
+	}
+	readjust(total, device, narrow ? last + device : device);
+	return device - total->offset;
+}
+
+void map_total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample)
 {
 	struct total_cell *cell = own_cell(map, point);
 	struct map_total total = current(cell);
 	struct map_sample last = own_sample(map, point);
-	uint32_t reading = sample->value.u - total.offset;
+	uint8_t since = total.since;
 
-	if (last.time_ns != 0 &&
-	    reading - last.value.u > INT32_MAX) { /* nearer behind the last one than ahead */
-		total.since |= MAP_COUNTER_ADJUSTED;
-		total.offset = 0;
-		reading = sample->value.u;
+	if (sample->quality & MAP_INVALID)
+		sample->value = last.value;
+	else if (last.time_ns == 0)
+		sample->value.u -= total.offset;
+	else
+		sample->value.u = next_reading(&total, last.value.u, narrow, sample->value.u);
+	if (total.since != since || total.offset != current(cell).offset)
 		store(cell, &total);
-	} else if (last.time_ns != 0 && reading < last.value.u) {
-		total.since |= MAP_COUNTER_CARRY;
-		store(cell, &total);
-	}
-	sample->value.u = reading;
 }
 
 /* ---- freezing ---------------------------------------------------------------------------- */
@@ -76,6 +94,11 @@ static void carry_out(struct map *map, uint32_t point, enum map_freeze mode)
 	map_publish(map, &update, 1);
 }
 
+static uint16_t ca_of(const struct map *map, uint32_t point)
+{
+	return map->config.devices[map->config.points[point].device].ca;
+}
+
 static bool is_meant(const struct map *map, uint32_t point, const struct map_request *request)
 {
 	const struct map_point *object = &map->config.points[point];
@@ -83,7 +106,7 @@ static bool is_meant(const struct map *map, uint32_t point, const struct map_req
 
 	return object->type == MAP_COUNTER && map_owner(map, point) == map->self &&
 	       ((request->value.u & MAP_FREEZE_ALL_DEVICES) ||
-		object->device == map->config.points[request->point].device) &&
+		ca_of(map, point) == ca_of(map, request->point)) &&
 	       (group == 0 || object->counter_group == group);
 }
 

@@ -54,9 +54,9 @@ static uint8_t read_function(uint8_t table)
 /* Two bits that lie apart are read with what lies between them: only in one answer they belong together. */
 static struct modbus_object object_of(const struct map_point *point, uint32_t number)
 {
-	bool swapped = point->width > 1 && point->second_address < point->address;
-	uint16_t first = swapped ? point->second_address : point->address;
-	uint16_t last = swapped || point->width == 1 ? point->address : point->second_address;
+	uint32_t end = map_point_address(point, point->width - 1u);
+	uint16_t first = (uint16_t)(end < point->address ? end : point->address);
+	uint16_t last = (uint16_t)(end < point->address ? point->address : end);
 
 	return (struct modbus_object){.tag = number,
 				      .address = first,

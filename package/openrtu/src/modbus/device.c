@@ -191,7 +191,7 @@ void modbus_replan(struct modbus_line *line, struct modbus_device *device)
 /*
  * The device lives but does not give this read (exception 0: it is silent). Divides it, since one object
  * that the device does not have, or a hole, spoils it for all. A single object, or what a busy device
- * does not give now, is asked for ever more rarely. True when the read was divided.
+ * does not give now, is asked for less and less often. True when the read was divided.
  */
 bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_index, uint8_t exception,
 			int64_t now_ns)

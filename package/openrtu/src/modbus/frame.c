@@ -6,6 +6,7 @@
 #define EXCEPTION_BODY   3
 #define EXCEPTION_LENGTH (EXCEPTION_BODY + MODBUS_CRC_LENGTH)
 #define COIL_ON          0xFF00
+#define ECHO_MAX         6 /* of function 22; other writes have 4 */
 
 uint16_t modbus_crc(const uint8_t *bytes, size_t length)
 {
@@ -70,7 +71,7 @@ static size_t put_registers(uint8_t *frame, size_t at, const struct modbus_reque
 	return at;
 }
 
-/* The four bytes behind unit and function: all that the answer to a write repeats. */
+/* The bytes behind unit and function that the answer to a write repeats. */
 static size_t put_echoed(uint8_t *frame, size_t at, const struct modbus_request *request)
 {
 	at = put_word(frame, at, request->address);
@@ -79,6 +80,9 @@ static size_t put_echoed(uint8_t *frame, size_t at, const struct modbus_request 
 		return put_word(frame, at, request->values[0] ? COIL_ON : 0);
 	case MODBUS_WRITE_REGISTER:
 		return put_word(frame, at, request->values[0]);
+	case MODBUS_MASK_WRITE_REGISTER: /* MODBUS Application Protocol V1.1b3, 6.16 */
+		at = put_word(frame, at, request->values[0]);
+		return put_word(frame, at, request->values[1]);
 	default:
 		return put_word(frame, at, request->count);
 	}
@@ -117,11 +121,12 @@ size_t modbus_answer_length(const struct modbus_request *request)
 	if (modbus_is_read(request->function))
 		return HEAD_LENGTH + 1u + modbus_read_bytes(request->function, request->count) +
 		       MODBUS_CRC_LENGTH;
-	return HEAD_LENGTH + 4 + MODBUS_CRC_LENGTH;
+	return HEAD_LENGTH + (request->function == MODBUS_MASK_WRITE_REGISTER ? ECHO_MAX : ECHO_MAX - 2) +
+	       MODBUS_CRC_LENGTH;
 }
 
 /* What stands between unit, function and the data or CRC: the byte count of a read, the echo of a write. */
-static size_t expected_fields(const struct modbus_request *request, uint8_t fields[4])
+static size_t expected_fields(const struct modbus_request *request, uint8_t fields[ECHO_MAX])
 {
 	if (!modbus_is_read(request->function))
 		return put_echoed(fields, 0, request);
@@ -133,7 +138,7 @@ static size_t expected_fields(const struct modbus_request *request, uint8_t fiel
 static enum modbus_verdict judge_beginning(const struct modbus_request *request, const uint8_t *bytes,
 					   size_t length, size_t *whole)
 {
-	uint8_t fields[4];
+	uint8_t fields[ECHO_MAX];
 	size_t field_count = expected_fields(request, fields);
 
 	*whole = EXCEPTION_BODY;

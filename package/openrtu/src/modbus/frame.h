@@ -15,7 +15,7 @@
 #define MODBUS_CRC_LENGTH    2
 #define MODBUS_BITS_MAX      2000
 #define MODBUS_REGISTERS_MAX 125
-#define MODBUS_WRITE_MAX     2 /* an object has at most two bits or registers */
+#define MODBUS_WRITE_MAX     4 /* an object has at most two bits or four registers */
 #define MODBUS_BROADCAST     0
 #define MODBUS_EXCEPTION_BIT 0x80
 
@@ -36,14 +36,16 @@ enum modbus_function {
 	MODBUS_WRITE_REGISTER = 6,
 	MODBUS_WRITE_COILS = 15,
 	MODBUS_WRITE_REGISTERS = 16,
+	MODBUS_MASK_WRITE_REGISTER = 22,
 };
 
 struct modbus_request {
 	uint8_t unit;
 	uint8_t function; /* enum modbus_function */
 	uint16_t address;
-	uint16_t count;                    /* bits or registers; 1 for functions 5 and 6 */
-	uint16_t values[MODBUS_WRITE_MAX]; /* writes: registers, or a bit (0, 1) each */
+	uint16_t count; /* bits or registers; 1 for functions 5, 6 and 22 */
+	/* Writes: registers, or a bit (0, 1) each; function 22: the bits that stay, the bits that are set. */
+	uint16_t values[MODBUS_WRITE_MAX];
 };
 
 /* What the bytes received so far are, taken as the answer to a request. */

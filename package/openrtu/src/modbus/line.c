@@ -321,7 +321,7 @@ static bool looks_like_its_answer(const struct modbus_line *line)
 
 /*
  * A line whose transceiver hears itself brings every request back before the answer. The answer to
- * functions 5 and 6 looks the same, and that to a read of 17 to 24 bits at 0x03xx may: which of the two
+ * functions 5, 6 and 22 looks the same, and that to a read of 17 to 24 bits at 0x03xx may: which of the two
  * it is, the reads before have shown. True when what was received is the echo, or may become it.
  */
 static bool take_echo(struct modbus_line *line)

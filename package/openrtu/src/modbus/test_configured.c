@@ -49,6 +49,7 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	    {.device = 2, .table = MAP_HOLDING_REGISTERS, .address = 4, .second_address = 5, .width = 2},
 	    {.device = 2,
 	     .table = MAP_COILS,
+	     .type = MAP_DOUBLE,
 	     .address = 20,
 	     .second_address = 10,
 	     .width = 2,

@@ -138,6 +138,23 @@ static void assert_echo(struct modbus_request request, const uint8_t fields[4])
 	}
 }
 
+static void answer_to_a_masked_write_must_echo_both_masks(void **state)
+{
+	(void)state;
+	const struct modbus_request request = {9, 22, 0x102, 1, {0xFFF7, 0x0008}};
+	uint8_t frame[MODBUS_FRAME_MAX] = {9, 22, 1, 2, 0xFF, 0xF7, 0, 8};
+	size_t length = sealed(frame, 8);
+
+	assert_frame(request, frame, length);
+	assert_int_equal(modbus_answer_length(&request), 10);
+	assert_int_equal(modbus_answer_judge(&request, frame, length), MODBUS_ANSWER);
+	for (size_t i = 2; i < 8; i++) {
+		frame[i]++;
+		assert_int_equal(modbus_answer_judge(&request, frame, sealed(frame, 8)), MODBUS_NOT_ITS_OWN);
+		frame[i]--;
+	}
+}
+
 static void answers_to_writes_must_echo(void **state)
 {
 	(void)state;
@@ -193,6 +210,7 @@ int main(void)
 	    cmocka_unit_test(every_single_bit_error_is_found),
 	    cmocka_unit_test(exceptions),
 	    cmocka_unit_test(foreign_answers),
+	    cmocka_unit_test(answer_to_a_masked_write_must_echo_both_masks),
 	    cmocka_unit_test(answers_to_writes_must_echo),
 	    cmocka_unit_test(hostile_bytes),
 	};

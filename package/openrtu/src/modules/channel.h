@@ -13,7 +13,7 @@
 struct channel {
 	int fd; /* non-blocking, for epoll */
 	uint32_t
-	    wants; /* EPOLLIN or EPOLLOUT: it can neither greet nor receive before that; 0: nothing special */
+	    wants; /* EPOLLIN or EPOLLOUT: neither handshake nor receipt can go on before that; 0: nothing special */
 	char peer[MAP_PEER_SIZE];
 	/* of channel_tls.c alone */
 	void *tls;
@@ -23,10 +23,10 @@ struct channel {
 	int64_t renew_ns; /* when its keys are too old */
 };
 
-enum channel_greeting {
-	CHANNEL_GREETED, /* octets may be received and transmitted */
-	CHANNEL_WAITS,   /* for what the channel wants */
-	CHANNEL_REFUSED  /* logged; to be closed */
+enum channel_progress {
+	CHANNEL_READY,  /* octets may be received and transmitted */
+	CHANNEL_WAITS,  /* for what the channel wants */
+	CHANNEL_REFUSED /* logged; to be closed */
 };
 
 /* Before the first channel; the station, initialised, is where it logs. False: said in the log and on stderr. */
@@ -36,9 +36,9 @@ bool channel_start(struct iec104_station *station);
 void channel_watch(int64_t now_ns);
 
 /* Puts a channel on a connected socket, which it closes in the end; peer names it in the log. */
-enum channel_greeting channel_open(struct channel *channel, int fd, const char *peer);
-/* Goes on with finding out who the peer is. */
-enum channel_greeting channel_greet(struct channel *channel);
+enum channel_progress channel_open(struct channel *channel, int fd, const char *peer);
+/* Continues the handshake, which finds out who the peer is. */
+enum channel_progress channel_handshake(struct channel *channel);
 
 /* Returns the octets that came, at most size; 0: none now, -1: the connection is over. */
 ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size);
@@ -50,7 +50,7 @@ bool channel_pending(const struct channel *channel);
  */
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size);
 
-/* To be called in each turn, once it is greeted: renews what has its time. False: logged; to be closed. */
+/* Call it in each turn once the channel is ready: renews its keys in time. False: logged; to be closed. */
 bool channel_keep(struct channel *channel, int64_t now_ns);
 
 void channel_close(struct channel *channel);

@@ -18,17 +18,17 @@ void channel_watch(int64_t now_ns)
 	(void)now_ns;
 }
 
-enum channel_greeting channel_open(struct channel *channel, int fd, const char *peer)
+enum channel_progress channel_open(struct channel *channel, int fd, const char *peer)
 {
 	*channel = (struct channel){.fd = fd};
 	snprintf(channel->peer, sizeof(channel->peer), "%s", peer);
-	return CHANNEL_GREETED;
+	return CHANNEL_READY;
 }
 
-enum channel_greeting channel_greet(struct channel *channel)
+enum channel_progress channel_handshake(struct channel *channel)
 {
 	(void)channel;
-	return CHANNEL_GREETED;
+	return CHANNEL_READY;
 }
 
 static bool is_later(void)

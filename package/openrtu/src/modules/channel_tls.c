@@ -82,7 +82,7 @@ static void log_renegotiation(const SSL *tls, int where, int what)
 		iec104_log(station, MAP_LOG_WARNING, channel->peer, "renegotiation is refused");
 }
 
-static void log_greeting(const struct channel *channel)
+static void log_handshake(const struct channel *channel)
 {
 	char name[TLS_NAME_SIZE];
 
@@ -138,7 +138,7 @@ void channel_watch(int64_t now_ns)
 
 /* ---- the handshake ----------------------------------------------------------------------- */
 
-enum channel_greeting channel_open(struct channel *channel, int fd, const char *peer)
+enum channel_progress channel_open(struct channel *channel, int fd, const char *peer)
 {
 	SSL *tls = SSL_new(context);
 
@@ -158,7 +158,7 @@ static void renew_next_time(struct channel *channel)
 }
 
 /* A session is resumed without a look at the certificate it began with. */
-static enum channel_greeting finish_greeting(struct channel *channel)
+static enum channel_progress finish_handshake(struct channel *channel)
 {
 	channel->wants = 0;
 	renew_next_time(channel);
@@ -168,11 +168,11 @@ static enum channel_greeting finish_greeting(struct channel *channel)
 		log_refusal(channel);
 		return CHANNEL_REFUSED;
 	}
-	log_greeting(channel);
-	return CHANNEL_GREETED;
+	log_handshake(channel);
+	return CHANNEL_READY;
 }
 
-enum channel_greeting channel_greet(struct channel *channel)
+enum channel_progress channel_handshake(struct channel *channel)
 {
 	int result;
 
@@ -180,7 +180,7 @@ enum channel_greeting channel_greet(struct channel *channel)
 	tls_refusal_clear();
 	result = SSL_accept(channel->tls);
 	if (result == 1)
-		return finish_greeting(channel);
+		return finish_handshake(channel);
 	switch (SSL_get_error(channel->tls, result)) {
 	case SSL_ERROR_WANT_READ:
 		channel->wants = EPOLLIN;

@@ -170,7 +170,8 @@ static void not_written(struct commands *commands, struct commands_progress *pro
 		postpone_end(commands, progress, map_result(result), exception, now_ns);
 		return;
 	}
-	if (progress->pulse_ms == 0 || result != MODBUS_TIMED_OUT || !operation_switches_on(write)) {
+	if (progress->pulse_ms == 0 || result != MODBUS_TIMED_OUT ||
+	    !operation_switches_on(point_of(commands, progress->point), write)) {
 		finish(commands, progress, map_result(result), exception);
 		return;
 	}
@@ -222,8 +223,8 @@ static void begin(struct commands *commands, const struct map_request *request)
 	enum map_command_result result;
 
 	map_read(commands->map, request->point, &last);
-	result = operation_begin(point_of(commands, request->point), unit_of(commands, request->point),
-				 request, &last, &begun.operation);
+	result = operation_begin(point_of(commands, request->point), map_config(commands->map)->knots,
+				 unit_of(commands, request->point), request, &last, &begun.operation);
 	if (result == MAP_RESULT_NONE && !write_next(commands, &begun, request->deadline_ns))
 		result = MAP_RESULT_TIMEOUT;
 	if (result == MAP_RESULT_NONE)

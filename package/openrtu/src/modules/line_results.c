@@ -24,26 +24,33 @@ static uint16_t raw_word(const struct modbus_read *read, const uint8_t *data, ui
 						      : modbus_register(data, (uint16_t)index);
 }
 
+static void take_raw(const struct modbus_read *read, const uint8_t *data, const struct map_point *point,
+		     uint16_t raw[CONVERT_WIDTH_MAX])
+{
+	for (uint32_t i = 0; i < point->width; i++)
+		raw[i] = raw_word(read, data, map_point_address(point, i) - read->address);
+}
+
 static void publish_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
 			 int64_t now_ns)
 {
 	struct line_results *results = context;
 	const struct map_point *points = map_config(results->map)->points;
+	const struct map_knot *knots = map_config(results->map)->knots;
 
 	for (uint32_t i = 0; i < read->objects; i++) {
 		uint32_t point = results->line->devices[device].objects[read->first + i].tag;
 		const struct map_point *config = &points[point];
-		const uint16_t raw[CONVERT_WIDTH_MAX] = {
-		    raw_word(read, data, (uint32_t)config->address - read->address),
-		    raw_word(read, data, (uint32_t)config->second_address - read->address)};
+		uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 		struct map_update *update = &results->updates[i];
 
 		*update = (struct map_update){.point = point,
 					      .cause = (uint8_t)commands_cause(results->commands, point),
 					      .sample = {.time_ns = now_ns}};
-		convert_to_sample(config, raw, &update->sample);
+		take_raw(read, data, config, raw);
+		convert_to_sample(config, knots, raw, &update->sample);
 		if (config->type == MAP_COUNTER)
-			map_total_count(results->map, point, &update->sample);
+			map_total_count(results->map, point, config->width == 1, &update->sample);
 		else
 			map_smooth(results->map, point, &update->sample);
 	}

@@ -1,11 +1,19 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modules/operation.h"
 
+#include <string.h>
+
 #include "modules/convert.h"
 
 static bool is_integer(const struct map_point *point)
 {
 	return point->type != MAP_FLOAT;
+}
+
+/* What is on there is a coil that is off. */
+static bool has_inverted_coils(const struct map_point *point)
+{
+	return (point->flags & MAP_POINT_INVERTED) != 0;
 }
 
 static bool takes_steps(const struct map_point *point)
@@ -39,13 +47,13 @@ static bool takes_pulse(const struct map_point *point, union map_value value)
 }
 
 static struct modbus_request write_of(const struct map_point *point, uint8_t unit, uint8_t function,
-				      uint16_t first, uint16_t second)
+				      const uint16_t *values, uint16_t count)
 {
-	return (struct modbus_request){.unit = unit,
-				       .function = function,
-				       .address = point->address,
-				       .count = point->width,
-				       .values = {first, second}};
+	struct modbus_request write = {
+	    .unit = unit, .function = function, .address = point->address, .count = count};
+
+	memcpy(write.values, values, count * sizeof(*values));
+	return write;
 }
 
 static struct modbus_request coil(uint8_t unit, uint16_t address, uint16_t value)
@@ -57,12 +65,13 @@ static struct modbus_request coil(uint8_t unit, uint16_t address, uint16_t value
 static void write_two_coils(const struct map_point *point, uint8_t unit, const uint16_t raw[2],
 			    struct operation *out)
 {
+	const uint16_t backwards[] = {raw[1], raw[0]};
 	struct modbus_request *writes = out->writes;
 
 	if (point->second_address == point->address + 1) {
-		*writes = write_of(point, unit, MODBUS_WRITE_COILS, raw[0], raw[1]);
+		*writes = write_of(point, unit, MODBUS_WRITE_COILS, raw, 2);
 	} else if (point->second_address == point->address - 1) {
-		*writes = write_of(point, unit, MODBUS_WRITE_COILS, raw[1], raw[0]);
+		*writes = write_of(point, unit, MODBUS_WRITE_COILS, backwards, 2);
 		writes->address = point->second_address;
 	} else {
 		unsigned off_first = raw[0] != 0;
@@ -73,24 +82,36 @@ static void write_two_coils(const struct map_point *point, uint8_t unit, const u
 	}
 }
 
+/* The register's other bits stay as they are, whatever the device has made of them since they were read. */
+static struct modbus_request write_register_bits(const struct map_point *point, uint8_t unit, uint16_t word)
+{
+	return (struct modbus_request){.unit = unit,
+				       .function = MODBUS_MASK_WRITE_REGISTER,
+				       .address = point->address,
+				       .count = 1,
+				       .values = {(uint16_t)~convert_register_mask(point), word}};
+}
+
 static void write_raw(const struct map_point *point, uint8_t unit, const uint16_t raw[CONVERT_WIDTH_MAX],
 		      struct operation *out)
 {
 	bool single = point->width == 1;
 
 	out->count = 1;
-	if (point->table != MAP_COILS)
+	if (map_point_is_register_bit(point))
+		out->writes[0] = write_register_bits(point, unit, raw[0]);
+	else if (point->table != MAP_COILS)
 		out->writes[0] = write_of(
-		    point, unit, single ? MODBUS_WRITE_REGISTER : MODBUS_WRITE_REGISTERS, raw[0], raw[1]);
+		    point, unit, single ? MODBUS_WRITE_REGISTER : MODBUS_WRITE_REGISTERS, raw, point->width);
 	else if (single)
 		out->writes[0] = coil(unit, point->address, raw[0]);
 	else
 		write_two_coils(point, unit, raw, out);
 }
 
-enum map_command_result operation_begin(const struct map_point *point, uint8_t unit,
-					const struct map_request *request, const struct map_sample *last,
-					struct operation *out)
+enum map_command_result operation_begin(const struct map_point *point, const struct map_knot *knots,
+					uint8_t unit, const struct map_request *request,
+					const struct map_sample *last, struct operation *out)
 {
 	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 	union map_value value = request->value;
@@ -104,7 +125,7 @@ enum map_command_result operation_begin(const struct map_point *point, uint8_t u
 	if (request->pulse_ms != 0 && !takes_pulse(point, value))
 		return MAP_RESULT_NOT_COMMANDABLE;
 	if ((takes_steps(point) && !within_limits(point, map_number((enum map_type)point->type, value))) ||
-	    !convert_to_raw(point, value, request->detail, raw))
+	    !convert_to_raw(point, knots, value, request->detail, raw))
 		return MAP_RESULT_OUT_OF_RANGE;
 	write_raw(point, unit, raw, out);
 	return MAP_RESULT_NONE;
@@ -112,10 +133,14 @@ enum map_command_result operation_begin(const struct map_point *point, uint8_t u
 
 void operation_end(const struct map_point *point, uint8_t unit, struct operation *out)
 {
-	write_raw(point, unit, (const uint16_t[CONVERT_WIDTH_MAX]){0}, out);
+	uint16_t off = has_inverted_coils(point);
+
+	write_raw(point, unit, (const uint16_t[CONVERT_WIDTH_MAX]){off, off}, out);
 }
 
-bool operation_switches_on(const struct modbus_request *write)
+bool operation_switches_on(const struct map_point *point, const struct modbus_request *write)
 {
-	return write->values[0] != 0 || (write->count > 1 && write->values[1] != 0);
+	uint16_t off = has_inverted_coils(point);
+
+	return write->values[0] != off || (write->count > 1 && write->values[1] != off);
 }

@@ -16,19 +16,19 @@ struct operation {
 /*
  * The writes that carry out an accepted request. Two neighbouring coils are one function 15 and two registers one
  * function 16, so that no device ever sees half of a command; of coils that lie apart, the one that goes off is written
- * first. last: the point's sample, from which a regulating step goes. Returns
+ * first. Bits of a register are one function 22, which leaves the others alone. knots: the configuration's. last: the point's sample, from which a regulating step goes. Returns
  * - MAP_RESULT_NONE: out is filled in;
  * - MAP_RESULT_OUT_OF_RANGE: the point cannot hold the value, or it is beyond the point's min and max;
  * - MAP_RESULT_NOT_COMMANDABLE: no pulse or step of this point, or a step from a value that is not good.
  */
-enum map_command_result operation_begin(const struct map_point *point, uint8_t unit,
-					const struct map_request *request, const struct map_sample *last,
-					struct operation *out);
+enum map_command_result operation_begin(const struct map_point *point, const struct map_knot *knots,
+					uint8_t unit, const struct map_request *request,
+					const struct map_sample *last, struct operation *out);
 
-/* The writes that end a pulse of a single or double point: its coils off. */
+/* The writes that end a pulse of a single or double point: its coils off, or on where they are inverted. */
 void operation_end(const struct map_point *point, uint8_t unit, struct operation *out);
 
-/* The write turns a coil on: unanswered, it may have begun a pulse. */
-bool operation_switches_on(const struct modbus_request *write);
+/* The write of this point turns a coil on: unanswered, it may have begun a pulse. */
+bool operation_switches_on(const struct map_point *point, const struct modbus_request *write);
 
 #endif

@@ -1,9 +1,26 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modules/options.h"
 
+#include <errno.h>
 #include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
+
+static void print_usage(FILE *out)
+{
+	fprintf(out,
+		"usage: %s --map DIR --module NAME [--dev DIR] [--filter FD]\n"
+		"\n"
+		"A module of OpenRTU's gateway, which rtud starts.\n"
+		"\n"
+		"  --map DIR      folder of the point map\n"
+		"  --module NAME  its name in the map\n"
+		"  --dev DIR      folder of the ports that the configuration names without a path  [/dev]\n"
+		"  --filter FD    open descriptor of the filter of its system calls  [none]\n"
+		"  --help         this text\n"
+		"  --version      the version\n",
+		program_invocation_short_name);
+}
 
 static bool parse(int argc, char **argv, struct options *out)
 {
@@ -12,34 +29,43 @@ static bool parse(int argc, char **argv, struct options *out)
 	    {"module", required_argument, NULL, 'n'},
 	    {"dev", required_argument, NULL, 'd'},
 	    {"filter", required_argument, NULL, 'f'},
-	    {0},
+	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
+	    {NULL, 0, NULL, 0},
 	};
 
 	*out = (struct options){.devices = "/dev", .filter_fd = -1};
 	for (int option; (option = getopt_long(argc, argv, "", known, NULL)) != -1;) {
-		if (option == 'm')
+		switch (option) {
+		case 'm':
 			out->map = optarg;
-		else if (option == 'n')
+			break;
+		case 'n':
 			out->module = optarg;
-		else if (option == 'd')
+			break;
+		case 'd':
 			out->devices = optarg;
-		else if (option == 'f')
+			break;
+		case 'f':
 			out->filter_fd = atoi(optarg);
-		else
+			break;
+		case 'h':
+			print_usage(stdout);
+			exit(0);
+		case 'V':
+			printf("%s (OpenRTU) " OPENRTU_VERSION "\n", program_invocation_short_name);
+			exit(0);
+		default:
 			return false;
+		}
 	}
 	return out->map != NULL && out->module != NULL && optind == argc;
 }
 
-bool options_parse(int argc, char **argv, const char *program, struct options *out)
+bool options_parse(int argc, char **argv, struct options *out)
 {
 	if (parse(argc, argv, out))
 		return true;
-	fprintf(stderr,
-		"usage: %s --map DIR --module NAME [--dev DIR] [--filter FD]\n"
-		"rtud starts it so. DIR of --dev holds the ports that the configuration names without a "
-		"path; behind FD "
-		"is the filter of its system calls.\n",
-		program);
+	print_usage(stderr);
 	return false;
 }

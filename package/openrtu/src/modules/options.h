@@ -12,7 +12,10 @@ struct options {
 	int filter_fd;       /* of the filter of its system calls, for confine(); -1: none */
 };
 
-/* --map DIR --module NAME [--dev DIR] [--filter FD]. False, with the usage of the program on stderr, for anything else. */
-bool options_parse(int argc, char **argv, const char *program, struct options *out);
+/*
+ * --map DIR --module NAME [--dev DIR] [--filter FD]. Prints and exits for --help and --version. False, with the usage of
+ * the program on stderr, for anything else.
+ */
+bool options_parse(int argc, char **argv, struct options *out);
 
 #endif

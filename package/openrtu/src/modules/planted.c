@@ -17,8 +17,7 @@ int main(int argc, char **argv)
 	char error[MAP_ERROR_SIZE];
 	struct map *map;
 
-	if (!options_parse(argc, argv, "planted", &options) ||
-	    map_attach(&map, options.map, options.module, error) < 0)
+	if (!options_parse(argc, argv, &options) || map_attach(&map, options.map, options.module, error) < 0)
 		return EXIT_FAILURE;
 	prctl(PR_SET_NAME, options.module);
 	if (confine(map, options.filter_fd, 0) < 0)

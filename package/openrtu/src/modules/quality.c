@@ -34,7 +34,7 @@ void quality_init(struct quality *quality, struct map *map, struct quality_of_po
 
 	*quality = (struct quality){.map = map, .points = points};
 	for (uint32_t i = 0; i < config->point_count; i++) {
-		points[i] = (struct quality_of_point){.own = MAP_INVALID, .said = MAP_INVALID};
+		points[i] = (struct quality_of_point){.own = MAP_INVALID, .published = MAP_INVALID};
 		quality->with_status |= has_status(&config->points[i]);
 	}
 }
@@ -86,15 +86,15 @@ size_t quality_complete(struct quality *quality, const struct map_device *device
 		struct quality_of_point *point = &quality->points[number];
 
 		if (point->updated || !has_status(&config->points[number]) ||
-		    quality_of(quality, device, number) == point->said)
+		    quality_of(quality, device, number) == point->published)
 			continue;
-		point->said = quality_of(quality, device, number);
-		updates[count++] = update_of(quality, number, point->said, now_ns);
+		point->published = quality_of(quality, device, number);
+		updates[count++] = update_of(quality, number, point->published, now_ns);
 	}
 	for (size_t i = 0; i < updated; i++) {
 		struct quality_of_point *point = &quality->points[updates[i].point];
 
-		updates[i].sample.quality = point->said = quality_of(quality, device, updates[i].point);
+		updates[i].sample.quality = point->published = quality_of(quality, device, updates[i].point);
 		point->updated = false;
 	}
 	return count;

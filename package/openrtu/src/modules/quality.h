@@ -17,10 +17,10 @@
 #include "map/map.h"
 
 struct quality_of_point {
-	uint8_t own;  /* enum map_quality: what its own reading gave it */
-	uint8_t said; /* as published last */
-	bool on;      /* of a single point */
-	bool updated; /* among the updates being completed */
+	uint8_t own;       /* enum map_quality: what its own reading gave it */
+	uint8_t published; /* the last one published */
+	bool on;           /* of a single point */
+	bool updated;      /* among the updates being completed */
 };
 
 struct quality {

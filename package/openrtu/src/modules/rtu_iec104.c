@@ -22,21 +22,21 @@
 #include "map/map.h"
 #include "modules/channel.h"
 #include "modules/confine.h"
-#include "modules/newcomers.h"
+#include "modules/handshakes.h"
 #include "modules/options.h"
 #include "modules/peer.h"
 
 #define NS_PER_MS 1000000LL
 #define IDLE_MS   250 /* well below the second in which rtud expects a heartbeat */
 #define BACKLOG   16
-#define EVENTS    (SOURCE_NEWCOMERS + NEWCOMERS_MAX)
+#define EVENTS    (SOURCE_HANDSHAKES + HANDSHAKES_MAX)
 
 /* A wake-up costs an ARM926 its caches. Rings that follow each other so soon are heard together, after a rest. */
 #define BELL_SOON_NS (4 * NS_PER_MS)
 #define BELL_REST_NS (2 * NS_PER_MS)
 
-/* What an epoll event is about: a connection's index, one of these, or from the last on a newcomer's place. */
-enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL, SOURCE_NEWCOMERS };
+/* What an epoll event is about: a connection's index, one of these, or from the last on a handshake's place. */
+enum source { SOURCE_LISTENER = IEC104_CONNECTIONS_MAX, SOURCE_BELL, SOURCE_SIGNAL, SOURCE_HANDSHAKES };
 
 static struct iec104_station station;
 static struct socket {
@@ -101,39 +101,39 @@ static void end_connection(uint32_t index)
 }
 
 /* Its peer is who it should be: it becomes a connection of the station, if there is a place for it. */
-static void admit(struct newcomer *newcomer)
+static void admit(struct handshake *handshake)
 {
 	int64_t now_ns = map_now_ns();
-	struct iec104_connection *leaving = iec104_station_make_room(&station, &newcomer->peer, now_ns);
+	struct iec104_connection *leaving = iec104_station_make_room(&station, &handshake->peer, now_ns);
 	struct iec104_connection *connection;
 	uint32_t index;
 
 	if (leaving != NULL)
 		end_connection(index_of(leaving));
-	connection = iec104_station_connect(&station, &newcomer->peer, now_ns);
-	newcomer->here = false;
+	connection = iec104_station_connect(&station, &handshake->peer, now_ns);
+	handshake->here = false;
 	if (connection == NULL) {
-		channel_close(&newcomer->channel);
+		channel_close(&handshake->channel);
 		return;
 	}
 	index = index_of(connection);
-	sockets[index] = (struct socket){.channel = newcomer->channel, .interest = EPOLLIN};
-	watch(EPOLL_CTL_MOD, newcomer->channel.fd, EPOLLIN, index);
+	sockets[index] = (struct socket){.channel = handshake->channel, .interest = EPOLLIN};
+	watch(EPOLL_CTL_MOD, handshake->channel.fd, EPOLLIN, index);
 }
 
-static void settle(struct newcomer *newcomer, enum channel_greeting greeting)
+static void settle(struct handshake *handshake, enum channel_progress progress)
 {
-	switch (greeting) {
-	case CHANNEL_GREETED:
-		admit(newcomer);
+	switch (progress) {
+	case CHANNEL_READY:
+		admit(handshake);
 		return;
 	case CHANNEL_WAITS:
-		watch(EPOLL_CTL_MOD, newcomer->channel.fd, newcomer->channel.wants,
-		      SOURCE_NEWCOMERS + newcomers_place_of(newcomer));
+		watch(EPOLL_CTL_MOD, handshake->channel.fd, handshake->channel.wants,
+		      SOURCE_HANDSHAKES + handshakes_place_of(handshake));
 		return;
 	case CHANNEL_REFUSED:
-		newcomer->here = false;
-		channel_close(&newcomer->channel);
+		handshake->here = false;
+		channel_close(&handshake->channel);
 	}
 }
 
@@ -142,7 +142,7 @@ static bool accept_one(void)
 {
 	struct sockaddr_storage from;
 	socklen_t size = sizeof(from);
-	struct newcomer *newcomer;
+	struct handshake *handshake;
 	const int on = 1;
 	int fd = accept4(listen_fd, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
 	struct iec104_peer peer;
@@ -155,9 +155,9 @@ static bool accept_one(void)
 		return true;
 	}
 	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	newcomer = newcomers_place(&station, &peer, map_now_ns());
-	watch(EPOLL_CTL_ADD, fd, 0, SOURCE_NEWCOMERS + newcomers_place_of(newcomer));
-	settle(newcomer, channel_open(&newcomer->channel, fd, peer.name));
+	handshake = handshakes_place(&station, &peer, map_now_ns());
+	watch(EPOLL_CTL_ADD, fd, 0, SOURCE_HANDSHAKES + handshakes_place_of(handshake));
+	settle(handshake, channel_open(&handshake->channel, fd, peer.name));
 	return true;
 }
 
@@ -285,13 +285,13 @@ static int wait_ms(void)
 }
 
 /* True: it may have cost a signature, a good part of the second in which rtud expects a heartbeat. */
-static bool greet(uint32_t place)
+static bool continue_handshake(uint32_t place)
 {
-	struct newcomer *newcomer = newcomers_at(place);
+	struct handshake *handshake = handshakes_at(place);
 
-	if (newcomer == NULL) /* sent away just now */
+	if (handshake == NULL) /* sent away just now */
 		return false;
-	settle(newcomer, channel_greet(&newcomer->channel));
+	settle(handshake, channel_handshake(&handshake->channel));
 	return true;
 }
 
@@ -304,7 +304,7 @@ static void handle_connection(uint32_t index, uint32_t events)
 }
 
 /* False: the process shall end. */
-static bool handle(const struct epoll_event *event, bool *greeted)
+static bool handle(const struct epoll_event *event, bool *continued)
 {
 	switch (event->data.u32) {
 	case SOURCE_LISTENER:
@@ -317,8 +317,8 @@ static bool handle(const struct epoll_event *event, bool *greeted)
 	case SOURCE_SIGNAL:
 		return false;
 	default:
-		if (!*greeted) /* others are for the next turn: who is connected comes first */
-			*greeted = greet(event->data.u32 - SOURCE_NEWCOMERS);
+		if (!*continued) /* others are for the next turn: who is connected comes first */
+			*continued = continue_handshake(event->data.u32 - SOURCE_HANDSHAKES);
 		return true;
 	}
 }
@@ -330,10 +330,10 @@ static void end_closed(void)
 			end_connection(i);
 }
 
-/* Connections first: a newcomer may take the place of one that has ended, or gives way, and has nothing to do with its event. */
+/* Connections first: a handshake that ends may take the place of a connection whose event is still in the list. */
 static bool handle_all(const struct epoll_event *events, int count)
 {
-	bool wanted = true, greeted = false;
+	bool wanted = true, continued = false;
 
 	for (int i = 0; i < count; i++)
 		if (events[i].data.u32 < IEC104_CONNECTIONS_MAX)
@@ -341,7 +341,7 @@ static bool handle_all(const struct epoll_event *events, int count)
 	end_closed();
 	for (int i = 0; i < count; i++)
 		if (events[i].data.u32 >= IEC104_CONNECTIONS_MAX)
-			wanted &= handle(&events[i], &greeted);
+			wanted &= handle(&events[i], &continued);
 	return wanted;
 }
 
@@ -357,7 +357,7 @@ static void run(void)
 		end_bell_rest();
 		channel_watch(map_now_ns());
 		serve();
-		newcomers_watch(&station, map_now_ns());
+		handshakes_watch(&station, map_now_ns());
 		wake_listener();
 		map_heartbeat(map);
 	}
@@ -442,7 +442,7 @@ int main(int argc, char **argv)
 	struct options options;
 	char error[MAP_ERROR_SIZE];
 
-	if (!options_parse(argc, argv, "rtu-iec104", &options))
+	if (!options_parse(argc, argv, &options))
 		return 2;
 	if (map_attach(&map, options.map, options.module, error) < 0) {
 		fail(options.map, error);

@@ -151,7 +151,7 @@ int main(int argc, char **argv)
 	char error[MAP_ERROR_SIZE];
 	int signals;
 
-	if (!options_parse(argc, argv, "rtu-journal", &options))
+	if (!options_parse(argc, argv, &options))
 		return 2;
 	if (map_attach(&map, options.map, options.module, error) < 0) {
 		fprintf(stderr, "rtu-journal: %s: %s\n", options.map, error);

@@ -19,6 +19,7 @@
 #include "modbus/configured.h"
 #include "modules/commands.h"
 #include "modules/confine.h"
+#include "modules/heartbeat.h"
 #include "modules/line_counters.h"
 #include "modules/line_results.h"
 #include "modules/options.h"
@@ -40,6 +41,7 @@ struct gateway {
 	uint32_t port_count;
 	struct commands commands;
 	struct quality quality;
+	struct heartbeat heartbeat;
 	struct map_update *updates; /* room for the largest device */
 	int epoll_fd;
 	int timer_fd;
@@ -272,7 +274,7 @@ static void beat(struct gateway *gateway, int64_t now_ns)
 	if (map_bell_is_wild(gateway->map))
 		hear_bell(gateway, true);
 	map_bell_new_period(gateway->map);
-	map_heartbeat(gateway->map);
+	heartbeat_beat(&gateway->heartbeat, gateway->map, now_ns);
 	map_totals_tick(gateway->map);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		line_counters_show(&gateway->ports[i]);
@@ -310,7 +312,7 @@ int main(int argc, char **argv)
 	struct gateway gateway = {0};
 	char error[MAP_ERROR_SIZE];
 
-	if (!options_parse(argc, argv, "rtu-modbus", &options))
+	if (!options_parse(argc, argv, &options))
 		return WRONG_USAGE;
 	set_up_signals();
 	if (map_attach(&gateway.map, options.map, options.module, error) < 0) {
@@ -322,6 +324,7 @@ int main(int argc, char **argv)
 	gateway.epoll_fd = epoll_create1(EPOLL_CLOEXEC);
 	set_up_ports(&gateway, options.devices);
 	set_up_commands(&gateway);
+	heartbeat_begin(&gateway.heartbeat, gateway.map);
 	if (!set_up_waiting(&gateway)) {
 		map_log(gateway.map, MAP_LOG_ERROR, "no epoll or timer: %s", strerror(errno));
 		return EXIT_FAILURE;

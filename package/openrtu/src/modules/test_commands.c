@@ -53,7 +53,8 @@ static int start_stage(void **state)
 	points[APART].width = 2;
 	points[APART].address = 10;
 	points[APART].second_address = 20;
-	points[REGISTER].flags = MAP_POINT_COMMAND | MAP_POINT_SIGNED;
+	points[REGISTER].flags = MAP_POINT_COMMAND;
+	points[REGISTER].format = MAP_FORMAT_INT16;
 	write_count = 0;
 	closed = false;
 	now = map_now_ns();

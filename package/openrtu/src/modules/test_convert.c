@@ -11,16 +11,43 @@
 
 #include "modules/convert.h"
 
-static struct map_point point_of(enum map_type type, uint8_t flags)
+static struct map_point of_format(enum map_type type, enum map_format format, uint16_t flags)
 {
-	return (struct map_point){.type = (uint8_t)type, .flags = flags, .scale = 1};
+	static const uint8_t widths[] = {
+	    [MAP_FORMAT_INT32] = 2,  [MAP_FORMAT_UINT32] = 2,  [MAP_FORMAT_INT64] = 4,
+	    [MAP_FORMAT_UINT64] = 4, [MAP_FORMAT_FLOAT32] = 2, [MAP_FORMAT_FLOAT64] = 4,
+	};
+	uint8_t width = widths[format] > 0 ? widths[format] : 1;
+
+	return (struct map_point){.table = MAP_HOLDING_REGISTERS,
+				  .type = (uint8_t)type,
+				  .format = format & 15u,
+				  .width = width & 15u,
+				  .flags = flags,
+				  .scale = 1};
+}
+
+/* Of the format that a file without one gives it. */
+static struct map_point point_of(enum map_type type, uint16_t flags)
+{
+	static const enum map_format formats[] = {
+	    [MAP_SINGLE] = MAP_FORMAT_BIT,       [MAP_DOUBLE] = MAP_FORMAT_BIT,
+	    [MAP_STEP] = MAP_FORMAT_VTI,         [MAP_BITSTRING] = MAP_FORMAT_UINT32,
+	    [MAP_NORMALIZED] = MAP_FORMAT_INT16, [MAP_SCALED] = MAP_FORMAT_INT16,
+	    [MAP_FLOAT] = MAP_FORMAT_FLOAT32,    [MAP_COUNTER] = MAP_FORMAT_INT32,
+	};
+	struct map_point point = of_format(type, formats[type], flags);
+
+	if (formats[type] == MAP_FORMAT_BIT)
+		point.table = MAP_COILS;
+	return point;
 }
 
 static struct map_sample sample_of(struct map_point point, uint16_t first, uint16_t second)
 {
 	struct map_sample sample = {.quality = 0xFF, .detail = 0xFF};
 
-	convert_to_sample(&point, (const uint16_t[]){first, second}, &sample);
+	convert_to_sample(&point, NULL, (const uint16_t[CONVERT_WIDTH_MAX]){first, second}, &sample);
 	return sample;
 }
 
@@ -35,18 +62,18 @@ static void assert_integer(struct map_point point, uint16_t first, uint16_t seco
 
 static void assert_raw(struct map_point point, union map_value value, uint16_t first, uint16_t second)
 {
-	uint16_t raw[2] = {0, 0};
+	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 
-	assert_true(convert_to_raw(&point, value, 0, raw));
+	assert_true(convert_to_raw(&point, NULL, value, 0, raw));
 	assert_int_equal(raw[0], first);
 	assert_int_equal(raw[1], second);
 }
 
 static void assert_out_of_range(struct map_point point, union map_value value)
 {
-	uint16_t raw[2];
+	uint16_t raw[CONVERT_WIDTH_MAX];
 
-	assert_false(convert_to_raw(&point, value, 0, raw));
+	assert_false(convert_to_raw(&point, NULL, value, 0, raw));
 }
 
 static union map_value integer(int32_t i)
@@ -94,7 +121,7 @@ static void step_position(void **state)
 {
 	(void)state;
 	struct map_point point = point_of(MAP_STEP, 0), swapped = point_of(MAP_STEP, MAP_POINT_BYTES_SWAPPED);
-	uint16_t raw[2];
+	uint16_t raw[CONVERT_WIDTH_MAX];
 
 	assert_integer(point, 0x003F, 0, 63, MAP_GOOD);
 	assert_integer(point, 0x0040, 0, -64, MAP_GOOD);
@@ -106,7 +133,7 @@ static void step_position(void **state)
 	assert_raw(point, integer(-64), 0x40, 0);
 	assert_raw(point, integer(63), 0x3F, 0);
 	assert_raw(swapped, integer(5), 0x0500, 0);
-	assert_true(convert_to_raw(&point, integer(-1), 1, raw));
+	assert_true(convert_to_raw(&point, NULL, integer(-1), 1, raw));
 	assert_int_equal(raw[0], 0xFF);
 	assert_out_of_range(point, integer(64));
 	assert_out_of_range(point, integer(-65));
@@ -127,7 +154,7 @@ static void bitstring(void **state)
 
 static void sixteen_bits(enum map_type type)
 {
-	struct map_point is_signed = point_of(type, MAP_POINT_SIGNED), is_unsigned = point_of(type, 0);
+	struct map_point is_signed = point_of(type, 0), is_unsigned = of_format(type, MAP_FORMAT_UINT16, 0);
 
 	assert_integer(is_signed, 0x8000, 0, -32768, MAP_GOOD);
 	assert_integer(is_signed, 0xFFFF, 0, -1, MAP_GOOD);
@@ -135,11 +162,11 @@ static void sixteen_bits(enum map_type type)
 	assert_integer(is_unsigned, 0x7FFF, 0, 32767, MAP_GOOD);
 	assert_integer(is_unsigned, 0x8000, 0, 32767, MAP_OVERFLOW);
 	assert_integer(is_unsigned, 0xFFFF, 0, 32767, MAP_OVERFLOW);
-	assert_integer(point_of(type, MAP_POINT_SIGNED | MAP_POINT_BYTES_SWAPPED), 0x0100, 0, 1, MAP_GOOD);
+	assert_integer(point_of(type, MAP_POINT_BYTES_SWAPPED), 0x0100, 0, 1, MAP_GOOD);
 	assert_raw(is_signed, integer(-1), 0xFFFF, 0);
 	assert_raw(is_signed, integer(-32768), 0x8000, 0);
 	assert_raw(is_unsigned, integer(32767), 0x7FFF, 0);
-	assert_raw(point_of(type, MAP_POINT_SIGNED | MAP_POINT_BYTES_SWAPPED), integer(255), 0xFF00, 0);
+	assert_raw(point_of(type, MAP_POINT_BYTES_SWAPPED), integer(255), 0xFF00, 0);
 	assert_out_of_range(is_unsigned, integer(-1));
 	assert_out_of_range(is_signed, integer(32768));
 	assert_out_of_range(is_signed, integer(-32769));
@@ -155,7 +182,8 @@ static void scaled_and_normalized(void **state)
 static void scale_and_offset(void **state)
 {
 	(void)state;
-	struct map_point tenth = point_of(MAP_SCALED, 0), coarse = point_of(MAP_SCALED, MAP_POINT_SIGNED);
+	struct map_point tenth = of_format(MAP_SCALED, MAP_FORMAT_UINT16, 0),
+			 coarse = point_of(MAP_SCALED, 0);
 
 	tenth.scale = 0.5F;
 	tenth.offset = -100;
@@ -217,18 +245,183 @@ static void counter(void **state)
 	assert_integer(point_of(MAP_COUNTER, MAP_POINT_BYTES_SWAPPED), 0x0100, 0x0200, 0x10002, MAP_GOOD);
 	assert_raw(point, integer(-2), 0xFFFF, 0xFFFE);
 	assert_raw(point, integer(INT32_MAX), 0x7FFF, 0xFFFF);
-	point.scale = 1000;
-	assert_integer(point, 0x7FFF, 0xFFFF, INT32_MAX, MAP_OVERFLOW);
-	assert_integer(point, 0, 7, 7000, MAP_GOOD);
+	assert_integer(of_format(MAP_COUNTER, MAP_FORMAT_UINT16, 0), 0xFFFF, 0, 0xFFFF, MAP_GOOD);
+	assert_integer(of_format(MAP_COUNTER, MAP_FORMAT_UINT32, 0), 0xFFFF, 0xFFFF, -1, MAP_GOOD);
+}
+
+static struct map_sample sample_of_four(struct map_point point, const struct map_knot *knots, uint16_t a,
+					uint16_t b, uint16_t c, uint16_t d)
+{
+	struct map_sample sample = {.quality = 0xFF, .detail = 0xFF};
+
+	convert_to_sample(&point, knots, (const uint16_t[CONVERT_WIDTH_MAX]){a, b, c, d}, &sample);
+	return sample;
+}
+
+static void assert_number(struct map_sample sample, float value, uint8_t quality)
+{
+	assert_memory_equal(&sample.value.f, &value, sizeof(value));
+	assert_int_equal(sample.quality, quality);
+}
+
+static void assert_four(struct map_point point, union map_value value, uint16_t a, uint16_t b, uint16_t c,
+			uint16_t d)
+{
+	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
+
+	assert_true(convert_to_raw(&point, NULL, value, 0, raw));
+	assert_memory_equal(raw, ((const uint16_t[CONVERT_WIDTH_MAX]){a, b, c, d}), sizeof(raw));
+}
+
+static void inverted(void **state)
+{
+	(void)state;
+	struct map_point point = point_of(MAP_SINGLE, MAP_POINT_INVERTED),
+			 both = point_of(MAP_DOUBLE, MAP_POINT_INVERTED);
+
+	assert_integer(point, 0, 0, 1, MAP_GOOD);
+	assert_integer(point, 1, 0, 0, MAP_GOOD);
+	assert_raw(point, integer(1), 0, 0);
+	assert_raw(point, integer(0), 1, 0);
+	assert_out_of_range(point, integer(2));
+	assert_integer(both, 1, 1, 0, MAP_GOOD);
+	assert_integer(both, 0, 1, 1, MAP_GOOD);
+	assert_integer(both, 0, 0, 3, MAP_GOOD);
+	assert_raw(both, integer(1), 0, 1);
+	assert_raw(both, integer(2), 1, 0);
+}
+
+static void bits_of_a_register(void **state)
+{
+	(void)state;
+	struct map_point point = of_format(MAP_SINGLE, MAP_FORMAT_BIT, 0),
+			 two = of_format(MAP_DOUBLE, MAP_FORMAT_BIT, 0);
+
+	point.bit = 15;
+	assert_integer(point, 0x8000, 0, 1, MAP_GOOD);
+	assert_integer(point, 0x7FFF, 0xFFFF, 0, MAP_GOOD);
+	assert_raw(point, integer(1), 0x8000, 0);
+	assert_raw(point, integer(0), 0, 0);
+	assert_int_equal(convert_register_mask(&point), 0x8000);
+	point.flags = MAP_POINT_BYTES_SWAPPED | MAP_POINT_INVERTED;
+	assert_integer(point, 0x0080, 0, 0, MAP_GOOD);
+	assert_raw(point, integer(0), 0x0080, 0);
+	assert_int_equal(convert_register_mask(&point), 0x0080);
+	two.bit = 4;
+	assert_integer(two, 0x0010, 0, 1, MAP_GOOD);
+	assert_integer(two, 0x0020, 0, 2, MAP_GOOD);
+	assert_integer(two, 0xFFCF, 0, 0, MAP_GOOD);
+	assert_raw(two, integer(2), 0x0020, 0);
+	assert_int_equal(convert_register_mask(&two), 0x0030);
+}
+
+static void integers_of_32_bits(void **state)
+{
+	(void)state;
+	struct map_point word = of_format(MAP_FLOAT, MAP_FORMAT_INT32, 0),
+			 natural = of_format(MAP_FLOAT, MAP_FORMAT_UINT32, MAP_POINT_WORDS_SWAPPED),
+			 narrow = of_format(MAP_SCALED, MAP_FORMAT_INT32, 0);
+
+	assert_float(word, 0xFFFF, 0xFFFE, -2, MAP_GOOD);
+	assert_float(word, 0x0001, 0x0000, 65536, MAP_GOOD);
+	assert_float(word, 0x0100, 0x0001, 16777216, MAP_GOOD); /* 2^24 + 1: a short float has 24 bits */
+	assert_raw(word, number(-2), 0xFFFF, 0xFFFE);
+	assert_out_of_range(word, number(0x1p31F));
+	assert_raw(word, number(-0x1p31F), 0x8000, 0);
+	assert_float(natural, 0xFFFE, 0xFFFF, 0x1p32F, MAP_GOOD); /* 2^32 - 2, rounded */
+	assert_raw(natural, number(65536), 0, 1);
+	assert_out_of_range(natural, number(-1));
+	assert_out_of_range(natural, number(0x1p32F));
+	assert_integer(narrow, 0, 0x8000, 32767, MAP_OVERFLOW);
+	assert_integer(narrow, 0xFFFF, 0, -32768, MAP_OVERFLOW);
+	narrow.scale = 0.001;
+	assert_integer(narrow, 0x0001, 0xE240, 123, MAP_GOOD); /* 123 456 */
+	assert_raw(narrow, integer(123), 0x0001, 0xE078);
+}
+
+static void numbers_of_64_bits(void **state)
+{
+	(void)state;
+	struct map_point whole = of_format(MAP_FLOAT, MAP_FORMAT_INT64, 0),
+			 natural = of_format(MAP_FLOAT, MAP_FORMAT_UINT64, MAP_POINT_WORDS_SWAPPED),
+			 real = of_format(MAP_FLOAT, MAP_FORMAT_FLOAT64, 0),
+			 total = of_format(MAP_COUNTER, MAP_FORMAT_UINT64, 0);
+
+	assert_number(sample_of_four(whole, NULL, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFB), -5, MAP_GOOD);
+	assert_four(whole, number(-5), 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFB);
+	assert_four(whole, number(-0x1p63F), 0x8000, 0, 0, 0);
+	assert_out_of_range(whole, number(0x1p63F));
+	assert_number(sample_of_four(natural, NULL, 5, 0, 0, 0x8000), 0x1p63F, MAP_GOOD);
+	assert_four(natural, number(0x1p63F), 0, 0, 0, 0x8000);
+	assert_out_of_range(natural, number(0x1p64F));
+	/* 123.456 is 0x405EDD2F1A9FBE77 */
+	assert_number(sample_of_four(real, NULL, 0x405E, 0xDD2F, 0x1A9F, 0xBE77), 123.456F, MAP_GOOD);
+	assert_four(real, number(0.5F), 0x3FE0, 0, 0, 0);
+	assert_number(sample_of_four(real, NULL, 0x7FE0, 0, 0, 0), FLT_MAX, MAP_OVERFLOW); /* 2^1023 */
+	assert_number(sample_of_four(real, NULL, 0xFFE0, 0, 0, 0), -FLT_MAX, MAP_OVERFLOW);
+	assert_number(sample_of_four(real, NULL, 0x7FF8, 0, 0, 0), 0, MAP_INVALID);
+	assert_int_equal(sample_of_four(total, NULL, 0xFFFF, 0xFFFF, 0x1234, 0x5679).value.u, 0x12345679);
+	total.scale = 0.001;
+	assert_int_equal(sample_of_four(total, NULL, 0, 1, 0, 0).value.u, 4294967);
+	total.format = MAP_FORMAT_FLOAT64;
+	assert_int_equal(sample_of_four(total, NULL, 0x7FE0, 0, 0, 0).quality, MAP_INVALID);
+}
+
+static void unimplemented(void **state)
+{
+	(void)state;
+	const uint16_t flag = MAP_POINT_UNIMPLEMENTED;
+
+	assert_float(of_format(MAP_FLOAT, MAP_FORMAT_INT16, flag), 0x8000, 0, 0, MAP_INVALID);
+	assert_float(of_format(MAP_FLOAT, MAP_FORMAT_INT16, flag), 0xFFFF, 0, -1, MAP_GOOD);
+	assert_float(of_format(MAP_FLOAT, MAP_FORMAT_UINT16, flag), 0xFFFF, 0, 0, MAP_INVALID);
+	assert_float(of_format(MAP_FLOAT, MAP_FORMAT_UINT32, flag), 0xFFFF, 0xFFFF, 0, MAP_INVALID);
+	assert_float(of_format(MAP_FLOAT, MAP_FORMAT_UINT16, 0), 0xFFFF, 0, 65535, MAP_GOOD);
+	assert_number(sample_of_four(of_format(MAP_FLOAT, MAP_FORMAT_INT64, flag), NULL, 0x8000, 0, 0, 0), 0,
+		      MAP_INVALID);
+}
+
+static void scaling_table(void **state)
+{
+	(void)state;
+	const struct map_knot knots[] = {{0, 0}, {100, -10}, {1000, 0}, {2000, 50}};
+	struct map_point point = of_format(MAP_FLOAT, MAP_FORMAT_UINT16, 0);
+	uint16_t raw[CONVERT_WIDTH_MAX];
+
+	point.first_knot = 1;
+	point.knot_count = 3;
+	assert_number(sample_of_four(point, knots, 100, 0, 0, 0), -10, MAP_GOOD);
+	assert_number(sample_of_four(point, knots, 550, 0, 0, 0), -5, MAP_GOOD);
+	assert_number(sample_of_four(point, knots, 1000, 0, 0, 0), 0, MAP_GOOD);
+	assert_number(sample_of_four(point, knots, 1500, 0, 0, 0), 25, MAP_GOOD);
+	assert_number(sample_of_four(point, knots, 2000, 0, 0, 0), 50, MAP_GOOD);
+	assert_number(sample_of_four(point, knots, 99, 0, 0, 0), -10, MAP_OVERFLOW);
+	assert_number(sample_of_four(point, knots, 2001, 0, 0, 0), 50, MAP_OVERFLOW);
+	assert_true(convert_to_raw(&point, knots, number(25), 0, raw));
+	assert_int_equal(raw[0], 1500);
+	assert_true(convert_to_raw(&point, knots, number(-10), 0, raw));
+	assert_int_equal(raw[0], 100);
+	assert_false(convert_to_raw(&point, knots, number(50.5F), 0, raw));
+	assert_false(convert_to_raw(&point, knots, number(-11), 0, raw));
 }
 
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(single_point),          cmocka_unit_test(double_point),
-	    cmocka_unit_test(step_position),         cmocka_unit_test(bitstring),
-	    cmocka_unit_test(scaled_and_normalized), cmocka_unit_test(scale_and_offset),
-	    cmocka_unit_test(short_float),           cmocka_unit_test(counter),
+	    cmocka_unit_test(single_point),
+	    cmocka_unit_test(double_point),
+	    cmocka_unit_test(step_position),
+	    cmocka_unit_test(bitstring),
+	    cmocka_unit_test(scaled_and_normalized),
+	    cmocka_unit_test(scale_and_offset),
+	    cmocka_unit_test(short_float),
+	    cmocka_unit_test(counter),
+	    cmocka_unit_test(inverted),
+	    cmocka_unit_test(bits_of_a_register),
+	    cmocka_unit_test(integers_of_32_bits),
+	    cmocka_unit_test(numbers_of_64_bits),
+	    cmocka_unit_test(unimplemented),
+	    cmocka_unit_test(scaling_table),
 	};
 	return cmocka_run_group_tests_name("convert", tests, NULL, NULL);
 }

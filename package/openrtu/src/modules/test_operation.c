@@ -21,7 +21,7 @@ static const struct map_point apart = {
     .table = MAP_COILS, .type = MAP_DOUBLE, .width = 2, .address = 10, .second_address = 20};
 static const struct map_point level = {.table = MAP_HOLDING_REGISTERS,
 				       .type = MAP_SCALED,
-				       .flags = MAP_POINT_SIGNED,
+				       .format = MAP_FORMAT_INT16,
 				       .width = 1,
 				       .address = 5,
 				       .scale = 1,
@@ -30,6 +30,7 @@ static const struct map_point level = {.table = MAP_HOLDING_REGISTERS,
 				       .max = 25};
 static const struct map_point current = {.table = MAP_HOLDING_REGISTERS,
 					 .type = MAP_FLOAT,
+					 .format = MAP_FORMAT_FLOAT32,
 					 .width = 2,
 					 .address = 6,
 					 .second_address = 7,
@@ -58,14 +59,14 @@ static void assert_result(struct map_point point, struct map_request request, en
 	const struct map_sample last = {.value.i = 0};
 	struct operation operation;
 
-	assert_int_equal(operation_begin(&point, UNIT, &request, &last, &operation), result);
+	assert_int_equal(operation_begin(&point, NULL, UNIT, &request, &last, &operation), result);
 }
 
 static struct operation begin(struct map_point point, struct map_request request, struct map_sample last)
 {
 	struct operation operation;
 
-	assert_int_equal(operation_begin(&point, UNIT, &request, &last, &operation), MAP_RESULT_NONE);
+	assert_int_equal(operation_begin(&point, NULL, UNIT, &request, &last, &operation), MAP_RESULT_NONE);
 	return operation;
 }
 
@@ -75,7 +76,8 @@ static void assert_write(const struct modbus_request *write, uint8_t function, u
 	assert_int_equal(write->unit, UNIT);
 	assert_int_equal(write->function, function);
 	assert_int_equal(write->address, address);
-	assert_int_equal(write->count, function < MODBUS_WRITE_COILS ? 1 : 2);
+	assert_int_equal(write->count,
+			 function < MODBUS_WRITE_COILS || function == MODBUS_MASK_WRITE_REGISTER ? 1 : 2);
 	assert_int_equal(write->values[0], first);
 	assert_int_equal(write->values[1], second);
 }
@@ -124,8 +126,8 @@ static void test_of_coils_that_lie_apart_off_goes_first(void **state)
 	operation = begin(swapped, set(1), none);
 	assert_write(&operation.writes[0], MODBUS_WRITE_COIL, 10, 0, 0);
 	assert_write(&operation.writes[1], MODBUS_WRITE_COIL, 20, 1, 0);
-	assert_false(operation_switches_on(&operation.writes[0]));
-	assert_true(operation_switches_on(&operation.writes[1]));
+	assert_false(operation_switches_on(&apart, &operation.writes[0]));
+	assert_true(operation_switches_on(&apart, &operation.writes[1]));
 }
 
 static void test_the_end_of_a_pulse_is_off(void **state)
@@ -139,8 +141,8 @@ static void test_the_end_of_a_pulse_is_off(void **state)
 	assert_one_write(operation, MODBUS_WRITE_COILS, 10, 0, 0);
 	operation_end(&apart, UNIT, &operation);
 	assert_int_equal(operation.count, 2);
-	assert_false(operation_switches_on(&operation.writes[0]) ||
-		     operation_switches_on(&operation.writes[1]));
+	assert_false(operation_switches_on(&apart, &operation.writes[0]) ||
+		     operation_switches_on(&apart, &operation.writes[1]));
 }
 
 static void test_what_takes_a_pulse(void **state)
@@ -148,7 +150,7 @@ static void test_what_takes_a_pulse(void **state)
 	(void)state;
 	assert_one_write(begin(single, pulse(1), none), MODBUS_WRITE_COIL, 300, 1, 0);
 	assert_one_write(begin(neighbours, pulse(1), none), MODBUS_WRITE_COILS, 10, 1, 0);
-	assert_true(operation_switches_on(&begin(neighbours, pulse(2), none).writes[0]));
+	assert_true(operation_switches_on(&neighbours, &begin(neighbours, pulse(2), none).writes[0]));
 	assert_result(single, pulse(0), NEVER);
 	assert_result(level, pulse(1), NEVER);
 	assert_result(neighbours, pulse(3), LIMIT);
@@ -173,9 +175,11 @@ static void test_steps_stay_within_their_limits(void **state)
 
 	(void)state;
 	assert_int_equal(
-	    operation_begin(&level, UNIT, &higher, &(struct map_sample){.value.i = 16}, &operation), LIMIT);
+	    operation_begin(&level, NULL, UNIT, &higher, &(struct map_sample){.value.i = 16}, &operation),
+	    LIMIT);
 	assert_int_equal(
-	    operation_begin(&level, UNIT, &lower, &(struct map_sample){.value.i = -11}, &operation), LIMIT);
+	    operation_begin(&level, NULL, UNIT, &lower, &(struct map_sample){.value.i = -11}, &operation),
+	    LIMIT);
 	wide.max = wide.step = FLT_MAX;
 	assert_result(wide, higher, LIMIT);
 	assert_result(level, set(26), LIMIT); /* a set-point, too */
@@ -192,7 +196,7 @@ static void test_steps_need_a_good_value_and_a_configured_step(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(bad); i++)
-		assert_int_equal(operation_begin(&level, UNIT, &higher,
+		assert_int_equal(operation_begin(&level, NULL, UNIT, &higher,
 						 &(struct map_sample){.quality = bad[i]}, &operation),
 				 NEVER);
 	stepless.step = 0;
@@ -200,9 +204,46 @@ static void test_steps_need_a_good_value_and_a_configured_step(void **state)
 	assert_result(single, higher, NEVER);
 }
 
+/* The register's other bits are the device's. */
+static void test_bits_of_a_register_are_masked(void **state)
+{
+	struct map_point bit = {.table = MAP_HOLDING_REGISTERS,
+				.type = MAP_SINGLE,
+				.width = 1,
+				.address = 9,
+				.bit = 3,
+				.flags = MAP_POINT_INVERTED};
+	struct map_point two = {
+	    .table = MAP_HOLDING_REGISTERS, .type = MAP_DOUBLE, .width = 1, .address = 9, .bit = 4};
+
+	(void)state;
+	assert_one_write(begin(bit, set(1), none), MODBUS_MASK_WRITE_REGISTER, 9, 0xFFF7, 0);
+	assert_one_write(begin(bit, set(0), none), MODBUS_MASK_WRITE_REGISTER, 9, 0xFFF7, 0x0008);
+	assert_one_write(begin(two, set(2), none), MODBUS_MASK_WRITE_REGISTER, 9, 0xFFCF, 0x0020);
+	assert_result(bit, pulse(1), NEVER);
+}
+
+/* A pulse of an inverted coil begins with 0 on the wire and ends with 1. */
+static void test_a_pulse_of_an_inverted_coil(void **state)
+{
+	struct map_point inverted = single;
+	struct operation operation;
+
+	(void)state;
+	inverted.flags = MAP_POINT_INVERTED;
+	operation = begin(inverted, pulse(1), none);
+	assert_one_write(operation, MODBUS_WRITE_COIL, 300, 0, 0);
+	assert_true(operation_switches_on(&inverted, &operation.writes[0]));
+	operation_end(&inverted, UNIT, &operation);
+	assert_int_equal(operation.writes[0].values[0], 1);
+	assert_false(operation_switches_on(&inverted, &operation.writes[0]));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test(test_bits_of_a_register_are_masked),
+	    cmocka_unit_test(test_a_pulse_of_an_inverted_coil),
 	    cmocka_unit_test(test_one_write_of_one_object),
 	    cmocka_unit_test(test_of_coils_that_lie_apart_off_goes_first),
 	    cmocka_unit_test(test_the_end_of_a_pulse_is_off),

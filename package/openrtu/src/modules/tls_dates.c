@@ -13,25 +13,25 @@
 enum state { UNKNOWN, GOOD, ENDS_SOON, EXPIRED, NOT_YET_VALID, CLOCK_NOT_SET };
 
 struct subject {
-	enum state said;
-	int64_t until_ns; /* when it is said once more */
+	enum state logged;
+	int64_t until_ns; /* when it is logged once more */
 };
 
 static struct subject own, lists;
 
 void tls_dates_forget(void)
 {
-	own = lists = (struct subject){.said = UNKNOWN};
+	own = lists = (struct subject){.logged = UNKNOWN};
 }
 
-/* True: it is news, or it is a day since it was said. */
+/* True: it is news, or was logged a day ago. */
 static bool is_due(struct subject *subject, enum state state, int64_t now_ns)
 {
-	bool known = state == subject->said;
+	bool known = state == subject->logged;
 
 	if (known && (state == GOOD || now_ns < subject->until_ns))
 		return false;
-	*subject = (struct subject){.said = state, .until_ns = now_ns + DAY_NS};
+	*subject = (struct subject){.logged = state, .until_ns = now_ns + DAY_NS};
 	return true;
 }
 

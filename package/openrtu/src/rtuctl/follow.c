@@ -13,6 +13,8 @@
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
+#define LINES_A_LOOK 1024 /* of each module's log; more than it keeps */
+
 /* Nobody rings an observer's bell: it looks for events often enough for a reader's eye. */
 static const struct timespec LOOK_PERIOD = {.tv_nsec = 50 * 1000 * 1000};
 
@@ -98,6 +100,32 @@ static void print_event(const struct map *map, const struct map_event *event, bo
 	json_decref(row);
 }
 
+/* ---- lines of the log -------------------------------------------------------------------- */
+
+static json_t *log_row(const struct map *map, uint32_t module, const struct map_log_line *line)
+{
+	struct map_module description;
+	char time[WORDS_SIZE];
+
+	map_module(map, module, &description);
+	event_time(map, line->time_ns, time);
+	return json_pack("{s:s, s:s, s:s, s:s}", "time", time, "module", description.name, "level",
+			 words_log_level(line->level), "text", line->text);
+}
+
+static void print_log_row(json_t *row, bool json)
+{
+	if (json) {
+		listing_print_json(row);
+		return;
+	}
+	printf("%s  %s  %s: %s\n", text_of(row, "time"), text_of(row, "module"), text_of(row, "level"),
+	       text_of(row, "text"));
+	json_decref(row);
+}
+
+/* ---- watching ---------------------------------------------------------------------------- */
+
 static bool is_wanted(const struct map *map, const struct map_event *event, const char *pattern)
 {
 	return event->kind != MAP_EVENT_CHANGE || rtuctl_matches(map_config(map), event->point, pattern);
@@ -110,15 +138,34 @@ static void report_lost(struct map_cursor *cursor)
 	cursor->lost = 0;
 }
 
+/* Their warnings explain the events: points that turn invalid and back, a line that is given up. */
+static void follow_logs(const struct map *map, uint32_t positions[MAP_MODULES_MAX], bool shown, bool json)
+{
+	struct map_log_line line;
+
+	for (uint32_t module = 0; module < map_module_count(map); module++)
+		for (unsigned i = 0; i < LINES_A_LOOK && map_log_next(map, module, &positions[module], &line);
+		     i++)
+			if (shown && line.level <= MAP_LOG_WARNING) {
+				json_t *row = log_row(map, module, &line);
+
+				json_object_set_new(row, "event", json_string("log"));
+				print_log_row(row, json);
+			}
+}
+
 int rtuctl_watch(struct map *map, const struct rtuctl_request *request)
 {
 	unsigned long printed = 0;
+	uint32_t positions[MAP_MODULES_MAX] = {0};
 	struct map_cursor cursor;
 	struct map_event event;
 
 	setvbuf(stdout, NULL, _IOLBF, 0);
 	map_cursor_to_end(map, &cursor);
+	follow_logs(map, positions, false, false);
 	while (map_alive(map, MAP_RTUD)) {
+		follow_logs(map, positions, true, request->json);
 		while (map_event_next(map, &cursor, &event)) {
 			if (!is_wanted(map, &event, request->arguments[0]))
 				continue;
@@ -197,21 +244,6 @@ static int by_time(const void *left, const void *right)
 	return (a->line.time_ns > b->line.time_ns) - (a->line.time_ns < b->line.time_ns);
 }
 
-static void print_log_entry(const struct map *map, const struct log_entry *entry, bool json)
-{
-	const char *level = words_log_level(entry->line.level);
-	struct map_module module;
-	char time[WORDS_SIZE];
-
-	map_module(map, entry->module, &module);
-	event_time(map, entry->line.time_ns, time);
-	if (json)
-		listing_print_json(json_pack("{s:s, s:s, s:s, s:s}", "time", time, "module", module.name,
-					     "level", level, "text", entry->line.text));
-	else
-		printf("%s  %s  %s: %s\n", time, module.name, level, entry->line.text);
-}
-
 int rtuctl_log(struct map *map, const struct rtuctl_request *request)
 {
 	struct log log = {.count = 0};
@@ -223,7 +255,7 @@ int rtuctl_log(struct map *map, const struct rtuctl_request *request)
 	if (request->count != 0 && log.count > request->count)
 		first = log.count - request->count;
 	for (size_t i = first; i < log.count; i++)
-		print_log_entry(map, &log.entries[i], request->json);
+		print_log_row(log_row(map, log.entries[i].module, &log.entries[i].line), request->json);
 	free(log.entries);
 	return RTUCTL_DONE;
 }

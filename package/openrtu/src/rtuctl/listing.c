@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "rtuctl/rtuctl.h"
+#include "rtuctl/terminal.h"
 #include "rtuctl/words.h"
 
 #define FLOAT_DIGITS 9 /* what a 32-bit float needs to be read back */
@@ -62,7 +63,7 @@ static void grow(struct listing *listing, size_t rows)
 
 void listing_begin(struct listing *listing, const struct listing_column *columns, size_t count, bool json)
 {
-	*listing = (struct listing){.columns = columns, .column_count = count, .json = json};
+	*listing = (struct listing){.columns = columns, .column_count = count, .json = json, .out = stdout};
 	if (json) {
 		putchar('[');
 		return;
@@ -87,36 +88,26 @@ void listing_add(struct listing *listing, json_t *row)
 	json_decref(row);
 }
 
-/* Characters, not bytes: names may be UTF-8. */
-static size_t width_of(const char *text)
-{
-	size_t width = 0;
-
-	for (; *text != '\0'; text++)
-		width += ((unsigned char)*text & 0xc0) != 0x80;
-	return width;
-}
-
 static size_t column_width(struct listing *listing, size_t column)
 {
 	size_t width = 0;
 
 	for (size_t row = 0; row <= listing->rows; row++) {
-		size_t cell = width_of(row_cells(listing, row)[column]);
+		size_t cell = terminal_width(row_cells(listing, row)[column]);
 
 		width = cell > width ? cell : width;
 	}
 	return width;
 }
 
-static void print_cell(const char *text, enum listing_format format, size_t width, bool last)
+static void print_cell(FILE *out, const char *text, enum listing_format format, size_t width, bool last)
 {
-	int padding = (int)(width - width_of(text));
+	int padding = (int)(width - terminal_width(text));
 
 	if (format != LISTING_TEXT)
-		printf("%*s%s%*s", padding, "", text, last ? 0 : GAP, "");
+		fprintf(out, "%*s%s%*s", padding, "", text, last ? 0 : GAP, "");
 	else
-		printf("%s%*s", text, last ? 0 : padding + GAP, "");
+		fprintf(out, "%s%*s", text, last ? 0 : padding + GAP, "");
 }
 
 static void print_table(struct listing *listing)
@@ -127,9 +118,10 @@ static void print_table(struct listing *listing)
 		widths[column] = column_width(listing, column);
 	for (size_t row = 0; row <= listing->rows; row++) {
 		for (size_t column = 0; column < listing->column_count; column++)
-			print_cell(row_cells(listing, row)[column], listing->columns[column].format,
-				   widths[column], column + 1 == listing->column_count);
-		putchar('\n');
+			print_cell(listing->out, row_cells(listing, row)[column],
+				   listing->columns[column].format, widths[column],
+				   column + 1 == listing->column_count);
+		fputc('\n', listing->out);
 	}
 	free(widths);
 }

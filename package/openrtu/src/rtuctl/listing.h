@@ -5,6 +5,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 #include <jansson.h>
 
@@ -26,6 +27,7 @@ struct listing {
 	size_t rows;
 	char **cells; /* rows + 1 times column_count; NULL for JSON */
 	bool json;
+	FILE *out; /* of a table: standard output, unless it is changed before listing_end */
 };
 
 void listing_begin(struct listing *listing, const struct listing_column *columns, size_t count, bool json);

@@ -12,7 +12,14 @@
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-enum { TAKES_COUNT = 1, TAKES_SELECT = 2, TAKES_PULSE = 4, TAKES_HISTOGRAM = 8, TAKES_SUGGEST = 16 };
+enum {
+	TAKES_COUNT = 1,
+	TAKES_SELECT = 2,
+	TAKES_PULSE = 4,
+	TAKES_HISTOGRAM = 8,
+	TAKES_SUGGEST = 16,
+	TAKES_ONCE = 32
+};
 
 struct command {
 	const char *name;
@@ -26,18 +33,27 @@ struct command {
 };
 
 static const struct command commands[] = {
-    {"points", "[PATTERN]", 0, 1, 0, NULL, "points with value, quality and age",
+    {"points", "[PATTERN]", 0, 1, 0, NULL, "points with address, value, quality and age",
      "PATTERN is matched against names: \"p3.67.*\", \"feeder7/*\". The age is the time since the value was "
      "read\n"
      "from the device; quality \"good\" means all is well.\n",
      rtuctl_points},
+    {"top", "[PATTERN] [--once]", 0, 1, TAKES_ONCE, NULL, "modules, lines and points, drawn anew each second",
+     "PATTERN is matched against names of points. HEARTBEAT is the age of a module's last sign of life, CPU "
+     "what "
+     "it\n"
+     "takes of one core, DEVICES how many of a line's answer. Keys: q quits, i shows only points that are "
+     "not\n"
+     "good, arrows and page keys move. --once, or without a terminal: prints it once, after a second.\n"
+     "NO_COLOR in the environment: without colours.\n",
+     rtuctl_top},
     {"show", "NAME", 1, 1, 0, NULL, "one point with all there is to know of it",
      "Of a measured value also the parameters in force, and which of them a controlling station\n"
      "has loaded; of a counter the reading that was frozen last.\n",
      rtuctl_show},
     {"watch", "[PATTERN] [--count N]", 0, 1, TAKES_COUNT, NULL, "changes as they happen, until Ctrl-C",
-     "Prints each change of a matching point, and modules going down and up. Ends after N lines with "
-     "--count.\n",
+     "Prints each change of a matching point, modules going down and up, and the warnings of the log, which\n"
+     "say why. Ends after N changes with --count.\n",
      rtuctl_watch},
     {"commands", "[PATTERN]", 0, 1, 0, NULL, "points that can be commanded, with the state of their command",
      "The states are those of the telecontrol command: selection, execution, and the device's answer as "
@@ -87,7 +103,7 @@ struct line {
 	struct rtuctl_request request;
 	const struct command *command;
 	size_t argument_count;
-	bool help, counted;
+	bool help, version, counted;
 };
 
 /* ---- help -------------------------------------------------------------------------------- */
@@ -101,14 +117,15 @@ static void print_help(void)
 	     "  --map DIR   folder of the point map [$OPENRTU_MAP, else /run/openrtu]\n"
 	     "  --json      for scripts: one array; one object a line for watch, events, log, set and step\n"
 	     "  --help      this text, or after a command that command's\n"
+	     "  --version   the version\n"
 	     "\n"
 	     "Exit code: 0 done, 1 nothing found or refused, 2 wrong usage or no map.");
 }
 
 static void print_command_help(const struct command *command)
 {
-	printf("usage: rtuctl [--map DIR] [--json] %s %s\n\n%s\n", command->name, command->arguments,
-	       command->details);
+	printf("usage: rtuctl [--map DIR] [--json] %s %s\n\n%c%s.\n\n%s\n", command->name, command->arguments,
+	       toupper((unsigned char)command->summary[0]), command->summary + 1, command->details);
 }
 
 static int wrong_usage(const struct command *command, const char *what, const char *which)
@@ -153,7 +170,9 @@ static int take_option(struct line *line, int argc, char **argv)
 	    {"pulse", required_argument, NULL, 'p'},
 	    {"histogram", no_argument, NULL, 'g'},
 	    {"suggest", no_argument, NULL, 'u'},
+	    {"once", no_argument, NULL, 'o'},
 	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
 	    {NULL, 0, NULL, 0},
 	};
 
@@ -180,8 +199,14 @@ static int take_option(struct line *line, int argc, char **argv)
 	case 'u':
 		line->request.suggest = true;
 		return RTUCTL_DONE;
+	case 'o':
+		line->request.once = true;
+		return RTUCTL_DONE;
 	case 'h':
 		line->help = true;
+		return RTUCTL_DONE;
+	case 'V':
+		line->version = true;
 		return RTUCTL_DONE;
 	default:
 		return wrong_usage(line->command, "unknown option or missing value: ", argv[optind - 1]);
@@ -202,7 +227,7 @@ static int take_word(struct line *line, const char *word)
 
 static int check_line(const struct line *line)
 {
-	if (line->help)
+	if (line->help || line->version)
 		return RTUCTL_DONE;
 	if (line->command == NULL)
 		return wrong_usage(NULL, "a command is missing", "");
@@ -217,6 +242,10 @@ static int check_line(const struct line *line)
 		return wrong_usage(line->command, "it takes no --histogram", "");
 	if (line->request.suggest && !(line->command->takes & TAKES_SUGGEST))
 		return wrong_usage(line->command, "it takes no --suggest", "");
+	if (line->request.once && !(line->command->takes & TAKES_ONCE))
+		return wrong_usage(line->command, "it takes no --once", "");
+	if (line->request.json && line->command->takes & TAKES_ONCE)
+		return wrong_usage(line->command, "it prints no JSON, as points, lines and modules do", "");
 	if (line->request.suggest && line->request.histogram)
 		return wrong_usage(line->command, "it takes --histogram or --suggest, not both", "");
 	if (line->request.pulse != NULL && !(line->command->takes & TAKES_PULSE))
@@ -300,11 +329,13 @@ int main(int argc, char **argv)
 
 	if (result != RTUCTL_DONE)
 		return result;
-	if (!line.help)
-		return run(&line);
-	if (line.command != NULL)
+	if (line.version)
+		puts("rtuctl (OpenRTU) " OPENRTU_VERSION);
+	else if (line.help && line.command != NULL)
 		print_command_help(line.command);
-	else
+	else if (line.help)
 		print_help();
+	else
+		return run(&line);
 	return RTUCTL_DONE;
 }

@@ -29,6 +29,7 @@ struct rtuctl_request {
 	bool select;
 	bool histogram;
 	bool suggest;
+	bool once;
 	const char *pulse; /* NULL: none */
 };
 
@@ -36,6 +37,7 @@ struct rtuctl_request {
 typedef int rtuctl_command(struct map *map, const struct rtuctl_request *request);
 
 rtuctl_command rtuctl_points;
+rtuctl_command rtuctl_top;
 rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;

@@ -200,7 +200,7 @@ int rtuctl_step(struct map *map, const struct rtuctl_request *arguments)
 	struct map_request request = {.step = strcmp(direction, "higher") == 0 ? 1 : -1};
 
 	if (request.step < 0 && strcmp(direction, "lower") != 0) {
-		fprintf(stderr, "rtuctl: \"%s\" is no direction, expected higher or lower\n", direction);
+		fprintf(stderr, "rtuctl: \"%s\" is not a direction, expected higher or lower\n", direction);
 		return RTUCTL_USAGE;
 	}
 	if (!name_point(map, arguments->arguments[0], &request))

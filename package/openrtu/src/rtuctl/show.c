@@ -62,8 +62,9 @@ static int found(const struct listing *listing, const char *what, const char *pa
 /* ---- points ------------------------------------------------------------------------------ */
 
 static const struct listing_column point_columns[] = {
-    {"name", "NAME", LISTING_TEXT},       {"type", "TYPE", LISTING_TEXT}, {"value", "VALUE", LISTING_RIGHT},
-    {"quality", "QUALITY", LISTING_TEXT}, {"age_s", "AGE", LISTING_AGE},  {"owner", "OWNER", LISTING_TEXT},
+    {"name", "NAME", LISTING_TEXT}, {"ca", "CA", LISTING_RIGHT},       {"ioa", "IOA", LISTING_RIGHT},
+    {"type", "TYPE", LISTING_TEXT}, {"value", "VALUE", LISTING_RIGHT}, {"quality", "QUALITY", LISTING_TEXT},
+    {"age_s", "AGE", LISTING_AGE},  {"owner", "OWNER", LISTING_TEXT},
 };
 
 json_t *rtuctl_point_row(const struct map *map, uint32_t index)

@@ -19,7 +19,7 @@
 #include "map/station.h"
 #include "map/supervise.h"
 
-#define OUTPUT_SIZE 8192
+#define OUTPUT_SIZE 32768
 #define DEADLINE_S  20
 #define PUBLISH_MS  5
 
@@ -82,6 +82,7 @@ static struct {
 	struct map_request request; /* the last command that reached it */
 	int32_t level;              /* published again and again while changing */
 	bool changing;
+	bool warning; /* of its module, with each change */
 } device;
 
 static char output[OUTPUT_SIZE];
@@ -121,6 +122,8 @@ static void run_gateway(void)
 	serve_commands();
 	if (device.changing)
 		publish(++device.level);
+	if (device.warning)
+		map_log(owner, MAP_LOG_WARNING, "silent for 165 ms");
 }
 
 /* ---- the program ------------------------------------------------------------------------- */
@@ -196,11 +199,12 @@ static void test_points(void **state)
 {
 	(void)state;
 	assert_int_equal(RUN("points"), 0);
-	assert_contains("NAME          TYPE            VALUE  QUALITY                AGE  OWNER\n");
-	assert_contains("pump/lamp     single             on  good ");
-	assert_contains("pump/breaker  double  indeterminate  good ");
-	assert_contains("level         scaled             -5  overflow ");
-	assert_contains("current       float             0.1  invalid,not topical  ");
+	assert_contains(
+	    "NAME            CA    IOA  TYPE            VALUE  QUALITY                AGE  OWNER\n");
+	assert_contains("pump/lamp     3067      1  single             on  good ");
+	assert_contains("pump/breaker  3067      2  double  indeterminate  good ");
+	assert_contains("level         3067  30001  scaled             -5  overflow ");
+	assert_contains("current       3067  30002  float             0.1  invalid,not topical  ");
 	assert_contains("  rtu-modbus-1\n");
 }
 
@@ -635,7 +639,7 @@ static void test_step(void **state)
 	assert_int_equal(RUN("step", "pump/lamp", "higher"), 0);
 	assert_int_equal(device.request.step, 1);
 	assert_int_equal(RUN("step", "pump/lamp", "up"), 2);
-	assert_string_equal(output, "rtuctl: \"up\" is no direction, expected higher or lower\n");
+	assert_string_equal(output, "rtuctl: \"up\" is not a direction, expected higher or lower\n");
 	assert_int_equal(RUN("step", "lamp", "higher"), 1);
 }
 
@@ -659,6 +663,19 @@ static void test_watch(void **state)
 	assert_contains("Z  level = ");
 	assert_contains("  overflow\n");
 	assert_null(strstr(output, "pump"));
+}
+
+static void test_watch_says_what_the_log_warns_of(void **state)
+{
+	(void)state;
+	map_log(owner, MAP_LOG_WARNING, "before");
+	device.changing = device.warning = true;
+	assert_int_equal(RUN("watch", "level", "--count", "20"), 0);
+	assert_contains("Z  rtu-modbus-1  warning: silent for 165 ms\n");
+	assert_null(strstr(output, "before"));
+	assert_int_equal(RUN("watch", "level", "--count", "20", "--json"), 0);
+	assert_contains("\"text\": \"silent for 165 ms\", \"event\": \"log\"}\n");
+	device.changing = device.warning = false;
 }
 
 static void test_events(void **state)
@@ -772,6 +789,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_set_with_pulse),
 	    cmocka_unit_test(test_step),
 	    cmocka_unit_test(test_watch),
+	    cmocka_unit_test(test_watch_says_what_the_log_warns_of),
 	    cmocka_unit_test(test_events),
 	    cmocka_unit_test(test_log),
 	    cmocka_unit_test(test_wrong_usage),

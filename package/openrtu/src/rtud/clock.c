@@ -96,9 +96,20 @@ static int64_t track(struct map_clock *clock, const struct clock_reading *system
 	return clock->offset_ns - before_ns;
 }
 
-static int8_t leap_due(const struct clock_reading *system)
+/* adjtimex tells of a leap from the second's end on (__do_adjtimex), a tick before the clock takes it: it is due until then. */
+static int8_t leap_due(const struct map_clock *clock, const struct clock_reading *system)
 {
-	return system->state == TIME_INS ? 1 : system->state == TIME_DEL ? -1 : 0;
+	switch (system->state) {
+	case TIME_INS:
+		return 1;
+	case TIME_DEL:
+		return -1;
+	case TIME_OOP:
+	case TIME_WAIT:
+		return clock->leap_due_s;
+	default:
+		return 0;
+	}
 }
 
 /* The kernel has stepped its clock for the leap second that was due. */
@@ -114,6 +125,7 @@ static bool is_leap(const struct map_clock *clock, const struct clock_reading *s
 static void take_leap(struct map *map, struct map_clock *clock, const struct clock_reading *system)
 {
 	clock->leap_s = clock->leap_due_s;
+	clock->leap_due_s = 0;
 	clock->leap_ns = system->now_ns - (system->now_ns + clock->offset_ns) % SECOND_NS;
 	map_log(map, MAP_LOG_INFO, "a leap second was %s", clock->leap_s > 0 ? "inserted" : "left out");
 }
@@ -142,8 +154,8 @@ static void take_synchronised(struct map *map, struct map_clock *clock, const st
 		map_log(map, MAP_LOG_INFO, "the clock follows the system's, moved by %.3f s",
 			seconds(moved_ns));
 	}
-	if (clock->leap_due_s != leap_due(system)) {
-		clock->leap_due_s = leap_due(system);
+	if (clock->leap_due_s != leap_due(clock, system)) {
+		clock->leap_due_s = leap_due(clock, system);
 		say_due(map, clock);
 	}
 }
@@ -179,7 +191,7 @@ void clock_begin(struct map *map, const struct clock_reading *system)
 	struct map_clock clock = {.error_us = system->error_us, .seen_ns = system->now_ns};
 
 	track(&clock, system);
-	clock.leap_due_s = vouched ? leap_due(system) : 0;
+	clock.leap_due_s = vouched ? leap_due(&clock, system) : 0;
 	set_source(&clock, vouched ? MAP_CLOCK_SYNCHRONISED : MAP_CLOCK_UNSET, system->now_ns);
 	map_clock_write(map, clock);
 	say_begin(map, &clock, system);

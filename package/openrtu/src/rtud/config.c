@@ -1,76 +1,13 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "rtud/config.h"
 
-#include <ctype.h>
-#include <errno.h>
+#include <malloc.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "journal/wear.h"
 #include "rtud/config_parts.h"
 #include "rtud/limit.h"
-
-/* Reads up to CONFIG_FILE_SIZE_MAX + 1 bytes, so that the caller sees a larger file. NULL with errno when it cannot. */
-static char *read_bytes(const char *path, size_t *length)
-{
-	FILE *file = fopen(path, "rbe");
-	char *bytes = malloc(CONFIG_FILE_SIZE_MAX + 1);
-	int error;
-
-	if (file != NULL && bytes != NULL) {
-		*length = fread(bytes, 1, CONFIG_FILE_SIZE_MAX + 1, file);
-		if (!ferror(file)) {
-			fclose(file);
-			return bytes;
-		}
-	}
-	error = errno;
-	if (file != NULL)
-		fclose(file);
-	free(bytes);
-	errno = error;
-	return NULL;
-}
-
-static void report_json_error(struct config_report *report, const char *path, const json_error_t *error)
-{
-	fprintf(report->messages, "%s:%d:%d: ", path, error->line, error->column);
-	for (const char *c = error->text; *c != '\0'; c++)
-		fputc(iscntrl((unsigned char)*c) ? '?' : *c, report->messages);
-	fputc('\n', report->messages);
-}
-
-/* A key that is given twice is an error, but not one that hides all others. */
-static json_t *parse(struct config_report *report, const char *path, const char *bytes, size_t length)
-{
-	json_error_t error;
-	json_t *root = json_loadb(bytes, length, JSON_REJECT_DUPLICATES, &error);
-
-	if (root == NULL) {
-		report_json_error(report, path, &error);
-		report->errors++;
-	}
-	if (root == NULL && json_error_code(&error) == json_error_duplicate_key)
-		root = json_loadb(bytes, length, 0, &error);
-	return root;
-}
-
-static json_t *read_json(struct config_report *report, const char *path)
-{
-	size_t length;
-	char *bytes = read_bytes(path, &length);
-	json_t *root = NULL;
-
-	if (bytes == NULL)
-		fprintf(report->messages, "%s: cannot be read: %s\n", path, strerror(errno));
-	else if (length > CONFIG_FILE_SIZE_MAX)
-		fprintf(report->messages, "%s: is too large, expected at most %u bytes\n", path,
-			CONFIG_FILE_SIZE_MAX);
-	else
-		root = parse(report, path, bytes, length);
-	free(bytes);
-	return root;
-}
 
 static uint32_t count_objects(const json_t *slave)
 {
@@ -81,11 +18,21 @@ static uint32_t count_objects(const json_t *slave)
 	return (uint32_t)count;
 }
 
+/* Of a slave, with those of its template. */
+static uint64_t count_all_objects(const struct config_loader *loader, const json_t *slave)
+{
+	const char *name = json_string_value(json_object_get(slave, CONFIG_KEY_TEMPLATE));
+	const struct config_template *template = name == NULL ? NULL : config_find_template(loader, name);
+
+	return count_objects(slave) + (uint64_t)(template == NULL ? 0 : count_objects(template->json));
+}
+
 /* How many lines, devices and points the file can have at most, with every array as its rule allows it. */
-static void count_records(const json_t *root, struct map_config *counts)
+static void count_records(const struct config_loader *loader, const json_t *root, struct map_config *counts)
 {
 	const json_t *ports = json_object_get(root, CONFIG_KEY_PORTS);
 	const json_t *port, *slave;
+	uint64_t points = 0;
 	size_t i, j;
 
 	if (json_array_size(ports) > CONFIG_PORTS_MAX)
@@ -100,11 +47,10 @@ static void count_records(const json_t *root, struct map_config *counts)
 		json_array_foreach(slaves, j, slave)
 		{
 			counts->device_count++;
-			counts->point_count += count_objects(slave);
+			points += count_all_objects(loader, slave);
 		}
 	}
-	if (counts->point_count > CONFIG_POINTS_MAX)
-		counts->point_count = CONFIG_POINTS_MAX;
+	counts->point_count = points > CONFIG_POINTS_MAX ? CONFIG_POINTS_MAX : (uint32_t)points;
 }
 
 /* An array of at least one element, so that NULL means no memory. */
@@ -117,7 +63,7 @@ static bool allocate_records(struct config_loader *loader, const json_t *root)
 {
 	struct map_config counts = {.line_count = 0};
 
-	count_records(root, &counts);
+	count_records(loader, root, &counts);
 	loader->entries_max = counts.point_count;
 	loader->entries = allocate(counts.point_count, sizeof(*loader->entries));
 	loader->config->lines = allocate(counts.line_count + 1, sizeof(struct map_line));
@@ -147,9 +93,15 @@ static void keep_points(struct map_config *config, const struct config_entry *en
 	}
 }
 
-static enum config_result out_of_memory(struct config_loader *loader)
+void config_out_of_memory(struct config_loader *loader)
 {
 	fputs("out of memory\n", loader->report.messages);
+	loader->report.errors++;
+}
+
+static enum config_result out_of_memory(struct config_loader *loader)
+{
+	config_out_of_memory(loader);
 	return CONFIG_UNUSABLE;
 }
 
@@ -171,22 +123,72 @@ static enum config_result build(struct config_loader *loader, const json_t *root
 	return loader->report.errors == 0 ? CONFIG_GOOD : CONFIG_UNUSABLE;
 }
 
+/* Fills loader->config. The loader's files and entries are there until end. */
+static enum config_result load(struct config_loader *loader, const char *path, struct config_modules modules)
+{
+	enum config_result result = CONFIG_UNUSABLE;
+
+	*loader->config = (struct map_config){.line_count = 0};
+	if (config_read_files(loader, path))
+		result = build(loader, loader->files[0].root, modules);
+	config_report_end(&loader->report);
+	if (result != CONFIG_GOOD)
+		config_free(loader->config);
+	return result;
+}
+
+/* The file's text and JSON are many small pieces: a process that goes on for years gives the memory back. */
+static void end(struct config_loader *loader)
+{
+	free(loader->entries);
+	config_free_files(loader);
+	free(loader);
+	malloc_trim(0);
+}
+
+static struct config_loader *begin(struct map_config *out, FILE *messages)
+{
+	struct config_loader *loader = calloc(1, sizeof(*loader));
+
+	*out = (struct map_config){.line_count = 0};
+	if (loader != NULL) {
+		loader->report.messages = messages;
+		loader->config = out;
+	} else {
+		fputs("out of memory\n", messages);
+	}
+	return loader;
+}
+
 enum config_result config_load(const char *path, struct config_modules modules, struct map_config *out,
 			       FILE *messages)
 {
-	struct config_loader loader = {.report.messages = messages, .config = out};
-	enum config_result result = CONFIG_UNUSABLE;
-	json_t *root;
+	struct config_loader *loader = begin(out, messages);
+	enum config_result result;
 
-	*out = (struct map_config){.line_count = 0};
-	root = read_json(&loader.report, path);
-	if (root != NULL)
-		result = build(&loader, root, modules);
-	if (result != CONFIG_GOOD)
-		config_free(out);
-	free(loader.entries);
-	json_decref(root);
+	if (loader == NULL)
+		return CONFIG_UNUSABLE;
+	result = load(loader, path, modules);
+	end(loader);
 	return result;
+}
+
+int config_points(const char *path, struct config_modules modules, enum config_list list)
+{
+	struct map_config config;
+	struct config_loader *loader = begin(&config, stderr);
+	enum config_result result;
+
+	if (loader == NULL)
+		return CONFIG_UNUSABLE;
+	result = load(loader, path, modules);
+	if (result == CONFIG_GOOD && !config_list_points(loader, list, stdout)) {
+		fputs("out of memory\n", stderr);
+		result = CONFIG_UNUSABLE;
+	}
+	end(loader);
+	config_free(&config);
+	return (int)result;
 }
 
 void config_free(struct map_config *config)
@@ -195,15 +197,17 @@ void config_free(struct map_config *config)
 	free(config->devices);
 	free(config->points);
 	free(config->names);
+	free(config->knots);
 	*config = (struct map_config){.line_count = 0};
 }
 
 static void print_wear(const struct map_journal *journal)
 {
-	printf("journal: at most %.1f MiB a day reach the flash, which %u MiB with %u cycles bear for %.0f "
-	       "years\n",
-	       (double)journal_bytes_a_day(journal) / 1048576, journal->volume_mb, journal->cycles,
-	       journal_life_years(journal));
+	printf(
+	    "journal: at most %.1f MiB a day reach the flash, which %u MiB with %u cycles can take for %.0f "
+	    "years\n",
+	    (double)journal_bytes_a_day(journal) / 1048576, journal->volume_mb, journal->cycles,
+	    journal_life_years(journal));
 }
 
 int config_check(const char *path, struct config_modules modules, bool requests)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * Reads the gateway's configuration file: report 003, section 4.4 and figures 4.8 and 4.9, and the optional keys of
+ * Reads the gateway's configuration file: the project report, section 4.4 and figures 4.8 and 4.9, and the optional keys of
  * docs/configuration.md. config.schema.json says the same as a JSON Schema.
  */
 #ifndef OPENRTU_RTUD_CONFIG_H
@@ -39,5 +39,13 @@ void config_free(struct map_config *config);
  * with requests (--plan) how it comes about. Returns the exit code.
  */
 int config_check(const char *path, struct config_modules modules, bool requests);
+
+enum config_list { CONFIG_CSV, CONFIG_MARKDOWN };
+
+/*
+ * rtud --points: prints a line for each point on stdout, by CA and IOA: docs/configuration.md, "The list of points".
+ * Errors as config_check. Returns the exit code.
+ */
+int config_points(const char *path, struct config_modules modules, enum config_list list);
 
 #endif

@@ -15,8 +15,11 @@ static int by_file(const struct config_entry *a, const struct config_entry *b)
 {
 	int by_device = order(a->point.device, b->point.device);
 	int by_table = order(a->point.table, b->point.table);
+	int by_origin = order(a->template == NULL, b->template == NULL);
 
-	return by_device != 0 ? by_device : by_table != 0 ? by_table : order(a->object, b->object);
+	if (by_device != 0 || by_table != 0)
+		return by_device != 0 ? by_device : by_table;
+	return by_origin != 0 ? by_origin : order(a->object, b->object);
 }
 
 static int by_address(const void *left, const void *right)
@@ -37,11 +40,11 @@ static int by_address(const void *left, const void *right)
 static int by_ioa(const void *left, const void *right)
 {
 	const struct config_entry *a = left, *b = right;
-	int by_device = order(a->point.device, b->point.device);
+	int by_ca = order(a->ca, b->ca);
 	int by_number = order(a->point.ioa, b->point.ioa);
 
-	if (by_device != 0)
-		return by_device;
+	if (by_ca != 0)
+		return by_ca;
 	return by_number != 0 ? by_number : by_file(a, b);
 }
 
@@ -56,14 +59,23 @@ static int by_name(const void *left, const void *right)
 const struct config_place *config_entry_place(const struct config_entry *entry,
 					      struct config_place links[CONFIG_ENTRY_LINKS])
 {
+	const struct config_place *slave = &links[4];
+	unsigned last = 4;
+
 	links[0] = (struct config_place){.in = NULL};
 	links[1] = config_key_of(&links[0], CONFIG_KEY_PORTS);
 	links[2] = config_element_of(&links[1], entry->port);
 	links[3] = config_key_of(&links[2], CONFIG_KEY_SLAVES);
 	links[4] = config_element_of(&links[3], entry->slave);
-	links[5] = config_key_of(&links[4], config_table_names[entry->point.table]);
-	links[6] = config_element_of(&links[5], entry->object);
-	return &links[6];
+	if (entry->template != NULL) {
+		links[5] = config_template_file(entry->template, slave);
+		links[6] = config_key_of(&links[5], CONFIG_KEY_TEMPLATES);
+		links[7] = config_key_of(&links[6], entry->template->name);
+		last = 7;
+	}
+	links[last + 1] = config_key_of(&links[last], config_table_names[entry->point.table]);
+	links[last + 2] = config_element_of(&links[last + 1], entry->object);
+	return &links[last + 2];
 }
 
 /* what: how the entry collides with the other one */
@@ -71,9 +83,9 @@ static void refuse_pair(struct config_loader *loader, const struct config_entry 
 			const struct config_entry *other, const char *what)
 {
 	struct config_place links[CONFIG_ENTRY_LINKS], other_links[CONFIG_ENTRY_LINKS];
-	char there[CONFIG_PLACE_SIZE];
+	char there[CONFIG_WHERE_SIZE];
 
-	config_place_text(config_entry_place(other, other_links), there);
+	config_place_where(&loader->report, config_entry_place(other, other_links), there);
 	config_error(&loader->report, config_entry_place(entry, links), "%s %s", what, there);
 }
 
@@ -88,13 +100,26 @@ static uint32_t ranges_of(const struct config_entry *entry, struct range *out)
 	const struct map_point *point = &entry->point;
 	uint32_t first = point->address, second = point->second_address;
 
-	if (point->width == 1 || second == first + 1) {
+	if (point->width != 2 || point->type != MAP_DOUBLE || second == first + 1) {
 		out[0] = (struct range){entry, first, first + point->width};
 		return 1;
 	}
 	out[0] = (struct range){entry, first, first + 1};
 	out[1] = (struct range){entry, second, second + 1};
 	return 2;
+}
+
+static unsigned bits_of(const struct map_point *point)
+{
+	return point->type == MAP_DOUBLE ? 2 : 1;
+}
+
+/* They cover different bits of a register, or of several. */
+static bool share_registers(const struct config_entry *a, const struct config_entry *b)
+{
+	return map_point_is_register_bit(&a->point) && map_point_is_register_bit(&b->point) &&
+	       (a->point.bit + bits_of(&a->point) <= b->point.bit ||
+		b->point.bit + bits_of(&b->point) <= a->point.bit);
 }
 
 static bool in_one_table(const struct config_entry *a, const struct config_entry *b)
@@ -111,7 +136,7 @@ static bool overlap(const struct config_entry *a, const struct config_entry *b)
 	for (uint32_t i = 0; i < count_a; i++)
 		for (uint32_t j = 0; j < count_b; j++)
 			any |= of_a[i].begin < of_b[j].end && of_b[j].begin < of_a[i].end;
-	return any && in_one_table(a, b);
+	return any && in_one_table(a, b) && !share_registers(a, b);
 }
 
 static int by_range(const void *left, const void *right)
@@ -124,27 +149,52 @@ static int by_range(const void *left, const void *right)
 		return by_device != 0 ? by_device : by_table;
 	if (a->begin != b->begin || a->end != b->end)
 		return a->begin != b->begin ? order(a->begin, b->begin) : order(a->end, b->end);
+	if (a->entry->point.bit != b->entry->point.bit)
+		return order(a->entry->point.bit, b->entry->point.bit);
 	return by_file(a->entry, b->entry);
 }
 
-/* The longest range covers two addresses: in the order of beginning and end, neighbours show every overlap. */
+static bool ranges_overlap(const struct range *a, const struct range *b)
+{
+	return in_one_table(a->entry, b->entry) && a->begin < b->end && b->begin < a->end &&
+	       !share_registers(a->entry, b->entry);
+}
+
+/* In the order of beginning, end and bit: a range may overlap its neighbour, or the one that reaches farthest so far. */
 static void check_overlaps(struct config_loader *loader, const struct config_entry *entries, uint32_t count)
 {
 	struct range *ranges = calloc(2 * (size_t)count + 1, sizeof(*ranges));
+	const struct range *farthest = ranges;
 	uint32_t range_count = 0;
 
 	if (ranges == NULL) {
-		fputs("out of memory\n", loader->report.messages);
-		loader->report.errors++;
+		config_out_of_memory(loader);
 		return;
 	}
 	for (uint32_t i = 0; i < count; i++)
 		range_count += ranges_of(&entries[i], &ranges[range_count]);
 	qsort(ranges, range_count, sizeof(*ranges), by_range);
-	for (uint32_t i = 1; i < range_count; i++)
-		if (in_one_table(ranges[i - 1].entry, ranges[i].entry) && ranges[i].begin < ranges[i - 1].end)
-			refuse_pair(loader, ranges[i].entry, ranges[i - 1].entry, "covers an address of");
+	for (uint32_t i = 1; i < range_count; i++) {
+		const struct range *range = &ranges[i], *before = range - 1;
+
+		if (!ranges_overlap(before, range))
+			before = farthest;
+		if (ranges_overlap(before, range))
+			refuse_pair(loader, range->entry, before->entry, "covers an address of");
+		if (!in_one_table(farthest->entry, range->entry) || range->end > farthest->end)
+			farthest = range;
+	}
 	free(ranges);
+}
+
+/* Two slaves of a line with one id have all in common, and that has been said. */
+static bool is_one_slave(const struct map_config *config, const struct config_entry *a,
+			 const struct config_entry *b)
+{
+	const struct map_device *one = &config->devices[a->point.device],
+				*other = &config->devices[b->point.device];
+
+	return one != other && one->line == other->line && one->unit == other->unit;
 }
 
 static void check_ioas(struct config_loader *loader, const struct config_entry *entries, uint32_t count)
@@ -153,11 +203,10 @@ static void check_ioas(struct config_loader *loader, const struct config_entry *
 		const struct config_entry *one = &entries[i - 1], *other = &entries[i];
 		char what[64];
 
-		if (one->point.device != other->point.device || one->point.ioa != other->point.ioa ||
-		    overlap(one, other))
+		if (one->ca != other->ca || one->point.ioa != other->point.ioa || overlap(one, other) ||
+		    is_one_slave(loader->config, one, other))
 			continue;
-		snprintf(what, sizeof(what), "has the CA %u and IOA %u of",
-			 loader->config->devices[one->point.device].ca, one->point.ioa);
+		snprintf(what, sizeof(what), "has the CA %u and IOA %u of", one->ca, one->point.ioa);
 		refuse_pair(loader, other, one, what);
 	}
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The file's outermost object, and the settings: what belongs to no port. */
+#include "map/map.h"
 #include "rtud/config_parts.h"
 
 #define EVENT_RING_LEAST  64
@@ -23,6 +24,8 @@ enum {
 	FILE_GROUPS,
 	FILE_ORIGINATORS,
 	FILE_JOURNAL,
+	FILE_INCLUDE,
+	FILE_TEMPLATES,
 	FILE_KEYS
 };
 static const struct config_rule file_rules[FILE_KEYS] = {
@@ -38,6 +41,8 @@ static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_GROUPS] = {"redundancy_groups", CONFIG_ARRAY, .high = MAP_GROUPS_MAX},
     [FILE_ORIGINATORS] = {"originators", CONFIG_ARRAY, .high = ORIGINATORS},
     [FILE_JOURNAL] = {"journal", CONFIG_OBJECT},
+    [FILE_INCLUDE] = {CONFIG_KEY_INCLUDE, CONFIG_ARRAY, .high = CONFIG_FILES_MAX},
+    [FILE_TEMPLATES] = {CONFIG_KEY_TEMPLATES, CONFIG_OBJECT},
 };
 
 enum {
@@ -74,9 +79,11 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
 };
 
-enum { MODBUS_PRIORITY, MODBUS_KEYS };
+enum { MODBUS_PRIORITY, MODBUS_HEARTBEAT_LIMIT, MODBUS_KEYS };
 static const struct config_rule modbus_rules[MODBUS_KEYS] = {
     [MODBUS_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 99, .fallback = 45},
+    [MODBUS_HEARTBEAT_LIMIT] = {"heartbeat_limit_ms", CONFIG_INTEGER, .low = MAP_HEARTBEAT_LIMIT_MS,
+				.high = MAP_IDLE_HEARTBEAT_LIMIT_MS, .fallback = MAP_HEARTBEAT_LIMIT_MS},
 };
 
 /* IEC 60870-5-104, 5.5: w should not exceed two thirds of k; more than k would never be reached. */
@@ -164,6 +171,7 @@ static void read_modbus(struct config_loader *loader, const struct config_place 
 
 	config_read_keys(&loader->report, &place, json, modbus_rules, MODBUS_KEYS, values);
 	loader->config->settings.modbus_priority = (uint8_t)values[MODBUS_PRIORITY].integer;
+	loader->config->settings.heartbeat_limit_ms = (uint16_t)values[MODBUS_HEARTBEAT_LIMIT].integer;
 }
 
 static void read_event_ring(struct config_loader *loader, const struct config_place *file,
@@ -173,7 +181,8 @@ static void read_event_ring(struct config_loader *loader, const struct config_pl
 
 	loader->config->settings.event_ring = (uint32_t)value->integer;
 	if (value->given && (value->integer & (value->integer - 1)) != 0)
-		config_error(&loader->report, &here, "%lld is no power of two, expected 64, 128, ... 65536",
+		config_error(&loader->report, &here,
+			     "%lld is not a power of two, expected 64, 128, ... 65536",
 			     (long long)value->integer);
 }
 
@@ -184,7 +193,7 @@ static void read_timezone(struct config_loader *loader, const struct config_plac
 
 	if (value->given && !config_read_zone(value->text, &loader->config->settings.zone))
 		config_error(&loader->report, &here,
-			     "is no time zone, expected one like UTC0 or CET-1CEST,M3.5.0,M10.5.0/3");
+			     "is not a time zone, expected one like UTC0 or CET-1CEST,M3.5.0,M10.5.0/3");
 }
 
 /* Who may connect and command, and who is redundant. After event_ring, which queues are measured by. */
@@ -241,6 +250,7 @@ void config_read_file(struct config_loader *loader, const json_t *root)
 	read_timezone(loader, &file, &values[FILE_TIMEZONE]);
 	read_controlling_stations(loader, &file, values);
 	loader->config->settings.clock = (uint8_t)values[FILE_CLOCK].integer;
+	config_check_templates(loader);
 	if (values[FILE_PORT].given)
 		config_read_ports(loader, &file, values[FILE_PORT].json);
 	check_point_count(loader, &file);

@@ -36,7 +36,7 @@ static void read_path(struct config_loader *loader, const struct config_place *p
 		snprintf(out, MAP_FILE_SIZE, "%s", path);
 	else if (!value->wrong)
 		config_error(&loader->report, &here,
-			     "is no absolute path, expected one like /data/openrtu/journal");
+			     "is not an absolute path, expected one like /data/openrtu/journal");
 }
 
 void config_read_journal(struct config_loader *loader, const struct config_place *place, const json_t *json)

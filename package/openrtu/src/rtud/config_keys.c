@@ -52,16 +52,61 @@ void config_place_text(const struct config_place *place, char *out)
 			 quote(place->key, quoted));
 }
 
+static const struct config_place *file_of(const struct config_place *place)
+{
+	while (place->in != NULL)
+		place = place->in;
+	return place;
+}
+
+static const struct config_source *source_of(const struct config_report *report,
+					     const struct config_place *place)
+{
+	const struct config_source *source = file_of(place)->source;
+
+	return source != NULL ? source : &report->source;
+}
+
+void config_place_where(const struct config_report *report, const struct config_place *place, char *out)
+{
+	const struct config_place *instance = file_of(place)->instance;
+	const struct config_source *source = source_of(report, place);
+	char where[CONFIG_PLACE_SIZE], used[CONFIG_PLACE_SIZE] = "";
+
+	config_place_text(place, where);
+	if (instance != NULL)
+		config_place_text(instance, used);
+	snprintf(out, CONFIG_WHERE_SIZE, "%s (%.300s:%u%s%s)", where, source->path,
+		 config_line_of(source, place), instance != NULL ? ", for " : "", used);
+}
+
+/* gateway.json:12: port[0].slaves[1]: message */
 __attribute__((format(printf, 4, 0))) static void say(struct config_report *report, const char *prefix,
 						      const struct config_place *place, const char *format,
 						      va_list arguments)
 {
-	char where[CONFIG_PLACE_SIZE];
+	const struct config_place *instance = file_of(place)->instance;
+	const struct config_source *source = source_of(report, place);
+	char where[CONFIG_PLACE_SIZE], where_used[CONFIG_WHERE_SIZE];
 
+	if (report->shown++ >= CONFIG_SHOWN_MAX)
+		return;
 	config_place_text(place, where);
-	fprintf(report->messages, "%s%s: ", prefix, where);
+	fprintf(report->messages, "%s:%u: %s%s: ", source->path, config_line_of(source, place), prefix,
+		where);
 	vfprintf(report->messages, format, arguments);
+	if (instance != NULL) {
+		config_place_where(report, instance, where_used);
+		fprintf(report->messages, "; for %s", where_used);
+	}
 	fputc('\n', report->messages);
+}
+
+void config_report_end(struct config_report *report)
+{
+	if (report->shown > CONFIG_SHOWN_MAX)
+		fprintf(report->messages, "%s: %u more messages are not shown\n", report->source.path,
+			report->shown - CONFIG_SHOWN_MAX);
 }
 
 void config_error(struct config_report *report, const struct config_place *place, const char *format, ...)

@@ -14,17 +14,32 @@
 #include <jansson.h>
 
 #define CONFIG_PLACE_SIZE 192 /* a place in words, terminator included */
+#define CONFIG_WHERE_SIZE 768 /* with its file and line */
+
+#define CONFIG_SHOWN_MAX 200 /* messages; what is behind them is counted */
+
+/* A file's text, as long as something may have to be said of it. */
+struct config_source {
+	const char *path;
+	const char *text;
+	size_t length;
+};
 
 /* Where in the file, in words: port[2].slaves[0].coils[1].address */
 struct config_place {
 	const struct config_place *in; /* NULL: this is the whole file */
 	const char *key;               /* NULL: element number index of an array */
 	size_t index;
+	/* Of a whole file: */
+	const struct config_source *source;  /* NULL: the report's */
+	const struct config_place *instance; /* of a template, for which slave it is read; else NULL */
 };
 
 struct config_report {
 	FILE *messages;
+	struct config_source source; /* the file that was asked for */
 	unsigned errors;
+	unsigned shown; /* messages */
 };
 
 enum config_kind {
@@ -69,6 +84,9 @@ static inline struct config_place config_element_of(const struct config_place *i
 /* Writes a place in words. out: CONFIG_PLACE_SIZE bytes; longer places are cut. */
 void config_place_text(const struct config_place *place, char *out);
 
+/* The same with file and line, as something else that is spoken of. out: CONFIG_WHERE_SIZE bytes. */
+void config_place_where(const struct config_report *report, const struct config_place *place, char *out);
+
 /* Reports an error at a place and counts it. */
 void config_error(struct config_report *report, const struct config_place *place, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
@@ -82,5 +100,13 @@ void config_note(struct config_report *report, const struct config_place *place,
  */
 void config_read_keys(struct config_report *report, const struct config_place *place, const json_t *object,
 		      const struct config_rule *rules, size_t count, struct config_value *values);
+
+/* Says how many messages were not shown. */
+void config_report_end(struct config_report *report);
+
+/* ---- config_where.c ---------------------------------------------------------------------- */
+
+/* The line of a place, from 1; of what is missing, of what it is missing in. */
+unsigned config_line_of(const struct config_source *source, const struct config_place *place);
 
 #endif

@@ -35,7 +35,7 @@ void config_read_address(struct config_loader *loader, const struct config_place
 		snprintf(out, MAP_ADDRESS_SIZE, "%s", text);
 	else
 		config_error(&loader->report, place,
-			     "is no IP address, expected one like 192.0.2.1 or 2001:db8::1");
+			     "is not an IP address, expected one like 192.0.2.1 or 2001:db8::1");
 }
 
 uint32_t config_read_addresses(struct config_loader *loader, const struct config_place *array,
@@ -217,7 +217,8 @@ void config_read_originators(struct config_loader *loader, const struct config_p
 		json_int_t address = json_integer_value(originator);
 
 		if (!json_is_integer(originator) || address < 0 || address > UINT8_MAX)
-			config_error(&loader->report, &place, "is no originator address, expected 0 to 255");
+			config_error(&loader->report, &place,
+				     "is not an originator address, expected 0 to 255");
 		else
 			refused[address / 32] &= ~(1u << address % 32);
 	}

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* One object of a slave's table, and the point it becomes. */
-#include "rtud/config_parts.h"
+#include "rtud/config_object.h"
 
 #include <float.h>
 #include <math.h>
@@ -18,70 +18,41 @@
 
 static const uint32_t first_ioa[] = {1, 10001, 30001, 40001};
 
-static const char *const type_names[] = {
+const char *const config_type_names[] = {
     [MAP_SINGLE] = "single",       [MAP_DOUBLE] = "double",         [MAP_STEP] = "step",
     [MAP_BITSTRING] = "bitstring", [MAP_NORMALIZED] = "normalized", [MAP_SCALED] = "scaled",
     [MAP_FLOAT] = "float",         [MAP_COUNTER] = "counter",       NULL,
 };
-static const uint8_t type_widths[] = {
-    [MAP_SINGLE] = 1,     [MAP_DOUBLE] = 2, [MAP_STEP] = 1,  [MAP_BITSTRING] = 2,
-    [MAP_NORMALIZED] = 1, [MAP_SCALED] = 1, [MAP_FLOAT] = 2, [MAP_COUNTER] = 2,
-};
-
-#define OF_BITS      (BIT(MAP_SINGLE) | BIT(MAP_DOUBLE))
-#define OF_MEASURED  (BIT(MAP_NORMALIZED) | BIT(MAP_SCALED) | BIT(MAP_FLOAT))
-#define OF_TWO_WORDS (BIT(MAP_BITSTRING) | BIT(MAP_FLOAT) | BIT(MAP_COUNTER))
-#define NOT_COUNTER  (~BIT(MAP_COUNTER))
-#define OF_REGISTERS (BIT(MAP_STEP) | OF_MEASURED | OF_TWO_WORDS)
+#define OF_BITS     (BIT(MAP_SINGLE) | BIT(MAP_DOUBLE))
+#define OF_MEASURED (BIT(MAP_NORMALIZED) | BIT(MAP_SCALED) | BIT(MAP_FLOAT))
+#define NOT_COUNTER (~BIT(MAP_COUNTER))
 
 static const char *const orders[] = {"big", "little", NULL};
+static const char *const formats[] = {
+    "int16",  "uint16",  "int32",   "uint32", "int64",
+    "uint64", "float32", "float64", NULL}; /* as enum map_format from INT16 on */
 static const char *const bit_orders[] = {"off_on", "on_off", NULL};
 
-enum {
-	OBJECT_ADDRESS,
-	OBJECT_TYPE,
-	OBJECT_NAME,
-	OBJECT_IOA,
-	OBJECT_GROUP,
-	OBJECT_SELECT,
-	OBJECT_SIGNED,
-	OBJECT_WORD_ORDER,
-	OBJECT_BYTE_ORDER,
-	OBJECT_BIT_ORDER,
-	OBJECT_SCALE,
-	OBJECT_OFFSET,
-	OBJECT_DEADBAND,
-	OBJECT_CYCLIC,
-	OBJECT_BACKGROUND,
-	OBJECT_COUNTER_GROUP,
-	OBJECT_FREEZE,
-	OBJECT_SECOND,
-	OBJECT_SHORT_PULSE,
-	OBJECT_LONG_PULSE,
-	OBJECT_STEP,
-	OBJECT_MIN,
-	OBJECT_MAX,
-	OBJECT_QUALITY,
-	OBJECT_BLOCKED_BY,
-	OBJECT_SUBSTITUTED_BY,
-	OBJECT_NOT_TOPICAL_BY,
-	OBJECT_PERIOD,
-	OBJECT_READ_BACK,
-	OBJECT_KEYS
-};
-static const struct config_rule object_rules[OBJECT_KEYS] = {
+const struct config_rule config_object_rules[OBJECT_KEYS] = {
     [OBJECT_ADDRESS] = {"address", CONFIG_INTEGER, .required = true, .low = 0, .high = MODBUS_LAST},
-    [OBJECT_TYPE] = {"type", CONFIG_CHOICE, .choices = type_names},
-    [OBJECT_NAME] = {"name", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [OBJECT_TYPE] = {"type", CONFIG_CHOICE, .choices = config_type_names},
+    [OBJECT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [OBJECT_UNIT] = {"unit", CONFIG_TEXT, .low = 1, .high = 15},
     [OBJECT_IOA] = {"ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX},
     [OBJECT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
     [OBJECT_SELECT] = {"select", CONFIG_BOOLEAN},
+    [OBJECT_FORMAT] = {"format", CONFIG_CHOICE, .choices = formats},
+    [OBJECT_BIT] = {"bit", CONFIG_INTEGER, .low = 0, .high = 15},
+    [OBJECT_INVERTED] = {"inverted", CONFIG_BOOLEAN},
     [OBJECT_SIGNED] = {"signed", CONFIG_BOOLEAN, .fallback = true},
     [OBJECT_WORD_ORDER] = {"word_order", CONFIG_CHOICE, .choices = orders},
     [OBJECT_BYTE_ORDER] = {"byte_order", CONFIG_CHOICE, .choices = orders},
     [OBJECT_BIT_ORDER] = {"bit_order", CONFIG_CHOICE, .choices = bit_orders},
     [OBJECT_SCALE] = {"scale", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX, .fallback = 1},
     [OBJECT_OFFSET] = {"offset", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
+    [OBJECT_SCALE_POINTS] = {"scale_points", CONFIG_ARRAY, .high = CONFIG_KNOTS_MAX},
+    [OBJECT_SCALE_TABLE] = {"scale_table", CONFIG_ARRAY, .high = CONFIG_KNOTS_MAX},
+    [OBJECT_UNIMPLEMENTED] = {"unimplemented", CONFIG_BOOLEAN},
     [OBJECT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [OBJECT_CYCLIC] = {"cyclic_ms", CONFIG_INTEGER, .low = 100, .high = 86400000},
     [OBJECT_BACKGROUND] = {"background_ms", CONFIG_INTEGER, .low = 100, .high = 86400000},
@@ -108,11 +79,13 @@ const char *const config_status_keys[MAP_STATUS_BITS] = {
 /* The types that give a key a meaning; 0: all do. */
 static const unsigned object_key_types[OBJECT_KEYS] = {
     [OBJECT_SIGNED] = BIT(MAP_NORMALIZED) | BIT(MAP_SCALED),
-    [OBJECT_WORD_ORDER] = OF_TWO_WORDS,
-    [OBJECT_BYTE_ORDER] = OF_REGISTERS,
+    [OBJECT_FORMAT] = OF_MEASURED | BIT(MAP_COUNTER) | BIT(MAP_BITSTRING),
+    [OBJECT_BIT] = OF_BITS,
+    [OBJECT_INVERTED] = OF_BITS,
     [OBJECT_BIT_ORDER] = BIT(MAP_DOUBLE),
-    [OBJECT_SCALE] = OF_MEASURED,
-    [OBJECT_OFFSET] = OF_MEASURED,
+    [OBJECT_SCALE_POINTS] = OF_MEASURED,
+    [OBJECT_SCALE_TABLE] = OF_MEASURED,
+    [OBJECT_UNIMPLEMENTED] = OF_MEASURED | BIT(MAP_COUNTER),
     [OBJECT_DEADBAND] = OF_MEASURED | BIT(MAP_COUNTER),
     [OBJECT_CYCLIC] = OF_MEASURED, /* IEC 60870-5-101, 7.2.3: only measured values know COT 1 */
     [OBJECT_BACKGROUND] = OF_BITS | BIT(MAP_STEP) | BIT(MAP_BITSTRING), /* measured values are cyclic */
@@ -135,38 +108,36 @@ static const bool is_command_key[OBJECT_KEYS] = {
     [OBJECT_MIN] = true,    [OBJECT_MAX] = true,         [OBJECT_READ_BACK] = true,
 };
 
-static bool is_bit_table(enum map_table table)
-{
-	return table == MAP_COILS || table == MAP_DISCRETE_INPUTS;
-}
-
 static enum map_type object_type(const struct config_value *values, enum map_table table)
 {
 	if (values[OBJECT_TYPE].given)
 		return (enum map_type)values[OBJECT_TYPE].integer;
-	return is_bit_table(table) ? MAP_SINGLE : MAP_SCALED;
+	return config_is_bit_table(table) || values[OBJECT_BIT].given ? MAP_SINGLE : MAP_SCALED;
 }
 
 static void check_type(struct config_loader *loader, const struct config_place *object, enum map_type type,
-		       enum map_table table)
+		       enum map_table table, bool bit)
 {
-	const struct config_place here = config_key_of(object, object_rules[OBJECT_TYPE].name);
-	bool bits = is_bit_table(table);
+	const struct config_place here = config_object_key(object, OBJECT_TYPE);
+	bool bits = config_is_bit_table(table);
 
-	if (bits != ((BIT(type) & OF_BITS) != 0))
+	if ((bits || bit) != ((BIT(type) & OF_BITS) != 0))
 		config_error(&loader->report, &here, "%s hold no \"%s\", expected one of %s",
-			     config_table_names[table], type_names[type],
-			     bits ? "single, double" : "step, bitstring, normalized, scaled, float, counter");
+			     bit ? "bits" : config_table_names[table], config_type_names[type],
+			     bits || bit
+				 ? "single, double"
+				 : "step, bitstring, normalized, scaled, float, counter, or the key bit");
 }
 
 static void check_meaning(struct config_loader *loader, const struct config_place *object,
 			  const struct config_value *values, enum map_type type, enum map_table table)
 {
-	for (size_t key = 0; key < OBJECT_KEYS; key++) {
-		const struct config_place here = config_key_of(object, object_rules[key].name);
+	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
+		const struct config_place here = config_object_key(object, key);
 
 		if (values[key].given && object_key_types[key] != 0 && !(object_key_types[key] & BIT(type)))
-			config_error(&loader->report, &here, "has no meaning for type %s", type_names[type]);
+			config_error(&loader->report, &here, "has no meaning for type %s",
+				     config_type_names[type]);
 		if (values[key].given && is_command_key[key] && !config_is_writable(table))
 			config_error(&loader->report, &here,
 				     "has no meaning for %s: they cannot be commanded",
@@ -175,20 +146,21 @@ static void check_meaning(struct config_loader *loader, const struct config_plac
 }
 
 static void check_extent(struct config_loader *loader, const struct config_place *object, int64_t address,
-			 enum map_type type)
+			 enum map_type type, uint8_t width)
 {
-	const struct config_place here = config_key_of(object, object_rules[OBJECT_ADDRESS].name);
+	const struct config_place here = config_object_key(object, OBJECT_ADDRESS);
 
-	if (address + type_widths[type] - 1 > MODBUS_LAST)
+	if (address + width - 1 > MODBUS_LAST)
 		config_error(&loader->report, &here,
-			     "%lld is out of range for type %s, which covers two addresses, expected 0 to %d",
-			     (long long)address, type_names[type], MODBUS_LAST - 1);
+			     "%lld is out of range for type %s, which covers %s addresses, expected 0 to %d",
+			     (long long)address, config_type_names[type], width == 2 ? "two" : "four",
+			     MODBUS_LAST + 1 - width);
 }
 
 static void check_second_address(struct config_loader *loader, const struct config_place *object,
 				 int64_t address, int64_t second)
 {
-	const struct config_place here = config_key_of(object, object_rules[OBJECT_SECOND].name);
+	const struct config_place here = config_object_key(object, OBJECT_SECOND);
 
 	if (second == address)
 		config_error(&loader->report, &here, "is the address of the first bit, expected another one");
@@ -206,52 +178,43 @@ static bool is_whole(double number)
 static void check_step(struct config_loader *loader, const struct config_place *object,
 		       const struct config_value *values, enum map_type type)
 {
-	const struct config_place step = config_key_of(object, object_rules[OBJECT_STEP].name);
-	const struct config_place max = config_key_of(object, object_rules[OBJECT_MAX].name);
+	const struct config_place step = config_object_key(object, OBJECT_STEP);
+	const struct config_place max = config_object_key(object, OBJECT_MAX);
 	unsigned given = 0;
 
-	for (size_t key = OBJECT_STEP; key <= OBJECT_MAX; key++) {
+	for (unsigned key = OBJECT_STEP; key <= OBJECT_MAX; key++) {
 		if (values[key].wrong)
 			return;
 		given += values[key].given;
 	}
-	for (size_t key = OBJECT_STEP; given > 0 && key <= OBJECT_MAX; key++) {
-		const struct config_place here = config_key_of(object, object_rules[key].name);
+	for (unsigned key = OBJECT_STEP; given > 0 && key <= OBJECT_MAX; key++) {
+		const struct config_place here = config_object_key(object, key);
 
 		if (!values[key].given)
 			config_error(&loader->report, &here,
-				     "is needed with the others of step, min and max, expected a number");
+				     "is not given: step, min and max belong together, expected a number");
 	}
 	if (given < 3)
 		return;
 	if (fpclassify(values[OBJECT_STEP].number) == FP_ZERO)
 		config_error(&loader->report, &step, "is 0, expected more");
 	else if (type != MAP_FLOAT && !is_whole(values[OBJECT_STEP].number))
-		config_error(&loader->report, &step, "is no integer, as type %s needs it", type_names[type]);
+		config_error(&loader->report, &step, "is not an integer, which type %s needs",
+			     config_type_names[type]);
 	if (values[OBJECT_MIN].number >= values[OBJECT_MAX].number)
 		config_error(&loader->report, &max, "is not above min");
 }
 
-static void check_name(struct config_loader *loader, const struct config_place *object, const char *name)
+void config_check_name(struct config_loader *loader, const struct config_place *place, const char *name)
 {
-	const struct config_place here = config_key_of(object, object_rules[OBJECT_NAME].name);
-
 	if (strpbrk(name, " *?[]\\") != NULL)
-		config_error(&loader->report, &here,
+		config_error(&loader->report, place,
 			     "has a space or one of *?[]\\, which are for patterns, expected a name without");
-}
-
-static void check_scale(struct config_loader *loader, const struct config_place *object, double scale)
-{
-	const struct config_place here = config_key_of(object, object_rules[OBJECT_SCALE].name);
-
-	if (fpclassify(scale) == FP_ZERO)
-		config_error(&loader->report, &here, "is 0, expected another number");
 }
 
 static void check_scheme(struct config_loader *loader, const struct config_place *object, int64_t address)
 {
-	const struct config_place here = config_key_of(object, object_rules[OBJECT_IOA].name);
+	const struct config_place here = config_object_key(object, OBJECT_IOA);
 
 	if (address > SCHEME_LAST)
 		config_error(
@@ -263,19 +226,21 @@ static void check_scheme(struct config_loader *loader, const struct config_place
 
 static void check_period(struct config_loader *loader, const struct config_place *object)
 {
-	const struct config_place here = config_key_of(object, object_rules[OBJECT_PERIOD].name);
+	const struct config_place here = config_object_key(object, OBJECT_PERIOD);
 
 	if (loader->config->devices[loader->config->device_count - 1].unit == 0)
 		config_error(&loader->report, &here,
 			     "has no meaning for slave 0: the broadcast address is never read");
 }
 
-static uint8_t object_flags(const struct config_value *values, enum map_type type, enum map_table table)
+static uint16_t object_flags(const struct config_value *values, enum map_table table)
 {
 	unsigned flags = 0;
 
-	if ((object_key_types[OBJECT_SIGNED] & BIT(type)) && values[OBJECT_SIGNED].integer)
-		flags |= MAP_POINT_SIGNED;
+	if (values[OBJECT_INVERTED].integer)
+		flags |= MAP_POINT_INVERTED;
+	if (values[OBJECT_UNIMPLEMENTED].integer)
+		flags |= MAP_POINT_UNIMPLEMENTED;
 	if (values[OBJECT_WORD_ORDER].integer)
 		flags |= MAP_POINT_WORDS_SWAPPED;
 	if (values[OBJECT_BYTE_ORDER].integer)
@@ -288,7 +253,7 @@ static uint8_t object_flags(const struct config_value *values, enum map_type typ
 		flags |= MAP_POINT_COMMAND;
 	if (!values[OBJECT_QUALITY].integer)
 		flags |= MAP_POINT_NO_QUALITY;
-	return (uint8_t)flags;
+	return (uint16_t)flags;
 }
 
 static struct map_point object_point(const struct config_value *values, enum map_type type,
@@ -296,48 +261,69 @@ static struct map_point object_point(const struct config_value *values, enum map
 {
 	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
 	const struct config_value *second = &values[OBJECT_SECOND];
+	enum map_format format = config_format(values, type);
 
 	return (struct map_point){
 	    .address = address,
 	    .table = (uint8_t)table,
 	    .type = (uint8_t)type,
-	    .width = type_widths[type],
-	    .flags = object_flags(values, type, table),
+	    .width = config_width(type, format, table) & 15u,
+	    .format = format & 15u,
+	    .flags = object_flags(values, table),
+	    .bit = (unsigned)values[OBJECT_BIT].integer & 15u,
 	    .ioa =
 		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
 	    .group = (uint8_t)values[OBJECT_GROUP].integer,
-	    .counter_group = (uint8_t)values[OBJECT_COUNTER_GROUP].integer,
+	    .counter_group = (unsigned)values[OBJECT_COUNTER_GROUP].integer & 15u,
 	    .send_period_ms = (uint32_t)(values[OBJECT_CYCLIC].integer + values[OBJECT_BACKGROUND].integer),
 	    .freeze_s = (uint32_t)values[OBJECT_FREEZE].integer,
 	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
 	    .short_pulse_ms = (uint16_t)values[OBJECT_SHORT_PULSE].integer,
 	    .long_pulse_ms = (uint16_t)values[OBJECT_LONG_PULSE].integer,
 	    .scan_period_ms = (uint16_t)values[OBJECT_PERIOD].integer,
-	    .scale = values[OBJECT_SCALE].number,
-	    .offset = values[OBJECT_OFFSET].number,
-	    .deadband = values[OBJECT_DEADBAND].number,
+	    .deadband = (float)values[OBJECT_DEADBAND].number,
 	    .step = (float)values[OBJECT_STEP].number,
 	    .min = (float)values[OBJECT_MIN].number,
 	    .max = (float)values[OBJECT_MAX].number,
 	};
 }
 
-static void name_point(struct config_loader *loader, struct config_entry *entry,
-		       const struct config_value *name)
+static void name_point(struct config_loader *loader, const struct config_place *object,
+		       struct config_entry *entry, const struct config_value *name)
 {
+	const struct config_place here = config_object_key(object, OBJECT_NAME);
+
 	entry->named = name->given;
-	if (name->given)
-		snprintf(entry->name, sizeof(entry->name), "%s", name->text);
-	else
+	if (!name->given)
 		map_point_name(loader->config, &entry->point, entry->name);
+	else if (snprintf(entry->name, sizeof(entry->name), "%s%s", entry->prefix, name->text) >=
+		 (int)sizeof(entry->name))
+		config_error(&loader->report, &here, "is longer than %d bytes with its slave's name_prefix",
+			     MAP_NAME_SIZE - 1);
+}
+
+static void offset_ioa(struct config_loader *loader, const struct config_place *object,
+		       struct config_entry *entry)
+{
+	const struct config_place here = config_object_key(object, OBJECT_IOA);
+
+	entry->point.ioa += entry->ioa_offset;
+	if (entry->point.ioa > IOA_MAX)
+		config_error(&loader->report, &here,
+			     "%u is out of range with its slave's ioa_offset, expected at "
+			     "most %d",
+			     entry->point.ioa, IOA_MAX);
 }
 
 static void check_object(struct config_loader *loader, const struct config_place *place,
 			 const struct config_value *values, enum map_type type, enum map_table table)
 {
+	const struct config_place name = config_object_key(place, OBJECT_NAME);
+
 	if (!values[OBJECT_TYPE].wrong) {
-		check_type(loader, place, type, table);
+		check_type(loader, place, type, table, values[OBJECT_BIT].given);
 		check_meaning(loader, place, values, type, table);
+		config_check_value(loader, place, values, type, table);
 	}
 	if (!values[OBJECT_TYPE].wrong)
 		check_step(loader, place, values, type);
@@ -345,43 +331,68 @@ static void check_object(struct config_loader *loader, const struct config_place
 		check_second_address(loader, place, values[OBJECT_ADDRESS].integer,
 				     values[OBJECT_SECOND].integer);
 	else if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
-		check_extent(loader, place, values[OBJECT_ADDRESS].integer, type);
-	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong)
+		check_extent(loader, place, values[OBJECT_ADDRESS].integer, type,
+			     config_width(type, config_format(values, type), table));
+	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong &&
+	    !values[OBJECT_BIT].given)
 		check_scheme(loader, place, values[OBJECT_ADDRESS].integer);
 	if (values[OBJECT_NAME].given)
-		check_name(loader, place, values[OBJECT_NAME].text);
-	if (values[OBJECT_SCALE].given)
-		check_scale(loader, place, values[OBJECT_SCALE].number);
+		config_check_name(loader, &name, values[OBJECT_NAME].text);
 	if (values[OBJECT_PERIOD].given)
 		check_period(loader, place);
 }
 
-/* entry: where it is in the file */
-static void read_object(struct config_loader *loader, const struct config_place *place, const json_t *json,
-			enum map_table table, struct config_entry entry)
+static void add_entry(struct config_loader *loader, const struct config_place *place,
+		      const struct config_value *values, enum map_type type, enum map_table table,
+		      struct config_entry entry)
 {
-	struct config_value values[OBJECT_KEYS];
-	unsigned errors = loader->report.errors;
-	enum map_type type;
-
-	config_read_keys(&loader->report, place, json, object_rules, OBJECT_KEYS, values);
-	type = object_type(values, table);
-	check_object(loader, place, values, type, table);
-	loader->objects++;
-	if (loader->report.errors != errors || loader->config->point_count == loader->entries_max)
-		return;
 	entry.point = object_point(values, type, table);
 	entry.point.device = (uint16_t)(loader->config->device_count - 1);
+	if (!config_scale(loader, place, values, &entry.point))
+		return;
 	if (!values[OBJECT_PERIOD].given)
 		entry.point.scan_period_ms = entry.period_ms;
 	if (config_is_writable(table) &&
 	    !(values[OBJECT_READ_BACK].given ? values[OBJECT_READ_BACK].integer : entry.read_back))
 		entry.point.flags |= MAP_POINT_NO_READ_BACK;
-	name_point(loader, &entry, &values[OBJECT_NAME]);
+	name_point(loader, place, &entry, &values[OBJECT_NAME]);
+	offset_ioa(loader, place, &entry);
 	for (unsigned i = 0; i < MAP_STATUS_BITS; i++)
 		entry.status[i] =
 		    values[OBJECT_BLOCKED_BY + i].given ? values[OBJECT_BLOCKED_BY + i].text : NULL;
 	loader->entries[loader->config->point_count++] = entry;
+}
+
+static void read_object(struct config_loader *loader, const struct config_place *place, enum map_table table,
+			struct config_entry entry)
+{
+	struct config_value values[OBJECT_KEYS];
+	unsigned errors = loader->report.errors;
+	enum map_type type;
+
+	config_read_keys(&loader->report, place, entry.json, config_object_rules, OBJECT_KEYS, values);
+	type = object_type(values, table);
+	check_object(loader, place, values, type, table);
+	if (loader->report.errors == errors && loader->config->point_count < loader->entries_max)
+		add_entry(loader, place, values, type, table, entry);
+}
+
+/* What the slave has instead of a template's object. NULL: it leaves it out. */
+static const json_t *overridden(struct config_loader *loader, const json_t *object, const json_t *overrides)
+{
+	const char *name = json_string_value(json_object_get(object, CONFIG_KEY_NAME));
+	json_t *override = name == NULL ? NULL : json_object_get(overrides, name);
+	json_t *both;
+
+	if (!json_is_object(override))
+		return json_is_null(override) ? NULL : object;
+	both = json_copy((json_t *)object);
+	if (both == NULL || json_object_update(both, override) < 0 ||
+	    json_array_append_new(loader->kept, both) < 0) {
+		config_out_of_memory(loader);
+		return object;
+	}
+	return both;
 }
 
 void config_read_objects(struct config_loader *loader, const struct config_place *slave,
@@ -395,7 +406,11 @@ void config_read_objects(struct config_loader *loader, const struct config_place
 	{
 		const struct config_place place = config_element_of(&array, i);
 
+		if (loader->objects++ >= CONFIG_POINTS_MAX)
+			continue;
 		entry.object = (uint32_t)i;
-		read_object(loader, &place, json, table, entry);
+		entry.json = entry.template != NULL ? overridden(loader, json, entry.overrides) : json;
+		if (entry.json != NULL)
+			read_object(loader, &place, table, entry);
 	}
 }

@@ -18,11 +18,40 @@
 #define CONFIG_KEY_PORTS     "port"
 #define CONFIG_KEY_SLAVES    "slaves"
 #define CONFIG_KEY_PROBE_MAX "probe_max_s" /* of a slave */
+#define CONFIG_KEY_TEMPLATES "templates"
+#define CONFIG_KEY_INCLUDE   "include"
+#define CONFIG_KEY_TEMPLATE  "template" /* of a slave */
+#define CONFIG_KEY_NAME      "name"     /* of an object */
 
-/* A point, and the indices that lead to it in the file. */
+#define CONFIG_FILES_MAX 32 /* the file itself and those that it includes */
+
+/* A file that was read. */
+struct config_file {
+	struct config_source source;
+	const struct config_file *includer; /* NULL: it was asked for */
+	char *path, *text;                  /* the source's, to be freed */
+	json_t *root;
+	uint64_t device, inode;
+};
+
+/* A device that is described once, for many slaves. */
+struct config_template {
+	const char *name;
+	const json_t *json;
+	const struct config_source *source;
+	bool wrong; /* that has been said */
+};
+
+/* A point, and what leads to it in the file. */
 struct config_entry {
 	struct map_point point;
 	uint32_t port, slave, object;
+	const struct config_template *template; /* whose object it is, NULL: the slave's own */
+	const json_t *json;                     /* the object, with what an instance changes of it */
+	const json_t *overrides;                /* of a template's objects, by their names; NULL: none */
+	const char *prefix;                     /* of all names, and of names of status bits */
+	uint32_t ioa_offset;
+	uint16_t ca;
 	char name[MAP_NAME_SIZE];
 	uint16_t period_ms;                  /* the slave's, for objects without one */
 	bool read_back;                      /* the same */
@@ -35,7 +64,13 @@ struct config_loader {
 	struct map_config *config;
 	struct config_entry *entries; /* config->point_count of them */
 	uint32_t entries_max;
-	uint32_t objects;                        /* in the file, of active ports */
+	uint32_t objects; /* in the file, of active ports */
+	struct config_file files[CONFIG_FILES_MAX];
+	uint32_t file_count;
+	size_t bytes; /* of all files */
+	struct config_template *templates;
+	uint32_t template_count;
+	json_t *kept;                            /* array of what was put together of template and instance */
 	size_t port_of[CONFIG_PORTS_MAX + 1];    /* 1 + index in the file of the port with that value */
 	uint32_t port_of_line[CONFIG_PORTS_MAX]; /* index in the file */
 };
@@ -51,6 +86,19 @@ static inline bool config_is_writable(enum map_table table)
 void config_read_file(struct config_loader *loader, const json_t *root);
 /* Reports what needs a module that is not there. root: a file without errors, which has been read. */
 void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules);
+
+/* ---- config_template.c ------------------------------------------------------------------- */
+
+/* Reads the file that was asked for, what it includes, and the templates of all. False: it is not JSON or not readable. */
+bool config_read_files(struct config_loader *loader, const char *path);
+void config_free_files(struct config_loader *loader);
+/* Says what is wrong with the templates' own keys, and with files that cannot be included. */
+void config_check_templates(struct config_loader *loader);
+/* NULL: there is none of this name. */
+struct config_template *config_find_template(const struct config_loader *loader, const char *name);
+/* The template's file, as it is read for a slave. instance: NULL for none. */
+struct config_place config_template_file(const struct config_template *template,
+					 const struct config_place *instance);
 
 /* ---- config_masters.c -------------------------------------------------------------------- */
 
@@ -99,27 +147,41 @@ void config_read_slaves(struct config_loader *loader, const struct config_place 
 
 /* ---- config_object.c --------------------------------------------------------------------- */
 
+/* Reports the keys of a template that are no slave's, and values that no slave could have. */
+void config_check_template(struct config_loader *loader, const struct config_place *place,
+			   const json_t *json);
+
 /*
- * Adds an entry for every object without errors to the last device. objects: an array, or NULL for none;
- * entry: where the slave is in the file.
+ * Adds an entry for every object without errors to the last device. objects: an array, or NULL for none; slave: where
+ * they are in the file, the slave or its template; entry: where the slave is, and what it has of all objects.
  */
 void config_read_objects(struct config_loader *loader, const struct config_place *slave,
 			 const json_t *objects, enum map_table table, struct config_entry entry);
+
+/* Reports what no name of a point may have. place: of the name, or of what is put before it. */
+void config_check_name(struct config_loader *loader, const struct config_place *place, const char *name);
 
 /* The key of each status bit in an object, by enum map_status. */
 extern const char *const config_status_keys[MAP_STATUS_BITS];
 
 /* ---- config.c ---------------------------------------------------------------------------- */
 
+void config_out_of_memory(struct config_loader *loader);
+
 /* Gives the point a name of its own; there is room for one each. */
 void config_keep_name(struct map_config *config, struct map_point *point, const char *name);
+
+/* ---- config_points.c --------------------------------------------------------------------- */
+
+/* Prints the points of a configuration that has been read. False without memory. */
+bool config_list_points(const struct config_loader *loader, enum config_list list, FILE *out);
 
 /* ---- config_collisions.c ----------------------------------------------------------------- */
 
 /* Reports entries that share what must be a point's own. Leaves the entries in the order map/config.h asks for. */
 void config_check_collisions(struct config_loader *loader);
 
-#define CONFIG_ENTRY_LINKS 7
+#define CONFIG_ENTRY_LINKS 10
 
 /* Where an entry is in the file, put together in links. */
 const struct config_place *config_entry_place(const struct config_entry *entry,

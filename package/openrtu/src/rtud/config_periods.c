@@ -102,7 +102,7 @@ static void check_load(struct config_loader *loader, const struct config_place *
 	else if (expected > HELD_LOAD)
 		config_note(&loader->report, port,
 			    "its periods need %.0f %% of the line's time, its devices' reactions included, "
-			    "and will not all be held",
+			    "and some will be missed",
 			    100 * expected);
 	else
 		check_waiting(loader, port, line);
@@ -123,7 +123,7 @@ static void check_probes(struct config_loader *loader, const struct config_place
 
 		if (device->probe_max_ns > 0 && share * MODBUS_DEAD_SHARE > 1)
 			config_note(&loader->report, &here,
-				    "while the device is dead, it costs the line up to %.0f %% of its time, "
+				    "while the device is dead, it costs the line up to %.0f %% of its time; "
 				    "without the key %.0f %%",
 				    100 * share, 100.0 / MODBUS_DEAD_SHARE);
 	}

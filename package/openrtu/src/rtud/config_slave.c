@@ -10,6 +10,8 @@
 #define CA_PER_PORT 1000
 #define US_PER_MS   1000
 
+#define OVERRIDES_MAX 256 /* objects that one slave has differently */
+
 /* MODBUS Application Protocol V1.1b3, 6.1 to 6.4. */
 #define READ_BITS_MAX      2000
 #define READ_REGISTERS_MAX 125
@@ -35,6 +37,11 @@ enum {
 	SLAVE_MAX_REGISTERS,
 	SLAVE_HOLES,
 	SLAVE_READ_BACK,
+	SLAVE_CA,
+	SLAVE_IOA_OFFSET,
+	SLAVE_NAME_PREFIX,
+	SLAVE_TEMPLATE,
+	SLAVE_OVERRIDES,
 	SLAVE_KEYS
 };
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
@@ -58,6 +65,11 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 			     .fallback = READ_REGISTERS_MAX},
     [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .fallback = true},
     [SLAVE_READ_BACK] = {"read_back", CONFIG_BOOLEAN, .fallback = true},
+    [SLAVE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534},
+    [SLAVE_IOA_OFFSET] = {"ioa_offset", CONFIG_INTEGER, .low = 0, .high = 16777214},
+    [SLAVE_NAME_PREFIX] = {"name_prefix", CONFIG_TEXT, .low = 0, .high = MAP_NAME_SIZE - 2},
+    [SLAVE_TEMPLATE] = {CONFIG_KEY_TEMPLATE, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [SLAVE_OVERRIDES] = {"overrides", CONFIG_OBJECT},
 };
 
 /* On a TCP connection nobody is addressed with the broadcast, and 255 is its end itself. */
@@ -90,10 +102,10 @@ static void check_broadcast(struct config_loader *loader, const struct config_pl
 				     "slave 0 is the broadcast address, which is never read, expected only "
 				     "coils and holding_registers");
 	}
-	for (size_t key = SLAVE_PROBE_MAX; key <= SLAVE_HOLES; key++) {
+	for (size_t key = SLAVE_PROBE_MAX; key <= SLAVE_TEMPLATE; key++) {
 		const struct config_place here = config_key_of(slave, slave_rules[key].name);
 
-		if (values[key].given)
+		if ((key <= SLAVE_HOLES || key == SLAVE_TEMPLATE) && values[key].given)
 			config_error(&loader->report, &here,
 				     "has no meaning for slave 0: the broadcast address is never read");
 	}
@@ -101,7 +113,7 @@ static void check_broadcast(struct config_loader *loader, const struct config_pl
 
 static uint32_t span(const struct map_point *point)
 {
-	uint32_t first = point->address, last = point->width > 1 ? point->second_address : first;
+	uint32_t first = point->address, last = map_point_address(point, point->width - 1u);
 
 	return (last > first ? last - first : first - last) + 1;
 }
@@ -161,7 +173,8 @@ static void add_device(struct config_loader *loader, const struct config_place *
 
 	*device = (struct map_device){
 	    .line = (uint16_t)(config->line_count - 1),
-	    .ca = (uint16_t)(CA_PER_PORT * line->port + unit),
+	    .ca = values[SLAVE_CA].given ? (uint16_t)values[SLAVE_CA].integer
+					 : (uint16_t)(CA_PER_PORT * line->port + unit),
 	    .unit = unit,
 	    .retries = (uint8_t)values[SLAVE_RETRIES].integer,
 	    .response_timeout_ms = (uint16_t)values[SLAVE_RESPONSE_TIMEOUT].integer,
@@ -193,14 +206,131 @@ static void claim_unit(struct config_loader *loader, const struct config_place *
 		slave_of[unit] = slave->index + 1;
 }
 
+/* ---- templates --------------------------------------------------------------------------- */
+
+void config_check_template(struct config_loader *loader, const struct config_place *place, const json_t *json)
+{
+	struct config_rule rules[SLAVE_TEMPLATE];
+	struct config_value values[SLAVE_TEMPLATE];
+
+	memcpy(rules, slave_rules, sizeof(rules));
+	rules[SLAVE_ID].required = false;
+	config_read_keys(&loader->report, place, json, rules, SLAVE_TEMPLATE, values);
+}
+
+/* The template that the slave names, NULL: none, or none that could be used. */
+static struct config_template *template_of(struct config_loader *loader, const struct config_place *slave,
+					   const json_t *json)
+{
+	const struct config_place here = config_key_of(slave, CONFIG_KEY_TEMPLATE);
+	const char *name = json_string_value(json_object_get(json, CONFIG_KEY_TEMPLATE));
+	struct config_template *template = name == NULL ? NULL : config_find_template(loader, name);
+
+	if (name != NULL && template == NULL)
+		config_error(&loader->report, &here, "there is no template of this name%s",
+			     loader->template_count == 0 ? ": the file neither has nor includes any" : "");
+	return template != NULL && !template->wrong ? template : NULL;
+}
+
+/* The slave's keys, and the template's where the slave has none; the template's objects are read apart. */
+static const json_t *merged(struct config_loader *loader, const struct config_template *template,
+			    const json_t *slave)
+{
+	json_t *both = json_copy((json_t *)template->json);
+
+	for (size_t table = 0; table < CONFIG_TABLES; table++)
+		json_object_del(both, config_table_names[table]);
+	if (both == NULL || json_object_update(both, (json_t *)slave) < 0 ||
+	    json_array_append_new(loader->kept, both) < 0) {
+		config_out_of_memory(loader);
+		return slave;
+	}
+	return both;
+}
+
+static bool has_object(const json_t *template, const char *name)
+{
+	for (size_t table = 0; table < CONFIG_TABLES; table++) {
+		const json_t *object;
+		size_t i;
+
+		json_array_foreach(json_object_get(template, config_table_names[table]), i, object)
+		{
+			const char *other = json_string_value(json_object_get(object, CONFIG_KEY_NAME));
+
+			if (other != NULL && strcmp(other, name) == 0)
+				return true;
+		}
+	}
+	return false;
+}
+
+static void check_overrides(struct config_loader *loader, const struct config_place *slave,
+			    const json_t *overrides, const struct config_template *template)
+{
+	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_OVERRIDES].name);
+	const char *name;
+	json_t *json;
+
+	if (json_object_size(overrides) > OVERRIDES_MAX) {
+		config_error(&loader->report, &here, "has %zu keys, expected at most %d",
+			     json_object_size(overrides), OVERRIDES_MAX);
+		return;
+	}
+	json_object_foreach((json_t *)overrides, name, json)
+	{
+		const struct config_place place = config_key_of(&here, name);
+
+		if (!json_is_object(json) && !json_is_null(json))
+			config_error(&loader->report, &place,
+				     "is neither an object { }, whose keys replace the template's, nor null, "
+				     "which leaves the object out");
+		else if (template == NULL || !has_object(template->json, name))
+			config_error(&loader->report, &place, "is the name of no object of the template");
+	}
+}
+
+/* What is wrong with the template is said for the first of its slaves, unless that has something of its own there. */
+static void read_template_objects(struct config_loader *loader, const struct config_place *slave,
+				  struct config_template *template, struct config_entry entry)
+{
+	const struct config_place file = config_template_file(template, slave);
+	const struct config_place templates = config_key_of(&file, CONFIG_KEY_TEMPLATES);
+	const struct config_place place = config_key_of(&templates, template->name);
+	unsigned errors = loader->report.errors;
+
+	entry.template = template;
+	for (size_t table = 0; table < CONFIG_TABLES; table++)
+		config_read_objects(loader, &place,
+				    json_object_get(template->json, config_table_names[table]),
+				    (enum map_table)table, entry);
+	template->wrong = loader->report.errors != errors &&entry.overrides == NULL;
+}
+
+/* ---- slaves ------------------------------------------------------------------------------ */
+
+/* What all objects of the slave have of it. */
+static void fill_entry(struct config_entry *entry, const struct config_value *values)
+{
+	entry->period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
+	entry->read_back = values[SLAVE_READ_BACK].integer;
+	entry->ioa_offset = (uint32_t)values[SLAVE_IOA_OFFSET].integer;
+	entry->prefix = values[SLAVE_NAME_PREFIX].given ? values[SLAVE_NAME_PREFIX].text : "";
+	entry->overrides = values[SLAVE_OVERRIDES].given ? values[SLAVE_OVERRIDES].json : NULL;
+}
+
 static void read_slave(struct config_loader *loader, const struct config_place *place, const json_t *json,
 		       struct config_entry entry, size_t slave_of[UNIT_ITSELF + 1])
 {
+	const struct config_place prefix = config_key_of(place, slave_rules[SLAVE_NAME_PREFIX].name);
+	struct config_template *template = template_of(loader, place, json);
 	struct config_rule rules[SLAVE_KEYS];
 	struct config_value values[SLAVE_KEYS];
 	struct map_device *device;
 
 	rules_of_line(&loader->config->lines[loader->config->line_count - 1], rules);
+	if (template != NULL)
+		json = merged(loader, template, json);
 	config_read_keys(&loader->report, place, json, rules, SLAVE_KEYS, values);
 	if (values[SLAVE_ID].given) {
 		check_unit(loader, place, values[SLAVE_ID].integer);
@@ -208,10 +338,16 @@ static void read_slave(struct config_loader *loader, const struct config_place *
 		if (values[SLAVE_ID].integer == UNIT_BROADCAST)
 			check_broadcast(loader, place, values);
 	}
+	if (values[SLAVE_OVERRIDES].given && (template != NULL || !values[SLAVE_TEMPLATE].given))
+		check_overrides(loader, place, values[SLAVE_OVERRIDES].json, template);
+	if (values[SLAVE_NAME_PREFIX].given)
+		config_check_name(loader, &prefix, values[SLAVE_NAME_PREFIX].text);
 	add_device(loader, place, values);
-	entry.period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
-	entry.read_back = values[SLAVE_READ_BACK].integer;
 	device = &loader->config->devices[loader->config->device_count - 1];
+	entry.ca = device->ca;
+	fill_entry(&entry, values);
+	if (template != NULL)
+		read_template_objects(loader, place, template, entry);
 	for (size_t table = 0; table < CONFIG_TABLES; table++)
 		config_read_objects(loader, place, values[table].json, (enum map_table)table, entry);
 	device->point_count = loader->config->point_count - device->first_point;

@@ -21,13 +21,13 @@ static bool names_status(const struct config_entry *entry)
 }
 
 static const struct config_entry *find(const struct config_entry *const *names, uint32_t count,
-				       const char *name)
+				       const char *prefix, const char *name)
 {
 	struct config_entry wanted;
 	const struct config_entry *key = &wanted;
 	const struct config_entry *const *found;
 
-	snprintf(wanted.name, sizeof(wanted.name), "%s", name);
+	snprintf(wanted.name, sizeof(wanted.name), "%s%s", prefix, name);
 	found = bsearch(&key, names, count, sizeof(*names), by_name);
 	return found == NULL ? NULL : *found;
 }
@@ -51,16 +51,19 @@ static void resolve(struct config_loader *loader, struct config_entry *entry,
 
 		if (entry->status[i] == NULL)
 			continue;
-		bit = find(names, config->point_count, entry->status[i]);
+		bit = find(names, config->point_count, entry->prefix, entry->status[i]);
+		if (bit == NULL) /* a default name has no prefix */
+			bit = find(names, config->point_count, "", entry->status[i]);
 		here = config_key_of(config_entry_place(entry, links), config_status_keys[i]);
 		if (is_status_bit_for(bit, entry))
 			entry->point.status[i] = (uint16_t)(1 + (bit - loader->entries) -
 							    config->devices[entry->point.device].first_point);
 		else
-			config_error(&loader->report, &here,
-				     "\"%s\" is no status bit for this object, expected the name of another "
-				     "single point of this slave that has none itself",
-				     entry->status[i]);
+			config_error(
+			    &loader->report, &here,
+			    "\"%s\" is not a status bit for this object, expected the name of another "
+			    "single point of this slave that has none itself",
+			    entry->status[i]);
 	}
 }
 
@@ -70,8 +73,7 @@ void config_resolve_status(struct config_loader *loader)
 	const struct config_entry **names = calloc((size_t)count + 1, sizeof(struct config_entry *));
 
 	if (names == NULL) {
-		fputs("out of memory\n", loader->report.messages);
-		loader->report.errors++;
+		config_out_of_memory(loader);
 		return;
 	}
 	for (uint32_t i = 0; i < count; i++)

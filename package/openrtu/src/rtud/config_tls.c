@@ -46,7 +46,8 @@ static void read_path(struct config_loader *loader, const struct config_place *t
 		snprintf(out, MAP_FILE_SIZE, "%s", value->text);
 	else
 		config_error(&loader->report, &here,
-			     "is no absolute path, expected one like /data/tls/%s.pem", tls_rules[key].name);
+			     "is not an absolute path, expected one like /data/tls/%s.pem",
+			     tls_rules[key].name);
 }
 
 static uint8_t read_version(struct config_loader *loader, const struct config_place *place,
@@ -58,8 +59,7 @@ static uint8_t read_version(struct config_loader *loader, const struct config_pl
 		return MAP_TLS_1_2;
 	if (text != NULL && strcmp(text, "1.3") == 0)
 		return MAP_TLS_1_3;
-	config_error(&loader->report, place,
-		     "is no version of TLS that is allowed, expected \"1.2\" or \"1.3\"");
+	config_error(&loader->report, place, "is not an allowed version of TLS, expected \"1.2\" or \"1.3\"");
 	return 0;
 }
 
@@ -115,10 +115,10 @@ static void read_masters(struct config_loader *loader, const struct config_place
 		if (text != NULL && (is_common_name(text) || is_fingerprint(text)))
 			snprintf(out->masters[i], MAP_TLS_MASTER_SIZE, "%s", text);
 		else
-			config_error(
-			    &loader->report, &place,
-			    "is no common name of 1 to %d bytes and no SHA-256 fingerprint as AB:CD:...",
-			    COMMON_NAME_MAX);
+			config_error(&loader->report, &place,
+				     "is neither a common name of 1 to %d bytes nor a SHA-256 fingerprint as "
+				     "AB:CD:...",
+				     COMMON_NAME_MAX);
 	}
 	out->master_count = (uint8_t)json_array_size(masters);
 }

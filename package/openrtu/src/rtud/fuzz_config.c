@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * libFuzzer on the configuration file: the input is the file. It is refused with a message, or every index and
+ * libFuzzer on the configuration file: the input is the file, which may include itself. It is refused with a message, or every index and
  * size in what was read is within its bounds, so that the map and the modules need not ask again.
  */
 #include <string.h>
@@ -18,6 +18,20 @@ static void check_settings(const struct map_settings *settings)
 	CHECK(settings->clock_master_count <= MAP_CLOCK_MASTERS_MAX);
 	CHECK(settings->event_ring >= 64 && (settings->event_ring & (settings->event_ring - 1)) == 0);
 	CHECK(memchr(settings->address, '\0', sizeof(settings->address)) != NULL);
+}
+
+/* What rtu-modbus converts without asking. */
+static void check_value(const struct map_config *config, const struct map_point *point)
+{
+	CHECK(point->width == 1 || point->width == 2 || point->width == 4);
+	CHECK(point->format <= MAP_FORMAT_FLOAT64);
+	CHECK(map_point_address(point, point->width - 1u) <= UINT16_MAX);
+	CHECK(point->knot_count != 1 &&
+	      point->first_knot + (uint32_t)point->knot_count <= config->knot_count);
+	CHECK(point->ioa >= 1 && point->ioa <= 0xFFFFFF);
+	for (uint32_t i = 1; i < point->knot_count; i++)
+		CHECK(config->knots[point->first_knot + i].raw >
+		      config->knots[point->first_knot + i - 1].raw);
 }
 
 /* Points by device, devices by line, without holes: what the map's sweeps rely on. */
@@ -39,6 +53,7 @@ static void check_order(const struct map_config *config)
 		for (uint32_t end = next_point + config->devices[i].point_count; next_point < end;
 		     next_point++) {
 			CHECK(config->points[next_point].device == i);
+			check_value(config, &config->points[next_point]);
 			for (unsigned bit = 0; bit < MAP_STATUS_BITS; bit++)
 				CHECK(config->points[next_point].status[bit] <=
 				      config->devices[i].point_count);

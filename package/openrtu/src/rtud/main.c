@@ -16,27 +16,38 @@ static const struct config_modules modules = {
     .iec104 = OPENRTU_IEC104, .modbus = OPENRTU_MODBUS, .tls = OPENRTU_TLS};
 
 static const char usage[] =
-    "usage: rtud [OPTION]... FILE    run the gateway that the configuration FILE describes\n"
-    "       rtud --check FILE        report every error in FILE, or each line's shortest scan\n"
-    "       rtud --plan FILE         the same, with the requests to each device\n"
+    "usage: rtud [OPTION]... FILE\n"
+    "  or:  rtud --check FILE\n"
+    "  or:  rtud --plan FILE\n"
+    "  or:  rtud --points FILE\n"
     "\n"
+    "Runs the gateway that the configuration FILE describes. --check reports every error in FILE instead,\n"
+    "or each line's shortest scan; --plan the same, with the requests to each device; --points lists every\n"
+    "point, by common address and IOA.\n"
+    "\n"
+    "  --csv            list as CSV, which rtu-points turns into a file again   [the default]\n"
+    "  --markdown       list as a table for an interoperability sheet\n"
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
     "  --dev DIR        folder of the serial devices            [/dev]\n"
     "  --modules DIR    folder of the module programs           [" OPENRTU_MODULES "]\n"
     "  --uid-base N     as root: module number i runs as user N + i, group N; 0: as root  [61200]\n"
     "  --watchdog DEV   feed this watchdog while rtud is healthy; an orderly end stops it       [none]\n"
     "  --help           this text\n"
+    "  --version        the version\n"
     "\n"
     "It stays in the foreground, logs to stderr, stops at SIGTERM or SIGINT and ignores SIGHUP.\n"
     "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage, FILE is not readable as\n"
-    "JSON or needs a module that this build has not.\n";
+    "JSON or needs a module that is not in this build.\n";
 
 struct arguments {
 	struct supervise_options supervise;
 	const char *file;
 	bool check;
 	bool plan;
+	bool points;
+	enum config_list list;
 	bool help;
+	bool version;
 };
 
 static bool parse_uid(const char *text, uint32_t *uid)
@@ -53,12 +64,16 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 	static const struct option options[] = {
 	    {"check", no_argument, NULL, 'c'},
 	    {"plan", no_argument, NULL, 'l'},
+	    {"points", no_argument, NULL, 't'},
+	    {"csv", no_argument, NULL, 'v'},
+	    {"markdown", no_argument, NULL, 'k'},
 	    {"map", required_argument, NULL, 'm'},
 	    {"dev", required_argument, NULL, 'd'},
 	    {"modules", required_argument, NULL, 'p'},
 	    {"uid-base", required_argument, NULL, 'u'},
 	    {"watchdog", required_argument, NULL, 'w'},
 	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
 	    {NULL, 0, NULL, 0},
 	};
 	int option;
@@ -70,6 +85,15 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 			break;
 		case 'l':
 			arguments->check = arguments->plan = true;
+			break;
+		case 't':
+			arguments->points = true;
+			break;
+		case 'v':
+			arguments->list = CONFIG_CSV;
+			break;
+		case 'k':
+			arguments->list = CONFIG_MARKDOWN;
 			break;
 		case 'm':
 			arguments->supervise.map = optarg;
@@ -89,6 +113,9 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 			break;
 		case 'h':
 			arguments->help = true;
+			return true;
+		case 'V':
+			arguments->version = true;
 			return true;
 		default:
 			return false;
@@ -140,5 +167,11 @@ int main(int argc, char **argv)
 		fputs(usage, stdout);
 		return 0;
 	}
+	if (arguments.version) {
+		puts("rtud (OpenRTU) " OPENRTU_VERSION);
+		return 0;
+	}
+	if (arguments.points)
+		return config_points(arguments.file, modules, arguments.list);
 	return arguments.check ? config_check(arguments.file, modules, arguments.plan) : run(&arguments);
 }

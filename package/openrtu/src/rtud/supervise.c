@@ -23,15 +23,17 @@
 #include "rtud/filter.h"
 #include "rtud/journal.h"
 #include "rtud/process.h"
+#include "rtud/programs.h"
 #include "rtud/watchdog.h"
 
 #define TICK_MS          50 /* how often heartbeats are looked at and logs are printed */
 #define SECOND_MS        1000
 #define HANG_FACTOR      20 /* a module silent for so many heartbeat limits is killed */
 #define HANG_LIMIT_MS    10000
-#define QUICK_RESTART_MS 100  /* pause after a life shorter than a second */
-#define SLOW_RESTART_MS  5000 /* longest pause for a module that cannot run */
-#define LINES_A_TICK     16   /* of each module's log */
+#define SILENCE_PAUSE_MS 10000 /* between two silences of a module that the log has */
+#define QUICK_RESTART_MS 100   /* pause after a life shorter than a second */
+#define SLOW_RESTART_MS  5000  /* longest pause for a module that cannot run */
+#define LINES_A_TICK     16    /* of each module's log */
 #define LINES_AT_END     128
 #define STOP_MS          3000 /* a module that takes longer to stop is killed */
 #define RESET_DELAY_MS   500  /* until then whoever asked for a reset has been told */
@@ -47,6 +49,9 @@ struct child {
 	pid_t pid;     /* 0: none */
 	bool attached; /* this generation has */
 	bool silent;   /* heartbeat too old, said to all readers of events */
+	bool silence_logged;
+	int64_t silent_since_ns;   /* its last heartbeat */
+	int64_t silence_logged_ns; /* 0: never */
 	int64_t started_ns;
 	int64_t restart_at_ns;
 	uint32_t pause_ms; /* before the next start; grows while it ends young */
@@ -169,14 +174,15 @@ static void start_module(struct supervisor *supervisor, uint32_t index, const st
 }
 
 /*
- * At once after a decent life. A module that ends young by itself cannot run, and trying is not to eat the core nor to
- * fill the log; one that was killed is not to blame.
+ * At once after a decent life; one that never attached had none, however long a busy host took to start it. A module
+ * that ends young by itself cannot run, and trying is not to eat the core nor to fill the log; one that was killed is
+ * not to blame.
  */
-static void plan_restart(struct child *child, int status)
+static void plan_restart(struct child *child, bool attached, int status)
 {
 	int64_t now = map_now_ns();
 
-	if (now - child->started_ns >= SECOND_MS * MS)
+	if (attached && now - child->started_ns >= SECOND_MS * MS)
 		child->pause_ms = 0;
 	else if (child->pause_ms == 0 || (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL))
 		child->pause_ms = QUICK_RESTART_MS;
@@ -193,8 +199,8 @@ static void log_forbidden_call(struct supervisor *supervisor, uint32_t index, co
 	char call_name[FILTER_NAME_SIZE];
 
 	filter_name(call, call_name);
-	map_log(supervisor->map, MAP_LOG_ERROR, "%s was ended for a system call that is not its own: %d (%s)",
-		name, call, call_name);
+	map_log(supervisor->map, MAP_LOG_ERROR,
+		"%s was ended for a system call that it may not make: %d (%s)", name, call, call_name);
 }
 
 static void log_end(struct supervisor *supervisor, uint32_t index, const char *name, int status)
@@ -222,7 +228,7 @@ static void module_ended(struct supervisor *supervisor, uint32_t index, int stat
 		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
 	map_module(supervisor->map, index, &module);
 	log_end(supervisor, index, module.name, status);
-	plan_restart(child, status);
+	plan_restart(child, attached, status);
 }
 
 static void reap(struct supervisor *supervisor)
@@ -257,6 +263,41 @@ static void module_attached(struct supervisor *supervisor, uint32_t index, const
 	map_module_running(supervisor->map, index);
 }
 
+/* One whose heartbeat comes and goes does not fill the log: it says itself how often (modules/heartbeat.c). */
+static bool silence_is_worth_a_line(struct child *child)
+{
+	int64_t now_ns = map_now_ns();
+
+	if (child->silence_logged_ns != 0 && now_ns - child->silence_logged_ns < SILENCE_PAUSE_MS * MS)
+		return false;
+	child->silence_logged_ns = now_ns;
+	return true;
+}
+
+static int64_t beaten_ns(const struct map_module *module)
+{
+	return map_now_ns() - module->heartbeat_age_ms * MS;
+}
+
+static void log_silence(struct supervisor *supervisor, struct child *child, const struct map_module *module,
+			uint32_t limit)
+{
+	child->silent_since_ns = beaten_ns(module);
+	child->silence_logged = silence_is_worth_a_line(child);
+	if (child->silence_logged)
+		map_log(supervisor->map, MAP_LOG_WARNING, "%s is silent for %u ms (limit %u)%s", module->name,
+			module->heartbeat_age_ms, limit,
+			module->point_count ? ": its points are invalid" : "");
+}
+
+static void log_return(struct supervisor *supervisor, const struct child *child,
+		       const struct map_module *module)
+{
+	if (child->silence_logged)
+		map_log(supervisor->map, MAP_LOG_WARNING, "%s is back: it was silent for %lld ms",
+			module->name, (long long)((beaten_ns(module) - child->silent_since_ns) / MS));
+}
+
 /* A silent module's points are invalid to every reader already; events tell those who do not ask. */
 static void watch_heartbeat(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
 {
@@ -267,11 +308,11 @@ static void watch_heartbeat(struct supervisor *supervisor, uint32_t index, const
 	if (module->heartbeat_age_ms > limit && !child->silent) {
 		child->silent = true;
 		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
-		map_log(supervisor->map, MAP_LOG_WARNING, "%s is silent", module->name);
+		log_silence(supervisor, child, module, limit);
 	} else if (module->heartbeat_age_ms <= limit && child->silent) {
 		child->silent = false;
 		map_announce(supervisor->map, MAP_EVENT_MODULE_UP, index);
-		map_log(supervisor->map, MAP_LOG_WARNING, "%s is back", module->name);
+		log_return(supervisor, child, module);
 	} else if (module->heartbeat_age_ms > hang) {
 		kill(child->pid, SIGKILL);
 	}
@@ -531,6 +572,21 @@ static void look_for_filters(struct supervisor *supervisor)
 			missing);
 }
 
+/* One that is missing at the start stays so; the lines of a gateway without its station would be polled for nobody. */
+static bool look_for_programs(const struct supervisor *supervisor)
+{
+	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
+		struct map_module module;
+		const char *program;
+
+		map_module(supervisor->map, i, &module);
+		program = program_of(supervisor, module.kind);
+		if (program != NULL && !programs_look_for(supervisor->options->modules, program))
+			return false;
+	}
+	return true;
+}
+
 int supervise(struct map_config *config, const struct supervise_options *options)
 {
 	static struct supervisor supervisor;
@@ -542,6 +598,10 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	supervisor.options = options;
 	if (map_create(&supervisor.map, options->map, config, options->uid_base, error) < 0) {
 		fprintf(stderr, "rtud: %s\n", error);
+		return 1;
+	}
+	if (!look_for_programs(&supervisor)) {
+		map_remove(supervisor.map);
 		return 1;
 	}
 	if (watch_fd(epoll, signals) < 0 || watch_fd(epoll, tick) < 0 ||

@@ -295,8 +295,11 @@ static const struct {
 	int leap_s;
 } leaps[] = {{TIME_INS, TIME_OOP, 1}, {TIME_DEL, TIME_WAIT, -1}};
 
-/* What happened before keeps its time, though the offset is another. */
-static void leap(int due, int over, int leap_s)
+/*
+ * What happened before keeps its time, though the offset is another. The kernel tells of the leap from the second's end
+ * on, and its clock takes it with the next tick: early is a look between the two.
+ */
+static void leap(int due, int over, int leap_s, bool early)
 {
 	int64_t before_ns, offset_ns;
 	struct map_clock clock;
@@ -312,8 +315,11 @@ static void leap(int due, int over, int leap_s)
 	clock = after(50 * MS);
 	assert_true(clock.leap_ns == 0);
 	now.state = over;
+	if (early)
+		clock = after(25 * MS);
+	assert_true(clock.leap_ns == 0);
 	step(-leap_s * SECOND);
-	clock = after(50 * MS); /* 30 ms after it */
+	clock = after(early ? 25 * MS : 50 * MS); /* 30 ms after it */
 	assert_true(said(leap_s > 0 ? "a leap second was inserted" : "a leap second was left out"));
 	assert_true(clock.set);
 	assert_in_range(clock.offset_ns, now.earliest_ns, now.latest_ns);
@@ -334,8 +340,10 @@ static void leap(int due, int over, int leap_s)
 static void test_leap_seconds(void **state)
 {
 	(void)state;
-	for (size_t i = 0; i < sizeof(leaps) / sizeof(leaps[0]); i++)
-		leap(leaps[i].due, leaps[i].over, leaps[i].leap_s);
+	for (size_t i = 0; i < sizeof(leaps) / sizeof(leaps[0]); i++) {
+		leap(leaps[i].due, leaps[i].over, leaps[i].leap_s, false);
+		leap(leaps[i].due, leaps[i].over, leaps[i].leap_s, true);
+	}
 }
 
 /* It is announced, and then the server thinks better of it; or somebody steps the clock on such a day. */

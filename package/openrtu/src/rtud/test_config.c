@@ -69,9 +69,9 @@ static void test_report_file(void **state)
 	} expected[] = {
 	    {"p3.35.c2", 3, MAP_SINGLE, MAP_POINT_COMMAND},
 	    {"p3.35.d0", 10001, MAP_SINGLE, 0},
-	    {"p3.35.i9999", 40000, MAP_SCALED, MAP_POINT_SIGNED},
-	    {"p3.35.h0", 40001, MAP_SCALED, MAP_POINT_SIGNED | MAP_POINT_COMMAND},
-	    {"p3.35.h1", 40002, MAP_SCALED, MAP_POINT_SIGNED | MAP_POINT_COMMAND},
+	    {"p3.35.i9999", 40000, MAP_SCALED, 0},
+	    {"p3.35.h0", 40001, MAP_SCALED, MAP_POINT_COMMAND},
+	    {"p3.35.h1", 40002, MAP_SCALED, MAP_POINT_COMMAND},
 	};
 
 	(void)state;
@@ -122,6 +122,7 @@ static void test_settings_defaults(void **state)
 	assert_int_equal(settings->clock, MAP_CLOCK_GATEWAY);
 	assert_int_equal(settings->clock_master_count, 0);
 	assert_int_equal(settings->modbus_priority, 45);
+	assert_int_equal(settings->heartbeat_limit_ms, 100);
 	assert_int_equal(settings->event_ring, 4096);
 	assert_int_equal(settings->master_count, 0);
 	assert_int_equal(settings->group_count, 0);
@@ -138,7 +139,7 @@ static void test_settings(void **state)
 	    "'t2': 5, 't3': 172800, 'max_connections': 5, 'connections_per_address': 5, 'select_timeout': 7, "
 	    "'command_timeout': 8, 'command_without_clock': true,"
 	    "'clock_masters': ['192.0.2.1', '2001:db8::1']}, 'clock': 'system',"
-	    "'modbus': {'priority': 0}, 'event_ring': 64}");
+	    "'modbus': {'priority': 0, 'heartbeat_limit_ms': 2500}, 'event_ring': 64}");
 	const struct map_settings *settings = &config.settings;
 
 	(void)state;
@@ -158,6 +159,7 @@ static void test_settings(void **state)
 	assert_int_equal(settings->clock_master_count, 2);
 	assert_string_equal(settings->clock_masters[1], "2001:db8::1");
 	assert_int_equal(settings->modbus_priority, 0);
+	assert_int_equal(settings->heartbeat_limit_ms, 2500);
 	assert_int_equal(settings->event_ring, 64);
 	config_free(&config);
 }

@@ -1,0 +1,164 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A gateway's configuration from a list of points: the way back from `rtud --points --csv`.
+
+docs/configuration.md, "The list of points". Needs Python alone, so that it runs where the list was edited.
+Exit codes: 0 done, 1 the list has errors, each printed with file and line, 2 wrong usage or an unusable file.
+"""
+
+import argparse
+import csv
+import json
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+Json = dict[str, Any]
+
+TABLES = ("coils", "discrete_inputs", "input_registers", "holding_registers")
+TYPES = {
+    "M_SP_NA_1": {"type": "single"},
+    "M_DP_NA_1": {"type": "double"},
+    "M_ST_NA_1": {"type": "step"},
+    "M_BO_NA_1": {"type": "bitstring"},
+    "M_ME_NA_1": {"type": "normalized"},
+    "M_ME_NB_1": {"type": "scaled"},
+    "M_ME_NC_1": {"type": "float"},
+    "M_ME_ND_1": {"type": "normalized", "quality": False},
+    "M_IT_NA_1": {"type": "counter"},
+}
+NEEDED = ("ca", "ioa", "type", "name", "port", "id", "table", "address")
+DERIVED = ("ca", "type", "event_type", "command_type", "direction", "device", "port", "id", "table")
+TEXTS = ("name", "unit", "format", "word_order", "byte_order", "bit_order")
+TEXTS += ("blocked_by", "substituted_by", "not_topical_by")
+OF_OBJECTS = (*TABLES, "template", "overrides", "name_prefix", "ioa_offset", "ca")
+
+
+class UnusableInputError(Exception):
+    """A file that is not what it should be; its text says why, and where."""
+
+
+@dataclass
+class Slaves:
+    """The slaves of a configuration, by port and id, and what is wrong with the points for them."""
+
+    config: Json
+    source: Path
+    errors: list[str] = field(default_factory=list)
+
+    def error(self, line: int, message: str) -> None:
+        self.errors.append(f"{self.source}:{line}: {message}")
+
+    def find(self, port: int, unit: int, device: str, line: int) -> Json | None:
+        """The slave, made where there is none; None without such a port."""
+        found = next((one for one in self.config["port"] if one.get("value") == port), None)
+        if found is None:
+            self.error(line, f"there is no port {port} in the file of lines")
+            return None
+        slaves: list[Json] = found.setdefault("slaves", [])
+        slave = next((one for one in slaves if one.get("id") == unit), None)
+        if slave is None:
+            slave = {"id": unit, "description": device} if device else {"id": unit}
+            slaves.append(slave)
+        elif device:
+            slave["description"] = device
+        return slave
+
+    def add(self, row: dict[str, str], line: int) -> None:
+        """Adds the row's point to its slave."""
+        if row["table"] not in TABLES:
+            self.error(line, f'table: "{row["table"]}" is not known, expected one of {", ".join(TABLES)}')
+        if row["type"] not in TYPES:
+            self.error(line, f'type: "{row["type"]}" is not known, expected one of {", ".join(TYPES)}')
+        numbers = {key: self.integer(row, key, line) for key in ("port", "id", "ca")}
+        point = self.point(row, line)
+        if row["table"] not in TABLES or row["type"] not in TYPES or None in numbers.values():
+            return
+        slave = self.find(numbers["port"] or 0, numbers["id"] or 0, row.get("device", ""), line)
+        if slave is None:
+            return
+        if slave.setdefault("ca", numbers["ca"]) != numbers["ca"]:
+            self.error(line, f"ca: {row['ca']} is not that of the slave's other points, {slave['ca']}")
+        slave.setdefault(row["table"], []).append(point)
+
+    def integer(self, row: dict[str, str], key: str, line: int) -> int | None:
+        try:
+            return int(row[key])
+        except ValueError:
+            self.error(line, f'{key}: "{row[key]}" is no integer')
+            return None
+
+    def point(self, row: dict[str, str], line: int) -> Json:
+        """An object of the configuration, of the cells that are not empty."""
+        point: Json = {}
+        for key, cell in row.items():
+            if key in DERIVED or cell == "":
+                continue
+            try:
+                point[key] = cell if key in TEXTS else json.loads(cell)
+            except ValueError:
+                self.error(line, f'{key}: "{cell}" is no number, truth value or array')
+        return point | TYPES.get(row["type"], {})
+
+
+def read_lines(path: Path) -> Json:
+    """The configuration that says what the lines are, without the objects of its slaves."""
+    try:
+        config = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UnusableInputError(f"{path}: {error}") from error
+    if not isinstance(config, dict) or not isinstance(config.get("port"), list):
+        raise UnusableInputError(f"{path}: is no configuration, expected an object with an array port")
+    config.pop("include", None)
+    config.pop("templates", None)
+    for port in config["port"]:
+        for slave in port.get("slaves", []):
+            for key in OF_OBJECTS:
+                slave.pop(key, None)
+    return config
+
+
+def read_points(path: Path, slaves: Slaves) -> None:
+    """Adds the points of a CSV, whose cells commas or semicolons part."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UnusableInputError(f"{path}: {error}") from error
+    head = text.partition("\n")[0]
+    reader = csv.DictReader(text.splitlines(keepends=True), delimiter=";" if ";" in head else ",")
+    missing = [key for key in NEEDED if key not in (reader.fieldnames or [])]
+    if missing:
+        raise UnusableInputError(f"{path}:1: has no column {', '.join(missing)}")
+    for row in reader:
+        if None in row or None in row.values():
+            slaves.error(reader.line_num, "has not as many cells as the first line")
+        elif row["port"] != "":  # the gateway's own station has none: own_ca makes it
+            slaves.add(row, reader.line_num)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description="Makes a configuration of a list of points and a file of lines."
+    )
+    parser.add_argument("points", type=Path, help="CSV with the columns of rtud --points --csv")
+    parser.add_argument(
+        "--lines", type=Path, required=True, help="configuration that says what the lines are"
+    )
+    arguments = parser.parse_args()
+    try:
+        slaves = Slaves(read_lines(arguments.lines), arguments.points)
+        read_points(arguments.points, slaves)
+    except UnusableInputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    if slaves.errors:
+        print("\n".join(slaves.errors), file=sys.stderr)
+        return 1
+    json.dump(slaves.config, sys.stdout, indent=2, ensure_ascii=False)
+    print()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The gateway on a Linux machine: `make install`, the Debian package, the unit of systemd, man pages."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from test_version import VERSION
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parent.parent
+MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal"}
+TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
+PAGES = {"rtuctl.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
+TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}
+EXPOSURE = 40  # of 100 at most, as systemd-analyze sees the unit: 37 with the capabilities that rtud needs
+
+
+def run(*words: str | Path, code: int = 0) -> str:
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))
+    }
+    done = subprocess.run(
+        words,
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stdout
+    return done.stdout
+
+
+def files_of(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if not path.is_dir()}
+
+
+def check_unit(unit: Path, rtud: Path, folder: Path) -> None:
+    """systemd-analyze finds no fault in it, with the program where it is here, and sees it confined."""
+    here = folder / "rtud.service"
+    text = re.sub(r"(?m)^ExecStart=\S+", f"ExecStart={rtud}", unit.read_text())
+    here.write_text(text)
+    assert run("systemd-analyze", "verify", "--man=no", here) == ""
+    run("systemd-analyze", "security", "--offline=true", f"--threshold={EXPOSURE}", "--no-pager", here)
+
+
+# ---- make install ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("install")
+    run("make", "install", f"DESTDIR={folder}")
+    return folder
+
+
+def test_install_puts_everything_in_its_place(installed: Path) -> None:
+    assert files_of(installed) == {
+        "etc/openrtu/gateway.json",
+        "usr/local/bin/rtuctl",
+        "usr/local/lib/systemd/system/rtud.service",
+        "usr/local/lib/sysusers.d/openrtu.conf",
+        "usr/local/sbin/rtud",
+        *(f"usr/local/libexec/openrtu/{name}" for name in MODULES),
+        *(f"usr/local/share/openrtu/templates/{name}" for name in TEMPLATES),
+        *(f"usr/local/share/man/man{page[-1]}/{page}" for page in PAGES),
+    }
+    check_unit(
+        installed / "usr/local/lib/systemd/system/rtud.service", installed / "usr/local/sbin/rtud", installed
+    )
+
+
+def test_install_keeps_what_was_configured(installed: Path) -> None:
+    file = installed / "etc/openrtu/gateway.json"
+    file.write_text("mine")
+    run("make", "install", f"DESTDIR={installed}")
+    assert file.read_text() == "mine"
+
+
+def test_each_module_number_has_its_user(tmp_path: Path) -> None:
+    """rtud counts from 61200, up to the last module that a map may have."""
+    (tmp_path / "etc").mkdir()
+    run("systemd-sysusers", f"--root={tmp_path}", ROOT / "package/openrtu/src/systemd/openrtu.sysusers")
+    rows = [line.split(":") for line in (tmp_path / "etc/passwd").read_text().splitlines()]
+    most = re.search(r"#define MAP_MODULES_MAX\s+(\d+)", (ROOT / "package/openrtu/src/map/map.h").read_text())
+    assert most is not None
+    users = {int(row[2]): int(row[3]) for row in rows if row[0].startswith("openrtu")}
+    assert users == {61200 + number: 61200 for number in range(1, int(most[1]))}
+
+
+# ---- man pages -------------------------------------------------------------------------------------
+
+
+def test_man_pages_are_of_every_program_and_without_faults() -> None:
+    folder = ROOT / "build/man"
+    shutil.rmtree(folder, ignore_errors=True)
+    run("make", "man")
+    assert {page.name for page in folder.iterdir()} == PAGES | TOOLS_PAGES
+    for page in folder.iterdir():
+        assert run("mandoc", "-T", "lint", "-W", "warning", page) == ""
+        shown = run("man", "--local-file", "--encoding=ascii", page)
+        assert "NAME" in shown and f"OpenRTU {VERSION}" in shown
+
+
+def test_man_pages_hold_what_help_says(programs: Path) -> None:
+    page = run("man", "--local-file", "--encoding=ascii", ROOT / "build/man/rtuctl.1")
+    words = re.findall(r"^  ([a-z][a-z0-9]+) ", run(programs / "rtuctl/rtuctl", "--help"), re.MULTILINE)
+    assert "points" in words
+    assert [word for word in words if not re.search(rf"^   {word}$", page, re.MULTILINE)] == []
+    pins = run("man", "--local-file", "--encoding=ascii", ROOT / "build/man/nuc980-pins.1")
+    assert "--chip-only" in pins and "COMMANDS" in pins
+
+
+# ---- the Debian package ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def package() -> Path:
+    run("scripts/build-deb.sh", "build/deb")
+    (package,) = (ROOT / "build/deb").glob("openrtu_*.deb")
+    return package
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A root of its own for dpkg, with its database."""
+    for folder in ("etc", "var/lib/dpkg/info", "var/lib/dpkg/updates", "var/lib/dpkg/triggers"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "var/lib/dpkg/status").touch()
+    return tmp_path
+
+
+def dpkg(root: Path, *words: str | Path) -> None:
+    """Scripts of the package run outside, and are told of the root. What it depends on is this machine's."""
+    run("dpkg", f"--root={root}", "--force-script-chrootless", "--force-depends", *words)
+
+
+def test_package_is_what_debian_asks_for(package: Path) -> None:
+    fields = run("dpkg-deb", "--field", package)
+    assert f"Version: {VERSION}\n" in fields
+    for library in ("libc6", "libjansson4", "libseccomp2", "libssl3"):
+        assert library in fields
+    assert not re.search(r"^[EW]:", (package.parent / "lintian.log").read_text(), re.MULTILINE)
+
+
+def test_package_is_installed_used_and_removed(package: Path, root: Path) -> None:
+    before = {"etc/.pwd.lock", "etc/group", "etc/gshadow", "etc/passwd", "etc/shadow"}
+    dpkg(root, "--install", package)
+    assert "openrtu-1:x:61201:61200:" in (root / "etc/passwd").read_text()
+    config = root / "etc/openrtu/gateway.json"
+    assert run(root / "usr/sbin/rtud", "--check", config) == f"{config}: good: lines 0, devices 0, points 0\n"
+    assert run(root / "usr/bin/rtuctl", "--version") == f"rtuctl (OpenRTU) {VERSION}\n"
+    check_unit(root / "lib/systemd/system/rtud.service", root / "usr/sbin/rtud", root)
+
+    config.write_text("mine")
+    dpkg(root, "--install", package)
+    assert config.read_text() == "mine"
+    dpkg(root, "--remove", "openrtu")
+    assert config.read_text() == "mine"
+    dpkg(root, "--purge", "openrtu")
+    assert {name for name in files_of(root) if not name.startswith(("var/", "rtud.service"))} == before

@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Templates, included files, the list of points, and the way back from it."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PLANT = ROOT / "docs/examples/plant.json"
+TEMPLATES = sorted((ROOT / "package/openrtu/src/templates").glob("*.json"))
+LISTED = [PLANT, ROOT / "docs/examples/every-key.json", ROOT / "tests/fixtures/chapter5/gateway.json"]
+POINTS = ROOT / "scripts/points.py"
+LINE = {"active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
+METER = {
+    "input_registers": [
+        {"address": 0, "name": "u", "type": "float", "unit": "V"},
+        {"address": 2, "name": "fault", "bit": 3, "ioa": 7},
+        {"address": 3, "name": "p", "blocked_by": "fault"},
+    ]
+}
+
+
+def rtud(programs: Path, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [programs / "rtud/rtud", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+
+
+def back(points: Path, lines: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, POINTS, points, "--lines", lines]
+    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+
+
+def plant_of(*slaves: dict[str, Any], **file: Any) -> dict[str, Any]:
+    return {**file, "port": [{"value": 1, **LINE, "slaves": list(slaves)}]}
+
+
+def write(path: Path, document: Any) -> Path:
+    """One key or element a line, so that lines tell places apart."""
+    path.write_text(json.dumps(document, indent=1))
+    return path
+
+
+def line_of(path: Path, text: str) -> int:
+    return next(i for i, line in enumerate(path.read_text().splitlines(), 1) if text in line)
+
+
+# ---- templates ---------------------------------------------------------------------------------------------
+
+
+def test_the_plant_has_3_lines_20_devices_and_186_points(programs: Path) -> None:
+    result = rtud(programs, "--check", PLANT)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.splitlines()[0] == f"{PLANT}: good: lines 3, devices 20, points 186"
+
+
+@pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: path.name)
+def test_templates_that_come_with_it_are_good(programs: Path, tmp_path: Path, path: Path) -> None:
+    shipped = json.loads(path.read_text())
+    slaves = [
+        {"id": 1 + i, "template": name, "name_prefix": f"{name}/"}
+        for i, name in enumerate(shipped["templates"])
+    ]
+    file = write(tmp_path / "gateway.json", plant_of(*slaves, include=[str(path)]))
+    result = rtud(programs, "--check", file)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert len(shipped["about"]) > 100  # where its addresses are from
+
+
+def test_an_instance_overrides_leaves_out_and_adds(programs: Path, tmp_path: Path) -> None:
+    two = {
+        "id": 2,
+        "template": "meter",
+        "ca": 77,
+        "name_prefix": "f2/",
+        "ioa_offset": 100,
+        "overrides": {"u": {"unit": "kV", "scale": 0.001}, "p": None},
+        "coils": [{"address": 0, "name": "reset"}],
+    }
+    one = {"id": 1, "template": "meter", "ca": 77, "name_prefix": "f1/"}
+    file = write(tmp_path / "gateway.json", plant_of(one, two, templates={"meter": METER}))
+    listed = rtud(programs, "--points", "--markdown", file).stdout.splitlines()[2:]
+    assert [[cell.strip() for cell in row.split("|")[1:-1]] for row in listed] == [
+        ["77", "7", "M_SP_NA_1", "M_SP_TB_1", "", "f1/fault", "", "monitor", "", "p1.1"],
+        ["77", "101", "M_SP_NA_1", "M_SP_TB_1", "C_SC_NA_1", "f2/reset", "", "both", "", "p1.2"],
+        ["77", "107", "M_SP_NA_1", "M_SP_TB_1", "", "f2/fault", "", "monitor", "", "p1.2"],
+        ["77", "30001", "M_ME_NC_1", "M_ME_TF_1", "", "f1/u", "V", "monitor", "", "p1.1"],
+        ["77", "30004", "M_ME_NB_1", "M_ME_TE_1", "", "f1/p", "", "monitor", "", "p1.1"],
+        ["77", "30101", "M_ME_NC_1", "M_ME_TF_1", "", "f2/u", "kV", "monitor", "", "p1.2"],
+    ]
+
+
+def test_errors_name_the_templates_line_and_the_slave(programs: Path, tmp_path: Path) -> None:
+    broken = json.loads(json.dumps(METER))
+    broken["input_registers"][0]["scale"] = 0
+    included = write(tmp_path / "meter.json", {"templates": {"meter": broken}})
+    slaves = [{"id": unit, "template": "meter", "name_prefix": f"{unit}/"} for unit in (1, 2)]
+    file = write(tmp_path / "gateway.json", plant_of(*slaves, include=["meter.json"]))
+    result = rtud(programs, "--check", file)
+    assert result.returncode == 1
+    assert result.stderr == (
+        f"{included}:{line_of(included, 'scale')}: templates.meter.input_registers[0].scale: is 0, "
+        f"expected another number; for port[0].slaves[0] ({file}:{line_of(file, 'slaves') + 1})\n"
+    )
+
+
+def test_a_clash_names_both_places(programs: Path, tmp_path: Path) -> None:
+    slaves = [{"id": unit, "template": "meter", "name_prefix": f"{unit}/", "ca": 5} for unit in (1, 2)]
+    file = write(tmp_path / "gateway.json", plant_of(slaves[0], templates={"meter": METER}))
+    assert rtud(programs, "--check", file).returncode == 0
+    file = write(tmp_path / "gateway.json", plant_of(*slaves, templates={"meter": METER}))
+    messages = rtud(programs, "--check", file).stderr.splitlines()
+    assert len(messages) == 3
+    second = line_of(file, '"id": 2') - 1
+    bit = f"{file}:{line_of(file, 'fault') - 2}"
+    assert messages[0] == (
+        f"{bit}: templates.meter.input_registers[1]: has the CA 5 and IOA 7 of "
+        f"templates.meter.input_registers[1] ({bit}, for port[0].slaves[0]); "
+        f"for port[0].slaves[1] ({file}:{second})"
+    )
+
+
+def test_a_table_of_bits_and_words_that_share_a_register(programs: Path, tmp_path: Path) -> None:
+    registers = [
+        {"address": 5, "format": "int64"},
+        {"address": 6, "ioa": 1, "bit": 1},
+        {"address": 9, "ioa": 2, "bit": 1},
+        {"address": 9, "ioa": 3, "bit": 2},
+        {"address": 9, "ioa": 4, "bit": 1, "type": "double"},
+        {"address": 8, "ioa": 5, "bit": 0},
+    ]
+    file = write(tmp_path / "gateway.json", plant_of({"id": 1, "input_registers": registers}))
+    messages = rtud(programs, "--check", file).stderr.splitlines()
+    covers = [re.findall(r"input_registers\[(\d)\]", message) for message in messages]
+    assert covers == [["1", "0"], ["5", "0"], ["4", "2"], ["3", "4"]]
+
+
+INCLUDES = {
+    "missing": ({"a.json": {"include": ["b.json"]}}, 'include[0]: "{d}/b.json" cannot be read: No such file'),
+    "itself": ({"a.json": {"include": ["a.json"]}}, 'include[0]: "{d}/a.json" includes itself by this'),
+    "circle": (
+        {"a.json": {"include": ["b.json"]}, "b.json": {"include": ["./a.json"]}},
+        'include[0]: "{d}/./a.json" includes itself by this',
+    ),
+    "no-json": ({"a.json": {"include": ["pipe"]}}, 'include[0]: "{d}/pipe" is no regular file'),
+    "port": ({"a.json": {"port": []}}, "port: unknown key, expected one of include, templates, about"),
+    "number": ({"a.json": {"include": [5]}}, "include[0]: is no file's name, expected one in a string"),
+    "name-twice": (
+        {"a.json": {"templates": {"m": {}}, "include": ["b.json"]}, "b.json": {"templates": {"m": {}}}},
+        "templates.m: has the name of templates.m ({d}/a.json:3)",
+    ),
+    "deep": (
+        {f"{'abcdefghijk'[i]}.json": {"include": [f"{'abcdefghijk'[i + 1]}.json"]} for i in range(10)},
+        "include[0]: is one file too many, expected at most 8, each included by the one before",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", INCLUDES)
+def test_included_files_that_are_wrong(programs: Path, tmp_path: Path, name: str) -> None:
+    files, message = INCLUDES[name]
+    os.mkfifo(tmp_path / "pipe")
+    for path, document in files.items():
+        write(tmp_path / path, document)
+    result = rtud(programs, "--check", write(tmp_path / "gateway.json", plant_of(include=["a.json"])))
+    assert result.returncode == 1
+    assert message.format(d=tmp_path) in result.stderr
+
+
+def test_a_file_is_included_once_by_two(programs: Path, tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    write(tmp_path / "meter.json", {"templates": {"meter": METER}})
+    write(tmp_path / "sub/a.json", {"include": ["../meter.json"]})
+    slave = {"id": 1, "template": "meter"}
+    file = write(tmp_path / "gateway.json", plant_of(slave, include=["sub/a.json", "meter.json"]))
+    result = rtud(programs, "--check", file)
+    assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_included_json_that_is_none_says_where(programs: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text('{\n "templates": {]\n}\n')
+    result = rtud(programs, "--check", write(tmp_path / "gateway.json", plant_of(include=["a.json"])))
+    assert (result.returncode, result.stderr) == (
+        1,
+        f"{tmp_path}/a.json:2:16: string or '}}' expected near ']'\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("slave", "message"),
+    [
+        ({"template": "meters"}, "template: there is no template of this name"),
+        (
+            {"template": "meter", "overrides": {"v": {}}},
+            "overrides.v: is the name of no object of the template",
+        ),
+        ({"template": "meter", "overrides": {"u": 5}}, "overrides.u: is neither an object { }"),
+        ({"overrides": {"u": {}}}, "overrides.u: is the name of no object of the template"),
+        ({"template": "meter", "name_prefix": "a b"}, "name_prefix: has a space or one of"),
+        ({"template": "meter", "name_prefix": "x" * 38}, "name: is longer than 39 bytes with its slave's"),
+        ({"template": "meter", "ioa_offset": 16777214}, "ioa: 16807215 is out of range with its slave's"),
+        ({"template": "meter", "id": 0}, "template: has no meaning for slave 0"),
+    ],
+)
+def test_slaves_of_a_template_that_are_wrong(
+    programs: Path, tmp_path: Path, slave: dict[str, Any], message: str
+) -> None:
+    file = write(tmp_path / "gateway.json", plant_of({"id": 1, **slave}, templates={"meter": METER}))
+    result = rtud(programs, "--check", file)
+    assert result.returncode == 1
+    assert message in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"bit": 1}, "ioa: is missing: a bit of a register has no IOA by itself, expected an integer"),
+        ({"bit": 15, "type": "double", "ioa": 1}, "bit: 15 is out of range for type double"),
+        ({"bit": 1, "type": "scaled", "ioa": 1}, "type: bits hold no"),
+        (
+            {"bit": 1, "ioa": 1, "short_pulse_ms": 50},
+            "short_pulse_ms: has no meaning for a bit of a register",
+        ),
+        ({"format": "int64", "address": 65533, "ioa": 1}, "which covers four addresses, expected 0 to 65532"),
+        ({"format": "int32", "type": "bitstring"}, 'format: "int32" is none of type bitstring'),
+        ({"format": "int16", "signed": True}, "signed: has no meaning with format"),
+        ({"format": "int16", "word_order": "big"}, "word_order: has no meaning for format int16"),
+        ({"format": "float32", "unimplemented": True}, "unimplemented: has no meaning for floating point"),
+        ({"type": "counter", "scale": 2}, "scale: has no meaning for a counter that wraps"),
+        ({"scale": 2, "scale_points": [[0, 0], [1, 1]]}, "scale_points: has no meaning beside scale"),
+        ({"scale_points": [[0, 0]]}, "scale_points: has 1 elements, expected two pairs"),
+        ({"scale_points": [[0, 5], [1, 5]]}, "scale_points: has one value twice"),
+        ({"scale_table": [[0, 0], [0, 1]]}, "scale_table[1]: has no raw value above"),
+        ({"scale_table": [[0, 0], [1, "x"]]}, "scale_table[1]: is no pair [raw, value] of numbers"),
+        ({"scale_table": [[0, 0], [1, 1], [2, 0]]}, "scale_table: neither rises nor falls all the way"),
+        ({"inverted": True}, "inverted: has no meaning for type scaled"),
+    ],
+)
+def test_values_that_do_not_go_together(
+    programs: Path, tmp_path: Path, keys: dict[str, Any], message: str
+) -> None:
+    registers = [{"address": 0, **keys}]
+    file = write(tmp_path / "gateway.json", plant_of({"id": 1, "holding_registers": registers}))
+    result = rtud(programs, "--check", file)
+    assert result.returncode == 1
+    assert message in result.stderr
+
+
+def test_messages_without_end_are_counted(programs: Path, tmp_path: Path) -> None:
+    slave = {"id": 1, "coils": [{"address": -1}] * 1000}
+    file = write(tmp_path / "gateway.json", plant_of(slave))
+    messages = rtud(programs, "--check", file).stderr.splitlines()
+    assert len(messages) == 201
+    assert messages[-1] == f"{file}: 800 more messages are not shown"
+
+
+# ---- the list of points ------------------------------------------------------------------------------------
+
+
+def test_csv_says_what_a_control_centre_asks_for(programs: Path) -> None:
+    head, *rows = rtud(programs, "--points", "--csv", PLANT).stdout.splitlines()
+    assert head.startswith(
+        "ca,ioa,type,event_type,command_type,name,unit,direction,group,device,port,id,table,"
+    )
+    assert len(rows) == 186
+    addresses = [tuple(map(int, row.split(",")[:2])) for row in rows]
+    assert addresses == sorted(set(addresses))
+    assert (
+        "11,40301,M_ME_NC_1,M_ME_TF_1,C_SE_NC_1,11/feeder1/limit,A,both,,Feeder 11.1,1,11,holding_registers,0"
+        in "\n".join(rows)
+    )
+
+
+@pytest.mark.parametrize("path", LISTED, ids=lambda path: path.name)
+def test_from_csv_and_back_is_the_same(programs: Path, tmp_path: Path, path: Path) -> None:
+    listed = rtud(programs, "--points", "--csv", path).stdout
+    points = tmp_path / "points.csv"
+    points.write_text(listed)
+    made = back(points, path)
+    assert (made.returncode, made.stderr) == (0, "")
+    file = tmp_path / "made.json"
+    file.write_text(made.stdout)
+    assert rtud(programs, "--points", "--csv", file).stdout == listed
+    points.write_text("\ufeff" + listed.replace(",", ";")) if '"' not in listed else None
+    again = back(points, path)
+    assert (again.returncode, again.stdout) == (0, made.stdout)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("M_SP_NA_1", "M_XX_NA_1", 'type: "M_XX_NA_1" is not known'),
+        ("coils", "coil", 'table: "coil" is not known, expected one of coils'),
+        (",p3.67,3,", ",p3.67,x,", 'port: "x" is no integer'),
+        (",p3.67,3,", ",p3.67,5,", "there is no port 5 in the file of lines"),
+        ("3067,1,", "3068,1,", "ca: 3067 is not that of the slave's other points, 3068"),
+        (",coils,0", ",coils,a", 'address: "a" is no number, truth value or array'),
+        (",coils,0", ",coils,0,1", "has not as many cells as the first line"),
+    ],
+)
+def test_wrong_csv_says_file_and_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    head = "ca,ioa,type,event_type,command_type,name,unit,direction,group,device,port,id,table,address\n"
+    rows = "3067,1,M_SP_NA_1,,,a,,,,p3.67,3,67,coils,0\n3067,2,M_SP_NA_1,,,b,,,,p3.67,3,67,coils,1\n"
+    points = tmp_path / "points.csv"
+    points.write_text(head + rows.replace(old, new, 1))
+    lines = write(tmp_path / "lines.json", {"port": [{"value": 3, **LINE, "slaves": []}]})
+    result = back(points, lines)
+    assert (result.returncode, result.stdout) == (1, "")
+    assert re.fullmatch(
+        rf"{re.escape(str(points))}:[23]: {re.escape(message)}.*", result.stderr.splitlines()[0]
+    )
+
+
+def test_unusable_files(tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    lines = write(tmp_path / "lines.json", {"port": []})
+    assert back(points, lines).returncode == 2
+    points.write_bytes(b"ca,\xff")
+    assert back(points, lines).returncode == 2
+    points.write_text("ca,ioa\n")
+    result = back(points, lines)
+    assert (result.returncode, result.stderr) == (
+        2,
+        f"{points}:1: has no column type, name, port, id, table, address\n",
+    )
+    assert back(points, write(lines, [])).returncode == 2
