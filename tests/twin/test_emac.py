@@ -38,7 +38,7 @@ LINK, NEGOTIATED = 1 << 2, 1 << 5
 
 AIC_RAW = 0xB0042100
 RAM_SIZE = 0x04000000
-SECONDS = 20.0
+SECONDS = 60.0  # of patience
 
 STATION = bytes.fromhex("020000aabb01")
 OTHER = bytes.fromhex("020000ccdd02")

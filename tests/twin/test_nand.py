@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from nuc980.twin.machine import Machine, MachineError
+from nuc980.twin.machine import ANSWER_SECONDS, Machine, MachineError
 from nuc980.twin.nand import BLOCKS, DATA, PAGE, PAGES, SIZE, SPARE, NandError, NandImage
 
 MFP_C = (0xB0000080, 0xB0000084)
@@ -831,7 +831,7 @@ def boot(board: Callable[..., Machine], image: NandImage) -> Iterator[Callable[[
 
 
 def wait_for_result(machine: Machine) -> None:
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + ANSWER_SECONDS
     while machine.read(RESULT) != MAGIC:
         assert time.monotonic() < deadline, machine.info("registers")
 

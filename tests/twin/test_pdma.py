@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from nuc980.twin.machine import Machine
+from nuc980.twin.machine import ANSWER_SECONDS, Machine
 
 HCLKEN, PCLKEN0, DIVCTL0, GPF_MFPH = 0xB0000210, 0xB0000218, 0xB0000220, 0xB000009C
 AIC_RAW_0_31 = 0xB0042100
@@ -251,7 +251,7 @@ def uart(pdma: Pdma) -> Pdma:
 
 def until(condition: Callable[[], object]) -> None:
     """Waits for QEMU to take bytes from a socket."""
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + ANSWER_SECONDS
     while not condition():
         assert time.monotonic() < deadline
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from nuc980.twin import __main__ as twin
+from lab import twin_show as twin
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 def test_all_of_it_is_seen() -> None:
-    command = [sys.executable, "-m", "nuc980.twin"]
+    command = [sys.executable, "-m", "lab.twin_show"]
     ran = subprocess.run(command, capture_output=True, text=True, env={"PYTHONPATH": str(SCRIPTS)})
     assert (ran.returncode, ran.stderr) == (0, "")
     before, after = ran.stdout.split("after U-Boot's set-up")
@@ -27,3 +27,20 @@ def test_missing_program_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     monkeypatch.setattr(twin, "UBOOT", Path("nowhere/u-boot.bin"))
     assert twin.main() == 2
     assert "run make uboot" in capsys.readouterr().err
+
+
+def test_qemu_that_ends_is_the_cause() -> None:
+    """It is killed in the middle; the show says so in three lines."""
+    command = [sys.executable, "-m", "lab.twin_show"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        command, stdout=pipe, stderr=pipe, text=True, env={"PYTHONPATH": str(SCRIPTS)}
+    ) as show:
+        assert show.stdout is not None and show.stderr is not None
+        for line in show.stdout:
+            if "U-Boot on the debug UART" in line:
+                break
+        subprocess.run(["pkill", "-KILL", "-P", str(show.pid), "qemu-system-arm"], check=True)
+        lines = show.stderr.read().strip().splitlines()
+    assert (show.returncode, len(lines)) == (1, 3)
+    assert lines[2].startswith("probably: QEMU ended with -9; ")

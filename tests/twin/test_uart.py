@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from nuc980.twin.machine import Machine
+from nuc980.twin.machine import ANSWER_SECONDS, Machine
 
 PCLKEN0, DIVCTL4 = 0xB0000218, 0xB0000230
 GPF_MFPH = 0xB000009C
@@ -46,7 +46,7 @@ CHAR = ns(10 * DIVIDER)
 
 def until(condition: Callable[[], object]) -> None:
     """Waits for what QEMU does without a step: taking bytes from a socket, a reset."""
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + ANSWER_SECONDS
     while not condition():
         assert time.monotonic() < deadline
 

@@ -136,11 +136,6 @@ enum {
 
 #define GET(s, reg, field) FIELD_EX32((s)->regs[R_##reg], reg, field)
 
-static const char *uart_name(NUC980UARTState *s)
-{
-    return object_get_canonical_path_component(OBJECT(s));
-}
-
 static int64_t uart_now(void)
 {
     return qemu_clock_get_ns(QEMU_CLOCK_VIRTUAL);
@@ -353,7 +348,7 @@ static bool uart_tx_finish(NUC980UARTState *s)
     const char *why = uart_off_line(s);
 
     if (why || !s->tx_whole) {
-        trace_nuc980_uart_tx_lost(uart_name(s), s->tx_char,
+        trace_nuc980_uart_tx_lost(s->name, s->tx_char,
                                   why ?: "its start was");
     } else if (qemu_chr_fe_write(&s->chr, &s->tx_char, 1) < 1) {
         s->tx_watch = qemu_chr_fe_add_watch(&s->chr, G_IO_OUT | G_IO_HUP,
@@ -361,9 +356,9 @@ static bool uart_tx_finish(NUC980UARTState *s)
         if (s->tx_watch) {
             return false;
         }
-        trace_nuc980_uart_tx_lost(uart_name(s), s->tx_char, "no chardev");
+        trace_nuc980_uart_tx_lost(s->name, s->tx_char, "no chardev");
     } else {
-        trace_nuc980_uart_tx(uart_name(s), s->tx_char);
+        trace_nuc980_uart_tx(s->name, s->tx_char);
     }
     s->tx_busy = false;
     return true;
@@ -420,7 +415,7 @@ static void uart_rx_timeout(void *opaque)
 {
     NUC980UARTState *s = opaque;
 
-    trace_nuc980_uart_timeout(uart_name(s), fifo8_num_used(&s->rx));
+    trace_nuc980_uart_timeout(s->name, fifo8_num_used(&s->rx));
     s->timed_out = true;
     uart_update(s);
 }
@@ -496,19 +491,19 @@ static void uart_rx_char(NUC980UARTState *s, uint16_t wire)
     uint8_t c;
 
     if (why) {
-        trace_nuc980_uart_rx_lost(uart_name(s), wire, why);
+        trace_nuc980_uart_rx_lost(s->name, wire, why);
         return;
     }
     c = uart_disturb(s, wire);
     if (uart_is_multidrop(s) ? !uart_rs485_takes(s, c, address) :
                                GET(s, FIFO, RXOFF)) {
-        trace_nuc980_uart_rx_lost(uart_name(s), c, "receiver off");
+        trace_nuc980_uart_rx_lost(s->name, c, "receiver off");
     } else if (fifo8_is_full(&s->rx)) {
-        trace_nuc980_uart_rx_lost(uart_name(s), c, "overrun");
+        trace_nuc980_uart_rx_lost(s->name, c, "overrun");
         s->regs[R_FIFOSTS] |= R_FIFOSTS_RXOVIF_MASK;
     } else {
         fifo8_push(&s->rx, c);
-        trace_nuc980_uart_rx(uart_name(s), c, fifo8_num_used(&s->rx));
+        trace_nuc980_uart_rx(s->name, c, fifo8_num_used(&s->rx));
         s->timed_out = false;
         uart_restart_timeout(s);
     }
@@ -581,7 +576,7 @@ static uint8_t uart_read_data(NUC980UARTState *s)
 
     if (fifo8_is_empty(&s->rx)) {
         qemu_log_mask(LOG_GUEST_ERROR, "%s: read of an empty receive FIFO\n",
-                      uart_name(s));
+                      s->name);
         return 0;
     }
     c = fifo8_pop(&s->rx);
@@ -597,7 +592,7 @@ static uint8_t uart_read_data(NUC980UARTState *s)
 
 static void uart_unimp(NUC980UARTState *s, hwaddr offset)
 {
-    nuc980_unimp_once(s->unimp_seen, uart_name(s), offset);
+    nuc980_unimp_once(s->unimp_seen, s->name, offset);
 }
 
 static uint64_t uart_read_reg(NUC980UARTState *s, hwaddr offset)
@@ -631,7 +626,7 @@ static uint64_t uart_read_reg(NUC980UARTState *s, hwaddr offset)
         return s->regs[offset / 4];
     default:
         qemu_log_mask(LOG_GUEST_ERROR, "%s: read of 0x%" HWADDR_PRIx
-                      ", no register\n", uart_name(s), offset);
+                      ", no register\n", s->name, offset);
         return 0;
     }
 }
@@ -641,14 +636,14 @@ static uint64_t uart_read(void *opaque, hwaddr offset, unsigned size)
     NUC980UARTState *s = opaque;
     uint64_t value = uart_read_reg(s, offset);
 
-    trace_nuc980_uart_read(uart_name(s), offset, value);
+    trace_nuc980_uart_read(s->name, offset, value);
     return value;
 }
 
 static void uart_write_data(NUC980UARTState *s, uint8_t c)
 {
     if (fifo8_is_full(&s->tx)) {
-        trace_nuc980_uart_tx_lost(uart_name(s), c, "overrun");
+        trace_nuc980_uart_tx_lost(s->name, c, "overrun");
         s->regs[R_FIFOSTS] |= R_FIFOSTS_TXOVIF_MASK;
     } else {
         fifo8_push(&s->tx, c);
@@ -681,7 +676,7 @@ static void uart_set_line(NUC980UARTState *s)
         .stop_bits = 1 + GET(s, LINE, NSB),
     };
 
-    trace_nuc980_uart_line(uart_name(s), line.speed, line.data_bits,
+    trace_nuc980_uart_line(s->name, line.speed, line.data_bits,
                            line.parity, line.stop_bits);
     qemu_chr_fe_ioctl(&s->chr, CHR_IOCTL_SERIAL_SET_PARAMS, &line);
     qemu_chr_fe_ioctl(&s->chr, CHR_IOCTL_SERIAL_SET_BREAK, &on);
@@ -755,7 +750,7 @@ static void uart_write_reg(NUC980UARTState *s, hwaddr offset, uint32_t value)
         break;
     default:
         qemu_log_mask(LOG_GUEST_ERROR, "%s: write of 0x%" PRIx32 " to 0x%"
-                      HWADDR_PRIx ", no register\n", uart_name(s), value,
+                      HWADDR_PRIx ", no register\n", s->name, value,
                       offset);
         return;
     }
@@ -769,7 +764,7 @@ static void uart_write(void *opaque, hwaddr offset, uint64_t value,
 {
     NUC980UARTState *s = opaque;
 
-    trace_nuc980_uart_write(uart_name(s), offset, value);
+    trace_nuc980_uart_write(s->name, offset, value);
     uart_write_reg(s, offset, value);
     uart_tx_start(s, uart_now());
     uart_rx_start(s, uart_now());
@@ -790,7 +785,7 @@ static void uart_set_pin(NUC980UARTState *s, bool *pin, const char *name,
                          bool routed)
 {
     if (*pin != routed) {
-        trace_nuc980_uart_pin(uart_name(s), name, routed);
+        trace_nuc980_uart_pin(s->name, name, routed);
         *pin = routed;
     }
 }
@@ -945,6 +940,7 @@ static void uart_realize(DeviceState *dev, Error **errp)
 {
     NUC980UARTState *s = NUC980_UART(dev);
 
+    s->name = object_get_canonical_path_component(OBJECT(dev));
     qemu_chr_fe_set_handlers(&s->chr, uart_can_receive, uart_receive,
                              uart_event, NULL, s, NULL, true);
 }

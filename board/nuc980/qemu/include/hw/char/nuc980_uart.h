@@ -47,6 +47,7 @@ struct NUC980UARTState {
     qemu_irq irq, tx_dma, rx_dma;
     Clock *clk;
     CharBackend chr;
+    const char *name;               /* in messages; to search it takes time */
     bool pace;
     bool de_on_rts;
 
