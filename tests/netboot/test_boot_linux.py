@@ -153,7 +153,7 @@ def test_bootm_resets_the_board(console: Console) -> None:
 def test_board_is_reset_in_bootm(console: Console) -> None:
     console.says(BOOTM + b"\r\n\r\nU-Boot 2016.11 (Nov 06 2018 - 10:00:00)\r\n")
     error = error_of(BoardReset, console.until_login)
-    assert "started anew in bootm, after '   Verifying Checksum ... OK'" in error and "supply" in error
+    assert "restarted in bootm, after '   Verifying Checksum ... OK'" in error and "supply" in error
 
 
 def test_bootm_gives_up_for_ever(console: Console) -> None:
@@ -280,6 +280,16 @@ def test_goal_that_begins_as_uboots_last_words_do() -> None:
 
 
 # ---- the kernel's part
+
+
+def test_line_that_comes_in_parts_is_seen_once() -> None:
+    """Its beginning is enough, and is not found again in front of the next."""
+    shown: list[str] = []
+    watch = LinuxWatch(Said(b"backup: 1;\r\nbackup: 2;\r\n", 10), 17, shown.append)  # type: ignore[arg-type]
+    goal = Goal(r"^backup: \d;", 5.0)
+    for _ in range(2):
+        watch.until(goal)
+    assert [line for line in shown if line] == ["backup: 1;", "backup: 2;"]
 
 
 def test_not_a_word(console: Console) -> None:

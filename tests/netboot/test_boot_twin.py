@@ -120,7 +120,7 @@ def test_slow_login_is_awaited(boot: Boot) -> None:
         ),
         ("noroot", ["found no root file system:", "unknown-block(0,0)", "likely cause: root= or ubi.mtd="]),
         ("oops", ["The kernel stumbled:", "NULL pointer dereference", "end trace"]),
-        ("reset", ["The board started anew while Linux came up", "eth1:", "watchdog"]),
+        ("reset", ["The board restarted while Linux came up", "eth1:", "watchdog"]),
         ("hang", ["No line with", "within 3 s", "eth1:", "--timeout"]),
         ("mute", ["Not a word of the kernel within 3 s", "console=ttyS0,115200n8"]),
     ],
@@ -245,12 +245,10 @@ def test_request_from_another_address_is_named(boot: Boot) -> None:
 def test_unanswered_requests_do_not_take_minutes(boot: Boot, udp_port: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mute:
         mute.bind(("127.0.0.1", udp_port))
-        start = time.monotonic()
         done = boot("--listen", "127.0.0.2")  # the NAT of the emulated network leads to 127.0.0.1
     assert done.returncode == 1
-    assert "T T T T" in done.stdout
+    assert re.findall(r"(?:T )+", done.stdout) == ["T T T T "]  # of 2 s each
     assert "does not know tftpdstp" in done.stdout[done.stdout.index("nuc980-netboot: ") :]
-    assert time.monotonic() - start < 40
 
 
 def test_closed_port_is_the_same(boot: Boot) -> None:

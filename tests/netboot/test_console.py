@@ -319,7 +319,7 @@ def test_hook_is_tried_three_times_when_autoboot_is_missed() -> None:
 
 @pytest.mark.slow
 def test_hook_that_switches_another_board_is_found_out() -> None:
-    with pty(Board(PROMPT)) as (at, _), pytest.raises(PowerHookFailed, match="did not start anew"):
+    with pty(Board(PROMPT)) as (at, _), pytest.raises(PowerHookFailed, match="did not restart"):
         at.reach(lambda: None, patience=1.0)
 
 

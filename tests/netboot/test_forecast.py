@@ -128,9 +128,10 @@ def flash(tmp_path: Path, *options: str) -> list[str]:
 def test_dry_run_is_a_summary_of_all_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(flash(tmp_path)) == 0
     summary = capsys.readouterr().out
+    assert len(summary.splitlines()) < 100
     assert main(flash(tmp_path, "--all-lines")) == 0
     lines = re.findall(r"^    => if (.*?); then", capsys.readouterr().out, re.MULTILINE)
-    assert len(summary.splitlines()) < 100 < 10_000 < len(lines)
+    assert len(lines) > 10_000
     counted = Counter[str]()
     for words, times in re.findall(r"^    => (.*) … (\d+) times$", summary, re.MULTILINE):
         counted[words] += int(times)

@@ -86,7 +86,7 @@ def test_file_may_have_other_lines(site: Site) -> None:
         (GOOD + "eth0 02:00:00:00:00:03\n", "2 lines for eth0"),
         (GOOD.replace(":02\n", ":01\n"), "gives both ports 02:00:00:00:00:01"),
         (GOOD.replace("eth0 02", "eth0 03"), "group's address"),
-        (GOOD.replace("02:00:00:00:00:01", "00:00:00:00:00:00"), "is no address"),
+        (GOOD.replace("02:00:00:00:00:01", "00:00:00:00:00:00"), "is not an address"),
         (GOOD.replace("02:00:00:00:00:01", "08:00:27:00:01:93"), "every board has"),
         (GOOD.replace("02:00:00:00:00:01", "02-00-00-00-00-01"), "no MAC address"),
         (GOOD.replace("02:00:00:00:00:01", "02:00:00:00:00:1"), "no MAC address"),
@@ -109,7 +109,7 @@ def test_image_takes_the_file_too(site: Site, tmp_path: Path) -> None:
     for port in (0, 1):
         tree.add_subnode(0, f"emac{port}")
     (tmp_path / "tree").write_bytes(tree.as_bytearray())
-    environment = {**os.environ, "OPENRTU_SITE": str(site.folder)}
+    environment = {**os.environ, "SITE_SETTINGS": str(site.folder)}
     subprocess.run([ROOT / "board/nuc980/place-macs.sh", tmp_path / "tree"], env=environment, check=True)
     placed = libfdt.Fdt((tmp_path / "tree").read_bytes())
     arguments = placed.getprop(placed.path_offset("/chosen"), "bootargs").as_str()
@@ -151,8 +151,8 @@ def test_unusable_file_is_named(site: Site) -> None:
         ("192.168.1.3", "lacks its network's prefix"),
         ("192.168.1.0/24", "the address of a network"),
         ("192.168.1.255/24", "the address of a network"),
-        ("224.0.0.1/24", "no address for a board"),
-        ("127.0.0.1/8", "no address for a board"),
+        ("224.0.0.1/24", "not an address for a board"),
+        ("127.0.0.1/8", "not an address for a board"),
     ],
 )
 def test_what_is_no_boards_address_is_refused(text: str, why: str) -> None:

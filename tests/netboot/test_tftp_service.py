@@ -23,7 +23,7 @@ from nuc980.netboot.tftp import FileService, Refusal
 BOARD, STRANGER, SERVER = "127.0.0.9", "127.0.0.8", "127.0.0.5"
 RRQ, WRQ, DATA, ACK, ERROR, OACK = range(1, 7)
 NOT_FOUND, NO_ACCESS, DISK_FULL, ILLEGAL, UNKNOWN_TID, EXISTS = range(1, 7)
-SOON = 5.0  # s, for what comes at once
+SOON = 60.0  # s at most, for what comes at once
 
 
 def request(opcode: int, name: str | bytes, mode: bytes = b"octet", **options: object) -> bytes:

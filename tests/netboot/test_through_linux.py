@@ -21,7 +21,6 @@ from nuc980.netboot.console import Console
 from nuc980.netboot.errors import BackupFailed, FlashNotPossible, UnusableImage
 from nuc980.netboot.flash import through_linux
 from nuc980.netboot.flash.through_linux import Findings, FindTables, Place, runs, tree_of
-from nuc980.netboot.linux import Goal, LinuxWatch
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.session import Network, Session
 from nuc980.netboot.transport import Line
@@ -127,25 +126,6 @@ def test_without_tables_of_bad_blocks_no_linux_is_started(marks: tuple[bytes, ..
             with pytest.raises(FlashNotPossible, match="no tables of bad blocks"):
                 step.run(session)
         assert double.nand.journal == []
-
-
-class Says:
-    """In the place of a Line: one text, and nothing after it."""
-
-    def __init__(self, *parts: bytes) -> None:
-        self.parts = list(parts)
-
-    def read(self, seconds: float) -> bytes:
-        return self.parts.pop(0) if self.parts else b""
-
-    def other_readers(self) -> str:
-        return ""
-
-
-def test_line_that_comes_in_parts_is_seen_once() -> None:
-    watch = LinuxWatch(Says(b"backup: 1;", b"\r\nback", b"up: 2;\r\n"), 1, lambda line: None)  # type: ignore[arg-type]
-    goal = Goal(r"^backup: \d;", 5.0)
-    assert [watch.until(goal), watch.until(goal)] == ["backup: 1;", "backup: 2;"]
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,7 @@ BOOT_MUTATIONS = [
         chosen('stdout-path = "/apb/serial";'),
         "no node of this tree",
     ),
-    mistake("wrong-console", "no port", chosen('stdout-path = "/ahb/emac0@b0012000";'), "no serial port"),
+    mistake("wrong-console", "no port", chosen('stdout-path = "/ahb/emac0@b0012000";'), "not a serial port"),
     mistake(
         "wrong-console", "console= of another port", chosen('bootargs = "console=ttyS1,115200";'), "is uart1;"
     ),
@@ -178,7 +178,7 @@ BOOT_MUTATIONS = [
         "wrong-alias",
         "a node that is not there",
         root('aliases { ethernet1 = "/ahb/ethernet@b0022000"; };'),
-        "'/ahb/ethernet@b0022000', which is no node",
+        "'/ahb/ethernet@b0022000' (not a node)",
     ),
 ]
 

@@ -431,13 +431,13 @@ PIN_MUTATIONS = [
         "group-missing",
         "reference to a device",
         "&uart1 { pinctrl-0 = <&uart2>; };",
-        ("serial@b0072000, which is no pin group",),
+        ("serial@b0072000, which is not a pin group",),
     ),
     Mutation(
         "group-missing",
         "reference to a function",
         "&pinctrl { all: uart1 { }; }; &uart1 { pinctrl-0 = <&all>; };",
-        ("/apb/pinctrl@b0000000/uart1, which is no pin group",),
+        ("/apb/pinctrl@b0000000/uart1, which is not a pin group",),
     ),
     Mutation(
         "group-missing",

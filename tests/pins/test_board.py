@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.limits import Area
 
 CHIP = load_chip()

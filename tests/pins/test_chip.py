@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The chip's data against itself, and against what report 003 and the vendor's sources say of single pins."""
+"""The chip's data against itself, and single pins against the project report and the vendor's sources."""
 
 import pytest
 

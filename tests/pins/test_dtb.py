@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.dtb import LARGEST, LONGEST_NAME, parse_dtb, read_dtb
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.tree import Tree
 
 FILE = Path("some.dtb")
@@ -69,7 +69,7 @@ def refusal(data: bytes) -> str:
     with pytest.raises(UnusableInput) as raised:
         parse_dtb(data, FILE)
     message = str(raised.value)
-    assert message.startswith("some.dtb is no usable device tree: ")
+    assert message.startswith("some.dtb is not a usable device tree: ")
     assert message.endswith("; compile it again with dtc, or copy it again")
     return message
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip, pin_order
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.explain import explain
 from nuc980.pins.rules import RULES
 

@@ -170,9 +170,9 @@ def test_pin_that_the_package_does_not_bring_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("good", "bad", "told"),
     [
-        ("<0 0 4 0>", "<0 0 4>", "pinctrl@b0000000/uart1/uart1-pins has not four cells for each pin"),
-        ("<&pinctrl_uart1>", "<&gpio>", "pinctrl-0 refers to something that is no pin group"),
-        ("<&pinctrl_uart1>", "<&pinctrl_gone>", "pinctrl-0 refers to something that is no pin group"),
+        ("<0 0 4 0>", "<0 0 4>", "pinctrl@b0000000/uart1/uart1-pins does not have four cells for each pin"),
+        ("<&pinctrl_uart1>", "<&gpio>", "pinctrl-0 refers to something that is not a pin group"),
+        ("<&pinctrl_uart1>", "<&pinctrl_gone>", "pinctrl-0 refers to something that is not a pin group"),
         ("pinctrl-0", "cts-gpios = <0x777 1 0>; pinctrl-0", "cts-gpios: a cell that should refer to a GPIO"),
     ],
 )

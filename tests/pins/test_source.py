@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from trees import ROOT
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.dtb import read_dtb
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.source import MISSING_PHANDLE, read_source, read_tree
 from nuc980.pins.tree import Node, Place, Tree
 
@@ -225,7 +225,7 @@ def test_include_without_end(write: Callable[[str, str], Path], monkeypatch: pyt
     monkeypatch.setattr("nuc980.pins.source.PATIENCE", 0.2)
     file = write("x.dts", '/dts-v1/;\n#include "pipe"\n')
     os.mkfifo("pipe")
-    assert "cpp has not ended after 0.2 s; look at its #include lines" in refusal(file)
+    assert "cpp did not end within 0.2 s; look at its #include lines" in refusal(file)
 
 
 def test_a_mistake_before_much_else_is_told(write: Callable[[str, str], Path]) -> None:
@@ -238,7 +238,7 @@ def test_a_mistake_before_much_else_is_told(write: Callable[[str, str], Path]) -
 
 def test_a_pipe_is_refused_before_it_is_opened(write: Callable[[str, str], Path]) -> None:
     os.mkfifo("x.dts")
-    assert "is no regular file" in refusal(Path("x.dts"))
+    assert "is not a regular file" in refusal(Path("x.dts"))
 
 
 def test_memory_has_an_end(write: Callable[[str, str], Path]) -> None:

@@ -27,7 +27,7 @@ MORE = {
 }
 ALWAYS_ON = ("aic", "pinctrl", "gpio")
 
-# The gateway as report 003 has it in figure 3.5, with two pins a channel, as its table 2.1 says.
+# The gateway as the project report has it in figure 3.5, with two pins a channel, as its table 2.1 says.
 GATEWAY_PINS: dict[str, dict[str, str]] = {
     "uart0": {"UART0_RXD": "PF11", "UART0_TXD": "PF12"},
     "uart1": {"UART1_RXD": "PA0", "UART1_TXD": "PF10"},

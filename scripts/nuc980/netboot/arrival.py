@@ -87,7 +87,7 @@ class Arrival:
     def __init__(
         self, line: Line, say: Callable[[str], None], power_cycle: Callable[[], None] | None = None
     ) -> None:
-        self.said = b""  # all of it, without carriage returns
+        self.received = b""  # all of it, without carriage returns
         self.prompt = b""
         self._line = line
         self._say = say
@@ -95,7 +95,7 @@ class Arrival:
         self._first = line.baud
         self._speeds = (self._first, *(speed for speed in SPEEDS if speed != self._first and line.has_speed))
         self._untried = 0 if self._hook else len(self._speeds)
-        self._tuned = 0  # where in `said` the present speed begins
+        self._tuned = 0  # where in `received` the present speed begins
         self._started = line.now()
         self._tuned_at = self._heard_at = self._poked_at = self._started
         self._words: Place | None = None  # where the last words that could be read came from
@@ -124,15 +124,15 @@ class Arrival:
 
     def _listen(self) -> None:
         if new := self._line.read(POKE_SECONDS).replace(b"\r", b""):
-            self.said = (self.said + new)[-KEPT:]
-            self._tuned = min(self._tuned, len(self.said) - len(new))
+            self.received = (self.received + new)[-KEPT:]
+            self._tuned = min(self._tuned, len(self.received) - len(new))
             self._heard_at = self._line.now()
 
     def _quiet(self) -> float:
         return self._line.now() - self._heard_at
 
     def _place(self) -> Place:
-        heard = self.said[self._tuned :]
+        heard = self.received[self._tuned :]
         words = self._since_start(heard)
         end = words[-TAIL:]
         if is_noise(heard[-NOISE_WINDOW:]):
@@ -169,7 +169,7 @@ class Arrival:
             self._poke()
 
     def _readable(self) -> bool:
-        return len(self.said) - self._tuned >= TEXT_LEAST
+        return len(self.received) - self._tuned >= TEXT_LEAST
 
     def _speed_is_over(self) -> bool:
         return self._untried > 0 and self._line.now() - self._tuned_at >= SPEED_SECONDS
@@ -189,7 +189,7 @@ class Arrival:
                 break
             except SpeedRefused:
                 self._untried -= 1
-        self._tuned = len(self.said)
+        self._tuned = len(self.received)
         self._tuned_at = self._line.now()
         self._poke()
 
@@ -201,28 +201,28 @@ class Arrival:
             self._told = place
 
     def _arrived(self) -> str:
-        found = PROMPT.search(self.said)
+        found = PROMPT.search(self.received)
         assert found
         self.prompt = found[1]
         if self._line.baud != self._first:
             self._say(f"The board's console has {self._line.baud} bit/s, not {self._first}.")
-        return self.said.decode(errors="replace")
+        return self.received.decode(errors="replace")
 
     def _why_not(self) -> NetbootError:
-        last = self.said.decode(errors="replace")[-200:]
+        last = self.received.decode(errors="replace")[-200:]
         match self._words:
             case Place.HUNG:
                 return BoardHung(f"U-Boot does not come up. It says: {last.strip()!r}")
-            case None if not self.said:
+            case None if not self.received:
                 what = f"Nothing came from {self._line.url}{self._tried()}."
                 return NoOutput(what, cause=self._line.other_readers())
-            case None if self._hook and not is_noise(self.said[-NOISE_WINDOW:]):
-                return PowerHookFailed("The power hook ran, and the board did not start anew.")
+            case None if self._hook and not is_noise(self.received[-NOISE_WINDOW:]):
+                return PowerHookFailed("The power hook ran, but the board did not restart.")
             case None:
-                what = f"What comes from {self._line.url} is no text{self._tried()}."
+                what = f"What comes from {self._line.url} is not text{self._tried()}."
                 elsewhere = "" if self._line.has_speed else SPEED_ELSEWHERE
                 return Garbage(what, cause=self._line.other_readers(), next_step=elsewhere)
-            case Place.LINUX if STARTING.search(self.said):
+            case Place.LINUX if STARTING.search(self.received):
                 return AutobootMissed("The board booted what it has: U-Boot's prompt was missed.")
             case Place.LINUX:
                 return NotUBoot(f"Linux runs on the board, and no start was seen. It says: {last!r}")
@@ -259,15 +259,15 @@ class _Running:
         return False
 
 
-def is_noise(said: bytes) -> bool:
+def is_noise(received: bytes) -> bool:
     """Enough to judge, and a third of it is no text."""
-    return _odd(said) >= 4 and _odd(said) * 3 > len(said)
+    return _odd(received) >= 4 and _odd(received) * 3 > len(received)
 
 
-def is_text(said: bytes) -> bool:
+def is_text(received: bytes) -> bool:
     """Enough to judge, and nearly all of it is text."""
-    return len(said) >= TEXT_LEAST and _odd(said) * 10 <= len(said)
+    return len(received) >= TEXT_LEAST and _odd(received) * 10 <= len(received)
 
 
-def _odd(said: bytes) -> int:
-    return sum(byte not in b"\a\b\t\n\r\x1b" and not 32 <= byte < 127 for byte in said)
+def _odd(received: bytes) -> int:
+    return sum(byte not in b"\a\b\t\n\r\x1b" and not 32 <= byte < 127 for byte in received)

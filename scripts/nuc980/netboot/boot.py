@@ -80,7 +80,7 @@ class Images:
             raise DoesNotFit(
                 f"{self.kernel} has {self.header.size} bytes, {self.header.size - addresses.kernel_room} more"
                 f" than fit before the device tree at {addresses.dtb:#x}.",
-                next_step="a smaller kernel, or a root file system that is not in it (docs/image.md)",
+                next_step="a smaller kernel, or its root file system outside (docs/image-buildroot.md)",
             )
         start, size = board.ram[0]
         end = min(start + size, board.ram_end or start + size)

@@ -14,6 +14,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 from types import FrameType
 
+from nuc980 import VERSION
 from nuc980.netboot import environment
 from nuc980.netboot.boot import Images
 from nuc980.netboot.environment import differences, plan_restore
@@ -100,18 +101,18 @@ def _tell(error: BaseException) -> int:
     """Says what happened; returns the exit code."""
     match error:
         case NetbootError():
-            said, code = str(error), error.exit_code
+            message, code = str(error), error.exit_code
         case _Ended():
-            said, code = f"{error}; port and server are closed", error.exit_code
+            message, code = f"{error}; port and server are closed", error.exit_code
         case BrokenPipeError():  # nobody reads on, as behind `| head`
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return NetbootError.exit_code
         case OSError(filename=str() | Path()):
-            said = f"{error.filename}: {error.strerror}"
+            message = f"{error.filename}: {error.strerror}"
             code = (UnusableInput if isinstance(error, UNUSABLE) else NetbootError).exit_code
         case _:
-            said, code = str(error), NetbootError.exit_code
-    print(f"nuc980-netboot: {said}", file=sys.stderr)
+            message, code = str(error), NetbootError.exit_code
+    print(f"nuc980-netboot: {message}", file=sys.stderr)
     return code
 
 
@@ -169,6 +170,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES[None],
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s (OpenRTU) {VERSION}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def add(name: str, act: Callable[[Run], None], does: str) -> argparse.ArgumentParser:

@@ -39,9 +39,9 @@ def ended(number: int) -> re.Pattern[bytes]:
     return re.compile(rb"@%d:(ok|failed)\n" % number)
 
 
-def text(said: bytes) -> str:
+def text(received: bytes) -> str:
     """A line's output as one reads it."""
-    return said.decode(errors="replace").replace("\r", "")
+    return received.decode(errors="replace").replace("\r", "")
 
 
 def quoted(value: str) -> str:

@@ -86,7 +86,7 @@ class Console:
         for attempt in range(TRIES):
             arrival = Arrival(self.line, self.say, power_cycle)
             try:
-                said = arrival.wait(patience)
+                received = arrival.wait(patience)
                 break
             except AutobootMissed as error:
                 if not power_cycle or attempt == TRIES - 1:
@@ -94,7 +94,7 @@ class Console:
                 self.say(f"{error.what} Once more.")
         self.prompt, self._tail = arrival.prompt, b""
         self._confirm()
-        return said
+        return received
 
     def _confirm(self) -> None:
         """That it is U-Boot, and tells how a command ended."""
@@ -114,23 +114,23 @@ class Console:
         repeatable: whether it may be run again when its answer was lost on the line.
         Raises StuckConsole, LineUnsafe, BoardReset, BoardHung, NoStatus, LineTooLong, LineLost.
         """
-        said = b""
+        received = b""
         for _ in range(TRIES if repeatable else 1):
             number = self.start(command)
             entered = self.line.now()
-            said = self._answer(number, seconds, watch)
-            if found := ended(number).search(said):
+            received = self._answer(number, seconds, watch)
+            if found := ended(number).search(received):
                 return _answer_of(command, found)
-            if b"Unknown command 'if'" in said:
+            if b"Unknown command 'if'" in received:
                 raise NoStatus("U-Boot's parser has no 'if'.")
             late = self.line.now() - entered >= seconds
-            said += self._interrupt(f"'{command}' did not end within {self.line.now() - entered:.0f} s")
-            found = ended(number).search(said)
+            received += self._interrupt(f"'{command}' did not end within {self.line.now() - entered:.0f} s")
+            found = ended(number).search(received)
             if found and found[1] == b"ok":
                 return _answer_of(command, found)
             if found and late:
                 raise StuckConsole(f"'{command}' did not end within {seconds:g} s; Ctrl-C ended it.")
-        what = f"The answer to '{command}' was lost; there came {text(said)[-300:]!r}"
+        what = f"The answer to '{command}' was lost; there came {text(received)[-300:]!r}"
         raise LineUnsafe(what, cause=self.line.other_readers())
 
     def run_twice(self, command: str, seconds: float = 10.0) -> Answer:
@@ -198,43 +198,43 @@ class Console:
         """What comes for a command, up to its end and the prompt, or as far as it comes within the time."""
         end = ended(number)
         deadline = self.line.now() + seconds
-        said = b""
+        received = b""
         found = None
         while not found and (left := deadline - self.line.now()) > 0:
             # An Enter is answered at once, and after a prompt there is nothing to come.
-            over = not said or said.endswith((b"\n" + self.prompt, SECOND_PROMPT))
+            over = not received or received.endswith((b"\n" + self.prompt, SECOND_PROMPT))
             new = self._read(min(left, ECHO_SECONDS) if over else left)
             if not new and over:
                 break
-            said += new
+            received += new
             watch(text(new))
-            found = end.search(said, max(0, len(said) - len(new) - TAIL))
-        if found and not self._prompt_comes(said[found.end() - 1 :]):
+            found = end.search(received, max(0, len(received) - len(new) - TAIL))
+        if found and not self._prompt_comes(received[found.end() - 1 :]):
             self._interrupt("No prompt came")
-        return said
+        return received
 
-    def _prompt_comes(self, said: bytes) -> bool:
+    def _prompt_comes(self, received: bytes) -> bool:
         deadline = self.line.now() + PROMPT_SECONDS
-        while not said.endswith(b"\n" + self.prompt):
+        while not received.endswith(b"\n" + self.prompt):
             new = self._read(deadline - self.line.now())
             if not new:
                 return False
-            said += new
+            received += new
         return True
 
     def _interrupt(self, before: str) -> bytes:
         """Gives up what is typed or runs; returns what the board says to it. Raises StuckConsole."""
-        said = b""
+        received = b""
         for _ in range(TRIES):
             self.line.write(CTRL_C)
             deadline = self.line.now() + PROMPT_SECONDS
             while (left := deadline - self.line.now()) > 0:
-                at_prompt = said.endswith(INTERRUPTED + self.prompt)
+                at_prompt = received.endswith(INTERRUPTED + self.prompt)
                 new = self._read(min(left, SETTLED_SECONDS) if at_prompt else left)
                 if at_prompt and not new:
-                    return said
-                said += new
-        what = f"{before}, and Ctrl-C brings no prompt; there came {text(said)[-300:]!r}"
+                    return received
+                received += new
+        what = f"{before}, and Ctrl-C brings no prompt; there came {text(received)[-300:]!r}"
         raise StuckConsole(what, cause=self.line.other_readers())
 
     def _drain(self) -> None:
@@ -257,11 +257,11 @@ class Console:
     def _watch_for_the_end(self, new: bytes) -> None:
         self._tail = self._tail[-TAIL:] + new
         if HUNG.encode() in self._tail:
-            said, self._tail = text(self._tail).strip(), b""
-            raise BoardHung(f"U-Boot gave up. Its last words: {said!r}")
+            received, self._tail = text(self._tail).strip(), b""
+            raise BoardHung(f"U-Boot gave up. Its last words: {received!r}")
         if RESTARTED.search(self._tail):
             self._tail = b""
-            raise BoardReset("The board started anew while it was worked with.")
+            raise BoardReset("The board restarted during the work.")
 
 
 def _answer_of(command: str, end: re.Match[bytes]) -> Answer:

@@ -64,7 +64,7 @@ def read_environment(console: Console) -> Environment:
     if wrong and not readings:
         raise LineUnsafe(
             f"The environment cannot be read: {wrong.what}",
-            cause="the line loses characters, or a value holds what is no printable ASCII",
+            cause="the line loses characters, or a value is not printable ASCII",
         )
     raise LineUnsafe("Each reading of the environment is another.")
 
@@ -239,9 +239,9 @@ class Save(Step):
 
     def run(self, session: Session) -> None:
         (command,) = self.commands()
-        said = session.console.run(command, WRITE_SECONDS, repeatable=False).required()
-        if re.search(r"fail|error|can't", said, re.IGNORECASE):
-            raise CommandFailed(f"saveenv: {said.strip()}")
+        received = session.console.run(command, WRITE_SECONDS, repeatable=False).required()
+        if re.search(r"fail|error|can't", received, re.IGNORECASE):
+            raise CommandFailed(f"saveenv: {received.strip()}")
 
 
 def plan_restore(here: Mapping[str, str], wanted: Mapping[str, str], *, save: bool) -> Plan:

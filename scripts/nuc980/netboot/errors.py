@@ -3,34 +3,8 @@
 
 from __future__ import annotations
 
-
-class NetbootError(Exception):
-    """What happened, why probably, and what to do next; cause and next step default to those of the class."""
-
-    exit_code = 1
-    cause = ""
-    next_step = ""
-
-    def __init__(self, what: str, *, cause: str = "", next_step: str = "") -> None:
-        super().__init__(what)
-        self.what = what
-        self.cause = cause or self.cause
-        self.next_step = next_step or self.next_step
-
-    def __str__(self) -> str:
-        lines = [self.what]
-        if self.cause:
-            lines.append(f"  likely cause: {self.cause}")
-        if self.next_step:
-            lines.append(f"  next step: {self.next_step}")
-        return "\n".join(lines)
-
-
-class UnusableInput(NetbootError):
-    """A word, file or port that cannot be used: nothing was done."""
-
-    exit_code = 2
-
+from nuc980.errors import ToolError as NetbootError
+from nuc980.errors import UnusableInput
 
 # ---- the serial port, before a byte is sent
 
@@ -57,23 +31,23 @@ class PortBusy(UnusableInput):
 
 
 class NotAPort(UnusableInput):
-    """Something of this name is there, and it is no serial port."""
+    """Something with this name is there, but it is not a serial port."""
 
     cause = "a folder or a plain file in place of a device"
     next_step = "give a device as /dev/ttyUSB0, or socket://HOST:PORT, or rfc2217://HOST:PORT"
 
 
 class NoSuchUrl(UnusableInput):
-    """No port can be behind this URL."""
+    """This URL cannot name a port."""
 
-    cause = "a scheme that there is not, or a host or a port that is missing"
+    cause = "an unknown scheme, or a missing host or port"
     next_step = "give socket://HOST:PORT (raw TCP), rfc2217://HOST:PORT (Telnet), or a device as /dev/ttyUSB0"
 
 
 class PortUnreachable(UnusableInput):
     """The serial server on the network does not answer, or not as one."""
 
-    cause = "no server (ser2net) runs there, it has another client, or a firewall is between"
+    cause = "no server (ser2net) runs there, it has another client, or a firewall is in between"
     next_step = "check host and port; a server that speaks no RFC 2217 takes socket:// instead"
 
 
@@ -95,21 +69,21 @@ class LineLost(NetbootError):
 
 
 class NoOutput(NetbootError):
-    """Not one byte came from the board."""
+    """No byte came from the board."""
 
     cause = "wrong port, TX and RX swapped, no common ground, or the board has no power"
     next_step = "check the power LED and the wiring (docs/netboot.md), or name another --port"
 
 
 class Garbage(NetbootError):
-    """Bytes came, but no text, at any of the usual speeds."""
+    """Bytes came, but not text, at any of the usual speeds."""
 
     cause = "an unusual speed, no common ground, or RS-232 levels on a 3.3 V port"
     next_step = "check ground and level; give the speed with --baud when the board has its own"
 
 
 class PowerHookFailed(NetbootError):
-    """The command that should switch the board off and on did not."""
+    """The command to switch the board off and on failed."""
 
     cause = "the switch is not reached, or it is another board's"
     next_step = "run the --power-cycle command by hand, and look at the board's power LED"
@@ -123,7 +97,7 @@ class AutobootMissed(NetbootError):
 
 
 class NotUBoot(NetbootError):
-    """Something answers, but it is no U-Boot."""
+    """Something answers, but it is not U-Boot."""
 
     cause = "Linux is running on the board"
     next_step = "power-cycle the board while this runs, or give --power-cycle COMMAND"
@@ -144,21 +118,21 @@ class LineUnsafe(NetbootError):
 
 
 class BoardReset(NetbootError):
-    """The board started anew in the middle."""
+    """The board restarted in the middle."""
 
     cause = "the supply dips, a watchdog, or someone at the reset button"
     next_step = "check the supply, and start again; an interrupted flash goes on with --resume"
 
 
 class BoardHung(NetbootError):
-    """U-Boot gave up: only a reset ends that."""
+    """U-Boot gave up: only a reset helps."""
 
     cause = "see what U-Boot said above: RAM, flash or a file that it cannot work with"
     next_step = "switch the board off and on, and start again; at each start: U-Boot or the RAM is bad"
 
 
 class NoStatus(NetbootError):
-    """This U-Boot's parser does not tell how a command ended."""
+    """This U-Boot's parser does not report whether a command succeeded."""
 
     cause = "U-Boot without the hush parser, which the factory's has"
     next_step = "work by hand with --console: without a status nothing can be verified"
@@ -172,7 +146,7 @@ class LineTooLong(UnusableInput):
 
 
 class CommandFailed(NetbootError):
-    """A command was run on the board, and failed."""
+    """A command failed on the board."""
 
     cause = "see what the board said above"
     next_step = "--log FILE keeps the whole dialogue"
@@ -182,7 +156,7 @@ class CommandFailed(NetbootError):
 
 
 class UnusableImage(UnusableInput):
-    """A file that the board could not boot."""
+    """The board could not boot this file."""
 
 
 # ---- the network
@@ -195,7 +169,7 @@ class NoHostAddress(UnusableInput):
 class HostAmbiguous(UnusableInput):
     """The host has more than one interface in the board's network."""
 
-    cause = "the board's cable is in one of them, which cannot be seen from here"
+    cause = "the board's cable is in one of them, and the tool cannot see which"
     next_step = "name the address of the interface with the board's cable: --server-ip ADDRESS"
 
 
@@ -232,11 +206,11 @@ class LinkDown(TransferFailed):
 
 
 class NoAnswer(TransferFailed):
-    """The board hears nobody at the server's address (ARP)."""
+    """Nobody answers the board at the server's address (ARP)."""
 
     cause = (
         "the cable is in the other port, leads elsewhere or is not plugged in (the factory's U-Boot does not"
-        " notice), or the host has not this address"
+        " notice), or the host does not have this address"
     )
     next_step = (
         "plug the cable into the other port, or choose the port with --ethact; check the host's address"
@@ -253,9 +227,9 @@ class TftpTimeout(TransferFailed):
 
 
 class TransferBroken(TftpTimeout):
-    """A transfer began and did not come to its end."""
+    """A transfer began and did not finish."""
 
-    cause = "a bad cable, a network that loses packets, or a firewall that knows no TFTP"
+    cause = "a bad cable, a network that loses packets, or a firewall that does not know TFTP"
     next_step = "start again, with a direct cable if there is another network between"
 
 
@@ -270,7 +244,7 @@ class WrongBytes(TransferFailed):
     """What arrived is not what was sent."""
 
     cause = "RAM, a broken transfer, or a wrong address"
-    next_step = "start again; when it happens again, the board's RAM or its network is at fault"
+    next_step = "start again; if it happens again, the board's RAM or its network is at fault"
 
 
 # ---- Linux
@@ -279,7 +253,7 @@ class WrongBytes(TransferFailed):
 class BootmFailed(NetbootError):
     """U-Boot did not start what was loaded."""
 
-    cause = "this U-Boot takes another kind of image; kernel and device tree are in the RAM as in their files"
+    cause = "this U-Boot expects another kind of image; kernel and device tree are in RAM unchanged"
     next_step = "--log FILE keeps the whole dialogue; nuc980-netboot probe shows what this U-Boot has"
 
 
@@ -300,8 +274,8 @@ class RootMissing(KernelPanic):
     """The kernel found no root file system."""
 
     cause = (
-        "root= or ubi.mtd= names what is not there, the flash holds no file system, or the kernel's own"
-        " command line was replaced by the device tree's"
+        "root= or ubi.mtd= names something that is not there, the flash holds no file system, or the kernel's"
+        " own command line was replaced by the device tree's"
     )
     next_step = (
         "boot the image nuc980_netboot, which has its root in the kernel; --bootargs sets another root="
@@ -309,9 +283,9 @@ class RootMissing(KernelPanic):
 
 
 class LinuxSilent(NetbootError):
-    """The kernel was started and did not get as far as it should."""
+    """The kernel started but did not get as far as it should."""
 
-    cause = "it hangs, or it is slower than the time it was given"
+    cause = "it hangs, or it needs more time"
     next_step = "--timeout SECONDS waits longer, --until PATTERN for another line; --log FILE keeps all lines"
 
 
@@ -340,7 +314,7 @@ class FlashFailed(NetbootError):
 
 
 class LayoutUnknown(UnusableInput):
-    """Where an image belongs in this board's flash cannot be told, or is no place for it."""
+    """The place of an image in this board's flash is unknown, or unusable."""
 
     cause = "a boot command, partitions or bad blocks that this program does not understand"
     next_step = "nuc980-netboot probe shows the environment; --kernel-at, --dtb-at, --ubi-at name a place"
@@ -354,16 +328,16 @@ class FlashNotPossible(UnusableInput):
 
 
 class Unfinished(UnusableInput):
-    """An earlier flash of this site was not brought to its end."""
+    """An earlier flash of this site was not finished."""
 
     cause = "it was interrupted"
-    next_step = "flash --resume brings it to its end, flash --roll-back restores what was there before"
+    next_step = "flash --resume finishes it, flash --roll-back restores what was there before"
 
 
 class JournalUnusable(UnusableInput):
-    """There is no journal to go on from, or not of this board or these files."""
+    """There is no journal to continue from, or it is of another board or other files."""
 
-    next_step = "flash the images anew"
+    next_step = "flash the images again"
 
 
 class SiteBusy(UnusableInput):
@@ -374,7 +348,7 @@ class SiteBusy(UnusableInput):
 
 
 class BackupFailed(NetbootError):
-    """What is in the flash could not be brought to the host; nothing was erased."""
+    """The content of the flash could not be copied to the host; nothing was erased."""
 
     cause = "the network, or RAM"
-    next_step = "start again; --backup-by serial takes the other way, --no-backup REASON none"
+    next_step = "start again; --backup-by serial uses the serial line, --no-backup REASON makes no backup"

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What fits this board's memory and flash: board/nuc980/image-limits.toml, which `make image` obeys too."""
+"""What fits this board's memory and flash: board/nuc980/image-limits.toml, which both images obey."""
 
 from __future__ import annotations
 
 import tomllib
-from pathlib import Path
 
-_LIMITS = tomllib.loads((Path(__file__).parents[3] / "board/nuc980/image-limits.toml").read_text())
+from nuc980 import IMAGE_LIMITS
+
+_LIMITS = tomllib.loads(IMAGE_LIMITS.read_text(encoding="utf-8"))
 
 # Of the board, bytes.
 MEMORY: int = _LIMITS["memory"]["size"]

@@ -143,7 +143,7 @@ class LinuxWatch:
                     "while Linux came up",
                     "the watchdog, a kernel that restarts it (panic=10), or power dips",
                 )
-            raise BoardReset(f"The board started anew {when}, after {self._last_words()}", cause=cause)
+            raise BoardReset(f"The board restarted {when}, after {self._last_words()}", cause=cause)
 
     def _no_kernel(self, goal: Goal) -> NetbootError:
         others = self._line.other_readers()
@@ -176,14 +176,14 @@ class LinuxWatch:
 
     def _hear(self, deadline: float) -> bool:
         """Takes in what comes next; False when nothing does until then."""
-        said = self._line.read(deadline - time.monotonic())
-        *whole, self._rest = (self._rest + said).split(b"\n")
+        received = self._line.read(deadline - time.monotonic())
+        *whole, self._rest = (self._rest + received).split(b"\n")
         if len(self._rest) > LINE_LIMIT:
             whole, self._rest = [*whole, self._rest], b""
         for line in map(text, whole):
             self.show(line)
             self._new.append(line)
-        return bool(said) and time.monotonic() < deadline
+        return bool(received) and time.monotonic() < deadline
 
     def _judge(self) -> str:
         self._judged.append(self._new.popleft())
@@ -206,9 +206,9 @@ class LinuxWatch:
         return KernelOops(f"The kernel stumbled:\n{lines}")
 
     def _bootm_failed(self) -> BootmFailed:
-        said = self._story()
-        causes = (cause for words, cause in BOOTM_WORDS.items() if re.search(words, said))
-        return BootmFailed(f"U-Boot did not start the kernel:\n{said}", cause=next(causes, ""))
+        received = self._story()
+        causes = (cause for words, cause in BOOTM_WORDS.items() if re.search(words, received))
+        return BootmFailed(f"U-Boot did not start the kernel:\n{received}", cause=next(causes, ""))
 
     def _story(self) -> str:
         return "\n".join(f"  {line}" for line in (*self._judged, *self._new))

@@ -34,5 +34,5 @@ class PowerHook:
         except OSError as error:
             raise PowerHookFailed(f"'{command}' cannot be started: {error.strerror}") from error
         if done.returncode:
-            said = (done.stderr or done.stdout).strip() or "nothing said"
-            raise PowerHookFailed(f"'{command}' ended with {done.returncode}: {said}")
+            output = (done.stderr or done.stdout).strip() or "no message"
+            raise PowerHookFailed(f"'{command}' ended with {done.returncode}: {output}")

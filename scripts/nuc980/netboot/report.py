@@ -68,9 +68,9 @@ class Report:
                     case,
                     "failure",
                     type=type(self.error).__name__,
-                    message=_clean(self._said()).split("\n")[0],
+                    message=_clean(self._error_text()).split("\n")[0],
                 )
-                failure.text = _clean(self._said())
+                failure.text = _clean(self._error_text())
         suites = ElementTree.Element("testsuites")
         suites.append(suite)
         ElementTree.indent(suites)
@@ -80,7 +80,11 @@ class Report:
         """For json.dumps; docs/netboot.md describes it."""
         error = None
         if self.error is not None:
-            error = {"kind": type(self.error).__name__, "phase": self.failed or BEFORE, "text": self._said()}
+            error = {
+                "kind": type(self.error).__name__,
+                "phase": self.failed or BEFORE,
+                "text": self._error_text(),
+            }
         return {
             "schema": SCHEMA,
             "command": self.command,
@@ -90,7 +94,7 @@ class Report:
             "board": self.board.as_json() if self.board else None,
         }
 
-    def _said(self) -> str:
+    def _error_text(self) -> str:
         return str(self.error) or type(self.error).__name__
 
     def write(self, junit: Path | None, as_json: Path | None) -> None:

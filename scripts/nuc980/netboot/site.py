@@ -22,7 +22,7 @@ UBOOT_NAMES = {"eth0": "ethaddr", "eth1": "eth1addr"}
 
 
 class Site:
-    """A folder, made when something is to be kept in it. The same as SITE= of `make image`.
+    """A folder, made when something is to be kept in it. The same as SITE= of `make image-buildroot`.
 
     dry: nothing is to be kept.
     """
@@ -85,7 +85,7 @@ def with_prefix(text: str) -> IPv4Interface:
     if network.prefixlen < 31 and address.ip in (network.network_address, network.broadcast_address):
         raise ValueError(f"{text!r} is the address of a network, not of a board")
     if address.ip.is_multicast or address.ip.is_unspecified or address.ip.is_loopback:
-        raise ValueError(f"{text!r} is no address for a board")
+        raise ValueError(f"{text!r} is not an address for a board")
     return address
 
 
@@ -96,7 +96,7 @@ def why_not_unique(mac: str) -> str:
     if int(mac[:2], 16) & 1:
         return "is a group's address: the first byte is odd"
     if mac == "00:00:00:00:00:00":
-        return "is no address"
+        return "is not an address"
     if mac in EVERYBODYS:
         return "is what every board has that was given none"
     return ""
@@ -112,7 +112,7 @@ def _mac_of(port: str, text: str, path: Path) -> str:
     if why := why_not_unique(mac):
         raise UnusableInput(
             f"{path}: {port}'s {found[0]!r} {why}.",
-            next_step="enter the board's own address, or remove the file: it is then written anew",
+            next_step="enter the board's own address, or remove the file: the tool then writes a new one",
         )
     return mac
 

@@ -123,10 +123,10 @@ def crc_command(address: int, size: int) -> str:
 
 def ram_crc(session: Session, address: int, size: int) -> int:
     """The CRC32 of some of the board's RAM. Raises WrongBytes when U-Boot prints none."""
-    said = session.console.run(crc_command(address, size), PATIENCE + size / CRC_SLOWEST).required()
-    found = re.search(r"==> ([0-9a-f]{8})$", said, re.MULTILINE)
+    received = session.console.run(crc_command(address, size), PATIENCE + size / CRC_SLOWEST).required()
+    found = re.search(r"==> ([0-9a-f]{8})$", received, re.MULTILINE)
     if not found:
-        raise WrongBytes(f"U-Boot's crc32 printed no sum: {said.strip()!r}")
+        raise WrongBytes(f"U-Boot's crc32 printed no sum: {received.strip()!r}")
     return int(found[1], 16)
 
 
@@ -160,8 +160,8 @@ def why_not_loaded(output: str, transfer: Transfer, session: Session) -> Transfe
     """The error for what U-Boot said when a transfer failed, and what the server saw of it."""
     kind = next((kind for words, kind in WORDS if re.search(words, output)), TransferFailed)
     lines = output.replace("*\b", "").strip().splitlines()
-    said = "\n".join(f"  {line}" for line in lines[-6:])
-    what = f"{transfer.name} was not loaded. U-Boot says:\n{said}"
+    received = "\n".join(f"  {line}" for line in lines[-6:])
+    what = f"{transfer.name} was not loaded. U-Boot says:\n{received}"
     if kind is NoAnswer:
         return NoAnswer(what, next_step=f"{_host_advice(session)} The other port is chosen with --ethact.")
     if kind is not TftpTimeout:

@@ -164,7 +164,7 @@ class Linux:
 
     def __init__(self, line: Line) -> None:
         self._line = line
-        self._said = ""
+        self._received = ""
         self._commands = 0
 
     def send(self, words: str) -> None:
@@ -175,12 +175,12 @@ class Linux:
         """Reads until the pattern has come, from what came after the last one on. Raises LinuxSilent."""
         wanted = re.compile(pattern, re.MULTILINE | re.DOTALL)
         deadline = time.monotonic() + seconds
-        while not (found := wanted.search(self._said)):
+        while not (found := wanted.search(self._received)):
             new = self._line.read(deadline - time.monotonic())
             if not new:
-                raise LinuxSilent(f"No {pattern!r} within {seconds:g} s: {self._said[-300:]!r}")
-            self._said += text(new)
-        self._said = self._said[found.end() :]
+                raise LinuxSilent(f"No {pattern!r} within {seconds:g} s: {self._received[-300:]!r}")
+            self._received += text(new)
+        self._received = self._received[found.end() :]
         return found
 
     def login(self, user: str = "root", password: str = "") -> None:

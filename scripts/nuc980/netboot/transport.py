@@ -180,7 +180,7 @@ def _opened(log: Path) -> TextIO:
 def _possible(speed: int) -> int:
     """0 would hang up."""
     if speed <= 0:
-        raise ValueError(f"{speed} is no speed")
+        raise ValueError(f"{speed} is not a speed")
     return speed
 
 
@@ -199,8 +199,8 @@ def _port(url: str, baud: int) -> serial.SerialBase:
         raise SpeedRefused(f"The serial port {url} cannot be opened: {error}") from error
     except BROKEN as error:
         why = _why_no_device(url, error) if device else PortUnreachable
-        said = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
-        raise why(f"The serial port {url} cannot be opened: {said}") from error
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
+        raise why(f"The serial port {url} cannot be opened: {reason}") from error
     return port
 
 
@@ -258,17 +258,24 @@ def _holders(device: str) -> list[str]:
     number = _device_number(device)
     if not number:
         return []
-    open_files = Path("/proc").glob("[0-9]*/fd/*")
-    return sorted({_program(fd.parts[2]) for fd in open_files if _leads_to(fd, number)})
+    processes = [process for process in Path("/proc").glob("[0-9]*") if process.name != str(os.getpid())]
+    return sorted({_program(process) for process in processes if _has_open(process, number)})
 
 
-def _leads_to(fd: Path, number: int) -> bool:
-    with suppress(OSError):
-        return fd.parts[2] != str(os.getpid()) and fd.stat().st_rdev == number
+def _has_open(process: Path, number: int) -> bool:
+    """Not, as far as this user may know, or when it has just ended."""
+    with suppress(OSError), os.scandir(process / "fd") as files:
+        return any(_leads_to(Path(file), number) for file in files)
     return False
 
 
-def _program(process: str) -> str:
+def _leads_to(file: Path, number: int) -> bool:
     with suppress(OSError):
-        return f"{Path('/proc', process, 'comm').read_text().strip()} ({process})"
-    return process
+        return file.stat().st_rdev == number
+    return False
+
+
+def _program(process: Path) -> str:
+    with suppress(OSError):
+        return f"{(process / 'comm').read_text().strip()} ({process.name})"
+    return process.name

@@ -55,7 +55,7 @@ def _check_kind(path: Path, system: int, processor: int, kind: int, compression:
         raise UnusableImage(
             f"{path} is no Linux kernel for ARM: its header says system {system}, processor {processor},"
             f" type {kind}; wanted {UImage.LINUX}, {UImage.ARM}, {UImage.KERNEL}.",
-            next_step="make it with mkimage -A arm -O linux -T kernel, or take the one of `make image`",
+            next_step="mkimage -A arm -O linux -T kernel makes one, and so does `make image-debian`",
         )
     if compression != UImage.NOT_COMPRESSED:
         raise UnusableImage(

@@ -11,8 +11,8 @@ from typing import Any, NoReturn
 
 import yaml
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.chip import GPIO, Chip, Package, Peripheral, YamlLoader
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.limits import Limits, load_limits
 
 KEYS = {
@@ -257,7 +257,7 @@ class _Reader:
 
     def _give_up(self) -> NoReturn:
         lines = "\n".join(f"  {mistake}" for mistake in self.mistakes)
-        raise UnusableInput(f"{self.file} is no usable pin table:\n{lines}")
+        raise UnusableInput(f"{self.file} is not a usable pin table:\n{lines}")
 
 
 def near(word: str, known: Iterable[str]) -> str:

@@ -187,7 +187,7 @@ def gpio_specifiers(tree: Tree, node: Node, name: str) -> Iterator[tuple[Node, l
     """Controller and specifier of each GPIO of a property; raises MalformedError for what does not fit."""
     found = node.properties[name].cells
     if found is None:
-        raise MalformedError("its length is no multiple of four bytes")
+        raise MalformedError("its length is not a multiple of four bytes")
     cells = list(found)
     hog = node.parent if "gpio-hog" in node.properties else None
     while cells:

@@ -8,17 +8,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from nuc980 import PIN_TABLE, VERSION
+from nuc980.errors import UnusableInput
 from nuc980.pins.board import Board, load_board
 from nuc980.pins.chip import Chip, Package, load_chip
 from nuc980.pins.claims import claims
 from nuc980.pins.diffing import format_diff, pin_diff
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.explain import explain
 from nuc980.pins.report import FORMATS, Checked
 from nuc980.pins.source import read_tree
 
-ROOT = Path(__file__).resolve().parents[3]
-TABLE = ROOT / "board" / "nuc980" / "pins.yml"
+ROOT = Path(__file__).resolve().parents[3]  # of the tree, for what is generated
 DONE, FOUND, UNUSABLE = 0, 1, 2
 
 
@@ -38,11 +38,13 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="nuc980-pins", description="From the pin table of a NUC980 board to a checked device tree."
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s (OpenRTU) {VERSION}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    command = commands.add_parser(
-        "generate", help="write the device-tree files that come from chip data and pin table"
-    )
+    def add(name: str, does: str) -> argparse.ArgumentParser:
+        return commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
+
+    command = add("generate", "write the device-tree files that come from chip data and pin table")
     command.add_argument(
         "--check", action="store_true", help="write nothing; exit 1 when a file is not as it would be"
     )
@@ -54,9 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.set_defaults(run=_generate)
 
-    command = commands.add_parser(
-        "check", help="check device trees, source or compiled, against chip and pin table"
-    )
+    command = add("check", "check device trees, source or compiled, against chip and pin table")
     command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a .dts or .dtb file")
     command.add_argument(
         "--chip-only", action="store_true", help="another board's tree: leave the pin table out"
@@ -69,7 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_source_options(command)
     command.set_defaults(run=_check)
 
-    command = commands.add_parser("map", help="draw the pins: of the pin table, or of a device tree")
+    command = add("map", "draw the pins: of the pin table, or of a device tree")
     command.add_argument(
         "file", nargs="?", type=Path, metavar="FILE", help="a .dts or .dtb file; default: the pin table"
     )
@@ -81,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_source_options(command)
     command.set_defaults(run=_map)
 
-    command = commands.add_parser("explain", help="tell about a pin, a signal, a device, a setting or a rule")
+    command = add("explain", "tell about a pin, a signal, a device, a setting or a rule")
     command.add_argument(
         "words",
         nargs="+",
@@ -91,15 +91,13 @@ def _parser() -> argparse.ArgumentParser:
     _add_table(command)
     command.set_defaults(run=_explain)
 
-    command = commands.add_parser(
-        "diff", help="show what changes at the pins from one device tree to another"
-    )
+    command = add("diff", "show what changes at the pins from one device tree to another")
     command.add_argument("before", type=Path, metavar="A")
     command.add_argument("after", type=Path, metavar="B")
     _add_source_options(command)
     command.set_defaults(run=_diff)
 
-    command = commands.add_parser("import", help="write a pin table from an existing device tree")
+    command = add("import", "write a pin table from an existing device tree")
     command.add_argument("file", type=Path, metavar="FILE", help="a .dts or .dtb file")
     command.add_argument(
         "--part", default="NUC980DK61YC", help="the chip's part number (default: %(default)s)"
@@ -114,7 +112,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_table(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--table", type=Path, default=TABLE, help="the pin table (default: board/nuc980/pins.yml)"
+        "--table",
+        type=Path,
+        default=PIN_TABLE,
+        help="the pin table (default: board/nuc980/pins.yml of OpenRTU, the gateway board's)",
     )
 
 
@@ -141,7 +142,12 @@ def _generate(parsed: argparse.Namespace) -> int:
         files = {parsed.linux.absolute(): linux_table(load_chip())}
         command = f"nuc980-pins generate --linux {parsed.linux}"
     else:
-        files = generated(load_chip(), load_board(TABLE, load_chip()))
+        if PIN_TABLE != ROOT / "board" / "nuc980" / "pins.yml":
+            raise UnusableInput(
+                "generate writes into a clone of OpenRTU: run scripts/nuc980-pins there; "
+                "generate --linux FILE works anywhere"
+            )
+        files = generated(load_chip(), load_board(PIN_TABLE, load_chip()))
         command = "make dtb, or nuc980-pins generate"
     if not parsed.check:
         for path in write(files, ROOT):

@@ -9,7 +9,7 @@ from pathlib import Path
 import libfdt
 from pyfdt.pyfdt import FDT_BEGIN_NODE, FDT_END_NODE, FDT_PROP, FdtBlobParse
 
-from nuc980.pins.errors import UnusableInput
+from nuc980.errors import UnusableInput
 from nuc980.pins.tree import CELL, Node, Property, Tree
 
 MAGIC = bytes.fromhex("d00dfeed")
@@ -44,7 +44,7 @@ def parse_dtb(data: bytes, file: Path) -> Tree:
         root = _root_of(FdtBlobParse(BytesIO(data)).fdt_dt_tags)
     except Exception as error:
         raise UnusableInput(
-            f"{file} is no usable device tree: {error}; compile it again with dtc, or copy it again"
+            f"{file} is not a usable device tree: {error}; compile it again with dtc, or copy it again"
         ) from error
     tree = Tree(file, root, from_source=False)
     _label(tree)
@@ -88,7 +88,7 @@ def _root_of(tags: list[Tag]) -> Node:
         elif tag == FDT_PROP:
             _set_property(node, *content)
     if len(above.children) != 1 or above.properties:
-        raise ValueError("it has not exactly one root node")
+        raise ValueError("it does not have exactly one root node")
     root = above.children[0]
     root.name, root.parent = "", None
     for node in root.walk():

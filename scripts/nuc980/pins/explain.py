@@ -9,14 +9,14 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NoReturn
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.board import Board
 from nuc980.pins.chip import BANKS, GPIO, Chip, Peripheral, gpio_number, pin_name, pin_of_gpio, pin_order
 from nuc980.pins.claims import CELLS_A_PIN
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.rules import RULES
 from nuc980.pins.rules.context import Rule, cells_of, functions_of_pin
 
-PIN = re.compile(r"P?([A-G])\.?(\d{1,2})", re.IGNORECASE)  # table 2.1 of report 003 says A0
+PIN = re.compile(r"P?([A-G])\.?(\d{1,2})", re.IGNORECASE)  # table 2.1 of the project report says A0
 NUMBER = r"(?:0x[0-9a-f]{1,8}|0|[1-9][0-9]{0,9})"
 LINE = re.compile(rf"<?\s*&?gpio\s*({NUMBER})(?:\s+{NUMBER})?\s*>?", re.IGNORECASE)  # <&gpio 138 0>
 CELLS = re.compile(rf"<?\s*({NUMBER}(?:\s+{NUMBER})*)\s*>?", re.IGNORECASE)
@@ -65,7 +65,7 @@ class _Explainer:
         alike = difflib.get_close_matches(word.upper(), upper, n=3)
         hint = f"; did you mean {' or '.join(upper[name] for name in alike)}?" if alike else ""
         raise UnusableInput(
-            f"{word!r} is no pin, signal or device of the {self.chip.name}{hint}\n"
+            f"{word!r} is not a pin, signal or device of the {self.chip.name}{hint}\n"
             "  explain takes PA0, UART8_TXD, uart8, '<4 7 1 0>', 'gpio 138', 0xb0000070, pin-conflict, rules"
         )
 

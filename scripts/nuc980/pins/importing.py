@@ -111,9 +111,9 @@ def _unreadable(tree: Tree, node: Node) -> Iterator[str]:
     for state in states(node):
         for group in map(tree.by_phandle.get, state.phandles):
             if group is None or not is_group(group):
-                yield f"{state.property} refers to something that is no pin group"
+                yield f"{state.property} refers to something that is not a pin group"
             elif not is_well_formed(group):
-                yield f"{PINS} of {group.path} has not four cells for each pin"
+                yield f"{PINS} of {group.path} does not have four cells for each pin"
     for name in filter(is_gpio_list, node.properties):
         try:
             list(gpio_specifiers(tree, node, name))

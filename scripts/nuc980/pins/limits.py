@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from nuc980.pins.errors import UnusableInput
+from nuc980.errors import UnusableInput
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.dtb import MAGIC, parse_dtb, read_dtb
-from nuc980.pins.errors import UnusableInput
 from nuc980.pins.tree import Node, Place, Tree
 
-PATIENCE = 5  # seconds for each program: macros can expand for ever
+PATIENCE = 30  # seconds for each program: macros can expand for ever
 MEMORY = 1 << 30  # bytes for each program: an #include of /dev/zero takes all there is
 SHOWN_ERRORS = 5  # lines of cpp's or dtc's
 DTC = ["dtc", "-q", "-I", "dts"]
@@ -39,7 +39,7 @@ def read_tree(file: Path, include: Sequence[Path] = (), defines: Sequence[str] =
     """
     # A pipe can be read once: what tells source from DTB would be missing in what is read then.
     if file.exists() and not (file.is_file() or file.is_dir()):
-        raise UnusableInput(f"{file} is no regular file; write what it gives into one, and name that")
+        raise UnusableInput(f"{file} is not a regular file; write its content into one, and name that")
     try:
         with file.open("rb") as stream:
             compiled = stream.read(len(MAGIC)) == MAGIC
@@ -111,7 +111,7 @@ def _run(command: Sequence[str], file: Path, data: bytes = b"") -> _Done:
         raise UnusableInput(f"{command[0]} is missing; {INSTALL[command[0]]}") from error
     except subprocess.TimeoutExpired as error:
         raise UnusableInput(
-            f"{file}: {command[0]} has not ended after {PATIENCE} s; look at its #include lines"
+            f"{file}: {command[0]} did not end within {PATIENCE} s; look at its #include lines"
         ) from error
     return _Done(done.returncode != 0, done.stdout, done.stderr.decode(errors="replace").splitlines())
 

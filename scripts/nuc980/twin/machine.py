@@ -110,7 +110,7 @@ class Machine:
         try:
             self._qtest = self._accept(listeners["qtest"])
             self.uarts = {n: SerialLine(self._accept(listeners[f"uart{n}"])) for n in uarts}
-            self._greet()
+            self._negotiate()
         except BaseException:
             self.close()
             raise
@@ -265,7 +265,7 @@ class Machine:
             if answer[0] != "IRQ":
                 raise MachineError(f"'{line}': {' '.join(answer)}")
 
-    def _greet(self) -> None:
+    def _negotiate(self) -> None:
         try:
             self._qmp.accept(ANSWER_SECONDS)
         except QMPError as error:

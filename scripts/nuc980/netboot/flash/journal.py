@@ -144,7 +144,7 @@ def _events(folder: Path, content: bytes) -> tuple[list[Event], int]:
 
 
 def _damaged(folder: Path, how: str) -> JournalUnusable:
-    next_step = f"move {folder} elsewhere, and flash anew; its backups, if there are any, are as they were"
+    next_step = f"move {folder} elsewhere, and flash again; its backups, if there are any, are unchanged"
     return JournalUnusable(f"{folder / FILE}: {how}.", next_step=next_step)
 
 

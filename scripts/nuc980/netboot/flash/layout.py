@@ -71,7 +71,7 @@ class Slot:
             raise DoesNotFit(
                 f"The {self.name} image has {size} bytes; its place at {self.offset:#x} takes {usable}"
                 f" ({self.room} are read there; {bad} bad blocks in {self.offset:#x}..{self.end:#x}).",
-                next_step=f"a smaller image (docs/image.md); {WITHOUT_FLASH}",
+                next_step=f"a smaller image (docs/image-buildroot.md); {WITHOUT_FLASH}",
             )
 
 
@@ -313,7 +313,7 @@ def _overlap(one: Read, other: Read) -> bool:
 def _hex(word: str) -> int:
     """A number as U-Boot takes it: hexadecimal with or without 0x."""
     if not re.fullmatch(r"(0[xX])?[0-9a-fA-F]+", word):
-        raise LayoutUnknown(f"'{word}' is no number")
+        raise LayoutUnknown(f"'{word}' is not a number")
     return int(word, 16)
 
 

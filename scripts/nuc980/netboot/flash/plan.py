@@ -226,7 +226,7 @@ def warning(work: Work) -> str:
     if any(image.name == LOADER for image in work.images):
         return (
             f"From here to the end, for about {seconds:.0f} s, a board that loses power cannot even start"
-            " U-Boot, and there is no way back but a programmer. Do not switch it off."
+            " U-Boot, and only a programmer can bring it back. Do not switch it off."
         )
     return (
         f"From here to the end, for about {seconds:.0f} s, the flash alone cannot boot ({names}). If it is"

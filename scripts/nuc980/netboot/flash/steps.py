@@ -97,7 +97,7 @@ class CheckRam(FlashStep):
 
 
 class BlockFailed(FlashFailed):
-    """A block does not take what is written.
+    """A block does not accept what is written.
 
     index: which of the slot's good blocks; offset: in the flash.
     """
@@ -153,14 +153,14 @@ class WriteBlock(FlashStep):
 
     def _judge(self, session: Session, answer: Answer, done: str) -> None:
         """A block fails when U-Boot says so; words that noise has hit say nothing of it."""
-        said = answer.output
+        received = answer.output
         if answer.status and session.console.run(f"printenv {IN_WORK}").status:
-            raise BoardReset("The board started anew: what was loaded into its RAM is lost.")
-        if answer.status or FAILING.search(said):
-            lines = [line.strip() for line in said.splitlines() if line.strip() and IN_WORK not in line]
+            raise BoardReset("The board restarted: what was loaded into its RAM is lost.")
+        if answer.status or FAILING.search(received):
+            lines = [line.strip() for line in received.splitlines() if line.strip() and IN_WORK not in line]
             raise BlockFailed(self.image, self.index, self.offset, "; ".join(lines) or "without a word")
-        if done not in said:
-            raise LineUnsafe(f"What became of the block at {self.offset:#x} cannot be read: {said!r}")
+        if done not in received:
+            raise LineUnsafe(f"What became of the block at {self.offset:#x} cannot be read: {received!r}")
 
 
 @dataclass(frozen=True)

@@ -136,8 +136,8 @@ class FindTables(Step):
         marks = set()
         for read, show in self._pairs():
             if session.console.run(read, PATIENCE).status == 0:
-                said = session.console.run_twice(show).required()
-                marks |= {int(word, 16) for word in re.findall(r": ([0-9a-f]{8}) ", said)}
+                received = session.console.run_twice(show).required()
+                marks |= {int(word, 16) for word in re.findall(r": ([0-9a-f]{8}) ", received)}
         if not marks >= TABLE_MARKS:
             raise FlashNotPossible(
                 "The flash has no tables of bad blocks: some kernels would write them into its last blocks.",
@@ -257,10 +257,10 @@ class SendByLinux(Step):
         assert linux is not None
         goal = Goal(rf"^{SAYS}(failed: .*|{place.name} (piece \d+|ended));", PIECE_SECONDS)
         with session.progress.bar(place.name, place.size) as bar:
-            while (said := linux.until(goal).removeprefix(SAYS)).startswith(f"{place.name} piece"):
+            while (received := linux.until(goal).removeprefix(SAYS)).startswith(f"{place.name} piece"):
                 bar.at(transfer.moved)
             if not transfer.finished:
-                raise BackupFailed(f"The Linux on the board says of the {place.image}'s place: {said}")
+                raise BackupFailed(f"The Linux on the board says of the {place.image}'s place: {received}")
             bar.at(place.size)
 
     def _keep(self, place: Place) -> None:

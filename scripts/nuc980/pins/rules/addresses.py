@@ -110,7 +110,7 @@ def _bus_fault(bus: Node) -> str | None:
     "outside-bus",
     "A device of the chip is not on its bus.",
     "The kernel makes a device of it there too. But board files, U-Boot and programs know it by its path on "
-    "/apb or /ahb: whoever changes that one makes a second node of the same registers.",
+    "/apb or /ahb: changing that one makes a second node with the same registers.",
 )
 def outside_bus(context: Context) -> Iterator[Finding]:
     buses = {peripheral.bus for peripheral in context.chip.peripherals.values()}

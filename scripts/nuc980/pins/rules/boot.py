@@ -155,7 +155,7 @@ def _port_fault(context: Context, node: Node) -> str:
         return f"{context.name(node)}, which {off(node)}"
     peripheral = context.peripherals.get(node)
     if peripheral is None or "port-number" not in peripheral.properties:
-        return f"{context.name(node)}, which is no serial port"
+        return f"{context.name(node)}, which is not a serial port"
     right = context.board.console if context.board else None
     if right and peripheral.label != right:
         purpose = context.board.devices[right].purpose
@@ -194,7 +194,7 @@ def wrong_alias(context: Context) -> Iterator[Finding]:
         yield Finding(
             "wrong-alias",
             **at(aliases, name),
-            message=f"{name} is {context.name(node) if node else f'{path!r}, which is no node'}, not {right}",
+            message=f"{name} is {context.name(node) if node else f'{path!r} (not a node)'}, not {right}",
             remedy=f"Write {name} = &{right}, or delete {name}",
         )
 

@@ -35,11 +35,11 @@ def unknown_status(context: Context) -> Iterator[Finding]:
         values = node.strings("status")
         if "status" not in node.properties or (len(values) == 1 and STATUS.fullmatch(values[0])):
             continue
-        said = ", ".join(f'"{value}"' for value in values) or "no string"
+        shown = ", ".join(f'"{value}"' for value in values) or "no string"
         yield Finding(
             "unknown-status",
             **at(node, "status"),
-            message=f"status of {context.name(node)} is {said}",
+            message=f"status of {context.name(node)} is {shown}",
             remedy='Write "okay" or "disabled"',
         )
 

@@ -63,8 +63,8 @@ def _tables(context: Context) -> Iterator[tuple[Node, list[Partition]]]:
             yield parent, sorted(found, key=lambda one: (one.offset, one.size))
 
 
-def _boards_tables(context: Context) -> Iterator[tuple[Limits, list[Partition]]]:
-    """The partitions of the flash that the pin table knows."""
+def _boards_partitions(context: Context) -> Iterator[tuple[Limits, Partition]]:
+    """Each partition of the flash that the pin table knows."""
     board = context.board
     if board is None or board.limits is None:
         return
@@ -72,14 +72,14 @@ def _boards_tables(context: Context) -> Iterator[tuple[Limits, list[Partition]]]
         above: Node | None = parent
         while above:
             if above in context.devices and context.devices[above].label == board.flash:
-                yield board.limits, partitions
+                yield from ((board.limits, one) for one in partitions)
             above = above.parent
 
 
 @rule(
     "partition-overlap",
     "Two partitions of a flash overlap.",
-    "The kernel makes both and says nothing: whoever writes or erases one destroys the other, such as the "
+    "The kernel makes both and says nothing: writing or erasing one destroys the other, such as the "
     "device tree behind a kernel that grew.",
 )
 def partition_overlap(context: Context) -> Iterator[Finding]:
@@ -122,23 +122,22 @@ def partition_label_twice(context: Context) -> Iterator[Finding]:
     "read-only: what is to be written there cannot be, and UBI does not attach.",
 )
 def partition_bounds(context: Context) -> Iterator[Finding]:
-    for limits, partitions in _boards_tables(context):
-        for one in partitions:
-            faults = []
-            if one.end > limits.flash:
-                faults.append(f"ends beyond the flash, which has {limits.flash:#x} bytes")
-            odd = [f"{what} at {value:#x}" for what, value in (("begins", one.offset), ("ends", one.end))
-                   if value % limits.block]  # fmt: skip
-            if odd:
-                faults.append(f"{listed(odd)}, inside an erase block of {limits.block:#x} bytes")
-            if faults:
-                yield Finding(
-                    "partition-bounds",
-                    **at(one.node, "reg"),
-                    message=f"the partition {one} {listed(faults)}",
-                    remedy=f"Set reg of {one.label} to multiples of {limits.block:#x} that end by "
-                    f"{limits.flash:#x}, or correct {limits.file.name}",
-                )
+    for limits, one in _boards_partitions(context):
+        faults = []
+        if one.end > limits.flash:
+            faults.append(f"ends beyond the flash, which has {limits.flash:#x} bytes")
+        odd = [f"{what} at {value:#x}" for what, value in (("begins", one.offset), ("ends", one.end))
+               if value % limits.block]  # fmt: skip
+        if odd:
+            faults.append(f"{listed(odd)}, inside an erase block of {limits.block:#x} bytes")
+        if faults:
+            yield Finding(
+                "partition-bounds",
+                **at(one.node, "reg"),
+                message=f"the partition {one} {listed(faults)}",
+                remedy=f"Set reg of {one.label} to multiples of {limits.block:#x} that end by "
+                f"{limits.flash:#x}, or correct {limits.file.name}",
+            )
 
 
 @rule(
@@ -148,18 +147,18 @@ def partition_bounds(context: Context) -> Iterator[Finding]:
     "is written to a partition that has moved is never read, and what is read is something else.",
 )
 def partition_moved(context: Context) -> Iterator[Finding]:
-    for limits, partitions in _boards_tables(context):
+    for limits, one in _boards_partitions(context):
         for area in filter(None, (limits.kernel, limits.device_tree, limits.root)):
-            named = [one for one in partitions if one.label.casefold() == area.label]
-            for one in named:
-                if one.offset != area.offset or one.size < area.size:
-                    yield Finding(
-                        "partition-moved",
-                        **at(one.node, "reg"),
-                        message=f"the partition {one} should have {area.size:#x} bytes from {area.offset:#x}",
-                        remedy=f"Set reg = <{area.offset:#x} {area.size:#x}> in {one.label}, or correct "
-                        f"{limits.file.name}",
-                    )
+            if one.label.casefold() != area.label:
+                continue
+            if one.offset != area.offset or one.size < area.size:
+                yield Finding(
+                    "partition-moved",
+                    **at(one.node, "reg"),
+                    message=f"the partition {one} should have {area.size:#x} bytes from {area.offset:#x}",
+                    remedy=f"Set reg = <{area.offset:#x} {area.size:#x}> in {one.label}, or correct "
+                    f"{limits.file.name}",
+                )
 
 
 @rule(
@@ -168,16 +167,15 @@ def partition_moved(context: Context) -> Iterator[Finding]:
     "One mistyped flash_erase, and the board starts from USB only, if its boot straps can be reached at all.",
 )
 def boot_writable(context: Context) -> Iterator[Finding]:
-    for limits, partitions in _boards_tables(context):
-        for one in partitions:
-            if limits.boot and one.overlaps(limits.boot) and not one.read_only:
-                yield Finding(
-                    "boot-writable",
-                    **at(one.node, "reg"),
-                    message=f"the partition {one} has the boot loader, up to {limits.boot.end:#x}, and is "
-                    "writable",
-                    remedy=f"Write read-only; in {one.label}, or begin it at {limits.boot.end:#x}",
-                )
+    for limits, one in _boards_partitions(context):
+        if limits.boot and one.overlaps(limits.boot) and not one.read_only:
+            yield Finding(
+                "boot-writable",
+                **at(one.node, "reg"),
+                message=f"the partition {one} has the boot loader, up to {limits.boot.end:#x}, and is "
+                "writable",
+                remedy=f"Write read-only; in {one.label}, or begin it at {limits.boot.end:#x}",
+            )
 
 
 @rule(

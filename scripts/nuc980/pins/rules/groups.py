@@ -150,7 +150,7 @@ def group_name_twice(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "group-name-twice",
                 **at(same[-1]),
-                message=f"{len(same)} {kind} are called {name}; whoever refers to one of them gets the first",
+                message=f"{len(same)} {kind} are called {name}; a reference to one of them gets the first",
                 remedy=f"Give {listed(node.path for node in same[1:])} another name",
                 claimants=tuple(Claimant(node.path, f"the name {name}", node.place_of()) for node in same),
             )
@@ -158,7 +158,7 @@ def group_name_twice(context: Context) -> Iterator[Finding]:
 
 @rule(
     "group-missing",
-    "A pin state refers to nothing, or to a node that is no pin group, or a group or function is empty.",
+    "A pin state refers to nothing, or to a node that is not a pin group, or a group or function is empty.",
     "A device whose group is not found does not probe (-EINVAL); an empty group or function makes the "
     "pin controller fail, and with it every device that has a pin group.",
 )
@@ -204,7 +204,7 @@ def _fault(context: Context, phandle: int) -> str | None:
     if target is None:
         return "a node that is not there"
     if not is_group(target):
-        return f"{target.path}, which is no pin group"
+        return f"{target.path}, which is not a pin group"
     controller = target.parent.parent
     if not controller.enabled:
         return f"a group of {controller.path}, which {off(controller)}"

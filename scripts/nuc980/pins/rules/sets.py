@@ -127,8 +127,8 @@ def half_set(context: Context) -> Iterator[Finding]:
 
 def _turns_a_driver_round(node: Node, has: list[str]) -> bool:
     """Whether RTS is the direction of an RS-485 driver, which has no CTS (the kernel's rs485.yaml)."""
-    said = any(name.startswith(("rs485-", "linux,rs485-")) for name in node.properties)
-    return said and _is_rts(has)
+    for_rs485 = any(name.startswith(("rs485-", "linux,rs485-")) for name in node.properties)
+    return for_rs485 and _is_rts(has)
 
 
 def _rs485_hint(has: list[str]) -> str:
