@@ -36,23 +36,21 @@ lost() {
 }
 
 build() {
-	local make=(make --silent --directory="$debian" "O=$folder/build" "CROSS_COMPILE=$prefix"
+	local make=(make --directory="$debian" "O=$folder/build" "CROSS_COMPILE=$prefix"
 		"CONFIG_EXTRA_CFLAGS=$cflags" "CONFIG_EXTRA_LDFLAGS=$ldflags")
 	SOURCE_DATE_EPOCH=$(dpkg-parsechangelog --file "$debian/debian/changelog" --show-field Timestamp)
 	export SOURCE_DATE_EPOCH
 	rm -rf "$folder/build"
 	mkdir -p "$folder/build"
-	configure "${make[@]}" >"$folder/build.log"
+	configure "${make[@]}"
 	if [[ -n $(lost) ]]; then
 		echo "$config has lines that this BusyBox does not take ($debian.dsc names its version):"
 		lost
 		exit 1
 	fi >&2
 	# One goal after the other: its Makefile would run both at once, and each probe for libcrypt removes the other's file.
-	{ "${make[@]}" --jobs="$(nproc)" busybox && "${make[@]}" busybox.links; } >>"$folder/build.log" 2>&1 || {
-		echo "BusyBox is not built; $folder/build.log says why" >&2
-		exit 1
-	}
+	"${make[@]}" --jobs="$(nproc)" busybox
+	"${make[@]}" busybox.links
 	install --target-directory="$folder" "$folder/build"/{busybox,busybox.links}
 }
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-system.sh FOLDER GATEWAY [FRAGMENT...]: the image for the board from Debian's packages, of what `make system` made in
+# build-system.sh FOLDER GATEWAY [FRAGMENT...]: the image for the board from Debian's packages, of what `make image-debian` made in
 # build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
 # FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
-# in it. OPENRTU_SITE in the environment names a folder with the settings of a site.
+# in it. SITE_SETTINGS in the environment names a folder with the settings of a site.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
@@ -18,25 +18,29 @@ kernel=$build/linux-system
 fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
 umask 022
 
+image_tool() {
+	PYTHONPATH="$tree/scripts" python3 -m "image.$1" "${@:2}"
+}
+
 inputs() {
-	echo "$folder $gateway ${OPENRTU_SITE:-}"
+	echo "$folder $gateway ${SITE_SETTINGS:-}"
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,dtb/nuc980-gateway.dtb}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
-		[ -z "${OPENRTU_SITE:-}" ] || find "$OPENRTU_SITE" -type f -print0
+		[ -z "${SITE_SETTINGS:-}" ] || find "$SITE_SETTINGS" -type f -print0
 	} | sort --zero-terminated | xargs --null sha256sum
 }
 
 make_root() {
 	rm -rf "$parts"
 	mkdir -p "$parts/root"
-	"$tree/scripts/image/rootfs.py" make --packages "$build/root/packages" --busybox "$build/busybox" \
+	image_tool rootfs make --packages "$build/root/packages" --busybox "$build/busybox" \
 		--chrony "$build/chrony" --gateway "$build/root/$gateway" "$parts/root"
 	"$board/post-build.sh" "$parts/root"
-	"$tree/scripts/image/cpio.py" "$parts/root" "$parts/initramfs.cpio"
+	image_tool cpio "$parts/root" "$parts/initramfs.cpio"
 	cat >"$parts/initramfs.fragment" <<-END
 		# $(sha256sum <"$parts/initramfs.cpio")
 		CONFIG_INITRAMFS_SOURCE="$parts/initramfs.cpio"
@@ -67,7 +71,7 @@ make_images() {
 packages() {
 	local without=()
 	[ "$gateway" = gateway-tls ] || without=(--without-tls)
-	"$tree/scripts/image/rootfs.py" packages "${without[@]}" | tr ' ' '\n' |
+	image_tool rootfs packages "${without[@]}" | tr ' ' '\n' |
 		awk 'NR == FNR { taken[$1]; next } $1 in taken' - "$build/root/packages.versions"
 }
 
@@ -105,5 +109,5 @@ if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 	versions >"$parts/versions"
 	inputs >"$folder.inputs"
 fi
-"$tree/scripts/image/manifest.py" --images "$folder" --versions "$parts/versions" \
+image_tool manifest --images "$folder" --versions "$parts/versions" \
 	--limits "$board/image-limits.toml" --out "$folder/manifest.json"

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# place-macs.sh DTB: the MAC addresses of a site (OPENRTU_SITE/macs) into a device tree. Without a site it gets none, and
-# loses those of another one.
+# place-macs.sh [DTB]: the MAC addresses of a site (SITE_SETTINGS/macs) into a device tree. Without a site it gets none, and
+# loses those of another one. Without DTB it only checks the site's.
 set -euo pipefail
 shopt -s inherit_errexit
 
-tree=$1
-macs=${OPENRTU_SITE:+$OPENRTU_SITE/macs}
+tree=${1:-}
+macs=${SITE_SETTINGS:+$SITE_SETTINGS/macs}
 tools=${HOST_DIR:+$HOST_DIR/bin/} # Buildroot has its own
 
 fail() {
@@ -47,6 +47,7 @@ set_arguments() {
 }
 
 if [ ! -f "$macs" ]; then
+	[ -n "$tree" ] || exit 0
 	clear_property 0
 	clear_property 1
 	set_arguments ""
@@ -55,6 +56,7 @@ fi
 eth0=$(mac_of eth0)
 eth1=$(mac_of eth1)
 [ "${eth0,,}" != "${eth1,,}" ] || fail "$macs gives both ports $eth0"
+[ -n "$tree" ] || exit 0
 set_property 0 "$eth0"
 set_property 1 "$eth1"
 set_arguments " ethaddr0=$eth0 ethaddr1=$eth1"

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# post-build.sh TARGET: what Buildroot runs before it makes the file-system images. The settings of a site, from the
-# folder OPENRTU_SITE; configs/README.md names the files.
+# post-build.sh [TARGET]: what Buildroot runs before it makes the file-system images. The settings of a site, from the
+# folder SITE_SETTINGS; configs/README.md names the files. Without TARGET it only checks them.
 set -euo pipefail
 shopt -s nullglob
 
-target=$1
-site=${OPENRTU_SITE:-}
+target=${1:-}
+tree=$(realpath -e "$(dirname "$0")/../..")
+site=${SITE_SETTINGS:-}
 
 fail() {
 	echo "post-build: $*" >&2
@@ -28,19 +29,46 @@ check_ntp() {
 	grep -qE '^(server|pool) ' "$site/ntp" || fail "$site/ntp names no server: \"server ADDRESS iburst\", or pool"
 }
 
+check_root_password() {
+	[ -f "$site/root-password" ] || return 0
+	[[ $(<"$site/root-password") =~ ^\$[0-9a-z]+\$[./0-9A-Za-z$=,]+$ ]] ||
+		fail "$site/root-password is no hash of crypt(5): make one with \"openssl passwd -6\""
+}
+
 set_root_password() {
 	[ -f "$site/root-password" ] || return 0
-	hash=$(<"$site/root-password")
-	[[ $hash =~ ^\$[0-9a-z]+\$[./0-9A-Za-z$=,]+$ ]] ||
-		fail "$site/root-password is no hash of crypt(5): make one with \"openssl passwd -6\""
-	sed -i "s|^root:[^:]*:|root:$hash:|" "$target/etc/shadow"
+	sed -i "s|^root:[^:]*:|root:$(<"$site/root-password"):|" "$target/etc/shadow"
 }
+
+# Which OpenRTU it is, in os-release(5)'s words for that; Buildroot's own lines stay.
+name_image() {
+	[ -f "$target/etc/os-release" ] || return 0
+	sed -i --follow-symlinks '/^IMAGE_/d' "$target/etc/os-release"
+	printf 'IMAGE_ID=openrtu\nIMAGE_VERSION=%s\n' "$(<"$tree/package/openrtu/src/VERSION")" >>"$target/etc/os-release"
+}
+
+check_site() {
+	[ -d "$site" ] || fail "SITE_SETTINGS: $site is no folder"
+	for file in "$site"/*; do
+		case ${file##*/} in
+		config.json | interfaces | authorized_keys | ntp | root-password | macs) ;;
+		*) fail "$file is no setting of a site: configs/README.md has the list" ;;
+		esac
+	done
+	check_ntp
+	check_root_password
+}
+
+[ -z "$site" ] || check_site
+[ -n "$target" ] || exit 0
 
 # The agent is there for the SNMP module that is to use it; started as it is, it would listen for nobody.
 rm -f "$target/etc/init.d/S59snmpd"
 
 # Buildroot's own would start chronyd without servers, too: S45chronyd does not.
 rm -f "$target"/etc/init.d/S49chrony*
+
+name_image
 
 # Where S15data mounts the data.
 install -d "$target/data"
@@ -49,14 +77,6 @@ install -d "$target/data"
 rm -rf "$target/etc/openrtu" "$target/root/.ssh" "$target/etc/chrony"
 [ -n "$site" ] || exit 0
 
-[ -d "$site" ] || fail "OPENRTU_SITE: $site is no folder"
-for file in "$site"/*; do
-	case ${file##*/} in
-	config.json | interfaces | authorized_keys | ntp | root-password | macs) ;;
-	*) fail "$file is no setting of a site: configs/README.md has the list" ;;
-	esac
-done
-check_ntp
 place config.json 644 etc/openrtu/gateway.json
 place ntp 644 etc/chrony/site.sources
 place interfaces 644 etc/network/interfaces

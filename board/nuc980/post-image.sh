@@ -12,6 +12,6 @@ tree=$images/nuc980-gateway.dtb
 
 # Nothing of an image that is refused is left where nuc980-netboot looks.
 rm -rf "$images/netboot"
-"$board/../../scripts/image/manifest.py" --images "$images" --config "$BR2_CONFIG" \
+PYTHONPATH="$board/../../scripts" python3 -m image.manifest --images "$images" --config "$BR2_CONFIG" \
 	--limits "$board/image-limits.toml" --out "$images/manifest.json"
 install -D -m 644 -t "$images/netboot" "$images/uImage" "$tree" "$images/manifest.json"

@@ -20,15 +20,12 @@ from typing import Any
 
 from image.checks import Setting, defconfigs, fragments_of, package_files, settings, symbols_in, value_of
 from image.symbols import names
+from nuc980.errors import UnusableInput
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build"
 DONE, FOUND, UNUSABLE = 0, 1, 2
 NEEDED = {"linux": "BR2_LINUX_KERNEL", "openrtu": "BR2_PACKAGE_OPENRTU", "uboot": "BR2_TARGET_UBOOT"}
-
-
-class UnusableInput(Exception):
-    """No checkout to check with. The message names the cause and the next step."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ def symbols(buildroot: Buildroot) -> Iterator[str]:
     )
     say(f"symbols: {len(known)} in Buildroot, {len(listed)} in the list")
     if listed != known:
-        yield f"configs/buildroot-symbols.txt is out of date: scripts/image/symbols.py {buildroot.folder}"
+        yield 'configs/buildroot-symbols.txt is out of date: docs/image-buildroot.md, "Update Buildroot"'
 
 
 def survival(buildroot: Buildroot, defconfig: Path, output: Path) -> Iterator[str]:
@@ -165,7 +162,7 @@ def hashes(buildroot: Buildroot, known: dict[str, Any]) -> Iterator[str]:
     here = {file: files for file, files in sources.items() if file.is_file()}
     say(f"hashes: {len(here)} of {len(sources)} sources are in {folder}")
     if not here:
-        say("hashes: SKIPPED, no source is downloaded yet (make image brings them)")
+        say("hashes: SKIPPED, no source is downloaded yet (make image-buildroot brings them)")
     program = buildroot.folder / "support" / "download" / "check-hash"
     for file, files in sorted(here.items()):
         words = [program, file, file.name, *files]
@@ -180,7 +177,7 @@ def kernel(defconfig: Path) -> Iterator[str]:
     built = (BUILD / name / "build").glob("linux-*/.config")
     configs = [file for file in built if not file.parent.name.startswith("linux-headers")]
     if not configs:
-        say(f"{defconfig.name}: SKIPPED, the kernel's fragments: no kernel is configured yet (make image)")
+        say(f"{defconfig.name}: SKIPPED, the kernel's fragments: no kernel yet (make image-buildroot)")
     given = [each for file in fragments_of(ROOT, defconfig) for each in settings(file)]
     for config in configs:
         lost = list(lost_settings(given, config))

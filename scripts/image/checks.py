@@ -229,7 +229,7 @@ def _unpinned_of_defconfig(root: Path, file: Path) -> Iterator[str]:
         if each.symbol.endswith("_REPO_VERSION"):
             commit = each.value.strip('"')
             if not COMMIT.fullmatch(commit):
-                yield f"{each.line}: {commit} is no commit: a branch or tag moves"
+                yield f"{each.line}: {commit} is not a commit: a branch or tag moves"
             elif commit not in hashes:
                 yield f"{each.line}: no hash in patches/ for the archive of commit {commit}"
         elif each.symbol.endswith("_CUSTOM_VERSION_VALUE"):
@@ -250,7 +250,7 @@ def _unpinned_of_package(file: Path) -> Iterator[str]:
     version = re.search(r"_VERSION = (\S+)", text)
     by_git = re.search(r"_SITE_METHOD = git|_SITE = (?:git|ssh)://", text)
     if by_git and not (version and COMMIT.fullmatch(version[1])):
-        yield "taken by git, and its version is no commit"
+        yield "fetched with git, but its version is not a commit"
     if not file.with_suffix(".hash").is_file():
         yield f"there is no {file.stem}.hash"
 

@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-cpio.py FOLDER ARCHIVE: packs a root file system for the kernel, as its initramfs; no root is needed for it.
+python3 -m image.cpio FOLDER ARCHIVE: packs a root file system as the initramfs of a kernel, without root.
 
 The format is "newc" (the kernel's Documentation/driver-api/early-userspace/buffer-format.rst). All belongs to
 root, no time is kept and the order is that of the names: the same content is the same bytes.
@@ -15,14 +14,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from nuc980.errors import UnusableInput
+
 MAGIC = b"070701"
 TRAILER = "TRAILER!!!"
 # The kernel reads words of 4 bytes; an archive that ends on a block of 512 can have another behind it.
 WORD, BLOCK = 4, 512
-
-
-class UnusableInput(Exception):
-    """A folder that cannot be packed. The message names the file, the cause and the next step."""
 
 
 @dataclass(frozen=True)
@@ -88,17 +85,17 @@ def entries_of(folder: Path) -> Iterator[Entry]:
         elif stat.S_ISREG(mode):
             yield Entry.file(path, file.read_bytes(), stat.S_IMODE(mode))
         else:
-            raise UnusableInput(f"{file} is no file, folder or link; take it away: /dev fills itself at boot")
+            raise UnusableInput(f"{file} is not a file, folder or link; remove it: /dev fills itself at boot")
 
 
 def main(words: list[str]) -> int:
     if len(words) != 2:
-        print("usage: cpio.py FOLDER ARCHIVE", file=sys.stderr)
+        print("usage: python3 -m image.cpio FOLDER ARCHIVE", file=sys.stderr)
         return 2
     folder, target = map(Path, words)
     try:
         if not folder.is_dir():
-            raise UnusableInput(f"{folder} is no folder")
+            raise UnusableInput(f"{folder} is not a folder")
         target.write_bytes(archive(entries_of(folder)))
     except UnusableInput as error:
         print(f"cpio: {error}", file=sys.stderr)

@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-Judges an image that Buildroot or `make system` made and writes its manifest: names, sizes, hashes, versions,
-sources. An image that the board could not boot is refused, and then there is no manifest.
+Judges an image that Buildroot or `make image-debian` made and writes its manifest: names, sizes, hashes,
+versions, sources. An image that the board could not boot is refused, and then there is no manifest.
 
 What a file is, its content says, not its name. This is one file with nothing but the standard library:
 post-image.sh runs it with whatever python3 Buildroot has on its path.
@@ -23,12 +22,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from zlib import crc32
 
+from nuc980.errors import UnusableInput
+
 ROOT = Path(__file__).resolve().parents[2]
 DONE, REFUSED, UNUSABLE = 0, 1, 2
-
-
-class UnusableInput(Exception):
-    """A file that cannot be used. The message names it, the cause and the next step."""
 
 
 class Refused(Exception):
@@ -159,7 +156,7 @@ def properties(data: bytes) -> Iterator[tuple[str, str, bytes]]:
         words, strings = data[struct_at:][:struct_size], data[strings_at:][:strings_size]
         yield from _walk(words, strings)
     except (struct.error, ValueError, IndexError) as error:
-        raise Refused(f"it is no whole device tree: {error}") from error
+        raise Refused(f"it is not a whole device tree: {error}") from error
 
 
 def _walk(words: bytes, strings: bytes) -> Iterator[tuple[str, str, bytes]]:
@@ -337,7 +334,7 @@ def read_text(file: Path) -> str:
     except OSError as error:
         raise UnusableInput(f"{file}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise UnusableInput(f"{file} is no text: {error}") from error
+        raise UnusableInput(f"{file} is not text: {error}") from error
 
 
 def buildroot_version(os_release: Path) -> str:
@@ -369,12 +366,18 @@ def commit_of_tree() -> str | None:
         return None
 
 
+def openrtu() -> dict[str, str | None]:
+    """Version and commit of this tree."""
+    version = read_text(ROOT / "package" / "openrtu" / "src" / "VERSION").strip()
+    return {"version": version, "commit": commit_of_tree()}
+
+
 def sources_of_buildroot(config: dict[str, str], os_release: Path) -> dict[str, dict[str, str | None]]:
     """Where all of it comes from. The version of a package: the SBOM has them."""
     version = buildroot_version(os_release)
     linux = "BR2_LINUX_KERNEL"
     return {
-        "openrtu": {"commit": commit_of_tree()},
+        "openrtu": openrtu(),
         "buildroot": {"version": version, "commit": pinned_commit(version)},
         "linux": {
             "version": config.get(f"{linux}_VERSION"),
@@ -394,7 +397,7 @@ def sources_of_debian(versions: Path) -> dict[str, dict[str, str | None]]:
     rows = re.findall(r"^(\S+) (\S+)$", read_text(versions), re.MULTILINE)
     if not rows:
         raise UnusableInput(f"{versions} names no package; each line is a name and a version")
-    return {"openrtu": {"commit": commit_of_tree()}, "debian": dict(sorted(rows))}
+    return {"openrtu": openrtu(), "debian": dict(sorted(rows))}
 
 
 @dataclass(frozen=True)
@@ -430,7 +433,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"manifest: refused: {refusal}", file=sys.stderr)
     if refusals:
         print(
-            'manifest: the board could not boot this; docs/image.md, "Sizes", says what to do',
+            'manifest: the board could not boot this; docs/image-buildroot.md, "Sizes", says what to do',
             file=sys.stderr,
         )
         return REFUSED

@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-rootfs.py: the root file system of `make system`, put together in a folder: Debian's files and the libraries
-they need, BusyBox, the gateway, the board's own files, the gateway's users.
+rootfs.py: the root file system of `make image-debian`, put together in a folder: Debian's files and the
+libraries they need, BusyBox, the gateway, the board's own files, the gateway's users.
 
 Nothing but the standard library; `readelf` says which libraries a program names.
 """
@@ -20,16 +19,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from nuc980.errors import UnusableInput
+
 ROOT = Path(__file__).resolve().parents[2]
 BOARD = ROOT / "board" / "nuc980"
 PACKAGE = ROOT / "package" / "openrtu"
 TABLE = BOARD / "system.toml"
 LIBRARY_FOLDERS = ("lib/arm-linux-gnueabi", "usr/lib/arm-linux-gnueabi")
 ELF = b"\x7fELF"
-
-
-class UnusableInput(Exception):
-    """What the root cannot be made of. The message names it, the cause and the next step."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,8 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-symbols.py BUILDROOT_DIR [LINUX_DIR]: writes configs/buildroot-symbols.txt, and configs/linux-symbols.txt when
-the kernel's source is named: the names that a defconfig or a kernel fragment may set. `make test` holds the
-configurations against these lists, without any checkout.
+python3 -m image.symbols BUILDROOT_DIR [LINUX_DIR]: writes configs/buildroot-symbols.txt and, if LINUX_DIR is
+given, configs/linux-symbols.txt: the names that a defconfig or a kernel fragment may set. `make test` checks
+the configurations against these lists, without any checkout.
 
 Only names are kept, one a line. A name counts if Kconfig would read it: the files are followed from the top
 through their `source` lines, for this processor. Legacy symbols are left out: Buildroot refuses to build with
@@ -17,6 +16,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from nuc980.errors import UnusableInput
+
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 # Where Buildroot has written of our own packages and its list of toolchains; Config.in.legacy is not for use.
 NOT_ITS_OWN = re.compile(r"\.br2-external\.|Config\.in\.legacy")
@@ -24,10 +25,6 @@ LINE = re.compile(
     r"^\s*(?:(?:menu)?config\s+(?P<name>\w+)|o?r?source\s+\"?(?P<file>[^\"\s]+)\"?)\s*(?:#.*)?$"
 )
 DEFINED_IN_HELP = re.compile(r"^\s*(?:---)?help(?:---)?\s*$")
-
-
-class UnusableInput(Exception):
-    """A folder that cannot be used. The message names it, the cause and the next step."""
 
 
 def names(folder: Path, top: str, variables: dict[str, str]) -> set[str]:

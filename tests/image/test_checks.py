@@ -155,7 +155,7 @@ FAULTS: list[tuple[str, Plant, str]] = [
         append("docs/defconfig.md", "\n## Again\n| `BR2_CCACHE=y` | so |\n"),
         "twice: BR2_CCACHE=y",
     ),
-    ("pinned", replace(GATEWAY, "_REPO_VERSION=.*", '_REPO_VERSION="master"'), "master is no commit"),
+    ("pinned", replace(GATEWAY, "_REPO_VERSION=.*", '_REPO_VERSION="master"'), "master is not a commit"),
     ("pinned", replace(GATEWAY, "_REPO_VERSION=.*", f'_REPO_VERSION="{COMMIT}"'), "no hash in patches/"),
     ("pinned", replace(GATEWAY, r"rt73\.patch", "rt74.patch"), "no hash in patches/ for https://"),
     ("pinned", replace(LTS, '"6.1.141"', '"6.1.142"'), "no hash in patches/ for the archive of 6.1.142"),
@@ -175,7 +175,7 @@ FAULTS: list[tuple[str, Plant, str]] = [
     (
         "pinned",
         package("other.mk", f"{HEADER}OTHER_VERSION = main\nOTHER_SITE_METHOD = git\n"),
-        "is no commit",
+        "is not a commit",
     ),
     ("workflows", append(WORKFLOW, "  x: [\n"), "not a workflow"),
     ("workflows", replace(WORKFLOW, "@[0-9a-f]{40} # .*", "@v4"), "pin by commit"),

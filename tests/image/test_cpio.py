@@ -12,7 +12,7 @@ import pytest
 
 from image.cpio import Entry, archive, entries_of
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "image" / "cpio.py"
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
 
 @pytest.fixture
@@ -76,6 +76,10 @@ def test_what_cannot_be_packed_is_said(root: Path, tmp_path: Path) -> None:
     os.mkfifo(root / "pipe")
     for folder in (root, tmp_path / "nowhere"):
         done = subprocess.run(
-            [sys.executable, SCRIPT, folder, tmp_path / "x"], capture_output=True, text=True, check=False
+            [sys.executable, "-m", "image.cpio", folder, tmp_path / "x"],
+            cwd=SCRIPTS,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         assert (done.returncode, done.stderr[:6]) == (2, "cpio: ")

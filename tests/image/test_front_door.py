@@ -14,8 +14,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ["nuc980_gateway", "nuc980_netboot"]
-SAID = ["O", "BR2_EXTERNAL", "OPENRTU_SITE", "BR2_DL_DIR", "IMAGE"]
+SAID = ["O", "BR2_EXTERNAL", "SITE_SETTINGS", "BR2_DL_DIR", "IMAGE"]
+# With the variables of the packages: make hands them to what it runs, where an exported one has such a name.
 BUILDROOT = f"""\
+BR2_EXTERNAL_OPENRTU_PATH = $(BR2_EXTERNAL)
 all:
 	mkdir -p $(O)/images
 	printf '%s\\n' {" ".join(f"'{name} $({name})'" for name in SAID)} > $(O)/images/manifest.json
@@ -24,6 +26,7 @@ all:
 	sed /^#.SPDX/d $(BR2_EXTERNAL)/configs/$@ > $(O)/.config
 savedefconfig:
 	cp $(O)/.config $(BR2_DEFCONFIG)
+include $(BR2_EXTERNAL)/external.mk
 """
 
 
@@ -32,11 +35,16 @@ class Tree:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        for name in ("Makefile", "requirements.txt"):
+        (folder / "package/openrtu/src").mkdir(parents=True)
+        for name in ("Makefile", "requirements.txt", "package/openrtu/src/VERSION"):
             shutil.copy(ROOT / name, folder / name)
-        for name in ("configs", "br2-external", "scripts"):
+        for name in ("board", "configs", "dts", "br2-external", "scripts"):
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=ignored)
+        for package in (ROOT / "package").glob("*/*.mk"):
+            copied = folder / package.relative_to(ROOT)
+            copied.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(package, copied)
         (folder / "build").mkdir()
         (folder / ".venv").mkdir()
         (folder / ".venv" / "bin").symlink_to(Path(sys.prefix) / "bin")
@@ -68,13 +76,13 @@ def test_image_builds_both(tree: Tree) -> None:
     site = tree.folder / "a site"
     site.mkdir()
     (tree.buildroot / "Makefile").write_text(f"IMAGE :=\n{BUILDROOT}")  # which what was typed would override
-    done = tree.make_with_stand_in("image", "SITE=a site", "IMAGE=nuc980_netboot")
+    done = tree.make_with_stand_in("image-buildroot", "SITE=a site", "IMAGE=nuc980_netboot")
     assert done.returncode == 0, done.stderr
     for image in IMAGES:
         assert tree.built(image) == {
             "O": str(tree.folder / "build" / image),
             "BR2_EXTERNAL": str(tree.folder / "br2-external"),
-            "OPENRTU_SITE": str(site),
+            "SITE_SETTINGS": str(site),
             "BR2_DL_DIR": str(tree.folder / "build" / "dl"),
             "IMAGE": "",
         }
@@ -83,7 +91,7 @@ def test_image_builds_both(tree: Tree) -> None:
 def test_site_that_is_not_there_is_said_at_once(tree: Tree) -> None:
     done = tree.make_with_stand_in("image", "SITE=nowhere")
     assert done.returncode == 2
-    assert "SITE=nowhere is no folder" in done.stderr
+    assert "SITE=nowhere is no folder; docs/image-buildroot.md says" in done.stderr
     assert not (tree.folder / "build" / IMAGES[0]).exists()
 
 
@@ -94,7 +102,7 @@ def test_folder_without_buildroot_is_said(tree: Tree) -> None:
 
 
 def test_changed_configuration_is_built_until_the_defconfig_is_newer(tree: Tree) -> None:
-    assert tree.make_with_stand_in("image").returncode == 0
+    assert tree.make_with_stand_in("image-buildroot").returncode == 0
     config = tree.folder / "build" / IMAGES[0] / ".config"
     with config.open("a") as file:
         file.write("BR2_BY_MENUCONFIG=y\n")
@@ -152,23 +160,72 @@ def test_without_network_checkout_says_what_it_could_not_reach(tree: Tree) -> No
     done = tree.make("image")
     assert done.returncode == 2
     assert f"Buildroot could not be brought from {url}" in done.stderr
-    assert f"With a checkout of commit {commit}: make image BUILDROOT_DIR=folder" in done.stderr
+    assert f"With a checkout of commit {commit}: make image-buildroot BUILDROOT_DIR=folder" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_netboot_says_that_it_needs_a_port(tree: Tree) -> None:
-    run = tree.make("netboot")
+WRONG = [
+    (
+        "run IMAGE=nope",
+        "there is no image in nope: it lacks uImage; make image-buildroot makes build/",
+    ),
+    ("run IMAGE=configs", "there is no image in configs: it lacks uImage"),
+    ("run PORT=0", "PORT=0 is no TCP port: a number from 1 to 65535, as PORT=2405"),
+    ("run-native PORT=65536", "PORT=65536 is no TCP port"),
+    ("run-native PORT=/dev/ttyUSB0", "PORT=/dev/ttyUSB0 is no TCP port"),
+    ("run-native KEEP=1 PORT=2'4", "PORT=2'4 is no TCP port"),
+    ("image SITE=nope", "SITE=nope is no folder"),
+    ("image IMAGES=nope", "IMAGES=nope: there is no configs/nope_defconfig; there are nuc980_gateway "),
+    ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
+    ("system SITE=sites/json", "sites/json/config.json is no JSON"),
+    ("system SITE=sites/more", "sites/more/config.yaml is no setting of a site"),
+    ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
+    ("image SITE=sites/ntp", "sites/ntp/ntp names no server"),
+    ("netboot SITE=sites/password PORT=/dev/null", "sites/password/root-password is no hash of crypt(5)"),
+    ("netboot", "netboot: PORT=/dev/ttyUSB0 or the like is missing"),
+    ("netboot PORT=/dev/nope", "netboot: PORT=/dev/nope is no serial port; those of this machine: "),
+    ("netboot PORT=/dev/null BOARD_IP=192.0.2.1", "BOARD_IP=192.0.2.1 is no address with its prefix"),
+    ("netboot PORT=/dev/null IMAGE=nope", "there is no image in build/nope"),
+    ("dtb DTS=nope", "DTS=nope is no file"),
+    ("dtb SWITCHES=nonsense", "SWITCHES=nonsense: nonsense: dts/nuvoton/nuc980-gateway.dts has the switches"),
+    ("fuzz FUZZ_SECONDS=soon", "FUZZ_SECONDS=soon is no number of seconds"),
+    ("bench LIB60870=nope", "LIB60870=nope is no folder"),
+]
+SITES = {
+    "json": ("config.json", "{"),
+    "more": ("config.yaml", ""),
+    "macs": ("macs", "eth0 01:00:00:00:00:01\n"),
+    "ntp": ("ntp", "# none\n"),
+    "password": ("root-password", "secret\n"),
+}
+
+
+@pytest.mark.parametrize(("words", "said"), WRONG)
+def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words: str, said: str) -> None:
+    for folder in ("build", ".venv"):
+        shutil.rmtree(tree.folder / folder)
+    for name, (file, text) in SITES.items():
+        (tree.folder / "sites" / name).mkdir(parents=True)
+        (tree.folder / "sites" / name / file).write_text(text)
+    run = tree.make(*words.split())
     assert run.returncode == 2
-    assert "netboot: PORT=/dev/ttyUSB0 or the like is missing" in run.stderr
+    assert said in run.stderr.splitlines()[-1]
+    assert run.stdout == ""
+    assert not (tree.folder / "build").exists()
 
 
-def test_netboot_boots_what_is_asked_for(tree: Tree, tmp_path: Path) -> None:
-    words = ["-n", "netboot", "PORT=/dev/ttyUSB7", "BOARD_IP=192.0.2.1/24", f"SITE={tmp_path}"]
+def test_netboot_boots_what_is_asked_for(tree: Tree) -> None:
+    images = tree.folder / "build/nuc980_netboot/images"
+    site = tree.folder / "site"
+    for folder in (images, site):
+        folder.mkdir(parents=True)
+    for name in ("uImage", "nuc980-gateway.dtb"):
+        (images / name).touch()
+    words = ["-n", "netboot", "PORT=/dev/null", "BOARD_IP=192.0.2.1/24", f"SITE={site}"]
     run = tree.make(*words, "IMAGE=nuc980_netboot")
     assert run.returncode == 0, run.stderr
-    images = "build/nuc980_netboot/images"
     expected = (
-        f"scripts/nuc980-netboot boot --port /dev/ttyUSB7 --site {tmp_path} --board-ip 192.0.2.1/24 "
-        f"--console {images}/uImage {images}/nuc980-gateway.dtb"
+        f"scripts/nuc980-netboot boot --port /dev/null --site {site} --board-ip 192.0.2.1/24 "
+        "--console build/nuc980_netboot/images/uImage build/nuc980_netboot/images/nuc980-gateway.dtb"
     )
     assert " ".join(run.stdout.replace("\\\n", " ").split()).endswith(expected)

@@ -160,6 +160,7 @@ def test_manifest_names_the_sources(output: Output) -> None:
     assert output.judge() == 0
     sources = json.loads(output.manifest.read_text())["sources"]
     assert sources["linux"]["commit"] == "d366"
+    assert sources["openrtu"]["version"] == (ROOT / "package/openrtu/src/VERSION").read_text().strip()
     assert sources["buildroot"]["version"] == "2026.02.3"
     assert f"commit: {sources['buildroot']['commit']}" in (ROOT / "configs" / "kas.yml").read_text()
 
@@ -208,7 +209,7 @@ def test_rooms_are_those_of_the_issue() -> None:
 
 def test_page_names_the_rooms() -> None:
     limits = read_limits(LIMITS)
-    page = (ROOT / "docs" / "image.md").read_text()
+    page = (ROOT / "docs" / "image-buildroot.md").read_text()
     for room in (limits.memory_room, limits.kernel_part.room, limits.device_tree_part.room):
         assert f"{room:_} bytes".replace("_", " ") in page
     assert f"{limits.root_part.room // limits.block} blocks of 128 KiB" in page
@@ -248,8 +249,8 @@ BROKEN: dict[str, tuple[Breaking, str]] = {
     "name of a kernel": (lambda o: (o.images / "uImage").write_bytes(bytes(1000)), "there is no uImage"),
     "tree of another board": (lambda o: o.device_tree(soc="nuvoton,nuc970"), "for another board"),
     "tree cut off": (lambda o: o.change("nuc980-gateway.dtb", 200), "it has 200"),
-    "tree cut off in the header": (lambda o: o.change("nuc980-gateway.dtb", 20), "no whole device tree"),
-    "tree damaged": (lambda o: o.change("nuc980-gateway.dtb", 0x3B, 0x40), "no whole device tree"),
+    "tree cut off in the header": (lambda o: o.change("nuc980-gateway.dtb", 20), "not a whole device tree"),
+    "tree damaged": (lambda o: o.change("nuc980-gateway.dtb", 0x3B, 0x40), "not a whole device tree"),
     "tree too large": (lambda o: o.device_tree("-S", "786433"), "1 more than the 786432"),
     "no tree": (lambda o: (o.images / "nuc980-gateway.dtb").unlink(), "there is no device tree"),
     "root elsewhere": (lambda o: o.device_tree(size="0x6000000"), "no flash partition"),

@@ -34,7 +34,7 @@ def place(tree: Path, macs: str | None) -> subprocess.CompletedProcess[str]:
     site.mkdir(exist_ok=True)
     if macs is not None:
         (site / "macs").write_text(macs)
-    environment = {**os.environ, "OPENRTU_SITE": "" if macs is None else str(site)}
+    environment = {**os.environ, "SITE_SETTINGS": "" if macs is None else str(site)}
     environment.pop("HOST_DIR", None)
     return subprocess.run([SCRIPT, tree], env=environment, capture_output=True, text=True, check=False)
 

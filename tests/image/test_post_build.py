@@ -32,7 +32,7 @@ def build(target: Path, **files: str) -> subprocess.CompletedProcess[str]:
     site.mkdir()
     for name, text in files.items():
         (site / name.replace("_json", ".json")).write_text(text)
-    environment = {**os.environ, "OPENRTU_SITE": str(site) if files else ""}
+    environment = {**os.environ, "SITE_SETTINGS": str(site) if files else ""}
     return subprocess.run([SCRIPT, target], env=environment, capture_output=True, text=True, check=False)
 
 
@@ -43,6 +43,21 @@ def test_without_a_site_nobody_can_log_in_and_nothing_listens(target: Path) -> N
     assert not (target / "etc/openrtu").exists()
     assert not list((target / "etc/init.d").iterdir())
     assert not (target / "etc/chrony").exists()
+
+
+def test_image_says_its_version_once(target: Path) -> None:
+    """Buildroot's file is a link from etc, and the script runs at every build."""
+    version = (SCRIPT.parents[2] / "package/openrtu/src/VERSION").read_text().strip()
+    (target / "usr/lib").mkdir(parents=True)
+    (target / "usr/lib/os-release").write_text("NAME=Buildroot\nVERSION=2026.02.3\n")
+    (target / "etc/os-release").symlink_to("../usr/lib/os-release")
+    assert build(target).returncode == 0
+    (target.parent / "a site").rmdir()
+    assert build(target).returncode == 0
+    assert (target / "etc/os-release").is_symlink()
+    assert (target / "usr/lib/os-release").read_text() == (
+        f"NAME=Buildroot\nVERSION=2026.02.3\nIMAGE_ID=openrtu\nIMAGE_VERSION={version}\n"
+    )
 
 
 def test_settings_are_placed_with_their_modes(target: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How the root file system of `make system` is put together: users, libraries, what is missing."""
+"""How the root file system of `make image-debian` is put together: users, libraries, what is missing."""
 
 from __future__ import annotations
 
