@@ -2,6 +2,7 @@
 """`make run-native`: the newcomer's first command, as a process of its own."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 
 from lab.gateway import free_port
 from lab.master import Master
+from lab.picture import draw
 from lab.show import STEPS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -66,15 +68,63 @@ def test_who_ends_it_ends_all_that_it_started(start: Start, number: int) -> None
     assert left.stdout == b""
 
 
-def test_a_port_in_use_is_a_reason(start: Start) -> None:
+def three_lines(err: str) -> dict[str, str]:
+    """What a show that fails says: three lines, nothing else."""
+    lines = err.strip().splitlines()
+    assert len(lines) == 3, err
+    said = dict(re.split(": +", line, maxsplit=1) for line in lines)
+    assert list(said) == ["expected", "seen", "probably"]
+    return said
+
+
+def test_who_has_the_port_is_named_and_gets_no_octet(start: Start) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
-        show = start("--port", str(other.getsockname()[1]))
+        port = other.getsockname()[1]
+        show = start("--port", str(port))
         out, err = show.communicate(timeout=60)
+        other.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            other.accept()
+    assert (show.returncode, out) == (1, "")
+    said = three_lines(err)
+    assert said["expected"].startswith(f"TCP port {port} of 127.0.0.1 free")
+    assert re.fullmatch(rf".+ \(pid {os.getpid()}\) listens there", said["seen"])
+    assert re.search(r"make run-native PORT=\d+", said["probably"])
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "-1", "2404x", "http"])
+def test_port_that_is_none_is_wrong_usage(start: Start, port: str) -> None:
+    show = start(f"--port={port}")
+    out, err = show.communicate(timeout=60)
+    assert (show.returncode, out) == (2, "")
+    assert f"{port} is no TCP port" in err
+
+
+def test_failed_show_says_three_lines_and_the_rest_in_a_file(start: Start) -> None:
+    show = start("--port", str(free_port()))
+    assert show.stdout is not None
+    for line in show.stdout:
+        if "1. " in line:
+            break
+    subprocess.run(["pkill", "-KILL", "-f", f"linesim .*openrtu-{show.pid}-"], check=True)
+    _, err = show.communicate(timeout=60)
     assert show.returncode == 1
-    assert "seen." not in out
-    assert "make run-native: not seen:" in err
-    assert "Address already in use" in err
-    assert "Traceback" not in err
+    said = three_lines(err)
+    assert said["expected"].startswith("step ")
+    assert "linesim" in said["seen"]
+    assert said["probably"].startswith("linesim ended with exit code -9")
+    file = re.search(r"\(all that is known: (.+)\)$", said["probably"])
+    assert file is not None
+    kept = (ROOT / file[1]).read_text()
+    for title in (
+        "rtud's log",
+        "rtuctl modules",
+        "rtuctl points",
+        "the last frames on the lines",
+        "the error",
+    ):
+        assert f"\n==== {title}\n" in kept
+    assert "rtu-iec104" in kept and "Traceback" in kept
 
 
 @pytest.mark.slow
@@ -82,13 +132,42 @@ def test_keep_stays_up_for_the_users_own_master(start: Start) -> None:
     port = free_port()
     show = start("--port", str(port), "--keep")
     assert show.stdout is not None
+    said = []
     for line in show.stdout:
+        said.append(line)
         if "Ctrl-C" in line:
             break
     else:
         pytest.fail(f"it ended instead: {show.communicate()}")
     with Master("127.0.0.1", port) as master:
         assert len(master.interrogate(3067)) == 13
+    commands = [line.strip() for line in said if line.startswith("  scripts/")]
+    assert len(commands) == 7
+    for command in commands:
+        assert len(command) < 80
+        if " watch" not in command:
+            subprocess.run(command, shell=True, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    wrong = f"scripts/kept --port {port} linesim nonsense"
+    refused = subprocess.run(wrong, shell=True, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
+    assert refused.returncode == 1 and refused.stdout.startswith("error unknown command")
     show.send_signal(signal.SIGINT)
     _, err = show.communicate(timeout=20)
     assert (show.returncode, err) == (0, "")
+    gone = subprocess.run(commands[0], shell=True, cwd=ROOT, stderr=subprocess.PIPE, text=True, check=False)
+    assert gone.returncode == 2
+    assert f"no show is up at TCP port {port}; type: make run-native KEEP=1 PORT={port}" in gone.stderr
+
+
+def test_picture_of_the_readme_has_these_steps() -> None:
+    """Drawn by scripts/lab/picture.py from a recorded run: record it again when the steps change."""
+    picture = (ROOT / "docs/figures/run-native.svg").read_text()
+    missing = [step.__doc__ for step in STEPS if f". {step.__doc__}</tspan>" not in picture]
+    assert missing == []
+
+
+def test_picture_shortens_tables_and_escapes() -> None:
+    rows = [f"     000000{number}   3067     1 on  M_SP_NA_1   <cause>  good" for number in range(1, 7)]
+    drawn = draw("\n".join(["     Address    CA", *rows, "", " 2. Next"]))
+    assert drawn.count("&lt;cause&gt;") == 4
+    assert '<tspan class="quiet">     …</tspan>' in drawn
+    assert '<tspan class="step"> 2. Next</tspan>' in drawn

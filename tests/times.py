@@ -17,8 +17,9 @@ from pathlib import Path
 
 import pytest
 
+from areas import area_of
+
 SLOWEST = 10
-AREAS = {"test_station": "station", "test_line": "lines", "test_modbus": "lines", "test_read_back": "lines"}
 CPU = "cpu_s"
 
 
@@ -41,18 +42,6 @@ class Cost:
 def cpu_s() -> float:
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(usage.ru_utime + usage.ru_stime for usage in used)
-
-
-def area_of(test: str) -> str:
-    """The folder below tests/, or for a file in tests/ itself what its name begins with.
-
-    >>> area_of("tests/pins/test_dts.py::test_x"), area_of("tests/test_lines.py::test_y")
-    ('pins', 'lines')
-    """
-    path = Path(test.partition("::")[0])
-    if len(path.parts) > 2:
-        return path.parts[1]
-    return next((area for start, area in AREAS.items() if path.name.startswith(start)), "gateway")
 
 
 class Times:

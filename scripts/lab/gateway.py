@@ -18,15 +18,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+from lab import ports
+from lab.errors import LabError
+
 REPOSITORY = Path(__file__).resolve().parents[2]
-START_TIMEOUT_S = 15.0
-STOP_TIMEOUT_S = 10.0
+START_TIMEOUT_S = 60.0
+STOP_TIMEOUT_S = 30.0
 RESTARTS_MAX = 3
+HEARTBEAT_LIMIT_MS = 2000  # a line process that a busy host lets wait is not dead
 TESTFR_ACT = bytes.fromhex("680443000000")
 TESTFR_CON = bytes.fromhex("680483000000")
 
 
-class GatewayError(Exception):
+class GatewayError(LabError):
     """The gateway did not do what was waited for; the text holds the end of its log."""
 
 
@@ -45,10 +49,12 @@ def free_port() -> int:
 def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
     """A copy of a configuration whose station listens on 127.0.0.1, at that TCP port.
 
-    Its clock is the controlling station's if it does not say otherwise: this machine's may be synchronised.
+    If it does not say otherwise, its clock is the controlling station's, as this machine's may be
+    synchronised, and its line processes may be late.
     """
     changed = copy.deepcopy(config)
     changed.setdefault("clock", "masters")
+    changed.setdefault("modbus", {}).setdefault("heartbeat_limit_ms", HEARTBEAT_LIMIT_MS)
     changed.setdefault("iec104", {}).update(address="127.0.0.1", port=port)
     return changed
 
@@ -64,7 +70,13 @@ class Rtu(ABC):
     """A running gateway, as an engineer has it: rtuctl, its log, and the address of its station."""
 
     address: tuple[str, int]
-    rtuctl: str  # what is typed for it on this machine
+    rtuctl: list[str]  # what runs it on this machine, before its own arguments
+    by_shell = False  # those arguments pass one more shell on their way
+    killed: tuple[str, ...] = ()  # the modules that were killed on purpose
+
+    @abstractmethod
+    def processes(self) -> list[int]:
+        """The processes of this machine that listen for it."""
 
     @abstractmethod
     def ctl(self, *arguments: str) -> str:
@@ -81,6 +93,15 @@ class Rtu(ABC):
     @abstractmethod
     def check_up(self) -> None:
         """Raises GatewayError when it has ended, as far as that can be known."""
+
+    def check_ours(self) -> None:
+        """Raises GatewayError when somebody else listens at its address: not an octet is for them."""
+        if not ports.is_listened_on_by(self.address, self.processes()):
+            port = self.address[1]
+            raise GatewayError(
+                f"{ports.holders(self.address) or 'nobody'} listens at TCP port {port}",
+                expected=f"this show's own station at TCP port {port}",
+            )
 
     def query(self, *arguments: str) -> Any:
         """What `rtuctl --json` prints, decoded."""
@@ -100,7 +121,11 @@ class Rtu(ABC):
         while not condition():
             self.check_up()
             if time.monotonic() - begin > timeout_s:
-                raise GatewayError(f"not within {timeout_s} s: {what}\n{self.log()}")
+                raise GatewayError(
+                    f"not within {timeout_s} s: {what}\n{self.log()}",
+                    expected=what,
+                    seen=f"not within {timeout_s:g} s",
+                )
             time.sleep(0.005)
         return time.monotonic() - begin
 
@@ -116,9 +141,10 @@ class Gateway(Rtu):
         self.config_file = directory / "gateway.json"
         self.log_file = directory / "rtud.log"
         settings = config.get("iec104", {})
-        self.address = (settings.get("address", "127.0.0.1"), settings.get("port", 2404))
+        self.listens_at = (settings.get("address", "127.0.0.1"), settings.get("port", 2404))
+        self.address = self.listens_at  # the tests put a recording relay before it
         self.config_file.write_text(json.dumps(config, indent=2))
-        self.rtuctl = f"{self.build}/rtuctl/rtuctl --map {self.map}"
+        self.rtuctl = [f"{self.build}/rtuctl/rtuctl", "--map", f"{self.map}"]
         self.process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
@@ -179,11 +205,16 @@ class Gateway(Rtu):
     def kill(self, module: str) -> None:
         """SIGKILL to a module."""
         os.kill(self.modules()[module]["pid"], signal.SIGKILL)
+        self.killed += (module,)
 
     def check_up(self) -> None:
         """Raises GatewayError when rtud has ended."""
         if self.process is not None and self.process.poll() is not None:
             raise GatewayError(f"rtud exited with {self.process.returncode}\n{self.log()}")
+
+    def processes(self) -> list[int]:
+        """The modules; rtud has opened the station's socket, and may have handed it over."""
+        return [module["pid"] for module in self.modules().values() if module["pid"]]
 
     def _is_up(self) -> bool:
         try:
@@ -193,12 +224,13 @@ class Gateway(Rtu):
         failing = [module["name"] for module in modules if module["restarts"] >= RESTARTS_MAX]
         if failing:
             raise GatewayError(f"{failing[0]} does not stay up\n{self.log()}")
-        return self._station_answers()
+        pids = [module["pid"] for module in modules if module["pid"]]
+        return ports.is_listened_on_by(self.listens_at, pids) and self._station_answers()
 
     def _station_answers(self) -> bool:
-        """Somebody else may listen on the port: only a controlled station confirms a test frame."""
+        """A controlled station confirms a test frame."""
         try:
-            with socket.create_connection(self.address, timeout=1.0) as connection:
+            with socket.create_connection(self.listens_at, timeout=1.0) as connection:
                 connection.sendall(TESTFR_ACT)
                 return connection.recv(len(TESTFR_CON)) == TESTFR_CON
         except OSError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`make run IMAGE=folder`: boots what `make image` made, over the emulated board's network or from its flash.
+"""`make run IMAGE=folder`: boots a Buildroot image over the emulated board's network or from its flash.
 
 Exit code 0: the log-in came; 1: not, with the reason; 2: there is no image.
 """
@@ -15,16 +15,16 @@ import time
 from pathlib import Path
 
 from lab.board import ETHERNET, netboot
-from lab.board_show import QEMU, UBOOT
+from lab.board_show import QEMU, UBOOT, add_console
 from lab.gateway import remove
-from lab.show import REASONS, NotSeenError, say, told
+from lab.show import NotSeenError, say
+from lab.verdict import Verdict, run
 from nuc980.netboot import cli
-from nuc980.netboot.errors import NetbootError
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.target import Linux
 from nuc980.netboot.transport import Line
 from nuc980.twin.linux import TROUBLE
-from nuc980.twin.machine import Machine, MachineError
+from nuc980.twin.machine import Machine
 from nuc980.twin.nand import NandImage
 from nuc980.twin.network import free_udp_port
 
@@ -42,21 +42,24 @@ SEEN = {
 }
 
 
-def show(folder: Path) -> None:
+def show(folder: Path, verdict: Verdict) -> None:
     """Boots it. The flash is empty, and there in any case: the vendor's kernel needs one.
 
     Raises NetbootError, MachineError, NotSeenError.
     """
     directory = Path(tempfile.mkdtemp(prefix="openrtu-"))
-    with contextlib.ExitStack() as stack:
+    verdict.expected = "the image boots to its log-in"
+    with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
         flash = NandImage.blank(directory / "nand.img")
         console = directory / "console.log"
+        add_console(verdict, console)
         arguments = ["-bios", UBOOT, "-drive", f"if=mtd,format=raw,file={flash.path}"]
         arguments += [word for network in ETHERNET for word in network.arguments({})]
         machine = stack.enter_context(
             Machine(QEMU, *arguments, uarts=(), chardevs={0: f"pty,logfile={console}"})
         )
+        verdict.add_machine(machine)
         uimage, dtb, ubi = (folder / name for name in IMAGE)
         in_flash = ubi.exists()
         if in_flash:
@@ -89,7 +92,9 @@ def install(machine: Machine, directory: Path, uimage: Path, dtb: Path, ubi: Pat
          "--listen", "127.0.0.1", "--seen-as", "127.0.0.1", "--tftp-port", str(free_udp_port())]
     )  # fmt: skip
     if code:
-        raise NotSeenError("the image in the flash")
+        raise NotSeenError(
+            f"nuc980-netboot flash ended with {code}; its lines are above", expected="the image in the flash"
+        )
 
 
 def boot_from_flash(machine: Machine) -> None:
@@ -117,9 +122,10 @@ def main() -> int:
     images = folder / "images" if (folder / "images").is_dir() else folder
     for name in IMAGE[:2]:
         if not (images / name).exists():
-            print(f"make run: {images / name} is not there: make image", file=sys.stderr)
+            print(f"make run: {images / name} is not there: make image-buildroot", file=sys.stderr)
             return 2
-    return told(f"make run IMAGE={folder}", lambda: show(images), (*REASONS, MachineError, NetbootError))
+    verdict = Verdict(f"make run IMAGE={folder}", "run-image")
+    return run(verdict, lambda: show(images, verdict))
 
 
 if __name__ == "__main__":

@@ -19,13 +19,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from lab.errors import LabError
+
 REPOSITORY = Path(__file__).resolve().parents[2]
-START_TIMEOUT_S = 10.0
-ANSWER_TIMEOUT_S = 5.0
+START_TIMEOUT_S = 60.0
+ANSWER_TIMEOUT_S = 30.0
 FRAMES_KEPT = 20_000
 
 
-class LineSimError(Exception):
+class LineSimError(LabError):
     """linesim does not run, or refused a command; the text says why."""
 
 
@@ -83,6 +85,7 @@ class LineSim:
         self._frames: deque[Frame] = deque(maxlen=FRAMES_KEPT)
         self._news = threading.Condition()
         self._last_number = 0
+        self._gone = False
 
     def __enter__(self) -> Self:
         self.start()
@@ -130,6 +133,12 @@ class LineSim:
             watchdog.cancel()
             if process.returncode != 0:
                 raise LineSimError(f"linesim ended with exit code {process.returncode}: {messages.strip()}")
+
+    def check_up(self) -> None:
+        """Raises LineSimError when it has ended by itself."""
+        if self._gone and self._process is not None:
+            code = self._process.wait(ANSWER_TIMEOUT_S)
+            raise LineSimError(f"linesim ended with exit code {code}")
 
     @property
     def pid(self) -> int:
@@ -195,7 +204,7 @@ class LineSim:
         with self._news:
             return self._behind(since)
 
-    def wait_frame(self, predicate: Callable[[Frame], bool], timeout: float = 5.0, since: int = 0) -> Frame:
+    def wait_frame(self, predicate: Callable[[Frame], bool], timeout: float = 30.0, since: int = 0) -> Frame:
         """The oldest frame behind `since` that the predicate accepts, as soon as there is one."""
         deadline = time.monotonic() + timeout
         with self._news:
@@ -204,6 +213,8 @@ class LineSim:
                     if predicate(frame):
                         return frame
                 since = self._last_number
+                if self._gone:
+                    raise LineSimError("linesim is gone: it closed the control socket")
                 if not self._news.wait(deadline - time.monotonic()):
                     last = self._frames[-1].text if self._frames else "none"
                     raise LineSimError(f"no such frame within {timeout} s; the last one was: {last}")
@@ -231,6 +242,7 @@ class LineSim:
     def _connect(self) -> None:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.connect(str(self.directory / "control"))
+        self._gone = False
         self._reader = threading.Thread(target=self._read, args=(self._socket,), daemon=True)
         self._reader.start()
         if self._trace:
@@ -244,6 +256,9 @@ class LineSim:
                 else:
                     self._answers.put(line.rstrip("\n"))
         self._answers.put(None)
+        with self._news:
+            self._gone = True
+            self._news.notify_all()
 
     def _keep(self, record: dict[str, Any]) -> None:
         record["bytes"] = bytes(record.get("bytes", ()))

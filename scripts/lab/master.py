@@ -11,14 +11,16 @@ from typing import Any, Self
 
 import c104
 
-CONNECT_TIMEOUT_S = 10.0
-ANSWER_TIMEOUT_S = 15.0
+from lab.errors import LabError
+
+CONNECT_TIMEOUT_S = 30.0
+ANSWER_TIMEOUT_S = 30.0
 SHORTEST_I_FRAME = 15  # APCI, data unit identifier, information object address
 ACT_CON = 7
 ACT_TERM = 10
 
 
-class MasterError(Exception):
+class MasterError(LabError):
     """The controlled station did not answer as the protocol asks."""
 
 
@@ -34,6 +36,11 @@ class Report:
     cause: str  # SPONTANEOUS …
     recorded_at: datetime.datetime | None  # the time tag
     monotonic_s: float = field(compare=False)
+
+    @property
+    def text(self) -> str:
+        """In a line's part."""
+        return f"CA {self.ca} IOA {self.ioa} = {self.value}, {self.quality}"
 
     @property
     def good(self) -> bool:
@@ -188,7 +195,7 @@ class Master:
             return self._reports[mark:]
 
     def wait(
-        self, wanted: Callable[[Report], bool], since: int = 0, timeout_s: float = 10.0, what: str = ""
+        self, wanted: Callable[[Report], bool], since: int = 0, timeout_s: float = 30.0, what: str = ""
     ) -> Report:
         """The first report behind `since` that is wanted. Raises MasterError when none comes in time."""
         deadline = time.monotonic() + timeout_s
@@ -198,9 +205,13 @@ class Master:
                     if wanted(report):
                         return report
                 if not self._arrived.wait(deadline - time.monotonic()):
-                    seen = "\n".join(map(str, self._reports[since:][-20:]))
+                    others = self._reports[since:]
+                    seen = "\n".join(map(str, others[-20:]))
                     raise MasterError(
-                        f"not within {timeout_s} s: {what or 'the wanted report'}; since then:\n{seen}"
+                        f"not within {timeout_s} s: {what or 'the wanted report'}; since then:\n{seen}",
+                        expected=what,
+                        seen=f"not within {timeout_s:g} s; the last other report: "
+                        + (others[-1].text if others else "none"),
                     )
 
     # ---- what is sent ------------------------------------------------------------------------

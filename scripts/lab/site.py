@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the site of `make run`: chapter 5's points, who may log in, the board's MAC addresses.
 
-python -m lab.site FOLDER: FOLDER/lab for `make system SITE=`, and the key that opens that board, FOLDER/key.
+python -m lab.site FOLDER: FOLDER/lab for `make image-debian SITE=`; FOLDER/key opens that board.
 """
 
 from __future__ import annotations
