@@ -5,86 +5,128 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build dtb qemu uboot linux linux-debug system unit asan cross fuzzers fuzz image checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-sanitizers test-native test-twin test-linux test soak lab run run-native twin bench clean netboot distclean
+MAKEFLAGS += --no-print-directory
+.PHONY: help setup build install man deb dtb qemu uboot linux linux-debug image-debian image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
 BENCH   := tests/bench
 PYTHON  := .venv/bin/python
+LOGGED  := @scripts/logged.sh
 
 PACKAGES := build/packages.done
 VENV     := .venv/done
 SYSROOT  := build/arm-sysroot/done
 
-help: ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' Makefile
+# A target's line ends with its group and what it does: `## Build: ...`.
+HELP_GROUPS := See it,Build,A board,Test,Maintain
+
+help: ## Maintain: show this list
+	@awk -F ':.*## ' -v groups='$(HELP_GROUPS)' '/^[a-z-]+:.*## / { \
+	  colon = index($$2, ": "); group = substr($$2, 1, colon - 1); \
+	  lines[group] = lines[group] sprintf("  make %-16s %s\n", $$1, substr($$2, colon + 2)) \
+	} END { \
+	  n = split(groups, order, ","); \
+	  for (i = 1; i <= n; i++) printf("%s%s\n%s", (i > 1 ? "\n" : ""), order[i], lines[order[i]]) \
+	}' Makefile
 
 # ---- what is needed ------------------------------------------------------------------------------
 
-setup: $(PACKAGES) $(VENV) ## bring what is missing: Debian packages, Python packages into .venv
+setup: $(PACKAGES) $(VENV) ## Maintain: bring what is missing: Debian packages, Python packages into .venv
 
 build/%.done: scripts/%.txt scripts/setup-packages.sh
-	scripts/setup-packages.sh $<
-	mkdir -p $(@D) && touch $@
+	@scripts/setup-packages.sh $<
+	@mkdir -p $(@D) && touch $@
 
 $(VENV): requirements.txt scripts/setup-python.sh | $(PACKAGES)
-	scripts/setup-python.sh $(@D) $<
-	touch $@
+	@scripts/setup-python.sh $(@D) $<
+	@touch $@
 
 $(SYSROOT): scripts/setup-sysroot.sh | $(PACKAGES)
-	scripts/setup-sysroot.sh $(@D)
-	touch $@
+	$(LOGGED) arm-sysroot scripts/setup-sysroot.sh $(@D)
+	@touch $@
 
 # ---- C -------------------------------------------------------------------------------------------
 
-MESON_TEST = meson test --print-errorlogs --timeout-multiplier 4
+MESON_TEST = meson test --no-rebuild --print-errorlogs --timeout-multiplier 4
 
-build: build/native/build.ninja build/linesim/build.ninja build/bench/build.ninja ## build all for this machine
-	ninja -C build/native
-	ninja -C build/linesim
-	ninja -C build/bench
+build: build/native/build.ninja build/linesim/build.ninja build/bench/build.ninja ## Build: the gateway for this machine
+	$(LOGGED) native ninja -C build/native
+	$(LOGGED) linesim ninja -C build/linesim
+	$(LOGGED) bench ninja -C build/bench
 
-unit: build ## run the C unit tests
-	$(MESON_TEST) -C build/native
+unit: build ## Test: the C unit tests
+	$(LOGGED) unit $(MESON_TEST) -C build/native
 
-asan: build/asan/build.ninja ## build with AddressSanitizer and UBSan, run the C unit tests
-	ninja -C build/asan
-	$(MESON_TEST) -C build/asan
+asan: .asan ## Test: the C unit tests under AddressSanitizer and UBSan
+	$(LOGGED) asan-unit $(MESON_TEST) -C build/asan
 
-cross: build/arm/build.ninja ## cross-compile for ARMv5, run the C unit tests under qemu-arm
-	ninja -C build/arm
-	$(MESON_TEST) -C build/arm
+.PHONY: .asan
+.asan: build/asan/build.ninja
+	$(LOGGED) asan ninja -C build/asan
 
-fuzzers: build/fuzz/build.ninja ## build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
-	ninja -C build/fuzz fuzzers
+cross: build/arm/build.ninja ## Test: the C unit tests as ARMv5 code, under qemu-arm
+	$(LOGGED) arm ninja -C build/arm
+	$(LOGGED) arm-unit $(MESON_TEST) -C build/arm
+
+fuzzers: build/fuzz/build.ninja ## Test: build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
+	$(LOGGED) fuzzers ninja -C build/fuzz fuzzers
 
 FUZZ_SECONDS := 60
 
-fuzz: fuzzers $(VENV) ## search with the fuzzers, each for FUZZ_SECONDS=60, and go on from there the next time
+fuzz: fuzzers $(VENV) ## Test: search with the fuzzers for FUZZ_SECONDS=60 each; keeps what it learned
 	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
 
 build/native/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true
 
 build/asan/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
 build/fuzz/build.ninja: | $(PACKAGES)
-	CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Db_lundef=false -Db_sanitize=address,undefined \
+	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini
-	meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
 
 build/sysroot.ini: | $(SYSROOT)
-	printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
+	@printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
 
 build/linesim/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(LINESIM)
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(LINESIM)
 
 build/bench/build.ninja: | $(PACKAGES)
-	meson setup $(@D) $(BENCH)
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(BENCH)
+
+# ---- on a Linux machine --------------------------------------------------------------------------
+
+PREFIX  := /usr/local
+DESTDIR :=
+# Each prefix has a build of its own: rtud knows where its modules are.
+INSTALLED = build/installed$(subst /,_,$(PREFIX))
+MAN = build/man
+
+$(INSTALLED)/build.ninja: | $(PACKAGES)
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dman=true \
+	  -Dsystemd=true
+
+install: $(INSTALLED)/build.ninja ## Build: install the gateway on this machine (PREFIX=/usr/local, DESTDIR=)
+	$(LOGGED) installed ninja -C $(INSTALLED)
+	meson install -C $(INSTALLED) --no-rebuild $(if $(DESTDIR),--destdir $(abspath $(DESTDIR)))
+	[ -e $(DESTDIR)/etc/openrtu/gateway.json ] || \
+	  install -D -m 644 $(SRC)/systemd/gateway.json $(DESTDIR)/etc/openrtu/gateway.json
+
+man: $(INSTALLED)/build.ninja $(VENV) ## Build: the man pages, of the tools too
+	$(LOGGED) installed ninja -C $(INSTALLED)
+	mkdir -p $(MAN)
+	cp $(INSTALLED)/man/*.[18] $(MAN)
+	$(SRC)/man/page.py scripts/nuc980-pins 1 'check the device tree of a NUC980 board' $(MAN)/nuc980-pins.1
+	$(SRC)/man/page.py scripts/nuc980-netboot 1 'boot and flash a NUC980 board' $(MAN)/nuc980-netboot.1
+
+deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build/deb
+	scripts/build-deb.sh build/deb
 
 # ---- device tree ---------------------------------------------------------------------------------
 
@@ -94,7 +136,7 @@ SWITCHES :=
 EMPTY :=
 DTB := build/dtb/$(addsuffix /,$(subst $(EMPTY) $(EMPTY),_,$(strip $(SWITCHES))))nuc980-gateway.dtb
 
-dtb: $(VENV) ## generate, compile and check the board's device tree (SWITCHES=...: its first lines)
+dtb: $(VENV) ## Build: the board's device tree: generate, compile, check (SWITCHES=...)
 	scripts/nuc980-pins generate
 	scripts/build-dtb.sh $(DTS) $(DTB) $(SWITCHES)
 	scripts/nuc980-pins check $(addprefix -D ,$(SWITCHES)) $(DTS) $(DTB)
@@ -104,19 +146,19 @@ dtb: $(VENV) ## generate, compile and check the board's device tree (SWITCHES=..
 
 QEMU_PARTS := scripts/build-qemu.sh scripts/patched-source.sh $(shell find board/nuc980/qemu patches/qemu -type f)
 
-qemu: build/qemu/done ## build the emulated board: QEMU with the machine nuc980
+qemu: build/qemu/done ## Build: the emulated board: QEMU with the machine nuc980
 
 build/qemu/done: $(QEMU_PARTS) build/qemu/debian.dsc | build/packages-twin.done
-	scripts/build-qemu.sh build/qemu/debian $(@D)
-	touch $@
+	$(LOGGED) qemu scripts/build-qemu.sh build/qemu/debian $(@D)
+	@touch $@
 
 UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(shell find patches/uboot dts/nuvoton -type f)
 
-uboot: build/u-boot/done ## build the board's U-Boot
+uboot: build/u-boot/done ## Build: the board's U-Boot
 
 build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.done
-	scripts/build-uboot.sh build/u-boot/debian $(@D)
-	touch $@
+	$(LOGGED) u-boot scripts/build-uboot.sh build/u-boot/debian $(@D)
+	@touch $@
 
 # The one that was tried; with another one from the archive the patches apply, or the build says which does not.
 LINUX_VERSION := 6.1.176-1
@@ -124,65 +166,66 @@ LINUX_FRAGMENTS := board/nuc980/linux/hardening.fragment
 LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENTS) \
   $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
 
-linux: build/linux/done ## build the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
+linux: build/linux/done ## Build: the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
 
 build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
-	scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
-	touch $@
+	$(LOGGED) linux scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
+	@touch $@
 
 build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
-	scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
+	$(LOGGED) linux-source scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
 
-linux-debug: build/linux-debug/done ## build a Linux that watches itself (locks, DMA, memory), for the tests
+linux-debug: build/linux-debug/done ## Build: a Linux that watches itself (locks, DMA, memory), for the tests
 
 build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
-	scripts/build-linux.sh build/linux/debian $(@D) board/nuc980/linux/debug.fragment
-	touch $@
+	$(LOGGED) linux-debug scripts/build-linux.sh build/linux/debian $(@D) board/nuc980/linux/debug.fragment
+	@touch $@
 
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
-	scripts/debian-source.sh $* $(@D)/debian
+	$(LOGGED) $*-source scripts/debian-source.sh $* $(@D)/debian
 
 # ---- the image from Debian's packages ------------------------------------------------------------
 
 # A build for a site has a folder of its own.
-SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(OPENRTU_SITE)')))
+SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(SITE_SETTINGS)')))
 # With OpenSSL only where the site's configuration asks for TLS.
-FOR_SITE := $(or $(SITE),$(OPENRTU_SITE))
-GATEWAY := $(or $(if $(FOR_SITE),$(shell scripts/image/rootfs.py gateway '$(FOR_SITE)')),gateway)
+FOR_SITE := $(or $(SITE),$(SITE_SETTINGS))
+GATEWAY := $(or $(if $(FOR_SITE),$(shell PYTHONPATH=scripts python3 -m image.rootfs gateway '$(FOR_SITE)' 2> /dev/null)),gateway)
 SYSTEM_PARTS := build/linux/done build/busybox/done build/chrony/done build/root/packages.done build/root/$(GATEWAY).done \
   build/dtb/nuc980-gateway.dtb
 
-system: $(SYSTEM_PARTS) ## build the image for the board from Debian's packages (SITE=folder: with its settings)
-	scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
+image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
+	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
 
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
-	scripts/build-busybox.sh build/busybox/debian $(@D)
-	touch $@
+	$(LOGGED) busybox scripts/build-busybox.sh build/busybox/debian $(@D)
+	@touch $@
 
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
-	scripts/build-chrony.sh build/chrony/debian $(@D)
-	touch $@
+	$(LOGGED) chrony scripts/build-chrony.sh build/chrony/debian $(@D)
+	@touch $@
 
 build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | build/packages-twin.done
-	mkdir -p $(@D)
-	packages=$$(scripts/image/rootfs.py packages) && ARCHITECTURE=armel scripts/debian-package.sh $(@D)/packages $$packages
-	touch $@
+	@mkdir -p $(@D)
+	@packages=$$(PYTHONPATH=scripts python3 -m image.rootfs packages) && \
+	  scripts/logged.sh root-packages env ARCHITECTURE=armel scripts/debian-package.sh $(@D)/packages $$packages
+	@touch $@
 
 build/root/gateway.done: build/arm-release/build.ninja
 build/root/gateway-tls.done: build/arm-release-tls/build.ninja
 build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f)
-	ninja -C $(patsubst build/root/gateway%.done,build/arm-release%,$@)
-	rm -rf $(@:.done=)
-	DESTDIR=$(CURDIR)/$(@:.done=) meson install -C $(patsubst build/root/gateway%.done,build/arm-release%,$@) \
-	  --strip --no-rebuild --quiet
-	touch $@
+	$(LOGGED) $(notdir $(@:.done=)) ninja -C $(patsubst build/root/gateway%.done,build/arm-release%,$@)
+	@rm -rf $(@:.done=)
+	$(LOGGED) $(notdir $(@:.done=))-install env DESTDIR=$(CURDIR)/$(@:.done=) \
+	  meson install -C $(patsubst build/root/gateway%.done,build/arm-release%,$@) --strip --no-rebuild --quiet
+	@touch $@
 
 build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini
-	meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dtls=$(if $(findstring -tls,$@),true,false) \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dtls=$(if $(findstring -tls,$@),true,false) \
 	  --cross-file $< --cross-file scripts/armel.ini
 
 build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
-	scripts/build-dtb.sh $(DTS) $@
+	@scripts/build-dtb.sh $(DTS) $@
 
 # ---- the image -----------------------------------------------------------------------------------
 
@@ -196,20 +239,24 @@ export BR2_DL_DIR     ?= $(CURDIR)/build/dl
 export BR2_CCACHE_DIR ?= $(CURDIR)/build/ccache
 
 ifdef SITE
-export OPENRTU_SITE := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
-$(if $(OPENRTU_SITE),,$(error SITE=$(SITE) is no folder; docs/image.md says what belongs in it))
+export SITE_SETTINGS := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
 endif
 
-image: $(IMAGES:%=build/%/images/manifest.json) ## build the images for the board (SITE=folder: with its settings)
+image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: the board's images with Buildroot (SITE=folder)
 
-checkout: $(BUILDROOT_DIR)/Makefile ## bring Buildroot (BUILDROOT_DIR=folder: use that one)
+# The names of before.
+.PHONY: system image
+system: image-debian
+image: image-buildroot
 
-menuconfig: ## change an image's configuration (IMAGE=nuc980_netboot: of the other one)
-savedefconfig: ## write what menuconfig changed back into configs/
-linux-menuconfig: ## change the kernel's configuration; ends with the lines for a fragment
-sdk: ## pack the cross toolchain and the libraries of the target
-legal-info: ## collect licences and sources
-sbom: ## write the image's bill of materials (CycloneDX)
+checkout: $(BUILDROOT_DIR)/Makefile ## Build: bring Buildroot (BUILDROOT_DIR=folder: use that one)
+
+menuconfig: ## Maintain: change a Buildroot image's configuration (IMAGE=nuc980_netboot)
+savedefconfig: ## Maintain: write what menuconfig changed back into configs/
+linux-menuconfig: ## Maintain: change that image's kernel; ends with the lines for a fragment
+sdk: ## Maintain: pack the cross toolchain and the target's libraries
+legal-info: ## Maintain: collect licences and sources
+sbom: ## Maintain: write the image's bill of materials (CycloneDX)
 
 menuconfig sdk legal-info: build/$(IMAGE)/.config
 	$(BUILDROOT) $@
@@ -228,11 +275,11 @@ sbom: build/$(IMAGE)/.config
 	  --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { echo "sbom: $$(tail -n 1 \
 	  build/$(IMAGE)/sbom.log); Buildroot fetches the list of SPDX licences for it, once" >&2; exit 2; }
 
-check-image: $(VENV) ## check the configurations with Buildroot's own tools
+check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
 $(IMAGES:%=build/%/images/manifest.json): build/%/images/manifest.json: build/%/.config FORCE
-	$(call buildroot,$*)
+	$(LOGGED) $* $(call buildroot,$*)
 
 $(IMAGES:%=build/%/.config): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
@@ -255,74 +302,101 @@ PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
-SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
+SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
-lint: $(VENV) ## check the sources: ruff, clang-format, cppcheck, shellcheck
+lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
-	clang-format --dry-run -Werror $(C_FILES)
+	@echo clang-format --dry-run -Werror
+	@clang-format --dry-run -Werror $(C_FILES)
 	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
 	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
 	shellcheck --external-sources $(SHELL_FILES)
 
-test-quick: lint unit $(VENV) ## the tests of two minutes: lint, C unit tests, quick pytest
-	$(PYTHON) -m pytest -n 4 --dist loadscope -m "not slow and not soak"
+# Many of these wait for a line, a timer or a guest: some at a time fill two cores. A file's tests share what they start.
+WORKERS := 4
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
+  --max-worker-restart 0
 
-test-twin: qemu uboot $(VENV) ## the tests of the emulated board
-	$(PYTHON) -m pytest tests/twin
+test-quick: $(VENV) ## Test: two minutes: lint, C unit tests, the quick half of pytest
+	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
+
+.PHONY: .quick
+.quick: build $(VENV)
+	$(PYTEST) -m "not slow and not soak"
+
+# One area: all of it, or FILES='tests/…'.
+FILES :=
+AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
+
+test-station: build $(VENV) ## Test: the controlled station: IEC 104 and TLS
+test-lines: build $(VENV) ## Test: the Modbus lines
+test-gateway: build .asan fuzzers build/packages-deb.done $(VENV) ## Test: the gateway as a whole, its configuration, the tree
+test-bench: build $(VENV) ## Test: what make bench measures with
+test-pins: $(VENV) ## Test: nuc980-pins
+test-image: $(VENV) ## Test: the images' configuration and what makes them
+test-netboot: build qemu uboot $(VENV) ## Test: nuc980-netboot
+test-twin: qemu uboot $(VENV) ## Test: the emulated board alone
+test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin:
+	$(AREA)
+
+test-linux: linux linux-debug image-debian lab qemu uboot $(VENV) ## Test: Linux on the emulated board
+	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
+	$(MAKE) image-debian SITE=tests/linux/site-tls
+	$(AREA)
+
+test-sanitizers: build .asan $(VENV) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
+	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
+
+test-native: build .asan fuzzers qemu uboot build/packages-deb.done $(VENV) ## Test: all of pytest but Linux on the emulated board
+	$(PYTEST) --ignore=tests/linux
+
+test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
+	$(PYTHON) tests/changed.py $(BASE)
 
 PARTS := lint unit asan cross fuzzers test-sanitizers test-native test-linux
 
-test: $(VENV) ## all tests, to the end; then what they cost, and which parts failed
+test: $(VENV) ## Test: all but soak, an hour on two cores; then what it cost and what failed
 	rm -rf build/times
 	failed=; for part in $(PARTS); do $(MAKE) $$part || failed+=" $$part"; done; \
-	$(PYTHON) tests/times.py build/times/*.json; \
+	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
-# Many of these wait for a line, a timer or a guest: two at a time fill two cores. A file's tests share what they start.
-PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n 2 --dist loadfile --max-worker-restart 0
+BUSY := 8
+TIMES := 20
 
-test-sanitizers: build asan $(VENV) ## the gateway's tests with modules under AddressSanitizer and UBSan
-	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
+busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
+	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-test-native: build asan fuzzers qemu uboot $(VENV) ## all pytest but those of Linux on the emulated board
-	$(PYTEST) --ignore=tests/linux
-
-test-linux: linux linux-debug system lab qemu uboot $(VENV) ## all tests of Linux on the emulated board
-	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
-	$(MAKE) system SITE=tests/linux/site-tls
-	$(PYTEST) tests/linux
-
-soak: build qemu uboot linux system $(VENV) ## the long tests: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
+soak: build qemu uboot linux image-debian $(VENV) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
 
 LAB := PYTHONPATH=scripts $(PYTHON) -m lab
+AT_PORT = $(if $(PORT),--port '$(PORT)')
+
+run-native: build $(VENV) ## See it: the gateway on this machine, built and shown in a minute (KEEP=1; PORT=2405)
+	@$(LAB) $(AT_PORT) $(if $(KEEP),--keep)
 
 # The system of `make run`, for a site of its own.
-lab: $(VENV) ## build the image that `make run` shows
-	$(LAB).site build/site
-	$(MAKE) system SITE=build/site/lab
+lab: $(VENV) build/packages-twin.done ## Build: the image that `make run` boots
+	@$(LAB).site build/site
+	@$(MAKE) image-debian SITE=build/site/lab
 
 ifneq ($(origin IMAGE),command line)
-run: build $(VENV) ## show the emulated board, from reset to the control room (KEEP=1: stay up; IMAGE=folder: boot that)
-	$(LAB).build build/log qemu uboot linux lab
-	$(LAB).board_show $(if $(KEEP),--keep)
+run: build qemu uboot lab $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)
+	@$(LAB).board_show $(AT_PORT) $(if $(KEEP),--keep)
 else
-run: $(VENV)
-	$(LAB).build build/log qemu uboot
-	$(LAB).image $(IMAGE)
+run: qemu uboot $(VENV)
+	@$(LAB).image '$(IMAGE)'
 endif
 
-run-native: build $(VENV) ## show the gateway alone, on this machine (KEEP=1: stay up for your own master)
-	$(LAB) $(if $(KEEP),--keep)
+twin: qemu uboot $(VENV) ## See it: the emulated board: from reset to a file over TFTP, its pins, a wrong pin
+	@$(LAB).twin_show
 
-twin: qemu uboot $(VENV) ## show the emulated board: from reset to a file over TFTP, its pins, a wrong pin
-	PYTHONPATH=scripts $(PYTHON) -m nuc980.twin
-
-bench: build qemu uboot $(VENV) ## measure the gateway beside the report's method, its station beside c104's, its lines beside pymodbus', nuc980-pins beside dt-validate, TFTP beside tftpd-hpa (LIB60870=folder: its station beside lib60870 in C too)
+bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
@@ -332,19 +406,24 @@ bench: build qemu uboot $(VENV) ## measure the gateway beside the report's metho
 
 # ---- a real board --------------------------------------------------------------------------------
 
-ifeq ($(filter netboot,$(MAKECMDGOALS))$(PORT),netboot)
-$(error netboot: PORT=/dev/ttyUSB0 or the like is missing: where the board's debug UART is)
-endif
 NETBOOTED = $(if $(filter command line,$(origin IMAGE)),build/$(IMAGE)/images,$(SYSTEM))
 
-netboot: $(if $(filter command line,$(origin IMAGE)),,system) $(VENV) ## boot a board over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=; IMAGE=name: what make image built)
-	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(OPENRTU_SITE)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
+netboot: $(if $(filter command line,$(origin IMAGE)),,image-debian) $(VENV) ## A board: boot it over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=, IMAGE=)
+	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(SITE_SETTINGS)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
 	  --console $(NETBOOTED)/uImage $(NETBOOTED)/nuc980-gateway.dtb
 
 # ---- away with it --------------------------------------------------------------------------------
 
-clean: ## remove what was built
+clean: ## Maintain: remove what was built
 	rm -rf build
 
-distclean: clean ## remove the Python environment as well
+distclean: clean ## Maintain: remove the Python environment as well
 	rm -rf .venv .pytest_cache .ruff_cache
+
+# ---- what was typed ------------------------------------------------------------------------------
+
+# Before anything is built. Last, where all that has a default has it.
+TYPED := $(foreach name,PORT BOARD_IP IMAGE IMAGES SITE DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
+  IMAGE_TYPED=$(filter command,$(origin IMAGE))
+REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
+$(if $(REFUSED),$(error $(REFUSED)))

@@ -1,9 +1,14 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # build-dtb.sh SOURCE DTB [SWITCH=0|1 ...]: compiles a device tree; a warning is an error.
+# build-dtb.sh --check SOURCE [SWITCH=0|1 ...]: says whether SOURCE has these switches.
 set -euo pipefail
 
-source=$1 dtb=$2
+if [[ $1 == --check ]]; then
+	source=$2 dtb=
+else
+	source=$1 dtb=$2
+fi
 shift 2
 switches=$(sed -n 's/^#ifndef //p' "$source" | paste -sd ' ')
 for switch in "$@"; do
@@ -12,6 +17,7 @@ for switch in "$@"; do
 		exit 2
 	fi
 done
+[[ -n $dtb ]] || exit 0
 
 mkdir -p "$(dirname "$dtb")"
 log=$(mktemp)

@@ -69,10 +69,10 @@ build() {
 	local date defconfig=$source/arch/arm/configs/nuc980_defconfig
 	date=$(dpkg-parsechangelog --file "$changelog" --show-field Date)
 	export KBUILD_BUILD_TIMESTAMP=$date KBUILD_BUILD_USER=openrtu KBUILD_BUILD_HOST=openrtu KBUILD_BUILD_VERSION=1
-	local linux=(make --silent --directory="$source" "O=$folder/build")
+	local linux=(make --directory="$source" "O=$folder/build")
 	mkdir -p "$folder/build"
 	cat "$defconfig" "$@" >"$folder/build/.config"
-	"${linux[@]}" olddefconfig >"$folder/config.log" 2>&1
+	"${linux[@]}" olddefconfig
 	check_configured "$defconfig" "$@"
 	"${linux[@]}" --jobs="$(nproc)" zImage
 	install --target-directory="$folder" "$folder"/build/{arch/arm/boot/zImage,vmlinux,.config}

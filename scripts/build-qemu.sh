@@ -21,9 +21,8 @@ configure() {
 
 "$tree/scripts/patched-source.sh" "$debian" "$tree/board/nuc980/qemu" "$folder/source" "$tree"/patches/qemu/*.patch
 if ! [[ -e $folder/build/build.ninja ]]; then
-	configure >"$folder/configure.log" 2>&1 || {
+	(configure) || {
 		rm -f "$folder/build/build.ninja"
-		tail -n 20 "$folder/configure.log" >&2
 		exit 1
 	}
 fi

@@ -32,7 +32,7 @@ build() {
 	version=$(dpkg-parsechangelog --file "$changelog" --show-field Version)
 	SOURCE_DATE_EPOCH=$(dpkg-parsechangelog --file "$changelog" --show-field Timestamp)
 	export SOURCE_DATE_EPOCH
-	local uboot=(make --silent --directory="$folder/source" "O=$folder/build" "LOCALVERSION=+${version#*+}")
+	local uboot=(make --directory="$folder/source" "O=$folder/build" "LOCALVERSION=+${version#*+}")
 	"${uboot[@]}" nuc980_gateway_defconfig
 	"${uboot[@]}" --jobs="$(nproc)" u-boot.bin u-boot.dtb
 	install --target-directory="$folder" "$folder/build"/{u-boot.bin,u-boot,u-boot.dtb}

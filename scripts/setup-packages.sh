@@ -28,5 +28,5 @@ fi >&2
 
 # wireshark-common would ask who may capture packets
 export DEBIAN_FRONTEND=noninteractive
-apt-get update
-"${install[@]}"
+# shellcheck disable=SC2016 # the inner shell's
+scripts/logged.sh "$(basename "$1" .txt)" bash -c 'apt-get update && "$@"' - "${install[@]}"

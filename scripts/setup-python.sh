@@ -13,7 +13,7 @@ fi
 for python in python3 /usr/bin/python3; do
 	if "$python" -c 'import sys, ensurepip, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
 		"$python" -m venv --clear "$1"
-		exec "$1/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$2"
+		exec scripts/logged.sh python "$1/bin/python" -m pip install --disable-pip-version-check --requirement "$2"
 	fi
 done
 echo "setup: no python3 of at least 3.11 with venv was found; install Debian's python3-venv (Debian 12 or newer)" >&2

@@ -3,16 +3,65 @@
 
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling
 
 import capture
+from areas import AREAS, area_of
 from desk import Desk, chapter_5, desk_of
 from times import Times
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+# Each of these files' tests starts a board of its own: they go to whichever worker is free.
+SPREAD = {
+    "tests/linux/test_data_volume.py",
+    "tests/linux/test_mistakes.py",
+    "tests/netboot/test_boot_twin.py",
+    "tests/netboot/test_environment.py",
+    "tests/netboot/test_flash_twin.py",
+    "tests/netboot/test_power_cut.py",
+}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--area", choices=AREAS, help="only the tests of this area")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    area = config.getoption("--area")
+    if not area or collection_path.is_dir():
+        return None
+    return area_of(str(collection_path.relative_to(ROOT))) != area or None
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Files with many slow tests first, those that are spread last: so the workers end together."""
+    if config.getoption("--dist") == "loadfile":
+        slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+        items.sort(key=lambda item: (file_of(item.nodeid) in SPREAD, -slow[item.path]))
+
+
+def file_of(test: str) -> str:
+    return test.partition("::")[0]
+
+
+class FileByFile(LoadFileScheduling):
+    """A file's tests share what they start, and so a worker."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return nodeid if file_of(nodeid) in SPREAD else file_of(nodeid)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FileByFile | None:
+    return FileByFile(config, log) if config.getoption("--dist") == "loadfile" else None
 
 
 def pytest_configure(config: pytest.Config) -> None:

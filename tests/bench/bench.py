@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-`make bench`: one table, ours beside the method of report 003, measured by one stop-watch in one run.
+`make bench`: one table, ours beside the method of the project report, measured by one stop-watch in one run.
 What the rows mean: docs/bench.md. No time is asserted.
 Exit codes: 0 done, 1 something did not work, 2 wrong usage or not built.
 """
@@ -183,7 +183,7 @@ def missing() -> list[Path]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Measures the gateway beside the method of report 003.")
+    parser = argparse.ArgumentParser(description="Measures the gateway beside the project report's method.")
     parser.add_argument("--quick", action="store_true", help="a try of some ten seconds")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build", help="folder for the table")
     arguments = parser.parse_args()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is compared: our gateway and the report's method, on a line of the set-up of report 003, chapter 5."""
+"""What is compared: our gateway and the project report's method, on a line of its chapter 5."""
 
 from __future__ import annotations
 

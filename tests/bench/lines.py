@@ -78,7 +78,7 @@ class Amounts:
     speeds: tuple[Speeds, ...]
     seconds: float  # of one reading
     readings: int
-    dead_seconds: float  # of one reading beside a dead device, which is probed ever more rarely
+    dead_seconds: float  # of one reading beside a dead device, which is probed less and less often
     dead_readings: int
 
 

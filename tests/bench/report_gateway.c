@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The method of report 003, to be measured beside ours: an interrogation is answered by reading the device
+ * The method of the project report, to be measured beside ours: an interrogation is answered by reading the device
  * inside the interrogation handler (figure 4.21), one Modbus request a point (figure 5.4), and there are no
  * events. Plain libmodbus, and the least controlled station that serves one controlling station.
  */

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from lab.gateway import free_port, remove, run_directory
 from nuc980.twin.linux import Kernel, Linux
+from peers.tls_gateway import Pki, public_keys
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -23,7 +25,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def kernel() -> Kernel:
-    """The kernel of `make linux`, or of the folder that OPENRTU_KERNEL names; the root of `make system`."""
+    """The kernel of `make linux`, or of the folder OPENRTU_KERNEL; the root of `make image-debian`."""
     folder = Path(os.environ.get("OPENRTU_KERNEL", ROOT / "build/linux")).resolve()
     root = Path(os.environ.get("OPENRTU_ROOT", ROOT / "build/system.parts/initramfs.cpio")).resolve()
     dtb = ROOT / "build/dtb/nuc980-gateway.dtb"
@@ -43,6 +45,20 @@ def serial_line(tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=True,
     )  # fmt: skip
     return program
+
+
+@pytest.fixture(scope="module")
+def pki() -> Iterator[Pki]:
+    """Of a site with TLS."""
+    folder = run_directory()
+    yield public_keys(folder)
+    remove(folder)
+
+
+@pytest.fixture(scope="module")
+def port() -> int:
+    """A free TCP port of this machine, for the board's station."""
+    return free_port()
 
 
 Boot = Callable[..., Linux]

@@ -68,7 +68,7 @@ def test_backup_is_the_flash_also_after_the_first_was_killed(
     """The tool dies while Linux sends: nothing is written, nothing is a backup, and the board comes back."""
     kernel, tree = SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb"
     if not kernel.exists():
-        pytest.fail(f"{kernel} is not there: `make system`", pytrace=False)
+        pytest.fail(f"{kernel} is not there: `make image-debian`", pytrace=False)
     (tmp_path / "root.ubi").write_bytes(ubi_image(tmp_path, "root", 1))
     before = copy(NandImage(tmp_path / "nand"), tmp_path / "before")
     common = [

@@ -18,9 +18,10 @@ from typing import Any
 import pytest
 from uarts import Uart
 
-from lab.board import PORTS, RESPONSE_MS, SILENCE_US, Board, lines_at
+from lab.board import PORTS, SILENCE_US, Board, lines_at
 from lab.gateway import GatewayError, remove, run_directory
 from lab.linesim import LineSim
+from lab.show import RESPONSE_MS
 from nuc980.twin.linux import Linux
 
 FORMATS = ("8N1", "8N2", "8E1", "8E2", "8O1", "8O2")

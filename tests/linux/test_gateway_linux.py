@@ -106,7 +106,7 @@ def kernel(kernel: Kernel, folder: Path) -> Kernel:
     """With MAC addresses, as netboot gives them: QEMU's network loses a board that makes up new ones."""
     dtb = Path(shutil.copy(kernel.dtb, folder))
     (folder / "macs").write_text(macs_file())
-    environment = os.environ | {"OPENRTU_SITE": str(folder)}
+    environment = os.environ | {"SITE_SETTINGS": str(folder)}
     subprocess.run([ROOT / "board/nuc980/place-macs.sh", dtb], env=environment, check=True)
     return dataclasses.replace(kernel, dtb=dtb)
 

@@ -17,9 +17,10 @@ import pytest
 from uarts import FUNCSEL, RS485, Moment, Uart
 
 from desk import everything_read
-from lab.board import RESPONSE_MS, SILENCE_US, Board
+from lab.board import SILENCE_US, Board
 from lab.gateway import GatewayError, remove, run_directory
 from lab.linesim import LineSim
+from lab.show import RESPONSE_MS
 from nuc980.twin.linux import Linux
 
 # Time stands still while the host is busy elsewhere.

@@ -4,10 +4,10 @@
 from pathlib import Path
 
 from lab.board import ETHERNET, netboot
-from netboot.flashbench import BLOCK, noise, ubi_image
+from netboot.flashbench import noise, ubi_image
 from nuc980.netboot.progress import Progress
 from nuc980.twin.machine import Machine
-from nuc980.twin.nand import BLOCKS, NandImage
+from nuc980.twin.nand import BLOCKS, DATA, PAGES, NandImage
 from nuc980.twin.uboot import Console
 
 SYSTEM = Path(__file__).resolve().parents[2] / "build/system"
@@ -16,18 +16,20 @@ IN_RAM = 0x1000000
 
 
 def factorys(qemu: Path, uboot: Path, folder: Path) -> NandImage:
-    """A flash without tables of bad blocks: a UBI that would grow when attached, and data to the end."""
+    """A flash without tables of bad blocks: a UBI that would grow when attached, and data to the end.
+
+    A U-Boot that makes tables has made them by then: the data takes their place.
+    """
     nand = NandImage.blank(folder / "nand")
     nand.mark_bad(1000)
     drive = ("-drive", f"if=mtd,format=raw,file={nand.path}")
     with Machine(qemu, "-bios", uboot, *drive, options="pace=off") as machine:
         console = Console(machine)
-        for at, content in (
-            (ROOT_AT, ubi_image(folder, "factory", 1)),
-            ((BLOCKS - LAST) * BLOCK, noise(LAST * BLOCK, 2)),
-        ):
-            machine.write_memory(IN_RAM, content)
-            assert "OK" in console.run(f"nand write {IN_RAM:#x} {at:#x} {len(content):#x}")
+        content = ubi_image(folder, "factory", 1)
+        machine.write_memory(IN_RAM, content)
+        assert "OK" in console.run(f"nand write {IN_RAM:#x} {ROOT_AT:#x} {len(content):#x}")
+    for block in range(BLOCKS - LAST, BLOCKS):
+        nand.write(block * PAGES, noise(DATA, block))
     return nand
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image of `make system` for a site: who runs, who listens, what can be written, what it takes."""
+"""The image of `make image-debian` for a site: who runs, who listens, what can be written, what it takes."""
 
 import hashlib
 import json
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 POST_BUILD = ROOT / "board/nuc980/post-build.sh"
 LISTEN_SECONDS = 60
 
-# 50 devices of 100 registers: as many points as issue 7 measures with.
+# 50 devices of 100 registers: the 5 000 points of all measurements.
 LINES, DEVICES, REGISTERS = 6, 50, 100
 STATIONS = [1000 * (1 + at % LINES) + 1 + at // LINES for at in range(DEVICES)]
 # What the board can spare.
@@ -93,7 +93,7 @@ def root_with(site: Path | None, folder: Path) -> Path:
     """The image's root with the settings of a site, packed, as build-system.sh does it."""
     root = folder / "root"
     shutil.copytree(ROOT / "build/system.parts/root", root, symlinks=True)
-    subprocess.run([POST_BUILD, root], env={**os.environ, "OPENRTU_SITE": str(site or "")}, check=True)
+    subprocess.run([POST_BUILD, root], env={**os.environ, "SITE_SETTINGS": str(site or "")}, check=True)
     packed = folder / "initramfs.cpio"
     packed.write_bytes(archive(entries_of(root)))
     return packed

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image of `make system` for a site with TLS (site-tls): who comes in, what it takes on the twin."""
+"""The image of `make image-debian` for a site with TLS (site-tls): who may connect, and its costs."""
 
 import json
 import re
 import socket
 import ssl
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,10 @@ import pytest
 
 from image.manifest import read_limits
 from lab.board import ETHERNET
-from lab.gateway import TESTFR_ACT, TESTFR_CON, free_port, remove, run_directory
+from lab.gateway import TESTFR_ACT, TESTFR_CON
 from lab.raw_master import RawMaster
 from nuc980.twin.linux import Kernel, Linux
-from peers.tls_gateway import VERSIONS, Pki, public_keys, received
+from peers.tls_gateway import VERSIONS, Pki, received
 
 ROOT = Path(__file__).resolve().parents[2]
 BOARD = ROOT / "board/nuc980"
@@ -29,18 +28,6 @@ AVAILABLE_KIB = 32 * 1024
 HANDSHAKES = 10
 # The board's time is counted in instructions, of 8 ns each: a busy host does not make it longer.
 INSTRUCTION_TIME = ("-icount", "shift=3")
-
-
-@pytest.fixture(scope="module")
-def pki() -> Iterator[Pki]:
-    folder = run_directory()
-    yield public_keys(folder)
-    remove(folder)
-
-
-@pytest.fixture(scope="module")
-def port() -> int:
-    return free_port()
 
 
 def configuration() -> str:
@@ -57,7 +44,7 @@ def configuration() -> str:
 def linux(boot: Any, pki: Pki, port: int) -> Linux:
     """The uImage as it is; over it the points, and the files that an engineer puts into /data."""
     if not (IMAGE / "uImage").exists():
-        pytest.fail(f"{IMAGE}/uImage is not there: `make system SITE=tests/linux/site-tls`", pytrace=False)
+        pytest.fail(f"{IMAGE}/uImage is missing: make image-debian SITE=tests/linux/site-tls", pytrace=False)
     files: dict[str, Path | str] = {
         "/etc/openrtu/gateway.json": configuration(),
         "/keys/station.pem": pki.station.certificate,

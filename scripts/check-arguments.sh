@@ -1,0 +1,88 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+# check-arguments.sh GOAL...: says in one line what make cannot do with its arguments, which are in the environment by
+# their names there; says nothing when they are sound. It needs nothing that is installed or built by this tree.
+set -euo pipefail
+shopt -s nullglob
+
+refuse() {
+	echo "$*"
+	exit 0
+}
+
+# some WORD...: the words, or "none".
+some() {
+	if (($#)); then echo "$*"; else echo none; fi
+}
+
+check_tcp_port() {
+	if [[ ! ${PORT:-1} =~ ^[1-9][0-9]{0,4}$ ]] || ((${PORT:-1} > 65535)); then
+		refuse "PORT=$PORT is no TCP port: a number from 1 to 65535, as PORT=2405"
+	fi
+}
+
+check_serial_port() {
+	local example="PORT=/dev/ttyUSB0 or the like"
+	case ${PORT:-} in
+	'') refuse "netboot: $example is missing: where the board's debug UART is" ;;
+	socket://*:* | rfc2217://*:*) ;;
+	*) [[ -c $PORT ]] || refuse "netboot: PORT=$PORT is no serial port; those of this machine:" \
+		"$(some /dev/serial/by-id/* /dev/ttyUSB* /dev/ttyACM*)" ;;
+	esac
+}
+
+check_board_ip() {
+	[[ -z ${BOARD_IP:-} || $BOARD_IP =~ ^[0-9]{1,3}(\.[0-9]{1,3}){3}/[0-9]{1,2}$ ]] ||
+		refuse "BOARD_IP=$BOARD_IP is no address with its prefix, as BOARD_IP=192.168.1.20/24"
+}
+
+# check_image FOLDER: what `make image` or `make system` made.
+check_image() {
+	local name folder=$1
+	[[ ! -d $folder/images ]] || folder+=/images
+	for name in uImage nuc980-gateway.dtb; do
+		[[ -f $folder/$name ]] || refuse "there is no image in $folder: it lacks $name;" \
+			"make image-buildroot makes build/nuc980_gateway and build/nuc980_netboot, make image-debian build/system"
+	done
+}
+
+# check_configuration NAME ARGUMENT: an image that configs/ describes.
+check_configuration() {
+	[[ $1 =~ ^[a-z0-9_]+$ && -f configs/${1}_defconfig ]] || refuse "$2: there is no configs/${1}_defconfig; there are" \
+		"$(cd configs && some ./*_defconfig | sed 's|[.]/||g; s/_defconfig//g')"
+}
+
+check_site() {
+	local found
+	[[ -d $SITE ]] || refuse "SITE=$SITE is no folder; docs/image-buildroot.md says what belongs in it"
+	for script in post-build place-macs; do
+		found=$(SITE_SETTINGS=$SITE "board/nuc980/$script.sh" 2>&1) || refuse "SITE=$SITE: $found"
+	done
+	command -v python3 >/dev/null || refuse "SITE=$SITE cannot be read without Python; make setup brings it"
+	found=$(PYTHONPATH=scripts python3 -m image.rootfs gateway "$SITE" 2>&1) || refuse "SITE=$SITE: $found"
+}
+
+check_device_tree() {
+	local found
+	[[ -f $DTS ]] || refuse "DTS=$DTS is no file"
+	# shellcheck disable=SC2086 # words
+	found=$(scripts/build-dtb.sh --check "$DTS" ${SWITCHES:-} 2>&1) || refuse "SWITCHES=$SWITCHES: $found"
+}
+
+[[ -z ${SITE:-} ]] || check_site
+for goal; do
+	case $goal in
+	run | run-native) check_tcp_port ;;&
+	run) [[ -z ${IMAGE_TYPED:-} ]] || check_image "${IMAGE:-.}" ;;
+	netboot)
+		check_serial_port
+		check_board_ip
+		[[ -z ${IMAGE_TYPED:-} ]] || check_image "build/$IMAGE"
+		;;
+	image | image-buildroot) for image in $IMAGES; do check_configuration "$image" "IMAGES=$image"; done ;;
+	menuconfig | linux-menuconfig | savedefconfig | sdk | legal-info | sbom) check_configuration "$IMAGE" "IMAGE=$IMAGE" ;;
+	dtb) check_device_tree ;;
+	fuzz) [[ $FUZZ_SECONDS =~ ^[1-9][0-9]{0,5}$ ]] || refuse "FUZZ_SECONDS=$FUZZ_SECONDS is no number of seconds" ;;
+	bench) [[ -z ${LIB60870:-} || -d $LIB60870 ]] || refuse "LIB60870=$LIB60870 is no folder; it names lib60870's source" ;;
+	esac
+done

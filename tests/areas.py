@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which area a test is in, and which parts of `make test` a change of a file can reach."""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Of the files in tests/ itself, by what their names begin with; the first that fits.
+STARTS = {
+    "test_station": "station",
+    "test_line": "lines",
+    "test_modbus": "lines",
+    "test_read_back": "lines",
+    "test_": "gateway",
+}
+# A folder of tests is an area. Each area is a target of the Makefile: test-station, …
+AREAS = ("station", "lines", "gateway", "bench", "pins", "image", "netboot", "twin", "linux")
+TARGETS = {area: f"test-{area}" for area in AREAS}
+
+# The other targets that test something, and what they stand for below.
+C = "lint unit asan cross"
+DESK = "test-sanitizers test-station test-lines test-gateway test-bench"  # the gateway on this machine
+BOARDS = "test-twin test-netboot test-linux"  # all that runs on the emulated board
+ON_BOARD = (  # the gateway there
+    "tests/linux/test_data_volume.py tests/linux/test_debug_kernel.py tests/linux/test_gateway_*.py "
+    "tests/linux/test_ntp.py "
+    "tests/linux/test_realtime.py tests/linux/test_run.py tests/linux/test_system*.py "
+    "tests/linux/test_watchdog_gateway.py"
+)
+TREE = "tests/test_tree.py"  # it reads every file
+ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
+
+# What a change of a path can reach: targets, or files of tests. The first pattern that fits counts; what
+# fits none can reach all.
+REACH = [
+    # pages: who reads them
+    ("docs/configuration.md", "tests/test_config.py"),
+    ("docs/limit.md", "tests/test_config.py"),
+    ("docs/interoperability.md", "tests/test_interoperability.py"),
+    ("docs/faults.md", "tests/test_line_faults.py"),
+    ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_station_tls*.py"),
+    ("docs/traps.md", "tests/test_station_traps.py"),
+    ("docs/realtime.md", "tests/linux/test_realtime.py"),
+    ("docs/netboot.md", "tests/netboot/test_netboot_docs.py"),
+    ("docs/defconfig.md", "test-image"),
+    ("docs/image-*.md", "test-image"),
+    ("docs/device-tree.md", "tests/pins/test_cli.py"),
+    ("docs/figures/run-native.svg", "tests/test_show.py"),
+    ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
+    ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
+    ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
+    ("*.md", TREE),
+    ("LICENSES/*", TREE),
+    ("REUSE.toml", TREE),
+    # the software on the target
+    ("package/openrtu/src/*/test_*.[ch]", C),
+    ("package/openrtu/src/*fuzz*", f"{C} fuzzers tests/test_fuzz.py"),
+    ("package/openrtu/src/VERSION", f"{C} {DESK} test-image {ON_BOARD}"),
+    ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
+    ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
+    ("package/openrtu/*", f"test-image {ON_BOARD}"),
+    # the tools
+    ("scripts/lab/twin_show.py", "test-twin"),
+    ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
+    ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux"),
+    ("scripts/nuc980-pins", "test-pins"),
+    ("scripts/nuc980/netboot/errors.py", "test-netboot tests/twin/test_uboot.py test-linux test-bench tests/test_verdict.py"),
+    ("scripts/nuc980/netboot/*", "test-netboot tests/twin/test_uboot.py test-linux test-bench"),
+    ("scripts/nuc980-netboot", "test-netboot"),
+    ("scripts/nuc980/twin/*", f"{BOARDS} test-bench"),
+    ("scripts/image/*", f"test-image {BOARDS}"),
+    ("scripts/build-dtb.sh", f"test-pins test-image {BOARDS}"),
+    ("scripts/validate-dtb.sh", "test-pins"),
+    ("scripts/build-qemu.sh", BOARDS),
+    ("scripts/build-uboot.sh", BOARDS),
+    ("scripts/patched-source.sh", BOARDS),
+    ("scripts/debian-source.sh", BOARDS),
+    ("scripts/build-deb.sh", "tests/test_installation.py"),
+    ("scripts/build-*.sh", "test-linux"),
+    ("scripts/debian-package.sh", "test-linux test-bench"),
+    ("scripts/no-buildroot.sh", "test-image"),
+    ("scripts/setup-sysroot.sh", "cross test-linux"),
+    ("scripts/armel.ini", "cross test-linux"),
+    # the board
+    ("board/nuc980/qemu/*", f"lint {BOARDS}"),
+    ("board/nuc980/pins.yml", f"test-pins {BOARDS}"),
+    ("board/*", "lint test-image test-pins test-netboot test-linux"),
+    ("dts/*", f"test-pins test-image {BOARDS}"),
+    ("patches/qemu/*", f"test-image {BOARDS}"),
+    ("patches/uboot/*", f"test-image {BOARDS}"),
+    ("patches/linux/*", "test-image test-pins test-linux"),
+    ("configs/*", "test-image tests/linux/test_run.py"),
+    ("br2-external/*", "test-image"),
+    (".github/*", "test-image"),
+    # the tests; a file of tests reaches itself
+    ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
+    ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
+    ("tests/desk.py", f"{DESK} {ON_BOARD}"),
+    ("tests/bare.py", DESK),
+    ("tests/capture.py", DESK),
+    ("tests/changed.py", "tests/test_changed.py"),
+    ("tests/fuzzing.py", "tests/test_fuzz.py"),
+    ("tests/fixtures/corpus/*", "tests/test_fuzz.py"),
+    ("tests/fixtures/*", DESK),
+    ("tests/netboot/*", "lint test-netboot test-linux"),
+    ("tests/bench/*", "lint test-bench"),
+    ("tests/image/*", "test-image"),
+    ("tests/linux/*", "lint test-linux"),
+    ("tests/pins/*", "test-pins"),
+    ("tests/twin/*", "lint test-twin"),
+]
+# What reads or checks each file, whatever it is.
+ALWAYS = f"lint {TREE}"
+
+
+def area_of(test: str) -> str:
+    """The folder below tests/, or for a file in tests/ itself what its name says; "" for what is no test.
+
+    >>> [area_of(test) for test in ("tests/pins/test_dts.py::test_x", "tests/test_lines.py", "tests/desk.py")]
+    ['pins', 'lines', '']
+    """
+    path = Path(test.partition("::")[0])
+    if path.parts[0] != "tests" or not path.match("test_*.py"):
+        return ""
+    if len(path.parts) > 2:
+        return path.parts[1]
+    return next(area for start, area in STARTS.items() if path.name.startswith(start))
+
+
+@cache
+def tests() -> list[str]:
+    return sorted(str(file.relative_to(ROOT)) for file in (ROOT / "tests").rglob("test_*.py"))
+
+
+@cache
+def importers() -> dict[str, set[str]]:
+    """The files of tests that take something from a module of tests/ itself, by its name."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for test in tests():
+        for module in re.findall(r"^(?:from|import) (\w+)", (ROOT / test).read_text(), re.MULTILINE):
+            found[module].add(test)
+    return found
+
+
+def reach(path: str) -> set[str]:
+    """What a change of the file can reach: targets of the Makefile, and files of tests."""
+    if area_of(path) and path != TREE:
+        words = [path, *importers()[Path(path).stem]]
+    else:
+        words = next((words for pattern, words in REACH if fnmatchcase(path, pattern)), ALL).split()
+    found = set()
+    for word in (*words, *ALWAYS.split()):
+        found.update([test for test in tests() if fnmatchcase(test, word)] or [word])
+    return found
+
+
+def parts(paths: Iterable[str]) -> dict[str, dict[str, list[str]]]:
+    """The targets that changes of these files reach, in the order of a run, and why.
+
+    Of each target: "" for all of it or its files of tests, with the changed files that reach them.
+    """
+    chosen: dict[str, dict[str, list[str]]] = {target: {} for target in ALL.split()}
+    for path in paths:
+        for word in reach(path):
+            target, only = (word, "") if word in chosen else (TARGETS[area_of(word)], word)
+            chosen[target].setdefault(only, []).append(path)
+    whole = {target: {"": reasons[""]} for target, reasons in chosen.items() if "" in reasons}
+    return {target: whole.get(target, reasons) for target, reasons in chosen.items() if reasons}

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The commands and options that the pages name are those that the programs have."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from test_tree import PAGES, ROOT, code_of
+
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+
+
+def told(*command: str | Path) -> str:
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+
+
+def lines_with(program: str) -> list[tuple[Path, str]]:
+    """The commands of all pages that start this program, up to a pipe or the end of the command."""
+    found = re.compile(rf"(?<![\w.-])(?:\S*/)?{program} ([^|;&#\n]*)")
+    pages = [(page, code_of(page).replace("\\\n", " ")) for page in PAGES]
+    return [(page, arguments) for page, code in pages for arguments in found.findall(code)]
+
+
+def unknown_options(program: str, known: str) -> list[str]:
+    return [
+        f"{page}: {program} {arguments}"
+        for page, arguments in lines_with(program)
+        if set(OPTION.findall(arguments)) - set(OPTION.findall(known))
+    ]
+
+
+def test_options_of_rtud(programs: Path) -> None:
+    assert lines_with("rtud")
+    assert unknown_options("rtud", told(programs / "rtud/rtud", "--help")) == []
+
+
+def test_commands_and_options_of_rtuctl(programs: Path) -> None:
+    rtuctl = programs / "rtuctl/rtuctl"
+    general = told(rtuctl, "--help")
+    commands = set(re.findall(r"^  ([a-z][a-z0-9]*) ", general, re.MULTILINE))
+    named = {(page, line.split()[0]) for page, line in lines_with("rtuctl") if re.match(r"[a-z]", line)}
+    assert {command for _, command in named} <= commands
+    helps = general + "".join(told(rtuctl, command, "--help") for command in commands)
+    assert unknown_options("rtuctl", helps) == []
+
+
+@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot"])
+def test_options_of_the_tools(tool: str) -> None:
+    program = ROOT / "scripts" / tool
+    general = told(program, "--help")
+    subcommands = re.findall(r"^    ([a-z-]+)(?=  |$)", general, re.MULTILINE)
+    assert subcommands
+    helps = general + "".join(told(program, name, "--help") for name in subcommands)
+    assert lines_with(tool)
+    assert unknown_options(tool, helps) == []
