@@ -32,6 +32,7 @@ ON_BOARD = (  # the gateway there
     "tests/linux/test_realtime.py tests/linux/test_run.py tests/linux/test_system*.py "
     "tests/linux/test_watchdog_gateway.py"
 )
+NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
 ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
 
@@ -69,8 +70,8 @@ REACH = [
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux"),
     ("scripts/nuc980-pins", "test-pins"),
-    ("scripts/nuc980/netboot/errors.py", "test-netboot tests/twin/test_uboot.py test-linux test-bench tests/test_verdict.py"),
-    ("scripts/nuc980/netboot/*", "test-netboot tests/twin/test_uboot.py test-linux test-bench"),
+    ("scripts/nuc980/netboot/errors.py", f"{NETBOOT} tests/test_verdict.py"),
+    ("scripts/nuc980/netboot/*", NETBOOT),
     ("scripts/nuc980-netboot", "test-netboot"),
     ("scripts/nuc980/twin/*", f"{BOARDS} test-bench"),
     ("scripts/image/*", f"test-image {BOARDS}"),
