@@ -5,7 +5,8 @@ import contextlib
 import copy
 import json
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from lab.master import Master
 
 CHAPTER_5 = Path(__file__).parent / "fixtures" / "chapter5"
 RESPONSE_TIMEOUT_MS = 500  # where a slave says nothing else
+STILL_TIMEOUT_S = 30.0
 PROBE_MAX_S = 2  # a device that seemed dead is back soon
 
 
@@ -157,3 +159,14 @@ def processor_seconds(pid: int) -> float:
     """What a process has used so far."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def wait_still(used: Callable[[], float], limit_s: float) -> None:
+    """Until a second passes in which a process uses less than that: a busy host lets it finish late."""
+    deadline = time.monotonic() + STILL_TIMEOUT_S
+    while True:
+        before = used()
+        time.sleep(1.0)  # the time that is measured
+        if (now := used() - before) < limit_s:
+            return
+        assert time.monotonic() < deadline, f"{now:.2f} s of each second while it waits"

@@ -70,7 +70,7 @@ def test_idle_peer_keeps_nobody_out(substation: Substation) -> None:
         deadline = time.monotonic() + SOON_S
         while not starts(come(CENTRE)):
             assert time.monotonic() < deadline, gateway.log()
-            time.sleep(0.2)
+            assert len(group.interrogate(STATION).objects) == 13
         idle[0].closed()
         assert all(confirms_test_frames(link) for link in idle[1:])
         assert len(group.interrogate(STATION).objects) == 13

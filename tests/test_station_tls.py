@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from desk import wait_still
 from lab.gateway import TESTFR_ACT, TESTFR_CON, remove, run_directory
 from lab.raw_master import RawMaster
 from peers.authority import DocumentedAuthority, openssl
@@ -384,11 +385,10 @@ def test_many_that_hang_keep_nobody_out(pki: Pki, programs: Path) -> None:
             assert len(master.interrogate(STATION).objects) == POINTS
         assert time.monotonic() - begun < HANDSHAKE_S / 2
         assert closed_by_station(peers[0])
-        before = gateway.processor_seconds()
+        wait_still(gateway.processor_seconds, 0.1)
         with pytest.raises(TimeoutError):
-            peers[-1].settimeout(1.0)
+            peers[-1].settimeout(0.1)
             peers[-1].recv(1)
-        assert gateway.processor_seconds() - before < 0.2
 
 
 def test_flood_of_one_address_keeps_no_other_from_its_handshake(pki: Pki, programs: Path) -> None:
@@ -417,10 +417,8 @@ def test_slow_reader(gateway: TlsGateway, pki: Pki, version: str) -> None:
         with contextlib.suppress(TimeoutError):
             while True:  # ends when neither side has room for more
                 sent += slow.send(TESTFR_ACT * 2000)
-        before = gateway.processor_seconds()
         assert len(other.interrogate(STATION).objects) == POINTS
-        time.sleep(1.0)  # the time that is measured
-        assert gateway.processor_seconds() - before < 0.3
+        wait_still(gateway.processor_seconds, 0.1)
         slow.settimeout(WAITS_S)
         assert received(slow, sent) == TESTFR_CON * (sent // 6)
         slow.sendall(STARTDT_ACT)
