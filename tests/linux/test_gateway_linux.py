@@ -220,8 +220,11 @@ def test_six_lines_at_all_speeds_with_parity(bench: Bench, turn: int) -> None:
     bench.start_with(config)
     found = {uart: (speed_of(bench.lines.line(f"ttyS{uart}")), parity_of(bench, uart)) for uart in PORTS}
     assert found == wanted
-    # A busy host tears frames now and then; a port that is not as it should be does so each time.
-    assert not all(torn_ports(bench) for _ in range(TRIES))
+    # A busy host tears frames here and there; a port that is not as it should be does so each time.
+    torn = set(bench.lines.stats())
+    for _ in range(TRIES):
+        torn.intersection_update(torn_ports(bench) if torn else ())
+    assert torn == set()
 
 
 def test_the_first_configuration_again(bench: Bench) -> None:
