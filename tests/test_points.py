@@ -205,6 +205,10 @@ def test_included_json_that_is_none_says_where(programs: Path, tmp_path: Path) -
         ({"template": "meter", "name_prefix": "x" * 38}, "name: is longer than 39 bytes with its slave's"),
         ({"template": "meter", "ioa_offset": 16777214}, "ioa: 16807215 is out of range with its slave's"),
         ({"template": "meter", "id": 0}, "template: has no meaning for slave 0"),
+        (
+            {"id": 0, "holding_registers": [{"address": 0, "scale_register": 1}]},
+            "scale_register: has no meaning for slave 0: the broadcast address is never read",
+        ),
     ],
 )
 def test_slaves_of_a_template_that_are_wrong(
@@ -232,6 +236,11 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"format": "int16", "word_order": "big"}, "word_order: has no meaning for format int16"),
         ({"format": "float32", "unimplemented": True}, "unimplemented: has no meaning for floating point"),
         ({"type": "counter", "scale": 2}, "scale: has no meaning for a counter that wraps"),
+        ({"scale_register": 0}, "scale_register: 0 is a register of the object itself, expected another"),
+        ({"scale_register": 1, "type": "float"}, "scale_register: 1 is a register of the object itself"),
+        ({"scale_register": 125}, "is read with 126 registers at once, which is more than max_registers"),
+        ({"scale_register": 5, "type": "counter"}, "scale_register: has no meaning for a counter that wraps"),
+        ({"scale_register": 5, "type": "step"}, "scale_register: has no meaning for type step"),
         ({"scale": 2, "scale_points": [[0, 0], [1, 1]]}, "scale_points: has no meaning beside scale"),
         ({"scale_points": [[0, 0]]}, "scale_points: has 1 elements, expected two pairs"),
         ({"scale_points": [[0, 5], [1, 5]]}, "scale_points: has one value twice"),
