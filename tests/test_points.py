@@ -300,6 +300,26 @@ def test_from_csv_and_back_is_the_same(programs: Path, tmp_path: Path, path: Pat
     assert (again.returncode, again.stdout) == (0, made.stdout)
 
 
+def test_from_csv_a_device_keeps_what_its_template_says_of_it(programs: Path, tmp_path: Path) -> None:
+    meter = {"max_registers": 2, "retries": 3, "period_ms": 500, **METER}
+    write(tmp_path / "meter.json", {"include": ["more.json"], "templates": {"meter": meter}})
+    write(tmp_path / "more.json", {"templates": {"other": {"holes": False}}})
+    slaves = [
+        {"id": 1, "template": "meter", "retries": 5},
+        {"id": 2, "template": "other", "coils": [{"address": 0}]},
+    ]
+    file = write(tmp_path / "gateway.json", plant_of(*slaves, include=["meter.json"]))
+    points = tmp_path / "points.csv"
+    points.write_text(rtud(programs, "--points", "--csv", file).stdout)
+    made = json.loads(back(points, file).stdout)["port"][0]["slaves"]
+    assert [
+        {key: slave.get(key) for key in ("max_registers", "retries", "holes", "template")} for slave in made
+    ] == [
+        {"max_registers": 2, "retries": 5, "holes": None, "template": None},
+        {"max_registers": None, "retries": None, "holes": False, "template": None},
+    ]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
