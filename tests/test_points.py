@@ -11,6 +11,10 @@ from typing import Any
 
 import pytest
 
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.linesim import LineSim
+from lab.master import Master
+
 ROOT = Path(__file__).resolve().parent.parent
 PLANT = ROOT / "docs/examples/plant.json"
 TEMPLATES = sorted((ROOT / "package/openrtu/src/templates").glob("*.json"))
@@ -358,3 +362,51 @@ def test_unusable_files(tmp_path: Path) -> None:
         f"{points}:1: has no column type, name, port, id, table, address\n",
     )
     assert back(points, write(lines, [])).returncode == 2
+
+
+# ---- on simulated devices ----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_plant_of_templates_runs_without_devices(programs: Path, tmp_path: Path) -> None:
+    """As docs/configuration.md says, "Try it without devices"."""
+    directory = run_directory()
+    plant = json.loads(PLANT.read_text())
+    plant["include"] = [str((PLANT.parent / name).resolve()) for name in plant["include"]]
+    plant["templates"]["feeder"]["response_timeout_ms"] = 2000
+    for port in plant["port"]:
+        port["active"] = int("host" not in port)
+        if port["active"]:
+            port["baud_rate"] = 115200
+    file = write(tmp_path / "plant.json", plant)
+    points, flat = tmp_path / "points.csv", tmp_path / "flat.json"
+    points.write_text(rtud(programs, "--points", "--csv", file).stdout)
+    flat.write_text(back(points, file).stdout)
+    try:
+        with (
+            LineSim(flat, None, directory / "dev") as lines,
+            Gateway(listening_on(plant, free_port()), directory, programs) as gateway,
+        ):
+            gateway.wait_for(
+                lambda: all(point["quality"] != "invalid" for point in gateway.points().values()),
+                60.0,
+                "every device is read",
+            )
+            with Master(*gateway.address) as master:
+                since = master.mark()
+                lines.set("2.14", "input_registers", 0, 0x0002)  # its breaker is ON
+                lines.set("1.3", "input_registers", 52, 0x447A, 0)  # 1000.0
+                master.wait(lambda r: (r.ca, r.ioa, r.value) == (12, 601, "ON"), since)
+                master.wait(lambda r: (r.ca, r.ioa, r.value) == (11, 30253, 1000.0), since)
+                assert {ca: len(master.interrogate(ca)) for ca in (11, 12)} == {11: 72, 12: 72}
+                assert len(master.interrogate_counters(11)) == 6
+    finally:
+        remove(directory)
+
+
+def test_linesim_says_that_it_reads_no_templates(linesim_program: Path, tmp_path: Path) -> None:
+    file = write(tmp_path / "gateway.json", plant_of({"id": 1, "template": "meter"}))
+    command = [linesim_program, "--config", file, "--dir", tmp_path]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    assert result.returncode == 2
+    assert "port[0].slaves[0].template: templates are not read here" in result.stderr
