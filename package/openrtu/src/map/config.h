@@ -135,16 +135,16 @@ struct map_knot {
 struct map_point {
 	uint32_t name; /* place among the configuration's names, 0: of its addresses */
 	uint16_t device;
-	uint16_t address;        /* Modbus address, from 0 */
-	uint8_t table;           /* enum map_table */
-	uint8_t type;            /* enum map_type */
-	uint8_t width : 4;       /* bits or registers it covers: 1, 2, 4 */
-	uint8_t format : 4;      /* enum map_format */
-	uint8_t group;           /* interrogation group 1..16, 0: none */
-	uint16_t flags;          /* enum map_point_flag */
-	uint16_t second_address; /* of two bits: Modbus address of the second one; or of its scale register */
-	uint16_t first_knot;     /* of its scaling table, place among the configuration's knots */
-	uint8_t knot_count;      /* of that, 0: scale and offset hold */
+	uint16_t address;          /* Modbus address, from 0 */
+	uint8_t table;             /* enum map_table */
+	uint8_t type;              /* enum map_type */
+	uint8_t width : 4;         /* bits or registers it covers: 1, 2, 4 */
+	uint8_t format : 4;        /* enum map_format */
+	uint8_t group;             /* interrogation group 1..16, 0: none */
+	uint16_t flags;            /* enum map_point_flag */
+	uint16_t second_address;   /* Modbus address of the second of two bits, or of the scale register */
+	uint16_t first_knot;       /* of its scaling table, place among the configuration's knots */
+	uint8_t knot_count;        /* of that, 0: scale and offset hold */
 	uint8_t counter_group : 4; /* 1..4, 0: none */
 	uint8_t bit : 4;           /* of a bit in a register: its number from 0, the least significant */
 	uint32_t ioa;              /* information object address, 1..16777215 */
