@@ -33,6 +33,7 @@ DERIVED = ("ca", "type", "event_type", "command_type", "direction", "device", "p
 TEXTS = ("name", "unit", "format", "word_order", "byte_order", "bit_order")
 TEXTS += ("blocked_by", "substituted_by", "not_topical_by")
 OF_OBJECTS = (*TABLES, "template", "overrides", "name_prefix", "ioa_offset", "ca")
+IN_ROWS = (*OF_OBJECTS, "period_ms", "read_back")  # what each point of the list has itself
 
 
 class UnusableInputError(Exception):
@@ -102,21 +103,49 @@ class Slaves:
         return point | TYPES.get(row["type"], {})
 
 
-def read_lines(path: Path) -> Json:
-    """The configuration that says what the lines are, without the objects of its slaves."""
+def read_json(path: Path) -> Json:
+    """A file's JSON object."""
     try:
-        config = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UnusableInputError(f"{path}: {error}") from error
-    if not isinstance(config, dict) or not isinstance(config.get("port"), list):
+    if not isinstance(document, dict):
+        raise UnusableInputError(f"{path}: is no JSON object")
+    return document
+
+
+def read_templates(path: Path, document: Json) -> Json:
+    """The templates of a file and of those that it includes, by name."""
+    templates: Json = {}
+    waiting, read = [(path, document)], set[Path]()
+    while waiting:
+        source, file = waiting.pop()
+        read.add(source.resolve())
+        templates |= file.get("templates", {})
+        for included in (source.parent / name for name in file.get("include", [])):
+            if included.resolve() not in read:
+                waiting.append((included, read_json(included)))
+    return templates
+
+
+def read_lines(path: Path) -> Json:
+    """The configuration that says what the lines are, without the objects of its slaves."""
+    config = read_json(path)
+    if not isinstance(config.get("port"), list):
         raise UnusableInputError(f"{path}: is no configuration, expected an object with an array port")
+    templates = read_templates(path, config)
     config.pop("include", None)
     config.pop("templates", None)
     for port in config["port"]:
-        for slave in port.get("slaves", []):
-            for key in OF_OBJECTS:
-                slave.pop(key, None)
+        port["slaves"] = [without_objects(slave, templates) for slave in port.get("slaves", [])]
     return config
+
+
+def without_objects(slave: Json, templates: Json) -> Json:
+    """A slave with what its template says of the device, such as the registers that one request may read."""
+    template: Json = templates.get(slave.get("template", ""), {})
+    own = {key: value for key, value in slave.items() if key not in OF_OBJECTS}
+    return {key: value for key, value in template.items() if key not in (*IN_ROWS, "id")} | own
 
 
 def read_points(path: Path, slaves: Slaves) -> None:

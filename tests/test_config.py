@@ -500,6 +500,8 @@ def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
         return rule["examples"]
     if key == "second_address":
         return [0, 4, 6, 1029]  # the first is 5
+    if key == "scale_register":
+        return [0, 4, 6, 129]  # one answer has at most 125, from 5 on
     if "enum" in rule:
         return rule["enum"]
     if rule.get("type") == "boolean":

@@ -32,6 +32,7 @@ CONFIG = CHAPTER5 / "gateway.json"
 VALUES = CHAPTER5 / "values.json"
 QUIET_S = 0.1  # from a request's end; without a fault an answer begins after 2 ms
 CHAR_19200_8N2_S = 11 / 19200
+HOLDING = "holding_registers"
 
 # Report 003, figure 5.4: request, what the console says it read, answer.
 FIGURE_5_4 = [
@@ -195,6 +196,35 @@ def test_pymodbus_writes_with_each_function(sim: LineSim, client: ModbusSerialCl
     assert [sim.get("3.201", "coils", address) for address in range(3)] == [0, 1, 1]
     assert [sim.get("3.201", "holding_registers", address) for address in range(3)] == [200, 258, 772]
     assert sim.stats()["3"]["writes"] == 4
+
+
+def test_pymodbus_writes_bits_of_a_register(sim: LineSim, client: ModbusSerialClient) -> None:
+    sim.set("3.35", "holding_registers", 0, 0xF0F1)
+    answer = client.mask_write_register(address=0, and_mask=0xFF0F, or_mask=0x0025, device_id=35)
+    assert not answer.isError()
+    assert sim.get("3.35", "holding_registers", 0) & 0xFFFF == 0xF021
+    sim.wait_frame(lambda frame: (frame.kind, frame.table, frame.value) == ("writing", HOLDING, 0xF021))
+
+
+def test_an_object_has_the_registers_of_its_format(linesim_program: Path, tmp_path: Path) -> None:
+    objects = [
+        {"address": 0, "format": "int64"},
+        {"address": 10, "type": "counter", "format": "uint16"},
+        {"address": 20, "type": "float", "format": "int16", "scale_register": 23},
+        {"address": 30, "type": "double", "bit": 3, "ioa": 1},
+    ]
+    port = {"value": 1, "active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    config = {"port": [{**port, "slaves": [{"id": 1, HOLDING: objects}]}, {"active": 1, "host": "192.0.2.1"}]}
+    file = tmp_path / "gateway.json"
+    file.write_text(json.dumps(config))
+    there = {0, 1, 2, 3, 10, 20, 21, 22, 23, 30}
+    with LineSim(file, None, tmp_path / "dev", program=linesim_program) as sim:
+        for address in range(32):
+            if address in there:
+                sim.set("1.1", HOLDING, address, 1)
+            else:
+                with pytest.raises(LineSimError, match="has no address"):
+                    sim.set("1.1", HOLDING, address, 1)
 
 
 def test_pymodbus_gets_exception_2_for_an_address_that_is_not_there(client: ModbusSerialClient) -> None:

@@ -11,6 +11,10 @@ from typing import Any
 
 import pytest
 
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.linesim import LineSim
+from lab.master import Master
+
 ROOT = Path(__file__).resolve().parent.parent
 PLANT = ROOT / "docs/examples/plant.json"
 TEMPLATES = sorted((ROOT / "package/openrtu/src/templates").glob("*.json"))
@@ -205,6 +209,10 @@ def test_included_json_that_is_none_says_where(programs: Path, tmp_path: Path) -
         ({"template": "meter", "name_prefix": "x" * 38}, "name: is longer than 39 bytes with its slave's"),
         ({"template": "meter", "ioa_offset": 16777214}, "ioa: 16807215 is out of range with its slave's"),
         ({"template": "meter", "id": 0}, "template: has no meaning for slave 0"),
+        (
+            {"id": 0, "holding_registers": [{"address": 0, "scale_register": 1}]},
+            "scale_register: has no meaning for slave 0: the broadcast address is never read",
+        ),
     ],
 )
 def test_slaves_of_a_template_that_are_wrong(
@@ -232,6 +240,11 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"format": "int16", "word_order": "big"}, "word_order: has no meaning for format int16"),
         ({"format": "float32", "unimplemented": True}, "unimplemented: has no meaning for floating point"),
         ({"type": "counter", "scale": 2}, "scale: has no meaning for a counter that wraps"),
+        ({"scale_register": 0}, "scale_register: 0 is a register of the object itself, expected another"),
+        ({"scale_register": 1, "type": "float"}, "scale_register: 1 is a register of the object itself"),
+        ({"scale_register": 125}, "is read with 126 registers at once, which is more than max_registers"),
+        ({"scale_register": 5, "type": "counter"}, "scale_register: has no meaning for a counter that wraps"),
+        ({"scale_register": 5, "type": "step"}, "scale_register: has no meaning for type step"),
         ({"scale": 2, "scale_points": [[0, 0], [1, 1]]}, "scale_points: has no meaning beside scale"),
         ({"scale_points": [[0, 0]]}, "scale_points: has 1 elements, expected two pairs"),
         ({"scale_points": [[0, 5], [1, 5]]}, "scale_points: has one value twice"),
@@ -291,6 +304,26 @@ def test_from_csv_and_back_is_the_same(programs: Path, tmp_path: Path, path: Pat
     assert (again.returncode, again.stdout) == (0, made.stdout)
 
 
+def test_from_csv_a_device_keeps_what_its_template_says_of_it(programs: Path, tmp_path: Path) -> None:
+    meter = {"max_registers": 2, "retries": 3, "period_ms": 500, **METER}
+    write(tmp_path / "meter.json", {"include": ["more.json"], "templates": {"meter": meter}})
+    write(tmp_path / "more.json", {"templates": {"other": {"holes": False}}})
+    slaves = [
+        {"id": 1, "template": "meter", "retries": 5},
+        {"id": 2, "template": "other", "coils": [{"address": 0}]},
+    ]
+    file = write(tmp_path / "gateway.json", plant_of(*slaves, include=["meter.json"]))
+    points = tmp_path / "points.csv"
+    points.write_text(rtud(programs, "--points", "--csv", file).stdout)
+    made = json.loads(back(points, file).stdout)["port"][0]["slaves"]
+    assert [
+        {key: slave.get(key) for key in ("max_registers", "retries", "holes", "template")} for slave in made
+    ] == [
+        {"max_registers": 2, "retries": 5, "holes": None, "template": None},
+        {"max_registers": None, "retries": None, "holes": False, "template": None},
+    ]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -329,3 +362,51 @@ def test_unusable_files(tmp_path: Path) -> None:
         f"{points}:1: has no column type, name, port, id, table, address\n",
     )
     assert back(points, write(lines, [])).returncode == 2
+
+
+# ---- on simulated devices ----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_plant_of_templates_runs_without_devices(programs: Path, tmp_path: Path) -> None:
+    """As docs/configuration.md says, "Try it without devices"."""
+    directory = run_directory()
+    plant = json.loads(PLANT.read_text())
+    plant["include"] = [str((PLANT.parent / name).resolve()) for name in plant["include"]]
+    plant["templates"]["feeder"]["response_timeout_ms"] = 2000
+    for port in plant["port"]:
+        port["active"] = int("host" not in port)
+        if port["active"]:
+            port["baud_rate"] = 115200
+    file = write(tmp_path / "plant.json", plant)
+    points, flat = tmp_path / "points.csv", tmp_path / "flat.json"
+    points.write_text(rtud(programs, "--points", "--csv", file).stdout)
+    flat.write_text(back(points, file).stdout)
+    try:
+        with (
+            LineSim(flat, None, directory / "dev") as lines,
+            Gateway(listening_on(plant, free_port()), directory, programs) as gateway,
+        ):
+            gateway.wait_for(
+                lambda: all(point["quality"] != "invalid" for point in gateway.points().values()),
+                60.0,
+                "every device is read",
+            )
+            with Master(*gateway.address) as master:
+                since = master.mark()
+                lines.set("2.14", "input_registers", 0, 0x0002)  # its breaker is ON
+                lines.set("1.3", "input_registers", 52, 0x447A, 0)  # 1000.0
+                master.wait(lambda r: (r.ca, r.ioa, r.value) == (12, 601, "ON"), since)
+                master.wait(lambda r: (r.ca, r.ioa, r.value) == (11, 30253, 1000.0), since)
+                assert {ca: len(master.interrogate(ca)) for ca in (11, 12)} == {11: 72, 12: 72}
+                assert len(master.interrogate_counters(11)) == 6
+    finally:
+        remove(directory)
+
+
+def test_linesim_says_that_it_reads_no_templates(linesim_program: Path, tmp_path: Path) -> None:
+    file = write(tmp_path / "gateway.json", plant_of({"id": 1, "template": "meter"}))
+    command = [linesim_program, "--config", file, "--dir", tmp_path]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    assert result.returncode == 2
+    assert "port[0].slaves[0].template: templates are not read here" in result.stderr

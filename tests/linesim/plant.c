@@ -56,25 +56,47 @@ static json_t *load(const char *path, char *error)
 
 /* ---- the gateway's configuration --------------------------------------------------------- */
 
-/* Types of table 4.1 that cover two neighbours; all others cover one. */
+/* Registers of a format, and neighbours of a type without one (table 4.1); all others cover one. */
+static const struct {
+	const char *name;
+	long width;
+} formats[] = {{"int16", 1}, {"uint16", 1}, {"int32", 2},   {"uint32", 2},
+	       {"int64", 4}, {"uint64", 4}, {"float32", 2}, {"float64", 4}},
+  types[] = {{"double", 2}, {"float", 2}, {"counter", 2}, {"bitstring", 2}};
+
 static long width(json_t *object)
 {
-	static const char *const wide[] = {"double", "float", "counter", "bitstring"};
 	const char *type = json_string_value(json_object_get(object, "type"));
+	const char *format = json_string_value(json_object_get(object, "format"));
 
-	for (size_t i = 0; type && i < sizeof wide / sizeof *wide; i++)
-		if (strcmp(type, wide[i]) == 0)
-			return 2;
+	if (json_object_get(object, "bit"))
+		return 1;
+	for (size_t i = 0; format && i < sizeof formats / sizeof *formats; i++)
+		if (strcmp(format, formats[i].name) == 0)
+			return formats[i].width;
+	for (size_t i = 0; type && !format && i < sizeof types / sizeof *types; i++)
+		if (strcmp(type, types[i].name) == 0)
+			return types[i].width;
 	return 1;
 }
 
-/* Where an object ends: a double may name its second bit, and then has all that lies between. */
-static int get_second(json_t *object, const char *path, long next, long *second, char *error)
+/* What an object is read with, and all that lies between: a double's second bit, a value's power of ten. */
+static int get_extent(json_t *object, const char *path, long *first, long *last, char *error)
 {
-	*second = next;
-	if (!json_object_get(object, "second_address"))
-		return 0;
-	return get_integer(object, path, "second_address", 0, SLAVE_TABLE_CELLS - 1, second, error);
+	const bool apart = json_object_get(object, "second_address");
+	const char *key = apart ? "second_address" : "scale_register";
+	const long cells = apart ? 1 : width(object);
+	long address, other;
+
+	if (get_integer(object, path, "address", 0, SLAVE_TABLE_CELLS - cells, &address, error))
+		return -1;
+	other = address;
+	if (json_object_get(object, key) &&
+	    get_integer(object, path, key, 0, SLAVE_TABLE_CELLS - 1, &other, error))
+		return -1;
+	*first = other < address ? other : address;
+	*last = other > address + cells - 1 ? other : address + cells - 1;
+	return 0;
 }
 
 static int load_table(struct slave *slave, enum slave_table table, json_t *objects, const char *slave_path,
@@ -86,15 +108,12 @@ static int load_table(struct slave *slave, enum slave_table table, json_t *objec
 	json_array_foreach(objects, index, object)
 	{
 		char path[128];
-		long address, second;
-		const long cells = width(object);
+		long first, last;
 
 		snprintf(path, sizeof path, "%s.%s[%zu]", slave_path, slave_table_name(table), index);
-		if (get_integer(object, path, "address", 0, SLAVE_TABLE_CELLS - cells, &address, error))
+		if (get_extent(object, path, &first, &last, error))
 			return -1;
-		if (get_second(object, path, address + cells - 1, &second, error))
-			return -1;
-		for (long i = address < second ? address : second; i <= address || i <= second; i++)
+		for (long i = first; i <= last; i++)
 			slave->table[table].exists[i] = true;
 	}
 	return 0;
@@ -106,6 +125,12 @@ static int load_slave(struct line *line, json_t *description, const char *path, 
 
 	if (get_integer(description, path, "id", 0, SLAVE_UNIT_MAX, &unit, error))
 		return -1;
+	if (json_object_get(description, "template"))
+		return fail(
+		    error,
+		    "%s.template: templates are not read here, expected a file without: see \"Try it without "
+		    "devices\" in docs/configuration.md",
+		    path);
 	if (line->slaves[unit])
 		return fail(error, "%s.id: slave %ld is on this line already", path, unit);
 
@@ -219,7 +244,8 @@ int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns,
 
 		snprintf(place, sizeof place, "port[%zu]", index);
 		if (get_integer(port, place, "active", 0, 1, &active, error) ||
-		    (active && load_line(plant, port, place, latency_ns, error)))
+		    (active && !json_object_get(port, "host") &&
+		     load_line(plant, port, place, latency_ns, error)))
 			return -1;
 	}
 	return 0;

@@ -137,6 +137,24 @@ static enum exception write_register(struct transaction *t, enum slave_table tab
 	return confirm_write(t);
 }
 
+/* Mask write register: the bits of the first mask stay, those of the second come where it has none. */
+static enum exception mask_register(struct transaction *t, enum slave_table table)
+{
+	if (t->request_size != 7)
+		return ILLEGAL_DATA_VALUE;
+
+	const enum exception refused = name_cells(t, table, 1, 1);
+	const uint16_t stay = get_u16(t->request + 3), come = get_u16(t->request + 5);
+
+	if (refused)
+		return refused;
+	cells(t)[0] = (uint16_t)((cells(t)[0] & stay) | (come & ~stay));
+	confirm_write(t);
+	memcpy(t->answer, t->request, 7);
+	t->answer_size = 7;
+	return NO_EXCEPTION;
+}
+
 /* The byte count must be what the quantity needs and what came behind it. */
 static bool byte_count_fits(const struct transaction *t, size_t needed)
 {
@@ -194,6 +212,7 @@ static const struct {
     {6, write_register, SLAVE_HOLDING_REGISTERS},
     {15, write_coils, SLAVE_COILS},
     {16, write_registers, SLAVE_HOLDING_REGISTERS},
+    {22, mask_register, SLAVE_HOLDING_REGISTERS},
 };
 
 static enum exception execute(struct transaction *t)

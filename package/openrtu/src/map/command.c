@@ -437,8 +437,8 @@ const char *map_command_state_name(enum map_command_state state)
 const char *map_command_result_name(enum map_command_result result)
 {
 	static const char *const names[] = {
-	    "none",         "done",      "exception",    "time-out",        "too old",
-	    "not selected", "interlock", "out of range", "not commandable", "unknown fate",
+	    "none",      "done",         "exception",       "time-out",     "too old",         "not selected",
+	    "interlock", "out of range", "not commandable", "unknown fate", "no power of ten",
 	};
 
 	return (unsigned)result < sizeof(names) / sizeof(names[0]) ? names[result] : "unknown result";

@@ -71,7 +71,8 @@ enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 5,       /* coil or holding register: may be commanded */
 	MAP_POINT_NO_QUALITY = 1u << 6,    /* normalized: sent without quality, and so only while good */
 	MAP_POINT_NO_READ_BACK = 1u << 7, /* what was written is not read ahead of its turn, nor waited for */
-	MAP_POINT_UNIMPLEMENTED = 1u << 8, /* an integer's extreme value says that there is none (SunSpec) */
+	MAP_POINT_UNIMPLEMENTED = 1u << 8,  /* an integer's extreme value says that there is none (SunSpec) */
+	MAP_POINT_SCALE_REGISTER = 1u << 9, /* another register holds the power of ten of its raw value */
 };
 
 /* What a status bit of the device, while it is ON, makes of a point's quality. */
@@ -141,7 +142,7 @@ struct map_point {
 	uint8_t format : 4;        /* enum map_format */
 	uint8_t group;             /* interrogation group 1..16, 0: none */
 	uint16_t flags;            /* enum map_point_flag */
-	uint16_t second_address;   /* of two bits: Modbus address of the second one */
+	uint16_t second_address;   /* Modbus address of the second of two bits, or of the scale register */
 	uint16_t first_knot;       /* of its scaling table, place among the configuration's knots */
 	uint8_t knot_count;        /* of that, 0: scale and offset hold */
 	uint8_t counter_group : 4; /* 1..4, 0: none */
@@ -296,6 +297,31 @@ static inline bool map_point_is_register_bit(const struct map_point *point)
 static inline uint32_t map_point_address(const struct map_point *point, uint32_t i)
 {
 	return point->type == MAP_DOUBLE && i == 1 ? point->second_address : point->address + i;
+}
+
+static inline bool map_point_has_scale_register(const struct map_point *point)
+{
+	return (point->flags & MAP_POINT_SCALE_REGISTER) != 0;
+}
+
+/* The Modbus addresses from first to last that one answer must hold, so that what it says belongs together. */
+struct map_extent {
+	uint32_t first, last;
+};
+
+static inline struct map_extent map_point_extent(const struct map_point *point)
+{
+	struct map_extent extent = {point->address, point->address + point->width - 1u};
+
+	if (point->type == MAP_DOUBLE && point->width == 2)
+		extent.last = point->second_address;
+	else if (map_point_has_scale_register(point) && point->second_address > extent.last)
+		extent.last = point->second_address;
+	else if (map_point_has_scale_register(point))
+		extent.first = point->second_address;
+	if (extent.last < extent.first)
+		extent = (struct map_extent){extent.last, extent.first};
+	return extent;
 }
 
 static inline bool map_line_is_tcp(const struct map_line *line)

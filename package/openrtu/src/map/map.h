@@ -272,6 +272,7 @@ enum map_command_result {
 	MAP_RESULT_OUT_OF_RANGE, /* the point cannot hold this value */
 	MAP_RESULT_NOT_COMMANDABLE,
 	MAP_RESULT_UNKNOWN_FATE, /* the owner died while executing; never repeated */
+	MAP_RESULT_NO_SCALE,     /* the point's scale register has not been read, or holds no power of ten */
 };
 
 enum map_action {

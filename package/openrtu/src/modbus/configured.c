@@ -51,17 +51,15 @@ static uint8_t read_function(uint8_t table)
 	return MODBUS_READ_HOLDING_REGISTERS;
 }
 
-/* Two bits that lie apart are read with what lies between them: only in one answer they belong together. */
+/* Two bits, or a value and its scale register, are read with what lies between: only in one answer they belong together. */
 static struct modbus_object object_of(const struct map_point *point, uint32_t number)
 {
-	uint32_t end = map_point_address(point, point->width - 1u);
-	uint16_t first = (uint16_t)(end < point->address ? end : point->address);
-	uint16_t last = (uint16_t)(end < point->address ? point->address : end);
+	const struct map_extent extent = map_point_extent(point);
 
 	return (struct modbus_object){.tag = number,
-				      .address = first,
+				      .address = (uint16_t)extent.first,
 				      .function = read_function(point->table),
-				      .width = (uint16_t)(last - first + 1),
+				      .width = (uint16_t)(extent.last - extent.first + 1),
 				      .period_ms = point->scan_period_ms};
 }
 

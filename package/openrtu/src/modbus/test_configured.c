@@ -86,6 +86,43 @@ static void a_line_has_its_own_devices_and_their_reads(void **state)
 	modbus_line_release(&line);
 }
 
+static void assert_reads(struct map_point point, uint16_t address, uint16_t count)
+{
+	struct map_line lines[] = {{.baud = 9600, .stop_bits = 1, .device_count = 1}};
+	struct map_device devices[] = {{.unit = 1, .point_count = 1}};
+	const struct map_config config = {.line_count = 1,
+					  .device_count = 1,
+					  .point_count = 1,
+					  .lines = lines,
+					  .devices = devices,
+					  .points = &point};
+	struct modbus_line line = {.device_count = 0};
+
+	assert_true(modbus_line_configure(&line, &config, 0));
+	assert_int_equal(line.devices[0].read_count, 1);
+	assert_int_equal(line.devices[0].reads[0].address, address);
+	assert_int_equal(line.devices[0].reads[0].count, count);
+	modbus_line_release(&line);
+}
+
+/* Between two answers the device may change both. */
+static void a_scale_register_is_read_with_its_value(void **state)
+{
+	(void)state;
+	struct map_point point = {.table = MAP_HOLDING_REGISTERS,
+				  .type = MAP_FLOAT,
+				  .address = 71,
+				  .second_address = 75,
+				  .width = 2,
+				  .flags = MAP_POINT_SCALE_REGISTER};
+
+	assert_reads(point, 71, 5);
+	point.second_address = 60;
+	assert_reads(point, 60, 13);
+	point.flags = 0;
+	assert_reads(point, 71, 2);
+}
+
 static void a_connection_has_no_durations_of_a_wire(void **state)
 {
 	(void)state;
@@ -108,6 +145,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(characters_have_ten_to_twelve_bits),
 	    cmocka_unit_test(a_line_has_its_own_devices_and_their_reads),
+	    cmocka_unit_test(a_scale_register_is_read_with_its_value),
 	    cmocka_unit_test(a_connection_has_no_durations_of_a_wire),
 	};
 	return cmocka_run_group_tests_name("modbus configured", tests, NULL, NULL);

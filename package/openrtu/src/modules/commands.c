@@ -224,7 +224,8 @@ static void begin(struct commands *commands, const struct map_request *request)
 
 	map_read(commands->map, request->point, &last);
 	result = operation_begin(point_of(commands, request->point), map_config(commands->map)->knots,
-				 unit_of(commands, request->point), request, &last, &begun.operation);
+				 commands->exponents[request->point], unit_of(commands, request->point),
+				 request, &last, &begun.operation);
 	if (result == MAP_RESULT_NONE && !write_next(commands, &begun, request->deadline_ns))
 		result = MAP_RESULT_TIMEOUT;
 	if (result == MAP_RESULT_NONE)

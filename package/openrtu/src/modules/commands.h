@@ -41,6 +41,7 @@ struct commands_progress {
 struct commands {
 	/* Filled in by the caller, who owns the memory. */
 	struct map *map;
+	const int8_t *exponents;            /* of all points' raw values, as last read (convert.h) */
 	struct commands_progress *progress; /* room for all commands of the process */
 	/* Hands a write to the point's line. False: the line is closed. */
 	bool (*write)(void *context, uint32_t point, const struct modbus_request *request,

@@ -16,6 +16,9 @@
 #define DOUBLE_ON  2
 
 #define WORD_BITS 16
+#define WORD_SIGN 0x8000
+/* SunSpec's sunssf; 0x8000, which means that there is none, is beyond it too. */
+#define EXPONENT_MAX 10
 /* A double, as the greatest 64-bit integer is not. */
 #define TWO_TO_63 0x1p63
 
@@ -148,6 +151,28 @@ static bool registers_of(const struct map_point *point, double number, uint16_t 
 	return true;
 }
 
+/* ---- powers of ten --------------------------------------------------------------------------- */
+
+int8_t convert_first_exponent(const struct map_point *point)
+{
+	return map_point_has_scale_register(point) ? CONVERT_NO_EXPONENT : 0;
+}
+
+int8_t convert_exponent(const struct map_point *point, uint16_t word)
+{
+	int exponent = (in_byte_order(point, word) ^ WORD_SIGN) - WORD_SIGN;
+
+	return exponent >= -EXPONENT_MAX && exponent <= EXPONENT_MAX ? (int8_t)exponent : CONVERT_NO_EXPONENT;
+}
+
+/* Divides where the power is negative: 0.1 is no binary number, 10 is. */
+static double times_ten_to(double number, int exponent)
+{
+	static const double powers[EXPONENT_MAX + 1] = {1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10};
+
+	return exponent < 0 ? number / powers[-exponent] : number * powers[exponent];
+}
+
 /* ---- scaling --------------------------------------------------------------------------------- */
 
 static double between(double x, double x1, double y1, double x2, double y2)
@@ -260,7 +285,7 @@ static bool counted(const struct map_point *point, uint64_t all, double number, 
 	bool integer = point->format != MAP_FORMAT_FLOAT32 && point->format != MAP_FORMAT_FLOAT64;
 	double whole = map_nearest(number * point->scale + point->offset);
 
-	if (integer && !is_scaled(point))
+	if (integer && !is_scaled(point) && !map_point_has_scale_register(point))
 		*count = (uint32_t)(is_signed(point) ? (uint64_t)sign_extended(point, all) : all);
 	else if (whole >= -TWO_TO_63 && whole < TWO_TO_63)
 		*count = (uint32_t)(int64_t)whole;
@@ -280,12 +305,14 @@ static void measured(const struct map_point *point, const struct map_knot *knots
 		sample->value.i = rounded_within(value, INT16_MIN, INT16_MAX, &sample->quality);
 }
 
-static void numeric(const struct map_point *point, const struct map_knot *knots, uint64_t all,
-		    struct map_sample *sample)
+static void numeric(const struct map_point *point, const struct map_knot *knots, int8_t exponent,
+		    uint64_t all, struct map_sample *sample)
 {
 	double number;
-	bool is = number_of(point, all, &number);
+	bool is = exponent != CONVERT_NO_EXPONENT && number_of(point, all, &number);
 
+	if (is)
+		number = times_ten_to(number, exponent);
 	if (is && point->type == MAP_COUNTER)
 		is = counted(point, all, number, &sample->value.u);
 	else if (is)
@@ -294,7 +321,7 @@ static void numeric(const struct map_point *point, const struct map_knot *knots,
 		*sample = (struct map_sample){.quality = MAP_INVALID, .time_ns = sample->time_ns};
 }
 
-void convert_to_sample(const struct map_point *point, const struct map_knot *knots,
+void convert_to_sample(const struct map_point *point, const struct map_knot *knots, int8_t exponent,
 		       const uint16_t raw[CONVERT_WIDTH_MAX], struct map_sample *sample)
 {
 	sample->quality = MAP_GOOD;
@@ -314,7 +341,7 @@ void convert_to_sample(const struct map_point *point, const struct map_knot *kno
 	case MAP_SCALED:
 	case MAP_FLOAT:
 	case MAP_COUNTER:
-		numeric(point, knots, join(point, raw), sample);
+		numeric(point, knots, exponent, join(point, raw), sample);
 		break;
 	}
 }
@@ -359,17 +386,19 @@ static bool put_step(const struct map_point *point, int32_t value, uint8_t detai
 	return value >= STEP_MIN && value <= STEP_MAX;
 }
 
-static bool put_number(const struct map_point *point, const struct map_knot *knots, double value,
-		       uint16_t raw[CONVERT_WIDTH_MAX])
+static bool put_number(const struct map_point *point, const struct map_knot *knots, int8_t exponent,
+		       double value, uint16_t raw[CONVERT_WIDTH_MAX])
 {
 	double number;
 
-	return isfinite(value) && unscaled(point, knots, value, &number) && isfinite(number) &&
-	       registers_of(point, number, raw);
+	if (!isfinite(value) || !unscaled(point, knots, value, &number))
+		return false;
+	number = times_ten_to(number, -exponent);
+	return isfinite(number) && registers_of(point, number, raw);
 }
 
-bool convert_to_raw(const struct map_point *point, const struct map_knot *knots, union map_value value,
-		    uint8_t detail, uint16_t raw[CONVERT_WIDTH_MAX])
+bool convert_to_raw(const struct map_point *point, const struct map_knot *knots, int8_t exponent,
+		    union map_value value, uint8_t detail, uint16_t raw[CONVERT_WIDTH_MAX])
 {
 	switch ((enum map_type)point->type) {
 	case MAP_SINGLE:
@@ -382,11 +411,12 @@ bool convert_to_raw(const struct map_point *point, const struct map_knot *knots,
 		return bits_of(point) == 32 || value.u >> bits_of(point) == 0;
 	case MAP_NORMALIZED:
 	case MAP_SCALED:
-		return value.i >= INT16_MIN && value.i <= INT16_MAX && put_number(point, knots, value.i, raw);
+		return value.i >= INT16_MIN && value.i <= INT16_MAX &&
+		       put_number(point, knots, exponent, value.i, raw);
 	case MAP_FLOAT:
-		return put_number(point, knots, (double)value.f, raw);
+		return put_number(point, knots, exponent, (double)value.f, raw);
 	case MAP_COUNTER:
-		return put_number(point, knots, value.i, raw);
+		return put_number(point, knots, exponent, value.i, raw);
 	}
 	return false;
 }

@@ -31,6 +31,24 @@ static void take_raw(const struct modbus_read *read, const uint8_t *data, const 
 		raw[i] = raw_word(read, data, map_point_address(point, i) - read->address);
 }
 
+/* Keeps the power of ten for a command that comes before the next read. */
+static int8_t take_exponent(struct line_results *results, const struct modbus_read *read, const uint8_t *data,
+			    uint32_t number)
+{
+	const struct map_point *point = &map_config(results->map)->points[number];
+
+	if (map_point_has_scale_register(point))
+		results->exponents[number] = convert_exponent(
+		    point, raw_word(read, data, (uint32_t)point->second_address - read->address));
+	return results->exponents[number];
+}
+
+/* The device may be another one when it is read again. */
+static void forget_exponent(struct line_results *results, uint32_t number)
+{
+	results->exponents[number] = convert_first_exponent(&map_config(results->map)->points[number]);
+}
+
 static void publish_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
 			 int64_t now_ns)
 {
@@ -48,7 +66,8 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 					      .cause = (uint8_t)commands_cause(results->commands, point),
 					      .sample = {.time_ns = now_ns}};
 		take_raw(read, data, config, raw);
-		convert_to_sample(config, knots, raw, &update->sample);
+		convert_to_sample(config, knots, take_exponent(results, read, data, point), raw,
+				  &update->sample);
 		if (config->type == MAP_COUNTER)
 			map_total_count(results->map, point, config->width == 1, &update->sample);
 		else
@@ -81,9 +100,11 @@ static void lose_read(void *context, uint32_t device, const struct modbus_read *
 
 static void invalidate_device(struct line_results *results, const struct map_device *device, int64_t now_ns)
 {
-	for (uint32_t i = 0; i < device->point_count; i++)
+	for (uint32_t i = 0; i < device->point_count; i++) {
+		forget_exponent(results, device->first_point + i);
 		results->updates[i] =
 		    quality_lost(results->quality, device->first_point + i, MAP_INVALID, now_ns);
+	}
 	publish(results, device, device->point_count, now_ns);
 }
 

@@ -17,6 +17,7 @@ struct line_results {
 	struct commands *commands;
 	struct quality *quality;
 	struct map_update *updates; /* room for the largest device */
+	int8_t *exponents;          /* of all points: what their scale registers say (convert.h) */
 };
 
 /* What a line is to be given; its context is a struct line_results. */

@@ -110,12 +110,14 @@ static void write_raw(const struct map_point *point, uint8_t unit, const uint16_
 }
 
 enum map_command_result operation_begin(const struct map_point *point, const struct map_knot *knots,
-					uint8_t unit, const struct map_request *request,
+					int8_t exponent, uint8_t unit, const struct map_request *request,
 					const struct map_sample *last, struct operation *out)
 {
 	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 	union map_value value = request->value;
 
+	if (exponent == CONVERT_NO_EXPONENT)
+		return MAP_RESULT_NO_SCALE;
 	if (request->step != 0) {
 		if (!takes_steps(point) || last->quality != MAP_GOOD)
 			return MAP_RESULT_NOT_COMMANDABLE;
@@ -125,7 +127,7 @@ enum map_command_result operation_begin(const struct map_point *point, const str
 	if (request->pulse_ms != 0 && !takes_pulse(point, value))
 		return MAP_RESULT_NOT_COMMANDABLE;
 	if ((takes_steps(point) && !within_limits(point, map_number((enum map_type)point->type, value))) ||
-	    !convert_to_raw(point, knots, value, request->detail, raw))
+	    !convert_to_raw(point, knots, exponent, value, request->detail, raw))
 		return MAP_RESULT_OUT_OF_RANGE;
 	write_raw(point, unit, raw, out);
 	return MAP_RESULT_NONE;

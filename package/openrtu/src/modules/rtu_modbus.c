@@ -19,6 +19,7 @@
 #include "modbus/configured.h"
 #include "modules/commands.h"
 #include "modules/confine.h"
+#include "modules/convert.h"
 #include "modules/heartbeat.h"
 #include "modules/line_counters.h"
 #include "modules/line_results.h"
@@ -41,6 +42,7 @@ struct gateway {
 	uint32_t port_count;
 	struct commands commands;
 	struct quality quality;
+	int8_t *exponents; /* of all points */
 	struct heartbeat heartbeat;
 	struct map_update *updates; /* room for the largest device */
 	int epoll_fd;
@@ -138,7 +140,8 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 					 .line = &port->line,
 					 .commands = &gateway->commands,
 					 .quality = &gateway->quality,
-					 .updates = gateway->updates};
+					 .updates = gateway->updates,
+					 .exponents = gateway->exponents};
 	if (!modbus_line_configure(&port->line, gateway->config, number))
 		out_of_memory();
 	gateway->port_count++;
@@ -155,6 +158,9 @@ static void set_up_ports(struct gateway *gateway, const char *directory)
 	gateway->updates = allocate(largest, sizeof(*gateway->updates));
 	quality_init(&gateway->quality, gateway->map,
 		     allocate(config->point_count, sizeof(*gateway->quality.points)));
+	gateway->exponents = allocate(config->point_count, sizeof(*gateway->exponents));
+	for (uint32_t i = 0; i < config->point_count; i++)
+		gateway->exponents[i] = convert_first_exponent(&config->points[i]);
 	gateway->ports = allocate(config->line_count, sizeof(*gateway->ports));
 	gateway->results = allocate(config->line_count, sizeof(*gateway->results));
 	for (uint32_t i = 0; i < config->line_count; i++)
@@ -172,6 +178,7 @@ static void set_up_commands(struct gateway *gateway)
 			    map_owner(gateway->map, i) == map_self(gateway->map);
 	gateway->commands =
 	    (struct commands){.map = gateway->map,
+			      .exponents = gateway->exponents,
 			      .progress = allocate(commands, sizeof(*gateway->commands.progress)),
 			      .write = write_to_line,
 			      .context = gateway};
@@ -185,6 +192,7 @@ static void release_ports(struct gateway *gateway)
 	free(gateway->ports);
 	free(gateway->results);
 	free(gateway->updates);
+	free(gateway->exponents);
 	free(gateway->quality.points);
 	free(gateway->commands.progress);
 }

@@ -2,6 +2,7 @@
 /* Commands on a map of their own, with a line that the test holds in its hand. */
 #include "map/test_stage.h"
 #include "modules/commands.h"
+#include "modules/convert.h"
 
 #define MS       1000000LL
 #define COIL     1 /* a single point */
@@ -18,6 +19,7 @@ static bool closed;
 
 static struct command_stage stage_of;
 static struct commands_progress progress[POINTS];
+static int8_t exponents[POINTS];
 static struct commands commands;
 static int64_t now;
 
@@ -35,7 +37,9 @@ static void start_owner(struct stage *stage)
 {
 	stage_of.owner = start(stage, FIRST);
 	map_heartbeat(stage_of.owner);
-	commands = (struct commands){.map = stage_of.owner, .progress = progress, .write = take_write};
+	memset(exponents, 0, sizeof(exponents));
+	commands = (struct commands){
+	    .map = stage_of.owner, .exponents = exponents, .progress = progress, .write = take_write};
 	commands_resume(&commands);
 }
 
@@ -258,6 +262,20 @@ static void test_refusals(void **state)
 	assert_int_equal(commands.count, 0);
 }
 
+static void test_without_its_power_of_ten_nothing_is_written(void **state)
+{
+	(void)state;
+	exponents[REGISTER] = CONVERT_NO_EXPONENT;
+	command(REGISTER, 5, 0);
+	assert_int_equal(write_count, 0);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	expect(MAP_REFUSED_COMMAND, MAP_RESULT_NO_SCALE);
+	exponents[REGISTER] = -1;
+	command(REGISTER, 5, 0);
+	assert_int_equal(write_count, 1);
+	assert_int_equal(writes[0].request.values[0], 50);
+}
+
 static void test_the_second_write_waits_for_the_first(void **state)
 {
 	(void)state;
@@ -454,6 +472,7 @@ int main(void)
 	    TEST_COMMANDS(test_the_confirmation_ends_what_is_not_to_be_read_back),
 	    TEST_COMMANDS(test_what_is_read_much_later_is_no_return),
 	    TEST_COMMANDS(test_refusals),
+	    TEST_COMMANDS(test_without_its_power_of_ten_nothing_is_written),
 	    TEST_COMMANDS(test_the_second_write_waits_for_the_first),
 	    TEST_COMMANDS(test_a_pulse_ends),
 	    TEST_COMMANDS(test_a_pulse_that_is_not_read_back_ends_with_its_last_write),

@@ -47,7 +47,7 @@ static struct map_sample sample_of(struct map_point point, uint16_t first, uint1
 {
 	struct map_sample sample = {.quality = 0xFF, .detail = 0xFF};
 
-	convert_to_sample(&point, NULL, (const uint16_t[CONVERT_WIDTH_MAX]){first, second}, &sample);
+	convert_to_sample(&point, NULL, 0, (const uint16_t[CONVERT_WIDTH_MAX]){first, second}, &sample);
 	return sample;
 }
 
@@ -64,7 +64,7 @@ static void assert_raw(struct map_point point, union map_value value, uint16_t f
 {
 	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 
-	assert_true(convert_to_raw(&point, NULL, value, 0, raw));
+	assert_true(convert_to_raw(&point, NULL, 0, value, 0, raw));
 	assert_int_equal(raw[0], first);
 	assert_int_equal(raw[1], second);
 }
@@ -73,7 +73,7 @@ static void assert_out_of_range(struct map_point point, union map_value value)
 {
 	uint16_t raw[CONVERT_WIDTH_MAX];
 
-	assert_false(convert_to_raw(&point, NULL, value, 0, raw));
+	assert_false(convert_to_raw(&point, NULL, 0, value, 0, raw));
 }
 
 static union map_value integer(int32_t i)
@@ -133,7 +133,7 @@ static void step_position(void **state)
 	assert_raw(point, integer(-64), 0x40, 0);
 	assert_raw(point, integer(63), 0x3F, 0);
 	assert_raw(swapped, integer(5), 0x0500, 0);
-	assert_true(convert_to_raw(&point, NULL, integer(-1), 1, raw));
+	assert_true(convert_to_raw(&point, NULL, 0, integer(-1), 1, raw));
 	assert_int_equal(raw[0], 0xFF);
 	assert_out_of_range(point, integer(64));
 	assert_out_of_range(point, integer(-65));
@@ -254,7 +254,7 @@ static struct map_sample sample_of_four(struct map_point point, const struct map
 {
 	struct map_sample sample = {.quality = 0xFF, .detail = 0xFF};
 
-	convert_to_sample(&point, knots, (const uint16_t[CONVERT_WIDTH_MAX]){a, b, c, d}, &sample);
+	convert_to_sample(&point, knots, 0, (const uint16_t[CONVERT_WIDTH_MAX]){a, b, c, d}, &sample);
 	return sample;
 }
 
@@ -269,7 +269,7 @@ static void assert_four(struct map_point point, union map_value value, uint16_t 
 {
 	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 
-	assert_true(convert_to_raw(&point, NULL, value, 0, raw));
+	assert_true(convert_to_raw(&point, NULL, 0, value, 0, raw));
 	assert_memory_equal(raw, ((const uint16_t[CONVERT_WIDTH_MAX]){a, b, c, d}), sizeof(raw));
 }
 
@@ -397,12 +397,97 @@ static void scaling_table(void **state)
 	assert_number(sample_of_four(point, knots, 2000, 0, 0, 0), 50, MAP_GOOD);
 	assert_number(sample_of_four(point, knots, 99, 0, 0, 0), -10, MAP_OVERFLOW);
 	assert_number(sample_of_four(point, knots, 2001, 0, 0, 0), 50, MAP_OVERFLOW);
-	assert_true(convert_to_raw(&point, knots, number(25), 0, raw));
+	assert_true(convert_to_raw(&point, knots, 0, number(25), 0, raw));
 	assert_int_equal(raw[0], 1500);
-	assert_true(convert_to_raw(&point, knots, number(-10), 0, raw));
+	assert_true(convert_to_raw(&point, knots, 0, number(-10), 0, raw));
 	assert_int_equal(raw[0], 100);
-	assert_false(convert_to_raw(&point, knots, number(50.5F), 0, raw));
-	assert_false(convert_to_raw(&point, knots, number(-11), 0, raw));
+	assert_false(convert_to_raw(&point, knots, 0, number(50.5F), 0, raw));
+	assert_false(convert_to_raw(&point, knots, 0, number(-11), 0, raw));
+}
+
+/* ---- scale registers ------------------------------------------------------------------------- */
+
+static struct map_point with_scale_register(enum map_type type, enum map_format format)
+{
+	return of_format(type, format, MAP_POINT_SCALE_REGISTER);
+}
+
+static struct map_sample sample_with(struct map_point point, const struct map_knot *knots, uint16_t word,
+				     int8_t exponent)
+{
+	struct map_sample sample = {.quality = 0xFF, .detail = 0xFF};
+
+	convert_to_sample(&point, knots, exponent, (const uint16_t[CONVERT_WIDTH_MAX]){word}, &sample);
+	return sample;
+}
+
+static void powers_of_ten(void **state)
+{
+	(void)state;
+	struct map_point point = with_scale_register(MAP_FLOAT, MAP_FORMAT_INT16);
+	const struct map_point swapped =
+	    of_format(MAP_FLOAT, MAP_FORMAT_INT16, MAP_POINT_SCALE_REGISTER | MAP_POINT_BYTES_SWAPPED);
+	const struct map_point fixed = of_format(MAP_FLOAT, MAP_FORMAT_INT16, 0);
+
+	assert_int_equal(convert_exponent(&point, 0), 0);
+	assert_int_equal(convert_exponent(&point, 10), 10);
+	assert_int_equal(convert_exponent(&point, (uint16_t)-10), -10);
+	assert_int_equal(convert_exponent(&point, 11), CONVERT_NO_EXPONENT);
+	assert_int_equal(convert_exponent(&point, (uint16_t)-11), CONVERT_NO_EXPONENT);
+	assert_int_equal(convert_exponent(&point, 0x8000), CONVERT_NO_EXPONENT);
+	assert_int_equal(convert_exponent(&point, 0x7FFF), CONVERT_NO_EXPONENT);
+	assert_int_equal(convert_exponent(&point, 0xFF00),
+			 CONVERT_NO_EXPONENT); /* -256: its octet would be 0 */
+	assert_int_equal(convert_exponent(&swapped, 0xFEFF), -2);
+	assert_int_equal(convert_first_exponent(&point), CONVERT_NO_EXPONENT);
+	assert_int_equal(convert_first_exponent(&fixed), 0);
+	assert_number(sample_with(point, NULL, 2288, -1), 228.8F, MAP_GOOD);
+	assert_number(sample_with(point, NULL, (uint16_t)-7, 3), -7000, MAP_GOOD);
+	assert_number(sample_with(point, NULL, 1, -10), 1e-10F, MAP_GOOD);
+	assert_number(sample_with(point, NULL, 1, 10), 1e10F, MAP_GOOD);
+	assert_number(sample_with(point, NULL, 5, CONVERT_NO_EXPONENT), 0, MAP_INVALID);
+	point.scale = 0.001; /* in kW, say */
+	assert_number(sample_with(point, NULL, 25, 2), 2.5F, MAP_GOOD);
+	point.flags |= MAP_POINT_UNIMPLEMENTED;
+	assert_number(sample_with(point, NULL, 0x8000, 2), 0, MAP_INVALID);
+}
+
+static void powers_of_ten_of_other_types(void **state)
+{
+	(void)state;
+	const struct map_knot knots[] = {{0, 0}, {10, 100}};
+	struct map_point table = with_scale_register(MAP_FLOAT, MAP_FORMAT_UINT16);
+	const struct map_point scaled = with_scale_register(MAP_SCALED, MAP_FORMAT_INT16);
+	struct map_point energy = with_scale_register(MAP_COUNTER, MAP_FORMAT_UINT64);
+	struct map_sample sample = {.quality = 0xFF};
+
+	table.knot_count = 2;
+	assert_number(sample_with(table, knots, 55, -1), 55, MAP_GOOD);
+	assert_int_equal(sample_with(scaled, NULL, 12345, -2).value.i, 123);
+	assert_int_equal(sample_with(scaled, NULL, 12345, 1).value.i, INT16_MAX);
+	assert_int_equal(sample_with(scaled, NULL, 12345, 1).quality, MAP_OVERFLOW);
+	convert_to_sample(&energy, NULL, 1, (const uint16_t[CONVERT_WIDTH_MAX]){0, 0, 0, 1234}, &sample);
+	assert_int_equal(sample.value.i, 12340);
+}
+
+static void commands_with_a_power_of_ten(void **state)
+{
+	(void)state;
+	const struct map_knot knots[] = {{0, 0}, {10, 100}};
+	struct map_point point = with_scale_register(MAP_FLOAT, MAP_FORMAT_INT16);
+	uint16_t raw[CONVERT_WIDTH_MAX];
+
+	assert_true(convert_to_raw(&point, NULL, -2, number(12.34F), 0, raw));
+	assert_int_equal(raw[0], 1234);
+	assert_true(convert_to_raw(&point, NULL, 2, number(-12340), 0, raw));
+	assert_int_equal(raw[0], (uint16_t)-123);
+	assert_false(convert_to_raw(&point, NULL, -10, number(1), 0, raw));
+	point.scale = 0.001;
+	assert_true(convert_to_raw(&point, NULL, 2, number(2.5F), 0, raw));
+	assert_int_equal(raw[0], 25);
+	point.knot_count = 2;
+	assert_true(convert_to_raw(&point, knots, -1, number(55), 0, raw));
+	assert_int_equal(raw[0], 55);
 }
 
 int main(void)
@@ -422,6 +507,9 @@ int main(void)
 	    cmocka_unit_test(numbers_of_64_bits),
 	    cmocka_unit_test(unimplemented),
 	    cmocka_unit_test(scaling_table),
+	    cmocka_unit_test(powers_of_ten),
+	    cmocka_unit_test(powers_of_ten_of_other_types),
+	    cmocka_unit_test(commands_with_a_power_of_ten),
 	};
 	return cmocka_run_group_tests_name("convert", tests, NULL, NULL);
 }

@@ -7,6 +7,7 @@
 #include <cmocka.h>
 #include <float.h>
 
+#include "modules/convert.h"
 #include "modules/operation.h"
 
 #define UNIT  7
@@ -59,14 +60,15 @@ static void assert_result(struct map_point point, struct map_request request, en
 	const struct map_sample last = {.value.i = 0};
 	struct operation operation;
 
-	assert_int_equal(operation_begin(&point, NULL, UNIT, &request, &last, &operation), result);
+	assert_int_equal(operation_begin(&point, NULL, 0, UNIT, &request, &last, &operation), result);
 }
 
 static struct operation begin(struct map_point point, struct map_request request, struct map_sample last)
 {
 	struct operation operation;
 
-	assert_int_equal(operation_begin(&point, NULL, UNIT, &request, &last, &operation), MAP_RESULT_NONE);
+	assert_int_equal(operation_begin(&point, NULL, 0, UNIT, &request, &last, &operation),
+			 MAP_RESULT_NONE);
 	return operation;
 }
 
@@ -175,10 +177,10 @@ static void test_steps_stay_within_their_limits(void **state)
 
 	(void)state;
 	assert_int_equal(
-	    operation_begin(&level, NULL, UNIT, &higher, &(struct map_sample){.value.i = 16}, &operation),
+	    operation_begin(&level, NULL, 0, UNIT, &higher, &(struct map_sample){.value.i = 16}, &operation),
 	    LIMIT);
 	assert_int_equal(
-	    operation_begin(&level, NULL, UNIT, &lower, &(struct map_sample){.value.i = -11}, &operation),
+	    operation_begin(&level, NULL, 0, UNIT, &lower, &(struct map_sample){.value.i = -11}, &operation),
 	    LIMIT);
 	wide.max = wide.step = FLT_MAX;
 	assert_result(wide, higher, LIMIT);
@@ -196,12 +198,25 @@ static void test_steps_need_a_good_value_and_a_configured_step(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(bad); i++)
-		assert_int_equal(operation_begin(&level, NULL, UNIT, &higher,
+		assert_int_equal(operation_begin(&level, NULL, 0, UNIT, &higher,
 						 &(struct map_sample){.quality = bad[i]}, &operation),
 				 NEVER);
 	stepless.step = 0;
 	assert_result(stepless, higher, NEVER);
 	assert_result(single, higher, NEVER);
+}
+
+static void test_a_power_of_ten_is_that_of_the_device(void **state)
+{
+	const struct map_request wish = set(20);
+	struct operation operation;
+
+	(void)state;
+	assert_int_equal(operation_begin(&level, NULL, 1, UNIT, &wish, &none, &operation), MAP_RESULT_NONE);
+	assert_one_write(operation, MODBUS_WRITE_REGISTER, 5, 2, 0);
+	assert_int_equal(operation_begin(&level, NULL, CONVERT_NO_EXPONENT, UNIT, &wish, &none, &operation),
+			 MAP_RESULT_NO_SCALE);
+	assert_int_equal(operation_begin(&level, NULL, -5, UNIT, &wish, &none, &operation), LIMIT);
 }
 
 /* The register's other bits are the device's. */
@@ -251,6 +266,7 @@ int main(void)
 	    cmocka_unit_test(test_steps_go_from_the_last_value),
 	    cmocka_unit_test(test_steps_stay_within_their_limits),
 	    cmocka_unit_test(test_steps_need_a_good_value_and_a_configured_step),
+	    cmocka_unit_test(test_a_power_of_ten_is_that_of_the_device),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -83,6 +83,11 @@ static json_t *period(const struct map_point *point)
 	return point->scan_period_ms > 0 ? json_integer(point->scan_period_ms) : json_null();
 }
 
+static json_t *scale_register(const struct map_point *point)
+{
+	return map_point_has_scale_register(point) ? json_integer(point->second_address) : json_null();
+}
+
 static void print_row(json_t *row)
 {
 	const char *key;
@@ -107,6 +112,7 @@ int rtuctl_show(struct map *map, const struct rtuctl_request *request)
 		return RTUCTL_FAILED;
 	row = rtuctl_point_row(map, point);
 	json_object_set_new(row, "period_ms", period(&map_config(map)->points[point]));
+	json_object_set_new(row, "scale_register", scale_register(&map_config(map)->points[point]));
 	add_details(map, point, row);
 	if (request->json)
 		listing_print_json(row);

@@ -52,6 +52,7 @@ const struct config_rule config_object_rules[OBJECT_KEYS] = {
     [OBJECT_OFFSET] = {"offset", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [OBJECT_SCALE_POINTS] = {"scale_points", CONFIG_ARRAY, .high = CONFIG_KNOTS_MAX},
     [OBJECT_SCALE_TABLE] = {"scale_table", CONFIG_ARRAY, .high = CONFIG_KNOTS_MAX},
+    [OBJECT_SCALE_REGISTER] = {"scale_register", CONFIG_INTEGER, .low = 0, .high = MODBUS_LAST},
     [OBJECT_UNIMPLEMENTED] = {"unimplemented", CONFIG_BOOLEAN},
     [OBJECT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [OBJECT_CYCLIC] = {"cyclic_ms", CONFIG_INTEGER, .low = 100, .high = 86400000},
@@ -224,9 +225,10 @@ static void check_scheme(struct config_loader *loader, const struct config_place
 		    SCHEME_LAST + 1, IOA_MAX);
 }
 
-static void check_period(struct config_loader *loader, const struct config_place *object)
+/* Keys of reading. */
+static void check_read_key(struct config_loader *loader, const struct config_place *object, unsigned key)
 {
-	const struct config_place here = config_object_key(object, OBJECT_PERIOD);
+	const struct config_place here = config_object_key(object, key);
 
 	if (loader->config->devices[loader->config->device_count - 1].unit == 0)
 		config_error(&loader->report, &here,
@@ -241,6 +243,8 @@ static uint16_t object_flags(const struct config_value *values, enum map_table t
 		flags |= MAP_POINT_INVERTED;
 	if (values[OBJECT_UNIMPLEMENTED].integer)
 		flags |= MAP_POINT_UNIMPLEMENTED;
+	if (values[OBJECT_SCALE_REGISTER].given)
+		flags |= MAP_POINT_SCALE_REGISTER;
 	if (values[OBJECT_WORD_ORDER].integer)
 		flags |= MAP_POINT_WORDS_SWAPPED;
 	if (values[OBJECT_BYTE_ORDER].integer)
@@ -260,7 +264,8 @@ static struct map_point object_point(const struct config_value *values, enum map
 				     enum map_table table)
 {
 	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
-	const struct config_value *second = &values[OBJECT_SECOND];
+	const struct config_value *second =
+	    &values[values[OBJECT_SCALE_REGISTER].given ? OBJECT_SCALE_REGISTER : OBJECT_SECOND];
 	enum map_format format = config_format(values, type);
 
 	return (struct map_point){
@@ -339,7 +344,9 @@ static void check_object(struct config_loader *loader, const struct config_place
 	if (values[OBJECT_NAME].given)
 		config_check_name(loader, &name, values[OBJECT_NAME].text);
 	if (values[OBJECT_PERIOD].given)
-		check_period(loader, place);
+		check_read_key(loader, place, OBJECT_PERIOD);
+	if (values[OBJECT_SCALE_REGISTER].given)
+		check_read_key(loader, place, OBJECT_SCALE_REGISTER);
 }
 
 static void add_entry(struct config_loader *loader, const struct config_place *place,

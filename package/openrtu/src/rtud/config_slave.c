@@ -113,9 +113,9 @@ static void check_broadcast(struct config_loader *loader, const struct config_pl
 
 static uint32_t span(const struct map_point *point)
 {
-	uint32_t first = point->address, last = map_point_address(point, point->width - 1u);
+	const struct map_extent extent = map_point_extent(point);
 
-	return (last > first ? last - first : first - last) + 1;
+	return extent.last - extent.first + 1;
 }
 
 /* An object is read whole. The device's, which are the last entries. */

@@ -152,24 +152,29 @@ static bool may_be_scaled(const struct config_value *values, enum map_type type)
 		(is_floating(format) || format == MAP_FORMAT_INT64 || format == MAP_FORMAT_UINT64));
 }
 
+static void check_may_be_scaled(struct config_loader *loader, const struct config_place *object,
+				const struct config_value *values, enum map_type type, unsigned key)
+{
+	const struct config_place here = config_object_key(object, key);
+
+	if (!values[key].given || may_be_scaled(values, type))
+		return;
+	if (type == MAP_COUNTER)
+		config_error(&loader->report, &here,
+			     "has no meaning for a counter that wraps, expected one of format int64, "
+			     "uint64, float32, float64");
+	else
+		config_error(&loader->report, &here, "has no meaning for type %s", config_type_names[type]);
+}
+
 static void check_scale(struct config_loader *loader, const struct config_place *object,
 			const struct config_value *values, enum map_type type)
 {
 	const struct config_place scale = config_object_key(object, OBJECT_SCALE);
 
-	for (unsigned key = OBJECT_SCALE; key <= OBJECT_OFFSET; key++) {
-		const struct config_place here = config_object_key(object, key);
-
-		if (!values[key].given || may_be_scaled(values, type))
-			continue;
-		if (type == MAP_COUNTER)
-			config_error(&loader->report, &here,
-				     "has no meaning for a counter that wraps, expected one of format int64, "
-				     "uint64, float32, float64");
-		else
-			config_error(&loader->report, &here, "has no meaning for type %s",
-				     config_type_names[type]);
-	}
+	check_may_be_scaled(loader, object, values, type, OBJECT_SCALE);
+	check_may_be_scaled(loader, object, values, type, OBJECT_OFFSET);
+	check_may_be_scaled(loader, object, values, type, OBJECT_SCALE_REGISTER);
 	if (values[OBJECT_SCALE].given && is_zero(values[OBJECT_SCALE].number))
 		config_error(&loader->report, &scale, "is 0, expected another number");
 }
@@ -191,6 +196,20 @@ static void check_scale_alone(struct config_loader *loader, const struct config_
 			config_error(&loader->report, &here, "has no meaning beside %s",
 				     config_object_rules[first].name);
 	}
+}
+
+/* One register cannot be a value and its power of ten. */
+static void check_scale_register(struct config_loader *loader, const struct config_place *object,
+				 const struct config_value *values, enum map_type type, enum map_table table)
+{
+	const struct config_place here = config_object_key(object, OBJECT_SCALE_REGISTER);
+	int64_t address = values[OBJECT_ADDRESS].integer, scale = values[OBJECT_SCALE_REGISTER].integer;
+
+	if (!values[OBJECT_SCALE_REGISTER].given || !values[OBJECT_ADDRESS].given)
+		return;
+	if (scale >= address && scale < address + config_width(type, config_format(values, type), table))
+		config_error(&loader->report, &here,
+			     "%lld is a register of the object itself, expected another", (long long)scale);
 }
 
 static bool read_finite(const json_t *json, double *number)
@@ -285,6 +304,7 @@ void config_check_value(struct config_loader *loader, const struct config_place 
 		check_register_bit(loader, object, values, table);
 	check_scale(loader, object, values, type);
 	check_scale_alone(loader, object, values);
+	check_scale_register(loader, object, values, type, table);
 	if (values[OBJECT_SCALE_POINTS].given)
 		check_scale_points(loader, object, values[OBJECT_SCALE_POINTS].json);
 	if (values[OBJECT_SCALE_TABLE].given)

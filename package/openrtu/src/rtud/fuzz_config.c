@@ -26,6 +26,7 @@ static void check_value(const struct map_config *config, const struct map_point 
 	CHECK(point->width == 1 || point->width == 2 || point->width == 4);
 	CHECK(point->format <= MAP_FORMAT_FLOAT64);
 	CHECK(map_point_address(point, point->width - 1u) <= UINT16_MAX);
+	CHECK(map_point_extent(point).last <= UINT16_MAX);
 	CHECK(point->knot_count != 1 &&
 	      point->first_knot + (uint32_t)point->knot_count <= config->knot_count);
 	CHECK(point->ioa >= 1 && point->ioa <= 0xFFFFFF);
