@@ -15,7 +15,7 @@ from pathlib import Path
 from nuc980.netboot.errors import UnusableInput
 
 MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
-# Of every board whose kernel or U-Boot was not told another: facts/nuc980-registers.md, facts/uboot.md.
+# Of every board whose kernel or U-Boot was not told another: compiled into the vendor's Ethernet driver and U-Boot.
 EVERYBODYS = ("08:00:27:00:01:92", "08:00:27:00:01:93", "00:00:00:11:66:88")
 PORTS = ("eth0", "eth1")
 UBOOT_NAMES = {"eth0": "ethaddr", "eth1": "eth1addr"}
