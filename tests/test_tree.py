@@ -109,7 +109,7 @@ def test_no_place_of_one_machine() -> None:
     assert found == []
 
 
-# What a reader of this tree alone cannot look up: an issue by its number, a document by its place among others.
+# What a reader of this tree alone cannot look up: the number of an issue, a document outside the tree.
 ELSEWHERE = re.compile(r"\bissue #?\d+|\bseed 0\d\d\b|\bshared/\w", re.IGNORECASE)
 MADE_BY_A_TEST = Path("tests/test_changed.py")  # its pages are of a tree that it makes
 
