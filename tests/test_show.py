@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`make run-native`: the newcomer's first command, as a process of its own."""
+"""`make run-native`: a new user's first command, as a process of its own."""
 
 import os
 import re
