@@ -290,7 +290,7 @@ build/buildroot/Makefile: configs/kas.yml | $(VENV)
 	touch $@
 
 %/Makefile:
-	@echo "BUILDROOT_DIR=$* is no Buildroot checkout" >&2; exit 2
+	@echo "BUILDROOT_DIR=$* is not a Buildroot checkout" >&2; exit 2
 
 FORCE:
 

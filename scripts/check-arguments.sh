@@ -17,26 +17,25 @@ some() {
 
 check_tcp_port() {
 	if [[ ! ${PORT:-1} =~ ^[1-9][0-9]{0,4}$ ]] || ((${PORT:-1} > 65535)); then
-		refuse "PORT=$PORT is no TCP port: a number from 1 to 65535, as PORT=2405"
+		refuse "PORT=$PORT is not a TCP port: give a number from 1 to 65535, such as PORT=2405"
 	fi
 }
 
 check_serial_port() {
-	local example="PORT=/dev/ttyUSB0 or the like"
 	case ${PORT:-} in
-	'') refuse "netboot: $example is missing: where the board's debug UART is" ;;
+	'') refuse "netboot: PORT is missing: name the port of the board's debug UART, such as PORT=/dev/ttyUSB0" ;;
 	socket://*:* | rfc2217://*:*) ;;
-	*) [[ -c $PORT ]] || refuse "netboot: PORT=$PORT is no serial port; those of this machine:" \
+	*) [[ -c $PORT ]] || refuse "netboot: PORT=$PORT is not a serial port; this machine has:" \
 		"$(some /dev/serial/by-id/* /dev/ttyUSB* /dev/ttyACM*)" ;;
 	esac
 }
 
 check_board_ip() {
 	[[ -z ${BOARD_IP:-} || $BOARD_IP =~ ^[0-9]{1,3}(\.[0-9]{1,3}){3}/[0-9]{1,2}$ ]] ||
-		refuse "BOARD_IP=$BOARD_IP is no address with its prefix, as BOARD_IP=192.168.1.20/24"
+		refuse "BOARD_IP=$BOARD_IP is not an address with its prefix, such as BOARD_IP=192.168.1.20/24"
 }
 
-# check_image FOLDER: what `make image` or `make system` made.
+# check_image FOLDER: what `make image-buildroot` or `make image-debian` made.
 check_image() {
 	local name folder=$1
 	[[ ! -d $folder/images ]] || folder+=/images
@@ -54,7 +53,7 @@ check_configuration() {
 
 check_site() {
 	local found
-	[[ -d $SITE ]] || refuse "SITE=$SITE is no folder; docs/image-buildroot.md says what belongs in it"
+	[[ -d $SITE ]] || refuse "SITE=$SITE is not a folder; docs/image-buildroot.md says what belongs in it"
 	for script in post-build place-macs; do
 		found=$(SITE_SETTINGS=$SITE "board/nuc980/$script.sh" 2>&1) || refuse "SITE=$SITE: $found"
 	done
@@ -64,7 +63,7 @@ check_site() {
 
 check_device_tree() {
 	local found
-	[[ -f $DTS ]] || refuse "DTS=$DTS is no file"
+	[[ -f $DTS ]] || refuse "DTS=$DTS is not a file"
 	# shellcheck disable=SC2086 # words
 	found=$(scripts/build-dtb.sh --check "$DTS" ${SWITCHES:-} 2>&1) || refuse "SWITCHES=$SWITCHES: $found"
 }
@@ -82,7 +81,7 @@ for goal; do
 	image | image-buildroot) for image in $IMAGES; do check_configuration "$image" "IMAGES=$image"; done ;;
 	menuconfig | linux-menuconfig | savedefconfig | sdk | legal-info | sbom) check_configuration "$IMAGE" "IMAGE=$IMAGE" ;;
 	dtb) check_device_tree ;;
-	fuzz) [[ $FUZZ_SECONDS =~ ^[1-9][0-9]{0,5}$ ]] || refuse "FUZZ_SECONDS=$FUZZ_SECONDS is no number of seconds" ;;
-	bench) [[ -z ${LIB60870:-} || -d $LIB60870 ]] || refuse "LIB60870=$LIB60870 is no folder; it names lib60870's source" ;;
+	fuzz) [[ $FUZZ_SECONDS =~ ^[1-9][0-9]{0,5}$ ]] || refuse "FUZZ_SECONDS=$FUZZ_SECONDS is not a number of seconds" ;;
+	bench) [[ -z ${LIB60870:-} || -d $LIB60870 ]] || refuse "LIB60870=$LIB60870 is not a folder; name the one with lib60870's source" ;;
 	esac
 done

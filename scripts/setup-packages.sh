@@ -6,7 +6,7 @@ set -euo pipefail
 mapfile -t wanted < <(sed 's/[[:space:]]*#.*//; /^[[:space:]]*$/d' "$1")
 
 if ! command -v dpkg-query apt-get >/dev/null; then
-	echo "setup: this is no Debian system; install what these packages hold, then touch build/packages.done:"
+	echo "setup: this is not a Debian system; install what these packages contain, then type touch build/packages.done:"
 	echo "  ${wanted[*]}"
 	exit 2
 fi >&2

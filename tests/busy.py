@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`make busy`: targets of the Makefile, again and again, beside busy processes of the same priority.
 
-What passes on an idle machine alone is not proven: a newcomer's is not idle. Exit code 0: all passed;
+What passes on an idle machine alone is not proven: a new user's machine is not idle. Exit code 0: all passed;
 1: not all; 2: wrong usage.
 """
 

@@ -279,12 +279,12 @@ SOME, ALL, NONE = range(3)  # of the events that the file held
 @pytest.mark.parametrize(
     ("spoil", "message", "left"),
     [
-        (tear, "torn or broken", SOME),
-        (flip, "torn or broken", SOME),
-        (cut_head, "torn or broken: nothing can be read", NONE),
+        (tear, "incomplete or damaged", SOME),
+        (flip, "incomplete or damaged", SOME),
+        (cut_head, "incomplete or damaged: nothing can be read", NONE),
         (clear, "0 events restored", NONE),
-        (exchange, "torn or broken: nothing can be read", NONE),
-        (inflate, "torn or broken", ALL),
+        (exchange, "incomplete or damaged: nothing can be read", NONE),
+        (inflate, "incomplete or damaged", ALL),
         (make_folder, "cannot be read: Is a directory", NONE),
         (make_pipe, "cannot be read: Invalid argument", NONE),
         (link_elsewhere, "cannot be read: Too many levels of symbolic links", NONE),
@@ -430,7 +430,7 @@ def test_file_stays_within_its_size(programs: Path, journal: Path) -> None:
             inodes.add(file.st_ino)
         assert 32 * 1024 < max(sizes) <= 64 * 1024
         assert state(gateway)["left_out"] > 0
-        wait_log(gateway, "have no room: a larger size_kb has")
+        wait_log(gateway, "have no room: increase size_kb")
         table = gateway.ctl("modules")
         assert "journal: " in table and " events not acknowledged; " in table
         cut_power(gateway)

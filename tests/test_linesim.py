@@ -34,7 +34,7 @@ QUIET_S = 0.1  # from a request's end; without a fault an answer begins after 2 
 CHAR_19200_8N2_S = 11 / 19200
 HOLDING = "holding_registers"
 
-# Report 003, figure 5.4: request, what the console says it read, answer.
+# The project report, figure 5.4: request, what the console says it read, answer.
 FIGURE_5_4 = [
     ([67, 1, 0, 0, 0, 1, 242, 232], "67C0 = 1", [67, 1, 1, 1, 132, 48]),
     ([67, 1, 0, 1, 0, 1, 163, 40], "67C1 = 0", [67, 1, 1, 0, 69, 240]),

@@ -146,14 +146,14 @@ def test_a_table_of_bits_and_words_that_share_a_register(programs: Path, tmp_pat
 
 INCLUDES = {
     "missing": ({"a.json": {"include": ["b.json"]}}, 'include[0]: "{d}/b.json" cannot be read: No such file'),
-    "itself": ({"a.json": {"include": ["a.json"]}}, 'include[0]: "{d}/a.json" includes itself by this'),
+    "itself": ({"a.json": {"include": ["a.json"]}}, 'include[0]: "{d}/a.json" includes itself here'),
     "circle": (
         {"a.json": {"include": ["b.json"]}, "b.json": {"include": ["./a.json"]}},
-        'include[0]: "{d}/./a.json" includes itself by this',
+        'include[0]: "{d}/./a.json" includes itself here',
     ),
-    "no-json": ({"a.json": {"include": ["pipe"]}}, 'include[0]: "{d}/pipe" is no regular file'),
+    "no-json": ({"a.json": {"include": ["pipe"]}}, 'include[0]: "{d}/pipe" is not a regular file'),
     "port": ({"a.json": {"port": []}}, "port: unknown key, expected one of include, templates, about"),
-    "number": ({"a.json": {"include": [5]}}, "include[0]: is no file's name, expected one in a string"),
+    "number": ({"a.json": {"include": [5]}}, "include[0]: is not a file name, expected a string"),
     "name-twice": (
         {"a.json": {"templates": {"m": {}}, "include": ["b.json"]}, "b.json": {"templates": {"m": {}}}},
         "templates.m: has the name of templates.m ({d}/a.json:3)",
@@ -198,13 +198,13 @@ def test_included_json_that_is_none_says_where(programs: Path, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("slave", "message"),
     [
-        ({"template": "meters"}, "template: there is no template of this name"),
+        ({"template": "meters"}, "template: there is no template with this name"),
         (
             {"template": "meter", "overrides": {"v": {}}},
-            "overrides.v: is the name of no object of the template",
+            "overrides.v: is not the name of an object of the template",
         ),
         ({"template": "meter", "overrides": {"u": 5}}, "overrides.u: is neither an object { }"),
-        ({"overrides": {"u": {}}}, "overrides.u: is the name of no object of the template"),
+        ({"overrides": {"u": {}}}, "overrides.u: is not the name of an object of the template"),
         ({"template": "meter", "name_prefix": "a b"}, "name_prefix: has a space or one of"),
         ({"template": "meter", "name_prefix": "x" * 38}, "name: is longer than 39 bytes with its slave's"),
         ({"template": "meter", "ioa_offset": 16777214}, "ioa: 16807215 is out of range with its slave's"),
@@ -235,8 +235,8 @@ def test_slaves_of_a_template_that_are_wrong(
             "short_pulse_ms: has no meaning for a bit of a register",
         ),
         ({"format": "int64", "address": 65533, "ioa": 1}, "which covers four addresses, expected 0 to 65532"),
-        ({"format": "int32", "type": "bitstring"}, 'format: "int32" is none of type bitstring'),
-        ({"format": "int16", "signed": True}, "signed: has no meaning with format"),
+        ({"format": "int32", "type": "bitstring"}, 'format: "int32" is not a format of type bitstring'),
+        ({"format": "int16", "signed": True}, "signed: has no meaning beside format"),
         ({"format": "int16", "word_order": "big"}, "word_order: has no meaning for format int16"),
         ({"format": "float32", "unimplemented": True}, "unimplemented: has no meaning for floating point"),
         ({"type": "counter", "scale": 2}, "scale: has no meaning for a counter that wraps"),
@@ -247,9 +247,9 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"scale_register": 5, "type": "step"}, "scale_register: has no meaning for type step"),
         ({"scale": 2, "scale_points": [[0, 0], [1, 1]]}, "scale_points: has no meaning beside scale"),
         ({"scale_points": [[0, 0]]}, "scale_points: has 1 elements, expected two pairs"),
-        ({"scale_points": [[0, 5], [1, 5]]}, "scale_points: has one value twice"),
+        ({"scale_points": [[0, 5], [1, 5]]}, "scale_points: has the same value twice"),
         ({"scale_table": [[0, 0], [0, 1]]}, "scale_table[1]: has no raw value above"),
-        ({"scale_table": [[0, 0], [1, "x"]]}, "scale_table[1]: is no pair [raw, value] of numbers"),
+        ({"scale_table": [[0, 0], [1, "x"]]}, "scale_table[1]: is not a pair [raw, value] of numbers"),
         ({"scale_table": [[0, 0], [1, 1], [2, 0]]}, "scale_table: neither rises nor falls all the way"),
         ({"inverted": True}, "inverted: has no meaning for type scaled"),
     ],

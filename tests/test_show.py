@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`make run-native`: the newcomer's first command, as a process of its own."""
+"""`make run-native`: a new user's first command, as a process of its own."""
 
 import os
 import re
@@ -97,7 +97,7 @@ def test_port_that_is_none_is_wrong_usage(start: Start, port: str) -> None:
     show = start(f"--port={port}")
     out, err = show.communicate(timeout=60)
     assert (show.returncode, out) == (2, "")
-    assert f"{port} is no TCP port" in err
+    assert f"{port} is not a TCP port" in err
 
 
 def test_failed_show_says_three_lines_and_the_rest_in_a_file(start: Start) -> None:

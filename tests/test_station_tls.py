@@ -182,7 +182,7 @@ def test_no_certificate(gateway: TlsGateway, pki: Pki) -> None:
 @pytest.mark.parametrize("version", VERSIONS)
 def test_unknown_ca(gateway: TlsGateway, pki: Pki, version: str) -> None:
     context = pki.client(pki.stranger, version)
-    assert_refused(gateway, context, 'certificate is of no known CA: "stranger"')
+    assert_refused(gateway, context, 'certificate is from no known CA: "stranger"')
 
 
 def test_expired(gateway: TlsGateway, pki: Pki) -> None:
@@ -500,7 +500,7 @@ def test_key_that_others_may_read(pki: Pki, programs: Path) -> None:
 def test_key_of_another_certificate(pki: Pki, programs: Path) -> None:
     other = pki.ours.issue_for_station("substation 11")
     with not_up(pki, programs, key=str(other.key)) as gateway:
-        gateway.wait_log("the key .*: is not that of the certificate$")
+        gateway.wait_log("the key .*: does not belong to the certificate$")
 
 
 @pytest.mark.parametrize("name", ["certificate", "key", "ca", "crl"])
@@ -542,4 +542,4 @@ def test_own_certificate_that_has_expired_is_said(pki: Pki, programs: Path) -> N
         gateway.wait_log("listening on")
         with pytest.raises(ssl.SSLCertVerificationError, match="expired"):
             connected(gateway, pki.client())
-        gateway.wait_log("refused, takes our certificate for expired$")
+        gateway.wait_log("refused, considers our certificate expired$")

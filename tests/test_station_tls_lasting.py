@@ -214,7 +214,7 @@ def test_own_certificate_is_exchanged(pki: Pki, programs: Path) -> None:
     new = pki.ours.issue_for_station("substation 7 anew", days=300)
     with gateway_with(pki, programs) as gateway, connected(gateway, pki.client()) as staying:
         place(new.certificate.read_bytes(), pki.station.certificate)
-        gateway.wait_for(lambda: "is not that of the certificate" in gateway.log(), SEEN_S, "half a pair")
+        gateway.wait_for(lambda: "does not belong to the certificate" in gateway.log(), SEEN_S, "half a pair")
         with connected(gateway, pki.client()) as former:
             assert "substation 7'" in str(former.getpeercert())
         place(new.key.read_bytes(), pki.station.key)
@@ -267,7 +267,7 @@ def test_own_certificate_that_ends_soon_is_said(pki: Pki, programs: Path) -> Non
     station = pki.ours.issue_for_station("substation 14", days=29)
     files = {"certificate": str(station.certificate), "key": str(station.key)}
     with gateway_with(pki, programs, **files) as gateway:
-        gateway.wait_log(r'own certificate ends on \d{4}-\d\d-\d\d, in (28|29) days: "substation 14"$')
+        gateway.wait_log(r'own certificate expires on \d{4}-\d\d-\d\d, in (28|29) days: "substation 14"$')
         with connected(gateway, pki.client()) as connection:
             assert is_alive(connection)
 

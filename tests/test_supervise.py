@@ -144,7 +144,7 @@ def test_module_that_executes_something_is_ended_and_restarted(gateway: Gateway)
     modules.mkdir(mode=0o755)
     (modules / "rtu-modbus").symlink_to(gateway.build / "modules" / "rtu-modbus")
     (modules / STATION).symlink_to(gateway.build / "modules" / "planted")
-    ended = f"{STATION} was ended for a system call that it may not make: "
+    ended = f"{STATION} was killed for a forbidden system call: "
     with rtud(gateway, args=command(gateway, modules=modules)):
         gateway.wait_for(
             lambda: gateway.log(1000).count(ended) >= 3, 60.0, "it is restarted, and ended again"

@@ -109,6 +109,24 @@ def test_no_place_of_one_machine() -> None:
     assert found == []
 
 
+# What a reader of this tree alone cannot look up: the number of an issue, a document outside the tree.
+ELSEWHERE = re.compile(r"\bissue #?\d+|\bseed 0\d\d\b|\bshared/\w", re.IGNORECASE)
+MADE_BY_A_TEST = Path("tests/test_changed.py")  # its pages are of a tree that it makes
+
+
+def test_no_reference_leads_out_of_the_tree() -> None:
+    pages = {page.name for page in PAGES}
+    found = []
+    for path in LICENSED:
+        if path in {THIS, MADE_BY_A_TEST}:
+            continue
+        for number, line in enumerate(text_of(path).splitlines(), 1):
+            names = re.findall(r"(?<!\w)[\w-]+\.md\b", line)
+            if ELSEWHERE.search(line) or set(names) - pages:
+                found.append(f"{path}:{number}: {line.strip()}")
+    assert found == []
+
+
 # ---- the front door ------------------------------------------------------------------------------
 
 

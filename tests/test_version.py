@@ -14,7 +14,7 @@ VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
 MODULES = ("rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal")
 
 
-def said(*command: str | Path) -> str:
+def output_of(*command: str | Path) -> str:
     done = subprocess.run(
         [*command, "--version"], cwd=ROOT / "scripts", capture_output=True, text=True, timeout=60, check=False
     )
@@ -29,20 +29,20 @@ def test_version_is_one_that_packages_can_have() -> None:
 
 @pytest.mark.parametrize("program", ["rtud/rtud", "rtuctl/rtuctl", *(f"modules/{name}" for name in MODULES)])
 def test_programs_of_the_gateway(programs: Path, program: str) -> None:
-    assert said(programs / program) == f"{Path(program).name} (OpenRTU) {VERSION}\n"
+    assert output_of(programs / program) == f"{Path(program).name} (OpenRTU) {VERSION}\n"
 
 
 def test_simulated_devices(linesim_program: Path) -> None:
-    assert said(linesim_program) == f"linesim (OpenRTU) {VERSION}\n"
+    assert output_of(linesim_program) == f"linesim (OpenRTU) {VERSION}\n"
 
 
 @pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot"])
 def test_python_tools(tool: str) -> None:
-    assert said(ROOT / "scripts" / tool) == f"{tool} (OpenRTU) {VERSION}\n"
+    assert output_of(ROOT / "scripts" / tool) == f"{tool} (OpenRTU) {VERSION}\n"
 
 
 def test_show_of_the_emulated_board() -> None:
-    assert said(sys.executable, "-m", "lab.twin_show") == f"make twin (OpenRTU) {VERSION}\n"
+    assert output_of(sys.executable, "-m", "lab.twin_show") == f"make twin (OpenRTU) {VERSION}\n"
 
 
 def test_packages_take_it_from_the_file() -> None:

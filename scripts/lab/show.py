@@ -401,7 +401,7 @@ def typed(command: str, arguments: argparse.Namespace) -> str:
 def tcp_port(text: str) -> int:
     """A port that one can listen on. Raises ArgumentTypeError."""
     if not text.isdecimal() or not 1 <= int(text) <= 65535:
-        raise argparse.ArgumentTypeError(f"{text} is no TCP port: a number from 1 to 65535")
+        raise argparse.ArgumentTypeError(f"{text} is not a TCP port: give a number from 1 to 65535")
     return int(text)
 
 

@@ -67,7 +67,7 @@ def show_tftp(console: Console, content: bytes) -> None:
 
 
 def show_wrong_pin(console: Console) -> None:
-    say("\nPF12 switched from UART0_TXD to GPIO: the board still runs, and is not heard.")
+    say("\nPF12 switched from UART0_TXD to GPIO: the board still runs, but nobody hears it.")
     machine = console.machine
     right = machine.read(MFP_PF_HIGH)
     machine.write(MFP_PF_HIGH, right & ~PF12)

@@ -91,14 +91,14 @@ def test_image_builds_both(tree: Tree) -> None:
 def test_site_that_is_not_there_is_said_at_once(tree: Tree) -> None:
     done = tree.make_with_stand_in("image", "SITE=nowhere")
     assert done.returncode == 2
-    assert "SITE=nowhere is no folder; docs/image-buildroot.md says" in done.stderr
+    assert "SITE=nowhere is not a folder; docs/image-buildroot.md says" in done.stderr
     assert not (tree.folder / "build" / IMAGES[0]).exists()
 
 
 def test_folder_without_buildroot_is_said(tree: Tree) -> None:
     done = tree.make("image", "BUILDROOT_DIR=nowhere")
     assert done.returncode == 2
-    assert "BUILDROOT_DIR=nowhere is no Buildroot checkout" in done.stderr
+    assert "BUILDROOT_DIR=nowhere is not a Buildroot checkout" in done.stderr
 
 
 def test_changed_configuration_is_built_until_the_defconfig_is_newer(tree: Tree) -> None:
@@ -170,11 +170,11 @@ WRONG = [
         "there is no image in nope: it lacks uImage; make image-buildroot makes build/",
     ),
     ("run IMAGE=configs", "there is no image in configs: it lacks uImage"),
-    ("run PORT=0", "PORT=0 is no TCP port: a number from 1 to 65535, as PORT=2405"),
-    ("run-native PORT=65536", "PORT=65536 is no TCP port"),
-    ("run-native PORT=/dev/ttyUSB0", "PORT=/dev/ttyUSB0 is no TCP port"),
-    ("run-native KEEP=1 PORT=2'4", "PORT=2'4 is no TCP port"),
-    ("image SITE=nope", "SITE=nope is no folder"),
+    ("run PORT=0", "PORT=0 is not a TCP port: give a number from 1 to 65535, such as PORT=2405"),
+    ("run-native PORT=65536", "PORT=65536 is not a TCP port"),
+    ("run-native PORT=/dev/ttyUSB0", "PORT=/dev/ttyUSB0 is not a TCP port"),
+    ("run-native KEEP=1 PORT=2'4", "PORT=2'4 is not a TCP port"),
+    ("image SITE=nope", "SITE=nope is not a folder"),
     ("image IMAGES=nope", "IMAGES=nope: there is no configs/nope_defconfig; there are nuc980_gateway "),
     ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
     ("system SITE=sites/json", "sites/json/config.json is no JSON"),
@@ -182,14 +182,14 @@ WRONG = [
     ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
     ("image SITE=sites/ntp", "sites/ntp/ntp names no server"),
     ("netboot SITE=sites/password PORT=/dev/null", "sites/password/root-password is no hash of crypt(5)"),
-    ("netboot", "netboot: PORT=/dev/ttyUSB0 or the like is missing"),
-    ("netboot PORT=/dev/nope", "netboot: PORT=/dev/nope is no serial port; those of this machine: "),
-    ("netboot PORT=/dev/null BOARD_IP=192.0.2.1", "BOARD_IP=192.0.2.1 is no address with its prefix"),
+    ("netboot", "netboot: PORT is missing"),
+    ("netboot PORT=/dev/nope", "netboot: PORT=/dev/nope is not a serial port; this machine has: "),
+    ("netboot PORT=/dev/null BOARD_IP=192.0.2.1", "BOARD_IP=192.0.2.1 is not an address with its prefix"),
     ("netboot PORT=/dev/null IMAGE=nope", "there is no image in build/nope"),
-    ("dtb DTS=nope", "DTS=nope is no file"),
+    ("dtb DTS=nope", "DTS=nope is not a file"),
     ("dtb SWITCHES=nonsense", "SWITCHES=nonsense: nonsense: dts/nuvoton/nuc980-gateway.dts has the switches"),
-    ("fuzz FUZZ_SECONDS=soon", "FUZZ_SECONDS=soon is no number of seconds"),
-    ("bench LIB60870=nope", "LIB60870=nope is no folder"),
+    ("fuzz FUZZ_SECONDS=soon", "FUZZ_SECONDS=soon is not a number of seconds"),
+    ("bench LIB60870=nope", "LIB60870=nope is not a folder"),
 ]
 SITES = {
     "json": ("config.json", "{"),

@@ -48,8 +48,11 @@ PERIOD_MS = 200  # so that RTS has time to fall between the requests
 
 # What a port does not take, by port, and what the log says of it.
 REFUSED: dict[int, tuple[dict[str, Any], str]] = {
-    1: ({"device": "ttyS1", "baud_rate": 4000000}, r"ttyS1 does not take 4000000 bit/s, it stays at \d+"),
-    2: ({"device": "ttyS2", "baud_rate": 1050000}, "ttyS2 does not take 1050000 bit/s, it stays at 1090909"),
+    1: ({"device": "ttyS1", "baud_rate": 4000000}, r"ttyS1 does not accept 4000000 bit/s, it stays at \d+"),
+    2: (
+        {"device": "ttyS2", "baud_rate": 1050000},
+        "ttyS2 does not accept 1050000 bit/s, it stays at 1090909",
+    ),
     3: ({"device": "ttyS5"}, "ttyS5 cannot be opened: No such file or directory"),
     4: ({"device": "ttyS0"}, "ttyS0 cannot be opened: Permission denied"),
     5: ({}, "ttyS6 is used by another process"),

@@ -126,7 +126,7 @@ def set_clock(master: RawMaster, when: datetime) -> int:
 def test_before_the_server_answers_nothing_is_believed(linux: Linux, server: NtpServer) -> None:
     """In 1970: tags are invalid, nobody comes in on TLS, and the log says why. Nothing listens for NTP."""
     wait_log(linux, NEVER_SET)
-    assert "the clock begins with the system's, 1970-01-01T" in wait_log(linux, "time tags are invalid")
+    assert "the clock starts with the system's, 1970-01-01T" in wait_log(linux, "time tags are invalid")
     row = clock(linux)
     assert (row["source"], row["valid"], row["time"][:10]) == ("none", False, "1970-01-01")
     assert not server.silent or server.asked > 0

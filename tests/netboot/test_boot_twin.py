@@ -122,7 +122,7 @@ def test_slow_login_is_awaited(boot: Boot) -> None:
         ("oops", ["The kernel stumbled:", "NULL pointer dereference", "end trace"]),
         ("reset", ["The board restarted while Linux came up", "eth1:", "watchdog"]),
         ("hang", ["No line with", "within 3 s", "eth1:", "--timeout"]),
-        ("mute", ["Not a word of the kernel within 3 s", "console=ttyS0,115200n8"]),
+        ("mute", ["The kernel printed nothing within 3 s", "console=ttyS0,115200n8"]),
     ],
 )
 def test_other_endings_say_what_they_are(boot: Boot, ending: str, words: list[str]) -> None:

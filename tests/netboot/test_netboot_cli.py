@@ -73,7 +73,7 @@ def test_every_option_is_explained(name: str) -> None:
         (["probe", "--port", "/dev/null", "--all-lines"], "--all-lines is for --dry-run"),
         (["probe", "--dry-run", "--as", "no.json"], "no.json: No such file"),
         (["restore-env", "--dry-run", "no.txt"], "no.txt: No such file"),
-        (["restore-env", "--dry-run", "/dev/null", "--as", __file__], "no JSON of nuc980-netboot probe"),
+        (["restore-env", "--dry-run", "/dev/null", "--as", __file__], "not a report of nuc980-netboot probe"),
         (["boot", "--dry-run", "no-kernel", "no-tree"], "no-kernel: No such file"),
         (["flash", "--dry-run"], "name what to write"),
     ],
@@ -233,7 +233,7 @@ def test_udp_port_is_one(port: str, images: list[str], capsys: pytest.CaptureFix
     with pytest.raises(SystemExit) as ended:
         main(["boot", *images, "--tftp-port", port])
     assert ended.value.code == 2
-    assert "no UDP port" in capsys.readouterr().err
+    assert "is not a UDP port" in capsys.readouterr().err
 
 
 # ---- the report of a failure

@@ -20,7 +20,7 @@ from nuc980.netboot.fixture import OPTIONS
 from nuc980.netboot.site import Site
 
 PAGE = (Path(__file__).parents[2] / "docs/netboot.md").read_text()
-HERE = "said in the message"
+HERE = "see the message"
 
 
 def kinds(base: type[NetbootError] = NetbootError) -> Iterator[type[NetbootError]]:

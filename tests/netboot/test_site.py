@@ -144,10 +144,10 @@ def test_unusable_file_is_named(site: Site) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("", "is no IPv4 address"),
-        ("192.168.1.300/24", "is no IPv4 address"),
-        ("192.168.1.3/33", "is no IPv4 address"),
-        ("fe80::1/64", "is no IPv4 address"),
+        ("", "is not an IPv4 address"),
+        ("192.168.1.300/24", "is not an IPv4 address"),
+        ("192.168.1.3/33", "is not an IPv4 address"),
+        ("fe80::1/64", "is not an IPv4 address"),
         ("192.168.1.3", "lacks its network's prefix"),
         ("192.168.1.0/24", "the address of a network"),
         ("192.168.1.255/24", "the address of a network"),

@@ -148,7 +148,7 @@ def _ended_by_signals() -> Iterator[None]:
 def _check(parsed: argparse.Namespace) -> None:
     """What argparse cannot see. Raises UnusableInput."""
     if parsed.board_as and not parsed.dry_run:
-        raise UnusableInput("--as is for --dry-run", next_step="without --dry-run the board is asked itself")
+        raise UnusableInput("--as is for --dry-run", next_step="without --dry-run the tool asks the board")
     if parsed.all_lines and not parsed.dry_run:
         raise UnusableInput("--all-lines is for --dry-run", next_step="--log FILE keeps what is typed")
     if parsed.console:
@@ -184,8 +184,8 @@ def _parser() -> argparse.ArgumentParser:
         command.set_defaults(act=act)
         return command
 
-    command = add("probe", _probe, "say what a board is: U-Boot, RAM, flash, network, with remarks")
-    command.add_argument("--no-flash", action="store_true", help="leave the flash out")
+    command = add("probe", _probe, "report what a board is: U-Boot, RAM, flash, network, with remarks")
+    command.add_argument("--no-flash", action="store_true", help="do not touch the flash")
     _add_common(command)
 
     command = add("boot", _boot, "load kernel and device tree by TFTP and start them")
@@ -313,7 +313,7 @@ def _board_ip(text: str) -> IPv4Interface:
 
 def _udp_port(text: str) -> int:
     if not text.isdecimal() or not 0 < int(text) < 1 << 16:
-        raise argparse.ArgumentTypeError(f"{text!r} is no UDP port, 1 to 65535")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a UDP port: give a number from 1 to 65535")
     return int(text)
 
 

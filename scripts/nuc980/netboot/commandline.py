@@ -18,7 +18,7 @@ LINE_ROOM = 254
 
 def _check_printable(words: str) -> None:
     if not words.isascii() or not words.isprintable():
-        raise LineTooLong(f"U-Boot's command line takes printable ASCII only: {words!r}")
+        raise LineTooLong(f"U-Boot's command line accepts only printable ASCII: {words!r}")
 
 
 def typed(command: str, number: int) -> str:

@@ -143,7 +143,7 @@ class Console:
             answers.append(self.run(command, seconds))
             if answers[-1] in answers[:-1]:
                 return answers[-1]
-        raise LineUnsafe(f"Each answer to '{command}' is another.", cause=self.line.other_readers())
+        raise LineUnsafe(f"The answers to '{command}' differ.", cause=self.line.other_readers())
 
     def start(self, command: str) -> int:
         """Types a command and Enter, and leaves it running; returns the number of its marker.

@@ -55,7 +55,7 @@ class SpeedRefused(UnusableInput):
     """The port cannot run at this speed."""
 
     cause = "the adapter does not have this speed"
-    next_step = "leave --baud away: the board's console has 115200 bit/s"
+    next_step = "omit --baud: the board's console has 115200 bit/s"
 
 
 # ---- the serial line
@@ -85,7 +85,7 @@ class Garbage(NetbootError):
 class PowerHookFailed(NetbootError):
     """The command to switch the board off and on failed."""
 
-    cause = "the switch is not reached, or it is another board's"
+    cause = "the switch cannot be reached, or it belongs to another board"
     next_step = "run the --power-cycle command by hand, and look at the board's power LED"
 
 
@@ -128,7 +128,7 @@ class BoardHung(NetbootError):
     """U-Boot gave up: only a reset helps."""
 
     cause = "see what U-Boot said above: RAM, flash or a file that it cannot work with"
-    next_step = "switch the board off and on, and start again; at each start: U-Boot or the RAM is bad"
+    next_step = "switch the board off and on, and start again; if it happens again, U-Boot or the RAM is bad"
 
 
 class NoStatus(NetbootError):
@@ -230,7 +230,7 @@ class TransferBroken(TftpTimeout):
     """A transfer began and did not finish."""
 
     cause = "a bad cable, a network that loses packets, or a firewall that does not know TFTP"
-    next_step = "start again, with a direct cable if there is another network between"
+    next_step = "start again, with a direct cable if another network is in between"
 
 
 class FileRefused(TransferFailed):

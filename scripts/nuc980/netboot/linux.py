@@ -148,7 +148,7 @@ class LinuxWatch:
     def _no_kernel(self, goal: Goal) -> NetbootError:
         others = self._line.other_readers()
         if self._handed_over:
-            return KernelMute(f"Not a word of the kernel within {goal.seconds:g} s.", cause=others)
+            return KernelMute(f"The kernel printed nothing within {goal.seconds:g} s.", cause=others)
         what = f"bootm did not end within {goal.bootm_seconds:g} s: {self._last_words()}"
         return BootmFailed(what, cause=others)
 

@@ -111,7 +111,7 @@ def board_of(path: Path) -> BoardReport:
         report = json.loads(path.read_bytes())
         return BoardReport.from_json(report["board"])
     except (ValueError, KeyError, TypeError) as error:
-        raise UnusableInput(f"{path}: no JSON of nuc980-netboot probe: {error}") from error
+        raise UnusableInput(f"{path}: not a report of nuc980-netboot probe --json: {error}") from error
     except UnusableInput as error:
         raise UnusableInput(f"{path}: {error.what}") from error
 

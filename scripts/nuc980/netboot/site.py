@@ -15,7 +15,7 @@ from pathlib import Path
 from nuc980.netboot.errors import UnusableInput
 
 MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
-# Of every board whose kernel or U-Boot was not told another: facts/nuc980-registers.md, facts/uboot.md.
+# Of every board whose kernel or U-Boot was not told another: the vendor compiles them in.
 EVERYBODYS = ("08:00:27:00:01:92", "08:00:27:00:01:93", "00:00:00:11:66:88")
 PORTS = ("eth0", "eth1")
 UBOOT_NAMES = {"eth0": "ethaddr", "eth1": "eth1addr"}
@@ -78,7 +78,7 @@ def with_prefix(text: str) -> IPv4Interface:
     try:
         address = IPv4Interface(text)
     except (AddressValueError, NetmaskValueError) as error:
-        raise ValueError(f"{text!r} is no IPv4 address with its prefix, as 192.168.1.20/24") from error
+        raise ValueError(f"{text!r} is not an IPv4 address with its prefix, as 192.168.1.20/24") from error
     if "/" not in text:
         raise ValueError(f"{text!r} lacks its network's prefix, as in {text}/24")
     network = address.network

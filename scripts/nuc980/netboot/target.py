@@ -54,7 +54,7 @@ class Target:
         """The serial port, open."""
         if not self.port:
             raise UnusableInput(
-                "no --port is given", next_step="look at /dev/serial/by-id for the ports there are"
+                "no --port is given", next_step="/dev/serial/by-id lists the ports of this machine"
             )
         with Line(self.port, self.baud, self.log) as line:
             yield line

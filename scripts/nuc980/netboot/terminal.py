@@ -25,7 +25,7 @@ TURN_SECONDS = 0.02
 def check_terminal() -> None:
     """That there is one to hand over to. Raises UnusableInput."""
     if not sys.stdin.isatty():
-        raise UnusableInput("--console needs a terminal", next_step="leave --console away, or use ssh -t")
+        raise UnusableInput("--console needs a terminal", next_step="omit --console, or use ssh -t")
 
 
 def hand_over(line: Line) -> None:

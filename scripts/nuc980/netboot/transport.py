@@ -82,7 +82,7 @@ class Line:
         self.close()
         if self._log_error and not error:
             name, why = self._log_error.filename, self._log_error.strerror
-            raise UnusableInput(f"{name}: {why}; the log ends early, all else was done")
+            raise UnusableInput(f"{name}: {why}; the log ends early, everything else was done")
 
     def now(self) -> float:
         """Seconds since the line was opened, as in the log."""

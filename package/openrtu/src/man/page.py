@@ -34,7 +34,7 @@ WIDTH = 78  # of argparse's help
 UNFOLDED = 200
 
 
-def said(*words: str | Path, width: int = WIDTH) -> str:
+def output_of(*words: str | Path, width: int = WIDTH) -> str:
     environment = os.environ | {"COLUMNS": str(width), "LC_ALL": "C"}
     return subprocess.run(words, check=True, capture_output=True, text=True, env=environment).stdout
 
@@ -48,7 +48,7 @@ def literal(text: str) -> str:
 def commands_of(program: Path, names: list[str]) -> str:
     section = ""
     for name in names:
-        usage, _, rest = said(program, name, "--help").partition("\n\n")
+        usage, _, rest = output_of(program, name, "--help").partition("\n\n")
         synopsis = re.sub(rf"^.*? (?={name}\b)", "", " ".join(usage.split())).replace("-", r"\-")
         section += f".SS {name}\n{synopsis}\n.PP\n{literal(rest)}"
     return f"[COMMANDS]\n{section}\n" if section else ""
@@ -57,7 +57,7 @@ def commands_of(program: Path, names: list[str]) -> str:
 def stand_in(folder: Path, program: Path, text: str) -> Path:
     """A program that says the help as help2man reads it: its first word is "Usage"."""
     (folder / "help").write_text(re.sub(r"^usage: ", "Usage: ", text))
-    (folder / "version").write_text(said(program, "--version"))
+    (folder / "version").write_text(output_of(program, "--version"))
     script = folder / program.name
     script.write_text(f'#!/bin/sh\ncat "{folder}/${{1#--}}"\n')
     script.chmod(0o755)
@@ -65,7 +65,7 @@ def stand_in(folder: Path, program: Path, text: str) -> Path:
 
 
 def write_page(program: Path, section: str, purpose: str, out: Path) -> None:
-    text, _, examples = said(program, "--help", width=UNFOLDED).partition("\nexamples:\n")
+    text, _, examples = output_of(program, "--help", width=UNFOLDED).partition("\nexamples:\n")
     more = commands_of(program, COMMAND.findall(text))
     if examples:
         more += f"[EXAMPLES]\n{literal(examples)}\n"
@@ -74,7 +74,7 @@ def write_page(program: Path, section: str, purpose: str, out: Path) -> None:
         folder = Path(name)
         (folder / "more").write_text(f"{more}[SEE ALSO]\n{see_also}\n")
         shown = stand_in(folder, program, COMMAND.sub("", text))
-        said("help2man", "--no-info", "--section", section, "--name", purpose,
+        output_of("help2man", "--no-info", "--section", section, "--name", purpose,
              "--include", folder / "more", "--output", out, shown)  # fmt: skip
     dated = re.sub(r'^(\.TH \S+ "\d") "[^"]*"', rf'\1 "{today()}"', out.read_text(), flags=re.MULTILINE)
     out.write_text(dated)

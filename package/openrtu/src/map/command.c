@@ -2,7 +2,7 @@
 /*
  * Commands: requests in the requester's segment, answers and the state machine in the owner's.
  *
- * Of seed 001's ten states three are a manager's wish: selection request, interruption of selection request, execution
+ * Of the ten states three are a manager's wish: selection request, interruption of selection request, execution
  * request. Here the wish is the record in the requester's ring; the command itself goes straight to the answer.
  */
 #include "map/layout.h"

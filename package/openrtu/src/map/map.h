@@ -3,7 +3,7 @@
  * The point map: what module processes know of each other.
  *
  * One shared segment a module, written by that module alone and mapped read-only by all others
- * (DESIGN.md, "Rules"). rtud creates all segments, and its own carries the configuration, the
+ * (docs/architecture.md). rtud creates all segments, and its own carries the configuration, the
  * module table and the clock. Whoever attaches without a module name is an observer and writes nothing.
  *
  * Values are published through a latch (latch.h), events, requests, answers and log lines through
@@ -246,7 +246,10 @@ void map_bell_new_period(struct map *map);
 
 /* ---- commands ---------------------------------------------------------------------------- */
 
-/* Seed 001, section 4: the ten states of a command. */
+/*
+ * The ten states of a command, after "Implementing the telecontrol application functions defined by IEC 870-5-104 using
+ * SNMPv3 services" (docs/glossary.md, "Sources").
+ */
 enum map_command_state {
 	MAP_INACTIVE,
 	MAP_SELECTION_REQUEST,

@@ -37,7 +37,7 @@ static int64_t next_files_ns;
 static const char *handshake_refusal(unsigned long error)
 {
 	if (error == 0)
-		return "gone during the handshake";
+		return "closed the connection during the handshake";
 	if (ERR_SYSTEM_ERROR(error))
 		return strerror(ERR_GET_REASON(error));
 	switch (ERR_GET_LIB(error) == ERR_LIB_SSL ? ERR_GET_REASON(error) : 0) {
@@ -55,7 +55,7 @@ static const char *handshake_refusal(unsigned long error)
 	case SSL_R_TLSV1_ALERT_UNKNOWN_CA:
 		return "does not know the CA of our certificate";
 	case SSL_R_SSLV3_ALERT_CERTIFICATE_EXPIRED:
-		return "takes our certificate for expired";
+		return "considers our certificate expired";
 	default: /* an alert of the peer is one of these */
 		return ERR_reason_error_string(error);
 	}

@@ -51,7 +51,7 @@ struct handshake *handshakes_place(struct iec104_station *station, const struct 
 	struct handshake *handshake = find_place();
 
 	if (handshake->here)
-		send_away(station, handshake, "too many are in their handshake");
+		send_away(station, handshake, "too many handshakes are under way");
 	handshake->here = true;
 	handshake->peer = *peer;
 	handshake->until_ns = now_ns + LIMIT_S * NS_PER_S;

@@ -204,7 +204,7 @@ static void read_port(struct port *port)
 		int64_t now_ns = map_now_ns();
 
 		if (length > 0 && !modbus_line_receive(&port->line, bytes, (size_t)length, now_ns))
-			lose_port(port, "what comes is not Modbus", now_ns);
+			lose_port(port, "it sends something that is not Modbus", now_ns);
 		else if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
 			lose_port(port, length == 0 ? "hung up" : strerror(errno), now_ns);
 		if (length < (ssize_t)sizeof(bytes))
@@ -225,7 +225,7 @@ static void write_port(struct port *port, const struct modbus_output *output, in
 	ssize_t length = write(port->fd, output->frame, output->length);
 
 	if (length != (ssize_t)output->length)
-		lose_port(port, length < 0 ? strerror(errno) : "it does not send", now_ns);
+		lose_port(port, length < 0 ? strerror(errno) : "it does not accept a whole request", now_ns);
 }
 
 /*

@@ -49,7 +49,7 @@ static void note_success(int64_t begun_ns)
 	if (atomic_load(&stats->failing))
 		map_log(map, MAP_LOG_INFO, "writes again in %s", settings->path);
 	if (follower.left_out != 0)
-		map_log(map, MAP_LOG_WARNING, "the oldest %u events have no room: a larger size_kb has",
+		map_log(map, MAP_LOG_WARNING, "the oldest %u events have no room: increase size_kb",
 			follower.left_out);
 	atomic_store(&stats->failing, 0);
 	map_count(&stats->records, 1);

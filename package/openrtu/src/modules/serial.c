@@ -77,10 +77,10 @@ static bool took(const struct termios2 *settings, const struct termios2 *wanted,
 	tcflag_t checked = carries_parity ? CHECKED_FLAGS : CHECKED_FLAGS & ~(tcflag_t)(PARENB | PARODD);
 
 	if (!is_near(settings->c_ospeed, wanted->c_ospeed))
-		snprintf(error, SERIAL_ERROR_SIZE, "does not take %u bit/s, it stays at %u",
+		snprintf(error, SERIAL_ERROR_SIZE, "does not accept %u bit/s, it stays at %u",
 			 (unsigned)wanted->c_ospeed, (unsigned)settings->c_ospeed);
 	else if (((settings->c_cflag ^ wanted->c_cflag) & checked) != 0)
-		snprintf(error, SERIAL_ERROR_SIZE, "does not take this parity or these stop bits");
+		snprintf(error, SERIAL_ERROR_SIZE, "does not accept this parity or these stop bits");
 	else
 		return true;
 	return false;
@@ -118,7 +118,7 @@ static bool configure_rs485(int fd, const struct map_line *line, char *error)
 	}
 	if (is_rs485(&settings, line))
 		return true;
-	snprintf(error, SERIAL_ERROR_SIZE, "does not take this RS-485 level or these delays");
+	snprintf(error, SERIAL_ERROR_SIZE, "does not accept this RS-485 level or these delays");
 	return false;
 }
 

@@ -155,12 +155,12 @@ static void a_speed_that_was_not_taken_is_refused(void **state)
 	(void)state;
 	struct map_line line = {.baud = 1200, .stop_bits = 1};
 
-	assert_string_equal(opened(&line), "does not take 1200 bit/s, it stays at 9600");
+	assert_string_equal(opened(&line), "does not accept 1200 bit/s, it stays at 9600");
 	driver.slowest = 1200;
 	assert_string_equal(opened(&line), "");
 	line.baud = 4000000;
 	driver.fastest = 460800;
-	assert_string_equal(opened(&line), "does not take 4000000 bit/s, it stays at 1200");
+	assert_string_equal(opened(&line), "does not accept 4000000 bit/s, it stays at 1200");
 }
 
 static void a_format_that_was_not_taken_is_refused(void **state)
@@ -169,9 +169,9 @@ static void a_format_that_was_not_taken_is_refused(void **state)
 	struct map_line line = {.baud = 9600, .stop_bits = 2, .parity = MAP_PARITY_ODD};
 
 	driver.without = PARODD;
-	assert_string_equal(opened(&line), "does not take this parity or these stop bits");
+	assert_string_equal(opened(&line), "does not accept this parity or these stop bits");
 	driver.without = CSTOPB;
-	assert_string_equal(opened(&line), "does not take this parity or these stop bits");
+	assert_string_equal(opened(&line), "does not accept this parity or these stop bits");
 	driver.without = 0;
 	assert_string_equal(opened(&line), "");
 }
@@ -213,7 +213,7 @@ static void rs485_that_was_not_taken_is_refused(void **state)
 	assert_string_equal(opened(&line), "has no RS-485 mode: Inappropriate ioctl for device");
 	driver.has_rs485 = true;
 	driver.longest_ms = 4;
-	assert_string_equal(opened(&line), "does not take this RS-485 level or these delays");
+	assert_string_equal(opened(&line), "does not accept this RS-485 level or these delays");
 }
 
 /* Root may open and change a port that is ours alone. */

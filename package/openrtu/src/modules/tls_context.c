@@ -81,7 +81,7 @@ static bool use_key(SSL_CTX *context, const char *path, char *error)
 	if (SSL_CTX_use_PrivateKey_file(context, path, SSL_FILETYPE_PEM) == 1)
 		return true;
 	if (ERR_GET_LIB(ERR_peek_last_error()) == ERR_LIB_X509)
-		return refuse(error, "key", path, "is not that of the certificate");
+		return refuse(error, "key", path, "does not belong to the certificate");
 	return refuse_content(error, "key", path);
 }
 

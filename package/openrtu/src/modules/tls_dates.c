@@ -79,8 +79,8 @@ static void watch_own(struct map *map, const X509 *certificate, int64_t now_ns)
 		map_log(map, MAP_LOG_WARNING, "own certificate is not yet valid: \"%s\"", name);
 		return;
 	case ENDS_SOON:
-		map_log(map, MAP_LOG_WARNING, "own certificate ends on %s, in %d days: \"%s\"", until, days,
-			name);
+		map_log(map, MAP_LOG_WARNING, "own certificate expires on %s, in %d days: \"%s\"", until,
+			days, name);
 		return;
 	default:
 		map_log(map, MAP_LOG_INFO, "TLS, own certificate until %s: \"%s\"", until, name);
@@ -112,7 +112,7 @@ static void watch_lists(struct map *map, const SSL_CTX *context, int64_t now_ns)
 		return;
 	tls_date(X509_CRL_get0_nextUpdate(outdated), until);
 	map_log(map, MAP_LOG_WARNING,
-		"a list in crl has expired on %s: who connects is refused, who is connected stays", until);
+		"a list in crl has expired on %s: new connections are refused, existing ones stay", until);
 }
 
 void tls_dates_watch(struct map *map, const SSL_CTX *context, int64_t now_ns)

@@ -34,52 +34,52 @@ struct command {
 
 static const struct command commands[] = {
     {"points", "[PATTERN]", 0, 1, 0, NULL, "points with address, value, quality and age",
-     "PATTERN is matched against names: \"p3.67.*\", \"feeder7/*\". The age is the time since the value was "
-     "read\n"
-     "from the device; quality \"good\" means all is well.\n",
+     "PATTERN selects points by name: \"p3.67.*\", \"feeder7/*\". AGE is the time since the device was "
+     "read.\n",
      rtuctl_points},
-    {"top", "[PATTERN] [--once]", 0, 1, TAKES_ONCE, NULL, "modules, lines and points, drawn anew each second",
-     "PATTERN is matched against names of points. HEARTBEAT is the age of a module's last sign of life, CPU "
-     "what "
-     "it\n"
-     "takes of one core, DEVICES how many of a line's answer. Keys: q quits, i shows only points that are "
-     "not\n"
-     "good, arrows and page keys move. --once, or without a terminal: prints it once, after a second.\n"
-     "NO_COLOR in the environment: without colours.\n",
+    {"top", "[PATTERN] [--once]", 0, 1, TAKES_ONCE, NULL, "modules, lines and points, refreshed each second",
+     "PATTERN selects points by name. HEARTBEAT is the age of a module's last sign of life, CPU its share of "
+     "one\n"
+     "core, DEVICES the number of a line's devices that answer. Keys: q quits, i hides good points, arrows "
+     "and\n"
+     "page keys move. With --once, or without a terminal, it prints the table once, after a second. It uses "
+     "no\n"
+     "colours if NO_COLOR is in the environment.\n",
      rtuctl_top},
-    {"show", "NAME", 1, 1, 0, NULL, "one point with all there is to know of it",
-     "Of a measured value also the parameters in force, and which of them a controlling station\n"
-     "has loaded; of a counter the reading that was frozen last.\n",
+    {"show", "NAME", 1, 1, 0, NULL, "all about one point",
+     "For a measured value it also shows the parameters in force, and those that a controlling station has\n"
+     "loaded; for a counter, the last frozen reading.\n",
      rtuctl_show},
     {"watch", "[PATTERN] [--count N]", 0, 1, TAKES_COUNT, NULL, "changes as they happen, until Ctrl-C",
      "Prints each change of a matching point, modules going down and up, and the warnings of the log, which\n"
      "say why. Ends after N changes with --count.\n",
      rtuctl_watch},
     {"commands", "[PATTERN]", 0, 1, 0, NULL, "points that can be commanded, with the state of their command",
-     "The states are those of the telecontrol command: selection, execution, and the device's answer as "
-     "result.\n",
+     "STATE is the state of the command: selection or execution. RESULT is the device's answer.\n",
      rtuctl_commands},
     {"modules", "", 0, 0, 0, NULL, "the processes around the map",
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
     {"clock", "", 0, 0, 0, NULL, "the gateway's clock, and where its time is from",
-     "VALID is what time tags say of it. ERROR is the most that it may be wrong while the system's clock is\n"
-     "synchronised; LEFT, after that was lost, how long time tags stay valid.\n",
+     "VALID says whether time tags are valid. ERROR is the largest possible error while the system's clock\n"
+     "is synchronised. LEFT is how long time tags stay valid after it no longer is.\n",
      rtuctl_clock},
     {"lines", "[--histogram | --suggest]", 0, 0, TAKES_HISTOGRAM | TAKES_SUGGEST, NULL,
      "lines and their devices, with counters",
-     "Counters count since the module started and wrap at 2^32. The second table is what went wrong on the\n"
-     "lines, the last what was learned of the devices: how fast they answer, the longest reads they give, "
-     "and\n"
-     "what they refuse.\n"
-     "--histogram shows how late the lines' process woke, how long transactions took, what the kernel has "
-     "given\nthat process, and what that is worth.\n"
-     "--suggest prints what was learned as keys to add to the configuration, and says why.\n",
+     "Counters count since the module started and wrap at 2^32. The second table shows what went wrong on "
+     "the\n"
+     "lines. The last one shows what the gateway has learned of the devices: how fast they answer, the "
+     "longest\n"
+     "reads they give, and what they refuse.\n"
+     "--histogram shows how late the lines' process woke, how long transactions took, which priority and "
+     "memory\n"
+     "the kernel has given that process, and a verdict.\n"
+     "--suggest prints what it has learned as keys for the configuration, with the reasons.\n",
      rtuctl_lines},
     {"iec104", "[TABLE]", 0, 1, 0, NULL, "controlling stations: connections, event queues, counters",
      "TABLE is connections, queues or counters; without it, all of them. A queue's name is that of its\n"
-     "redundancy group, or an address; WAITING are events that are not acknowledged, UNACKED of them were "
+     "redundancy group, or an address. WAITING events are not acknowledged; UNACKED is how many of them were "
      "sent.\n"
      "Counters count since the gateway started and wrap at 2^32.\n",
      rtuctl_iec104},
@@ -290,7 +290,7 @@ static int report_no_map(const struct line *line, const char *error)
 
 	fprintf(stderr, "rtuctl: %s\n", error);
 	if (line->command->module != NULL && map_attach(&map, line->request.dir, NULL, ignored) == 0) {
-		fputs("The map can be read: to command, be root or the user that runs rtud.\n", stderr);
+		fputs("You may read the map. To command, be root or the user that runs rtud.\n", stderr);
 		map_detach(map);
 	} else {
 		fputs("Start the gateway with \"rtud FILE\", or name its map's folder with --map DIR or "

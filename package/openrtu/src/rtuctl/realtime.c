@@ -96,16 +96,16 @@ const char *realtime_verdict(bool is_realtime_kernel, const struct realtime_gran
 			     uint32_t longest_us)
 {
 	if (!is_realtime_kernel)
-		return "none: this kernel is not PREEMPT_RT, what was measured promises nothing";
+		return "none: this kernel is not PREEMPT_RT, so the measurement guarantees nothing";
 	if (!grant->running)
 		return "none: the line's process does not run";
 	if (!grant->fifo && priority == 0)
-		return "none: the lines have no real-time priority, what was measured promises nothing";
+		return "none: the lines have no real-time priority, so the measurement guarantees nothing";
 	if (!grant->fifo)
-		return "none: the line's process was not given its real-time priority, what was measured "
-		       "promises nothing";
+		return "none: the line's process was not given its real-time priority, so the measurement "
+		       "guarantees nothing";
 	if (grant->locked_kib == 0)
-		return "none: the memory of the line's process is not locked, what was measured promises "
+		return "none: the memory of the line's process is not locked, so the measurement guarantees "
 		       "nothing";
 	if (longest_us > REALTIME_LIMIT_US)
 		return "bad: a wake-up was more than 500 us late";

@@ -177,17 +177,18 @@ int rtuctl_set(struct map *map, const struct rtuctl_request *arguments)
 		return RTUCTL_FAILED;
 	type = config->points[request.point].type;
 	if (!words_parse_value(type, value, &request.value)) {
-		fprintf(stderr, "rtuctl: \"%s\" is no %s value, expected %s\n", value, words_type(type),
+		fprintf(stderr, "rtuctl: \"%s\" is not a %s value, expected %s\n", value, words_type(type),
 			words_expected_value(type));
 		return RTUCTL_USAGE;
 	}
 	if (arguments->pulse != NULL) {
 		request.pulse_ms = pulse_ms_of(&config->points[request.point], arguments->pulse);
 		if (request.pulse_ms == 0) {
-			fprintf(stderr,
-				"rtuctl: \"%s\" is no pulse of %s: the configuration gives it short_pulse_ms "
-				"and long_pulse_ms\n",
-				arguments->pulse, name);
+			fprintf(
+			    stderr,
+			    "rtuctl: \"%s\" is not a pulse of %s: the configuration gives it short_pulse_ms "
+			    "and long_pulse_ms\n",
+			    arguments->pulse, name);
 			return RTUCTL_USAGE;
 		}
 	}

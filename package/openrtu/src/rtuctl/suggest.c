@@ -178,8 +178,8 @@ static void judge_reaction(struct device *device)
 		return;
 	reaction_ms = fmax(round(TENTHS * reaction_ms), 1) / TENTHS;
 	json_object_set_new(device->keys, "reaction_ms", json_real(reaction_ms));
-	remark(device, "reaction_ms %.1f: its answers begin %.1f ms behind the request, typically",
-	       reaction_ms, latency_ms);
+	remark(device, "reaction_ms %.1f: its answers typically begin %.1f ms after the request", reaction_ms,
+	       latency_ms);
 }
 
 static void judge(struct device *device)

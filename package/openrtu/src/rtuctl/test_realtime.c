@@ -126,7 +126,7 @@ static void this_process_has_what_it_asked_for(void **state)
 	syscall(SYS_munlock, &grant, sizeof(grant));
 }
 
-#define PROMISES_NOTHING ", what was measured promises nothing"
+#define PROMISES_NOTHING ", so the measurement guarantees nothing"
 
 static void a_verdict_needs_a_real_time_kernel_priority_and_memory(void **state)
 {

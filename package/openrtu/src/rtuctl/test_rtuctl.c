@@ -437,8 +437,9 @@ static void test_suggest_a_reaction(void **state)
 	forget();
 	map_device_stats(owner, 0)->latency_typical_us = 22600;
 	assert_suggested("\"reaction_ms\": 20.0");
-	assert_contains("rtuctl: port 3, slave 67: reaction_ms 20.0: its answers begin 22.6 ms behind the "
-			"request, typically\n");
+	assert_contains(
+	    "rtuctl: port 3, slave 67: reaction_ms 20.0: its answers typically begin 22.6 ms after "
+	    "the request\n");
 	map_device_stats(owner, 0)->latency_typical_us = 9800;
 	assert_suggested("");
 	map_device_stats(owner, 0)->latency_typical_us = 9900;
@@ -623,7 +624,7 @@ static void test_set_with_pulse(void **state)
 	assert_string_equal(output, "pump/lamp = on: executed command: done\n");
 	assert_int_equal(device.request.pulse_ms, 400);
 	assert_int_equal(RUN("set", "pump/lamp", "on", "--pulse", "long"), 2);
-	assert_contains("rtuctl: \"long\" is no pulse of pump/lamp");
+	assert_contains("rtuctl: \"long\" is not a pulse of pump/lamp");
 	assert_int_equal(RUN("points", "--pulse", "short"), 2);
 	assert_contains("it takes no --pulse");
 }
@@ -649,7 +650,7 @@ static void test_set_what_cannot_be_set(void **state)
 	assert_int_equal(RUN("set", "level", "5"), 1);
 	assert_contains("refused command: not commandable");
 	assert_int_equal(RUN("set", "pump/lamp", "5"), 2);
-	assert_string_equal(output, "rtuctl: \"5\" is no single value, expected on or off\n");
+	assert_string_equal(output, "rtuctl: \"5\" is not a single value, expected on or off\n");
 	assert_int_equal(RUN("set", "lamp", "on"), 1);
 	assert_contains("there is no point \"lamp\"");
 }

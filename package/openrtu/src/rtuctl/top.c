@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The gateway at a glance, drawn anew each second. */
+/* The gateway at a glance, refreshed each second. */
 #include "rtuctl/rtuctl.h"
 
 #include <err.h>

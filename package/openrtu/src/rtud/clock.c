@@ -66,11 +66,12 @@ static void say_begin(struct map *map, const struct map_clock *clock, const stru
 	gmtime_r(&wall, &utc);
 	strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%SZ", &utc);
 	if (clock->set)
-		map_log(map, MAP_LOG_INFO, "the clock begins with the system's, synchronised to %.3f s",
+		map_log(map, MAP_LOG_INFO,
+			"the clock starts with the system's, which is synchronised to %.3f s",
 			(double)clock->error_us / US_PER_S);
 	else
 		map_log(map, MAP_LOG_WARNING,
-			"the clock begins with the system's, %s: time tags are invalid until it is set",
+			"the clock starts with the system's, %s: time tags are invalid until it is set",
 			date);
 }
 
@@ -247,7 +248,8 @@ static enum map_command_result refusal(struct map *map, const struct map_request
 	if (!is_possible(request))
 		return MAP_RESULT_OUT_OF_RANGE;
 	if (clock->source == MAP_CLOCK_SYNCHRONISED) {
-		map_log(map, MAP_LOG_INFO, "clock not set by %s: the system's is synchronised", requester);
+		map_log(map, MAP_LOG_INFO, "%s may not set the clock: the system's is synchronised",
+			requester);
 		return MAP_RESULT_INTERLOCK;
 	}
 	if (map_config(map)->settings.clock == MAP_CLOCK_SYSTEM &&

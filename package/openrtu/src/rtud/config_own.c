@@ -44,7 +44,7 @@ static void check_name(struct config_loader *loader, const struct config_place *
 			map_point_name(loader->config, &loader->config->points[j], other);
 			if (strcmp(other, name) == 0)
 				config_error(&loader->report, here,
-					     "needs a point of the name \"%s\", which is another's", name);
+					     "needs the name \"%s\", which another point has", name);
 		}
 	}
 }

@@ -227,7 +227,7 @@ static struct config_template *template_of(struct config_loader *loader, const s
 	struct config_template *template = name == NULL ? NULL : config_find_template(loader, name);
 
 	if (name != NULL && template == NULL)
-		config_error(&loader->report, &here, "there is no template of this name%s",
+		config_error(&loader->report, &here, "there is no template with this name%s",
 			     loader->template_count == 0 ? ": the file neither has nor includes any" : "");
 	return template != NULL && !template->wrong ? template : NULL;
 }
@@ -286,7 +286,7 @@ static void check_overrides(struct config_loader *loader, const struct config_pl
 				     "is neither an object { }, whose keys replace the template's, nor null, "
 				     "which leaves the object out");
 		else if (template == NULL || !has_object(template->json, name))
-			config_error(&loader->report, &place, "is the name of no object of the template");
+			config_error(&loader->report, &place, "is not the name of an object of the template");
 	}
 }
 

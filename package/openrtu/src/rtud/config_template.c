@@ -79,7 +79,7 @@ static bool take_text(struct config_loader *loader, int fd, bool regular, char r
 	if (stream == NULL || fstat(fd, &status) < 0) {
 		snprintf(reason, REASON_SIZE, "cannot be read: %s", strerror(errno));
 	} else if (regular && !S_ISREG(status.st_mode)) {
-		snprintf(reason, REASON_SIZE, "is no regular file");
+		snprintf(reason, REASON_SIZE, "is not a regular file");
 	} else if (!read_text(file, stream, CONFIG_FILE_SIZE_MAX - loader->bytes)) {
 		snprintf(reason, REASON_SIZE, "cannot be read: %s", strerror(errno));
 	} else {
@@ -150,7 +150,7 @@ static void take_included(struct config_loader *loader, const struct config_plac
 	struct config_file *file = &loader->files[loader->file_count];
 
 	if (includes(includer, file)) {
-		config_error(&loader->report, here, "\"%s\" includes itself by this", file->path);
+		config_error(&loader->report, here, "\"%s\" includes itself here", file->path);
 		forget(file);
 		return;
 	}
@@ -171,7 +171,7 @@ static void include(struct config_loader *loader, const struct config_place *her
 	char reason[REASON_SIZE];
 
 	if (json_string_length(name) == 0) {
-		config_error(&loader->report, here, "is no file's name, expected one in a string");
+		config_error(&loader->report, here, "is not a file name, expected a string");
 		return;
 	}
 	if (depth == DEPTH_MAX || loader->file_count == CONFIG_FILES_MAX) {

@@ -68,10 +68,10 @@ static void check_format(struct config_loader *loader, const struct config_place
 	if (!values[OBJECT_FORMAT].given)
 		return;
 	if (values[OBJECT_SIGNED].given)
-		config_error(&loader->report, &is_signed, "has no meaning with format, which says it");
+		config_error(&loader->report, &is_signed, "has no meaning beside format, which includes it");
 	if (type == MAP_BITSTRING && has != MAP_FORMAT_UINT16 && has != MAP_FORMAT_UINT32)
 		config_error(&loader->report, &format,
-			     "\"%s\" is none of type %s, expected one of uint16, uint32",
+			     "\"%s\" is not a format of type %s, expected one of uint16, uint32",
 			     values[OBJECT_FORMAT].text, config_type_names[type]);
 }
 
@@ -98,7 +98,7 @@ static void check_unimplemented(struct config_loader *loader, const struct confi
 
 	if (values[OBJECT_UNIMPLEMENTED].given && is_floating(config_format(values, type)))
 		config_error(&loader->report, &here,
-			     "has no meaning for floating point: what is no number is invalid anyway");
+			     "has no meaning for floating point: a NaN is invalid anyway");
 }
 
 /* A bit has no address of its own, so the report's scheme has no IOA for it. */
@@ -235,7 +235,7 @@ static unsigned read_knots(struct config_loader *loader, const struct config_pla
 		const struct config_place here = config_element_of(array, i);
 
 		if (!read_knot(json_array_get(json, i), &knots[i]))
-			config_error(&loader->report, &here, "is no pair [raw, value] of numbers");
+			config_error(&loader->report, &here, "is not a pair [raw, value] of numbers");
 		else if (i > 0 && knots[i].raw <= knots[i - 1].raw)
 			config_error(&loader->report, &here,
 				     "has no raw value above that of the pair before");
@@ -256,7 +256,7 @@ static void check_scale_points(struct config_loader *loader, const struct config
 		config_error(&loader->report, &here, "has %zu elements, expected two pairs [raw, value]",
 			     json_array_size(json));
 	else if (read_knots(loader, &here, json, knots) == 2 && is_zero(knots[1].value - knots[0].value))
-		config_error(&loader->report, &here, "has one value twice, expected two");
+		config_error(&loader->report, &here, "has the same value twice, expected two different ones");
 }
 
 /* What is written goes through the table backwards. */
@@ -331,7 +331,7 @@ static bool keep_knots(struct config_loader *loader, const struct config_place *
 
 	if (config->knot_count + count > MAP_KNOTS_MAX) {
 		config_error(&loader->report, &here,
-			     "is too much: all tables together have more than %d pairs", MAP_KNOTS_MAX);
+			     "is too long: all tables together have more than %d pairs", MAP_KNOTS_MAX);
 		return false;
 	}
 	knots = reallocarray(config->knots, config->knot_count + (size_t)count, sizeof(*config->knots));

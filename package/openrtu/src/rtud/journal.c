@@ -63,8 +63,7 @@ static void warn_of_memory(struct map *map, int folder, const char *path)
 	if (fstatfs(folder, &system) < 0)
 		return;
 	if ((uint32_t)system.f_type == TMPFS_MAGIC || (uint32_t)system.f_type == RAMFS_MAGIC)
-		map_log(map, MAP_LOG_WARNING, "the journal in %s is in memory: it survives no power cut",
-			path);
+		map_log(map, MAP_LOG_WARNING, "the journal in %s is in memory: a power cut loses it", path);
 }
 
 /* ---- the file ---------------------------------------------------------------------------- */
@@ -100,11 +99,12 @@ static uint8_t *read_file(int folder, size_t *size, int *error)
 static void report(struct map *map, const struct map_kept *kept, const struct journal_findings *findings)
 {
 	if (findings->unread != 0)
-		map_log(map, MAP_LOG_WARNING, "the journal's last %zu bytes are torn or broken%s",
+		map_log(map, MAP_LOG_WARNING, "the journal's last %zu bytes are incomplete or damaged%s",
 			findings->unread, findings->records == 0 ? ": nothing can be read" : "");
 	if (findings->unknown != 0)
 		map_log(map, MAP_LOG_WARNING,
-			"%u events of the journal are of no point that is configured now", findings->unknown);
+			"%u events of the journal belong to points that are no longer configured",
+			findings->unknown);
 	map_log(map, MAP_LOG_INFO, "%u events restored from the journal", kept->event_count);
 }
 

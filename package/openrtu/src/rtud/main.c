@@ -25,7 +25,7 @@ static const char usage[] =
     "or each line's shortest scan; --plan the same, with the requests to each device; --points lists every\n"
     "point, by common address and IOA.\n"
     "\n"
-    "  --csv            list as CSV, which rtu-points turns into a file again   [the default]\n"
+    "  --csv            list as CSV, from which scripts/points.py makes a configuration   [the default]\n"
     "  --markdown       list as a table for an interoperability sheet\n"
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
     "  --dev DIR        folder of the serial devices            [/dev]\n"

@@ -199,8 +199,8 @@ static void log_forbidden_call(struct supervisor *supervisor, uint32_t index, co
 	char call_name[FILTER_NAME_SIZE];
 
 	filter_name(call, call_name);
-	map_log(supervisor->map, MAP_LOG_ERROR,
-		"%s was ended for a system call that it may not make: %d (%s)", name, call, call_name);
+	map_log(supervisor->map, MAP_LOG_ERROR, "%s was killed for a forbidden system call: %d (%s)", name,
+		call, call_name);
 }
 
 static void log_end(struct supervisor *supervisor, uint32_t index, const char *name, int status)

@@ -145,7 +145,7 @@ static void test_begins_unset_without_a_synchronised_system(void **state)
 	assert_false(clock.set);
 	assert_int_equal(clock.source, MAP_CLOCK_UNSET);
 	assert_in_range(clock.offset_ns, now.earliest_ns, now.latest_ns);
-	assert_true(said("the clock begins with the system's, 2027-01-15T08:00:00Z: time tags are invalid"));
+	assert_true(said("the clock starts with the system's, 2027-01-15T08:00:00Z: time tags are invalid"));
 }
 
 static void test_begins_set_with_a_synchronised_system(void **state)
@@ -396,7 +396,7 @@ static void test_a_synchronised_system_is_not_overruled(void **state)
 	offset_ns = after(50 * MS).offset_ns;
 	assert_in_range(offset_ns, now.earliest_ns, now.latest_ns);
 	assert_int_equal(set_clock(at, wall - HOUR), MAP_RESULT_INTERLOCK);
-	assert_true(said("clock not set by rtu-iec104: the system's is synchronised"));
+	assert_true(said("rtu-iec104 may not set the clock: the system's is synchronised"));
 	assert_true(map_clock_read(station).offset_ns == offset_ns);
 	now.synchronised = false; /* from here on the station may know better */
 	assert_int_equal(after(11 * SECOND).source, MAP_CLOCK_HELD);
