@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Commands to points: what of them can be asked for, and what they ask of the point's owner. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
 #include <math.h>
 
-#define NS_PER_S       1000000000LL
 #define QU_NONE        0
 #define QU_SHORT_PULSE 1
 #define QU_LONG_PULSE  2

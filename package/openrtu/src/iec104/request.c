@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Requests to the owners of points and to rtud, and what their answers become: ACT_CON, ACT_TERM, a selection. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
 #include <string.h>
-
-#define NS_PER_S  1000000000LL
-#define NS_PER_MS 1000000LL
 
 /* Selections are told apart by connection and originator. */
 static uint32_t session_of(const struct iec104_connection *connection, uint8_t originator)

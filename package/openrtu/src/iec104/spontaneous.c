@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Events, and what is sent in their place when a module goes, comes back, or events were lost. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
-#define DOUBT_NS (MAP_HEARTBEAT_LIMIT_MS * 1000000LL)
+#define DOUBT_NS (MAP_HEARTBEAT_LIMIT_MS * NS_PER_MS)
 
 static bool of_down_module(const struct iec104_station *station, const struct iec104_connection *connection,
 			   uint32_t point)

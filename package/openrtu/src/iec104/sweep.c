@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Many points, as many ASDUs as it takes, resumed whenever k and the connection allow. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
-#define RETRY_NS 1000000LL
+#define RETRY_NS NS_PER_MS
 
 void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns)
 {

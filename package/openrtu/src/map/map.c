@@ -16,6 +16,7 @@
 
 #include "map/layout.h"
 #include "map/supervise.h"
+#include "time_ns.h"
 
 #define FILE_NAME_SIZE (MAP_NAME_SIZE + 8)
 /* Of a real-time module, by others: fifteen commands within 25 ms, which no line carries out. A wake-up is most of the cost. */
@@ -27,12 +28,12 @@ int64_t map_now_ns(void)
 	struct timespec now;
 
 	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+	return (int64_t)now.tv_sec * NS_PER_S + now.tv_nsec;
 }
 
 static uint32_t ms_of(int64_t time_ns)
 {
-	return (uint32_t)(time_ns / 1000000);
+	return (uint32_t)(time_ns / NS_PER_MS);
 }
 
 uint32_t now_ms(void)
@@ -42,7 +43,7 @@ uint32_t now_ms(void)
 
 uint32_t now_s(void)
 {
-	return (uint32_t)(map_now_ns() / 1000000000);
+	return (uint32_t)(map_now_ns() / NS_PER_S);
 }
 
 int64_t map_turn(struct map *map)

@@ -19,6 +19,7 @@
 #include <stdint.h>
 
 #include "config.h"
+#include "time_ns.h"
 
 #define MAP_MODULES_MAX             16
 #define MAP_NONE                    UINT32_MAX
@@ -456,7 +457,7 @@ struct map_clock map_clock_read(const struct map *map);
 /* The wall time of a moment, of which there may be a leap second since. */
 static inline int64_t map_wall_ns(struct map_clock clock, int64_t time_ns)
 {
-	return time_ns + clock.offset_ns + (time_ns < clock.leap_ns ? clock.leap_s * 1000000000LL : 0);
+	return time_ns + clock.offset_ns + (time_ns < clock.leap_ns ? clock.leap_s * NS_PER_S : 0);
 }
 
 /* When an event happened, by the clock as it is now, or as it was before a power cut. */

@@ -6,6 +6,7 @@
 
 #include "map/layout.h"
 #include "map/supervise.h"
+#include "time_ns.h"
 
 uint32_t map_module_count(const struct map *map)
 {
@@ -72,7 +73,7 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 	    .restarts = atomic_load(&entry->restarts),
 	    .heartbeat_age_ms = heartbeat_age_ms(map, index),
 	    .point_count = entry->point_count,
-	    .started_ns = (int64_t)atomic_load(&entry->started_s) * 1000000000,
+	    .started_ns = (int64_t)atomic_load(&entry->started_s) * NS_PER_S,
 	};
 	memcpy(out->name, entry->name, sizeof(out->name));
 	if (entry->kind == MAP_MODULE_IEC104)

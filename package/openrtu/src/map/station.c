@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "map/layout.h"
+#include "time_ns.h"
 
 static const struct segment *station_segment(const struct map *map)
 {
@@ -159,7 +160,7 @@ bool map_connection(const struct map *map, unsigned place, struct map_connection
 
 	*out = (struct map_connection){
 	    .queue = atomic_load(&stats->queue),
-	    .since_ns = (int64_t)atomic_load(&stats->since_s) * 1000000000,
+	    .since_ns = (int64_t)atomic_load(&stats->since_s) * NS_PER_S,
 	    .started = atomic_load(&stats->started) != 0,
 	    .next_ns = atomic_load(&stats->next_ns),
 	    .next_nr = atomic_load(&stats->next_nr),

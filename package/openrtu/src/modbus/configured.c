@@ -3,9 +3,7 @@
 
 #include <stdlib.h>
 
-#define NS_PER_US 1000LL
-#define NS_PER_MS 1000000LL
-#define NS_PER_S  1000000000LL
+#include "map/time_ns.h"
 
 unsigned modbus_bits_per_char(const struct map_line *line)
 {

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The line: what is sent, what is made of what comes back, and when there is nothing more to wait for. */
 #include "line_parts.h"
+#include "map/time_ns.h"
 
 #include <string.h>
-
-#define NS_PER_US 1000LL
 
 /* ---- commands ------------------------------------------------------------------------------------ */
 

@@ -5,16 +5,6 @@
 
 #include "line.h"
 
-static inline int64_t later(int64_t a, int64_t b)
-{
-	return a > b ? a : b;
-}
-
-static inline int64_t earlier(int64_t a, int64_t b)
-{
-	return a < b ? a : b;
-}
-
 /* When the request under way was given to the port. */
 static inline int64_t begun_ns(const struct modbus_line *line)
 {

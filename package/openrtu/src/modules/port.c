@@ -8,10 +8,10 @@
 #include <sys/epoll.h>
 #include <unistd.h>
 
+#include "map/time_ns.h"
 #include "modules/serial.h"
 #include "modules/tcp.h"
 
-#define NS_PER_S     1000000000LL
 #define REOPEN_NS    NS_PER_S
 #define CONNECT_NS   (3 * NS_PER_S) /* then a host that has said nothing is not there */
 #define RECONNECT_NS (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
@@ -240,16 +240,6 @@ static void listen_to(struct port *port)
 		return;
 	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
 	port->listening = true;
-}
-
-static int64_t earlier(int64_t a, int64_t b)
-{
-	return a < b ? a : b;
-}
-
-static int64_t later(int64_t a, int64_t b)
-{
-	return a > b ? a : b;
 }
 
 /* How late we are for what the line waits for. */

@@ -17,12 +17,11 @@
 #include "journal/follow.h"
 #include "journal/wear.h"
 #include "map/map.h"
+#include "map/time_ns.h"
 #include "modules/confine.h"
 #include "modules/options.h"
 
-#define NS_PER_MS 1000000LL
-#define NS_PER_S  1000000000LL
-#define TICK_MS   1000 /* a heartbeat each */
+#define TICK_MS 1000 /* a heartbeat each */
 
 static struct map *map;
 static const struct map_journal *settings;

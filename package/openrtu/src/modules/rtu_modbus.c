@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "map/map.h"
+#include "map/time_ns.h"
 #include "modbus/configured.h"
 #include "modules/commands.h"
 #include "modules/confine.h"
@@ -26,8 +27,6 @@
 #include "modules/port.h"
 #include "modules/quality.h"
 
-#define NS_PER_MS    1000000LL
-#define NS_PER_S     1000000000LL
 #define STOP_NS      (2 * NS_PER_S) /* rtud waits 3 s */
 #define HEARTBEAT_NS (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
 #define EPOLL_EVENTS 16

@@ -7,15 +7,13 @@
 
 #include <jansson.h>
 
+#include "map/time_ns.h"
 #include "rtuctl/data.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
-static const double NS_PER_S = 1e9;
-static const double US_PER_MS = 1e3;
 
 json_t *rtuctl_point_name(const struct map_config *config, uint32_t point)
 {
@@ -169,7 +167,7 @@ static json_t *journal_state(const struct map *map)
 	json_t *state = json_object();
 
 	json_object_set_new(state, "events", json_integer(stats->events));
-	json_object_set_new(state, "written_s", age_of(written_s * (int64_t)NS_PER_S));
+	json_object_set_new(state, "written_s", age_of(written_s * NS_PER_S));
 	json_object_set_new(state, "records", json_integer(stats->records));
 	json_object_set_new(state, "kib", json_integer(stats->kib));
 	json_object_set_new(state, "longest_ms", json_integer(stats->longest_ms));
@@ -188,7 +186,7 @@ static void print_journal(const struct map *map)
 	       stats->failing ? "FAILS, " : "", stats->events, stats->records, stats->kib, stats->failures);
 	if (written_s != 0)
 		printf("; the last %lld s ago, the slowest took %u ms",
-		       (long long)(map_now_ns() / (int64_t)NS_PER_S - written_s), stats->longest_ms);
+		       (long long)(map_now_ns() / NS_PER_S - written_s), stats->longest_ms);
 	putchar('\n');
 }
 
@@ -279,7 +277,7 @@ static const struct listing_column device_columns[] = {
 
 static json_t *milliseconds(uint32_t us)
 {
-	return json_real(us / US_PER_MS);
+	return json_real(us / (double)US_PER_MS);
 }
 
 json_t *rtuctl_device_row(const struct map *map, uint32_t index)

@@ -9,10 +9,10 @@
 #include <strings.h>
 #include <time.h>
 
+#include "map/time_ns.h"
+
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-static const int64_t NS_PER_S = 1000000000;
-static const int64_t NS_PER_MS = 1000000;
 static const double NVA_ONE = 32768; /* IEC 60870-5-101, 7.2.6.6 */
 
 static const char *word(const char *const *words, size_t count, unsigned index)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* One slave of a port, and the device it becomes. */
+#include "map/time_ns.h"
 #include "rtud/config_parts.h"
 
 #include <string.h>
@@ -8,7 +9,6 @@
 /* MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.1.2: who is at the connection's end itself. */
 #define UNIT_ITSELF 255
 #define CA_PER_PORT 1000
-#define US_PER_MS   1000
 
 #define OVERRIDES_MAX 256 /* objects that one slave has differently */
 
