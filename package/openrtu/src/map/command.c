@@ -7,7 +7,7 @@
  */
 #include "map/layout.h"
 #include "map/supervise.h"
-#include "time_ns.h"
+#include "map/time_ns.h"
 
 #define RECORDS_A_TURN 256u /* a ring's worth: more in one turn of the loop is somebody gone wild */
 

@@ -176,6 +176,9 @@ uint32_t now_s(void);
 /* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
 bool is_past(const struct map *map, int64_t time_ns);
 
+/* Of the controlled station's module. */
+const struct segment *station_segment(const struct map *map);
+
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);
 void commands_recover(struct map *map);

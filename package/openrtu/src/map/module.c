@@ -6,7 +6,7 @@
 
 #include "map/layout.h"
 #include "map/supervise.h"
-#include "time_ns.h"
+#include "map/time_ns.h"
 
 uint32_t map_module_count(const struct map *map)
 {
@@ -224,6 +224,20 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 struct map_journal_stats *map_journal_stats(const struct map *map)
 {
 	return map->segments[map->directory->module_count - 1].journal_stats; /* NULL of any other module */
+}
+
+const struct segment *station_segment(const struct map *map)
+{
+	uint32_t module = 0;
+
+	while (map->directory->modules[module].kind != MAP_MODULE_IEC104)
+		module++;
+	return &map->segments[module];
+}
+
+struct map_station_stats *map_station_stats(const struct map *map)
+{
+	return station_segment(map)->station_stats;
 }
 
 struct map_line_stats *map_line_stats(const struct map *map, uint32_t line)

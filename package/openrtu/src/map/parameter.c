@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "map/layout.h"
-#include "time_ns.h"
+#include "map/time_ns.h"
 
 static const double TENTHS_PER_S = 10;
 

@@ -6,16 +6,7 @@
 #include <string.h>
 
 #include "map/layout.h"
-#include "time_ns.h"
-
-static const struct segment *station_segment(const struct map *map)
-{
-	uint32_t module = 0;
-
-	while (map->directory->modules[module].kind != MAP_MODULE_IEC104)
-		module++;
-	return &map->segments[module];
-}
+#include "map/time_ns.h"
 
 static struct queue_cell *queue_cell(const struct map *map, unsigned slot)
 {
@@ -138,11 +129,6 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 }
 
 /* ---- counters ---------------------------------------------------------------------------- */
-
-struct map_station_stats *map_station_stats(const struct map *map)
-{
-	return station_segment(map)->station_stats;
-}
 
 /* The name is its writer's, and goes to the reader's terminal. */
 static void copy_printable(char to[MAP_PEER_SIZE], const char *from)
