@@ -183,12 +183,8 @@ void iec104_end_selections(struct iec104_station *station, const struct iec104_c
 	}
 }
 
-static void take_answer(struct iec104_station *station, const struct map_answer *answer)
+void iec104_take_request_answer(struct iec104_station *station, const struct map_answer *answer)
 {
-	if (answer->action == MAP_FREEZE) {
-		iec104_take_freeze_answer(station, answer);
-		return;
-	}
 	for (unsigned i = 0; i < IEC104_OPEN_REQUESTS_MAX; i++) {
 		struct iec104_open_request *open = &station->open_requests[i];
 
@@ -203,16 +199,6 @@ static void take_answer(struct iec104_station *station, const struct map_answer 
 				     answer->state == MAP_EXECUTED_COMMAND);
 		return;
 	}
-}
-
-bool iec104_take_answers(struct iec104_station *station)
-{
-	struct map_answer answer;
-	bool any = false;
-
-	for (; map_answer_next(station->map, &answer); any = true)
-		take_answer(station, &answer);
-	return any;
 }
 
 bool iec104_owner_has_ended(const struct iec104_station *station, uint32_t owner, uint32_t generation)

@@ -30,14 +30,6 @@ bool iec104_read_point(const struct iec104_station *station, struct iec104_conne
 	return true;
 }
 
-bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection)
-{
-	struct map_cursor ahead = connection->cursor;
-	struct map_event event;
-
-	return map_event_next(station->map, &ahead, &event);
-}
-
 bool iec104_is_tellable(const struct iec104_station *station, uint32_t point, const struct map_sample *sample)
 {
 	return !(iec104_point(station, point)->flags & MAP_POINT_NO_QUALITY) || sample->quality == MAP_GOOD;
