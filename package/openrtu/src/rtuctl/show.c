@@ -275,39 +275,6 @@ static const struct listing_column device_columns[] = {
     {"next_probe_ms", "PROBE MS", LISTING_RIGHT},
 };
 
-static json_t *milliseconds(uint32_t us)
-{
-	return json_real(us / (double)US_PER_MS);
-}
-
-json_t *rtuctl_device_row(const struct map *map, uint32_t index)
-{
-	const struct map_config *config = map_config(map);
-	const struct map_device *device = &config->devices[index];
-	const struct map_device_stats *stats = map_device_stats(map, index);
-	json_t *row = json_object();
-
-	json_object_set_new(row, "port", json_integer(config->lines[device->line].port));
-	json_object_set_new(row, "id", json_integer(device->unit));
-	json_object_set_new(row, "description", json_string(device->name));
-	json_object_set_new(row, "ca", json_integer(device->ca));
-	json_object_set_new(row, "alive", json_boolean(stats->alive));
-	json_object_set_new(row, "latency_ms", milliseconds(stats->latency_us));
-	json_object_set_new(row, "latency_least_ms", milliseconds(stats->latency_least_us));
-	json_object_set_new(row, "latency_typical_ms", milliseconds(stats->latency_typical_us));
-	json_object_set_new(row, "latency_most_ms", milliseconds(stats->latency_most_us));
-	json_object_set_new(row, "learned", learned_json(&stats->learned));
-	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
-	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));
-	json_object_set_new(row, "requests", json_integer(stats->requests));
-	json_object_set_new(row, "answers", json_integer(stats->answers));
-	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));
-	json_object_set_new(row, "timeouts", json_integer(stats->timeouts));
-	json_object_set_new(row, "errors", json_integer(stats->errors));
-	json_object_set_new(row, "next_probe_ms", json_integer(stats->next_probe_ms));
-	return row;
-}
-
 /* As engineers write it: 19200 8N2, TCP 502 */
 static json_t *line_format(const struct map_line *line)
 {
@@ -339,7 +306,7 @@ static json_t *line_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "format", line_format(line));
 	json_object_set_new(row, "module", module_name(map, line->module));
 	json_object_set_new(row, "open", json_boolean(stats->open));
-	json_object_set_new(row, "scan_ms", milliseconds(stats->scan_us));
+	json_object_set_new(row, "scan_ms", rtuctl_milliseconds(stats->scan_us));
 	json_object_set_new(row, "requests", json_integer(stats->requests));
 	json_object_set_new(row, "answers", json_integer(stats->answers));
 	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));
