@@ -16,13 +16,6 @@
 #define READ_BITS_MAX      2000
 #define READ_REGISTERS_MAX 125
 
-const char *const config_table_names[CONFIG_TABLES] = {
-    [MAP_COILS] = "coils",
-    [MAP_DISCRETE_INPUTS] = "discrete_inputs",
-    [MAP_INPUT_REGISTERS] = "input_registers",
-    [MAP_HOLDING_REGISTERS] = "holding_registers",
-};
-
 /* A slave's tables come first, so that enum map_table indexes them. */
 enum {
 	SLAVE_ID = CONFIG_TABLES,
