@@ -55,9 +55,13 @@ static bool value_can_be_sent(const struct map_point *point, const struct iec104
 		       command->step != 0;
 	case MAP_FLOAT:
 		return command->qualifier == 0 && isfinite(command->value.f);
-	default:
-		return command->qualifier == 0;
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_BITSTRING:
+	case MAP_COUNTER:
+		break;
 	}
+	return command->qualifier == 0;
 }
 
 /* A tag is there so that a command that was delayed is not carried out: one whose age nobody knows may have been. */

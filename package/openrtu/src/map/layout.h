@@ -12,6 +12,7 @@
 #include "map/map.h"
 #include "map/ring.h"
 #include "map/station.h"
+#include "map/type.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
 #define MAP_LAYOUT 6u          /* raise with every change of what lies in the segments */
@@ -193,7 +194,7 @@ bool parameters_crossed(const struct map_parameters *parameters, enum map_type t
 			union map_value to);
 static inline bool is_measured(const struct map_point *point)
 {
-	return point->type == MAP_NORMALIZED || point->type == MAP_SCALED || point->type == MAP_FLOAT;
+	return map_class_of(point) == MAP_CLASS_MEASURED;
 }
 /* The owner's own last sample. */
 struct map_sample own_sample(const struct map *map, uint32_t point);

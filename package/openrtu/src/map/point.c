@@ -34,15 +34,16 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 
 static double distance(enum map_type type, union map_value a, union map_value b)
 {
-	switch (type) {
-	case MAP_FLOAT:
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_COUNTER:
+	switch (map_types[type].class) {
+	case MAP_CLASS_MEASURED:
+	case MAP_CLASS_TOTAL:
 		return fabs(map_number(type, a) - map_number(type, b));
-	default:
-		return a.u == b.u ? 0 : INFINITY;
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+		break;
 	}
+	return a.u == b.u ? 0 : INFINITY;
 }
 
 /* A value that is not a number is at no distance from another: any change of its bits counts. */
