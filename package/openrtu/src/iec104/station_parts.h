@@ -28,12 +28,6 @@ static inline const struct map_device *iec104_device(const struct iec104_station
 	return &station->config->devices[iec104_point(station, point)->device];
 }
 
-/* ---- log.c ------------------------------------------------------------------------------- */
-
-/* A line about a connection; left out, and counted, when there were too many just now. */
-void iec104_log(struct iec104_station *station, enum map_log_level level, const char *peer,
-		const char *format, ...) __attribute__((format(printf, 4, 5)));
-
 /* ---- admission.c ------------------------------------------------------------------------- */
 
 /* There is a place for this peer. False: logged. */
