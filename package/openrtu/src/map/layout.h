@@ -26,7 +26,7 @@ struct segment_header {
 	_Atomic uint32_t generation;            /* of the process that attached last */
 	_Atomic uint32_t heartbeat_ms;          /* CLOCK_MONOTONIC, low 32 bits */
 	_Atomic uint32_t next_request;          /* id of the next request */
-	uint32_t note;                          /* map_note */
+	uint32_t kept;                          /* map_kept_number */
 	_Atomic uint32_t forbidden;             /* map_note_forbidden, and one more; 0: none */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
@@ -155,8 +155,8 @@ struct map {
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
 	struct smoothed *smoothed;
-	int64_t turn_ns; /* when the caller's loop began its turn, 0: it has not said */
-	uint32_t turn_ms;
+	int64_t cycle_ns; /* when the caller's loop began its cycle, 0: it has not said */
+	uint32_t cycle_ms;
 	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;   /* requests and answers since the bell was cleared */
 	uint32_t load;    /* what others have given this module to do in this period, in records */

@@ -26,12 +26,12 @@ static uint32_t heartbeat_age_ms(const struct map *map, uint32_t module)
 	return now_ms() - beaten;
 }
 
-/* What was young enough when the turn began is; of any other, one that has beaten since among them, the clock tells. */
+/* What was young enough when the cycle began is; of any other, one that has beaten since among them, the clock tells. */
 static bool beats(const struct map *map, uint32_t module)
 {
 	uint32_t limit_ms = map_heartbeat_limit_ms(map, module);
 
-	return (map->turn_ns != 0 && map->turn_ms - last_beat_ms(map, module) <= limit_ms) ||
+	return (map->cycle_ns != 0 && map->cycle_ms - last_beat_ms(map, module) <= limit_ms) ||
 	       heartbeat_age_ms(map, module) <= limit_ms;
 }
 
@@ -85,9 +85,9 @@ uint32_t map_starts(const struct map *map)
 	return atomic_load(&map->directory->starts);
 }
 
-uint32_t *map_note(struct map *map)
+uint32_t *map_kept_number(struct map *map)
 {
-	return &map->segments[map->self].header->note;
+	return &map->segments[map->self].header->kept;
 }
 
 void map_note_forbidden(struct map *map, int call)
@@ -100,7 +100,7 @@ void map_heartbeat(struct map *map)
 	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
 }
 
-bool map_wanted(const struct map *map)
+bool map_may_run(const struct map *map)
 {
 	uint32_t state = atomic_load(&map->directory->modules[map->self].state);
 

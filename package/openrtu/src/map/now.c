@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* What time it is, and what time it was when the caller's loop began its turn. */
+/* What time it is, and what time it was when the caller's loop began its cycle. */
 #include <time.h>
 
 #include "map/layout.h"
@@ -28,15 +28,15 @@ uint32_t now_s(void)
 	return (uint32_t)(map_now_ns() / NS_PER_S);
 }
 
-int64_t map_turn(struct map *map)
+int64_t map_begin_cycle(struct map *map)
 {
-	map->turn_ns = map_now_ns();
-	map->turn_ms = ms_of(map->turn_ns);
-	return map->turn_ns;
+	map->cycle_ns = map_now_ns();
+	map->cycle_ms = ms_of(map->cycle_ns);
+	return map->cycle_ns;
 }
 
-/* What was past when the turn began needs no look at the clock. */
+/* What was past when the cycle began needs no look at the clock. */
 bool is_past(const struct map *map, int64_t time_ns)
 {
-	return time_ns >= 0 && (time_ns <= map->turn_ns || time_ns <= map_now_ns());
+	return time_ns >= 0 && (time_ns <= map->cycle_ns || time_ns <= map_now_ns());
 }

@@ -115,10 +115,10 @@ void map_publish(struct map *map, const struct map_update *updates, size_t count
 	if (count == 0)
 		return;
 	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(&own->latches[map->config.points[updates[0].point].device]);
+		unsigned filled = latch_flip(&own->latches[map->config.points[updates[0].point].device]);
 
 		for (size_t i = 0; i < count; i++)
-			own->samples[turn][map->config.points[updates[i].point].slot] = updates[i].sample;
+			own->samples[filled][map->config.points[updates[i].point].slot] = updates[i].sample;
 	}
 	if (put_events(map, updates, count))
 		bell_ring_event_readers(map);
@@ -138,10 +138,10 @@ static void recover_device(struct map *map, const struct map_device *device, map
 	memcpy(&own->samples[!whole][first], &own->samples[whole][first],
 	       device->point_count * sizeof(struct map_sample));
 	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(latch);
+		unsigned filled = latch_flip(latch);
 
 		for (uint32_t i = first; i < first + device->point_count; i++)
-			own->samples[turn][i].quality |= MAP_INVALID;
+			own->samples[filled][i].quality |= MAP_INVALID;
 	}
 }
 

@@ -45,7 +45,7 @@ void map_queue_move(struct map *map, unsigned slot, const struct map_queue_place
 	if (memcmp(&cell->places[latch_whole_copy(&cell->latch)], place, sizeof(*place)) == 0)
 		return;
 	cell->places[!latch_whole_copy(&cell->latch)] = *place;
-	latch_turn(&cell->latch);
+	latch_flip(&cell->latch);
 }
 
 void map_queue_use(struct map *map, unsigned slot)

@@ -16,7 +16,7 @@ struct modbus_wire modbus_wire_of(const struct map_line *line)
 	    map_line_is_tcp(line) ? modbus_wire_tcp() : modbus_wire(line->baud, modbus_bits_per_char(line));
 
 	if (line->rs485 != MAP_RS485_NONE)
-		wire.turn_ns = line->before_ms * NS_PER_MS;
+		wire.before_ns = line->before_ms * NS_PER_MS;
 	return wire;
 }
 

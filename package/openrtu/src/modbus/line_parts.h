@@ -8,7 +8,7 @@
 /* When the request under way was given to the port. */
 static inline int64_t begun_ns(const struct modbus_line *line)
 {
-	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.turn_ns;
+	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.before_ns;
 }
 
 /* ---- device.c ---------------------------------------------------------------------------- */

@@ -86,7 +86,7 @@ static bool fits(const struct modbus_limits *limits, const struct modbus_read *r
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns)
 {
 	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(function, count);
-	int64_t taken_ns = wire->turn_ns + chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
+	int64_t taken_ns = wire->before_ns + chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
 
 	return taken_ns > wire->least_ns ? taken_ns : wire->least_ns;
 }

@@ -76,7 +76,7 @@ static void the_time_out_begins_behind_the_turn_of_the_direction(void **state)
 	run_for(50 * MS);
 	int64_t due_ns = bus.line.deadline_ns - bus.sent[bus.sent_count - 1].time_ns;
 	start_simple(0);
-	bus.line.wire.turn_ns = 20 * MS;
+	bus.line.wire.before_ns = 20 * MS;
 	run_for(100 * MS);
 	bus.slaves[0].present = false;
 	run_for(50 * MS);

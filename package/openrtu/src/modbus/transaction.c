@@ -31,7 +31,7 @@ size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 	line->garbled = line->echoed = false;
 	line->listen_ns = now_ns; /* whatever of the one before did not come */
 	line->frame_length = length;
-	line->sent_ns = now_ns + line->wire.turn_ns + (int64_t)length * line->wire.char_ns;
+	line->sent_ns = now_ns + line->wire.before_ns + (int64_t)length * line->wire.char_ns;
 	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
 	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : timeout_of(line, device));
 	line->counters.requests++;

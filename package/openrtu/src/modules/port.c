@@ -12,12 +12,12 @@
 #include "modules/serial.h"
 #include "modules/tcp.h"
 
-#define REOPEN_NS    NS_PER_S
-#define CONNECT_NS   (3 * NS_PER_S) /* then a host that has said nothing is not there */
-#define RECONNECT_NS (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
-#define CHECK_NS     NS_PER_S
-#define READ_SIZE    512
-#define READS_A_TURN 16
+#define REOPEN_NS     NS_PER_S
+#define CONNECT_NS    (3 * NS_PER_S) /* then a host that has said nothing is not there */
+#define RECONNECT_NS  (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
+#define CHECK_NS      NS_PER_S
+#define READ_SIZE     512
+#define READS_A_CYCLE 16
 
 void port_init(struct port *port, struct map *map, uint32_t number, const char *directory, int epoll_fd)
 {
@@ -198,7 +198,7 @@ static void check_port(struct port *port, int64_t now_ns)
 /* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
 static void read_port(struct port *port)
 {
-	for (int reads = 0; reads < READS_A_TURN && port->fd >= 0; reads++) {
+	for (int reads = 0; reads < READS_A_CYCLE && port->fd >= 0; reads++) {
 		uint8_t bytes[READ_SIZE];
 		ssize_t length = read(port->fd, bytes, sizeof(bytes));
 		int64_t now_ns = map_now_ns();

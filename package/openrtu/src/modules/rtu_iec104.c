@@ -248,7 +248,7 @@ static void serve(void)
 
 	do {
 		moved = false;
-		iec104_station_run(&station, map_turn(map));
+		iec104_station_run(&station, map_begin_cycle(map));
 		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
 			if (!station.connections[i].open)
 				continue;
@@ -349,7 +349,7 @@ static void run(void)
 {
 	bool wanted = true;
 
-	while (wanted && map_wanted(map)) {
+	while (wanted && map_may_run(map)) {
 		struct epoll_event events[EVENTS];
 		int count = epoll_wait(poll_fd, events, EVENTS, wait_ms());
 

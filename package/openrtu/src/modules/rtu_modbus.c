@@ -297,11 +297,11 @@ static void serve(struct gateway *gateway)
 {
 	int64_t limit_ns;
 
-	while (!stop_requested && map_wanted(gateway->map))
+	while (!stop_requested && map_may_run(gateway->map))
 		take_turn(gateway);
 	limit_ns = map_now_ns() + STOP_NS;
 	while (commands_end_pulses(&gateway->commands, map_now_ns()) && map_now_ns() < limit_ns &&
-	       map_wanted(gateway->map))
+	       map_may_run(gateway->map))
 		take_turn(gateway);
 }
 
