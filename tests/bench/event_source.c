@@ -100,7 +100,7 @@ int main(int argc, char **argv)
 	if (register_count < BATCH_MAX)
 		return EXIT_FAILURE;
 	publish_all();
-	while (map_wanted(map)) {
+	while (map_may_run(map)) {
 		struct pollfd bell = {.fd = map_bell_fd(map), .events = POLLIN};
 
 		map_heartbeat(map);

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Commands to points: what of them can be asked for, and what they ask of the point's owner. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
 #include <math.h>
 
-#define NS_PER_S       1000000000LL
 #define QU_NONE        0
 #define QU_SHORT_PULSE 1
 #define QU_LONG_PULSE  2
@@ -55,9 +55,13 @@ static bool value_can_be_sent(const struct map_point *point, const struct iec104
 		       command->step != 0;
 	case MAP_FLOAT:
 		return command->qualifier == 0 && isfinite(command->value.f);
-	default:
-		return command->qualifier == 0;
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_BITSTRING:
+	case MAP_COUNTER:
+		break;
 	}
+	return command->qualifier == 0;
 }
 
 /* A tag is there so that a command that was delayed is not carried out: one whose age nobody knows may have been. */

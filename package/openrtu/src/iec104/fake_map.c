@@ -112,7 +112,7 @@ uint32_t map_starts(const struct map *map)
 	return map->starts;
 }
 
-uint32_t *map_note(struct map *map)
+uint32_t *map_kept_number(struct map *map)
 {
 	return &map->note;
 }

@@ -4,10 +4,9 @@
  * answer to the controlling station when all owners have answered.
  */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
 #include <string.h>
-
-#define NS_PER_S 1000000000LL
 
 static bool is_meant(const struct iec104_station *station, const struct iec104_procedure *procedure,
 		     uint32_t point)

@@ -34,7 +34,7 @@ static bool all_asked(struct iec104_station *station)
 
 static bool anything_to_tell(const struct iec104_station *station)
 {
-	return *map_note(station->map) != map_starts(station->map);
+	return *map_kept_number(station->map) != map_starts(station->map);
 }
 
 void iec104_watch_initialisation(struct iec104_station *station, int64_t now_ns)
@@ -56,7 +56,7 @@ void iec104_watch_initialisation(struct iec104_station *station, int64_t now_ns)
 		told = true;
 	}
 	if (told)
-		*map_note(station->map) = map_starts(station->map);
+		*map_kept_number(station->map) = map_starts(station->map);
 }
 
 void iec104_begin_initialised(struct iec104_station *station, struct iec104_connection *connection)
@@ -64,7 +64,7 @@ void iec104_begin_initialised(struct iec104_station *station, struct iec104_conn
 	if (!station->initialised || !anything_to_tell(station))
 		return;
 	connection->tells_initialised = true;
-	*map_note(station->map) = map_starts(station->map);
+	*map_kept_number(station->map) = map_starts(station->map);
 }
 
 bool iec104_send_initialised(const struct iec104_station *station, struct iec104_connection *connection,

@@ -7,56 +7,6 @@
 #define RQT_FIRST      1
 #define RQT_GENERAL    5
 
-static struct iec104_procedure *procedure_at(struct iec104_connection *connection, unsigned place)
-{
-	return &connection->procedures[(connection->first_procedure + place) % IEC104_INTERROGATIONS_MAX];
-}
-
-static void end_first_procedure(struct iec104_connection *connection)
-{
-	connection->first_procedure = (connection->first_procedure + 1) % IEC104_INTERROGATIONS_MAX;
-	connection->procedure_count--;
-}
-
-/* The place of a procedure like this one; procedure_count: there is none. */
-static unsigned find_procedure(struct iec104_connection *connection, const struct iec104_procedure *like)
-{
-	unsigned place = 0;
-
-	while (place < connection->procedure_count) {
-		const struct iec104_procedure *other = procedure_at(connection, place);
-
-		if (other->type == like->type && other->broadcast == like->broadcast &&
-		    (like->broadcast || other->device == like->device))
-			break;
-		place++;
-	}
-	return place;
-}
-
-bool iec104_add_procedure(struct iec104_connection *connection, const struct iec104_procedure *procedure)
-{
-	if (connection->procedure_count == IEC104_INTERROGATIONS_MAX)
-		return false;
-	*procedure_at(connection, connection->procedure_count++) = *procedure;
-	return true;
-}
-
-static void remove_procedure(struct iec104_connection *connection, unsigned place)
-{
-	connection->procedure_count--;
-	for (; place < connection->procedure_count; place++)
-		*procedure_at(connection, place) = *procedure_at(connection, place + 1);
-}
-
-bool iec104_is_counter_of(const struct iec104_station *station, uint32_t point, uint8_t qualifier)
-{
-	const struct map_point *object = iec104_point(station, point);
-	uint32_t group = IEC104_QCC_GROUP(qualifier);
-
-	return object->type == MAP_COUNTER && (group == 0 || object->counter_group == group);
-}
-
 static bool interrogated(const struct iec104_station *station, const struct iec104_connection *connection,
 			 uint32_t point)
 {
@@ -101,7 +51,7 @@ static void next_station(const struct iec104_station *station, struct iec104_con
 	procedure->phase = IEC104_CONFIRM;
 	procedure->device = iec104_next_station(station, procedure->device);
 	if (!procedure->broadcast || procedure->device == station->config->device_count)
-		end_first_procedure(connection);
+		iec104_end_first_procedure(connection);
 }
 
 static bool is_freeze(const struct iec104_procedure *procedure)
@@ -156,7 +106,7 @@ static bool continue_procedure(const struct iec104_station *station, struct iec1
 bool iec104_advance_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			      int64_t now_ns)
 {
-	struct iec104_procedure *procedure = procedure_at(connection, 0);
+	struct iec104_procedure *procedure = iec104_procedure_at(connection, 0);
 
 	if (connection->procedure_count == 0)
 		return false;
@@ -178,53 +128,6 @@ bool iec104_advance_procedure(const struct iec104_station *station, struct iec10
 	return false;
 }
 
-bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint32_t *device)
-{
-	for (*device = 0; *device < station->config->device_count; ++*device)
-		if (ca == IEC104_CA_BROADCAST || station->config->devices[*device].ca == ca)
-			return true;
-	return false;
-}
-
-uint32_t iec104_next_station(const struct iec104_station *station, uint32_t device)
-{
-	const struct map_device *devices = station->config->devices;
-	uint32_t first;
-
-	do {
-		if (++device >= station->config->device_count)
-			break;
-		for (first = 0; devices[first].ca != devices[device].ca;)
-			first++;
-	} while (first != device);
-	return device;
-}
-
-uint32_t iec104_station_end(const struct iec104_station *station, uint32_t device)
-{
-	const struct map_device *devices = station->config->devices;
-	uint32_t last = station->config->device_count - 1;
-
-	while (devices[last].ca != devices[device].ca)
-		last--;
-	return last + 1;
-}
-
-struct iec104_procedure iec104_procedure_of(const struct iec104_station *station,
-					    const struct iec104_asdu *asdu)
-{
-	struct iec104_procedure procedure = {
-	    .type = asdu->type,
-	    .qualifier = asdu->objects[IEC104_IOA_SIZE],
-	    .originator = asdu->originator,
-	    .test = asdu->test,
-	    .broadcast = asdu->ca == IEC104_CA_BROADCAST,
-	};
-
-	iec104_find_device(station, asdu->ca, &procedure.device);
-	return procedure;
-}
-
 static bool can_interrogate(const struct iec104_procedure *procedure)
 {
 	if (procedure->type == IEC104_C_CI_NA_1)
@@ -237,12 +140,12 @@ bool iec104_interrogate(struct iec104_station *station, const struct iec104_rece
 {
 	struct iec104_connection *connection = received->connection;
 	struct iec104_procedure procedure = iec104_procedure_of(station, &received->asdu);
-	unsigned place = find_procedure(connection, &procedure);
+	unsigned place = iec104_find_procedure(connection, &procedure);
 	bool found = place < connection->procedure_count;
 
 	if (received->asdu.cause == IEC104_DEACTIVATION) {
 		if (found)
-			remove_procedure(connection, place);
+			iec104_remove_procedure(connection, place);
 		return found;
 	}
 	if (found || !can_interrogate(&procedure))

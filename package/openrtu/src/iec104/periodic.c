@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Points with a period of their own. */
 #include "iec104/station_parts.h"
-
-#define NS_PER_MS 1000000LL
+#include "map/time_ns.h"
 
 /* The end of the period that lies behind time. Periods count from the start of the monotonic clock. */
 static int64_t period_end(const struct map_point *point, int64_t time_ns)

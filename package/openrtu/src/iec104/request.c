@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Requests to the owners of points and to rtud, and what their answers become: ACT_CON, ACT_TERM, a selection. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
 #include <string.h>
-
-#define NS_PER_S  1000000000LL
-#define NS_PER_MS 1000000LL
 
 /* Selections are told apart by connection and originator. */
 static uint32_t session_of(const struct iec104_connection *connection, uint8_t originator)
@@ -185,12 +183,8 @@ void iec104_end_selections(struct iec104_station *station, const struct iec104_c
 	}
 }
 
-static void take_answer(struct iec104_station *station, const struct map_answer *answer)
+void iec104_take_request_answer(struct iec104_station *station, const struct map_answer *answer)
 {
-	if (answer->action == MAP_FREEZE) {
-		iec104_take_freeze_answer(station, answer);
-		return;
-	}
 	for (unsigned i = 0; i < IEC104_OPEN_REQUESTS_MAX; i++) {
 		struct iec104_open_request *open = &station->open_requests[i];
 
@@ -205,16 +199,6 @@ static void take_answer(struct iec104_station *station, const struct map_answer 
 				     answer->state == MAP_EXECUTED_COMMAND);
 		return;
 	}
-}
-
-bool iec104_take_answers(struct iec104_station *station)
-{
-	struct map_answer answer;
-	bool any = false;
-
-	for (; map_answer_next(station->map, &answer); any = true)
-		take_answer(station, &answer);
-	return any;
 }
 
 bool iec104_owner_has_ended(const struct iec104_station *station, uint32_t owner, uint32_t generation)

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "map/time_ns.h"
+
 /*
  * Kept free of I frames, and an APDU is only taken while it is free: an APDU makes at most an S frame and a
  * confirmation, and until the next one is taken the timers add at most an S frame and a TESTFR act.
@@ -317,11 +319,6 @@ void iec104_session_run(struct iec104_session *session, int64_t now_ns)
 	}
 	if (session->owed >= session->times->w || now_ns >= t2_deadline(session))
 		acknowledge(session);
-}
-
-static int64_t earlier(int64_t a, int64_t b)
-{
-	return a < b ? a : b;
 }
 
 int64_t iec104_session_deadline(const struct iec104_session *session)

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
 #include <stdio.h>
 #include <string.h>
-
-#define NS_PER_S 1000000000LL
 
 void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns,
 			 struct map_queue_place *places)
@@ -211,11 +210,6 @@ void iec104_station_run(struct iec104_station *station, int64_t now_ns)
 	run_connections(station, true, now_ns);
 	run_connections(station, false, now_ns);
 	iec104_publish_losses(station);
-}
-
-static int64_t earlier(int64_t a, int64_t b)
-{
-	return a < b ? a : b;
 }
 
 static int64_t connection_deadline(const struct iec104_connection *connection)

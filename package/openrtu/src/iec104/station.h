@@ -237,7 +237,10 @@ void iec104_station_run(struct iec104_station *station, int64_t now_ns);
 /* When iec104_station_run is due without any of these; INT64_MAX: never. */
 int64_t iec104_station_deadline(const struct iec104_station *station);
 
-/* A line about a connection, by whoever carries it too; left out, and counted, when there were too many just now. */
+/*
+ * A line about a connection, of the station or of who carries the connection; left out, and counted, when there were too
+ * many just now.
+ */
 void iec104_log(struct iec104_station *station, enum map_log_level level, const char *peer,
 		const char *format, ...) __attribute__((format(printf, 4, 5)));
 

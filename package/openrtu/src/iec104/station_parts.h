@@ -28,12 +28,6 @@ static inline const struct map_device *iec104_device(const struct iec104_station
 	return &station->config->devices[iec104_point(station, point)->device];
 }
 
-/* ---- log.c ------------------------------------------------------------------------------- */
-
-/* A line about a connection; left out, and counted, when there were too many just now. */
-void iec104_log(struct iec104_station *station, enum map_log_level level, const char *peer,
-		const char *format, ...) __attribute__((format(printf, 4, 5)));
-
 /* ---- admission.c ------------------------------------------------------------------------- */
 
 /* There is a place for this peer. False: logged. */
@@ -69,6 +63,23 @@ void iec104_publish_losses(struct iec104_station *station);
 void iec104_show_opened(const struct iec104_station *station, const struct iec104_connection *connection);
 void iec104_show_connection(const struct iec104_station *station, const struct iec104_connection *connection);
 void iec104_show_closed(const struct iec104_station *station, const struct iec104_connection *connection);
+
+/* ---- address.c --------------------------------------------------------------------------- */
+
+/* The first device that a common address means; broadcast: of all. False: there is none. */
+bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint32_t *device);
+/* Devices with one common address are one station, known by its first device: that of the next one, device_count: none. */
+uint32_t iec104_next_station(const struct iec104_station *station, uint32_t device);
+/* Behind the last device of this one's station. */
+uint32_t iec104_station_end(const struct iec104_station *station, uint32_t device);
+
+/* ---- position.c -------------------------------------------------------------------------- */
+
+/* An event waits to be sent: nothing that was read from the map just now may go before it. */
+bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection);
+/* A mark behind a module's newest event, and whether this connection has sent all of that module's before it. */
+uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module);
+bool iec104_events_were_sent(const struct iec104_connection *connection, uint32_t module, uint32_t end);
 
 /* ---- sweep.c ----------------------------------------------------------------------------- */
 
@@ -106,8 +117,6 @@ enum iec104_progress iec104_send_points(const struct iec104_station *station,
 					struct iec104_connection *connection, struct iec104_sweep *sweep,
 					const struct iec104_manner *manner, int64_t now_ns);
 
-/* An event waits to be sent: nothing that was read from the map just now may go before it. */
-bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection);
 /*
  * map_read, and remembers an owner whose heartbeat is missing. A counter that freezes by itself is sent as it was frozen,
  * with totals every counter.
@@ -130,14 +139,13 @@ void iec104_send(struct iec104_connection *connection, const struct iec104_build
 /* Comes back to a point that could not be read, without waiting for anything else. */
 void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns);
 
-/* ---- spontaneous.c ----------------------------------------------------------------------- */
+/* ---- refresh.c --------------------------------------------------------------------------- */
 
 /* Begins to send current values, of connection->refresh_modules or refresh_all. */
 void iec104_begin_refresh(const struct iec104_station *station, struct iec104_connection *connection);
-bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns);
-/* A mark behind a module's newest event, and whether this connection has sent all of that module's before it. */
-uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module);
-bool iec104_events_were_sent(const struct iec104_connection *connection, uint32_t module, uint32_t end);
+/* Begins to send the points of a module that is down since then; connection->before_down is where its events stay. */
+void iec104_begin_invalid(const struct iec104_station *station, struct iec104_connection *connection,
+			  uint32_t module, int64_t since_ns);
 /* While connection->down, in the place of all events: the points of a module that is down. */
 bool iec104_send_invalid(const struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
@@ -147,6 +155,10 @@ void iec104_refresh_recovered(const struct iec104_station *station, struct iec10
 /* Current values after lost events, or of a module that is back. */
 bool iec104_send_refresh(struct iec104_station *station, struct iec104_connection *connection,
 			 int64_t now_ns);
+
+/* ---- spontaneous.c ----------------------------------------------------------------------- */
+
+bool iec104_send_event(struct iec104_station *station, struct iec104_connection *connection, int64_t now_ns);
 
 /* ---- periodic.c -------------------------------------------------------------------------- */
 
@@ -159,12 +171,28 @@ void iec104_begin_periodic(const struct iec104_station *station, struct iec104_c
 bool iec104_send_periodic(const struct iec104_station *station, struct iec104_connection *connection,
 			  int64_t now_ns);
 
-/* ---- freeze.c ---------------------------------------------------------------------------- */
+/* ---- procedure.c ------------------------------------------------------------------------- */
 
 /* Of the QCC (IEC 60870-5-101, 7.2.6.23): RQT 1..4 a group, 5 general; FRZ is 0, or enum map_freeze. */
 #define IEC104_QCC_REQUEST(qcc) ((qcc)&0x3fu)
 #define IEC104_QCC_GROUP(qcc)   (IEC104_QCC_REQUEST(qcc) % 5u) /* 0: any */
 #define IEC104_QCC_FREEZE(qcc)  ((qcc) >> 6)
+
+/* The point is a counter that a counter interrogation with this QCC means. */
+bool iec104_is_counter_of(const struct iec104_station *station, uint32_t point, uint8_t qualifier);
+/* The system command of an ASDU whose type, cause, common address and size were checked. */
+struct iec104_procedure iec104_procedure_of(const struct iec104_station *station,
+					    const struct iec104_asdu *asdu);
+/* False: too many are waiting. */
+bool iec104_add_procedure(struct iec104_connection *connection, const struct iec104_procedure *procedure);
+/* In their order: 0 is the one whose turn it is. */
+struct iec104_procedure *iec104_procedure_at(struct iec104_connection *connection, unsigned place);
+/* The place of a procedure like this one; procedure_count: there is none. */
+unsigned iec104_find_procedure(struct iec104_connection *connection, const struct iec104_procedure *like);
+void iec104_end_first_procedure(struct iec104_connection *connection);
+void iec104_remove_procedure(struct iec104_connection *connection, unsigned place);
+
+/* ---- freeze.c ---------------------------------------------------------------------------- */
 
 /*
  * Asks the owners of the counters that a counter interrogation means to freeze or reset them. False, and nothing
@@ -202,20 +230,6 @@ bool iec104_send_parameters(const struct iec104_station *station, struct iec104_
 
 /* ---- interrogation.c --------------------------------------------------------------------- */
 
-/* The point is a counter that a counter interrogation with this QCC means. */
-bool iec104_is_counter_of(const struct iec104_station *station, uint32_t point, uint8_t qualifier);
-
-/* The first device that a common address means; broadcast: of all. False: there is none. */
-bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint32_t *device);
-/* Devices with one common address are one station, known by its first device: that of the next one, device_count: none. */
-uint32_t iec104_next_station(const struct iec104_station *station, uint32_t device);
-/* Behind the last device of this one's station. */
-uint32_t iec104_station_end(const struct iec104_station *station, uint32_t device);
-/* The system command of an ASDU whose type, cause, common address and size were checked. */
-struct iec104_procedure iec104_procedure_of(const struct iec104_station *station,
-					    const struct iec104_asdu *asdu);
-/* False: too many are waiting. */
-bool iec104_add_procedure(struct iec104_connection *connection, const struct iec104_procedure *procedure);
 /*
  * Activates or deactivates. False: the confirmation is negative. The positive one of an activation is the
  * procedure's own, when its turn has come.
@@ -244,6 +258,7 @@ bool iec104_answer_read(const struct iec104_station *station, struct iec104_conn
 /* An ASDU received in an I frame. */
 void iec104_take_asdu(struct iec104_station *station, struct iec104_connection *connection,
 		      const uint8_t *bytes, size_t size, int64_t now_ns);
+
 /* ---- command.c --------------------------------------------------------------------------- */
 
 /* A command whose type, cause, common address and size were checked. */
@@ -259,8 +274,8 @@ bool iec104_post(struct iec104_station *station, const struct iec104_received *r
  * only silent for a moment will: rtud decides, not the heartbeat's age.
  */
 bool iec104_owner_has_ended(const struct iec104_station *station, uint32_t owner, uint32_t generation);
-/* The owners' and rtud's answers to requests of this process. True: there were some. */
-bool iec104_take_answers(struct iec104_station *station);
+/* The answer to a request that iec104_post posted. */
+void iec104_take_request_answer(struct iec104_station *station, const struct map_answer *answer);
 /* ACT_TERM of a command whose return information was sent. */
 bool iec104_send_termination(struct iec104_station *station, struct iec104_connection *connection,
 			     int64_t now_ns);
@@ -272,5 +287,10 @@ void iec104_conclude_orphans(struct iec104_station *station, int64_t now_ns);
 void iec104_end_selections(struct iec104_station *station, const struct iec104_connection *connection);
 /* When a command that is still open will be answered for its owner at the latest; INT64_MAX: none is open. */
 int64_t iec104_orphan_deadline(const struct iec104_station *station);
+
+/* ---- answer.c ---------------------------------------------------------------------------- */
+
+/* The owners' and rtud's answers to requests of this process. True: there were some. */
+bool iec104_take_answers(struct iec104_station *station);
 
 #endif

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What rtuctl sees of the connections. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
 
 #include <stdio.h>
-
-#define NS_PER_S 1000000000LL
 
 static struct map_connection_stats *stats_of(const struct iec104_station *station,
 					     const struct iec104_connection *connection)

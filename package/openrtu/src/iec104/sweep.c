@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Many points, as many ASDUs as it takes, resumed whenever k and the connection allow. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
+#include "map/type.h"
 
-#define RETRY_NS 1000000LL
+#define RETRY_NS NS_PER_MS
 
 void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns)
 {
@@ -27,14 +29,6 @@ bool iec104_read_point(const struct iec104_station *station, struct iec104_conne
 	if ((sample->quality & MAP_INVALID) && !map_alive(station->map, owner))
 		connection->silent_modules |= 1u << owner;
 	return true;
-}
-
-bool iec104_event_waits(const struct iec104_station *station, const struct iec104_connection *connection)
-{
-	struct map_cursor ahead = connection->cursor;
-	struct map_event event;
-
-	return map_event_next(station->map, &ahead, &event);
 }
 
 bool iec104_is_tellable(const struct iec104_station *station, uint32_t point, const struct map_sample *sample)
@@ -159,18 +153,19 @@ static bool neighbour_follows(const struct iec104_station *station,
 }
 
 /* IEC 60870-5-101, 7.3.1: only measured values may be cyclic, integrated totals only spontaneous. */
-static uint8_t periodic_cause(uint8_t type)
+static uint8_t periodic_cause(const struct map_point *object)
 {
-	switch (type) {
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_FLOAT:
+	switch (map_class_of(object)) {
+	case MAP_CLASS_MEASURED:
 		return IEC104_CYCLIC;
-	case MAP_COUNTER:
+	case MAP_CLASS_TOTAL:
 		return IEC104_SPONTANEOUS;
-	default:
-		return IEC104_BACKGROUND;
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+		break;
 	}
+	return IEC104_BACKGROUND;
 }
 
 void iec104_begin_asdu(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
@@ -178,15 +173,15 @@ void iec104_begin_asdu(const struct iec104_station *station, struct iec104_build
 {
 	const struct map_point *object = iec104_point(station, point);
 
-	iec104_asdu_begin(builder, &(struct iec104_asdu){
-				       .type = iec104_monitor_type(object, manner->tagged),
-				       .sequence = sequence,
-				       .cause = manner->cause == IEC104_CYCLIC ? periodic_cause(object->type)
-									       : manner->cause,
-				       .test = manner->test,
-				       .originator = manner->originator,
-				       .ca = iec104_device(station, point)->ca,
-				   });
+	iec104_asdu_begin(
+	    builder, &(struct iec104_asdu){
+			 .type = iec104_monitor_type(object, manner->tagged),
+			 .sequence = sequence,
+			 .cause = manner->cause == IEC104_CYCLIC ? periodic_cause(object) : manner->cause,
+			 .test = manner->test,
+			 .originator = manner->originator,
+			 .ca = iec104_device(station, point)->ca,
+		     });
 }
 
 /*

@@ -7,8 +7,7 @@
 #include <cmocka.h>
 
 #include "iec104/time56.h"
-
-#define NS_PER_MS 1000000LL
+#include "map/time_ns.h"
 
 static const struct map_zone utc;
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/time56.h"
 
-#define NS_PER_MS   1000000LL
-#define MS_PER_S    1000LL
+#include "map/time_ns.h"
+
 #define MS_PER_DAY  86400000LL
 #define MS_OF_2000  (10957 * MS_PER_DAY) /* 1970-01-01 to 2000-01-01 */
 #define DAYS_100    36525                /* 2000..2099: every fourth year is a leap year, 2000 too */
@@ -11,7 +11,6 @@
 #define MINUTE_MASK 0x3f
 #define HOUR_MASK   0x1f
 #define SU_BIT      0x80
-#define S_PER_DAY   86400
 #define DAYS_WEEK   7
 #define SATURDAY    6 /* 2000-01-01 */
 #define DAY_MASK    0x1f

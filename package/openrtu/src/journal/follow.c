@@ -4,7 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CLOCK_MOVED_NS 1000000000LL /* less is a master's daily correction: not worth a whole file */
+#include "map/time_ns.h"
+
+#define CLOCK_MOVED_NS NS_PER_S /* less is a master's daily correction: not worth a whole file */
 
 void journal_follow(struct journal_follower *follower, const struct map *map, uint8_t *memory, size_t size)
 {
@@ -54,12 +56,12 @@ static void note_queues(const struct map *map, struct journal_content *written)
 }
 
 /* Of two numbers of a ring, which wrap. */
-static uint32_t later(uint32_t a, uint32_t b)
+static uint32_t last_of(uint32_t a, uint32_t b)
 {
 	return (int32_t)(a - b) >= 0 ? a : b;
 }
 
-static uint32_t earlier(uint32_t a, uint32_t b)
+static uint32_t first_of(uint32_t a, uint32_t b)
 {
 	return (int32_t)(a - b) >= 0 ? b : a;
 }
@@ -68,7 +70,7 @@ static uint32_t earlier(uint32_t a, uint32_t b)
 static uint32_t first_wanted(const struct journal_content *written, uint32_t module, uint32_t end)
 {
 	for (uint32_t i = 0; i < written->queue_count; i++)
-		end = earlier(end, written->queues[i].next[module]);
+		end = first_of(end, written->queues[i].next[module]);
 	return end;
 }
 
@@ -84,8 +86,8 @@ static bool same_wishes(const struct journal_content *written, const struct jour
 		if (before->kind != after->kind || strcmp(before->name, after->name) != 0)
 			return false;
 		for (uint32_t module = 0; module < modules; module++)
-			if (earlier(before->next[module], written->heads[module]) !=
-			    earlier(after->next[module], written->heads[module]))
+			if (first_of(before->next[module], written->heads[module]) !=
+			    first_of(after->next[module], written->heads[module]))
 				return false;
 	}
 	return true;
@@ -169,7 +171,7 @@ static struct map_cursor begin_at(const struct journal_follower *follower, const
 	for (uint32_t i = 0; i < modules; i++) {
 		cursor.next[i] = first_wanted(now, i, cursor.next[i]);
 		if (!first)
-			cursor.next[i] = later(cursor.next[i], follower->written.heads[i]);
+			cursor.next[i] = last_of(cursor.next[i], follower->written.heads[i]);
 	}
 	return cursor;
 }

@@ -7,6 +7,7 @@
  */
 #include "map/layout.h"
 #include "map/supervise.h"
+#include "map/time_ns.h"
 
 #define RECORDS_A_TURN 256u /* a ring's worth: more in one turn of the loop is somebody gone wild */
 
@@ -210,7 +211,7 @@ static void move(struct map *map, struct command_cell *cell, const struct map_re
 	struct map_command command = command_of(map, request, state, result);
 
 	if (state == MAP_ACCEPTED_SELECTION)
-		command.until_ns = command.time_ns + map->config.settings.select_timeout_s * 1000000000LL;
+		command.until_ns = command.time_ns + map->config.settings.select_timeout_s * NS_PER_S;
 	store(cell, &command);
 	answer(map, &command, request->point, request->action);
 }

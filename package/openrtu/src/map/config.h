@@ -38,6 +38,8 @@ enum map_type {
 	MAP_COUNTER,    /* value.i, 32 bits */
 };
 
+#define MAP_TYPES (MAP_COUNTER + 1)
+
 /* The four Modbus tables; the order is that of the report's configuration file. */
 enum map_table {
 	MAP_COILS,             /* FC 1, 5, 15 */

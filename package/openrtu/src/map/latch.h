@@ -21,8 +21,8 @@ _Static_assert(ATOMIC_INT_LOCK_FREE != 0, "atomics in shared memory must be lock
 
 typedef _Atomic uint32_t map_latch;
 
-/* Gives the copy that the writer may fill now: first copy 0, then copy 1 after latch_turn. */
-static inline unsigned latch_turn(map_latch *latch)
+/* Gives the copy that the writer may fill now: first copy 0, then copy 1 after latch_flip. */
+static inline unsigned latch_flip(map_latch *latch)
 {
 	uint32_t sequence = atomic_load_explicit(latch, memory_order_relaxed) + 1;
 
@@ -36,7 +36,7 @@ static inline unsigned latch_turn(map_latch *latch)
 static inline void latch_store(map_latch *latch, void *copies, const void *record, size_t size)
 {
 	for (int copy = 0; copy < 2; copy++)
-		memcpy((uint8_t *)copies + latch_turn(latch) * size, record, size);
+		memcpy((uint8_t *)copies + latch_flip(latch) * size, record, size);
 }
 
 /* The copy that is whole, whatever a former writer left half done. */

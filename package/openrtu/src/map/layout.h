@@ -12,6 +12,7 @@
 #include "map/map.h"
 #include "map/ring.h"
 #include "map/station.h"
+#include "map/type.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
 #define MAP_LAYOUT 6u          /* raise with every change of what lies in the segments */
@@ -25,7 +26,7 @@ struct segment_header {
 	_Atomic uint32_t generation;            /* of the process that attached last */
 	_Atomic uint32_t heartbeat_ms;          /* CLOCK_MONOTONIC, low 32 bits */
 	_Atomic uint32_t next_request;          /* id of the next request */
-	uint32_t note;                          /* map_note */
+	uint32_t kept;                          /* map_kept_number */
 	_Atomic uint32_t forbidden;             /* map_note_forbidden, and one more; 0: none */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
@@ -154,8 +155,8 @@ struct map {
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
 	struct smoothed *smoothed;
-	int64_t turn_ns; /* when the caller's loop began its turn, 0: it has not said */
-	uint32_t turn_ms;
+	int64_t cycle_ns; /* when the caller's loop began its cycle, 0: it has not said */
+	uint32_t cycle_ms;
 	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;   /* requests and answers since the bell was cleared */
 	uint32_t load;    /* what others have given this module to do in this period, in records */
@@ -176,6 +177,9 @@ uint32_t now_s(void);
 /* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
 bool is_past(const struct map *map, int64_t time_ns);
 
+/* Of the controlled station's module. */
+const struct segment *station_segment(const struct map *map);
+
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);
 void commands_recover(struct map *map);
@@ -190,7 +194,7 @@ bool parameters_crossed(const struct map_parameters *parameters, enum map_type t
 			union map_value to);
 static inline bool is_measured(const struct map_point *point)
 {
-	return point->type == MAP_NORMALIZED || point->type == MAP_SCALED || point->type == MAP_FLOAT;
+	return map_class_of(point) == MAP_CLASS_MEASURED;
 }
 /* The owner's own last sample. */
 struct map_sample own_sample(const struct map *map, uint32_t point);

@@ -11,52 +11,12 @@
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "map/layout.h"
 #include "map/supervise.h"
 
 #define FILE_NAME_SIZE (MAP_NAME_SIZE + 8)
-/* Of a real-time module, by others: fifteen commands within 25 ms, which no line carries out. A wake-up is most of the cost. */
-#define LOAD_A_PERIOD  256
-#define LOAD_OF_A_RING 16
-
-int64_t map_now_ns(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
-static uint32_t ms_of(int64_t time_ns)
-{
-	return (uint32_t)(time_ns / 1000000);
-}
-
-uint32_t now_ms(void)
-{
-	return ms_of(map_now_ns());
-}
-
-uint32_t now_s(void)
-{
-	return (uint32_t)(map_now_ns() / 1000000000);
-}
-
-int64_t map_turn(struct map *map)
-{
-	map->turn_ns = map_now_ns();
-	map->turn_ms = ms_of(map->turn_ns);
-	return map->turn_ns;
-}
-
-/* What was past when the turn began needs no look at the clock. */
-bool is_past(const struct map *map, int64_t time_ns)
-{
-	return time_ns >= 0 && (time_ns <= map->turn_ns || time_ns <= map_now_ns());
-}
 
 __attribute__((format(printf, 2, 3))) static int fail(char *error, const char *format, ...)
 {
@@ -597,56 +557,4 @@ void map_detach(struct map *map)
 	free(map->reported);
 	free(map->smoothed);
 	free(map);
-}
-
-const struct map_config *map_config(const struct map *map)
-{
-	return &map->config;
-}
-
-uint32_t map_self(const struct map *map)
-{
-	return map->self;
-}
-
-/* ---- bells ------------------------------------------------------------------------------- */
-
-int map_bell_fd(const struct map *map)
-{
-	return map->segments[map->self].bell;
-}
-
-/* One read: who rings faster than it empties the pipe is heard again, and holds nobody up. */
-bool map_bell_clear(struct map *map)
-{
-	char heard[4096];
-	ssize_t rings = read(map_bell_fd(map), heard, sizeof(heard));
-
-	map->load += map->taken + (rings > 0 ? LOAD_OF_A_RING : 0);
-	map->taken = 0;
-	return rings > 0;
-}
-
-bool map_bell_is_wild(const struct map *map)
-{
-	return map->load >= LOAD_A_PERIOD;
-}
-
-void map_bell_new_period(struct map *map)
-{
-	map->load = 0;
-}
-
-void bell_ring(const struct map *map, uint32_t module)
-{
-	ssize_t written = write(map->segments[module].bell, "", 1);
-
-	(void)written; /* a full pipe has been heard already */
-}
-
-void bell_ring_event_readers(const struct map *map)
-{
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
-		if (map->directory->modules[i].kind == MAP_MODULE_IEC104)
-			bell_ring(map, i);
 }

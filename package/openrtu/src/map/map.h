@@ -19,6 +19,7 @@
 #include <stdint.h>
 
 #include "config.h"
+#include "time_ns.h"
 
 #define MAP_MODULES_MAX             16
 #define MAP_NONE                    UINT32_MAX
@@ -146,7 +147,7 @@ bool map_alive(const struct map *map, uint32_t module);
 /* How often all modules were started together: 1, and one more with each MAP_RESTART. */
 uint32_t map_starts(const struct map *map);
 /* A number in the own segment, 0 at first, that survives the module's restart: what it means is the module's. */
-uint32_t *map_note(struct map *map);
+uint32_t *map_kept_number(struct map *map);
 /* This process has made a system call that its filter forbids; -1: it has not. For rtud, which finds it dead. Signal-safe. */
 void map_note_forbidden(struct map *map, int call);
 /* How old a module's heartbeat may be. */
@@ -158,7 +159,7 @@ uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa);
 /* "I run." Own segment; every MAP_HEARTBEAT_PERIOD_MS by an owner of points, each second by others. */
 void map_heartbeat(struct map *map);
 /* False once rtud has ended this generation: the module must exit. (When rtud itself goes, the kernel ends the module.) */
-bool map_wanted(const struct map *map);
+bool map_may_run(const struct map *map);
 
 /* ---- points ------------------------------------------------------------------------------ */
 
@@ -450,17 +451,17 @@ struct map_clock {
 
 int64_t map_now_ns(void); /* CLOCK_MONOTONIC */
 /*
- * Begins a turn of the caller's loop, and gives its time. Until the next one map_read and map_alive take a heartbeat
+ * Begins a cycle of the caller's loop, and gives its time. Until the next one map_read and map_alive take a heartbeat
  * that was young enough then for young enough: reading the clock for each point would be most of an interrogation's
- * cost (ARMv5 has no vDSO). For who reads many points; the turn shall be short beside MAP_HEARTBEAT_LIMIT_MS.
+ * cost (ARMv5 has no vDSO). For who reads many points; the cycle shall be short beside MAP_HEARTBEAT_LIMIT_MS.
  */
-int64_t map_turn(struct map *map);
+int64_t map_begin_cycle(struct map *map);
 struct map_clock map_clock_read(const struct map *map);
 
 /* The wall time of a moment, of which there may be a leap second since. */
 static inline int64_t map_wall_ns(struct map_clock clock, int64_t time_ns)
 {
-	return time_ns + clock.offset_ns + (time_ns < clock.leap_ns ? clock.leap_s * 1000000000LL : 0);
+	return time_ns + clock.offset_ns + (time_ns < clock.leap_ns ? clock.leap_s * NS_PER_S : 0);
 }
 
 /* When an event happened, by the clock as it is now, or as it was before a power cut. */

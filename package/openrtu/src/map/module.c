@@ -6,6 +6,7 @@
 
 #include "map/layout.h"
 #include "map/supervise.h"
+#include "map/time_ns.h"
 
 uint32_t map_module_count(const struct map *map)
 {
@@ -25,12 +26,12 @@ static uint32_t heartbeat_age_ms(const struct map *map, uint32_t module)
 	return now_ms() - beaten;
 }
 
-/* What was young enough when the turn began is; of any other, one that has beaten since among them, the clock tells. */
+/* What was young enough when the cycle began is; of any other, one that has beaten since among them, the clock tells. */
 static bool beats(const struct map *map, uint32_t module)
 {
 	uint32_t limit_ms = map_heartbeat_limit_ms(map, module);
 
-	return (map->turn_ns != 0 && map->turn_ms - last_beat_ms(map, module) <= limit_ms) ||
+	return (map->cycle_ns != 0 && map->cycle_ms - last_beat_ms(map, module) <= limit_ms) ||
 	       heartbeat_age_ms(map, module) <= limit_ms;
 }
 
@@ -72,7 +73,7 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 	    .restarts = atomic_load(&entry->restarts),
 	    .heartbeat_age_ms = heartbeat_age_ms(map, index),
 	    .point_count = entry->point_count,
-	    .started_ns = (int64_t)atomic_load(&entry->started_s) * 1000000000,
+	    .started_ns = (int64_t)atomic_load(&entry->started_s) * NS_PER_S,
 	};
 	memcpy(out->name, entry->name, sizeof(out->name));
 	if (entry->kind == MAP_MODULE_IEC104)
@@ -84,9 +85,9 @@ uint32_t map_starts(const struct map *map)
 	return atomic_load(&map->directory->starts);
 }
 
-uint32_t *map_note(struct map *map)
+uint32_t *map_kept_number(struct map *map)
 {
-	return &map->segments[map->self].header->note;
+	return &map->segments[map->self].header->kept;
 }
 
 void map_note_forbidden(struct map *map, int call)
@@ -99,7 +100,7 @@ void map_heartbeat(struct map *map)
 	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
 }
 
-bool map_wanted(const struct map *map)
+bool map_may_run(const struct map *map)
 {
 	uint32_t state = atomic_load(&map->directory->modules[map->self].state);
 
@@ -223,6 +224,20 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 struct map_journal_stats *map_journal_stats(const struct map *map)
 {
 	return map->segments[map->directory->module_count - 1].journal_stats; /* NULL of any other module */
+}
+
+const struct segment *station_segment(const struct map *map)
+{
+	uint32_t module = 0;
+
+	while (map->directory->modules[module].kind != MAP_MODULE_IEC104)
+		module++;
+	return &map->segments[module];
+}
+
+struct map_station_stats *map_station_stats(const struct map *map)
+{
+	return station_segment(map)->station_stats;
 }
 
 struct map_line_stats *map_line_stats(const struct map *map, uint32_t line)

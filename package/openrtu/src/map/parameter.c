@@ -3,8 +3,8 @@
 #include <math.h>
 
 #include "map/layout.h"
+#include "map/time_ns.h"
 
-static const double NS_PER_S = 1e9;
 static const double TENTHS_PER_S = 10;
 
 static bool has_parameters(const struct map *map, uint32_t point)

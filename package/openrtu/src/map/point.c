@@ -5,31 +5,6 @@
 
 #include "map/layout.h"
 
-uint32_t map_owner(const struct map *map, uint32_t point)
-{
-	return map->config.lines[map->config.devices[map->config.points[point].device].line].module;
-}
-
-uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa)
-{
-	uint32_t low = 0, high = map->config.point_count;
-
-	while (low < high) {
-		uint32_t middle = low + (high - low) / 2;
-		uint32_t candidate = map->by_address[middle];
-		const struct map_point *point = &map->config.points[candidate];
-		uint16_t point_ca = map->config.devices[point->device].ca;
-
-		if (point_ca == ca && point->ioa == ioa)
-			return candidate;
-		if (point_ca < ca || (point_ca == ca && point->ioa < ioa))
-			low = middle + 1;
-		else
-			high = middle;
-	}
-	return MAP_NONE;
-}
-
 bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 {
 	const struct map_point *config = &map->config.points[point];
@@ -59,15 +34,16 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 
 static double distance(enum map_type type, union map_value a, union map_value b)
 {
-	switch (type) {
-	case MAP_FLOAT:
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_COUNTER:
+	switch (map_types[type].class) {
+	case MAP_CLASS_MEASURED:
+	case MAP_CLASS_TOTAL:
 		return fabs(map_number(type, a) - map_number(type, b));
-	default:
-		return a.u == b.u ? 0 : INFINITY;
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+		break;
 	}
+	return a.u == b.u ? 0 : INFINITY;
 }
 
 /* A value that is not a number is at no distance from another: any change of its bits counts. */
@@ -139,10 +115,10 @@ void map_publish(struct map *map, const struct map_update *updates, size_t count
 	if (count == 0)
 		return;
 	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(&own->latches[map->config.points[updates[0].point].device]);
+		unsigned filled = latch_flip(&own->latches[map->config.points[updates[0].point].device]);
 
 		for (size_t i = 0; i < count; i++)
-			own->samples[turn][map->config.points[updates[i].point].slot] = updates[i].sample;
+			own->samples[filled][map->config.points[updates[i].point].slot] = updates[i].sample;
 	}
 	if (put_events(map, updates, count))
 		bell_ring_event_readers(map);
@@ -162,10 +138,10 @@ static void recover_device(struct map *map, const struct map_device *device, map
 	memcpy(&own->samples[!whole][first], &own->samples[whole][first],
 	       device->point_count * sizeof(struct map_sample));
 	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(latch);
+		unsigned filled = latch_flip(latch);
 
 		for (uint32_t i = first; i < first + device->point_count; i++)
-			own->samples[turn][i].quality |= MAP_INVALID;
+			own->samples[filled][i].quality |= MAP_INVALID;
 	}
 }
 

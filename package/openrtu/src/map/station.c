@@ -6,15 +6,7 @@
 #include <string.h>
 
 #include "map/layout.h"
-
-static const struct segment *station_segment(const struct map *map)
-{
-	uint32_t module = 0;
-
-	while (map->directory->modules[module].kind != MAP_MODULE_IEC104)
-		module++;
-	return &map->segments[module];
-}
+#include "map/time_ns.h"
 
 static struct queue_cell *queue_cell(const struct map *map, unsigned slot)
 {
@@ -53,7 +45,7 @@ void map_queue_move(struct map *map, unsigned slot, const struct map_queue_place
 	if (memcmp(&cell->places[latch_whole_copy(&cell->latch)], place, sizeof(*place)) == 0)
 		return;
 	cell->places[!latch_whole_copy(&cell->latch)] = *place;
-	latch_turn(&cell->latch);
+	latch_flip(&cell->latch);
 }
 
 void map_queue_use(struct map *map, unsigned slot)
@@ -138,11 +130,6 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 
 /* ---- counters ---------------------------------------------------------------------------- */
 
-struct map_station_stats *map_station_stats(const struct map *map)
-{
-	return station_segment(map)->station_stats;
-}
-
 /* The name is its writer's, and goes to the reader's terminal. */
 static void copy_printable(char to[MAP_PEER_SIZE], const char *from)
 {
@@ -159,7 +146,7 @@ bool map_connection(const struct map *map, unsigned place, struct map_connection
 
 	*out = (struct map_connection){
 	    .queue = atomic_load(&stats->queue),
-	    .since_ns = (int64_t)atomic_load(&stats->since_s) * 1000000000,
+	    .since_ns = (int64_t)atomic_load(&stats->since_s) * NS_PER_S,
 	    .started = atomic_load(&stats->started) != 0,
 	    .next_ns = atomic_load(&stats->next_ns),
 	    .next_nr = atomic_load(&stats->next_nr),

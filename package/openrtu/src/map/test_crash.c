@@ -96,11 +96,11 @@ __attribute__((noreturn)) static void publish_and_stop(struct stage *stage, enum
 			    1);
 	own = &map->segments[map->self];
 	for (int copy = 0; copy < 2; copy++) {
-		unsigned turn = latch_turn(&own->latches[0]);
+		unsigned filled = latch_flip(&own->latches[0]);
 
 		stop_here(stop, copy, false);
 		for (uint32_t point = 0; point < 4; point++) {
-			own->samples[turn][point] = (struct map_sample){.value.i = 2, .time_ns = 2};
+			own->samples[filled][point] = (struct map_sample){.value.i = 2, .time_ns = 2};
 			if (point == 1)
 				stop_here(stop, copy, true);
 		}

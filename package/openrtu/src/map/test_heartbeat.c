@@ -134,7 +134,7 @@ static void test_points_are_read_by_the_time_of_the_turn(void **state)
 
 	map_publish(owner, &update, 1);
 	map_heartbeat(owner);
-	map_turn(stage->rtud);
+	map_begin_cycle(stage->rtud);
 	after_clock = count_reading;
 	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
 	assert_int_equal(clock_readings, 0);
@@ -142,7 +142,7 @@ static void test_points_are_read_by_the_time_of_the_turn(void **state)
 
 	clock_shift_ns += (MAP_HEARTBEAT_LIMIT_MS + 1) * 1000000;
 	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
-	map_turn(stage->rtud);
+	map_begin_cycle(stage->rtud);
 	assert_sample(stage->rtud, 0, 7, MAP_INVALID);
 	map_detach(owner);
 }
@@ -155,7 +155,7 @@ static void test_what_is_younger_than_the_turn_is_judged_by_the_clock(void **sta
 	struct map_update update = scaled(0, 7, MAP_GOOD, map_now_ns());
 
 	map_publish(owner, &update, 1);
-	map_turn(stage->rtud);
+	map_begin_cycle(stage->rtud);
 	clock_shift_ns += 2 * MAP_HEARTBEAT_LIMIT_MS * 1000000;
 	map_heartbeat(owner);
 	update = scaled(0, 8, MAP_GOOD, map_now_ns());

@@ -38,7 +38,7 @@ static void test_points_are_invalid_before_the_first_sample_and_after_the_end(vo
 	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
 	map_module_ended(stage->rtud, index, true);
 	assert_sample(stage->rtud, 0, 7, MAP_INVALID);
-	assert_false(map_wanted(owner));
+	assert_false(map_may_run(owner));
 	map_detach(owner);
 
 	owner = start(stage, FIRST); /* the next generation has not read the device yet */

@@ -244,7 +244,7 @@ static void test_totals_survive_their_owner(void **state)
 	count(commands.owner, COUNTER, 100);
 	freeze(&commands, COUNTER, MAP_FREEZE_AND_RESET, 0);
 	/* it dies while it writes the next total */
-	latch_turn(&commands.owner->segments[commands.owner->self].totals[0].latch);
+	latch_flip(&commands.owner->segments[commands.owner->self].totals[0].latch);
 	commands.owner->segments[commands.owner->self].totals[0].copies[0].offset = 12345;
 	map_module_ended(stage->rtud, index_of(stage, FIRST), true);
 	assert_total(commands.requester, COUNTER, 100, 1);

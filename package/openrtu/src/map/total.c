@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Integrated totals: readings that can be frozen and reset without a touch of the device. */
 #include "map/layout.h"
-
-#define NS_PER_S 1000000000LL
+#include "map/time_ns.h"
 
 static struct total_cell *own_cell(const struct map *map, uint32_t point)
 {

@@ -3,9 +3,7 @@
 
 #include <stdlib.h>
 
-#define NS_PER_US 1000LL
-#define NS_PER_MS 1000000LL
-#define NS_PER_S  1000000000LL
+#include "map/time_ns.h"
 
 unsigned modbus_bits_per_char(const struct map_line *line)
 {
@@ -18,7 +16,7 @@ struct modbus_wire modbus_wire_of(const struct map_line *line)
 	    map_line_is_tcp(line) ? modbus_wire_tcp() : modbus_wire(line->baud, modbus_bits_per_char(line));
 
 	if (line->rs485 != MAP_RS485_NONE)
-		wire.turn_ns = line->before_ms * NS_PER_MS;
+		wire.before_ns = line->before_ms * NS_PER_MS;
 	return wire;
 }
 

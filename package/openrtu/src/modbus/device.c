@@ -247,7 +247,7 @@ void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t no
 
 int64_t modbus_vain_probe_ns(const struct modbus_wire *wire, int64_t timeout_ns)
 {
-	return wire->turn_ns + PROBE_LENGTH * wire->char_ns + timeout_ns;
+	return wire->before_ns + PROBE_LENGTH * wire->char_ns + timeout_ns;
 }
 
 /* Somebody has to wait while this device is waited for. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "histogram.h"
 
-#define NS_PER_US 1000
+#include "map/time_ns.h"
 
 void modbus_histogram_add(struct modbus_histogram *histogram, int64_t duration_ns)
 {

@@ -1,82 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The line: what is sent, what is made of what comes back, and when there is nothing more to wait for. */
+/* The line: what is made of what comes back, and when there is nothing more to wait for. */
 #include "line_parts.h"
+#include "map/time_ns.h"
 
 #include <string.h>
-
-#define NS_PER_US 1000LL
-
-/* ---- commands ------------------------------------------------------------------------------------ */
-
-struct modbus_command modbus_take_command(struct modbus_line *line, uint32_t place)
-{
-	struct modbus_command command = line->commands[place];
-
-	line->command_count--;
-	memmove(&line->commands[place], &line->commands[place + 1],
-		(line->command_count - place) * sizeof(command));
-	return command;
-}
-
-static void drop_commands(struct modbus_line *line)
-{
-	while (line->command_count > 0) {
-		struct modbus_command command = modbus_take_command(line, 0);
-
-		line->events->command(line->context, &command, MODBUS_NOT_SENT, 0);
-	}
-}
-
-void modbus_drop_old_commands(struct modbus_line *line, int64_t now_ns)
-{
-	for (uint32_t place = 0; place < line->command_count;) {
-		if (now_ns <= line->commands[place].deadline_ns) {
-			place++;
-			continue;
-		}
-		struct modbus_command command = modbus_take_command(line, place);
-		line->events->command(line->context, &command, MODBUS_TOO_OLD, 0);
-	}
-}
-
-static uint8_t function_that_reads(uint8_t write_function)
-{
-	return modbus_is_bit_function(write_function) ? MODBUS_READ_COILS : MODBUS_READ_HOLDING_REGISTERS;
-}
-
-static void mark_urgent(struct modbus_device *device, const struct modbus_request *written)
-{
-	for (uint32_t i = 0; i < device->read_count; i++) {
-		struct modbus_read *read = &device->reads[i];
-
-		if (read->function == function_that_reads(written->function) &&
-		    written->address >= read->address &&
-		    written->address < (uint32_t)read->address + read->count)
-			read->urgent = true;
-	}
-}
-
-/*
- * What was written is read back soon, so that the change is seen; a broadcast may have changed every
- * device.
- */
-static void read_back(struct modbus_line *line, const struct modbus_command *command)
-{
-	line->urgent = true;
-	if (command->request.unit != MODBUS_BROADCAST) {
-		mark_urgent(&line->devices[command->device], &command->request);
-		return;
-	}
-	for (uint32_t i = 0; i < line->device_count; i++)
-		mark_urgent(&line->devices[i], &command->request);
-}
-
-static void end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception)
-{
-	if (result == MODBUS_DONE && !line->command.no_read_back)
-		read_back(line, &line->command);
-	line->events->command(line->context, &line->command, result, exception);
-}
 
 /* ---- strays: bytes that belong to no answer -------------------------------------------------------- */
 
@@ -111,22 +38,6 @@ static bool is_echo_of_broadcast(const struct modbus_line *line)
 	       memcmp(line->received, line->frame, line->frame_length) == 0;
 }
 
-void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length)
-{
-	struct modbus_line_counters *counters = &line->counters;
-
-	if (body[0] != line->request.unit)
-		counters->wrong_units++;
-	else if ((body[1] & (uint8_t)~MODBUS_EXCEPTION_BIT) != line->request.function)
-		counters->wrong_functions++;
-	else if (modbus_is_read(line->request.function) ||
-		 length != modbus_answer_length(&line->request) - MODBUS_CRC_LENGTH)
-		counters->wrong_lengths++;
-	else
-		counters->wrong_answers++;
-	line->devices[line->device].counters.errors++;
-}
-
 /* Counts the strays, which are one burst, and removes them. */
 static void remove_strays(struct modbus_line *line)
 {
@@ -147,172 +58,7 @@ static void remove_strays(struct modbus_line *line)
 	line->strays = 0;
 }
 
-/* ---- transactions ------------------------------------------------------------------------------------ */
-
-static size_t build_frame(struct modbus_line *line)
-{
-	if (!line->wire.tcp)
-		return modbus_request_frame(&line->request, line->frame);
-	line->overdue <<= 1;
-	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
-}
-
-/* A command's fate must be known, and a read that was not answered before is given up when it is not again. */
-static int64_t timeout_of(const struct modbus_line *line, const struct modbus_device *device)
-{
-	if (line->purpose == MODBUS_COMMAND ||
-	    (line->purpose == MODBUS_SCAN && device->reads[line->read].failures > 0))
-		return device->response_timeout_ns;
-	return modbus_timeout(device);
-}
-
-size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns)
-{
-	struct modbus_device *device = &line->devices[index];
-	size_t length = build_frame(line);
-	bool broadcast = line->request.unit == MODBUS_BROADCAST;
-
-	line->purpose = purpose;
-	line->device = index;
-	line->garbled = line->echoed = false;
-	line->listen_ns = now_ns; /* whatever of the one before did not come */
-	line->frame_length = length;
-	line->sent_ns = now_ns + line->wire.turn_ns + (int64_t)length * line->wire.char_ns;
-	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
-	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : timeout_of(line, device));
-	line->counters.requests++;
-	device->counters.requests++;
-	return length;
-}
-
-static void end(struct modbus_line *line, int64_t silent_ns, int64_t now_ns)
-{
-	line->state = MODBUS_IDLE;
-	line->strays = line->received_count;
-	line->silent_ns = silent_ns;
-	line->restless_ns = now_ns;
-}
-
-static void serve_period(struct modbus_line *line, struct modbus_read *read)
-{
-	if (read->period_ns > 0)
-		line->devices[line->device].counters.missed_periods +=
-		    modbus_period_served(read, begun_ns(line));
-}
-
-static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t now_ns)
-{
-	struct modbus_device *device = &line->devices[line->device];
-	struct modbus_read *read = &device->reads[line->read];
-	bool recovered = read->pause_ns > 0;
-
-	device->news |= !read->given;
-	read->given = true;
-	read->failures = 0;
-	read->pause_ns = 0;
-	if (line->read == device->cursor)
-		device->cursor++;
-	serve_period(line, read);
-	line->scan_ended_ns = now_ns;
-	line->events->read(line->context, line->device, read, data, now_ns);
-	/* What the device refused it gives now: what was divided for it may be whole again. */
-	if (recovered)
-		modbus_replan(line, device);
-}
-
-static void read_refused(struct modbus_line *line, uint8_t exception, int64_t now_ns)
-{
-	struct modbus_device *device = &line->devices[line->device];
-
-	line->scan_ended_ns = now_ns;
-	if (modbus_refuse_read(line, line->device, line->read, exception, now_ns))
-		return;
-	serve_period(line, &device->reads[line->read]);
-	if (line->read == device->cursor)
-		device->cursor++;
-}
-
-static void count_answer(struct modbus_line *line, bool exception)
-{
-	struct modbus_device *device = &line->devices[line->device];
-
-	line->counters.answers++;
-	device->counters.answers++;
-	line->counters.exceptions += exception;
-	device->counters.exceptions += exception;
-	device->refusing = exception;
-}
-
-/* A gateway's word that it does not reach the device: it comes instead of the device's own. */
-static bool is_unreachable(const struct modbus_line *line, uint8_t exception)
-{
-	return line->wire.tcp && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
-}
-
-void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception, int64_t now_ns)
-{
-	struct modbus_device *device = &line->devices[line->device];
-	uint8_t exception = is_exception ? body[2] : 0;
-	bool unreachable = is_unreachable(line, exception);
-
-	end(line,
-	    later(later(now_ns, line->sent_ns) + line->wire.silence_ns, begun_ns(line) + line->wire.least_ns),
-	    now_ns);
-	count_answer(line, is_exception);
-	modbus_latency_add(&device->latency, device->counters.latency_us);
-	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
-	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
-		device->echoes--;
-	modbus_settle_unanswered(device, &line->request, is_exception, line->sent_ns, now_ns);
-
-	if (line->purpose == MODBUS_COMMAND)
-		end_command(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception);
-	else if (line->purpose == MODBUS_SCAN && !is_exception)
-		read_answered(line, body + 3, now_ns);
-	else if (line->purpose == MODBUS_SCAN && !unreachable)
-		read_refused(line, exception, now_ns);
-	if (unreachable)
-		modbus_device_silent(line, line->device, now_ns);
-	else
-		modbus_device_answered(line, line->device, now_ns);
-}
-
-/* Its answer may still come. On TCP it cannot be mistaken. */
-static void remember_unanswered(struct modbus_line *line)
-{
-	if (line->wire.tcp)
-		line->overdue |= 1;
-	else
-		modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
-}
-
-static void request_unanswered(struct modbus_line *line, int64_t now_ns)
-{
-	struct modbus_device *device = &line->devices[line->device];
-
-	remember_unanswered(line);
-	end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
-	if (line->purpose == MODBUS_COMMAND)
-		end_command(line, MODBUS_TIMED_OUT, 0);
-	else if (line->purpose == MODBUS_SCAN)
-		device->reads[line->read].failures++;
-	modbus_device_silent(line, line->device, now_ns);
-}
-
-static void garbled(struct modbus_line *line, int64_t now_ns)
-{
-	line->counters.crc_errors++;
-	line->devices[line->device].counters.errors++;
-	line->received_count = line->strays = 0;
-	request_unanswered(line, now_ns);
-}
-
-static void timed_out(struct modbus_line *line, int64_t now_ns)
-{
-	line->counters.timeouts++;
-	line->devices[line->device].counters.timeouts++;
-	request_unanswered(line, now_ns);
-}
+/* ---- echoes and answers ------------------------------------------------------------------------------ */
 
 static bool looks_like_its_answer(const struct modbus_line *line)
 {
@@ -382,7 +128,7 @@ static void burst_ended(struct modbus_line *line, int64_t now_ns)
 	size_t begun = line->received_count - line->strays; /* of an answer */
 
 	if (!modbus_crc_valid(line->received, line->received_count) && (line->garbled || begun >= 2)) {
-		garbled(line, now_ns);
+		modbus_answer_garbled(line, now_ns);
 		return;
 	}
 	/* Another's frame, or noise: the answer may still come (MODBUS over Serial Line, 2.4.1). */
@@ -415,15 +161,15 @@ static void await_answer(struct modbus_line *line, int64_t now_ns)
 	if (line->state != MODBUS_WAITING)
 		return;
 	if (now_ns >= last_moment(line) || (now_ns >= line->deadline_ns && !is_bursting(line, now_ns)))
-		timed_out(line, now_ns);
+		modbus_request_timed_out(line, now_ns);
 }
 
 static void await_turnaround(struct modbus_line *line, int64_t now_ns)
 {
 	if (now_ns < line->deadline_ns)
 		return;
-	end(line, later(now_ns, line->silent_ns), now_ns);
-	end_command(line, MODBUS_DONE, 0);
+	modbus_end(line, later(now_ns, line->silent_ns), now_ns);
+	modbus_end_command(line, MODBUS_DONE, 0);
 }
 
 /* ---- the line ------------------------------------------------------------------------------------------ */
@@ -432,7 +178,7 @@ static void lose_all(struct modbus_line *line, int64_t now_ns)
 {
 	for (uint32_t i = 0; i < line->device_count; i++)
 		modbus_device_died(line, i, now_ns);
-	drop_commands(line);
+	modbus_drop_commands(line);
 }
 
 void modbus_line_init(struct modbus_line *line)
@@ -463,7 +209,7 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 	line->probed_in_vain = line->scan_begun = false;
 	line->commands_in_row = line->due_in_row = 0;
 	/* Whatever was under way when the serial port was opened must have ended. */
-	end(line, line->wire.tcp ? now_ns : now_ns + MODBUS_GAP_NS, now_ns);
+	modbus_end(line, line->wire.tcp ? now_ns : now_ns + MODBUS_GAP_NS, now_ns);
 }
 
 void modbus_line_close(struct modbus_line *line, int64_t now_ns)
@@ -472,10 +218,10 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 			  line->state == MODBUS_TURNAROUND;
 
 	if (line->state == MODBUS_WAITING)
-		remember_unanswered(line);
+		modbus_remember_unanswered(line);
 	line->state = MODBUS_CLOSED;
 	if (commanding)
-		end_command(line, MODBUS_TIMED_OUT, 0);
+		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
 	lose_all(line, now_ns);
 }
 
@@ -540,7 +286,7 @@ bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t 
 		return true;
 	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_SCAN &&
 	    now_ns >= last_moment(line) + MODBUS_LATE_NS)
-		timed_out(line, now_ns);
+		modbus_request_timed_out(line, now_ns);
 	if (line->wire.tcp)
 		return modbus_stream_receive(line, bytes, length, now_ns);
 	line->last_byte_ns = now_ns;

@@ -57,21 +57,22 @@
 #include "frame.h"
 #include "histogram.h"
 #include "learned.h"
+#include "map/time_ns.h"
 #include "mbap.h"
 #include "period.h"
 #include "plan.h"
 
 #define MODBUS_NEVER           INT64_MAX
-#define MODBUS_LATE_NS         1000000000LL  /* how long after its time-out an answer may still come */
-#define MODBUS_GAP_NS          50000000LL    /* inside a frame; what a busy system's driver may add */
-#define MODBUS_BABBLE_NS       1000000000LL  /* a line that is not silent for so long is unusable */
-#define MODBUS_BROADCAST_NS    100000000LL   /* MODBUS over Serial Line, 2.4.1: turnaround 100..200 ms */
-#define MODBUS_FIRST_PROBE_NS  1000000000LL  /* back-off of a dead device or a refused object: */
-#define MODBUS_RAREST_PROBE_NS 60000000000LL /* doubled from there to here */
-#define MODBUS_DEAD_SHARE      20            /* a dead device costs at most this part of the line's time */
-#define MODBUS_LATENCY_FACTOR  4             /* a time-out is so many latencies */
-#define MODBUS_LATENCY_FADING  2048          /* each answer takes this part off the longest latency */
-#define MODBUS_SILENT_READS    3             /* unanswered so often, a read is split: less may be noise */
+#define MODBUS_LATE_NS         NS_PER_S          /* how long after its time-out an answer may still come */
+#define MODBUS_GAP_NS          (50 * NS_PER_MS)  /* inside a frame; what a busy system's driver may add */
+#define MODBUS_BABBLE_NS       NS_PER_S          /* a line that is not silent for so long is unusable */
+#define MODBUS_BROADCAST_NS    (100 * NS_PER_MS) /* MODBUS over Serial Line, 2.4.1: turnaround 100..200 ms */
+#define MODBUS_FIRST_PROBE_NS  NS_PER_S          /* back-off of a dead device or a refused object: */
+#define MODBUS_RAREST_PROBE_NS (60 * NS_PER_S)   /* doubled from there to here */
+#define MODBUS_DEAD_SHARE      20   /* a dead device costs at most this part of the line's time */
+#define MODBUS_LATENCY_FACTOR  4    /* a time-out is so many latencies */
+#define MODBUS_LATENCY_FADING  2048 /* each answer takes this part off the longest latency */
+#define MODBUS_SILENT_READS    3    /* unanswered so often, a read is split: less may be noise */
 #define MODBUS_UNANSWERED_MAX  8
 #define MODBUS_ECHO_MEMORY     8  /* one echo may be lost among noise */
 #define MODBUS_COMMANDS_IN_ROW 8  /* then polling goes on by one read: a flood of them does not stop it */

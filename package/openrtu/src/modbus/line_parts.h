@@ -5,20 +5,10 @@
 
 #include "line.h"
 
-static inline int64_t later(int64_t a, int64_t b)
-{
-	return a > b ? a : b;
-}
-
-static inline int64_t earlier(int64_t a, int64_t b)
-{
-	return a < b ? a : b;
-}
-
 /* When the request under way was given to the port. */
 static inline int64_t begun_ns(const struct modbus_line *line)
 {
-	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.turn_ns;
+	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.before_ns;
 }
 
 /* ---- device.c ---------------------------------------------------------------------------- */
@@ -60,27 +50,39 @@ void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns
 /* When a dead device is to be probed next. */
 int64_t modbus_probe_due_ns(const struct modbus_line *line, const struct modbus_device *device);
 
+/* ---- command.c --------------------------------------------------------------------------- */
+
+/* Takes a command out of its place in the queue. */
+struct modbus_command modbus_take_command(struct modbus_line *line, uint32_t place);
+/* Answers those whose deadline has passed, or all: they are not sent. */
+void modbus_drop_old_commands(struct modbus_line *line, int64_t now_ns);
+void modbus_drop_commands(struct modbus_line *line);
+/* Answers line->command. What was written is read back. */
+void modbus_end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception);
+
+/* ---- transaction.c ----------------------------------------------------------------------- */
+
+/* Begins line->request. Returns the length of its frame, in line->frame. */
+size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns);
+/* Nothing is under way any more; the next request may begin at silent_ns. */
+void modbus_end(struct modbus_line *line, int64_t silent_ns, int64_t now_ns);
+/* The request under way was answered. body: unit, function and data, which have been checked against it. */
+void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception,
+			     int64_t now_ns);
+/* It was not: by no sound frame, by none in time. */
+void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns);
+void modbus_request_timed_out(struct modbus_line *line, int64_t now_ns);
+/* Its answer may still come. On TCP it cannot be mistaken. */
+void modbus_remember_unanswered(struct modbus_line *line);
+/* A sound frame that is not the answer awaited. body: length bytes of unit, function and data. */
+void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length);
+
 /* ---- turn.c ------------------------------------------------------------------------------ */
 
 /* Begins what comes next. Returns the length of the request in line->frame, 0: there is nothing to do. */
 size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns);
 /* When something may become due on a line that has nothing to do. */
 int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns);
-
-/* ---- line.c ------------------------------------------------------------------------------ */
-
-/* Takes a command out of its place in the queue. */
-struct modbus_command modbus_take_command(struct modbus_line *line, uint32_t place);
-/* Answers those whose deadline has passed: they are not sent. */
-void modbus_drop_old_commands(struct modbus_line *line, int64_t now_ns);
-/* Begins line->request. Returns the length of its frame, in line->frame. */
-size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns);
-/* The request under way was answered. body: unit, function and data, which have been checked against it. */
-void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception,
-			     int64_t now_ns);
-
-/* A sound frame that is not the answer awaited. body: length bytes of unit, function and data. */
-void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length);
 
 /* ---- stream.c ---------------------------------------------------------------------------- */
 

@@ -5,14 +5,13 @@
 #include <string.h>
 
 #include "frame.h"
+#include "map/time_ns.h"
 
-#define NS_PER_S        1000000000LL
-#define NS_PER_MS       1000000LL
 #define DEFAULT_BAUD    19200
 #define DEFAULT_BITS    11 /* of a character */
 #define FAST_BAUD       19200
 #define FAST_SILENCE_NS 1750000 /* MODBUS over Serial Line, 2.5.1.1: fixed above 19200 bit/s */
-#define TCP_LEAST_NS    10000000
+#define TCP_LEAST_NS    (10 * NS_PER_MS)
 #define REQUEST_CHARS   8
 #define ANSWER_CHARS    5 /* besides the data */
 
@@ -87,7 +86,7 @@ static bool fits(const struct modbus_limits *limits, const struct modbus_read *r
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns)
 {
 	int64_t chars = REQUEST_CHARS + ANSWER_CHARS + modbus_read_bytes(function, count);
-	int64_t taken_ns = wire->turn_ns + chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
+	int64_t taken_ns = wire->before_ns + chars * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
 
 	return taken_ns > wire->least_ns ? taken_ns : wire->least_ns;
 }

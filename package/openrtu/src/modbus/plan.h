@@ -58,7 +58,7 @@ struct modbus_wire {
 	int64_t char_ns;
 	int64_t silence_ns; /* between frames: 3.5 characters */
 	int64_t
-	    turn_ns; /* from the order to send until the first character: the port switches the direction */
+	    before_ns; /* from the order to send until the first character: the port switches the direction */
 	int64_t least_ns; /* from one request to the next, whatever it takes */
 	bool tcp;         /* Modbus TCP: a connection, and no wire. All durations but the last are 0 */
 };

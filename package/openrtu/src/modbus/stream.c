@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What a line makes of the stream of a TCP connection: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.2. */
 #include "line_parts.h"
+#include "map/time_ns.h"
 
-#define NS_PER_US    1000LL
 #define OVERDUE_BITS 64
 
 /* A frame that nobody waits for: a request's that has timed out, or none's. */

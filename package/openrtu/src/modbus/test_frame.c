@@ -32,7 +32,7 @@ static void assert_frame(struct modbus_request request, const uint8_t *bytes, si
 	assert_frame(request, (const uint8_t[]){__VA_ARGS__}, sizeof((const uint8_t[]){__VA_ARGS__}))
 
 /* Report 003, figures 5.5 and 5.8. */
-static void writes_of_the_report(void **state)
+static void test_writes_of_the_report(void **state)
 {
 	(void)state;
 	ASSERT_FRAME(((struct modbus_request){67, MODBUS_WRITE_COIL, 3, 1, {1}}), 67, 5, 0, 3, 255, 0, 115,
@@ -42,7 +42,7 @@ static void writes_of_the_report(void **state)
 }
 
 /* Known frames; their CRCs were computed with another implementation. */
-static void requests_of_every_function(void **state)
+static void test_requests_of_every_function(void **state)
 {
 	(void)state;
 	ASSERT_FRAME(((struct modbus_request){0x11, 1, 0x13, 0x25, {0}}), 0x11, 1, 0, 0x13, 0, 0x25, 0x0E,
@@ -59,7 +59,7 @@ static void requests_of_every_function(void **state)
 		     0x0A, 1, 2, 0xC6, 0xF0);
 }
 
-static void answer_is_complete_at_its_last_byte(void **state)
+static void test_answer_is_complete_at_its_last_byte(void **state)
 {
 	(void)state;
 	const struct modbus_request request = {0x11, 3, 0x6B, 3, {0}};
@@ -73,7 +73,7 @@ static void answer_is_complete_at_its_last_byte(void **state)
 	assert_int_equal(modbus_register(answer + 3, 2), 0x64);
 }
 
-static void every_single_bit_error_is_found(void **state)
+static void test_every_single_bit_error_is_found(void **state)
 {
 	(void)state;
 	const struct modbus_request request = {0x11, 1, 0x13, 0x25, {0}};
@@ -90,7 +90,7 @@ static void every_single_bit_error_is_found(void **state)
 	assert_true(modbus_bit(answer + 3, 36));
 }
 
-static void exceptions(void **state)
+static void test_exceptions(void **state)
 {
 	(void)state;
 	const struct modbus_request request = {10, 1, 0x4A1, 1, {0}};
@@ -107,7 +107,7 @@ static void exceptions(void **state)
 	assert_int_equal(modbus_answer_judge(&request, answer, sealed(answer, 3)), MODBUS_NOT_ITS_OWN);
 }
 
-static void foreign_answers(void **state)
+static void test_foreign_answers(void **state)
 {
 	(void)state;
 	const struct modbus_request request = {17, 3, 0, 1, {0}};
@@ -138,7 +138,7 @@ static void assert_echo(struct modbus_request request, const uint8_t fields[4])
 	}
 }
 
-static void answer_to_a_masked_write_must_echo_both_masks(void **state)
+static void test_answer_to_a_masked_write_must_echo_both_masks(void **state)
 {
 	(void)state;
 	const struct modbus_request request = {9, 22, 0x102, 1, {0xFFF7, 0x0008}};
@@ -155,7 +155,7 @@ static void answer_to_a_masked_write_must_echo_both_masks(void **state)
 	}
 }
 
-static void answers_to_writes_must_echo(void **state)
+static void test_answers_to_writes_must_echo(void **state)
 {
 	(void)state;
 	assert_echo((struct modbus_request){9, 5, 0x102, 1, {1}}, (const uint8_t[]){1, 2, 0xFF, 0});
@@ -171,7 +171,7 @@ static uint32_t random_next(uint32_t *seed)
 }
 
 /* The bytes lie at the end of an allocation, so that the sanitizer sees a read beyond them. */
-static void hostile_bytes(void **state)
+static void test_hostile_bytes(void **state)
 {
 	(void)state;
 	static const uint8_t functions[] = {1, 2, 3, 4, 5, 6, 15, 16};
@@ -204,15 +204,15 @@ static void hostile_bytes(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(writes_of_the_report),
-	    cmocka_unit_test(requests_of_every_function),
-	    cmocka_unit_test(answer_is_complete_at_its_last_byte),
-	    cmocka_unit_test(every_single_bit_error_is_found),
-	    cmocka_unit_test(exceptions),
-	    cmocka_unit_test(foreign_answers),
-	    cmocka_unit_test(answer_to_a_masked_write_must_echo_both_masks),
-	    cmocka_unit_test(answers_to_writes_must_echo),
-	    cmocka_unit_test(hostile_bytes),
+	    cmocka_unit_test(test_writes_of_the_report),
+	    cmocka_unit_test(test_requests_of_every_function),
+	    cmocka_unit_test(test_answer_is_complete_at_its_last_byte),
+	    cmocka_unit_test(test_every_single_bit_error_is_found),
+	    cmocka_unit_test(test_exceptions),
+	    cmocka_unit_test(test_foreign_answers),
+	    cmocka_unit_test(test_answer_to_a_masked_write_must_echo_both_masks),
+	    cmocka_unit_test(test_answers_to_writes_must_echo),
+	    cmocka_unit_test(test_hostile_bytes),
 	};
 	return cmocka_run_group_tests_name("modbus frame", tests, NULL, NULL);
 }

@@ -8,7 +8,7 @@
 
 #include "modbus/histogram.h"
 
-static void each_duration_has_its_bucket(void **state)
+static void test_each_duration_has_its_bucket(void **state)
 {
 	(void)state;
 	static const struct {
@@ -27,7 +27,7 @@ static void each_duration_has_its_bucket(void **state)
 	}
 }
 
-static void the_longest_is_kept(void **state)
+static void test_the_longest_is_kept(void **state)
 {
 	(void)state;
 	struct modbus_histogram histogram = {.longest_us = 0};
@@ -43,8 +43,8 @@ static void the_longest_is_kept(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(each_duration_has_its_bucket),
-	    cmocka_unit_test(the_longest_is_kept),
+	    cmocka_unit_test(test_each_duration_has_its_bucket),
+	    cmocka_unit_test(test_the_longest_is_kept),
 	};
 	return cmocka_run_group_tests_name("modbus histogram", tests, NULL, NULL);
 }

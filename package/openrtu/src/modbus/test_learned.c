@@ -61,7 +61,7 @@ static struct modbus_learned learn(void)
 	return modbus_learn(reads, read_count);
 }
 
-static void what_was_not_asked_is_open(void **state)
+static void test_what_was_not_asked_is_open(void **state)
 {
 	(void)state;
 	add(3, 0, 10);
@@ -79,7 +79,7 @@ static void what_was_not_asked_is_open(void **state)
 }
 
 /* It may be given now: the shortest refused read is what bounds a length. */
-static void halves_without_a_hole_between_bound_the_length(void **state)
+static void test_halves_without_a_hole_between_bound_the_length(void **state)
 {
 	(void)state;
 	add(3, 0, 40);
@@ -100,7 +100,7 @@ static void halves_without_a_hole_between_bound_the_length(void **state)
 	assert_int_equal(learn().refused_bits, 0);
 }
 
-static void bits_have_a_length_of_their_own(void **state)
+static void test_bits_have_a_length_of_their_own(void **state)
 {
 	(void)state;
 	add(2, 0, 64);
@@ -114,7 +114,7 @@ static void bits_have_a_length_of_their_own(void **state)
 	assert_int_equal(learn().given_registers, 5);
 }
 
-static void an_illegal_address_is_looked_for_at_the_widest_hole(void **state)
+static void test_an_illegal_address_is_looked_for_at_the_widest_hole(void **state)
 {
 	(void)state;
 	add(3, 0, 2);
@@ -142,7 +142,7 @@ static void an_illegal_address_is_looked_for_at_the_widest_hole(void **state)
 	assert_int_equal(learn().holes_given, 1);
 }
 
-static void an_illegal_quantity_is_halved_whatever_the_holes(void **state)
+static void test_an_illegal_quantity_is_halved_whatever_the_holes(void **state)
 {
 	(void)state;
 	add(3, 0, 1);
@@ -157,7 +157,7 @@ static void an_illegal_quantity_is_halved_whatever_the_holes(void **state)
 }
 
 /* The object explains all refusals around it. */
-static void an_object_that_is_not_there_is_neither_length_nor_hole(void **state)
+static void test_an_object_that_is_not_there_is_neither_length_nor_hole(void **state)
 {
 	(void)state;
 	add(3, 0, 8);
@@ -180,7 +180,7 @@ static void an_object_that_is_not_there_is_neither_length_nor_hole(void **state)
 	assert_int_equal(learn().lacking.address, 5);
 }
 
-static void nothing_follows_from_silence_or_another_exception(void **state)
+static void test_nothing_follows_from_silence_or_another_exception(void **state)
 {
 	static const uint8_t exceptions[] = {0, 1, 4};
 
@@ -196,7 +196,7 @@ static void nothing_follows_from_silence_or_another_exception(void **state)
 	}
 }
 
-static void a_busy_device_leaves_it_open(void **state)
+static void test_a_busy_device_leaves_it_open(void **state)
 {
 	(void)state;
 	add(3, 0, 8);
@@ -207,7 +207,7 @@ static void a_busy_device_leaves_it_open(void **state)
 	assert_int_equal(learn().given_registers, 0);
 }
 
-static void latency_has_its_least_its_most_and_what_is_usual(void **state)
+static void test_latency_has_its_least_its_most_and_what_is_usual(void **state)
 {
 	struct modbus_latency latency = {.least_us = 0};
 
@@ -320,7 +320,7 @@ static void assert_true_of_device(const struct modbus_learned *learned)
 		assert_true(some_are_missing(learned->hole.address, learned->hole.count));
 }
 
-static void what_is_learned_is_true(void **state)
+static void test_what_is_learned_is_true(void **state)
 {
 	const struct modbus_limits unlimited = {.bits = 0};
 	uint32_t seed = 3;
@@ -337,7 +337,7 @@ static void what_is_learned_is_true(void **state)
 }
 
 /* Where there is one cause, the key that follows from it spares every refusal, and costs no request. */
-static void what_is_learned_spares_the_refusals(void **state)
+static void test_what_is_learned_spares_the_refusals(void **state)
 {
 	const struct modbus_limits unlimited = {.bits = 0};
 	unsigned lengths = 0, holes = 0;
@@ -371,17 +371,17 @@ static void what_is_learned_spares_the_refusals(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test_setup(what_was_not_asked_is_open, set_up),
-	    cmocka_unit_test_setup(halves_without_a_hole_between_bound_the_length, set_up),
-	    cmocka_unit_test_setup(bits_have_a_length_of_their_own, set_up),
-	    cmocka_unit_test_setup(an_illegal_address_is_looked_for_at_the_widest_hole, set_up),
-	    cmocka_unit_test_setup(an_illegal_quantity_is_halved_whatever_the_holes, set_up),
-	    cmocka_unit_test_setup(an_object_that_is_not_there_is_neither_length_nor_hole, set_up),
-	    cmocka_unit_test_setup(nothing_follows_from_silence_or_another_exception, set_up),
-	    cmocka_unit_test_setup(a_busy_device_leaves_it_open, set_up),
-	    cmocka_unit_test(what_is_learned_is_true),
-	    cmocka_unit_test(what_is_learned_spares_the_refusals),
-	    cmocka_unit_test(latency_has_its_least_its_most_and_what_is_usual),
+	    cmocka_unit_test_setup(test_what_was_not_asked_is_open, set_up),
+	    cmocka_unit_test_setup(test_halves_without_a_hole_between_bound_the_length, set_up),
+	    cmocka_unit_test_setup(test_bits_have_a_length_of_their_own, set_up),
+	    cmocka_unit_test_setup(test_an_illegal_address_is_looked_for_at_the_widest_hole, set_up),
+	    cmocka_unit_test_setup(test_an_illegal_quantity_is_halved_whatever_the_holes, set_up),
+	    cmocka_unit_test_setup(test_an_object_that_is_not_there_is_neither_length_nor_hole, set_up),
+	    cmocka_unit_test_setup(test_nothing_follows_from_silence_or_another_exception, set_up),
+	    cmocka_unit_test_setup(test_a_busy_device_leaves_it_open, set_up),
+	    cmocka_unit_test(test_what_is_learned_is_true),
+	    cmocka_unit_test(test_what_is_learned_spares_the_refusals),
+	    cmocka_unit_test(test_latency_has_its_least_its_most_and_what_is_usual),
 	};
 	return cmocka_run_group_tests_name("modbus learned", tests, NULL, NULL);
 }

@@ -2,7 +2,7 @@
 /* Whose turn it is on a line: the scan of devices that answer, and the probes of those that do not. */
 #include "modbus/test_bus.h"
 
-static void devices_are_scanned_in_turn(void **state)
+static void test_devices_are_scanned_in_turn(void **state)
 {
 	(void)state;
 	set_up();
@@ -25,7 +25,7 @@ static void devices_are_scanned_in_turn(void **state)
 }
 
 /* take_output asserts the silence before every request; here: that it is not longer than needed either. */
-static void silence_is_three_and_a_half_characters(void **state)
+static void test_silence_is_three_and_a_half_characters(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -36,7 +36,7 @@ static void silence_is_three_and_a_half_characters(void **state)
 }
 
 /* The first character and the last one, however many come between. */
-static void an_answer_is_listened_to_in_two_pieces(void **state)
+static void test_an_answer_is_listened_to_in_two_pieces(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -56,7 +56,7 @@ static uint32_t longest_transaction_us(void)
 }
 
 /* The first exception is taken when the answer would be complete at the latest, the next with their five characters. */
-static void an_exception_is_looked_for_where_one_came(void **state)
+static void test_an_exception_is_looked_for_where_one_came(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -68,7 +68,7 @@ static void an_exception_is_looked_for_where_one_came(void **state)
 }
 
 /* The time-out begins when the request has left: a port that switches the direction first sends it later. */
-static void the_time_out_begins_behind_the_turn_of_the_direction(void **state)
+static void test_the_time_out_begins_behind_the_turn_of_the_direction(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -76,7 +76,7 @@ static void the_time_out_begins_behind_the_turn_of_the_direction(void **state)
 	run_for(50 * MS);
 	int64_t due_ns = bus.line.deadline_ns - bus.sent[bus.sent_count - 1].time_ns;
 	start_simple(0);
-	bus.line.wire.turn_ns = 20 * MS;
+	bus.line.wire.before_ns = 20 * MS;
 	run_for(100 * MS);
 	bus.slaves[0].present = false;
 	run_for(50 * MS);
@@ -86,7 +86,7 @@ static void the_time_out_begins_behind_the_turn_of_the_direction(void **state)
 			 29 * bus.line.wire.char_ns + 2 * bus.line.wire.silence_ns + 25 * MS);
 }
 
-static void a_broadcast_device_is_never_read(void **state)
+static void test_a_broadcast_device_is_never_read(void **state)
 {
 	(void)state;
 	set_up();
@@ -97,7 +97,7 @@ static void a_broadcast_device_is_never_read(void **state)
 	assert_int_equal(bus.sent_count, 0);
 }
 
-static void nothing_is_sent_before_open_or_after_close(void **state)
+static void test_nothing_is_sent_before_open_or_after_close(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -114,7 +114,7 @@ static void nothing_is_sent_before_open_or_after_close(void **state)
 
 /* ---- dead devices ------------------------------------------------------------------------------- */
 
-static void a_dead_device_is_probed_ever_more_rarely(void **state)
+static void test_a_dead_device_is_probed_ever_more_rarely(void **state)
 {
 	(void)state;
 	start_simple(1);
@@ -143,7 +143,7 @@ static void a_dead_device_is_probed_ever_more_rarely(void **state)
 	assert_int_equal(bus.devices[0].backoff_ns, 60 * SECOND);
 }
 
-static void a_device_that_returns_is_scanned_at_once(void **state)
+static void test_a_device_that_returns_is_scanned_at_once(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -159,7 +159,7 @@ static void a_device_that_returns_is_scanned_at_once(void **state)
 	assert_true(bus.sent[1].time_ns - bus.sent[0].time_ns < 30 * MS);
 }
 
-static void a_dead_device_delays_its_line_by_its_probes_only(void **state)
+static void test_a_dead_device_delays_its_line_by_its_probes_only(void **state)
 {
 	(void)state;
 	set_up();
@@ -180,7 +180,7 @@ static void a_dead_device_delays_its_line_by_its_probes_only(void **state)
 }
 
 /* Of many dead devices one at a time is probed: between two probes without an answer, the others are read. */
-static void dead_devices_are_probed_one_a_scan(void **state)
+static void test_dead_devices_are_probed_one_a_scan(void **state)
 {
 	(void)state;
 	set_up();
@@ -201,17 +201,17 @@ static void dead_devices_are_probed_one_a_scan(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(devices_are_scanned_in_turn),
-	    cmocka_unit_test(silence_is_three_and_a_half_characters),
-	    cmocka_unit_test(an_answer_is_listened_to_in_two_pieces),
-	    cmocka_unit_test(an_exception_is_looked_for_where_one_came),
-	    cmocka_unit_test(the_time_out_begins_behind_the_turn_of_the_direction),
-	    cmocka_unit_test(a_broadcast_device_is_never_read),
-	    cmocka_unit_test(nothing_is_sent_before_open_or_after_close),
-	    cmocka_unit_test(a_dead_device_is_probed_ever_more_rarely),
-	    cmocka_unit_test(a_device_that_returns_is_scanned_at_once),
-	    cmocka_unit_test(a_dead_device_delays_its_line_by_its_probes_only),
-	    cmocka_unit_test(dead_devices_are_probed_one_a_scan),
+	    cmocka_unit_test(test_devices_are_scanned_in_turn),
+	    cmocka_unit_test(test_silence_is_three_and_a_half_characters),
+	    cmocka_unit_test(test_an_answer_is_listened_to_in_two_pieces),
+	    cmocka_unit_test(test_an_exception_is_looked_for_where_one_came),
+	    cmocka_unit_test(test_the_time_out_begins_behind_the_turn_of_the_direction),
+	    cmocka_unit_test(test_a_broadcast_device_is_never_read),
+	    cmocka_unit_test(test_nothing_is_sent_before_open_or_after_close),
+	    cmocka_unit_test(test_a_dead_device_is_probed_ever_more_rarely),
+	    cmocka_unit_test(test_a_device_that_returns_is_scanned_at_once),
+	    cmocka_unit_test(test_a_dead_device_delays_its_line_by_its_probes_only),
+	    cmocka_unit_test(test_dead_devices_are_probed_one_a_scan),
 	};
 	return cmocka_run_group_tests_name("modbus line", tests, NULL, NULL);
 }

@@ -2,7 +2,7 @@
 /* Commands and broadcasts: ahead of polling, in order, once. */
 #include "modbus/test_bus.h"
 
-static void commands_go_ahead_of_polling_in_order(void **state)
+static void test_commands_go_ahead_of_polling_in_order(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -19,7 +19,7 @@ static void commands_go_ahead_of_polling_in_order(void **state)
 	assert_int_equal(bus.slaves[0].registers[3], 903);
 }
 
-static void a_flood_of_commands_stops_no_polling(void **state)
+static void test_a_flood_of_commands_stops_no_polling(void **state)
 {
 	(void)state;
 	set_up();
@@ -40,7 +40,7 @@ static void a_flood_of_commands_stops_no_polling(void **state)
 	assert_true(bus.longest_ns[1] < SECOND);
 }
 
-static void what_was_written_is_read_back_next(void **state)
+static void test_what_was_written_is_read_back_next(void **state)
 {
 	(void)state;
 	set_up();
@@ -66,7 +66,7 @@ static void what_was_written_is_read_back_next(void **state)
 }
 
 /* Three devices that are read in turn: what was written waits for its device's turn. */
-static void what_is_not_to_be_read_back_waits_for_its_turn(void **state)
+static void test_what_is_not_to_be_read_back_waits_for_its_turn(void **state)
 {
 	(void)state;
 	set_up();
@@ -92,7 +92,7 @@ static void what_is_not_to_be_read_back_waits_for_its_turn(void **state)
 	assert_true(sent_with(1, MODBUS_READ_HOLDING_REGISTERS) > 0);
 }
 
-static void a_refused_command_tells_why(void **state)
+static void test_a_refused_command_tells_why(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -103,7 +103,7 @@ static void a_refused_command_tells_why(void **state)
 	assert_int_equal(bus.last_exception, 2);
 }
 
-static void a_command_past_its_deadline_is_not_sent(void **state)
+static void test_a_command_past_its_deadline_is_not_sent(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -116,7 +116,7 @@ static void a_command_past_its_deadline_is_not_sent(void **state)
 	assert_int_equal(sent_with(17, MODBUS_WRITE_REGISTER), 0);
 }
 
-static void the_queue_has_an_end(void **state)
+static void test_the_queue_has_an_end(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -130,7 +130,7 @@ static void the_queue_has_an_end(void **state)
 	assert_int_equal(bus.last_result, MODBUS_NOT_SENT);
 }
 
-static void writes_are_never_repeated(void **state)
+static void test_writes_are_never_repeated(void **state)
 {
 	(void)state;
 	start_simple(3);
@@ -150,7 +150,7 @@ static void writes_are_never_repeated(void **state)
 	assert_int_equal(bus.slaves[0].registers[3], 8);
 }
 
-static void a_broadcast_is_done_after_its_turnaround(void **state)
+static void test_a_broadcast_is_done_after_its_turnaround(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -171,7 +171,7 @@ static void a_broadcast_is_done_after_its_turnaround(void **state)
 }
 
 /* Nobody answers a broadcast: it need not wait for anybody's missing answer. */
-static void a_broadcast_goes_out_at_once(void **state)
+static void test_a_broadcast_goes_out_at_once(void **state)
 {
 	(void)state;
 	set_up();
@@ -185,7 +185,7 @@ static void a_broadcast_goes_out_at_once(void **state)
 }
 
 /* Whoever commands a device that never answered gets an answer all the same. */
-static void a_device_that_never_answered_is_commanded(void **state)
+static void test_a_device_that_never_answered_is_commanded(void **state)
 {
 	(void)state;
 	set_up();
@@ -200,7 +200,7 @@ static void a_device_that_never_answered_is_commanded(void **state)
 	assert_int_equal(bus.commands_done, 1);
 }
 
-static void two_registers_are_written_in_one_request(void **state)
+static void test_two_registers_are_written_in_one_request(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -216,18 +216,18 @@ static void two_registers_are_written_in_one_request(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(commands_go_ahead_of_polling_in_order),
-	    cmocka_unit_test(a_flood_of_commands_stops_no_polling),
-	    cmocka_unit_test(what_was_written_is_read_back_next),
-	    cmocka_unit_test(what_is_not_to_be_read_back_waits_for_its_turn),
-	    cmocka_unit_test(a_refused_command_tells_why),
-	    cmocka_unit_test(a_command_past_its_deadline_is_not_sent),
-	    cmocka_unit_test(the_queue_has_an_end),
-	    cmocka_unit_test(writes_are_never_repeated),
-	    cmocka_unit_test(a_broadcast_is_done_after_its_turnaround),
-	    cmocka_unit_test(a_broadcast_goes_out_at_once),
-	    cmocka_unit_test(a_device_that_never_answered_is_commanded),
-	    cmocka_unit_test(two_registers_are_written_in_one_request),
+	    cmocka_unit_test(test_commands_go_ahead_of_polling_in_order),
+	    cmocka_unit_test(test_a_flood_of_commands_stops_no_polling),
+	    cmocka_unit_test(test_what_was_written_is_read_back_next),
+	    cmocka_unit_test(test_what_is_not_to_be_read_back_waits_for_its_turn),
+	    cmocka_unit_test(test_a_refused_command_tells_why),
+	    cmocka_unit_test(test_a_command_past_its_deadline_is_not_sent),
+	    cmocka_unit_test(test_the_queue_has_an_end),
+	    cmocka_unit_test(test_writes_are_never_repeated),
+	    cmocka_unit_test(test_a_broadcast_is_done_after_its_turnaround),
+	    cmocka_unit_test(test_a_broadcast_goes_out_at_once),
+	    cmocka_unit_test(test_a_device_that_never_answered_is_commanded),
+	    cmocka_unit_test(test_two_registers_are_written_in_one_request),
 	};
 	return cmocka_run_group_tests_name("modbus line commands", tests, NULL, NULL);
 }

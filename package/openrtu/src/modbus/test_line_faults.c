@@ -14,7 +14,7 @@ static void spoil_one(enum fault fault)
 	assert_true(bus.reads_done[0] > 10);
 }
 
-static void a_lost_answer_is_read_again(void **state)
+static void test_a_lost_answer_is_read_again(void **state)
 {
 	(void)state;
 	spoil_one(MUTE);
@@ -25,7 +25,7 @@ static void a_lost_answer_is_read_again(void **state)
 	assert_true(bus.sent[1].time_ns - bus.sent[0].time_ns < TIMEOUT_NS + 10 * MS);
 }
 
-static void a_corrupt_answer_is_read_again(void **state)
+static void test_a_corrupt_answer_is_read_again(void **state)
 {
 	(void)state;
 	spoil_one(CORRUPT);
@@ -34,7 +34,7 @@ static void a_corrupt_answer_is_read_again(void **state)
 	assert_int_equal(bus.devices[0].counters.errors, 1);
 }
 
-static void a_truncated_answer_is_read_again(void **state)
+static void test_a_truncated_answer_is_read_again(void **state)
 {
 	(void)state;
 	spoil_one(TRUNCATED);
@@ -42,7 +42,7 @@ static void a_truncated_answer_is_read_again(void **state)
 	assert_int_equal(bus.line.counters.noise_bytes, 0);
 }
 
-static void another_units_answer_is_not_taken(void **state)
+static void test_another_units_answer_is_not_taken(void **state)
 {
 	(void)state;
 	spoil_one(WRONG_UNIT);
@@ -51,7 +51,7 @@ static void another_units_answer_is_not_taken(void **state)
 	assert_int_equal(bus.line.counters.timeouts, 1);
 }
 
-static void another_functions_answer_is_not_taken(void **state)
+static void test_another_functions_answer_is_not_taken(void **state)
 {
 	(void)state;
 	spoil_one(WRONG_FUNCTION);
@@ -59,7 +59,7 @@ static void another_functions_answer_is_not_taken(void **state)
 	assert_int_equal(bus.line.counters.timeouts, 1);
 }
 
-static void another_lengths_answer_is_not_taken(void **state)
+static void test_another_lengths_answer_is_not_taken(void **state)
 {
 	(void)state;
 	spoil_one(WRONG_LENGTH);
@@ -67,7 +67,7 @@ static void another_lengths_answer_is_not_taken(void **state)
 	assert_int_equal(bus.line.counters.timeouts, 1);
 }
 
-static void another_writes_confirmation_is_not_taken(void **state)
+static void test_another_writes_confirmation_is_not_taken(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -84,7 +84,7 @@ static void another_writes_confirmation_is_not_taken(void **state)
 	assert_int_equal(bus.last_result, MODBUS_DONE);
 }
 
-static void noise_before_an_answer_does_not_hide_it(void **state)
+static void test_noise_before_an_answer_does_not_hide_it(void **state)
 {
 	(void)state;
 	spoil_one(NOISE_BEFORE);
@@ -93,7 +93,7 @@ static void noise_before_an_answer_does_not_hide_it(void **state)
 	assert_in_range(bus.line.counters.answers, bus.sent_count - 1, bus.sent_count + 1);
 }
 
-static void a_strangers_frame_does_not_hide_the_answer(void **state)
+static void test_a_strangers_frame_does_not_hide_the_answer(void **state)
 {
 	(void)state;
 	spoil_one(STRANGER_FIRST);
@@ -101,7 +101,7 @@ static void a_strangers_frame_does_not_hide_the_answer(void **state)
 	assert_int_equal(bus.line.counters.timeouts, 0);
 }
 
-static void noise_between_frames_delays_the_next_request(void **state)
+static void test_noise_between_frames_delays_the_next_request(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -115,7 +115,7 @@ static void noise_between_frames_delays_the_next_request(void **state)
 }
 
 /* As of another master, while nothing of ours is under way. */
-static void a_frame_that_nobody_asked_for_is_counted_as_such(void **state)
+static void test_a_frame_that_nobody_asked_for_is_counted_as_such(void **state)
 {
 	uint8_t frame[8] = {99, 3, 0, 0, 0, 1};
 
@@ -133,7 +133,7 @@ static void a_frame_that_nobody_asked_for_is_counted_as_such(void **state)
 }
 
 /* A line that babbles is not sent on, and its devices are not good. */
-static void a_babbling_line_is_given_up(void **state)
+static void test_a_babbling_line_is_given_up(void **state)
 {
 	(void)state;
 	start_simple(3);
@@ -152,7 +152,7 @@ static void a_babbling_line_is_given_up(void **state)
 
 /* ---- a line that hears itself ------------------------------------------------------------------- */
 
-static void an_echo_is_not_a_confirmation(void **state)
+static void test_an_echo_is_not_a_confirmation(void **state)
 {
 	(void)state;
 	start_simple(3);
@@ -184,7 +184,7 @@ static void an_echo_is_not_a_confirmation(void **state)
 }
 
 /* Noise may hide an echo, and the line hears itself all the same. */
-static void one_lost_echo_does_not_make_the_next_a_confirmation(void **state)
+static void test_one_lost_echo_does_not_make_the_next_a_confirmation(void **state)
 {
 	(void)state;
 	start_simple(3);
@@ -201,7 +201,7 @@ static void one_lost_echo_does_not_make_the_next_a_confirmation(void **state)
 	assert_int_equal(bus.last_result, MODBUS_TIMED_OUT);
 }
 
-static void a_broadcasts_echo_is_one(void **state)
+static void test_a_broadcasts_echo_is_one(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -217,7 +217,7 @@ static void a_broadcasts_echo_is_one(void **state)
 }
 
 /* The request 17 1 3 0 0 24 looks like the answer with the three data bytes 0, 0, 24. */
-static void an_echo_is_not_a_value(void **state)
+static void test_an_echo_is_not_a_value(void **state)
 {
 	(void)state;
 	set_up();
@@ -231,7 +231,7 @@ static void an_echo_is_not_a_value(void **state)
 }
 
 /* Without an echo it is the answer. */
-static void a_value_is_not_an_echo(void **state)
+static void test_a_value_is_not_an_echo(void **state)
 {
 	(void)state;
 	set_up();
@@ -249,23 +249,23 @@ static void a_value_is_not_an_echo(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_lost_answer_is_read_again),
-	    cmocka_unit_test(a_corrupt_answer_is_read_again),
-	    cmocka_unit_test(a_truncated_answer_is_read_again),
-	    cmocka_unit_test(another_units_answer_is_not_taken),
-	    cmocka_unit_test(another_functions_answer_is_not_taken),
-	    cmocka_unit_test(another_lengths_answer_is_not_taken),
-	    cmocka_unit_test(another_writes_confirmation_is_not_taken),
-	    cmocka_unit_test(noise_before_an_answer_does_not_hide_it),
-	    cmocka_unit_test(a_strangers_frame_does_not_hide_the_answer),
-	    cmocka_unit_test(noise_between_frames_delays_the_next_request),
-	    cmocka_unit_test(a_frame_that_nobody_asked_for_is_counted_as_such),
-	    cmocka_unit_test(a_babbling_line_is_given_up),
-	    cmocka_unit_test(an_echo_is_not_a_confirmation),
-	    cmocka_unit_test(one_lost_echo_does_not_make_the_next_a_confirmation),
-	    cmocka_unit_test(a_broadcasts_echo_is_one),
-	    cmocka_unit_test(an_echo_is_not_a_value),
-	    cmocka_unit_test(a_value_is_not_an_echo),
+	    cmocka_unit_test(test_a_lost_answer_is_read_again),
+	    cmocka_unit_test(test_a_corrupt_answer_is_read_again),
+	    cmocka_unit_test(test_a_truncated_answer_is_read_again),
+	    cmocka_unit_test(test_another_units_answer_is_not_taken),
+	    cmocka_unit_test(test_another_functions_answer_is_not_taken),
+	    cmocka_unit_test(test_another_lengths_answer_is_not_taken),
+	    cmocka_unit_test(test_another_writes_confirmation_is_not_taken),
+	    cmocka_unit_test(test_noise_before_an_answer_does_not_hide_it),
+	    cmocka_unit_test(test_a_strangers_frame_does_not_hide_the_answer),
+	    cmocka_unit_test(test_noise_between_frames_delays_the_next_request),
+	    cmocka_unit_test(test_a_frame_that_nobody_asked_for_is_counted_as_such),
+	    cmocka_unit_test(test_a_babbling_line_is_given_up),
+	    cmocka_unit_test(test_an_echo_is_not_a_confirmation),
+	    cmocka_unit_test(test_one_lost_echo_does_not_make_the_next_a_confirmation),
+	    cmocka_unit_test(test_a_broadcasts_echo_is_one),
+	    cmocka_unit_test(test_an_echo_is_not_a_value),
+	    cmocka_unit_test(test_a_value_is_not_an_echo),
 	};
 	return cmocka_run_group_tests_name("modbus line faults", tests, NULL, NULL);
 }

@@ -3,7 +3,7 @@
 #include "modbus/test_bus.h"
 
 /* Two reads of one length: the answer to the first comes while the second would be under way. */
-static void a_late_answer_is_never_anothers(void **state)
+static void test_a_late_answer_is_never_anothers(void **state)
 {
 	(void)state;
 	set_up();
@@ -23,7 +23,7 @@ static void a_late_answer_is_never_anothers(void **state)
 	}
 }
 
-static void a_late_answer_is_counted(void **state)
+static void test_a_late_answer_is_counted(void **state)
 {
 	(void)state;
 	start_simple(2);
@@ -36,7 +36,7 @@ static void a_late_answer_is_counted(void **state)
 }
 
 /* The process was killed with a request under way; the next one has the port before the answer comes. */
-static void a_killed_processs_answer_is_nobodys(void **state)
+static void test_a_killed_processs_answer_is_nobodys(void **state)
 {
 	(void)state;
 	set_up();
@@ -62,7 +62,7 @@ static void a_killed_processs_answer_is_nobodys(void **state)
 }
 
 /* It may still come when nothing but another device's silence was waited for since. */
-static void a_killed_processs_confirmation_is_nobodys(void **state)
+static void test_a_killed_processs_confirmation_is_nobodys(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -92,7 +92,7 @@ static void a_killed_processs_confirmation_is_nobodys(void **state)
 }
 
 /* A process that was stopped finds an answer, and cannot know how old its values are. */
-static void an_old_answer_is_no_news(void **state)
+static void test_an_old_answer_is_no_news(void **state)
 {
 	(void)state;
 	start_simple(3);
@@ -111,7 +111,7 @@ static void an_old_answer_is_no_news(void **state)
  * Nothing that could be asked has an unmistakable answer, and an object that was refused comes due: time
  * must pass all the same (run_until).
  */
-static void a_device_that_rests_is_at_rest(void **state)
+static void test_a_device_that_rests_is_at_rest(void **state)
 {
 	(void)state;
 	set_up();
@@ -139,7 +139,7 @@ static void a_device_that_rests_is_at_rest(void **state)
  * Where all objects are one register, something longer is read; a device that refuses that rests until
  * nothing can come.
  */
-static void a_device_with_one_object_rests(void **state)
+static void test_a_device_with_one_object_rests(void **state)
 {
 	(void)state;
 	set_up();
@@ -163,7 +163,7 @@ static void a_device_with_one_object_rests(void **state)
  * The refusal of the read comes while its probe is under way, and looks like that of the probe: the probe's answer may come
  * as late as any, and the read that is due first then looks like the probe.
  */
-static void a_probe_behind_a_late_refusal_is_not_forgotten(void **state)
+static void test_a_probe_behind_a_late_refusal_is_not_forgotten(void **state)
 {
 	(void)state;
 	for (int64_t late = 0; late < 1060; late += 5) {
@@ -188,7 +188,7 @@ static void a_probe_behind_a_late_refusal_is_not_forgotten(void **state)
 	}
 }
 
-static void a_late_confirmation_is_not_another_commands(void **state)
+static void test_a_late_confirmation_is_not_another_commands(void **state)
 {
 	(void)state;
 	start_simple(2);
@@ -209,15 +209,15 @@ static void a_late_confirmation_is_not_another_commands(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_late_answer_is_never_anothers),
-	    cmocka_unit_test(a_late_answer_is_counted),
-	    cmocka_unit_test(a_killed_processs_answer_is_nobodys),
-	    cmocka_unit_test(a_killed_processs_confirmation_is_nobodys),
-	    cmocka_unit_test(an_old_answer_is_no_news),
-	    cmocka_unit_test(a_device_that_rests_is_at_rest),
-	    cmocka_unit_test(a_device_with_one_object_rests),
-	    cmocka_unit_test(a_probe_behind_a_late_refusal_is_not_forgotten),
-	    cmocka_unit_test(a_late_confirmation_is_not_another_commands),
+	    cmocka_unit_test(test_a_late_answer_is_never_anothers),
+	    cmocka_unit_test(test_a_late_answer_is_counted),
+	    cmocka_unit_test(test_a_killed_processs_answer_is_nobodys),
+	    cmocka_unit_test(test_a_killed_processs_confirmation_is_nobodys),
+	    cmocka_unit_test(test_an_old_answer_is_no_news),
+	    cmocka_unit_test(test_a_device_that_rests_is_at_rest),
+	    cmocka_unit_test(test_a_device_with_one_object_rests),
+	    cmocka_unit_test(test_a_probe_behind_a_late_refusal_is_not_forgotten),
+	    cmocka_unit_test(test_a_late_confirmation_is_not_another_commands),
 	};
 	return cmocka_run_group_tests_name("modbus line late", tests, NULL, NULL);
 }

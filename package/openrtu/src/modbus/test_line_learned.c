@@ -35,7 +35,7 @@ static void assert_nothing_is_refused(uint32_t reads)
 	assert_int_equal(learned().open, 0);
 }
 
-static void a_device_of_short_answers(void **state)
+static void test_a_device_of_short_answers(void **state)
 {
 	(void)state;
 	begin();
@@ -50,7 +50,7 @@ static void a_device_of_short_answers(void **state)
 	assert_nothing_is_refused(4);
 }
 
-static void a_device_with_a_hole(void **state)
+static void test_a_device_with_a_hole(void **state)
 {
 	(void)state;
 	begin();
@@ -70,7 +70,7 @@ static void a_device_with_a_hole(void **state)
 	assert_nothing_is_refused(3);
 }
 
-static void an_object_that_is_not_there(void **state)
+static void test_an_object_that_is_not_there(void **state)
 {
 	(void)state;
 	begin();
@@ -84,7 +84,7 @@ static void an_object_that_is_not_there(void **state)
 	assert_int_equal(learned().hole.count, 0);
 }
 
-static void a_device_that_does_not_answer_long_reads(void **state)
+static void test_a_device_that_does_not_answer_long_reads(void **state)
 {
 	(void)state;
 	begin();
@@ -98,7 +98,7 @@ static void a_device_that_does_not_answer_long_reads(void **state)
 }
 
 /* Who looks at it only when there is news misses nothing. */
-static void news_is_told(void **state)
+static void test_news_is_told(void **state)
 {
 	uint32_t told = 0;
 
@@ -123,7 +123,7 @@ static void news_is_told(void **state)
 	assert_false(bus.devices[0].news);
 }
 
-static void latency_is_that_of_the_answers(void **state)
+static void test_latency_is_that_of_the_answers(void **state)
 {
 	(void)state;
 	start_simple(1);
@@ -138,12 +138,12 @@ static void latency_is_that_of_the_answers(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_device_of_short_answers),
-	    cmocka_unit_test(a_device_with_a_hole),
-	    cmocka_unit_test(an_object_that_is_not_there),
-	    cmocka_unit_test(a_device_that_does_not_answer_long_reads),
-	    cmocka_unit_test(news_is_told),
-	    cmocka_unit_test(latency_is_that_of_the_answers),
+	    cmocka_unit_test(test_a_device_of_short_answers),
+	    cmocka_unit_test(test_a_device_with_a_hole),
+	    cmocka_unit_test(test_an_object_that_is_not_there),
+	    cmocka_unit_test(test_a_device_that_does_not_answer_long_reads),
+	    cmocka_unit_test(test_news_is_told),
+	    cmocka_unit_test(test_latency_is_that_of_the_answers),
 	};
 	return cmocka_run_group_tests_name("modbus line learned", tests, NULL, NULL);
 }

@@ -44,7 +44,7 @@ static void assert_periods_hold(uint8_t unit, int64_t period_ns, int64_t begin_n
 	assert_true(due_ns + period_ns > bus.now_ns);
 }
 
-static void periods_hold_and_the_rest_fills_the_line(void **state)
+static void test_periods_hold_and_the_rest_fills_the_line(void **state)
 {
 	(void)state;
 	start_with_periods(100, 250, 0);
@@ -59,7 +59,7 @@ static void periods_hold_and_the_rest_fills_the_line(void **state)
 	assert_true(bus.reads_done[2] > bus.sent_count / 2);
 }
 
-static void a_line_with_nothing_else_to_do_waits_for_the_period(void **state)
+static void test_a_line_with_nothing_else_to_do_waits_for_the_period(void **state)
 {
 	(void)state;
 	start_with_periods(1000, 1000, 1000);
@@ -72,7 +72,7 @@ static void a_line_with_nothing_else_to_do_waits_for_the_period(void **state)
 }
 
 /* 24 / 60 + 24 / 80 + 24 / 100 is 94 % of the line: deadlines hold all, and no fixed order would. */
-static void deadlines_use_nearly_all_of_the_line(void **state)
+static void test_deadlines_use_nearly_all_of_the_line(void **state)
 {
 	(void)state;
 	start_with_periods(60, 80, 100);
@@ -84,7 +84,7 @@ static void deadlines_use_nearly_all_of_the_line(void **state)
 	assert_in_range(bus.reads_done[2], 600 - 1, 600 + 1);
 }
 
-static void periods_that_cannot_be_held_starve_nobody(void **state)
+static void test_periods_that_cannot_be_held_starve_nobody(void **state)
 {
 	(void)state;
 	start_with_periods(20, 20, 0);
@@ -96,7 +96,7 @@ static void periods_that_cannot_be_held_starve_nobody(void **state)
 			bus.sent_count / MODBUS_DUE_IN_ROW);
 }
 
-static void after_a_storm_of_commands_periods_hold_again(void **state)
+static void test_after_a_storm_of_commands_periods_hold_again(void **state)
 {
 	(void)state;
 	start_with_periods(100, 250, 0);
@@ -120,7 +120,7 @@ static void after_a_storm_of_commands_periods_hold_again(void **state)
 }
 
 /* Once only a time-out, then its probes: the others' periods slip by these and by nothing more. */
-static void a_dead_device_costs_the_periods_of_others_its_time_outs(void **state)
+static void test_a_dead_device_costs_the_periods_of_others_its_time_outs(void **state)
 {
 	(void)state;
 	start_with_periods(200, 200, 0);
@@ -139,7 +139,7 @@ static void a_dead_device_costs_the_periods_of_others_its_time_outs(void **state
 }
 
 /* Within the period that it belongs to: the time-out, then a probe, which shows that nothing late comes. */
-static void a_read_without_an_answer_is_repeated_in_its_period(void **state)
+static void test_a_read_without_an_answer_is_repeated_in_its_period(void **state)
 {
 	(void)state;
 	start_with_periods(1000, 0, 0);
@@ -153,7 +153,7 @@ static void a_read_without_an_answer_is_repeated_in_its_period(void **state)
 	assert_int_equal(bus.devices[0].counters.missed_periods, 0);
 }
 
-static void what_is_refused_is_asked_for_ever_more_rarely(void **state)
+static void test_what_is_refused_is_asked_for_ever_more_rarely(void **state)
 {
 	(void)state;
 	set_up();
@@ -176,14 +176,14 @@ static void what_is_refused_is_asked_for_ever_more_rarely(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(periods_hold_and_the_rest_fills_the_line),
-	    cmocka_unit_test(a_line_with_nothing_else_to_do_waits_for_the_period),
-	    cmocka_unit_test(deadlines_use_nearly_all_of_the_line),
-	    cmocka_unit_test(periods_that_cannot_be_held_starve_nobody),
-	    cmocka_unit_test(after_a_storm_of_commands_periods_hold_again),
-	    cmocka_unit_test(a_dead_device_costs_the_periods_of_others_its_time_outs),
-	    cmocka_unit_test(a_read_without_an_answer_is_repeated_in_its_period),
-	    cmocka_unit_test(what_is_refused_is_asked_for_ever_more_rarely),
+	    cmocka_unit_test(test_periods_hold_and_the_rest_fills_the_line),
+	    cmocka_unit_test(test_a_line_with_nothing_else_to_do_waits_for_the_period),
+	    cmocka_unit_test(test_deadlines_use_nearly_all_of_the_line),
+	    cmocka_unit_test(test_periods_that_cannot_be_held_starve_nobody),
+	    cmocka_unit_test(test_after_a_storm_of_commands_periods_hold_again),
+	    cmocka_unit_test(test_a_dead_device_costs_the_periods_of_others_its_time_outs),
+	    cmocka_unit_test(test_a_read_without_an_answer_is_repeated_in_its_period),
+	    cmocka_unit_test(test_what_is_refused_is_asked_for_ever_more_rarely),
 	};
 	return cmocka_run_group_tests_name("modbus line periods", tests, NULL, NULL);
 }

@@ -51,35 +51,35 @@ static void a_bad_line(bool echoing, bool late_process, bool tcp, int64_t floor_
 	}
 }
 
-static void faults_at_random(void **state)
+static void test_faults_at_random(void **state)
 {
 	(void)state;
 	a_bad_line(false, false, false, TIMEOUT_NS);
 	a_bad_line(false, false, false, 10 * MS);
 }
 
-static void faults_on_a_line_that_hears_itself(void **state)
+static void test_faults_on_a_line_that_hears_itself(void **state)
 {
 	(void)state;
 	a_bad_line(true, false, false, TIMEOUT_NS);
 	a_bad_line(true, false, false, 10 * MS);
 }
 
-static void faults_under_a_late_process(void **state)
+static void test_faults_under_a_late_process(void **state)
 {
 	(void)state;
 	a_bad_line(false, true, false, TIMEOUT_NS);
 	a_bad_line(false, true, false, 10 * MS);
 }
 
-static void faults_on_a_connection(void **state)
+static void test_faults_on_a_connection(void **state)
 {
 	(void)state;
 	a_bad_line(false, false, true, TIMEOUT_NS);
 	a_bad_line(false, false, true, 10 * MS);
 }
 
-static void faults_on_a_connection_under_a_late_process(void **state)
+static void test_faults_on_a_connection_under_a_late_process(void **state)
 {
 	(void)state;
 	a_bad_line(false, true, true, TIMEOUT_NS);
@@ -87,7 +87,7 @@ static void faults_on_a_connection_under_a_late_process(void **state)
 }
 
 /* Bytes of any kind in pieces of any size at any time: nothing breaks, and the deadline is always ahead. */
-static void hostile_bytes(void **state)
+static void test_hostile_bytes(void **state)
 {
 	(void)state;
 	uint32_t chance = 42;
@@ -112,12 +112,12 @@ static void hostile_bytes(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(faults_at_random),
-	    cmocka_unit_test(faults_on_a_line_that_hears_itself),
-	    cmocka_unit_test(faults_under_a_late_process),
-	    cmocka_unit_test(faults_on_a_connection),
-	    cmocka_unit_test(faults_on_a_connection_under_a_late_process),
-	    cmocka_unit_test(hostile_bytes),
+	    cmocka_unit_test(test_faults_at_random),
+	    cmocka_unit_test(test_faults_on_a_line_that_hears_itself),
+	    cmocka_unit_test(test_faults_under_a_late_process),
+	    cmocka_unit_test(test_faults_on_a_connection),
+	    cmocka_unit_test(test_faults_on_a_connection_under_a_late_process),
+	    cmocka_unit_test(test_hostile_bytes),
 	};
 	return cmocka_run_group_tests_name("modbus line random", tests, NULL, NULL);
 }

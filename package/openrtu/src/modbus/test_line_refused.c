@@ -2,7 +2,7 @@
 /* Reads that a device refuses, or does not answer, for one of their objects. */
 #include "modbus/test_bus.h"
 
-static void a_refused_read_is_halved_down_to_the_object(void **state)
+static void test_a_refused_read_is_halved_down_to_the_object(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -24,7 +24,7 @@ static void a_refused_read_is_halved_down_to_the_object(void **state)
 	assert_int_equal(bus.devices[0].read_count, 1); /* given at last: whole again */
 }
 
-static void all_objects_refused_leaves_a_living_device(void **state)
+static void test_all_objects_refused_leaves_a_living_device(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -41,7 +41,7 @@ static void all_objects_refused_leaves_a_living_device(void **state)
 	assert_true(bus.reads_done[0] > 100);
 }
 
-static void a_busy_device_is_not_split(void **state)
+static void test_a_busy_device_is_not_split(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -57,7 +57,7 @@ static void a_busy_device_is_not_split(void **state)
 }
 
 /* Of all others one object may be to blame, also of those that the standard does not know. */
-static void only_exceptions_of_the_moment_leave_a_read_whole(void **state)
+static void test_only_exceptions_of_the_moment_leave_a_read_whole(void **state)
 {
 	static const uint8_t of_the_moment[] = {5, 6, 10, 11};
 	size_t next = 0;
@@ -79,7 +79,7 @@ static void only_exceptions_of_the_moment_leave_a_read_whole(void **state)
 }
 
 /* What a busy device holds is old; what it then says it does not have is wrong. */
-static void a_refusal_for_another_reason_is_told(void **state)
+static void test_a_refusal_for_another_reason_is_told(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -100,7 +100,7 @@ static void a_refusal_for_another_reason_is_told(void **state)
 	assert_int_equal(bus.refused_addresses[0], 0xFF);
 }
 
-static void a_device_that_was_gone_is_planned_anew(void **state)
+static void test_a_device_that_was_gone_is_planned_anew(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -116,7 +116,7 @@ static void a_device_that_was_gone_is_planned_anew(void **state)
 	assert_int_equal(bus.devices[0].read_count, 1);
 }
 
-static void one_lost_answer_does_not_split_a_read(void **state)
+static void test_one_lost_answer_does_not_split_a_read(void **state)
 {
 	(void)state;
 	start_simple(0);
@@ -129,7 +129,7 @@ static void one_lost_answer_does_not_split_a_read(void **state)
 }
 
 /* Some devices do not answer a read over an address they do not have. They are not dead. */
-static void a_silent_read_is_halved_too(void **state)
+static void test_a_silent_read_is_halved_too(void **state)
 {
 	(void)state;
 	for (uint8_t retries = 0; retries < 5; retries++) {
@@ -148,14 +148,14 @@ static void a_silent_read_is_halved_too(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_refused_read_is_halved_down_to_the_object),
-	    cmocka_unit_test(all_objects_refused_leaves_a_living_device),
-	    cmocka_unit_test(a_busy_device_is_not_split),
-	    cmocka_unit_test(only_exceptions_of_the_moment_leave_a_read_whole),
-	    cmocka_unit_test(a_refusal_for_another_reason_is_told),
-	    cmocka_unit_test(a_device_that_was_gone_is_planned_anew),
-	    cmocka_unit_test(one_lost_answer_does_not_split_a_read),
-	    cmocka_unit_test(a_silent_read_is_halved_too),
+	    cmocka_unit_test(test_a_refused_read_is_halved_down_to_the_object),
+	    cmocka_unit_test(test_all_objects_refused_leaves_a_living_device),
+	    cmocka_unit_test(test_a_busy_device_is_not_split),
+	    cmocka_unit_test(test_only_exceptions_of_the_moment_leave_a_read_whole),
+	    cmocka_unit_test(test_a_refusal_for_another_reason_is_told),
+	    cmocka_unit_test(test_a_device_that_was_gone_is_planned_anew),
+	    cmocka_unit_test(test_one_lost_answer_does_not_split_a_read),
+	    cmocka_unit_test(test_a_silent_read_is_halved_too),
 	};
 	return cmocka_run_group_tests_name("modbus line refused", tests, NULL, NULL);
 }

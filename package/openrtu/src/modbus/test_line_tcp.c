@@ -42,7 +42,7 @@ static void start_waiting(void)
 	forget_trace();
 }
 
-static void a_device_is_read_with_a_hundred_requests_a_second(void **state)
+static void test_a_device_is_read_with_a_hundred_requests_a_second(void **state)
 {
 	(void)state;
 	start_tcp(1);
@@ -54,7 +54,7 @@ static void a_device_is_read_with_a_hundred_requests_a_second(void **state)
 }
 
 /* What takes longer than that is followed at once. */
-static void a_slow_device_is_not_slowed_down(void **state)
+static void test_a_slow_device_is_not_slowed_down(void **state)
 {
 	(void)state;
 	start_tcp(1);
@@ -63,7 +63,7 @@ static void a_slow_device_is_not_slowed_down(void **state)
 	assert_in_range(bus.reads_done[0], 249, 250);
 }
 
-static void an_answer_may_come_octet_by_octet(void **state)
+static void test_an_answer_may_come_octet_by_octet(void **state)
 {
 	(void)state;
 	start_tcp(1);
@@ -74,7 +74,7 @@ static void an_answer_may_come_octet_by_octet(void **state)
 	assert_int_equal(bus.line.counters.noise_bytes, 0);
 }
 
-static void two_frames_may_come_at_once(void **state)
+static void test_two_frames_may_come_at_once(void **state)
 {
 	(void)state;
 	uint8_t frames[64];
@@ -89,7 +89,7 @@ static void two_frames_may_come_at_once(void **state)
 	assert_int_equal(bus.line.counters.late_answers, 0);
 }
 
-static void only_its_own_transaction_answers_a_request(void **state)
+static void test_only_its_own_transaction_answers_a_request(void **state)
 {
 	(void)state;
 	uint8_t frame[64];
@@ -111,7 +111,7 @@ static void only_its_own_transaction_answers_a_request(void **state)
 }
 
 /* No rest and no probe: the next request goes out with the time-out. */
-static void a_late_answer_is_counted_and_costs_nothing(void **state)
+static void test_a_late_answer_is_counted_and_costs_nothing(void **state)
 {
 	(void)state;
 	start_tcp(5);
@@ -127,7 +127,7 @@ static void a_late_answer_is_counted_and_costs_nothing(void **state)
 }
 
 /* Half of it before the time-out, half after: the stream stays in step. */
-static void an_answer_that_is_cut_by_its_time_out_is_late(void **state)
+static void test_an_answer_that_is_cut_by_its_time_out_is_late(void **state)
 {
 	(void)state;
 	uint8_t frame[64];
@@ -152,7 +152,7 @@ static bool is_taken(const uint8_t *bytes, size_t length)
 	return modbus_line_receive(&bus.line, bytes, length, bus.now_ns);
 }
 
-static void what_is_no_modbus_ends_the_connection(void **state)
+static void test_what_is_no_modbus_ends_the_connection(void **state)
 {
 	(void)state;
 	assert_true(is_taken((const uint8_t[]){0, 1, 0, 0, 0, 2}, 6));
@@ -199,21 +199,21 @@ static void one_unit_is_dead(uint8_t exception)
 	assert_int_equal(bus.births[0], 2);
 }
 
-static void a_unit_that_a_gateway_does_not_reach_is_dead(void **state)
+static void test_a_unit_that_a_gateway_does_not_reach_is_dead(void **state)
 {
 	(void)state;
 	one_unit_is_dead(MODBUS_NO_PATH);
 	one_unit_is_dead(MODBUS_NO_TARGET);
 }
 
-static void a_silent_unit_is_dead(void **state)
+static void test_a_silent_unit_is_dead(void **state)
 {
 	(void)state;
 	one_unit_is_dead(0);
 }
 
 /* The scan in which the device died has no end. */
-static void a_scan_without_an_answer_has_no_duration(void **state)
+static void test_a_scan_without_an_answer_has_no_duration(void **state)
 {
 	(void)state;
 	start_tcp(0);
@@ -224,7 +224,7 @@ static void a_scan_without_an_answer_has_no_duration(void **state)
 	assert_in_range(bus.line.counters.scan_us, REACTION_NS / 1000, PACE_NS / 1000);
 }
 
-static void a_read_that_is_refused_is_halved(void **state)
+static void test_a_read_that_is_refused_is_halved(void **state)
 {
 	(void)state;
 	start_tcp(1);
@@ -234,7 +234,7 @@ static void a_read_that_is_refused_is_halved(void **state)
 	assert_int_equal(bus.deaths[0], 0);
 }
 
-static void a_command_is_confirmed_refused_or_lost(void **state)
+static void test_a_command_is_confirmed_refused_or_lost(void **state)
 {
 	(void)state;
 	start_tcp(1);
@@ -256,7 +256,7 @@ static void a_command_is_confirmed_refused_or_lost(void **state)
 }
 
 /* After a write that was not confirmed the next goes at once: their confirmations cannot be mistaken. */
-static void commands_do_not_wait_for_late_answers(void **state)
+static void test_commands_do_not_wait_for_late_answers(void **state)
 {
 	(void)state;
 	start_tcp(5);
@@ -273,20 +273,20 @@ static void commands_do_not_wait_for_late_answers(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_device_is_read_with_a_hundred_requests_a_second),
-	    cmocka_unit_test(a_slow_device_is_not_slowed_down),
-	    cmocka_unit_test(an_answer_may_come_octet_by_octet),
-	    cmocka_unit_test(two_frames_may_come_at_once),
-	    cmocka_unit_test(only_its_own_transaction_answers_a_request),
-	    cmocka_unit_test(a_late_answer_is_counted_and_costs_nothing),
-	    cmocka_unit_test(an_answer_that_is_cut_by_its_time_out_is_late),
-	    cmocka_unit_test(what_is_no_modbus_ends_the_connection),
-	    cmocka_unit_test(a_unit_that_a_gateway_does_not_reach_is_dead),
-	    cmocka_unit_test(a_silent_unit_is_dead),
-	    cmocka_unit_test(a_scan_without_an_answer_has_no_duration),
-	    cmocka_unit_test(a_read_that_is_refused_is_halved),
-	    cmocka_unit_test(a_command_is_confirmed_refused_or_lost),
-	    cmocka_unit_test(commands_do_not_wait_for_late_answers),
+	    cmocka_unit_test(test_a_device_is_read_with_a_hundred_requests_a_second),
+	    cmocka_unit_test(test_a_slow_device_is_not_slowed_down),
+	    cmocka_unit_test(test_an_answer_may_come_octet_by_octet),
+	    cmocka_unit_test(test_two_frames_may_come_at_once),
+	    cmocka_unit_test(test_only_its_own_transaction_answers_a_request),
+	    cmocka_unit_test(test_a_late_answer_is_counted_and_costs_nothing),
+	    cmocka_unit_test(test_an_answer_that_is_cut_by_its_time_out_is_late),
+	    cmocka_unit_test(test_what_is_no_modbus_ends_the_connection),
+	    cmocka_unit_test(test_a_unit_that_a_gateway_does_not_reach_is_dead),
+	    cmocka_unit_test(test_a_silent_unit_is_dead),
+	    cmocka_unit_test(test_a_scan_without_an_answer_has_no_duration),
+	    cmocka_unit_test(test_a_read_that_is_refused_is_halved),
+	    cmocka_unit_test(test_a_command_is_confirmed_refused_or_lost),
+	    cmocka_unit_test(test_commands_do_not_wait_for_late_answers),
 	};
 	return cmocka_run_group_tests_name("modbus line tcp", tests, NULL, NULL);
 }

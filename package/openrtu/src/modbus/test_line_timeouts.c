@@ -26,7 +26,7 @@ static void lose_one_answer(void)
 
 /* ---- what is learned ------------------------------------------------------------------------------ */
 
-static void nothing_is_known_of_a_device_that_never_answered(void **state)
+static void test_nothing_is_known_of_a_device_that_never_answered(void **state)
 {
 	(void)state;
 	set_up();
@@ -45,7 +45,7 @@ static void nothing_is_known_of_a_device_that_never_answered(void **state)
 	assert_int_equal(bus.devices[0].timeout_ns, 0);
 }
 
-static void a_lost_answer_costs_what_was_learned(void **state)
+static void test_a_lost_answer_costs_what_was_learned(void **state)
 {
 	(void)state;
 	start_learned(1);
@@ -63,7 +63,7 @@ static void a_lost_answer_costs_what_was_learned(void **state)
 	assert_in_range(bus.devices[0].timeout_ns, learned_ns - MS, learned_ns);
 }
 
-static void less_than_the_floor_is_never_waited(void **state)
+static void test_less_than_the_floor_is_never_waited(void **state)
 {
 	(void)state;
 	start_simple(1);
@@ -73,7 +73,7 @@ static void less_than_the_floor_is_never_waited(void **state)
 }
 
 /* The echo of a request comes at once, and noise when it likes: neither is the device's. */
-static void only_its_answers_are_learned_from(void **state)
+static void test_only_its_answers_are_learned_from(void **state)
 {
 	(void)state;
 	start_learned(3);
@@ -88,7 +88,7 @@ static void only_its_answers_are_learned_from(void **state)
 }
 
 /* A write may take its time, in an EEPROM for example: it tells nothing of reads. */
-static void a_command_has_the_whole_response_time(void **state)
+static void test_a_command_has_the_whole_response_time(void **state)
 {
 	(void)state;
 	start_learned(1);
@@ -102,7 +102,7 @@ static void a_command_has_the_whole_response_time(void **state)
 	assert_in_range(bus.devices[0].timeout_ns, LEARNED_NS - MS, LEARNED_NS);
 }
 
-static void a_slow_answer_is_remembered_for_thousands(void **state)
+static void test_a_slow_answer_is_remembered_for_thousands(void **state)
 {
 	(void)state;
 	start_learned(1);
@@ -123,7 +123,7 @@ static void a_slow_answer_is_remembered_for_thousands(void **state)
 
 /* ---- devices that are slow, not dead ----------------------------------------------------------------- */
 
-static void a_device_at_the_end_of_its_time_never_dies(void **state)
+static void test_a_device_at_the_end_of_its_time_never_dies(void **state)
 {
 	(void)state;
 	for (uint8_t retries = 0; retries < 6; retries++) {
@@ -139,7 +139,7 @@ static void a_device_at_the_end_of_its_time_never_dies(void **state)
 }
 
 /* At once slower than what was learned, by every amount. It does one thing after the other, or hears only when it is idle. */
-static void a_device_that_gets_slower_does_not_die(void **state)
+static void test_a_device_that_gets_slower_does_not_die(void **state)
 {
 	(void)state;
 	for (int64_t reaction = 6; reaction < 99; reaction++) {
@@ -160,7 +160,7 @@ static void a_device_that_gets_slower_does_not_die(void **state)
 }
 
 /* Short reads and probes are answered at once: what they teach must not make the long one a refused one. */
-static void a_read_that_takes_longer_than_others_is_not_refused(void **state)
+static void test_a_read_that_takes_longer_than_others_is_not_refused(void **state)
 {
 	(void)state;
 	for (uint8_t variant = 0; variant < 12; variant++) {
@@ -176,7 +176,7 @@ static void a_read_that_takes_longer_than_others_is_not_refused(void **state)
 }
 
 /* Sound frames that answer nothing look late behind an early time-out. */
-static void a_device_that_never_answers_right_dies(void **state)
+static void test_a_device_that_never_answers_right_dies(void **state)
 {
 	(void)state;
 	for (uint8_t retries = 0; retries < 6; retries++) {
@@ -188,7 +188,7 @@ static void a_device_that_never_answers_right_dies(void **state)
 }
 
 /* The read before it was given up early: the device is still at it when the command comes. */
-static void a_command_behind_a_slow_read_is_confirmed(void **state)
+static void test_a_command_behind_a_slow_read_is_confirmed(void **state)
 {
 	(void)state;
 	for (int64_t reaction = 10; reaction < 99; reaction++) {
@@ -208,7 +208,7 @@ static void a_command_behind_a_slow_read_is_confirmed(void **state)
 }
 
 /* Late by up to MODBUS_LATE_NS behind the whole response time: on_read and on_command know what is right. */
-static void an_early_time_out_mistakes_no_late_answer(void **state)
+static void test_an_early_time_out_mistakes_no_late_answer(void **state)
 {
 	(void)state;
 	for (int64_t late = 20; late < 1090; late += 7) {
@@ -285,7 +285,7 @@ static void assert_share_holds(uint8_t dead)
 				    bus.now_ns - bus.died_ns[i]);
 }
 
-static void a_dead_device_costs_its_share_at_most(void **state)
+static void test_a_dead_device_costs_its_share_at_most(void **state)
 {
 	static const struct dead_case cases[] = {
 	    {100, 500, 9600, 1, 0, 1, false},        {100, 500, 19200, 1, 0, 2, false},
@@ -315,7 +315,7 @@ static void a_dead_device_costs_its_share_at_most(void **state)
 }
 
 /* Where nobody else waits, the pauses only double: a line that was cut is found again soon. */
-static void a_line_without_a_living_device_loses_nothing(void **state)
+static void test_a_line_without_a_living_device_loses_nothing(void **state)
 {
 	const struct dead_case all = {500, 500, 9600, 1, 0, DEVICES_MAX, false};
 	bool found = false;
@@ -334,7 +334,7 @@ static void a_line_without_a_living_device_loses_nothing(void **state)
 }
 
 /* The second dead device of three has no such limit, and keeps its share. */
-static void a_pause_before_a_probe_has_the_limit_that_is_given(void **state)
+static void test_a_pause_before_a_probe_has_the_limit_that_is_given(void **state)
 {
 	static const int64_t limits_s[] = {1, 2, 7, 255};
 	const struct dead_case two = {100, 500, 9600, 1, 0, 2, false};
@@ -364,7 +364,7 @@ static void a_pause_before_a_probe_has_the_limit_that_is_given(void **state)
 }
 
 /* It answers for a second, then not until it was probed in vain so often, and so on. */
-static void a_device_that_comes_and_goes_costs_its_share_too(void **state)
+static void test_a_device_that_comes_and_goes_costs_its_share_too(void **state)
 {
 	(void)state;
 	for (uint32_t in_vain = 0; in_vain < 3; in_vain++) {
@@ -387,7 +387,7 @@ static void a_device_that_comes_and_goes_costs_its_share_too(void **state)
 }
 
 /* The answer to the first probe is late then, and shows how long the second must wait. */
-static void a_device_that_returns_slower_is_found(void **state)
+static void test_a_device_that_returns_slower_is_found(void **state)
 {
 	static const struct {
 		int64_t reaction_ms, within_s;
@@ -407,7 +407,7 @@ static void a_device_that_returns_slower_is_found(void **state)
 }
 
 /* It does not answer a process that does not run: that is not billed to it. */
-static void a_stopped_process_does_not_make_a_device_rest(void **state)
+static void test_a_stopped_process_does_not_make_a_device_rest(void **state)
 {
 	(void)state;
 	start_learned(0);
@@ -419,7 +419,7 @@ static void a_stopped_process_does_not_make_a_device_rest(void **state)
 }
 
 /* Commands reach a dead device as they come; that it lives and dies by them again and again is not held against it. */
-static void commands_do_not_make_a_device_rest(void **state)
+static void test_commands_do_not_make_a_device_rest(void **state)
 {
 	(void)state;
 	start_learned(1);
@@ -440,25 +440,25 @@ static void commands_do_not_make_a_device_rest(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(nothing_is_known_of_a_device_that_never_answered),
-	    cmocka_unit_test(a_lost_answer_costs_what_was_learned),
-	    cmocka_unit_test(less_than_the_floor_is_never_waited),
-	    cmocka_unit_test(only_its_answers_are_learned_from),
-	    cmocka_unit_test(a_command_has_the_whole_response_time),
-	    cmocka_unit_test(a_slow_answer_is_remembered_for_thousands),
-	    cmocka_unit_test(a_device_at_the_end_of_its_time_never_dies),
-	    cmocka_unit_test(a_device_that_gets_slower_does_not_die),
-	    cmocka_unit_test(a_read_that_takes_longer_than_others_is_not_refused),
-	    cmocka_unit_test(a_device_that_never_answers_right_dies),
-	    cmocka_unit_test(a_command_behind_a_slow_read_is_confirmed),
-	    cmocka_unit_test(an_early_time_out_mistakes_no_late_answer),
-	    cmocka_unit_test(a_dead_device_costs_its_share_at_most),
-	    cmocka_unit_test(a_line_without_a_living_device_loses_nothing),
-	    cmocka_unit_test(a_pause_before_a_probe_has_the_limit_that_is_given),
-	    cmocka_unit_test(a_device_that_comes_and_goes_costs_its_share_too),
-	    cmocka_unit_test(a_device_that_returns_slower_is_found),
-	    cmocka_unit_test(a_stopped_process_does_not_make_a_device_rest),
-	    cmocka_unit_test(commands_do_not_make_a_device_rest),
+	    cmocka_unit_test(test_nothing_is_known_of_a_device_that_never_answered),
+	    cmocka_unit_test(test_a_lost_answer_costs_what_was_learned),
+	    cmocka_unit_test(test_less_than_the_floor_is_never_waited),
+	    cmocka_unit_test(test_only_its_answers_are_learned_from),
+	    cmocka_unit_test(test_a_command_has_the_whole_response_time),
+	    cmocka_unit_test(test_a_slow_answer_is_remembered_for_thousands),
+	    cmocka_unit_test(test_a_device_at_the_end_of_its_time_never_dies),
+	    cmocka_unit_test(test_a_device_that_gets_slower_does_not_die),
+	    cmocka_unit_test(test_a_read_that_takes_longer_than_others_is_not_refused),
+	    cmocka_unit_test(test_a_device_that_never_answers_right_dies),
+	    cmocka_unit_test(test_a_command_behind_a_slow_read_is_confirmed),
+	    cmocka_unit_test(test_an_early_time_out_mistakes_no_late_answer),
+	    cmocka_unit_test(test_a_dead_device_costs_its_share_at_most),
+	    cmocka_unit_test(test_a_line_without_a_living_device_loses_nothing),
+	    cmocka_unit_test(test_a_pause_before_a_probe_has_the_limit_that_is_given),
+	    cmocka_unit_test(test_a_device_that_comes_and_goes_costs_its_share_too),
+	    cmocka_unit_test(test_a_device_that_returns_slower_is_found),
+	    cmocka_unit_test(test_a_stopped_process_does_not_make_a_device_rest),
+	    cmocka_unit_test(test_commands_do_not_make_a_device_rest),
 	};
 	return cmocka_run_group_tests_name("modbus line timeouts", tests, NULL, NULL);
 }

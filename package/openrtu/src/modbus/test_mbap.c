@@ -9,7 +9,7 @@
 #include "modbus/mbap.h"
 
 /* MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.1.2: the example of an ADU, register 5 of unit 255. */
-static void the_guides_own_request(void **state)
+static void test_the_guides_own_request(void **state)
 {
 	(void)state;
 	static const uint8_t expected[] = {0x15, 0x01, 0, 0, 0, 6, 0xFF, 3, 0, 4, 0, 1};
@@ -20,7 +20,7 @@ static void the_guides_own_request(void **state)
 	assert_memory_equal(frame, expected, sizeof(expected));
 }
 
-static void a_write_of_two_registers(void **state)
+static void test_a_write_of_two_registers(void **state)
 {
 	(void)state;
 	static const uint8_t expected[] = {0xFF, 0xFF, 0, 0, 0, 11, 17, 16, 0, 1, 0, 2, 4, 0, 0x0A, 1, 2};
@@ -32,7 +32,7 @@ static void a_write_of_two_registers(void **state)
 }
 
 /* The length comes with the sixth octet. */
-static void the_length_is_known_with_its_field(void **state)
+static void test_the_length_is_known_with_its_field(void **state)
 {
 	(void)state;
 	static const uint8_t head[] = {1, 2, 0, 0, 0, 5};
@@ -50,7 +50,7 @@ static size_t length_of(uint8_t protocol_high, uint8_t protocol_low, uint16_t fi
 	return modbus_mbap_length(head, sizeof(head));
 }
 
-static void no_other_protocol_and_no_impossible_length(void **state)
+static void test_no_other_protocol_and_no_impossible_length(void **state)
 {
 	(void)state;
 	assert_int_equal(length_of(0, 0, 2), 8);
@@ -63,7 +63,7 @@ static void no_other_protocol_and_no_impossible_length(void **state)
 	assert_int_equal(length_of(1, 0, 6), 0);
 }
 
-static void a_body_is_judged_as_a_whole(void **state)
+static void test_a_body_is_judged_as_a_whole(void **state)
 {
 	(void)state;
 	const struct modbus_request read = {255, MODBUS_READ_HOLDING_REGISTERS, 4, 1, {0}};
@@ -82,11 +82,11 @@ static void a_body_is_judged_as_a_whole(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(the_guides_own_request),
-	    cmocka_unit_test(a_write_of_two_registers),
-	    cmocka_unit_test(the_length_is_known_with_its_field),
-	    cmocka_unit_test(no_other_protocol_and_no_impossible_length),
-	    cmocka_unit_test(a_body_is_judged_as_a_whole),
+	    cmocka_unit_test(test_the_guides_own_request),
+	    cmocka_unit_test(test_a_write_of_two_registers),
+	    cmocka_unit_test(test_the_length_is_known_with_its_field),
+	    cmocka_unit_test(test_no_other_protocol_and_no_impossible_length),
+	    cmocka_unit_test(test_a_body_is_judged_as_a_whole),
 	};
 	return cmocka_run_group_tests_name("modbus mbap", tests, NULL, NULL);
 }

@@ -30,7 +30,7 @@ static void assert_read(const struct modbus_read *read, uint8_t function, uint16
 	assert_int_equal(read->objects, objects);
 }
 
-static void durations_of_the_wire(void **state)
+static void test_durations_of_the_wire(void **state)
 {
 	(void)state;
 	struct modbus_wire slow = modbus_wire(9600, 11);
@@ -42,7 +42,7 @@ static void durations_of_the_wire(void **state)
 	assert_int_equal(fast.silence_ns, 1750000);
 }
 
-static void neighbours_are_one_request_and_tables_are_not(void **state)
+static void test_neighbours_are_one_request_and_tables_are_not(void **state)
 {
 	(void)state;
 	struct modbus_object objects[] = {
@@ -61,7 +61,7 @@ static void neighbours_are_one_request_and_tables_are_not(void **state)
  * 9600 8N1: a request of its own costs 13 characters, two silences of 3.5 and 5 ms (4.8 characters): 24.8 characters.
  * A register of the hole costs two.
  */
-static void holes_are_carried_while_that_is_shorter(void **state)
+static void test_holes_are_carried_while_that_is_shorter(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -76,7 +76,7 @@ static void holes_are_carried_while_that_is_shorter(void **state)
 }
 
 /* Known to take 20 ms instead of 5, a device is spared requests: 39.2 characters for one. */
-static void a_hole_is_weighed_against_the_device_s_reaction(void **state)
+static void test_a_hole_is_weighed_against_the_device_s_reaction(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -95,7 +95,7 @@ static void a_hole_is_weighed_against_the_device_s_reaction(void **state)
 }
 
 /* As on a serial line of 19200 8E1, 0.573 ms a character: 13 of them, 4 ms of silences and 5 ms are 28.7 characters. */
-static void holes_on_tcp_are_those_of_a_line_behind(void **state)
+static void test_holes_on_tcp_are_those_of_a_line_behind(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = modbus_wire_tcp();
@@ -108,7 +108,7 @@ static void holes_on_tcp_are_those_of_a_line_behind(void **state)
 	assert_int_equal(modbus_read_ns(&wire, 3, 125, 30000000), 30000000);
 }
 
-static void bits_bridge_wider_holes(void **state)
+static void test_bits_bridge_wider_holes(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -119,7 +119,7 @@ static void bits_bridge_wider_holes(void **state)
 	assert_int_equal(modbus_plan(&wire, &unlimited, far, 2, reads), 2);
 }
 
-static void limits_are_kept_and_no_object_is_torn(void **state)
+static void test_limits_are_kept_and_no_object_is_torn(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -138,7 +138,7 @@ static void limits_are_kept_and_no_object_is_torn(void **state)
 }
 
 /* What a device is known to take bounds every request, but for an object that cannot be torn. */
-static void limits_of_the_device_are_kept(void **state)
+static void test_limits_of_the_device_are_kept(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -157,7 +157,7 @@ static void limits_of_the_device_are_kept(void **state)
 	assert_read(&reads[6], 4, 16, 1, 1);
 }
 
-static void without_holes_only_neighbours_are_merged(void **state)
+static void test_without_holes_only_neighbours_are_merged(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -172,7 +172,7 @@ static void without_holes_only_neighbours_are_merged(void **state)
 	assert_read(&reads[3], 3, 11, 2, 1);
 }
 
-static void the_ends_of_the_address_space(void **state)
+static void test_the_ends_of_the_address_space(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -183,7 +183,7 @@ static void the_ends_of_the_address_space(void **state)
 	assert_read(&reads[1], 3, 65534, 2, 2);
 }
 
-static void halving_ends_at_single_objects(void **state)
+static void test_halving_ends_at_single_objects(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -212,7 +212,7 @@ static uint32_t random_next(uint32_t *seed)
 }
 
 /* Whatever the objects: each is read whole, once, within the limits, also when all reads are halved to the end. */
-static void every_object_is_in_one_read(void **state)
+static void test_every_object_is_in_one_read(void **state)
 {
 	(void)state;
 	uint32_t seed = 7;
@@ -249,7 +249,7 @@ static void every_object_is_in_one_read(void **state)
 }
 
 /* What is read every 100 ms does not wait for, nor hasten, what is read in turn; in either class neighbours merge. */
-static void objects_with_a_period_have_requests_of_their_own(void **state)
+static void test_objects_with_a_period_have_requests_of_their_own(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
@@ -269,19 +269,19 @@ static void objects_with_a_period_have_requests_of_their_own(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(durations_of_the_wire),
-	    cmocka_unit_test(neighbours_are_one_request_and_tables_are_not),
-	    cmocka_unit_test(holes_are_carried_while_that_is_shorter),
-	    cmocka_unit_test(a_hole_is_weighed_against_the_device_s_reaction),
-	    cmocka_unit_test(holes_on_tcp_are_those_of_a_line_behind),
-	    cmocka_unit_test(bits_bridge_wider_holes),
-	    cmocka_unit_test(limits_are_kept_and_no_object_is_torn),
-	    cmocka_unit_test(limits_of_the_device_are_kept),
-	    cmocka_unit_test(without_holes_only_neighbours_are_merged),
-	    cmocka_unit_test(the_ends_of_the_address_space),
-	    cmocka_unit_test(halving_ends_at_single_objects),
-	    cmocka_unit_test(every_object_is_in_one_read),
-	    cmocka_unit_test(objects_with_a_period_have_requests_of_their_own),
+	    cmocka_unit_test(test_durations_of_the_wire),
+	    cmocka_unit_test(test_neighbours_are_one_request_and_tables_are_not),
+	    cmocka_unit_test(test_holes_are_carried_while_that_is_shorter),
+	    cmocka_unit_test(test_a_hole_is_weighed_against_the_device_s_reaction),
+	    cmocka_unit_test(test_holes_on_tcp_are_those_of_a_line_behind),
+	    cmocka_unit_test(test_bits_bridge_wider_holes),
+	    cmocka_unit_test(test_limits_are_kept_and_no_object_is_torn),
+	    cmocka_unit_test(test_limits_of_the_device_are_kept),
+	    cmocka_unit_test(test_without_holes_only_neighbours_are_merged),
+	    cmocka_unit_test(test_the_ends_of_the_address_space),
+	    cmocka_unit_test(test_halving_ends_at_single_objects),
+	    cmocka_unit_test(test_every_object_is_in_one_read),
+	    cmocka_unit_test(test_objects_with_a_period_have_requests_of_their_own),
 	};
 	return cmocka_run_group_tests_name("modbus plan", tests, NULL, NULL);
 }

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Whose turn it is on a line that is silent: commands, what was written, what is due, the scan, the dead. */
 #include "line_parts.h"
-
-#define NS_PER_US 1000
+#include "map/time_ns.h"
 
 static size_t begin_probe(struct modbus_line *line, uint32_t index, int64_t now_ns)
 {

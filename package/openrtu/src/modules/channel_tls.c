@@ -17,12 +17,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "map/time_ns.h"
 #include "modules/tls_certificate.h"
 #include "modules/tls_context.h"
 #include "modules/tls_dates.h"
 #include "modules/tls_files.h"
 
-#define NS_PER_S 1000000000LL
 #define FILES_NS (5 * NS_PER_S) /* how often the files are looked at */
 #define LOOK_NS  NS_PER_S       /* how often a connection is */
 

@@ -3,7 +3,7 @@
 
 #include <stddef.h>
 
-#define NS_PER_MS 1000000LL
+#include "map/time_ns.h"
 
 static const struct map_point *point_of(const struct commands *commands, uint32_t point)
 {

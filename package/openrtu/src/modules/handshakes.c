@@ -3,8 +3,9 @@
 
 #include <string.h>
 
-#define LIMIT_S  10
-#define NS_PER_S 1000000000LL
+#include "map/time_ns.h"
+
+#define LIMIT_S 10
 
 static struct handshake handshakes[HANDSHAKES_MAX];
 

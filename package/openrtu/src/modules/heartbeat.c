@@ -6,9 +6,10 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#define NS_PER_MS    1000000LL
-#define PAUSE_NS     10000000000LL /* between two lines of the log */
-#define FIGURES_SIZE 80            /* three decimal numbers of 64 bits */
+#include "map/time_ns.h"
+
+#define PAUSE_NS     (10 * NS_PER_S) /* between two lines of the log */
+#define FIGURES_SIZE 80              /* three decimal numbers of 64 bits */
 
 static int64_t waited_ns(const struct heartbeat *heartbeat)
 {

@@ -3,7 +3,7 @@
 
 #include <stdatomic.h>
 
-#define NS_PER_MS 1000000LL
+#include "map/time_ns.h"
 
 static void show(_Atomic uint32_t *counter, uint32_t value)
 {

@@ -8,29 +8,28 @@
 #include <sys/epoll.h>
 #include <unistd.h>
 
+#include "map/time_ns.h"
 #include "modules/serial.h"
 #include "modules/tcp.h"
 
-#define NS_PER_S     1000000000LL
-#define REOPEN_NS    NS_PER_S
-#define CONNECT_NS   (3 * NS_PER_S) /* then a host that has said nothing is not there */
-#define RECONNECT_NS (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
-#define CHECK_NS     NS_PER_S
-#define READ_SIZE    512
-#define READS_A_TURN 16
+#define REOPEN_NS     NS_PER_S
+#define CONNECT_NS    (3 * NS_PER_S) /* then a host that has said nothing is not there */
+#define RECONNECT_NS  (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
+#define CHECK_NS      NS_PER_S
+#define READ_SIZE     512
+#define READS_A_CYCLE 16
 
-void port_init(struct port *port, struct map *map, uint32_t number, const char *directory, int epoll_fd)
-{
-	const struct map_line *line = &map_config(map)->lines[number];
-
-	*port = (struct port){.map = map, .config = line, .number = number, .epoll_fd = epoll_fd, .fd = -1};
-	if (map_line_is_tcp(line))
-		snprintf(port->path, sizeof(port->path), "%s port %u", line->device, line->tcp_port);
-	else if (line->device[0] == '/')
-		snprintf(port->path, sizeof(port->path), "%s", line->device);
-	else
-		snprintf(port->path, sizeof(port->path), "%s/%s", directory, line->device);
-}
+/* What a serial port and a TCP connection do each in its way. */
+struct port_backend {
+	void (*set_path)(struct port *port, const char *directory);
+	/* Opens, or goes on opening, and begins the line when that is done. */
+	void (*open)(struct port *port, int64_t now_ns);
+	void (*close)(int fd);
+	/* False: it is not any more as it was opened. */
+	bool (*is_as_set)(int fd, const struct map_line *line);
+	/* Forgets what was written and has not left. */
+	void (*discard_output)(int fd);
+};
 
 static void count_port_error(struct port *port)
 {
@@ -40,10 +39,7 @@ static void count_port_error(struct port *port)
 
 static void close_port(struct port *port)
 {
-	if (map_line_is_tcp(port->config))
-		close(port->fd);
-	else
-		serial_close(port->fd);
+	port->backend->close(port->fd);
 	port->fd = -1;
 	port->connected_by_ns = 0;
 	port->waiting = false;
@@ -96,6 +92,18 @@ static void note_answers(struct port *port)
 	log_connected(port);
 }
 
+/* ---- serial ports ------------------------------------------------------------------------ */
+
+static void set_serial_path(struct port *port, const char *directory)
+{
+	const char *device = port->config->device;
+
+	if (device[0] == '/')
+		snprintf(port->path, sizeof(port->path), "%s", device);
+	else
+		snprintf(port->path, sizeof(port->path), "%s/%s", directory, device);
+}
+
 static void open_serial(struct port *port, int64_t now_ns)
 {
 	struct map *map = port->map;
@@ -116,6 +124,22 @@ static void open_serial(struct port *port, int64_t now_ns)
 		(unsigned)port->config->baud);
 	port->failing = false;
 	begin_line(port, now_ns);
+}
+
+static const struct port_backend serial_backend = {
+    .set_path = set_serial_path,
+    .open = open_serial,
+    .close = serial_close,
+    .is_as_set = serial_is_as_set,
+    .discard_output = serial_discard_output,
+};
+
+/* ---- TCP connections --------------------------------------------------------------------- */
+
+static void set_tcp_path(struct port *port, const char *directory)
+{
+	(void)directory;
+	snprintf(port->path, sizeof(port->path), "%s port %u", port->config->device, port->config->tcp_port);
 }
 
 static void begin_connection(struct port *port, int64_t now_ns)
@@ -158,14 +182,50 @@ static void end_connecting(struct port *port, int64_t now_ns)
 	begin_line(port, now_ns);
 }
 
-static void open_port(struct port *port, int64_t now_ns)
+static void open_connection(struct port *port, int64_t now_ns)
 {
-	if (!map_line_is_tcp(port->config))
-		open_serial(port, now_ns);
-	else if (port->fd < 0)
+	if (port->fd < 0)
 		begin_connection(port, now_ns);
 	else
 		end_connecting(port, now_ns);
+}
+
+static void close_connection(int fd)
+{
+	close(fd);
+}
+
+/* A connection has no settings that another program could change. */
+static bool is_connection_as_set(int fd, const struct map_line *line)
+{
+	(void)fd;
+	(void)line;
+	return true;
+}
+
+/* What was written to a connection has left. */
+static void keep_output(int fd)
+{
+	(void)fd;
+}
+
+static const struct port_backend tcp_backend = {
+    .set_path = set_tcp_path,
+    .open = open_connection,
+    .close = close_connection,
+    .is_as_set = is_connection_as_set,
+    .discard_output = keep_output,
+};
+
+/* ---- either ------------------------------------------------------------------------------ */
+
+void port_init(struct port *port, struct map *map, uint32_t number, const char *directory, int epoll_fd)
+{
+	const struct map_line *line = &map_config(map)->lines[number];
+
+	*port = (struct port){.map = map, .config = line, .number = number, .epoll_fd = epoll_fd, .fd = -1};
+	port->backend = map_line_is_tcp(line) ? &tcp_backend : &serial_backend;
+	port->backend->set_path(port, directory);
 }
 
 bool port_is_open(const struct port *port)
@@ -188,17 +248,17 @@ static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 /* What is set anew is the whole port: its speed, its format and, behind them, its RS-485 mode. */
 static void check_port(struct port *port, int64_t now_ns)
 {
-	if (map_line_is_tcp(port->config) || now_ns < port->check_ns)
+	if (now_ns < port->check_ns)
 		return;
 	port->check_ns = now_ns + CHECK_NS;
-	if (!serial_is_as_set(port->fd, port->config))
+	if (!port->backend->is_as_set(port->fd, port->config))
 		lose_port(port, "another program has changed its settings", now_ns);
 }
 
 /* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
 static void read_port(struct port *port)
 {
-	for (int reads = 0; reads < READS_A_TURN && port->fd >= 0; reads++) {
+	for (int reads = 0; reads < READS_A_CYCLE && port->fd >= 0; reads++) {
 		uint8_t bytes[READ_SIZE];
 		ssize_t length = read(port->fd, bytes, sizeof(bytes));
 		int64_t now_ns = map_now_ns();
@@ -219,8 +279,8 @@ static void read_port(struct port *port)
  */
 static void write_port(struct port *port, const struct modbus_output *output, int64_t now_ns)
 {
-	if (!map_line_is_tcp(port->config) && port->answered == port->line.counters.answers)
-		serial_discard_output(port->fd);
+	if (port->answered == port->line.counters.answers)
+		port->backend->discard_output(port->fd);
 	port->answered = port->line.counters.answers;
 	ssize_t length = write(port->fd, output->frame, output->length);
 
@@ -240,16 +300,6 @@ static void listen_to(struct port *port)
 		return;
 	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
 	port->listening = true;
-}
-
-static int64_t earlier(int64_t a, int64_t b)
-{
-	return a < b ? a : b;
-}
-
-static int64_t later(int64_t a, int64_t b)
-{
-	return a > b ? a : b;
 }
 
 /* How late we are for what the line waits for. */
@@ -272,7 +322,7 @@ void port_serve(struct port *port, int64_t due_ns)
 
 	measure_wakeup(port, due_ns, now_ns);
 	if (!port_is_open(port))
-		open_port(port, now_ns);
+		port->backend->open(port, now_ns);
 	if (port_is_open(port))
 		check_port(port, now_ns);
 	/* A delayed process reads what came before now_ns, and then judges what has timed out. */

@@ -15,6 +15,8 @@
 #define PORT_PATH_SIZE 512
 #define PORT_GATHER_NS 250000 /* a seventh of the shortest silence between two frames */
 
+struct port_backend;
+
 struct port {
 	/* The caller's. */
 	struct modbus_line line;
@@ -27,6 +29,7 @@ struct port {
 
 	/* The port's own. */
 	struct map *map;
+	const struct port_backend *backend; /* a serial port or a TCP connection */
 	int epoll_fd;
 	char path[PORT_PATH_SIZE];
 	int fd;       /* -1: not open */

@@ -20,16 +20,16 @@
 
 #include "iec104/station.h"
 #include "map/map.h"
+#include "map/time_ns.h"
 #include "modules/channel.h"
 #include "modules/confine.h"
 #include "modules/handshakes.h"
 #include "modules/options.h"
 #include "modules/peer.h"
 
-#define NS_PER_MS 1000000LL
-#define IDLE_MS   250 /* well below the second in which rtud expects a heartbeat */
-#define BACKLOG   16
-#define EVENTS    (SOURCE_HANDSHAKES + HANDSHAKES_MAX)
+#define IDLE_MS 250 /* well below the second in which rtud expects a heartbeat */
+#define BACKLOG 16
+#define EVENTS  (SOURCE_HANDSHAKES + HANDSHAKES_MAX)
 
 /* A wake-up costs an ARM926 its caches. Rings that follow each other so soon are heard together, after a rest. */
 #define BELL_SOON_NS (4 * NS_PER_MS)
@@ -248,7 +248,7 @@ static void serve(void)
 
 	do {
 		moved = false;
-		iec104_station_run(&station, map_turn(map));
+		iec104_station_run(&station, map_begin_cycle(map));
 		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
 			if (!station.connections[i].open)
 				continue;
@@ -349,7 +349,7 @@ static void run(void)
 {
 	bool wanted = true;
 
-	while (wanted && map_wanted(map)) {
+	while (wanted && map_may_run(map)) {
 		struct epoll_event events[EVENTS];
 		int count = epoll_wait(poll_fd, events, EVENTS, wait_ms());
 

@@ -17,12 +17,11 @@
 #include "journal/follow.h"
 #include "journal/wear.h"
 #include "map/map.h"
+#include "map/time_ns.h"
 #include "modules/confine.h"
 #include "modules/options.h"
 
-#define NS_PER_MS 1000000LL
-#define NS_PER_S  1000000000LL
-#define TICK_MS   1000 /* a heartbeat each */
+#define TICK_MS 1000 /* a heartbeat each */
 
 static struct map *map;
 static const struct map_journal *settings;
@@ -75,7 +74,7 @@ static void write_news(void)
 	const off_t size = (off_t)settings->size_kb * 1024;
 	int64_t begun_ns = map_now_ns();
 
-	*map_note(map) = (uint32_t)(begun_ns / NS_PER_S);
+	*map_kept_number(map) = (uint32_t)(begun_ns / NS_PER_S);
 	if (!journal_make(&follower, false))
 		return;
 	if (!journal_is_first(&follower) && file.size + (off_t)follower.record.used > size)
@@ -113,9 +112,10 @@ static void run(int signals)
 	struct pollfd asked = {.fd = signals, .events = POLLIN};
 	const int64_t interval_ns = settings->interval_s * NS_PER_S;
 	/* At once, since what was restored may have been acknowledged; a process that dies often wears nothing out. */
-	int64_t next_ns = *map_note(map) == 0 ? map_now_ns() : *map_note(map) * NS_PER_S + interval_ns;
+	int64_t next_ns =
+	    *map_kept_number(map) == 0 ? map_now_ns() : *map_kept_number(map) * NS_PER_S + interval_ns;
 
-	while (map_wanted(map)) {
+	while (map_may_run(map)) {
 		map_heartbeat(map);
 		if (map_now_ns() >= next_ns) {
 			next_ns = map_now_ns() + interval_ns;

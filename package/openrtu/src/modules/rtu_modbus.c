@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "map/map.h"
+#include "map/time_ns.h"
 #include "modbus/configured.h"
 #include "modules/commands.h"
 #include "modules/confine.h"
@@ -27,8 +28,6 @@
 #include "modules/port.h"
 #include "modules/quality.h"
 
-#define NS_PER_MS    1000000LL
-#define NS_PER_S     1000000000LL
 #define STOP_NS      (2 * NS_PER_S) /* rtud waits 3 s */
 #define HEARTBEAT_NS (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
 #define EPOLL_EVENTS 16
@@ -306,11 +305,11 @@ static void serve(struct gateway *gateway)
 {
 	int64_t limit_ns;
 
-	while (!stop_requested && map_wanted(gateway->map))
+	while (!stop_requested && map_may_run(gateway->map))
 		take_turn(gateway);
 	limit_ns = map_now_ns() + STOP_NS;
 	while (commands_end_pulses(&gateway->commands, map_now_ns()) && map_now_ns() < limit_ns &&
-	       map_wanted(gateway->map))
+	       map_may_run(gateway->map))
 		take_turn(gateway);
 }
 

@@ -17,7 +17,7 @@ static void assert_words(const char *expected, int64_t silent_ms, int64_t waited
 	assert_string_equal(words, expected);
 }
 
-static void the_words_say_what_was_measured(void **state)
+static void test_the_words_say_what_was_measured(void **state)
 {
 	(void)state;
 	assert_words("silent for 165 ms (limit 100): the host gave this process no time for 140 ms", 165, 140,
@@ -31,7 +31,7 @@ static void the_words_say_what_was_measured(void **state)
 		     165, 140, 7);
 }
 
-static void the_longest_words_fit_into_a_line_of_the_log(void **state)
+static void test_the_longest_words_fit_into_a_line_of_the_log(void **state)
 {
 	char words[2 * MAP_LOG_TEXT_SIZE];
 
@@ -96,7 +96,7 @@ static void end(struct late *late)
 	map_detach(late->map);
 }
 
-static void a_beat_in_time_says_nothing(void **state)
+static void test_a_beat_in_time_says_nothing(void **state)
 {
 	struct late late = late_of(*state);
 
@@ -106,7 +106,7 @@ static void a_beat_in_time_says_nothing(void **state)
 	end(&late);
 }
 
-static void a_late_beat_says_how_long_it_waited_for_the_processor(void **state)
+static void test_a_late_beat_says_how_long_it_waited_for_the_processor(void **state)
 {
 	struct late late = late_of(*state);
 
@@ -117,7 +117,7 @@ static void a_late_beat_says_how_long_it_waited_for_the_processor(void **state)
 	end(&late);
 }
 
-static void flapping_fills_no_log(void **state)
+static void test_flapping_fills_no_log(void **state)
 {
 	struct late late = late_of(*state);
 
@@ -133,7 +133,7 @@ static void flapping_fills_no_log(void **state)
 	end(&late);
 }
 
-static void the_configured_limit_counts(void **state)
+static void test_the_configured_limit_counts(void **state)
 {
 	struct stage *stage = *state;
 	struct late late = late_of(stage);
@@ -150,12 +150,12 @@ static void the_configured_limit_counts(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(the_words_say_what_was_measured),
-	    cmocka_unit_test(the_longest_words_fit_into_a_line_of_the_log),
-	    TEST(a_beat_in_time_says_nothing),
-	    TEST(a_late_beat_says_how_long_it_waited_for_the_processor),
-	    TEST(flapping_fills_no_log),
-	    TEST(the_configured_limit_counts),
+	    cmocka_unit_test(test_the_words_say_what_was_measured),
+	    cmocka_unit_test(test_the_longest_words_fit_into_a_line_of_the_log),
+	    TEST(test_a_beat_in_time_says_nothing),
+	    TEST(test_a_late_beat_says_how_long_it_waited_for_the_processor),
+	    TEST(test_flapping_fills_no_log),
+	    TEST(test_the_configured_limit_counts),
 	};
 
 	return cmocka_run_group_tests_name("heartbeat", tests, NULL, NULL);

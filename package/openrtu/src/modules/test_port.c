@@ -19,7 +19,7 @@ static int64_t due_ns(int64_t first_ns, int64_t second_ns, int64_t third_ns)
 	return ports_due_ns(ports, 3);
 }
 
-static void a_port_without_a_neighbour_is_due_at_its_time(void **state)
+static void test_a_port_without_a_neighbour_is_due_at_its_time(void **state)
 {
 	(void)state;
 	assert_int_equal(due_ns(NOW_NS, NOW_NS + PORT_GATHER_NS + 1, NEVER), NOW_NS);
@@ -27,7 +27,7 @@ static void a_port_without_a_neighbour_is_due_at_its_time(void **state)
 	assert_int_equal(due_ns(NOW_NS, 0, NOW_NS + 1), 0);
 }
 
-static void a_port_waits_for_the_last_of_its_neighbours(void **state)
+static void test_a_port_waits_for_the_last_of_its_neighbours(void **state)
 {
 	(void)state;
 	assert_int_equal(due_ns(NOW_NS + PORT_GATHER_NS, NOW_NS, NOW_NS + 7), NOW_NS + PORT_GATHER_NS);
@@ -35,14 +35,14 @@ static void a_port_waits_for_the_last_of_its_neighbours(void **state)
 }
 
 /* Each neighbour has one of its own: the first is not kept waiting for them all. */
-static void a_port_waits_for_no_neighbour_s_neighbour(void **state)
+static void test_a_port_waits_for_no_neighbour_s_neighbour(void **state)
 {
 	(void)state;
 	assert_int_equal(due_ns(NOW_NS + 2 * PORT_GATHER_NS, NOW_NS + PORT_GATHER_NS, NOW_NS),
 			 NOW_NS + PORT_GATHER_NS);
 }
 
-static void without_ports_or_deadlines_nothing_is_due(void **state)
+static void test_without_ports_or_deadlines_nothing_is_due(void **state)
 {
 	(void)state;
 	assert_int_equal(due_ns(NEVER, NEVER, NEVER), NEVER);
@@ -52,10 +52,10 @@ static void without_ports_or_deadlines_nothing_is_due(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_port_without_a_neighbour_is_due_at_its_time),
-	    cmocka_unit_test(a_port_waits_for_the_last_of_its_neighbours),
-	    cmocka_unit_test(a_port_waits_for_no_neighbour_s_neighbour),
-	    cmocka_unit_test(without_ports_or_deadlines_nothing_is_due),
+	    cmocka_unit_test(test_a_port_without_a_neighbour_is_due_at_its_time),
+	    cmocka_unit_test(test_a_port_waits_for_the_last_of_its_neighbours),
+	    cmocka_unit_test(test_a_port_waits_for_no_neighbour_s_neighbour),
+	    cmocka_unit_test(test_without_ports_or_deadlines_nothing_is_due),
 	};
 	return cmocka_run_group_tests_name("port", tests, NULL, NULL);
 }

@@ -80,7 +80,7 @@ static void expect_no_event(void)
 	assert_false(map_event_next(owner, &cursor, &event));
 }
 
-static void a_bit_read_alone_is_said_of_the_others(void **state)
+static void test_a_bit_read_alone_is_said_of_the_others(void **state)
 {
 	(void)state;
 	read_all();
@@ -102,7 +102,7 @@ static void a_bit_read_alone_is_said_of_the_others(void **state)
 }
 
 /* All of them in one read: one event each, with what the bit says now, wherever the bit stands among them. */
-static void a_bit_counts_for_what_is_read_with_it(void **state)
+static void test_a_bit_counts_for_what_is_read_with_it(void **state)
 {
 	struct map_update updates[POINTS];
 	int64_t now = map_now_ns();
@@ -120,7 +120,7 @@ static void a_bit_counts_for_what_is_read_with_it(void **state)
 	expect_no_event();
 }
 
-static void a_bit_that_is_not_good_leaves_nobody_knowing(void **state)
+static void test_a_bit_that_is_not_good_leaves_nobody_knowing(void **state)
 {
 	(void)state;
 	read_all();
@@ -137,7 +137,7 @@ static void a_bit_that_is_not_good_leaves_nobody_knowing(void **state)
 	expect_no_event();
 }
 
-static void what_was_never_read_is_invalid_and_nothing_else(void **state)
+static void test_what_was_never_read_is_invalid_and_nothing_else(void **state)
 {
 	(void)state;
 	read_point(TEST_MODE, 1, MAP_GOOD);
@@ -149,7 +149,7 @@ static void what_was_never_read_is_invalid_and_nothing_else(void **state)
 	expect_no_event();
 }
 
-static void an_old_value_is_not_topical_an_invalid_one_stays_so(void **state)
+static void test_an_old_value_is_not_topical_an_invalid_one_stays_so(void **state)
 {
 	(void)state;
 	lose(VALUE, MAP_NOT_TOPICAL); /* there is none yet */
@@ -170,7 +170,7 @@ static void an_old_value_is_not_topical_an_invalid_one_stays_so(void **state)
 }
 
 /* A status bit that ends leaves what the value's own reading says. */
-static void the_bit_and_the_reading_are_kept_apart(void **state)
+static void test_the_bit_and_the_reading_are_kept_apart(void **state)
 {
 	(void)state;
 	read_all();
@@ -195,12 +195,12 @@ static void the_bit_and_the_reading_are_kept_apart(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    QUALITY_TEST(a_bit_read_alone_is_said_of_the_others),
-	    QUALITY_TEST(a_bit_counts_for_what_is_read_with_it),
-	    QUALITY_TEST(a_bit_that_is_not_good_leaves_nobody_knowing),
-	    QUALITY_TEST(what_was_never_read_is_invalid_and_nothing_else),
-	    QUALITY_TEST(an_old_value_is_not_topical_an_invalid_one_stays_so),
-	    QUALITY_TEST(the_bit_and_the_reading_are_kept_apart),
+	    QUALITY_TEST(test_a_bit_read_alone_is_said_of_the_others),
+	    QUALITY_TEST(test_a_bit_counts_for_what_is_read_with_it),
+	    QUALITY_TEST(test_a_bit_that_is_not_good_leaves_nobody_knowing),
+	    QUALITY_TEST(test_what_was_never_read_is_invalid_and_nothing_else),
+	    QUALITY_TEST(test_an_old_value_is_not_topical_an_invalid_one_stays_so),
+	    QUALITY_TEST(test_the_bit_and_the_reading_are_kept_apart),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

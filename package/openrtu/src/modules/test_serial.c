@@ -43,7 +43,7 @@ static int open_line(char *error)
 }
 
 /* The second time nothing changes but the parity that a pty does not take. */
-static void a_pseudo_terminal_is_accepted_again_and_again(void **state)
+static void test_a_pseudo_terminal_is_accepted_again_and_again(void **state)
 {
 	(void)state;
 	for (int i = 0; i < 3; i++) {
@@ -57,7 +57,7 @@ static void a_pseudo_terminal_is_accepted_again_and_again(void **state)
 }
 
 /* No translation, no echo, no signal characters, no waiting. */
-static void bytes_pass_unchanged(void **state)
+static void test_bytes_pass_unchanged(void **state)
 {
 	(void)state;
 	char error[SERIAL_ERROR_SIZE];
@@ -79,7 +79,7 @@ static void bytes_pass_unchanged(void **state)
 	close(fd);
 }
 
-static void only_one_may_have_it(void **state)
+static void test_only_one_may_have_it(void **state)
 {
 	(void)state;
 	char error[SERIAL_ERROR_SIZE];
@@ -93,7 +93,7 @@ static void only_one_may_have_it(void **state)
 	close(fd);
 }
 
-static void what_is_no_port_is_refused(void **state)
+static void test_what_is_no_port_is_refused(void **state)
 {
 	(void)state;
 	char error[SERIAL_ERROR_SIZE];
@@ -109,7 +109,7 @@ static void what_is_no_port_is_refused(void **state)
 	unlink(file);
 }
 
-static void a_pseudo_terminal_has_no_rs485_mode(void **state)
+static void test_a_pseudo_terminal_has_no_rs485_mode(void **state)
 {
 	(void)state;
 	const struct map_line line = {.baud = 19200, .stop_bits = 1, .rs485 = MAP_RS485_HIGH};
@@ -123,12 +123,13 @@ static void a_pseudo_terminal_has_no_rs485_mode(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test_setup_teardown(a_pseudo_terminal_is_accepted_again_and_again, open_master,
+	    cmocka_unit_test_setup_teardown(test_a_pseudo_terminal_is_accepted_again_and_again, open_master,
 					    close_master),
-	    cmocka_unit_test_setup_teardown(bytes_pass_unchanged, open_master, close_master),
-	    cmocka_unit_test_setup_teardown(only_one_may_have_it, open_master, close_master),
-	    cmocka_unit_test(what_is_no_port_is_refused),
-	    cmocka_unit_test_setup_teardown(a_pseudo_terminal_has_no_rs485_mode, open_master, close_master),
+	    cmocka_unit_test_setup_teardown(test_bytes_pass_unchanged, open_master, close_master),
+	    cmocka_unit_test_setup_teardown(test_only_one_may_have_it, open_master, close_master),
+	    cmocka_unit_test(test_what_is_no_port_is_refused),
+	    cmocka_unit_test_setup_teardown(test_a_pseudo_terminal_has_no_rs485_mode, open_master,
+					    close_master),
 	};
 	return cmocka_run_group_tests_name("serial", tests, NULL, NULL);
 }

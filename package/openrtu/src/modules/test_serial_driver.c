@@ -118,7 +118,7 @@ static const char *opened(const struct map_line *line)
 	return "";
 }
 
-static void eight_data_bits_and_every_parity_and_stop_bit(void **state)
+static void test_eight_data_bits_and_every_parity_and_stop_bit(void **state)
 {
 	(void)state;
 	static const tcflag_t parities[] = {
@@ -137,7 +137,7 @@ static void eight_data_bits_and_every_parity_and_stop_bit(void **state)
 	}
 }
 
-static void every_speed_is_asked_for_as_it_is(void **state)
+static void test_every_speed_is_asked_for_as_it_is(void **state)
 {
 	(void)state;
 	static const uint32_t speeds[] = {2400, 9600, 19200, 38400, 57600, 115200, 187500, 460800, 4000000};
@@ -150,7 +150,7 @@ static void every_speed_is_asked_for_as_it_is(void **state)
 	}
 }
 
-static void a_speed_that_was_not_taken_is_refused(void **state)
+static void test_a_speed_that_was_not_taken_is_refused(void **state)
 {
 	(void)state;
 	struct map_line line = {.baud = 1200, .stop_bits = 1};
@@ -163,7 +163,7 @@ static void a_speed_that_was_not_taken_is_refused(void **state)
 	assert_string_equal(opened(&line), "does not accept 4000000 bit/s, it stays at 1200");
 }
 
-static void a_format_that_was_not_taken_is_refused(void **state)
+static void test_a_format_that_was_not_taken_is_refused(void **state)
 {
 	(void)state;
 	struct map_line line = {.baud = 9600, .stop_bits = 2, .parity = MAP_PARITY_ODD};
@@ -177,7 +177,7 @@ static void a_format_that_was_not_taken_is_refused(void **state)
 }
 
 /* The driver forgets the mode when termios change: it must be set after them. */
-static void rs485_is_in_force_when_the_port_is_open(void **state)
+static void test_rs485_is_in_force_when_the_port_is_open(void **state)
 {
 	(void)state;
 	struct map_line line = {
@@ -195,7 +195,7 @@ static void rs485_is_in_force_when_the_port_is_open(void **state)
 	assert_int_equal(driver.rs485.flags, SER_RS485_ENABLED | SER_RS485_RTS_AFTER_SEND);
 }
 
-static void rs485_is_left_alone_where_nobody_asks_for_it(void **state)
+static void test_rs485_is_left_alone_where_nobody_asks_for_it(void **state)
 {
 	(void)state;
 	const struct map_line line = {.baud = 9600, .stop_bits = 1};
@@ -205,7 +205,7 @@ static void rs485_is_left_alone_where_nobody_asks_for_it(void **state)
 	assert_int_equal(driver.rs485.flags, 0);
 }
 
-static void rs485_that_was_not_taken_is_refused(void **state)
+static void test_rs485_that_was_not_taken_is_refused(void **state)
 {
 	(void)state;
 	const struct map_line line = {.baud = 9600, .stop_bits = 1, .rs485 = MAP_RS485_HIGH, .before_ms = 5};
@@ -217,7 +217,7 @@ static void rs485_that_was_not_taken_is_refused(void **state)
 }
 
 /* Root may open and change a port that is ours alone. */
-static void what_another_program_changes_is_seen(void **state)
+static void test_what_another_program_changes_is_seen(void **state)
 {
 	(void)state;
 	const struct map_line line = {
@@ -251,14 +251,14 @@ static void what_another_program_changes_is_seen(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test_setup(eight_data_bits_and_every_parity_and_stop_bit, set_up),
-	    cmocka_unit_test_setup(every_speed_is_asked_for_as_it_is, set_up),
-	    cmocka_unit_test_setup(a_speed_that_was_not_taken_is_refused, set_up),
-	    cmocka_unit_test_setup(a_format_that_was_not_taken_is_refused, set_up),
-	    cmocka_unit_test_setup(rs485_is_in_force_when_the_port_is_open, set_up),
-	    cmocka_unit_test_setup(rs485_is_left_alone_where_nobody_asks_for_it, set_up),
-	    cmocka_unit_test_setup(rs485_that_was_not_taken_is_refused, set_up),
-	    cmocka_unit_test_setup(what_another_program_changes_is_seen, set_up),
+	    cmocka_unit_test_setup(test_eight_data_bits_and_every_parity_and_stop_bit, set_up),
+	    cmocka_unit_test_setup(test_every_speed_is_asked_for_as_it_is, set_up),
+	    cmocka_unit_test_setup(test_a_speed_that_was_not_taken_is_refused, set_up),
+	    cmocka_unit_test_setup(test_a_format_that_was_not_taken_is_refused, set_up),
+	    cmocka_unit_test_setup(test_rs485_is_in_force_when_the_port_is_open, set_up),
+	    cmocka_unit_test_setup(test_rs485_is_left_alone_where_nobody_asks_for_it, set_up),
+	    cmocka_unit_test_setup(test_rs485_that_was_not_taken_is_refused, set_up),
+	    cmocka_unit_test_setup(test_what_another_program_changes_is_seen, set_up),
 	};
 	int file = mkstemp(path), failed;
 

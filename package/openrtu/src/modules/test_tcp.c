@@ -49,7 +49,7 @@ static int option(int fd, int level, int name)
 	return value;
 }
 
-static void a_connection_notices_a_dead_peer_and_does_not_collect(void **state)
+static void test_a_connection_notices_a_dead_peer_and_does_not_collect(void **state)
 {
 	(void)state;
 	struct map_line line;
@@ -67,7 +67,7 @@ static void a_connection_notices_a_dead_peer_and_does_not_collect(void **state)
 	close(listener);
 }
 
-static void nobody_listens(void **state)
+static void test_nobody_listens(void **state)
 {
 	(void)state;
 	struct map_line line;
@@ -83,7 +83,7 @@ static void nobody_listens(void **state)
 }
 
 /* Behind a full backlog, as before a host that is not there. */
-static void nobody_answers(void **state)
+static void test_nobody_answers(void **state)
 {
 	(void)state;
 	struct map_line line;
@@ -106,7 +106,7 @@ static void nobody_answers(void **state)
 	close(listener);
 }
 
-static void no_way_there(void **state)
+static void test_no_way_there(void **state)
 {
 	(void)state;
 	struct map_line line = {.tcp_port = 502, .device = "255.255.255.255"};
@@ -119,10 +119,10 @@ static void no_way_there(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_connection_notices_a_dead_peer_and_does_not_collect),
-	    cmocka_unit_test(nobody_listens),
-	    cmocka_unit_test(nobody_answers),
-	    cmocka_unit_test(no_way_there),
+	    cmocka_unit_test(test_a_connection_notices_a_dead_peer_and_does_not_collect),
+	    cmocka_unit_test(test_nobody_listens),
+	    cmocka_unit_test(test_nobody_answers),
+	    cmocka_unit_test(test_no_way_there),
 	};
 	return cmocka_run_group_tests_name("tcp", tests, NULL, NULL);
 }

@@ -3,10 +3,11 @@
 
 #include <time.h>
 
+#include "map/time_ns.h"
 #include "modules/tls_certificate.h"
 
 #define AHEAD_DAYS 30
-#define DAY_NS     (86400 * 1000000000LL)
+#define DAY_NS     (S_PER_DAY * NS_PER_S)
 #define FIRST_CLOCK                                                                                          \
 	1672531200 /* 2023-01-01, before this was written: no clock that was ever set is behind it */
 

@@ -4,13 +4,11 @@
 
 #include <jansson.h>
 
+#include "map/time_ns.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
-static const double NS_PER_S = 1e9;
-static const double US_PER_S = 1e6;
 
 static const struct listing_column columns[] = {
     {"time", "TIME", LISTING_TEXT},
@@ -42,8 +40,9 @@ int rtuctl_clock(struct map *map, const struct rtuctl_request *request)
 	json_object_set_new(row, "source", json_string(words_clock_source(clock.source)));
 	json_object_set_new(row, "since_s", json_real((double)(now_ns - clock.since_ns) / NS_PER_S));
 	json_object_set_new(row, "error_s",
-			    clock.source == MAP_CLOCK_SYNCHRONISED ? json_real(clock.error_us / US_PER_S)
-								   : json_null());
+			    clock.source == MAP_CLOCK_SYNCHRONISED
+				? json_real(clock.error_us / (double)US_PER_S)
+				: json_null());
 	json_object_set_new(row, "left_s",
 			    clock.source == MAP_CLOCK_HELD
 				? json_real((double)(clock.until_ns - now_ns) / NS_PER_S)

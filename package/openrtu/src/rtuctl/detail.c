@@ -8,6 +8,7 @@
 
 #include <jansson.h>
 
+#include "map/type.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
@@ -63,16 +64,16 @@ static void add_total(const struct map *map, uint32_t point, json_t *row)
 
 static void add_details(const struct map *map, uint32_t point, json_t *row)
 {
-	switch ((enum map_type)map_config(map)->points[point].type) {
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_FLOAT:
+	switch (map_class_of(&map_config(map)->points[point])) {
+	case MAP_CLASS_MEASURED:
 		add_parameters(map, point, row);
 		break;
-	case MAP_COUNTER:
+	case MAP_CLASS_TOTAL:
 		add_total(map, point, row);
 		break;
-	default:
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
 		break;
 	}
 }

@@ -8,11 +8,10 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "map/time_ns.h"
 #include "rtuctl/rtuctl.h"
 
 #define STAT_SIZE 512
-
-static const double NS_PER_S = 1e9;
 
 /* ---- processes --------------------------------------------------------------------------- */
 

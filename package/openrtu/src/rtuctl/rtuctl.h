@@ -60,6 +60,8 @@ json_t *rtuctl_point_name(const struct map_config *config, uint32_t point);
 json_t *rtuctl_point_row(const struct map *map, uint32_t index);
 /* A device as a row of the list, and more. A new reference. */
 json_t *rtuctl_device_row(const struct map *map, uint32_t index);
+/* Microseconds as milliseconds. A new reference. */
+json_t *rtuctl_milliseconds(uint32_t us);
 /* True when the point's name matches the pattern; no pattern matches all. */
 bool rtuctl_matches(const struct map_config *config, uint32_t point, const char *pattern);
 

@@ -9,16 +9,13 @@
 
 #include <jansson.h>
 
+#include "map/time_ns.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
-#define MS_PER_S         1000
 #define MARGIN_MS        4000 /* the device's answer may come just before the deadline, its read-back 3 s later */
 #define EXPLANATION_SIZE 96
 #define LOOK_MS          100 /* how often the owner's life is looked at */
-
-static const int64_t NS_PER_MS = 1000000;
-static const int64_t NS_PER_S = 1000000000;
 
 uint32_t rtuctl_find_point(const struct map_config *config, const char *name)
 {

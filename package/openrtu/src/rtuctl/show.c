@@ -7,15 +7,13 @@
 
 #include <jansson.h>
 
+#include "map/time_ns.h"
 #include "rtuctl/data.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
-static const double NS_PER_S = 1e9;
-static const double US_PER_MS = 1e3;
 
 json_t *rtuctl_point_name(const struct map_config *config, uint32_t point)
 {
@@ -169,7 +167,7 @@ static json_t *journal_state(const struct map *map)
 	json_t *state = json_object();
 
 	json_object_set_new(state, "events", json_integer(stats->events));
-	json_object_set_new(state, "written_s", age_of(written_s * (int64_t)NS_PER_S));
+	json_object_set_new(state, "written_s", age_of(written_s * NS_PER_S));
 	json_object_set_new(state, "records", json_integer(stats->records));
 	json_object_set_new(state, "kib", json_integer(stats->kib));
 	json_object_set_new(state, "longest_ms", json_integer(stats->longest_ms));
@@ -188,7 +186,7 @@ static void print_journal(const struct map *map)
 	       stats->failing ? "FAILS, " : "", stats->events, stats->records, stats->kib, stats->failures);
 	if (written_s != 0)
 		printf("; the last %lld s ago, the slowest took %u ms",
-		       (long long)(map_now_ns() / (int64_t)NS_PER_S - written_s), stats->longest_ms);
+		       (long long)(map_now_ns() / NS_PER_S - written_s), stats->longest_ms);
 	putchar('\n');
 }
 
@@ -277,39 +275,6 @@ static const struct listing_column device_columns[] = {
     {"next_probe_ms", "PROBE MS", LISTING_RIGHT},
 };
 
-static json_t *milliseconds(uint32_t us)
-{
-	return json_real(us / US_PER_MS);
-}
-
-json_t *rtuctl_device_row(const struct map *map, uint32_t index)
-{
-	const struct map_config *config = map_config(map);
-	const struct map_device *device = &config->devices[index];
-	const struct map_device_stats *stats = map_device_stats(map, index);
-	json_t *row = json_object();
-
-	json_object_set_new(row, "port", json_integer(config->lines[device->line].port));
-	json_object_set_new(row, "id", json_integer(device->unit));
-	json_object_set_new(row, "description", json_string(device->name));
-	json_object_set_new(row, "ca", json_integer(device->ca));
-	json_object_set_new(row, "alive", json_boolean(stats->alive));
-	json_object_set_new(row, "latency_ms", milliseconds(stats->latency_us));
-	json_object_set_new(row, "latency_least_ms", milliseconds(stats->latency_least_us));
-	json_object_set_new(row, "latency_typical_ms", milliseconds(stats->latency_typical_us));
-	json_object_set_new(row, "latency_most_ms", milliseconds(stats->latency_most_us));
-	json_object_set_new(row, "learned", learned_json(&stats->learned));
-	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
-	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));
-	json_object_set_new(row, "requests", json_integer(stats->requests));
-	json_object_set_new(row, "answers", json_integer(stats->answers));
-	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));
-	json_object_set_new(row, "timeouts", json_integer(stats->timeouts));
-	json_object_set_new(row, "errors", json_integer(stats->errors));
-	json_object_set_new(row, "next_probe_ms", json_integer(stats->next_probe_ms));
-	return row;
-}
-
 /* As engineers write it: 19200 8N2, TCP 502 */
 static json_t *line_format(const struct map_line *line)
 {
@@ -341,7 +306,7 @@ static json_t *line_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "format", line_format(line));
 	json_object_set_new(row, "module", module_name(map, line->module));
 	json_object_set_new(row, "open", json_boolean(stats->open));
-	json_object_set_new(row, "scan_ms", milliseconds(stats->scan_us));
+	json_object_set_new(row, "scan_ms", rtuctl_milliseconds(stats->scan_us));
 	json_object_set_new(row, "requests", json_integer(stats->requests));
 	json_object_set_new(row, "answers", json_integer(stats->answers));
 	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));

@@ -8,11 +8,10 @@
 #include <jansson.h>
 
 #include "map/station.h"
+#include "map/time_ns.h"
 #include "rtuctl/listing.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
-static const double NS_PER_S = 1e9;
 
 static const struct listing_column connection_columns[] = {
     {"peer", "PEER", LISTING_TEXT},

@@ -8,13 +8,12 @@
 #include <stdatomic.h>
 #include <stdio.h>
 
+#include "map/time_ns.h"
 #include "modbus/configured.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/rtuctl.h"
 
 #define ILLEGAL_ADDRESS 2 /* MODBUS Application Protocol V1.1b3, 7 */
-#define US_PER_MS       1000.0
-#define NS_PER_MS       1e6
 #define TENTHS          10.0
 #define REAL_DIGITS     6
 
@@ -163,8 +162,8 @@ static void judge_unclear(struct device *device)
 
 static void judge_reaction(struct device *device)
 {
-	double latency_ms =
-	    atomic_load_explicit(&device->stats->latency_typical_us, memory_order_relaxed) / US_PER_MS;
+	double latency_ms = atomic_load_explicit(&device->stats->latency_typical_us, memory_order_relaxed) /
+			    (double)US_PER_MS;
 	struct modbus_limits limits = modbus_limits_of(device->config);
 	double known_ms = (double)modbus_reaction_ns(&limits) / NS_PER_MS;
 	struct modbus_wire wire = modbus_wire_of(device->line);

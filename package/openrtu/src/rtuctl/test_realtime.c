@@ -14,7 +14,7 @@
 
 #include <cmocka.h>
 
-static void a_kernel_says_what_it_is(void **state)
+static void test_a_kernel_says_what_it_is(void **state)
 {
 	char path[] = "/tmp/test_realtime.XXXXXX";
 	int file = mkstemp(path);
@@ -69,7 +69,7 @@ static void remove_process(const char *proc)
 #define STATUS(locked)                                                                                       \
 	"Name:\trtu-modbus-1\nVmSize:\t    5088 kB\nVmLck:\t" locked " kB\nVmPin:\t       0 kB\n"
 
-static void a_process_has_what_the_kernel_has_given(void **state)
+static void test_a_process_has_what_the_kernel_has_given(void **state)
 {
 	char proc[] = "/tmp/test_realtime.XXXXXX", words[REALTIME_WORDS_SIZE];
 	struct realtime_grant grant;
@@ -109,7 +109,7 @@ static void a_process_has_what_the_kernel_has_given(void **state)
 	assert_string_equal(words, "does not run");
 }
 
-static void this_process_has_what_it_asked_for(void **state)
+static void test_this_process_has_what_it_asked_for(void **state)
 {
 	struct realtime_grant grant = realtime_granted("/proc", getpid());
 	struct sched_param parameter;
@@ -128,7 +128,7 @@ static void this_process_has_what_it_asked_for(void **state)
 
 #define PROMISES_NOTHING ", so the measurement guarantees nothing"
 
-static void a_verdict_needs_a_real_time_kernel_priority_and_memory(void **state)
+static void test_a_verdict_needs_a_real_time_kernel_priority_and_memory(void **state)
 {
 	const struct realtime_grant all = {.running = true, .fifo = true, .priority = 45, .locked_kib = 5084};
 	const struct realtime_grant ordinary = {.running = true, .locked_kib = 5084};
@@ -162,10 +162,10 @@ static void a_verdict_needs_a_real_time_kernel_priority_and_memory(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_kernel_says_what_it_is),
-	    cmocka_unit_test(a_process_has_what_the_kernel_has_given),
-	    cmocka_unit_test(this_process_has_what_it_asked_for),
-	    cmocka_unit_test(a_verdict_needs_a_real_time_kernel_priority_and_memory),
+	    cmocka_unit_test(test_a_kernel_says_what_it_is),
+	    cmocka_unit_test(test_a_process_has_what_the_kernel_has_given),
+	    cmocka_unit_test(test_this_process_has_what_it_asked_for),
+	    cmocka_unit_test(test_a_verdict_needs_a_real_time_kernel_priority_and_memory),
 	};
 	return cmocka_run_group_tests_name("rtuctl realtime", tests, NULL, NULL);
 }

@@ -10,6 +10,7 @@
 
 #include <jansson.h>
 
+#include "map/time_ns.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rates.h"
 #include "rtuctl/terminal.h"
@@ -18,7 +19,6 @@
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
 #define PERIOD_MS 1000
-#define NS_PER_MS 1000000
 
 #define RED    "\033[31m"
 #define GREEN  "\033[32m"

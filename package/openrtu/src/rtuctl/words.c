@@ -9,10 +9,11 @@
 #include <strings.h>
 #include <time.h>
 
+#include "map/time_ns.h"
+#include "map/type.h"
+
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-static const int64_t NS_PER_S = 1000000000;
-static const int64_t NS_PER_MS = 1000000;
 static const double NVA_ONE = 32768; /* IEC 60870-5-101, 7.2.6.6 */
 
 static const char *word(const char *const *words, size_t count, unsigned index)
@@ -22,10 +23,7 @@ static const char *word(const char *const *words, size_t count, unsigned index)
 
 const char *words_type(enum map_type type)
 {
-	static const char *const words[] = {"single",     "double", "step",  "bitstring",
-					    "normalized", "scaled", "float", "counter"};
-
-	return word(words, COUNT(words), type);
+	return type < MAP_TYPES ? map_types[type].name : "unknown";
 }
 
 const char *words_module_kind(enum map_module_kind kind)
@@ -137,13 +135,18 @@ json_t *words_value(enum map_type type, const union map_value *value)
 	return json_null();
 }
 
-static bool parse_integer(const char *text, long long low, long long high, long long *out)
+static bool is_in_range(enum map_type type, double value)
+{
+	return value >= map_types[type].low && value <= map_types[type].high;
+}
+
+static bool parse_integer(const char *text, enum map_type type, long long *out)
 {
 	char *end;
 
 	errno = 0;
 	*out = strtoll(text, &end, 0);
-	return *text != '\0' && *end == '\0' && errno == 0 && *out >= low && *out <= high;
+	return *text != '\0' && *end == '\0' && errno == 0 && is_in_range(type, (double)*out);
 }
 
 static bool parse_number(const char *text, double *out)
@@ -154,11 +157,11 @@ static bool parse_number(const char *text, double *out)
 	return *text != '\0' && *end == '\0' && isfinite(*out);
 }
 
-static bool parse_signed(const char *text, long long low, long long high, union map_value *out)
+static bool parse_signed(const char *text, enum map_type type, union map_value *out)
 {
 	long long number;
 
-	if (!parse_integer(text, low, high, &number))
+	if (!parse_integer(text, type, &number))
 		return false;
 	out->i = (int32_t)number;
 	return true;
@@ -177,7 +180,7 @@ static bool parse_bits(const char *text, union map_value *out)
 {
 	long long number;
 
-	if (!parse_integer(text, 0, UINT32_MAX, &number))
+	if (!parse_integer(text, MAP_BITSTRING, &number))
 		return false;
 	out->u = (uint32_t)number;
 	return true;
@@ -190,7 +193,7 @@ static bool parse_fraction(const char *text, union map_value *out)
 	if (!parse_number(text, &number))
 		return false;
 	number = round(number * NVA_ONE);
-	if (number < -NVA_ONE || number > NVA_ONE - 1)
+	if (!is_in_range(MAP_NORMALIZED, number))
 		return false;
 	out->i = (int32_t)number;
 	return true;
@@ -214,17 +217,15 @@ bool words_parse_value(enum map_type type, const char *text, union map_value *ou
 	case MAP_DOUBLE:
 		return parse_on_off(text, 1, 2, out);
 	case MAP_STEP:
-		return parse_signed(text, -64, 63, out);
+	case MAP_SCALED:
+	case MAP_COUNTER:
+		return parse_signed(text, type, out);
 	case MAP_BITSTRING:
 		return parse_bits(text, out);
 	case MAP_NORMALIZED:
 		return parse_fraction(text, out);
-	case MAP_SCALED:
-		return parse_signed(text, INT16_MIN, INT16_MAX, out);
 	case MAP_FLOAT:
 		return parse_float(text, out);
-	case MAP_COUNTER:
-		return parse_signed(text, INT32_MIN, INT32_MAX, out);
 	}
 	return false;
 }

@@ -7,15 +7,13 @@
 #include <time.h>
 
 #include "map/supervise.h"
+#include "map/time_ns.h"
 
-#define SECOND_NS 1000000000LL
-#define US_PER_S  1000000LL
-#define NS_PER_US 1000LL
 #define LATEST_NS (INT64_MAX / 2) /* in 2116; CP56Time2a ends with 2099 */
 
 #define ATTEMPTS     3         /* at reading two clocks at once: the process may lose the core in between */
-#define MOVED_NS     1000000LL /* less is in no time tag, nor worth a line in the log */
-#define LEAP_NEAR_NS (SECOND_NS / 10)
+#define MOVED_NS     NS_PER_MS /* less is in no time tag, nor worth a line in the log */
+#define LEAP_NEAR_NS (NS_PER_S / 10)
 
 /* ---- the system's clock ------------------------------------------------------------------ */
 
@@ -25,7 +23,7 @@ static void bracket(struct clock_reading *reading)
 	int64_t before = map_now_ns(), wall_ns;
 
 	clock_gettime(CLOCK_REALTIME, &wall);
-	wall_ns = (int64_t)wall.tv_sec * SECOND_NS + wall.tv_nsec;
+	wall_ns = (int64_t)wall.tv_sec * NS_PER_S + wall.tv_nsec;
 	reading->now_ns = map_now_ns();
 	reading->earliest_ns = wall_ns - reading->now_ns;
 	reading->latest_ns = wall_ns - before;
@@ -54,12 +52,12 @@ struct clock_reading clock_read(int (*kernel)(struct timex *))
 
 static double seconds(int64_t ns)
 {
-	return (double)ns / SECOND_NS;
+	return (double)ns / NS_PER_S;
 }
 
 static void say_begin(struct map *map, const struct map_clock *clock, const struct clock_reading *system)
 {
-	time_t wall = (time_t)((system->now_ns + clock->offset_ns) / SECOND_NS);
+	time_t wall = (time_t)((system->now_ns + clock->offset_ns) / NS_PER_S);
 	struct tm utc;
 	char date[32];
 
@@ -119,7 +117,7 @@ static bool is_leap(const struct map_clock *clock, const struct clock_reading *s
 	bool over = system->state == TIME_OOP || system->state == TIME_WAIT;
 
 	return over && clock->leap_due_s != 0 &&
-	       llabs(moved_ns + clock->leap_due_s * SECOND_NS) < LEAP_NEAR_NS;
+	       llabs(moved_ns + clock->leap_due_s * NS_PER_S) < LEAP_NEAR_NS;
 }
 
 /* At a whole second, a tick ago at most: what happened before it keeps its time. */
@@ -127,7 +125,7 @@ static void take_leap(struct map *map, struct map_clock *clock, const struct clo
 {
 	clock->leap_s = clock->leap_due_s;
 	clock->leap_due_s = 0;
-	clock->leap_ns = system->now_ns - (system->now_ns + clock->offset_ns) % SECOND_NS;
+	clock->leap_ns = system->now_ns - (system->now_ns + clock->offset_ns) % NS_PER_S;
 	map_log(map, MAP_LOG_INFO, "a leap second was %s", clock->leap_s > 0 ? "inserted" : "left out");
 }
 
@@ -176,7 +174,7 @@ static void hold(struct map *map, struct map_clock *clock, const struct clock_re
 		map_log(
 		    map, MAP_LOG_WARNING,
 		    "the system's clock is not synchronised any more: time tags are valid for %.1f h more",
-		    seconds(hold_ns(clock)) / 3600);
+		    seconds(hold_ns(clock)) / S_PER_HOUR);
 	}
 	if (clock->source == MAP_CLOCK_HELD && system->now_ns > clock->until_ns) {
 		set_source(clock, MAP_CLOCK_UNSET, system->now_ns);
@@ -228,8 +226,8 @@ void clock_follow(struct map *map, const struct clock_reading *system)
 
 static int set_system_clock(int64_t wall_ns)
 {
-	const struct timespec wall = {.tv_sec = (time_t)(wall_ns / SECOND_NS),
-				      .tv_nsec = (long)(wall_ns % SECOND_NS)};
+	const struct timespec wall = {.tv_sec = (time_t)(wall_ns / NS_PER_S),
+				      .tv_nsec = (long)(wall_ns % NS_PER_S)};
 
 	return clock_settime(CLOCK_REALTIME, &wall);
 }

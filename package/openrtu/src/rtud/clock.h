@@ -17,10 +17,11 @@
 #include <sys/timex.h>
 
 #include "map/map.h"
+#include "map/time_ns.h"
 
-#define CLOCK_ERROR_MAX_US 16000000LL    /* NTP_PHASE_LIMIT of the kernel */
-#define CLOCK_DRIFT_PPM    500           /* its MAXFREQ */
-#define CLOCK_LOST_NS      10000000000LL /* until then it is no loss: each step is called one, by the kernel */
+#define CLOCK_ERROR_MAX_US 16000000LL      /* NTP_PHASE_LIMIT of the kernel */
+#define CLOCK_DRIFT_PPM    500             /* its MAXFREQ */
+#define CLOCK_LOST_NS      (10 * NS_PER_S) /* until then it is no loss: each step is called one, by the kernel */
 
 /* The system's clock as it is now. */
 struct clock_reading {

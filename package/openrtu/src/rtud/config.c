@@ -75,13 +75,6 @@ static bool allocate_records(struct config_loader *loader, const json_t *root)
 	       loader->config->points != NULL && loader->config->names != NULL;
 }
 
-void config_keep_name(struct map_config *config, struct map_point *point, const char *name)
-{
-	point->name = config->names_size;
-	strcpy(config->names + config->names_size, name);
-	config->names_size += (uint32_t)strlen(name) + 1;
-}
-
 /* In the order in which the map wants them; only a name that was given is kept. */
 static void keep_points(struct map_config *config, const struct config_entry *entries)
 {
@@ -91,12 +84,6 @@ static void keep_points(struct map_config *config, const struct config_entry *en
 		if (entries[i].named)
 			config_keep_name(config, &config->points[i], entries[i].name);
 	}
-}
-
-void config_out_of_memory(struct config_loader *loader)
-{
-	fputs("out of memory\n", loader->report.messages);
-	loader->report.errors++;
 }
 
 static enum config_result out_of_memory(struct config_loader *loader)

@@ -80,6 +80,16 @@ static inline bool config_is_writable(enum map_table table)
 	return table == MAP_COILS || table == MAP_HOLDING_REGISTERS;
 }
 
+/* ---- config_common.c --------------------------------------------------------------------- */
+
+/* The key of each table in a slave, by enum map_table. */
+extern const char *const config_table_names[CONFIG_TABLES];
+
+void config_out_of_memory(struct config_loader *loader);
+
+/* Gives the point a name of its own; there is room for one each. */
+void config_keep_name(struct map_config *config, struct map_point *point, const char *name);
+
 /* ---- config_file.c ----------------------------------------------------------------------- */
 
 /* Fills the settings, then lines, devices and entries from the ports. root: any JSON. */
@@ -139,9 +149,6 @@ void config_read_ports(struct config_loader *loader, const struct config_place *
 
 /* ---- config_slave.c ---------------------------------------------------------------------- */
 
-/* The key of each table in a slave, by enum map_table. */
-extern const char *const config_table_names[CONFIG_TABLES];
-
 /* Adds a device for every slave to the last line, with its entries. slaves: an array of at most CONFIG_UNIT_MAX + 1. */
 void config_read_slaves(struct config_loader *loader, const struct config_place *port, const json_t *slaves);
 
@@ -163,13 +170,6 @@ void config_check_name(struct config_loader *loader, const struct config_place *
 
 /* The key of each status bit in an object, by enum map_status. */
 extern const char *const config_status_keys[MAP_STATUS_BITS];
-
-/* ---- config.c ---------------------------------------------------------------------------- */
-
-void config_out_of_memory(struct config_loader *loader);
-
-/* Gives the point a name of its own; there is room for one each. */
-void config_keep_name(struct map_config *config, struct map_point *point, const char *name);
 
 /* ---- config_points.c --------------------------------------------------------------------- */
 

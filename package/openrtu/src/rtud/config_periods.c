@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What its devices ask of a line's time: whether it can hold their periods, what probes cost. docs/limit.md. */
+#include "map/time_ns.h"
 #include "modbus/configured.h"
 #include "rtud/config_parts.h"
 #include "rtud/limit.h"
-
-#define NS_PER_MS 1e6
 
 /* What the scheduler leaves to reads with a period when others wait, too. */
 #define HELD_LOAD ((double)MODBUS_DUE_IN_ROW / (MODBUS_DUE_IN_ROW + 1))

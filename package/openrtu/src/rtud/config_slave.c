@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* One slave of a port, and the device it becomes. */
+#include "map/time_ns.h"
 #include "rtud/config_parts.h"
 
 #include <string.h>
@@ -8,20 +9,12 @@
 /* MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.1.2: who is at the connection's end itself. */
 #define UNIT_ITSELF 255
 #define CA_PER_PORT 1000
-#define US_PER_MS   1000
 
 #define OVERRIDES_MAX 256 /* objects that one slave has differently */
 
 /* MODBUS Application Protocol V1.1b3, 6.1 to 6.4. */
 #define READ_BITS_MAX      2000
 #define READ_REGISTERS_MAX 125
-
-const char *const config_table_names[CONFIG_TABLES] = {
-    [MAP_COILS] = "coils",
-    [MAP_DISCRETE_INPUTS] = "discrete_inputs",
-    [MAP_INPUT_REGISTERS] = "input_registers",
-    [MAP_HOLDING_REGISTERS] = "holding_registers",
-};
 
 /* A slave's tables come first, so that enum map_table indexes them. */
 enum {

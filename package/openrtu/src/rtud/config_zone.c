@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* A time zone as POSIX writes it in TZ (IEEE 1003.1, 8.3): std offset [dst [offset] ,start[/time] ,end[/time]]. */
+#include "map/time_ns.h"
 #include "rtud/config_parts.h"
 
 #include <ctype.h>
 #include <string.h>
 
-#define S_PER_HOUR        3600
 #define HOURS_OF_OFFSET   24
 #define HOURS_OF_RULE     167 /* a week less an hour either way */
 #define DEFAULT_RULE_S    (2 * S_PER_HOUR)

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "rtud/limit.h"
 
+#include "map/time_ns.h"
 #include "modbus/configured.h"
-
-#define NS_PER_MS 1e6
 
 int64_t limit_read_ns(const struct modbus_line *line, const struct modbus_device *device,
 		      const struct modbus_read *read, bool at_once)

@@ -18,6 +18,7 @@
 
 #include "map/map.h"
 #include "map/supervise.h"
+#include "map/time_ns.h"
 #include "rtud/clock.h"
 #include "rtud/config.h"
 #include "rtud/filter.h"
@@ -70,15 +71,13 @@ struct supervisor {
 	int64_t reset_ns;      /* when they were last */
 };
 
-static const int64_t MS = 1000000;
-
 /* ---- log --------------------------------------------------------------------------------- */
 
 static void print_line(const struct map *map, uint32_t module, const struct map_log_line *line)
 {
 	static const char *const levels[] = {"error", "warning", "info", "debug"};
 	int64_t wall = map_wall_ns(map_clock_read(map), line->time_ns);
-	time_t seconds = (time_t)(wall / (1000 * MS));
+	time_t seconds = (time_t)(wall / NS_PER_S);
 	struct map_module description;
 	struct tm utc;
 	char date[32];
@@ -86,7 +85,7 @@ static void print_line(const struct map *map, uint32_t module, const struct map_
 	map_module(map, module, &description);
 	gmtime_r(&seconds, &utc);
 	strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &utc);
-	fprintf(stderr, "%s.%03dZ %s %s: %s\n", date, (int)(wall / MS % 1000), description.name,
+	fprintf(stderr, "%s.%03dZ %s %s: %s\n", date, (int)(wall / NS_PER_MS % MS_PER_S), description.name,
 		line->level < 4 ? levels[line->level] : "?", line->text);
 }
 
@@ -166,7 +165,7 @@ static void start_module(struct supervisor *supervisor, uint32_t index, const st
 		map_log(supervisor->map, MAP_LOG_ERROR, "cannot start %s from %s: %s", module->name,
 			supervisor->options->modules, strerror(errno));
 		child->pid = 0;
-		child->restart_at_ns = map_now_ns() + SLOW_RESTART_MS * MS;
+		child->restart_at_ns = map_now_ns() + SLOW_RESTART_MS * NS_PER_MS;
 		map_module_ended(supervisor->map, index, true);
 		return;
 	}
@@ -182,14 +181,14 @@ static void plan_restart(struct child *child, bool attached, int status)
 {
 	int64_t now = map_now_ns();
 
-	if (attached && now - child->started_ns >= SECOND_MS * MS)
+	if (attached && now - child->started_ns >= SECOND_MS * NS_PER_MS)
 		child->pause_ms = 0;
 	else if (child->pause_ms == 0 || (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL))
 		child->pause_ms = QUICK_RESTART_MS;
 	else
 		child->pause_ms =
 		    child->pause_ms * 2 < SLOW_RESTART_MS ? child->pause_ms * 2 : SLOW_RESTART_MS;
-	child->restart_at_ns = now + child->pause_ms * MS;
+	child->restart_at_ns = now + child->pause_ms * NS_PER_MS;
 }
 
 /* No program of ours makes one: this is a fault of the filter's, or somebody else's code runs in the module. */
@@ -268,7 +267,7 @@ static bool silence_is_worth_a_line(struct child *child)
 {
 	int64_t now_ns = map_now_ns();
 
-	if (child->silence_logged_ns != 0 && now_ns - child->silence_logged_ns < SILENCE_PAUSE_MS * MS)
+	if (child->silence_logged_ns != 0 && now_ns - child->silence_logged_ns < SILENCE_PAUSE_MS * NS_PER_MS)
 		return false;
 	child->silence_logged_ns = now_ns;
 	return true;
@@ -276,7 +275,7 @@ static bool silence_is_worth_a_line(struct child *child)
 
 static int64_t beaten_ns(const struct map_module *module)
 {
-	return map_now_ns() - module->heartbeat_age_ms * MS;
+	return map_now_ns() - module->heartbeat_age_ms * NS_PER_MS;
 }
 
 static void log_silence(struct supervisor *supervisor, struct child *child, const struct map_module *module,
@@ -295,7 +294,7 @@ static void log_return(struct supervisor *supervisor, const struct child *child,
 {
 	if (child->silence_logged)
 		map_log(supervisor->map, MAP_LOG_WARNING, "%s is back: it was silent for %lld ms",
-			module->name, (long long)((beaten_ns(module) - child->silent_since_ns) / MS));
+			module->name, (long long)((beaten_ns(module) - child->silent_since_ns) / NS_PER_MS));
 }
 
 /* A silent module's points are invalid to every reader already; events tell those who do not ask. */
@@ -332,7 +331,7 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 		watch_heartbeat(supervisor, index, &module);
 	} else if (child->pid && map_module_attached(supervisor->map, index)) {
 		module_attached(supervisor, index, &module);
-	} else if (child->pid && map_now_ns() - child->started_ns > HANG_LIMIT_MS * MS) {
+	} else if (child->pid && map_now_ns() - child->started_ns > HANG_LIMIT_MS * NS_PER_MS) {
 		kill(child->pid, SIGKILL);
 	}
 }
@@ -351,7 +350,7 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 {
 	int64_t now = map_now_ns();
 	bool soon = supervisor->reset_at_ns != 0 ||
-		    (supervisor->reset_ns != 0 && now - supervisor->reset_ns < RESET_PAUSE_MS * MS);
+		    (supervisor->reset_ns != 0 && now - supervisor->reset_ns < RESET_PAUSE_MS * NS_PER_MS);
 	struct map_module requester;
 
 	map_module(supervisor->map, request->requester, &requester);
@@ -359,7 +358,7 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 		soon ? ", refused: the last one was just now" : "");
 	map_request_answer(supervisor->map, request, soon ? MAP_RESULT_INTERLOCK : MAP_RESULT_DONE);
 	if (!soon)
-		supervisor->reset_at_ns = now + RESET_DELAY_MS * MS;
+		supervisor->reset_at_ns = now + RESET_DELAY_MS * NS_PER_MS;
 }
 
 static void serve_requests(struct supervisor *supervisor)
@@ -393,7 +392,7 @@ static void signal_children(const struct supervisor *supervisor, int signal_numb
 
 static void stop_modules(struct supervisor *supervisor)
 {
-	int64_t deadline = map_now_ns() + STOP_MS * MS;
+	int64_t deadline = map_now_ns() + STOP_MS * NS_PER_MS;
 	sigset_t child_ended;
 
 	supervisor->stopping = true;
@@ -402,7 +401,7 @@ static void stop_modules(struct supervisor *supervisor)
 	sigemptyset(&child_ended);
 	sigaddset(&child_ended, SIGCHLD);
 	for (reap(supervisor); any_child(supervisor); reap(supervisor)) {
-		const struct timespec tick = {.tv_nsec = TICK_MS * MS};
+		const struct timespec tick = {.tv_nsec = TICK_MS * NS_PER_MS};
 
 		sigtimedwait(&child_ended, NULL, &tick);
 		if (map_now_ns() > deadline)
@@ -467,7 +466,7 @@ static void hear_bell(const struct supervisor *supervisor, int epoll, bool heard
 
 static int create_tick(void)
 {
-	const struct itimerspec tick = {.it_interval.tv_nsec = TICK_MS * MS, .it_value.tv_nsec = 1};
+	const struct itimerspec tick = {.it_interval.tv_nsec = TICK_MS * NS_PER_MS, .it_value.tv_nsec = 1};
 	int fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
 
 	if (fd >= 0)

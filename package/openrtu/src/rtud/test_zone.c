@@ -10,13 +10,13 @@
 #include <cmocka.h>
 
 #include "iec104/time56.h"
+#include "map/time_ns.h"
 #include "rtud/config_parts.h"
 
-#define BEGIN_S  946857600LL  /* 2000-01-03 */
-#define END_S    4102272000LL /* 2099-12-30 */
-#define STEP_S   1799 /* drifts through the hours, and hits both sides of each border within half an hour */
-#define NS_PER_S 1000000000LL
-#define SU_BIT   0x80
+#define BEGIN_S 946857600LL  /* 2000-01-03 */
+#define END_S   4102272000LL /* 2099-12-30 */
+#define STEP_S  1799 /* drifts through the hours, and hits both sides of each border within half an hour */
+#define SU_BIT  0x80
 
 static const char *const zones[] = {
     "UTC0",

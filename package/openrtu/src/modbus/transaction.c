@@ -1,0 +1,185 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* One request and what becomes of it: an answer, a refusal, nothing in time. */
+#include "map/time_ns.h"
+#include "modbus/line_parts.h"
+
+static size_t build_frame(struct modbus_line *line)
+{
+	if (!line->wire.tcp)
+		return modbus_request_frame(&line->request, line->frame);
+	line->overdue <<= 1;
+	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
+}
+
+/* A command's fate must be known, and a read that was not answered before is given up when it is not again. */
+static int64_t timeout_of(const struct modbus_line *line, const struct modbus_device *device)
+{
+	if (line->purpose == MODBUS_COMMAND ||
+	    (line->purpose == MODBUS_SCAN && device->reads[line->read].failures > 0))
+		return device->response_timeout_ns;
+	return modbus_timeout(device);
+}
+
+size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[index];
+	size_t length = build_frame(line);
+	bool broadcast = line->request.unit == MODBUS_BROADCAST;
+
+	line->purpose = purpose;
+	line->device = index;
+	line->garbled = line->echoed = false;
+	line->listen_ns = now_ns; /* whatever of the one before did not come */
+	line->frame_length = length;
+	line->sent_ns = now_ns + line->wire.before_ns + (int64_t)length * line->wire.char_ns;
+	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
+	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : timeout_of(line, device));
+	line->counters.requests++;
+	device->counters.requests++;
+	return length;
+}
+
+void modbus_end(struct modbus_line *line, int64_t silent_ns, int64_t now_ns)
+{
+	line->state = MODBUS_IDLE;
+	line->strays = line->received_count;
+	line->silent_ns = silent_ns;
+	line->restless_ns = now_ns;
+}
+
+static void serve_period(struct modbus_line *line, struct modbus_read *read)
+{
+	if (read->period_ns > 0)
+		line->devices[line->device].counters.missed_periods +=
+		    modbus_period_served(read, begun_ns(line));
+}
+
+static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+	struct modbus_read *read = &device->reads[line->read];
+	bool recovered = read->pause_ns > 0;
+
+	device->news |= !read->given;
+	read->given = true;
+	read->failures = 0;
+	read->pause_ns = 0;
+	if (line->read == device->cursor)
+		device->cursor++;
+	serve_period(line, read);
+	line->scan_ended_ns = now_ns;
+	line->events->read(line->context, line->device, read, data, now_ns);
+	/* What the device refused it gives now: what was divided for it may be whole again. */
+	if (recovered)
+		modbus_replan(line, device);
+}
+
+static void read_refused(struct modbus_line *line, uint8_t exception, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+
+	line->scan_ended_ns = now_ns;
+	if (modbus_refuse_read(line, line->device, line->read, exception, now_ns))
+		return;
+	serve_period(line, &device->reads[line->read]);
+	if (line->read == device->cursor)
+		device->cursor++;
+}
+
+static void count_answer(struct modbus_line *line, bool exception)
+{
+	struct modbus_device *device = &line->devices[line->device];
+
+	line->counters.answers++;
+	device->counters.answers++;
+	line->counters.exceptions += exception;
+	device->counters.exceptions += exception;
+	device->refusing = exception;
+}
+
+/* A gateway's word that it does not reach the device: it comes instead of the device's own. */
+static bool is_unreachable(const struct modbus_line *line, uint8_t exception)
+{
+	return line->wire.tcp && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
+}
+
+void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+	uint8_t exception = is_exception ? body[2] : 0;
+	bool unreachable = is_unreachable(line, exception);
+
+	modbus_end(
+	    line,
+	    later(later(now_ns, line->sent_ns) + line->wire.silence_ns, begun_ns(line) + line->wire.least_ns),
+	    now_ns);
+	count_answer(line, is_exception);
+	modbus_latency_add(&device->latency, device->counters.latency_us);
+	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
+	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
+		device->echoes--;
+	modbus_settle_unanswered(device, &line->request, is_exception, line->sent_ns, now_ns);
+
+	if (line->purpose == MODBUS_COMMAND)
+		modbus_end_command(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception);
+	else if (line->purpose == MODBUS_SCAN && !is_exception)
+		read_answered(line, body + 3, now_ns);
+	else if (line->purpose == MODBUS_SCAN && !unreachable)
+		read_refused(line, exception, now_ns);
+	if (unreachable)
+		modbus_device_silent(line, line->device, now_ns);
+	else
+		modbus_device_answered(line, line->device, now_ns);
+}
+
+void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length)
+{
+	struct modbus_line_counters *counters = &line->counters;
+
+	if (body[0] != line->request.unit)
+		counters->wrong_units++;
+	else if ((body[1] & (uint8_t)~MODBUS_EXCEPTION_BIT) != line->request.function)
+		counters->wrong_functions++;
+	else if (modbus_is_read(line->request.function) ||
+		 length != modbus_answer_length(&line->request) - MODBUS_CRC_LENGTH)
+		counters->wrong_lengths++;
+	else
+		counters->wrong_answers++;
+	line->devices[line->device].counters.errors++;
+}
+
+void modbus_remember_unanswered(struct modbus_line *line)
+{
+	if (line->wire.tcp)
+		line->overdue |= 1;
+	else
+		modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
+}
+
+static void request_unanswered(struct modbus_line *line, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+
+	modbus_remember_unanswered(line);
+	modbus_end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
+	if (line->purpose == MODBUS_COMMAND)
+		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
+	else if (line->purpose == MODBUS_SCAN)
+		device->reads[line->read].failures++;
+	modbus_device_silent(line, line->device, now_ns);
+}
+
+void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns)
+{
+	line->counters.crc_errors++;
+	line->devices[line->device].counters.errors++;
+	line->received_count = line->strays = 0;
+	request_unanswered(line, now_ns);
+}
+
+void modbus_request_timed_out(struct modbus_line *line, int64_t now_ns)
+{
+	line->counters.timeouts++;
+	line->devices[line->device].counters.timeouts++;
+	request_unanswered(line, now_ns);
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A device of a line, as all lists show it. */
+#include <jansson.h>
+
+#include "map/time_ns.h"
+#include "rtuctl/learned.h"
+#include "rtuctl/rtuctl.h"
+
+json_t *rtuctl_milliseconds(uint32_t us)
+{
+	return json_real(us / (double)US_PER_MS);
+}
+
+json_t *rtuctl_device_row(const struct map *map, uint32_t index)
+{
+	const struct map_config *config = map_config(map);
+	const struct map_device *device = &config->devices[index];
+	const struct map_device_stats *stats = map_device_stats(map, index);
+	json_t *row = json_object();
+
+	json_object_set_new(row, "port", json_integer(config->lines[device->line].port));
+	json_object_set_new(row, "id", json_integer(device->unit));
+	json_object_set_new(row, "description", json_string(device->name));
+	json_object_set_new(row, "ca", json_integer(device->ca));
+	json_object_set_new(row, "alive", json_boolean(stats->alive));
+	json_object_set_new(row, "latency_ms", rtuctl_milliseconds(stats->latency_us));
+	json_object_set_new(row, "latency_least_ms", rtuctl_milliseconds(stats->latency_least_us));
+	json_object_set_new(row, "latency_typical_ms", rtuctl_milliseconds(stats->latency_typical_us));
+	json_object_set_new(row, "latency_most_ms", rtuctl_milliseconds(stats->latency_most_us));
+	json_object_set_new(row, "learned", learned_json(&stats->learned));
+	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
+	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));
+	json_object_set_new(row, "requests", json_integer(stats->requests));
+	json_object_set_new(row, "answers", json_integer(stats->answers));
+	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));
+	json_object_set_new(row, "timeouts", json_integer(stats->timeouts));
+	json_object_set_new(row, "errors", json_integer(stats->errors));
+	json_object_set_new(row, "next_probe_ms", json_integer(stats->next_probe_ms));
+	return row;
+}

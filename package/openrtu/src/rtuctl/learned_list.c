@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The list of what lines have learned of their devices. */
+#include <stdio.h>
+
+#include "rtuctl/learned.h"
+#include "rtuctl/listing.h"
+#include "rtuctl/rtuctl.h"
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+#define REFUSED_SIZE 320
+
+static const struct listing_column columns[] = {
+    {"port", "PORT", LISTING_RIGHT},
+    {"id", "ID", LISTING_RIGHT},
+    {"latency_least_ms", "LEAST MS", LISTING_RIGHT},
+    {"latency_typical_ms", "TYPICAL MS", LISTING_RIGHT},
+    {"latency_most_ms", "MOST MS", LISTING_RIGHT},
+    {"given_bits", "BITS", LISTING_RIGHT},
+    {"given_registers", "REGISTERS", LISTING_RIGHT},
+    {"refused", "REFUSED", LISTING_TEXT},
+};
+
+static void add_refused(json_t *list, const struct map_learned *learned)
+{
+	char words[LEARNED_WORDS_SIZE];
+
+	if (learned->refused_bits > 0)
+		json_array_append_new(list, json_sprintf("%u bits", learned->refused_bits));
+	if (learned->refused_registers > 0)
+		json_array_append_new(list, json_sprintf("%u registers", learned->refused_registers));
+	if (learned->hole_count > 0) {
+		learned_objects(learned->hole_function, learned->hole_address, learned->hole_count, words);
+		json_array_append_new(list, json_sprintf("hole at %s", words));
+	}
+	if (learned->lacking_count > 0) {
+		learned_objects(learned->lacking_function, learned->lacking_address, 1, words);
+		json_array_append_new(list, json_string(words));
+	}
+	if (learned->lacking_count > 1)
+		json_array_append_new(list, json_sprintf("%u other objects", learned->lacking_count - 1));
+	if (learned->unclear > 0)
+		json_array_append_new(list, json_sprintf("%u reads, unclear why", learned->unclear));
+	if (learned->open > 0)
+		json_array_append_new(list, json_sprintf("%u reads not answered yet", learned->open));
+}
+
+static json_t *refused_text(const struct map_learned *learned)
+{
+	char text[REFUSED_SIZE] = "-";
+	json_t *list = json_array();
+	const json_t *words;
+	size_t i, used = 0;
+
+	add_refused(list, learned);
+	json_array_foreach(list, i, words)
+	{
+		int length = snprintf(text + used, sizeof(text) - used, "%s%s", i > 0 ? "; " : "",
+				      json_string_value(words));
+
+		if (length < 0 || (size_t)length >= sizeof(text) - used)
+			break;
+		used += (size_t)length;
+	}
+	json_decref(list);
+	return json_string(text);
+}
+
+static json_t *row_of(const struct map *map, uint32_t index)
+{
+	const struct map_learned *learned = &map_device_stats(map, index)->learned;
+	json_t *row = rtuctl_device_row(map, index);
+
+	json_object_set_new(row, "given_bits", json_integer(learned->given_bits));
+	json_object_set_new(row, "given_registers", json_integer(learned->given_registers));
+	json_object_set_new(row, "refused", refused_text(learned));
+	return row;
+}
+
+void learned_list(const struct map *map)
+{
+	struct listing listing;
+
+	listing_begin(&listing, columns, COUNT(columns), false);
+	for (uint32_t i = 0; i < map_slaves(map_config(map)); i++)
+		listing_add(&listing, row_of(map, i));
+	listing_end(&listing);
+}
