@@ -55,7 +55,8 @@ static struct map_point points[POINTS] = {
 		 .ioa = 30002},
 };
 static const struct map_config config = {
-    .settings = {.command_timeout_s = 10,
+    .settings = {.heartbeat_limit_ms = 5000, /* a busy host does not end the owner */
+		 .command_timeout_s = 10,
 		 .select_timeout_s = 30,
 		 .event_ring = 64,
 		 .k = 12,
