@@ -153,7 +153,17 @@ def packages(buildroot: Buildroot, defconfig: Path, output: Path) -> tuple[dict[
         name for name, symbol in NEEDED.items() if value_of(defconfig, symbol) == "y" and name not in known
     ]
     say(f"{defconfig.name}: show-info resolves {len(known)} packages")
-    return known, [f"{defconfig.name}: show-info knows no {name}" for name in missing]
+    found = [f"{defconfig.name}: show-info knows no {name}" for name in missing]
+    if value_of(defconfig, "BR2_INIT_NONE") == "y":
+        found += [f"{defconfig.name}: no system, and it builds {name}" for name in sorted(userland(known))]
+    return known, found
+
+
+def userland(known: dict[str, Any]) -> Iterator[str]:
+    """The packages for the target that are neither a boot loader nor what each configuration has."""
+    for name, package in known.items():
+        if package.get("type") == "target" and not name.startswith(("skeleton", "toolchain", "uboot")):
+            yield name
 
 
 def hashes(buildroot: Buildroot, known: dict[str, Any]) -> Iterator[str]:

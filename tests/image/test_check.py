@@ -90,6 +90,11 @@ FAULTS = {
     "line too few": ("make", {"save": "$$aBR2_NEW=y"}, "savedefconfig adds BR2_NEW=y"),
     "other order": ("make", {"save": "/BR2_CCACHE/{h;d};$$G"}, "in another order"),
     "no package of ours": ("make", {"info": '{"linux": {}}'}, "show-info knows no openrtu"),
+    "programs beside U-Boot": (
+        "make",
+        {"info": INFO.replace('"uboot": {}', '"uboot": {}, "bash": {"type": "target"}')},
+        "nuc980_uboot_defconfig: no system, and it builds bash",
+    ),
     "unresolved": ("make", {"info": "make: *** stop"}, "show-info failed"),
     "wrong hash": ("hash", {"code": "2"}, "linux.tar.gz against h"),
     "no hash": ("make", {"info": INFO.replace('"h"', "")}, "linux.tar.gz"),
