@@ -238,6 +238,11 @@ MAKEOVERRIDES :=# what was typed here means nothing to Buildroot
 export BR2_DL_DIR     ?= $(CURDIR)/build/dl
 export BR2_CCACHE_DIR ?= $(CURDIR)/build/ccache
 
+# Buildroot builds a tar where the machine's is too old, and its configure refuses root unless told that this is meant.
+ifeq ($(shell id -u),0)
+export FORCE_UNSAFE_CONFIGURE := 1
+endif
+
 ifdef SITE
 export SITE_SETTINGS := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
 endif
