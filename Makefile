@@ -238,6 +238,11 @@ MAKEOVERRIDES :=# what was typed here means nothing to Buildroot
 export BR2_DL_DIR     ?= $(CURDIR)/build/dl
 export BR2_CCACHE_DIR ?= $(CURDIR)/build/ccache
 
+# Buildroot builds a tar where the machine's is too old, and its configure refuses root unless told that this is meant.
+ifeq ($(shell id -u),0)
+export FORCE_UNSAFE_CONFIGURE := 1
+endif
+
 ifdef SITE
 export SITE_SETTINGS := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
 endif
@@ -269,11 +274,12 @@ savedefconfig: build/$(IMAGE)/.config
 	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
 	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
 
-sbom: build/$(IMAGE)/.config
+sbom: build/$(IMAGE)/.config $(VENV)
 	$(BUILDROOT) --silent show-info > build/$(IMAGE)/show-info.json
-	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name openrtu --in-file build/$(IMAGE)/show-info.json \
-	  --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { echo "sbom: $$(tail -n 1 \
+	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name $(IMAGE) --project-version $(file < $(SRC)/VERSION) \
+	  --in-file build/$(IMAGE)/show-info.json --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { echo "sbom: $$(tail -n 1 \
 	  build/$(IMAGE)/sbom.log); Buildroot fetches the list of SPDX licences for it, once" >&2; exit 2; }
+	PYTHONPATH=scripts $(PYTHON) -m image.sbom build/$(IMAGE)/sbom.cdx.json
 
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)

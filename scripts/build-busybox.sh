@@ -12,8 +12,9 @@ tree=$(realpath -e "$(dirname "$0")/..")
 config=$tree/board/nuc980/busybox.config
 sysroot=$tree/build/arm-sysroot
 prefix=${CROSS_COMPILE:-arm-linux-gnueabi-}
-# Marked as the gateway's own programs are (package/openrtu/src/meson.build).
+# Marked as the gateway's own programs are (package/openrtu/src/meson.build), with time beyond 2038.
 cflags="--sysroot=$sysroot -march=armv5te -mfloat-abi=soft -marm -Os -fstack-protector-strong -D_FORTIFY_SOURCE=2"
+cflags+=" -D_TIME_BITS=64 -D_FILE_OFFSET_BITS=64"
 ldflags="--sysroot=$sysroot -Wl,-z,relro -Wl,-z,now"
 
 inputs() {

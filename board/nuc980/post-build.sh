@@ -70,6 +70,9 @@ rm -f "$target"/etc/init.d/S49chrony*
 
 name_image
 
+# Buildroot's own would make a key of each kind, on the root and before rtud: S85sshd does not.
+rm -f "$target/etc/init.d/S50sshd"
+
 # Where S15data mounts the data.
 install -d "$target/data"
 

@@ -18,13 +18,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from image.checks import Setting, defconfigs, fragments_of, package_files, settings, symbols_in, value_of
+from image.checks import Setting, defconfigs, named_files, package_files, settings, symbols_in, value_of
 from image.symbols import names
 from nuc980.errors import UnusableInput
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build"
 DONE, FOUND, UNUSABLE = 0, 1, 2
+# What is configured by fragments: its name, its package, where a defconfig names them.
+FRAGMENTS = [
+    ("Linux", "linux", "BR2_LINUX_KERNEL_CONFIG_FRAGMENT_FILES"),
+    ("BusyBox", "busybox", "BR2_PACKAGE_BUSYBOX_CONFIG_FRAGMENT_FILES"),
+]
 NEEDED = {"linux": "BR2_LINUX_KERNEL", "openrtu": "BR2_PACKAGE_OPENRTU", "uboot": "BR2_TARGET_UBOOT"}
 
 
@@ -148,7 +153,17 @@ def packages(buildroot: Buildroot, defconfig: Path, output: Path) -> tuple[dict[
         name for name, symbol in NEEDED.items() if value_of(defconfig, symbol) == "y" and name not in known
     ]
     say(f"{defconfig.name}: show-info resolves {len(known)} packages")
-    return known, [f"{defconfig.name}: show-info knows no {name}" for name in missing]
+    found = [f"{defconfig.name}: show-info knows no {name}" for name in missing]
+    if value_of(defconfig, "BR2_INIT_NONE") == "y":
+        found += [f"{defconfig.name}: no system, and it builds {name}" for name in sorted(userland(known))]
+    return known, found
+
+
+def userland(known: dict[str, Any]) -> Iterator[str]:
+    """The packages for the target that are neither a boot loader nor what each configuration has."""
+    for name, package in known.items():
+        if package.get("type") == "target" and not name.startswith(("skeleton", "toolchain", "uboot")):
+            yield name
 
 
 def hashes(buildroot: Buildroot, known: dict[str, Any]) -> Iterator[str]:
@@ -171,19 +186,17 @@ def hashes(buildroot: Buildroot, known: dict[str, Any]) -> Iterator[str]:
             yield done.stderr.strip() or f"{file.name}: no file with hashes"
 
 
-def kernel(defconfig: Path) -> Iterator[str]:
-    """All settings of the kernel fragments are in the .config that the kernel was built with."""
+def survived(defconfig: Path, program: str, package: str, symbol: str) -> Iterator[str]:
+    """All settings of the fragments that `symbol` names are in the .config that `package` was built with."""
     name = defconfig.name.removesuffix("_defconfig")
-    built = (BUILD / name / "build").glob("linux-*/.config")
+    built = (BUILD / name / "build").glob(f"{package}-*/.config")
     configs = [file for file in built if not file.parent.name.startswith("linux-headers")]
     if not configs:
-        say(f"{defconfig.name}: SKIPPED, the kernel's fragments: no kernel yet (make image-buildroot)")
-    given = [each for file in fragments_of(ROOT, defconfig) for each in settings(file)]
+        say(f"{defconfig.name}: SKIPPED, fragments of {program}: it is not built yet (make image-buildroot)")
+    given = [each for file in named_files(ROOT, defconfig, symbol) for each in settings(file)]
     for config in configs:
         lost = list(lost_settings(given, config))
-        say(
-            f"{defconfig.name}: {len(given) - len(lost)} of {len(given)} settings are in the kernel's .config"
-        )
+        say(f"{defconfig.name}: {len(given) - len(lost)} of {len(given)} settings are in {program}'s .config")
         yield from lost
 
 
@@ -201,7 +214,8 @@ def findings(buildroot: Buildroot) -> Iterator[str]:
             known |= resolved
             yield from unresolved
             if value_of(defconfig, NEEDED["linux"]) == "y":
-                yield from kernel(defconfig)
+                for program, package, symbol in FRAGMENTS:
+                    yield from survived(defconfig, program, package, symbol)
     yield from hashes(buildroot, known)
 
 

@@ -130,7 +130,7 @@ class Ssh:
         self.key = key
         options = {
             "BatchMode": "yes",
-            "StrictHostKeyChecking": "no",  # a board without a flash makes its keys at each start
+            "StrictHostKeyChecking": "no",  # a board without a flash makes its key at each start
             "UserKnownHostsFile": "/dev/null",
             "LogLevel": "ERROR",
             "ConnectTimeout": "20",  # QEMU's network takes a connection before the board does

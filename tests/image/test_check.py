@@ -77,7 +77,7 @@ def test_good_configuration_passes(buildroot: StandIn, capsys: pytest.CaptureFix
     said = capsys.readouterr().out
     assert "nothing found" in said
     assert "1 of 1 sources" in said
-    assert said.count("SKIPPED, the kernel's fragments") == 3
+    assert said.count("SKIPPED, fragments of Linux") == said.count("SKIPPED, fragments of BusyBox") == 3
 
 
 FAULTS = {
@@ -90,6 +90,11 @@ FAULTS = {
     "line too few": ("make", {"save": "$$aBR2_NEW=y"}, "savedefconfig adds BR2_NEW=y"),
     "other order": ("make", {"save": "/BR2_CCACHE/{h;d};$$G"}, "in another order"),
     "no package of ours": ("make", {"info": '{"linux": {}}'}, "show-info knows no openrtu"),
+    "programs beside U-Boot": (
+        "make",
+        {"info": INFO.replace('"uboot": {}', '"uboot": {}, "bash": {"type": "target"}')},
+        "nuc980_uboot_defconfig: no system, and it builds bash",
+    ),
     "unresolved": ("make", {"info": "make: *** stop"}, "show-info failed"),
     "wrong hash": ("hash", {"code": "2"}, "linux.tar.gz against h"),
     "no hash": ("make", {"info": INFO.replace('"h"', "")}, "linux.tar.gz"),
@@ -120,6 +125,18 @@ def test_lost_kernel_setting_is_found(
     built.write_text(fragment.read_text().replace("CONFIG_PREEMPT_RT=y", "# CONFIG_PREEMPT_RT is not set"))
     assert buildroot.run() == 1
     assert "CONFIG_PREEMPT_RT=y did not survive" in capsys.readouterr().err
+
+
+def test_crond_that_comes_back_is_found(
+    buildroot: StandIn, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each system turns it off, and a BusyBox that was built with it is found."""
+    for system in ("gateway", "gateway_lts", "netboot"):
+        built = tmp_path / "build" / f"nuc980_{system}" / "build" / "busybox-1.37.0" / ".config"
+        built.parent.mkdir(parents=True)
+        built.write_text("CONFIG_CROND=y\n# CONFIG_CRONTAB is not set\n")
+    assert buildroot.run() == 1
+    assert capsys.readouterr().err.count("# CONFIG_CROND is not set did not survive") == 3
 
 
 def test_without_source_it_says_so(

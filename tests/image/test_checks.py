@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from image.checks import CHECKS, defconfigs, fragments
+from image.checks import CHECKS, defconfigs, fragments, value_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ["Makefile", ".github", "board", "br2-external", "configs", "docs", "dts", "package", "patches"]
@@ -23,6 +23,11 @@ BY_NAME = {check.__name__.removeprefix("check_"): check for check in CHECKS}
 @pytest.mark.parametrize("name", BY_NAME)
 def test_tree_is_in_order(name: str) -> None:
     assert BY_NAME[name](ROOT) == []
+
+
+def test_every_system_knows_the_time_after_2038() -> None:
+    systems = [file for file in defconfigs(ROOT) if value_of(file, "BR2_LINUX_KERNEL") == "y"]
+    assert [value_of(file, "BR2_TIME_BITS_64") for file in systems] == ["y"] * 3
 
 
 def test_there_is_something_to_check() -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -14,7 +15,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ["nuc980_gateway", "nuc980_netboot"]
-SAID = ["O", "BR2_EXTERNAL", "SITE_SETTINGS", "BR2_DL_DIR", "IMAGE"]
+SAID = ["O", "BR2_EXTERNAL", "SITE_SETTINGS", "BR2_DL_DIR", "IMAGE", "FORCE_UNSAFE_CONFIGURE"]
 # With the variables of the packages: make hands them to what it runs, where an exported one has such a name.
 BUILDROOT = f"""\
 BR2_EXTERNAL_OPENRTU_PATH = $(BR2_EXTERNAL)
@@ -27,6 +28,24 @@ all:
 savedefconfig:
 	cp $(O)/.config $(BR2_DEFCONFIG)
 include $(BR2_EXTERNAL)/external.mk
+"""
+# What `make sbom` calls of Buildroot's; all that show-info says here is Linux' version in its CPE.
+SHOW_INFO = """\
+LINUX_PATCHES = https://example.net/patch-5.10.140-rt73.patch
+show-info:
+	@echo $(LINUX_CPE_ID_VERSION)
+"""
+GENERATE = """\
+#!/usr/bin/env python3
+import json, sys
+name, version, read, write = sys.argv[2::2]
+linux = {"bom-ref": "linux", "type": "library", "name": "linux"}
+linux["cpe"] = f"cpe:2.3:o:linux:linux_kernel:{open(read).read().strip()}:-:*:*:*:*:*:*"
+gateway = {"bom-ref": "openrtu", "type": "library", "name": "openrtu"}
+image = {"bom-ref": name, "type": "firmware", "name": name, "version": version}
+bill = {"bomFormat": "CycloneDX", "specVersion": "1.6", "metadata": {"component": image}}
+bill |= {"components": [linux, gateway], "dependencies": [{"ref": name, "dependsOn": ["linux", "openrtu"]}]}
+json.dump(bill, open(write, "w"))
 """
 
 
@@ -47,7 +66,8 @@ class Tree:
             shutil.copy(package, copied)
         (folder / "build").mkdir()
         (folder / ".venv").mkdir()
-        (folder / ".venv" / "bin").symlink_to(Path(sys.prefix) / "bin")
+        for name in ("bin", "lib", "pyvenv.cfg"):
+            (folder / ".venv" / name).symlink_to(Path(sys.prefix) / name)
         for done in ("build/packages.done", "build/packages-image.done", ".venv/done"):
             (folder / done).touch()
         self.buildroot = folder / "buildroot"
@@ -55,7 +75,7 @@ class Tree:
         (self.buildroot / "Makefile").write_text(BUILDROOT)
 
     def make(self, *words: str) -> subprocess.CompletedProcess[str]:
-        unwanted = ("MAKE", "MFLAGS", "BR2_", "OPENRTU", "SITE", "IMAGE", "BUILDROOT_DIR")
+        unwanted = ("MAKE", "MFLAGS", "BR2_", "OPENRTU", "SITE", "IMAGE", "BUILDROOT_DIR", "FORCE_UNSAFE")
         known = {name: value for name, value in os.environ.items() if not name.startswith(unwanted)}
         return subprocess.run(["make", *words], cwd=self.folder, env=known, capture_output=True, text=True)
 
@@ -85,6 +105,7 @@ def test_image_builds_both(tree: Tree) -> None:
             "SITE_SETTINGS": str(site),
             "BR2_DL_DIR": str(tree.folder / "build" / "dl"),
             "IMAGE": "",
+            "FORCE_UNSAFE_CONFIGURE": "1" if os.geteuid() == 0 else "",  # root may configure Buildroot's tar
         }
 
 
@@ -139,6 +160,21 @@ def git(folder: Path, *words: str) -> str:
     author = ["-c", "user.name=x", "-c", "user.email=x@example.org", "-c", "commit.gpgsign=false"]
     done = subprocess.run(["git", *author, *words], cwd=folder, check=True, capture_output=True, text=True)
     return done.stdout.strip()
+
+
+def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) -> None:
+    (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_INFO)
+    generator = tree.buildroot / "utils/generate-cyclonedx"
+    generator.parent.mkdir()
+    generator.write_text(GENERATE)
+    generator.chmod(0o755)
+    done = tree.make_with_stand_in("sbom", "IMAGE=nuc980_netboot")
+    assert done.returncode == 0, done.stderr
+    bill = json.loads((tree.folder / "build/nuc980_netboot/sbom.cdx.json").read_text())
+    version = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
+    image = bill["metadata"]["component"]
+    assert (image["bom-ref"], image["version"]) == ("nuc980_netboot", version)
+    assert ":linux_kernel:5.10.140:" in bill["components"][0]["cpe"]
 
 
 def test_checkout_brings_the_pinned_commit(tree: Tree) -> None:

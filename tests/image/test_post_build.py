@@ -19,7 +19,7 @@ def target(tmp_path: Path) -> Path:
     for folder in ("etc/init.d", "etc/openrtu", "root/.ssh"):
         (root / folder).mkdir(parents=True)
     (root / "etc/shadow").write_text(LOCKED)
-    for script in ("S49chronyd", "S59snmpd"):
+    for script in ("S49chronyd", "S50sshd", "S59snmpd"):
         (root / "etc/init.d" / script).touch()
     (root / "etc/openrtu/gateway.json").write_text("of another site")
     (root / "root/.ssh/authorized_keys").write_text("of another site")

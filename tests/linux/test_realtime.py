@@ -4,11 +4,15 @@
 import fnmatch
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from desk import chapter_5
+from lab.board_show import BoardStage, latency
 from nuc980.twin.linux import Linux
 
 ROOT = Path(__file__).parents[2]
@@ -102,6 +106,32 @@ def test_report_judges_the_latency_of_a_board(linux: Linux) -> None:
     status, report = linux.try_to(impossible, PATIENCE_S)
     assert status == 1
     assert report.count("FAIL") == 2
+
+
+@pytest.fixture
+def without_cyclictest(linux: Linux) -> Iterator[Linux]:
+    """The board, as an image without rt-tests would be."""
+    linux.run("mount -o bind /dev/null /usr/bin/cyclictest")
+    yield linux
+    linux.run("umount /usr/bin/cyclictest")
+
+
+@pytest.mark.usefixtures("threads")
+def test_report_says_that_cyclictest_is_missing(without_cyclictest: Linux) -> None:
+    status, report = without_cyclictest.try_to("rt-report --emulator --seconds 1", PATIENCE_S)
+    assert status == 1
+    assert re.findall("FAIL.*", report) == [
+        "FAIL  no latency was measured: this image has no cyclictest "
+        "(Debian's and Buildroot's package rt-tests)"
+    ]
+
+
+def test_show_leaves_out_a_latency_that_the_image_cannot_measure(
+    without_cyclictest: Linux, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gateway = SimpleNamespace(inside=without_cyclictest.run)
+    latency(cast(BoardStage, SimpleNamespace(gateway=gateway)))
+    assert "left out: this image has no cyclictest" in capsys.readouterr().out
 
 
 def test_wrong_usage_is_said(linux: Linux) -> None:

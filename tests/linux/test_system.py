@@ -150,6 +150,7 @@ def test_first_interrogation_is_answered_in_time(linux: Linux, first_answer: flo
     print(*(f"{seconds:8.3f} s  {what}" for what, seconds in times.items()), sep="\n")
     assert list(times) == sorted(times, key=lambda what: times[what])
     assert {"/init", "S40network", "S80rtud", "done"} <= set(times)
+    assert times["S80rtud"] < times["S85sshd"]
     assert first_answer <= START_SECONDS
 
 
