@@ -347,6 +347,7 @@ test-twin: qemu uboot $(VENV) ## Test: the emulated board alone
 test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin:
 	$(AREA)
 
+test-linux: WORKERS := 2 # a guest that starts fills a core
 test-linux: linux linux-debug image-debian lab qemu uboot $(VENV) ## Test: Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
