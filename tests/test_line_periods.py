@@ -5,7 +5,7 @@ import json
 import os
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ PORT, FAST, SLOWER, IN_TURN = 1, 1, 2, 3
 PERIOD_NS = {FAST: 100_000_000, SLOWER: 250_000_000}
 WATCHED_S = 8.0
 STORM_S = 4.0
+WINDOWS = 5
 COILS = 16
 # A request is begun late by the one under way and by the other device's, 14 ms each at 38400 bit/s, and its
 # last character is 4 ms behind. A busy host stops us all for longer now and then: that no period slips
@@ -63,23 +64,40 @@ def missed(substation: Substation) -> dict[int, int]:
     return {device["id"]: device["missed_periods"] for device in line["devices"]}
 
 
-def assert_periods_hold(substation: Substation) -> None:
+def wrong_of_periods(substation: Substation) -> list[str]:
+    """What does not hold in the time that is watched."""
     since, before = substation.lines.mark(), missed(substation)
     time.sleep(WATCHED_S)  # what is measured is this time
     after = missed(substation)
+    wrong = []
     for unit, period_ns in PERIOD_NS.items():
-        times = asked_at(substation, unit, since)
+        times, slipped = asked_at(substation, unit, since), after[unit] - before[unit]
         expected = WATCHED_S * 1e9 / period_ns
-        assert expected - 2 <= len(times) + after[unit] - before[unit] <= expected + 3
-        assert after[unit] - before[unit] <= expected / 4
-        late = [time_ns % period_ns for time_ns in times]  # of its period, not of the request before
-        assert statistics.median(late) <= LATE_NS, late
-    assert after[IN_TURN] == 0
-    assert len(asked_at(substation, IN_TURN, since)) > WATCHED_S * 1e9 / PERIOD_NS[FAST]
+        late_ns = [time_ns % period_ns for time_ns in times]  # of its period, not of the request before
+        if not expected - 2 <= len(times) + slipped <= expected + 3 or slipped > expected / 4:
+            wrong.append(f"device {unit}: {len(times)} reads and {slipped} missed of {expected:.0f} periods")
+        elif statistics.median(late_ns) > LATE_NS:
+            wrong.append(
+                f"device {unit}: half of its reads are {statistics.median(late_ns) / 1e6:.0f} ms late"
+            )
+    in_turn = len(asked_at(substation, IN_TURN, since))
+    if after[IN_TURN] != 0 or in_turn <= WATCHED_S * 1e9 / PERIOD_NS[FAST]:
+        wrong.append(f"the device without a period: {in_turn} reads, {after[IN_TURN]} missed")
+    return wrong
+
+
+def assert_once(wrong_of: Callable[[Substation], list[str]], substation: Substation) -> None:
+    """Nothing is wrong in one window: a busy host spoils some, a wrong scheduler spoils each."""
+    seen = []
+    for _ in range(WINDOWS):
+        seen.append(wrong_of(substation))
+        if not seen[-1]:
+            return
+    raise AssertionError(seen)
 
 
 def test_periods_hold_and_the_rest_is_read(substation: Substation) -> None:
-    assert_periods_hold(substation)
+    assert_once(wrong_of_periods, substation)
 
 
 def single_command(coil: int, on: bool) -> bytes:
@@ -100,7 +118,8 @@ def storm(substation: Substation) -> None:
                 master.ask(single_command(int.from_bytes(asdu[6:9], "little") - 1, not asdu[9] & 1))
 
 
-def test_periods_slip_under_a_storm_of_commands_and_hold_again(substation: Substation) -> None:
+def wrong_of_storm(substation: Substation) -> list[str]:
+    """Whether commands kept the line busy, and reads had their share all the same."""
     since = substation.lines.mark()
     storm(substation)
     writes = [
@@ -108,16 +127,22 @@ def test_periods_slip_under_a_storm_of_commands_and_hold_again(substation: Subst
         for frame in substation.lines.frames(since)
         if frame.kind == "received" and frame.bytes[1] == WRITE_COIL
     ]
-    assert len(writes) > 100
+    wrong = [] if len(writes) > 100 else [f"{len(writes)} commands"]
     for unit, period_ns in PERIOD_NS.items():
-        assert len(asked_at(substation, unit, since)) >= STORM_S * 1e9 / period_ns / 4
-    assert asked_at(substation, IN_TURN, since)
+        reads = len(asked_at(substation, unit, since))
+        if reads < STORM_S * 1e9 / period_ns / 4:
+            wrong.append(f"device {unit}: {reads} reads")
+    return wrong if asked_at(substation, IN_TURN, since) else [*wrong, "the device without a period: no read"]
+
+
+def test_periods_slip_under_a_storm_of_commands_and_hold_again(substation: Substation) -> None:
+    assert_once(wrong_of_storm, substation)
     substation.gateway.wait_for(
         lambda: not any(command["state"] == "executing" for command in substation.gateway.query("commands")),
         10.0,
         "no command is under way",
     )
-    assert_periods_hold(substation)
+    assert_once(wrong_of_periods, substation)
 
 
 def is_realtime_kernel() -> bool:
