@@ -10,6 +10,7 @@ from desk import chapter_5
 from nuc980.twin.linux import Linux
 
 CONFIG = "etc/openrtu/gateway.json"
+PROGRAM = "/usr/libexec/openrtu/rtu-modbus"
 STATE = "/sys/class/watchdog/watchdog0/state"
 TIMEOUT_S = 30
 LONGER_S = TIMEOUT_S + 8
@@ -49,14 +50,16 @@ def test_rtud_asks_for_half_a_minute_and_says_what_it_has(linux: Linux) -> None:
 def test_what_rtud_takes_care_of_does_not_reset(linux: Linux) -> None:
     """Dead devices, a module that cannot run, the end of rtud itself: it is started again in time."""
     wait_fed(linux)
-    linux.run("mount -o remount,rw / && mv /usr/libexec/openrtu/rtu-modbus /usr/libexec/openrtu/gone")
+    linux.run(f"mount -o remount,rw / && mv {PROGRAM} {PROGRAM}.good")
     linux.run("pkill -9 rtu-modbus")
+    linux.run("until rtuctl log | grep -q 'cannot start rtu-modbus'; do sleep 0.2; done", seconds=120)
+    linux.run(f"echo no program > {PROGRAM} && chmod 755 {PROGRAM}")  # without one, rtud does not start
     killed = rtud(linux)
     linux.run(f"kill -9 {killed}")
     assert outlives_the_time_out(linux)
     assert rtud(linux) not in ("", killed)
-    assert "cannot start rtu-modbus" in linux.run("rtuctl log")
-    linux.run("mv /usr/libexec/openrtu/gone /usr/libexec/openrtu/rtu-modbus")
+    assert "rtu-modbus-1 exited with code 127" in linux.run("rtuctl log")
+    linux.run(f"mv {PROGRAM}.good {PROGRAM}")
 
 
 def test_orderly_stop_stops_the_watchdog(linux: Linux) -> None:
