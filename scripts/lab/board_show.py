@@ -54,15 +54,13 @@ from lab.show import (
 from lab.verdict import Verdict, run
 from nuc980.netboot.progress import Progress
 from nuc980.twin.linux import TROUBLE
-from nuc980.twin.machine import Machine
+from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 
 QEMU = REPOSITORY / "build/qemu/bin/qemu-system-arm"
 UBOOT = REPOSITORY / "build/u-boot/u-boot.bin"
 SYSTEM = REPOSITORY / "build/system-lab"
 KEY = REPOSITORY / "build/site/key"
 
-# 8 ns of the guest's time an instruction: a host that gives QEMU no time stops the guest's clock as well.
-GUEST_TIME = "shift=3"
 LATENCY_SECONDS = 5  # without load, and as long with it
 
 
@@ -159,7 +157,7 @@ def start_board(
     console = directory / "console.log"
     add_console(verdict, console)
     chardevs = {0: f"pty,logfile={console}", **lines_at(directory / "dev")}
-    arguments = ["-icount", GUEST_TIME, "-bios", UBOOT, *nics]
+    arguments = [*INSTRUCTION_TIME, "-bios", UBOOT, *nics]
     machine = stack.enter_context(Machine(QEMU, *arguments, uarts=(), chardevs=chardevs))
     verdict.add_machine(machine)
     say(f"   * the emulated board is switched on; its debug UART is {machine.pty(0)}")

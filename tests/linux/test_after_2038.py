@@ -19,6 +19,7 @@ from lab.gateway import GatewayError, free_port, remove, run_directory
 from lab.linesim import LineSim
 from lab.raw_master import RawMaster
 from nuc980.twin.linux import Linux
+from nuc980.twin.machine import INSTRUCTION_TIME
 
 VALUES = Path(__file__).resolve().parents[1] / "fixtures/chapter5/values.json"
 BEGIN = datetime(2040, 2, 28, 23, 0, tzinfo=UTC)
@@ -65,7 +66,7 @@ def ssh(folder: Path) -> Iterator[Ssh]:
 
 @pytest.fixture(scope="module")
 def board_arguments(port: int, ssh: Ssh) -> tuple[str | Path, ...]:
-    return ETHERNET[0].arguments({port: STATION_PORT, ssh.port: SSH_PORT})
+    return (*INSTRUCTION_TIME, *ETHERNET[0].arguments({port: STATION_PORT, ssh.port: SSH_PORT}))
 
 
 @pytest.fixture(scope="module")

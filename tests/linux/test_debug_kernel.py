@@ -20,6 +20,7 @@ from lab.board import ETHERNET, PORTS, SILENCE_US, lines_at
 from lab.gateway import remove, run_directory
 from lab.linesim import LineSim
 from nuc980.twin.linux import TROUBLE, Kernel, Linux
+from nuc980.twin.machine import INSTRUCTION_TIME
 from nuc980.twin.nand import NandImage
 
 HERE = Path(__file__).parent
@@ -28,8 +29,6 @@ PROGRAMS = HERE / "programs"
 CROSS = os.environ.get("CROSS_COMPILE", "arm-linux-gnueabi-")
 ALONE = "console=ttyS0,115200 rdinit=/sbin/getty"  # the tests' shell, without the image's services
 
-# Time stands still while the host is busy elsewhere.
-CLOCK = ("-icount", "shift=3")
 LOAD_SECONDS = 40
 SLOW = 600.0  # seconds for what takes 40 on an idle host and a kernel that does not watch
 TFTP_FILE = 300_000  # bytes
@@ -206,7 +205,7 @@ def test_each_kind_of_fault_is_seen(
     kinds: tuple[str, ...],
 ) -> None:
     alone = dataclasses.replace(kernel, image=folder / "zImage", arguments=ALONE)
-    with boot(*CLOCK, kernel=alone, files=programs | {"/faults.ko": faults}) as linux:
+    with boot(*INSTRUCTION_TIME, kernel=alone, files=programs | {"/faults.ko": faults}) as linux:
         linux.run("dmesg -n 1")  # all of it is read by dmesg: the console is the shell's alone
         for kind in kinds:
             linux.run("dmesg -c > /dev/null")

@@ -37,9 +37,9 @@ from lab.master import Master
 from lab.raw_master import RawMaster
 from lab.show import DEVICE, FIGURE_5_3, STATION
 from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.machine import INSTRUCTION_TIME
 
 ROOT = Path(__file__).resolve().parents[2]
-CLOCK = ("-icount", "shift=3")  # a starved guest is late, not overloaded
 READ_SECONDS = 120.0
 CONFIG = "/etc/openrtu/gateway.json"
 # So that a dead link is noticed within a test: a test frame after 8 s, the end 10 s after that.
@@ -143,7 +143,7 @@ def ssh(folder: Path) -> Iterator[Ssh]:
 def board_arguments(station_ports: tuple[int, int], ssh: Ssh) -> tuple[str | Path, ...]:
     first, second = station_ports
     return (
-        *CLOCK,
+        *INSTRUCTION_TIME,
         *ETHERNET[0].arguments({first: STATION_PORT, ssh.port: SSH_PORT}),
         *ETHERNET[1].arguments({second: STATION_PORT}),
     )

@@ -22,9 +22,8 @@ from lab.gateway import GatewayError, remove, run_directory
 from lab.linesim import LineSim
 from lab.show import RESPONSE_MS
 from nuc980.twin.linux import Linux
+from nuc980.twin.machine import INSTRUCTION_TIME
 
-# Time stands still while the host is busy elsewhere.
-CLOCK = ("-icount", "shift=3")
 PATIENCE_S = 300.0  # a busy host
 WATCHED_S = 2.0  # of the board's time
 GRAIN_MS = 5.0  # how well a delay is known
@@ -91,7 +90,7 @@ def lines(linesim_program: Path) -> Iterator[LineSim]:
 
 @pytest.fixture(scope="module")
 def board_arguments() -> tuple[str | Path, ...]:
-    return CLOCK
+    return INSTRUCTION_TIME
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ import pytest
 from linux.wire import BROADCAST, IPV4, SECONDS, Wire, cable, vlan_tag
 from nuc980.netboot.boot import tree_for
 from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.machine import INSTRUCTION_TIME
 
 HERE = Path(__file__).parent
 START_SCRIPT = HERE.parents[1] / "board/nuc980/rootfs-overlay/etc/init.d/S41macs"
@@ -63,7 +64,7 @@ def wires(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Wire, Wire
 
 @pytest.fixture(scope="module")
 def board_arguments(wires: tuple[Wire, Wire]) -> tuple[str, ...]:
-    return wires[0].arguments + wires[1].arguments
+    return (*INSTRUCTION_TIME, *wires[0].arguments, *wires[1].arguments)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from typing import cast
 import pytest
 
 from nuc980.twin.linux import Kernel, Linux, archive
-from nuc980.twin.machine import Machine, SerialLine
+from nuc980.twin.machine import INSTRUCTION_TIME, Machine, SerialLine
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -31,8 +31,6 @@ IER, LCR, MCR, FSR, BAUD = 0x04, 0x0C, 0x10, 0x18, 0x24
 RTS_LEVEL = 1 << 13  # inactive is high
 RX_OVERRUN, RX_LEVEL, TX_FULL, RX_IDLE = 1 << 0, 0x3F << 8, 1 << 23, 1 << 29
 
-# Time stands still while the host is busy elsewhere: no byte is lost for that.
-CLOCK = ("-icount", "shift=3")
 PLAIN = "console=ttyS0,115200 rdinit=/sbin/getty"  # the tests' shell alone: no gateway opens the lines
 
 
@@ -64,7 +62,9 @@ def linux(mode: str, boot: Callable[..., Linux], kernel: Kernel, serial_line: Pa
     kernel = dataclasses.replace(kernel, arguments=PLAIN)
     if mode == "pdma":
         kernel = with_pdma(kernel)
-    with boot(*CLOCK, kernel=kernel, uarts=(0, *LINES), files={"/bin/serial-line": serial_line}) as linux:
+    with boot(
+        *INSTRUCTION_TIME, kernel=kernel, uarts=(0, *LINES), files={"/bin/serial-line": serial_line}
+    ) as linux:
         wire_flow_control(linux.machine)
         linux.run("mount -t tmpfs tmpfs /tmp")
         yield linux
@@ -352,7 +352,8 @@ def test_rs485_direction(
     files: dict[str, Path | str] = {"/sbin/direction": script, "/bin/serial-line": serial_line}
     initrd.write_bytes(root + bytes(-len(root) % 4) + archive(files))
     with Machine(
-        qemu, *CLOCK, "-global", "nuc980-uart.de-on-rts=on", "-kernel", kernel.image, "-initrd", initrd,
+        qemu, *INSTRUCTION_TIME, "-global", "nuc980-uart.de-on-rts=on",
+        "-kernel", kernel.image, "-initrd", initrd,
         "-dtb", (with_pdma(kernel) if mode == "pdma" else kernel).dtb,
         "-append", "console=ttyS0,115200 rdinit=/sbin/direction", uarts=(0, 2, 3),
     ) as machine:  # fmt: skip
@@ -368,7 +369,7 @@ def test_rs485_direction(
 @pytest.mark.parametrize("pdma", [False, True])
 def test_panic_is_seen_and_ends_in_a_restart(boot: Callable[..., Linux], kernel: Kernel, pdma: bool) -> None:
     kernel = dataclasses.replace(with_pdma(kernel) if pdma else kernel, arguments=f"{PLAIN} panic=1")
-    with boot(*CLOCK, kernel=kernel) as linux:
+    with boot(*INSTRUCTION_TIME, kernel=kernel) as linux:
         linux.type("echo c > /proc/sysrq-trigger\n<run 1>\n")
         linux.wait_for("Kernel panic - not syncing: sysrq triggered crash")
         linux.wait_for_shell()
@@ -381,5 +382,7 @@ def test_panic_at_the_earliest_is_seen(qemu: Path, kernel: Kernel, tmp_path: Pat
     good = kernel.dtb.read_bytes()
     assert good.count(b"nuvoton,nuc980-aic\0") == 1
     dtb.write_bytes(good.replace(b"nuvoton,nuc980-aic\0", b"nuvoton,nuc980-no!\0"))
-    with Machine(qemu, *CLOCK, "-kernel", kernel.image, "-dtb", dtb, "-append", "earlycon") as machine:
+    with Machine(
+        qemu, *INSTRUCTION_TIME, "-kernel", kernel.image, "-dtb", dtb, "-append", "earlycon"
+    ) as machine:
         machine.uarts[0].wait_for(b"Kernel panic - not syncing")

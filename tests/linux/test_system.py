@@ -19,6 +19,7 @@ from lab.board import ETHERNET, SSH_PORT, STATION_PORT, Ssh
 from lab.gateway import GatewayError, free_port
 from lab.master import Master
 from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.machine import INSTRUCTION_TIME
 
 ROOT = Path(__file__).resolve().parents[2]
 POST_BUILD = ROOT / "board/nuc980/post-build.sh"
@@ -31,9 +32,6 @@ STATIONS = [1000 * (1 + at % LINES) + 1 + at // LINES for at in range(DEVICES)]
 GATEWAY_KIB = 4 * 1024
 AVAILABLE_KIB = 32 * 1024
 START_SECONDS = 15.0
-
-# The board's time is counted in instructions, of 8 ns each: a busy host does not make it longer.
-INSTRUCTION_TIME = ("-icount", "shift=3")
 
 LOG_KIB = 3 * 256  # rootfs-overlay/etc/default/syslogd: a file and the two before it
 INTERFACES = """auto lo

@@ -16,6 +16,7 @@ from lab.board import ETHERNET
 from lab.gateway import TESTFR_ACT, TESTFR_CON
 from lab.raw_master import RawMaster
 from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.machine import INSTRUCTION_TIME
 from peers.tls_gateway import VERSIONS, Pki, received
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,8 +27,6 @@ STATION, POINTS, STATION_PORT = 1001, 5000, 19998
 WAITS_S = 60.0
 AVAILABLE_KIB = 32 * 1024
 HANDSHAKES = 10
-# The board's time is counted in instructions, of 8 ns each: a busy host does not make it longer.
-INSTRUCTION_TIME = ("-icount", "shift=3")
 
 
 def configuration() -> str:

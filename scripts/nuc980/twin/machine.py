@@ -19,6 +19,9 @@ from qemu.qmp import QMPError
 from qemu.qmp.legacy import QEMUMonitorProtocol
 
 ANSWER_SECONDS = 60.0
+# QEMU's arguments that count the board's time in instructions, of 8 ns each. A busy host then makes the board
+# late; in the host's time it would be overloaded, and lose characters and deadlines that no board loses.
+INSTRUCTION_TIME = ("-icount", "shift=3")
 
 
 class MachineError(Exception):
