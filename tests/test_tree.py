@@ -110,7 +110,7 @@ def test_no_place_of_one_machine() -> None:
 
 
 # What a reader of this tree alone cannot look up: the number of an issue, a document outside the tree.
-ELSEWHERE = re.compile(r"\bissue #?\d+|\bseed 0\d\d\b|\bshared/\w", re.IGNORECASE)
+ELSEWHERE = re.compile(r"\bissue #?\d+|\b(?:seed|report) 0\d\d\b|\bshared/\w", re.IGNORECASE)
 MADE_BY_A_TEST = Path("tests/test_changed.py")  # its pages are of a tree that it makes
 
 

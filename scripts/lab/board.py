@@ -53,7 +53,7 @@ class Network:
         ]
 
 
-# Report 003: the two ports' addresses.
+# The report: the two ports' addresses.
 ETHERNET = (
     Network("net0", "172.16.0.50/12", "172.16.0.1"),
     Network("net1", "192.168.21.100/24", "192.168.21.1"),

@@ -16,7 +16,7 @@ from nuc980.twin.network import BoardNetwork, NotAllowedError, PrivateNetwork, b
 
 pytestmark = pytest.mark.slow
 
-# Report 003's.
+# The report's.
 BOARD, SERVER = IPv4Interface("172.16.0.50/12"), IPv4Address("172.16.0.1")
 
 

@@ -31,7 +31,7 @@ static void assert_frame(struct modbus_request request, const uint8_t *bytes, si
 #define ASSERT_FRAME(request, ...)                                                                           \
 	assert_frame(request, (const uint8_t[]){__VA_ARGS__}, sizeof((const uint8_t[]){__VA_ARGS__}))
 
-/* Report 003, figures 5.5 and 5.8. */
+/* The report, figures 5.5 and 5.8. */
 static void test_writes_of_the_report(void **state)
 {
 	(void)state;

@@ -11,7 +11,7 @@
 /* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
 #define APART_MAX 1024
 
-/* Report 003, section 4.3: from here on coils would reach the discrete inputs' IOA. */
+/* The report, section 4.3: from here on coils would reach the discrete inputs' IOA. */
 #define SCHEME_LAST 9999
 #define MODBUS_LAST 65535
 #define IOA_MAX     16777215
