@@ -321,7 +321,7 @@ lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellche
 	shellcheck --external-sources $(SHELL_FILES)
 
 # Many of these wait for a line, a timer or a guest: some at a time fill two cores. A file's tests share what they start.
-WORKERS := 4
+WORKERS := 3
 PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 

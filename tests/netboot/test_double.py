@@ -24,7 +24,7 @@ import pytest
 from netboot.double import BLOCK, FACTORY_ENVIRONMENT, PAGE, Double, Operation, faults
 from nuc980.netboot.board import Nand
 from nuc980.netboot.flash.tables import tables_content, tables_slot
-from nuc980.twin.machine import Machine, SerialLine
+from nuc980.twin.machine import INSTRUCTION_TIME, Machine, SerialLine
 from nuc980.twin.nand import NandImage
 from nuc980.twin.uboot import Console
 
@@ -568,7 +568,7 @@ def real(qemu: Path, uboot: Path, tmp_path_factory: pytest.TempPathFactory) -> d
         machine.write_memory(0x1000000, tables_content(chip))
         Console(machine).run(f"nand write 0x1000000 {tables_slot(chip).offset:#x} 0x80000")
     network = ("-nic", f"user,net=10.0.0.0/24,tftp={folder}", "-nic", "user,net=10.0.1.0/24")
-    with Machine(qemu, "-bios", uboot, *drive, *network) as machine:
+    with Machine(qemu, *INSTRUCTION_TIME, "-bios", uboot, *drive, *network) as machine:
         return answers(AtTheTwin(machine.uarts[0]))
 
 
