@@ -33,6 +33,7 @@ FREEZE, FREEZE_RESET, RESET, GENERAL = 0x40, 0x80, 0xC0, 5
 THRESHOLD, HIGH_LIMIT = 1, 4
 SIZES = {M_SP: 1, M_ME_NB: 3, M_IT: 5, P_ME_NB: 3}
 BROADCAST = 65535
+RESPONSE_TIMEOUT_MS = 1500  # a busy host does not make a command fail
 
 
 def offset(device: str) -> int:
@@ -49,8 +50,8 @@ def configuration() -> dict[str, Any]:
             "id": int(device[2:]),
             "ca": DEVICES[device],
             "ioa_offset": offset(device),
-            "response_timeout_ms": 500,
-            "response_timeout_min_ms": 500,
+            "response_timeout_ms": RESPONSE_TIMEOUT_MS,
+            "response_timeout_min_ms": RESPONSE_TIMEOUT_MS,
             "probe_max_s": 2,
             "discrete_inputs": [{"address": 0, "group": 1}],
             "input_registers": [
