@@ -183,11 +183,14 @@ class Linux:
         return int(status.removesuffix(">")), text.removesuffix("\n")
 
     def type(self, text: str) -> None:
-        """Types characters, each part when the one before it has been echoed: no receiver overruns."""
-        for start in range(0, len(text), UART_FIFO):
-            part = text[start : start + UART_FIFO]
+        """Types characters, each part when the one before it has been echoed: no receiver overruns.
+
+        What programs and the kernel say meanwhile may stand between the characters, and be taken for the end
+        of an echo. So a part is half of what the receiver holds.
+        """
+        for start in range(0, len(text), UART_FIFO // 2):
+            part = text[start : start + UART_FIFO // 2]
             self.machine.uarts[0].send(part.encode())
-            # What programs and the kernel say meanwhile may stand between the characters.
             self.wait_for(re.compile(".*?".join(map(re.escape, part)), re.DOTALL), RUN_SECONDS)
 
     def _receive(self, seconds: float) -> bool:
