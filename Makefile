@@ -6,6 +6,8 @@ SHELL := bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
+# Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
+unexport PYTHONDONTWRITEBYTECODE
 .PHONY: help setup build install man deb dtb qemu uboot linux linux-debug image-debian image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
@@ -130,16 +132,18 @@ deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build
 
 # ---- device tree ---------------------------------------------------------------------------------
 
-DTS := dts/nuvoton/nuc980-gateway.dts
+# Another board of board/nuc980/boards: BOARD=numaker. Its image: docs/your-board.md.
+BOARD := gateway
+DTS := dts/nuvoton/nuc980-$(BOARD).dts
 # of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"; a build with switches has a folder of its own
 SWITCHES :=
 EMPTY :=
-DTB := build/dtb/$(addsuffix /,$(subst $(EMPTY) $(EMPTY),_,$(strip $(SWITCHES))))nuc980-gateway.dtb
+DTB := build/dtb/$(addsuffix /,$(subst $(EMPTY) $(EMPTY),_,$(strip $(SWITCHES))))nuc980-$(BOARD).dtb
 
-dtb: $(VENV) ## Build: the board's device tree: generate, compile, check (SWITCHES=...)
+dtb: $(VENV) ## Build: the board's device tree: generate, compile, check (BOARD=, SWITCHES=)
 	scripts/nuc980-pins generate
 	scripts/build-dtb.sh $(DTS) $(DTB) $(SWITCHES)
-	scripts/nuc980-pins check $(addprefix -D ,$(SWITCHES)) $(DTS) $(DTB)
+	scripts/nuc980-pins check --board $(BOARD) $(addprefix -D ,$(SWITCHES)) $(DTS) $(DTB)
 	scripts/validate-dtb.sh $(DTB)
 
 # ---- the twin ------------------------------------------------------------------------------------
@@ -179,6 +183,11 @@ linux-debug: build/linux-debug/done ## Build: a Linux that watches itself (locks
 
 build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
 	$(LOGGED) linux-debug scripts/build-linux.sh build/linux/debian $(@D) board/nuc980/linux/debug.fragment
+	@touch $@
+
+# Its recordings of receivers and what it makes of them, and its program, which nobody has to install.
+build/gpsd/done: build/gpsd/debian.dsc scripts/debian-package.sh | build/packages-twin.done
+	$(LOGGED) gpsd scripts/debian-package.sh $(@D)/packages gpsd libbluetooth3 libdbus-1-3 libusb-1.0-0
 	@touch $@
 
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
@@ -308,7 +317,7 @@ PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
-SHELL_FILES = .ci/run scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
+SHELL_FILES = .ci/run scripts/openrtu-logic scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
@@ -329,6 +338,7 @@ test-quick: $(VENV) ## Test: four minutes: lint, C unit tests, the quick half of
 	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
 
 .PHONY: .quick
+.quick: WORKERS := 4
 .quick: build $(VENV)
 	$(PYTEST) -m "not slow and not soak"
 
@@ -338,7 +348,7 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
 test-station: build $(VENV) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(VENV) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers build/packages-deb.done $(VENV) ## Test: the gateway as a whole, its configuration, the tree
+test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done $(VENV) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build $(VENV) ## Test: what make bench measures with
 test-pins: $(VENV) ## Test: nuc980-pins
 test-image: $(VENV) ## Test: the images' configuration and what makes them
@@ -356,17 +366,28 @@ test-linux: linux linux-debug image-debian lab qemu uboot $(VENV) ## Test: Linux
 test-sanitizers: build .asan $(VENV) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot build/packages-deb.done $(VENV) ## Test: all of pytest but Linux on the emulated board
+test-native: build .asan fuzzers qemu uboot build/packages-deb.done build/gpsd/done $(VENV) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
 	$(PYTHON) tests/changed.py $(BASE)
 
-PARTS := lint unit asan cross fuzzers test-sanitizers test-native test-linux
+# The kernels and the image are built while the first parts run, in the time that their tests wait, and give way to them
+# (nice). What both need is built before, by one make.
+SHARED     := build qemu uboot build/packages-deb.done build/sysroot.ini
+ONLY_LINUX := linux linux-debug image-debian lab
+PARTS      := lint unit asan cross fuzzers test-sanitizers test-native test-linux
 
 test: $(VENV) ## Test: all but soak, an hour on two cores; then what it cost and what failed
 	rm -rf build/times
-	failed=; for part in $(PARTS); do $(MAKE) $$part || failed+=" $$part"; done; \
+	mkdir -p build/log; failed=; $(MAKE) $(SHARED) || failed+=" build"; \
+	nice $(MAKE) $(ONLY_LINUX) > build/log/test-linux-build.log 2>&1 & linux=$$!; \
+	trap 'kill $$linux 2> /dev/null || true' EXIT; \
+	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
+	for part in $(PARTS); do \
+	  [ $$part != test-linux ] || wait $$linux || tail -n 40 build/log/test-linux-build.log; \
+	  $(MAKE) $$part || failed+=" $$part"; \
+	done; \
 	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
@@ -376,7 +397,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux image-debian $(VENV) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 100 power cuts
+soak: build qemu uboot linux image-debian $(VENV) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
@@ -430,7 +451,7 @@ distclean: clean ## Maintain: remove the Python environment as well
 # ---- what was typed ------------------------------------------------------------------------------
 
 # Before anything is built. Last, where all that has a default has it.
-TYPED := $(foreach name,PORT BOARD_IP IMAGE IMAGES SITE DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
+TYPED := $(foreach name,PORT BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
   IMAGE_TYPED=$(filter command,$(origin IMAGE))
 REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
 $(if $(REFUSED),$(error $(REFUSED)))

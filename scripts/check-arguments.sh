@@ -61,6 +61,16 @@ check_site() {
 	found=$(PYTHONPATH=scripts python3 -m image.rootfs gateway "$SITE" 2>&1) || refuse "SITE=$SITE: $found"
 }
 
+check_board() {
+	[[ $BOARD == gateway || -f board/nuc980/boards/$BOARD/pins.yml ]] || refuse "BOARD=$BOARD: there is no such board;" \
+		"boards are gateway $(cd board/nuc980/boards && some ./*/pins.yml | sed 's|[.]/||g; s|/pins.yml||g')"
+}
+
+# What is made for the gateway board alone.
+check_gateway() {
+	[[ ${BOARD:-gateway} == gateway ]] || refuse "make $1 knows the gateway board only; BOARD= goes with make dtb"
+}
+
 check_device_tree() {
 	local found
 	[[ -f $DTS ]] || refuse "DTS=$DTS is not a file"
@@ -71,6 +81,7 @@ check_device_tree() {
 [[ -z ${SITE:-} ]] || check_site
 for goal; do
 	case $goal in
+	run | lab | netboot | uboot | image | system | image-*) check_gateway "$goal" ;;&
 	run | run-native) check_tcp_port ;;&
 	run) [[ -z ${IMAGE_TYPED:-} ]] || check_image "${IMAGE:-.}" ;;
 	netboot)
@@ -80,7 +91,10 @@ for goal; do
 		;;
 	image | image-buildroot) for image in $IMAGES; do check_configuration "$image" "IMAGES=$image"; done ;;
 	menuconfig | linux-menuconfig | savedefconfig | sdk | legal-info | sbom) check_configuration "$IMAGE" "IMAGE=$IMAGE" ;;
-	dtb) check_device_tree ;;
+	dtb)
+		check_board
+		check_device_tree
+		;;
 	fuzz) [[ $FUZZ_SECONDS =~ ^[1-9][0-9]{0,5}$ ]] || refuse "FUZZ_SECONDS=$FUZZ_SECONDS is not a number of seconds" ;;
 	bench) [[ -z ${LIB60870:-} || -d $LIB60870 ]] || refuse "LIB60870=$LIB60870 is not a folder; name the one with lib60870's source" ;;
 	esac

@@ -36,7 +36,7 @@ OF_OBJECTS = (*TABLES, "template", "overrides", "name_prefix", "ioa_offset", "ca
 IN_ROWS = (*OF_OBJECTS, "period_ms", "read_back")  # what each point of the list has itself
 
 
-class UnusableInputError(Exception):
+class PointsError(Exception):
     """A file that is not what it should be; its text says why, and where."""
 
 
@@ -108,9 +108,9 @@ def read_json(path: Path) -> Json:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise UnusableInputError(f"{path}: {error}") from error
+        raise PointsError(f"{path}: {error}") from error
     if not isinstance(document, dict):
-        raise UnusableInputError(f"{path}: is no JSON object")
+        raise PointsError(f"{path}: is not a JSON object")
     return document
 
 
@@ -132,7 +132,7 @@ def read_lines(path: Path) -> Json:
     """The configuration that says what the lines are, without the objects of its slaves."""
     config = read_json(path)
     if not isinstance(config.get("port"), list):
-        raise UnusableInputError(f"{path}: is no configuration, expected an object with an array port")
+        raise PointsError(f"{path}: is not a configuration: an object with an array port")
     templates = read_templates(path, config)
     config.pop("include", None)
     config.pop("templates", None)
@@ -153,12 +153,12 @@ def read_points(path: Path, slaves: Slaves) -> None:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise UnusableInputError(f"{path}: {error}") from error
+        raise PointsError(f"{path}: {error}") from error
     head = text.partition("\n")[0]
     reader = csv.DictReader(text.splitlines(keepends=True), delimiter=";" if ";" in head else ",")
     missing = [key for key in NEEDED if key not in (reader.fieldnames or [])]
     if missing:
-        raise UnusableInputError(f"{path}:1: has no column {', '.join(missing)}")
+        raise PointsError(f"{path}:1: has no column {', '.join(missing)}")
     for row in reader:
         if None in row or None in row.values():
             slaves.error(reader.line_num, "has not as many cells as the first line")
@@ -178,7 +178,7 @@ def main() -> int:
     try:
         slaves = Slaves(read_lines(arguments.lines), arguments.points)
         read_points(arguments.points, slaves)
-    except UnusableInputError as error:
+    except PointsError as error:
         print(error, file=sys.stderr)
         return 2
     if slaves.errors:

@@ -24,6 +24,7 @@ START, APDU_LEAST = 0x68, 4
 NEGATIVE = 0x40  # P/N beside the cause
 TLS_HANDSHAKE = b"\x16\x03"
 LINKTYPE_RAW = 101  # an IP packet without anything before it
+PCAP_HEAD = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 262144, LINKTYPE_RAW)
 FIELDS = ("frame.number", "frame.protocols", "_ws.malformed", "_ws.expert.message")
 
 
@@ -146,7 +147,7 @@ def unrecorded(gateway: Rtu) -> Iterator[None]:
 # ---- as packets -------------------------------------------------------------------------------------
 
 
-def _packet(by_station: bool, connection: int, sequence: int, acknowledged: int, payload: bytes) -> bytes:
+def packet_of(by_station: bool, connection: int, sequence: int, acknowledged: int, payload: bytes) -> bytes:
     """IPv4 and TCP, without the checksums, which tshark does not look at; a master each connection."""
     master, station = struct.pack(">I", 0x0A000001 + connection), bytes((192, 0, 2, 1))
     addresses = station + master if by_station else master + station
@@ -156,15 +157,20 @@ def _packet(by_station: bool, connection: int, sequence: int, acknowledged: int,
     return ip + tcp + payload
 
 
+def record_of(packet: bytes, second: int) -> bytes:
+    """As it stands in a pcap file, behind PCAP_HEAD."""
+    return struct.pack("<IIII", second, 0, len(packet), len(packet)) + packet
+
+
 def write_pcap(file: BinaryIO, connections: list[Connection]) -> list[tuple[Connection, bool, bytes]]:
     """A packet for each frame; returns the frames, in order."""
-    file.write(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 262144, LINKTYPE_RAW))
+    file.write(PCAP_HEAD)
     frames = []
     for number, connection in enumerate(connections):
         sent = {True: 1, False: 1}
         for by_station, frame in connection.frames():
-            packet = _packet(by_station, number, sent[by_station], sent[not by_station], frame)
-            file.write(struct.pack("<IIII", len(frames), 0, len(packet), len(packet)) + packet)
+            packet = packet_of(by_station, number, sent[by_station], sent[not by_station], frame)
+            file.write(record_of(packet, len(frames)))
             sent[by_station] = (sent[by_station] + len(frame)) % 2**32
             frames.append((connection, by_station, frame))
     return frames

@@ -14,6 +14,7 @@ from xdist.scheduler import LoadFileScheduling
 import capture
 from areas import AREAS, area_of
 from desk import Desk, chapter_5, desk_of
+from lab.turns import take_short_turns
 from times import Times
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -66,6 +67,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FileByF
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(Times())
+    take_short_turns()
     # A run in the background, or under nohup, ignores these, and so would all that the tests start.
     for number, action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
@@ -76,7 +78,10 @@ def built(variable: str, default: str) -> Path:
     """What the environment variable names, or the default below the tree's root."""
     path = Path(os.environ.get(variable, ROOT / default)).resolve()
     if not path.exists():
-        pytest.fail(f"{path} is not there: `make build asan qemu uboot`, or set {variable}", pytrace=False)
+        pytest.fail(
+            f"{path} is not there: `make build asan qemu uboot build/gpsd/done`, or set {variable}",
+            pytrace=False,
+        )
     return path
 
 
@@ -125,6 +130,12 @@ def uboot() -> Path:
 def uboot_source() -> Path:
     """What it was built from, U-Boot's own tools among it."""
     return built("OPENRTU_UBOOT_SOURCE", "build/u-boot/source")
+
+
+@pytest.fixture(scope="session")
+def gpsd() -> Path:
+    """Debian's gpsd, for slow tests: its source with recordings in debian/, its program in packages/."""
+    return built("OPENRTU_GPSD", "build/gpsd")
 
 
 @pytest.fixture(scope="module")

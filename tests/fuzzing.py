@@ -16,11 +16,16 @@ SEEDS = ROOT / "tests" / "fixtures" / "corpus"
 SCHEMA = ROOT / "package" / "openrtu" / "src" / "rtud" / "config.schema.json"
 TARGETS = {  # by the name of its corpus: the program
     "asdu": "iec104/fuzz_asdu",
+    "controlling": "iec104/fuzz_controlling",
+    "information": "iec104/fuzz_information",
     "session": "iec104/fuzz_session",
     "station": "iec104/fuzz_station",
     "line": "modbus/fuzz_line",
     "config": "rtud/fuzz_config",
     "journal": "journal/fuzz_journal",
+    "nmea": "gps/fuzz_nmea",
+    "gpsd": "gps/fuzz_gpsd",
+    "logic": "logic/fuzz_logic",
 }
 INPUT_MAX = 4096
 

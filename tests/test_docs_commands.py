@@ -46,7 +46,7 @@ def test_commands_and_options_of_rtuctl(programs: Path) -> None:
     assert unknown_options("rtuctl", helps) == []
 
 
-@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot"])
+@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot", "openrtu-logic"])
 def test_options_of_the_tools(tool: str) -> None:
     program = ROOT / "scripts" / tool
     general = told(program, "--help")

@@ -118,6 +118,7 @@ def told(objects: list[Object]) -> list[tuple[int, int, datetime.datetime | None
 # ---- what outlives it ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "source"), [pytest.param("Control centre", MAIN, id="group"), ("127.0.0.50", "127.0.0.50")]
 )
@@ -276,6 +277,7 @@ def link_elsewhere(file: Path) -> None:
 SOME, ALL, NONE = range(3)  # of the events that the file held
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "message", "left"),
     [
@@ -365,6 +367,7 @@ def allow(volume: Path) -> None:
     subprocess.run(["mount", "-o", "remount,rw", volume], check=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "repair", "message"),
     [(fill, empty_again, "No space left on device"), (forbid, allow, "Read-only file system")],
@@ -400,6 +403,7 @@ def test_file_system_that_cannot_be_written(
 # ---- what it costs ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_nothing_is_written_while_all_is_acknowledged(substation: Substation, journal: Path) -> None:
     gateway = substation.gateway
     with Link(gateway, MAIN).start() as link:

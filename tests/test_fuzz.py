@@ -10,14 +10,19 @@ from fuzzing import SEEDS, TARGETS, run
 # Some five seconds each, by the targets' speeds.
 RUNS = {
     "asdu": 40_000,
+    "controlling": 80_000,
+    "information": 150_000,
     "session": 150_000,
     "station": 25_000,
     "line": 50_000,
     "config": 3_000,
     "journal": 1_700,
+    "nmea": 40_000,
+    "gpsd": 100_000,
+    "logic": 100_000,
 }
 SEED_SIZE_MAX = 1024
-SEEDS_MAX = 100
+SEEDS_MAX = 120
 
 
 @pytest.mark.slow

@@ -46,6 +46,7 @@ def test_group_interrogation(desk: Desk) -> None:
     assert [report.ioa for report in reports] == [30001, 30003, 30004]
 
 
+@pytest.mark.slow
 def test_unknown_station_is_refused(desk: Desk) -> None:
     assert not desk.master.connection.interrogation(common_address=3068)
 

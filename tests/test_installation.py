@@ -71,6 +71,7 @@ def test_install_puts_everything_in_its_place(installed: Path) -> None:
         *(f"usr/local/libexec/openrtu/{name}" for name in MODULES),
         *(f"usr/local/share/openrtu/templates/{name}" for name in TEMPLATES),
         *(f"usr/local/share/man/man{page[-1]}/{page}" for page in PAGES),
+        "usr/local/share/openrtu/wireshark/asdu201.lua",
     }
     check_unit(
         installed / "usr/local/lib/systemd/system/rtud.service", installed / "usr/local/sbin/rtud", installed
@@ -89,7 +90,8 @@ def test_each_module_number_has_its_user(tmp_path: Path) -> None:
     (tmp_path / "etc").mkdir()
     run("systemd-sysusers", f"--root={tmp_path}", ROOT / "package/openrtu/src/systemd/openrtu.sysusers")
     rows = [line.split(":") for line in (tmp_path / "etc/passwd").read_text().splitlines()]
-    most = re.search(r"#define MAP_MODULES_MAX\s+(\d+)", (ROOT / "package/openrtu/src/map/map.h").read_text())
+    header = (ROOT / "package/openrtu/src/map/config.h").read_text()
+    most = re.search(r"#define MAP_MODULES_MAX\s+(\d+)", header)
     assert most is not None
     users = {int(row[2]): int(row[3]) for row in rows if row[0].startswith("openrtu")}
     assert users == {61200 + number: 61200 for number in range(1, int(most[1]))}

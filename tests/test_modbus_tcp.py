@@ -224,6 +224,7 @@ def test_connection_is_a_line_like_others(programs: Path, address: str) -> None:
         assert 7 not in [port["value"] for port in suggested]
 
 
+@pytest.mark.slow
 def test_lost_server_is_connected_again(programs: Path) -> None:
     server = Server()
     with gateway_of(programs, tcp_port(7, server, [slave(1, 0)])) as gateway:
@@ -244,6 +245,7 @@ def test_lost_server_is_connected_again(programs: Path) -> None:
         wait_said(gateway, 7, [refused, "is connected", "is lost", "is connected", "is lost"])
 
 
+@pytest.mark.slow
 def test_device_that_accepts_and_hangs_up_is_said_once(programs: Path) -> None:
     def hang_up(_: Request) -> bytes:
         raise OSError(errno.ECONNABORTED, "no further connection")
@@ -269,6 +271,7 @@ def end_of_connection(gateway: Gateway, server: Server, nonsense: bytes) -> None
     wait_good(gateway, "p7.1.*")
 
 
+@pytest.mark.slow
 def test_what_is_no_modbus_closes_the_connection(programs: Path) -> None:
     with Server() as server, gateway_of(programs, tcp_port(7, server, [slave(1, 0)])) as gateway:
         wait_good(gateway, "p7.1.*")
@@ -330,6 +333,7 @@ def test_answers_of_no_request_are_counted(programs: Path) -> None:
 # ---- a gateway with two units ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", ["exception", "silence"])
 def test_dead_unit_does_not_take_its_neighbour_with_it(programs: Path, word: str) -> None:
     def one_is_dead(request: Request) -> bytes:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Builds that leave a module out: what they install, what they refuse and what they run."""
+"""Builds that leave a module out, or have one more: what they install, what they refuse and what they run."""
 
 import json
 import os
+import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -143,3 +144,68 @@ def test_station_runs_without_the_lines(without_modbus: Path, directory: Path) -
         modules = gateway.modules()
     assert set(modules) == {"rtud", "rtu-iec104", "rtuctl"}
     assert modules["rtu-iec104"]["restarts"] == 0
+
+
+# ---- one more ------------------------------------------------------------------------------------
+
+# Beside its folder: one line of the table, the build files (and its page in docs).
+TOUCHED = {
+    "rtud/kinds.c": ("\tKIND(journal)\n", "\tKIND(journal) \\\n\tKIND(probe)\n"),
+    "rtud/meson.build": (
+        "'../modules/modbus/kind.c',",
+        "'../modules/modbus/kind.c', '../modules/probe/kind.c',",
+    ),
+    "modules/meson.build": (
+        "\nif cmocka.found()",
+        "\nexecutable('rtu-probe', 'probe/main.c', module_sources, dependencies: map_dep)\nif cmocka.found()",
+    ),
+}
+
+
+@pytest.fixture
+def with_probe(tmp_path: Path) -> Path:
+    """A build with a kind of module that this tree does not have."""
+    sources, build = tmp_path / "src", tmp_path / "build"
+    shutil.copytree(SOURCES, sources)
+    shutil.copytree(ROOT / "tests/fixtures/probe", sources / "modules/probe")
+    for name, (old, new) in TOUCHED.items():
+        text = (sources / name).read_text()
+        assert old in text, f"{name} has no longer the place where a kind is added"
+        (sources / name).write_text(text.replace(old, new, 1))
+    for command in (
+        ["meson", "setup", build, sources, "-Dtests=disabled", "-Diec104=false", "-Dmodbus=false"],
+        ["ninja", "-C", build, "rtud/rtud", "rtuctl/rtuctl", "modules/rtu-probe"],
+    ):
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stdout + run.stderr
+    return build
+
+
+def checked(build: Path, directory: Path, config: dict[str, Any]) -> str:
+    """What rtud says of a configuration that is wrong."""
+    file = directory / "wrong.json"
+    file.write_text(json.dumps(config))
+    command = [build / "rtud" / "rtud", "--check", file]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+    assert run.returncode == 1
+    return run.stderr
+
+
+def test_a_new_kind_touches_its_folder_one_line_and_the_build(with_probe: Path, directory: Path) -> None:
+    wrong = checked(with_probe, directory, {"port": [], "probe": {"period": 200}})
+    assert wrong.endswith('wrong.json:1: probe.period: unknown key, did you mean "period_ms"?\n')
+    gateway = Gateway({"port": [], "probe": {"period_ms": 200}}, directory, with_probe)
+    command = [gateway.build / "rtud" / "rtud", "--map", gateway.map]
+    command += ["--modules", gateway.build / "modules", gateway.config_file]
+    with (
+        gateway.log_file.open("wb") as log,
+        subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=log) as gateway.process,
+    ):
+        try:
+            gateway.wait_for(lambda: gateway.ctl("modules", check=False) != "", 60.0, "there is a map")
+            gateway.wait_for(lambda: gateway.modules()["rtu-probe"]["alive"], 60.0, "the new module lives")
+            assert gateway.modules()["rtu-probe"]["kind"] == "probe"
+            begun = "rtu-probe info: probes every 200 ms"
+            gateway.wait_for(lambda: begun in gateway.log(), 10.0, "its log is rtud's")
+        finally:
+            gateway.process.terminate()

@@ -129,6 +129,7 @@ def test_the_shipped_template_takes_the_factors_of_the_device(bench: Bench) -> N
     assert {ioa: values[ioa] for ioa in EXPECTED} == pytest.approx(EXPECTED, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_each_request_for_a_value_brings_its_factor(bench: Bench) -> None:
     begin = len(bench.device.requests)
     bench.gateway.wait_for(lambda: len(bench.device.requests) > begin + 200, 30.0, "200 requests")
@@ -148,6 +149,7 @@ def test_each_request_for_a_value_brings_its_factor(bench: Bench) -> None:
         assert spans and all(first <= factor < end for first, end in spans), (value, spans)
 
 
+@pytest.mark.slow
 def test_a_factor_that_changes_with_the_power_never_meets_another_value(bench: Bench) -> None:
     since = bench.master.mark()
     for turn in range(40):
@@ -238,6 +240,7 @@ def test_a_command_without_a_factor_is_refused_and_says_why(bench: Bench) -> Non
     )
 
 
+@pytest.mark.slow
 def test_a_device_that_was_away_is_not_written_with_its_old_factor(bench: Bench) -> None:
     bench.device.stop()
     bench.gateway.wait_for(

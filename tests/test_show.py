@@ -50,7 +50,7 @@ def test_all_of_it_is_seen(start: Start) -> None:
     assert out.count("\n\n") == len(STEPS) + 1
     assert "Modbus frame received: [67 5 0 3 255 0 115 24]" in out
     assert "Modbus frame received: [67 6 0 2 0 255 103 104]" in out
-    assert f"All {len(STEPS)} steps were seen." in out
+    assert f"All {len(STEPS)} steps succeeded." in out
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -113,7 +113,7 @@ def test_failed_show_says_three_lines_and_the_rest_in_a_file(start: Start) -> No
     assert said["expected"].startswith("step ")
     assert "linesim" in said["seen"]
     assert said["probably"].startswith("linesim ended with exit code -9")
-    file = re.search(r"\(all that is known: (.+)\)$", said["probably"])
+    file = re.search(r"\(details: (.+)\)$", said["probably"])
     assert file is not None
     kept = (ROOT / file[1]).read_text()
     for title in (
@@ -155,7 +155,7 @@ def test_keep_stays_up_for_the_users_own_master(start: Start) -> None:
     assert (show.returncode, err) == (0, "")
     gone = subprocess.run(commands[0], shell=True, cwd=ROOT, stderr=subprocess.PIPE, text=True, check=False)
     assert gone.returncode == 2
-    assert f"no show is up at TCP port {port}; type: make run-native KEEP=1 PORT={port}" in gone.stderr
+    assert f"no show runs on TCP port {port}; type: make run-native KEEP=1 PORT={port}" in gone.stderr
 
 
 def test_picture_of_the_readme_has_these_steps() -> None:

@@ -53,6 +53,7 @@ def starts(link: Bare) -> bool:
     return False
 
 
+@pytest.mark.slow
 def test_idle_peer_keeps_nobody_out(substation: Substation) -> None:
     """It holds all that are free, and would for ever. The group has its place, others get one after t1."""
     gateway = substation.gateway

@@ -539,6 +539,7 @@ def test_reset_with_another_qualifier_is_refused(master: RawMaster) -> None:
     assert master.answer(C_RP).cause == ACT_CON | NEGATIVE
 
 
+@pytest.mark.slow
 def test_waiting_events_are_dropped(desk: Desk) -> None:
     k = 12
     with RawMaster(*desk.gateway.address) as master:

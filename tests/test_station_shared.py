@@ -383,6 +383,7 @@ def qualities(master: RawMaster) -> dict[str, set[bool]]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", SHARED)
 def test_the_points_of_a_dead_device_are_invalid_and_no_others(
     desk: Desk, master: RawMaster, device: str

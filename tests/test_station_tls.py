@@ -405,6 +405,7 @@ def test_flood_of_one_address_keeps_no_other_from_its_handshake(pki: Pki, progra
         assert received(connection, 6) == TESTFR_CON
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_slow_reader(gateway: TlsGateway, pki: Pki, version: str) -> None:
     """Nothing is lost of what waits for it, nobody else waits, and waiting costs no time."""

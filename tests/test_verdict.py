@@ -34,7 +34,7 @@ def fails(show: Verdict, error: Exception, capsys: pytest.CaptureFixture[str]) -
     assert run(show, act) == 1
     said = capsys.readouterr()
     assert said.out == ""
-    file = f" (all that is known: {os.path.relpath(show.file)})"
+    file = f" (details: {os.path.relpath(show.file)})"
     assert said.err.endswith(f"{file}\n")
     return said.err.strip().replace(file, "").split("\n")
 
@@ -152,7 +152,7 @@ def test_master_is_kept_from_a_station_of_somebody_else(
 ) -> None:
     gateway, _ = late
     monkeypatch.setattr(gateway, "processes", lambda: [])
-    with pytest.raises(GatewayError, match=rf"\(pid {os.getpid()}\) listens at TCP port"):
+    with pytest.raises(GatewayError, match=rf"\(pid {os.getpid()}\) listens on TCP port"):
         gateway.check_ours()
 
 

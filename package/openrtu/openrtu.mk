@@ -21,9 +21,10 @@ define OPENRTU_ADD_LICENSE
 endef
 OPENRTU_POST_RSYNC_HOOKS += OPENRTU_ADD_LICENSE
 
-# rtud, started as root, runs module number i as user 61200 + i with the group
-# 61200 and no capability. Here they get names: the northbound module is number
-# 1, the first line process number 3, whichever of them are built.
+# rtud, started as root, runs each module as a user of its own, from 61201 on,
+# with the group 61200 and no capability. The kind of a module says which (user,
+# in src/modules/*/kind.c). Here they get names: the northbound module has 61201,
+# the first line process 61203, whichever of them are built.
 define OPENRTU_USERS
 	openrtu 61200 openrtu 61200 * - - - OpenRTU
 	$(OPENRTU_IEC104_USER)

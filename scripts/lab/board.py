@@ -13,6 +13,7 @@ from typing import Any, Self
 
 from lab import show
 from lab.gateway import GatewayError, Rtu
+from lab.patience import slowness
 from nuc980.netboot.errors import StuckConsole
 from nuc980.netboot.linux import Goal
 from nuc980.netboot.progress import Progress
@@ -160,21 +161,25 @@ class Ssh:
         return True
 
     def run(self, command: str, seconds: float = ANSWER_SECONDS, send: str = "") -> str:
-        """What a command on the board writes; send is its input. Raises GatewayError."""
+        """What a command on the board writes; send is its input. Raises GatewayError.
+
+        seconds: on an idle machine (lab.patience).
+        """
+        patience = seconds * slowness()
         try:
             done = subprocess.run(
                 [*self.command, command],
                 input=send,
                 capture_output=True,
                 text=True,
-                timeout=seconds,
+                timeout=patience,
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise GatewayError(f"on the board, '{command}' did not end within {seconds:g} s") from None
+            raise GatewayError(f"on the board, '{command}' did not end within {patience:.0f} s") from None
         if done.returncode:
-            said = done.stderr.strip() or done.stdout.strip()
-            raise GatewayError(f"on the board, '{command}' ended with {done.returncode}: {said}")
+            output = done.stderr.strip() or done.stdout.strip()
+            raise GatewayError(f"on the board, '{command}' ended with {done.returncode}: {output}")
         return done.stdout
 
 

@@ -34,7 +34,7 @@ from lab.show import (
     DEADLINE_S,
     STATION,
     STEPS,
-    Stage,
+    Desk,
     Step,
     add_gateway,
     add_options,
@@ -65,7 +65,7 @@ LATENCY_SECONDS = 5  # without load, and as long with it
 
 
 @dataclass
-class BoardStage(Stage):
+class BoardDesk(Desk):
     """What a step on the board works on."""
 
     gateway: Board
@@ -74,66 +74,64 @@ class BoardStage(Stage):
 # ---- the steps that only a board has
 
 
-def kernel(stage: BoardStage) -> None:
+def kernel(desk: BoardDesk) -> None:
     """The kernel"""
-    version = stage.gateway.inside("uname -a").strip()
+    version = desk.gateway.inside("uname -a").strip()
     say(f"     {version}")
     check("PREEMPT_RT" in version, "the kernel is not PREEMPT_RT")
 
 
-def modules(stage: BoardStage) -> None:
+def modules(desk: BoardDesk) -> None:
     """The gateway's processes, seen from inside: rtuctl modules"""
-    say(indented(stage.gateway.ctl("modules")))
-    modules = stage.gateway.modules()
+    say(indented(desk.gateway.ctl("modules")))
+    modules = desk.gateway.modules()
     down = [name for name, module in modules.items() if not module["pid"] and name != "rtuctl"]
-    check(not down, f"modules that do not run: {', '.join(down)}")
+    check(not down, f"not running: {', '.join(down)}")
 
 
-def pins(stage: BoardStage) -> None:
+def pins(desk: BoardDesk) -> None:
     """The pins of the running board: which devices have theirs (info nuc980-pins)"""
-    view = stage.gateway.machine.info("nuc980-pins").replace("\r", "")
+    view = desk.gateway.machine.info("nuc980-pins").replace("\r", "")
     _, _, devices = view.partition("\n\n")
     say(indented(devices))
     for device in ("uart0", *(f"uart{number}" for number in PORTS), "emac0", "emac1"):
         found = re.search(rf"^{device} .*connected", devices, re.MULTILINE)
-        check(found is not None, f"{device} lacks pins")
+        check(found is not None, f"{device} has no pins")
 
 
-def killed(stage: BoardStage) -> None:
-    """A line process is killed (kill -9): its points turn invalid, rtud starts it again"""
-    lines = next(name for name in stage.gateway.modules() if name.startswith("rtu-modbus"))
-    before = stage.gateway.modules()[lines]["pid"]
-    since = stage.master.mark()
-    stage.gateway.kill(lines)
+def killed(desk: BoardDesk) -> None:
+    """A line process is killed (kill -9): its points turn invalid, and rtud restarts it"""
+    lines = next(name for name in desk.gateway.modules() if name.startswith("rtu-modbus"))
+    before = desk.gateway.modules()[lines]["pid"]
+    since = desk.master.mark()
+    desk.gateway.kill(lines)
     say(f"     board        kill -9 {before} ({lines})")
-    gone = stage.master.wait(
-        lambda r: r.ca == STATION and "Invalid" in r.quality, since, timeout_s=DEADLINE_S
-    )
+    gone = desk.master.wait(lambda r: r.ca == STATION and "Invalid" in r.quality, since, timeout_s=DEADLINE_S)
     event(gone)
-    event(stage.master.wait(lambda r: (r.ca, r.ioa, r.good) == (gone.ca, gone.ioa, True), since, DEADLINE_S))
-    stage.gateway.wait_for(lambda: all_read(stage.gateway), DEADLINE_S, "all points are good again")
-    after = stage.gateway.modules()[lines]["pid"]
-    say(f"     board        {lines} runs again (pid {after}); the master was connected all the time")
-    check(after != before, f"{lines} was not started again")
+    event(desk.master.wait(lambda r: (r.ca, r.ioa, r.good) == (gone.ca, gone.ioa, True), since, DEADLINE_S))
+    desk.gateway.wait_for(lambda: all_read(desk.gateway), DEADLINE_S, "all points are good again")
+    after = desk.gateway.modules()[lines]["pid"]
+    say(f"     board        {lines} runs again (pid {after}); the master stayed connected")
+    check(after != before, f"rtud did not restart {lines}")
 
 
-def latency(stage: BoardStage) -> None:
+def latency(desk: BoardDesk) -> None:
     """Ten seconds of cyclictest, half of them with load: rt-report"""
-    if not stage.gateway.inside("command -v cyclictest || true"):
-        say("     left out: this image has no cyclictest (package rt-tests)")
+    if not desk.gateway.inside("command -v cyclictest || true"):
+        say("     skipped: this image has no cyclictest (package rt-tests)")
         return
     # Its exit code is about errors too, such as characters that a busy host made the emulator lose.
-    said = stage.gateway.inside(f"rt-report --emulator --seconds {LATENCY_SECONDS} || true")
-    say(indented(said))
-    check(said.count("us at most") == 2, "cyclictest has measured nothing")
-    say("     This is an emulator on this host; what to measure on the board: docs/realtime.md")
+    measured = desk.gateway.inside(f"rt-report --emulator --seconds {LATENCY_SECONDS} || true")
+    say(indented(measured))
+    check(measured.count("us at most") == 2, "cyclictest measured nothing")
+    say("     These are times of an emulator; docs/realtime.md says what to measure on a board")
 
 
-def whole_station(stage: BoardStage) -> None:
-    """All stations, as the control room has them in the end"""
+def whole_station(desk: BoardDesk) -> None:
+    """All stations, as the control room sees them at the end"""
     # What the load before took from the lines comes back.
-    stage.gateway.wait_for(lambda: all_read(stage.gateway), DEADLINE_S, "all points are good")
-    reports = [report for ca in stations() for report in stage.master.interrogate(ca)]
+    desk.gateway.wait_for(lambda: all_read(desk.gateway), DEADLINE_S, "all points are good")
+    reports = [report for ca in stations() for report in desk.master.interrogate(ca)]
     table(reports)
     invalid = [report for report in reports if "Invalid" in report.quality]
     check_none(invalid, "are not valid")
@@ -167,7 +165,7 @@ def start_board(
     board = Board(machine, ssh.run, ("127.0.0.1", port))
     board.rtuctl = [*ssh.command, "rtuctl"]
     with progress.phase("log-in by ssh"):
-        board.wait_for(ssh.answers, DEADLINE_S, "the board lets its engineer in")
+        board.wait_for(ssh.answers, DEADLINE_S, "the log-in by ssh succeeds")
     add_gateway(verdict, board)
     with progress.phase("all points read"):
         board.wait_for(lambda: all_read(board), DEADLINE_S, "every device has been read")
@@ -187,7 +185,7 @@ def add_console(verdict: Verdict, console: Path) -> None:
 
     def trouble() -> str:
         found = TROUBLE.search(console.read_text(errors="replace"))
-        return f"the kernel said: {found[1]}" if found else ""
+        return f"the kernel reported: {found[1]}" if found else ""
 
     verdict.sources["the debug UART"] = lambda: console.read_text(errors="replace")
     verdict.causes.append(trouble)
@@ -203,23 +201,23 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
         stack.callback(remove, directory)
         lines = start_lines(stack, directory, CHAPTER_5 / "gateway.json", verdict, SILENCE_US)
         board = start_board(stack, directory, SYSTEM, port, verdict)
-        stage = BoardStage(lines, board, start_master(stack, board, verdict))
-        run_steps(stage, BOARD_STEPS, verdict)
-        said = TROUBLE.findall((directory / "console.log").read_text(errors="replace"))
-        check(not said, f"the kernel said: {'; '.join(said)}")
+        desk = BoardDesk(lines, board, start_master(stack, board, verdict))
+        run_steps(desk, BOARD_STEPS, verdict)
+        trouble = TROUBLE.findall((directory / "console.log").read_text(errors="replace"))
+        check(not trouble, f"the kernel reported: {'; '.join(trouble)}")
         say(f"It took {time.monotonic() - begin:.0f} s.")
         if keep:
-            keep_up(stage)
+            keep_up(desk)
 
 
 def main() -> int:
-    """The command line. Exit codes: 0 all was seen, 1 something was not, 2 wrong usage or nothing built."""
+    """The command line. Exit codes: 0 every step succeeded, 1 one did not, 2 wrong usage or nothing built."""
     parser = argparse.ArgumentParser(prog="make run", description=__doc__.splitlines()[0])
     add_options(parser)
     arguments = parser.parse_args()
     for file, target in ((QEMU, "qemu"), (UBOOT, "uboot"), (SYSTEM / "uImage", "run")):
         if not file.exists():
-            print(f"make run: {file} is not there: make {target}", file=sys.stderr)
+            print(f"make run: {file} does not exist; type: make {target}", file=sys.stderr)
             return 2
     verdict = Verdict(typed("make run", arguments), "run")
     return run(verdict, lambda: show(arguments.port, arguments.keep, verdict))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all errors of the gateway on a desk have in common."""
+"""What all errors of a show have in common."""
 
 from __future__ import annotations
 
 
 class LabError(Exception):
-    """Something did not come as expected.
+    """Something did not happen as expected.
 
     `expected` and `seen` are a line each, `advice` is the probable cause and what to type. The first and the
     last are empty where they are not known. str() has more lines where an engineer wants them.

@@ -20,6 +20,7 @@ from typing import Any, Self
 
 from lab import ports
 from lab.errors import LabError
+from lab.patience import Deadline
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_TIMEOUT_S = 60.0
@@ -99,8 +100,8 @@ class Rtu(ABC):
         if not ports.is_listened_on_by(self.address, self.processes()):
             port = self.address[1]
             raise GatewayError(
-                f"{ports.holders(self.address) or 'nobody'} listens at TCP port {port}",
-                expected=f"this show's own station at TCP port {port}",
+                f"{ports.holders(self.address) or 'nobody'} listens on TCP port {port}",
+                expected=f"this show's own station on TCP port {port}",
             )
 
     def query(self, *arguments: str) -> Any:
@@ -116,18 +117,21 @@ class Rtu(ABC):
         return {point["name"]: point for point in self.query("points", pattern)}
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
-        """Waits until condition() is true; returns the seconds it took. Raises GatewayError with the log."""
-        begin = time.monotonic()
+        """Waits until condition() is true; returns the seconds it took. Raises GatewayError with the log.
+
+        timeout_s is for an idle machine (lab.patience). Each question leaves the gateway twice the time of
+        its answer: a board that does nothing but answer would do the rest late.
+        """
+        deadline = Deadline(timeout_s)
+        asked = deadline.waited
         while not condition():
             self.check_up()
-            if time.monotonic() - begin > timeout_s:
-                raise GatewayError(
-                    f"not within {timeout_s} s: {what}\n{self.log()}",
-                    expected=what,
-                    seen=f"not within {timeout_s:g} s",
-                )
-            time.sleep(0.005)
-        return time.monotonic() - begin
+            if deadline.over:
+                seen = f"not within {deadline.waited:.0f} s"
+                raise GatewayError(f"{seen}: {what}\n{self.log()}", expected=what, seen=seen)
+            time.sleep(max(0.005, 2 * (deadline.waited - asked)))
+            asked = deadline.waited
+        return deadline.waited
 
 
 class Gateway(Rtu):

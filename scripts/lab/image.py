@@ -70,16 +70,16 @@ def show(folder: Path, verdict: Verdict) -> None:
         else:
             netboot(machine, directory, uimage, dtb, Progress())
         took = time.monotonic() - begin
-        tell(said_on(console), took)
+        tell(log_of(console), took)
 
 
-def said_on(console: Path) -> str:
+def log_of(console: Path) -> str:
     """All of the log. QEMU gives octets to the port first: the log-in was seen there, and is here later."""
     deadline = time.monotonic() + LOG_SECONDS
     while True:
-        said = console.read_text(errors="replace")
-        if re.search(SEEN["log-in"], said, re.MULTILINE) or time.monotonic() > deadline:
-            return said
+        log = console.read_text(errors="replace")
+        if re.search(SEEN["log-in"], log, re.MULTILINE) or time.monotonic() > deadline:
+            return log
         time.sleep(0.01)
 
 
@@ -104,13 +104,13 @@ def boot_from_flash(machine: Machine) -> None:
         Linux(line).expect(SEEN["log-in"], BOOT_SECONDS)
 
 
-def tell(said: str, seconds: float) -> None:
+def tell(log: str, seconds: float) -> None:
     """What was seen."""
     say()
     for name, pattern in SEEN.items():
-        found = re.search(pattern, said, re.MULTILINE)
+        found = re.search(pattern, log, re.MULTILINE)
         say(f"{name:<10} {found[1] if found else 'not seen'}")
-    for trouble in TROUBLE.findall(said):
+    for trouble in TROUBLE.findall(log):
         say(f"{'trouble':<10} {trouble}")
     say(f"{'took':<10} {seconds:.1f} s from U-Boot to the log-in")
 
@@ -122,7 +122,7 @@ def main() -> int:
     images = folder / "images" if (folder / "images").is_dir() else folder
     for name in IMAGE[:2]:
         if not (images / name).exists():
-            print(f"make run: {images / name} is not there: make image-buildroot", file=sys.stderr)
+            print(f"make run: {images / name} does not exist; type: make image-buildroot", file=sys.stderr)
             return 2
     verdict = Verdict(f"make run IMAGE={folder}", "run-image")
     return run(verdict, lambda: show(images, verdict))

@@ -66,8 +66,10 @@ def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="scripts/kept", description=__doc__.partition("\n\n")[0])
     parser.add_argument("--port", type=int, default=STATION, help="TCP port of the show's station [2404]")
-    parser.add_argument("program", choices=("rtuctl", "linesim"), help="who is told")
-    parser.add_argument("words", nargs=argparse.REMAINDER, help="what; linesim's: tests/linesim/README.md")
+    parser.add_argument("program", choices=("rtuctl", "linesim"), help="the program to use")
+    parser.add_argument(
+        "words", nargs=argparse.REMAINDER, help="its arguments; for linesim see tests/linesim/README.md"
+    )
     arguments = parser.parse_args()
     try:
         ways = json.loads(record(arguments.port).read_text())
@@ -77,7 +79,7 @@ def main() -> int:
     except OSError:
         port = "" if arguments.port == STATION else f" PORT={arguments.port}"
         print(
-            f"kept: no show is up at TCP port {arguments.port}; type: make run-native KEEP=1{port}",
+            f"kept: no show runs on TCP port {arguments.port}; type: make run-native KEEP=1{port}",
             file=sys.stderr,
         )
         return 2

@@ -10,7 +10,6 @@ import queue
 import socket
 import subprocess
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from lab.errors import LabError
+from lab.patience import LOOK_S, Deadline
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_TIMEOUT_S = 60.0
@@ -99,7 +99,7 @@ class LineSim:
     def start(self) -> None:
         """Starts the process; returns when all lines are there."""
         if not self._program.exists():
-            raise LineSimError(f"{self._program} is not there: run `make build` or set OPENRTU_LINESIM")
+            raise LineSimError(f"{self._program} does not exist; type make build, or set OPENRTU_LINESIM")
         self.directory.mkdir(parents=True, exist_ok=True)
         self._process = subprocess.Popen(
             [str(self._program), *self._arguments],
@@ -205,8 +205,11 @@ class LineSim:
             return self._behind(since)
 
     def wait_frame(self, predicate: Callable[[Frame], bool], timeout: float = 30.0, since: int = 0) -> Frame:
-        """The oldest frame behind `since` that the predicate accepts, as soon as there is one."""
-        deadline = time.monotonic() + timeout
+        """The oldest frame behind `since` that the predicate accepts, as soon as there is one.
+
+        timeout: seconds on an idle machine (lab.patience).
+        """
+        deadline = Deadline(timeout)
         with self._news:
             while True:
                 for frame in self._behind(since):
@@ -215,9 +218,12 @@ class LineSim:
                 since = self._last_number
                 if self._gone:
                     raise LineSimError("linesim is gone: it closed the control socket")
-                if not self._news.wait(deadline - time.monotonic()):
+                if deadline.over:
                     last = self._frames[-1].text if self._frames else "none"
-                    raise LineSimError(f"no such frame within {timeout} s; the last one was: {last}")
+                    raise LineSimError(
+                        f"no such frame within {deadline.waited:.0f} s; the last one was: {last}"
+                    )
+                self._news.wait(min(LOOK_S, deadline.left))
 
     # ---- inside --------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from typing import Any, Self
 import c104
 
 from lab.errors import LabError
+from lab.patience import LOOK_S, Deadline
 
 CONNECT_TIMEOUT_S = 30.0
 ANSWER_TIMEOUT_S = 30.0
@@ -197,22 +198,26 @@ class Master:
     def wait(
         self, wanted: Callable[[Report], bool], since: int = 0, timeout_s: float = 30.0, what: str = ""
     ) -> Report:
-        """The first report behind `since` that is wanted. Raises MasterError when none comes in time."""
-        deadline = time.monotonic() + timeout_s
+        """The first report behind `since` that is wanted. Raises MasterError when none comes in time.
+
+        timeout_s is for an idle machine (lab.patience).
+        """
+        deadline = Deadline(timeout_s)
         with self._arrived:
             while True:
                 for report in self._reports[since:]:
                     if wanted(report):
                         return report
-                if not self._arrived.wait(deadline - time.monotonic()):
+                if deadline.over:
                     others = self._reports[since:]
-                    seen = "\n".join(map(str, others[-20:]))
+                    seen = f"not within {deadline.waited:.0f} s"
+                    listed = "\n".join(map(str, others[-20:]))
                     raise MasterError(
-                        f"not within {timeout_s} s: {what or 'the wanted report'}; since then:\n{seen}",
+                        f"{seen}: {what or 'the wanted report'}; since then:\n{listed}",
                         expected=what,
-                        seen=f"not within {timeout_s:g} s; the last other report: "
-                        + (others[-1].text if others else "none"),
+                        seen=f"{seen}; the last other report: {others[-1].text if others else 'none'}",
                     )
+                self._arrived.wait(min(LOOK_S, deadline.left))
 
     # ---- what is sent ------------------------------------------------------------------------
 
@@ -280,30 +285,31 @@ class Master:
         return answer.cause == ACT_CON and not answer.negative
 
     def _await_asdu(self, since: int, wanted: Callable[[Asdu], bool]) -> Asdu:
-        deadline = time.monotonic() + ANSWER_TIMEOUT_S
+        deadline = Deadline(ANSWER_TIMEOUT_S)
         with self._arrived:
             while True:
                 for asdu in self._asdus[since:]:
                     if wanted(asdu):
                         return asdu
-                if not self._arrived.wait(deadline - time.monotonic()):
-                    raise MasterError(f"no answer within {ANSWER_TIMEOUT_S} s")
+                if deadline.over:
+                    raise MasterError(f"no answer within {deadline.waited:.0f} s")
+                self._arrived.wait(min(LOOK_S, deadline.left))
 
     def _settled(self, collect: Callable[[], list[Report]], quiet_s: float = 0.1) -> list[Report]:
         found = collect()
-        last_change = time.monotonic()
-        while time.monotonic() - last_change < quiet_s:
+        quiet = Deadline(quiet_s)
+        while not quiet.over:
             time.sleep(0.01)
             now = collect()
             if len(now) != len(found):
-                last_change = time.monotonic()
+                quiet = Deadline(quiet_s)
             found = now
         return found
 
 
 def _wait(condition: Callable[[], bool], timeout_s: float, message: str) -> None:
-    deadline = time.monotonic() + timeout_s
+    deadline = Deadline(timeout_s)
     while not condition():
-        if time.monotonic() > deadline:
+        if deadline.over:
             raise MasterError(message)
         time.sleep(0.01)

@@ -42,7 +42,7 @@ def check_free(port: int, command: str) -> None:
             f"TCP port {port}: {error.strerror}",
             expected=expected,
             seen=error.strerror or str(error),
-            advice=f"this user may not have that port; {other}",
+            advice=f"this user may not use that port; {other}",
         ) from None
 
 

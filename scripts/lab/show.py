@@ -3,7 +3,7 @@
 
 The set-up is that of the project report, chapter 5.
 
-Exit code 0: all of it was seen; 1: not, with the reason.
+Exit code 0: every step succeeded; 1: one did not, with the reason.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def configuration() -> dict[str, Any]:
 
 
 @dataclass
-class Stage:
-    """What a step works on."""
+class Desk:
+    """A gateway on simulated lines, with a master: what the steps work on."""
 
     lines: LineSim
     gateway: Rtu
@@ -134,105 +134,107 @@ def octets(frame: bytes) -> str:
 # ---- the steps -----------------------------------------------------------------------------------
 
 
-def interrogate(stage: Stage) -> None:
+def interrogate(desk: Desk) -> None:
     """The interrogation of CA 3067"""
-    reports = stage.master.interrogate(STATION)
+    reports = desk.master.interrogate(STATION)
     table(reports)
     seen = {report.ioa: int(report.value) for report in reports}
     wrong = [report for report in reports if FIGURE_5_3.get(report.ioa) != int(report.value)]
     check_none(wrong, "have other values than in figure 5.6")
-    check(seen.keys() == FIGURE_5_3.keys(), f"figure 5.6 has other objects than {sorted(seen)}")
+    check(
+        seen.keys() == FIGURE_5_3.keys(), f"the station has the objects {sorted(seen)}, figure 5.6 has others"
+    )
     check_none([report for report in reports if not report.good], "are not good")
     check(len(reports) == len(FIGURE_5_3), f"{len(reports)} objects came instead of {len(FIGURE_5_3)}")
 
 
-def single_command(stage: Stage) -> None:
+def single_command(desk: Desk) -> None:
     """A single command: IOA 4 on"""
-    mark = stage.lines.mark()
-    since = stage.master.mark()
-    confirmed = stage.master.command(STATION, 4, "C_SC_NA_1", c104.SingleCmd(on=True))
-    frame = stage.lines.wait_frame(lambda f: received(f, FIGURE_5_5), since=mark)
+    mark = desk.lines.mark()
+    since = desk.master.mark()
+    confirmed = desk.master.command(STATION, 4, "C_SC_NA_1", c104.SingleCmd(on=True))
+    frame = desk.lines.wait_frame(lambda f: received(f, FIGURE_5_5), since=mark)
     say(f"     on line 3    {frame.text}")
     check(confirmed, "the station did not confirm the command")
     say("     master       activation confirmed: the device has answered")
-    report = stage.master.wait(
+    report = desk.master.wait(
         lambda r: (r.ioa, r.cause) == (4, "RETURN_INFO_REMOTE") and r.value is True, since, DEADLINE_S
     )
     event(report)
 
 
-def set_point(stage: Stage) -> None:
+def set_point(desk: Desk) -> None:
     """A set-point command with time tag: IOA 40003 to 255"""
-    mark = stage.lines.mark()
-    since = stage.master.mark()
+    mark = desk.lines.mark()
+    since = desk.master.mark()
     info = c104.ScaledCmd(target=c104.Int16(255), recorded_at=datetime.datetime.now(datetime.UTC))
-    confirmed = stage.master.command(STATION, 40003, "C_SE_TB_1", info)
-    frame = stage.lines.wait_frame(lambda f: received(f, FIGURE_5_8), since=mark)
+    confirmed = desk.master.command(STATION, 40003, "C_SE_TB_1", info)
+    frame = desk.lines.wait_frame(lambda f: received(f, FIGURE_5_8), since=mark)
     say(f"     on line 3    {frame.text}")
     check(confirmed, "the station did not confirm the command")
     say("     master       activation confirmed: the device has answered")
-    event(stage.master.wait(lambda r: r.ioa == 40003 and r.value == 255, since, DEADLINE_S))
+    event(desk.master.wait(lambda r: r.ioa == 40003 and r.value == 255, since, DEADLINE_S))
 
 
-def refused_command(stage: Stage) -> None:
+def refused_command(desk: Desk) -> None:
     """A command that the device refuses (exception 4) is confirmed negatively"""
-    stage.lines.fault(DEVICE, "exception", 4, 6)
+    desk.lines.fault(DEVICE, "exception", 4, 6)
     info = c104.ScaledCmd(target=c104.Int16(7))
-    confirmed = stage.master.command(STATION, 40003, "C_SE_NB_1", info)
-    stage.lines.fault(DEVICE, "clear")
+    confirmed = desk.master.command(STATION, 40003, "C_SE_NB_1", info)
+    desk.lines.fault(DEVICE, "clear")
     check(not confirmed, "the station confirmed a command that the device refused")
     check(
-        stage.lines.get(DEVICE, "holding_registers", 2) == 255, "the device changed a value that it refused"
+        desk.lines.get(DEVICE, "holding_registers", 2) == 255, "the device took a value that it had refused"
     )
     say("     master       negative confirmation; the register still holds 255")
 
 
-def spontaneous(stage: Stage) -> None:
+def spontaneous(desk: Desk) -> None:
     """A value changes at the device and arrives as an event"""
-    since = stage.master.mark()
-    stage.lines.set(DEVICE, "input_registers", 0, 1510)
+    since = desk.master.mark()
+    desk.lines.set(DEVICE, "input_registers", 0, 1510)
     say("     device 3.67  input register 0 = 1510")
-    event(stage.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30001, 1510), since, DEADLINE_S))
+    event(desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30001, 1510), since, DEADLINE_S))
 
 
-def unplugged(stage: Stage) -> None:
+def unplugged(desk: Desk) -> None:
     """The device is unplugged: its points turn invalid; it comes back"""
     wanted = set(FIGURE_5_3)
-    since = stage.master.mark()
-    stage.lines.fault(DEVICE, "mute")
+    since = desk.master.mark()
+    desk.lines.fault(DEVICE, "mute")
     say("     device 3.67  unplugged")
     for ioa in sorted(wanted):
-        report = stage.master.wait(
+        report = desk.master.wait(
             lambda r, i=ioa: (r.ca, r.ioa) == (STATION, i) and "Invalid" in r.quality, since, DEADLINE_S
         )
-    event(report, f"and {len(wanted) - 1} others alike")
-    others = [report for report in stage.master.interrogate(3035) if not report.good]
-    check_none(others, "are invalid, which are a neighbour's of the dead device")
-    say("     neighbour    CA 3035 is good all the time")
-    since = stage.master.mark()
-    stage.lines.fault(DEVICE, "clear")
+    event(report, f"and {len(wanted) - 1} others too")
+    others = [report for report in desk.master.interrogate(3035) if not report.good]
+    check_none(others, "are invalid, but they are not of the unplugged device")
+    say("     neighbour    CA 3035 stayed good")
+    since = desk.master.mark()
+    desk.lines.fault(DEVICE, "clear")
     say("     device 3.67  plugged in again")
     for ioa in sorted(wanted):
-        report = stage.master.wait(
+        report = desk.master.wait(
             lambda r, i=ioa: (r.ca, r.ioa) == (STATION, i) and r.good, since, DEADLINE_S
         )
-    event(report, f"and {len(wanted) - 1} others alike")
+    event(report, f"and {len(wanted) - 1} others too")
 
 
-def all_types(stage: Stage) -> None:
+def all_types(desk: Desk) -> None:
     """The other lines: every type of information object"""
-    reports = [report for ca in (1010, 2020, 4040) for report in stage.master.interrogate(ca)]
+    reports = [report for ca in (1010, 2020, 4040) for report in desk.master.interrogate(ca)]
     table(reports)
-    say("     counters are no part of an interrogation; a change at the meter brings one")
-    since = stage.master.mark()
-    stage.lines.set("2.20", "input_registers", 8, 19, 1)
-    reports.append(stage.master.wait(lambda r: (r.ca, r.ioa) == (2020, 30009), since, DEADLINE_S))
+    say("     an interrogation does not report counters; a change at the meter does")
+    since = desk.master.mark()
+    desk.lines.set("2.20", "input_registers", 8, 19, 1)
+    reports.append(desk.master.wait(lambda r: (r.ca, r.ioa) == (2020, 30009), since, DEADLINE_S))
     event(reports[-1])
     missing = TYPES_OF_TABLE_4_1 - {report.type for report in reports}
-    check(not missing, f"types that no station sent: {sorted(missing)}")
+    check(not missing, f"no station sent the types {', '.join(sorted(missing))}")
 
 
-Step = Callable[[Stage], None]
+Step = Callable[[Desk], None]
 STEPS: tuple[Step, ...] = (
     interrogate,
     single_command,
@@ -292,9 +294,9 @@ def add_gateway(verdict: Verdict, gateway: Rtu) -> None:
     def failing() -> str:
         modules = [each for name, each in gateway.modules().items() if name != "rtuctl"]
         ended = [f"{each['name']} does not run" for each in modules if not each["pid"]]
-        still = [f"{each['name']} stands still" for each in modules if each["pid"] and not each["alive"]]
+        still = [f"{each['name']} hangs" for each in modules if each["pid"] and not each["alive"]]
         again = [
-            f"{each['name']} ended and was started again"
+            f"{each['name']} ended and was restarted"
             for each in modules
             if each["restarts"] > gateway.killed.count(each["name"])
         ]
@@ -336,32 +338,32 @@ def all_read(gateway: Rtu) -> bool:
     return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])
 
 
-def run_steps(stage: Stage, steps: Sequence[Step], verdict: Verdict) -> None:
+def run_steps(desk: Desk, steps: Sequence[Step], verdict: Verdict) -> None:
     for number, step in enumerate(steps, 1):
         verdict.expected = f"step {number}: {step.__doc__}"
         say()
         say(f"{number:2d}. {step.__doc__}")
-        step(stage)
+        step(desk)
     say()
-    say(f"All {len(steps)} steps were seen.")
+    say(f"All {len(steps)} steps succeeded.")
 
 
-def keep_up(stage: Stage) -> None:
-    host, port = stage.gateway.address
+def keep_up(desk: Desk) -> None:
+    host, port = desk.gateway.address
     say()
     say(f"The gateway stays up: a controlled station on {host}:{port}.")
     say("In another terminal:")
     command = "scripts/kept" if port == ports.STATION else f"scripts/kept --port {port}"
     for words in ("points 'p3.67.*'", "watch", "lines", "modules", "set p3.67.c3 off"):
         say(f"  {command} rtuctl {words}")
-    say("Faults of a device, and all that tests/linesim/README.md knows:")
+    say("Faults of a device (tests/linesim/README.md has them all):")
     for words in ("fault 3.67 mute", "fault 3.67 clear"):
         say(f"  {command} linesim {words}")
     say("Ctrl-C ends it.")
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
-    with kept.known(port, stage.gateway, stage.lines):
+    with kept.known(port, desk.gateway, desk.lines):
         stopped.wait()
 
 
@@ -377,14 +379,14 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
         config_file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, config_file, verdict)
         gateway = start_gateway(stack, directory, config, verdict)
-        stage = Stage(lines, gateway, start_master(stack, gateway, verdict))
-        run_steps(stage, STEPS, verdict)
+        desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
+        run_steps(desk, STEPS, verdict)
         if keep:
-            keep_up(stage)
+            keep_up(desk)
 
 
 def main() -> int:
-    """The command line. Exit codes: 0 all was seen, 1 something was not, 2 wrong usage."""
+    """The command line. Exit codes: 0 every step succeeded, 1 one did not, 2 wrong usage."""
     parser = argparse.ArgumentParser(prog="make run-native", description=__doc__)
     add_options(parser)
     arguments = parser.parse_args()

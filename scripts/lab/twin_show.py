@@ -59,11 +59,11 @@ def show_tftp(console: Console, content: bytes) -> None:
         seen(command, console)
     answer = seen("tftpboot 0x7fc0 file", console)
     if f"Bytes transferred = {len(content)} " not in answer:
-        raise NotSeenError("the file did not come")
+        raise NotSeenError("the file did not arrive")
     found = re.search(r"==> ([0-9a-f]{8})", seen(f"crc32 0x7fc0 {len(content):#x}", console))
     if not found or int(found[1], 16) != zlib.crc32(content):
         raise NotSeenError(f"the file's CRC32 is {zlib.crc32(content):08x}")
-    say(f"    the file's own: {zlib.crc32(content):08x}")
+    say(f"    of the file itself: {zlib.crc32(content):08x}")
 
 
 def show_wrong_pin(console: Console) -> None:
@@ -75,12 +75,12 @@ def show_wrong_pin(console: Console) -> None:
     heard = console.line.receive(1.0)
     say(f"    heard on the debug UART: {heard!r}")
     if heard:
-        raise NotSeenError("UART0 without a pin was heard")
+        raise NotSeenError("UART0 was heard although it has no pin")
     say(indented(pin_line(machine, "uart0")))
     machine.write(MFP_PF_HIGH, right)
     say("  Switched back:")
     if seen("echo $x", console).strip() != "2a":
-        raise NotSeenError("what it did meanwhile is lost")
+        raise NotSeenError("U-Boot did not run the command that it got meanwhile")
 
 
 def pin_line(machine: Machine, device: str) -> str:
@@ -116,7 +116,7 @@ def main() -> int:
     parser.parse_args()
     for program, target in ((QEMU, "qemu"), (UBOOT, "uboot")):
         if not program.exists():
-            print(f"twin: {program} is not there: run make {target}", file=sys.stderr)
+            print(f"twin: {program} does not exist; type: make {target}", file=sys.stderr)
             return 2
     verdict = Verdict("make twin", "twin")
     return run(verdict, lambda: show(QEMU, UBOOT, verdict))

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from lab.errors import LabError
 from lab.gateway import REPOSITORY
+from lab.turns import take_short_turns
 from nuc980.netboot.errors import NetbootError
 from nuc980.twin.machine import Machine
 
@@ -24,7 +25,7 @@ LINE = 160  # characters of what was seen; the file has all of it
 BUSY = 1.5  # waiting processes for each processor
 ENDS_S = 1.0
 PATIENCE_S = 60.0  # with what is asked and does not answer
-NO_CAUSE = "a fault of the gateway, or of the show itself"
+NO_CAUSE = "a fault of the gateway or of the show itself"
 
 
 @dataclass
@@ -65,7 +66,9 @@ class Verdict:
             begin = time.monotonic()
             for title, ask in self.sources.items():
                 late = time.monotonic() - begin > PATIENCE_S
-                self.collected.append(section(title, "not asked any more" if late else asked(ask)))
+                self.collected.append(
+                    section(title, "not asked: the others took too long" if late else asked(ask))
+                )
             raise
 
     def lines(self, error: Exception) -> list[str]:
@@ -82,7 +85,7 @@ class Verdict:
         return [
             f"expected: {expected}",
             f"seen:     {seen}",
-            f"probably: {advice} (all that is known: {os.path.relpath(self.file)})",
+            f"probably: {advice} (details: {os.path.relpath(self.file)})",
         ]
 
     def write(self, error: Exception) -> None:
@@ -102,6 +105,7 @@ class Verdict:
 def run(verdict: Verdict, show: Callable[[], None]) -> int:
     """The exit code of a show, and what it did not see. Who ends it ends all that it has started."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    take_short_turns()
     verdict.file.unlink(missing_ok=True)
     try:
         show()

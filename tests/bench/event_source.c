@@ -12,6 +12,7 @@
 #include <sys/prctl.h>
 
 #include "map/map.h"
+#include "modbus/config.h"
 
 #define EVENTS_MAX 100000
 #define PERIOD_MS  1 /* between two looks at the clock */
@@ -39,7 +40,7 @@ static void publish_all(void)
 static void find_registers(void)
 {
 	for (uint32_t i = 0; i < config->point_count; i++) {
-		if (config->points[i].table != MAP_INPUT_REGISTERS)
+		if (modbus_points(config)[i].table != MODBUS_INPUT_REGISTERS)
 			continue;
 		if (register_count++ == 0)
 			first_register = i;

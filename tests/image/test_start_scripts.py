@@ -8,6 +8,7 @@ from pathlib import Path
 
 OVERLAY = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "rootfs-overlay"
 SSH = OVERLAY / "etc/init.d/S85sshd"
+SYSCTL = OVERLAY / "etc/sysctl.d/openrtu.conf"
 
 
 def serve(root: Path) -> str:
@@ -46,3 +47,28 @@ def test_openssh_keeps_its_key_and_never_takes_half_of_one(tmp_path: Path) -> No
     assert len(made) > 100
     serve(tmp_path)
     assert (folder / "ssh_host_ed25519_key").read_bytes() == made
+
+
+def test_no_neighbour_tells_a_port_where_its_packets_go(tmp_path: Path) -> None:
+    """In a network of its own, with two ports that are there before the settings, as on the board."""
+    namespace = ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--map-root-user", "--net"]
+    settings = tmp_path / "settings"
+    settings.write_text("".join(line for line in SYSCTL.open() if line.startswith("net.")))
+    keys = [
+        f"net.{family}.conf.{port}.{key}"
+        for port in ("eth0", "eth1")
+        for family, key in (
+            ("ipv4", "accept_redirects"),
+            ("ipv4", "send_redirects"),
+            ("ipv6", "accept_redirects"),
+            ("ipv6", "accept_ra"),
+        )
+    ]
+    script = (
+        "set -e; ip link add eth0 type veth peer name eth1; "
+        f"sysctl -q -p {settings}; "
+        "for port in eth0 eth1; do ip link set $port up; done; ip address add 192.0.2.1/24 dev eth0; "
+        f"sysctl -n {' '.join(keys)}"
+    )
+    done = subprocess.run([*namespace, "sh", "-c", script], capture_output=True, text=True, check=True)
+    assert dict(zip(keys, done.stdout.split(), strict=True)) == dict.fromkeys(keys, "0")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from lab.board import Ssh
 from lab.gateway import free_port, remove, run_directory
 from nuc980.twin.linux import Kernel, Linux
 from peers.tls_gateway import Pki, public_keys
@@ -59,6 +60,23 @@ def pki() -> Iterator[Pki]:
 def port() -> int:
     """A free TCP port of this machine, for the board's station."""
     return free_port()
+
+
+@pytest.fixture(scope="module")
+def folder() -> Iterator[Path]:
+    """What the module's run leaves on this machine."""
+    directory = run_directory()
+    yield directory
+    remove(directory)
+
+
+@pytest.fixture(scope="module")
+def ssh(folder: Path) -> Iterator[Ssh]:
+    """The way in of a board that has its key; faster than the debug UART."""
+    key = folder / "key"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", key], check=True)
+    with Ssh(free_port(), key, folder) as ssh:
+        yield ssh
 
 
 Boot = Callable[..., Linux]

@@ -4,7 +4,6 @@
 import contextlib
 import json
 import re
-import subprocess
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -15,7 +14,7 @@ import pytest
 
 from desk import chapter_5, everything_read, of_port
 from lab.board import ETHERNET, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at
-from lab.gateway import GatewayError, free_port, remove, run_directory
+from lab.gateway import GatewayError
 from lab.linesim import LineSim
 from lab.raw_master import RawMaster
 from nuc980.twin.linux import Linux
@@ -42,26 +41,11 @@ def configuration() -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def folder() -> Iterator[Path]:
-    directory = run_directory()
-    yield directory
-    remove(directory)
-
-
-@pytest.fixture(scope="module")
 def lines(folder: Path, linesim_program: Path) -> Iterator[LineSim]:
     file = folder / "linesim.json"
     file.write_text(json.dumps(chapter_5()))
     with LineSim(file, VALUES, folder / "dev", silence_us=SILENCE_US, program=linesim_program) as lines:
         yield lines
-
-
-@pytest.fixture(scope="module")
-def ssh(folder: Path) -> Iterator[Ssh]:
-    key = folder / "key"
-    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", key], check=True)
-    with Ssh(free_port(), key, folder) as ssh:
-        yield ssh
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,7 @@ from lab.board import (
     macs_file,
     stations,
 )
-from lab.gateway import GatewayError, free_port, remove, run_directory
+from lab.gateway import GatewayError, free_port
 from lab.linesim import LineSim
 from lab.master import Master
 from lab.raw_master import RawMaster
@@ -96,13 +96,6 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def folder() -> Iterator[Path]:
-    directory = run_directory()
-    yield directory
-    remove(directory)
-
-
-@pytest.fixture(scope="module")
 def kernel(kernel: Kernel, folder: Path) -> Kernel:
     """With MAC addresses, as netboot gives them: QEMU's network loses a board that makes up new ones."""
     dtb = Path(shutil.copy(kernel.dtb, folder))
@@ -128,15 +121,6 @@ def lines(folder: Path, linesim_program: Path) -> Iterator[LineSim]:
 @pytest.fixture(scope="module")
 def station_ports() -> tuple[int, int]:
     return free_port(), free_port()
-
-
-@pytest.fixture(scope="module")
-def ssh(folder: Path) -> Iterator[Ssh]:
-    """The way in that is fast enough for tables of points; the debug UART is not."""
-    key = folder / "key"
-    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", key], check=True)
-    with Ssh(free_port(), key, folder) as ssh:
-        yield ssh
 
 
 @pytest.fixture(scope="module")

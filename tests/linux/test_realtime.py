@@ -12,7 +12,7 @@ from typing import cast
 import pytest
 
 from desk import chapter_5
-from lab.board_show import BoardStage, latency
+from lab.board_show import BoardDesk, latency
 from nuc980.twin.linux import Linux
 
 ROOT = Path(__file__).parents[2]
@@ -130,8 +130,8 @@ def test_show_leaves_out_a_latency_that_the_image_cannot_measure(
     without_cyclictest: Linux, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gateway = SimpleNamespace(inside=without_cyclictest.run)
-    latency(cast(BoardStage, SimpleNamespace(gateway=gateway)))
-    assert "left out: this image has no cyclictest" in capsys.readouterr().out
+    latency(cast(BoardDesk, SimpleNamespace(gateway=gateway)))
+    assert "skipped: this image has no cyclictest" in capsys.readouterr().out
 
 
 def test_wrong_usage_is_said(linux: Linux) -> None:

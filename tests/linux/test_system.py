@@ -209,6 +209,13 @@ def test_a_panic_ends_in_a_restart(linux: Linux) -> None:
     assert linux.run("sysctl -n kernel.panic kernel.panic_on_oops").split() == ["10", "1"]
 
 
+def test_no_neighbour_tells_a_port_where_its_packets_go(linux: Linux, first_answer: float) -> None:
+    conf = "/proc/sys/net/ipv[46]/conf/eth[01]"
+    assert set(
+        linux.run(f"cat {conf}/accept_redirects /proc/sys/net/ipv6/conf/eth[01]/accept_ra").split()
+    ) == {"0"}
+
+
 # ---- files
 
 
@@ -331,7 +338,7 @@ def test_reboot(linux: Linux, first_answer: float) -> None:
 def test_image_itself_without_a_site(boot: Any) -> None:
     """The uImage as it is, its own root in it; only the shell comes from outside. Nothing listens."""
     folder = ROOT / "build/system"
-    linux = boot(kernel=Kernel(folder / "uImage", folder / "nuc980-gateway.dtb"))
+    linux = boot(*INSTRUCTION_TIME, kernel=Kernel(folder / "uImage", folder / "nuc980-gateway.dtb"))
     assert "rdinit=/init panic=10" in linux.run("cat /proc/cmdline")
     assert linux.run("netstat -lntu").splitlines()[2:] == []
     assert linux.try_to("pidof dropbear rtud")[0] != 0

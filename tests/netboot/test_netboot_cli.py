@@ -25,7 +25,7 @@ from nuc980.netboot.report import board_of
 from nuc980.netboot.transport import Line
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-COMMANDS = ("probe", "boot", "flash", "restore-env")
+COMMANDS = ("probe", "boot", "flash", "install", "slots", "restore-env")
 SECONDS = 20.0
 
 

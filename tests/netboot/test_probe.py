@@ -20,6 +20,7 @@ from nuc980.netboot.console import Console
 from nuc980.netboot.errors import UnusableInput
 from nuc980.netboot.probe import described, probe, questions, remarks
 from nuc980.netboot.progress import Progress
+from nuc980.netboot.slots.script import variables
 from nuc980.netboot.transport import Line
 from nuc980.twin.nand import NandImage
 
@@ -125,7 +126,18 @@ def test_a_board_with_everything_has_few_remarks() -> None:
         commands=FACTORY.commands | {"tftpput"},
         link=True,
     )
-    assert [remark[:20] for remark in remarks(good)] == ["Whether it takes a s"]
+    assert [remark[:20] for remark in remarks(good)] == ["Whether it takes a s", "Its U-Boot has the c"]
+
+
+def test_a_u_boot_that_cannot_fall_back() -> None:
+    without = replace(FACTORY, commands=FACTORY.commands - {"itest", "iminfo"})
+    assert "No itest, iminfo: it cannot have two slots." in told(without)
+
+
+def test_a_board_with_slots() -> None:
+    assert FACTORY.nand
+    environment = FACTORY.environment | variables(FACTORY.nand, "")
+    assert "It has two slots" in told(replace(FACTORY, environment=environment))
 
 
 def test_an_ordinary_wear_is_no_remark() -> None:

@@ -57,7 +57,7 @@ DEVICE_MUTATIONS = [
         "wrong-compatible",
         "instance of another",
         '&emac0 { compatible = "nuvoton,nuc980-emac1"; };',
-        ("emac0 by its address",),
+        ("has the address of emac0",),
     ),
     Mutation(
         "wrong-compatible",
@@ -65,12 +65,12 @@ DEVICE_MUTATIONS = [
         '&uart1 { compatible = "nuvoton,nuc980-scuart"; };',
         ("uart1",),
     ),
-    Mutation("wrong-compatible", "empty", '&uart1 { compatible = ""; };', ("uart1 by its address",)),
+    Mutation("wrong-compatible", "empty", '&uart1 { compatible = ""; };', ("has the address of uart1",)),
     Mutation(
         "wrong-compatible",
         "device without a driver",
         on("crypto_raw"),
-        ("crypto_raw is on", "no kernel of the vendor"),
+        ("crypto_raw is enabled", "no kernel of the vendor"),
     ),
     Mutation(
         "address-twice",
@@ -98,7 +98,7 @@ DEVICE_MUTATIONS = [
         "stale-node",
         "old name",
         root(f"ahb {{ cap0@b0024000 {{ {OFF} }}; }};"),
-        ("/ahb/ccap0@b0024000", "Call the node ccap0@b0024000"),
+        ("/ahb/ccap0@b0024000", "Rename the node to ccap0@b0024000"),
     ),
     Mutation(
         "stale-node",
@@ -163,7 +163,7 @@ DEVICE_MUTATIONS = [
         "wrong-interrupt",
         "through the GPIO controller",
         "&uart1 { interrupt-parent = <&gpio>; };",
-        ("interrupts of 3 cells, no multiple of 2",),
+        ("interrupts of 3 cells, not a multiple of 2",),
     ),
     Mutation(
         "wrong-interrupt",
@@ -175,7 +175,7 @@ DEVICE_MUTATIONS = [
         "wrong-interrupt",
         "no controller at all",
         "/ { /delete-property/ interrupt-parent; };",
-        ("uart1 has interrupts of no interrupt controller",),
+        ("uart1 has interrupts that belong to no interrupt controller",),
     ),
     Mutation(
         "wrong-interrupt",
@@ -184,14 +184,17 @@ DEVICE_MUTATIONS = [
         ("38 (UART2)",),
     ),
     Mutation(
-        "wrong-interrupt", "controller of one cell", "&aic { #interrupt-cells = <1>; };", ("1 cells by",)
+        "wrong-interrupt",
+        "controller of one cell",
+        "&aic { #interrupt-cells = <1>; };",
+        ("interrupts of 1 cells (#interrupt-cells of the AIC)",),
     ),
-    Mutation("controller-off", "AIC", f"&aic {{ {OFF} }};", ("aic is off", "uart1", "emac1")),
+    Mutation("controller-off", "AIC", f"&aic {{ {OFF} }};", ("aic is disabled", "uart1", "emac1")),
     Mutation(
         "controller-off",
         "GPIO controller of a LED",
         led("&gpio 6 0") + f"&gpio {{ {OFF} }};",
-        ("gpio is off, but /leds/led-0 uses it",),
+        ("gpio is disabled, but /leds/led-0 uses it",),
     ),
     Mutation(
         "controller-off",
@@ -205,38 +208,41 @@ DEVICE_MUTATIONS = [
         "no-bus",
         "bus of another kind",
         root('apb { compatible = "acme,apb"; };'),
-        ("/apb is no simple-bus", "more"),
+        ("/apb is not a simple-bus", "more"),
         also=("wrong-interrupt",),  # the AIC is there too
     ),
     Mutation(
         "no-bus", "without ranges", "/ { ahb { /delete-property/ ranges; }; };", ("/ahb has no ranges",)
     ),
     Mutation(
-        "no-bus", "ranges that move", root("ahb { ranges = <0 0xb0000000 0x100000>; };"), ("move addresses",)
+        "no-bus",
+        "ranges that move",
+        root("ahb { ranges = <0 0xb0000000 0x100000>; };"),
+        ("translate addresses",),
     ),
     Mutation("no-bus", "wide addresses", root("ahb { #address-cells = <2>; };"), ("#address-cells = <2>",)),
     Mutation(
         "no-bus",
         "device in a node of no kind",
         root('soc { rtc@b0041000 { compatible = "nuvoton,nuc980-rtc"; reg = <0xb0041000 0x1000>; }; };'),
-        ("/soc is no simple-bus",),
+        ("/soc is not a simple-bus",),
     ),
     Mutation("unknown-status", "enabled", '&can0 { status = "enabled"; };', ('can0 is "enabled"',)),
     Mutation("unknown-status", "capital letter", '&can0 { status = "Okay"; };', ('"Okay"',)),
     Mutation("unknown-status", "two words", '&can0 { status = "okay", "ok"; };', ('"okay", "ok"',)),
     Mutation("unknown-status", "number", "&can0 { status = <1>; };", ("no string",)),
-    Mutation("wrong-number", "port of another UART", on("uart1", "port-number = <2>;"), ("its own is 1",)),
+    Mutation("wrong-number", "port of another UART", on("uart1", "port-number = <2>;"), ("it must be 1",)),
     Mutation(
         "wrong-number",
         "registers of another UART",
         on("uart1", "map-addr = <0xf0072000>;"),
-        ("map-addr = <0xf0072000>; its own is 0xf0071000",),
+        ("map-addr = <0xf0072000>; it must be 0xf0071000",),
     ),
     Mutation(
         "wrong-number",
         "timer's",
         device("etimer1", {"TM1_TGL": "PG11"}) + "&etimer1 { port-number = <0>; };",
-        ("etimer1", "its own is 1"),
+        ("etimer1", "it must be 1"),
     ),
     Mutation(
         "bus-num-twice",
@@ -269,7 +275,7 @@ DEVICE_MUTATIONS = [
         "wrong-address",
         "no size",
         "&uart1 { reg = <0xb0071000 0>; };",
-        ("has a reg without size; uart1 is at",),
+        ("has a reg without a size; uart1 is at",),
     ),
     Mutation(
         "wrong-address",
@@ -284,13 +290,13 @@ DEVICE_MUTATIONS = [
         "reg-overlap",
         "a port with the registers of the next",
         "&uart1 { reg = <0xb0071000 0x2000>; };",
-        ("uart1 reaches from 0xb0071000 to 0xb0072fff, over uart2 at 0xb0072000", "0x1000> in uart1"),
+        ("uart1 covers 0xb0071000 to 0xb0072fff, and with it uart2 at 0xb0072000", "0x1000> in uart1"),
     ),
     Mutation(
         "reg-overlap",
         "a device of the board's own over one of the chip",
         root('apb { fpga@b0070800 { compatible = "acme,fpga"; reg = <0xb0070800 0x100>; }; };'),
-        ("uart0 reaches from 0xb0070000", "Shorten reg in /apb/fpga@b0070800"),
+        ("uart0 covers 0xb0070000", "Shorten reg in /apb/fpga@b0070800"),
     ),
     Mutation(
         "outside-bus",
@@ -310,7 +316,7 @@ DEVICE_MUTATIONS = [
             " interrupts = <38 4 1>; port-number = <2>; map-addr = <0xf0072000>; pdma-enable = <0>;"
             ' pinctrl-names = "default"; pinctrl-0 = <&pinctrl_uart2>; };'
         ),
-        ("/serial@b0072000 is uart2", "change that one as &uart2"),
+        ("/serial@b0072000 is uart2", "or change &uart2"),
         also=("address-twice", "pin-conflict"),
     ),
     Mutation(
@@ -339,7 +345,7 @@ DEVICE_MUTATIONS = [
         "controller-off",
         "bus of the controller off",
         led("&gpio 6 0") + root(f"apb {{ {OFF} }};"),
-        ("gpio is off, as /apb is, but /leds/led-0", 'status = "okay" in /apb'),
+        ("gpio is disabled, because /apb is, but /leds/led-0", 'status = "okay" in /apb'),
         also=("group-missing",),
     ),
 ]

@@ -37,7 +37,7 @@ PIN_MUTATIONS = [
         "pin-conflict",
         "SPI flash left on by the SoC file",
         device("qspi0", QSPI0).replace('    status = "okay";\n', ""),
-        ("PD2 and PD3", "qspi0 is on only by default, ", "soc.dtsi:"),
+        ("PD2 and PD3", "qspi0 is enabled only by default, ", "soc.dtsi:"),
         soc=on("qspi0"),
     ),
     Mutation(
@@ -222,7 +222,7 @@ PIN_MUTATIONS = [
         "foreign-function",
         "another UART's signals",
         pins("uart3", "<6 6 2 0>, <6 7 2 0>"),
-        ("PG6 as UART5_RXD", "can be no signal of uart3"),
+        ("PG6 as UART5_RXD", "PG6 has no signal of uart3"),
     ),
     Mutation(
         "foreign-function",
@@ -267,7 +267,7 @@ PIN_MUTATIONS = [
         "half-set",
         "RTS without CTS",
         pins("uart2", "<0 9 2 0>, <0 10 2 0>, <0 8 2 0>"),
-        ("UART2_RTS without UART2_CTS", "say rs485-rts-active-high"),
+        ("UART2_RTS without UART2_CTS", "add rs485-rts-active-high"),
     ),
     Mutation(
         "half-set",
@@ -377,7 +377,7 @@ PIN_MUTATIONS = [
         "&pinctrl { idle { idle { nuvoton,pins = <0 0 4 0 0>; }; }; };",
         ("5 cells",),
     ),
-    Mutation("cell-count", "GPIO without flags", led("&gpio 6"), ("/leds/led-0", "wants 2 cells")),
+    Mutation("cell-count", "GPIO without flags", led("&gpio 6"), ("/leds/led-0", "needs 2 cells")),
     Mutation(
         "cell-count",
         "GPIO with bank and pin",
@@ -419,13 +419,13 @@ PIN_MUTATIONS = [
         "group-missing",
         "reference to no node",
         "&uart1 { pinctrl-0 = <77>; };",
-        ("a node that is not there", "uart1"),
+        ("a node that does not exist", "uart1"),
     ),
     Mutation(
         "group-missing",
         "label that does not exist",
         "&uart1 { pinctrl-0 = <&pinctrl_uart1_PA>; };",
-        ("a node that is not there",),
+        ("a node that does not exist",),
     ),
     Mutation(
         "group-missing",
@@ -467,7 +467,7 @@ PIN_MUTATIONS = [
         "group-missing",
         "pin controller off",
         f"&pinctrl {{ {OFF} }};",
-        ("/apb/pinctrl@b0000000, which is off",),
+        ("/apb/pinctrl@b0000000, which is disabled",),
     ),
     Mutation(
         "no-default-state",
@@ -480,7 +480,7 @@ PIN_MUTATIONS = [
         "no-pins",
         "no state",
         "&uart1 { /delete-property/ pinctrl-0; };",
-        ("uart1 is on and has no pins", "UART1_"),
+        ("uart1 is enabled but has no pins", "UART1_"),
     ),
     Mutation("no-pins", "empty state", "&uart1 { pinctrl-0 = <>; };", ("uart1",)),
     Mutation("no-pins", "switched on, no more", on("can0"), ("can0", "CAN0_")),
@@ -547,13 +547,13 @@ PIN_MUTATIONS = [
         "cell-count",
         "interrupt line without flags",
         root('touch { compatible = "acme"; interrupt-parent = <&gpio>; interrupts = <6>; };'),
-        ("/touch has interrupts of 1 cells, no multiple of 2",),
+        ("/touch has interrupts of 1 cells, not a multiple of 2",),
     ),
     Mutation(
         "cell-count",
         "interrupt of a node that is no controller",
         root('touch { compatible = "acme"; interrupts-extended = <0x7777 6 1>; };'),
-        ("of no interrupt controller",),
+        ("belong to no interrupt controller",),
     ),
     Mutation(
         "cell-count",
@@ -593,7 +593,7 @@ PIN_MUTATIONS = [
         "no-pins",
         "all of them GPIO",
         pins("uart1", "<0 0 0 0>, <5 10 0 0>"),
-        ("uart1 is on and has no pins",),
+        ("uart1 is enabled but has no pins",),
     ),
     Mutation("no-pins", "USB device without its VBUS", on("usbdev"), ("usbdev", "USB0_")),
     Mutation(
@@ -601,7 +601,7 @@ PIN_MUTATIONS = [
         "settings that the driver never reaches",
         device("gpio", {"EINT3": "PG15"})
         + on("gpio", "eint3-config = <1 2 1>; /delete-property/ eint0-config;"),
-        ("eint3-config is never read, for eint0-config",),
+        ("eint3-config is never read, because eint0-config",),
     ),
     Mutation(
         "eint",
@@ -637,13 +637,13 @@ PIN_MUTATIONS = [
         "bank-and-pin",
         "LED on PE11",
         led("&gpio 4 11"),
-        ("line 4 (PA4) with flags 11", "PE11 is likely meant", "For PE11 write 139", "32 * 4 + 11"),
+        ("line 4 (PA4) with flags 11", "it probably means PE11", "For PE11 write 139", "32 * 4 + 11"),
     ),
     Mutation(
         "bank-and-pin",
         "bank, pin and flags, the last a line that is not there",
         led("&gpio 1 10 0"),
-        ("PB10 is likely meant", "write 42"),
+        ("it probably means PB10", "write 42"),
     ),
     Mutation(
         "bank-and-pin",
@@ -655,12 +655,18 @@ PIN_MUTATIONS = [
         "no-rts",
         "RS-485 on a port with two pins",
         on("uart4", "linux,rs485-enabled-at-boot-time; rs485-rts-delay = <0 0>;"),
-        ("no pin for UART4_RTS", "PD14", "turns round by itself"),
+        ("no pin for UART4_RTS", "PD14", "switches its direction itself"),
     ),
     Mutation(
         "no-rts",
         "flow control on a port with two pins",
         on("uart1", "uart-has-rtscts;"),
         ("no pin for UART1_RTS and UART1_CTS",),
+    ),
+    Mutation(
+        "no-rts",
+        "RS-485 on the debug port, which has no RTS anywhere",
+        on("uart0", "rs485-rts-active-high;"),
+        ("no pin for UART0_RTS", "Delete rs485-rts-active-high", "this chip has no UART0_RTS"),
     ),
 ]

@@ -18,13 +18,13 @@ PROPERTY_MUTATIONS = [
         "unknown-property",
         "a letter too few",
         "&uart1 { pinctl-1 = <&pinctrl_uart1>; };",
-        ("uart1 has pinctl-1, which nothing reads; pinctrl-1 is likely meant",),
+        ("uart1 has pinctl-1, which nothing reads; it probably means pinctrl-1",),
     ),
     Mutation(
         "unknown-property",
         "the pins of a port",
         "&uart1 { /delete-property/ pinctrl-0; pinctl-0 = <&pinctrl_uart1>; };",
-        ("pinctrl-0 is likely meant",),
+        ("it probably means pinctrl-0",),
         also=("no-pins",),
     ),
     Mutation("unknown-property", "another letter", on("uart1", "pdma_enable = <0>;"), ("pdma-enable",)),
@@ -41,7 +41,10 @@ PROPERTY_MUTATIONS = [
         ("nand-ecc-step-size",),
     ),
     Mutation(
-        "unknown-property", "list of lines", on("emac0", "reset-gpois = <&gpio 7 1>;"), ("reset-gpios is",)
+        "unknown-property",
+        "list of lines",
+        on("emac0", "reset-gpois = <&gpio 7 1>;"),
+        ("probably means reset-gpios",),
     ),
     Mutation(
         "wrong-reference",
@@ -61,13 +64,13 @@ PROPERTY_MUTATIONS = [
         "clock that is off",
         root('osc: osc { compatible = "fixed-clock"; #clock-cells = <0>; status = "disabled"; };')
         + "&uart2 { clocks = <&osc>; };",
-        ("refers to osc, which is off",),
+        ("refers to osc, which is disabled",),
     ),
     Mutation(
         "wrong-reference",
         "node that is not there",
         "&uart2 { dmas = <77 1>; };",
-        ("a node that is not there",),
+        ("a node that does not exist",),
     ),
     Mutation(
         "chip-address",
@@ -79,14 +82,14 @@ PROPERTY_MUTATIONS = [
         "chip-address",
         "two at one address",
         I2C_BUS + chip("i2c0", "codec@1a", "reg = <0x1a>;") + chip("i2c0", "eeprom@1a", "reg = <0x1a>;"),
-        ("codec@1a and eeprom@1a are all at 0x1a of i2c0",),
+        ("codec@1a and eeprom@1a are all at 0x1a on i2c0",),
     ),
     Mutation("chip-address", "no address", I2C_BUS + chip("i2c0", "eeprom", ""), ("has no reg",)),
     Mutation(
         "chip-address",
         "third chip select of two",
         spi_bus() + chip("spi0", "dac@2", "reg = <2>;"),
-        ("has chip select 2, and the controller has 2",),
+        ("has chip select 2, but the controller has only 2",),
     ),
     Mutation(
         "chip-address",
@@ -94,7 +97,7 @@ PROPERTY_MUTATIONS = [
         device("spi0", {"SPI0_CLK": "PD9", "SPI0_MOSI": "PD10", "SPI0_MISO": "PD11"})
         + on("spi0", "cs-gpios = <0>, <&gpio 6 1>;")
         + chip("spi0", "dac@2", "reg = <2>;"),
-        ("the controller has 2",),
+        ("the controller has only 2",),
     ),
     Mutation(
         "chip-address",
@@ -110,7 +113,7 @@ PROPERTY_MUTATIONS = [
         "unit-address",
         "of a device on a bus",
         I2C_BUS + chip("i2c0", "eeprom@50", "reg = <0x51>;"),
-        ("eeprom@50 is called 50, its reg says 51",),
+        ("the name of eeprom@50 says 50, but its reg says 51",),
     ),
     Mutation(
         "spi-too-fast",
@@ -128,7 +131,7 @@ PROPERTY_MUTATIONS = [
         "no-ecc",
         "strength left out",
         "&fmi { /delete-property/ nand-ecc-strength; };",
-        ("fmi has a NAND and no nand-ecc-strength", "nand-ecc-strength = <8>"),
+        ("fmi has a NAND but no nand-ecc-strength", "nand-ecc-strength = <8>"),
     ),
     Mutation(
         "no-ecc",

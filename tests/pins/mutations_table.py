@@ -28,7 +28,7 @@ TABLE_MUTATIONS = [
         "table-missing",
         "bus off",
         f"&uart8 {{ {OFF} }}; / {{ ahb {{ {OFF} }}; }};",
-        ("emac0", "is off, as /ahb is", 'status = "okay" in /ahb'),
+        ("emac0", "is disabled, because /ahb is", 'status = "okay" in /ahb'),
     ),
     Mutation(
         "table-disagrees",
@@ -65,7 +65,7 @@ TABLE_MUTATIONS = [
         "left-on",
         "pins of unknown wiring",
         device("usbdev", {"USB0_VBUSVLD": "PE11"}),
-        ("usbdev is on (by ", "PE11 of unknown wiring"),
+        ("usbdev is enabled (by ", "PE11 of unknown wiring"),
     ),
     Mutation(
         "left-on",

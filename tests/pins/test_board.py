@@ -54,22 +54,22 @@ PART = "part: NUC980DK61YC\n"
     ("text", "mistakes"),
     [
         ("", ["part is missing"]),
-        ("[]", ["a mapping is wanted, not []"]),
+        ("[]", ["must be a mapping, not []"]),
         (
             PART + "devices: {uart1: {pins: {RXD: PA0, UART1_RXD: PF9}}}",
             ["uart1: UART1_RXD is on two pins, PA0 and PF9"],
         ),
-        ("part: NUC970", ["part NUC970: known are NUC980DR61YC"]),
-        ("part: [x]", ["part ['x']: known are"]),
-        (PART + "port: {}", ["port: no such key; known are accepted, board"]),
-        (PART + "devices: [uart1]", ["devices: a mapping is wanted, not ['uart1']"]),
+        ("part: NUC970", ["part NUC970; known parts are NUC980DR61YC"]),
+        ("part: [x]", ["part ['x']; known parts are"]),
+        (PART + "port: {}", ["port: no such key; known keys are accepted, board"]),
+        (PART + "devices: [uart1]", ["devices: must be a mapping, not ['uart1']"]),
         (PART + "devices: {uart11: {}}", ["uart11: the chip has no such device; did you mean uart1"]),
-        (PART + "devices: {uart1: {rx: PA0}}", ["uart1: rx: no such key; known are for, pins"]),
+        (PART + "devices: {uart1: {rx: PA0}}", ["uart1: rx: no such key; known keys are for and pins"]),
         (
             PART + "devices: {uart1: {pins: {RX: PA0}}}",
-            ["uart1: RX: no signal of it; they begin with UART1_"],
+            ["uart1: RX is not one of its signals; they begin with UART1_"],
         ),
-        (PART + "devices: {uart1: {pins: {UART2_RXD: PA9}}}", ["uart1: UART2_RXD: no signal of it"]),
+        (PART + "devices: {uart1: {pins: {UART2_RXD: PA9}}}", ["uart1: UART2_RXD is not one of its signals"]),
         (
             PART + "devices: {uart1: {pins: {RXD: PA1}}}",
             ["PA1 cannot be UART1_RXD; that is on PA0, PC6, PF9"],
@@ -77,7 +77,7 @@ PART = "part: NUC980DK61YC\n"
         (PART + "devices: {uart1: {pins: {RXD: PH1}}}", ["uart1: RXD: PH1: the chip has no such pin"]),
         (PART + "devices: {uart1: {pins: {RXD: [PA0]}}}", ["['PA0']: the chip has no such pin"]),
         (PART + "devices: {uart1: {pins: {RXD: PB14}}}", ["PB14: the chip has no such pin; did you mean"]),
-        (PART + "devices: {fmi: {pins: {DATA0: PC8}}}", ["fmi: DATA0: no signal of it"]),
+        (PART + "devices: {fmi: {pins: {DATA0: PC8}}}", ["fmi: DATA0 is not one of its signals"]),
         (PART + "devices: {uart7: {pins: {RXD: PA14}}}", ["PA14 is not brought out by the package LQFP128"]),
         (
             PART + "devices: {uart1: {pins: {RXD: PA0}}, can3: {pins: {RXD: PA0}}}",
@@ -87,23 +87,23 @@ PART = "part: NUC980DK61YC\n"
             PART + "devices: {uart1: {pins: {RXD: PA0}}}\ngpios: {PA0: LED}\nnot_connected: [PA0]",
             ["PA0 is used twice: uart1 UART1_RXD and gpios", "and not_connected"],
         ),
-        (PART + "limits: [x]", ["limits: the name of a file beside the table is wanted"]),
+        (PART + "limits: [x]", ["limits: must be the name of a file beside the table"]),
         (
             PART + "devices: {uart1: {}}\nconsole: uart2",
-            ["console: uart2: not under devices; did you mean uart1?"],
+            ["console: uart2 is not under devices; did you mean uart1?"],
         ),
-        (PART + "console: [uart1]", ["console: ['uart1']: not under devices"]),
-        (PART + "flash: fmi", ["flash: fmi: not under devices"]),
-        (PART + "ethernet: emac0", ["ethernet: a list of devices is wanted"]),
-        (PART + "devices: {emac0: {}}\nethernet: [emac0, emac1]", ["ethernet: emac1: not under devices"]),
+        (PART + "console: [uart1]", ["console: ['uart1'] is not under devices"]),
+        (PART + "flash: fmi", ["flash: fmi is not under devices"]),
+        (PART + "ethernet: emac0", ["ethernet: must be a list of devices"]),
+        (PART + "devices: {emac0: {}}\nethernet: [emac0, emac1]", ["ethernet: emac1 is not under devices"]),
         (PART + "gpios: {PB15: LED}", ["gpios: PB15: the chip has no such pin"]),
-        (PART + "not_connected: PA1", ["not_connected: a list of pins is wanted"]),
-        (PART + "accepted: {}", ["accepted: a list of {rule, node, reason} is wanted"]),
-        (PART + "accepted: [{rule: pin-conflict, node: /x}]", ["rule, node and reason are wanted"]),
+        (PART + "not_connected: PA1", ["not_connected: must be a list of pins"]),
+        (PART + "accepted: {}", ["accepted: must be a list of {rule, node, reason}"]),
+        (PART + "accepted: [{rule: pin-conflict, node: /x}]", ["needs rule, node and reason"]),
         (PART + "accepted: [{rule: pin-conflict, node: /x, reason: ' '}]", ["none of them empty"]),
-        ("a: b: c", ["no YAML: mapping values are not allowed"]),
-        ("[" * 5000, ["no YAML"]),
-        ("? [a, b]\n: c", ["no YAML"]),
+        ("a: b: c", ["not YAML: mapping values are not allowed"]),
+        ("[" * 5000, ["not YAML"]),
+        ("? [a, b]\n: c", ["not YAML"]),
     ],
 )
 def test_mistakes_are_told(tmp_path: Path, text: str, mistakes: list[str]) -> None:
@@ -127,7 +127,7 @@ def test_missing_and_unreadable_files(tmp_path: Path) -> None:
     with pytest.raises(UnusableInput, match="Is a directory"):
         load_board(tmp_path, CHIP)
     (tmp_path / "binary.yml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(UnusableInput, match="no YAML"):
+    with pytest.raises(UnusableInput, match="not YAML"):
         load_board(tmp_path / "binary.yml", CHIP)
 
 
@@ -140,7 +140,7 @@ def test_missing_and_unreadable_files(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_there_twice_is_told_and_not_lost(tmp_path: Path, text: str) -> None:
-    with pytest.raises(UnusableInput, match=r"(uart1|PE11|RXD) is there twice(.|\n)* line 2"):
+    with pytest.raises(UnusableInput, match=r"(uart1|PE11|RXD) appears twice(.|\n)* line 2"):
         load_board(table(tmp_path, PART + text), CHIP)
 
 
@@ -186,5 +186,5 @@ def test_mistakes_in_the_limits_are_told(tmp_path: Path, before: str, after: str
 
 
 def test_limits_that_are_not_there(tmp_path: Path) -> None:
-    with pytest.raises(UnusableInput, match=r"none\.toml: No such file.*named as limits in the pin table"):
+    with pytest.raises(UnusableInput, match=r"none\.toml: No such file.*the pin table names it under limits"):
         load_board(table(tmp_path, PART + "limits: none.toml"), CHIP)

@@ -98,13 +98,16 @@ def test_machine_forms_are_json_also_beside_an_unusable_file(bad: Path, form: st
         (("check", "none.dts"), "none.dts: No such file or directory"),
         (("check", "--table", "none.yml", "x.dts"), "none.yml: No such file or directory"),
         (("check", "--part", "NUC980DK61YC", "x.dts"), "--part goes with --chip-only"),
-        (("check", "--chip-only", "--part", "NUC970", "x.dts"), "--part NUC970: known are NUC980DR61YC"),
-        (("map", "-o", "map.pdf"), "map.pdf: the name ends in neither .svg nor .html"),
+        (
+            ("check", "--chip-only", "--part", "NUC970", "x.dts"),
+            "--part NUC970: known parts are NUC980DR61YC",
+        ),
+        (("map", "-o", "map.pdf"), "map.pdf: the name must end in .svg or .html"),
         (("map", "-o", "none/map.svg"), "none/map.svg: No such file or directory; name another file with -o"),
         (("explain", "UART8_TDX"), "UART8_TXD"),
         (("diff", "none.dtb", "none.dtb"), "none.dtb: No such file or directory"),
         (("import", "none.dtb"), "none.dtb: No such file or directory"),
-        (("import", "--part", "NUC970", "none.dtb"), "--part NUC970: known are"),
+        (("import", "--part", "NUC970", "none.dtb"), "--part NUC970: known parts are"),
         ((), "usage: nuc980-pins"),
         (("paint",), "usage: nuc980-pins"),
     ],
@@ -171,7 +174,7 @@ def test_imported_table_checks_its_tree(tmp_path: Path, good: Path) -> None:
     assert run("check", "--table", table, good).returncode == DONE
     again = run("import", good, "-o", table)
     assert again.returncode == UNUSABLE
-    assert "is there already and is kept" in again.stderr
+    assert "exists already and is not overwritten" in again.stderr
 
 
 def test_accepted_finding_comes_with_its_reason(tmp_path: Path, good: Path, bad: Path) -> None:

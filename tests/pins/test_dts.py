@@ -9,17 +9,20 @@ from pathlib import Path
 import pytest
 from trees import ROOT, TABLE
 
+from nuc980.boards import board_names, pin_table
 from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip
 from nuc980.pins.claims import claims
 from nuc980.pins.dtb import read_dtb
-from nuc980.pins.generate import PINS_FILE, ROUTING_FILE, SOC_FILE, generated, stale, write
+from nuc980.pins.generate import ROUTING_FILE, SOC_FILE, generated, pins_file, stale, write
 from nuc980.pins.rules import check
 from nuc980.pins.source import read_source
 from nuc980.pins.tree import Tree
 
 CHIP = load_chip()
 BOARD = load_board(TABLE, CHIP)
+BOARDS = {name: load_board(pin_table(name), CHIP) for name in board_names()}
+PINS_FILE = pins_file("gateway")
 DTS = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 BUILD = ROOT / "scripts" / "build-dtb.sh"
 PORTS = ("uart1", "uart2", "uart3", "uart4", "uart6", "uart8")
@@ -46,11 +49,11 @@ def setting(
 
 
 def test_generated_files_are_fresh() -> None:
-    assert stale(generated(CHIP, BOARD), ROOT) == [], "run: make dtb"
+    assert stale(generated(CHIP, BOARDS), ROOT) == [], "run: make dtb"
 
 
 def test_write_touches_only_what_changed(tmp_path: Path) -> None:
-    files = generated(CHIP, BOARD)
+    files = generated(CHIP, {"gateway": BOARD})
     for path in files:
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
     assert write(files, tmp_path) == list(files) == [SOC_FILE, PINS_FILE, ROUTING_FILE]
@@ -62,9 +65,9 @@ def test_write_touches_only_what_changed(tmp_path: Path) -> None:
 
 def test_reserved_pins_reach_the_emulator_as_strings_of_c() -> None:
     board = replace(BOARD, reserved={"PG0": 'a "strap" of the boot\n' + "and more " * 20})
-    lines = generated(CHIP, board)[ROUTING_FILE].splitlines()
+    lines = generated(CHIP, {"gateway": board})[ROUTING_FILE].splitlines()
     line = next(line for line in lines if "reserved" in line)
-    assert line.startswith('    [6][0] = "reserved: a \\"strap\\" of the boot and more')
+    assert line.startswith('            [6][0] = "reserved: a \\"strap\\" of the boot and more')
     assert line.endswith('more ...",')
     assert len(line) <= 80
 
@@ -159,6 +162,6 @@ def test_failed_build_leaves_the_last_good_file(tmp_path: Path) -> None:
 
 
 def test_a_board_may_be_called_anything() -> None:
-    files = generated(CHIP, replace(BOARD, name="A*/ #error\nB"))
+    files = generated(CHIP, {"gateway": replace(BOARD, name="A*/ #error\nB")})
     head = files[PINS_FILE].splitlines()[2]
     assert head == " * Pin groups: A* / #error B (NUC980DK61YC)"

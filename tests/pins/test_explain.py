@@ -122,13 +122,13 @@ def test_a_setting(word: str) -> None:
     assert line(word, "fourth cell") == (
         "fourth cell 0: pin configuration; the vendor's driver stores it and never uses it"
     )
-    assert line(word, "pin table").endswith("Ethernet port 1, eth0: the same")
+    assert line(word, "pin table").endswith("Ethernet port 1, eth0: this one")
 
 
 def test_settings_that_disagree_or_cannot_be() -> None:
-    assert line("<5 0xa 8 0>", "pin table") == "pin table UART1_TXD of uart1, RS-485, /dev/ttyS1: another"
+    assert line("<5 0xa 8 0>", "pin table") == "pin table UART1_TXD of uart1, RS-485, /dev/ttyS1: another one"
     assert line("<5 0xb 3 0>", "function") == "function 3: PF11 has 0 GPIO, 1 UART0_RXD"
-    assert "PF11 as nothing that it can be" in told("<5 0xb 3 0>")
+    assert "PF11 as no function that it has" in told("<5 0xb 3 0>")
     assert "P9.1 does not exist" in told("<9 1 2 0>")
     assert "PB14 does not exist" in told("<1 14 0 0>")
 
@@ -173,8 +173,8 @@ def test_list_of_the_rules() -> None:
         ("UART8_TX", "did you mean UART8_TXD"),
         ("usart3", "did you mean uart3"),
         ("pin-conflit", "did you mean pin-conflict"),
-        ("4 7 1", "four a pin"),
-        ("138", "say gpio before the number"),
+        ("4 7 1", "four for each pin"),
+        ("138", "write gpio before the number"),
         ("gpio 31", "no pin has this number"),
         ("gpio 4000000000", "no pin has this number"),
         ("0xdeadbeef", "neither a multi-function register"),

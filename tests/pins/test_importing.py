@@ -116,7 +116,7 @@ def test_line_that_a_group_prepares_is_its_user_s(tmp_path: Path) -> None:
     assert found.gpios == {"PA0": "leds, run"} and not comments(table)
     key = '/ { keys { compatible = "gpio-keys"; stop { gpios = <&gpio 0 0>; }; }; };'
     table, _ = imported(board(devices, led + key), tmp_path)
-    assert comments(table) == ["# /keys/stop: PA0 as GPIO (gpios): /leds/run has it, as GPIO"]
+    assert comments(table) == ["# /keys/stop: PA0 as GPIO (gpios): /leds/run has the pin as GPIO"]
 
 
 def test_pin_that_only_a_group_makes_a_line(tmp_path: Path) -> None:
@@ -135,10 +135,10 @@ def test_states_of_one_device_share_a_pin(tmp_path: Path) -> None:
     [
         ("9 0 1 0", "P9.0 as function 1 (pinctrl-0): the chip has no such pin"),
         ("0 1 9 0", "PA1 as function 9 (pinctrl-0): the pin has no such function"),
-        ("0 9 2 0", "PA9 as UART2_RXD (pinctrl-0): no signal of this node"),
-        ("5 9 2 0", "PF9 as UART1_RXD (pinctrl-0): it is on PA0"),
-        ("0 0 7 0", "PA0 as CAN3_RXD (pinctrl-0): no signal of this node"),
-        ("0 0 0 0", f"PA0 as GPIO (pinctrl-0): {UART1} has it, as UART1_RXD"),
+        ("0 9 2 0", "PA9 as UART2_RXD (pinctrl-0): not a signal of this node"),
+        ("5 9 2 0", "PF9 as UART1_RXD (pinctrl-0): the signal is on PA0"),
+        ("0 0 7 0", "PA0 as CAN3_RXD (pinctrl-0): not a signal of this node"),
+        ("0 0 0 0", f"PA0 as GPIO (pinctrl-0): {UART1} has the pin as UART1_RXD"),
     ],
 )
 def test_pins_that_do_not_fit_are_told_at_their_device(cells: str, told: str, tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_pin_of_two_devices_is_the_first_s(tmp_path: Path) -> None:
     table, found = imported(board(RXD | {"can3": {"CAN3_RXD": "PA0"}}), tmp_path)
     assert pins_of(found) == RXD
     assert comments(table) == [
-        f"# /apb/can@b00a3000: PA0 as CAN3_RXD (pinctrl-0): {UART1} has it, as UART1_RXD"
+        f"# /apb/can@b00a3000: PA0 as CAN3_RXD (pinctrl-0): {UART1} has the pin as UART1_RXD"
     ]
 
 
@@ -207,4 +207,4 @@ def test_an_interrupt_line_that_cannot_be_read_is_told(tmp_path: Path) -> None:
     touch = '/ { touch { compatible = "acme"; interrupt-parent = <&gpio>; interrupts = <6>; }; };'
     table, found = imported(board(RXD, touch), tmp_path)
     assert (pins_of(found), found.gpios) == (RXD, {})
-    assert comments(table) == ["# /touch: interrupts of 1 cells, no multiple of 2"]
+    assert comments(table) == ["# /touch: interrupts of 1 cells, not a multiple of 2"]

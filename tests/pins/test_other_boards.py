@@ -118,9 +118,9 @@ MISTAKES = [
     Mistake(
         "C8", '&uart9 { reg = <0xb0078000 0x1000>; status = "okay"; };', "wrong-address", "where uart8 is"
     ),
-    Mistake("C9", LED.format("&gpio 1 10 0"), "bank-and-pin", "PB10 is likely meant"),
+    Mistake("C9", LED.format("&gpio 1 10 0"), "bank-and-pin", "it probably means PB10"),
     Mistake("C10", "&emac1 { interrupts = <20 4 1>, <22 4 1>; };", "wrong-interrupt", "EMC1_TX"),
-    Mistake("C11", memory('"console=ttyS1,115200n8 mem=64M"'), "wrong-console", "uart1, which is off"),
+    Mistake("C11", memory('"console=ttyS1,115200n8 mem=64M"'), "wrong-console", "uart1, which is disabled"),
     Mistake("C12", '&uart6 { status = "enabled"; };', "unknown-status", "enabled"),
     Mistake("C13", '&uart4 { pinctrl-names = "defualt"; };', "no-default-state", "defualt"),
     Mistake("C14", "&flash { spi-max-frequency = <300000000>; };", "spi-too-fast", "300000000"),
@@ -130,7 +130,7 @@ MISTAKES = [
     Mistake("G1", '&user { label = "kernel"; };', "partition-label-twice", "kernel"),
     Mistake("G2", "&user { reg = <0x1810800 0x6000000>; };", "partition-bounds", "inside an erase block"),
     Mistake("G3", '&i2c0 { eeprom@1a { compatible = "x"; reg = <0x1a>; }; };', "chip-address", "nau8822@1a"),
-    Mistake("G4", '&i2c2 { eeprom@50 { compatible = "x"; reg = <0x51>; }; };', "unit-address", "called 50"),
+    Mistake("G4", '&i2c2 { eeprom@50 { compatible = "x"; reg = <0x51>; }; };', "unit-address", "says 50"),
     Mistake("G5", '&i2c2 { eeprom@a0 { compatible = "x"; reg = <0xa0>; }; };', "chip-address", "0xa0"),
     Mistake("G6", LED.format("&gpio 143 0"), "no-such-pin", "PE15"),
     Mistake("G7", '&spi0 { dac@2 { compatible = "x"; reg = <2>; }; };', "chip-address", "chip select 2"),
@@ -153,7 +153,7 @@ MISTAKES = [
         "0x8100000",
     ),
     Mistake("G12", "&uart1 { interrupts = <37 4>; };", "wrong-interrupt", "2 cells"),
-    Mistake("G13", '&wdt { compatible = "nuvoton,nuc980-wtd"; };', "wrong-compatible", "wdt by its address"),
+    Mistake("G13", '&wdt { compatible = "nuvoton,nuc980-wtd"; };', "wrong-compatible", "the address of wdt"),
     Mistake(
         "G14",
         "&uart1 { uart-has-rtscts; }; &pinctrl_uart1 { nuvoton,pins = <5 9 2 0>, <5 10 2 0>; };",

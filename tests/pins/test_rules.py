@@ -279,7 +279,7 @@ def test_the_pin_table_says_whose_fault_it_is(tmp_path: Path) -> None:
     findings = check(read(tmp_path, REPORT, REPORT_SOC), CHIP, BOARD, BOARD.package)
     conflict = next(finding for finding in findings if finding.rule == "pin-conflict")
     assert conflict.node == "/ahb/sdh@b0018000"
-    assert conflict.remedy.startswith('Set status = "disabled" in sdh, which the pin table does not have')
+    assert conflict.remedy.startswith('Set status = "disabled" in sdh, which is not in the pin table')
     rts = {finding.node for finding in findings if finding.rule == "table-disagrees"}
     assert rts == {CHIP.peripherals[f"uart{port}"].path for port in (2, 3, 4, 6, 8)}
     assert rules_of(findings) == {"pin-conflict", "left-on", "table-disagrees", "table-missing"}
@@ -357,4 +357,4 @@ def test_interrupt_parents_in_a_circle_come_to_an_end() -> None:
     set_cells(uart, "interrupt-parent", 0x900)
     findings = check(Tree(tree.file, tree.root, tree.from_source), CHIP)
     assert [(finding.rule, finding.node) for finding in findings] == [("wrong-interrupt", uart.path)]
-    assert "of no interrupt controller" in findings[0].message
+    assert "belong to no interrupt controller" in findings[0].message

@@ -183,7 +183,7 @@ def test_missing_include_names_its_line_and_the_option(board: Path) -> None:
 def test_what_does_not_compile(line: str, said: str, write: Callable[[str, str], Path]) -> None:
     file = write("x.dts", f"/dts-v1/;\n{line}\n")
     message = refusal(file)
-    assert said in message and "mend the first of these lines" in message
+    assert said in message and "correct the first of these lines" in message
 
 
 def test_group_that_is_missing_is_left_to_the_check(write: Callable[[str, str], Path]) -> None:
@@ -225,7 +225,7 @@ def test_include_without_end(write: Callable[[str, str], Path], monkeypatch: pyt
     monkeypatch.setattr("nuc980.pins.source.PATIENCE", 0.2)
     file = write("x.dts", '/dts-v1/;\n#include "pipe"\n')
     os.mkfifo("pipe")
-    assert "cpp did not end within 0.2 s; look at its #include lines" in refusal(file)
+    assert "cpp did not end within 0.2 s; check the #include lines of the file" in refusal(file)
 
 
 def test_a_mistake_before_much_else_is_told(write: Callable[[str, str], Path]) -> None:

@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
+from nuc980.boards import board_names, pin_table
 from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip
-from nuc980.twin.machine import Machine
+from nuc980.twin.machine import Machine, MachineError
 
 ROOT = Path(__file__).resolve().parents[2]
 CHIP = load_chip()
@@ -307,3 +308,29 @@ def test_state_is_saved(board: Callable[..., Machine], reborn: Callable[[Machine
     assert new.uarts[1].receive(5) == b"\x42"
     switch(new, "PF10", "GPIO")
     assert lines(new) == {"UART1_TXD": False}
+
+
+# ---- another board
+
+
+def test_each_board_has_the_wiring_of_its_pin_table(qemu: Path) -> None:
+    for name in board_names():
+        table = load_board(pin_table(name), CHIP)
+        with Machine(qemu, options=f"board={name}", registers=True) as machine:
+            assert {device["device"] for device in view(machine)["devices"]} == set(table.devices)
+            for device in table.devices.values():
+                for signal, pin in device.pins.items():
+                    switch(machine, pin, signal)
+            machine.step(SETTLED)
+            assert {device["state"] for device in view(machine)["devices"]} == {"connected"}
+            assert (conflicts(machine), warnings(machine)) == ({}, [])
+
+
+def test_a_line_that_only_the_gateway_wires_is_refused_on_another_board(qemu: Path) -> None:
+    with pytest.raises(MachineError, match=r"no pins to UART1 \(pins\.yml of board numaker\)"):
+        Machine(qemu, options="board=numaker", registers=True, uarts=(1,))
+
+
+def test_an_unknown_board_is_refused(qemu: Path) -> None:
+    with pytest.raises(MachineError, match="there is no board nope"):
+        Machine(qemu, options="board=nope", registers=True)

@@ -26,7 +26,7 @@ def test_missing_program_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     monkeypatch.setattr(sys, "argv", ["twin"])
     monkeypatch.setattr(twin, "UBOOT", Path("nowhere/u-boot.bin"))
     assert twin.main() == 2
-    assert "run make uboot" in capsys.readouterr().err
+    assert "type: make uboot" in capsys.readouterr().err
 
 
 def test_qemu_that_ends_is_the_cause() -> None:

@@ -25,6 +25,12 @@ from nuc980.netboot.probe import described
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import TFTP_PORT
 from nuc980.netboot.site import with_prefix
+from nuc980.netboot.slots.command import (
+    add_install_options,
+    add_slots_options,
+    run_install,
+    run_slots,
+)
 from nuc980.netboot.terminal import check_terminal
 from nuc980.netboot.transport import BAUD
 
@@ -68,6 +74,22 @@ examples:
     --backup-by linux --backup-kernel netboot/uImage --backup-dtb netboot/nuc980-gateway.dtb
 
 What is there is kept in the site's folder before anything is erased.""",
+    "install": """\
+examples:
+  nuc980-netboot install --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+  nuc980-netboot install --slot b --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+  nuc980-netboot install --dry-run --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+
+The root file system must be inside the kernel, as in the image of make image-debian. What is there is kept in
+the site's folder before anything is erased; flash --resume and --roll-back go on after an interruption. The
+partition for UBI, and /data in it, stay. docs/update.md has the rest.""",
+    "slots": """\
+examples:
+  nuc980-netboot slots --port /dev/ttyUSB0
+  nuc980-netboot slots --port /dev/ttyUSB0 --try b
+  nuc980-netboot slots --port /dev/ttyUSB0 --base b
+
+Without an option nothing is changed. A slot is marked only when its kernel and device tree are whole.""",
     "restore-env": """\
 examples:
   nuc980-netboot restore-env --port /dev/ttyUSB0 site/environment.txt
@@ -198,6 +220,17 @@ def _parser() -> argparse.ArgumentParser:
     command = add("flash", run_flash, "write kernel, device tree or UBI image into the flash")
     add_flash_options(command)
     _add_network(command)
+    _add_common(command)
+
+    command = add(
+        "install", run_install, "make two slots of the flash, and a boot command that falls back by itself"
+    )
+    add_install_options(command)
+    _add_network(command)
+    _add_common(command)
+
+    command = add("slots", run_slots, "show a board's two slots, and which one boots")
+    add_slots_options(command)
     _add_common(command)
 
     command = add("restore-env", _restore, "put a saved environment back")

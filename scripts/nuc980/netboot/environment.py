@@ -124,8 +124,7 @@ def keep(folder: Path, environment: Environment, version: str, port: str) -> Pat
 
     Returns the file, None when a saved one has the same. No file is ever overwritten.
     """
-    kept = {name: value for name, value in environment.variables.items() if name != IN_WORK}
-    environment = replace(environment, variables=kept)
+    environment = replace(environment, variables=kept(environment.variables))
     if any(_same(environment, path) for path in folder.glob("environment*.txt")):
         return None
     now = datetime.now(UTC)
@@ -143,6 +142,11 @@ def keep(folder: Path, environment: Environment, version: str, port: str) -> Pat
             os.fsync(file.fileno())
         return folder / name
     raise UnusableInput(f"{folder}: ten environments in one second")
+
+
+def kept(variables: Mapping[str, str]) -> dict[str, str]:
+    """What is worth keeping of an environment in RAM."""
+    return {name: value for name, value in variables.items() if name != IN_WORK}
 
 
 def load(path: Path) -> Environment:

@@ -10,6 +10,7 @@ from nuc980.netboot.board import BoardReport, Nand, Partition, Port
 from nuc980.netboot.console import Console
 from nuc980.netboot.environment import read_environment
 from nuc980.netboot.progress import Progress
+from nuc980.netboot.slots.script import is_installed, missing_commands
 
 FLASH_SECONDS = 30.0  # the first access may look for bad blocks in the whole chip
 STACK = 0x4000  # U-Boot's own check keeps so much below its stack pointer free (2023.01, lib/lmb.c)
@@ -280,9 +281,18 @@ def _flash_remarks(board: BoardReport) -> Iterator[str]:
                 "This U-Boot uses bad-block tables in the last blocks of the flash. One that is built to "
                 "make them has done so at its first access."
             )
+        yield _slots_remark(board)
         worn = len(board.nand.bad) - len(board.nand.tables)
         if worn > WORN * board.nand.size / board.nand.block:
             yield f"{worn} bad blocks: more than a NAND may have; the flash is worn out."
+
+
+def _slots_remark(board: BoardReport) -> str:
+    if is_installed(board.environment):
+        return "It has two slots: nuc980-netboot slots shows them."
+    if missing := missing_commands(board):
+        return f"No {', '.join(missing)}: it cannot have two slots."
+    return "Its U-Boot has the commands for two slots (nuc980-netboot install)."
 
 
 def _mib(size: int) -> str:

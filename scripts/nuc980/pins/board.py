@@ -85,7 +85,7 @@ def load_board(file: Path, chip: Chip) -> Board:
     except OSError as error:
         raise UnusableInput(f"{file}: {error.strerror}; name another pin table with --table") from error
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UnusableInput(f"{file} is no YAML: {error}") from error
+        raise UnusableInput(f"{file} is not YAML: {error}") from error
     return _Reader(file, chip).read(data)
 
 
@@ -96,7 +96,7 @@ class _Loader(YamlLoader):
         seen = set()
         for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in seen:
-                problem = f"{key.value} is there twice"
+                problem = f"{key.value} appears twice"
                 raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
             seen.add(key.value)
         return super().construct_mapping(node, deep)
@@ -114,10 +114,10 @@ class _Reader:
     def read(self, data: Any) -> Board:
         table = self._mapping(data, "the table")
         for key in table.keys() - KEYS:
-            self._mistake(f"{key}: no such key; known are {', '.join(sorted(KEYS))}")
+            self._mistake(f"{key}: no such key; known keys are {', '.join(sorted(KEYS))}")
         part = str(table.get("part", ""))
         if part not in self.chip.parts:
-            self._mistake(f"part {part or 'is missing'}: known are {', '.join(self.chip.parts)}")
+            self._mistake(f"part {part or 'is missing'}; known parts are {', '.join(self.chip.parts)}")
             self._give_up()
         board = Board(
             file=self.file,
@@ -149,7 +149,7 @@ class _Reader:
                 continue
             entry = self._mapping(entry, label)
             for key in entry.keys() - {"for", "pins"}:
-                self._mistake(f"{label}: {key}: no such key; known are for, pins")
+                self._mistake(f"{label}: {key}: no such key; known keys are for and pins")
             pins: dict[str, str] = {}
             for signal, pin in self._signals(peripheral, self._mapping(entry.get("pins"), f"{label}: pins")):
                 if signal in pins:
@@ -162,7 +162,9 @@ class _Reader:
             signal = self._full_signal(peripheral, short)
             if signal is None:
                 prefixes = " or ".join(peripheral.signals) or "none"
-                self._mistake(f"{peripheral.label}: {short}: no signal of it; they begin with {prefixes}")
+                self._mistake(
+                    f"{peripheral.label}: {short} is not one of its signals; they begin with {prefixes}"
+                )
             elif self._exists(pin, f"{peripheral.label}: {short}"):
                 if self.chip.value(pin, signal) is None:
                     where = ", ".join(name for name, _ in self.chip.signals[signal])
@@ -188,7 +190,7 @@ class _Reader:
 
     def _not_connected(self, pins: Any) -> frozenset[str]:
         if not isinstance(pins, list | None):
-            self._mistake("not_connected: a list of pins is wanted")
+            self._mistake("not_connected: must be a list of pins")
             return frozenset()
         known = frozenset(pin for pin in pins or () if self._exists(pin, "not_connected"))
         for pin in known:
@@ -197,21 +199,21 @@ class _Reader:
 
     def _accepted(self, entries: Any) -> Iterator[Accepted]:
         if not isinstance(entries, list | None):
-            self._mistake("accepted: a list of {rule, node, reason} is wanted")
+            self._mistake("accepted: must be a list of {rule, node, reason}")
             return
         for entry in entries or ():
             entry = self._mapping(entry, "accepted")
             if entry.keys() == {"rule", "node", "reason"} and all(map(str.strip, map(str, entry.values()))):
                 yield Accepted(str(entry["rule"]), str(entry["node"]), str(entry["reason"]))
             else:
-                self._mistake(f"accepted: {entry}: rule, node and reason are wanted, none of them empty")
+                self._mistake(f"accepted: {entry}: needs rule, node and reason, none of them empty")
 
     def _limits(self, name: Any) -> Limits | None:
         """The file of this name beside the table."""
         if isinstance(name, str):
             return load_limits(self.file.parent / name)
         if name is not None:
-            self._mistake("limits: the name of a file beside the table is wanted")
+            self._mistake("limits: must be the name of a file beside the table")
         return None
 
     def _one_device(self, table: dict[str, Any], key: str) -> str | None:
@@ -221,13 +223,13 @@ class _Reader:
         """Those of the labels that the table has under devices."""
         devices = self._mapping(table.get("devices"), "devices")
         if not isinstance(labels, list):
-            self._mistake(f"{key}: a list of devices is wanted")
+            self._mistake(f"{key}: must be a list of devices")
             return
         for label in labels:
             if isinstance(label, str) and label in devices:
                 yield label
             else:
-                self._mistake(f"{key}: {label}: not under devices{near(str(label), devices)}")
+                self._mistake(f"{key}: {label} is not under devices{near(str(label), devices)}")
 
     def _check_bonded(self, package: Package) -> None:
         for pin, user in self.users.items():
@@ -249,7 +251,7 @@ class _Reader:
         if isinstance(value, dict):
             return {str(key): entry for key, entry in value.items()}
         if value is not None:
-            self._mistake(f"{what}: a mapping is wanted, not {value!r}")
+            self._mistake(f"{what}: must be a mapping, not {value!r}")
         return {}
 
     def _mistake(self, text: str) -> None:

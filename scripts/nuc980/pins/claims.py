@@ -201,7 +201,7 @@ def gpio_specifiers(tree: Tree, node: Node, name: str) -> Iterator[tuple[Node, l
             raise MalformedError("a cell that should refer to a GPIO controller does not")
         size = _size(controller, "#gpio-cells")
         if len(cells) < size:
-            raise MalformedError(f"{controller.path} wants {size} cells a line, the last has {len(cells)}")
+            raise MalformedError(f"{controller.path} needs {size} cells a line; the last has {len(cells)}")
         yield controller, cells[:size]
         del cells[:size]
 
@@ -219,10 +219,10 @@ def interrupt_specifiers(tree: Tree, node: Node) -> Iterator[tuple[Node, list[in
     while cells:
         controller = parent or (tree.by_phandle.get(cells.pop(0)) if name != "interrupts" else None)
         if controller is None:
-            raise MalformedError("of no interrupt controller")
+            raise MalformedError("that belong to no interrupt controller")
         size = _size(controller, "#interrupt-cells")
         if len(cells) < size:
-            raise MalformedError(f"of {len(node.cells(name))} cells, no multiple of {size}")
+            raise MalformedError(f"of {len(node.cells(name))} cells, not a multiple of {size}")
         yield controller, cells[:size]
         del cells[:size]
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from nuc980 import PIN_TABLE, VERSION
+from nuc980.boards import GATEWAY, board_names, pin_table
 from nuc980.errors import UnusableInput
 from nuc980.pins.board import Board, load_board
 from nuc980.pins.chip import Chip, Package, load_chip
@@ -46,23 +47,23 @@ def _parser() -> argparse.ArgumentParser:
 
     command = add("generate", "write the device-tree files that come from chip data and pin table")
     command.add_argument(
-        "--check", action="store_true", help="write nothing; exit 1 when a file is not as it would be"
+        "--check", action="store_true", help="write nothing; exit 1 when a file is out of date"
     )
     command.add_argument(
         "--linux",
         type=Path,
         metavar="FILE",
-        help="instead: write FILE, the pins for our Linux driver (pinctrl-nuc980-pins.h)",
+        help="write only FILE, the pins for our Linux driver (pinctrl-nuc980-pins.h)",
     )
     command.set_defaults(run=_generate)
 
     command = add("check", "check device trees, source or compiled, against chip and pin table")
     command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a .dts or .dtb file")
     command.add_argument(
-        "--chip-only", action="store_true", help="another board's tree: leave the pin table out"
+        "--chip-only", action="store_true", help="for another board's tree: do not use the pin table"
     )
     command.add_argument(
-        "--part", help="with --chip-only: the chip's part number, to know what its package brings out"
+        "--part", help="with --chip-only: the chip's part number, which tells the pins of its package"
     )
     command.add_argument("--format", choices=FORMATS, default="text", help="default: text")
     _add_table(command)
@@ -76,12 +77,14 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "-o", "--output", type=Path, required=True, help="the picture, .svg, or the page, .html"
     )
-    command.add_argument("--part", help="of another board: its chip's part number, for the package to draw")
+    command.add_argument(
+        "--part", help="for another board: the chip's part number, which tells the package to draw"
+    )
     _add_table(command)
     _add_source_options(command)
     command.set_defaults(run=_map)
 
-    command = add("explain", "tell about a pin, a signal, a device, a setting or a rule")
+    command = add("explain", "explain a pin, a signal, a device, a setting or a rule")
     command.add_argument(
         "words",
         nargs="+",
@@ -112,11 +115,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_table(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--table",
-        type=Path,
-        default=PIN_TABLE,
-        help="the pin table (default: board/nuc980/pins.yml of OpenRTU, the gateway board's)",
+        "--board",
+        default=GATEWAY,
+        metavar="NAME",
+        help=f"the board whose pin table counts: {', '.join(board_names())} (default: %(default)s)",
     )
+    command.add_argument("--table", type=Path, help="a pin table of your own instead")
 
 
 def _add_source_options(command: argparse.ArgumentParser) -> None:
@@ -127,10 +131,10 @@ def _add_source_options(command: argparse.ArgumentParser) -> None:
         type=Path,
         default=[],
         metavar="FOLDER",
-        help="for a source's #include",
+        help="where a source finds its #include files",
     )
     command.add_argument(
-        "-D", dest="defines", action="append", default=[], metavar="NAME=VALUE", help="for a source"
+        "-D", dest="defines", action="append", default=[], metavar="NAME=VALUE", help="a macro for a source"
     )
 
 
@@ -147,7 +151,8 @@ def _generate(parsed: argparse.Namespace) -> int:
                 "generate writes into a clone of OpenRTU: run scripts/nuc980-pins there; "
                 "generate --linux FILE works anywhere"
             )
-        files = generated(load_chip(), load_board(PIN_TABLE, load_chip()))
+        chip = load_chip()
+        files = generated(chip, {name: load_board(pin_table(name), chip) for name in board_names()})
         command = "make dtb, or nuc980-pins generate"
     if not parsed.check:
         for path in write(files, ROOT):
@@ -155,13 +160,13 @@ def _generate(parsed: argparse.Namespace) -> int:
         return DONE
     out_of_date = stale(files, ROOT)
     for path in out_of_date:
-        print(f"{path}: not what chip data and pin table say; run: {command}")
+        print(f"{path}: differs from chip data and pin table; type: {command}")
     return FOUND if out_of_date else DONE
 
 
 def _check(parsed: argparse.Namespace) -> int:
     chip = load_chip()
-    board = None if parsed.chip_only else load_board(parsed.table, chip)
+    board = None if parsed.chip_only else _board(parsed, chip)
     if parsed.part and board:
         raise UnusableInput("--part goes with --chip-only: a pin table names the part itself")
     package = board.package if board else _package(parsed.part, chip)
@@ -180,6 +185,10 @@ def _check(parsed: argparse.Namespace) -> int:
     return FOUND if any(one.open for one in checked) else DONE
 
 
+def _board(parsed: argparse.Namespace, chip: Chip) -> Board:
+    return load_board(parsed.table or pin_table(parsed.board), chip)
+
+
 def _check_file(
     file: Path, parsed: argparse.Namespace, chip: Chip, board: Board | None, package: Package | None
 ) -> Checked:
@@ -193,7 +202,7 @@ def _package(part: str | None, chip: Chip) -> Package | None:
     if part is None:
         return None
     if part not in chip.parts:
-        raise UnusableInput(f"--part {part}: known are {', '.join(chip.parts)}")
+        raise UnusableInput(f"--part {part}: known parts are {', '.join(chip.parts)}")
     return chip.packages[chip.parts[part]]
 
 
@@ -203,9 +212,9 @@ def _map(parsed: argparse.Namespace) -> int:
 
     draw = {".svg": draw_map, ".html": draw_page}.get(parsed.output.suffix.lower())
     if draw is None:
-        raise UnusableInput(f"{parsed.output}: the name ends in neither .svg nor .html")
+        raise UnusableInput(f"{parsed.output}: the name must end in .svg or .html")
     chip = load_chip()
-    board = load_board(parsed.table, chip)
+    board = _board(parsed, chip)
     if parsed.file:
         tree = read_tree(parsed.file, parsed.include, parsed.defines)
         uses, title = uses_of_claims(claims(tree, chip), chip), parsed.file.name
@@ -218,7 +227,7 @@ def _map(parsed: argparse.Namespace) -> int:
 
 def _explain(parsed: argparse.Namespace) -> int:
     chip = load_chip()
-    board = load_board(parsed.table, chip)
+    board = _board(parsed, chip)
     print("\n\n".join("\n".join(explain(word, chip, board)) for word in parsed.words))
     return DONE
 
@@ -244,7 +253,7 @@ def _import(parsed: argparse.Namespace) -> int:
         print(text, end="")
         return DONE
     if parsed.output.exists():
-        raise UnusableInput(f"{parsed.output} is there already and is kept; name another file")
+        raise UnusableInput(f"{parsed.output} exists already and is not overwritten; name another file")
     _write(parsed.output, text)
     return DONE
 

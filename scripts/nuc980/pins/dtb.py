@@ -93,7 +93,7 @@ def _root_of(tags: list[Tag]) -> Node:
     root.name, root.parent = "", None
     for node in root.walk():
         if len({child.name for child in node}) < len(node.children):
-            raise ValueError(f"two children of {node.path} have one name")
+            raise ValueError(f"two children of {node.path} have the same name")
     return root
 
 

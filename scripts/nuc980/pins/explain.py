@@ -205,8 +205,9 @@ class _Explainer:
     def _cells(self, word: str, numbers: Sequence[int]) -> Iterator[str]:
         if len(numbers) % CELLS_A_PIN:
             raise UnusableInput(
-                f"{word}: cells: {len(numbers)}; nuvoton,pins has four a pin: bank, pin, function, one unused"
-                + ("; for a GPIO say gpio before the number" if len(numbers) == 1 else "")
+                f"{word}: {len(numbers)} cells; nuvoton,pins has four for each pin: "
+                "bank, pin, function, and one unused"
+                + ("; for a GPIO, write gpio before the number" if len(numbers) == 1 else "")
             )
         for start in range(0, len(numbers), CELLS_A_PIN):
             yield from self._setting(*numbers[start : start + CELLS_A_PIN])
@@ -222,7 +223,7 @@ class _Explainer:
         signal = functions.get(value)
         owners = _devices(self.chip, signal or "")
         function = signal or f"{pin} has {functions_of_pin(self.chip, pin)}"
-        yield f"{written}: {pin} as {signal or 'nothing that it can be'}{f' of {owners}' if owners else ''}"
+        yield f"{written}: {pin} as {signal or 'no function that it has'}{f' of {owners}' if owners else ''}"
         rows = [
             ("bank", f"{bank}: P{BANKS[bank]}"),
             ("pin", f"{index}: {pin}, {self._package_pins(pin)}"),
@@ -236,14 +237,14 @@ class _Explainer:
     def _verdict(self, pin: str, signal: str | None) -> str:
         use = self.board.use_of(pin) if self.board else None
         agrees = use is not None and use[1] == signal
-        return self._who(pin) + (": the same" if agrees else ": another" if use else "")
+        return self._who(pin) + (": this one" if agrees else ": another one" if use else "")
 
     def _line(self, number: int) -> Iterator[str]:
         pin = pin_of_gpio(number)
         if pin not in self.chip.pins:
             raise UnusableInput(
-                f"gpio {number}: no pin has this number; it is 32 times the bank (A is 0) plus the pin, 0 to "
-                f"{max(map(gpio_number, self.chip.pins))}"
+                f"gpio {number}: no pin has this number; numbers are 32 times the bank (A is 0) plus the "
+                f"pin, 0 to {max(map(gpio_number, self.chip.pins))}"
             )
         yield f"GPIO {number} is {pin}: 32 x {number // 32} (bank {pin[1]}) + {number % 32}"
         yield from self._pin(pin)

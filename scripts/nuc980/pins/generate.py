@@ -5,18 +5,19 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from nuc980.boards import table_path
 from nuc980.pins.board import Board, Device
 from nuc980.pins.chip import BANKS, PINS_A_BANK, Chip, Peripheral, pin_order
 
 TEMPLATES = Path(__file__).parent / "templates"
 SOC_FILE = Path("dts/nuvoton/nuc980.dtsi")
-PINS_FILE = Path("dts/nuvoton/nuc980-gateway-pins.dtsi")
 ROUTING_FILE = Path("board/nuc980/qemu/include/hw/misc/nuc980_pins_table.h")
 
 # What other nodes refer to, or what is on in every system: without a status, so on.
@@ -32,8 +33,13 @@ class Setting:
     signal: str
 
 
-def generated(chip: Chip, board: Board) -> dict[Path, str]:
-    """Path from the tree's root: the file's text."""
+def pins_file(board: str) -> Path:
+    """The pin groups of a board, from the tree's root."""
+    return Path(f"dts/nuvoton/nuc980-{board}-pins.dtsi")
+
+
+def generated(chip: Chip, boards: Mapping[str, Board]) -> dict[Path, str]:
+    """Path from the tree's root: the file's text. `boards` has each board's pin table by the board's name."""
     templates = _templates()
     described = [one for one in chip.peripherals.values() if one.has_driver]
     return {
@@ -43,26 +49,37 @@ def generated(chip: Chip, board: Board) -> dict[Path, str]:
             without_registers=[one for one in described if one.address is None],
             always_on=ALWAYS_ON,
         ),
-        PINS_FILE: templates.get_template("pins.dtsi.j2").render(
-            board=board,
-            table=board.file.name,
-            groups={label: list(_settings(chip, device)) for label, device in board.devices.items()},
-        ),
+        **{pins_file(name): _pin_groups(templates, chip, name, board) for name, board in boards.items()},
         ROUTING_FILE: templates.get_template("nuc980_pins_table.h.j2").render(
-            table=board.file.name,
             banks=[f"P{letter}" for letter in BANKS],
             functions=[
                 (*pin_order(pin), sorted(functions.items()))
                 for pin, functions in sorted(chip.pins.items(), key=lambda one: pin_order(one[0]))
             ],
-            wired=sorted(
-                (*pin_order(pin), signal)
-                for device in board.devices.values()
-                for signal, pin in device.pins.items()
-            ),
             owners=sorted(_owners(chip).items()),
-            closed=sorted((*pin_order(pin), _c_string(why)) for pin, why in _closed(chip, board).items()),
+            boards=[_wiring(chip, name, board) for name, board in boards.items()],
         ),
+    }
+
+
+def _pin_groups(templates: Environment, chip: Chip, name: str, board: Board) -> str:
+    return templates.get_template("pins.dtsi.j2").render(
+        board=board,
+        table=table_path(name),
+        groups={label: list(_settings(chip, device)) for label, device in board.devices.items()},
+    )
+
+
+def _wiring(chip: Chip, name: str, board: Board) -> dict[str, Any]:
+    """What the emulated chip knows of a board."""
+    return {
+        "name": name,
+        "wired": sorted(
+            (*pin_order(pin), signal)
+            for device in board.devices.values()
+            for signal, pin in device.pins.items()
+        ),
+        "closed": sorted((*pin_order(pin), _c_string(why)) for pin, why in _closed(chip, board).items()),
     }
 
 
@@ -150,7 +167,7 @@ def _closed(chip: Chip, board: Board) -> dict[str, str]:
 
 def _c_string(text: str) -> str:
     """A literal that leaves its line of C below 80 characters; json's escapes are among C's."""
-    return json.dumps(textwrap.shorten(text, 55, placeholder=" ..."), ensure_ascii=False)
+    return json.dumps(textwrap.shorten(text, 47, placeholder=" ..."), ensure_ascii=False)
 
 
 def _comment(text: str) -> str:

@@ -89,13 +89,13 @@ class _Table:
         if claim.pin not in self.package.bonded:
             return f"{self.package.name} does not bring it out"
         if claim.signal != GPIO and (peripheral is None or not peripheral.owns(claim.signal)):
-            return "no signal of this node"
+            return "not a signal of this node"
         user = self.users.get(claim.pin)
         if user and not _is_same_use(user, claim):
-            return f"{user.node.path} has it, as {user.signal}"
+            return f"{user.node.path} has the pin as {user.signal}"
         if claim.signal != GPIO:
             elsewhere = self.devices.get(peripheral.label, {}).get(claim.signal, claim.pin)
-            return f"it is on {elsewhere}" if elsewhere != claim.pin else None
+            return f"the signal is on {elsewhere}" if elsewhere != claim.pin else None
         return None
 
 

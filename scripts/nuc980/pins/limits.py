@@ -56,7 +56,7 @@ def load_limits(file: Path) -> Limits:
             **{name: _area(flash.get(name)) for name in ("boot", "kernel", "device_tree", "root")},
         )
     except OSError as error:
-        raise UnusableInput(f"{file}: {error.strerror}; it is named as limits in the pin table") from error
+        raise UnusableInput(f"{file}: {error.strerror}; the pin table names it under limits") from error
     except (
         tomllib.TOMLDecodeError,
         UnicodeDecodeError,

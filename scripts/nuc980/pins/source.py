@@ -48,7 +48,7 @@ def read_tree(file: Path, include: Sequence[Path] = (), defines: Sequence[str] =
     tree = read_dtb(file) if compiled else read_source(file, include, defines)
     if any(node.name == "__overlay__" for fragment in tree.root for node in fragment):
         raise UnusableInput(
-            f"{file} is an overlay, and overlays are not understood: the base is missing; "
+            f"{file} is an overlay, which needs a base and cannot be checked alone; "
             "apply it with fdtoverlay, and name the result"
         )
     return tree
@@ -64,7 +64,7 @@ def read_source(file: Path, include: Sequence[Path] = (), defines: Sequence[str]
     folders = [f"-i{folder}" for folder in (file.parent, *include)]
     compiled = _run([*DTC, *folders, "-f", "-O", "dtb", "-"], file, source)
     forced = [line for line in compiled.messages if FORCED in line]
-    mistakes = UnusableInput(f"{file}: dtc says\n{compiled.errors}\nmend the first of these lines")
+    mistakes = UnusableInput(f"{file}: dtc says\n{compiled.errors}\ncorrect the first of these lines")
     if compiled.failed or any(MISSING_LABEL not in line for line in forced):
         raise mistakes
     tree = parse_dtb(compiled.output, file)
@@ -111,7 +111,7 @@ def _run(command: Sequence[str], file: Path, data: bytes = b"") -> _Done:
         raise UnusableInput(f"{command[0]} is missing; {INSTALL[command[0]]}") from error
     except subprocess.TimeoutExpired as error:
         raise UnusableInput(
-            f"{file}: {command[0]} did not end within {PATIENCE} s; look at its #include lines"
+            f"{file}: {command[0]} did not end within {PATIENCE} s; check the #include lines of the file"
         ) from error
     return _Done(done.returncode != 0, done.stdout, done.stderr.decode(errors="replace").splitlines())
 
@@ -130,7 +130,7 @@ def _preprocessed(file: Path, include: Sequence[Path], defines: Sequence[str]) -
     if done.failed:
         raise UnusableInput(
             f"{file}: cpp says\n{done.errors}\n"
-            "mend the first of these lines; for a missing include, pass its folder with -I FOLDER"
+            "correct the first of these lines; for a missing include, pass its folder with -I FOLDER"
         )
     return done.output
 

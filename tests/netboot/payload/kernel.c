@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * Prints what a Linux prints from its banner to its login, with what it finds in its device tree. On request of the
- * command line it ends otherwise: payload=oops, panic, noroot, hang, reset, mute; slow takes seconds before the login;
- * cuts says U-Boot's last words, cut off at each of their characters, and after each the kernel's first.
+ * command line, or of the tree's /chosen/payload, it ends otherwise: payload=oops, panic, noroot, hang, reset, mute;
+ * slow takes seconds before the login; cuts says U-Boot's last words, cut off at each of their characters, and after
+ * each the kernel's first.
  */
 #include "kernel.h"
 
@@ -130,6 +131,13 @@ static void cuts(void)
 	say("<end of cuts>\n");
 }
 
+/* U-Boot puts its own arguments into a tree, but leaves the rest of it alone. */
+static bool asked(const void *tree, const char *end)
+{
+	return holds(text_of(tree, "/chosen", "bootargs"), end) ||
+	       holds(text_of(tree, "/chosen", "payload"), end);
+}
+
 /* From head.S; it halts when this returns. */
 void kernel(uint32_t zero, uint32_t machine, const void *tree);
 
@@ -137,10 +145,10 @@ void kernel(uint32_t zero, uint32_t machine, const void *tree)
 {
 	const char *arguments = text_of(tree, "/chosen", "bootargs");
 
-	if (zero != 0 || holds(arguments, "payload=mute"))
+	if (zero != 0 || asked(tree, "payload=mute"))
 		return; /* to an endless loop */
 	open_console();
-	if (holds(arguments, "payload=cuts"))
+	if (asked(tree, "payload=cuts"))
 		return cuts();
 	say("[    0.000000] Booting Linux on physical CPU 0x0\n"
 	    "[    0.000000] Linux version 5.10.140-payload (bare metal) #1 PREEMPT_RT\n"
@@ -151,17 +159,17 @@ void kernel(uint32_t zero, uint32_t machine, const void *tree)
 	    text_of(tree, "/", "model"), machine, arguments);
 	for (unsigned port = 0; port < 2; port++)
 		show_ethernet(tree, port);
-	if (holds(arguments, "payload=oops"))
+	if (asked(tree, "payload=oops"))
 		return oops();
-	if (holds(arguments, "payload=panic"))
+	if (asked(tree, "payload=panic"))
 		return panic("Attempted to kill init! exitcode=0x0000000b");
-	if (holds(arguments, "payload=noroot"))
+	if (asked(tree, "payload=noroot"))
 		return panic("VFS: Unable to mount root fs on unknown-block(0,0)");
-	if (holds(arguments, "payload=hang"))
+	if (asked(tree, "payload=hang"))
 		return;
-	if (holds(arguments, "payload=reset"))
+	if (asked(tree, "payload=reset"))
 		return restart();
-	if (holds(arguments, "payload=slow"))
+	if (asked(tree, "payload=slow"))
 		wait_seconds(4);
 	say("[    0.500000] Run /init as init process\n\n\nnuc980 login: ");
 }

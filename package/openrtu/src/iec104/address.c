@@ -4,19 +4,19 @@
 
 bool iec104_find_device(const struct iec104_station *station, uint16_t ca, uint32_t *device)
 {
-	for (*device = 0; *device < station->config->device_count; ++*device)
-		if (ca == IEC104_CA_BROADCAST || station->config->devices[*device].ca == ca)
+	for (*device = 0; *device < station->config->set_count; ++*device)
+		if (ca == IEC104_CA_BROADCAST || station->config->sets[*device].ca == ca)
 			return true;
 	return false;
 }
 
 uint32_t iec104_next_station(const struct iec104_station *station, uint32_t device)
 {
-	const struct map_device *devices = station->config->devices;
+	const struct map_set *devices = station->config->sets;
 	uint32_t first;
 
 	do {
-		if (++device >= station->config->device_count)
+		if (++device >= station->config->set_count)
 			break;
 		for (first = 0; devices[first].ca != devices[device].ca;)
 			first++;
@@ -26,8 +26,8 @@ uint32_t iec104_next_station(const struct iec104_station *station, uint32_t devi
 
 uint32_t iec104_station_end(const struct iec104_station *station, uint32_t device)
 {
-	const struct map_device *devices = station->config->devices;
-	uint32_t last = station->config->device_count - 1;
+	const struct map_set *devices = station->config->sets;
+	uint32_t last = station->config->set_count - 1;
 
 	while (devices[last].ca != devices[device].ca)
 		last--;

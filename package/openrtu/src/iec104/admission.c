@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-_Static_assert(MAP_GROUPS_MAX + MAP_MASTERS_MAX <= 64, "a bit for each party");
+_Static_assert(MAP_NAMED_QUEUES_MAX + IEC104_MASTERS_MAX <= 64, "a bit for each party");
 
 /* The connections as they are, or as they would be without one. */
 struct tally {
@@ -43,19 +43,19 @@ static struct tally count_connections(const struct iec104_station *station, cons
 static unsigned kept_from(const struct iec104_station *station, const struct iec104_peer *peer,
 			  const struct tally *tally)
 {
-	const struct map_settings *settings = &station->config->settings;
+	const struct iec104_settings *settings = station->settings;
 	uint64_t own = party_bit(peer->party);
 
 	if (own & ~tally->parties)
 		return 0;
-	return settings->group_count + settings->lone_masters -
+	return station->config->settings.queue_count + settings->lone_masters -
 	       (unsigned)__builtin_popcountll(tally->parties);
 }
 
 static bool has_place(const struct iec104_station *station, const struct iec104_peer *peer,
 		      const struct iec104_connection *without)
 {
-	const struct map_settings *settings = &station->config->settings;
+	const struct iec104_settings *settings = station->settings;
 	struct tally tally = count_connections(station, peer->address, without);
 
 	return tally.of_address < settings->connections_per_address &&
@@ -64,7 +64,7 @@ static bool has_place(const struct iec104_station *station, const struct iec104_
 
 bool iec104_admits(struct iec104_station *station, const struct iec104_peer *peer)
 {
-	const struct map_settings *settings = &station->config->settings;
+	const struct iec104_settings *settings = station->settings;
 	struct tally tally = count_connections(station, peer->address, NULL);
 
 	if (has_place(station, peer, NULL))

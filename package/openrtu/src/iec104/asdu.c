@@ -18,6 +18,8 @@ enum { TYPE, VARIABLE_STRUCTURE, CAUSE, ORIGINATOR, CA_LOW, CA_HIGH };
 #define QL_MASK           0x7f
 #define TRANSIENT_BIT     0x80
 #define STEP_MASK         0x7f
+#define RCS_LOWER         1
+#define RCS_HIGHER        2
 #define BCR_DETAIL        (MAP_COUNTER_SEQUENCE | MAP_COUNTER_CARRY | MAP_COUNTER_ADJUSTED)
 #define QUALITY_ONLY_MASK 0xf0 /* IV, NT, SB, BL; a bit or double bit has no OV */
 
@@ -73,6 +75,19 @@ bool iec104_asdu_decode(const uint8_t *bytes, size_t size, struct iec104_asdu *o
 uint32_t iec104_ioa_decode(const uint8_t *object)
 {
 	return get_u16(object) | (uint32_t)object[2] << 16;
+}
+
+const uint8_t *iec104_object(const struct iec104_asdu *asdu, size_t element_size, unsigned place,
+			     uint32_t *ioa)
+{
+	size_t object_size = element_size + (asdu->sequence ? 0 : IEC104_IOA_SIZE);
+	size_t size = asdu->count * object_size + (asdu->sequence ? IEC104_IOA_SIZE : 0);
+	const uint8_t *object = asdu->objects + place * object_size;
+
+	if (place >= asdu->count || asdu->objects_size != size)
+		return NULL;
+	*ioa = iec104_ioa_decode(asdu->sequence ? asdu->objects : object) + (asdu->sequence ? place : 0);
+	return object + IEC104_IOA_SIZE;
 }
 
 struct command_form {
@@ -298,6 +313,54 @@ size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type
 		put_u32(out, sample->value.u);
 		out[4] = (uint8_t)((sample->quality & MAP_INVALID) | (sample->detail & BCR_DETAIL));
 		return 5;
+	}
+	return 0;
+}
+
+/* SCO, DCO, RCO. */
+static uint8_t switching(const struct iec104_command *command, uint8_t state)
+{
+	return (uint8_t)(state | (command->qualifier & QU_MASK) << QU_SHIFT |
+			 (command->select ? SELECT_BIT : 0));
+}
+
+static uint8_t regulating_step(int8_t step)
+{
+	return step < 0 ? RCS_LOWER : RCS_HIGHER;
+}
+
+size_t iec104_command_encode(uint8_t out[IEC104_ELEMENT_MAX], const struct iec104_command *command,
+			     uint8_t *type)
+{
+	uint8_t qos = (uint8_t)((command->qualifier & QL_MASK) | (command->select ? SELECT_BIT : 0));
+
+	for (size_t i = 0; i < sizeof(command_forms) / sizeof(command_forms[0]); i++)
+		if (command_forms[i].point == command->type)
+			*type = command->tagged ? command_forms[i].type_tagged : command_forms[i].type;
+	switch (command->type) {
+	case MAP_SINGLE:
+		out[0] = switching(command, command->value.u & 0x01);
+		return 1;
+	case MAP_DOUBLE:
+		out[0] = switching(command, command->value.u & 0x03);
+		return 1;
+	case MAP_STEP:
+		out[0] = switching(command, regulating_step(command->step));
+		return 1;
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+		put_u16(out, command->value.u);
+		out[2] = qos;
+		return 3;
+	case MAP_FLOAT:
+		put_u32(out, command->value.u);
+		out[4] = qos;
+		return 5;
+	case MAP_BITSTRING:
+		put_u32(out, command->value.u);
+		return 4;
+	case MAP_COUNTER:
+		return 0;
 	}
 	return 0;
 }

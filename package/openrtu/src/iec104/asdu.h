@@ -110,6 +110,14 @@ size_t iec104_control_object_size(uint8_t type);
 /* The address at the beginning of an information object. */
 uint32_t iec104_ioa_decode(const uint8_t *object);
 
+/*
+ * The element of an information object in monitoring direction, whose type has elements of this size, and its address: of
+ * each object, or of a sequence counted on from the first. NULL: there is no such object, or the ASDU is not as long as its
+ * number of objects says.
+ */
+const uint8_t *iec104_object(const struct iec104_asdu *asdu, size_t element_size, unsigned place,
+			     uint32_t *ioa);
+
 /* A command of types 45..51, 58..64. */
 struct iec104_command {
 	uint32_t ioa;
@@ -124,6 +132,10 @@ struct iec104_command {
 
 /* Decodes a command's object of iec104_control_object_size octets. False: the type is none of a command. */
 bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_command *out);
+
+/* Encodes a command's element, time tag left out, and says its type. Returns the element's size, 0: no command has it. */
+size_t iec104_command_encode(uint8_t out[IEC104_ELEMENT_MAX], const struct iec104_command *command,
+			     uint8_t *type);
 
 /* Decodes an object of types 110..112: a value as a point of its type has it, and the QPM. */
 void iec104_parameter_decode(uint8_t type, const uint8_t *object, union map_value *value, uint8_t *qualifier);

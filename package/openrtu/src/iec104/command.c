@@ -67,7 +67,7 @@ static bool value_can_be_sent(const struct map_point *point, const struct iec104
 /* A tag is there so that a command that was delayed is not carried out: one whose age nobody knows may have been. */
 static bool takes_unknown_age(struct iec104_station *station, const struct iec104_received *received)
 {
-	if (station->config->settings.command_without_clock)
+	if (station->settings->command_without_clock)
 		return true;
 	iec104_log(station, MAP_LOG_WARNING, received->connection->peer,
 		   "a command with a time tag is refused, the clock was never set");

@@ -52,7 +52,7 @@ static bool drop_events(const struct iec104_station *station, const struct iec10
 	struct iec104_connection *connection = received->connection;
 
 	if (received->asdu.ca != IEC104_CA_BROADCAST &&
-	    iec104_next_station(station, 0) != station->config->device_count)
+	    iec104_next_station(station, 0) != station->config->set_count)
 		return false;
 	if (received->asdu.test)
 		return true;
@@ -109,7 +109,7 @@ static bool is_system_command(uint8_t type)
 
 static bool may_command(const struct iec104_station *station, uint8_t originator)
 {
-	return !(station->config->settings.originators_refused[originator / 32] & 1u << originator % 32);
+	return !(station->settings->originators_refused[originator / 32] & 1u << originator % 32);
 }
 
 /* A read command knows no confirmation: it comes back with its own cause. */
@@ -123,7 +123,7 @@ static void confirm_negatively(const struct iec104_received *received)
 
 static void refuse_originator(const struct iec104_received *received)
 {
-	map_count(&received->connection->session.counters[MAP_STATION_ORIGINATOR], 1);
+	map_count(&received->connection->session.counters[IEC104_COUNT_ORIGINATOR], 1);
 	confirm_negatively(received);
 }
 

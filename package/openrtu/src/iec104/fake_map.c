@@ -8,41 +8,39 @@
 
 struct map_point points[POINTS + OWN] = {
     /* CA 3067: the project report, figure 5.3 */
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 3},
-    {.device = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 4, .short_pulse_ms = 500},
-    {.device = 0, .type = MAP_SINGLE, .ioa = 10001},
-    {.device = 0, .type = MAP_SINGLE, .ioa = 10002},
-    {.device = 0, .type = MAP_SINGLE, .ioa = 10003},
-    {.device = 0, .type = MAP_SCALED, .ioa = 30001},
-    {.device = 0, .type = MAP_SCALED, .ioa = 30002},
-    {.device = 0, .type = MAP_SCALED, .ioa = 30003},
-    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40001},
-    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40002},
-    {.device = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40003, .step = 5, .max = 300},
+    {.set = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
+    {.set = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
+    {.set = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 3},
+    {.set = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 4, .short_pulse_ms = 500},
+    {.set = 0, .type = MAP_SINGLE, .ioa = 10001},
+    {.set = 0, .type = MAP_SINGLE, .ioa = 10002},
+    {.set = 0, .type = MAP_SINGLE, .ioa = 10003},
+    {.set = 0, .type = MAP_SCALED, .ioa = 30001},
+    {.set = 0, .type = MAP_SCALED, .ioa = 30002},
+    {.set = 0, .type = MAP_SCALED, .ioa = 30003},
+    {.set = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40001},
+    {.set = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40002},
+    {.set = 0, .type = MAP_SCALED, .flags = COMMAND, .ioa = 40003, .step = 5, .max = 300},
     /* CA 4001: the other types */
-    {.device = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2, .long_pulse_ms = 2000},
-    {.device = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
-    {.device = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
-    {.device = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .send_period_ms = 1000},
-    {.device = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
-    {.device = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
-    {.device = 1, .type = MAP_DOUBLE, .ioa = 3, .send_period_ms = 5000},
+    {.set = 1, .type = MAP_DOUBLE, .flags = COMMAND, .ioa = 1, .group = 2, .long_pulse_ms = 2000},
+    {.set = 1, .type = MAP_STEP, .ioa = 5, .group = 16},
+    {.set = 1, .type = MAP_BITSTRING, .flags = COMMAND, .ioa = 7},
+    {.set = 1, .type = MAP_NORMALIZED, .flags = COMMAND, .ioa = 9, .group = 2, .send_period_ms = 1000},
+    {.set = 1, .type = MAP_FLOAT, .flags = COMMAND, .ioa = 11},
+    {.set = 1, .type = MAP_COUNTER, .ioa = 15, .group = 2},
+    {.set = 1, .type = MAP_DOUBLE, .ioa = 3, .send_period_ms = 5000},
     /* CA 900: this process's own */
-    {.device = 2, .type = MAP_SINGLE, .ioa = 1},
-    {.device = 2, .type = MAP_SINGLE, .ioa = 9},
-    {.device = 2, .type = MAP_BITSTRING, .ioa = 101},
-    {.device = 2, .type = MAP_BITSTRING, .ioa = 109},
+    {.set = 2, .type = MAP_SINGLE, .ioa = 1},
+    {.set = 2, .type = MAP_SINGLE, .ioa = 9},
+    {.set = 2, .type = MAP_BITSTRING, .ioa = 101},
+    {.set = 2, .type = MAP_BITSTRING, .ioa = 109},
 };
 
-struct map_device devices[DEVICES + 1] = {
-    {.line = 0, .unit = 67, .ca = 3067, .first_point = 0, .point_count = 13},
-    {.line = 1, .unit = 1, .ca = 4001, .first_point = 13, .point_count = 7},
-    {.line = 2, .unit = 255, .ca = 900, .first_point = 20, .point_count = OWN},
+struct map_set devices[DEVICES + 1] = {
+    {.module = 1, .ca = 3067, .first_point = 0, .point_count = 13},
+    {.module = 2, .ca = 4001, .first_point = 13, .point_count = 7},
+    {.module = 0, .ca = 900, .first_point = 20, .point_count = OWN},
 };
-static struct map_line lines[] = {
-    {.module = 1, .device_count = 1}, {.module = 2, .device_count = 1}, {.module = 0, .device_count = 1}};
 
 struct map fake;
 int64_t now;
@@ -54,7 +52,7 @@ const struct map_config *map_config(const struct map *map)
 
 uint32_t map_owner(const struct map *map, uint32_t point)
 {
-	return map->config.lines[map->config.devices[map->config.points[point].device].line].module;
+	return map->config.sets[map->config.points[point].set].module;
 }
 
 bool map_alive(const struct map *map, uint32_t module)
@@ -74,7 +72,7 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa)
 {
 	for (uint32_t i = 0; i < map->config.point_count; i++)
-		if (points[i].ioa == ioa && devices[points[i].device].ca == ca)
+		if (points[i].ioa == ioa && devices[points[i].set].ca == ca)
 			return i;
 	return MAP_NONE;
 }
@@ -124,8 +122,8 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 	*out = map->queues[slot];
 	out->limit = map_queue_limit(settings, slot);
 	out->waiting = map_events_behind(map, &map->places[slot].cursor);
-	if (slot < settings->group_count)
-		snprintf(out->name, sizeof(out->name), "%s", settings->groups[slot].name);
+	if (slot < settings->queue_count)
+		snprintf(out->name, sizeof(out->name), "%s", settings->queues[slot].name);
 }
 
 void map_queue_place(const struct map *map, unsigned slot, struct map_queue_place *out)
@@ -166,10 +164,21 @@ void map_queue_set_unacknowledged(struct map *map, unsigned slot, uint32_t event
 	map->queues[slot].unacknowledged = events;
 }
 
-struct map_station_stats *map_station_stats(const struct map *map)
+void *map_section(const struct map *map, uint32_t module, size_t size)
 {
 	(void)map;
-	return &fake.stats;
+	return module == 0 && size == sizeof(fake.stats) ? &fake.stats : NULL;
+}
+
+uint32_t map_module_of_kind(const struct map *map, const char *kind)
+{
+	(void)map;
+	return strcmp(kind, IEC104_KIND) == 0 ? 0 : MAP_NONE;
+}
+
+void map_count_lost_events(struct map *map, uint32_t events)
+{
+	map->lost_events += events;
 }
 
 uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor)
@@ -280,9 +289,9 @@ void publish(uint32_t point, int32_t value)
 
 void fake_own_station(void)
 {
-	fake.config.settings.own_ca = 900;
-	fake.config.settings.group_count = 1;
-	fake.config.line_count = fake.config.device_count = DEVICES + 1;
+	fake.settings.own_ca = 900;
+	fake.config.settings.queue_count = 1;
+	fake.config.set_count = DEVICES + 1;
 	fake.config.point_count = POINTS + OWN;
 	for (uint32_t i = POINTS; i < POINTS + OWN; i++)
 		fake.samples[i] = (struct map_sample){.quality = MAP_INVALID};
@@ -308,21 +317,20 @@ void answer(uint32_t id, enum map_command_state state, enum map_command_result r
 void fake_begin(void)
 {
 	memset(&fake, 0, sizeof(fake));
+	fake.settings = (struct iec104_settings){.k = 12,
+						 .w = 8,
+						 .t1_s = 15,
+						 .t2_s = 10,
+						 .t3_s = 20,
+						 .max_connections = 3,
+						 .connections_per_address = 3};
 	fake.config = (struct map_config){
-	    .settings = {.k = 12,
-			 .w = 8,
-			 .t1_s = 15,
-			 .t2_s = 10,
-			 .t3_s = 20,
-			 .max_connections = 3,
-			 .connections_per_address = 3,
-			 .command_timeout_s = 10,
-			 .event_ring = EVENTS},
-	    .line_count = DEVICES,
-	    .device_count = DEVICES,
+	    .settings = {.command_timeout_s = 10, .event_ring = EVENTS},
+	    .set_count = DEVICES,
 	    .point_count = POINTS,
-	    .lines = lines,
-	    .devices = devices,
+	    .sets = devices,
+	    .sections = {{IEC104_SETTINGS, sizeof(fake.settings), 1, &fake.settings}},
+	    .section_count = 1,
 	    .points = points,
 	};
 	fake.event_capacity = EVENTS;

@@ -6,6 +6,8 @@
 #ifndef OPENRTU_IEC104_FAKE_MAP_H
 #define OPENRTU_IEC104_FAKE_MAP_H
 
+#include "iec104/config.h"
+#include "iec104/counters.h"
 #include "map/station.h"
 
 #define S  1000000000LL
@@ -24,10 +26,11 @@
 enum { COIL4 = 3, HOLDING3 = 12, DOUBLE1 = 13, BITS = 15, NORMALIZED = 16, FLOAT = 17, COUNTER = 18 };
 
 extern struct map_point points[POINTS + OWN];
-extern struct map_device devices[DEVICES + 1];
+extern struct map_set devices[DEVICES + 1];
 
 struct map {
 	struct map_config config;
+	struct iec104_settings settings; /* its section */
 	struct map_sample samples[POINTS + OWN];
 	struct map_sample totals[POINTS + OWN]; /* of counters; time_ns 0: never frozen */
 	struct map_parameters parameters[POINTS + OWN];
@@ -37,7 +40,8 @@ struct map {
 	struct map_queue queues[MAP_QUEUES];
 	struct map_queue_place places[MAP_QUEUES];
 	uint32_t turns;
-	struct map_station_stats stats;
+	struct iec104_stats stats;
+	uint32_t lost_events;
 	struct map_request requests[REQUESTS];
 	unsigned request_count;
 	struct map_answer answers[ANSWERS];

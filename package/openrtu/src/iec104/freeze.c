@@ -11,7 +11,7 @@
 static bool is_meant(const struct iec104_station *station, const struct iec104_procedure *procedure,
 		     uint32_t point)
 {
-	uint16_t ca = station->config->devices[procedure->device].ca;
+	uint16_t ca = station->config->sets[procedure->device].ca;
 
 	return (procedure->broadcast || iec104_device(station, point)->ca == ca) &&
 	       iec104_is_counter_of(station, point, procedure->qualifier);

@@ -18,7 +18,7 @@
 #define ASDU_OF 0x2a
 
 static struct iec104_session session;
-static _Atomic uint32_t counters[MAP_STATION_COUNTERS];
+static _Atomic uint32_t counters[IEC104_COUNT_OF_COUNTERS];
 static struct iec104_times times;
 static int64_t sent_ns[K_MOST], now;
 static uint16_t sent, written; /* I frames: given to the session, seen in its output */
@@ -188,7 +188,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	now = 1000 * S;
 	sent = written = 0;
 	pending_size = 0;
-	iec104_session_open(&session, &times, counters, sent_ns, now);
+	iec104_session_open(&session, &times, IEC104_CONTROLLED, counters, sent_ns, now);
 	while (input.at < input.end)
 		step();
 	CHECK(written <= sent);

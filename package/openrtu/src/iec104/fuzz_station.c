@@ -40,7 +40,7 @@ static struct model {
 static void connect_model(struct model *model)
 {
 	struct iec104_peer peer = {.name = "fuzz",
-				   .party = fake.config.settings.group_count > 0 ? 0 : MAP_NONE,
+				   .party = fake.config.settings.queue_count > 0 ? 0 : MAP_NONE,
 				   .clock_master = true};
 
 	snprintf(peer.address, sizeof(peer.address), "10.0.0.%u", (unsigned)(model - models) + 1);
@@ -470,15 +470,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
 	input = (struct input){.at = data, .end = data + size};
 	fake_begin();
-	fake.config.settings.max_connections = CONNECTIONS;
+	fake.settings.max_connections = CONNECTIONS;
 	variant = next_octet();
 	if (variant & 1)
 		fake.event_capacity = 8;
 	if (variant & 128)
 		fake_own_station();
 	if (variant & 2) /* both are of one redundancy group */
-		fake.config.settings.group_count = 1;
-	fake.config.settings.groups[0].queue = variant & 4 ? 6 : EVENTS - 1;
+		fake.config.settings.queue_count = 1;
+	fake.config.settings.queues[0].limit = variant & 4 ? 6 : EVENTS - 1;
 	if (variant & 8)
 		fake.starts = 1;
 	if (variant & 16)

@@ -17,8 +17,8 @@ static bool is_asked(const struct iec104_station *station, uint32_t point)
 	struct map_module owner;
 	struct map_sample sample;
 
-	if (iec104_device(station, point)->unit == 0)
-		return true; /* the broadcast address is never read */
+	if (iec104_device(station, point)->never_read)
+		return true;
 	map_module(station->map, map_owner(station->map, point), &owner);
 	return map_read(station->map, point, &sample) && sample.time_ns != 0 &&
 	       sample.time_ns >= owner.started_ns;
@@ -75,14 +75,14 @@ bool iec104_send_initialised(const struct iec104_station *station, struct iec104
 
 	if (!connection->tells_initialised)
 		return false;
-	if (connection->next_initialised == station->config->device_count) {
+	if (connection->next_initialised == station->config->set_count) {
 		connection->tells_initialised = false;
 		return false;
 	}
 	iec104_asdu_begin(&builder, &(struct iec104_asdu){
 					.type = IEC104_M_EI_NA_1,
 					.cause = IEC104_INITIALISED,
-					.ca = station->config->devices[connection->next_initialised].ca,
+					.ca = station->config->sets[connection->next_initialised].ca,
 				    });
 	iec104_asdu_add(&builder, 0, &cause, 1);
 	connection->next_initialised = iec104_next_station(station, connection->next_initialised);

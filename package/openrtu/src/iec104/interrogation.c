@@ -39,7 +39,7 @@ static void send_procedure(const struct iec104_station *station, struct iec104_c
 					.cause = (uint8_t)cause,
 					.test = procedure->test,
 					.originator = procedure->originator,
-					.ca = station->config->devices[procedure->device].ca,
+					.ca = station->config->sets[procedure->device].ca,
 				    });
 	iec104_asdu_add(&builder, 0, element, size);
 	iec104_send(connection, &builder, now_ns);
@@ -50,7 +50,7 @@ static void next_station(const struct iec104_station *station, struct iec104_con
 {
 	procedure->phase = IEC104_CONFIRM;
 	procedure->device = iec104_next_station(station, procedure->device);
-	if (!procedure->broadcast || procedure->device == station->config->device_count)
+	if (!procedure->broadcast || procedure->device == station->config->set_count)
 		iec104_end_first_procedure(connection);
 }
 
@@ -98,7 +98,7 @@ static bool continue_procedure(const struct iec104_station *station, struct iec1
 
 	if (progress == IEC104_SWEEP_DONE) {
 		procedure->phase = procedure->type == IEC104_C_IC_NA_1 ? IEC104_PARAMETERS : IEC104_TERMINATE;
-		procedure->next_parameter = station->config->devices[procedure->device].first_point;
+		procedure->next_parameter = station->config->sets[procedure->device].first_point;
 	}
 	return progress != IEC104_SWEEP_TRY_LATER;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The gateway's own station: events that were lost, as points (map/config.h has their order).
+ * The gateway's own station: events that were lost, as points (config_own.c has their order).
  *
  * Their changes are events too, which wait in the same queues. So there is one when an episode of losses begins and one
  * when it is over, however many events are lost in it: what tells of losses must not make them.
@@ -10,7 +10,7 @@
 /* Of a redundancy group its queue; the last one is for the queues of all addresses without a group. */
 static bool is_losing(struct iec104_station *station, uint32_t group)
 {
-	uint32_t groups = station->config->settings.group_count;
+	uint32_t groups = station->config->settings.queue_count;
 	bool any = false;
 
 	if (group < groups)
@@ -31,8 +31,8 @@ static uint32_t lost_of_group(const struct iec104_station *station, uint32_t gro
 /* A queue without a group may be another address's by now, with a count of its own. */
 static uint32_t lost_by(const struct iec104_station *station, uint32_t group)
 {
-	uint32_t groups = station->config->settings.group_count;
-	uint32_t others = station->stats->counters[MAP_STATION_EVENTS_LOST];
+	uint32_t groups = station->config->settings.queue_count;
+	uint32_t others = station->stats->counters[IEC104_COUNT_EVENTS_LOST];
 
 	if (group < groups)
 		return lost_of_group(station, group);
@@ -41,16 +41,26 @@ static uint32_t lost_by(const struct iec104_station *station, uint32_t group)
 	return others;
 }
 
+/* With own_ca, this module has one. */
+static const struct map_set *own_set(const struct iec104_station *station)
+{
+	const struct map_set *set = station->config->sets;
+
+	while (set->module != map_self(station->map))
+		set++;
+	return set;
+}
+
 void iec104_publish_losses(struct iec104_station *station)
 {
-	struct map_update updates[2 * (MAP_GROUPS_MAX + 1)];
-	uint32_t queues = station->config->settings.group_count + 1;
+	struct map_update updates[2 * (MAP_NAMED_QUEUES_MAX + 1)];
+	uint32_t queues = station->config->settings.queue_count + 1;
 	uint32_t first;
 
-	if (station->config->settings.own_ca == 0 || !station->losses_changed)
+	if (station->settings->own_ca == 0 || !station->losses_changed)
 		return;
 	station->losses_changed = false;
-	first = station->config->devices[map_slaves(station->config)].first_point;
+	first = own_set(station)->first_point;
 	for (uint32_t i = 0; i < queues; i++) {
 		updates[i] = (struct map_update){
 		    .point = first + i,

@@ -81,8 +81,8 @@ static bool has_loaded(const struct map_parameters *parameters)
 bool iec104_send_parameters(const struct iec104_station *station, struct iec104_connection *connection,
 			    struct iec104_procedure *procedure, iec104_wanted *wanted, int64_t now_ns)
 {
-	const struct map_device *devices = station->config->devices;
-	const struct map_device *last = &devices[iec104_station_end(station, procedure->device) - 1];
+	const struct map_set *devices = station->config->sets;
+	const struct map_set *last = &devices[iec104_station_end(station, procedure->device) - 1];
 
 	while (procedure->next_parameter < last->first_point + last->point_count) {
 		uint32_t point = procedure->next_parameter++;

@@ -99,7 +99,8 @@ static void note_lost(struct iec104_station *station, uint32_t slot, bool episod
 	struct map_queue queue;
 
 	map_queue_count_lost(station->map, slot, lost);
-	map_count(&station->stats->counters[MAP_STATION_EVENTS_LOST], lost);
+	map_count(&station->stats->counters[IEC104_COUNT_EVENTS_LOST], lost);
+	map_count_lost_events(station->map, lost);
 	if (!episode_begins)
 		return;
 	station->losses_changed = true;
@@ -193,7 +194,7 @@ static uint32_t former_queue(struct iec104_station *station, const struct iec104
 	uint32_t found = MAP_NONE, last_used = 0;
 	struct map_queue queue;
 
-	for (uint32_t slot = station->config->settings.group_count; slot < MAP_QUEUES; slot++) {
+	for (uint32_t slot = station->config->settings.queue_count; slot < MAP_QUEUES; slot++) {
 		map_queue(station->map, slot, &queue);
 		if (strcmp(queue.name, connection->address) != 0 || holder_of(station, slot) != NULL)
 			continue;
@@ -213,7 +214,7 @@ static uint32_t unused_queue(struct iec104_station *station)
 	uint32_t found = MAP_QUEUES - 1, first_used = UINT32_MAX;
 	struct map_queue queue;
 
-	for (uint32_t slot = station->config->settings.group_count; slot < MAP_QUEUES; slot++) {
+	for (uint32_t slot = station->config->settings.queue_count; slot < MAP_QUEUES; slot++) {
 		map_queue(station->map, slot, &queue);
 		if (queue.used < first_used && holder_of(station, slot) == NULL) {
 			found = slot;

@@ -9,9 +9,9 @@ static void count_refusal(struct iec104_connection *connection, enum iec104_caus
 	_Atomic uint32_t *counters = connection->session.counters;
 
 	if (cause >= IEC104_UNKNOWN_TYPE)
-		map_count(&counters[MAP_STATION_UNKNOWN_TYPE + cause - IEC104_UNKNOWN_TYPE], 1);
+		map_count(&counters[IEC104_COUNT_UNKNOWN_TYPE + cause - IEC104_UNKNOWN_TYPE], 1);
 	else if (negative)
-		map_count(&counters[MAP_STATION_NEGATIVE], 1);
+		map_count(&counters[IEC104_COUNT_NEGATIVE], 1);
 }
 
 void iec104_mirror(struct iec104_connection *connection, const uint8_t *asdu, size_t size,

@@ -7,15 +7,17 @@
 
 /*
  * Kept free of I frames, and an APDU is only taken while it is free: an APDU makes at most an S frame and a
- * confirmation, and until the next one is taken the timers add at most an S frame and a TESTFR act.
+ * confirmation, and until the next one is taken the timers add at most an S frame and a TESTFR act. A controlling
+ * station adds its one STARTDT act.
  */
-#define CONTROL_ROOM (4 * IEC104_APCI_SIZE)
+#define CONTROL_ROOM (5 * IEC104_APCI_SIZE)
 
 void iec104_session_open(struct iec104_session *session, const struct iec104_times *times,
-			 _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns)
+			 enum iec104_role role, _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns)
 {
 	memset(session, 0, offsetof(struct iec104_session, input));
 	session->times = times;
+	session->role = role;
 	session->counters = counters;
 	session->sent_ns = sent_ns;
 	session->heard_ns = now_ns;
@@ -34,22 +36,22 @@ void iec104_session_close(struct iec104_session *session, enum iec104_closing re
 static unsigned frame_counter(const struct iec104_apdu *apdu)
 {
 	if (apdu->format == IEC104_I_FRAME)
-		return MAP_STATION_I_IN;
+		return IEC104_COUNT_I_IN;
 	if (apdu->format == IEC104_S_FRAME)
-		return MAP_STATION_S_IN;
+		return IEC104_COUNT_S_IN;
 	switch (apdu->function) {
 	case IEC104_STARTDT_ACT:
-		return MAP_STATION_STARTDT_ACT_IN;
+		return IEC104_COUNT_STARTDT_ACT_IN;
 	case IEC104_STARTDT_CON:
-		return MAP_STATION_STARTDT_CON_IN;
+		return IEC104_COUNT_STARTDT_CON_IN;
 	case IEC104_STOPDT_ACT:
-		return MAP_STATION_STOPDT_ACT_IN;
+		return IEC104_COUNT_STOPDT_ACT_IN;
 	case IEC104_STOPDT_CON:
-		return MAP_STATION_STOPDT_CON_IN;
+		return IEC104_COUNT_STOPDT_CON_IN;
 	case IEC104_TESTFR_ACT:
-		return MAP_STATION_TESTFR_ACT_IN;
+		return IEC104_COUNT_TESTFR_ACT_IN;
 	default:
-		return MAP_STATION_TESTFR_CON_IN;
+		return IEC104_COUNT_TESTFR_CON_IN;
 	}
 }
 
@@ -60,7 +62,7 @@ static void count_in(struct iec104_session *session, const struct iec104_apdu *a
 
 static void count_out(struct iec104_session *session, const struct iec104_apdu *apdu)
 {
-	map_count(&session->counters[MAP_STATION_I_OUT + frame_counter(apdu)], 1);
+	map_count(&session->counters[IEC104_COUNT_I_OUT + frame_counter(apdu)], 1);
 }
 
 /* ---- output ------------------------------------------------------------------------------ */
@@ -137,6 +139,15 @@ void iec104_session_written(struct iec104_session *session, size_t count)
 		session->output_begin = session->output_end = 0;
 }
 
+void iec104_session_start(struct iec104_session *session, int64_t now_ns)
+{
+	if (session->closing != IEC104_OPEN || session->startdt_open || session->started)
+		return;
+	session->startdt_open = true;
+	session->startdt_ns = now_ns;
+	put_function(session, IEC104_STARTDT_ACT);
+}
+
 /* ---- input ------------------------------------------------------------------------------- */
 
 uint8_t *iec104_session_space(struct iec104_session *session, size_t *size)
@@ -199,7 +210,7 @@ static bool take_i(struct iec104_session *session, const struct iec104_apdu *apd
 	return true;
 }
 
-static void start(struct iec104_session *session)
+static void confirm_start(struct iec104_session *session)
 {
 	session->started = true;
 	session->stopping = false;
@@ -213,11 +224,25 @@ static void stop(struct iec104_session *session)
 	confirm_stop(session);
 }
 
-static void take_u(struct iec104_session *session, enum iec104_function function)
+static void take_start_con(struct iec104_session *session)
 {
+	if (!session->startdt_open)
+		return; /* never asked for, and harmless */
+	session->startdt_open = false;
+	session->started = true;
+}
+
+static bool take_u(struct iec104_session *session, enum iec104_function function)
+{
+	bool starts_or_stops = function == IEC104_STARTDT_ACT || function == IEC104_STOPDT_ACT;
+
+	if (session->role == IEC104_CONTROLLING && starts_or_stops) {
+		iec104_session_close(session, IEC104_STARTED_BY_PEER);
+		return false;
+	}
 	switch (function) {
 	case IEC104_STARTDT_ACT:
-		start(session);
+		confirm_start(session);
 		break;
 	case IEC104_STOPDT_ACT:
 		stop(session);
@@ -229,9 +254,12 @@ static void take_u(struct iec104_session *session, enum iec104_function function
 		session->testfr_open = false;
 		break;
 	case IEC104_STARTDT_CON:
+		take_start_con(session);
+		break;
 	case IEC104_STOPDT_CON:
 		break; /* never asked for, and harmless */
 	}
+	return true;
 }
 
 /* The octets of the next APDU when it is complete and its answer has room; 0 otherwise. */
@@ -274,8 +302,7 @@ bool iec104_session_next(struct iec104_session *session, int64_t now_ns, const u
 	case IEC104_S_FRAME:
 		return take_nr(session, apdu.nr);
 	case IEC104_U_FRAME:
-		take_u(session, apdu.function);
-		return true;
+		return take_u(session, apdu.function);
 	}
 	return false;
 }
@@ -286,6 +313,11 @@ static int64_t t1_i_deadline(const struct iec104_session *session)
 {
 	return session->unacknowledged > 0 ? session->sent_ns[session->oldest] + session->times->t1_ns
 					   : INT64_MAX;
+}
+
+static int64_t t1_startdt_deadline(const struct iec104_session *session)
+{
+	return session->startdt_open ? session->startdt_ns + session->times->t1_ns : INT64_MAX;
 }
 
 static int64_t t1_testfr_deadline(const struct iec104_session *session)
@@ -308,6 +340,8 @@ void iec104_session_run(struct iec104_session *session, int64_t now_ns)
 {
 	if (now_ns >= t1_i_deadline(session))
 		iec104_session_close(session, IEC104_T1_I_FRAME);
+	if (now_ns >= t1_startdt_deadline(session))
+		iec104_session_close(session, IEC104_T1_STARTDT);
 	if (now_ns >= t1_testfr_deadline(session))
 		iec104_session_close(session, IEC104_T1_TESTFR);
 	if (session->closing != IEC104_OPEN)
@@ -325,8 +359,9 @@ int64_t iec104_session_deadline(const struct iec104_session *session)
 {
 	if (session->closing != IEC104_OPEN)
 		return INT64_MAX;
-	return earlier(earlier(t1_i_deadline(session), t1_testfr_deadline(session)),
-		       earlier(t2_deadline(session), t3_deadline(session)));
+	return earlier(
+	    earlier(t1_i_deadline(session), t1_testfr_deadline(session)),
+	    earlier(t1_startdt_deadline(session), earlier(t2_deadline(session), t3_deadline(session))));
 }
 
 const char *iec104_closing_text(enum iec104_closing reason)
@@ -344,8 +379,10 @@ const char *iec104_closing_text(enum iec104_closing reason)
 	    [IEC104_TAKEN_OVER] = "another connection of its group was started",
 	    [IEC104_GAVE_WAY] = "data transfer was never started, and another one needs the place",
 	    [IEC104_NOT_SECURE] = "its keys or its certificate are no longer good",
-	    [IEC104_CLOSED_BY_PEER] = "closed by the controlling station",
+	    [IEC104_CLOSED_BY_PEER] = "closed by the peer",
 	    [IEC104_CLOSED_BY_STATION] = "station ends",
+	    [IEC104_T1_STARTDT] = "STARTDT act not confirmed in t1",
+	    [IEC104_STARTED_BY_PEER] = "STARTDT act or STOPDT act from the controlled station",
 	};
 
 	return texts[reason];

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * One TCP connection of IEC 60870-5-104, clause 5: the state machine of the transfer of APDUs, at the side that
- * is started and stopped. Received octets and the time come in, octets to be sent go out; nothing here
+ * is started and stopped or at the side that starts. Received octets and the time come in, octets to be sent go out; nothing here
  * knows a socket, a clock or what an ASDU means.
  *
  * Times are CLOCK_MONOTONIC nanoseconds, so that setting the wall clock fires none of t1..t3.
@@ -10,7 +10,7 @@
 #define OPENRTU_IEC104_SESSION_H
 
 #include "iec104/apdu.h"
-#include "map/station.h"
+#include "iec104/counters.h"
 
 #define IEC104_INPUT_SIZE  2048
 #define IEC104_OUTPUT_SIZE 4096 /* the usual k of 12 I frames of full size, and the control frames between */
@@ -22,27 +22,34 @@ struct iec104_times {
 	int64_t t1_ns, t2_ns, t3_ns;
 };
 
-/* Why a session is over; each has its counter in map/station.h. */
+/* Which side this is: the controlling station starts data transfer, the controlled station is started. */
+enum iec104_role { IEC104_CONTROLLED, IEC104_CONTROLLING };
+
+/* Why a session is over; up to IEC104_CLOSED_BY_STATION each has its counter in counters.h. */
 enum iec104_closing {
 	IEC104_OPEN,
-	IEC104_BAD_APDU,         /* start octet, length or control field */
-	IEC104_BAD_ASDU,         /* no ASDU, or too short for its objects, or without one */
-	IEC104_BAD_NS,           /* a frame was lost or repeated */
-	IEC104_BAD_NR,           /* acknowledges what was never sent */
-	IEC104_I_WHILE_STOPPED,  /* between STOPDT act, or the beginning, and STARTDT act */
-	IEC104_T1_I_FRAME,       /* no acknowledgement in t1 */
-	IEC104_T1_TESTFR,        /* no TESTFR con in t1 */
-	IEC104_UNREAD_ANSWERS,   /* the peer asks on and on, and takes no answers */
-	IEC104_TAKEN_OVER,       /* another connection of its redundancy group was started */
-	IEC104_GAVE_WAY,         /* never started, and its place was wanted */
-	IEC104_NOT_SECURE,       /* old keys, or a certificate no longer good */
-	IEC104_CLOSED_BY_PEER,   /* end of file or error of the connection */
-	IEC104_CLOSED_BY_STATION /* the process ends */
+	IEC104_BAD_APDU,          /* start octet, length or control field */
+	IEC104_BAD_ASDU,          /* no ASDU, or too short for its objects, or without one */
+	IEC104_BAD_NS,            /* a frame was lost or repeated */
+	IEC104_BAD_NR,            /* acknowledges what was never sent */
+	IEC104_I_WHILE_STOPPED,   /* between STOPDT act, or the beginning, and STARTDT act */
+	IEC104_T1_I_FRAME,        /* no acknowledgement in t1 */
+	IEC104_T1_TESTFR,         /* no TESTFR con in t1 */
+	IEC104_UNREAD_ANSWERS,    /* the peer asks on and on, and takes no answers */
+	IEC104_TAKEN_OVER,        /* another connection of its redundancy group was started */
+	IEC104_GAVE_WAY,          /* never started, and its place was wanted */
+	IEC104_NOT_SECURE,        /* old keys, or a certificate no longer good */
+	IEC104_CLOSED_BY_PEER,    /* end of file or error of the connection */
+	IEC104_CLOSED_BY_STATION, /* the process ends */
+	/* Of a controlling station: */
+	IEC104_T1_STARTDT,     /* no STARTDT con in t1 */
+	IEC104_STARTED_BY_PEER /* STARTDT act or STOPDT act from the controlled station */
 };
 
 struct iec104_session {
 	const struct iec104_times *times;
-	_Atomic uint32_t *counters; /* by enum map_station_counter */
+	_Atomic uint32_t *counters; /* by enum iec104_counter */
+	enum iec104_role role;
 	enum iec104_closing closing;
 	bool started;  /* I frames may be sent and received */
 	bool stopping; /* STOPDT act has come; its con waits until all sent I frames are acknowledged */
@@ -55,6 +62,8 @@ struct iec104_session {
 	int64_t *sent_ns; /* a ring of k places: when each unacknowledged I frame was sent */
 	uint16_t oldest;  /* its place in the ring */
 	int64_t owed_since_ns;
+	int64_t startdt_ns; /* when the unconfirmed STARTDT act was sent */
+	bool startdt_open;
 	int64_t testfr_ns; /* when the unconfirmed TESTFR act was sent */
 	bool testfr_open;
 	int64_t heard_ns; /* the last frame received */
@@ -66,11 +75,14 @@ struct iec104_session {
 };
 
 /*
- * Begins a session on a new connection, stopped. times, the MAP_STATION_COUNTERS counters it counts frames in, and room for
+ * Begins a session on a new connection, stopped. times, the IEC104_COUNT_OF_COUNTERS counters it counts frames in, and room for
  * k times in sent_ns must outlive it.
  */
 void iec104_session_open(struct iec104_session *session, const struct iec104_times *times,
-			 _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns);
+			 enum iec104_role role, _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns);
+
+/* A controlling station: asks for data transfer, once in a session. It is started when the peer has confirmed. */
+void iec104_session_start(struct iec104_session *session, int64_t now_ns);
 
 /*
  * Where the next received octets go: *size octets, 0 while the peer does not take what is to be sent to it, so

@@ -44,7 +44,7 @@ static bool add_event(const struct iec104_station *station, struct iec104_builde
 	if (event == first)
 		iec104_begin_asdu(station, builder, event->point, &manner, false);
 	else if (event->kind != MAP_EVENT_CHANGE || event->cause != first->cause ||
-		 iec104_point(station, event->point)->device != iec104_point(station, first->point)->device ||
+		 iec104_point(station, event->point)->set != iec104_point(station, first->point)->set ||
 		 iec104_monitor_type(iec104_point(station, event->point), true) !=
 		     iec104_monitor_type(iec104_point(station, first->point), true) ||
 		 !iec104_is_tellable(station, event->point, &event->sample))
@@ -63,7 +63,7 @@ static void send_changes(const struct iec104_station *station, struct iec104_con
 	add_event(station, &builder, first, first);
 	while (map_event_next(station->map, &ahead, &event) && add_event(station, &builder, first, &event))
 		connection->cursor = ahead;
-	map_count(&station->stats->counters[MAP_STATION_EVENTS_SENT], iec104_asdu_count(&builder));
+	map_count(&station->stats->counters[IEC104_COUNT_EVENTS_SENT], iec104_asdu_count(&builder));
 	iec104_send(connection, &builder, now_ns);
 }
 

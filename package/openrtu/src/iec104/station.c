@@ -8,10 +8,11 @@
 void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns,
 			 struct map_queue_place *places)
 {
-	const struct map_settings *settings = &map_config(map)->settings;
+	const struct iec104_settings *settings = iec104_settings(map_config(map));
 
 	station->map = map;
 	station->config = map_config(map);
+	station->settings = settings;
 	station->next_serial = 0;
 	station->now_ns = station->log_paid_ns = 0;
 	station->log_withheld = 0;
@@ -26,7 +27,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	station->initialising_since_ns = 0;
 	station->sent_ns = sent_ns;
 	station->places = places;
-	station->stats = map_station_stats(map);
+	station->stats = iec104_stats_of(map);
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		atomic_store(&station->stats->connections[i].open, 0);
 	iec104_find_queues(station);
@@ -42,7 +43,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 
 /* ---- connections ------------------------------------------------------------------------- */
 
-static void count(struct iec104_station *station, enum map_station_counter counter)
+static void count(struct iec104_station *station, enum iec104_counter counter)
 {
 	map_count(&station->stats->counters[counter], 1);
 }
@@ -50,11 +51,11 @@ static void count(struct iec104_station *station, enum map_station_counter count
 struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 						 const struct iec104_peer *peer, int64_t now_ns)
 {
-	const struct map_settings *settings = &station->config->settings;
+	const struct iec104_settings *settings = station->settings;
 
 	station->now_ns = now_ns;
 	if (!iec104_admits(station, peer)) {
-		count(station, MAP_STATION_TOO_MANY);
+		count(station, IEC104_COUNT_TOO_MANY);
 		return NULL;
 	}
 	for (unsigned i = 0; i < settings->max_connections && i < IEC104_CONNECTIONS_MAX; i++) {
@@ -66,7 +67,8 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 		connection->open = true;
 		connection->clock_master = peer->clock_master;
 		connection->party = peer->party;
-		connection->group = peer->party < settings->group_count ? peer->party : MAP_NONE;
+		connection->group =
+		    peer->party < station->config->settings.queue_count ? peer->party : MAP_NONE;
 		connection->since_ns = now_ns;
 		connection->queue = MAP_NONE;
 		connection->serial = ++station->next_serial;
@@ -74,9 +76,10 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 		connection->retry_ns = INT64_MAX;
 		snprintf(connection->peer, sizeof(connection->peer), "%s", peer->name);
 		snprintf(connection->address, sizeof(connection->address), "%s", peer->address);
-		iec104_session_open(&connection->session, &station->times, station->stats->counters,
-				    station->sent_ns + (size_t)i * settings->k, now_ns);
-		count(station, MAP_STATION_ACCEPTED);
+		iec104_session_open(&connection->session, &station->times, IEC104_CONTROLLED,
+				    station->stats->counters, station->sent_ns + (size_t)i * settings->k,
+				    now_ns);
+		count(station, IEC104_COUNT_ACCEPTED);
 		iec104_show_opened(station, connection);
 		iec104_log(station, MAP_LOG_INFO, peer->name, "connected");
 		return connection;
@@ -87,7 +90,7 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 void iec104_station_refuse(struct iec104_station *station, const char *name, int64_t now_ns)
 {
 	station->now_ns = now_ns;
-	count(station, MAP_STATION_NOT_LISTED);
+	count(station, IEC104_COUNT_NOT_LISTED);
 	iec104_log(station, MAP_LOG_WARNING, name, "refused, its address is not in \"masters\"");
 }
 

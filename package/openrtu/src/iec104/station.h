@@ -52,11 +52,12 @@
 #define OPENRTU_IEC104_STATION_H
 
 #include "iec104/asdu.h"
+#include "iec104/config.h"
+#include "iec104/counters.h"
 #include "iec104/session.h"
 #include "map/map.h"
 #include "map/station.h"
 
-#define IEC104_CONNECTIONS_MAX    MAP_STATION_CONNECTIONS
 #define IEC104_REPLIES_SIZE       8192
 #define IEC104_INTERROGATIONS_MAX 64 /* of different stations, under way or waiting, on one connection */
 #define IEC104_OPEN_REQUESTS_MAX  64 /* waiting for their devices, of all connections */
@@ -99,7 +100,7 @@ struct iec104_connection {
 	bool selects;      /* has selected a point, which may have been executed or cancelled since */
 	uint32_t serial;   /* tells this connection from an earlier one in this place */
 	int64_t since_ns;
-	char peer[MAP_PEER_SIZE];
+	char peer[IEC104_PEER_SIZE];
 	char address[MAP_ADDRESS_SIZE];
 	struct iec104_session session;
 	struct iec104_replies replies;
@@ -176,10 +177,11 @@ struct iec104_freeze {
 struct iec104_station {
 	struct map *map;
 	const struct map_config *config;
+	const struct iec104_settings *settings;
 	struct iec104_times times;
 	int64_t *sent_ns;
 	struct map_queue_place *places;
-	struct map_station_stats *stats;
+	struct iec104_stats *stats;
 	uint32_t queues;     /* those that a group or an address has, a bit each */
 	bool losses_changed; /* what the own station says of them */
 	uint32_t next_serial;
@@ -205,7 +207,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 
 /* Who connects. */
 struct iec104_peer {
-	char name[MAP_PEER_SIZE];       /* in the log: address and port */
+	char name[IEC104_PEER_SIZE];    /* in the log: address and port */
 	char address[MAP_ADDRESS_SIZE]; /* IPv4 or IPv6, in the one way that inet_ntop writes it */
 	uint32_t
 	    party; /* of the settings' groups; behind these, of their masters in none; MAP_NONE: neither */

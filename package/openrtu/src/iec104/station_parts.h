@@ -23,9 +23,9 @@ static inline const struct map_point *iec104_point(const struct iec104_station *
 	return &station->config->points[point];
 }
 
-static inline const struct map_device *iec104_device(const struct iec104_station *station, uint32_t point)
+static inline const struct map_set *iec104_device(const struct iec104_station *station, uint32_t point)
 {
-	return &station->config->devices[iec104_point(station, point)->device];
+	return &station->config->sets[iec104_point(station, point)->set];
 }
 
 /* ---- admission.c ------------------------------------------------------------------------- */

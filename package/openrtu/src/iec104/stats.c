@@ -5,8 +5,8 @@
 
 #include <stdio.h>
 
-static struct map_connection_stats *stats_of(const struct iec104_station *station,
-					     const struct iec104_connection *connection)
+static struct iec104_connection_stats *stats_of(const struct iec104_station *station,
+						const struct iec104_connection *connection)
 {
 	return &station->stats->connections[connection - station->connections];
 }
@@ -18,7 +18,7 @@ static void set(_Atomic uint32_t *word, uint32_t value)
 
 void iec104_show_opened(const struct iec104_station *station, const struct iec104_connection *connection)
 {
-	struct map_connection_stats *stats = stats_of(station, connection);
+	struct iec104_connection_stats *stats = stats_of(station, connection);
 
 	snprintf(stats->peer, sizeof(stats->peer), "%s", connection->peer);
 	set(&stats->since_s, (uint32_t)(station->now_ns / NS_PER_S));
@@ -29,7 +29,7 @@ void iec104_show_opened(const struct iec104_station *station, const struct iec10
 void iec104_show_connection(const struct iec104_station *station, const struct iec104_connection *connection)
 {
 	const struct iec104_session *session = &connection->session;
-	struct map_connection_stats *stats = stats_of(station, connection);
+	struct iec104_connection_stats *stats = stats_of(station, connection);
 	struct map_queue_place place;
 	bool moved = stats->next_ns != session->next_ns || stats->unacknowledged != session->unacknowledged;
 
@@ -49,12 +49,12 @@ void iec104_show_connection(const struct iec104_station *station, const struct i
 
 void iec104_show_closed(const struct iec104_station *station, const struct iec104_connection *connection)
 {
-	_Static_assert(MAP_STATION_CLOSED_BY_STATION - MAP_STATION_BAD_APDU ==
+	_Static_assert(IEC104_COUNT_CLOSED_BY_STATION - IEC104_COUNT_BAD_APDU ==
 			   IEC104_CLOSED_BY_STATION - IEC104_BAD_APDU,
 		       "each reason has its counter");
 
 	map_count(
-	    &station->stats->counters[MAP_STATION_BAD_APDU + connection->session.closing - IEC104_BAD_APDU],
+	    &station->stats->counters[IEC104_COUNT_BAD_APDU + connection->session.closing - IEC104_BAD_APDU],
 	    1);
 	atomic_store_explicit(&stats_of(station, connection)->open, 0, memory_order_release);
 }

@@ -86,15 +86,15 @@ static uint8_t untagged_type(const struct iec104_station *station, uint32_t poin
 static void enter_device(const struct iec104_station *station, const struct iec104_connection *connection,
 			 struct iec104_sweep *sweep, uint32_t index, iec104_wanted *wanted)
 {
-	const struct map_device *device;
+	const struct map_set *device;
 
-	while (index < sweep->end_device && sweep->ca != 0 && station->config->devices[index].ca != sweep->ca)
+	while (index < sweep->end_device && sweep->ca != 0 && station->config->sets[index].ca != sweep->ca)
 		index++;
 	sweep->device = index;
 	sweep->types = 0;
 	if (index == sweep->end_device)
 		return;
-	device = &station->config->devices[index];
+	device = &station->config->sets[index];
 	sweep->next = device->first_point;
 	for (uint32_t i = 0; i < device->point_count; i++)
 		if (wanted(station, connection, device->first_point + i))
@@ -105,7 +105,7 @@ void iec104_begin_sweep_of_station(const struct iec104_station *station,
 				   const struct iec104_connection *connection, struct iec104_sweep *sweep,
 				   uint32_t first, iec104_wanted *wanted)
 {
-	sweep->ca = station->config->devices[first].ca;
+	sweep->ca = station->config->sets[first].ca;
 	sweep->end_device = iec104_station_end(station, first);
 	enter_device(station, connection, sweep, first, wanted);
 }
@@ -115,7 +115,7 @@ void iec104_begin_sweep_of_all(const struct iec104_station *station,
 			       iec104_wanted *wanted)
 {
 	sweep->ca = 0;
-	sweep->end_device = station->config->device_count;
+	sweep->end_device = station->config->set_count;
 	enter_device(station, connection, sweep, 0, wanted);
 }
 
@@ -124,7 +124,7 @@ static uint32_t find_point(const struct iec104_station *station, const struct ie
 			   struct iec104_sweep *sweep, iec104_wanted *wanted)
 {
 	while (sweep->device < sweep->end_device) {
-		const struct map_device *device = &station->config->devices[sweep->device];
+		const struct map_set *device = &station->config->sets[sweep->device];
 
 		for (; sweep->types != 0; sweep->types &= sweep->types - 1) {
 			int type = __builtin_ctz(sweep->types);
@@ -147,7 +147,7 @@ static bool neighbour_follows(const struct iec104_station *station,
 {
 	const struct map_point *here = iec104_point(station, point), *there = here + 1;
 
-	return point + 1 < station->config->point_count && there->device == here->device &&
+	return point + 1 < station->config->point_count && there->set == here->set &&
 	       untagged_type(station, point + 1) == untagged_type(station, point) &&
 	       there->ioa == here->ioa + 1 && wanted(station, connection, point + 1);
 }

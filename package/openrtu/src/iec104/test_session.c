@@ -20,14 +20,14 @@ static const struct iec104_times one_at_a_time = {
 static struct iec104_session session;
 static int64_t sent_ns[32767];
 static int64_t now;
-static _Atomic uint32_t counters[MAP_STATION_COUNTERS];
+static _Atomic uint32_t counters[IEC104_COUNT_OF_COUNTERS];
 static unsigned asdus; /* received */
 
 static void open_session(const struct iec104_times *times)
 {
 	now = 1000 * S;
 	asdus = 0;
-	iec104_session_open(&session, times, counters, sent_ns, now);
+	iec104_session_open(&session, times, IEC104_CONTROLLED, counters, sent_ns, now);
 }
 
 static void take_all(void)

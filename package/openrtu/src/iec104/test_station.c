@@ -120,13 +120,13 @@ static void test_other_than_one_object_is_refused(void **state)
 	EXPECT(0, 100, 1, 0x47, 5, 0xff, 0xff, 0, 0, 0, 20);
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 0);
-	assert_int_equal(fake.stats.counters[MAP_STATION_NEGATIVE], 7);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_NEGATIVE], 7);
 }
 
 static void test_station_without_devices(void **state)
 {
 	(void)state;
-	fake.config.device_count = fake.config.point_count = 0;
+	fake.config.set_count = fake.config.point_count = 0;
 	put_event(MAP_EVENT_MODULE_UP, 1, (struct map_sample){.time_ns = now});
 	put_event(MAP_EVENT_MODULE_DOWN, 1, (struct map_sample){.time_ns = now});
 	now += 2 * S;

@@ -25,8 +25,8 @@ static int set_up(void **state)
 {
 	(void)state;
 	fake_begin();
-	fake.config.settings.max_connections = PLACES;
-	fake.config.settings.connections_per_address = PLACES;
+	fake.settings.max_connections = PLACES;
+	fake.settings.connections_per_address = PLACES;
 	iec104_station_init(&station, &fake, sent_ns, places);
 	return 0;
 }
@@ -91,11 +91,11 @@ static void test_who_never_starts_gives_way(void **state)
 	for (unsigned i = 0; i < PLACES; i++)
 		test_link(idle[i]);
 	assert_null(come("10.0.0.2", NONE)); /* it may yet start */
-	assert_int_equal(fake.stats.counters[MAP_STATION_TOO_MANY], 1);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_TOO_MANY], 1);
 	now = idle[0]->since_ns + T1;
 	assert_ptr_equal(come("10.0.0.2", NONE), idle[0]);
 	assert_string_equal(idle[0]->address, "10.0.0.2");
-	assert_int_equal(fake.stats.counters[MAP_STATION_GAVE_WAY], 1);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_GAVE_WAY], 1);
 	for (unsigned i = 1; i < PLACES; i++)
 		assert_true(idle[i]->open);
 }
@@ -107,7 +107,7 @@ static void test_nobody_gives_way_while_there_is_a_place(void **state)
 		assert_non_null(come("10.0.0.1", NONE));
 	now += 100 * T1;
 	assert_non_null(come("10.0.0.2", NONE));
-	assert_int_equal(fake.stats.counters[MAP_STATION_GAVE_WAY], 0);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_GAVE_WAY], 0);
 }
 
 /* Also one that was stopped since: it may be the second connection of a controlling station. */
@@ -147,7 +147,7 @@ static void test_an_address_has_its_limit(void **state)
 	struct iec104_connection *first;
 
 	(void)state;
-	fake.config.settings.connections_per_address = 2;
+	fake.settings.connections_per_address = 2;
 	start(come("10.0.0.1", NONE));
 	first = come("10.0.0.1", NONE);
 	assert_null(come("10.0.0.1", NONE));
@@ -158,7 +158,7 @@ static void test_an_address_has_its_limit(void **state)
 	now += T1;
 	assert_null(come("10.0.0.1", NONE));
 	assert_non_null(come("10.0.0.2", NONE));
-	assert_int_equal(fake.stats.counters[MAP_STATION_GAVE_WAY], 1);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_GAVE_WAY], 1);
 }
 
 /* ---- places that are kept ----------------------------------------------------------------------- */
@@ -168,7 +168,7 @@ static void test_a_place_is_kept_for_each_group(void **state)
 	struct iec104_connection *group;
 
 	(void)state;
-	fake.config.settings.group_count = 2;
+	fake.config.settings.queue_count = 2;
 	start(come("10.0.0.8", NONE));
 	start(come("10.0.0.9", NONE));
 	now += T1;
@@ -189,9 +189,9 @@ static void test_a_place_is_kept_for_each_master(void **state)
 	struct iec104_connection *first;
 
 	(void)state;
-	fake.config.settings.group_count = 1;
-	fake.config.settings.master_count = 4; /* 0 and 1 are in the group */
-	fake.config.settings.lone_masters = 2;
+	fake.config.settings.queue_count = 1;
+	fake.settings.master_count = 4; /* 0 and 1 are in the group */
+	fake.settings.lone_masters = 2;
 	first = come("10.0.0.3", 1 + 2);
 	start(first);
 	assert_int_equal(first->group, NONE);
@@ -205,7 +205,7 @@ static void test_a_place_is_kept_for_each_master(void **state)
 static void test_more_parties_than_places(void **state)
 {
 	(void)state;
-	fake.config.settings.group_count = PLACES + 1;
+	fake.config.settings.queue_count = PLACES + 1;
 	for (unsigned i = 0; i < PLACES; i++)
 		assert_non_null(come("10.0.0.1", i));
 	assert_null(come("10.0.0.1", PLACES));
@@ -217,7 +217,7 @@ static void test_a_party_gives_way_to_no_stranger(void **state)
 	struct iec104_connection *second, *stranger;
 
 	(void)state;
-	fake.config.settings.group_count = 1;
+	fake.config.settings.queue_count = 1;
 	start(come("10.0.0.1", 0));
 	second = come("10.0.0.2", 0);
 	stranger = come("10.0.0.8", NONE);
@@ -234,7 +234,7 @@ static void test_a_stranger_gives_way_to_a_party_first(void **state)
 	struct iec104_connection *second, *stranger;
 
 	(void)state;
-	fake.config.settings.group_count = 2;
+	fake.config.settings.queue_count = 2;
 	start(come("10.0.0.1", 0));
 	second = come("10.0.0.2", 0);
 	come("10.0.0.5", 1);

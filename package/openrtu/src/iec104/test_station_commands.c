@@ -364,7 +364,7 @@ static void test_time_tag_while_the_clock_was_never_set(void **state)
 	assert_int_equal(fake.log_count, logged + 1);
 	ASK(0, 45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1);
 	assert_int_equal(fake.request_count, 1);
-	fake.config.settings.command_without_clock = true;
+	fake.settings.command_without_clock = true;
 	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
 	assert_int_equal(fake.request_count, 2);
 	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25); /* IV */

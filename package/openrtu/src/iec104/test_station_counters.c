@@ -8,7 +8,7 @@
 static int set_up_counters(void **state)
 {
 	points[COUNTER_3067] =
-	    (struct map_point){.device = 0, .type = MAP_COUNTER, .ioa = 30003, .counter_group = 3};
+	    (struct map_point){.set = 0, .type = MAP_COUNTER, .ioa = 30003, .counter_group = 3};
 	points[COUNTER].counter_group = 1;
 	return set_up(state);
 }

@@ -79,7 +79,7 @@ static void test_interrogation_of_counters(void **state)
 static void test_interrogation_is_resumed(void **state)
 {
 	(void)state;
-	fake.config.settings.k = 1;
+	fake.settings.k = 1;
 	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_master(0, true);
 	start(0);
@@ -164,7 +164,7 @@ static void test_stop_ends_an_interrogation(void **state)
 static void test_interrogation_ends_with_its_connection(void **state)
 {
 	(void)state;
-	fake.config.settings.k = 2;
+	fake.settings.k = 2;
 	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_master(0, true);
 	start(0);

@@ -108,7 +108,7 @@ static void test_read(void **state)
 	ASK(0, 102, 1, 0x85, 7, 0xa1, 0x0f, 9, 0, 0);
 	EXPECT(0, 102, 1, 0xc5, 7, 0xa1, 0x0f, 9, 0, 0);
 	expect_nothing(0);
-	assert_int_equal(fake.stats.counters[MAP_STATION_NEGATIVE], 1);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_NEGATIVE], 1);
 }
 
 static void test_cyclic(void **state)

@@ -17,8 +17,8 @@ static int set_up_group(void **state)
 {
 	(void)state;
 	fake_begin();
-	fake.config.settings.group_count = 1;
-	fake.config.settings.groups[GROUP] = (struct map_group){.name = "centre", .queue = 1000};
+	fake.config.settings.queue_count = 1;
+	fake.config.settings.queues[GROUP] = (struct map_queue_plan){.name = "centre", .limit = 1000};
 	iec104_station_init(&station, &fake, sent_ns, places);
 	return 0;
 }
@@ -53,7 +53,7 @@ static int set_up_own_station(void **state)
 {
 	set_up_group(state);
 	fake_own_station();
-	fake.config.settings.groups[GROUP].queue = 6;
+	fake.config.settings.queues[GROUP].limit = 6;
 	iec104_station_init(&station, &fake, sent_ns, places);
 	run();
 	return 0;
@@ -292,7 +292,7 @@ static void test_switch_over_after_a_silent_failure(void **state)
 	assert_int_equal(masters[1].connection->session.closing, IEC104_TAKEN_OVER);
 	expect_nothing(0);
 	send_event(0, 4);
-	assert_int_equal(fake.stats.counters[MAP_STATION_TAKEN_OVER], 1); /* the second is not gone yet */
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_TAKEN_OVER], 1); /* the second is not gone yet */
 }
 
 /* As clause 10 has it: STOPDT here, STARTDT there. Nobody is closed. */
@@ -343,8 +343,8 @@ static void test_acknowledgement_beside_the_take_over(void **state)
 static void test_groups_are_apart(void **state)
 {
 	(void)state;
-	fake.config.settings.group_count = 2;
-	fake.config.settings.groups[1] = (struct map_group){.name = "reserve", .queue = 1000};
+	fake.config.settings.queue_count = 2;
+	fake.config.settings.queues[1] = (struct map_queue_plan){.name = "reserve", .limit = 1000};
 	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_from(0, "10.0.0.1", 0);
 	connect_from(1, "10.0.0.2", 1);
@@ -503,7 +503,7 @@ static void test_overflow_of_a_waiting_queue(void **state)
 		run();
 	}
 	assert_int_equal(fake.queues[GROUP].lost, 3);
-	assert_int_equal(fake.stats.counters[MAP_STATION_EVENTS_LOST], 3);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_EVENTS_LOST], 3);
 	assert_int_equal(fake.log_count, lines + 1);
 	connect_from(0, "10.0.0.1", GROUP);
 	start(0);
@@ -521,7 +521,7 @@ static void test_overflow_while_nothing_is_acknowledged(void **state)
 	unsigned lines;
 
 	(void)state;
-	fake.config.settings.groups[GROUP].queue = 100;
+	fake.config.settings.queues[GROUP].limit = 100;
 	connect_from(0, "10.0.0.1", GROUP);
 	start(0);
 	for (int32_t i = 0; i < 12; i++)
@@ -546,7 +546,7 @@ static void test_overflow_while_nothing_is_acknowledged(void **state)
 static void test_refresh_of_all_is_owed_to_the_next_connection(void **state)
 {
 	(void)state;
-	fake.config.settings.groups[GROUP].queue = 100;
+	fake.config.settings.queues[GROUP].limit = 100;
 	for (int32_t i = 0; i < 101; i++) {
 		publish(HOLDING3, i);
 		run();
@@ -576,7 +576,7 @@ static void test_counters(void **state)
 {
 	static const uint8_t testfr[] = {0x68, 4, 0x43, 0, 0, 0};
 	_Atomic uint32_t *counters = fake.stats.counters;
-	const struct map_connection_stats *stats = &fake.stats.connections[0];
+	const struct iec104_connection_stats *stats = &fake.stats.connections[0];
 
 	(void)state;
 	send_event(0, 1);
@@ -585,15 +585,15 @@ static void test_counters(void **state)
 	assert_non_null(next_frame(&masters[0]));
 	assert_non_null(next_frame(&masters[0]));
 	send_event(0, 2);
-	assert_int_equal(counters[MAP_STATION_STARTDT_ACT_IN], 1);
-	assert_int_equal(counters[MAP_STATION_STARTDT_CON_OUT], 1);
-	assert_int_equal(counters[MAP_STATION_TESTFR_ACT_IN], 1);
-	assert_int_equal(counters[MAP_STATION_TESTFR_CON_OUT], 1);
-	assert_int_equal(counters[MAP_STATION_I_IN], 1);
-	assert_int_equal(counters[MAP_STATION_I_OUT], 3);
-	assert_int_equal(counters[MAP_STATION_EVENTS_SENT], 2);
-	assert_int_equal(counters[MAP_STATION_UNKNOWN_IOA], 1);
-	assert_int_equal(counters[MAP_STATION_ACCEPTED], 1);
+	assert_int_equal(counters[IEC104_COUNT_STARTDT_ACT_IN], 1);
+	assert_int_equal(counters[IEC104_COUNT_STARTDT_CON_OUT], 1);
+	assert_int_equal(counters[IEC104_COUNT_TESTFR_ACT_IN], 1);
+	assert_int_equal(counters[IEC104_COUNT_TESTFR_CON_OUT], 1);
+	assert_int_equal(counters[IEC104_COUNT_I_IN], 1);
+	assert_int_equal(counters[IEC104_COUNT_I_OUT], 3);
+	assert_int_equal(counters[IEC104_COUNT_EVENTS_SENT], 2);
+	assert_int_equal(counters[IEC104_COUNT_UNKNOWN_IOA], 1);
+	assert_int_equal(counters[IEC104_COUNT_ACCEPTED], 1);
 	assert_string_equal(stats->peer, "master");
 	assert_int_equal(stats->open, 1);
 	assert_int_equal(stats->started, 1);
@@ -605,15 +605,14 @@ static void test_counters(void **state)
 	iec104_session_close(&masters[0].connection->session, IEC104_CLOSED_BY_PEER);
 	iec104_station_disconnect(&station, masters[0].connection);
 	assert_int_equal(stats->open, 0);
-	assert_int_equal(counters[MAP_STATION_CLOSED_BY_PEER], 1);
+	assert_int_equal(counters[IEC104_COUNT_CLOSED_BY_PEER], 1);
 }
 
 static void test_originators(void **state)
 {
 	(void)state;
-	memset(fake.config.settings.originators_refused, 0xff,
-	       sizeof(fake.config.settings.originators_refused));
-	fake.config.settings.originators_refused[200 / 32] &= ~(1u << 200 % 32);
+	memset(fake.settings.originators_refused, 0xff, sizeof(fake.settings.originators_refused));
+	fake.settings.originators_refused[200 / 32] &= ~(1u << 200 % 32);
 	ASK(0, 45, 1, 6, 7, 0xfb, 0x0b, 4, 0, 0, 1);
 	EXPECT(0, 45, 1, 0x47, 7, 0xfb, 0x0b, 4, 0, 0, 1);
 	ASK(0, 45, 1, 8, 7, 0xfb, 0x0b, 4, 0, 0, 1);
@@ -623,7 +622,7 @@ static void test_originators(void **state)
 	ASK(0, 102, 1, 5, 201, 0xfb, 0x0b, 4, 0, 0);
 	EXPECT(0, 102, 1, 0x45, 201, 0xfb, 0x0b, 4, 0, 0);
 	assert_int_equal(fake.request_count, 0);
-	assert_int_equal(fake.stats.counters[MAP_STATION_ORIGINATOR], 4);
+	assert_int_equal(fake.stats.counters[IEC104_COUNT_ORIGINATOR], 4);
 	ASK(0, 45, 1, 6, 200, 0xfb, 0x0b, 4, 0, 0, 1);
 	assert_int_equal(fake.request_count, 1);
 }

@@ -33,7 +33,7 @@ static void note_queue(const struct map *map, uint32_t slot, struct journal_queu
 
 	map_queue(map, slot, &queue);
 	map_queue_place(map, slot, &place);
-	out->kind = slot < map_config(map)->settings.group_count ? JOURNAL_GROUP : JOURNAL_ADDRESS;
+	out->kind = slot < map_config(map)->settings.queue_count ? JOURNAL_GROUP : JOURNAL_ADDRESS;
 	memcpy(out->name, queue.name, sizeof(out->name));
 	memcpy(out->next, place.cursor.next, sizeof(out->next));
 }
@@ -109,7 +109,7 @@ static struct journal_event translate(const struct map *map, const struct map_ev
 	const struct map_point *point = &map_config(map)->points[event->point];
 
 	return (struct journal_event){
-	    .ca = map_config(map)->devices[point->device].ca,
+	    .ca = map_config(map)->sets[point->set].ca,
 	    .module = (uint8_t)map_owner(map, event->point),
 	    .type = point->type,
 	    .ioa = point->ioa,

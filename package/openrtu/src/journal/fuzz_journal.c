@@ -12,6 +12,7 @@
 #include "fuzz_input.h"
 #include "journal/record.h"
 #include "journal/restore.h"
+#include "map/test_modules.h"
 
 #define POINTS   4
 #define FILE_MAX 8192
@@ -27,27 +28,21 @@ static void remove_map(void)
 
 static void make_map(void)
 {
-	struct map_line line = {.port = 1, .process = 1, .device_count = 1, .baud = 9600};
-	struct map_device device = {.ca = 1001, .unit = 1, .point_count = POINTS};
+	struct map_set set = {.ca = 1001, .point_count = POINTS};
 	struct map_point points[POINTS];
 	struct map_config config = {
-	    .settings = {.event_ring = 64, .group_count = 1, .groups = {{.name = "A"}}},
-	    .line_count = 1,
-	    .device_count = 1,
+	    .settings = {.event_ring = 64, .queue_count = 1, .queues = {{.name = "A"}}},
+	    .set_count = 1,
 	    .point_count = POINTS,
-	    .lines = &line,
-	    .devices = &device,
+	    .sets = &set,
 	    .points = points};
+	struct map_module_plan modules[MAP_MODULES_MAX];
 	char error[MAP_ERROR_SIZE];
 
 	for (uint16_t i = 0; i < POINTS; i++)
-		points[i] = (struct map_point){.address = i,
-					       .table = MAP_HOLDING_REGISTERS,
-					       .type = MAP_SCALED,
-					       .width = 1,
-					       .ioa = i + 1u,
-					       .scale = 1};
+		points[i] = (struct map_point){.type = MAP_SCALED, .ioa = i + 1u};
 	CHECK(mkdtemp(directory) != NULL);
+	plan_modules(&config, modules, NULL);
 	CHECK(map_create(&map, directory, &config, 0, error) == 0);
 	atexit(remove_map);
 }

@@ -23,8 +23,8 @@ struct readers {
 
 static uint32_t group_slot(const struct map_settings *settings, const char *name)
 {
-	for (uint32_t i = 0; i < settings->group_count; i++)
-		if (strcmp(settings->groups[i].name, name) == 0)
+	for (uint32_t i = 0; i < settings->queue_count; i++)
+		if (strcmp(settings->queues[i].name, name) == 0)
 			return i;
 	return MAP_NONE;
 }
@@ -47,7 +47,7 @@ static void take_queues(const struct map *map, const struct journal_record *reco
 			struct map_kept *kept)
 {
 	const struct map_settings *settings = &map_config(map)->settings;
-	uint32_t slot = settings->group_count, room = MAP_QUEUES - slot, addresses = count_addresses(record);
+	uint32_t slot = settings->queue_count, room = MAP_QUEUES - slot, addresses = count_addresses(record);
 	const uint8_t *at = record->queues;
 
 	for (uint32_t i = 0; i < record->queue_count; i++) {

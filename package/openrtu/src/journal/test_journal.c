@@ -36,8 +36,8 @@ static void set_clock(struct scene *scene, int64_t wall_ns, bool set)
 static void begin(struct scene *scene, void **state)
 {
 	*scene = (struct scene){.stage = *state};
-	strcpy(scene->stage->config.settings.groups[0].name, "Centre");
-	scene->stage->config.settings.group_count = 1;
+	strcpy(scene->stage->config.settings.queues[0].name, "Centre");
+	scene->stage->config.settings.queue_count = 1;
 	make_again(scene->stage);
 	scene->first = start(scene->stage, FIRST);
 	scene->second = start(scene->stage, SECOND);
@@ -354,7 +354,7 @@ static void test_lines_of_one_process_keep_the_order(void **state)
 	acknowledge(&scene, CENTRE, 1);
 	write_news(&scene);
 	end(&scene);
-	scene.stage->lines[1].process = 1;
+	scene.stage->processes[1] = 1;
 	make_again(scene.stage);
 	assert_true(journal_restore(scene.stage->rtud, scene.file, scene.size, &kept, &findings));
 	assert_int_equal(map_restore(scene.stage->rtud, &kept, error), 0);
@@ -371,7 +371,7 @@ static void test_a_group_of_another_name_begins_anew(void **state)
 	begin(&scene, state);
 	publish(&scene, 4);
 	write_news(&scene);
-	strcpy(scene.stage->config.settings.groups[0].name, "Other");
+	strcpy(scene.stage->config.settings.queues[0].name, "Other");
 	cut_power(&scene);
 	assert_waits(&scene, CENTRE, 1, 0);
 	end(&scene);

@@ -44,6 +44,6 @@ void bell_ring(const struct map *map, uint32_t module)
 void bell_ring_event_readers(const struct map *map)
 {
 	for (uint32_t i = 0; i < map->directory->module_count; i++)
-		if (map->directory->modules[i].kind == MAP_MODULE_IEC104)
+		if (map->directory->modules[i].plan.flags & MAP_HEARS_EVENTS)
 			bell_ring(map, i);
 }

@@ -84,8 +84,8 @@ bool map_request_next(struct map *map, struct map_request *out)
 	for (uint32_t i = 0; i < map->directory->module_count; i++) {
 		uint32_t lost = 0;
 
-		if (map->directory->modules[i].kind == MAP_MODULE_MODBUS)
-			continue; /* which answers and has nothing to ask, unless gone wild */
+		if (!(map->directory->modules[i].plan.flags & MAP_MAY_REQUEST))
+			continue; /* what its ring holds all the same, it wrote gone wild */
 		while (!turn_is_over(map) &&
 		       ring_peek(&map->segments[i].requests, &header->request_next[i], out, &lost)) {
 			header->request_next[i]++;
@@ -96,7 +96,7 @@ bool map_request_next(struct map *map, struct map_request *out)
 		}
 		if (lost)
 			map_log(map, MAP_LOG_ERROR, "%u requests of %s were overwritten unread", lost,
-				map->directory->modules[i].name);
+				map->directory->modules[i].plan.name);
 	}
 	ring_own_bell_for_the_rest(map);
 	return false;

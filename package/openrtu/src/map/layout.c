@@ -3,8 +3,7 @@
 
 #include <string.h>
 
-#define SECTION_ALIGNMENT 32  /* a cache line of the ARM926 */
-#define OWN_EVENTS        256 /* of the gateway's own station, which has two for each episode of losses */
+#define SECTION_ALIGNMENT 32 /* a cache line of the ARM926 */
 
 static size_t section(struct layout *layout, size_t bytes)
 {
@@ -14,59 +13,36 @@ static size_t section(struct layout *layout, size_t bytes)
 	return offset;
 }
 
-/* What a kind of module never writes has one place, where no record is ever read. */
-static struct capacities capacities_of(const struct module_entry *entry, const struct map_config *config)
-{
-	static const struct capacities kinds[] = {
-	    [MAP_MODULE_RTUD] = {.requests = 1, .answers = 256, .events = 256, .log = 128},
-	    [MAP_MODULE_MODBUS] = {.requests = 1, .answers = 256, .log = 128},
-	    [MAP_MODULE_IEC104] = {.requests = 256, .answers = 1, .events = 1, .log = 128},
-	    [MAP_MODULE_RTUCTL] = {.requests = 256, .answers = 1, .events = 1, .log = 1},
-	    [MAP_MODULE_JOURNAL] = {.requests = 1, .answers = 1, .events = 1, .log = 128},
-	};
-	struct capacities capacities = kinds[entry->kind];
-
-	if (entry->kind == MAP_MODULE_MODBUS)
-		capacities.events = config->settings.event_ring;
-	else if (entry->kind == MAP_MODULE_IEC104 && entry->point_count > 0)
-		capacities.events = OWN_EVENTS;
-	return capacities;
-}
-
 struct layout layout_of(const struct module_entry *entry, const struct map_config *config)
 {
-	const struct capacities capacities = capacities_of(entry, config);
-	struct layout layout = {.size = sizeof(struct segment_header), .capacities = capacities};
+	const struct map_rings rings = entry->plan.rings;
+	struct layout layout = {.size = sizeof(struct segment_header), .rings = rings};
 
-	if (entry->kind == MAP_MODULE_RTUD) {
+	if (entry->plan.flags & MAP_IS_SUPERVISOR) {
 		layout.directory = section(&layout, sizeof(struct directory));
-		layout.lines = section(&layout, config->line_count * sizeof(struct map_line));
-		layout.devices = section(&layout, config->device_count * sizeof(struct map_device));
+		layout.sets = section(&layout, config->set_count * sizeof(struct map_set));
 		layout.points = section(&layout, config->point_count * sizeof(struct map_point));
 		layout.by_address = section(&layout, config->point_count * sizeof(uint32_t));
 		layout.names = section(&layout, config->names_size);
-		layout.knots = section(&layout, config->knot_count * sizeof(struct map_knot));
+		for (uint32_t i = 0; i < config->section_count; i++)
+			layout.sections[i] = section(&layout, (size_t)config->sections[i].count *
+								  config->sections[i].record_size);
 	}
-	layout.requests = section(&layout, ring_size(capacities.requests, sizeof(struct map_request)));
-	layout.answers = section(&layout, ring_size(capacities.answers, sizeof(struct map_answer)));
-	layout.events = section(&layout, ring_size(capacities.events, sizeof(struct map_event)));
-	layout.log = section(&layout, ring_size(capacities.log, sizeof(struct map_log_line)));
-	if (entry->kind == MAP_MODULE_IEC104) {
+	layout.requests = section(&layout, ring_size(rings.requests, sizeof(struct map_request)));
+	layout.answers = section(&layout, ring_size(rings.answers, sizeof(struct map_answer)));
+	layout.events = section(&layout, ring_size(rings.events, sizeof(struct map_event)));
+	layout.log = section(&layout, ring_size(rings.log, sizeof(struct map_log_line)));
+	if (entry->plan.flags & MAP_KEEPS_QUEUES)
 		layout.queues = section(&layout, MAP_QUEUES * sizeof(struct queue_cell));
-		layout.station_stats = section(&layout, sizeof(struct map_station_stats));
-	}
-	if (entry->kind == MAP_MODULE_JOURNAL)
-		layout.journal_stats = section(&layout, sizeof(struct map_journal_stats));
-	if (entry->kind != MAP_MODULE_MODBUS && entry->point_count == 0)
+	layout.own = section(&layout, entry->plan.section_size);
+	if (entry->point_count == 0)
 		return layout;
-	layout.latches = section(&layout, config->device_count * sizeof(map_latch));
+	layout.latches = section(&layout, config->set_count * sizeof(map_latch));
 	layout.samples[0] = section(&layout, entry->point_count * sizeof(struct map_sample));
 	layout.samples[1] = section(&layout, entry->point_count * sizeof(struct map_sample));
 	layout.commands = section(&layout, entry->command_count * sizeof(struct command_cell));
 	layout.totals = section(&layout, entry->total_count * sizeof(struct total_cell));
 	layout.parameters = section(&layout, entry->parameter_count * sizeof(struct parameter_cell));
-	layout.line_stats = section(&layout, config->line_count * sizeof(struct map_line_stats));
-	layout.device_stats = section(&layout, config->device_count * sizeof(struct map_device_stats));
 	return layout;
 }
 
@@ -77,39 +53,33 @@ static void *at(void *memory, size_t offset)
 
 void segment_place(struct segment *segment, void *memory, const struct layout *layout)
 {
-	const struct capacities *capacities = &layout->capacities;
+	const struct map_rings *rings = &layout->rings;
 
 	segment->header = memory;
 	segment->requests =
-	    ring_at(at(memory, layout->requests), capacities->requests, sizeof(struct map_request));
-	segment->answers =
-	    ring_at(at(memory, layout->answers), capacities->answers, sizeof(struct map_answer));
-	segment->events = ring_at(at(memory, layout->events), capacities->events, sizeof(struct map_event));
-	segment->log = ring_at(at(memory, layout->log), capacities->log, sizeof(struct map_log_line));
+	    ring_at(at(memory, layout->requests), rings->requests, sizeof(struct map_request));
+	segment->answers = ring_at(at(memory, layout->answers), rings->answers, sizeof(struct map_answer));
+	segment->events = ring_at(at(memory, layout->events), rings->events, sizeof(struct map_event));
+	segment->log = ring_at(at(memory, layout->log), rings->log, sizeof(struct map_log_line));
 	segment->latches = at(memory, layout->latches);
 	segment->samples[0] = at(memory, layout->samples[0]);
 	segment->samples[1] = at(memory, layout->samples[1]);
 	segment->commands = at(memory, layout->commands);
 	segment->totals = at(memory, layout->totals);
 	segment->parameters = at(memory, layout->parameters);
-	segment->line_stats = at(memory, layout->line_stats);
-	segment->device_stats = at(memory, layout->device_stats);
 	segment->queues = at(memory, layout->queues);
-	segment->station_stats = at(memory, layout->station_stats);
-	segment->journal_stats = at(memory, layout->journal_stats);
+	segment->own = at(memory, layout->own);
 	segment->size = layout->size;
 }
 
 uint32_t layout_fingerprint(void)
 {
 	const uint32_t sizes[] = {
-	    sizeof(struct segment_header),    sizeof(struct directory),        sizeof(struct map_line),
-	    sizeof(struct map_device),        sizeof(struct map_point),        sizeof(struct map_settings),
-	    sizeof(struct map_sample),        sizeof(struct map_event),        sizeof(struct map_request),
-	    sizeof(struct map_answer),        sizeof(struct command_cell),     sizeof(struct map_log_line),
-	    sizeof(struct map_line_stats),    sizeof(struct map_device_stats), sizeof(struct queue_cell),
-	    sizeof(struct map_station_stats), sizeof(struct total_cell),       sizeof(struct parameter_cell),
-	    sizeof(struct map_journal_stats),
+	    sizeof(struct segment_header), sizeof(struct directory),      sizeof(struct map_set),
+	    sizeof(struct map_point),      sizeof(struct map_settings),   sizeof(struct map_sample),
+	    sizeof(struct map_event),      sizeof(struct map_request),    sizeof(struct map_answer),
+	    sizeof(struct command_cell),   sizeof(struct map_log_line),   sizeof(struct queue_cell),
+	    sizeof(struct total_cell),     sizeof(struct parameter_cell),
 	};
 	uint32_t hash = 2166136261u; /* FNV-1a */
 

@@ -15,7 +15,7 @@
 #include "map/type.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 6u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT 7u          /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -28,6 +28,7 @@ struct segment_header {
 	_Atomic uint32_t next_request;          /* id of the next request */
 	uint32_t kept;                          /* map_kept_number */
 	_Atomic uint32_t forbidden;             /* map_note_forbidden, and one more; 0: none */
+	_Atomic uint32_t lost_events;           /* map_count_lost_events */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
 };
@@ -70,8 +71,7 @@ struct queue_cell {
 
 /* A module as rtud knows it. In rtud's segment. */
 struct module_entry {
-	char name[MAP_NAME_SIZE];
-	uint32_t kind;
+	struct map_module_plan plan;
 	uint32_t point_count;
 	uint32_t command_count;
 	uint32_t total_count;
@@ -84,6 +84,11 @@ struct module_entry {
 	uint32_t restored;          /* events from the journal, which are the first of its ring */
 };
 
+/* A section of the configuration, of which rtud's segment has the records. */
+struct section_entry {
+	uint32_t id, record_size, count;
+};
+
 /* What rtud's segment holds besides the sections that every segment has. */
 struct directory {
 	uint32_t module_count;
@@ -92,27 +97,24 @@ struct directory {
 	struct map_clock clock[2];
 	struct module_entry modules[MAP_MODULES_MAX];
 	struct map_settings settings;
-	uint32_t line_count, device_count, point_count, names_size, knot_count;
-};
-
-/* How many records each ring of a segment holds. */
-struct capacities {
-	uint32_t requests, answers, events, log;
+	uint32_t set_count, point_count, names_size;
+	struct section_entry sections[MAP_SECTIONS_MAX];
+	uint32_t section_count;
 };
 
 /* Where the sections of one segment begin; 0 where it has none. */
 struct layout {
 	size_t directory; /* rtud's only, first: it holds the counts that the rest follows from */
-	size_t lines, devices, points, by_address, names, knots;
+	size_t sets, points, by_address, names;
+	size_t sections[MAP_SECTIONS_MAX];
 	size_t requests, answers, events, log;
 	size_t latches; /* one a device of the configuration */
 	size_t samples[2];
 	size_t commands, totals, parameters;
-	size_t line_stats, device_stats;
-	size_t queues, station_stats;
-	size_t journal_stats;
+	size_t queues;
+	size_t own;
 	size_t size;
-	struct capacities capacities;
+	struct map_rings rings;
 };
 
 /* One segment as mapped here. */
@@ -124,11 +126,8 @@ struct segment {
 	struct command_cell *commands;
 	struct total_cell *totals;
 	struct parameter_cell *parameters;
-	struct map_line_stats *line_stats;
-	struct map_device_stats *device_stats;
 	struct queue_cell *queues;
-	struct map_station_stats *station_stats;
-	struct map_journal_stats *journal_stats;
+	void *own; /* map_section */
 	size_t size;
 	int bell;
 };
@@ -176,9 +175,6 @@ uint32_t now_ms(void);
 uint32_t now_s(void);
 /* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
 bool is_past(const struct map *map, int64_t time_ns);
-
-/* Of the controlled station's module. */
-const struct segment *station_segment(const struct map *map);
 
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);

@@ -14,7 +14,7 @@ uint32_t map_self(const struct map *map)
 
 uint32_t map_owner(const struct map *map, uint32_t point)
 {
-	return map->config.lines[map->config.devices[map->config.points[point].device].line].module;
+	return map->config.sets[map->config.points[point].set].module;
 }
 
 uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa)
@@ -25,7 +25,7 @@ uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa)
 		uint32_t middle = low + (high - low) / 2;
 		uint32_t candidate = map->by_address[middle];
 		const struct map_point *point = &map->config.points[candidate];
-		uint16_t point_ca = map->config.devices[point->device].ca;
+		uint16_t point_ca = map->config.sets[point->set].ca;
 
 		if (point_ca == ca && point->ioa == ioa)
 			return candidate;

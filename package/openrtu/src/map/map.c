@@ -40,52 +40,19 @@ static void bell_file(char *name, const char *module)
 
 /* ---- create ------------------------------------------------------------------------------ */
 
-static int add_module(struct directory *directory, const char *name, enum map_module_kind kind)
+static int take_modules(struct directory *directory, const struct map_config *config, char *error)
 {
-	struct module_entry *entry;
-
-	if (directory->module_count == MAP_MODULES_MAX)
-		return -1;
-	entry = &directory->modules[directory->module_count++];
-	snprintf(entry->name, sizeof(entry->name), "%s", name);
-	entry->kind = kind;
-	return 0;
-}
-
-static int modbus_module(struct directory *directory, uint16_t process)
-{
-	char name[MAP_NAME_SIZE];
-
-	snprintf(name, sizeof(name), "rtu-modbus-%u", process);
-	for (uint32_t i = 0; i < directory->module_count; i++)
-		if (strcmp(directory->modules[i].name, name) == 0)
-			return (int)i;
-	if (add_module(directory, name, MAP_MODULE_MODBUS) < 0)
-		return -1;
-	return (int)directory->module_count - 1;
-}
-
-static int assign_modules(struct directory *directory, const struct map_config *config, char *error)
-{
-	uint32_t iec104;
-
-	add_module(directory, "rtud", MAP_MODULE_RTUD);
-	iec104 = directory->module_count;
-	add_module(directory, "rtu-iec104", MAP_MODULE_IEC104);
-	add_module(directory, "rtuctl", MAP_MODULE_RTUCTL);
-	for (uint32_t i = 0; i < config->line_count; i++) {
-		int module = i < map_modbus_lines(config) ? modbus_module(directory, config->lines[i].process)
-							  : (int)iec104;
-
-		if (module < 0)
-			return fail(error, "too many processes: %d modules at most", MAP_MODULES_MAX);
-		config->lines[i].module = (uint16_t)module;
-	}
-	/* Last: the others' numbers, and so their users, are the same with a journal and without. */
-	if (map_journal_used(&config->settings) &&
-	    add_module(directory, "rtu-journal", MAP_MODULE_JOURNAL) < 0)
-		return fail(error, "too many processes: %d modules at most, of which rtu-journal is one",
-			    MAP_MODULES_MAX);
+	if (config->module_count == 0 || config->module_count > MAP_MODULES_MAX ||
+	    !(config->modules[MAP_RTUD].flags & MAP_IS_SUPERVISOR))
+		return fail(error, "a map has rtud and %d modules in all at most", MAP_MODULES_MAX);
+	directory->module_count = config->module_count;
+	for (uint32_t i = 0; i < config->module_count; i++)
+		directory->modules[i].plan = config->modules[i];
+	for (uint32_t i = 0; i < config->set_count; i++)
+		if (config->sets[i].module >= config->module_count ||
+		    !(config->modules[config->sets[i].module].flags & MAP_MAY_OWN))
+			return fail(error, "the set of points %s belongs to no module that may own it",
+				    config->sets[i].name);
 	return 0;
 }
 
@@ -93,8 +60,7 @@ static void assign_slots(struct directory *directory, const struct map_config *c
 {
 	for (uint32_t i = 0; i < config->point_count; i++) {
 		struct map_point *point = &config->points[i];
-		const struct map_line *line = &config->lines[config->devices[point->device].line];
-		struct module_entry *owner = &directory->modules[line->module];
+		struct module_entry *owner = &directory->modules[config->sets[point->set].module];
 
 		point->slot = owner->point_count++;
 		point->command = (point->flags & MAP_POINT_COMMAND) ? owner->command_count++ : MAP_NONE;
@@ -112,7 +78,7 @@ struct address_key {
 
 static uint64_t address_key(const struct map_config *config, uint32_t point)
 {
-	return (uint64_t)config->devices[config->points[point].device].ca << 32 | config->points[point].ioa;
+	return (uint64_t)config->sets[config->points[point].set].ca << 32 | config->points[point].ioa;
 }
 
 static int compare_keys(const void *left, const void *right)
@@ -186,7 +152,7 @@ static int create_module_segment(int directory_fd, const struct module_entry *en
 				 const struct map_config *config, uint32_t group, char *error)
 {
 	struct layout layout = layout_of(entry, config);
-	void *memory = create_segment(directory_fd, entry->name, layout.size, group, error);
+	void *memory = create_segment(directory_fd, entry->plan.name, layout.size, group, error);
 
 	if (!memory)
 		return -1;
@@ -207,18 +173,20 @@ static int fill_rtud_segment(uint8_t *memory, const struct layout *layout, struc
 {
 	directory->starts = 1;
 	directory->settings = config->settings;
-	directory->line_count = config->line_count;
-	directory->device_count = config->device_count;
+	directory->set_count = config->set_count;
 	directory->point_count = config->point_count;
 	directory->names_size = config->names_size;
-	directory->knot_count = config->knot_count;
+	directory->section_count = config->section_count;
+	for (uint32_t i = 0; i < config->section_count; i++)
+		directory->sections[i] = (struct section_entry){
+		    config->sections[i].id, config->sections[i].record_size, config->sections[i].count};
 	memcpy(memory + layout->directory, directory, sizeof(*directory));
-	copy_table(memory + layout->lines, config->lines, config->line_count * sizeof(*config->lines));
-	copy_table(memory + layout->devices, config->devices,
-		   config->device_count * sizeof(*config->devices));
+	copy_table(memory + layout->sets, config->sets, config->set_count * sizeof(*config->sets));
 	copy_table(memory + layout->points, config->points, config->point_count * sizeof(*config->points));
 	copy_table(memory + layout->names, config->names, config->names_size);
-	copy_table(memory + layout->knots, config->knots, config->knot_count * sizeof(*config->knots));
+	for (uint32_t i = 0; i < config->section_count; i++)
+		copy_table(memory + layout->sections[i], config->sections[i].records,
+			   (size_t)config->sections[i].count * config->sections[i].record_size);
 	return index_addresses(config, (uint32_t *)(void *)(memory + layout->by_address));
 }
 
@@ -229,19 +197,20 @@ static int create_segments(int directory_fd, const struct map_config *config, ui
 	uint8_t *memory;
 	int result;
 
-	if (assign_modules(&directory, config, error) < 0)
+	if (take_modules(&directory, config, error) < 0)
 		return -1;
 	assign_slots(&directory, config);
 	for (uint32_t i = 0; i < directory.module_count; i++) {
 		const struct module_entry *entry = &directory.modules[i];
 
-		if (create_bell(directory_fd, entry->name, group, error) < 0)
+		if (create_bell(directory_fd, entry->plan.name, group, error) < 0)
 			return -1;
 		if (i != MAP_RTUD && create_module_segment(directory_fd, entry, config, group, error) < 0)
 			return -1;
 	}
 	layout = layout_of(&directory.modules[MAP_RTUD], config);
-	memory = create_segment(directory_fd, directory.modules[MAP_RTUD].name, layout.size, group, error);
+	memory =
+	    create_segment(directory_fd, directory.modules[MAP_RTUD].plan.name, layout.size, group, error);
 	if (!memory)
 		return -1;
 	result = fill_rtud_segment(memory, &layout, &directory, config);
@@ -320,7 +289,7 @@ int map_segment_open(const struct map *map, uint32_t module)
 {
 	char name[FILE_NAME_SIZE];
 
-	segment_file(name, map->directory->modules[module].name);
+	segment_file(name, map->directory->modules[module].plan.name);
 	return openat(map->directory_fd, name, O_RDWR | O_CLOEXEC | O_NOFOLLOW);
 }
 
@@ -329,9 +298,9 @@ void map_remove(struct map *map)
 	for (uint32_t i = 0; i < map->directory->module_count; i++) {
 		char name[FILE_NAME_SIZE];
 
-		segment_file(name, map->directory->modules[i].name);
+		segment_file(name, map->directory->modules[i].plan.name);
 		unlinkat(map->directory_fd, name, 0);
-		bell_file(name, map->directory->modules[i].name);
+		bell_file(name, map->directory->modules[i].plan.name);
 		unlinkat(map->directory_fd, name, 0);
 	}
 }
@@ -401,7 +370,7 @@ static void *map_file(int directory_fd, const char *module, bool writable, size_
 /* rtud's segment first: it says what else there is, and which version. The others' headers are their owners' to write. */
 static int attach_directory(struct map *map, bool writable, char *error)
 {
-	const struct module_entry rtud = {.kind = MAP_MODULE_RTUD};
+	struct module_entry rtud = {.plan = {.flags = MAP_IS_SUPERVISOR}};
 	struct layout layout = layout_of(&rtud, &(struct map_config){0});
 	struct directory *directory;
 	size_t size;
@@ -414,29 +383,31 @@ static int attach_directory(struct map *map, bool writable, char *error)
 		return -1;
 	directory = (void *)(memory + layout.directory);
 	map->config.settings = directory->settings;
-	map->config.line_count = directory->line_count;
-	map->config.device_count = directory->device_count;
+	map->config.set_count = directory->set_count;
 	map->config.point_count = directory->point_count;
 	map->config.names_size = directory->names_size;
-	map->config.knot_count = directory->knot_count;
+	for (uint32_t i = 0; i < directory->section_count; i++)
+		map_add_section(&map->config, directory->sections[i].id, directory->sections[i].record_size,
+				directory->sections[i].count, NULL);
+	rtud = directory->modules[MAP_RTUD];
 	layout = layout_of(&rtud, &map->config);
 	if (layout.size != size)
 		return fail(error, "rtud.seg has %zu bytes, its contents need %zu", size, layout.size);
 	segment_place(&map->segments[MAP_RTUD], memory, &layout);
 	map->directory = directory;
-	map->config.lines = (void *)(memory + layout.lines);
-	map->config.devices = (void *)(memory + layout.devices);
+	map->config.sets = (void *)(memory + layout.sets);
 	map->config.points = (void *)(memory + layout.points);
 	map->by_address = (void *)(memory + layout.by_address);
 	map->config.names = (char *)(memory + layout.names);
-	map->config.knots = (void *)(memory + layout.knots);
+	for (uint32_t i = 0; i < map->config.section_count; i++)
+		map->config.sections[i].records = memory + layout.sections[i];
 	return 0;
 }
 
 static int find_self(struct map *map, const char *module, char *error)
 {
 	for (uint32_t i = 0; i < map->directory->module_count; i++) {
-		if (strcmp(map->directory->modules[i].name, module) == 0) {
+		if (strcmp(map->directory->modules[i].plan.name, module) == 0) {
 			map->self = i;
 			return 0;
 		}
@@ -454,13 +425,13 @@ static int attach_segments(struct map *map, char *error)
 
 		if (i == MAP_RTUD)
 			continue;
-		memory = map_file(map->directory_fd, entry->name, i == map->self, &size, error);
+		memory = map_file(map->directory_fd, entry->plan.name, i == map->self, &size, error);
 		if (!memory)
 			return -1;
 		if (size != layout.size) {
 			munmap(memory, size);
-			return fail(error, "%s.seg has %zu bytes, its contents need %zu", entry->name, size,
-				    layout.size);
+			return fail(error, "%s.seg has %zu bytes, its contents need %zu", entry->plan.name,
+				    size, layout.size);
 		}
 		segment_place(&map->segments[i], memory, &layout);
 	}
@@ -473,7 +444,7 @@ static int attach_bells(struct map *map, char *error)
 	for (uint32_t i = 0; i < map->directory->module_count; i++) {
 		char name[FILE_NAME_SIZE];
 
-		bell_file(name, map->directory->modules[i].name);
+		bell_file(name, map->directory->modules[i].plan.name);
 		map->segments[i].bell =
 		    openat(map->directory_fd, name, O_RDWR | O_NONBLOCK | O_CLOEXEC | O_NOFOLLOW);
 		if (map->segments[i].bell < 0)
@@ -496,7 +467,7 @@ static void begin_generation(struct map *map)
 	commands_recover(map);
 	totals_recover(map);
 	map_heartbeat(map);
-	if (entry->kind == MAP_MODULE_RTUCTL)
+	if (entry->plan.flags & MAP_IS_LOCAL)
 		atomic_fetch_add(&header->generation, 1);
 	else
 		atomic_store(&header->generation, atomic_load(&entry->generation));

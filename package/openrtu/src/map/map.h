@@ -15,13 +15,13 @@
 #define OPENRTU_MAP_H
 
 #include <float.h>
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "config.h"
 #include "time_ns.h"
 
-#define MAP_MODULES_MAX             16
 #define MAP_NONE                    UINT32_MAX
 #define MAP_ERROR_SIZE              256
 #define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
@@ -88,14 +88,6 @@ struct map_sample {
 
 /* ---- modules ----------------------------------------------------------------------------- */
 
-enum map_module_kind {
-	MAP_MODULE_RTUD,
-	MAP_MODULE_MODBUS,
-	MAP_MODULE_IEC104,
-	MAP_MODULE_RTUCTL,
-	MAP_MODULE_JOURNAL
-};
-
 enum map_module_state {
 	MAP_MODULE_STOPPED,  /* no process, on purpose */
 	MAP_MODULE_STARTING, /* forked, has not attached yet */
@@ -105,9 +97,11 @@ enum map_module_state {
 
 struct map_module {
 	char name[MAP_NAME_SIZE];
-	uint8_t kind;  /* enum map_module_kind */
-	uint8_t state; /* enum map_module_state, as rtud sees it */
-	bool alive;    /* derived: running, right generation, heart beats */
+	char kind[MAP_KIND_SIZE];
+	uint32_t flags; /* enum map_module_flag */
+	uint32_t user;  /* as planned */
+	uint8_t state;  /* enum map_module_state, as rtud sees it */
+	bool alive;     /* derived: running, right generation, heart beats */
 	int32_t pid;
 	uint32_t generation; /* how often it was started */
 	uint32_t restarts;   /* how often after a failure */
@@ -120,9 +114,8 @@ struct map_module {
 /* ---- create, attach ---------------------------------------------------------------------- */
 
 /*
- * Creates the segments of rtud, of one module per process number in config->lines (but the own station's, which is
- * rtu-iec104's), of rtu-iec104, of rtuctl and, with a journal, of rtu-journal in the directory dir (on a tmpfs), and attaches as rtud. Only rtud calls it. Fills in
- * lines[].module, points[].slot, .command and .extra, in config and in the map. Segments and folder belong to the
+ * Creates the segments of config->modules in the directory dir (on a tmpfs), and attaches as rtud, the first of them. Only
+ * rtud calls it. Fills in points[].slot, .command and .extra, in config and in the map. Segments and folder belong to the
  * caller's user; group, unless 0, is the modules' and may read the segments and ring the bells.
  * Returns 0, or -1 with a message in error (MAP_ERROR_SIZE bytes).
  */
@@ -144,6 +137,10 @@ uint32_t map_module_count(const struct map *map);
 /* What is known of a module. index < map_module_count. */
 void map_module(const struct map *map, uint32_t index, struct map_module *out);
 bool map_alive(const struct map *map, uint32_t module);
+/* The first module of a kind; MAP_NONE: there is none. */
+uint32_t map_module_of_kind(const struct map *map, const char *kind);
+/* So many events were overwritten before this module read them: map_module shows the sum. */
+void map_count_lost_events(struct map *map, uint32_t events);
 /* How often all modules were started together: 1, and one more with each MAP_RESTART. */
 uint32_t map_starts(const struct map *map);
 /* A number in the own segment, 0 at first, that survives the module's restart: what it means is the module's. */
@@ -495,7 +492,13 @@ void map_log(struct map *map, enum map_log_level level, const char *format, ...)
 /* The next line of a module's log behind *position, without control characters; skips what was overwritten. */
 bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out);
 
-/* ---- counters of lines and devices --------------------------------------------------------- */
+/* ---- a module's own section --------------------------------------------------------------- */
+
+/*
+ * What a module shows of itself beside its points: so many octets of its segment as its kind asks for, all zero at first. Its
+ * owner writes them, others read them. Their meaning is the kind's. NULL: it has none of this size.
+ */
+void *map_section(const struct map *map, uint32_t module, size_t size);
 
 /*
  * How often durations were how long: below 1 us, then number i from 2^(i-1) to below 2^i us, the last whatever is
@@ -507,82 +510,11 @@ struct map_histogram {
 	_Atomic uint32_t longest_us;
 };
 
-/* 32-bit counters that wrap. Each is written by the line's owner alone and read by anyone, singly. */
-struct map_line_stats {
-	_Atomic uint32_t requests;
-	_Atomic uint32_t answers;
-	_Atomic uint32_t exceptions;
-	_Atomic uint32_t timeouts;
-	_Atomic uint32_t crc_errors;
-	_Atomic uint32_t wrong_units;     /* sound frames, when another is awaited: of another slave, */
-	_Atomic uint32_t wrong_functions; /* another function, */
-	_Atomic uint32_t wrong_lengths;   /* another length, */
-	_Atomic uint32_t wrong_answers;   /* or a confirmation of another write */
-	_Atomic uint32_t late_answers;    /* of a slave that owed one after a time-out */
-	_Atomic uint32_t unasked_frames;  /* sound frames when nothing is awaited */
-	_Atomic uint32_t echoes;          /* requests that came back */
-	_Atomic uint32_t noise_bytes;     /* that are no frame */
-	_Atomic uint32_t stuck_s;         /* seconds without silence */
-	_Atomic uint32_t commands;
-	_Atomic uint32_t scan_us;          /* last time all that has no period was read once */
-	_Atomic uint32_t port_errors;      /* open, read, write failed */
-	_Atomic uint32_t open;             /* 1: the port is open */
-	struct map_histogram wakeups;      /* how late the process woke at a time that the line had named */
-	struct map_histogram transactions; /* from the request to the end of its answer */
-};
-
-/*
- * What a device has shown that it takes and what not, by the reads in force: modbus/learned.h says what follows from it.
- * Functions 1..4; bits or registers; 0: none.
- */
-struct map_learned {
-	_Atomic uint32_t given_bits, given_registers; /* of the longest read that it gives */
-	_Atomic uint32_t refused_bits,
-	    refused_registers; /* of the shortest that it refused, and gives in parts */
-	/* A hole in a read that it refused, on either side of which it gives what was asked for; count 0: none. */
-	_Atomic uint32_t hole_function, hole_address, hole_count, hole_exception;
-	_Atomic uint32_t hole_read; /* bits or registers of that read */
-	/* The first object that it does not give by itself, and how many there are. Exception 0: no answer. */
-	_Atomic uint32_t lacking_function, lacking_address, lacking_exception, lacking_count;
-	_Atomic uint32_t holes_given; /* reads over holes that it gives */
-	_Atomic uint32_t unclear;     /* reads that it gives in parts only, for no known reason */
-	_Atomic uint32_t open;        /* reads of which it is not known yet whether it gives them */
-};
-
-struct map_device_stats {
-	_Atomic uint32_t requests;
-	_Atomic uint32_t answers;
-	_Atomic uint32_t exceptions;
-	_Atomic uint32_t timeouts;
-	_Atomic uint32_t errors;           /* crc, wrong answers */
-	_Atomic uint32_t alive;            /* 1: the last request was answered */
-	_Atomic uint32_t next_probe_ms;    /* back-off now in force, 0 when alive */
-	_Atomic uint32_t latency_us;       /* last: end of request to first byte */
-	_Atomic uint32_t planned_requests; /* reads of one scan */
-	_Atomic uint32_t missed_periods;   /* in which a read with a period was not begun */
-	_Atomic uint32_t latency_least_us, latency_typical_us, latency_most_us; /* 0: there was no answer */
-	struct map_learned learned;
-};
-
-/* Owner: to count in. Others get the same memory read-only. */
-struct map_line_stats *map_line_stats(const struct map *map, uint32_t line);
-struct map_device_stats *map_device_stats(const struct map *map, uint32_t device);
-
-/* ---- the journal's counters -------------------------------------------------------------- */
-
-/* Since the gateway started; they wrap. Written by rtu-journal. */
-struct map_journal_stats {
-	_Atomic uint32_t records;    /* written and synchronised */
-	_Atomic uint32_t kib;        /* in these, rounded up one by one */
-	_Atomic uint32_t failures;   /* records that could not be written */
-	_Atomic uint32_t events;     /* in the file, that somebody has not acknowledged */
-	_Atomic uint32_t left_out;   /* events for which a record had no room */
-	_Atomic uint32_t written_s;  /* CLOCK_MONOTONIC, of the last record; 0: none */
-	_Atomic uint32_t longest_ms; /* that a record took */
-	_Atomic uint32_t failing;    /* 1: the last record could not be written */
-};
-
-/* NULL: there is no journal. For others than rtu-journal it is read-only. */
-struct map_journal_stats *map_journal_stats(const struct map *map);
+/* Adds to a counter that this process alone writes; a plain store, since ARMv5 has no atomic addition. */
+static inline void map_count(_Atomic uint32_t *counter, uint32_t by)
+{
+	atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + by,
+			      memory_order_relaxed);
+}
 
 #endif

@@ -53,11 +53,15 @@ bool map_alive(const struct map *map, uint32_t module)
 
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
 {
-	uint32_t configured_ms = map->directory->settings.heartbeat_limit_ms;
+	return map->directory->modules[module].plan.heartbeat_limit_ms;
+}
 
-	if (map->directory->modules[module].kind != MAP_MODULE_MODBUS)
-		return MAP_IDLE_HEARTBEAT_LIMIT_MS;
-	return configured_ms ? configured_ms : MAP_HEARTBEAT_LIMIT_MS;
+uint32_t map_module_of_kind(const struct map *map, const char *kind)
+{
+	for (uint32_t i = 0; i < map->directory->module_count; i++)
+		if (strcmp(map->directory->modules[i].plan.kind, kind) == 0)
+			return i;
+	return MAP_NONE;
 }
 
 void map_module(const struct map *map, uint32_t index, struct map_module *out)
@@ -65,7 +69,8 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 	const struct module_entry *entry = &map->directory->modules[index];
 
 	*out = (struct map_module){
-	    .kind = (uint8_t)entry->kind,
+	    .flags = entry->plan.flags,
+	    .user = entry->plan.user,
 	    .state = (uint8_t)atomic_load(&entry->state),
 	    .alive = map_alive(map, index),
 	    .pid = (int32_t)atomic_load(&entry->pid),
@@ -75,9 +80,9 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 	    .point_count = entry->point_count,
 	    .started_ns = (int64_t)atomic_load(&entry->started_s) * NS_PER_S,
 	};
-	memcpy(out->name, entry->name, sizeof(out->name));
-	if (entry->kind == MAP_MODULE_IEC104)
-		out->lost_events = atomic_load(&map_station_stats(map)->counters[MAP_STATION_EVENTS_LOST]);
+	out->lost_events = atomic_load(&map->segments[index].header->lost_events);
+	memcpy(out->name, entry->plan.name, sizeof(out->name));
+	memcpy(out->kind, entry->plan.kind, sizeof(out->kind));
 }
 
 uint32_t map_starts(const struct map *map)
@@ -219,35 +224,14 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 	return true;
 }
 
-/* ---- counters ---------------------------------------------------------------------------- */
+/* ---- a module's own section --------------------------------------------------------------- */
 
-struct map_journal_stats *map_journal_stats(const struct map *map)
+void *map_section(const struct map *map, uint32_t module, size_t size)
 {
-	return map->segments[map->directory->module_count - 1].journal_stats; /* NULL of any other module */
+	return map->directory->modules[module].plan.section_size == size ? map->segments[module].own : NULL;
 }
 
-const struct segment *station_segment(const struct map *map)
+void map_count_lost_events(struct map *map, uint32_t events)
 {
-	uint32_t module = 0;
-
-	while (map->directory->modules[module].kind != MAP_MODULE_IEC104)
-		module++;
-	return &map->segments[module];
-}
-
-struct map_station_stats *map_station_stats(const struct map *map)
-{
-	return station_segment(map)->station_stats;
-}
-
-struct map_line_stats *map_line_stats(const struct map *map, uint32_t line)
-{
-	return &map->segments[map->config.lines[line].module].line_stats[line];
-}
-
-struct map_device_stats *map_device_stats(const struct map *map, uint32_t device)
-{
-	const struct map_line *line = &map->config.lines[map->config.devices[device].line];
-
-	return &map->segments[line->module].device_stats[device];
+	map_count(&map->segments[map->self].header->lost_events, events);
 }

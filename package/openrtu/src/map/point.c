@@ -10,7 +10,7 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	const struct map_point *config = &map->config.points[point];
 	uint32_t owner = map_owner(map, point);
 	const struct segment *segment = &map->segments[owner];
-	map_latch *latch = &segment->latches[config->device];
+	map_latch *latch = &segment->latches[config->set];
 
 	for (int tries = 0; tries < LATCH_TRIES; tries++) {
 		/* First: a generation that begins after the sample was read must not vouch for its predecessor's. */
@@ -92,7 +92,7 @@ struct map_sample own_sample(const struct map *map, uint32_t point)
 	const struct map_point *config = &map->config.points[point];
 	const struct segment *own = &map->segments[map->self];
 
-	return own->samples[latch_whole_copy(&own->latches[config->device])][config->slot];
+	return own->samples[latch_whole_copy(&own->latches[config->set])][config->slot];
 }
 
 static bool put_events(struct map *map, const struct map_update *updates, size_t count)
@@ -115,7 +115,7 @@ void map_publish(struct map *map, const struct map_update *updates, size_t count
 	if (count == 0)
 		return;
 	for (int copy = 0; copy < 2; copy++) {
-		unsigned filled = latch_flip(&own->latches[map->config.points[updates[0].point].device]);
+		unsigned filled = latch_flip(&own->latches[map->config.points[updates[0].point].set]);
 
 		for (size_t i = 0; i < count; i++)
 			own->samples[filled][map->config.points[updates[i].point].slot] = updates[i].sample;
@@ -129,7 +129,7 @@ void map_publish(struct map *map, const struct map_update *updates, size_t count
  * other one before the latch turns again. The values stay to be looked at, and are invalid until this
  * generation has read the device.
  */
-static void recover_device(struct map *map, const struct map_device *device, map_latch *latch)
+static void recover_device(struct map *map, const struct map_set *device, map_latch *latch)
 {
 	const struct segment *own = &map->segments[map->self];
 	uint32_t first = map->config.points[device->first_point].slot;
@@ -147,10 +147,10 @@ static void recover_device(struct map *map, const struct map_device *device, map
 
 void points_recover(struct map *map)
 {
-	for (uint32_t i = 0; i < map->config.device_count; i++) {
-		const struct map_device *device = &map->config.devices[i];
+	for (uint32_t i = 0; i < map->config.set_count; i++) {
+		const struct map_set *device = &map->config.sets[i];
 
-		if (device->point_count && map->config.lines[device->line].module == map->self)
+		if (device->point_count && device->module == map->self)
 			recover_device(map, device, &map->segments[map->self].latches[i]);
 	}
 }

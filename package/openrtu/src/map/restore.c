@@ -17,7 +17,7 @@ struct restoration {
 
 static bool has_part(const struct module_entry *entry)
 {
-	return entry->kind == MAP_MODULE_MODBUS || entry->kind == MAP_MODULE_IEC104;
+	return entry->point_count > 0 || (entry->plan.flags & MAP_KEEPS_QUEUES);
 }
 
 static bool open_segment(const struct map *map, uint32_t module, struct segment *out)
@@ -87,10 +87,10 @@ static void put_queues(struct map *map, struct restoration *restoration, const s
 {
 	uint32_t station = MAP_RTUD;
 
-	while (map->directory->modules[station].kind != MAP_MODULE_IEC104)
+	while (!(map->directory->modules[station].plan.flags & MAP_KEEPS_QUEUES))
 		station++;
 	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
-		if (queue >= map->config.settings.group_count && kept->addresses[queue][0] == '\0')
+		if (queue >= map->config.settings.queue_count && kept->addresses[queue][0] == '\0')
 			continue;
 		place_at_end(map, restoration, queue);
 		put_queue(&restoration->segments[station].queues[queue], kept->addresses[queue],

@@ -8,9 +8,18 @@
 #include "map/layout.h"
 #include "map/time_ns.h"
 
+static const struct segment *segment_of_queues(const struct map *map)
+{
+	uint32_t module = 0;
+
+	while (!(map->directory->modules[module].plan.flags & MAP_KEEPS_QUEUES))
+		module++;
+	return &map->segments[module];
+}
+
 static struct queue_cell *queue_cell(const struct map *map, unsigned slot)
 {
-	return &station_segment(map)->queues[slot];
+	return &segment_of_queues(map)->queues[slot];
 }
 
 /* ---- event queues ------------------------------------------------------------------------ */
@@ -120,87 +129,10 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 	    .lost = atomic_load(&cell->lost),
 	    .used = atomic_load(&cell->used),
 	};
-	if (slot < settings->group_count)
-		memcpy(out->name, settings->groups[slot].name, sizeof(settings->groups[slot].name));
+	if (slot < settings->queue_count)
+		memcpy(out->name, settings->queues[slot].name, sizeof(settings->queues[slot].name));
 	else
 		copy_address(out->name, cell->name);
 	if (out->unacknowledged > out->waiting)
 		out->unacknowledged = out->waiting;
-}
-
-/* ---- counters ---------------------------------------------------------------------------- */
-
-/* The name is its writer's, and goes to the reader's terminal. */
-static void copy_printable(char to[MAP_PEER_SIZE], const char *from)
-{
-	memcpy(to, from, MAP_PEER_SIZE);
-	to[MAP_PEER_SIZE - 1] = '\0';
-	for (char *c = to; *c != '\0'; c++)
-		if (*c < ' ' || *c > '~')
-			*c = '?';
-}
-
-bool map_connection(const struct map *map, unsigned place, struct map_connection *out)
-{
-	const struct map_connection_stats *stats = &map_station_stats(map)->connections[place];
-
-	*out = (struct map_connection){
-	    .queue = atomic_load(&stats->queue),
-	    .since_ns = (int64_t)atomic_load(&stats->since_s) * NS_PER_S,
-	    .started = atomic_load(&stats->started) != 0,
-	    .next_ns = atomic_load(&stats->next_ns),
-	    .next_nr = atomic_load(&stats->next_nr),
-	    .unacknowledged = atomic_load(&stats->unacknowledged),
-	    .owed = atomic_load(&stats->owed),
-	};
-	copy_printable(out->peer, stats->peer);
-	return atomic_load(&stats->open) != 0;
-}
-
-const char *map_station_counter_name(enum map_station_counter counter)
-{
-	static const char *const names[MAP_STATION_COUNTERS] = {
-	    [MAP_STATION_I_IN] = "i_frames_in",
-	    [MAP_STATION_S_IN] = "s_frames_in",
-	    [MAP_STATION_STARTDT_ACT_IN] = "startdt_act_in",
-	    [MAP_STATION_STARTDT_CON_IN] = "startdt_con_in",
-	    [MAP_STATION_STOPDT_ACT_IN] = "stopdt_act_in",
-	    [MAP_STATION_STOPDT_CON_IN] = "stopdt_con_in",
-	    [MAP_STATION_TESTFR_ACT_IN] = "testfr_act_in",
-	    [MAP_STATION_TESTFR_CON_IN] = "testfr_con_in",
-	    [MAP_STATION_I_OUT] = "i_frames_out",
-	    [MAP_STATION_S_OUT] = "s_frames_out",
-	    [MAP_STATION_STARTDT_ACT_OUT] = "startdt_act_out",
-	    [MAP_STATION_STARTDT_CON_OUT] = "startdt_con_out",
-	    [MAP_STATION_STOPDT_ACT_OUT] = "stopdt_act_out",
-	    [MAP_STATION_STOPDT_CON_OUT] = "stopdt_con_out",
-	    [MAP_STATION_TESTFR_ACT_OUT] = "testfr_act_out",
-	    [MAP_STATION_TESTFR_CON_OUT] = "testfr_con_out",
-	    [MAP_STATION_ACCEPTED] = "connections_accepted",
-	    [MAP_STATION_NOT_LISTED] = "refused_address_not_listed",
-	    [MAP_STATION_TOO_MANY] = "refused_too_many",
-	    [MAP_STATION_BAD_APDU] = "closed_bad_apdu",
-	    [MAP_STATION_BAD_ASDU] = "closed_bad_asdu",
-	    [MAP_STATION_BAD_NS] = "closed_bad_ns",
-	    [MAP_STATION_BAD_NR] = "closed_bad_nr",
-	    [MAP_STATION_I_WHILE_STOPPED] = "closed_i_while_stopped",
-	    [MAP_STATION_T1_I_FRAME] = "closed_t1_i_frame",
-	    [MAP_STATION_T1_TESTFR] = "closed_t1_testfr",
-	    [MAP_STATION_UNREAD_ANSWERS] = "closed_unread_answers",
-	    [MAP_STATION_TAKEN_OVER] = "closed_taken_over",
-	    [MAP_STATION_GAVE_WAY] = "closed_gave_way",
-	    [MAP_STATION_NOT_SECURE] = "closed_not_secure",
-	    [MAP_STATION_CLOSED_BY_PEER] = "closed_by_peer",
-	    [MAP_STATION_CLOSED_BY_STATION] = "closed_by_station",
-	    [MAP_STATION_UNKNOWN_TYPE] = "refused_44_unknown_type",
-	    [MAP_STATION_UNKNOWN_CAUSE] = "refused_45_unknown_cause",
-	    [MAP_STATION_UNKNOWN_CA] = "refused_46_unknown_ca",
-	    [MAP_STATION_UNKNOWN_IOA] = "refused_47_unknown_ioa",
-	    [MAP_STATION_NEGATIVE] = "negative_confirmations",
-	    [MAP_STATION_ORIGINATOR] = "refused_originator",
-	    [MAP_STATION_EVENTS_SENT] = "events_sent",
-	    [MAP_STATION_EVENTS_LOST] = "events_lost",
-	};
-
-	return names[counter];
 }

@@ -132,6 +132,22 @@ static void test_a_folder_that_others_may_write_to_is_refused(void **state)
 	assert_int_equal(rmdir(dir), 0);
 }
 
+static void test_points_belong_to_who_may_own_them(void **state)
+{
+	struct stage *stage = *state;
+	char dir[80], error[MAP_ERROR_SIZE] = "";
+	struct map *map;
+
+	snprintf(dir, sizeof(dir), "%s.other", stage->dir);
+	stage->sets[1].module = (uint16_t)index_of(stage, "rtuctl");
+	snprintf(stage->sets[1].name, sizeof(stage->sets[1].name), "Pump");
+	assert_int_equal(map_create(&map, dir, &stage->config, 0, error), -1);
+	assert_string_equal(error, "the set of points Pump belongs to no module that may own it");
+	stage->sets[1].module = MAP_MODULES_MAX;
+	assert_int_equal(map_create(&map, dir, &stage->config, 0, error), -1);
+	assert_int_equal(rmdir(dir), 0);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -139,6 +155,7 @@ int main(void)
 	    TEST(test_a_segment_is_read_only_for_others),
 	    TEST(test_a_module_cannot_truncate_its_segment),
 	    TEST(test_a_folder_that_others_may_write_to_is_refused),
+	    TEST(test_points_belong_to_who_may_own_them),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -9,6 +9,7 @@ static void make(struct stage *stage)
 {
 	char error[MAP_ERROR_SIZE];
 
+	plan_modules(&stage->config, stage->modules, stage->processes);
 	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
 		fail_msg("%s", error);
 }
@@ -18,31 +19,21 @@ int set_up(void **state)
 	struct stage *stage = calloc(1, sizeof(*stage));
 
 	for (uint16_t i = 0; i < 2; i++) {
-		stage->lines[i] = (struct map_line){
-		    .port = i + 1, .process = i + 1, .first_device = i, .device_count = 1, .baud = 9600};
-		stage->devices[i] = (struct map_device){.line = i,
-							.unit = 1,
-							.ca = (uint16_t)(1000 * (i + 1) + 1),
-							.first_point = i * 4u,
-							.point_count = 4};
+		stage->sets[i] = (struct map_set){
+		    .ca = (uint16_t)(1000 * (i + 1) + 1), .first_point = i * 4u, .point_count = 4};
+		stage->processes[i] = i + 1;
 	}
 	for (uint16_t i = 0; i < POINTS; i++)
-		stage->points[i] = (struct map_point){.device = i / 4,
-						      .address = i % 4,
-						      .table = MAP_HOLDING_REGISTERS,
+		stage->points[i] = (struct map_point){.set = i / 4,
 						      .type = MAP_SCALED,
-						      .width = 1,
 						      .flags = i % 4 ? MAP_POINT_COMMAND : 0,
-						      .ioa = 40001u + i % 4,
-						      .scale = 1};
+						      .ioa = 40001u + i % 4};
 	stage->points[3].flags |= MAP_POINT_SELECT;
 	stage->config = (struct map_config){
 	    .settings = {.event_ring = 64, .select_timeout_s = 30, .command_timeout_s = 10},
-	    .line_count = 2,
-	    .device_count = 2,
+	    .set_count = 2,
 	    .point_count = POINTS,
-	    .lines = stage->lines,
-	    .devices = stage->devices,
+	    .sets = stage->sets,
 	    .points = stage->points};
 	strcpy(stage->dir, "/tmp/test_map.XXXXXX");
 	assert_non_null(mkdtemp(stage->dir));

@@ -12,6 +12,7 @@
 
 #include "map/layout.h"
 #include "map/supervise.h"
+#include "map/test_modules.h"
 
 #define POINTS 8
 #define FIRST  "rtu-modbus-1"
@@ -19,10 +20,11 @@
 
 struct stage {
 	char dir[64];
-	struct map_line lines[2];
-	struct map_device devices[2];
+	struct map_set sets[2];
+	uint16_t processes[2]; /* of these */
 	struct map_point points[POINTS];
 	struct map_config config;
+	struct map_module_plan modules[MAP_MODULES_MAX];
 	struct map *rtud;
 };
 

@@ -16,9 +16,7 @@ static int set_up_counters(void **state)
 	    MAP_COUNTER;
 	stage->points[GROUP_2].counter_group = 2;
 	stage->points[OTHER_DEVICE].freeze_s = 3600;
-	stage->devices[1].line = 0; /* both devices are one owner's */
-	stage->lines[0].device_count = 2;
-	stage->lines[1].device_count = 0;
+	stage->processes[1] = stage->processes[0]; /* both sets are one owner's */
 	make_again(stage);
 	return 0;
 }
@@ -105,7 +103,7 @@ static void test_a_freeze_is_the_stations(void **state)
 	struct stage *stage = *state;
 	struct command_stage commands;
 
-	stage->devices[1].ca = stage->devices[0].ca;
+	stage->sets[1].ca = stage->sets[0].ca;
 	stage->points[OTHER_DEVICE].ioa += 1000;
 	make_again(stage);
 	commands = start_commands(*state);

@@ -95,7 +95,7 @@ static void carry_out(struct map *map, uint32_t point, enum map_freeze mode)
 
 static uint16_t ca_of(const struct map *map, uint32_t point)
 {
-	return map->config.devices[map->config.points[point].device].ca;
+	return map->config.sets[map->config.points[point].set].ca;
 }
 
 static bool is_meant(const struct map *map, uint32_t point, const struct map_request *request)

@@ -5,27 +5,27 @@
 
 #include "map/time_ns.h"
 
-unsigned modbus_bits_per_char(const struct map_line *line)
+unsigned modbus_bits_per_char(const struct modbus_port *line)
 {
-	return 1u + 8u + (line->parity != MAP_PARITY_NONE) + line->stop_bits;
+	return 1u + 8u + (line->parity != MODBUS_PARITY_NONE) + line->stop_bits;
 }
 
-struct modbus_wire modbus_wire_of(const struct map_line *line)
+struct modbus_wire modbus_wire_of(const struct modbus_port *line)
 {
 	struct modbus_wire wire =
-	    map_line_is_tcp(line) ? modbus_wire_tcp() : modbus_wire(line->baud, modbus_bits_per_char(line));
+	    modbus_is_tcp(line) ? modbus_wire_tcp() : modbus_wire(line->baud, modbus_bits_per_char(line));
 
-	if (line->rs485 != MAP_RS485_NONE)
+	if (line->rs485 != MODBUS_RS485_NONE)
 		wire.before_ns = line->before_ms * NS_PER_MS;
 	return wire;
 }
 
-struct modbus_limits modbus_limits_of(const struct map_device *device)
+struct modbus_limits modbus_limits_of(const struct modbus_slave *slave)
 {
-	return (struct modbus_limits){.bits = device->max_bits,
-				      .registers = device->max_registers,
-				      .no_holes = device->no_holes,
-				      .reaction_ns = device->reaction_us * NS_PER_US};
+	return (struct modbus_limits){.bits = slave->max_bits,
+				      .registers = slave->max_registers,
+				      .no_holes = slave->no_holes,
+				      .reaction_ns = slave->reaction_us * NS_PER_US};
 }
 
 /* An array of at least one element, so that NULL means no memory. */
@@ -36,23 +36,23 @@ static void *allocate(size_t count, size_t size)
 
 static uint8_t read_function(uint8_t table)
 {
-	switch ((enum map_table)table) {
-	case MAP_COILS:
+	switch ((enum modbus_table)table) {
+	case MODBUS_COILS:
 		return MODBUS_READ_COILS;
-	case MAP_DISCRETE_INPUTS:
+	case MODBUS_DISCRETE_INPUTS:
 		return MODBUS_READ_DISCRETE_INPUTS;
-	case MAP_INPUT_REGISTERS:
+	case MODBUS_INPUT_REGISTERS:
 		return MODBUS_READ_INPUT_REGISTERS;
-	case MAP_HOLDING_REGISTERS:
+	case MODBUS_HOLDING_REGISTERS:
 		break;
 	}
 	return MODBUS_READ_HOLDING_REGISTERS;
 }
 
 /* Two bits, or a value and its scale register, are read with what lies between: only in one answer they belong together. */
-static struct modbus_object object_of(const struct map_point *point, uint32_t number)
+static struct modbus_object object_of(const struct modbus_point *point, uint32_t number)
 {
-	const struct map_extent extent = map_point_extent(point);
+	const struct modbus_extent extent = modbus_extent_of(point);
 
 	return (struct modbus_object){.tag = number,
 				      .address = (uint16_t)extent.first,
@@ -61,9 +61,11 @@ static struct modbus_object object_of(const struct map_point *point, uint32_t nu
 				      .period_ms = point->scan_period_ms};
 }
 
-static bool configure_device(const struct map_config *config, const struct map_device *from,
-			     struct modbus_device *device)
+static bool configure_device(const struct map_config *config, uint32_t number, struct modbus_device *device)
 {
+	const struct modbus_slave *from = &modbus_slaves(config)[number];
+	const struct map_set *set = &config->sets[number];
+
 	*device = (struct modbus_device){
 	    .unit = from->unit,
 	    .retries = from->retries,
@@ -71,21 +73,21 @@ static bool configure_device(const struct map_config *config, const struct map_d
 	    .response_timeout_ns = from->response_timeout_ms * NS_PER_MS,
 	    .response_timeout_min_ns = from->response_timeout_min_ms * NS_PER_MS,
 	    .probe_max_ns = from->probe_max_s * NS_PER_S,
-	    .object_count = from->point_count,
-	    .objects = allocate(from->point_count, sizeof(*device->objects)),
-	    .reads = allocate(from->point_count, sizeof(*device->reads)),
+	    .object_count = set->point_count,
+	    .objects = allocate(set->point_count, sizeof(*device->objects)),
+	    .reads = allocate(set->point_count, sizeof(*device->reads)),
 	};
 	if (device->objects == NULL || device->reads == NULL)
 		return false;
-	for (uint32_t i = 0; i < from->point_count; i++) {
-		const struct map_point *point = &config->points[from->first_point + i];
+	for (uint32_t i = 0; i < set->point_count; i++) {
+		const struct modbus_point *point = &modbus_points(config)[set->first_point + i];
 
-		device->objects[i] = object_of(point, from->first_point + i);
+		device->objects[i] = object_of(point, set->first_point + i);
 	}
 	return true;
 }
 
-static uint32_t commands_of_device(const struct map_config *config, const struct map_device *device)
+static uint32_t commands_of_device(const struct map_config *config, const struct map_set *device)
 {
 	uint32_t count = 0;
 
@@ -95,18 +97,18 @@ static uint32_t commands_of_device(const struct map_config *config, const struct
 }
 
 /* A point has one command at a time: a line's queue with room for each that takes them is never full. */
-static uint32_t commands_of_line(const struct map_config *config, const struct map_line *line)
+static uint32_t commands_of_line(const struct map_config *config, const struct modbus_port *line)
 {
 	uint32_t count = 0;
 
 	for (uint32_t i = 0; i < line->device_count; i++)
-		count += commands_of_device(config, &config->devices[line->first_device + i]);
+		count += commands_of_device(config, &config->sets[line->first_device + i]);
 	return count;
 }
 
 bool modbus_line_configure(struct modbus_line *line, const struct map_config *config, uint32_t number)
 {
-	const struct map_line *from = &config->lines[number];
+	const struct modbus_port *from = &modbus_ports(config)[number];
 
 	line->wire = modbus_wire_of(from);
 	line->command_capacity = commands_of_line(config, from);
@@ -116,7 +118,7 @@ bool modbus_line_configure(struct modbus_line *line, const struct map_config *co
 		return false;
 	line->device_count = from->device_count;
 	for (uint32_t i = 0; i < line->device_count; i++)
-		if (!configure_device(config, &config->devices[from->first_device + i], &line->devices[i]))
+		if (!configure_device(config, from->first_device + i, &line->devices[i]))
 			return false;
 	modbus_line_init(line);
 	return true;

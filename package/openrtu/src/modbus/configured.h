@@ -8,15 +8,16 @@
 
 #include "line.h"
 #include "map/config.h"
+#include "modbus/config.h"
 
 /* Bits of one character of a serial line: start, data, parity, stop. */
-unsigned modbus_bits_per_char(const struct map_line *line);
+unsigned modbus_bits_per_char(const struct modbus_port *line);
 
 /* Durations of a line in ns, what its port takes to switch the direction included; of a TCP connection, too. */
-struct modbus_wire modbus_wire_of(const struct map_line *line);
+struct modbus_wire modbus_wire_of(const struct modbus_port *line);
 
 /* What the file says that a device takes. */
-struct modbus_limits modbus_limits_of(const struct map_device *device);
+struct modbus_limits modbus_limits_of(const struct modbus_slave *slave);
 
 /*
  * Makes line number of the configuration: its devices with their objects, whose tags are the indices of their

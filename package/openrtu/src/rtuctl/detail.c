@@ -9,6 +9,7 @@
 #include <jansson.h>
 
 #include "map/type.h"
+#include "modbus/config.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/words.h"
 
@@ -78,15 +79,22 @@ static void add_details(const struct map *map, uint32_t point, json_t *row)
 	}
 }
 
-/* Null: it is read in turn. */
-static json_t *period(const struct map_point *point)
+/* NULL: it is none of a Modbus device. */
+static const struct modbus_point *wire_of(const struct map_config *config, uint32_t point)
 {
-	return point->scan_period_ms > 0 ? json_integer(point->scan_period_ms) : json_null();
+	return point < map_record_count(config, MODBUS_POINTS) ? &modbus_points(config)[point] : NULL;
 }
 
-static json_t *scale_register(const struct map_point *point)
+/* Null: it is read in turn. */
+static json_t *period(const struct modbus_point *point)
 {
-	return map_point_has_scale_register(point) ? json_integer(point->second_address) : json_null();
+	return point != NULL && point->scan_period_ms > 0 ? json_integer(point->scan_period_ms) : json_null();
+}
+
+static json_t *scale_register(const struct modbus_point *point)
+{
+	return point != NULL && modbus_has_scale_register(point) ? json_integer(point->second_address)
+								 : json_null();
 }
 
 static void print_row(json_t *row)
@@ -107,13 +115,15 @@ static void print_row(json_t *row)
 int rtuctl_show(struct map *map, const struct rtuctl_request *request)
 {
 	uint32_t point = rtuctl_find_point(map_config(map), request->arguments[0]);
+	const struct modbus_point *wire;
 	json_t *row;
 
 	if (point == MAP_NONE)
 		return RTUCTL_FAILED;
 	row = rtuctl_point_row(map, point);
-	json_object_set_new(row, "period_ms", period(&map_config(map)->points[point]));
-	json_object_set_new(row, "scale_register", scale_register(&map_config(map)->points[point]));
+	wire = wire_of(map_config(map), point);
+	json_object_set_new(row, "period_ms", period(wire));
+	json_object_set_new(row, "scale_register", scale_register(wire));
 	add_details(map, point, row);
 	if (request->json)
 		listing_print_json(row);

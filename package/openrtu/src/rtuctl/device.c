@@ -3,6 +3,8 @@
 #include <jansson.h>
 
 #include "map/time_ns.h"
+#include "modbus/config.h"
+#include "modbus/stats.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/rtuctl.h"
 
@@ -14,14 +16,15 @@ json_t *rtuctl_milliseconds(uint32_t us)
 json_t *rtuctl_device_row(const struct map *map, uint32_t index)
 {
 	const struct map_config *config = map_config(map);
-	const struct map_device *device = &config->devices[index];
-	const struct map_device_stats *stats = map_device_stats(map, index);
+	const struct map_set *set = &config->sets[index];
+	const struct modbus_slave *slave = &modbus_slaves(config)[index];
+	const struct modbus_device_stats *stats = modbus_device_stats(map, index);
 	json_t *row = json_object();
 
-	json_object_set_new(row, "port", json_integer(config->lines[device->line].port));
-	json_object_set_new(row, "id", json_integer(device->unit));
-	json_object_set_new(row, "description", json_string(device->name));
-	json_object_set_new(row, "ca", json_integer(device->ca));
+	json_object_set_new(row, "port", json_integer(modbus_ports(config)[slave->port].port));
+	json_object_set_new(row, "id", json_integer(slave->unit));
+	json_object_set_new(row, "description", json_string(set->name));
+	json_object_set_new(row, "ca", json_integer(set->ca));
 	json_object_set_new(row, "alive", json_boolean(stats->alive));
 	json_object_set_new(row, "latency_ms", rtuctl_milliseconds(stats->latency_us));
 	json_object_set_new(row, "latency_least_ms", rtuctl_milliseconds(stats->latency_least_us));

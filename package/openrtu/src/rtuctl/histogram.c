@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <sys/utsname.h>
 
+#include "modbus/config.h"
+#include "modbus/stats.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/realtime.h"
 #include "rtuctl/rtuctl.h"
@@ -25,16 +27,16 @@ static bool is_realtime(void)
 /* Of a line: its process, and what the kernel has given that. */
 static struct realtime_grant grant_of(const struct map *map, uint32_t index, struct map_module *module)
 {
-	map_module(map, map_config(map)->lines[index].module, module);
+	map_module(map, modbus_ports(map_config(map))[index].module, module);
 	if (!module->alive)
 		return (struct realtime_grant){.running = false};
 	return realtime_granted("/proc", module->pid);
 }
 
 static const char *verdict(const struct map *map, const struct realtime_grant *grant,
-			   const struct map_line_stats *stats)
+			   const struct modbus_line_stats *stats)
 {
-	return realtime_verdict(is_realtime(), grant, map_config(map)->settings.modbus_priority,
+	return realtime_verdict(is_realtime(), grant, modbus_settings(map_config(map))->priority,
 				stats->wakeups.longest_us);
 }
 
@@ -43,7 +45,7 @@ static json_t *bound_of(uint32_t bucket)
 	return bucket == MAP_BUCKETS - 1 ? json_string("more") : json_integer(1 << bucket);
 }
 
-static void print_buckets(const struct map_line_stats *stats)
+static void print_buckets(const struct modbus_line_stats *stats)
 {
 	struct listing listing;
 
@@ -61,13 +63,13 @@ static void print_buckets(const struct map_line_stats *stats)
 
 static void print_line(const struct map *map, uint32_t index)
 {
-	const struct map_line_stats *stats = map_line_stats(map, index);
+	const struct modbus_line_stats *stats = modbus_line_stats(map, index);
 	struct map_module module;
 	struct realtime_grant grant = grant_of(map, index, &module);
 	char words[REALTIME_WORDS_SIZE];
 
 	printf("%sport %u: longest wake-up %u us late, longest transaction %u us\n", index > 0 ? "\n" : "",
-	       map_config(map)->lines[index].port, (unsigned)stats->wakeups.longest_us,
+	       modbus_ports(map_config(map))[index].port, (unsigned)stats->wakeups.longest_us,
 	       (unsigned)stats->transactions.longest_us);
 	print_buckets(stats);
 	realtime_words(&grant, words);
@@ -93,15 +95,15 @@ static json_t *process_json(const struct map_module *module, const struct realti
 
 static json_t *line_json(const struct map *map, uint32_t index)
 {
-	const struct map_line_stats *stats = map_line_stats(map, index);
+	const struct modbus_line_stats *stats = modbus_line_stats(map, index);
 	struct map_module module;
 	struct realtime_grant grant = grant_of(map, index, &module);
 
-	return json_pack("{s:i, s:o, s:o, s:o, s:b, s:b, s:s}", "port", map_config(map)->lines[index].port,
-			 "wakeups", histogram_json(&stats->wakeups), "transactions",
-			 histogram_json(&stats->transactions), "process", process_json(&module, &grant),
-			 "realtime_kernel", is_realtime(), "realtime", realtime_is(is_realtime(), &grant),
-			 "verdict", verdict(map, &grant, stats));
+	return json_pack(
+	    "{s:i, s:o, s:o, s:o, s:b, s:b, s:s}", "port", modbus_ports(map_config(map))[index].port,
+	    "wakeups", histogram_json(&stats->wakeups), "transactions", histogram_json(&stats->transactions),
+	    "process", process_json(&module, &grant), "realtime_kernel", is_realtime(), "realtime",
+	    realtime_is(is_realtime(), &grant), "verdict", verdict(map, &grant, stats));
 }
 
 int rtuctl_histogram(struct map *map, const struct rtuctl_request *request)
@@ -110,7 +112,7 @@ int rtuctl_histogram(struct map *map, const struct rtuctl_request *request)
 
 	if (request->json)
 		listing_begin(&listing, columns, COUNT(columns), true);
-	for (uint32_t i = 0; i < map_modbus_lines(map_config(map)); i++) {
+	for (uint32_t i = 0; i < modbus_port_count(map_config(map)); i++) {
 		if (request->json)
 			listing_add(&listing, line_json(map, i));
 		else

@@ -17,7 +17,7 @@ void learned_objects(uint32_t function, uint32_t address, uint32_t count, char o
 		snprintf(out, LEARNED_WORDS_SIZE, "%s %u", table, address);
 }
 
-static json_t *hole_json(const struct map_learned *learned)
+static json_t *hole_json(const struct modbus_learned_stats *learned)
 {
 	if (learned->hole_count == 0)
 		return json_null();
@@ -27,7 +27,7 @@ static json_t *hole_json(const struct map_learned *learned)
 			 "read", (json_int_t)learned->hole_read);
 }
 
-static json_t *lacking_json(const struct map_learned *learned)
+static json_t *lacking_json(const struct modbus_learned_stats *learned)
 {
 	if (learned->lacking_count == 0)
 		return json_null();
@@ -36,7 +36,7 @@ static json_t *lacking_json(const struct map_learned *learned)
 			 (json_int_t)learned->lacking_exception, "count", (json_int_t)learned->lacking_count);
 }
 
-json_t *learned_json(const struct map_learned *learned)
+json_t *learned_json(const struct modbus_learned_stats *learned)
 {
 	return json_pack("{s:I, s:I, s:I, s:I, s:o, s:o, s:I, s:I, s:I}", "given_bits",
 			 (json_int_t)learned->given_bits, "given_registers",

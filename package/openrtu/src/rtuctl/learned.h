@@ -9,6 +9,7 @@
 #include <jansson.h>
 
 #include "map/map.h"
+#include "modbus/stats.h"
 
 #define LEARNED_WORDS_SIZE 64
 
@@ -21,7 +22,7 @@ static inline bool learned_is_of_bits(uint32_t function)
 }
 
 /* A new reference. */
-json_t *learned_json(const struct map_learned *learned);
+json_t *learned_json(const struct modbus_learned_stats *learned);
 /* Prints a table with a row for each device. */
 void learned_list(const struct map *map);
 

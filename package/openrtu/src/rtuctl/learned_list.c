@@ -2,6 +2,8 @@
 /* The list of what lines have learned of their devices. */
 #include <stdio.h>
 
+#include "modbus/config.h"
+#include "modbus/stats.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rtuctl.h"
@@ -21,7 +23,7 @@ static const struct listing_column columns[] = {
     {"refused", "REFUSED", LISTING_TEXT},
 };
 
-static void add_refused(json_t *list, const struct map_learned *learned)
+static void add_refused(json_t *list, const struct modbus_learned_stats *learned)
 {
 	char words[LEARNED_WORDS_SIZE];
 
@@ -45,7 +47,7 @@ static void add_refused(json_t *list, const struct map_learned *learned)
 		json_array_append_new(list, json_sprintf("%u reads not answered yet", learned->open));
 }
 
-static json_t *refused_text(const struct map_learned *learned)
+static json_t *refused_text(const struct modbus_learned_stats *learned)
 {
 	char text[REFUSED_SIZE] = "-";
 	json_t *list = json_array();
@@ -68,7 +70,7 @@ static json_t *refused_text(const struct map_learned *learned)
 
 static json_t *row_of(const struct map *map, uint32_t index)
 {
-	const struct map_learned *learned = &map_device_stats(map, index)->learned;
+	const struct modbus_learned_stats *learned = &modbus_device_stats(map, index)->learned;
 	json_t *row = rtuctl_device_row(map, index);
 
 	json_object_set_new(row, "given_bits", json_integer(learned->given_bits));
@@ -82,7 +84,7 @@ void learned_list(const struct map *map)
 	struct listing listing;
 
 	listing_begin(&listing, columns, COUNT(columns), false);
-	for (uint32_t i = 0; i < map_slaves(map_config(map)); i++)
+	for (uint32_t i = 0; i < modbus_slave_count(map_config(map)); i++)
 		listing_add(&listing, row_of(map, i));
 	listing_end(&listing);
 }

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <sys/file.h>
 
+#include "iec104/counters.h"
+#include "modbus/stats.h"
 #include "rtuctl/rtuctl.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
@@ -314,6 +316,12 @@ static int run(const struct line *line)
 	}
 	if (map_attach(&map, dir, module, error) < 0)
 		return report_no_map(line, error);
+	if (!modbus_is_known(map) || !iec104_is_known(map)) {
+		fputs("rtuctl: the map has records of other sizes: use the rtuctl of rtud's version\n",
+		      stderr);
+		map_detach(map);
+		return RTUCTL_USAGE;
+	}
 	if (!map_alive(map, MAP_RTUD))
 		fputs("rtuctl: rtud does not run: this is what it left behind\n", stderr);
 	result = line->command->run(map, &line->request);

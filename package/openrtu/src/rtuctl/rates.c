@@ -9,6 +9,8 @@
 #include <unistd.h>
 
 #include "map/time_ns.h"
+#include "modbus/config.h"
+#include "modbus/stats.h"
 #include "rtuctl/rtuctl.h"
 
 #define STAT_SIZE 512
@@ -56,7 +58,7 @@ static void look_at_module(struct rates *rates, uint32_t index, double seconds)
 
 /* ---- lines and events -------------------------------------------------------------------- */
 
-static uint32_t errors_of(const struct map_line_stats *stats)
+static uint32_t errors_of(const struct modbus_line_stats *stats)
 {
 	return stats->exceptions + stats->timeouts + stats->crc_errors + stats->wrong_units +
 	       stats->wrong_functions + stats->wrong_lengths + stats->wrong_answers + stats->port_errors;
@@ -70,7 +72,7 @@ static double rate(uint32_t now, uint32_t before, double seconds)
 
 static void look_at_line(struct rates *rates, uint32_t index, double seconds)
 {
-	const struct map_line_stats *stats = map_line_stats(rates->map, index);
+	const struct modbus_line_stats *stats = modbus_line_stats(rates->map, index);
 	struct rates_line *line = &rates->lines[index];
 	uint32_t requests = stats->requests, errors = errors_of(stats);
 
@@ -101,7 +103,7 @@ void rates_look(struct rates *rates)
 
 	for (uint32_t i = 0; i < map_module_count(rates->map); i++)
 		look_at_module(rates, i, seconds);
-	for (uint32_t i = 0; i < map_modbus_lines(map_config(rates->map)); i++)
+	for (uint32_t i = 0; i < modbus_port_count(map_config(rates->map)); i++)
 		look_at_line(rates, i, seconds);
 	look_at_events(rates, seconds);
 	rates->at_ns = now_ns;
@@ -110,7 +112,7 @@ void rates_look(struct rates *rates)
 void rates_begin(struct rates *rates, const struct map *map)
 {
 	*rates = (struct rates){.map = map};
-	rates->lines = calloc(map_modbus_lines(map_config(map)) + 1u, sizeof(*rates->lines));
+	rates->lines = calloc(modbus_port_count(map_config(map)) + 1u, sizeof(*rates->lines));
 	if (rates->lines == NULL)
 		errx(RTUCTL_FAILED, "out of memory");
 	map_cursor_to_end(map, &rates->cursor);

@@ -16,7 +16,7 @@ struct rates {
 	const struct map *map;
 	int64_t at_ns; /* the last look; 0: none yet */
 	struct map_cursor cursor;
-	struct rates_line *lines; /* of map_modbus_lines */
+	struct rates_line *lines; /* of each Modbus port */
 	double events_s;
 	struct {
 		int32_t pid;

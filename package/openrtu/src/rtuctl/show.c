@@ -4,10 +4,14 @@
 
 #include <fnmatch.h>
 #include <stdio.h>
+#include <string.h>
 
 #include <jansson.h>
 
+#include "journal/stats.h"
 #include "map/time_ns.h"
+#include "modbus/config.h"
+#include "modbus/stats.h"
 #include "rtuctl/data.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/listing.h"
@@ -69,7 +73,7 @@ json_t *rtuctl_point_row(const struct map *map, uint32_t index)
 {
 	const struct map_config *config = map_config(map);
 	const struct map_point *point = &config->points[index];
-	const struct map_device *device = &config->devices[point->device];
+	const struct map_set *set = &config->sets[point->set];
 	struct map_sample sample = {.quality = MAP_INVALID};
 	json_t *row = json_object();
 	char quality[WORDS_SIZE];
@@ -85,9 +89,9 @@ json_t *rtuctl_point_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "quality", json_string(quality));
 	json_object_set_new(row, "age_s", age_of(sample.time_ns));
 	json_object_set_new(row, "owner", module_name(map, map_owner(map, index)));
-	json_object_set_new(row, "ca", json_integer(device->ca));
+	json_object_set_new(row, "ca", json_integer(set->ca));
 	json_object_set_new(row, "ioa", json_integer(point->ioa));
-	json_object_set_new(row, "broadcast", json_boolean(device->unit == 0));
+	json_object_set_new(row, "broadcast", json_boolean(set->never_read));
 	return row;
 }
 
@@ -162,7 +166,7 @@ static const struct listing_column module_columns[] = {
 
 static json_t *journal_state(const struct map *map)
 {
-	const struct map_journal_stats *stats = map_journal_stats(map);
+	const struct journal_stats *stats = journal_stats_of(map);
 	uint32_t written_s = stats->written_s;
 	json_t *state = json_object();
 
@@ -179,7 +183,7 @@ static json_t *journal_state(const struct map *map)
 
 static void print_journal(const struct map *map)
 {
-	const struct map_journal_stats *stats = map_journal_stats(map);
+	const struct journal_stats *stats = journal_stats_of(map);
 	uint32_t written_s = stats->written_s;
 
 	printf("\njournal: %s%u events not acknowledged; %u records, %u KiB, %u failures",
@@ -197,7 +201,7 @@ static json_t *module_row(const struct map *map, uint32_t index)
 
 	map_module(map, index, &module);
 	json_object_set_new(row, "name", json_string(module.name));
-	json_object_set_new(row, "kind", json_string(words_module_kind(module.kind)));
+	json_object_set_new(row, "kind", json_string(module.kind));
 	json_object_set_new(row, "state", json_string(words_module_state(module.state)));
 	json_object_set_new(row, "alive", json_boolean(module.alive));
 	json_object_set_new(row, "pid", module.pid != 0 ? json_integer(module.pid) : json_null());
@@ -206,7 +210,7 @@ static json_t *module_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "restarts", json_integer(module.restarts));
 	json_object_set_new(row, "points", json_integer(module.point_count));
 	json_object_set_new(row, "lost_events", json_integer(module.lost_events));
-	if (module.kind == MAP_MODULE_JOURNAL)
+	if (strcmp(module.kind, JOURNAL_KIND) == 0)
 		json_object_set_new(row, "journal", journal_state(map));
 	return row;
 }
@@ -220,7 +224,7 @@ int rtuctl_modules(struct map *map, const struct rtuctl_request *request)
 	for (uint32_t i = 0; i < map_module_count(map); i++)
 		listing_add(&listing, module_row(map, i));
 	listing_end(&listing);
-	if (!request->json && map_journal_stats(map) != NULL)
+	if (!request->json && journal_stats_of(map) != NULL)
 		print_journal(map);
 	if (!request->json && data_line(request->dir, "/data", line))
 		printf("\n%s\n", line);
@@ -276,17 +280,17 @@ static const struct listing_column device_columns[] = {
 };
 
 /* As engineers write it: 19200 8N2, TCP 502 */
-static json_t *line_format(const struct map_line *line)
+static json_t *line_format(const struct modbus_port *line)
 {
 	static const char parities[] = {
-	    [MAP_PARITY_NONE] = 'N', [MAP_PARITY_ODD] = 'O', [MAP_PARITY_EVEN] = 'E'};
+	    [MODBUS_PARITY_NONE] = 'N', [MODBUS_PARITY_ODD] = 'O', [MODBUS_PARITY_EVEN] = 'E'};
 
-	if (map_line_is_tcp(line))
+	if (modbus_is_tcp(line))
 		return json_sprintf("TCP %u", line->tcp_port);
 	return json_sprintf("%u 8%c%u", line->baud, parities[line->parity], line->stop_bits);
 }
 
-static json_t *line_devices(const struct map *map, const struct map_line *line)
+static json_t *line_devices(const struct map *map, const struct modbus_port *line)
 {
 	json_t *devices = json_array();
 
@@ -297,8 +301,8 @@ static json_t *line_devices(const struct map *map, const struct map_line *line)
 
 static json_t *line_row(const struct map *map, uint32_t index)
 {
-	const struct map_line *line = &map_config(map)->lines[index];
-	const struct map_line_stats *stats = map_line_stats(map, index);
+	const struct modbus_port *line = &modbus_ports(map_config(map))[index];
+	const struct modbus_line_stats *stats = modbus_line_stats(map, index);
 	json_t *row = json_object();
 
 	json_object_set_new(row, "port", json_integer(line->port));
@@ -332,7 +336,7 @@ static void list_lines(const struct map *map, const struct listing_column *colum
 	struct listing listing;
 
 	listing_begin(&listing, columns, count, json);
-	for (uint32_t i = 0; i < map_modbus_lines(map_config(map)); i++)
+	for (uint32_t i = 0; i < modbus_port_count(map_config(map)); i++)
 		listing_add(&listing, line_row(map, i));
 	listing_end(&listing);
 }
@@ -342,7 +346,7 @@ static void list_devices(const struct map *map)
 	struct listing listing;
 
 	listing_begin(&listing, device_columns, COUNT(device_columns), false);
-	for (uint32_t i = 0; i < map_slaves(map_config(map)); i++)
+	for (uint32_t i = 0; i < modbus_slave_count(map_config(map)); i++)
 		listing_add(&listing, rtuctl_device_row(map, i));
 	listing_end(&listing);
 }

@@ -7,6 +7,8 @@
 
 #include <jansson.h>
 
+#include "iec104/config.h"
+#include "iec104/counters.h"
 #include "map/station.h"
 #include "map/time_ns.h"
 #include "rtuctl/listing.h"
@@ -51,14 +53,14 @@ static json_t *queue_name(const struct map *map, uint32_t slot)
 
 static json_t *connection_rows(const struct map *map)
 {
-	const struct map_settings *settings = &map_config(map)->settings;
+	const struct iec104_settings *settings = iec104_settings(map_config(map));
 	json_t *rows = json_array();
 
-	for (unsigned i = 0; i < MAP_STATION_CONNECTIONS; i++) {
-		struct map_connection connection;
+	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
+		struct iec104_shown_connection connection;
 		json_t *row;
 
-		if (!map_connection(map, i, &connection))
+		if (!iec104_shown_connection(map, i, &connection))
 			continue;
 		row = json_object();
 		json_object_set_new(row, "peer", json_string(connection.peer));
@@ -90,7 +92,7 @@ static json_t *queue_rows(const struct map *map)
 			continue;
 		row = json_object();
 		json_object_set_new(row, "name", json_string(queue.name));
-		json_object_set_new(row, "group", json_boolean(slot < map_config(map)->settings.group_count));
+		json_object_set_new(row, "group", json_boolean(slot < map_config(map)->settings.queue_count));
 		json_object_set_new(row, "waiting", json_integer(queue.waiting));
 		json_object_set_new(row, "unacknowledged", json_integer(queue.unacknowledged));
 		json_object_set_new(row, "lost", json_integer(queue.lost));
@@ -102,13 +104,13 @@ static json_t *queue_rows(const struct map *map)
 
 static json_t *counter_rows(const struct map *map)
 {
-	const struct map_station_stats *stats = map_station_stats(map);
+	const struct iec104_stats *stats = iec104_stats_of(map);
 	json_t *rows = json_array();
 
-	for (unsigned i = 0; i < MAP_STATION_COUNTERS; i++)
+	for (unsigned i = 0; i < IEC104_COUNT_OF_COUNTERS; i++)
 		json_array_append_new(rows, json_pack("{s:s, s:I}", "counter",
-						      map_station_counter_name((enum map_station_counter)i),
-						      "value", (json_int_t)stats->counters[i]));
+						      iec104_counter_name((enum iec104_counter)i), "value",
+						      (json_int_t)stats->counters[i]));
 	return rows;
 }
 

@@ -9,7 +9,9 @@
 #include <stdio.h>
 
 #include "map/time_ns.h"
+#include "modbus/config.h"
 #include "modbus/configured.h"
+#include "modbus/stats.h"
 #include "rtuctl/learned.h"
 #include "rtuctl/rtuctl.h"
 
@@ -29,9 +31,9 @@ struct length {
 };
 
 struct device {
-	const struct map_device *config;
-	const struct map_line *line;
-	const struct map_device_stats *stats;
+	const struct modbus_slave *config;
+	const struct modbus_port *line;
+	const struct modbus_device_stats *stats;
 	json_t *keys;
 };
 
@@ -50,7 +52,7 @@ static void remark(struct device *device, const char *format, ...)
 
 static struct length length_of(const struct device *device, bool bits)
 {
-	const struct map_learned *learned = &device->stats->learned;
+	const struct modbus_learned_stats *learned = &device->stats->learned;
 
 	if (bits)
 		return (struct length){.key = "max_bits",
@@ -106,7 +108,7 @@ static void suggest_either(struct device *device, const struct length *length, c
 
 static void judge_hole(struct device *device)
 {
-	const struct map_learned *learned = &device->stats->learned;
+	const struct modbus_learned_stats *learned = &device->stats->learned;
 	struct length length = length_of(device, learned_is_of_bits(learned->hole_function));
 	bool certain = learned->hole_read <= length.given;
 	char hole[LEARNED_WORDS_SIZE];
@@ -134,7 +136,7 @@ static void judge_hole(struct device *device)
 
 static void judge_lacking(struct device *device)
 {
-	const struct map_learned *learned = &device->stats->learned;
+	const struct modbus_learned_stats *learned = &device->stats->learned;
 	char object[LEARNED_WORDS_SIZE], others[LEARNED_WORDS_SIZE] = "", reason[] = "exception 4294967295";
 
 	if (learned->lacking_count == 0)
@@ -151,7 +153,7 @@ static void judge_lacking(struct device *device)
 
 static void judge_unclear(struct device *device)
 {
-	const struct map_learned *learned = &device->stats->learned;
+	const struct modbus_learned_stats *learned = &device->stats->learned;
 
 	if (learned->unclear > 0)
 		remark(device,
@@ -197,11 +199,11 @@ static void judge(struct device *device)
 }
 
 /* The slave as an element of its port's array, NULL: nothing is suggested for it. */
-static json_t *slave_of(const struct map *map, const struct map_line *line, uint32_t index)
+static json_t *slave_of(const struct map *map, const struct modbus_port *line, uint32_t index)
 {
-	struct device device = {.config = &map_config(map)->devices[index],
+	struct device device = {.config = &modbus_slaves(map_config(map))[index],
 				.line = line,
-				.stats = map_device_stats(map, index),
+				.stats = modbus_device_stats(map, index),
 				.keys = json_object()};
 	json_t *slave = NULL;
 
@@ -214,7 +216,7 @@ static json_t *slave_of(const struct map *map, const struct map_line *line, uint
 	return slave;
 }
 
-static json_t *slaves_of(const struct map *map, const struct map_line *line)
+static json_t *slaves_of(const struct map *map, const struct modbus_port *line)
 {
 	json_t *slaves = json_array();
 
@@ -232,12 +234,13 @@ int rtuctl_suggest(struct map *map, const struct rtuctl_request *request)
 	const struct map_config *config = map_config(map);
 	json_t *ports = json_array(), *file;
 
-	for (uint32_t i = 0; i < map_modbus_lines(config); i++) {
-		json_t *slaves = slaves_of(map, &config->lines[i]);
+	for (uint32_t i = 0; i < modbus_port_count(config); i++) {
+		json_t *slaves = slaves_of(map, &modbus_ports(config)[i]);
 
 		if (json_array_size(slaves) > 0)
 			json_array_append_new(
-			    ports, json_pack("{s:i, s:O}", "value", config->lines[i].port, "slaves", slaves));
+			    ports,
+			    json_pack("{s:i, s:O}", "value", modbus_ports(config)[i].port, "slaves", slaves));
 		json_decref(slaves);
 	}
 	if (json_array_size(ports) == 0)

@@ -16,8 +16,13 @@
 #include <cmocka.h>
 #include <jansson.h>
 
+#include "iec104/config.h"
+#include "iec104/counters.h"
 #include "map/station.h"
 #include "map/supervise.h"
+#include "modbus/config.h"
+#include "modbus/stats.h"
+#include "rtud/kinds.h"
 
 #define OUTPUT_SIZE 32768
 #define DEADLINE_S  20
@@ -25,52 +30,51 @@
 
 enum { LAMP, BREAKER, LEVEL, CURRENT, POINTS };
 
-static struct map_line lines[] = {
+static struct modbus_port lines[] = {
     {.port = 3, .process = 1, .device_count = 1, .stop_bits = 2, .baud = 19200, .device = "ttyS3"}};
-static struct map_device devices[] = {
-    {.ca = 3067, .unit = 67, .response_timeout_ms = 500, .point_count = POINTS, .name = "Pump"}};
+static struct modbus_slave slaves[] = {{.unit = 67, .response_timeout_ms = 500}};
+static struct modbus_point wire[POINTS];
+static struct modbus_settings modbus_keys = {.heartbeat_limit_ms =
+						 5000}; /* a busy host does not end the owner */
+static struct iec104_settings iec104_keys = {.k = 12, .w = 8};
+static struct map_set sets[] = {{.ca = 3067, .point_count = POINTS, .name = "Pump"}};
 static struct {
 	char none[1], lamp[sizeof("pump/lamp")], breaker[sizeof("pump/breaker")], level[sizeof("level")],
 	    current[sizeof("current")];
 } names = {"", "pump/lamp", "pump/breaker", "level", "current"};
 static struct map_point points[POINTS] = {
     [LAMP] = {.name = offsetof(typeof(names), lamp),
-	      .table = MAP_COILS,
 	      .type = MAP_SINGLE,
 	      .ioa = 1,
 	      .flags = MAP_POINT_COMMAND,
 	      .short_pulse_ms = 400},
     [BREAKER] = {.name = offsetof(typeof(names), breaker),
-		 .table = MAP_COILS,
 		 .type = MAP_DOUBLE,
 		 .ioa = 2,
 		 .flags = MAP_POINT_COMMAND | MAP_POINT_SELECT},
-    [LEVEL] = {.name = offsetof(typeof(names), level),
-	       .table = MAP_INPUT_REGISTERS,
-	       .type = MAP_SCALED,
-	       .ioa = 30001},
-    [CURRENT] = {.name = offsetof(typeof(names), current),
-		 .table = MAP_INPUT_REGISTERS,
-		 .type = MAP_FLOAT,
-		 .ioa = 30002},
+    [LEVEL] = {.name = offsetof(typeof(names), level), .type = MAP_SCALED, .ioa = 30001},
+    [CURRENT] = {.name = offsetof(typeof(names), current), .type = MAP_FLOAT, .ioa = 30002},
 };
-static const struct map_config config = {
-    .settings = {.heartbeat_limit_ms = 5000, /* a busy host does not end the owner */
-		 .command_timeout_s = 10,
+static struct map_module_plan modules[MAP_MODULES_MAX];
+static struct map_config config = {
+    .settings = {.command_timeout_s = 10,
 		 .select_timeout_s = 30,
 		 .event_ring = 64,
-		 .k = 12,
-		 .w = 8,
-		 .group_count = 1,
-		 .groups = {{.name = "Control centre", .queue = 50}}},
-    .line_count = 1,
-    .device_count = 1,
+		 .queue_count = 1,
+		 .queues = {{.name = "Control centre", .limit = 50}}},
+    .set_count = 1,
     .point_count = POINTS,
-    .lines = lines,
-    .devices = devices,
+    .sets = sets,
+    .sections = {{MODBUS_PORTS, sizeof(lines[0]), 1, lines},
+		 {MODBUS_SLAVES, sizeof(slaves[0]), 1, slaves},
+		 {MODBUS_POINTS, sizeof(wire[0]), POINTS, wire},
+		 {MODBUS_SETTINGS, sizeof(modbus_keys), 1, &modbus_keys},
+		 {IEC104_SETTINGS, sizeof(iec104_keys), 1, &iec104_keys}},
+    .section_count = 5,
     .points = points,
     .names = (char *)&names,
     .names_size = sizeof(names),
+    .modules = modules,
 };
 
 static const char *program;
@@ -299,10 +303,10 @@ static void test_lines(void **state)
 	json_t *json, *row;
 
 	(void)state;
-	map_line_stats(owner, 0)->requests = 17;
-	map_line_stats(owner, 0)->wrong_lengths = 5;
-	map_line_stats(owner, 0)->echoes = 6;
-	map_device_stats(owner, 0)->timeouts = 4;
+	modbus_line_stats(owner, 0)->requests = 17;
+	modbus_line_stats(owner, 0)->wrong_lengths = 5;
+	modbus_line_stats(owner, 0)->echoes = 6;
+	modbus_device_stats(owner, 0)->timeouts = 4;
 	assert_int_equal(RUN("lines"), 0);
 	assert_contains("   3  ttyS3   19200 8N2  no          0        17");
 	assert_contains(
@@ -343,7 +347,7 @@ static void test_histogram_says_what_the_kernel_has_given(void **state)
 /* As rtu-modbus would leave it for a device with a limit, a hole and an object that is not there. */
 static void learn(void)
 {
-	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+	struct modbus_learned_stats *learned = &modbus_device_stats(owner, 0)->learned;
 
 	memset(learned, 0, sizeof(*learned));
 	learned->given_registers = 16;
@@ -352,13 +356,13 @@ static void learn(void)
 
 static void forget(void)
 {
-	memset(&map_device_stats(owner, 0)->learned, 0, sizeof(struct map_learned));
-	map_device_stats(owner, 0)->latency_typical_us = 0;
+	memset(&modbus_device_stats(owner, 0)->learned, 0, sizeof(struct modbus_learned_stats));
+	modbus_device_stats(owner, 0)->latency_typical_us = 0;
 }
 
 static void find_hole(uint32_t read, uint32_t exception)
 {
-	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+	struct modbus_learned_stats *learned = &modbus_device_stats(owner, 0)->learned;
 
 	learned->hole_function = 3;
 	learned->hole_address = 5;
@@ -369,7 +373,7 @@ static void find_hole(uint32_t read, uint32_t exception)
 
 static void test_lines_show_what_was_learned(void **state)
 {
-	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+	struct modbus_learned_stats *learned = &modbus_device_stats(owner, 0)->learned;
 	json_t *json, *row;
 
 	(void)state;
@@ -378,9 +382,9 @@ static void test_lines_show_what_was_learned(void **state)
 	learned->lacking_function = 1;
 	learned->lacking_address = 9;
 	learned->lacking_count = 3;
-	map_device_stats(owner, 0)->latency_least_us = 1500;
-	map_device_stats(owner, 0)->latency_typical_us = 2500;
-	map_device_stats(owner, 0)->latency_most_us = 10000;
+	modbus_device_stats(owner, 0)->latency_least_us = 1500;
+	modbus_device_stats(owner, 0)->latency_typical_us = 2500;
+	modbus_device_stats(owner, 0)->latency_most_us = 10000;
 	assert_int_equal(RUN("lines"), 0);
 	assert_contains(
 	    "PORT  ID  LEAST MS  TYPICAL MS  MOST MS  BITS  REGISTERS  REFUSED\n"
@@ -418,14 +422,14 @@ static void test_suggest_a_length(void **state)
 	assert_suggested("\"max_registers\": 16");
 	assert_contains(
 	    "rtuctl: port 3, slave 67: max_registers 16: it refused 20 in one read, and gives them in two\n");
-	map_device_stats(owner, 0)->learned.given_registers = 30;
+	modbus_device_stats(owner, 0)->learned.given_registers = 30;
 	assert_suggested("");
 	assert_contains(
 	    "no key for the read of 20 registers that it refused, and gives in two: it gives 30 elsewhere\n");
 	assert_contains("rtuctl: nothing to suggest\n");
 	learn();
-	map_device_stats(owner, 0)->learned.given_bits = 100;
-	map_device_stats(owner, 0)->learned.refused_bits = 101;
+	modbus_device_stats(owner, 0)->learned.given_bits = 100;
+	modbus_device_stats(owner, 0)->learned.refused_bits = 101;
 	assert_suggested("\"max_bits\": 100, \"max_registers\": 16");
 	forget();
 	assert_suggested("");
@@ -436,23 +440,23 @@ static void test_suggest_a_reaction(void **state)
 {
 	(void)state;
 	forget();
-	map_device_stats(owner, 0)->latency_typical_us = 22600;
+	modbus_device_stats(owner, 0)->latency_typical_us = 22600;
 	assert_suggested("\"reaction_ms\": 20.0");
 	assert_contains(
 	    "rtuctl: port 3, slave 67: reaction_ms 20.0: its answers typically begin 22.6 ms after "
 	    "the request\n");
-	map_device_stats(owner, 0)->latency_typical_us = 9800;
+	modbus_device_stats(owner, 0)->latency_typical_us = 9800;
 	assert_suggested("");
-	map_device_stats(owner, 0)->latency_typical_us = 9900;
+	modbus_device_stats(owner, 0)->latency_typical_us = 9900;
 	assert_suggested("\"reaction_ms\": 7.3");
-	map_device_stats(owner, 0)->latency_typical_us = 1000;
+	modbus_device_stats(owner, 0)->latency_typical_us = 1000;
 	assert_suggested("\"reaction_ms\": 0.1");
 	forget();
 }
 
 static void test_suggest_no_holes(void **state)
 {
-	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+	struct modbus_learned_stats *learned = &modbus_device_stats(owner, 0)->learned;
 
 	(void)state;
 	forget();
@@ -479,7 +483,7 @@ static void test_suggest_no_holes(void **state)
 
 static void test_suggest_nothing_unsound(void **state)
 {
-	struct map_learned *learned = &map_device_stats(owner, 0)->learned;
+	struct modbus_learned_stats *learned = &modbus_device_stats(owner, 0)->learned;
 
 	(void)state;
 	learn();
@@ -509,7 +513,7 @@ static void test_suggest_nothing_unsound(void **state)
 /* As rtu-iec104 would leave it after two acknowledged events and one that was only sent. */
 static void fill_station(void)
 {
-	struct map_connection_stats *stats;
+	struct iec104_connection_stats *stats;
 	struct map_queue_place place = {.refresh = 0};
 	struct map_event event;
 	struct map *station;
@@ -523,7 +527,7 @@ static void fill_station(void)
 	map_queue_move(station, 0, &place);
 	map_queue_set_unacknowledged(station, 0, 1);
 	map_queue_count_lost(station, 0, 7);
-	stats = &map_station_stats(station)->connections[2];
+	stats = &iec104_stats_of(station)->connections[2];
 	strcpy(stats->peer, "192.0.2.1 port 40000");
 	stats->open = stats->started = 1;
 	stats->since_s = (uint32_t)(map_now_ns() / 1000000000) - 90;
@@ -531,7 +535,7 @@ static void fill_station(void)
 	stats->next_nr = 4;
 	stats->unacknowledged = 3;
 	stats->owed = 2;
-	map_station_stats(station)->counters[MAP_STATION_TESTFR_ACT_IN] = 4711;
+	iec104_stats_of(station)->counters[IEC104_COUNT_TESTFR_ACT_IN] = 4711;
 	map_detach(station);
 	map_module_ended(rtud, 1, false);
 }
@@ -575,7 +579,8 @@ static void test_iec104_json(void **state)
 	assert_int_equal(json_array_size(json), 1);
 	row = json_array_get(json_object_get(json_array_get(json, 0), "connections"), 0);
 	assert_int_equal(json_integer_value(json_object_get(row, "ns")), 32767);
-	row = json_array_get(json_object_get(json_array_get(json, 0), "counters"), MAP_STATION_TESTFR_ACT_IN);
+	row =
+	    json_array_get(json_object_get(json_array_get(json, 0), "counters"), IEC104_COUNT_TESTFR_ACT_IN);
 	assert_string_equal(json_string_value(json_object_get(row, "counter")), "testfr_act_in");
 	json_decref(json);
 }
@@ -721,6 +726,19 @@ static void test_wrong_usage(void **state)
 	assert_contains("usage: rtuctl [--map DIR] [--json] set NAME VALUE [--select] [--pulse LENGTH]\n");
 }
 
+static void test_records_of_another_build_are_not_read(void **state)
+{
+	struct map_config *known = (struct map_config *)map_config(rtud);
+
+	(void)state;
+	assert_true(modbus_is_known(rtud) && iec104_is_known(rtud));
+	for (uint32_t i = 0; i < known->section_count; i++) {
+		known->sections[i].record_size++;
+		assert_false(modbus_is_known(rtud) && iec104_is_known(rtud));
+		known->sections[i].record_size--;
+	}
+}
+
 /* ---- set-up ------------------------------------------------------------------------------ */
 
 static uint32_t module_index(const char *name)
@@ -741,9 +759,8 @@ static int set_up(void **state)
 	uint32_t modbus;
 
 	(void)state;
-	for (size_t i = 0; i < POINTS; i++)
-		points[i].width = 1;
 	assert_non_null(mkdtemp(dir));
+	assert_true(kinds_plan(&config));
 	if (map_create(&rtud, dir, &config, 0, error) < 0)
 		fail_msg("%s", error);
 	modbus = module_index("rtu-modbus-1");
@@ -795,6 +812,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_events),
 	    cmocka_unit_test(test_log),
 	    cmocka_unit_test(test_wrong_usage),
+	    cmocka_unit_test(test_records_of_another_build_are_not_read),
 	};
 
 	if (argc != 2) {

@@ -11,6 +11,8 @@
 #include <jansson.h>
 
 #include "map/time_ns.h"
+#include "modbus/config.h"
+#include "modbus/stats.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rates.h"
 #include "rtuctl/terminal.h"
@@ -119,26 +121,26 @@ static void print_modules(const struct top *top, FILE *out)
 	begin(&listing, module_columns, COUNT(module_columns), out);
 	for (uint32_t i = 0; i < map_module_count(top->map); i++) {
 		map_module(top->map, i, &module);
-		if (module.kind != MAP_MODULE_RTUCTL)
+		if (!(module.flags & MAP_IS_LOCAL))
 			listing_add(&listing, module_row(top, i));
 	}
 	listing_end(&listing);
 	fputc('\n', out);
 }
 
-static json_t *devices_alive(const struct map *map, const struct map_line *line)
+static json_t *devices_alive(const struct map *map, const struct modbus_port *line)
 {
 	unsigned alive = 0;
 
 	for (uint32_t i = 0; i < line->device_count; i++)
-		alive += map_device_stats(map, line->first_device + i)->alive != 0;
+		alive += modbus_device_stats(map, line->first_device + i)->alive != 0;
 	return json_sprintf("%u of %u", alive, line->device_count);
 }
 
 static json_t *line_row(const struct top *top, uint32_t index)
 {
-	const struct map_line *line = &map_config(top->map)->lines[index];
-	const struct map_line_stats *stats = map_line_stats(top->map, index);
+	const struct modbus_port *line = &modbus_ports(map_config(top->map))[index];
+	const struct modbus_line_stats *stats = modbus_line_stats(top->map, index);
 	const struct rates_line *rates = &top->rates.lines[index];
 	json_t *row = json_object();
 
@@ -158,7 +160,7 @@ static json_t *line_row(const struct top *top, uint32_t index)
 
 static void print_lines(const struct top *top, FILE *out)
 {
-	uint32_t count = map_modbus_lines(map_config(top->map));
+	uint32_t count = modbus_port_count(map_config(top->map));
 	struct listing listing;
 
 	if (count == 0)

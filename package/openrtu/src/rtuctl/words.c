@@ -26,13 +26,6 @@ const char *words_type(enum map_type type)
 	return type < MAP_TYPES ? map_types[type].name : "unknown";
 }
 
-const char *words_module_kind(enum map_module_kind kind)
-{
-	static const char *const words[] = {"supervisor", "modbus", "iec104", "rtuctl", "journal"};
-
-	return word(words, COUNT(words), kind);
-}
-
 const char *words_module_state(enum map_module_state state)
 {
 	static const char *const words[] = {"stopped", "starting", "running", "down"};

@@ -14,7 +14,6 @@
 #define WORDS_SIZE 64 /* of every text made here, terminator included */
 
 const char *words_type(enum map_type type);
-const char *words_module_kind(enum map_module_kind kind);
 const char *words_module_state(enum map_module_state state);
 const char *words_log_level(enum map_log_level level);
 const char *words_cause(enum map_cause cause);

@@ -11,9 +11,6 @@
 
 #include "map/config.h"
 
-#define CONFIG_FILE_SIZE_MAX (4u * 1024u * 1024u)
-#define CONFIG_POINTS_MAX    65535
-
 /* The exit code of a program that was asked to check the file. */
 enum config_result {
 	CONFIG_GOOD,

@@ -3,7 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "rtud/config_object.h"
+#include "modbus/config_object.h"
+#include "modbus/config_part.h"
+#include "rtud/config_parts.h"
 
 /* IEC 60870-5-101, 7.3.1 and 7.3.2, by enum map_type. */
 static const struct {
@@ -63,16 +65,17 @@ static const unsigned object_columns[] = {
 struct row {
 	const struct map_config *config;
 	const struct map_point *point;
-	const struct map_device *device;
-	const struct config_entry *entry; /* NULL: of the gateway's own station */
+	const struct map_set *set;
+	const struct modbus_slave *slave; /* NULL: as of the next one */
+	const struct modbus_entry *entry; /* NULL: of the gateway's own station */
 };
 
 static int by_address(const void *left, const void *right)
 {
 	const struct row *a = left, *b = right;
 
-	if (a->device->ca != b->device->ca)
-		return a->device->ca < b->device->ca ? -1 : 1;
+	if (a->set->ca != b->set->ca)
+		return a->set->ca < b->set->ca ? -1 : 1;
 	return (a->point->ioa > b->point->ioa) - (a->point->ioa < b->point->ioa);
 }
 
@@ -90,7 +93,7 @@ static const char *command_of(const struct row *row)
 
 static const char *direction_of(const struct row *row)
 {
-	if (row->device->unit == 0)
+	if (row->slave != NULL && row->slave->unit == 0)
 		return "control";
 	return command_of(row)[0] != '\0' ? "both" : "monitor";
 }
@@ -100,7 +103,7 @@ static const char *text_of(const struct row *row, unsigned key)
 	const char *text =
 	    row->entry == NULL
 		? NULL
-		: json_string_value(json_object_get(row->entry->json, config_object_rules[key].name));
+		: json_string_value(json_object_get(row->entry->json, modbus_object_rules[key].name));
 
 	return text == NULL ? "" : text;
 }
@@ -165,17 +168,18 @@ static void put_number(FILE *out, uint32_t number)
 /* What the slave has of it is the object's own in the list. */
 static bool put_key(FILE *out, const struct row *row, unsigned key)
 {
-	const json_t *json = json_object_get(row->entry->json, config_object_rules[key].name);
+	const json_t *json = json_object_get(row->entry->json, modbus_object_rules[key].name);
 	char name[MAP_NAME_SIZE];
 
 	if (key == OBJECT_PERIOD) {
-		put_number(out, row->point->scan_period_ms);
-	} else if (key == OBJECT_READ_BACK && (row->point->flags & MAP_POINT_NO_READ_BACK)) {
+		put_number(out, row->entry->wire.scan_period_ms);
+	} else if (key == OBJECT_READ_BACK && (row->entry->wire.flags & MODBUS_NO_READ_BACK)) {
 		put_next(out, "false");
 	} else if (key >= OBJECT_BLOCKED_BY && key <= OBJECT_NOT_TOPICAL_BY && json != NULL) {
-		uint32_t place = row->point->status[key - OBJECT_BLOCKED_BY] - 1u;
+		uint32_t place =
+		    modbus_judges_of(row->config, &row->entry->wire)->status[key - OBJECT_BLOCKED_BY] - 1u;
 
-		map_point_name(row->config, &row->config->points[row->device->first_point + place], name);
+		map_point_name(row->config, &row->config->points[row->set->first_point + place], name);
 		put_next(out, name);
 	} else {
 		return put_value(out, json);
@@ -192,8 +196,8 @@ static bool put_modbus(FILE *out, const struct row *row)
 			fputc(',', out);
 		return true;
 	}
-	fprintf(out, ",%u,%u,%s", row->config->lines[row->device->line].port, row->device->unit,
-		config_table_names[row->point->table]);
+	fprintf(out, ",%u,%u,%s", modbus_ports(row->config)[row->slave->port].port, row->slave->unit,
+		modbus_table_names[row->entry->wire.table]);
 	for (size_t i = 0; i < COUNT(object_columns); i++)
 		good &= put_key(out, row, object_columns[i]);
 	return good;
@@ -206,7 +210,7 @@ static void put_csv_head(FILE *out)
 	for (size_t i = 0; i < COUNT(modbus_columns); i++)
 		fprintf(out, ",%s", modbus_columns[i]);
 	for (size_t i = 0; i < COUNT(object_columns); i++)
-		fprintf(out, ",%s", config_object_rules[object_columns[i]].name);
+		fprintf(out, ",%s", modbus_object_rules[object_columns[i]].name);
 	fputc('\n', out);
 }
 
@@ -217,13 +221,13 @@ static bool put_csv(FILE *out, const struct row *row)
 
 	map_point_name(row->config, row->point, name);
 	group_of(row, group);
-	fprintf(out, "%u,%u,%s,%s,%s%s", row->device->ca, row->point->ioa, type_of(row, false),
+	fprintf(out, "%u,%u,%s,%s,%s%s", row->set->ca, row->point->ioa, type_of(row, false),
 		type_of(row, true), command_of(row), row->point->step > 0 ? STEP : "");
 	put_next(out, name);
 	put_next(out, text_of(row, OBJECT_UNIT));
 	put_next(out, direction_of(row));
 	put_next(out, group);
-	put_next(out, row->device->name);
+	put_next(out, row->set->name);
 	good = put_modbus(out, row);
 	fputc('\n', out);
 	return good;
@@ -256,29 +260,40 @@ static void put_markdown(FILE *out, const struct row *row)
 	map_point_name(row->config, row->point, name);
 	group_of(row, group);
 	snprintf(command, sizeof(command), "%s%s", command_of(row), row->point->step > 0 ? STEP : "");
-	const char *const cells[] = {
-	    type_of(row, false),       type_of(row, true), command, name,
-	    text_of(row, OBJECT_UNIT), direction_of(row),  group,   row->device->name};
+	const char *const cells[] = {type_of(row, false),       type_of(row, true), command, name,
+				     text_of(row, OBJECT_UNIT), direction_of(row),  group,   row->set->name};
 
-	fprintf(out, "| %u | %u |", row->device->ca, row->point->ioa);
+	fprintf(out, "| %u | %u |", row->set->ca, row->point->ioa);
 	for (size_t i = 0; i < COUNT(cells); i++)
 		put_markdown_cell(out, cells[i]);
 	fputc('\n', out);
 }
 
-bool config_list_points(const struct config_loader *loader, enum config_list list, FILE *out)
+/* What the part of Modbus has kept of its objects. */
+static const struct modbus_entry *entries_of(const struct rtud_loader *loader)
 {
-	const struct map_config *config = loader->config;
+	for (size_t i = 0; i < loader->part_count; i++)
+		if (loader->parts[i] == &modbus_part)
+			return ((const struct modbus_loader *)loader->own[i])->entries;
+	return NULL;
+}
+
+bool config_list_points(const struct rtud_loader *loader, enum config_list list, FILE *out)
+{
+	const struct modbus_entry *entries = entries_of(loader);
+	const struct map_config *config = loader->files.config;
 	struct row *rows = calloc((size_t)config->point_count + 1, sizeof(*rows));
-	uint32_t slaves = map_slaves(config);
+	uint32_t slaves = modbus_slave_count(config);
 	bool good = rows != NULL;
 
 	for (uint32_t i = 0; rows != NULL && i < config->point_count; i++)
-		rows[i] =
-		    (struct row){.config = config,
-				 .point = &config->points[i],
-				 .device = &config->devices[config->points[i].device],
-				 .entry = config->points[i].device < slaves ? &loader->entries[i] : NULL};
+		rows[i] = (struct row){.config = config,
+				       .point = &config->points[i],
+				       .set = &config->sets[config->points[i].set],
+				       .slave = config->points[i].set < slaves
+						    ? &modbus_slaves(config)[config->points[i].set]
+						    : NULL,
+				       .entry = config->points[i].set < slaves ? &entries[i] : NULL};
 	if (rows != NULL)
 		qsort(rows, config->point_count, sizeof(*rows), by_address);
 	if (list == CONFIG_CSV)

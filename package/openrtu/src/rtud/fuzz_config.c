@@ -8,56 +8,70 @@
 #include <unistd.h>
 
 #include "fuzz.h"
+#include "iec104/config.h"
+#include "modbus/config.h"
 #include "rtud/config.h"
 
-static void check_settings(const struct map_settings *settings)
+static void check_settings(const struct map_config *config)
 {
+	const struct iec104_settings *settings = iec104_settings(config);
+	const uint32_t ring = config->settings.event_ring;
+
 	CHECK(settings->k >= 1 && settings->w >= 1 && settings->w <= settings->k);
 	CHECK(settings->t2_s < settings->t1_s && settings->t2_s >= 1 && settings->t3_s >= 1);
 	CHECK(settings->max_connections >= 1 && settings->max_connections <= 16);
-	CHECK(settings->clock_master_count <= MAP_CLOCK_MASTERS_MAX);
-	CHECK(settings->event_ring >= 64 && (settings->event_ring & (settings->event_ring - 1)) == 0);
+	CHECK(settings->clock_master_count <= IEC104_CLOCK_MASTERS_MAX);
+	CHECK(ring >= 64 && (ring & (ring - 1)) == 0);
 	CHECK(memchr(settings->address, '\0', sizeof(settings->address)) != NULL);
 }
 
 /* What rtu-modbus converts without asking. */
-static void check_value(const struct map_config *config, const struct map_point *point)
+static void check_wire(const struct map_config *config, const struct modbus_point *point)
 {
 	CHECK(point->width == 1 || point->width == 2 || point->width == 4);
-	CHECK(point->format <= MAP_FORMAT_FLOAT64);
-	CHECK(map_point_address(point, point->width - 1u) <= UINT16_MAX);
-	CHECK(map_point_extent(point).last <= UINT16_MAX);
+	CHECK(point->format <= MODBUS_FORMAT_FLOAT64);
+	CHECK(modbus_point_address(point, point->width - 1u) <= UINT16_MAX);
+	CHECK(modbus_extent_of(point).last <= UINT16_MAX);
 	CHECK(point->knot_count != 1 &&
-	      point->first_knot + (uint32_t)point->knot_count <= config->knot_count);
-	CHECK(point->ioa >= 1 && point->ioa <= 0xFFFFFF);
+	      point->first_knot + (uint32_t)point->knot_count <= map_record_count(config, MODBUS_KNOTS));
 	for (uint32_t i = 1; i < point->knot_count; i++)
-		CHECK(config->knots[point->first_knot + i].raw >
-		      config->knots[point->first_knot + i - 1].raw);
+		CHECK(modbus_knots(config)[point->first_knot + i].raw >
+		      modbus_knots(config)[point->first_knot + i - 1].raw);
 }
 
-/* Points by device, devices by line, without holes: what the map's sweeps rely on. */
+static void check_judges(const struct map_config *config, const struct modbus_point *point, uint32_t points)
+{
+	const struct modbus_judges *judges = modbus_judges_of(config, point);
+
+	for (unsigned bit = 0; judges != NULL && bit < MODBUS_STATUS_BITS; bit++)
+		CHECK(judges->status[bit] <= points);
+}
+
+/* Points by set, slaves by port, without holes: what the map's sweeps rely on. */
 static void check_order(const struct map_config *config)
 {
 	uint32_t next_device = 0, next_point = 0;
 
-	for (uint32_t i = 0; i < config->line_count; i++) {
-		CHECK(config->lines[i].first_device == next_device);
-		CHECK(config->lines[i].device_count <= config->device_count - next_device);
-		for (uint32_t end = next_device + config->lines[i].device_count; next_device < end;
+	for (uint32_t i = 0; i < modbus_port_count(config); i++) {
+		CHECK(modbus_ports(config)[i].first_device == next_device);
+		CHECK(modbus_ports(config)[i].device_count <= modbus_slave_count(config) - next_device);
+		for (uint32_t end = next_device + modbus_ports(config)[i].device_count; next_device < end;
 		     next_device++)
-			CHECK(config->devices[next_device].line == i);
+			CHECK(modbus_slaves(config)[next_device].port == i);
 	}
-	CHECK(next_device == config->device_count);
-	for (uint32_t i = 0; i < config->device_count; i++) {
-		CHECK(config->devices[i].first_point == next_point);
-		CHECK(config->devices[i].point_count <= config->point_count - next_point);
-		for (uint32_t end = next_point + config->devices[i].point_count; next_point < end;
+	CHECK(next_device == modbus_slave_count(config));
+	for (uint32_t i = 0; i < config->set_count; i++) {
+		CHECK(config->sets[i].first_point == next_point);
+		CHECK(config->sets[i].point_count <= config->point_count - next_point);
+		for (uint32_t end = next_point + config->sets[i].point_count; next_point < end;
 		     next_point++) {
-			CHECK(config->points[next_point].device == i);
-			check_value(config, &config->points[next_point]);
-			for (unsigned bit = 0; bit < MAP_STATUS_BITS; bit++)
-				CHECK(config->points[next_point].status[bit] <=
-				      config->devices[i].point_count);
+			CHECK(config->points[next_point].set == i);
+			CHECK(config->points[next_point].ioa >= 1 &&
+			      config->points[next_point].ioa <= 0xFFFFFF);
+			if (next_point >= map_record_count(config, MODBUS_POINTS))
+				continue;
+			check_wire(config, &modbus_points(config)[next_point]);
+			check_judges(config, &modbus_points(config)[next_point], config->sets[i].point_count);
 		}
 	}
 	CHECK(next_point == config->point_count);
@@ -81,7 +95,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	before = ftell(messages);
 	result = config_load(path, all, &config, messages);
 	if (result == CONFIG_GOOD) {
-		check_settings(&config.settings);
+		check_settings(&config);
 		check_order(&config);
 	} else {
 		CHECK(ftell(messages) > before); /* nothing is refused without a reason */

@@ -30,7 +30,7 @@ static const char usage[] =
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
     "  --dev DIR        folder of the serial devices            [/dev]\n"
     "  --modules DIR    folder of the module programs           [" OPENRTU_MODULES "]\n"
-    "  --uid-base N     as root: module number i runs as user N + i, group N; 0: as root  [61200]\n"
+    "  --uid-base N     as root: modules run as users N + 1 and on, group N; 0: as root  [61200]\n"
     "  --watchdog DEV   feed this watchdog while rtud is healthy; an orderly end stops it       [none]\n"
     "  --help           this text\n"
     "  --version        the version\n"

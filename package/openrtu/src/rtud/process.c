@@ -37,12 +37,12 @@ int process_set_priority(pid_t pid, int priority)
 	return sched_setscheduler(pid, priority ? SCHED_FIFO : SCHED_OTHER, &parameter);
 }
 
-/* The group that Debian and Buildroot give serial devices to. Who faces the network shall not reach a line. */
+/* No group but the one that its work needs: who faces the network shall not reach a line. */
 static int set_groups(const struct process_plan *plan)
 {
-	const struct group *serial = plan->serial ? getgrnam("dialout") : NULL;
+	const struct group *group = plan->group ? getgrnam(plan->group) : NULL;
 
-	return setgroups(serial ? 1 : 0, serial ? &serial->gr_gid : NULL);
+	return setgroups(group ? 1 : 0, group ? &group->gr_gid : NULL);
 }
 
 /* The last that the kernel knows has no next one to read. */
@@ -116,14 +116,14 @@ __attribute__((noreturn)) static void give_up(const char *what, const char *of)
 __attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
 {
 	const char *const arguments[] = {
-	    plan->program, "--map", plan->map, "--module",
-	    plan->module,  "--dev", plan->dev, plan->filtered ? "--filter" : NULL,
-	    FILTER_WORD,   NULL};
+	    plan->program->name, "--map", plan->map, "--module",
+	    plan->module,        "--dev", plan->dev, plan->filtered ? "--filter" : NULL,
+	    FILTER_WORD,         NULL};
 	const char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
 	int filter = plan->filtered ? filter_open(plan->program) : -1;
 
 	if (plan->filtered && filter < 0)
-		give_up("make the filter of", plan->program);
+		give_up("make the filter of", plan->program->name);
 	reset_signals();
 	keep_only(plan->segment, filter, program);
 	process_set_priority(0, 0);
@@ -138,14 +138,14 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	if (getppid() != parent)
 		_exit(EXIT_NOT_STARTED);
 	fexecve(program, (char *const *)arguments, (char *const *)environment); /* which does not write */
-	give_up("execute", plan->program);
+	give_up("execute", plan->program->name);
 }
 
 pid_t process_start(const struct process_plan *plan)
 {
 	/* Opened here: the module's user need not be able to walk to the program's folder. */
 	int folder = open(plan->folder, O_PATH | O_DIRECTORY | O_CLOEXEC);
-	int program = openat(folder, plan->program, O_PATH | O_CLOEXEC);
+	int program = openat(folder, plan->program->name, O_PATH | O_CLOEXEC);
 	pid_t parent = getpid(), pid;
 
 	close(folder);

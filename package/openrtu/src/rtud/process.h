@@ -7,19 +7,21 @@
 #include <stdint.h>
 #include <sys/types.h>
 
+#include "modules/kind.h"
+
 struct process_plan {
-	const char *folder;  /* of the executables */
-	const char *program; /* name of the one */
-	const char *map;     /* folder of the map */
-	const char *module;  /* name in the module table */
-	const char *dev;     /* folder of the serial devices */
-	int segment;         /* descriptor of the module's own segment, writable */
-	bool serial;         /* opens serial devices */
-	uid_t uid;           /* user of the process, 0: the caller's */
-	gid_t gid;           /* group shared by all modules */
-	size_t memory;       /* bytes of address space it may have at most; 0: unlimited */
-	unsigned files;      /* descriptors */
-	bool filtered;       /* gets the filter of system calls of its program */
+	const char *folder; /* of the executables */
+	const struct kind_program *program;
+	const char *map;    /* folder of the map */
+	const char *module; /* name in the module table */
+	const char *dev;    /* folder of the serial devices */
+	int segment;        /* descriptor of the module's own segment, writable */
+	const char *group;  /* that its user is in besides, by name; NULL: none */
+	uid_t uid;          /* user of the process, 0: the caller's */
+	gid_t gid;          /* group shared by all modules */
+	size_t memory;      /* bytes of address space it may have at most; 0: unlimited */
+	unsigned files;     /* descriptors */
+	bool filtered;      /* gets the filter of system calls of its program */
 };
 
 /*

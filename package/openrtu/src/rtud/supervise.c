@@ -19,10 +19,11 @@
 #include "map/map.h"
 #include "map/supervise.h"
 #include "map/time_ns.h"
+#include "modbus/config.h"
 #include "rtud/clock.h"
 #include "rtud/config.h"
 #include "rtud/filter.h"
-#include "rtud/journal.h"
+#include "rtud/kinds.h"
 #include "rtud/process.h"
 #include "rtud/programs.h"
 #include "rtud/watchdog.h"
@@ -103,26 +104,16 @@ static void print_logs(struct supervisor *supervisor, unsigned lines)
 
 /* ---- one module -------------------------------------------------------------------------- */
 
-static const char *program_of(const struct supervisor *supervisor, uint8_t kind)
+static const struct kind_program *program_of(const struct supervisor *supervisor,
+					     const struct map_module *module)
 {
-	switch (kind) {
-	case MAP_MODULE_MODBUS: /* without the program there are no lines: config_check_modules */
-		return "rtu-modbus";
-	case MAP_MODULE_IEC104: /* in the map of every build, so that a module's number is the same in all */
-		if (map_tls_used(&map_config(supervisor->map)->settings))
-			return "rtu-iec104-tls"; /* without the program there is no tls: config_check_modules */
-		return OPENRTU_IEC104 ? "rtu-iec104" : NULL;
-	case MAP_MODULE_JOURNAL: /* without rtu-iec104 there is none: config_check_modules */
-		return "rtu-journal";
-	default:
-		return NULL; /* rtud itself, and rtuctl, which people run */
-	}
+	return kinds_program(module->kind, map_config(supervisor->map));
 }
 
 /* A module's user, of modules that have one of their own. */
-static uid_t user_of(const struct supervisor *supervisor, uint32_t index)
+static uid_t user_of(const struct supervisor *supervisor, const struct map_module *module)
 {
-	return supervisor->options->uid_base ? supervisor->options->uid_base + index : 0;
+	return supervisor->options->uid_base ? supervisor->options->uid_base + module->user : 0;
 }
 
 static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
@@ -131,16 +122,16 @@ static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 	const struct supervise_options *options = supervisor->options;
 	const struct process_plan plan = {
 	    .folder = options->modules,
-	    .program = program_of(supervisor, module->kind),
+	    .program = program_of(supervisor, module),
 	    .map = options->map,
 	    .module = module->name,
 	    .dev = options->dev,
 	    .segment = map_segment_open(supervisor->map, index),
-	    .serial = module->kind == MAP_MODULE_MODBUS,
-	    .uid = user_of(supervisor, index),
+	    .group = kinds_find(module->kind)->group,
+	    .uid = user_of(supervisor, module),
 	    .gid = options->uid_base,
 	    .memory = OPENRTU_SANITIZED ? 0 : MEMORY_BASE + MEMORY_FACTOR * map_size(supervisor->map),
-	    .files = FILES_BASE + map_config(supervisor->map)->line_count,
+	    .files = FILES_BASE + modbus_port_count(map_config(supervisor->map)),
 	    .filtered = supervisor->filtered,
 	};
 	pid_t pid;
@@ -255,10 +246,11 @@ static void give_priority(struct supervisor *supervisor, pid_t pid, int priority
 static void module_attached(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
 {
 	struct child *child = &supervisor->children[index];
+	int priority = kinds_priority(module->kind, map_config(supervisor->map));
 
 	child->attached = true;
-	if (module->kind == MAP_MODULE_MODBUS)
-		give_priority(supervisor, child->pid, map_config(supervisor->map)->settings.modbus_priority);
+	if (priority)
+		give_priority(supervisor, child->pid, priority);
 	map_module_running(supervisor->map, index);
 }
 
@@ -323,7 +315,7 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 	struct map_module module;
 
 	map_module(supervisor->map, index, &module);
-	if (!program_of(supervisor, module.kind))
+	if (!program_of(supervisor, &module))
 		return;
 	if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
 		start_module(supervisor, index, &module);
@@ -544,13 +536,13 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 	}
 }
 
-/* Above the line processes: a line that runs wild must not keep rtud from ending it. */
+/* Above all modules: a line that runs wild must not keep rtud from ending it. */
 static void raise_priority(struct supervisor *supervisor)
 {
-	int lines = map_config(supervisor->map)->settings.modbus_priority;
+	int highest = kinds_highest_priority(map_config(supervisor->map));
 
-	if (lines)
-		give_priority(supervisor, 0, lines < 99 ? lines + 1 : lines);
+	if (highest)
+		give_priority(supervisor, 0, highest < 99 ? highest + 1 : highest);
 }
 
 /* Parsing took far more than config itself, from the same heap: the kernel gets these pages back too. */
@@ -576,14 +568,29 @@ static bool look_for_programs(const struct supervisor *supervisor)
 {
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
 		struct map_module module;
-		const char *program;
+		const struct kind_program *program;
 
 		map_module(supervisor->map, i, &module);
-		program = program_of(supervisor, module.kind);
-		if (program != NULL && !programs_look_for(supervisor->options->modules, program))
+		program = program_of(supervisor, &module);
+		if (program != NULL && !programs_look_for(supervisor->options->modules, program->name))
 			return false;
 	}
 	return true;
+}
+
+/* What has to be before any of them is started. */
+static void begin_modules(const struct supervisor *supervisor)
+{
+	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
+		struct map_module module;
+		const struct kind *kind;
+
+		map_module(supervisor->map, i, &module);
+		kind = kinds_find(module.kind);
+		if (kind->begin != NULL)
+			kind->begin(supervisor->map, user_of(supervisor, &module),
+				    supervisor->options->uid_base);
+	}
 }
 
 int supervise(struct map_config *config, const struct supervise_options *options)
@@ -595,6 +602,10 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	bool started;
 
 	supervisor.options = options;
+	if (!kinds_plan(config)) {
+		fprintf(stderr, "rtud: too many processes: %d modules at most\n", MAP_MODULES_MAX);
+		return 1;
+	}
 	if (map_create(&supervisor.map, options->map, config, options->uid_base, error) < 0) {
 		fprintf(stderr, "rtud: %s\n", error);
 		return 1;
@@ -612,10 +623,9 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	look_for_filters(&supervisor);
 	system = clock_read(adjtimex);
 	clock_begin(supervisor.map, &system);
-	journal_begin_again(supervisor.map, user_of(&supervisor, map_module_count(supervisor.map) - 1),
-			    options->uid_base); /* rtu-journal is the last one */
+	begin_modules(&supervisor);
 	map_log(supervisor.map, MAP_LOG_INFO, "%u lines, %u devices, %u points; map in %s",
-		map_modbus_lines(config), map_slaves(config), config->point_count, options->map);
+		modbus_port_count(config), modbus_slave_count(config), config->point_count, options->map);
 	forget(config);
 	watch_modules(&supervisor);
 	started = start_watchdog(&supervisor);

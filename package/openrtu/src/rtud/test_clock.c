@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "map/supervise.h"
+#include "map/test_modules.h"
 #include "rtud/clock.h"
 
 #define SECOND 1000000000LL
@@ -27,11 +28,13 @@ static struct clock_reading now; /* what the kernel says next */
 /* A gateway without lines, started at the wall time of the system's clock. */
 static void start(enum map_clock_mode mode, bool synchronised)
 {
-	const struct map_config config = {.settings = {.clock = (uint8_t)mode}};
+	struct map_config config = {.settings = {.clock = (uint8_t)mode}};
+	struct map_module_plan modules[MAP_MODULES_MAX];
 	char error[MAP_ERROR_SIZE];
 
 	strcpy(dir + sizeof(dir) - sizeof("XXXXXX"), "XXXXXX");
 	assert_non_null(mkdtemp(dir));
+	plan_modules(&config, modules, NULL);
 	if (map_create(&rtud, dir, &config, 0, error) < 0 ||
 	    map_attach(&station, dir, "rtu-iec104", error) < 0)
 		fail_msg("%s", error);

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What a good file becomes in the map's tables. Wrong files: tests/test_config.py, through rtud --check. */
+#include "iec104/config.h"
+#include "journal/config.h"
+#include "modbus/config.h"
 #include "rtud/config.h"
 
 #include <setjmp.h>
@@ -75,28 +78,29 @@ static void test_report_file(void **state)
 	};
 
 	(void)state;
-	assert_int_equal(config.line_count, 1);
-	assert_int_equal(config.lines[0].port, 3);
-	assert_int_equal(config.lines[0].baud, 19200);
-	assert_int_equal(config.lines[0].stop_bits, 2);
-	assert_int_equal(config.lines[0].parity, MAP_PARITY_NONE);
-	assert_int_equal(config.lines[0].process, 1);
-	assert_string_equal(config.lines[0].device, "ttyS3");
-	assert_int_equal(config.device_count, 1);
-	assert_int_equal(config.devices[0].ca, 3035);
-	assert_int_equal(config.devices[0].unit, 35);
-	assert_int_equal(config.devices[0].retries, 1);
-	assert_int_equal(config.devices[0].response_timeout_ms, 500);
-	assert_int_equal(config.devices[0].response_timeout_min_ms, 100);
-	assert_string_equal(config.devices[0].name, "Temperature sensor");
+	assert_int_equal(modbus_port_count(&config), 1);
+	assert_int_equal(modbus_ports(&config)[0].port, 3);
+	assert_int_equal(modbus_ports(&config)[0].baud, 19200);
+	assert_int_equal(modbus_ports(&config)[0].stop_bits, 2);
+	assert_int_equal(modbus_ports(&config)[0].parity, MODBUS_PARITY_NONE);
+	assert_int_equal(modbus_ports(&config)[0].process, 1);
+	assert_string_equal(modbus_ports(&config)[0].device, "ttyS3");
+	assert_int_equal(config.set_count, 1);
+	assert_int_equal(config.sets[0].ca, 3035);
+	assert_int_equal(modbus_slaves(&config)[0].unit, 35);
+	assert_int_equal(modbus_slaves(&config)[0].retries, 1);
+	assert_int_equal(modbus_slaves(&config)[0].response_timeout_ms, 500);
+	assert_int_equal(modbus_slaves(&config)[0].response_timeout_min_ms, 100);
+	assert_string_equal(config.sets[0].name, "Temperature sensor");
 	assert_int_equal(config.point_count, 5);
 	for (size_t i = 0; i < config.point_count; i++) {
 		assert_name(&config, i, expected[i].name);
 		assert_int_equal(config.points[i].ioa, expected[i].ioa);
 		assert_int_equal(config.points[i].type, expected[i].type);
 		assert_int_equal(config.points[i].flags, expected[i].flags);
-		assert_int_equal(config.points[i].width, 1);
-		assert_true(config.points[i].scale == 1.0f && config.points[i].offset == 0.0f);
+		assert_int_equal(modbus_points(&config)[i].width, 1);
+		assert_true(modbus_points(&config)[i].scale == 1.0f &&
+			    modbus_points(&config)[i].offset == 0.0f);
 	}
 	config_free(&config);
 }
@@ -104,7 +108,7 @@ static void test_report_file(void **state)
 static void test_settings_defaults(void **state)
 {
 	struct map_config config = load("{'port': []}");
-	const struct map_settings *settings = &config.settings;
+	const struct iec104_settings *settings = iec104_settings(&config);
 
 	(void)state;
 	assert_string_equal(settings->address, "0.0.0.0");
@@ -117,18 +121,18 @@ static void test_settings_defaults(void **state)
 	assert_int_equal(settings->max_connections, 8);
 	assert_int_equal(settings->connections_per_address, 4);
 	assert_false(settings->command_without_clock);
-	assert_int_equal(settings->select_timeout_s, 30);
-	assert_int_equal(settings->command_timeout_s, 10);
-	assert_int_equal(settings->clock, MAP_CLOCK_GATEWAY);
+	assert_int_equal(config.settings.select_timeout_s, 30);
+	assert_int_equal(config.settings.command_timeout_s, 10);
+	assert_int_equal(config.settings.clock, MAP_CLOCK_GATEWAY);
 	assert_int_equal(settings->clock_master_count, 0);
-	assert_int_equal(settings->modbus_priority, 45);
-	assert_int_equal(settings->heartbeat_limit_ms, 100);
-	assert_int_equal(settings->event_ring, 4096);
+	assert_int_equal(modbus_settings(&config)->priority, 45);
+	assert_int_equal(modbus_settings(&config)->heartbeat_limit_ms, 100);
+	assert_int_equal(config.settings.event_ring, 4096);
 	assert_int_equal(settings->master_count, 0);
-	assert_int_equal(settings->group_count, 0);
+	assert_int_equal(config.settings.queue_count, 0);
 	for (unsigned i = 0; i < 8; i++)
 		assert_int_equal(settings->originators_refused[i], 0);
-	assert_false(map_tls_used(settings));
+	assert_false(iec104_tls_used(settings));
 	config_free(&config);
 }
 
@@ -140,7 +144,7 @@ static void test_settings(void **state)
 	    "'command_timeout': 8, 'command_without_clock': true,"
 	    "'clock_masters': ['192.0.2.1', '2001:db8::1']}, 'clock': 'system',"
 	    "'modbus': {'priority': 0, 'heartbeat_limit_ms': 2500}, 'event_ring': 64}");
-	const struct map_settings *settings = &config.settings;
+	const struct iec104_settings *settings = iec104_settings(&config);
 
 	(void)state;
 	assert_string_equal(settings->address, "::1");
@@ -153,14 +157,14 @@ static void test_settings(void **state)
 	assert_int_equal(settings->max_connections, 5);
 	assert_int_equal(settings->connections_per_address, 5);
 	assert_true(settings->command_without_clock);
-	assert_int_equal(settings->select_timeout_s, 7);
-	assert_int_equal(settings->command_timeout_s, 8);
-	assert_int_equal(settings->clock, MAP_CLOCK_SYSTEM);
+	assert_int_equal(config.settings.select_timeout_s, 7);
+	assert_int_equal(config.settings.command_timeout_s, 8);
+	assert_int_equal(config.settings.clock, MAP_CLOCK_SYSTEM);
 	assert_int_equal(settings->clock_master_count, 2);
 	assert_string_equal(settings->clock_masters[1], "2001:db8::1");
-	assert_int_equal(settings->modbus_priority, 0);
-	assert_int_equal(settings->heartbeat_limit_ms, 2500);
-	assert_int_equal(settings->event_ring, 64);
+	assert_int_equal(modbus_settings(&config)->priority, 0);
+	assert_int_equal(modbus_settings(&config)->heartbeat_limit_ms, 2500);
+	assert_int_equal(config.settings.event_ring, 64);
 	config_free(&config);
 }
 
@@ -171,18 +175,18 @@ static void test_controlling_stations(void **state)
 		 "'192.0.2.8', '192.0.2.2', '::ffff:192.0.2.1'], 'originators': [0, 33, 255],"
 		 "'redundancy_groups': [{'name': 'a', 'masters': ['192.0.2.7', '192.0.2.8'], 'queue': 100},"
 		 "{'name': 'b', 'masters': ['::1']}]}");
-	const struct map_settings *settings = &config.settings;
+	const struct iec104_settings *settings = iec104_settings(&config);
 
 	(void)state;
 	assert_int_equal(settings->master_count, 6);
 	assert_int_equal(settings->lone_masters, 2); /* one of them said twice */
 	assert_string_equal(settings->masters[1], "::1");
-	assert_int_equal(settings->group_count, 2);
-	assert_string_equal(settings->groups[0].name, "a");
+	assert_int_equal(config.settings.queue_count, 2);
+	assert_string_equal(config.settings.queues[0].name, "a");
 	assert_int_equal(settings->groups[0].master_count, 2);
 	assert_string_equal(settings->groups[0].masters[1], "192.0.2.8");
-	assert_int_equal(settings->groups[0].queue, 100);
-	assert_int_equal(settings->groups[1].queue, 1023);
+	assert_int_equal(config.settings.queues[0].limit, 100);
+	assert_int_equal(config.settings.queues[1].limit, 1023);
 	assert_int_equal(settings->originators_refused[0], 0xfffffffe);
 	assert_int_equal(settings->originators_refused[1], 0xfffffffd);
 	assert_int_equal(settings->originators_refused[2], 0xffffffff);
@@ -195,16 +199,16 @@ static void test_controlling_stations(void **state)
 static void test_tls_defaults(void **state)
 {
 	struct map_config config = load("{'port': [], 'tls': {" FILES "}}");
-	const struct map_settings *settings = &config.settings;
+	const struct iec104_settings *settings = iec104_settings(&config);
 
 	(void)state;
-	assert_true(map_tls_used(settings));
+	assert_true(iec104_tls_used(settings));
 	assert_int_equal(settings->port, 19998);
 	assert_string_equal(settings->tls.certificate, "/own.pem");
 	assert_string_equal(settings->tls.key, "/own.key");
 	assert_string_equal(settings->tls.ca, "/ca.pem");
 	assert_string_equal(settings->tls.crl, "");
-	assert_int_equal(settings->tls.versions, MAP_TLS_1_2 | MAP_TLS_1_3);
+	assert_int_equal(settings->tls.versions, IEC104_TLS_1_2 | IEC104_TLS_1_3);
 	assert_int_equal(settings->tls.master_count, 0);
 	assert_int_equal(settings->tls.resumption_s, 86400);
 	assert_int_equal(settings->tls.renewal_s, 86400);
@@ -218,12 +222,12 @@ static void test_tls(void **state)
 		 ", 'crl': '/crl.pem', 'versions': ['1.3'], 'resumption_s': 0, 'renewal_s': 10,"
 		 "'masters': ['centre 1', '00:11:22:33:44:55:66:77:88:99:aa:bb:cc:dd:"
 		 "ee:FF:00:11:22:33:44:55:66:77:88:99:AA:BB:CC:DD:EE:FF']}}");
-	const struct map_settings *settings = &config.settings;
+	const struct iec104_settings *settings = iec104_settings(&config);
 
 	(void)state;
 	assert_int_equal(settings->port, 2404);
 	assert_string_equal(settings->tls.crl, "/crl.pem");
-	assert_int_equal(settings->tls.versions, MAP_TLS_1_3);
+	assert_int_equal(settings->tls.versions, IEC104_TLS_1_3);
 	assert_int_equal(settings->tls.resumption_s, 0);
 	assert_int_equal(settings->tls.renewal_s, 10);
 	assert_int_equal(settings->tls.master_count, 2);
@@ -243,25 +247,27 @@ static void test_object_keys(void **state)
 		 "{'address': 65534, 'type': 'float', 'word_order': 'little', "
 		 "'ioa': 16777215, 'name': 'level'}]}") "]}");
 	const struct map_point *point = config.points;
+	const struct modbus_point *wire = modbus_points(&config);
 
 	(void)state;
-	assert_string_equal(config.lines[0].device, "ttyS8");
-	assert_string_equal(config.devices[0].name, "p6.1");
+	assert_string_equal(modbus_ports(&config)[0].device, "ttyS8");
+	assert_string_equal(config.sets[0].name, "p6.1");
 	assert_int_equal(config.point_count, 3);
 	assert_name(&config, 0, "breaker");
 	assert_name(&config, 1, "p6.1.i0");
 	assert_name(&config, 2, "level");
 	assert_int_equal(point[0].type, MAP_DOUBLE);
-	assert_int_equal(point[0].width, 2);
+	assert_int_equal(wire[0].width, 2);
 	assert_int_equal(point[0].ioa, 5);
-	assert_int_equal(point[0].flags, MAP_POINT_BITS_SWAPPED | MAP_POINT_SELECT | MAP_POINT_COMMAND);
-	assert_int_equal(point[1].flags, MAP_POINT_BYTES_SWAPPED);
-	assert_true(point[1].scale == 0.5f && point[1].offset == -2.0f && point[1].deadband == 3.0f);
+	assert_int_equal(wire[0].flags, MODBUS_BITS_SWAPPED);
+	assert_int_equal(point[0].flags, MAP_POINT_SELECT | MAP_POINT_COMMAND);
+	assert_int_equal(wire[1].flags, MODBUS_BYTES_SWAPPED);
+	assert_true(wire[1].scale == 0.5f && wire[1].offset == -2.0f && point[1].deadband == 3.0f);
 	assert_int_equal(point[1].group, 16);
 	assert_int_equal(point[1].send_period_ms, 1000);
-	assert_int_equal(point[2].flags, MAP_POINT_WORDS_SWAPPED);
-	assert_int_equal(point[2].address, 65534);
-	assert_int_equal(point[2].width, 2);
+	assert_int_equal(wire[2].flags, MODBUS_WORDS_SWAPPED);
+	assert_int_equal(wire[2].address, 65534);
+	assert_int_equal(wire[2].width, 2);
 	assert_int_equal(point[2].ioa, 16777215);
 	config_free(&config);
 }
@@ -275,17 +281,20 @@ static void test_status_bits(void **state)
 		 "'not_topical_by': 'p1.2.c4'}],"
 		 "'discrete_inputs': [{'address': 8, 'name': 'test'}, {'address': 1}],"
 		 "'coils': [{'address': 4}, {'address': 2, 'substituted_by': 'p1.2.d1'}]}") "]}");
-	const uint32_t first = config.devices[1].first_point;
-	const struct map_point *point = config.points + first;
+	const uint32_t first = config.sets[1].first_point;
+	const struct modbus_point *wire = modbus_points(&config) + first;
 
 	(void)state;
-	assert_int_equal(config.devices[1].point_count, 5);
+	assert_int_equal(config.sets[1].point_count, 5);
 	assert_name(&config, first + 4, "p1.2.i9");
-	assert_name(&config, first + point[4].status[MAP_BLOCKED_BY] - 1, "test");
-	assert_name(&config, first + point[4].status[MAP_NOT_TOPICAL_BY] - 1, "p1.2.c4");
-	assert_int_equal(point[4].status[MAP_SUBSTITUTED_BY], 0);
+	assert_name(&config, first + modbus_judges_of(&config, &wire[4])->status[MODBUS_BLOCKED_BY] - 1,
+		    "test");
+	assert_name(&config, first + modbus_judges_of(&config, &wire[4])->status[MODBUS_NOT_TOPICAL_BY] - 1,
+		    "p1.2.c4");
+	assert_int_equal(modbus_judges_of(&config, &wire[4])->status[MODBUS_SUBSTITUTED_BY], 0);
 	assert_name(&config, first + 0, "p1.2.c2");
-	assert_name(&config, first + point[0].status[MAP_SUBSTITUTED_BY] - 1, "p1.2.d1");
+	assert_name(&config, first + modbus_judges_of(&config, &wire[0])->status[MODBUS_SUBSTITUTED_BY] - 1,
+		    "p1.2.d1");
 	config_free(&config);
 }
 
@@ -296,9 +305,9 @@ static void test_an_object_has_its_own_period_or_its_slaves(void **state)
 		 "{'address': 1, 'period_ms': 200}]}, {'id': 2, 'coils': [{'address': 0}]}") "]}");
 
 	(void)state;
-	assert_int_equal(config.points[0].scan_period_ms, 500);
-	assert_int_equal(config.points[1].scan_period_ms, 200);
-	assert_int_equal(config.points[2].scan_period_ms, 0);
+	assert_int_equal(modbus_points(&config)[0].scan_period_ms, 500);
+	assert_int_equal(modbus_points(&config)[1].scan_period_ms, 200);
+	assert_int_equal(modbus_points(&config)[2].scan_period_ms, 0);
 	config_free(&config);
 }
 
@@ -310,14 +319,14 @@ static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 					"{'id': 2, 'holes': true}") "]}");
 
 	(void)state;
-	assert_int_equal(config.devices[0].max_bits, 32);
-	assert_int_equal(config.devices[0].max_registers, 4);
-	assert_true(config.devices[0].no_holes);
-	assert_int_equal(config.devices[0].reaction_us, 12500);
-	assert_int_equal(config.devices[1].max_bits, 2000);
-	assert_int_equal(config.devices[1].max_registers, 125);
-	assert_false(config.devices[1].no_holes);
-	assert_int_equal(config.devices[1].reaction_us, 0);
+	assert_int_equal(modbus_slaves(&config)[0].max_bits, 32);
+	assert_int_equal(modbus_slaves(&config)[0].max_registers, 4);
+	assert_true(modbus_slaves(&config)[0].no_holes);
+	assert_int_equal(modbus_slaves(&config)[0].reaction_us, 12500);
+	assert_int_equal(modbus_slaves(&config)[1].max_bits, 2000);
+	assert_int_equal(modbus_slaves(&config)[1].max_registers, 125);
+	assert_false(modbus_slaves(&config)[1].no_holes);
+	assert_int_equal(modbus_slaves(&config)[1].reaction_us, 0);
 	config_free(&config);
 }
 
@@ -331,7 +340,7 @@ static void test_an_object_is_read_back_as_it_says_or_its_slave(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(read_back) / sizeof(read_back[0]); i++)
-		assert_int_equal(!(config.points[i].flags & MAP_POINT_NO_READ_BACK), read_back[i]);
+		assert_int_equal(!(modbus_points(&config)[i].flags & MODBUS_NO_READ_BACK), read_back[i]);
 	config_free(&config);
 }
 
@@ -344,13 +353,11 @@ static void test_own_station(void **state)
 	const struct map_point *point = config.points + 1;
 
 	(void)state;
-	assert_int_equal(config.line_count, 2);
-	assert_int_equal(map_modbus_lines(&config), 1);
-	assert_int_equal(map_slaves(&config), 1);
-	assert_int_equal(config.devices[1].ca, 900);
-	assert_int_equal(config.devices[1].line, 1);
-	assert_int_equal(config.lines[1].first_device, 1);
-	assert_int_equal(config.devices[1].point_count, 4);
+	assert_int_equal(modbus_port_count(&config), 1);
+	assert_int_equal(modbus_slave_count(&config), 1);
+	assert_int_equal(config.sets[1].ca, 900);
+	assert_int_equal(config.set_count, 2);
+	assert_int_equal(config.sets[1].point_count, 4);
 	assert_int_equal(config.point_count, 5);
 	assert_name(&config, 1 + 0, "gateway.queue-1.losing");
 	assert_name(&config, 1 + 1, "gateway.queue-others.losing");
@@ -371,23 +378,23 @@ static void test_tables_refer_to_each_other(void **state)
 								       "[{'address': 7}]}") "]}");
 
 	(void)state;
-	assert_int_equal(config.line_count, 2);
-	assert_int_equal(config.lines[0].port, 2);
-	assert_int_equal(config.lines[0].first_device, 0);
-	assert_int_equal(config.lines[0].device_count, 2);
-	assert_int_equal(config.lines[1].first_device, 2);
-	assert_int_equal(config.lines[1].device_count, 2);
-	assert_int_equal(config.devices[1].ca, 2000);
-	assert_int_equal(config.devices[1].first_point, 2);
-	assert_int_equal(config.devices[1].point_count, 1);
-	assert_int_equal(config.devices[2].line, 1);
-	assert_int_equal(config.devices[2].first_point, 3);
-	assert_int_equal(config.devices[2].point_count, 0);
-	assert_int_equal(config.devices[3].first_point, 3);
-	assert_int_equal(config.devices[3].point_count, 1);
+	assert_int_equal(modbus_port_count(&config), 2);
+	assert_int_equal(modbus_ports(&config)[0].port, 2);
+	assert_int_equal(modbus_ports(&config)[0].first_device, 0);
+	assert_int_equal(modbus_ports(&config)[0].device_count, 2);
+	assert_int_equal(modbus_ports(&config)[1].first_device, 2);
+	assert_int_equal(modbus_ports(&config)[1].device_count, 2);
+	assert_int_equal(config.sets[1].ca, 2000);
+	assert_int_equal(config.sets[1].first_point, 2);
+	assert_int_equal(config.sets[1].point_count, 1);
+	assert_int_equal(modbus_slaves(&config)[2].port, 1);
+	assert_int_equal(config.sets[2].first_point, 3);
+	assert_int_equal(config.sets[2].point_count, 0);
+	assert_int_equal(config.sets[3].first_point, 3);
+	assert_int_equal(config.sets[3].point_count, 1);
 	assert_name(&config, 0, "p2.9.c0");
 	assert_name(&config, 1, "p2.9.c1");
-	assert_int_equal(config.points[3].device, 3);
+	assert_int_equal(config.points[3].set, 3);
 	config_free(&config);
 }
 

@@ -9,9 +9,9 @@
 
 #include <cmocka.h>
 
+#include "config/zone.h"
 #include "iec104/time56.h"
 #include "map/time_ns.h"
-#include "rtud/config_parts.h"
 
 #define BEGIN_S 946857600LL  /* 2000-01-03 */
 #define END_S   4102272000LL /* 2099-12-30 */

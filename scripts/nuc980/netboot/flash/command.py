@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -13,13 +13,23 @@ from tempfile import TemporaryDirectory
 
 from nuc980.netboot.board import BoardReport
 from nuc980.netboot.boot import Images, plan_network
+from nuc980.netboot.environment import IN_WORK, plan_restore
 from nuc980.netboot.errors import JournalUnusable, UnusableInput
 from nuc980.netboot.flash.backup import BackUp, BySerial, check_room
 from nuc980.netboot.flash.flasher import Flasher
 from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image, check_image
 from nuc980.netboot.flash.journal import NEW, OLD, Journal, newest_unfinished, only_one, refuse_unfinished
-from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, TABLES, UBI, layout_of, loader_slot
+from nuc980.netboot.flash.layout import (
+    DEVICE_TREE,
+    KERNEL,
+    LOADER,
+    ONE_SLOT,
+    TABLES,
+    UBI,
+    layout_of,
+    loader_slot,
+)
 from nuc980.netboot.flash.plan import (
     Work,
     backup_file,
@@ -35,6 +45,7 @@ from nuc980.netboot.flash.resume import (
     backups_of,
     check_same_board,
     check_same_content,
+    environment_of,
     header_of,
     images_of,
     not_backed_up,
@@ -43,7 +54,7 @@ from nuc980.netboot.flash.resume import (
 from nuc980.netboot.flash.steps import BackedUp
 from nuc980.netboot.flash.tables import has_tables, tables_image, up_to_date
 from nuc980.netboot.flash.through_linux import NEEDS, Place, checked, plan_linux
-from nuc980.netboot.plan import Plan, Step
+from nuc980.netboot.plan import Plan, SetVariable, Step
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
 
@@ -60,6 +71,17 @@ OFFER = (
 
 def add_flash_options(command: argparse.ArgumentParser) -> None:
     """The options of `flash` itself."""
+    _add_images(command)
+    add_backup(command)
+    group = command.add_mutually_exclusive_group()
+    for option, does in (
+        ("--resume", "bring an interrupted flash to its end"),
+        ("--roll-back", "write back what was there before"),
+    ):
+        group.add_argument(option, type=Path, nargs="?", const=NEWEST, metavar="FOLDER", help=does)
+
+
+def _add_images(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("images")
     group.add_argument("--kernel", type=Path, metavar="FILE", help="the uImage")
     group.add_argument("--dtb", type=Path, metavar="FILE", help="the device tree, compiled")
@@ -75,6 +97,10 @@ def add_flash_options(command: argparse.ArgumentParser) -> None:
             metavar="OFFSET+SIZE",
             help=f"place of the {name}, not the board's own",
         )
+
+
+def add_backup(command: argparse.ArgumentParser) -> None:
+    """What becomes of what was there before."""
     group = command.add_argument_group("what was there before")
     group.add_argument("--no-backup", metavar="REASON", help="do not keep it; the journal keeps the reason")
     group.add_argument(
@@ -86,18 +112,12 @@ def add_flash_options(command: argparse.ArgumentParser) -> None:
         "--backup-kernel", type=Path, metavar="FILE", help="for linux: the uImage of the image nuc980_netboot"
     )
     group.add_argument("--backup-dtb", type=Path, metavar="FILE", help="for linux: the board's device tree")
-    group = command.add_mutually_exclusive_group()
-    for option, does in (
-        ("--resume", "bring an interrupted flash to its end"),
-        ("--roll-back", "write back what was there before"),
-    ):
-        group.add_argument(option, type=Path, nargs="?", const=NEWEST, metavar="FOLDER", help=does)
 
 
 def run_flash(run: Run) -> None:
     """Raises NetbootError."""
     files = _files(run.parsed)
-    _check_backup(run.parsed)
+    check_backup(run.parsed)
     with (
         TemporaryDirectory(prefix="netboot-") as folder,
         nullcontext() if run.dry else only_one(run.site.folder),
@@ -109,13 +129,13 @@ def run_flash(run: Run) -> None:
             )
         with run.board(flash=True) as (session, board):
             network = run.target.network(board)
-            flash = _Flash(run, session, board, network, Path(folder))
+            flash = Flash(run, session, board, network, Path(folder))
             if run.dry:
-                run.show(flash.planned(files), network)
+                run.show(flash.planned(flash.images(files)), network)
                 return
             with session.serving(network):
                 if journal is None:
-                    flash.begin(files)
+                    flash.begin((*flash.images(files), *flash.tables(files)))
                 else:
                     flash.go_on(journal, OLD if run.parsed.roll_back else NEW)
 
@@ -142,7 +162,7 @@ def _files(parsed: argparse.Namespace) -> dict[str, Path]:
     return files
 
 
-def _check_backup(parsed: argparse.Namespace) -> None:
+def check_backup(parsed: argparse.Namespace) -> None:
     """The options of a backup by Linux, and its files. Raises UnusableInput, UnusableImage."""
     files = (parsed.backup_kernel, parsed.backup_dtb)
     if parsed.backup_by != LINUX and any(files):
@@ -177,8 +197,8 @@ def _place(text: str) -> tuple[int, int]:
     return int(found[1], 0), int(found[2], 0)
 
 
-class _Flash:
-    """One run of the subcommand on a board that has been probed."""
+class Flash:
+    """One run of a subcommand that writes images, on a board that has been probed."""
 
     def __init__(
         self, run: Run, session: Session, board: BoardReport, network: Network, folder: Path
@@ -198,18 +218,24 @@ class _Flash:
         self.macs = run.site.macs(board.environment)
         self.setup: tuple[Step, ...] = (*plan_session(board), *plan_network(board, network, self.macs))
 
-    def planned(self, files: dict[str, Path]) -> Plan:
+    def planned(self, images: Sequence[Image], environment: Mapping[str, str] | None = None) -> Plan:
         """What begin() does when nothing goes wrong, and the flash has bad-block tables."""
-        work = self._work(in_order(self._images(files)))
-        steps = (*self.setup, *self._backups(work, self.site.folder / "flash-DATE"), *plan_flash(work))
-        if UBI in files and not self.nand.keeps_table:
+        work = self._work(in_order(images))
+        wanted = self.board.environment | environment if environment else None
+        steps = (
+            *(*self.setup, *self._backups(work, self.site.folder / "flash-DATE"), *plan_flash(work)),
+            *self._environment(wanted),
+        )
+        if any(image.name == UBI for image in images) and not self.nand.keeps_table:
             self.session.progress.note(f"A flash without {TABLES} gets them too, in its last blocks.")
         self._forecast(steps)
         return Plan(steps)
 
-    def begin(self, files: dict[str, Path]) -> None:
-        work = self._work(in_order((*self._images(files), *self._tables(files))))
-        journal = Journal.create(self.site.folder, header_of(work, self.board, self.parsed.no_backup))
+    def begin(self, images: Sequence[Image], environment: Mapping[str, str] | None = None) -> None:
+        """environment: variables that are added to the board's, and written to the flash in the end."""
+        work = self._work(in_order(images))
+        header = header_of(work, self.board, self.parsed.no_backup, environment)
+        journal = Journal.create(self.site.folder, header)
         if self.backs_up:
             slots = (image.slot for image in work.images)
             check_room(journal.folder, sum(len(slot.blocks(self.nand)) for slot in slots) * self.nand.block)
@@ -260,7 +286,18 @@ class _Flash:
         # The board was restarted: what was set is gone.
         return (*steps, *self.setup, *(BackedUp(place.image, place.file) for place in places))
 
-    def _images(self, files: dict[str, Path]) -> list[Image]:
+    def _environment(self, wanted: Mapping[str, str] | None) -> tuple[Step, ...]:
+        """Makes it the board's in the flash, without what was only set for this work."""
+        if wanted is None:
+            return ()
+        here = dict(self.board.environment)
+        for step in self.setup:
+            if isinstance(step, SetVariable) and step.name != IN_WORK:
+                here[step.name] = step.value
+        return plan_restore({name: value for name, value in here.items() if value}, wanted, save=True).steps
+
+    def images(self, files: dict[str, Path]) -> list[Image]:
+        """Where this board's boot command reads them. Raises LayoutUnknown, UnusableImage, DoesNotFit."""
         if LOADER in files:
             slots = {LOADER: loader_slot(self.nand)}
         else:
@@ -278,7 +315,7 @@ class _Flash:
             check_image(image, self.nand)
         return images
 
-    def _tables(self, files: dict[str, Path]) -> list[Image]:
+    def tables(self, files: dict[str, Path]) -> list[Image]:
         """With a new root file system, in a flash that has none."""
         address = plan_ram(self.board, (), self.nand).scratch
         if UBI not in files or has_tables(self.session, self.nand, address):
@@ -292,12 +329,13 @@ class _Flash:
         before = (*self.setup, *backups)
         try:
             forecast = self._forecast((*before, *plan_flash(replace(work, images=images))))
-            flasher = Flasher(self.session, journal, work, forecast)
+            after = self._environment(environment_of(journal, work.content))
+            flasher = Flasher(self.session, journal, work, forecast, after)
             flasher.run(before, images)
         except BaseException:  # also Ctrl-C, and a full disk
             note(f"Not finished. `flash --resume` and `flash --roll-back` go on from {journal.folder}.")
             raise
-        if images:
+        if images and {image.name for image in work.images} not in ONE_SLOT:
             note(
                 f"The flash alone could not boot for {flasher.seconds:.1f} s;"
                 f" its kernel was away for {flasher.kernel_seconds:.1f} s of them."

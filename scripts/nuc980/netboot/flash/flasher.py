@@ -13,7 +13,7 @@ from nuc980.netboot.errors import DoesNotFit, FlashFailed
 from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image
 from nuc980.netboot.flash.journal import Journal
-from nuc980.netboot.flash.layout import KERNEL, LOADER
+from nuc980.netboot.flash.layout import ALL_KERNELS, LOADER
 from nuc980.netboot.flash.plan import Work, plan_end, plan_loads, plan_opening, plan_writing
 from nuc980.netboot.flash.resume import file_facts
 from nuc980.netboot.flash.steps import BLOCK_SECONDS, BackedUp, BlockFailed, FlashStep, Verified, WriteBlock
@@ -33,6 +33,7 @@ class Flasher:
     journal: Journal
     work: Work
     forecast: Forecast
+    after: tuple[Step, ...] = ()  # of the images, before the journal is finished
     seconds: float = 0.0  # from the first erase to the last byte read back
     kernel_seconds: float = 0.0  # of that, the kernel's
 
@@ -48,9 +49,9 @@ class Flasher:
             begun = time.monotonic()
             self._write(self._up_to_date(image, bad))
             self.seconds = time.monotonic() - started
-            if image.name == KERNEL:
-                self.kernel_seconds = time.monotonic() - begun
-        self._do(plan_end())
+            if image.name in ALL_KERNELS:
+                self.kernel_seconds += time.monotonic() - begun
+        self._do((*plan_end(), *self.after))
         self.journal.add("finished", content=self.work.content)
 
     def _up_to_date(self, image: Image, bad: Sequence[int]) -> Image:

@@ -64,7 +64,7 @@ class Image:
 def check_image(image: Image, nand: Nand) -> None:
     """That a file is what it is to be written as, and fits. Raises UnusableImage, DoesNotFit."""
     match image.name:
-        case layout.KERNEL:
+        case name if name in layout.ALL_KERNELS:
             kernel = read_uimage(image.path)
             if image.slot.address is not None:
                 check_place(image.path, kernel, image.slot.address + UImage.LAYOUT.size)

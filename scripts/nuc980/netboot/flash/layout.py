@@ -20,6 +20,14 @@ LOADER_OFFSET, LOADER_ROOM = 0x100000, 500 * 1024
 _OTHER = "read at "
 KERNEL, DEVICE_TREE, UBI, LOADER = "kernel", "device tree", "UBI", "boot loader"
 TABLES = "bad-block tables"
+# Of a board with slots, by the slot's name.
+KERNELS = {name: f"kernel {name.upper()}" for name in "ab"}
+DEVICE_TREES = {name: f"device tree {name.upper()}" for name in "ab"}
+MARKS = ("base mark 1", "base mark 2", "trial mark")
+ONE_SLOT = tuple(
+    {KERNELS[name], DEVICE_TREES[name]} for name in KERNELS
+)  # boards boot the other one meanwhile
+ALL_KERNELS, ALL_DEVICE_TREES = (KERNEL, *KERNELS.values()), (DEVICE_TREE, *DEVICE_TREES.values())
 UBI_PARTITIONS = ("rootfs", "user")
 DEPTH = 8  # of `run` in `run`
 WITHOUT_FLASH = "nuc980-netboot boot starts a kernel over the network"

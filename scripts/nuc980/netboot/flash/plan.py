@@ -19,7 +19,7 @@ from nuc980.netboot.flash.backup import BySerial, ByTftp, Way, plan_backup
 from nuc980.netboot.flash.forecast import Forecast
 from nuc980.netboot.flash.images import Image, blocks_needed, programmed
 from nuc980.netboot.flash.journal import NEW
-from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, LOADER, TABLES, UBI
+from nuc980.netboot.flash.layout import ALL_DEVICE_TREES, ALL_KERNELS, LOADER, MARKS, ONE_SLOT, TABLES, UBI
 from nuc980.netboot.flash.steps import (
     Announce,
     BackedUp,
@@ -35,7 +35,8 @@ from nuc980.netboot.transport import BAUD
 
 CHUNK = 8 << 20  # loaded, backed up and read back at once, bytes
 NEEDED = ("nand", "crc32", "mw", "tftpboot")
-ORDER = (UBI, DEVICE_TREE, KERNEL, TABLES, LOADER)  # the tables last: a block may die before
+# The tables late: a block may die before.
+ORDER = (UBI, *ALL_DEVICE_TREES, *ALL_KERNELS, *MARKS, TABLES, LOADER)
 
 # What stays free of ours: in front, vectors and boot parameters; below U-Boot, its stack.
 RAM_FRONT, RAM_BACK = 0x100000, 0x100000
@@ -223,6 +224,10 @@ def warning(work: Work) -> str:
     writing = (step for image in work.images for step in plan_writing(work, image))
     seconds = Forecast(writing, BAUD).left(0.0)
     names = ", ".join(image.name for image in work.images)
+    if {image.name for image in work.images} in ONE_SLOT:
+        return (
+            f"From here on, for about {seconds:.0f} s, {names} are written; the board boots its other slot."
+        )
     if any(image.name == LOADER for image in work.images):
         return (
             f"From here to the end, for about {seconds:.0f} s, a board that loses power cannot even start"
@@ -236,7 +241,7 @@ def warning(work: Work) -> str:
 
 
 def in_order(images: Sequence[Image]) -> tuple[Image, ...]:
-    """UBI, device tree, kernel: the kernel's slot is without a kernel for the shortest time."""
+    """UBI, device trees, kernels: a kernel's slot is without a kernel for the shortest time; then marks."""
     return tuple(sorted(images, key=lambda image: ORDER.index(image.name)))
 
 

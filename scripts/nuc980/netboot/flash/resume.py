@@ -5,15 +5,17 @@ from __future__ import annotations
 
 import hashlib
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.console import TRIES
+from nuc980.netboot.environment import kept
 from nuc980.netboot.errors import JournalUnusable
 from nuc980.netboot.flash.backup import reads_well
 from nuc980.netboot.flash.images import Image, programmed
-from nuc980.netboot.flash.journal import OLD, Event, Journal
-from nuc980.netboot.flash.layout import DEVICE_TREE, KERNEL, UBI, Slot
+from nuc980.netboot.flash.journal import NEW, OLD, Event, Journal
+from nuc980.netboot.flash.layout import ALL_DEVICE_TREES, ALL_KERNELS, UBI, Slot
 from nuc980.netboot.flash.plan import Work, plan_reading
 from nuc980.netboot.session import Session
 from nuc980.netboot.steps import ram_crc
@@ -22,12 +24,18 @@ from nuc980.netboot.steps import ram_crc
 TELLING = 4
 
 
-def header_of(work: Work, board: BoardReport, no_backup: str | None) -> Event:
-    """What a journal begins with: all that --resume and --roll-back need."""
+def header_of(
+    work: Work, board: BoardReport, no_backup: str | None, environment: Mapping[str, str] | None = None
+) -> Event:
+    """What a journal begins with: all that --resume and --roll-back need.
+
+    environment: the variables that are written to the flash in the end, None for a flash that writes none.
+    """
     nand = work.nand
     return {
         "version": 1,
         "uboot": board.version,
+        **({"environment": {OLD: kept(board.environment), NEW: environment}} if environment else {}),
         "nand": {"size": nand.size, "block": nand.block, "page": nand.page, "bad": list(nand.bad)},
         "no_backup": no_backup,
         "images": [
@@ -49,6 +57,14 @@ def header_of(work: Work, board: BoardReport, no_backup: str | None) -> Event:
             for image in work.images
         ],
     }
+
+
+def environment_of(journal: Journal, content: str) -> Mapping[str, str] | None:
+    """What the environment is to be in the end: all of it, as a cut while it is written loses all of it."""
+    both = journal.header.get("environment")
+    if both is None:
+        return None
+    return both[OLD] | (both[NEW] if content == NEW else {})
 
 
 def images_of(journal: Journal) -> tuple[Image, ...]:
@@ -140,7 +156,7 @@ def check_same_content(session: Session, journal: Journal, nand: Nand, address: 
     for entry in journal.header["images"]:
         backup = journal.backup_of(entry["image"])
         begun = journal.content_of(entry["image"]) != OLD
-        if entry["image"] not in (KERNEL, DEVICE_TREE) or not begun or backup is None:
+        if entry["image"] not in ALL_KERNELS + ALL_DEVICE_TREES or not begun or backup is None:
             continue
         file = journal.folder / backup["file"]
         if not _is_there(file, backup):

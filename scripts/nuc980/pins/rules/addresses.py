@@ -17,8 +17,8 @@ from nuc980.pins.tree import Node
 
 @rule(
     "wrong-address",
-    "A device is at an address that is not its own.",
-    "The driver writes to registers of another block, or to none; an access outside every block stops "
+    "A node gives a device the wrong address.",
+    "The driver writes to the registers of another block, or to none. An access outside every block stops "
     "the system.",
 )
 def wrong_address(context: Context) -> Iterator[Finding]:
@@ -31,7 +31,7 @@ def wrong_address(context: Context) -> Iterator[Finding]:
         there = [other.label for other in context.chip.at(address)] if address is not None else []
         found = "has no reg" if address is None else f"has reg {address:#x}"
         if address == peripheral.address:
-            there, found = [], "has a reg without size"
+            there, found = [], "has a reg without a size"
         owner = f", where {listed(there)} is" if there else ""
         yield Finding(
             "wrong-address",
@@ -43,9 +43,9 @@ def wrong_address(context: Context) -> Iterator[Finding]:
 
 @rule(
     "unit-address",
-    "The name of a node gives another address than its reg.",
-    "The kernel goes by reg, people and dtc by the name: the vendor's interrupt controller is called "
-    "b0004000, the address of the GPIO block, and sits at b0042000.",
+    "A node's name and its reg give different addresses.",
+    "The kernel uses reg; people and dtc read the name. The vendor's interrupt controller is called "
+    "b0004000, which is the address of the GPIO block, but it sits at b0042000.",
 )
 def unit_address(context: Context) -> Iterator[Finding]:
     for node in context.tree.root.walk():
@@ -65,16 +65,16 @@ def unit_address(context: Context) -> Iterator[Finding]:
         yield Finding(
             "unit-address",
             **at(node, "reg"),
-            message=f"{node.name} is called {unit:x}{owner}, its reg says {address:x}",
-            remedy=f"Call the node {node.base_name}@{address:x}, or correct its reg",
+            message=f"the name of {node.name} says {unit:x}{owner}, but its reg says {address:x}",
+            remedy=f"Rename the node to {node.base_name}@{address:x}, or correct its reg",
         )
 
 
 @rule(
     "no-bus",
-    "Devices of the chip are under a node of which the kernel does not make a bus.",
-    "The kernel looks only at children of simple-bus and simple-mfd, and gives them registers only where "
-    "ranges says how: these devices are in the tree and never in the system.",
+    "Devices of the chip are under a node that the kernel does not treat as a bus.",
+    "The kernel looks only at the children of simple-bus and simple-mfd, and gives them registers only "
+    "where ranges says how. Devices elsewhere are in the tree, but never in the system.",
 )
 def no_bus(context: Context) -> Iterator[Finding]:
     names = {name for one in context.chip.peripherals.values() for name in names_of(one)}
@@ -97,11 +97,11 @@ def no_bus(context: Context) -> Iterator[Finding]:
 
 def _bus_fault(bus: Node) -> str | None:
     if not set(BUSES).intersection(bus.strings("compatible")):
-        return f"is no {BUSES[0]}"
+        return f"is not a {BUSES[0]}"
     if "ranges" not in bus.properties:
         return "has no ranges"
     if bus.cells("ranges")[:1] != bus.cells("ranges")[1:2]:
-        return "has ranges that move addresses"
+        return "has ranges that translate addresses"
     wrong = [name for name in ("#address-cells", "#size-cells") if bus.cells(name) not in ([], [1])]
     return f"has {listed(f'{name} = <{bus.cells(name)[0]}>' for name in wrong)}" if wrong else None
 
@@ -109,8 +109,8 @@ def _bus_fault(bus: Node) -> str | None:
 @rule(
     "outside-bus",
     "A device of the chip is not on its bus.",
-    "The kernel makes a device of it there too. But board files, U-Boot and programs know it by its path on "
-    "/apb or /ahb: changing that one makes a second node with the same registers.",
+    "The kernel creates the device there too. But board files, U-Boot and programs know it by its path on "
+    "/apb or /ahb. Whoever changes the node at that path creates a second node with the same registers.",
 )
 def outside_bus(context: Context) -> Iterator[Finding]:
     buses = {peripheral.bus for peripheral in context.chip.peripherals.values()}
@@ -124,15 +124,15 @@ def outside_bus(context: Context) -> Iterator[Finding]:
             "outside-bus",
             **at(node),
             message=f"{node.path} is {peripheral.label}, which is on the bus /{peripheral.bus}",
-            remedy=f"Move the node to {peripheral.path}, or change that one as &{peripheral.label} {{ … }}",
+            remedy=f"Move the node to {peripheral.path}, or change &{peripheral.label} {{ … }} instead",
         )
 
 
 @rule(
     "address-twice",
-    "Two enabled nodes are at one block of the chip.",
-    "The second driver cannot have the registers (-EBUSY), or both write to them: a smart card and its "
-    "UART are one block. The USB host's ports share theirs by intent.",
+    "Two enabled nodes describe the same block of the chip.",
+    "The second driver does not get the registers (-EBUSY), or both drivers write to them. A smart-card "
+    "interface and its UART are one block, for example. The ports of the USB host share a block on purpose.",
 )
 def address_twice(context: Context) -> Iterator[Finding]:
     for address, nodes in grouped(_located(context), address_of).items():
@@ -142,8 +142,8 @@ def address_twice(context: Context) -> Iterator[Finding]:
         yield Finding(
             "address-twice",
             **at(nodes[-1], "reg"),
-            message=f"{listed(node.path for node in nodes)} are on, all at {address:#x}",
-            remedy='Set status = "disabled" in all of them but one',
+            message=f"{listed(node.path for node in nodes)} are enabled, and all are at {address:#x}",
+            remedy='Keep one of them; set status = "disabled" in the others',
             claimants=tuple(
                 Claimant(node.path, f"the block at {address:#x}", node.place_of("reg")) for node in nodes
             ),
@@ -167,7 +167,7 @@ def _is_usb_host(peripheral: Peripheral | None) -> bool:
     "reg-overlap",
     "The registers of two enabled devices overlap.",
     "A driver gets its whole reg or nothing: the second of the two to probe fails (-EBUSY, -16). With a reg "
-    "of 0x2000 bytes ttyS1 takes the registers of ttyS2, and that port is gone.",
+    "of 0x2000 bytes, ttyS1 takes the registers of ttyS2, and ttyS2 is missing.",
 )
 def reg_overlap(context: Context) -> Iterator[Finding]:
     for first, second in itertools.combinations(sorted(_located(context), key=address_of), 2):
@@ -180,7 +180,7 @@ def reg_overlap(context: Context) -> Iterator[Finding]:
         yield Finding(
             "reg-overlap",
             **at(wrong, "reg"),
-            message=f"{context.name(first)} reaches from {address_of(first):#x} to {end - 1:#x}, over "
+            message=f"{context.name(first)} covers {address_of(first):#x} to {end - 1:#x}, and with it "
             f"{context.name(second)} at {start:#x}",
             remedy=f"{own} in {context.name(wrong)}",
             claimants=tuple(
@@ -203,9 +203,9 @@ def _has_own_size(context: Context, node: Node) -> bool:
 
 @rule(
     "stale-node",
-    "A node on a bus has no compatible string: it was meant to change another, which has another name.",
-    "dtc makes a new node of a name it does not know. The vendor's board files switch off cap0@b0024000, "
-    "which is called ccap0 now: nothing is switched off.",
+    "A node on a bus has no compatible string; it was probably meant to change a node of another name.",
+    "dtc creates a new node for a name that it does not know. The vendor's board files disable "
+    "cap0@b0024000, but that node is called ccap0 now, so they disable nothing.",
 )
 def stale_node(context: Context) -> Iterator[Finding]:
     for node in context.tree.root.walk():
@@ -216,10 +216,10 @@ def stale_node(context: Context) -> Iterator[Finding]:
             "stale-node",
             **at(node),
             message=f"{node.path} has no compatible string, so it describes no device"
-            + (f"; {meant.path} is the device meant" if meant else ""),
-            remedy=f"Call the node {meant.name}, as the one it changes"
+            + (f"; it probably means {meant.path}" if meant else ""),
+            remedy=f"Rename the node to {meant.name}, the one that it is to change"
             if meant
-            else f"Delete {node.path}, or call it as the node that it was to change",
+            else f"Delete {node.path}, or give it the name of the node that it is to change",
         )
 
 

@@ -62,9 +62,9 @@ def _pairs(node: Node) -> list[tuple[int, int]]:
 
 @rule(
     "too-much-memory",
-    "The kernel is told of more memory than the board has.",
-    "The kernel uses what is not there, or the same memory a second time: it dies at once, or long after it "
-    "has started, when the memory below is full.",
+    "The tree tells the kernel of more memory than the board has.",
+    "The kernel uses memory that does not exist, or uses the same memory twice. It dies at once, or long "
+    "after its start, when the rest of the memory is full.",
 )
 def too_much_memory(context: Context) -> Iterator[Finding]:
     limits = context.board.limits if context.board else None
@@ -80,8 +80,8 @@ def too_much_memory(context: Context) -> Iterator[Finding]:
 
 @rule(
     "reserved-outside",
-    "Reserved memory is outside of the memory.",
-    "The kernel reserves nothing there; who uses the region reads and writes what is not there.",
+    "A reserved region lies outside the board's memory.",
+    "The kernel reserves nothing there. Whoever uses the region reads and writes memory that does not exist.",
 )
 def reserved_outside(context: Context) -> Iterator[Finding]:
     ends = [told.end for told in _memory(context)]
@@ -103,8 +103,9 @@ def reserved_outside(context: Context) -> Iterator[Finding]:
 
 @rule(
     "wrong-console",
-    "The console is a port that is off, or another than the board's.",
-    "The kernel starts and is not seen; netboot, which reads its messages, calls it dead.",
+    "The console is a disabled port, or not the port that the board has for it.",
+    "The kernel starts, but nobody sees its messages. nuc980-netboot waits for them and reports that the "
+    "board is dead.",
 )
 def wrong_console(context: Context) -> Iterator[Finding]:
     for name, told, node, fault in _consoles(context):
@@ -129,7 +130,7 @@ def _consoles(context: Context) -> Iterator[tuple[str, str, Node | None, str]]:
         tty = word["tty"]
         if tty.startswith("ttyS"):
             port = _port(context, tty.removeprefix("ttyS"))
-            yield "bootargs", word[0], port, "" if port else "no port of this tree"
+            yield "bootargs", word[0], port, "" if port else "not a port of this tree"
 
 
 def _by_path(context: Context, name: str) -> tuple[Node | None, str]:
@@ -139,9 +140,9 @@ def _by_path(context: Context, name: str) -> tuple[Node | None, str]:
     if not name.startswith("/"):
         path = next(iter(aliases.strings(name) if aliases else ()), "")
         if not path:
-            return None, "no alias of this tree"
+            return None, "not an alias of this tree"
     node = context.tree.find(path)
-    return node, "" if node else "no node of this tree"
+    return node, "" if node else "not a node of this tree"
 
 
 def _port(context: Context, number: str) -> Node | None:
@@ -166,11 +167,11 @@ def _port_fault(context: Context, node: Node) -> str:
 def _right_console(context: Context, named: Node | None) -> str:
     right = context.board.console if context.board else None
     if right is None:
-        return "Name a port that is on"
+        return "Name an enabled port"
     if named and not named.enabled and context.name(named) == right:
         return f'Set status = "okay" in {context.name(switched_off(named))}'
     number = context.chip.peripherals[right].properties.get("port-number")
-    return f"Name the console's port: ttyS{number} in console=, {right} in stdout-path"
+    return f"Name the console's port: console=ttyS{number}, and {right} in stdout-path"
 
 
 # ---- aliases -------------------------------------------------------------------------------------
@@ -178,9 +179,10 @@ def _right_console(context: Context, named: Node | None) -> str:
 
 @rule(
     "wrong-alias",
-    "An alias names another port than its number says.",
-    "ttyS1 is the UART with port-number 1, whatever serial1 says: stdout-path and people take another. "
-    "U-Boot writes the MAC addresses to ethernet0 and ethernet1: exchanged, each port has the other's.",
+    "The number of an alias is not the number of its port.",
+    "ttyS1 is the UART with port-number 1, whatever serial1 says; stdout-path and people follow the alias "
+    "to another port. U-Boot writes the MAC addresses to ethernet0 and ethernet1; if the two are exchanged, "
+    "each port gets the other's address.",
 )
 def wrong_alias(context: Context) -> Iterator[Finding]:
     aliases = context.tree.find("/aliases")
@@ -211,9 +213,9 @@ def _right_label(context: Context, name: str) -> str | None:
 
 @rule(
     "bad-mac",
-    "A port has a MAC address that is a group's, or another port's.",
-    "The kernel refuses a group's address and takes a random one; with one address twice, the two ports take "
-    "each other's frames.",
+    "A port has a group's MAC address, or the address of another port.",
+    "The kernel refuses a group's address and takes a random one. If two ports have the same address, each "
+    "takes the other's frames.",
 )
 def bad_mac(context: Context) -> Iterator[Finding]:
     has = {

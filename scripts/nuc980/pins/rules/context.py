@@ -149,9 +149,9 @@ def switched_off(node: Node) -> Node:
 
 
 def off(node: Node) -> str:
-    """ "is off", with the bus that is the cause."""
+    """ "is disabled", with the bus that is the cause."""
     cause = switched_off(node)
-    return "is off" if cause is node else f"is off, as {cause.path} is"
+    return "is disabled" if cause is node else f"is disabled, because {cause.path} is"
 
 
 def is_well_formed(group: Node) -> bool:

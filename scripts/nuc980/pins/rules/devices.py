@@ -26,9 +26,9 @@ NEEDED = {
 
 @rule(
     "unknown-status",
-    "A status that the specification does not know.",
-    'For the kernel whatever is not "okay" or "ok" is off: with "enabled" or "Okay" the device is missing, '
-    "and nothing is logged.",
+    "The specification does not define the status of a node.",
+    'The kernel treats every status but "okay" and "ok" as disabled. With "enabled" or "Okay" the device is '
+    "missing, and nothing is logged.",
 )
 def unknown_status(context: Context) -> Iterator[Finding]:
     for node in context.tree.root.walk():
@@ -46,9 +46,10 @@ def unknown_status(context: Context) -> Iterator[Finding]:
 
 @rule(
     "wrong-number",
-    "A number by which the driver knows which of several devices it has is another's.",
-    "port-number chooses clock and port of a UART, map-addr its registers, id the channels of a PWM: with "
-    "another's, the driver works on the wrong block, and a second port of one number overwrites the first.",
+    "The number that tells a driver which device it has belongs to another device.",
+    "port-number selects the clock and the port of a UART, map-addr its registers, id the channels of a "
+    "PWM. With another device's number, the driver works on the wrong block, and the second port with a "
+    "number overwrites the first.",
 )
 def wrong_number(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.devices.items():
@@ -60,15 +61,15 @@ def wrong_number(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "wrong-number",
                 **at(node, name),
-                message=f"{peripheral.label} has {name} = <{told}>; its own is {_number(own)}",
+                message=f"{peripheral.label} has {name} = <{told}>; it must be {_number(own)}",
                 remedy=f"Set {name} = <{_number(own)}> in {peripheral.label}",
             )
 
 
 @rule(
     "wrong-compatible",
-    "No driver takes a device by its compatible string.",
-    "The device is in the tree and never in the system; nothing is logged.",
+    "No driver matches the compatible string of a device.",
+    "The device is in the tree, but never in the system, and nothing is logged.",
 )
 def wrong_compatible(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.peripherals.items():
@@ -76,7 +77,7 @@ def wrong_compatible(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "wrong-compatible",
                 **at(node, "compatible"),
-                message=f"{node.path} is {peripheral.label} by its address, but compatible is "
+                message=f"{node.path} has the address of {peripheral.label}, but its compatible is "
                 f"{', '.join(map(repr, node.strings('compatible'))) or 'empty'}",
                 remedy=f"Set compatible = {_quoted(peripheral.compatible)} in {node.path}",
             )
@@ -84,7 +85,7 @@ def wrong_compatible(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "wrong-compatible",
                 **at(node, "compatible"),
-                message=f"{peripheral.label} is on, but no kernel of the vendor has a driver for "
+                message=f"{peripheral.label} is enabled, but no kernel of the vendor has a driver for "
                 f"{peripheral.compatible[0]}",
                 remedy=f'Set status = "disabled" in {peripheral.label}, or delete the node',
             )
@@ -96,9 +97,9 @@ def _quoted(strings: tuple[str, ...]) -> str:
 
 @rule(
     "bus-num-twice",
-    "Two enabled controllers of one kind have one bus_num.",
-    "The second bus is not registered: its devices are missing. The vendor's 6.6 tree gives 0 to all "
-    "three SPI controllers.",
+    "Two enabled controllers of the same kind have the same bus_num.",
+    "The kernel does not register the second bus, so its devices are missing. The vendor's 6.6 tree gives 0 "
+    "to all three SPI controllers.",
 )
 def bus_num_twice(context: Context) -> Iterator[Finding]:
     numbered = [
@@ -124,8 +125,8 @@ def bus_num_twice(context: Context) -> Iterator[Finding]:
 
 @rule(
     "pdma-without-dma",
-    "A UART is set to PDMA while the PDMA controller is off.",
-    "Opening the port fails: the driver asks for a channel and there is none.",
+    "A UART is set to use PDMA, but the PDMA controller is disabled.",
+    "Opening the port fails: the driver asks for a channel, and there is none.",
 )
 def pdma_without_dma(context: Context) -> Iterator[Finding]:
     if any(peripheral.label == "dma" for peripheral in context.devices.values()):
@@ -136,7 +137,7 @@ def pdma_without_dma(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "pdma-without-dma",
                 **at(node, "pdma-enable"),
-                message=f"{peripheral.label} has pdma-enable = <1>, but no PDMA controller is on",
+                message=f"{peripheral.label} has pdma-enable = <1>, but no PDMA controller is enabled",
                 remedy=f'Set pdma-enable = <0> in {peripheral.label}, or status = "okay" in '
                 f"{context.chip.peripherals['dma'].path}",
             )
@@ -148,11 +149,10 @@ def _is_uart(peripheral: Peripheral) -> bool:
 
 @rule(
     "missing-property",
-    "A device lacks a property that its driver cannot do without.",
-    "A UART without port-number, map-addr or pdma-enable does not probe, and the driver calls a missing "
-    "pdma-enable a missing map-addr; without bus_freq the I2C "
-    "driver divides by zero; an I2C or SPI bus without #address-cells gives its devices no "
-    "address that dtc checks.",
+    "A device lacks a property that its driver needs.",
+    "A UART without port-number, map-addr or pdma-enable does not probe; the driver reports a missing "
+    "pdma-enable as a missing map-addr. Without bus_freq the I2C driver divides by zero. An I2C or SPI bus "
+    "without #address-cells gives its devices no address that dtc checks.",
 )
 def missing_property(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.devices.items():

@@ -79,8 +79,8 @@ def _boards_partitions(context: Context) -> Iterator[tuple[Limits, Partition]]:
 @rule(
     "partition-overlap",
     "Two partitions of a flash overlap.",
-    "The kernel makes both and says nothing: writing or erasing one destroys the other, such as the "
-    "device tree behind a kernel that grew.",
+    "The kernel creates both and reports nothing. Writing or erasing one destroys the other, such as the "
+    "device tree behind a kernel that has grown.",
 )
 def partition_overlap(context: Context) -> Iterator[Finding]:
     for _, partitions in _tables(context):
@@ -98,8 +98,8 @@ def partition_overlap(context: Context) -> Iterator[Finding]:
 
 @rule(
     "partition-label-twice",
-    "Two partitions of a flash have one label.",
-    "Who asks for a partition by its label, as ubi.mtd= and mtd_info do, gets the first of them.",
+    "Two partitions of a flash have the same label.",
+    "Whoever asks for a partition by its label, as ubi.mtd= and mtd_info do, gets the first one.",
 )
 def partition_label_twice(context: Context) -> Iterator[Finding]:
     for _, partitions in _tables(context):
@@ -117,9 +117,9 @@ def partition_label_twice(context: Context) -> Iterator[Finding]:
 
 @rule(
     "partition-bounds",
-    "A partition reaches beyond the flash, or does not begin and end with its erase blocks.",
-    "The kernel cuts or drops what is beyond, and makes a partition that begins or ends inside a block "
-    "read-only: what is to be written there cannot be, and UBI does not attach.",
+    "A partition extends beyond the flash, or is not aligned to its erase blocks.",
+    "The kernel cuts or drops what lies beyond the flash. It makes a partition read-only that begins or "
+    "ends inside a block: nothing can be written there, and UBI does not attach.",
 )
 def partition_bounds(context: Context) -> Iterator[Finding]:
     for limits, one in _boards_partitions(context):
@@ -142,9 +142,10 @@ def partition_bounds(context: Context) -> Iterator[Finding]:
 
 @rule(
     "partition-moved",
-    "A partition is not where the factory's boot command or the image has it.",
-    "The boot loader reads kernel and device tree from fixed places, and the image's root lies at one: what "
-    "is written to a partition that has moved is never read, and what is read is something else.",
+    "A partition is not where the factory's boot command or the image expects it.",
+    "The boot loader reads the kernel and the device tree from fixed addresses, and the image's root file "
+    "system lies at a fixed address too. When a partition has moved, nobody reads what is written to it, "
+    "and the boot loader reads something else.",
 )
 def partition_moved(context: Context) -> Iterator[Finding]:
     for limits, one in _boards_partitions(context):
@@ -155,7 +156,8 @@ def partition_moved(context: Context) -> Iterator[Finding]:
                 yield Finding(
                     "partition-moved",
                     **at(one.node, "reg"),
-                    message=f"the partition {one} should have {area.size:#x} bytes from {area.offset:#x}",
+                    message=f"the partition {one} should begin at {area.offset:#x} and have "
+                    f"{area.size:#x} bytes",
                     remedy=f"Set reg = <{area.offset:#x} {area.size:#x}> in {one.label}, or correct "
                     f"{limits.file.name}",
                 )
@@ -163,8 +165,9 @@ def partition_moved(context: Context) -> Iterator[Finding]:
 
 @rule(
     "boot-writable",
-    "Linux may write to where the boot loader is.",
-    "One mistyped flash_erase, and the board starts from USB only, if its boot straps can be reached at all.",
+    "A partition lets Linux overwrite the boot loader.",
+    "After one mistyped flash_erase the board starts only from USB, if its boot straps can be reached at "
+    "all.",
 )
 def boot_writable(context: Context) -> Iterator[Finding]:
     for limits, one in _boards_partitions(context):
@@ -172,17 +175,17 @@ def boot_writable(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "boot-writable",
                 **at(one.node, "reg"),
-                message=f"the partition {one} has the boot loader, up to {limits.boot.end:#x}, and is "
-                "writable",
-                remedy=f"Write read-only; in {one.label}, or begin it at {limits.boot.end:#x}",
+                message=f"the partition {one} is writable and contains the boot loader, which ends at "
+                f"{limits.boot.end:#x}",
+                remedy=f"Add read-only; to {one.label}, or begin it at {limits.boot.end:#x}",
             )
 
 
 @rule(
     "no-ecc",
-    "A NAND without its error correction.",
-    "The vendor's driver fails without mode, strength and step, and its way out ends in a panic that nobody "
-    "sees. Ours refuses the chip: there is no flash.",
+    "A NAND has no error correction.",
+    "Without mode, strength and step the vendor's driver fails, and its error path ends in a panic that "
+    "nobody sees. Our driver refuses the chip, so there is no flash.",
 )
 def no_ecc(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.devices.items():
@@ -192,15 +195,16 @@ def no_ecc(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "no-ecc",
                 **at(node),
-                message=f"{context.name(node)} has a NAND and no {listed(lacks)}",
+                message=f"{context.name(node)} has a NAND but no {listed(lacks)}",
                 remedy=f"Set {listed(f'{name} = {ECC[name]}' for name in lacks)} in {context.name(node)}",
             )
 
 
 @rule(
     "quad-without-lines",
-    "A flash is to be read by four data lines, and two of them have no pin.",
-    "The driver goes by spi-rx-bus-width and does not look at the pins: half of the bits it reads are noise.",
+    "A flash is set to use four data lines, but two of them have no pin.",
+    "The driver follows spi-rx-bus-width and does not look at the pins. Half of the bits that it reads are "
+    "noise.",
 )
 def quad_without_lines(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.devices.items():

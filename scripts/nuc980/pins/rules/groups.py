@@ -34,10 +34,10 @@ PORT = re.compile(r"P([A-G])(?![A-Za-z])")
 
 @rule(
     "cell-count",
-    "A property has a wrong number of cells: nuvoton,pins wants four a pin, a GPIO list what its "
-    "controller says, a key matrix its rows and columns.",
-    "One such group makes the whole pin controller fail, and with it every device that has a pin group; "
-    "a GPIO list is refused, or read one cell off.",
+    "A property has the wrong number of cells: nuvoton,pins needs four for each pin, a GPIO list as many as "
+    "its controller says, a key matrix its rows and columns.",
+    "One such group makes the whole pin controller fail, and with it every device that has a pin group. A "
+    "GPIO list is refused, or read one cell off.",
 )
 def cell_count(context: Context) -> Iterator[Finding]:
     for group in context.groups:
@@ -46,7 +46,7 @@ def cell_count(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "cell-count",
                 **at(group, PINS),
-                message=f"the group {group.name} has {_cells(length)}, no multiple of {CELLS_A_PIN}",
+                message=f"the group {group.name} has {_cells(length)}, not a multiple of {CELLS_A_PIN}",
                 remedy=f"Write four cells for each pin in {group.name}: bank, pin, function, 0",
             )
     for node in context.enabled:
@@ -59,7 +59,7 @@ def cell_count(context: Context) -> Iterator[Finding]:
                     **at(node, name),
                     message=f"{name} of {context.name(node)} cannot be read: {error}",
                     remedy=f"Write {name} as <&gpio NUMBER FLAGS>: the controller, then as many cells as its "
-                    "#gpio-cells says (in a gpio-hog without the controller); NUMBER is 32 * bank + pin",
+                    "#gpio-cells says (a gpio-hog omits the controller); NUMBER is 32 * bank + pin",
                 )
         if node not in context.peripherals:  # of those it is wrong-interrupt
             yield from _odd_interrupts(context, node)
@@ -75,8 +75,8 @@ def _odd_interrupts(context: Context, node: Node) -> Iterator[Finding]:
             "cell-count",
             **at(node, interrupts_property(node)),
             message=f"{context.name(node)} has interrupts {error}",
-            remedy=f"Write interrupts of {context.name(node)} as its interrupt-parent wants them: for gpio, "
-            "<NUMBER FLAGS>",
+            remedy=f"Write the interrupts of {context.name(node)} as its interrupt-parent expects them; for "
+            "gpio that is <NUMBER FLAGS>",
         )
 
 
@@ -93,8 +93,8 @@ def _short_key_lists(context: Context, node: Node) -> Iterator[Finding]:
             "cell-count",
             **at(node, "key-matrix"),
             message=f"{context.name(node)} needs {listed(lacks)}",
-            remedy=f"Write key-matrix = <ROWS COLUMNS> in {context.name(node)}, a GPIO number a row in "
-            "gpio-keys-rows, for each of several columns in gpio-keys-cols, and a code for each key",
+            remedy=f"Write key-matrix = <ROWS COLUMNS> in {context.name(node)}, a GPIO number for each row "
+            "in gpio-keys-rows and for each of several columns in gpio-keys-cols, and a code for each key",
         )
 
 
@@ -104,9 +104,9 @@ def _cells(length: int) -> str:
 
 @rule(
     "bank-and-pin",
-    "A GPIO line is written as bank and pin.",
-    "A line has one number, 32 * bank + pin, and its flags behind it: <&gpio 4 11> is line 4, PA4, with "
-    "flags that do not exist, not PE11.",
+    "A GPIO line is written as a bank and a pin instead of as one number.",
+    "A line has one number, 32 * bank + pin, and the flags follow it. <&gpio 4 11> is not PE11: it is line "
+    "4, PA4, with flags that do not exist.",
 )
 def bank_and_pin(context: Context) -> Iterator[Finding]:
     for node in context.enabled:
@@ -127,9 +127,10 @@ def _bank_and_pin(context: Context, node: Node, name: str, specifier: list[int])
     yield Finding(
         "bank-and-pin",
         **at(node, name),
-        message=f"{name} of {context.name(node)} has <{written}>, line {specifier[0]} "
-        f"({pin_of_gpio(specifier[0])}) with flags {specifier[1]}, which do not exist; {pin} is likely meant",
-        remedy=f"For {pin} write {number} and its flags: the number is 32 * bank + pin, "
+        message=f"{name} of {context.name(node)} has <{written}>: line {specifier[0]} "
+        f"({pin_of_gpio(specifier[0])}) with flags {specifier[1]}, which do not exist; it probably "
+        f"means {pin}",
+        remedy=f"For {pin} write {number} and the flags; the number is 32 * bank + pin, "
         f"32 * {specifier[0]} + {specifier[1]}",
         pins=(pin,),
     )
@@ -137,9 +138,9 @@ def _bank_and_pin(context: Context, node: Node, name: str, specifier: list[int])
 
 @rule(
     "group-name-twice",
-    "Two pin groups, or two functions, have one name before the @.",
-    "The vendor's driver looks a group up by that name alone, over all functions, and takes the first: a "
-    "device that refers to the second gets the pins of the first.",
+    "Two pin groups, or two functions, have the same name before the @.",
+    "The vendor's driver looks for a group by that name alone, in all functions, and takes the first. A "
+    "device that refers to the second group gets the pins of the first.",
 )
 def group_name_twice(context: Context) -> Iterator[Finding]:
     functions = list(context.pinctrl or ())
@@ -158,9 +159,9 @@ def group_name_twice(context: Context) -> Iterator[Finding]:
 
 @rule(
     "group-missing",
-    "A pin state refers to nothing, or to a node that is not a pin group, or a group or function is empty.",
-    "A device whose group is not found does not probe (-EINVAL); an empty group or function makes the "
-    "pin controller fail, and with it every device that has a pin group.",
+    "A pin state refers to nothing or to a node that is not a pin group, or a group or function is empty.",
+    "A device whose group is not found does not probe (-EINVAL). An empty group or function makes the pin "
+    "controller fail, and with it every device that has a pin group.",
 )
 def group_missing(context: Context) -> Iterator[Finding]:
     yield from _bad_references(context)
@@ -187,22 +188,21 @@ def _bad_references(context: Context) -> Iterator[Finding]:
         for state in states(node):
             faults = list(dict.fromkeys(filter(None, (_fault(context, handle) for handle in state.phandles))))
             if len(node.properties[state.property].raw) % CELL:
-                faults.append("no whole cells")
+                faults.append("a part of a cell")
             if faults:
                 yield Finding(
                     "group-missing",
                     **at(node, state.property),
                     message=f"{state.property} of {context.name(node)} refers to {listed(faults)}",
-                    remedy=f"Let {state.property} of {context.name(node)} refer to a child of a function "
-                    f"of {context.pinctrl.path if context.pinctrl else 'the pin controller'}, or write "
-                    "such a group",
+                    remedy=f"Make {state.property} of {context.name(node)} refer to a pin group: a child of "
+                    f"a function of {context.pinctrl.path if context.pinctrl else 'the pin controller'}",
                 )
 
 
 def _fault(context: Context, phandle: int) -> str | None:
     target = context.tree.by_phandle.get(phandle)
     if target is None:
-        return "a node that is not there"
+        return "a node that does not exist"
     if not is_group(target):
         return f"{target.path}, which is not a pin group"
     controller = target.parent.parent
@@ -214,8 +214,8 @@ def _fault(context: Context, phandle: int) -> str | None:
 @rule(
     "no-default-state",
     "A device has pin groups, but no state called default.",
-    "The kernel applies the states called init and default by itself and no other: the pins stay as the "
-    "boot loader left them, on this chip GPIO.",
+    "The kernel applies only the states called init and default by itself. The pins stay as the boot loader "
+    "left them; on this chip, that is GPIO.",
 )
 def no_default_state(context: Context) -> Iterator[Finding]:
     for node in context.enabled:
@@ -233,8 +233,8 @@ def no_default_state(context: Context) -> Iterator[Finding]:
 
 @rule(
     "label-misleads",
-    "The label of a pin group names another group, or ports where it has no pin.",
-    "Who writes <&pinctrl_uart2_PG> expects these pins; dtc does not compare label and node.",
+    "The label of a pin group names another group, or a port where the group has no pin.",
+    "Whoever writes <&pinctrl_uart2_PG> expects these pins; dtc does not compare a label with its node.",
 )
 def label_misleads(context: Context) -> Iterator[Finding]:
     names = {_plain(group.name): group for group in context.groups}
@@ -248,7 +248,8 @@ def label_misleads(context: Context) -> Iterator[Finding]:
                 what = f"names the group {names[meant].name}"
             elif is_well_formed(group) and told and not told & ports:
                 what = (
-                    f"names port {listed(sorted(told))}, its pins are on {listed(sorted(ports) or ['none'])}"
+                    f"names port {listed(sorted(told))}, but its pins are on "
+                    f"{listed(sorted(ports) or ['none'])}"
                 )
             else:
                 continue
@@ -256,7 +257,7 @@ def label_misleads(context: Context) -> Iterator[Finding]:
                 "label-misleads",
                 **at(group),
                 message=f"the label {label} of the group {group.name} {what}",
-                remedy=f"Rename the label {label} after its node, and look at every place that uses it",
+                remedy=f"Rename the label {label} after its node, and check every place that uses it",
             )
 
 

@@ -31,9 +31,9 @@ TRIGGERS = {
 
 @rule(
     "wrong-interrupt",
-    "The interrupts of a device are not its own.",
-    "The driver waits for interrupts of another block: the device hangs, and the other's interrupt may "
-    "be taken away. The order counts: the Ethernet drivers take the first for sending.",
+    "The interrupts of a device are not those of its block.",
+    "The driver waits for the interrupts of another block: the device hangs, and the other block may lose "
+    "its interrupt. The order counts: the Ethernet drivers take the first one for sending.",
 )
 def wrong_interrupt(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.peripherals.items():
@@ -48,7 +48,7 @@ def wrong_interrupt(context: Context) -> Iterator[Finding]:
         yield Finding(
             "wrong-interrupt",
             **at(node, interrupts_property(node)),
-            message=f"{peripheral.label} has {has}; its own is {names}",
+            message=f"{peripheral.label} has {has}; it should have {names}",
             remedy=f"Set interrupts = {', '.join(f'<{source} 4 1>' for source in right)} in "
             f"{peripheral.label}, and interrupt-parent in the root to the AIC",
         )
@@ -66,7 +66,7 @@ def _wrong_interrupts(context: Context, node: Node, right: list[int]) -> str | N
         if not _is_aic(context, controller):
             return f"interrupts of {context.name(controller)}, not of the AIC"
         if len(cells) != INTERRUPT_CELLS:
-            return f"interrupts of {len(cells)} cells by #interrupt-cells of the AIC, not {INTERRUPT_CELLS}"
+            return f"interrupts of {len(cells)} cells (#interrupt-cells of the AIC), not of {INTERRUPT_CELLS}"
     sources = [cells[0] for _, cells in found]
     if sources == right:
         return None
@@ -76,9 +76,9 @@ def _wrong_interrupts(context: Context, node: Node, right: list[int]) -> str | N
 
 @rule(
     "wrong-trigger",
-    "A device's interrupt has another trigger than a high level.",
-    "The sources of the AIC are levels that a device holds until it is served. Our kernel refuses every "
-    "other trigger (-EINVAL), for a port when it is opened; the vendor's 5.10 does not look.",
+    "The interrupt of a device is not triggered by a high level.",
+    "The sources of the AIC are levels: a device holds its level until it is served. Our kernel refuses "
+    "every other trigger (-EINVAL), for a port when it is opened; the vendor's 5.10 does not check.",
 )
 def wrong_trigger(context: Context) -> Iterator[Finding]:
     for node in context.enabled:
@@ -94,7 +94,7 @@ def wrong_trigger(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "wrong-trigger",
                 **at(node, interrupts_property(node)),
-                message=f"{context.name(node)} has interrupt {what}; sources of the AIC are levels, high",
+                message=f"{context.name(node)} has interrupt {what}; sources of the AIC are high levels",
                 remedy=f"Write {listed(f'<{cells[0]} {HIGH_LEVEL} 1>' for cells in wrong)} in "
                 f"{interrupts_property(node)} of {context.name(node)}",
             )
@@ -107,9 +107,10 @@ def _is_aic(context: Context, controller: Node) -> bool:
 
 @rule(
     "controller-off",
-    "A controller is off, or never becomes a device, whose lines or interrupts others use.",
-    "A driver that asks for a line of it waits for ever (-EPROBE_DEFER); without the AIC no device has an "
-    "interrupt.",
+    "Other nodes use the lines or interrupts of a controller that is disabled, or that never becomes a "
+    "device.",
+    "A driver that asks for one of the lines waits for ever (-EPROBE_DEFER). Without the AIC no device has "
+    "an interrupt.",
 )
 def controller_off(context: Context) -> Iterator[Finding]:
     on = set(context.enabled)

@@ -25,9 +25,9 @@ from nuc980.pins.tree import Node
 
 @rule(
     "pin-conflict",
-    "Two enabled devices have one pin in their pin groups.",
-    "The kernel gives the pin to the device that probes first and refuses the other (-EINVAL), so what "
-    "works depends on the order of the drivers.",
+    "Two enabled devices have the same pin in their pin groups.",
+    "The kernel gives the pin to the device that probes first and refuses the other (-EINVAL). What works "
+    "depends on the order of the drivers.",
 )
 def pin_conflict(context: Context) -> Iterator[Finding]:
     by_pin = grouped((claim for claim in context.claims if claim.muxed), lambda claim: claim.pin)
@@ -68,18 +68,18 @@ def _is_default(node: Node) -> bool:
 def _disable(context: Context, first: Node, others: Sequence[Node]) -> str:
     name = context.name(first)
     if _standing(context, first) == 0:
-        return f'Set status = "disabled" in {name}, which the pin table does not have, or give it other pins'
+        return f'Set status = "disabled" in {name}, which is not in the pin table, or give it other pins'
     names = [name, *map(context.name, others)]
     which = f"{name} or {names[1]}" if len(names) == 2 else f"all but one of {listed(names)}"
-    hint = f" ({name} is on only by default, {first.place_of('status')})" if _is_default(first) else ""
+    hint = f" ({name} is enabled only by default, {first.place_of('status')})" if _is_default(first) else ""
     return f'Set status = "disabled" in {which}{hint}, or use groups with other pins'
 
 
 @rule(
     "mux-and-gpio",
-    "A pin is in the pin group of a device and is used as a GPIO line as well.",
-    "The vendor's GPIO driver refuses a pin whose function is not GPIO (-EINVAL), its keys driver "
-    "switches the pin's direction under the device; neither asks the pin controller.",
+    "A pin is in the pin group of a device and is also used as a GPIO line.",
+    "The vendor's GPIO driver refuses a pin whose function is not GPIO (-EINVAL). The vendor's keys driver "
+    "switches the pin's direction under the device. Neither asks the pin controller.",
 )
 def mux_and_gpio(context: Context) -> Iterator[Finding]:
     muxed = grouped((claim for claim in context.claims if claim.muxed), lambda claim: claim.pin)
@@ -118,9 +118,9 @@ def _gpio_use(line: Claim) -> str:
 
 @rule(
     "gpio-conflict",
-    "Two users have one GPIO line.",
-    "The kernel gives a line to one user and refuses the next (-EBUSY); the vendor's keys driver does "
-    "not ask and takes the line from its owner.",
+    "Two users claim the same GPIO line.",
+    "The kernel gives a line to one user and refuses the next (-EBUSY). The vendor's keys driver does not "
+    "ask; it takes the line from its owner.",
 )
 def gpio_conflict(context: Context) -> Iterator[Finding]:
     lines = grouped((claim for claim in context.claims if not claim.muxed), lambda claim: claim.pin)
@@ -152,9 +152,9 @@ def _shares_its_line(user: Claim) -> bool:
 
 @rule(
     "no-such-pin",
-    "A pin or a GPIO number that the chip does not have.",
-    "The driver accepts seven banks of 16 pins, but bank B ends at PB13, E at PE12, F at PF12: the "
-    "setting goes to reserved bits, and the device stays without its pin.",
+    "The tree uses a pin or a GPIO number that the chip does not have.",
+    "The driver accepts seven banks of 16 pins, but bank B ends at PB13, E at PE12 and F at PF12. The "
+    "setting goes to reserved bits, and the device does not get its pin.",
 )
 def no_such_pin(context: Context) -> Iterator[Finding]:
     for node, claims in context.claims_of.items():
@@ -175,9 +175,9 @@ def no_such_pin(context: Context) -> Iterator[Finding]:
 
 @rule(
     "no-such-function",
-    "A value of the multi-function field that the pin does not have.",
-    "The driver writes any value from 0 to 15 into the pin's field; with one that is reserved the device "
-    "stays without its pin, and nothing is logged.",
+    "A group selects a function that the pin does not have.",
+    "The driver writes any value from 0 to 15 into the pin's multi-function field. With a reserved value "
+    "the device does not get its pin, and nothing is logged.",
 )
 def no_such_function(context: Context) -> Iterator[Finding]:
     for node, claims in context.claims_of.items():
@@ -199,9 +199,9 @@ def no_such_function(context: Context) -> Iterator[Finding]:
 
 @rule(
     "foreign-function",
-    "A pin of a device's group has the function of another device.",
-    "The pin is switched to the other device, which may be off: this device stays without the signal, "
-    "and no driver can see it.",
+    "A pin in the group of one device has the function of another device.",
+    "The pin is switched to the other device, which may be disabled. This device does not get its signal, "
+    "and no driver can notice.",
 )
 def foreign_function(context: Context) -> Iterator[Finding]:
     for node, claims in context.claims_of.items():
@@ -223,7 +223,7 @@ def foreign_function(context: Context) -> Iterator[Finding]:
         yield Finding(
             "foreign-function",
             **at(node, wrong[0].property),
-            message=f"{name} takes {what}, which it has no use for",
+            message=f"{name} takes {what}, which it cannot use",
             remedy=f"Change the group {wrong[0].group.name}: "
             + "; ".join(_own_functions(context, node, pin) for pin in pins),
             claimants=claimants(wrong),
@@ -240,15 +240,15 @@ def _own_functions(context: Context, node: Node, pin: str) -> str:
     return (
         f"{pin} needs {' or '.join(own)}"
         if own
-        else f"{pin} can be no signal of {context.name(node)}, take it out"
+        else f"{pin} has no signal of {context.name(node)}; take it out"
     )
 
 
 @rule(
     "pin-twice",
-    "A device has one pin twice.",
-    "With different functions both settings are written and the later one stays: the signal of the first is "
-    "missing. With the same one it is mostly a line that was copied for another pin.",
+    "A device lists the same pin twice.",
+    "With different functions, both settings are written and the later one stays, so the first signal is "
+    "missing. With the same function, it is usually a line that was copied for another pin.",
 )
 def pin_twice(context: Context) -> Iterator[Finding]:
     for node in context.claims_of:
@@ -262,7 +262,7 @@ def pin_twice(context: Context) -> Iterator[Finding]:
                 "pin-twice",
                 **at(node, claims[0].property),
                 message=f"{context.name(node)} has {pin} as {listed(functions)}",
-                remedy=f"Leave one of the entries of {pin} in "
+                remedy=f"Keep only one of the entries for {pin} in "
                 f"{listed(dict.fromkeys(claim.group.name for claim in claims))}",
                 claimants=claimants(claims),
                 pins=(pin,),
@@ -271,8 +271,8 @@ def pin_twice(context: Context) -> Iterator[Finding]:
 
 @rule(
     "signal-twice",
-    "A device has one signal on two pins.",
-    "An output appears on both, of an input only one pin counts; it is mostly a typing error for the "
+    "A device has the same signal on two pins.",
+    "An output appears on both pins; of an input, only one pin counts. It is usually a typing error for a "
     "signal that is missing, as in the vendor's uart9-PB-PE with two RTS.",
 )
 def signal_twice(context: Context) -> Iterator[Finding]:
@@ -286,7 +286,7 @@ def signal_twice(context: Context) -> Iterator[Finding]:
                 "signal-twice",
                 **at(node, claims[0].property),
                 message=f"{context.name(node)} has {signal} on {ranged(pins)}",
-                remedy=f"Leave one of them in the group {claims[0].group.name}; {signal} can be on "
+                remedy=f"Keep only one of them in the group {claims[0].group.name}; {signal} can be on "
                 f"{places_of_signal(context.chip, signal)}",
                 claimants=claimants(claims),
                 pins=pins,
@@ -295,8 +295,8 @@ def signal_twice(context: Context) -> Iterator[Finding]:
 
 @rule(
     "not-bonded",
-    "A pin that the package does not bring out.",
-    "The chip inside has the pin, this package has no leg for it: the device works on nothing.",
+    "A device uses a pin that the package does not bring out.",
+    "The chip has the pin inside, but the package has no leg for it. The signal goes nowhere.",
 )
 def not_bonded(context: Context) -> Iterator[Finding]:
     if context.package is None:

@@ -24,8 +24,8 @@ FREE = ("/aliases", "/__symbols__", "/__fixups__", "/__local_fixups__")  # nodes
 
 @rule(
     "unknown-property",
-    "A property is one letter off one that is known.",
-    "Nobody reads it, and nobody says so: with pinctl-0 a port keeps the pins that U-Boot left, with "
+    "The name of a property differs by one letter from a known one.",
+    "Nothing reads it, and nothing reports it. With pinctl-0 a port keeps the pins that U-Boot set; with "
     "read-onyl Linux may erase the boot loader.",
 )
 def unknown_property(context: Context) -> Iterator[Finding]:
@@ -39,7 +39,8 @@ def unknown_property(context: Context) -> Iterator[Finding]:
                 yield Finding(
                     "unknown-property",
                     **at(node, name),
-                    message=f"{context.name(node)} has {name}, which nothing reads; {meant} is likely meant",
+                    message=f"{context.name(node)} has {name}, which nothing reads; it probably "
+                    f"means {meant}",
                     remedy=f"Write {meant}, or delete {name}",
                 )
 
@@ -98,9 +99,10 @@ REFERENCES = {
 
 @rule(
     "wrong-reference",
-    "A clock, DMA channel, reset, PWM, PHY or converter of a node that is none, or that is off.",
-    "The driver that asks for it fails (-EINVAL), or waits for ever (-EPROBE_DEFER): the device is missing. "
-    "Those of the chip's own devices have their clocks without the tree, and go on.",
+    "A node takes a clock, DMA channel, reset, PWM, PHY or converter from a node that has none, or that is "
+    "disabled.",
+    "The driver that asks for it fails (-EINVAL), or waits for ever (-EPROBE_DEFER), and the device is "
+    "missing. The chip's own devices get their clocks without the tree, and still work.",
 )
 def wrong_reference(context: Context) -> Iterator[Finding]:
     for node in context.enabled:
@@ -111,7 +113,7 @@ def wrong_reference(context: Context) -> Iterator[Finding]:
                     "wrong-reference",
                     **at(node, name),
                     message=f"{name} of {context.name(node)} refers to {fault}",
-                    remedy=f"Let {name} of {context.name(node)} refer to a node with {cells} that is on, or "
+                    remedy=f"Make {name} of {context.name(node)} refer to an enabled node with {cells}, or "
                     "delete it",
                 )
 
@@ -125,7 +127,7 @@ def _reference_fault(context: Context, node: Node, name: str, size: str) -> str 
             continue
         target = context.tree.by_phandle.get(phandle)
         if target is None:
-            return "a node that is not there"
+            return "a node that does not exist"
         if size not in target.properties:
             return f"{context.name(target)}, which has no {size}"
         if not target.enabled:

@@ -19,9 +19,10 @@ SPI_CLOCK = 150_000_000  # Hz: PCLK with the 300 MHz of the boot ROM; the driver
 
 @rule(
     "chip-address",
-    "A device on an I2C or SPI bus has an address or chip select that the bus does not have, or another's.",
-    "The kernel refuses the device (-EINVAL, -EBUSY), and says so in one line of its log. Data sheets often "
-    "give the I2C address with the read bit behind it: 0xa0 is 0x50.",
+    "A device on an I2C or SPI bus has an address or chip select that does not exist, or that another "
+    "device has.",
+    "The kernel refuses the device (-EINVAL, -EBUSY), with one line in its log. Data sheets often count the "
+    "read bit in the I2C address: 0xa0 is 0x50.",
 )
 def chip_address(context: Context) -> Iterator[Finding]:
     for bus, kind in context.serial_buses.items():
@@ -55,12 +56,12 @@ def _address_fault(kind: str, address: int | None, selects: int) -> tuple[str, s
         return "has no reg", "Set reg to its I2C address" if kind == "i2c" else "Set reg to its chip select"
     if kind == "i2c" and address > LAST_ADDRESS:
         return (
-            f"has reg {address:#x}, and I2C addresses end at {LAST_ADDRESS:#x}",
+            f"has reg {address:#x}, but I2C addresses end at {LAST_ADDRESS:#x}",
             f"Write the address without the read bit, {address >> 1:#x}, in reg and in the node's name",
         )
     if kind == "spi" and address >= selects:
         return (
-            f"has chip select {address}, and the controller has {selects}, from 0",
+            f"has chip select {address}, but the controller has only {selects}, counted from 0",
             "Set reg to its chip select, or add a GPIO line for it to cs-gpios of the controller",
         )
     return None
@@ -70,7 +71,7 @@ def _at_one_address(context: Context, bus: Node, address: int, nodes: list[Node]
     return Finding(
         "chip-address",
         **at(nodes[-1], "reg"),
-        message=f"{listed(node.name for node in nodes)} are all at {address:#x} of {context.name(bus)}",
+        message=f"{listed(node.name for node in nodes)} are all at {address:#x} on {context.name(bus)}",
         remedy='Correct reg, or set status = "disabled" in all of them but the one that the board has',
         claimants=tuple(Claimant(node.path, f"{address:#x}", node.place_of("reg")) for node in nodes),
     )
@@ -78,9 +79,9 @@ def _at_one_address(context: Context, bus: Node, address: int, nodes: list[Node]
 
 @rule(
     "spi-too-fast",
-    "A device on an SPI bus is to run faster than the controller's clock.",
-    "The driver divides 150 MHz and takes them undivided for whatever is above. Hardly a part takes that; it "
-    "is mostly a zero too many.",
+    "A device on an SPI bus is set to run faster than the controller's clock.",
+    "The driver divides 150 MHz, and uses them undivided for every higher value. Few parts take that; "
+    "usually there is a zero too many.",
 )
 def spi_too_fast(context: Context) -> Iterator[Finding]:
     for bus, kind in context.serial_buses.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nuc980.pins.chip import GPIO, SignalSet
+from nuc980.pins.chip import GPIO, Chip, SignalSet
 from nuc980.pins.claims import Claim
 from nuc980.pins.findings import Finding, at
 from nuc980.pins.rules.context import (
@@ -34,9 +34,9 @@ TRIGGERS = 5  # gpio-nuc980.c, trigger_type
 
 @rule(
     "no-pins",
-    "A device that works through pins is enabled without any.",
-    "It probes and seems to be there, but nothing goes in or out: before Linux starts, U-Boot sets every "
-    "pin to GPIO.",
+    "A device that needs pins is enabled without any.",
+    "The device probes and seems to be there, but nothing goes in or out: U-Boot sets every pin to GPIO "
+    "before Linux starts.",
 )
 def no_pins(context: Context) -> Iterator[Finding]:
     # The pins of a camera interface are in the group of the camera.
@@ -50,7 +50,7 @@ def no_pins(context: Context) -> Iterator[Finding]:
         yield Finding(
             "no-pins",
             **at(node, "pinctrl-0"),
-            message=f"{peripheral.label} is on and has no pins",
+            message=f"{peripheral.label} is enabled but has no pins",
             remedy=f'Set pinctrl-names = "default" and pinctrl-0 in {peripheral.label} to a group with its '
             f'pins ({", ".join(peripheral.signals)}…), or status = "disabled"',
         )
@@ -70,8 +70,8 @@ def _used_sets(context: Context) -> Iterator[tuple[Node, str, SignalSet, list[st
 
 @rule(
     "incomplete-set",
-    "A device lacks a signal that it cannot do without.",
-    "A UART without TXD, an Ethernet port without its clock: the driver cannot see it.",
+    "A device lacks a signal that it needs.",
+    "Such as a UART without TXD, or an Ethernet port without its clock. The driver cannot notice.",
 )
 def incomplete_set(context: Context) -> Iterator[Finding]:
     for node, prefix, needed, used in _used_sets(context):
@@ -101,9 +101,9 @@ def incomplete_set(context: Context) -> Iterator[Finding]:
 
 @rule(
     "half-set",
-    "Of signals that only work together a device has some: RTS without CTS, two data lines of four.",
-    "With flow control on, a UART without CTS waits for ever, one without RTS loses bytes; an SD card "
-    "is used with one data line or with four.",
+    "A device has only some of the signals that work together: RTS without CTS, or two data lines of four.",
+    "With flow control, a UART without CTS waits for ever, and one without RTS loses bytes. An SD card uses "
+    "one data line or four.",
 )
 def half_set(context: Context) -> Iterator[Finding]:
     for node, prefix, needed, used in _used_sets(context):
@@ -132,7 +132,8 @@ def _turns_a_driver_round(node: Node, has: list[str]) -> bool:
 
 
 def _rs485_hint(has: list[str]) -> str:
-    return "; if it turns an RS-485 driver, say rs485-rts-active-high or -low" if _is_rts(has) else ""
+    hint = "; if it drives an RS-485 transceiver, add rs485-rts-active-high or rs485-rts-active-low"
+    return hint if _is_rts(has) else ""
 
 
 def _is_rts(has: list[str]) -> bool:
@@ -141,9 +142,9 @@ def _is_rts(has: list[str]) -> bool:
 
 @rule(
     "no-rts",
-    "A UART is to use RTS, for RS-485 or for flow control, and has no pin for it.",
-    "The driver moves RTS inside the chip: the RS-485 driver outside is never turned round, so nothing is "
-    "sent or nothing heard. With flow control and no CTS the port waits for ever.",
+    "A UART is set to use RTS, for RS-485 or for flow control, but has no pin for it.",
+    "RTS changes inside the chip only. The RS-485 transceiver never changes its direction, so nothing is "
+    "sent, or nothing is received. With flow control and no CTS, the port waits for ever.",
 )
 def no_rts(context: Context) -> Iterator[Finding]:
     for node, prefix, needed, used in _used_sets(context):
@@ -152,22 +153,30 @@ def no_rts(context: Context) -> Iterator[Finding]:
         lacks = [f"{prefix}{signal}" for signal in wanted if signal not in used]
         if told is None or "TXD" not in needed.required or not lacks or "rts-gpios" in node.properties:
             continue
-        where = "; ".join(f"{signal} is on {places_of_signal(context.chip, signal)}" for signal in lacks)
         yield Finding(
             "no-rts",
             **at(node, told),
-            message=f"{context.name(node)} has {told} and no pin for {listed(lacks)}",
-            remedy=f"Add {listed(lacks)} to its group ({where}), or delete {told}: a transceiver that turns "
-            "round by itself needs none",
+            message=f"{context.name(node)} has {told} but no pin for {listed(lacks)}",
+            remedy=_get_rts(context.chip, lacks, told),
             claimants=claimants(context.working_claims(node)),
         )
 
 
+def _get_rts(chip: Chip, lacks: list[str], told: str) -> str:
+    if nowhere := [signal for signal in lacks if signal not in chip.signals]:
+        return f"Delete {told}: this chip has no {listed(nowhere)}"
+    where = "; ".join(f"{signal} is on {places_of_signal(chip, signal)}" for signal in lacks)
+    return (
+        f"Add {listed(lacks)} to its group ({where}), or delete {told}: a transceiver that "
+        "switches its direction itself needs none"
+    )
+
+
 @rule(
     "eint",
-    "An external interrupt and the pins do not agree.",
-    "eintN-config switches an interrupt on, the pin group of the GPIO controller switches the pin; the "
-    "driver does not compare them, and takes the last pin for a number that it does not know.",
+    "The setting of an external interrupt does not match the pins.",
+    "eintN-config switches an interrupt on; the pin group of the GPIO controller switches the pin. The "
+    "driver does not compare the two, and takes the last pin for a number that it does not know.",
 )
 def eint(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.devices.items():
@@ -186,7 +195,7 @@ def _eint_not_reached(node: Node, settings: list[str]) -> Iterator[Finding]:
         yield Finding(
             "eint",
             **at(node, settings[max(on)]),
-            message=f"{settings[max(on)]} is never read, for {missing[0]} before it is missing",
+            message=f"{settings[max(on)]} is never read, because {missing[0]} before it is missing",
             remedy=f"Set {missing[0]} = <0 0 0> in the GPIO controller",
         )
 
@@ -218,7 +227,7 @@ def _eint(context: Context, node: Node, name: str, pins: tuple[str, ...]) -> Ite
         yield Finding(
             "eint",
             **at(node, setting),
-            message=f"{setting} names pin {index}, the driver knows {_numbered(pins)} and takes {pins[-1]}",
+            message=f"{setting} names pin {index}; the driver knows {_numbered(pins)}, and takes {pins[-1]}",
             remedy=f"Set the second cell of {setting} to the number of its pin",
         )
     elif enabled == 1 and chosen not in {claim.pin for claim in muxed}:

@@ -33,8 +33,8 @@ def _is_closed(board: Board, pin: str) -> bool:
 
 @rule(
     "reserved-pin",
-    "A pin is used that the pin table calls reserved or not connected.",
-    "It is wired to something that no device of Linux may drive, or to nothing.",
+    "A node uses a pin that the pin table calls reserved or not connected.",
+    "The pin is wired to something that no device of Linux may drive, or to nothing.",
 )
 def reserved_pin(context: Context) -> Iterator[Finding]:
     board = context.board
@@ -48,7 +48,7 @@ def reserved_pin(context: Context) -> Iterator[Finding]:
             yield Finding(
                 "reserved-pin",
                 **at(node, name),
-                message=f"{context.name(node)} uses {ranged(pins)}, but by {TABLE} {why}",
+                message=f"{context.name(node)} uses {ranged(pins)}, but in {TABLE} {why}",
                 remedy=f"Take {ranged(pins)} out of {name} of {context.name(node)}, or correct "
                 f"{board.file.name}",
                 claimants=claimants(wrong),
@@ -59,7 +59,7 @@ def reserved_pin(context: Context) -> Iterator[Finding]:
 @rule(
     "table-missing",
     "A device of the pin table is not enabled.",
-    "The board has it, Linux does not.",
+    "The board has the device, but Linux does not.",
 )
 def table_missing(context: Context) -> Iterator[Finding]:
     enabled = {peripheral.label for peripheral in context.devices.values()}
@@ -75,15 +75,15 @@ def table_missing(context: Context) -> Iterator[Finding]:
             + (off(node) if node else "not in the tree"),
             remedy=f'Set status = "okay" in {context.name(switched_off(node))}'
             if node
-            else f"Write the node {device.peripheral.path}",
+            else f"Add the node {device.peripheral.path}",
         )
 
 
 @rule(
     "table-disagrees",
-    "A device has other pins than the pin table gives it.",
-    "Either the signal is not where the board has it, or a pin of unknown wiring is driven, as by the "
-    "RTS of the vendor's UART groups.",
+    "The pins of a device differ from the pin table.",
+    "Either the signal is not where the board has it, or the device drives a pin of unknown wiring, as the "
+    "RTS of the vendor's UART groups does.",
 )
 def table_disagrees(context: Context) -> Iterator[Finding]:
     for node, peripheral in context.devices.items():
@@ -129,9 +129,9 @@ def _as_in_table(context: Context, node: Node, pins: dict[str, str]) -> str:
 
 @rule(
     "left-on",
-    "A device is on that the pin table does not have, and it takes pins.",
-    "The vendor's nuc980.dtsi has SPI flash, SD card, USB and an interrupt pin on by default; their drivers "
-    "drive pins that this board uses for something else, or of unknown wiring.",
+    "A device that is not in the pin table is enabled, and it takes pins.",
+    "The vendor's nuc980.dtsi enables SPI flash, SD card, USB and an interrupt pin by default. Their "
+    "drivers drive pins that this board uses for something else, or whose wiring is unknown.",
 )
 def left_on(context: Context) -> Iterator[Finding]:
     if context.board is None:
@@ -145,8 +145,8 @@ def left_on(context: Context) -> Iterator[Finding]:
         yield Finding(
             "left-on",
             **at(node, "status"),
-            message=f"{name} is on{_by_default(node)} and takes {_taken(context.board, pins)}, "
-            f"but {TABLE} does not have it",
+            message=f"{name} is enabled{_by_default(node)} and takes {_taken(context.board, pins)}, "
+            f"but it is not in {TABLE}",
             remedy=_switch_off(context, node, claims),
             claimants=claimants(claims),
             pins=pins,
@@ -187,13 +187,13 @@ def _switch_off(context: Context, node: Node, claims: Sequence[Claim]) -> str:
         if peripheral and peripheral.label == "gpio"
         else f'Set status = "disabled" in {name}'
     )
-    return f"{off}, or write {name} into {context.board.file.name} if the board has it"
+    return f"{off}, or add {name} to {context.board.file.name} if the board has it"
 
 
 @rule(
     "table-gpio",
-    "A GPIO line is used that the pin table does not know.",
-    "Nobody has said what it is wired to, or a device of the table has the pin.",
+    "A node uses a GPIO line that is not in the pin table.",
+    "Nobody has written down what the line is wired to, or a device of the table has the pin.",
 )
 def table_gpio(context: Context) -> Iterator[Finding]:
     if context.board is None:
@@ -216,8 +216,8 @@ def table_gpio(context: Context) -> Iterator[Finding]:
                 "table-gpio",
                 **at(node, name),
                 message=f"{context.name(node)} uses {_taken(context.board, pins)} as GPIO, "
-                f"which {TABLE} does not know",
-                remedy=f"Write {ranged(pins)} under gpios in {context.board.file.name} with what it is "
+                f"which is not in {TABLE}",
+                remedy=f"Add {ranged(pins)} under gpios in {context.board.file.name} with what it is "
                 f"wired to, or take it out of {name} of {context.name(node)}",
                 claimants=claimants(wrong),
                 pins=pins,

@@ -1,5 +1,5 @@
 /*
- * A gateway board with the Nuvoton NUC980
+ * Boards with the Nuvoton NUC980
  *
  * SPDX-License-Identifier: GPL-2.0-or-later
  */
@@ -45,6 +45,7 @@ struct NUC980Machine {
     struct arm_boot_info boot;
     bool pace;
     bool boot_nand;
+    uint32_t board;
 };
 
 static void check_ram_size(MachineState *machine)
@@ -72,11 +73,11 @@ static void map_ram(NUC980Machine *m)
     memory_region_add_subregion(get_system_memory(), RAM_ALIAS, &m->ram_alias);
 }
 
-static bool uart_is_wired(int n)
+static bool uart_is_wired(NUC980Machine *m, int n)
 {
     g_autofree char *rxd = g_strdup_printf("UART%d_RXD", n);
 
-    return nuc980_pin_wires(rxd);
+    return nuc980_pin_wires(&m->soc.pins, rxd);
 }
 
 /* UART0 is -serial; any other that the board wires takes -chardev id=uartN. */
@@ -96,9 +97,10 @@ static void connect_uarts(NUC980Machine *m)
         g_autofree char *id = g_strdup_printf("uart%d", i);
         Chardev *chr = i ? qemu_chr_find(id) : serial_hd(0);
 
-        if (chr && !uart_is_wired(i)) {
+        if (chr && !uart_is_wired(m, i)) {
             error_report("chardev %s: the board wires no pins to UART%d "
-                         "(board/nuc980/pins.yml)", id, i);
+                         "(pins.yml of board %s)", id, i,
+                         nuc980_board_name(m->soc.pins.board));
             exit(EXIT_FAILURE);
         }
         qdev_prop_set_chr(uart, "chardev", chr);
@@ -219,6 +221,7 @@ static void nuc980_machine_init(MachineState *machine)
     object_property_set_bool(OBJECT(&m->soc), "booted",
                              machine->kernel_filename || machine->firmware ||
                              m->boot_nand, &error_abort);
+    qdev_prop_set_uint32(DEVICE(&m->soc.pins), "board", m->board);
     connect_uarts(m);
     connect_nics(m);
     connect_nand(m, nand);
@@ -260,6 +263,26 @@ static void machine_set_boot_source(Object *obj, const char *value,
     NUC980_MACHINE(obj)->boot_nand = !strcmp(value, "nand");
 }
 
+static char *machine_get_board(Object *obj, Error **errp)
+{
+    return g_strdup(nuc980_board_name(NUC980_MACHINE(obj)->board));
+}
+
+static void machine_set_board(Object *obj, const char *value, Error **errp)
+{
+    ERRP_GUARD();
+    int number = nuc980_board_number(value);
+
+    if (number < 0) {
+        error_setg(errp, "there is no board %s", value);
+        for (unsigned i = 0; nuc980_board_name(i); i++) {
+            error_append_hint(errp, "board=%s\n", nuc980_board_name(i));
+        }
+        return;
+    }
+    NUC980_MACHINE(obj)->board = number;
+}
+
 static void nuc980_machine_instance_init(Object *obj)
 {
     NUC980_MACHINE(obj)->pace = true;
@@ -272,7 +295,7 @@ static void nuc980_machine_class_init(ObjectClass *klass, void *data)
     };
     MachineClass *mc = MACHINE_CLASS(klass);
 
-    mc->desc = "Gateway board with the Nuvoton NUC980 (ARM926EJ-S)";
+    mc->desc = "Board with the Nuvoton NUC980 (ARM926EJ-S)";
     mc->init = nuc980_machine_init;
     mc->default_cpu_type = cpu_types[0];
     mc->valid_cpu_types = (const char **)cpu_types;
@@ -288,6 +311,10 @@ static void nuc980_machine_class_init(ObjectClass *klass, void *data)
                                   machine_set_boot_source);
     object_class_property_set_description(klass, "boot-source",
         "nand: what the boot ROM finds in the NAND; none: -kernel or -bios");
+    object_class_property_add_str(klass, "board", machine_get_board,
+                                  machine_set_board);
+    object_class_property_set_description(klass, "board",
+        "whose wiring the pins have (default: gateway)");
 }
 
 static const TypeInfo nuc980_machine_types[] = {

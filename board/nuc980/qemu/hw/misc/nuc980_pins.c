@@ -22,8 +22,10 @@
 #include "hw/irq.h"
 #include "hw/misc/nuc980_pins.h"
 #include "hw/misc/nuc980_pins_table.h"
+#include "hw/qdev-properties.h"
 #include "migration/vmstate.h"
 #include "monitor/monitor.h"
+#include "qapi/error.h"
 #include "qapi/qmp/qdict.h"
 #include "qapi/qmp/qlist.h"
 #include "qapi/visitor.h"
@@ -57,14 +59,16 @@ static const char *pin_function(unsigned n, unsigned value)
                               [n % NUC980_PINS_A_PORT][value];
 }
 
-static const char *pin_wired(unsigned n)
+static const char *pin_wired(NUC980PinsState *s, unsigned n)
 {
-    return nuc980_pin_wired[n / NUC980_PINS_A_PORT][n % NUC980_PINS_A_PORT];
+    return nuc980_board[s->board].wired[n / NUC980_PINS_A_PORT]
+                                       [n % NUC980_PINS_A_PORT];
 }
 
-static const char *pin_closed(unsigned n)
+static const char *pin_closed(NUC980PinsState *s, unsigned n)
 {
-    return nuc980_pin_closed[n / NUC980_PINS_A_PORT][n % NUC980_PINS_A_PORT];
+    return nuc980_board[s->board].closed[n / NUC980_PINS_A_PORT]
+                                        [n % NUC980_PINS_A_PORT];
 }
 
 static unsigned pin_value(NUC980PinsState *s, unsigned n)
@@ -106,10 +110,25 @@ bool nuc980_pin_exists(unsigned n)
     return pin_function(n, GPIO_VALUE);
 }
 
-bool nuc980_pin_wires(const char *signal)
+int nuc980_board_number(const char *name)
+{
+    for (int i = 0; i < ARRAY_SIZE(nuc980_board); i++) {
+        if (!strcmp(nuc980_board[i].name, name)) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+const char *nuc980_board_name(unsigned board)
+{
+    return board < ARRAY_SIZE(nuc980_board) ? nuc980_board[board].name : NULL;
+}
+
+bool nuc980_pin_wires(NUC980PinsState *s, const char *signal)
 {
     for (int n = 0; n < NUC980_PIN_COUNT; n++) {
-        if (!g_strcmp0(pin_wired(n), signal)) {
+        if (!g_strcmp0(pin_wired(s, n), signal)) {
             return true;
         }
     }
@@ -171,15 +190,15 @@ static char *pin_conflict(NUC980PinsState *s, unsigned n)
         } else if (!pin_function(n, value)) {
             add_reason(reasons, "it has no function %u", value);
         }
-        if (pin_closed(n)) {
-            add_reason(reasons, "%s", pin_closed(n));
+        if (pin_closed(s, n)) {
+            add_reason(reasons, "%s", pin_closed(s, n));
         }
         if (s->taken[n]) {
             add_reason(reasons, "taken from %s",
                        pin_function(n, s->taken[n]));
         }
-        if (pin_wired(n) && value != s->wanted[n]) {
-            add_reason(reasons, "the board wires it to %s", pin_wired(n));
+        if (pin_wired(s, n) && value != s->wanted[n]) {
+            add_reason(reasons, "the board wires it to %s", pin_wired(s, n));
         }
         if (twin >= 0) {
             add_reason(reasons, "%s is the same", nuc980_pin_name(twin));
@@ -228,7 +247,7 @@ static char *owner_lacks(NUC980PinsState *s, const NUC980PinOwner *owner)
     for (int n = 0; n < NUC980_PIN_COUNT; n++) {
         if (s->owner_of[n] == owner && pin_value(s, n) != s->wanted[n]) {
             g_string_append_printf(lacks, "%s%s (%s)", lacks->len ? ", " : "",
-                                   pin_wired(n), nuc980_pin_name(n));
+                                   pin_wired(s, n), nuc980_pin_name(n));
         }
     }
     return g_string_free(lacks, false);
@@ -302,7 +321,7 @@ static void pin_switch(NUC980PinsState *s, unsigned n, unsigned from)
     trace_nuc980_pins_select(nuc980_pin_name(n), to,
                              pin_function(n, to) ?: "nothing");
     s->taken[n] = is_taken(n, from, to) ? from : GPIO_VALUE;
-    if (pin_wired(n) && (from == s->wanted[n] || to == s->wanted[n])) {
+    if (pin_wired(s, n) && (from == s->wanted[n] || to == s->wanted[n])) {
         pin_connect(s, n, to == s->wanted[n]);
     }
     pin_drive(s, n);
@@ -345,7 +364,7 @@ static int pins_post_load(void *opaque, int version_id)
      * other would show edges that never were.
      */
     for (int n = 0; n < NUC980_PIN_COUNT; n++) {
-        if (pin_wired(n) && pin_value(s, n) == s->wanted[n]) {
+        if (pin_wired(s, n) && pin_value(s, n) == s->wanted[n]) {
             s->owner_of[n]->connected++;
             if (s->line_of[n]) {
                 s->line_of[n]->connected++;
@@ -373,9 +392,9 @@ static const VMStateDescription vmstate_nuc980_pins = {
 static const char *pin_state(NUC980PinsState *s, unsigned n)
 {
     if (pin_value(s, n) == GPIO_VALUE) {
-        return pin_wired(n) ? "off" : "gpio";
+        return pin_wired(s, n) ? "off" : "gpio";
     }
-    return pin_wired(n) ? "connected" : "not wired";
+    return pin_wired(s, n) ? "connected" : "not wired";
 }
 
 static QDict *view_pin(NUC980PinsState *s, unsigned n)
@@ -393,8 +412,8 @@ static QDict *view_pin(NUC980PinsState *s, unsigned n)
     if (owner) {
         qdict_put_str(pin, "owner", owner);
     }
-    if (pin_wired(n)) {
-        qdict_put_str(pin, "wired-to", pin_wired(n));
+    if (pin_wired(s, n)) {
+        qdict_put_str(pin, "wired-to", pin_wired(s, n));
     }
     qdict_put_str(pin, "state", conflict ? "conflict" : pin_state(s, n));
     if (conflict) {
@@ -574,10 +593,14 @@ static void pins_realize(DeviceState *dev, Error **errp)
 {
     NUC980PinsState *s = NUC980_PINS(dev);
 
+    if (!nuc980_board_name(s->board)) {
+        error_setg(errp, "there is no board number %" PRIu32, s->board);
+        return;
+    }
     add_lines(s);
     for (int n = 0; n < NUC980_PIN_COUNT; n++) {
-        if (pin_wired(n)) {
-            wire_pin(s, n, pin_wired(n));
+        if (pin_wired(s, n)) {
+            wire_pin(s, n, pin_wired(s, n));
         }
     }
 }
@@ -605,6 +628,11 @@ static void pins_finalize(Object *obj)
     timer_del(&NUC980_PINS(obj)->settled);
 }
 
+static Property pins_properties[] = {
+    DEFINE_PROP_UINT32("board", NUC980PinsState, board, 0),
+    DEFINE_PROP_END_OF_LIST()
+};
+
 static void pins_class_init(ObjectClass *klass, void *data)
 {
     DeviceClass *dc = DEVICE_CLASS(klass);
@@ -612,6 +640,7 @@ static void pins_class_init(ObjectClass *klass, void *data)
     dc->desc = "NUC980 pins";
     dc->realize = pins_realize;
     dc->vmsd = &vmstate_nuc980_pins;
+    device_class_set_props(dc, pins_properties);
     /* Reason: is wired by the chip, and the board's wiring is in its table */
     dc->user_creatable = false;
     object_class_property_add(klass, "view", "any", pins_get_view, NULL, NULL,

@@ -55,6 +55,7 @@ struct NUC980PinsState {
     qemu_irq nand;
     qemu_irq peripheral[NUC980_PIN_COUNT], eint[NUC980_PIN_COUNT];
 
+    uint32_t board;                     /* whose wiring, before realize */
     uint32_t mfp[NUC980_MFP_REGS];
     uint8_t taken[NUC980_PIN_COUNT];    /* value that it was switched from */
 
@@ -77,7 +78,11 @@ void nuc980_pins_write(NUC980PinsState *s, unsigned reg, uint32_t value);
 /* What is the same in every run: pins are numbered from PA0 */
 const char *nuc980_pin_name(unsigned pin);
 bool nuc980_pin_exists(unsigned pin);
-bool nuc980_pin_wires(const char *signal);  /* the board, to any pin */
 int nuc980_pin_eint(unsigned pin);  /* external interrupt it can be, or -1 */
+int nuc980_board_number(const char *name);      /* -1: there is none */
+const char *nuc980_board_name(unsigned board);  /* NULL: there is none */
+
+/* Whether the board wires the signal to any pin */
+bool nuc980_pin_wires(NUC980PinsState *s, const char *signal);
 
 #endif /* HW_MISC_NUC980_PINS_H */

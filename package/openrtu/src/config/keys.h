@@ -1,0 +1,115 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The configuration file's keys: tables that say which keys an object of the file has and what each may
+ * hold, and one reader that checks any JSON object against its table. Every finding is reported with its place in the file.
+ */
+#ifndef OPENRTU_CONFIG_KEYS_H
+#define OPENRTU_CONFIG_KEYS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <jansson.h>
+
+#define CONFIG_PLACE_SIZE 192 /* a place in words, terminator included */
+#define CONFIG_WHERE_SIZE 768 /* with its file and line */
+
+#define CONFIG_SHOWN_MAX 200 /* messages; what is behind them is counted */
+
+/* A file's text, as long as something may have to be said of it. */
+struct config_source {
+	const char *path;
+	const char *text;
+	size_t length;
+};
+
+/* Where in the file, in words: port[2].slaves[0].coils[1].address */
+struct config_place {
+	const struct config_place *in; /* NULL: this is the whole file */
+	const char *key;               /* NULL: element number index of an array */
+	size_t index;
+	/* Of a whole file: */
+	const struct config_source *source;  /* NULL: the report's */
+	const struct config_place *instance; /* of a template, for which slave it is read; else NULL */
+};
+
+struct config_report {
+	FILE *messages;
+	struct config_source source; /* the file that was asked for */
+	unsigned errors;
+	unsigned shown; /* messages */
+};
+
+enum config_kind {
+	CONFIG_INTEGER, /* low..high */
+	CONFIG_NUMBER,  /* low..high */
+	CONFIG_BOOLEAN,
+	CONFIG_TEXT,   /* low..high bytes of UTF-8 without control characters */
+	CONFIG_CHOICE, /* one of choices; the value is its index */
+	CONFIG_ARRAY,  /* at most high elements */
+	CONFIG_OBJECT,
+	CONFIG_ANYTHING, /* not looked at */
+};
+
+struct config_rule {
+	const char *name;
+	enum config_kind kind;
+	bool required;
+	double low, high;
+	const char *const *choices; /* ends with NULL */
+	double fallback;            /* the value of a key that is not given */
+};
+
+struct config_value {
+	bool given;      /* and as its rule wants it */
+	bool wrong;      /* given, but not as its rule wants it, or missing though required */
+	int64_t integer; /* integer, boolean, choice; not given: the fallback */
+	double number;   /* number */
+	const char *text;
+	const json_t *json;
+};
+
+static inline struct config_place config_key_of(const struct config_place *in, const char *key)
+{
+	return (struct config_place){.in = in, .key = key};
+}
+
+static inline struct config_place config_element_of(const struct config_place *in, size_t index)
+{
+	return (struct config_place){.in = in, .index = index};
+}
+
+/* Writes a place in words. out: CONFIG_PLACE_SIZE bytes; longer places are cut. */
+void config_place_text(const struct config_place *place, char *out);
+
+/* The same with file and line, as something else that is spoken of. out: CONFIG_WHERE_SIZE bytes. */
+void config_place_where(const struct config_report *report, const struct config_place *place, char *out);
+
+/* Reports an error at a place and counts it. */
+void config_error(struct config_report *report, const struct config_place *place, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+/* Tells the user something that is no error. */
+void config_note(struct config_report *report, const struct config_place *place, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/*
+ * Reads the keys of a JSON object: values[i] is what rules[i] says. Reports everything that is not as the rules want it:
+ * not an object, unknown keys, missing keys, wrong types, values out of range. NULL is an object without keys.
+ */
+void config_read_keys(struct config_report *report, const struct config_place *place, const json_t *object,
+		      const struct config_rule *rules, size_t count, struct config_value *values);
+
+/* There is no memory to read on. */
+void config_out_of_memory(struct config_report *report);
+
+/* Says how many messages were not shown. */
+void config_report_end(struct config_report *report);
+
+/* ---- where.c ----------------------------------------------------------------------------- */
+
+/* The line of a place, from 1; of what is missing, of what it is missing in. */
+unsigned config_line_of(const struct config_source *source, const struct config_place *place);
+
+#endif

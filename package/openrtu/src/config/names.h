@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Names of points. */
+#ifndef OPENRTU_CONFIG_NAMES_H
+#define OPENRTU_CONFIG_NAMES_H
+
+#include "config/keys.h"
+#include "map/config.h"
+
+#define CONFIG_KEY_NAME "name" /* of whatever is a point */
+
+/* Gives the point a name of its own; there is room for one each. */
+void config_keep_name(struct map_config *config, struct map_point *point, const char *name);
+/* Reports what no name of a point may have. place: of the name, or of what is put before it. */
+void config_check_name(struct config_report *report, const struct config_place *place, const char *name);
+
+#endif

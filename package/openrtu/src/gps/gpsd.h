@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * Fixes out of what gpsd sends to its clients: an object of JSON a line, of which TPV is a fix and SKY the satellites
+ * (gpsd_json(5)). gpsd says nothing before it was told to: GPSD_WATCH.
+ */
+#ifndef OPENRTU_GPS_GPSD_H
+#define OPENRTU_GPS_GPSD_H
+
+#include "gps/fix.h"
+#include "gps/line.h"
+
+#define GPSD_WATCH    "?WATCH={\"enable\":true,\"json\":true};\n"
+#define GPSD_LINE_MAX 10240 /* GPS_JSON_RESPONSE_MAX of gpsd */
+
+struct gpsd_reader {
+	uint32_t counters[NMEA_COUNTERS];
+	struct gps_sky sky;
+	uint16_t hdop, pdop, vdop; /* of the last SKY, 0.01; 0: not given */
+	uint8_t satellites;        /* used, of the last SKY */
+	bool has_sky;
+	bool too_long; /* the line that is being read */
+	uint32_t size;
+	char line[GPSD_LINE_MAX];
+};
+
+void gpsd_reader_init(struct gpsd_reader *reader);
+
+/* As gps_receiver_take: up to the first TPV. A line that is no JSON is counted as damaged, another class as unknown. */
+bool gpsd_reader_take(struct gpsd_reader *reader, const uint8_t **bytes, size_t *size, int64_t now_ns,
+		      struct gps_fix *fix);
+
+#endif

@@ -1,0 +1,187 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "gps/gpsd.h"
+#include "map/time_ns.h"
+
+#define TPV                                                                                                  \
+	"{\"class\":\"TPV\",\"status\":2,\"mode\":3,\"time\":\"2005-03-16T09:38:03.250Z\",\"lat\":-52."      \
+	"219065000,"                                                                                         \
+	"\"lon\":21.010851667,\"altMSL\":137.2000,\"track\":226.0000,\"speed\":1.234,\"eph\":4.275}\n"
+#define SKY                                                                                                  \
+	"{\"class\":\"SKY\",\"hdop\":0.90,\"satellites\":[{\"PRN\":18,\"el\":50.0,\"az\":135.0,\"ss\":50.0," \
+	"\"used\":true,\"gnssid\":0},{\"PRN\":65,\"el\":-1.4,\"az\":360.0,\"used\":null,\"gnssid\":6}]}\n"
+
+static struct gpsd_reader reader;
+static struct gps_fix fix;
+
+static int setup(void **state)
+{
+	(void)state;
+	gpsd_reader_init(&reader);
+	return 0;
+}
+
+static unsigned take_octets(const char *octets, size_t size)
+{
+	const uint8_t *at = (const uint8_t *)octets;
+	unsigned fixes = 0;
+
+	while (gpsd_reader_take(&reader, &at, &size, 7, &fix))
+		fixes++;
+	return fixes;
+}
+
+static unsigned take(const char *text)
+{
+	return take_octets(text, strlen(text));
+}
+
+static void test_a_fix(void **state)
+{
+	(void)state;
+	assert_int_equal(take(SKY TPV), 1);
+	assert_int_equal(fix.latitude, -522190650);
+	assert_int_equal(fix.longitude, 210108517);
+	assert_int_equal(fix.altitude_mm, 137200);
+	assert_int_equal(fix.speed_mm_s, 1234);
+	assert_int_equal(fix.course, 22600);
+	assert_int_equal(fix.error_mm, 4275);
+	assert_int_equal(fix.hdop, 90);
+	assert_int_equal(fix.method, GPS_DIFFERENTIAL);
+	assert_int_equal(fix.dimensions, 3);
+	assert_int_equal(fix.satellites, 1);
+	assert_int_equal(fix.arrival_ns, 7);
+	assert_int_equal(fix.time_ns, 1110965883250 * NS_PER_MS);
+	assert_int_equal(fix.known, GPS_POSITION | GPS_TIME | GPS_ALTITUDE | GPS_SPEED | GPS_COURSE |
+					GPS_ERROR | GPS_HDOP | GPS_SATELLITES);
+	assert_int_equal(fix.sky.count, 2);
+	assert_true(fix.sky.satellites[0].used);
+	assert_int_equal(fix.sky.satellites[0].snr, 50);
+	assert_int_equal(fix.sky.satellites[1].constellation, 'L');
+	assert_int_equal(fix.sky.satellites[1].azimuth, 0);
+}
+
+static void test_octet_by_octet(void **state)
+{
+	static const char text[] = SKY TPV;
+	unsigned fixes = 0;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(text) - 1; i++)
+		fixes += take_octets(text + i, 1);
+	assert_int_equal(fixes, 1);
+	assert_int_equal(fix.latitude, -522190650);
+}
+
+static void test_no_fix(void **state)
+{
+	(void)state;
+	assert_int_equal(take("{\"class\":\"TPV\",\"mode\":1,\"lat\":1.0,\"lon\":2.0}\n"), 1);
+	assert_int_equal(fix.known, 0);
+	assert_int_equal(fix.latitude, 0);
+	assert_int_equal(take("{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0}\n"), 1);
+	assert_int_equal(fix.known, 0);
+	assert_int_equal(take("{\"class\":\"TPV\"}\n"), 1);
+	assert_int_equal(fix.known, 0);
+}
+
+static void test_other_classes(void **state)
+{
+	(void)state;
+	assert_int_equal(
+	    take("{\"class\":\"VERSION\",\"release\":\"3.22\",\"proto_major\":3}\r\n"
+		 "{\"class\":\"DEVICES\",\"devices\":[{\"path\":\"/dev/ttyS1\",\"a\":[[1],{}]}]}\n{}\n\n"),
+	    0);
+	assert_int_equal(reader.counters[NMEA_UNKNOWN], 3);
+	assert_int_equal(reader.counters[NMEA_DAMAGED], 0);
+}
+
+static void test_what_is_no_json(void **state)
+{
+	static const char *const lines[] = {
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0,\"lon\":2.0",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0,\"lon\":2.0}}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":01.0,\"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1.,\"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":.1,\"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":+1.0,\"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0 \"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0,,\"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0,\"lon\":2.0,}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":tru,\"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\",\"lon\":2.0}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"x\":\"\\x\"}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"x\":\"\\u12g4\"}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"x\":[1}}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"x\":[1,]}",
+	    "{\"class\":\"TPV\",\"mode\":3,\"x\":\"\x01\"}",
+	    "[]",
+	    "1",
+	    "{",
+	    "{1:2}",
+	    "{\"x\":[[[[[[[[1]]]]]]]]}",
+	};
+	const size_t count = sizeof(lines) / sizeof(lines[0]);
+
+	(void)state;
+	for (size_t i = 0; i < count; i++) {
+		assert_int_equal(take(lines[i]) + take("\n"), 0);
+		assert_int_equal(reader.counters[NMEA_DAMAGED], i + 1);
+	}
+	assert_int_equal(take(TPV), 1);
+}
+
+static void test_values_that_cannot_be(void **state)
+{
+	static const char *const lines[] = {
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":90.0000001,\"lon\":2.0}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0,\"lon\":-181}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":1e0,\"lon\":2.0}\n", /* gpsd writes no exponents */
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":\"1\",\"lon\":2.0}\n",
+	    "{\"class\":\"TPV\",\"mode\":4,\"lat\":1.0,\"lon\":2.0}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"time\":\"2005-02-29T09:38:03.250Z\"}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"time\":\"2005-02-28T09:38:61.250Z\"}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"time\":\"2005-02-28T09:38:-1Z\"}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"time\":\"2005-02-28T09:38Z\"}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"time\":12}\n",
+	    "{\"class\":\"TPV\",\"mode\":3,\"lat\":99999999999999999999999,\"lon\":2.0}\n",
+	    "{\"class\":7}\n",
+	};
+	const size_t count = sizeof(lines) / sizeof(lines[0]);
+
+	(void)state;
+	for (size_t i = 0; i < count; i++)
+		assert_int_equal(take(lines[i]), 0);
+	assert_int_equal(reader.counters[NMEA_DAMAGED], count);
+}
+
+static void test_a_line_that_does_not_end(void **state)
+{
+	(void)state;
+	for (int i = 0; i < GPSD_LINE_MAX; i++)
+		take(" ");
+	assert_int_equal(take(TPV), 0);
+	assert_int_equal(reader.counters[NMEA_DAMAGED], 1);
+	assert_int_equal(take(TPV), 1);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    cmocka_unit_test_setup(test_a_fix, setup),
+	    cmocka_unit_test_setup(test_octet_by_octet, setup),
+	    cmocka_unit_test_setup(test_no_fix, setup),
+	    cmocka_unit_test_setup(test_other_classes, setup),
+	    cmocka_unit_test_setup(test_what_is_no_json, setup),
+	    cmocka_unit_test_setup(test_values_that_cannot_be, setup),
+	    cmocka_unit_test_setup(test_a_line_that_does_not_end, setup),
+	};
+	return cmocka_run_group_tests_name("gps gpsd", tests, NULL, NULL);
+}

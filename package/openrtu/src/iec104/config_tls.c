@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The object "tls": files, versions, who may come. What is in the files the module says, which is on the board. */
+#include "iec104/config_readers.h"
+
+#include <ctype.h>
+#include <string.h>
+
+#define COMMON_NAME_MAX    64 /* X.520, ub-common-name */
+#define FINGERPRINT_LENGTH 95 /* 32 octets, as AB:CD:... */
+#define SECONDS_OF_A_DAY   86400
+
+enum {
+	TLS_CERTIFICATE,
+	TLS_KEY,
+	TLS_CA,
+	TLS_CRL,
+	TLS_VERSIONS,
+	TLS_MASTERS,
+	TLS_RESUMPTION,
+	TLS_RENEWAL,
+	TLS_KEYS
+};
+static const struct config_rule tls_rules[TLS_KEYS] = {
+    [TLS_CERTIFICATE] = {"certificate", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
+    [TLS_KEY] = {"key", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
+    [TLS_CA] = {"ca", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
+    [TLS_CRL] = {"crl", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
+    [TLS_VERSIONS] = {"versions", CONFIG_ARRAY, .high = 2},
+    [TLS_MASTERS] = {"masters", CONFIG_ARRAY, .high = IEC104_TLS_MASTERS_MAX},
+    /* IEC 62351-3: a session is resumed within a day, then the certificates are looked at again. */
+    [TLS_RESUMPTION] = {"resumption_s", CONFIG_INTEGER, .low = 0, .high = SECONDS_OF_A_DAY,
+			.fallback = SECONDS_OF_A_DAY},
+    /* IEC 62351-3: keys are renewed within a day. */
+    [TLS_RENEWAL] = {"renewal_s", CONFIG_INTEGER, .low = 10, .high = SECONDS_OF_A_DAY,
+		     .fallback = SECONDS_OF_A_DAY},
+};
+
+static void read_path(struct config_loader *loader, const struct config_place *tls, unsigned key,
+		      const struct config_value *value, char out[MAP_FILE_SIZE])
+{
+	const struct config_place here = config_key_of(tls, tls_rules[key].name);
+
+	if (!value->given)
+		return;
+	if (value->text[0] == '/')
+		snprintf(out, MAP_FILE_SIZE, "%s", value->text);
+	else
+		config_error(&loader->report, &here,
+			     "is not an absolute path, expected one like /data/tls/%s.pem",
+			     tls_rules[key].name);
+}
+
+static uint8_t read_version(struct config_loader *loader, const struct config_place *place,
+			    const json_t *json)
+{
+	const char *text = json_string_value(json);
+
+	if (text != NULL && strcmp(text, "1.2") == 0)
+		return IEC104_TLS_1_2;
+	if (text != NULL && strcmp(text, "1.3") == 0)
+		return IEC104_TLS_1_3;
+	config_error(&loader->report, place, "is not an allowed version of TLS, expected \"1.2\" or \"1.3\"");
+	return 0;
+}
+
+static uint8_t read_versions(struct config_loader *loader, const struct config_place *tls,
+			     const struct config_value *value)
+{
+	const struct config_place array = config_key_of(tls, tls_rules[TLS_VERSIONS].name);
+	uint8_t versions = 0;
+	const json_t *json;
+	size_t i;
+
+	if (!value->given)
+		return IEC104_TLS_1_2 | IEC104_TLS_1_3;
+	if (json_array_size(value->json) == 0)
+		config_error(&loader->report, &array, "is empty, expected \"1.2\" or \"1.3\" or both");
+	json_array_foreach(value->json, i, json)
+	{
+		const struct config_place place = config_element_of(&array, i);
+
+		versions |= read_version(loader, &place, json);
+	}
+	return versions;
+}
+
+static bool is_fingerprint(const char *text)
+{
+	for (size_t i = 0; i < FINGERPRINT_LENGTH; i++)
+		if (i % 3 == 2 ? text[i] != ':' : !isxdigit((unsigned char)text[i]))
+			return false;
+	return text[FINGERPRINT_LENGTH] == '\0';
+}
+
+static bool is_common_name(const char *text)
+{
+	for (const char *c = text; *c != '\0'; c++)
+		if (iscntrl((unsigned char)*c))
+			return false;
+	return text[0] != '\0' && strlen(text) <= COMMON_NAME_MAX;
+}
+
+static void read_masters(struct config_loader *loader, const struct config_place *tls, const json_t *masters)
+{
+	const struct config_place array = config_key_of(tls, tls_rules[TLS_MASTERS].name);
+	struct iec104_tls *out = &iec104_settings(loader->config)->tls;
+	const json_t *json;
+	size_t i;
+
+	json_array_foreach(masters, i, json)
+	{
+		const struct config_place place = config_element_of(&array, i);
+		const char *text = json_string_value(json);
+
+		if (text != NULL && (is_common_name(text) || is_fingerprint(text)))
+			snprintf(out->masters[i], IEC104_TLS_MASTER_SIZE, "%s", text);
+		else
+			config_error(&loader->report, &place,
+				     "is neither a common name of 1 to %d bytes nor a SHA-256 fingerprint as "
+				     "AB:CD:...",
+				     COMMON_NAME_MAX);
+	}
+	out->master_count = (uint8_t)json_array_size(masters);
+}
+
+void iec104_read_tls(struct config_loader *loader, const struct config_place *place, const json_t *json)
+{
+	struct iec104_tls *tls = &iec104_settings(loader->config)->tls;
+	struct config_value values[TLS_KEYS];
+
+	config_read_keys(&loader->report, place, json, tls_rules, TLS_KEYS, values);
+	read_path(loader, place, TLS_CERTIFICATE, &values[TLS_CERTIFICATE], tls->certificate);
+	read_path(loader, place, TLS_KEY, &values[TLS_KEY], tls->key);
+	read_path(loader, place, TLS_CA, &values[TLS_CA], tls->ca);
+	read_path(loader, place, TLS_CRL, &values[TLS_CRL], tls->crl);
+	tls->versions = read_versions(loader, place, &values[TLS_VERSIONS]);
+	if (values[TLS_MASTERS].given)
+		read_masters(loader, place, values[TLS_MASTERS].json);
+	tls->resumption_s = (uint32_t)values[TLS_RESUMPTION].integer;
+	tls->renewal_s = (uint32_t)values[TLS_RENEWAL].integer;
+}

@@ -1,0 +1,151 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "journal/begin.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/vfs.h>
+#include <unistd.h>
+
+#include <linux/magic.h>
+
+#include "journal/config.h"
+#include "journal/record.h"
+#include "journal/restore.h"
+
+/* ---- the folder -------------------------------------------------------------------------- */
+
+/* rtu-journal's user has to walk through it, whatever the umask. */
+static int make_folder(const char *path)
+{
+	if (mkdir(path, 0755) == 0)
+		return chmod(path, 0755);
+	return errno == EEXIST ? 0 : -1;
+}
+
+/* Each folder on the way, as mkdir -p. */
+static int make_folders(const char *path)
+{
+	char part[MAP_FILE_SIZE];
+
+	snprintf(part, sizeof(part), "%s", path);
+	for (char *slash = strchr(part + 1, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
+		*slash = '\0';
+		if (make_folder(part) < 0)
+			return -1;
+		*slash = '/';
+	}
+	return make_folder(part);
+}
+
+static int open_folder(const char *path)
+{
+	return make_folders(path) < 0 ? -1 : open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+}
+
+/*
+ * What is in it belongs to the user of before, if that was another; rtu-journal makes its files anew. Where it cannot be
+ * given away, as on a file system that has turned read-only, it can be read.
+ */
+static void give_folder(struct map *map, int folder, uid_t owner, gid_t group)
+{
+	if (owner != 0 && (fchown(folder, owner, group) < 0 || fchmod(folder, 0700) < 0))
+		map_log(map, MAP_LOG_ERROR, "cannot give the journal's folder to rtu-journal: %s",
+			strerror(errno));
+}
+
+static void warn_of_memory(struct map *map, int folder, const char *path)
+{
+	struct statfs system;
+
+	if (fstatfs(folder, &system) < 0)
+		return;
+	if ((uint32_t)system.f_type == TMPFS_MAGIC || (uint32_t)system.f_type == RAMFS_MAGIC)
+		map_log(map, MAP_LOG_WARNING, "the journal in %s is in memory: a power cut loses it", path);
+}
+
+/* ---- the file ---------------------------------------------------------------------------- */
+
+/* As much as can be read. NULL with errno: nothing can. The folder is its writer's, who may put anything there. */
+static uint8_t *read_file(int folder, size_t *size, int *error)
+{
+	int fd = openat(folder, JOURNAL_FILE, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+	struct stat status = {0};
+	uint8_t *bytes = NULL;
+	ssize_t got = 1;
+
+	*size = 0;
+	*error = 0;
+	if (fd < 0 || fstat(fd, &status) < 0)
+		*error = errno;
+	else if (!S_ISREG(status.st_mode))
+		*error = S_ISDIR(status.st_mode) ? EISDIR : EINVAL;
+	else if ((bytes = malloc(JOURNAL_FILE_MAX)) == NULL)
+		*error = ENOMEM;
+	while (bytes != NULL && got > 0 && *size < JOURNAL_FILE_MAX) {
+		got = read(fd, bytes + *size, JOURNAL_FILE_MAX - *size);
+		if (got < 0)
+			*error = errno;
+		else
+			*size += (size_t)got;
+	}
+	if (fd >= 0)
+		close(fd);
+	return bytes;
+}
+
+static void report(struct map *map, const struct map_kept *kept, const struct journal_findings *findings)
+{
+	if (findings->unread != 0)
+		map_log(map, MAP_LOG_WARNING, "the journal's last %zu bytes are incomplete or damaged%s",
+			findings->unread, findings->records == 0 ? ": nothing can be read" : "");
+	if (findings->unknown != 0)
+		map_log(map, MAP_LOG_WARNING,
+			"%u events of the journal belong to points that are no longer configured",
+			findings->unknown);
+	map_log(map, MAP_LOG_INFO, "%u events restored from the journal", kept->event_count);
+}
+
+static void restore(struct map *map, const uint8_t *bytes, size_t size)
+{
+	char error[MAP_ERROR_SIZE] = "out of memory";
+	struct journal_findings findings;
+	struct map_kept kept;
+
+	if (!journal_restore(map, bytes, size, &kept, &findings) || map_restore(map, &kept, error) < 0)
+		map_log(map, MAP_LOG_ERROR, "cannot restore the journal's events: %s", error);
+	else
+		report(map, &kept, &findings);
+	free(kept.events);
+}
+
+void journal_begin_again(struct map *map, uid_t owner, gid_t group)
+{
+	const struct journal_settings *settings = journal_settings(map_config(map));
+	const char *path;
+	uint8_t *bytes;
+	size_t size;
+	int folder, error;
+
+	if (settings == NULL)
+		return;
+	path = settings->path;
+	folder = open_folder(path);
+	if (folder < 0) {
+		map_log(map, MAP_LOG_ERROR, "no journal: %s: %s", path, strerror(errno));
+		return;
+	}
+	give_folder(map, folder, owner, group);
+	warn_of_memory(map, folder, path);
+	bytes = read_file(folder, &size, &error);
+	if (error != 0 && error != ENOENT)
+		map_log(map, MAP_LOG_ERROR, "the journal %s/%s cannot be read: %s", path, JOURNAL_FILE,
+			strerror(error));
+	if (bytes != NULL)
+		restore(map, bytes, size);
+	free(bytes);
+	close(folder);
+}

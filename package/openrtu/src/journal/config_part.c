@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The object "journal": where it is, how much it writes, and whether the flash bears it. */
+#include "journal/config_part.h"
+
+#include <stdlib.h>
+
+#include "journal/config.h"
+#include "journal/wear.h"
+
+static const struct config_rule file_rule = {.name = "journal", .kind = CONFIG_OBJECT};
+
+enum { JOURNAL_PATH, JOURNAL_SIZE, JOURNAL_INTERVAL, JOURNAL_VOLUME, JOURNAL_CYCLES, JOURNAL_KEYS };
+static const struct config_rule journal_rules[JOURNAL_KEYS] = {
+    [JOURNAL_PATH] = {"path", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
+    [JOURNAL_SIZE] = {"size_kb", CONFIG_INTEGER, .low = 64, .high = 8192, .fallback = 384},
+    [JOURNAL_INTERVAL] = {"interval_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 30},
+    /* The least that the data volume of this family of boards has, and the least that its makers warrant. */
+    [JOURNAL_VOLUME] = {"volume_mb", CONFIG_INTEGER, .low = 1, .high = 1048576, .fallback = 47},
+    [JOURNAL_CYCLES] = {"cycles", CONFIG_INTEGER, .low = 1000, .high = 10000000, .fallback = 60000},
+};
+
+static void check_life(struct config_loader *loader, const struct config_place *place,
+		       const struct journal_settings *journal)
+{
+	double years = journal_life_years(journal);
+
+	if (years < JOURNAL_LIFE_YEARS)
+		config_error(&loader->report, place,
+			     "may wear out %u MiB of flash with %u cycles in %.1f years, expected at least "
+			     "%d: a longer "
+			     "interval_s, a smaller size_kb, or volume_mb and cycles as they really are",
+			     journal->volume_mb, journal->cycles, years, JOURNAL_LIFE_YEARS);
+}
+
+static void read_path(struct config_loader *loader, const struct config_place *place,
+		      const struct config_value *value, char out[MAP_FILE_SIZE])
+{
+	const struct config_place here = config_key_of(place, journal_rules[JOURNAL_PATH].name);
+	const char *path = value->given ? value->text : "/data/openrtu/journal";
+
+	if (path[0] == '/')
+		snprintf(out, MAP_FILE_SIZE, "%s", path);
+	else if (!value->wrong)
+		config_error(&loader->report, &here,
+			     "is not an absolute path, expected one like /data/openrtu/journal");
+}
+
+static void read_settings(struct config_loader *loader, const struct config_place *place, const json_t *json)
+{
+	struct journal_settings *journal = calloc(1, sizeof(*journal));
+	unsigned errors = loader->report.errors;
+	struct config_value values[JOURNAL_KEYS];
+
+	if (journal == NULL) {
+		config_out_of_memory(&loader->report);
+		return;
+	}
+	map_add_section(loader->config, JOURNAL_SETTINGS, sizeof(*journal), 1, journal);
+	config_read_keys(&loader->report, place, json, journal_rules, JOURNAL_KEYS, values);
+	read_path(loader, place, &values[JOURNAL_PATH], journal->path);
+	journal->size_kb = (uint32_t)values[JOURNAL_SIZE].integer;
+	journal->interval_s = (uint32_t)values[JOURNAL_INTERVAL].integer;
+	journal->volume_mb = (uint32_t)values[JOURNAL_VOLUME].integer;
+	journal->cycles = (uint32_t)values[JOURNAL_CYCLES].integer;
+	if (loader->report.errors == errors)
+		check_life(loader, place, journal);
+}
+
+static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place place = config_key_of(&file, file_rule.name);
+
+	(void)own;
+	if (values->given)
+		read_settings(loader, &place, values->json);
+}
+
+const struct config_part journal_part = {.keys = &file_rule, .key_count = 1, .read = read_part};

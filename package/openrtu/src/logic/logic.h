@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * A program of Structured Text, compiled by openrtu-logic, in a virtual machine: docs/logic.md.
+ * Bytes, time, inputs and outputs are arguments. After logic_load() nothing is allocated, and nothing that the program
+ * does raises a signal or reaches beyond its own memory.
+ */
+#ifndef OPENRTU_LOGIC_H
+#define OPENRTU_LOGIC_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "logic/format.h"
+
+/* The flags of a quality are those of IEC 60870-5-101, 7.2.6.3. */
+enum {
+	LOGIC_OVERFLOW = 0x01,
+	LOGIC_BLOCKED = 0x10,
+	LOGIC_SUBSTITUTED = 0x20,
+	LOGIC_NOT_TOPICAL = 0x40,
+	LOGIC_INVALID = 0x80,
+	LOGIC_NOT_GOOD = LOGIC_INVALID | LOGIC_NOT_TOPICAL | LOGIC_OVERFLOW
+};
+
+enum logic_fault { LOGIC_DIVISION, LOGIC_RANGE, LOGIC_BOUNDS, LOGIC_DOMAIN, LOGIC_BUDGET, LOGIC_FAULTS };
+
+union logic_cell {
+	int64_t i; /* all types but REAL and LREAL */
+	float r;
+	double d;
+	uint64_t bits;
+};
+
+struct logic_range {
+	int64_t low, high;
+};
+
+/* Of each type but REAL and LREAL. */
+extern const struct logic_range logic_ranges[LOGIC_TYPES];
+
+struct logic_value {
+	union logic_cell value;
+	int64_t time_us; /* of a point's acquisition, since 1970 */
+	uint8_t quality;
+};
+
+struct logic_times {
+	int64_t uptime_us;  /* monotonic, since the program's start */
+	int64_t elapsed_us; /* since the scan before */
+	int64_t now_us;     /* UTC, since 1970 */
+};
+
+/* What a program holds and where it stands; only load.c and run.c write it. */
+struct logic {
+	const struct logic_head *head;
+	const uint8_t *types;
+	const struct logic_array *arrays;
+	const struct logic_routine *routines;
+	const struct logic_point *points;
+	const struct logic_command *commands;
+	const struct logic_retained *retained;
+	const struct logic_instruction *code;
+	const uint16_t *lines;
+	const char *names;
+	union logic_cell *cells; /* of each slot */
+	uint8_t *quality;        /* of each slot */
+	uint8_t *covered;        /* of each instruction, or NULL: LOGIC_RUN, LOGIC_WENT_ON, LOGIC_JUMPED */
+	uint32_t faults[LOGIC_FAULTS];
+	uint16_t last_line; /* of the last fault */
+	uint8_t last_fault;
+};
+
+enum { LOGIC_RUN = 1, LOGIC_WENT_ON = 2, LOGIC_JUMPED = 4 };
+
+/* Calls within calls that a program may have: routines refer only to routines before them. */
+#define LOGIC_DEPTH    32
+#define LOGIC_ROUTINES 4096
+/* Instructions of a scan, if nothing else is configured: some 100 ms on the board. */
+#define LOGIC_BUDGET_DEFAULT 200000
+
+/* The memory that logic_load() needs for the file, or 0 if the file's head is none. */
+size_t logic_memory(const void *file, size_t size);
+
+/*
+ * Verifies the file and makes a machine of it in the memory, which is of logic_memory() octets and aligned as malloc()
+ * does. The file is not needed afterwards. Returns NULL, or why the file is refused.
+ */
+const char *logic_load(struct logic *logic, void *memory, const void *file, size_t size);
+
+const char *logic_name(const struct logic *logic, uint16_t name);
+
+/* Before a scan. What is no value of the point's type becomes 0 and invalid. */
+void logic_set(struct logic *logic, const struct logic_point *point, const struct logic_value *value);
+/* After a scan. */
+void logic_get(const struct logic *logic, const struct logic_point *point, struct logic_value *value);
+
+/* One scan. False: more than budget instructions; the scan has ended there, and all that the program computes is invalid. */
+bool logic_scan(struct logic *logic, const struct logic_times *times, uint32_t budget);
+
+/* Copies the retained variables that both have, by name, type and size, with their qualities; returns how many. */
+unsigned logic_carry(struct logic *to, const struct logic *from);
+
+#endif

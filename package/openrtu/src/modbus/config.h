@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * What only Modbus knows of the configuration: its sections of it. The slaves are the first sets, so that a slave's number is
+ * that of its set, and so are their points.
+ */
+#ifndef OPENRTU_MODBUS_CONFIG_H
+#define OPENRTU_MODBUS_CONFIG_H
+
+#include "map/config.h"
+
+#define MODBUS_PATH_SIZE 64 /* a serial device's path */
+
+#define MODBUS_SETTINGS MAP_SECTION_ID('M', 'B', 'S', 'E')
+#define MODBUS_PORTS    MAP_SECTION_ID('M', 'B', 'P', 'O')
+#define MODBUS_SLAVES   MAP_SECTION_ID('M', 'B', 'S', 'L')
+#define MODBUS_POINTS   MAP_SECTION_ID('M', 'B', 'P', 'T')
+#define MODBUS_KNOTS    MAP_SECTION_ID('M', 'B', 'K', 'N')
+#define MODBUS_JUDGES   MAP_SECTION_ID('M', 'B', 'J', 'U')
+
+#define MODBUS_KNOTS_MAX UINT16_MAX /* of all scaling tables */
+
+struct modbus_settings {
+	uint8_t priority;            /* SCHED_FIFO 1..99, 0: none */
+	uint16_t heartbeat_limit_ms; /* of a line process; 0: MAP_HEARTBEAT_LIMIT_MS */
+};
+
+/* The four Modbus tables; the order is that of the report's configuration file. */
+enum modbus_table {
+	MODBUS_COILS,             /* FC 1, 5, 15 */
+	MODBUS_DISCRETE_INPUTS,   /* FC 2 */
+	MODBUS_INPUT_REGISTERS,   /* FC 4 */
+	MODBUS_HOLDING_REGISTERS, /* FC 3, 6, 16 */
+};
+
+enum modbus_parity { MODBUS_PARITY_NONE, MODBUS_PARITY_ODD, MODBUS_PARITY_EVEN }; /* the report's 0, 1, 2 */
+
+/* What a point's registers hold; a point of bits has MODBUS_FORMAT_BIT, in a register the bit number `bit`. */
+enum modbus_format {
+	MODBUS_FORMAT_BIT,
+	MODBUS_FORMAT_VTI, /* the low octet of a register */
+	MODBUS_FORMAT_INT16,
+	MODBUS_FORMAT_UINT16,
+	MODBUS_FORMAT_INT32,
+	MODBUS_FORMAT_UINT32,
+	MODBUS_FORMAT_INT64,
+	MODBUS_FORMAT_UINT64,
+	MODBUS_FORMAT_FLOAT32, /* IEEE 754 */
+	MODBUS_FORMAT_FLOAT64,
+};
+
+/* How a port's driver drives an RS-485 transceiver that has a direction pin. */
+enum modbus_rs485 {
+	MODBUS_RS485_NONE, /* the transceiver finds the direction itself, or somebody else has told the driver */
+	MODBUS_RS485_HIGH, /* RTS is active while sending */
+	MODBUS_RS485_LOW,
+};
+
+/* One RS-485 line, or one Modbus TCP connection with the units behind it. */
+struct modbus_port {
+	uint16_t port;         /* the file's "value": 1..6 on this board */
+	uint16_t process;      /* lines with one number share one rtu-modbus process */
+	uint16_t module;       /* number of that process; planned by its kind */
+	uint16_t first_device; /* place among the slaves */
+	uint16_t device_count;
+	uint8_t stop_bits;           /* 1, 2 */
+	uint8_t parity;              /* enum modbus_parity */
+	uint32_t baud;               /* bit/s */
+	uint8_t rs485;               /* enum modbus_rs485 */
+	uint8_t before_ms, after_ms; /* that mode's delays around a frame, 0..100 */
+	uint8_t reserved;
+	uint16_t tcp_port; /* of a TCP connection, which has nothing of a serial line; else 0 */
+	uint16_t reserved2;
+	char device[MODBUS_PATH_SIZE]; /* the serial device's path; the IP address of a TCP connection */
+};
+
+/* One Modbus slave; its points are the set of the same number. */
+struct modbus_slave {
+	uint16_t port;   /* place among the ports */
+	uint8_t unit;    /* Modbus address 1..247, 255 on TCP; 0: broadcast, written and never read */
+	uint8_t retries; /* repeated reads before the device counts as dead; writes are never repeated */
+	uint16_t response_timeout_ms;     /* end of request to first byte of the answer */
+	uint16_t response_timeout_min_ms; /* the least that is waited, however fast it has been */
+	uint16_t max_bits, max_registers; /* that one request may read, 0: as the protocol has it */
+	uint8_t no_holes;                 /* a request reads only addresses that points have */
+	uint8_t probe_max_s;  /* longest pause between two probes of it while dead, 0: see modbus/line.h */
+	uint32_t reaction_us; /* from the silence behind a request to its answer's first byte, 0: not known */
+};
+
+enum modbus_point_flag {
+	MODBUS_INVERTED = 1u << 0,       /* of bits: each means the opposite */
+	MODBUS_WORDS_SWAPPED = 1u << 1,  /* low word first */
+	MODBUS_BYTES_SWAPPED = 1u << 2,  /* low byte first in each word */
+	MODBUS_BITS_SWAPPED = 1u << 3,   /* double point: first bit ON, second OFF */
+	MODBUS_NO_READ_BACK = 1u << 4,   /* what was written is not read ahead of its turn, nor waited for */
+	MODBUS_UNIMPLEMENTED = 1u << 5,  /* an integer's extreme value says that there is none (SunSpec) */
+	MODBUS_SCALE_REGISTER = 1u << 6, /* another register holds the power of ten of its raw value */
+};
+
+/* What a status bit of the device, while it is ON, makes of a point's quality. */
+enum modbus_status {
+	MODBUS_BLOCKED_BY,
+	MODBUS_SUBSTITUTED_BY,
+	MODBUS_NOT_TOPICAL_BY,
+	MODBUS_STATUS_BITS,
+};
+
+/* A point of a scaling table: from one to the next, values lie on a line. */
+struct modbus_knot {
+	double raw; /* greater than that of the knot before */
+	double value;
+};
+
+/* The status bits that say something of a point; by enum modbus_status: 1 + place among the slave's points, 0: none. */
+struct modbus_judges {
+	uint16_t status[MODBUS_STATUS_BITS];
+};
+
+/* Where a point's value is in its slave, and how it stands there; at the number of the point. */
+struct modbus_point {
+	uint16_t address;        /* from 0 */
+	uint16_t second_address; /* of the second of two bits, or of the scale register */
+	uint8_t table;           /* enum modbus_table */
+	uint8_t type;            /* enum map_type, as the point has it */
+	uint8_t width : 4;       /* bits or registers it covers: 1, 2, 4 */
+	uint8_t format : 4;      /* enum modbus_format */
+	uint8_t bit;             /* of a bit in a register: its number from 0, the least significant */
+	uint8_t flags;           /* enum modbus_point_flag */
+	uint8_t knot_count;      /* of its scaling table, 0: scale and offset hold */
+	uint16_t first_knot;     /* of that, place among the configuration's knots */
+	uint16_t scan_period_ms; /* between two reads of the device, 0: it is read in turn */
+	uint16_t
+	    judges;   /* 1 + place among the configuration's judges, 0: no status bit says anything of it */
+	double scale; /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
+	double offset;
+};
+
+static inline struct modbus_point *modbus_points(const struct map_config *config)
+{
+	return map_records(config, MODBUS_POINTS, sizeof(struct modbus_point));
+}
+
+/* The status bits of a point; NULL: none. */
+static inline const struct modbus_judges *modbus_judges_of(const struct map_config *config,
+							   const struct modbus_point *point)
+{
+	const struct modbus_judges *judges;
+
+	if (point->judges == 0)
+		return NULL;
+	judges = map_records(config, MODBUS_JUDGES, sizeof(*judges));
+	return &judges[point->judges - 1];
+}
+
+static inline struct modbus_knot *modbus_knots(const struct map_config *config)
+{
+	return map_records(config, MODBUS_KNOTS, sizeof(struct modbus_knot));
+}
+
+static inline struct modbus_settings *modbus_settings(const struct map_config *config)
+{
+	return map_records(config, MODBUS_SETTINGS, sizeof(struct modbus_settings));
+}
+
+static inline struct modbus_port *modbus_ports(const struct map_config *config)
+{
+	return map_records(config, MODBUS_PORTS, sizeof(struct modbus_port));
+}
+
+static inline uint32_t modbus_port_count(const struct map_config *config)
+{
+	return map_record_count(config, MODBUS_PORTS);
+}
+
+static inline struct modbus_slave *modbus_slaves(const struct map_config *config)
+{
+	return map_records(config, MODBUS_SLAVES, sizeof(struct modbus_slave));
+}
+
+static inline uint32_t modbus_slave_count(const struct map_config *config)
+{
+	return map_record_count(config, MODBUS_SLAVES);
+}
+
+static inline bool modbus_is_tcp(const struct modbus_port *port)
+{
+	return port->tcp_port != 0;
+}
+
+/* A bit, or two neighbours, of a register. */
+static inline bool modbus_is_register_bit(const struct modbus_point *point)
+{
+	return point->table >= MODBUS_INPUT_REGISTERS &&
+	       (point->type == MAP_SINGLE || point->type == MAP_DOUBLE);
+}
+
+/* Modbus address of its bit or register number i, below width. */
+static inline uint32_t modbus_point_address(const struct modbus_point *point, uint32_t i)
+{
+	return point->type == MAP_DOUBLE && i == 1 ? point->second_address : point->address + i;
+}
+
+static inline bool modbus_has_scale_register(const struct modbus_point *point)
+{
+	return (point->flags & MODBUS_SCALE_REGISTER) != 0;
+}
+
+/* The Modbus addresses from first to last that one answer must hold, so that what it says belongs together. */
+struct modbus_extent {
+	uint32_t first, last;
+};
+
+static inline struct modbus_extent modbus_extent_of(const struct modbus_point *point)
+{
+	struct modbus_extent extent = {point->address, point->address + point->width - 1u};
+
+	if (point->type == MAP_DOUBLE && point->width == 2)
+		extent.last = point->second_address;
+	else if (modbus_has_scale_register(point) && point->second_address > extent.last)
+		extent.last = point->second_address;
+	else if (modbus_has_scale_register(point))
+		extent.first = point->second_address;
+	if (extent.last < extent.first)
+		extent = (struct modbus_extent){extent.last, extent.first};
+	return extent;
+}
+
+#endif

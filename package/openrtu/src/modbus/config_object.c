@@ -1,0 +1,386 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* One object of a slave's table, and the point it becomes. */
+#include "modbus/config_object.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#define BIT(n) (1u << (n))
+
+/* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
+#define APART_MAX 1024
+
+/* The report, section 4.3: from here on coils would reach the discrete inputs' IOA. */
+#define SCHEME_LAST 9999
+
+static const uint32_t first_ioa[] = {1, 10001, 30001, 40001};
+
+#define OF_BITS     (BIT(MAP_SINGLE) | BIT(MAP_DOUBLE))
+#define OF_MEASURED (BIT(MAP_NORMALIZED) | BIT(MAP_SCALED) | BIT(MAP_FLOAT))
+#define NOT_COUNTER (~BIT(MAP_COUNTER))
+
+/* The types that give a key a meaning; 0: all do. */
+static const unsigned object_key_types[OBJECT_KEYS] = {
+    [OBJECT_SIGNED] = BIT(MAP_NORMALIZED) | BIT(MAP_SCALED),
+    [OBJECT_FORMAT] = OF_MEASURED | BIT(MAP_COUNTER) | BIT(MAP_BITSTRING),
+    [OBJECT_BIT] = OF_BITS,
+    [OBJECT_INVERTED] = OF_BITS,
+    [OBJECT_BIT_ORDER] = BIT(MAP_DOUBLE),
+    [OBJECT_SCALE_POINTS] = OF_MEASURED,
+    [OBJECT_SCALE_TABLE] = OF_MEASURED,
+    [OBJECT_UNIMPLEMENTED] = OF_MEASURED | BIT(MAP_COUNTER),
+    [OBJECT_DEADBAND] = OF_MEASURED | BIT(MAP_COUNTER),
+    [OBJECT_CYCLIC] = OF_MEASURED, /* IEC 60870-5-101, 7.2.3: only measured values know COT 1 */
+    [OBJECT_BACKGROUND] = OF_BITS | BIT(MAP_STEP) | BIT(MAP_BITSTRING), /* measured values are cyclic */
+    [OBJECT_COUNTER_GROUP] = BIT(MAP_COUNTER),
+    [OBJECT_FREEZE] = BIT(MAP_COUNTER),
+    [OBJECT_SECOND] = BIT(MAP_DOUBLE),
+    [OBJECT_SHORT_PULSE] = OF_BITS,
+    [OBJECT_LONG_PULSE] = OF_BITS,
+    [OBJECT_STEP] = OF_MEASURED,
+    [OBJECT_MIN] = OF_MEASURED,
+    [OBJECT_MAX] = OF_MEASURED,
+    [OBJECT_QUALITY] = BIT(MAP_NORMALIZED), /* 101, 7.3.1: of no other type is there one without */
+    [OBJECT_BLOCKED_BY] = NOT_COUNTER,      /* a BCR knows IV alone */
+    [OBJECT_SUBSTITUTED_BY] = NOT_COUNTER,
+    [OBJECT_NOT_TOPICAL_BY] = NOT_COUNTER,
+};
+/* Of commands: they mean nothing where nothing can be commanded. */
+static const bool is_command_key[OBJECT_KEYS] = {
+    [OBJECT_SELECT] = true, [OBJECT_SHORT_PULSE] = true, [OBJECT_LONG_PULSE] = true, [OBJECT_STEP] = true,
+    [OBJECT_MIN] = true,    [OBJECT_MAX] = true,         [OBJECT_READ_BACK] = true,
+};
+
+static enum map_type object_type(const struct config_value *values, enum modbus_table table)
+{
+	if (values[OBJECT_TYPE].given)
+		return (enum map_type)values[OBJECT_TYPE].integer;
+	return modbus_is_bit_table(table) || values[OBJECT_BIT].given ? MAP_SINGLE : MAP_SCALED;
+}
+
+static void check_type(struct modbus_loader *loader, const struct config_place *object, enum map_type type,
+		       enum modbus_table table, bool bit)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_TYPE);
+	bool bits = modbus_is_bit_table(table);
+
+	if ((bits || bit) != ((BIT(type) & OF_BITS) != 0))
+		config_error(loader->report, &here, "%s hold no \"%s\", expected one of %s",
+			     bit ? "bits" : modbus_table_names[table], modbus_type_names[type],
+			     bits || bit
+				 ? "single, double"
+				 : "step, bitstring, normalized, scaled, float, counter, or the key bit");
+}
+
+static void check_meaning(struct modbus_loader *loader, const struct config_place *object,
+			  const struct config_value *values, enum map_type type, enum modbus_table table)
+{
+	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
+		const struct config_place here = modbus_object_key(object, key);
+
+		if (values[key].given && object_key_types[key] != 0 && !(object_key_types[key] & BIT(type)))
+			config_error(loader->report, &here, "has no meaning for type %s",
+				     modbus_type_names[type]);
+		if (values[key].given && is_command_key[key] && !modbus_is_writable(table))
+			config_error(loader->report, &here, "has no meaning for %s: they cannot be commanded",
+				     modbus_table_names[table]);
+	}
+}
+
+static void check_extent(struct modbus_loader *loader, const struct config_place *object, int64_t address,
+			 enum map_type type, uint8_t width)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_ADDRESS);
+
+	if (address + width - 1 > MODBUS_ADDRESS_LAST)
+		config_error(loader->report, &here,
+			     "%lld is out of range for type %s, which covers %s addresses, expected 0 to %d",
+			     (long long)address, modbus_type_names[type], width == 2 ? "two" : "four",
+			     MODBUS_ADDRESS_LAST + 1 - width);
+}
+
+static void check_second_address(struct modbus_loader *loader, const struct config_place *object,
+				 int64_t address, int64_t second)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_SECOND);
+
+	if (second == address)
+		config_error(loader->report, &here, "is the address of the first bit, expected another one");
+	else if (second > address + APART_MAX || second < address - APART_MAX)
+		config_error(loader->report, &here, "is %lld away from the first bit, expected at most %d",
+			     (long long)(second > address ? second - address : address - second), APART_MAX);
+}
+
+static bool is_whole(double number)
+{
+	return fpclassify(number - rint(number)) == FP_ZERO;
+}
+
+/* A step command needs all three, and a value that is an integer moves by integers. */
+static void check_step(struct modbus_loader *loader, const struct config_place *object,
+		       const struct config_value *values, enum map_type type)
+{
+	const struct config_place step = modbus_object_key(object, OBJECT_STEP);
+	const struct config_place max = modbus_object_key(object, OBJECT_MAX);
+	unsigned given = 0;
+
+	for (unsigned key = OBJECT_STEP; key <= OBJECT_MAX; key++) {
+		if (values[key].wrong)
+			return;
+		given += values[key].given;
+	}
+	for (unsigned key = OBJECT_STEP; given > 0 && key <= OBJECT_MAX; key++) {
+		const struct config_place here = modbus_object_key(object, key);
+
+		if (!values[key].given)
+			config_error(loader->report, &here,
+				     "is not given: step, min and max belong together, expected a number");
+	}
+	if (given < 3)
+		return;
+	if (fpclassify(values[OBJECT_STEP].number) == FP_ZERO)
+		config_error(loader->report, &step, "is 0, expected more");
+	else if (type != MAP_FLOAT && !is_whole(values[OBJECT_STEP].number))
+		config_error(loader->report, &step, "is not an integer, which type %s needs",
+			     modbus_type_names[type]);
+	if (values[OBJECT_MIN].number >= values[OBJECT_MAX].number)
+		config_error(loader->report, &max, "is not above min");
+}
+
+static void check_scheme(struct modbus_loader *loader, const struct config_place *object, int64_t address)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_IOA);
+
+	if (address > SCHEME_LAST)
+		config_error(
+		    loader->report, &here,
+		    "is missing: addresses from %d on have no IOA by themselves, expected an integer from "
+		    "1 to %d",
+		    SCHEME_LAST + 1, MODBUS_IOA_MAX);
+}
+
+/* Keys of reading. */
+static void check_read_key(struct modbus_loader *loader, const struct config_place *object, unsigned key)
+{
+	const struct config_place here = modbus_object_key(object, key);
+
+	if (modbus_slaves(loader->config)[modbus_slave_count(loader->config) - 1].unit == 0)
+		config_error(loader->report, &here,
+			     "has no meaning for slave 0: the broadcast address is never read");
+}
+
+static uint8_t point_flags(const struct config_value *values, enum modbus_table table)
+{
+	unsigned flags = 0;
+
+	if (values[OBJECT_SELECT].integer)
+		flags |= MAP_POINT_SELECT;
+	if (modbus_is_writable(table))
+		flags |= MAP_POINT_COMMAND;
+	if (!values[OBJECT_QUALITY].integer)
+		flags |= MAP_POINT_NO_QUALITY;
+	return (uint8_t)flags;
+}
+
+static uint8_t wire_flags(const struct config_value *values)
+{
+	unsigned flags = 0;
+
+	if (values[OBJECT_INVERTED].integer)
+		flags |= MODBUS_INVERTED;
+	if (values[OBJECT_UNIMPLEMENTED].integer)
+		flags |= MODBUS_UNIMPLEMENTED;
+	if (values[OBJECT_SCALE_REGISTER].given)
+		flags |= MODBUS_SCALE_REGISTER;
+	if (values[OBJECT_WORD_ORDER].integer)
+		flags |= MODBUS_WORDS_SWAPPED;
+	if (values[OBJECT_BYTE_ORDER].integer)
+		flags |= MODBUS_BYTES_SWAPPED;
+	if (values[OBJECT_BIT_ORDER].integer)
+		flags |= MODBUS_BITS_SWAPPED;
+	return (uint8_t)flags;
+}
+
+static struct map_point object_point(const struct config_value *values, enum map_type type,
+				     enum modbus_table table)
+{
+	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
+
+	return (struct map_point){
+	    .type = (uint8_t)type,
+	    .flags = point_flags(values, table),
+	    .ioa =
+		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
+	    .group = (uint8_t)values[OBJECT_GROUP].integer,
+	    .counter_group = (uint8_t)values[OBJECT_COUNTER_GROUP].integer,
+	    .send_period_ms = (uint32_t)(values[OBJECT_CYCLIC].integer + values[OBJECT_BACKGROUND].integer),
+	    .freeze_s = (uint32_t)values[OBJECT_FREEZE].integer,
+	    .short_pulse_ms = (uint16_t)values[OBJECT_SHORT_PULSE].integer,
+	    .long_pulse_ms = (uint16_t)values[OBJECT_LONG_PULSE].integer,
+	    .deadband = (float)values[OBJECT_DEADBAND].number,
+	    .step = (float)values[OBJECT_STEP].number,
+	    .min = (float)values[OBJECT_MIN].number,
+	    .max = (float)values[OBJECT_MAX].number,
+	};
+}
+
+static struct modbus_point object_wire(const struct config_value *values, enum map_type type,
+				       enum modbus_table table)
+{
+	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
+	const struct config_value *second =
+	    &values[values[OBJECT_SCALE_REGISTER].given ? OBJECT_SCALE_REGISTER : OBJECT_SECOND];
+	enum modbus_format format = modbus_object_format(values, type);
+
+	return (struct modbus_point){
+	    .address = address,
+	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
+	    .table = (uint8_t)table,
+	    .type = (uint8_t)type,
+	    .width = modbus_object_width(type, format, table) & 15u,
+	    .format = format & 15u,
+	    .bit = (uint8_t)values[OBJECT_BIT].integer,
+	    .flags = wire_flags(values),
+	    .scan_period_ms = (uint16_t)values[OBJECT_PERIOD].integer,
+	};
+}
+
+static uint32_t label_of(const struct modbus_point *point)
+{
+	static const char letters[] = {'c', 'd', 'i', 'h'}; /* of each table */
+
+	return map_label(letters[point->table], point->address,
+			 modbus_is_register_bit(point) ? point->bit : -1);
+}
+
+static void name_point(struct modbus_loader *loader, const struct config_place *object,
+		       struct modbus_entry *entry, const struct config_value *name)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_NAME);
+
+	entry->named = name->given;
+	entry->point.name = label_of(&entry->wire);
+	if (!name->given)
+		map_point_name(loader->config, &entry->point, entry->name);
+	else if (snprintf(entry->name, sizeof(entry->name), "%s%s", entry->prefix, name->text) >=
+		 (int)sizeof(entry->name))
+		config_error(loader->report, &here, "is longer than %d bytes with its slave's name_prefix",
+			     MAP_NAME_SIZE - 1);
+}
+
+static void offset_ioa(struct modbus_loader *loader, const struct config_place *object,
+		       struct modbus_entry *entry)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_IOA);
+
+	entry->point.ioa += entry->ioa_offset;
+	if (entry->point.ioa > MODBUS_IOA_MAX)
+		config_error(loader->report, &here,
+			     "%u is out of range with its slave's ioa_offset, expected at "
+			     "most %d",
+			     entry->point.ioa, MODBUS_IOA_MAX);
+}
+
+static void check_object(struct modbus_loader *loader, const struct config_place *place,
+			 const struct config_value *values, enum map_type type, enum modbus_table table)
+{
+	const struct config_place name = modbus_object_key(place, OBJECT_NAME);
+
+	if (!values[OBJECT_TYPE].wrong) {
+		check_type(loader, place, type, table, values[OBJECT_BIT].given);
+		check_meaning(loader, place, values, type, table);
+		modbus_check_value(loader, place, values, type, table);
+	}
+	if (!values[OBJECT_TYPE].wrong)
+		check_step(loader, place, values, type);
+	if (values[OBJECT_SECOND].given && !values[OBJECT_ADDRESS].wrong)
+		check_second_address(loader, place, values[OBJECT_ADDRESS].integer,
+				     values[OBJECT_SECOND].integer);
+	else if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
+		check_extent(loader, place, values[OBJECT_ADDRESS].integer, type,
+			     modbus_object_width(type, modbus_object_format(values, type), table));
+	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong &&
+	    !values[OBJECT_BIT].given)
+		check_scheme(loader, place, values[OBJECT_ADDRESS].integer);
+	if (values[OBJECT_NAME].given)
+		config_check_name(loader->report, &name, values[OBJECT_NAME].text);
+	if (values[OBJECT_PERIOD].given)
+		check_read_key(loader, place, OBJECT_PERIOD);
+	if (values[OBJECT_SCALE_REGISTER].given)
+		check_read_key(loader, place, OBJECT_SCALE_REGISTER);
+}
+
+static void add_entry(struct modbus_loader *loader, const struct config_place *place,
+		      const struct config_value *values, enum map_type type, enum modbus_table table,
+		      struct modbus_entry entry)
+{
+	entry.point = object_point(values, type, table);
+	entry.wire = object_wire(values, type, table);
+	entry.point.set = (uint16_t)(loader->config->set_count - 1);
+	if (!modbus_object_scale(loader, place, values, &entry.wire))
+		return;
+	if (!values[OBJECT_PERIOD].given)
+		entry.wire.scan_period_ms = entry.period_ms;
+	if (modbus_is_writable(table) &&
+	    !(values[OBJECT_READ_BACK].given ? values[OBJECT_READ_BACK].integer : entry.read_back))
+		entry.wire.flags |= MODBUS_NO_READ_BACK;
+	name_point(loader, place, &entry, &values[OBJECT_NAME]);
+	offset_ioa(loader, place, &entry);
+	for (unsigned i = 0; i < MODBUS_STATUS_BITS; i++)
+		entry.status[i] =
+		    values[OBJECT_BLOCKED_BY + i].given ? values[OBJECT_BLOCKED_BY + i].text : NULL;
+	loader->entries[loader->config->point_count++] = entry;
+}
+
+static void read_object(struct modbus_loader *loader, const struct config_place *place,
+			enum modbus_table table, struct modbus_entry entry)
+{
+	struct config_value values[OBJECT_KEYS];
+	unsigned errors = loader->report->errors;
+	enum map_type type;
+
+	config_read_keys(loader->report, place, entry.json, modbus_object_rules, OBJECT_KEYS, values);
+	type = object_type(values, table);
+	check_object(loader, place, values, type, table);
+	if (loader->report->errors == errors && loader->config->point_count < loader->entries_max)
+		add_entry(loader, place, values, type, table, entry);
+}
+
+/* What the slave has instead of a template's object. NULL: it leaves it out. */
+static const json_t *overridden(struct modbus_loader *loader, const json_t *object, const json_t *overrides)
+{
+	const char *name = json_string_value(json_object_get(object, CONFIG_KEY_NAME));
+	json_t *override = name == NULL ? NULL : json_object_get(overrides, name);
+	json_t *both;
+
+	if (!json_is_object(override))
+		return json_is_null(override) ? NULL : object;
+	both = json_copy((json_t *)object);
+	if (both == NULL || json_object_update(both, override) < 0 ||
+	    json_array_append_new(loader->files->kept, both) < 0) {
+		config_out_of_memory(loader->report);
+		return object;
+	}
+	return both;
+}
+
+void modbus_read_objects(struct modbus_loader *loader, const struct config_place *slave,
+			 const json_t *objects, enum modbus_table table, struct modbus_entry entry)
+{
+	const struct config_place array = config_key_of(slave, modbus_table_names[table]);
+	const json_t *json;
+	size_t i;
+
+	json_array_foreach(objects, i, json)
+	{
+		const struct config_place place = config_element_of(&array, i);
+
+		if (loader->objects++ >= CONFIG_POINTS_MAX)
+			continue;
+		entry.object = (uint32_t)i;
+		entry.json = entry.template != NULL ? overridden(loader, json, entry.overrides) : json;
+		if (entry.json != NULL)
+			read_object(loader, &place, table, entry);
+	}
+}

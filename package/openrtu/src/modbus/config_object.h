@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The keys of an object, which config_object.c reads; config_value.c makes of some of them how registers become a value. */
+#ifndef OPENRTU_MODBUS_CONFIG_OBJECT_H
+#define OPENRTU_MODBUS_CONFIG_OBJECT_H
+
+#include "modbus/config_loader.h"
+
+/* Points of a scaling table. */
+#define MODBUS_OBJECT_KNOTS_MAX 32
+#define MODBUS_IOA_MAX          16777215
+
+enum {
+	OBJECT_ADDRESS,
+	OBJECT_TYPE,
+	OBJECT_NAME,
+	OBJECT_UNIT,
+	OBJECT_IOA,
+	OBJECT_GROUP,
+	OBJECT_SELECT,
+	OBJECT_FORMAT,
+	OBJECT_BIT,
+	OBJECT_INVERTED,
+	OBJECT_SIGNED,
+	OBJECT_WORD_ORDER,
+	OBJECT_BYTE_ORDER,
+	OBJECT_BIT_ORDER,
+	OBJECT_SCALE,
+	OBJECT_OFFSET,
+	OBJECT_SCALE_POINTS,
+	OBJECT_SCALE_TABLE,
+	OBJECT_SCALE_REGISTER,
+	OBJECT_UNIMPLEMENTED,
+	OBJECT_DEADBAND,
+	OBJECT_CYCLIC,
+	OBJECT_BACKGROUND,
+	OBJECT_COUNTER_GROUP,
+	OBJECT_FREEZE,
+	OBJECT_SECOND,
+	OBJECT_SHORT_PULSE,
+	OBJECT_LONG_PULSE,
+	OBJECT_STEP,
+	OBJECT_MIN,
+	OBJECT_MAX,
+	OBJECT_QUALITY,
+	OBJECT_BLOCKED_BY,
+	OBJECT_SUBSTITUTED_BY,
+	OBJECT_NOT_TOPICAL_BY,
+	OBJECT_PERIOD,
+	OBJECT_READ_BACK,
+	OBJECT_KEYS
+};
+extern const struct config_rule modbus_object_rules[OBJECT_KEYS];
+
+/* By enum map_type. */
+extern const char *const modbus_type_names[];
+
+static inline bool modbus_is_bit_table(enum modbus_table table)
+{
+	return table == MODBUS_COILS || table == MODBUS_DISCRETE_INPUTS;
+}
+
+static inline struct config_place modbus_object_key(const struct config_place *object, unsigned key)
+{
+	return config_key_of(object, modbus_object_rules[key].name);
+}
+
+/* ---- config_value.c ---------------------------------------------------------------------- */
+
+/* What the object's bits or registers hold: by its keys, or what its type has without them. */
+enum modbus_format modbus_object_format(const struct config_value *values, enum map_type type);
+/* Bits or registers that it covers. */
+uint8_t modbus_object_width(enum map_type type, enum modbus_format format, enum modbus_table table);
+/* Reports what does not go together of type, format, bits and scale. */
+void modbus_check_value(struct modbus_loader *loader, const struct config_place *object,
+			const struct config_value *values, enum map_type type, enum modbus_table table);
+/* Fills in the point's scale, offset and knots. The object has no errors. False: there is no room, which is reported. */
+bool modbus_object_scale(struct modbus_loader *loader, const struct config_place *object,
+			 const struct config_value *values, struct modbus_point *point);
+
+#endif

@@ -1,0 +1,10 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#ifndef OPENRTU_MODBUS_CONFIG_PART_H
+#define OPENRTU_MODBUS_CONFIG_PART_H
+
+#include "config/part.h"
+
+/* "port" and "modbus", and the devices of "templates"; its own is struct modbus_loader. */
+extern const struct config_part modbus_part;
+
+#endif

@@ -1,0 +1,287 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* One port, and the line it becomes. */
+
+#include <string.h>
+
+#include "config/address.h"
+#include "modbus/config_loader.h"
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+#define KEY_HOST     "host"
+#define KEY_TCP_PORT "tcp_port"
+
+#define TCP_PORT_DEFAULT 502
+#define DATA_BITS_RTU    8
+#define BOARD_BAUD_MAX   460800 /* the last usual speed below its transceivers' 500 kbit/s */
+
+/* The report's /dev names of ports 1 to 6: the NUC980's UARTs behind the board's RS-485 terminals. */
+static const char *const board_devices[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", "ttyS6", "ttyS8"};
+
+enum {
+	PORT_VALUE,
+	PORT_ACTIVE,
+	PORT_BAUD_RATE,
+	PORT_DATA_BITS,
+	PORT_STOP_BITS,
+	PORT_PARITY,
+	PORT_SLAVES,
+	PORT_DEVICE,
+	PORT_PROCESS,
+	PORT_RS485,
+	PORT_KEYS,
+	PORT_HOST = PORT_KEYS, /* the keys of Modbus TCP, of a port that is not active */
+	PORT_TCP_PORT,
+	INACTIVE_PORT_KEYS
+};
+static const struct config_rule port_rules[PORT_KEYS] = {
+    [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX},
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
+    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .required = true, .low = 300, .high = 4000000},
+    [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .required = true, .low = 4, .high = 8},
+    [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .required = true, .low = 1, .high = 2},
+    [PORT_PARITY] = {"parity", CONFIG_INTEGER, .required = true, .low = 0, .high = 2},
+    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1},
+    [PORT_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MODBUS_PATH_SIZE - 1},
+    [PORT_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1},
+    [PORT_RS485] = {"rs485", CONFIG_OBJECT},
+};
+/* Figure 4.8: the parameters of a port that is not active are zeros and mean nothing. */
+static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
+    [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX},
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
+    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_ANYTHING},
+    [PORT_DATA_BITS] = {"data_bits", CONFIG_ANYTHING},
+    [PORT_STOP_BITS] = {"stop_bits", CONFIG_ANYTHING},
+    [PORT_PARITY] = {"parity", CONFIG_ANYTHING},
+    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ANYTHING},
+    [PORT_DEVICE] = {"device", CONFIG_ANYTHING},
+    [PORT_PROCESS] = {"process", CONFIG_ANYTHING},
+    [PORT_RS485] = {"rs485", CONFIG_ANYTHING},
+    [PORT_HOST] = {KEY_HOST, CONFIG_ANYTHING},
+    [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING},
+};
+
+/* A Modbus TCP connection has nothing of a serial port, and none of the board's numbers. */
+enum { TCP_VALUE, TCP_ACTIVE, TCP_HOST, TCP_PORT, TCP_SLAVES, TCP_PROCESS, TCP_KEYS };
+static const struct config_rule tcp_rules[TCP_KEYS] = {
+    [TCP_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1,
+		   .high = MODBUS_PORTS_MAX},
+    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
+    [TCP_HOST] = {KEY_HOST, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
+    [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .low = 1, .high = UINT16_MAX, .fallback = TCP_PORT_DEFAULT},
+    [TCP_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1},
+    [TCP_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1},
+};
+
+/* The kernel holds the delays to 100 ms. */
+enum { RS485_RTS_ON_SEND, RS485_DELAY_BEFORE, RS485_DELAY_AFTER, RS485_KEYS };
+static const char *const levels[] = {"high", "low", NULL};
+static const struct config_rule rs485_rules[RS485_KEYS] = {
+    [RS485_RTS_ON_SEND] = {"rts_on_send", CONFIG_CHOICE, .choices = levels},
+    [RS485_DELAY_BEFORE] = {"delay_before_ms", CONFIG_INTEGER, .low = 0, .high = 100},
+    [RS485_DELAY_AFTER] = {"delay_after_ms", CONFIG_INTEGER, .low = 0, .high = 100},
+};
+
+static bool is_inactive(const json_t *port)
+{
+	const json_t *active = json_object_get(port, port_rules[PORT_ACTIVE].name);
+
+	return json_is_integer(active) && json_integer_value(active) == 0;
+}
+
+static void claim_value(struct modbus_loader *loader, const struct config_place *port,
+			const struct config_value *value)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_VALUE].name);
+	size_t *claimed;
+
+	if (!value->given)
+		return;
+	claimed = &loader->port_of[value->integer];
+	if (*claimed != 0)
+		config_error(loader->report, &here, "%lld is already the value of port[%zu]",
+			     (long long)value->integer, *claimed - 1);
+	else
+		*claimed = port->index + 1;
+}
+
+static void check_data_bits(struct modbus_loader *loader, const struct config_place *port,
+			    const struct config_value *value)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_DATA_BITS].name);
+
+	if (value->given && value->integer != DATA_BITS_RTU)
+		config_error(loader->report, &here, "%lld, expected %d: Modbus RTU sends whole bytes",
+			     (long long)value->integer, DATA_BITS_RTU);
+}
+
+static void check_baud_rate(struct modbus_loader *loader, const struct config_place *port,
+			    const struct config_value *values)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_BAUD_RATE].name);
+
+	if (values[PORT_BAUD_RATE].integer > BOARD_BAUD_MAX && !values[PORT_DEVICE].given)
+		config_error(
+		    loader->report, &here,
+		    "%lld, expected at most %d: the board's transceivers end at 500 kbit/s, a faster port "
+		    "needs a device",
+		    (long long)values[PORT_BAUD_RATE].integer, BOARD_BAUD_MAX);
+}
+
+/* The path of the port's serial device, NULL when the file does not say it. */
+static const char *port_device(struct modbus_loader *loader, const struct config_place *port,
+			       const struct config_value *values)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_DEVICE].name);
+	int64_t value = values[PORT_VALUE].integer;
+
+	if (values[PORT_DEVICE].given)
+		return values[PORT_DEVICE].text;
+	if (values[PORT_DEVICE].wrong || !values[PORT_VALUE].given)
+		return NULL;
+	if (value <= (int64_t)COUNT(board_devices))
+		return board_devices[value - 1];
+	config_error(loader->report, &here,
+		     "is missing: the board has only ports 1 to %zu, expected a device "
+		     "name for port %lld",
+		     COUNT(board_devices), (long long)value);
+	return NULL;
+}
+
+static void claim_device(struct modbus_loader *loader, const struct config_place *port, const char *device)
+{
+	const struct config_place here = config_key_of(port, port_rules[PORT_DEVICE].name);
+	const struct map_config *config = loader->config;
+
+	for (uint32_t line = 0; device != NULL && line < modbus_port_count(config); line++)
+		if (!modbus_is_tcp(&modbus_ports(config)[line]) &&
+		    strcmp(modbus_ports(config)[line].device, device) == 0)
+			config_error(loader->report, &here, "%s is already the device of port[%u]", device,
+				     loader->port_of_line[line]);
+}
+
+static void add_line(struct modbus_loader *loader, const struct config_place *port,
+		     const struct config_value *values, const char *device)
+{
+	struct map_config *config = loader->config;
+	struct modbus_port *line = map_next_record(config, MODBUS_PORTS);
+
+	*line = (struct modbus_port){
+	    .port = (uint16_t)values[PORT_VALUE].integer,
+	    .process = (uint16_t)values[PORT_PROCESS].integer,
+	    .first_device = (uint16_t)config->set_count,
+	    .stop_bits = (uint8_t)values[PORT_STOP_BITS].integer,
+	    .parity = (uint8_t)values[PORT_PARITY].integer,
+	    .baud = (uint32_t)values[PORT_BAUD_RATE].integer,
+	};
+	if (device != NULL)
+		snprintf(line->device, sizeof(line->device), "%s", device);
+	loader->port_of_line[modbus_port_count(config) - 1] = (uint32_t)port->index;
+}
+
+static void read_rs485(struct modbus_loader *loader, const struct config_place *port, const json_t *json,
+		       struct modbus_port *line)
+{
+	const struct config_place place = config_key_of(port, port_rules[PORT_RS485].name);
+	struct config_value values[RS485_KEYS];
+
+	config_read_keys(loader->report, &place, json, rs485_rules, RS485_KEYS, values);
+	line->rs485 = values[RS485_RTS_ON_SEND].integer == 0 ? MODBUS_RS485_HIGH : MODBUS_RS485_LOW;
+	line->before_ms = (uint8_t)values[RS485_DELAY_BEFORE].integer;
+	line->after_ms = (uint8_t)values[RS485_DELAY_AFTER].integer;
+}
+
+static void read_inactive_port(struct modbus_loader *loader, const struct config_place *place,
+			       const json_t *json)
+{
+	struct config_value values[INACTIVE_PORT_KEYS];
+	size_t slaves;
+
+	config_read_keys(loader->report, place, json, inactive_port_rules, INACTIVE_PORT_KEYS, values);
+	claim_value(loader, place, &values[PORT_VALUE]);
+	slaves = json_array_size(values[PORT_SLAVES].json);
+	if (slaves > 0)
+		config_note(loader->report, place,
+			    "not active, its slaves (%zu) are not polled and have no points", slaves);
+}
+
+static void read_active_port(struct modbus_loader *loader, const struct config_place *place,
+			     const json_t *json)
+{
+	struct config_value values[PORT_KEYS];
+	const char *device;
+
+	config_read_keys(loader->report, place, json, port_rules, PORT_KEYS, values);
+	claim_value(loader, place, &values[PORT_VALUE]);
+	check_data_bits(loader, place, &values[PORT_DATA_BITS]);
+	check_baud_rate(loader, place, values);
+	device = port_device(loader, place, values);
+	claim_device(loader, place, device);
+	add_line(loader, place, values, device);
+	if (values[PORT_RS485].given)
+		read_rs485(loader, place, values[PORT_RS485].json,
+			   &modbus_ports(loader->config)[modbus_port_count(loader->config) - 1]);
+	if (values[PORT_SLAVES].given)
+		modbus_read_slaves(loader, place, values[PORT_SLAVES].json);
+}
+
+static bool is_tcp(const json_t *port)
+{
+	return json_object_get(port, KEY_HOST) != NULL || json_object_get(port, KEY_TCP_PORT) != NULL;
+}
+
+/* Many devices take one connection only, and all units behind it share that. */
+static void claim_host(struct modbus_loader *loader, const struct config_place *host,
+		       const struct modbus_port *line)
+{
+	for (const struct modbus_port *other = modbus_ports(loader->config); other < line; other++)
+		if (other->tcp_port == line->tcp_port && config_is_same_address(other->device, line->device))
+			config_error(loader->report, host, "%s port %u is already that of port[%u]",
+				     line->device, line->tcp_port,
+				     loader->port_of_line[other - modbus_ports(loader->config)]);
+}
+
+static void read_tcp_port(struct modbus_loader *loader, const struct config_place *place, const json_t *json)
+{
+	const struct config_place host = config_key_of(place, KEY_HOST);
+	struct config_value values[TCP_KEYS];
+	struct map_config *config = loader->config;
+	struct modbus_port *line;
+
+	config_read_keys(loader->report, place, json, tcp_rules, TCP_KEYS, values);
+	claim_value(loader, place, &values[TCP_VALUE]);
+	line = map_next_record(config, MODBUS_PORTS);
+	*line = (struct modbus_port){
+	    .port = (uint16_t)values[TCP_VALUE].integer,
+	    .process = (uint16_t)values[TCP_PROCESS].integer,
+	    .first_device = (uint16_t)config->set_count,
+	    .tcp_port = values[TCP_PORT].wrong ? TCP_PORT_DEFAULT : (uint16_t)values[TCP_PORT].integer,
+	};
+	if (values[TCP_HOST].given) {
+		config_read_address(loader->report, &host, values[TCP_HOST].text, line->device);
+		claim_host(loader, &host, line);
+	}
+	loader->port_of_line[modbus_port_count(config) - 1] = (uint32_t)place->index;
+	if (values[TCP_SLAVES].given)
+		modbus_read_slaves(loader, place, values[TCP_SLAVES].json);
+}
+
+void modbus_read_ports(struct modbus_loader *loader, const struct config_place *file, const json_t *ports)
+{
+	const struct config_place array = config_key_of(file, MODBUS_KEY_PORTS);
+	const json_t *json;
+	size_t i;
+
+	json_array_foreach(ports, i, json)
+	{
+		const struct config_place place = config_element_of(&array, i);
+
+		if (is_inactive(json))
+			read_inactive_port(loader, &place, json);
+		else if (is_tcp(json))
+			read_tcp_port(loader, &place, json);
+		else
+			read_active_port(loader, &place, json);
+	}
+}

@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What rtu-modbus shows of its lines and devices: the section of its own in its segment. */
+#ifndef OPENRTU_MODBUS_STATS_H
+#define OPENRTU_MODBUS_STATS_H
+
+#include <stdatomic.h>
+
+#include "map/map.h"
+
+#define MODBUS_KIND "modbus"
+
+/* 32-bit counters that wrap. Each is written by the line's owner alone and read by anyone, singly. */
+struct modbus_line_stats {
+	_Atomic uint32_t requests;
+	_Atomic uint32_t answers;
+	_Atomic uint32_t exceptions;
+	_Atomic uint32_t timeouts;
+	_Atomic uint32_t crc_errors;
+	_Atomic uint32_t wrong_units;     /* sound frames, when another is awaited: of another slave, */
+	_Atomic uint32_t wrong_functions; /* another function, */
+	_Atomic uint32_t wrong_lengths;   /* another length, */
+	_Atomic uint32_t wrong_answers;   /* or a confirmation of another write */
+	_Atomic uint32_t late_answers;    /* of a slave that owed one after a time-out */
+	_Atomic uint32_t unasked_frames;  /* sound frames when nothing is awaited */
+	_Atomic uint32_t echoes;          /* requests that came back */
+	_Atomic uint32_t noise_bytes;     /* that are no frame */
+	_Atomic uint32_t stuck_s;         /* seconds without silence */
+	_Atomic uint32_t commands;
+	_Atomic uint32_t scan_us;          /* last time all that has no period was read once */
+	_Atomic uint32_t port_errors;      /* open, read, write failed */
+	_Atomic uint32_t open;             /* 1: the port is open */
+	struct map_histogram wakeups;      /* how late the process woke at a time that the line had named */
+	struct map_histogram transactions; /* from the request to the end of its answer */
+};
+
+/*
+ * What a device has shown that it takes and what not, by the reads in force: modbus/learned.h says what follows from it.
+ * Functions 1..4; bits or registers; 0: none.
+ */
+struct modbus_learned_stats {
+	_Atomic uint32_t given_bits, given_registers; /* of the longest read that it gives */
+	_Atomic uint32_t refused_bits,
+	    refused_registers; /* of the shortest that it refused, and gives in parts */
+	/* A hole in a read that it refused, on either side of which it gives what was asked for; count 0: none. */
+	_Atomic uint32_t hole_function, hole_address, hole_count, hole_exception;
+	_Atomic uint32_t hole_read; /* bits or registers of that read */
+	/* The first object that it does not give by itself, and how many there are. Exception 0: no answer. */
+	_Atomic uint32_t lacking_function, lacking_address, lacking_exception, lacking_count;
+	_Atomic uint32_t holes_given; /* reads over holes that it gives */
+	_Atomic uint32_t unclear;     /* reads that it gives in parts only, for no known reason */
+	_Atomic uint32_t open;        /* reads of which it is not known yet whether it gives them */
+};
+
+struct modbus_device_stats {
+	_Atomic uint32_t requests;
+	_Atomic uint32_t answers;
+	_Atomic uint32_t exceptions;
+	_Atomic uint32_t timeouts;
+	_Atomic uint32_t errors;           /* crc, wrong answers */
+	_Atomic uint32_t alive;            /* 1: the last request was answered */
+	_Atomic uint32_t next_probe_ms;    /* back-off now in force, 0 when alive */
+	_Atomic uint32_t latency_us;       /* last: end of request to first byte */
+	_Atomic uint32_t planned_requests; /* reads of one scan */
+	_Atomic uint32_t missed_periods;   /* in which a read with a period was not begun */
+	_Atomic uint32_t latency_least_us, latency_typical_us, latency_most_us; /* 0: there was no answer */
+	struct modbus_learned_stats learned;
+};
+
+/* Owner: to count in. Others get the same memory read-only. */
+struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line);
+struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device);
+
+/* Whether this program was built for the records that the map has of Modbus. What reads them asks first. */
+bool modbus_is_known(const struct map *map);
+/* What each module of lines asks for. */
+size_t modbus_stats_size(const struct map_config *config);
+
+#endif

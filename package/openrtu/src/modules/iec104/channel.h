@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * What carries the octets of a connection: TCP as it is (channel_plain.c) or TLS on it (channel_tls.c). A program has
+ * one of the two. No call waits.
+ */
+#ifndef OPENRTU_MODULES_IEC104_CHANNEL_H
+#define OPENRTU_MODULES_IEC104_CHANNEL_H
+
+#include <sys/types.h>
+
+#include "iec104/station.h"
+
+struct channel {
+	int fd; /* non-blocking, for epoll */
+	uint32_t
+	    wants; /* EPOLLIN or EPOLLOUT: neither handshake nor receipt can go on before that; 0: nothing special */
+	char peer[IEC104_PEER_SIZE];
+	/* of channel_tls.c alone */
+	void *tls;
+	bool stuck;       /* a record is not wholly written */
+	uint32_t reading; /* of the files by which the peer's certificate was looked at last */
+	int64_t look_ns;  /* when it is looked at next */
+	int64_t renew_ns; /* when its keys are too old */
+};
+
+enum channel_progress {
+	CHANNEL_READY,  /* octets may be received and transmitted */
+	CHANNEL_WAITS,  /* for what the channel wants */
+	CHANNEL_REFUSED /* logged; to be closed */
+};
+
+/* Before the first channel; the station, initialised, is where it logs. False: said in the log and on stderr. */
+bool channel_start(struct iec104_station *station);
+
+/* To be called in each turn: what lies outside, as files, may have changed. now_ns: CLOCK_MONOTONIC. */
+void channel_watch(int64_t now_ns);
+
+/* Puts a channel on a connected socket, which it closes in the end; peer names it in the log. */
+enum channel_progress channel_open(struct channel *channel, int fd, const char *peer);
+/* Continues the handshake, which finds out who the peer is. */
+enum channel_progress channel_handshake(struct channel *channel);
+
+/* Returns the octets that came, at most size; 0: none now, -1: the connection is over. */
+ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size);
+/* Octets have come that the socket does not have any more, so that epoll does not tell of them. */
+bool channel_pending(const struct channel *channel);
+/*
+ * bytes: whole APDUs, or what is left of them. Returns how many octets went; 0: none now, -1: the connection is over. What
+ * did not go must be offered again.
+ */
+ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size);
+
+/* Call it in each turn once the channel is ready: renews its keys in time. False: logged; to be closed. */
+bool channel_keep(struct channel *channel, int64_t now_ns);
+
+void channel_close(struct channel *channel);
+
+#endif

@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The controlled station: one module, in the map of every build and configuration. */
+#include <sys/socket.h>
+
+#include "iec104/config.h"
+#include "iec104/config_part.h"
+#include "iec104/counters.h"
+#include "modules/calls.h"
+#include "modules/kind.h"
+
+#define USER       1
+#define OWN_EVENTS 256 /* of the gateway's own station, which has two for each episode of losses */
+
+static const struct call_rule plain_calls[] = {
+    CALL(epoll_wait), CALL(epoll_pwait), CALL(epoll_ctl), CALL(accept4),
+    CALL(setsockopt), CALL(send),        CALL(sendto),
+};
+
+static const struct call_rule tls_calls[] = {
+    CALL(epoll_wait),
+    CALL(epoll_pwait),
+    CALL(epoll_ctl),
+    CALL(accept4),
+    CALL(setsockopt),
+    /* The files of TLS, read anew when they change. */
+    CALL_WITH(openat, MASKED(2, O_ACCMODE | O_CREAT | O_TRUNC, O_RDONLY)),
+    CALL(newfstatat),
+    CALL(statx),
+    CALL(fstatat64),
+    CALL(fstat),
+    CALL(fstat64),
+    CALL(lseek),
+    CALL(_llseek),
+    /* libcrypto: random numbers, and locks for threads that are not there. */
+    CALL(getrandom),
+    CALL(futex_time64),
+    CALL(futex),
+};
+
+static const struct kind_program programs[] = {
+    {"rtu-iec104", plain_calls, sizeof(plain_calls) / sizeof(plain_calls[0])},
+    {"rtu-iec104-tls", tls_calls, sizeof(tls_calls) / sizeof(tls_calls[0])},
+};
+
+static const struct kind_program *choose(const struct map_config *config)
+{
+	if (iec104_tls_used(iec104_settings(config)))
+		return &programs[1]; /* without the program there is no tls: config_check_modules */
+	return OPENRTU_IEC104 ? &programs[0] : NULL;
+}
+
+static bool plan(struct map_config *config)
+{
+	const bool owns = iec104_settings(config)->own_ca != 0;
+	const struct map_module_plan module = {
+	    .name = "rtu-iec104",
+	    .kind = IEC104_KIND,
+	    .flags = MAP_MAY_OWN | MAP_MAY_REQUEST | MAP_HEARS_EVENTS | MAP_KEEPS_QUEUES,
+	    .rings = {.requests = 256, .answers = 1, .events = owns ? OWN_EVENTS : 1, .log = 128},
+	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
+	    .section_size = sizeof(struct iec104_stats),
+	    .user = USER,
+	};
+	const uint32_t number = map_plan_module(config, &module);
+
+	if (owns)
+		config->sets[config->set_count - 1].module = (uint16_t)number;
+	return number != MAP_NONE;
+}
+
+const struct kind iec104_kind = {
+    .name = IEC104_KIND,
+    .part = &iec104_part,
+    .plan = plan,
+    .programs = programs,
+    .program_count = sizeof(programs) / sizeof(programs[0]),
+    .choose = choose,
+};

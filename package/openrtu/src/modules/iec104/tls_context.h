@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What IEC 62351-3 asks of a controlled station's TLS, set up in OpenSSL. */
+#ifndef OPENRTU_MODULES_IEC104_TLS_CONTEXT_H
+#define OPENRTU_MODULES_IEC104_TLS_CONTEXT_H
+
+#include <openssl/ssl.h>
+
+#include "iec104/config.h"
+
+#define TLS_ERROR_SIZE 256
+
+/*
+ * Reads the files of the settings. verify: OpenSSL's callback for each certificate that a master shows. NULL: a file is
+ * missing, unfit, or a key that others may read; error, of TLS_ERROR_SIZE bytes, says which and why.
+ */
+SSL_CTX *tls_context_create(const struct iec104_tls *settings, SSL_verify_cb verify, char *error);
+
+#endif

@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The dates that end a station's TLS: of its own certificate, of its lists of revoked ones; and a clock that was never set. */
+#ifndef OPENRTU_MODULES_IEC104_TLS_DATES_H
+#define OPENRTU_MODULES_IEC104_TLS_DATES_H
+
+#include <openssl/ssl.h>
+
+#include "map/map.h"
+
+/* Logs what is new about them, and once a day what is wrong with them. now_ns: CLOCK_MONOTONIC. */
+void tls_dates_watch(struct map *map, const SSL_CTX *context, int64_t now_ns);
+/* Forgets what was said: the files are others. */
+void tls_dates_forget(void);
+
+#endif

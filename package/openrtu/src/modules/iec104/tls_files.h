@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The files of "tls", as they lie on disk. */
+#ifndef OPENRTU_MODULES_IEC104_TLS_FILES_H
+#define OPENRTU_MODULES_IEC104_TLS_FILES_H
+
+#include "iec104/config.h"
+
+/* True: a file is another one than at the call before, by its inode, size and times; also at the first call. */
+bool tls_files_changed(const struct iec104_tls *settings);
+
+#endif

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The journal: one module, if the configuration has "journal". */
+
+#include "modules/kind.h"
+#include "journal/begin.h"
+#include "journal/config.h"
+#include "journal/config_part.h"
+#include "journal/stats.h"
+#include "modules/calls.h"
+
+#define USER 2
+
+static const struct call_rule calls[] = {
+    CALL(poll),  CALL(ppoll_time64), CALL(ppoll),       CALL(openat),   CALL(pwrite64),  CALL(fdatasync),
+    CALL(fsync), CALL(ftruncate),    CALL(ftruncate64), CALL(renameat), CALL(renameat2), CALL(unlinkat),
+};
+
+static const struct kind_program program = {
+    .name = "rtu-journal",
+    .calls = calls,
+    .call_count = sizeof(calls) / sizeof(calls[0]),
+};
+
+static bool plan(struct map_config *config)
+{
+	const struct map_module_plan module = {
+	    .name = "rtu-journal",
+	    .kind = JOURNAL_KIND,
+	    .rings = {.requests = 1, .answers = 1, .events = 1, .log = 128},
+	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
+	    .section_size = sizeof(struct journal_stats),
+	    .user = USER,
+	};
+
+	return journal_settings(config) == NULL || map_plan_module(config, &module) != MAP_NONE;
+}
+
+const struct kind journal_kind = {
+    .name = JOURNAL_KIND,
+    .part = &journal_part,
+    .plan = plan,
+    .programs = &program,
+    .program_count = 1,
+    .begin = journal_begin_again,
+};

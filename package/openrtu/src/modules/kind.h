@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * A kind of module: all that rtud has to know of it, in one record. The records are in the folders of the modules, and
+ * rtud/kinds.c lists them. What starts and supervises modules, and the map, name no kind.
+ */
+#ifndef OPENRTU_MODULES_KIND_H
+#define OPENRTU_MODULES_KIND_H
+
+#include <sys/types.h>
+
+#include "map/map.h"
+
+struct call_rule;
+struct config_part;
+
+/* An executable in the folder of the modules. */
+struct kind_program {
+	const char *name;
+	const struct call_rule *calls; /* that it makes once it has started: modules/calls.h */
+	size_t call_count;
+};
+
+struct kind {
+	const char *name; /* as in the plans of its modules */
+	/* What of the configuration file is its own: config/part.h. Left out: nothing. */
+	const struct config_part *part;
+	/* Plans the modules that the configuration asks for, and gives them their points. False: there is no room for more. */
+	bool (*plan)(struct map_config *config);
+	const struct kind_program *programs; /* left out: rtud starts none of its modules */
+	size_t program_count;
+	/* Which of them the modules run; NULL: none. Left out: the first. */
+	const struct kind_program *(*choose)(const struct map_config *config);
+	/* SCHED_FIFO 1..99, 0: none. Left out: none. */
+	int (*priority)(const struct map_config *config);
+	/* Before any module is started, with the module's user and group (0: rtud's own). Left out: nothing. */
+	void (*begin)(struct map *map, uid_t user, gid_t group);
+	const char *group; /* a further one of its processes, by name; NULL: none */
+};
+
+#endif

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Modbus lines: a module for each process number among them. */
+#include <asm/ioctls.h>
+#include <asm/termbits.h>
+#include <stdio.h>
+#include <sys/socket.h>
+
+#include "modbus/config.h"
+#include "modbus/config_part.h"
+#include "modbus/stats.h"
+#include "modules/calls.h"
+#include "modules/kind.h"
+
+#define FIRST_USER 3 /* those before are of modules that there is one of */
+
+#define IOCTL(request) CALL_WITH(ioctl, MASKED(1, UINT32_MAX, request))
+#define TCP_SOCKET(family)                                                                                   \
+	{                                                                                                    \
+		.call = SCMP_SYS(socket), .count = 2, .arguments = {                                         \
+			EQUAL(0, family),                                                                    \
+			EQUAL(1, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC)                                 \
+		}                                                                                            \
+	}
+
+static const struct call_rule calls[] = {
+    CALL(pread64), /* what the scheduler counts of this process (modules/heartbeat.c) */
+    CALL(epoll_wait),
+    CALL(epoll_pwait),
+    CALL(epoll_ctl),
+    CALL(timerfd_settime64),
+    CALL(timerfd_settime),
+    /* A serial port (modules/modbus/serial.c): no file is made. */
+    CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)),
+    CALL(newfstatat),
+    CALL(statx),
+    CALL(fstatat64),
+    CALL(fstat),
+    CALL(fstat64),
+    CALL(flock),
+    IOCTL(TCGETS2),
+    IOCTL(TCSETS2),
+    IOCTL(TCFLSH),
+    IOCTL(TIOCEXCL),
+    IOCTL(TIOCGRS485),
+    IOCTL(TIOCSRS485),
+    /* A Modbus TCP connection (modules/modbus/tcp.c). */
+    TCP_SOCKET(AF_INET),
+    TCP_SOCKET(AF_INET6),
+    CALL(connect),
+    CALL(setsockopt),
+    CALL(getsockopt),
+    CALL(poll),
+    CALL(ppoll_time64),
+    CALL(ppoll),
+};
+
+static const struct kind_program program = {
+    .name = "rtu-modbus",
+    .calls = calls,
+    .call_count = sizeof(calls) / sizeof(calls[0]),
+};
+
+static int priority(const struct map_config *config)
+{
+	return modbus_settings(config)->priority;
+}
+
+static bool plan(struct map_config *config)
+{
+	const uint32_t limit_ms = modbus_settings(config)->heartbeat_limit_ms;
+	struct map_module_plan module = {
+	    .kind = MODBUS_KIND,
+	    .flags = MAP_MAY_OWN,
+	    .rings = {.requests = 1, .answers = 256, .events = config->settings.event_ring, .log = 128},
+	    .heartbeat_limit_ms = limit_ms ? limit_ms : MAP_HEARTBEAT_LIMIT_MS,
+	    .section_size = (uint32_t)modbus_stats_size(config),
+	    .user = FIRST_USER,
+	};
+
+	for (uint32_t i = 0; i < modbus_port_count(config); i++) {
+		uint32_t before = config->module_count, number;
+
+		snprintf(module.name, sizeof(module.name), "rtu-modbus-%u", modbus_ports(config)[i].process);
+		number = map_plan_module(config, &module);
+		if (number == MAP_NONE)
+			return false;
+		modbus_ports(config)[i].module = (uint16_t)number;
+		module.user += config->module_count - before;
+	}
+	for (uint32_t i = 0; i < modbus_slave_count(config); i++)
+		config->sets[i].module = modbus_ports(config)[modbus_slaves(config)[i].port].module;
+	return true;
+}
+
+const struct kind modbus_kind = {
+    .name = MODBUS_KIND,
+    .part = &modbus_part,
+    .plan = plan,
+    .programs = &program,
+    .program_count = 1,
+    .priority = priority,
+    .group = "dialout", /* to which Debian and Buildroot give serial devices */
+};

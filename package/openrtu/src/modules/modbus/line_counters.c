@@ -1,0 +1,92 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/modbus/line_counters.h"
+
+#include <stdatomic.h>
+
+#include "map/time_ns.h"
+#include "modbus/stats.h"
+
+static void show(_Atomic uint32_t *counter, uint32_t value)
+{
+	atomic_store_explicit(counter, value, memory_order_relaxed);
+}
+
+static void show_histogram(struct map_histogram *shown, const struct modbus_histogram *histogram)
+{
+	_Static_assert(MAP_BUCKETS == MODBUS_BUCKETS, "they are the same");
+	for (uint32_t i = 0; i < MODBUS_BUCKETS; i++)
+		show(&shown->counts[i], histogram->counts[i]);
+	show(&shown->longest_us, histogram->longest_us);
+}
+
+static void show_learned(struct modbus_learned_stats *shown, const struct modbus_learned *learned)
+{
+	show(&shown->given_bits, learned->given_bits);
+	show(&shown->given_registers, learned->given_registers);
+	show(&shown->refused_bits, learned->refused_bits);
+	show(&shown->refused_registers, learned->refused_registers);
+	show(&shown->hole_function, learned->hole.function);
+	show(&shown->hole_address, learned->hole.address);
+	show(&shown->hole_count, learned->hole.count);
+	show(&shown->hole_exception, learned->hole.exception);
+	show(&shown->hole_read, learned->hole.read);
+	show(&shown->lacking_function, learned->lacking.function);
+	show(&shown->lacking_address, learned->lacking.address);
+	show(&shown->lacking_exception, learned->lacking.exception);
+	show(&shown->lacking_count, learned->lacking.count);
+	show(&shown->holes_given, learned->holes_given);
+	show(&shown->unclear, learned->unclear);
+	show(&shown->open, learned->open);
+}
+
+static void show_device(struct modbus_device_stats *stats, struct modbus_device *device)
+{
+	show(&stats->requests, device->counters.requests);
+	show(&stats->answers, device->counters.answers);
+	show(&stats->exceptions, device->counters.exceptions);
+	show(&stats->timeouts, device->counters.timeouts);
+	show(&stats->errors, device->counters.errors);
+	show(&stats->alive, device->alive);
+	show(&stats->next_probe_ms, (uint32_t)(device->backoff_ns / NS_PER_MS));
+	show(&stats->latency_us, device->counters.latency_us);
+	show(&stats->planned_requests, device->read_count);
+	show(&stats->missed_periods, device->counters.missed_periods);
+	show(&stats->latency_least_us, device->latency.least_us);
+	show(&stats->latency_typical_us, device->latency.typical_us);
+	show(&stats->latency_most_us, device->latency.most_us);
+	if (device->news) {
+		struct modbus_learned learned = modbus_learn(device->reads, device->read_count);
+
+		show_learned(&stats->learned, &learned);
+		device->news = false;
+	}
+}
+
+void line_counters_show(struct port *port)
+{
+	const struct modbus_line_counters *counters = &port->line.counters;
+	struct map *map = port->map;
+	struct modbus_line_stats *stats = modbus_line_stats(map, port->number);
+
+	show(&stats->requests, counters->requests);
+	show(&stats->answers, counters->answers);
+	show(&stats->exceptions, counters->exceptions);
+	show(&stats->timeouts, counters->timeouts);
+	show(&stats->crc_errors, counters->crc_errors);
+	show(&stats->wrong_units, counters->wrong_units);
+	show(&stats->wrong_functions, counters->wrong_functions);
+	show(&stats->wrong_lengths, counters->wrong_lengths);
+	show(&stats->wrong_answers, counters->wrong_answers);
+	show(&stats->late_answers, counters->late_answers);
+	show(&stats->unasked_frames, counters->unasked_frames);
+	show(&stats->echoes, counters->echoes);
+	show(&stats->noise_bytes, counters->noise_bytes);
+	show(&stats->stuck_s, counters->stuck_s);
+	show(&stats->commands, counters->commands);
+	show(&stats->scan_us, counters->scan_us);
+	show(&stats->open, port_is_open(port));
+	show_histogram(&stats->wakeups, &port->wakeups);
+	show_histogram(&stats->transactions, &counters->transactions);
+	for (uint32_t i = 0; i < port->line.device_count; i++)
+		show_device(modbus_device_stats(map, port->config->first_device + i), &port->line.devices[i]);
+}

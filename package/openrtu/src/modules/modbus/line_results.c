@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/modbus/line_results.h"
+
+#include "modules/modbus/convert.h"
+
+static const struct map_set *device_config(const struct line_results *results, uint32_t device)
+{
+	return &map_config(results->map)->sets[results->config->first_device + device];
+}
+
+/* results->updates, so many of them */
+static void publish(struct line_results *results, const struct map_set *device, size_t count, int64_t now_ns)
+{
+	count = quality_complete(results->quality, device, results->updates, count, now_ns);
+	map_publish(results->map, results->updates, count);
+}
+
+static uint16_t raw_word(const struct modbus_read *read, const uint8_t *data, uint32_t index)
+{
+	if (index >= read->count)
+		return 0;
+	return modbus_is_bit_function(read->function) ? modbus_bit(data, (uint16_t)index)
+						      : modbus_register(data, (uint16_t)index);
+}
+
+static void take_raw(const struct modbus_read *read, const uint8_t *data, const struct modbus_point *point,
+		     uint16_t raw[CONVERT_WIDTH_MAX])
+{
+	for (uint32_t i = 0; i < point->width; i++)
+		raw[i] = raw_word(read, data, modbus_point_address(point, i) - read->address);
+}
+
+/* Keeps the power of ten for a command that comes before the next read. */
+static int8_t take_exponent(struct line_results *results, const struct modbus_read *read, const uint8_t *data,
+			    uint32_t number)
+{
+	const struct modbus_point *point = &results->points[number];
+
+	if (modbus_has_scale_register(point))
+		results->exponents[number] = convert_exponent(
+		    point, raw_word(read, data, (uint32_t)point->second_address - read->address));
+	return results->exponents[number];
+}
+
+/* The device may be another one when it is read again. */
+static void forget_exponent(struct line_results *results, uint32_t number)
+{
+	results->exponents[number] = convert_first_exponent(&results->points[number]);
+}
+
+static void publish_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
+			 int64_t now_ns)
+{
+	struct line_results *results = context;
+	const struct modbus_knot *knots = modbus_knots(map_config(results->map));
+
+	for (uint32_t i = 0; i < read->objects; i++) {
+		uint32_t point = results->line->devices[device].objects[read->first + i].tag;
+		const struct modbus_point *config = &results->points[point];
+		uint16_t raw[CONVERT_WIDTH_MAX] = {0};
+		struct map_update *update = &results->updates[i];
+
+		*update = (struct map_update){.point = point,
+					      .cause = (uint8_t)commands_cause(results->commands, point),
+					      .sample = {.time_ns = now_ns}};
+		take_raw(read, data, config, raw);
+		convert_to_sample(config, knots, take_exponent(results, read, data, point), raw,
+				  &update->sample);
+		if (config->type == MAP_COUNTER)
+			map_total_count(results->map, point, config->width == 1, &update->sample);
+		else
+			map_smooth(results->map, point, &update->sample);
+	}
+	publish(results, device_config(results, device), read->objects, now_ns);
+	for (uint32_t i = 0; i < read->objects; i++)
+		commands_published(results->commands, results->updates[i].point);
+}
+
+static void lose_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
+		      int64_t now_ns)
+{
+	struct line_results *results = context;
+	/* What was read before may be old, and not wrong. */
+	enum map_quality quality = modbus_is_of_the_moment(exception) ? MAP_NOT_TOPICAL : MAP_INVALID;
+
+	for (uint32_t i = 0; i < read->objects; i++)
+		results->updates[i] = quality_lost(
+		    results->quality, results->line->devices[device].objects[read->first + i].tag, quality,
+		    now_ns);
+	publish(results, device_config(results, device), read->objects, now_ns);
+	if (exception == 0)
+		map_log(results->map, MAP_LOG_WARNING, "%s: no answer to function %u, address %u",
+			device_config(results, device)->name, read->function, read->address);
+	else
+		map_log(results->map, MAP_LOG_WARNING, "%s: exception %u to function %u, address %u",
+			device_config(results, device)->name, exception, read->function, read->address);
+}
+
+static void invalidate_device(struct line_results *results, const struct map_set *device, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < device->point_count; i++) {
+		forget_exponent(results, device->first_point + i);
+		results->updates[i] =
+		    quality_lost(results->quality, device->first_point + i, MAP_INVALID, now_ns);
+	}
+	publish(results, device, device->point_count, now_ns);
+}
+
+static void device_changed(void *context, uint32_t device, bool alive, int64_t now_ns)
+{
+	struct line_results *results = context;
+	const struct map_set *config = device_config(results, device);
+
+	if (!alive)
+		invalidate_device(results, config, now_ns);
+	commands_device_changed(results->commands, results->config->first_device + device, alive, now_ns);
+	map_log(results->map, alive ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: unit %u on port %u %s",
+		config->name,
+		modbus_slaves(map_config(results->map))[results->config->first_device + device].unit,
+		results->config->port, alive ? "answers" : "is dead");
+}
+
+static void take_command_answer(void *context, const struct modbus_command *command,
+				enum modbus_result result, uint8_t exception)
+{
+	struct line_results *results = context;
+
+	commands_answered(results->commands, command->tag, result, exception, map_now_ns());
+}
+
+const struct modbus_events line_results_events = {publish_read, lose_read, device_changed,
+						  take_command_answer};

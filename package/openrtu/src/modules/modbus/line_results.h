@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What a line tells goes into the map and to the commands under way. */
+#ifndef OPENRTU_MODULES_MODBUS_LINE_RESULTS_H
+#define OPENRTU_MODULES_MODBUS_LINE_RESULTS_H
+
+#include "map/map.h"
+#include "modbus/config.h"
+#include "modbus/line.h"
+#include "modules/modbus/commands.h"
+#include "modules/modbus/quality.h"
+
+/* Of one line. Filled in by the caller, who owns the memory. */
+struct line_results {
+	struct map *map;
+	const struct modbus_port *config;
+	const struct modbus_line *line;
+	/* The process', the same for all its lines. */
+	struct commands *commands;
+	struct quality *quality;
+	struct map_update *updates;        /* room for the largest device */
+	const struct modbus_point *points; /* of the configuration */
+	int8_t *exponents;                 /* of all points: what their scale registers say (convert.h) */
+};
+
+/* What a line is to be given; its context is a struct line_results. */
+extern const struct modbus_events line_results_events;
+
+#endif

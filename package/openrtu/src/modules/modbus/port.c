@@ -1,0 +1,357 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/modbus/port.h"
+
+#include <errno.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <unistd.h>
+
+#include "map/time_ns.h"
+#include "modbus/stats.h"
+#include "modules/modbus/serial.h"
+#include "modules/modbus/tcp.h"
+
+#define REOPEN_NS     NS_PER_S
+#define CONNECT_NS    (3 * NS_PER_S) /* then a host that has said nothing is not there */
+#define RECONNECT_NS  (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
+#define CHECK_NS      NS_PER_S
+#define READ_SIZE     512
+#define READS_A_CYCLE 16
+
+/* What a serial port and a TCP connection do each in its way. */
+struct port_backend {
+	void (*set_path)(struct port *port, const char *directory);
+	/* Opens, or goes on opening, and begins the line when that is done. */
+	void (*open)(struct port *port, int64_t now_ns);
+	void (*close)(int fd);
+	/* False: it is not any more as it was opened. */
+	bool (*is_as_set)(int fd, const struct modbus_port *line);
+	/* Forgets what was written and has not left. */
+	void (*discard_output)(int fd);
+};
+
+static void count_port_error(struct port *port)
+{
+	atomic_fetch_add_explicit(&modbus_line_stats(port->map, port->number)->port_errors, 1,
+				  memory_order_relaxed);
+}
+
+static void close_port(struct port *port)
+{
+	port->backend->close(port->fd);
+	port->fd = -1;
+	port->connected_by_ns = 0;
+	port->waiting = false;
+}
+
+/* Said once, until the port is open again. */
+static void retry_port(struct port *port, const char *error, int64_t after_ns, int64_t now_ns)
+{
+	count_port_error(port);
+	if (!port->failing)
+		map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s; tried again %s", port->config->port,
+			port->path, error, after_ns == REOPEN_NS ? "each second" : "every few seconds");
+	port->failing = true;
+	port->deadline_ns = now_ns + after_ns;
+}
+
+/* The descriptor that was opened; events: what wakes this process. */
+static bool wait_for_port(struct port *port, uint32_t events, char error[SERIAL_ERROR_SIZE])
+{
+	struct epoll_event event = {.events = events, .data.ptr = port};
+
+	if (epoll_ctl(port->epoll_fd, EPOLL_CTL_ADD, port->fd, &event) == 0)
+		return true;
+	snprintf(error, SERIAL_ERROR_SIZE, "cannot be waited for: %s", strerror(errno));
+	close_port(port);
+	return false;
+}
+
+static void begin_line(struct port *port, int64_t now_ns)
+{
+	port->answers = port->line.counters.answers;
+	port->listening = true;
+	modbus_line_open(&port->line, now_ns);
+}
+
+static void log_connected(const struct port *port)
+{
+	map_log(port->map, MAP_LOG_INFO, "port %u: %s is connected", port->config->port, port->path);
+}
+
+/*
+ * A device that takes no further connection accepts it and hangs up: a connection that has failed before is said to be
+ * there when something came of it, and not each second.
+ */
+static void note_answers(struct port *port)
+{
+	if (!port->failing || port->line.counters.answers == port->answers)
+		return;
+	port->failing = false;
+	log_connected(port);
+}
+
+/* ---- serial ports ------------------------------------------------------------------------ */
+
+static void set_serial_path(struct port *port, const char *directory)
+{
+	const char *device = port->config->device;
+
+	if (device[0] == '/')
+		snprintf(port->path, sizeof(port->path), "%s", device);
+	else
+		snprintf(port->path, sizeof(port->path), "%s/%s", directory, device);
+}
+
+static void open_serial(struct port *port, int64_t now_ns)
+{
+	struct map *map = port->map;
+	char error[SERIAL_ERROR_SIZE];
+	bool carries_parity;
+
+	port->fd = serial_open(port->path, port->config, &carries_parity, error);
+	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	}
+	if (!carries_parity && port->config->parity != MODBUS_PARITY_NONE && !port->pty_logged) {
+		map_log(map, MAP_LOG_INFO, "port %u: %s is a pseudo-terminal, which carries no parity",
+			port->config->port, port->path);
+		port->pty_logged = true;
+	}
+	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
+		(unsigned)port->config->baud);
+	port->failing = false;
+	begin_line(port, now_ns);
+}
+
+static const struct port_backend serial_backend = {
+    .set_path = set_serial_path,
+    .open = open_serial,
+    .close = serial_close,
+    .is_as_set = serial_is_as_set,
+    .discard_output = serial_discard_output,
+};
+
+/* ---- TCP connections --------------------------------------------------------------------- */
+
+static void set_tcp_path(struct port *port, const char *directory)
+{
+	(void)directory;
+	snprintf(port->path, sizeof(port->path), "%s port %u", port->config->device, port->config->tcp_port);
+}
+
+static void begin_connection(struct port *port, int64_t now_ns)
+{
+	char error[TCP_ERROR_SIZE];
+
+	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
+	port->fd = tcp_connect(port->config, error);
+	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	}
+	port->deadline_ns = port->connected_by_ns = now_ns + CONNECT_NS;
+}
+
+static void end_connecting(struct port *port, int64_t now_ns)
+{
+	struct epoll_event event = {.events = EPOLLIN, .data.ptr = port};
+	char error[TCP_ERROR_SIZE];
+
+	switch (tcp_look(port->fd, error)) {
+	case TCP_PENDING:
+		port->deadline_ns = port->connected_by_ns;
+		if (now_ns < port->connected_by_ns)
+			return;
+		close_port(port);
+		retry_port(port, "does not answer", RECONNECT_NS, now_ns);
+		return;
+	case TCP_FAILED:
+		close_port(port);
+		retry_port(port, error, REOPEN_NS, now_ns);
+		return;
+	case TCP_CONNECTED:
+		break;
+	}
+	port->connected_by_ns = 0;
+	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
+	if (!port->failing)
+		log_connected(port);
+	begin_line(port, now_ns);
+}
+
+static void open_connection(struct port *port, int64_t now_ns)
+{
+	if (port->fd < 0)
+		begin_connection(port, now_ns);
+	else
+		end_connecting(port, now_ns);
+}
+
+static void close_connection(int fd)
+{
+	close(fd);
+}
+
+/* A connection has no settings that another program could change. */
+static bool is_connection_as_set(int fd, const struct modbus_port *line)
+{
+	(void)fd;
+	(void)line;
+	return true;
+}
+
+/* What was written to a connection has left. */
+static void keep_output(int fd)
+{
+	(void)fd;
+}
+
+static const struct port_backend tcp_backend = {
+    .set_path = set_tcp_path,
+    .open = open_connection,
+    .close = close_connection,
+    .is_as_set = is_connection_as_set,
+    .discard_output = keep_output,
+};
+
+/* ---- either ------------------------------------------------------------------------------ */
+
+void port_init(struct port *port, struct map *map, uint32_t number, const char *directory, int epoll_fd)
+{
+	const struct modbus_port *line = &modbus_ports(map_config(map))[number];
+
+	*port = (struct port){.map = map, .config = line, .number = number, .epoll_fd = epoll_fd, .fd = -1};
+	port->backend = modbus_is_tcp(line) ? &tcp_backend : &serial_backend;
+	port->backend->set_path(port, directory);
+}
+
+bool port_is_open(const struct port *port)
+{
+	return port->fd >= 0 && port->connected_by_ns == 0;
+}
+
+static void lose_port(struct port *port, const char *cause, int64_t now_ns)
+{
+	close_port(port);
+	if (!port->failing)
+		map_log(port->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
+			cause);
+	port->failing = true;
+	port->deadline_ns = now_ns + REOPEN_NS;
+	count_port_error(port);
+	modbus_line_close(&port->line, now_ns);
+}
+
+/* What is set anew is the whole port: its speed, its format and, behind them, its RS-485 mode. */
+static void check_port(struct port *port, int64_t now_ns)
+{
+	if (now_ns < port->check_ns)
+		return;
+	port->check_ns = now_ns + CHECK_NS;
+	if (!port->backend->is_as_set(port->fd, port->config))
+		lose_port(port, "another program has changed its settings", now_ns);
+}
+
+/* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
+static void read_port(struct port *port)
+{
+	for (int reads = 0; reads < READS_A_CYCLE && port->fd >= 0; reads++) {
+		uint8_t bytes[READ_SIZE];
+		ssize_t length = read(port->fd, bytes, sizeof(bytes));
+		int64_t now_ns = map_now_ns();
+
+		if (length > 0 && !modbus_line_receive(&port->line, bytes, (size_t)length, now_ns))
+			lose_port(port, "it sends something that is not Modbus", now_ns);
+		else if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
+			lose_port(port, length == 0 ? "hung up" : strerror(errno), now_ns);
+		if (length < (ssize_t)sizeof(bytes))
+			return;
+	}
+}
+
+/*
+ * What the port has not sent of an older request, which has timed out by now, it shall not send any
+ * more; one that was answered has left. A port that does not even then take a request whole is broken,
+ * and what was to be sent is not confirmed: a broadcast, too, was not sent.
+ */
+static void write_port(struct port *port, const struct modbus_output *output, int64_t now_ns)
+{
+	if (port->answered == port->line.counters.answers)
+		port->backend->discard_output(port->fd);
+	port->answered = port->line.counters.answers;
+	ssize_t length = write(port->fd, output->frame, output->length);
+
+	if (length != (ssize_t)output->length)
+		lose_port(port, length < 0 ? strerror(errno) : "it does not accept a whole request", now_ns);
+}
+
+/*
+ * An answer comes character by character: to wake for each would be most of a line's cost. One wakes, and then none until
+ * this is called.
+ */
+static void listen_to(struct port *port)
+{
+	struct epoll_event event = {.events = EPOLLIN | EPOLLONESHOT, .data.ptr = port};
+
+	if (port->listening)
+		return;
+	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
+	port->listening = true;
+}
+
+/* How late we are for what the line waits for. */
+static void measure_wakeup(struct port *port, int64_t due_ns, int64_t now_ns)
+{
+	if (port->waiting && port->deadline_ns != 0)
+		modbus_histogram_add(&port->wakeups, now_ns - later(port->deadline_ns, due_ns));
+	port->waiting = false;
+}
+
+void port_wake(struct port *port)
+{
+	port->deadline_ns = 0;
+	port->listening = false;
+}
+
+void port_serve(struct port *port, int64_t due_ns)
+{
+	int64_t now_ns = map_now_ns();
+
+	measure_wakeup(port, due_ns, now_ns);
+	if (!port_is_open(port))
+		port->backend->open(port, now_ns);
+	if (port_is_open(port))
+		check_port(port, now_ns);
+	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
+	if (port_is_open(port))
+		read_port(port);
+	if (!port_is_open(port))
+		return;
+	note_answers(port);
+	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
+	bool listening = now_ns >= output.listen_ns;
+
+	port->deadline_ns = listening ? output.deadline_ns : earlier(output.deadline_ns, output.listen_ns);
+	port->waiting = port->deadline_ns > now_ns;
+	if (listening)
+		listen_to(port);
+	if (output.length > 0)
+		write_port(port, &output, now_ns);
+}
+
+int64_t ports_due_ns(const struct port *ports, uint32_t count)
+{
+	int64_t first_ns = INT64_MAX, last_ns;
+
+	for (uint32_t i = 0; i < count; i++)
+		first_ns = earlier(first_ns, ports[i].deadline_ns);
+	last_ns = first_ns;
+	for (uint32_t i = 0; i < count; i++)
+		if (ports[i].deadline_ns - first_ns <= PORT_GATHER_NS)
+			last_ns = later(last_ns, ports[i].deadline_ns);
+	return last_ns;
+}

@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What a build left out that the file needs. */
+#include "modbus/config.h"
+#include "rtud/config_parts.h"
+
+static void refuse(struct config_loader *loader, const char *key, const char *what)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place here = config_key_of(&file, key);
+
+	config_error(&loader->report, &here, "this build has no %s", what);
+}
+
+void config_check_modules(struct config_loader *loader, const json_t *root, struct config_modules modules)
+{
+	static const char *const iec104_keys[] = {"iec104", "masters", "redundancy_groups", "originators",
+						  "journal"};
+
+	for (size_t i = 0; i < sizeof(iec104_keys) / sizeof(iec104_keys[0]); i++)
+		if (!modules.iec104 && json_object_get(root, iec104_keys[i]) != NULL)
+			refuse(loader, iec104_keys[i],
+			       "rtu-iec104: remove the key, or build with -Diec104=true, in Buildroot "
+			       "BR2_PACKAGE_OPENRTU_IEC104");
+	if (!modules.tls && json_object_get(root, "tls") != NULL)
+		refuse(loader, "tls",
+		       "rtu-iec104-tls: remove the object, or build with -Dtls=true, in Buildroot "
+		       "BR2_PACKAGE_OPENRTU_TLS");
+	if (!modules.modbus && modbus_port_count(loader->config) > 0)
+		refuse(loader, "port",
+		       "rtu-modbus: make no port active, or build with -Dmodbus=true, in Buildroot "
+		       "BR2_PACKAGE_OPENRTU_MODBUS");
+}

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line of openrtu-logic. Exit codes: 0 done, 1 found mistakes or a test failed, 2 unusable."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from logic.binary import Program, encode
+from logic.compile import compile_text
+from logic.desk import Desk
+from logic.errors import Findings, LogicError
+from logic.plot import svg
+from logic.table import US, Step, differs, read_table, steps
+
+DONE, FOUND, UNUSABLE = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one subcommand; returns the exit code."""
+    parsed = _parser().parse_args(arguments)
+    try:
+        return parsed.run(parsed)
+    except LogicError as error:
+        print(f"openrtu-logic: {error}", file=sys.stderr)
+    except UnicodeDecodeError:
+        print(f"openrtu-logic: {parsed.file}: this is no text in UTF-8", file=sys.stderr)
+    except RecursionError:
+        print(f"openrtu-logic: {parsed.file}: expressions or statements are nested too deep", file=sys.stderr)
+    except OSError as error:
+        print(f"openrtu-logic: {error.filename}: {error.strerror}", file=sys.stderr)
+    return UNUSABLE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="openrtu-logic",
+        description="Structured Text (IEC 61131-3) for the gateway: check, compile, try on the desk.",
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def add(name: str, does: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
+        command.add_argument("file", type=Path, metavar="FILE", help="the program's text, .st")
+        command.add_argument("--json", action="store_true", help="print JSON")
+        return command
+
+    add("check", "report all mistakes and warnings").set_defaults(run=_check)
+    command = add("compile", "write the program for the virtual machine")
+    command.add_argument("-o", "--output", type=Path, help="default: FILE with .rtul")
+    command.set_defaults(run=_compile)
+    command = add("run", "run on the desk: a table of inputs over virtual time")
+    command.add_argument("inputs", type=Path, metavar="INPUTS", help="the table, .csv")
+    command.add_argument("-o", "--output", type=Path, help="the outputs' table (default: standard output)")
+    command.add_argument("--plot", type=Path, metavar="SVG", help="draw inputs and outputs")
+    _add_period(command)
+    command.set_defaults(run=_run)
+    command = add("test", "run the tests beside the program: NAME.test.csv, NAME.*.test.csv")
+    _add_period(command)
+    command.set_defaults(run=_test)
+    return parser
+
+
+def _add_period(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--period", type=_milliseconds, default=100, metavar="MS", help="a scan each MS ms (default: 100)"
+    )
+
+
+def _milliseconds(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 3_600_000:
+        raise argparse.ArgumentTypeError(f"{text} is no number of milliseconds from 1 to 3600000")
+    return int(text)
+
+
+def _compiled(parsed: argparse.Namespace) -> Program | None:
+    """The program, after its findings are printed; None if it has mistakes."""
+    findings = Findings()
+    program = compile_text(parsed.file.read_text(encoding="utf-8"), findings)
+    if parsed.json and (findings.failed or parsed.run is _check):
+        shown = {"file": str(parsed.file), "findings": [asdict(one) for one in findings.sorted()]}
+        print(json.dumps(shown, indent=2))
+    elif not parsed.json:
+        for finding in findings.sorted():
+            print(finding.shown(str(parsed.file)), file=sys.stderr)
+    return None if findings.failed else program
+
+
+def _check(parsed: argparse.Namespace) -> int:
+    program = _compiled(parsed)
+    if program is not None:
+        encode(program)
+    return FOUND if program is None else DONE
+
+
+def _compile(parsed: argparse.Namespace) -> int:
+    program = _compiled(parsed)
+    if program is None:
+        return FOUND
+    octets = encode(program)
+    output = parsed.output or parsed.file.with_suffix(".rtul")
+    output.write_bytes(octets)
+    facts = {
+        "output": str(output),
+        "octets": len(octets),
+        "instructions": len(program.instructions),
+        "variables": len(program.slots),
+        "reads": [point.name for point in program.points if not point.written],
+        "writes": [point.name for point in program.points if point.written],
+    }
+    if parsed.json:
+        print(json.dumps(facts, indent=2))
+    else:
+        print(f"{output}: {facts['octets']} octets, {facts['instructions']} instructions")
+    return DONE
+
+
+def _run(parsed: argparse.Namespace) -> int:
+    program = _compiled(parsed)
+    if program is None:
+        return FOUND
+    rows = read_table(parsed.inputs, program)
+    with Desk(program) as desk:
+        done = list(steps(desk, rows, parsed.period * 1000))
+    names = [point.name for point in desk.outputs]
+    if parsed.plot:
+        parsed.plot.write_text(_picture(desk, done), encoding="utf-8")
+    if parsed.json:
+        print(json.dumps([_record(step) for step in done]))
+    else:
+        file = parsed.output.open("w", newline="", encoding="utf-8") if parsed.output else sys.stdout
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["time", *names])
+        for step in done:
+            writer.writerow([f"{step.time_us / US:g}", *(step.scan.outputs[name].shown() for name in names)])
+        if parsed.output:
+            file.close()
+    _report_faults(parsed, done[-1])
+    return DONE
+
+
+def _picture(desk: Desk, done: list[Step]) -> str:
+    inputs = [p.name for p in desk.inputs if all(p.name in step.inputs for step in done)]
+    traces = {name: [step.inputs[name] for step in done] for name in inputs}
+    traces |= {point.name: [step.scan.outputs[point.name] for step in done] for point in desk.outputs}
+    return svg([step.time_us / US for step in done], traces)
+
+
+def _record(step: Step) -> dict[str, object]:
+    return {
+        "time": step.time_us / US,
+        "outputs": {name: {"value": v.value, "quality": v.quality} for name, v in step.scan.outputs.items()},
+    }
+
+
+def _report_faults(parsed: argparse.Namespace, last: Step) -> None:
+    total = sum(last.scan.faults)
+    if total:
+        print(
+            f"{parsed.file}:{last.scan.last_line}: {total} faults; the last one: {last.scan.last_fault}",
+            file=sys.stderr,
+        )
+
+
+def _test(parsed: argparse.Namespace) -> int:
+    program = _compiled(parsed)
+    if program is None:
+        return FOUND
+    stem = parsed.file.stem
+    tables = sorted(
+        [*parsed.file.parent.glob(f"{stem}.test.csv"), *parsed.file.parent.glob(f"{stem}.*.test.csv")]
+    )
+    if not tables:
+        raise LogicError(f"{parsed.file} has no tests; write {stem}.test.csv beside it")
+    failures, checks, covered = [], 0, [0] * len(program.instructions)
+    for table in tables:
+        rows = read_table(table, program)
+        with Desk(program) as desk:
+            for step in steps(desk, rows, parsed.period * 1000):
+                for name, expected in (step.row.expected if step.row else {}).items():
+                    found = step.scan.outputs[name] if name in step.scan.outputs else step.inputs[name]
+                    checks += 1
+                    if differs(expected, found):
+                        where = f"{table}:{step.row.line}: {name} at {step.time_us / US:g} s"
+                        failures.append(f"{where}: expected {expected.shown()}, found {found.shown()}")
+            covered = [old | new for old, new in zip(covered, desk.coverage(), strict=True)]
+    lines, branches = _coverage(program, covered)
+    result = {"checks": checks, "failures": failures, "lines": lines, "branches": branches}
+    if parsed.json:
+        print(json.dumps(result, indent=2))
+    else:
+        for failure in failures:
+            print(failure)
+        print(f"{checks} checks, {len(failures)} failed; lines {_share(lines)}, branches {_share(branches)}")
+        if lines["missed"] or branches["missed"]:
+            missed = sorted({*lines["missed"], *branches["missed"]})
+            print(f"not covered: line {', '.join(map(str, missed))}")
+    return FOUND if failures else DONE
+
+
+def _coverage(program: Program, covered: list[int]) -> tuple[dict, dict]:
+    """Of the program's own lines, and of its conditions both ways."""
+    ran: dict[int, bool] = {}
+    ways: list[tuple[int, bool]] = []
+    library = {id(one) for routine in program.routines if routine.library for one in routine.code}
+    for instruction, seen in zip(program.instructions, covered, strict=True):
+        if id(instruction) in library:
+            continue
+        if instruction.operation not in ("CLEAN", "SPREAD", "RETURN"):
+            ran[instruction.line] = ran.get(instruction.line, False) or bool(seen & 1)
+        if instruction.operation in ("IF", "ELSIF"):
+            ways += [(instruction.line, bool(seen & 2)), (instruction.line, bool(seen & 4))]
+    return (
+        {
+            "all": len(ran),
+            "covered": sum(ran.values()),
+            "missed": [line for line, was in ran.items() if not was],
+        },
+        {
+            "all": len(ways),
+            "covered": sum(was for _, was in ways),
+            "missed": sorted({line for line, was in ways if not was}),
+        },
+    )
+
+
+def _share(part: dict) -> str:
+    return f"{part['covered']} of {part['all']}"

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tree of a program's text. Names are in capitals: the language does not tell small letters from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from logic.errors import Place
+
+
+@dataclass(frozen=True)
+class Literal:
+    place: Place
+    type: str | None  # None: a number that takes the type of where it stands
+    value: int | float | bool
+
+
+@dataclass(frozen=True)
+class Name:
+    place: Place
+    name: str
+    index: Expression | None = None  # of an array's element
+    member: str | None = None  # of a block's instance
+
+
+@dataclass(frozen=True)
+class Unary:
+    place: Place
+    operator: str
+    operand: Expression
+
+
+@dataclass(frozen=True)
+class Binary:
+    place: Place
+    operator: str
+    left: Expression
+    right: Expression
+
+
+@dataclass(frozen=True)
+class Argument:
+    place: Place
+    name: str | None
+    value: Expression
+    output: bool  # NAME => variable
+
+
+@dataclass(frozen=True)
+class Call:
+    place: Place
+    name: str
+    arguments: tuple[Argument, ...]
+
+
+Expression = Literal | Name | Unary | Binary | Call
+
+
+@dataclass(frozen=True)
+class Assign:
+    place: Place
+    target: Name
+    value: Expression
+
+
+@dataclass(frozen=True)
+class If:
+    place: Place
+    branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
+    otherwise: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class Case:
+    place: Place
+    selector: Expression
+    branches: tuple[tuple[tuple[tuple[Expression, Expression | None], ...], tuple[Statement, ...]], ...]
+    otherwise: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class For:
+    place: Place
+    variable: Name
+    first: Expression
+    last: Expression
+    step: Expression | None
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class While:
+    place: Place
+    condition: Expression
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class Repeat:
+    place: Place
+    body: tuple[Statement, ...]
+    until: Expression
+
+
+@dataclass(frozen=True)
+class Leave:
+    place: Place
+    word: str  # EXIT, CONTINUE or RETURN
+
+
+Statement = Assign | Call | If | Case | For | While | Repeat | Leave
+
+
+@dataclass(frozen=True)
+class Variable:
+    place: Place
+    name: str
+    section: str  # VAR, VAR_INPUT, …
+    type: str
+    bounds: tuple[Expression, Expression] | None = None  # of an array
+    initial: tuple[Expression, ...] = ()
+    constant: bool = False
+    retain: bool = False
+    spelling: str = ""  # as it was typed: a point's name has small letters
+
+
+@dataclass
+class Unit:
+    """A PROGRAM, FUNCTION or FUNCTION_BLOCK."""
+
+    place: Place
+    kind: str
+    name: str
+    result: str | None = None
+    variables: list[Variable] = field(default_factory=list)
+    body: tuple[Statement, ...] = ()
+    library: bool = False

@@ -1,0 +1,586 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Structured Text: findings, values, qualities, faults; compiler and machine beside a second interpreter."""
+
+import json
+import math
+import os
+import random
+import re
+import struct
+import subprocess
+import zlib
+from pathlib import Path
+
+import pytest
+
+from logic.binary import OPERATIONS, encode
+from logic.cli import main
+from logic.compile import compile_text
+from logic.desk import Desk, Scan, Value, desk_command
+from logic.errors import Findings
+from logic.table import ANSWERS
+from logic_reference import INPUTS, Random, Reference, text_of
+
+ROOT = Path(__file__).resolve().parent.parent
+SECOND = 1_000_000
+
+
+@pytest.fixture(autouse=True)
+def machine(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "OPENRTU_LOGIC_DESK" not in os.environ:
+        monkeypatch.setenv("OPENRTU_LOGIC_DESK", str(programs / "logic/logic-desk"))
+
+
+def findings_of(text: str) -> list[str]:
+    findings = Findings()
+    compile_text(text, findings)
+    return [finding.shown("p") for finding in findings.sorted()]
+
+
+def scans(
+    body: str, declared: str, *inputs: dict[str, Value], budget: int = 200_000, units: str = ""
+) -> list[Scan]:
+    findings = Findings()
+    program = compile_text(f"{units}PROGRAM p\n{declared}\n{body}\nEND_PROGRAM", findings)
+    assert not findings.failed, findings.sorted()
+    with Desk(program, budget) as desk:
+        return [desk.scan(n * SECOND, SECOND, n * SECOND, values) for n, values in enumerate(inputs or [{}])]
+
+
+def result(expression: str, kind: str, declared: str = "") -> Value:
+    (scan,) = scans(f"out := {expression};", f"{declared} VAR_EXTERNAL out : {kind}; END_VAR")
+    return scan.outputs["out"]
+
+
+# ---- what the tool says ------------------------------------------------------------------------------
+
+
+def test_all_mistakes_come_at_once() -> None:
+    text = """PROGRAM p
+VAR_EXTERNAL level : REAL; pump : BOOL; END_VAR
+VAR i : INT; t : TON; big : SINT := 200; END_VAR
+pump := levle > 5.0;
+i := level
+t(IM := pump);
+IF i THEN pump := TRUE; END_IF;
+EXIT;
+i := 40000;
+END_PROGRAM
+"""
+    assert [found for found in findings_of(text) if "error" in found] == [
+        "p:3:37: error: 200 overflows SINT, which is -128 to 127",
+        "p:4:9: error: unknown name LEVLE; did you mean LEVEL?",
+        "p:5:11: error: expected ';' behind the assignment, found 't'",
+        "p:7:4: error: expected BOOL, found INT",
+        "p:8:1: error: EXIT is in no loop",
+        "p:9:6: error: 40000 overflows INT, which is -32768 to 32767",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("b := x = 1.5;", "two REAL are hardly ever equal; compare ABS(a - b) with a tolerance"),
+        ("IF FALSE THEN b := TRUE; END_IF;", "the condition is always FALSE: this branch is never reached"),
+        ("b := TRUE; b := FALSE;", "b is written twice: here and in line 2"),
+        ("RETURN; b := TRUE;", "nothing reaches this statement"),
+        ("CASE i OF 1: b := TRUE; 1: b := FALSE; END_CASE;", "1 is already a case in line 2"),
+    ],
+)
+def test_warnings(body: str, expected: str) -> None:
+    declared = "VAR_EXTERNAL x : REAL; i : INT; b : BOOL; END_VAR"
+    text = f"PROGRAM p {declared}\n{body} b := x > 1.0 AND i > 1;\nEND_PROGRAM"
+    found = [finding for finding in findings_of(text) if expected in finding]
+    assert found and ": warning: " in found[0]
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("x := i;", "expected BOOL, found INT"),
+        ("i := 1.5;", "expected INT, found the REAL number 1.5"),
+        ("i := d;", "expected INT, found DINT; DINT_TO_INT(…) converts it"),
+        ("i := SQTR(2.0);", "unknown function SQTR; did you mean SQRT?"),
+        ("IF x THEN i := 1; ", "expected 'END_IF' for the IF of line 2, found 'END_PROGRAM'"),
+        ("i := (1 + 2;", "expected ')' for the '(' of column 6, found ';'"),
+        ("i := T#5q;", "T#5q is no duration; write T#1d2h3m4s5ms, or T#1.5s"),
+        ("t(IN := x, PT := 5);", "expected TIME, found 5; write T#1.5s"),
+        ("t.Q := TRUE;", "only the block itself writes T.Q"),
+        ("x := NOT;", "expected a value, found ';'"),
+        ("FOR i := 1 TO 5 BY 0 DO x := TRUE; END_FOR;", "a step of 0 never ends"),
+        ("i := i # 2;", "unknown sign '#'"),
+        ("i := 1; (* no end", "2:9: error: a comment '(*' without its end '*)'"),
+        ("i := SEL(x, 1, 40000);", "40000 overflows INT, which is -32768 to 32767"),
+        ("i := n * n;", "90000 overflows INT"),
+        ("d := late - 1;", "expected TIME, found 1; write T#1.5s"),
+    ],
+)
+def test_errors(body: str, expected: str) -> None:
+    declared = """VAR x : BOOL; i : INT; d : DINT; t : TON; END_VAR
+VAR CONSTANT n : INT := 300; late : TIME := T#5s; END_VAR""".replace("\n", " ")
+    text = f"PROGRAM p {declared}\n{body}\nEND_PROGRAM"
+    assert any(finding.endswith(expected) for finding in findings_of(text)), findings_of(text)
+
+
+def test_a_function_or_a_block_that_contains_itself_is_refused() -> None:
+    text = """FUNCTION f : INT VAR_INPUT a : INT; END_VAR f := f(a); END_FUNCTION
+PROGRAM p VAR i : INT; END_VAR i := f(1); END_PROGRAM"""
+    assert any("F calls itself" in finding for finding in findings_of(text))
+    text = "FUNCTION_BLOCK g VAR h : g; END_VAR END_FUNCTION_BLOCK PROGRAM p END_PROGRAM"
+    assert any("G contains itself" in finding for finding in findings_of(text))
+
+
+def test_a_misspelled_use_does_not_make_its_name_unused() -> None:
+    text = "PROGRAM p VAR_EXTERNAL level : REAL; b : BOOL; END_VAR b := levle > 5.0; END_PROGRAM"
+    assert findings_of(text) == ["p:1:61: error: unknown name LEVLE; did you mean LEVEL?"]
+    assert any("level is not used" in finding for finding in findings_of(text.replace("levle", "1.0")))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("FUNCTION f : INT VAR t : TON; END_VAR f := 1; END_FUNCTION", "TON remembers, a FUNCTION and"),
+        ("FUNCTION f : INT VAR RETAIN n : INT; END_VAR f := n; END_FUNCTION", "retain nothing"),
+        ("FUNCTION_BLOCK f VAR_TEMP t : TON; END_VAR END_FUNCTION_BLOCK", "TON remembers, a FUNCTION and"),
+    ],
+)
+def test_what_remembers_nothing_holds_nothing_that_does(text: str, expected: str) -> None:
+    assert any(expected in finding for finding in findings_of(f"{text} PROGRAM p END_PROGRAM"))
+
+
+def test_any_text_gets_an_answer() -> None:
+    """The compiler, with damaged text: findings, never an exception."""
+    good = (ROOT / "docs/examples/logic/pump.st").read_text()
+    chance = random.Random(3)
+    for _ in range(150):
+        at, length = chance.randrange(len(good)), chance.randrange(12)
+        inserted = "".join(chance.choice(":=;()[].#'0aIF\n") for _ in range(chance.randrange(4)))
+        findings_of(good[:at] + inserted + good[at + length :])
+
+
+def test_operations_are_those_of_the_machine() -> None:
+    text = (ROOT / "package/openrtu/src/logic/format.h").read_text()
+    assert re.findall(r"^\tOP\((\w+),", text, re.MULTILINE) == OPERATIONS
+
+
+# ---- values ------------------------------------------------------------------------------------------
+
+CONFORMITY = [
+    ("7 MOD 3 - 7 / 2 * 2", "DINT", -5),
+    ("-7 / 2", "DINT", -3),
+    ("i ** 3", "LREAL", 1000.0),
+    ("i > 3 AND NOT (i = 4) XOR FALSE", "BOOL", True),
+    ("16#FF", "BYTE", 255),
+    ("2#1010_1010", "BYTE", 170),
+    ("SHL(BYTE#16#81, 1)", "BYTE", 2),
+    ("ROL(BYTE#16#81, 1)", "BYTE", 3),
+    ("ROR(WORD#1, 1)", "WORD", 0x8000),
+    ("NOT WORD#16#0F0F", "WORD", 0xF0F0),
+    ("REAL_TO_INT(2.5)", "INT", 2),
+    ("REAL_TO_INT(3.5)", "INT", 4),
+    ("TRUNC(-2.9)", "DINT", -2),
+    ("DINT_TO_BYTE(i * 26)", "BYTE", 4),
+    ("BOOL_TO_INT(i > 3)", "INT", 1),
+    ("INT_TO_BOOL(i)", "BOOL", True),
+    ("TIME_TO_DINT(T#1m2s3ms)", "DINT", 62003),
+    ("DINT_TO_TIME(1500) + T#500ms", "TIME", 2_000_000),
+    ("T#3s * 2 - T#1s", "TIME", 5_000_000),
+    ("T#3s / 2.0", "TIME", 1_500_000),
+    ("DT#2026-01-02-00:00:00 - DT#2026-01-01-00:00:00", "TIME", 86_400_000_000),
+    ("DT#1970-01-01-00:00:00 + T#1d", "DATE_AND_TIME", 86_400_000_000),
+    ("MAX(1, i, 3)", "INT", 10),
+    ("MIN(i, 3, 7)", "INT", 3),
+    ("LIMIT(0, i, 5)", "INT", 5),
+    ("SEL(i > 3, 1, 2)", "DINT", 2),
+    ("SEL(i > 3, 1, 2)", "INT", 2),
+    ("SEL(i > 3, 16#01, MAX(2, 3))", "BYTE", 3),
+    ("SEL(i > 3, 1, 2)", "REAL", 2.0),
+    ("MAX(1, 3, i)", "INT", 10),
+    ("MIN(7, 3)", "SINT", 3),
+    ("LIMIT(1, 9, 5)", "USINT", 5),
+    ("late + T#1s", "TIME", 6_000_000),
+    ("late * 2", "TIME", 10_000_000),
+    ("day + late", "DATE_AND_TIME", 86_405_000_000),
+    ("day - DT#1970-01-01-00:00:00", "TIME", 86_400_000_000),
+    ("late > T#4s", "BOOL", True),
+    ("-late", "TIME", -5_000_000),
+    ("n * 2 + 1", "INT", 601),
+    ("ABS(-i)", "INT", 10),
+    ("SQRT(2.0)", "LREAL", math.sqrt(2)),
+    ("ATAN(1.0) * 4.0", "LREAL", math.pi),
+]
+
+
+PAGE = (ROOT / "docs/logic.md").read_text()
+TABLE = re.findall(r"^\| [^|]+ \| `([^`]+)` \| (yes|no) \|$", PAGE, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("example", "there"), TABLE)
+def test_what_there_is_of_the_language(example: str, there: str) -> None:
+    units = example if example.startswith(("FUNCTION", "TYPE")) else ""
+    declared = example if example.startswith("VAR") else ""
+    if not units and not declared:
+        declared = "VAR_EXTERNAL x : INT; b : BOOL; r : REAL; w : WORD; END_VAR " + example
+    text = f"{units} PROGRAM p {declared} END_PROGRAM"
+    errors = [finding for finding in findings_of(text) if ": error: " in finding]
+    assert (errors == []) == (there == "yes"), errors
+
+
+def test_the_table_of_the_language_is_whole() -> None:
+    assert len(TABLE) == len(re.findall(r"\| (?:yes|no) \|$", PAGE, re.MULTILINE))
+    assert len(TABLE) > 30
+
+
+@pytest.mark.parametrize(("expression", "kind", "expected"), CONFORMITY)
+def test_conformity(expression: str, kind: str, expected: float) -> None:
+    declared = """VAR i : INT := 10; END_VAR
+VAR CONSTANT late : TIME := T#5s; day : DT := DT#1970-01-02-00:00:00; n : INT := 300; END_VAR"""
+    found = result(expression, kind, declared)
+    assert found.quality == 0
+    assert found.value == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "function", ["SQRT", "LN", "LOG", "EXP", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN"]
+)
+def test_functions_are_those_of_mathematics(function: str) -> None:
+    """Beside the C library's: within some units of the last digit, relative to the argument's scale."""
+    chance = random.Random(function)
+    arguments = [chance.uniform(-1, 1) for _ in range(60)]
+    if function in ("SQRT", "LN", "LOG"):
+        arguments = [abs(x) * 10 ** chance.randint(-12, 12) + 1e-300 for x in arguments]
+    elif function in ("SIN", "COS", "TAN", "EXP", "ATAN"):
+        arguments = [x * 10 ** chance.randint(-3, 2) for x in arguments]
+    of = {"LN": math.log, "LOG": math.log10}.get(function, getattr(math, function.lower(), None))
+    declared = "VAR_EXTERNAL x : LREAL; out : LREAL; END_VAR"
+    found = scans(f"out := {function}(x);", declared, *({"x": Value(x)} for x in arguments))
+    for x, scan in zip(arguments, found, strict=True):
+        assert scan.outputs["out"].value == pytest.approx(
+            of(x), rel=8e-16 if function == "SQRT" else 4e-15, abs=1e-15
+        )
+    if function == "SQRT":
+        assert [scan.outputs["out"].value for scan in found] == [math.sqrt(x) for x in arguments]
+
+
+def test_statements() -> None:
+    body = """
+total := 0; i := 10;
+WHILE i > 0 DO i := i - 3; IF i = 4 THEN CONTINUE; END_IF; total := total + i; END_WHILE;
+REPEAT total := total + 100; UNTIL total > 250 END_REPEAT;
+FOR i := 5 TO 1 BY -2 DO a[i] := i; END_FOR;
+CASE total OF 1, 2: kind := 1; 200..400: kind := 2; ELSE kind := 3; END_CASE;
+sum := a[1] + a[3] + a[5];
+limit(low := 3, value := total, clipped => small);
+twice(n := total);
+"""
+    units = """
+FUNCTION_BLOCK clip VAR_INPUT low, value : DINT; END_VAR VAR_OUTPUT clipped : DINT; END_VAR
+IF value > low THEN clipped := low; RETURN; END_IF; clipped := value; END_FUNCTION_BLOCK
+FUNCTION_BLOCK doubled VAR_IN_OUT n : DINT; END_VAR n := n * 2; END_FUNCTION_BLOCK
+"""
+    declared = """VAR_EXTERNAL total, kind, sum, small : DINT; END_VAR
+VAR i : DINT; a : ARRAY[1..5] OF DINT; limit : clip; twice : doubled; END_VAR"""
+    (scan,) = scans(body, declared, units=units)
+    assert {name: value.value for name, value in scan.outputs.items()} == {
+        "total": 612,
+        "kind": 2,
+        "sum": 9,
+        "small": 3,
+    }
+
+
+def test_a_case_of_constants() -> None:
+    declared = "VAR CONSTANT mode : USINT := 2; two : INT := 2; END_VAR VAR_EXTERNAL out : INT; END_VAR"
+    (scan,) = scans("CASE mode OF 1: out := 10; two: out := 20; END_CASE;", declared)
+    assert scan.outputs["out"] == Value(20)
+
+
+def test_what_remembers_nothing_begins_anew_at_each_call() -> None:
+    units = """FUNCTION count : INT VAR n : INT := 4; a : ARRAY[1..2] OF INT := [7]; END_VAR
+n := n + 1; a[1] := a[1] + n; a[2] := a[2] + 1; count := a[1] + a[2]; END_FUNCTION
+FUNCTION_BLOCK block VAR_OUTPUT sum : INT; END_VAR VAR_TEMP n : INT; a : ARRAY[1..2] OF INT; END_VAR
+n := n + 1; a[2] := a[2] + n; sum := n + a[2]; END_FUNCTION_BLOCK
+"""
+    declared = "VAR_EXTERNAL f, b, t : INT; END_VAR VAR g : block; END_VAR VAR_TEMP n : INT := 2; END_VAR"
+    for scan in scans("n := n + 1; t := n; f := count(); g(sum => b);", declared, {}, {}, units=units):
+        assert [scan.outputs[name].value for name in ("f", "b", "t")] == [13, 2, 3]
+
+
+def test_codes_of_commands_are_those_of_the_map() -> None:
+    text = (ROOT / "package/openrtu/src/map/map.h").read_text()
+
+    def names(enumeration: str) -> list[str]:
+        body = re.search(rf"enum {enumeration} \{{(.*?)\}};", text, re.DOTALL)[1]
+        return re.findall(r"\bMAP_\w+(?=,)", re.sub(r"/\*.*?\*/", "", body, flags=re.DOTALL))
+
+    states, results = names("map_command_state"), names("map_command_result")
+    assert {name: (states[state], results[result]) for name, (state, result) in ANSWERS.items()} == {
+        "DONE": ("MAP_EXECUTED_COMMAND", "MAP_RESULT_DONE"),
+        **{
+            name: ("MAP_REFUSED_COMMAND", f"MAP_RESULT_{name}")
+            for name in ("EXCEPTION", "TIMEOUT", "TOO_OLD", "INTERLOCK", "OUT_OF_RANGE")
+        },
+    }
+
+
+def test_a_table_says_how_a_device_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "p.st").write_text("""PROGRAM p
+VAR_EXTERNAL go, breaker : BOOL; state, result : USINT; END_VAR
+VAR c : COMMAND; END_VAR
+c(POINT := breaker, EXECUTE := go, VALUE := 1.0);
+state := c.STATE; result := c.RESULT;
+END_PROGRAM
+""")
+    table = tmp_path / "p.test.csv"
+    table.write_text("""time,go,answer breaker,= state,= result
+0,0,EXCEPTION,0,0
+1,1,,,
+2,0,DONE,8,2
+3,1,,,
+4,,,9,1
+""")
+    assert main(["test", str(tmp_path / "p.st")]) == 0, capsys.readouterr()
+    for text, complaint in (
+        ("time,answer go\n0,DONE\n", "no command of the program goes to go"),
+        ("time,answer breaker\n0,OK\n", "'OK' is no answer of a device; it may be DONE, EXCEPTION"),
+    ):
+        table.write_text(text)
+        assert main(["test", str(tmp_path / "p.st")]) == 2
+        assert complaint in capsys.readouterr().err
+
+
+def test_timers_and_counters() -> None:
+    body = """on(IN := x, PT := T#2s); off(IN := x, PT := T#2s); pulse(IN := x, PT := T#2s);
+up(CU := x, PV := 2); q_on := on.Q; q_off := off.Q; q_pulse := pulse.Q; q_up := up.Q;"""
+    declared = """VAR_EXTERNAL x, q_on, q_off, q_pulse, q_up : BOOL; END_VAR
+VAR on : TON; off : TOF; pulse : TP; up : CTU; END_VAR"""
+    found = scans(body, declared, *({"x": Value(bit == "1")} for bit in "0111100010"))
+    traces = {
+        name: "".join(str(int(scan.outputs[name].value)) for scan in found) for name in found[0].outputs
+    }
+    assert traces == {
+        "q_on": "0001100000",
+        "q_off": "0111111011",
+        "q_pulse": "0110000011",
+        "q_up": "0000000011",
+    }
+
+
+# ---- quality -----------------------------------------------------------------------------------------
+
+BAD, GOOD = Value(5, 0x80), Value(5)
+
+
+@pytest.mark.parametrize(
+    ("body", "quality"),
+    [
+        ("out := x + 1;", 0x80),
+        ("out := 1; IF x > 3 THEN out := 2; END_IF;", 0x80),
+        ("out := 1; IF x > 300 THEN out := 2; END_IF;", 0x80),  # it might have been
+        ("out := 0; FOR i := 1 TO x DO out := out + 1; END_FOR;", 0x80),
+        ("out := 0; FOR i := 1 TO 9 DO IF x = i THEN EXIT; END_IF; out := i; END_FOR;", 0x80),
+        ("out := 0; FOR i := 1 TO 9 DO IF x > 300 THEN EXIT; END_IF; out := i; END_FOR;", 0x80),
+        ("out := 7; IF x > 300 THEN RETURN; END_IF; out := 8;", 0x80),
+        ("a[x] := 1; out := a[1];", 0x80),
+        ("out := SEL(IS_GOOD(x), 1, x);", 0),
+        ("out := SEL(x > 3, x, i);", 0x80),
+        ("IF IS_GOOD(x) THEN out := x; ELSE out := 0; END_IF;", 0),
+        ("out := AS_GOOD(x);", 0),
+        ("out := 1; i := x;", 0),
+        ("out := BYTE_TO_INT(QUALITY(x));", 0),
+    ],
+)
+def test_quality_goes_where_the_value_goes(body: str, quality: int) -> None:
+    declared = "VAR_EXTERNAL x, out : INT; END_VAR VAR i : INT; a : ARRAY[1..9] OF INT; END_VAR"
+    for given, expected in ((BAD, quality), (GOOD, 0)):
+        (scan,) = scans(body, declared, {"x": given})
+        assert scan.outputs["out"].quality == expected
+
+
+def test_time_of_a_point() -> None:
+    declared = "VAR_EXTERNAL x : INT; old : BOOL; END_VAR"
+    body = "old := NOW() - TIME_OF(x) > T#1s; IF x > 100 THEN old := TRUE; END_IF;"
+    first, later = scans(body, declared, {"x": Value(1, 0, 0)}, {"x": Value(1, 0, -SECOND)})
+    assert (first.outputs["old"].value, later.outputs["old"].value) == (False, True)
+
+
+def test_a_command_is_an_import() -> None:
+    declared = "VAR_EXTERNAL breaker, ok : BOOL; END_VAR VAR c : COMMAND; END_VAR"
+    body = "c(POINT := breaker, EXECUTE := TRUE, VALUE := 1.0, SELECT := TRUE); ok := c.STATE = 9;"
+    program = compile_text(f"PROGRAM p {declared} {body} END_PROGRAM", Findings())
+    with Desk(program) as desk:
+        asked = desk.scan(0, 0, 0, {"breaker": Value(False)})
+        answered = desk.scan(1, 1, 1, {"breaker": Value(False)}, [(9, 1)])
+    assert program.commands[0].name == "breaker"
+    assert asked.commands == [(Value(True), 1.0, True)]
+    assert (asked.outputs["ok"].value, answered.outputs["ok"].value) == (False, True)
+
+
+# ---- faults ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("body", "fault", "quality"),
+    [
+        ("out := 5 / zero;", "division by zero", 0x80),
+        ("out := 5 MOD zero;", "division by zero", 0x80),
+        ("out := big * big;", "out of its type's range", 0x81),
+        ("out := a[zero];", "index out of bounds", 0x80),
+        ("a[zero] := 1; out := a[2];", "index out of bounds", 0x80),
+        ("out := LREAL_TO_DINT(SQRT(-1.0));", "outside of a function's domain", 0x80),
+        ("out := LREAL_TO_DINT(1.0E30);", "out of its type's range", 0x81),
+        ("WHILE zero = 0 DO out := 1; END_WHILE;", "too many instructions", 0x80),
+    ],
+)
+def test_a_fault_is_counted_and_its_result_invalid(body: str, fault: str, quality: int) -> None:
+    declared = """VAR_EXTERNAL out : DINT; END_VAR
+VAR zero : DINT; big : DINT := 2000000000; a : ARRAY[1..3] OF DINT; END_VAR"""
+    (scan,) = scans(body, declared)
+    assert (scan.last_fault, sum(scan.faults), scan.outputs["out"].quality) == (fault, 1, quality)
+    assert scan.last_line == 4  # the text's
+
+
+def test_a_scan_after_an_endless_one_is_whole() -> None:
+    declared = "VAR_EXTERNAL x : BOOL; out : DINT; END_VAR"
+    first, second = scans(
+        "WHILE x DO out := 1; END_WHILE; out := 3;", declared, {"x": Value(True)}, {"x": Value(False)}
+    )
+    assert (first.outputs["out"].quality, second.outputs["out"]) == (0x80, Value(3))
+
+
+def test_what_is_retained_goes_on_by_name_and_type() -> None:
+    text = """PROGRAM p VAR_EXTERNAL n, m : DINT; END_VAR VAR RETAIN {0} END_VAR
+n := k; k := k + 1; m := l; l := 9; END_PROGRAM"""
+    old, new = (
+        compile_text(text.format(kinds), Findings())
+        for kinds in ("k : DINT; l : DINT;", "l : INT := 4; other : DINT; k : DINT;")
+    )
+    with Desk(old) as desk:
+        for n in range(3):
+            desk.scan(n, 1, n, {})
+        assert desk.reload(new) == 1
+        scan = desk.scan(3, 1, 3, {})
+    assert (scan.outputs["n"].value, scan.outputs["m"].value) == (3, 4)
+
+
+# ---- the second interpreter --------------------------------------------------------------------------
+
+
+def test_random_programs_do_what_a_second_interpreter_does() -> None:
+    faults = doubtful = compared = 0
+    for seed in range(40):
+        chance = random.Random(seed)
+        tree = Random(chance).block(12)
+        findings = Findings()
+        program = compile_text(text_of(tree), findings)
+        if findings.failed:  # chance made a constant that its type does not have
+            continue
+        compared += 1
+        reference = Reference()
+        with Desk(program) as desk:
+            for n in range(6):
+                inputs = {
+                    name: (given(kind, chance), chance.choice([0, 0, 0, 0x80, 0x20]))
+                    for name, kind in INPUTS.items()
+                }
+                scan = desk.scan(n, 1, n, {name: Value(*value) for name, value in inputs.items()})
+                expected = reference.scan(tree, inputs)
+                found = {name: (value.value, value.quality) for name, value in scan.outputs.items()}
+                assert found == expected, f"seed {seed}, scan {n}\n{text_of(tree)}"
+                assert sum(scan.faults) == reference.faults, f"seed {seed}, scan {n}\n{text_of(tree)}"
+                doubtful += sum(quality != 0 for _, quality in expected.values())
+        faults += reference.faults
+    assert compared > 25 and faults > 100 and doubtful > 100, "the programs hardly do anything"
+
+
+def given(kind: str, chance: random.Random) -> bool | int | float:
+    if kind == "BOOL":
+        return chance.random() < 0.5
+    if kind in ("INT", "DINT"):
+        return chance.choice([0, 1, -1, 3, 7, 300, -32768, 32767])
+    value = chance.choice([0.0, 1.5, -2.25, 1e9, 1e-3, 65504.0, chance.uniform(-10, 10)])
+    return struct.unpack("f", struct.pack("f", value))[0] if kind == "REAL" else value
+
+
+def test_a_damaged_program_is_refused_or_harmless(tmp_path: Path) -> None:
+    """With a right CRC, so that the verifier alone decides; whatever it accepts then runs and ends."""
+    good = encode(compile_text((ROOT / "docs/examples/logic/pump.st").read_text(), Findings()))
+    chance = random.Random(1)
+    codes, file = [], tmp_path / "damaged"
+    for _ in range(400):
+        octets = bytearray(good)
+        for _ in range(chance.randint(1, 3)):
+            octets[chance.randrange(16, len(octets))] = chance.choice([0, 1, 255, chance.randrange(256)])
+        octets[12:16] = struct.pack("<I", zlib.crc32(octets[16:]))
+        file.write_bytes(octets)
+        lines = "scan 0 0 0 20000 0:0:0\n" * 3 + "coverage\n"
+        done = subprocess.run(
+            [*desk_command(), file], input=lines, capture_output=True, text=True, check=False
+        )
+        codes.append(done.returncode)
+    assert set(codes) == {0, 2}, "a signal"
+    assert min(codes.count(0), codes.count(2)) > 20
+    file.write_bytes(good[:-1] + b"x")
+    done = subprocess.run([*desk_command(), file], capture_output=True, text=True, check=False)
+    assert (done.returncode, "damaged" in done.stderr) == (2, True)
+
+
+# ---- the command line --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("example", "expected"),
+    [
+        ("pump.st", "16 checks, 0 failed; lines 9 of 9, branches 4 of 4\n"),
+        ("interlock.st", "14 checks, 0 failed; lines 6 of 6, branches 2 of 2\n"),
+    ],
+)
+def test_the_examples_pass_their_tests(
+    example: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["test", str(ROOT / "docs/examples/logic" / example)]) == 0
+    assert capsys.readouterr() == (expected, "")
+
+
+def test_the_interlock_without_its_condition_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("interlock.st", "interlock.test.csv"):
+        text = (ROOT / "docs/examples/logic" / name).read_text()
+        (tmp_path / name).write_text(text.replace("NOT earthed", "TRUE"))
+    assert main(["test", str(tmp_path / "interlock.st")]) == 1
+    assert "interlock.test.csv:3: refused at 1 s: expected 1, found 0" in capsys.readouterr().out
+
+
+def test_a_failed_test_names_the_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "p.st").write_text(
+        "PROGRAM p VAR_EXTERNAL x, y : INT; END_VAR\nIF x > 2 THEN\ny := 1;\nEND_IF;\nEND_PROGRAM"
+    )
+    (tmp_path / "p.test.csv").write_text("time,x,= y\n0,1,1\n")
+    assert main(["test", str(tmp_path / "p.st")]) == 1
+    out = capsys.readouterr().out
+    assert "p.test.csv:2: y at 0 s: expected 1, found 0" in out
+    assert "not covered: line 2, 3" in out
+
+
+def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "p.st"
+    file.write_text("PROGRAM p VAR i : INT; END_VAR i := x; END_PROGRAM")
+    assert main(["check", "--json", str(file)]) == 1
+    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    assert finding == {"line": 1, "column": 37, "severity": "error", "text": "unknown name X"}
+    assert main(["check", str(tmp_path / "none.st")]) == 2
+    file.write_bytes(b"\xff\xfe")
+    assert main(["check", str(file)]) == 2
+    (tmp_path / "t.csv").write_text("time,z\n0,1\n")
+    assert main(["run", str(ROOT / "docs/examples/logic/pump.st"), str(tmp_path / "t.csv")]) == 2
+    assert "z is no point of the program" in capsys.readouterr().err
+
+
+def test_run_writes_a_table_and_a_picture(tmp_path: Path) -> None:
+    (tmp_path / "in.csv").write_text("time,level,door_open\n0,85,0\n3,85!,0\n4,85,0\n")
+    plot, out = tmp_path / "p.svg", tmp_path / "out.csv"
+    words = ["run", str(ROOT / "docs/examples/logic/pump.st"), str(tmp_path / "in.csv"), "--period", "1000"]
+    assert main([*words, "-o", str(out), "--plot", str(plot)]) == 0
+    assert out.read_text().startswith("time,pump,starts\n0,0,0\n1,0,0\n2,1,1\n3,0,1\n")
+    assert plot.read_text().startswith("<svg") and "#c00" in plot.read_text()
