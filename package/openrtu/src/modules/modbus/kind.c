@@ -29,7 +29,7 @@ static const struct call_rule calls[] = {
     CALL(epoll_ctl),
     CALL(timerfd_settime64),
     CALL(timerfd_settime),
-    /* A serial port (modules/modbus/serial.c): no file is made. */
+    /* A serial port (modules/serial.c): no file is made. */
     CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)),
     CALL(newfstatat),
     CALL(statx),
