@@ -51,7 +51,8 @@ static const struct kind_program *choose(const struct map_config *config)
 
 static bool plan(struct map_config *config)
 {
-	const bool owns = iec104_settings(config)->own_ca != 0;
+	const struct iec104_settings *settings = iec104_settings(config);
+	const bool owns = settings->own_ca != 0;
 	const struct map_module_plan module = {
 	    .name = "rtu-iec104",
 	    .kind = IEC104_KIND,
@@ -64,7 +65,7 @@ static bool plan(struct map_config *config)
 	const uint32_t number = map_plan_module(config, &module);
 
 	if (owns)
-		config->sets[config->set_count - 1].module = (uint16_t)number;
+		config->sets[settings->own_set].module = (uint16_t)number;
 	return number != MAP_NONE;
 }
 
