@@ -22,7 +22,7 @@
 
 #define MAP_FILE_SIZE 128 /* a file's path */
 
-/* The information types of the project report's tables 4.1 and 4.2. */
+/* The information types of the project report's tables 4.1 and 4.2, and two that no Modbus register has. */
 enum map_type {
 	MAP_SINGLE,     /* value.u 0, 1 */
 	MAP_DOUBLE,     /* value.u 0 intermediate, 1 off, 2 on, 3 indeterminate */
@@ -32,9 +32,12 @@ enum map_type {
 	MAP_SCALED,     /* value.i -32768..32767 */
 	MAP_FLOAT,      /* value.f */
 	MAP_COUNTER,    /* value.i, 32 bits */
+	MAP_INTEGER,    /* value.i, 32 bits: a measured value that keeps them all */
+	MAP_ANGLE,      /* value.i, 1e-7 degree, -180..180 degrees: a float would be a metre coarse */
 };
 
-#define MAP_TYPES (MAP_COUNTER + 1)
+#define MAP_TYPES            (MAP_ANGLE + 1)
+#define MAP_ANGLE_PER_DEGREE 10000000
 
 enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 0,    /* may be commanded */

@@ -56,10 +56,12 @@ enum map_counter_detail {
 	MAP_COUNTER_ADJUSTED = 0x40, /* it was reset in that period, by request or at the device */
 };
 
-/* A measured value or a counter as a number. */
+/* A measured value or a counter as a number; an angle in degrees. The reverse is map_value_of (map/type.h). */
 static inline double map_number(enum map_type type, union map_value value)
 {
-	return type == MAP_FLOAT ? (double)value.f : value.i;
+	if (type == MAP_FLOAT)
+		return (double)value.f;
+	return type == MAP_ANGLE ? value.i / (double)MAP_ANGLE_PER_DEGREE : value.i;
 }
 
 /* The nearest whole number, of two the even one, as rint: libm for this alone was 0.4 MiB in each process's memory. */

@@ -7,6 +7,12 @@
 
 static const double TENTHS_PER_S = 10;
 
+/* Its time constant comes as a number of seconds, else as whole tenths. */
+static bool sent_as_float(const struct map_point *object)
+{
+	return object->type == MAP_FLOAT || object->type == MAP_ANGLE;
+}
+
 static bool has_parameters(const struct map *map, uint32_t point)
 {
 	return is_measured(&map->config.points[point]);
@@ -31,7 +37,7 @@ static double loaded(const struct map *map, uint32_t point, enum map_parameter k
 void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out)
 {
 	const struct map_point *object = &map->config.points[point];
-	double unit = object->type == MAP_FLOAT ? 1 : TENTHS_PER_S;
+	double unit = sent_as_float(object) ? 1 : TENTHS_PER_S;
 
 	*out = (struct map_parameters){.threshold = object->deadband,
 				       .low = -INFINITY,
@@ -111,10 +117,7 @@ void map_smooth(struct map *map, uint32_t point, struct map_sample *sample)
 	passed_s = (double)(sample->time_ns - smoothed->time_ns) / NS_PER_S;
 	smoothed->value += (value - smoothed->value) * passed_s / (parameters.smoothing_s + passed_s);
 	smoothed->time_ns = sample->time_ns;
-	if (object->type == MAP_FLOAT)
-		sample->value.f = (float)smoothed->value;
-	else
-		sample->value.i = map_round(smoothed->value);
+	map_value_of((enum map_type)object->type, smoothed->value, &sample->value);
 }
 
 /* -1 below the low limit, 1 above the high one; a value that is not a number is at neither side. */
