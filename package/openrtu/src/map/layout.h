@@ -142,7 +142,7 @@ struct reported {
 /* Where a measured value's filter is; private to its owner. */
 struct smoothed {
 	double value;
-	int64_t time_ns; /* 0: it begins with the next value */
+	int64_t time_ns; /* 0: it begins with what was published last */
 };
 
 struct map {
@@ -192,6 +192,12 @@ static inline bool is_measured(const struct map_point *point)
 {
 	return map_class_of(point) == MAP_CLASS_MEASURED;
 }
+/* Makes the reading of what a counter's source says, before it is published; notes an overflow of the reading. */
+void total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample);
+/* Smooths a measured value before it is published. */
+void parameter_smooth(struct map *map, uint32_t point, struct map_sample *sample);
+/* An update's flag within this room: the sample is what shall be published. */
+#define UPDATE_AS_IS (1u << 7)
 /* The owner's own last sample. */
 struct map_sample own_sample(const struct map *map, uint32_t point);
 /* Puts an event of an update, whatever the last one said. */

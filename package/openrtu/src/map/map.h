@@ -175,17 +175,29 @@ enum map_cause {
 	MAP_RETURN_LOCAL,  /* read back after a command of rtuctl */
 };
 
+enum map_update_flag {
+	MAP_UPDATE_KEEPS_VALUE = 1u << 0, /* only quality and time are new: the sample's value is not read */
+	MAP_UPDATE_NARROW = 1u << 1,      /* of a counter that has 16 bits at its source */
+};
+
 struct map_update {
 	uint32_t point;
 	uint8_t cause; /* enum map_cause */
-	uint8_t reserved[3];
+	uint8_t flags; /* enum map_update_flag */
+	uint8_t reserved[2];
 	struct map_sample sample;
 };
 
 /*
- * Publishes new samples of one device's points in one step: readers see all or none. Makes an event of
- * each point whose quality changed, whose value left the deadband around the last event, or whose update is return
- * information: whoever commanded sees what became of it, also when nothing changed. Owner only.
+ * Publishes new samples of points of one set in one step: readers see all or none. Each point is among them once at most.
+ * Makes an event of each point whose quality changed, whose value left the deadband around the last event, or whose update
+ * is return information: whoever commanded sees what became of it, also when nothing changed. Owner only.
+ *
+ * A sample's value is what its source says: of a measured value with a loaded smoothing, what the filter makes of it is
+ * published; of a counter the reading, which is the source's value less what it was at the last reset, modulo 2^32, since the
+ * source itself is never written. A source that falls back has been reset or exchanged: the reading begins anew with it, and
+ * is adjusted. A narrow counter's reading goes on where that wraps, which must be published before it has counted 32 768; when
+ * it falls back further, the reading goes on from where it was, and is adjusted. An invalid sample changes no reading.
  */
 void map_publish(struct map *map, const struct map_update *updates, size_t count);
 
@@ -387,17 +399,6 @@ const char *map_command_result_name(enum map_command_result result);
 /* ---- totals ------------------------------------------------------------------------------ */
 
 /*
- * A counter's reading is the device's value less what it was at the last reset, modulo 2^32: the device itself
- * is never written. Makes the reading of what was read from the device in *sample, before it is published; notes
- * an overflow of the reading. A device that falls back has been reset or exchanged: the reading begins anew with
- * it, and is adjusted. Owner only.
- *
- * narrow: the device's counter has 16 bits. The reading goes on where that wraps, which must be read before it has counted
- * 32 768; when the device falls back further, the reading goes on from where it was, and is adjusted. A reading that is
- * invalid changes nothing.
- */
-void map_total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample);
-/*
  * Freezes counters with a period of their own when the map's clock enters a new one, and makes an event of each
  * frozen reading. Each second or so; owner only.
  */
@@ -422,8 +423,6 @@ struct map_parameters {
 
 /* Any point; only measured values have anything loaded. */
 void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out);
-/* Smooths a measured value that was read from the device, before it is published. Owner only. */
-void map_smooth(struct map *map, uint32_t point, struct map_sample *sample);
 
 /* ---- clock ------------------------------------------------------------------------------- */
 

@@ -95,14 +95,48 @@ struct map_sample own_sample(const struct map *map, uint32_t point)
 	return own->samples[latch_whole_copy(&own->latches[config->set])][config->slot];
 }
 
-static bool put_events(struct map *map, const struct map_update *updates, size_t count)
+/* What an update leaves in the map. */
+static struct map_sample sample_of(struct map *map, const struct map_update *update)
+{
+	struct map_sample sample = update->sample;
+
+	if (update->flags & UPDATE_AS_IS)
+		return sample;
+	if (update->flags & MAP_UPDATE_KEEPS_VALUE) {
+		const struct map_sample last = own_sample(map, update->point);
+
+		sample.value = last.value;
+		sample.detail = last.detail;
+		return sample;
+	}
+	switch (map_class_of(&map->config.points[update->point])) {
+	case MAP_CLASS_MEASURED:
+		parameter_smooth(map, update->point, &sample);
+		break;
+	case MAP_CLASS_TOTAL:
+		total_count(map, update->point, update->flags & MAP_UPDATE_NARROW, &sample);
+		break;
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+		break;
+	}
+	return sample;
+}
+
+/* samples: what the updates left. */
+static bool put_events(struct map *map, const struct map_update *updates, size_t count,
+		       const struct map_sample *samples)
 {
 	bool any = false;
 
 	for (size_t i = 0; i < count; i++) {
-		if (!is_event(map, &updates[i]))
+		struct map_update left = updates[i];
+
+		left.sample = samples[map->config.points[left.point].slot];
+		if (!is_event(map, &left))
 			continue;
-		event_put(map, &updates[i]);
+		event_put(map, &left);
 		any = true;
 	}
 	return any;
@@ -111,16 +145,21 @@ static bool put_events(struct map *map, const struct map_update *updates, size_t
 void map_publish(struct map *map, const struct map_update *updates, size_t count)
 {
 	const struct segment *own = &map->segments[map->self];
+	const struct map_point *points = map->config.points;
+	unsigned first, second;
+	map_latch *latch;
 
 	if (count == 0)
 		return;
-	for (int copy = 0; copy < 2; copy++) {
-		unsigned filled = latch_flip(&own->latches[map->config.points[updates[0].point].set]);
-
-		for (size_t i = 0; i < count; i++)
-			own->samples[filled][map->config.points[updates[i].point].slot] = updates[i].sample;
-	}
-	if (put_events(map, updates, count))
+	latch = &own->latches[points[updates[0].point].set];
+	first = latch_flip(latch);
+	for (size_t i = 0; i < count; i++)
+		own->samples[first][points[updates[i].point].slot] = sample_of(map, &updates[i]);
+	second = latch_flip(latch);
+	for (size_t i = 0; i < count; i++)
+		own->samples[second][points[updates[i].point].slot] =
+		    own->samples[first][points[updates[i].point].slot];
+	if (put_events(map, updates, count, own->samples[second]))
 		bell_ring_event_readers(map);
 }
 

@@ -26,6 +26,29 @@ static void test_published_samples_are_read_by_others(void **state)
 	map_detach(reader);
 }
 
+static void test_an_update_can_keep_the_value(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
+	struct map_update update = scaled(1, 1500, MAP_GOOD, 10);
+	struct map_cursor cursor;
+	struct map_event event;
+
+	update.sample.detail = 1;
+	map_publish(owner, &update, 1);
+	map_cursor_to_end(reader, &cursor);
+	update = (struct map_update){
+	    .point = 1, .flags = MAP_UPDATE_KEEPS_VALUE, .sample = {.quality = MAP_BLOCKED, .time_ns = 11}};
+	map_publish(owner, &update, 1);
+	assert_sample(reader, 1, 1500, MAP_BLOCKED);
+	assert_true(map_event_next(reader, &cursor, &event));
+	assert_int_equal(event.sample.value.i, 1500);
+	assert_int_equal(event.sample.detail, 1);
+	assert_int_equal(event.sample.time_ns, 11);
+	map_detach(owner);
+	map_detach(reader);
+}
+
 static void test_points_are_invalid_before_the_first_sample_and_after_the_end(void **state)
 {
 	struct stage *stage = *state;
@@ -164,6 +187,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    TEST(test_points_are_found_by_address),
 	    TEST(test_published_samples_are_read_by_others),
+	    TEST(test_an_update_can_keep_the_value),
 	    TEST(test_points_are_invalid_before_the_first_sample_and_after_the_end),
 	    TEST(test_events_are_changes_beyond_the_deadband),
 	    TEST(test_return_information_is_an_event_in_any_case),

@@ -42,7 +42,7 @@ static uint32_t next_reading(struct map_total *total, uint32_t last, bool narrow
 	return device - total->offset;
 }
 
-void map_total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample)
+void total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample)
 {
 	struct total_cell *cell = own_cell(map, point);
 	struct map_total total = current(cell);
@@ -77,7 +77,7 @@ static void carry_out(struct map *map, uint32_t point, enum map_freeze mode)
 {
 	struct total_cell *cell = own_cell(map, point);
 	struct map_total total = current(cell);
-	struct map_update update = {.point = point, .sample = own_sample(map, point)};
+	struct map_update update = {.point = point, .flags = UPDATE_AS_IS, .sample = own_sample(map, point)};
 
 	if (mode != MAP_RESET_ONLY)
 		freeze(&total, &update.sample);
