@@ -112,7 +112,7 @@ struct map_queue_plan {
 
 /* What holds for all modules. */
 struct map_settings {
-	uint16_t select_timeout_s;  /* a selection that is not executed ends */
+	uint16_t select_timeout_s;  /* a selection that is not executed ends; of all protocols, as the next */
 	uint16_t command_timeout_s; /* oldest acceptable time tag, longest wait for the device */
 	uint8_t clock;              /* enum map_clock_mode */
 	uint8_t queue_count;
@@ -144,7 +144,8 @@ struct map_module_plan {
 	struct map_rings rings;
 	uint32_t heartbeat_limit_ms; /* how old its heartbeat may be */
 	uint32_t section_size;       /* octets of its own section (map_section) */
-	uint32_t user;               /* what rtud adds to the first of the modules' users */
+	uint32_t
+	    user; /* what rtud adds to the first of the modules' users: no other's, or 0: no process of rtud's */
 };
 
 /* What a room alone knows of the configuration: a table of records that the map keeps and does not understand. */
