@@ -144,6 +144,7 @@ struct map_module_plan {
 	struct map_rings rings;
 	uint32_t heartbeat_limit_ms; /* how old its heartbeat may be */
 	uint32_t section_size;       /* octets of its own section (map_section) */
+	uint32_t counters;           /* so many in that section have a name at most (map_name_counter) */
 	uint32_t
 	    user; /* what rtud adds to the first of the modules' users: no other's, or 0: no process of rtud's */
 };

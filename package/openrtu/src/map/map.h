@@ -14,13 +14,13 @@
 #ifndef OPENRTU_MAP_H
 #define OPENRTU_MAP_H
 
-#include <float.h>
 #include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "config.h"
 #include "time_ns.h"
+#include "value.h"
 
 #define MAP_NONE                    UINT32_MAX
 #define MAP_ERROR_SIZE              256
@@ -43,42 +43,12 @@ enum map_quality {
 	MAP_INVALID = 0x80,
 };
 
-union map_value {
-	int32_t i;
-	uint32_t u;
-	float f;
-};
-
 /* What a frozen reading of a counter says beside its value, where the BCR has it (IEC 60870-5-101, 7.2.6.9). */
 enum map_counter_detail {
 	MAP_COUNTER_SEQUENCE = 0x1f, /* number of the freeze, modulo 32 */
 	MAP_COUNTER_CARRY = 0x20,    /* it overflowed in the period that the freeze ended */
 	MAP_COUNTER_ADJUSTED = 0x40, /* it was reset in that period, by request or at the device */
 };
-
-/* A measured value or a counter as a number; an angle in degrees. The reverse is map_value_of (map/type.h). */
-static inline double map_number(enum map_type type, union map_value value)
-{
-	if (type == MAP_FLOAT)
-		return (double)value.f;
-	return type == MAP_ANGLE ? value.i / (double)MAP_ANGLE_PER_DEGREE : value.i;
-}
-
-/* The nearest whole number, of two the even one, as rint: libm for this alone was 0.4 MiB in each process's memory. */
-static inline double map_nearest(double number)
-{
-	_Static_assert(FLT_EVAL_METHOD == 0, "a double has 53 bits here");
-	const double no_fraction = 0x1p52; /* numbers of this size have no place for one */
-
-	if (number >= no_fraction || number <= -no_fraction)
-		return number;
-	return number < 0 ? number - no_fraction + no_fraction : number + no_fraction - no_fraction;
-}
-
-static inline int32_t map_round(double number)
-{
-	return (int32_t)map_nearest(number);
-}
 
 struct map_sample {
 	union map_value value; /* which member: enum map_type */
@@ -500,6 +470,23 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
  * owner writes them, others read them. Their meaning is the kind's. NULL: it has none of this size.
  */
 void *map_section(const struct map *map, uint32_t module, size_t size);
+
+#define MAP_COUNTER_SIZE 32 /* of a counter's name, terminator included */
+
+/* A counter, as its module shows it. */
+struct map_counter {
+	char name[MAP_COUNTER_SIZE];
+	uint32_t value;
+};
+
+/*
+ * Names a counter in the own section, so that others can show it without knowing the section. A process names its counters once,
+ * in the same order each time. Longer names are cut. False: it has named as many as its plan says.
+ */
+bool map_name_counter(struct map *map, const _Atomic uint32_t *counter, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+/* A module's named counter, number 0 and on, with a printable name. False: it has no more. */
+bool map_counter(const struct map *map, uint32_t module, uint32_t number, struct map_counter *out);
 
 /*
  * How often durations were how long: below 1 us, then number i from 2^(i-1) to below 2^i us, the last whatever is

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What a module tells all others: samples of its points, events and its log. */
+#include <string.h>
+
 #include "map/test_stage.h"
 
 static void test_points_are_found_by_address(void **state)
@@ -182,6 +184,36 @@ static void test_the_log_is_read_line_by_line(void **state)
 	map_detach(module);
 }
 
+/* Whoever reads them knows nothing of the section. */
+static void test_named_counters(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	uint32_t index = index_of(stage, FIRST);
+	_Atomic uint32_t *own = map_section(owner, index, 3 * sizeof(*own));
+	struct map_counter counter;
+
+	assert_false(map_counter(stage->rtud, index, 0, &counter));
+	assert_true(map_name_counter(owner, &own[2], "p%u.%s", 1u, "frames"));
+	assert_true(map_name_counter(owner, &own[0], "%s", "a name that is longer than its place is"));
+	assert_false(map_name_counter(owner, &own[1], "third")); /* two are planned */
+	map_count(&own[2], 7);
+	assert_true(map_counter(stage->rtud, index, 0, &counter));
+	assert_string_equal(counter.name, "p1.frames");
+	assert_int_equal(counter.value, 7);
+	assert_true(map_counter(stage->rtud, index, 1, &counter));
+	assert_int_equal(strlen(counter.name), MAP_COUNTER_SIZE - 1);
+	assert_false(map_counter(stage->rtud, index, 2, &counter));
+	assert_false(map_counter(stage->rtud, MAP_RTUD, 0, &counter));
+	map_detach(owner);
+
+	owner = start(stage, FIRST); /* the next process names them again */
+	assert_true(map_name_counter(owner, &own[1], "other"));
+	assert_true(map_counter(stage->rtud, index, 0, &counter));
+	assert_string_equal(counter.name, "other");
+	map_detach(owner);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -193,6 +225,7 @@ int main(void)
 	    TEST(test_return_information_is_an_event_in_any_case),
 	    TEST(test_events_of_several_modules_come_in_order_of_time),
 	    TEST(test_lost_events_are_counted),
+	    TEST(test_named_counters),
 	    TEST(test_the_log_is_read_line_by_line),
 	};
 

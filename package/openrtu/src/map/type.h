@@ -6,7 +6,7 @@
 #ifndef OPENRTU_MAP_TYPE_H
 #define OPENRTU_MAP_TYPE_H
 
-#include "map/map.h"
+#include "map/value.h"
 
 enum map_class {
 	MAP_CLASS_STATE,    /* on, off, and what lies between: value.u */
