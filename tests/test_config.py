@@ -399,6 +399,7 @@ def definition(name: str) -> dict[str, Any]:
 SITES = [
     Site("", "", ("",)),
     Site("iec104", "iec104", ("iec104",)),
+    Site("commands", "commands", ("commands",)),
     Site("redundancy_group", "redundancy_groups[0]", ("redundancy_group",)),
     Site("tls", "tls", ("tls",)),
     Site("journal", "journal", ("journal",)),
@@ -469,6 +470,7 @@ def small_file() -> dict[str, Any]:
         "tls": tls,
         "journal": {},
         "modbus": {},
+        "commands": {},
         "event_ring": 65536,
         "redundancy_groups": groups,
         "templates": {"meter": {}},

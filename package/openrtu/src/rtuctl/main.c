@@ -63,6 +63,10 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
+    {"counters", "[MODULE]", 0, 1, 0, NULL, "the counters of the modules, by name",
+     "MODULE is a name as \"rtuctl modules\" has it. Counters count since the gateway started and wrap at "
+     "2^32.\n",
+     rtuctl_counters},
     {"clock", "", 0, 0, 0, NULL, "the gateway's clock, and where its time is from",
      "VALID says whether time tags are valid. ERROR is the largest possible error while the system's clock\n"
      "is synchronised. LEFT is how long time tags stay valid after it no longer is.\n",

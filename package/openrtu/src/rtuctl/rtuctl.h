@@ -41,6 +41,7 @@ rtuctl_command rtuctl_top;
 rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
+rtuctl_command rtuctl_counters;
 rtuctl_command rtuctl_clock;
 rtuctl_command rtuctl_lines;
 rtuctl_command rtuctl_histogram; /* lines --histogram */

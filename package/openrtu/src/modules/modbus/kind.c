@@ -65,6 +65,15 @@ static int priority(const struct map_config *config)
 	return modbus_settings(config)->priority;
 }
 
+static uint32_t lines_of(const struct map_config *config, uint16_t process)
+{
+	uint32_t lines = 0;
+
+	for (uint32_t i = 0; i < modbus_port_count(config); i++)
+		lines += modbus_ports(config)[i].process == process;
+	return lines;
+}
+
 static bool plan(struct map_config *config)
 {
 	const uint32_t limit_ms = modbus_settings(config)->heartbeat_limit_ms;
@@ -81,6 +90,7 @@ static bool plan(struct map_config *config)
 		uint32_t before = config->module_count, number;
 
 		snprintf(module.name, sizeof(module.name), "rtu-modbus-%u", modbus_ports(config)[i].process);
+		module.counters = MODBUS_LINE_COUNTERS * lines_of(config, modbus_ports(config)[i].process);
 		number = map_plan_module(config, &module);
 		if (number == MAP_NONE)
 			return false;
