@@ -145,6 +145,13 @@ enum map_cause {
 	MAP_RETURN_LOCAL,  /* read back after a command of rtuctl */
 };
 
+/* Whether a spontaneous update is an event. */
+enum map_event_rule {
+	MAP_EVENT_BY_CHANGE,  /* its quality changed, or its value left the deadband around the last event */
+	MAP_EVENT_BY_QUALITY, /* its quality changed: its owner says itself when its value is worth one */
+	MAP_EVENT_ALWAYS,
+};
+
 enum map_update_flag {
 	MAP_UPDATE_KEEPS_VALUE = 1u << 0, /* only quality and time are new: the sample's value is not read */
 	MAP_UPDATE_NARROW = 1u << 1,      /* of a counter that has 16 bits at its source */
@@ -152,16 +159,17 @@ enum map_update_flag {
 
 struct map_update {
 	uint32_t point;
-	uint8_t cause; /* enum map_cause */
-	uint8_t flags; /* enum map_update_flag */
-	uint8_t reserved[2];
+	uint8_t cause;      /* enum map_cause */
+	uint8_t flags;      /* enum map_update_flag */
+	uint8_t event_rule; /* enum map_event_rule */
+	uint8_t reserved;
 	struct map_sample sample;
 };
 
 /*
  * Publishes new samples of points of one set in one step: readers see all or none. Each point is among them once at most.
- * Makes an event of each point whose quality changed, whose value left the deadband around the last event, or whose update
- * is return information: whoever commanded sees what became of it, also when nothing changed. Owner only.
+ * Makes an event of each point whose update's rule says so, or whose update is return information: whoever commanded sees
+ * what became of it, also when nothing changed. Owner only.
  *
  * A sample's value is what its source says: of a measured value with a loaded smoothing, what the filter makes of it is
  * published; of a counter the reading, which is the source's value less what it was at the last reset, modulo 2^32, since the

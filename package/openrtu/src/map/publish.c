@@ -35,6 +35,16 @@ static bool value_left(const struct map *map, uint32_t point, union map_value fr
 	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to);
 }
 
+static bool has_changed(const struct map *map, const struct map_update *update, const struct reported *last)
+{
+	const struct map_sample *sample = &update->sample;
+
+	if (!last->valid || last->quality != sample->quality)
+		return true;
+	return update->event_rule == MAP_EVENT_BY_CHANGE &&
+	       (last->detail != sample->detail || value_left(map, update->point, last->value, sample->value));
+}
+
 static bool is_event(const struct map *map, const struct map_update *update)
 {
 	const struct map_sample *sample = &update->sample;
@@ -43,8 +53,8 @@ static bool is_event(const struct map *map, const struct map_update *update)
 
 	if (map->config.points[point].freeze_s != 0) /* its frozen readings are its events */
 		return false;
-	if (update->cause == MAP_SPONTANEOUS && last->valid && last->quality == sample->quality &&
-	    last->detail == sample->detail && !value_left(map, point, last->value, sample->value))
+	if (update->cause == MAP_SPONTANEOUS && update->event_rule != MAP_EVENT_ALWAYS &&
+	    !has_changed(map, update, last))
 		return false;
 	*last = (struct reported){
 	    .value = sample->value, .quality = sample->quality, .detail = sample->detail, .valid = true};

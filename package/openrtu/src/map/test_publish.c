@@ -99,6 +99,32 @@ static void test_events_are_changes_beyond_the_deadband(void **state)
 	map_detach(reader);
 }
 
+/* An owner that judges its values together, as a position, says itself which of them is an event. */
+static void test_owner_says_what_is_an_event(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
+	struct map_cursor cursor;
+	struct map_event event;
+	struct map_update updates[] = {scaled(0, 100, MAP_GOOD, 1), scaled(0, 900, MAP_GOOD, 2),
+				       scaled(0, 900, MAP_GOOD, 3), scaled(0, 901, MAP_INVALID, 4)};
+	const int64_t expected[] = {1, 3, 4};
+
+	updates[1].event_rule = MAP_EVENT_BY_QUALITY;
+	updates[2].event_rule = MAP_EVENT_ALWAYS;
+	updates[3].event_rule = MAP_EVENT_BY_QUALITY;
+	map_cursor_to_end(reader, &cursor);
+	for (size_t i = 0; i < 4; i++)
+		map_publish(owner, &updates[i], 1);
+	for (size_t i = 0; i < 3; i++) {
+		assert_true(map_event_next(reader, &cursor, &event));
+		assert_int_equal(event.sample.time_ns, expected[i]);
+	}
+	assert_false(map_event_next(reader, &cursor, &event));
+	map_detach(owner);
+	map_detach(reader);
+}
+
 static void test_return_information_is_an_event_in_any_case(void **state)
 {
 	struct stage *stage = *state;
@@ -222,6 +248,7 @@ int main(void)
 	    TEST(test_an_update_can_keep_the_value),
 	    TEST(test_points_are_invalid_before_the_first_sample_and_after_the_end),
 	    TEST(test_events_are_changes_beyond_the_deadband),
+	    TEST(test_owner_says_what_is_an_event),
 	    TEST(test_return_information_is_an_event_in_any_case),
 	    TEST(test_events_of_several_modules_come_in_order_of_time),
 	    TEST(test_lost_events_are_counted),
