@@ -87,7 +87,7 @@ class Slaves:
         try:
             return int(row[key])
         except ValueError:
-            self.error(line, f'{key}: "{row[key]}" is no integer')
+            self.error(line, f'{key}: "{row[key]}" is not an integer')
             return None
 
     def point(self, row: dict[str, str], line: int) -> Json:
@@ -99,7 +99,7 @@ class Slaves:
             try:
                 point[key] = cell if key in TEXTS else json.loads(cell)
             except ValueError:
-                self.error(line, f'{key}: "{cell}" is no number, truth value or array')
+                self.error(line, f'{key}: "{cell}" is not a number, truth value or array')
         return point | TYPES.get(row["type"], {})
 
 
@@ -161,7 +161,7 @@ def read_points(path: Path, slaves: Slaves) -> None:
         raise PointsError(f"{path}:1: has no column {', '.join(missing)}")
     for row in reader:
         if None in row or None in row.values():
-            slaves.error(reader.line_num, "has not as many cells as the first line")
+            slaves.error(reader.line_num, "has another number of cells than the first line")
         elif row["port"] != "":  # the gateway's own station has none: own_ca makes it
             slaves.add(row, reader.line_num)
 

@@ -241,7 +241,7 @@ def test_lost_server_is_connected_again(programs: Path) -> None:
             assert not master.command(7001, 40001, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
         with server:
             wait_good(gateway, "p7.1.*")
-        refused = "cannot be connected: Connection refused; tried again each second"
+        refused = "cannot be connected: Connection refused; trying again each second"
         wait_said(gateway, 7, [refused, "is connected", "is lost", "is connected", "is lost"])
 
 
@@ -395,7 +395,7 @@ def test_host_that_does_not_answer_delays_nobody(programs: Path) -> None:
             assert stale == []
             assert {module["restarts"] for module in gateway.modules().values()} == {0}
             assert all_are(gateway, "p7.*", "invalid")
-            assert said_of(gateway, 7) == ["does not answer; tried again every few seconds"]
+            assert said_of(gateway, 7) == ["does not answer; trying again every few seconds"]
             until_full.close()
             server.start(listener)
             try:

@@ -182,7 +182,7 @@ def test_no_certificate(gateway: TlsGateway, pki: Pki) -> None:
 @pytest.mark.parametrize("version", VERSIONS)
 def test_unknown_ca(gateway: TlsGateway, pki: Pki, version: str) -> None:
     context = pki.client(pki.stranger, version)
-    assert_refused(gateway, context, 'certificate is from no known CA: "stranger"')
+    assert_refused(gateway, context, 'certificate is not from a known CA: "stranger"')
 
 
 def test_expired(gateway: TlsGateway, pki: Pki) -> None:
@@ -495,7 +495,9 @@ def test_key_that_others_may_read(pki: Pki, programs: Path) -> None:
     station.key.chmod(0o644)
     files = {"certificate": str(station.certificate), "key": str(station.key)}
     with not_up(pki, programs, **files) as gateway:
-        gateway.wait_log(rf"rtu-iec104-tls: the key {station.key}: others may read it, chmod o= it$")
+        gateway.wait_log(
+            rf"rtu-iec104-tls: the key {station.key}: other users may read it: type chmod o= for it$"
+        )
 
 
 def test_key_of_another_certificate(pki: Pki, programs: Path) -> None:
@@ -539,7 +541,7 @@ def test_own_certificate_that_has_expired_is_said(pki: Pki, programs: Path) -> N
     station = pki.ours.issue_for_station("substation 13", days=-1)
     files = {"certificate": str(station.certificate), "key": str(station.key)}
     with not_up(pki, programs, **files) as gateway:
-        gateway.wait_log('own certificate has expired on .*: "substation 13"$')
+        gateway.wait_log('own certificate expired on .*: "substation 13"$')
         gateway.wait_log("listening on")
         with pytest.raises(ssl.SSLCertVerificationError, match="expired"):
             connected(gateway, pki.client())

@@ -27,7 +27,7 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 STATION = "rtu-iec104"
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
 MODULES_GROUP = 61200
-NO_FILTER = "modules have no filter of system calls: "
+NO_FILTER = "the modules run without a filter of system calls: "
 READ_A_PERIOD = 6 * 16  # a bell is heard so often, and other things are looked at besides
 FLOOD = 20_000  # rings
 FIRST_PAUSE_S = 0.1  # after a life shorter than a second
@@ -178,7 +178,7 @@ def test_map_is_shown_to_its_group_alone(gateway: Gateway) -> None:
         assert STATION in rtuctl(MODULES_GROUP, "modules").stdout
         stranger = rtuctl(65534, "modules")
         assert stranger.returncode != 0
-        assert "cannot open rtud.seg: Permission denied (rtud's user may, and" in stranger.stderr
+        assert "cannot open rtud.seg: Permission denied (rtud's user may write it" in stranger.stderr
         reader = rtuctl(MODULES_GROUP, "set", next(iter(gateway.points())), "1")
         assert reader.returncode != 0
         assert "cannot open rtuctl.seg: Permission denied" in reader.stderr
@@ -255,8 +255,8 @@ def said(gateway: Gateway, module: str, text: str) -> int:
     return sum(line["module"] == module and line["text"].startswith(text) for line in lines)
 
 
-NO_PRIORITY = "no real-time priority for the line processes: "
-NOT_LOCKED = "memory is not locked: "
+NO_PRIORITY = "cannot give the line processes a real-time priority: "
+NOT_LOCKED = "cannot lock memory: "
 
 
 def test_histogram_says_what_the_kernel_has_given(gateway: Gateway) -> None:
@@ -318,7 +318,7 @@ def test_map_folder_that_is_not_ours_is_refused(gateway: Gateway) -> None:
     writable.chmod(0o777)
     link = gateway.directory / "link"
     link.symlink_to("/etc")
-    assert "writable by another user" in refused(gateway, map=writable)
+    assert "another user owns the map's folder" in refused(gateway, map=writable)
     assert "cannot open the map's folder" in refused(gateway, map=link)
     assert "cannot open the map's folder" in refused(gateway, map=gateway.config_file)
     assert "cannot create the map's folder" in refused(gateway, map=gateway.directory / "no" / "map")

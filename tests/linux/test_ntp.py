@@ -178,7 +178,7 @@ def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
     before = clock(synchronised)
     assert before["source"] == "system, synchronised"  # the kernel's word, for as long as its bound holds
     synchronised.run(f"date -u -s @{int(server.now()) + 86400 // 2}")
-    row = wait_source(synchronised, "system, not synchronised any more")
+    row = wait_source(synchronised, "system, no longer synchronised")
     assert row["valid"]
     assert 3600 < row["left_s"] < 9 * 3600  # less than 8.9 h by what the kernel knew of its error
     assert_tells_the_servers_time(synchronised, server)

@@ -40,7 +40,7 @@ static void check_name(struct config_loader *loader, const struct config_place *
 			map_point_name(loader->config, &loader->config->points[j], other);
 			if (strcmp(other, name) == 0)
 				config_error(&loader->report, here,
-					     "needs the name \"%s\", which another point has", name);
+					     "needs the name \"%s\", but another point has it", name);
 		}
 	}
 }

@@ -85,7 +85,7 @@ static const struct command commands[] = {
      "sent.\n"
      "Counters count since the gateway started and wrap at 2^32.\n",
      rtuctl_iec104},
-    {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "events that are still kept, oldest first",
+    {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the events that are still kept, oldest first",
      "With --count only the newest N.\n", rtuctl_events},
     {"log", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the modules' log lines that are still kept",
      "With --count only the newest N.\n", rtuctl_log},
@@ -310,7 +310,8 @@ static int run(const struct line *line)
 	int result;
 
 	if (module != NULL && !lock_requester(dir, module)) {
-		fputs("rtuctl: another rtuctl waits for its command's answer: try again when it has ended\n",
+		fputs("rtuctl: another rtuctl is waiting for the answer to its command: try again when it "
+		      "has ended\n",
 		      stderr);
 		return RTUCTL_FAILED;
 	}
@@ -323,7 +324,7 @@ static int run(const struct line *line)
 		return RTUCTL_USAGE;
 	}
 	if (!map_alive(map, MAP_RTUD))
-		fputs("rtuctl: rtud does not run: this is what it left behind\n", stderr);
+		fputs("rtuctl: rtud does not run: this is what it left\n", stderr);
 	result = line->command->run(map, &line->request);
 	map_detach(map);
 	return result;

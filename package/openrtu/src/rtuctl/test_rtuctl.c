@@ -273,7 +273,7 @@ static void test_clock(void **state)
 	json = json_loads(output, 0, NULL);
 	row = json_array_get(json, 0);
 	assert_string_equal(json_string_value(json_object_get(row, "source")),
-			    "system, not synchronised any more");
+			    "system, no longer synchronised");
 	assert_true(json_is_null(json_object_get(row, "error_s")));
 	assert_in_range((int)json_real_value(json_object_get(row, "left_s")), 3500, 3600);
 	json_decref(json);
