@@ -133,7 +133,7 @@ def test_volume_is_made_and_used_from_the_next_start_on(
         assert linux.run("cat /data/note") == "kept"
         free = int(linux.run("rtu-data status").splitlines()[0].split()[2])
         assert SIZE / 4 < free << 20 < SIZE
-        assert "there already" in linux.run("rtu-data create")
+        assert "exists already" in linux.run("rtu-data create")
         linux.run("echo more > /data/more; sync")
     with power() as linux:
         assert linux.run("cat /data/more") == "more"

@@ -121,8 +121,8 @@ def test_report_says_that_cyclictest_is_missing(without_cyclictest: Linux) -> No
     status, report = without_cyclictest.try_to("rt-report --emulator --seconds 1", PATIENCE_S)
     assert status == 1
     assert re.findall("FAIL.*", report) == [
-        "FAIL  no latency was measured: this image has no cyclictest "
-        "(Debian's and Buildroot's package rt-tests)"
+        "FAIL  latency was not measured: this image lacks cyclictest "
+        "(package rt-tests of Debian and Buildroot)"
     ]
 
 
