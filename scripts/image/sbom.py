@@ -48,7 +48,7 @@ def _references(bill: dict[str, Any]) -> Iterator[str]:
     for dependency in bill["dependencies"]:
         for ref in (dependency["ref"], *dependency["dependsOn"]):
             if ref not in known:
-                yield f'"{dependency["ref"]}" depends on "{ref}", which is no component'
+                yield f'"{dependency["ref"]}" depends on "{ref}", which is not a component'
 
 
 def _versions(bill: dict[str, Any], version: str) -> Iterator[str]:

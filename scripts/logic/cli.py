@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except LogicError as error:
         print(f"openrtu-logic: {error}", file=sys.stderr)
     except UnicodeDecodeError:
-        print(f"openrtu-logic: {parsed.file}: this is no text in UTF-8", file=sys.stderr)
+        print(f"openrtu-logic: {parsed.file}: this is not UTF-8 text", file=sys.stderr)
     except RecursionError:
         print(f"openrtu-logic: {parsed.file}: expressions or statements are nested too deep", file=sys.stderr)
     except OSError as error:
@@ -74,7 +74,7 @@ def _add_period(command: argparse.ArgumentParser) -> None:
 
 def _milliseconds(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 3_600_000:
-        raise argparse.ArgumentTypeError(f"{text} is no number of milliseconds from 1 to 3600000")
+        raise argparse.ArgumentTypeError(f"{text} is not a number of milliseconds from 1 to 3600000")
     return int(text)
 
 

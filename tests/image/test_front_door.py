@@ -213,7 +213,7 @@ WRONG = [
     ("image SITE=nope", "SITE=nope is not a folder"),
     ("image IMAGES=nope", "IMAGES=nope: there is no configs/nope_defconfig; there are nuc980_gateway "),
     ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
-    ("system SITE=sites/json", "sites/json/config.json is no JSON"),
+    ("system SITE=sites/json", "sites/json/config.json is not JSON"),
     ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
     ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
     ("image SITE=sites/ntp", "sites/ntp/ntp names no server"),

@@ -119,7 +119,7 @@ def test_slow_login_is_awaited(boot: Boot) -> None:
             ["The kernel panicked:", "Attempted to kill init!", "show_stack+0x10/0x14", "end Kernel panic"],
         ),
         ("noroot", ["found no root file system:", "unknown-block(0,0)", "likely cause: root= or ubi.mtd="]),
-        ("oops", ["The kernel stumbled:", "NULL pointer dereference", "end trace"]),
+        ("oops", ["The kernel reported an error:", "NULL pointer dereference", "end trace"]),
         ("reset", ["The board restarted while Linux came up", "eth1:", "watchdog"]),
         ("hang", ["No line with", "within 3 s", "eth1:", "--timeout"]),
         ("mute", ["The kernel printed nothing within 3 s", "console=ttyS0,115200n8"]),
@@ -238,7 +238,7 @@ def test_nobody_has_the_servers_address(boot: Boot) -> None:
 def test_request_from_another_address_is_named(boot: Boot) -> None:
     done = boot("--seen-as", "127.0.0.9")
     assert done.returncode == 1
-    assert "The server was asked, and refused: 127.0.0.1, 'uImage': the board is 127.0.0.9" in done.stdout
+    assert "The server refused the request: 127.0.0.1, 'uImage': the board is 127.0.0.9" in done.stdout
     assert "--seen-as" in done.stdout
 
 

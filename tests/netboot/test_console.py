@@ -347,7 +347,7 @@ def test_status_and_output_are_the_commands() -> None:
     assert at.run("nonsense").status == 1
     assert at.run("unended no line feed").output == "no line feed"
     assert at.run("true; false").status == 1
-    with pytest.raises(CommandFailed, match="'false' failed: without a word"):
+    with pytest.raises(CommandFailed, match="'false' failed: it printed nothing"):
         at.run("false").required()
 
 
