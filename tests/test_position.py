@@ -153,14 +153,14 @@ def test_altitudes_and_speeds_are_gpsds_own(recordings: Path, replay: Path) -> N
                 (ALTITUDE, "altitude_mm", "altMSL", 1.01),
                 (SPEED, "speed_mm_s", "speed", 60),
             ):
-                said = {
+                reference = {
                     report[theirs] for report in answers.reports.get(fix["day_ms"], []) if theirs in report
                 }
-                if not fix["known"] & known or not said:
+                if not fix["known"] & known or not reference:
                     continue
                 compared += 1
-                if all(abs(fix[ours] - value * 1000) > limit for value in said):
-                    wrong.append((file.stem, fix["day_ms"], theirs, fix[ours], said))
+                if all(abs(fix[ours] - value * 1000) > limit for value in reference):
+                    wrong.append((file.stem, fix["day_ms"], theirs, fix[ours], reference))
     assert wrong == []
     assert compared > 4000
 
@@ -407,18 +407,18 @@ def test_what_gpsd_says_is_what_we_read_ourselves(daemon: Daemon, recordings: Pa
     lines = [line + b"\n" for line in log.split(b"\n") if line.startswith(b"$")]
     ours = {fix["day_ms"]: fix for fix in replayed(replay, [log])[0][0] if fix["known"] & POSITION}
     daemon.client.sendall(b'?WATCH={"enable":true,"json":true};\n')
-    said, deadline = b"", time.monotonic() + 60
+    received, deadline = b"", time.monotonic() + 60
     daemon.client.settimeout(0.01)
     fixes: list[Fix] = []
     while len({fix["day_ms"] for fix in fixes}) < 10:
-        assert time.monotonic() < deadline, said[-1000:]
+        assert time.monotonic() < deadline, received[-1000:]
         for line in lines:
             os.write(daemon.receiver, line)
             try:
-                said += daemon.client.recv(65536)
+                received += daemon.client.recv(65536)
             except TimeoutError:
                 continue
-        whole = said[: said.rfind(b"\n") + 1]
+        whole = received[: received.rfind(b"\n") + 1]
         ((found, counted),) = replayed(replay, [whole], "gpsd")
         assert counted["damaged"] == 0
         fixes = [fix for fix in found if fix["known"] & POSITION and fix["known"] & TIME]

@@ -268,8 +268,8 @@ def test_keys_are_changed_on_request(gateway: TlsGateway) -> None:
         assert peer.stdin and peer.stdout and peer.stderr
         for _ in range(5):
             peer.stdin.write(b"K\n")
-            while b"KEYUPDATE" not in (said := peer.stderr.read(4096)):
-                assert said, "closed"
+            while b"KEYUPDATE" not in (output := peer.stderr.read(4096)):
+                assert output, "closed"
             peer.stdin.write(TESTFR_ACT)
             assert peer.stdout.read(len(TESTFR_CON)) == TESTFR_CON
         peer.stdin.close()
@@ -465,8 +465,8 @@ def test_plain_station_is_not_linked_with_openssl(programs: Path) -> None:
 
     def needed(program: str) -> set[str]:
         command = ["readelf", "--dynamic", programs / "modules" / program]
-        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        return set(re.findall(r"NEEDED.*\[(lib(?:ssl|crypto))", said))
+        output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        return set(re.findall(r"NEEDED.*\[(lib(?:ssl|crypto))", output))
 
     assert needed("rtu-iec104") == set()
     assert needed("rtu-iec104-tls") == {"libssl", "libcrypto"}

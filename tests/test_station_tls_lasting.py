@@ -79,8 +79,8 @@ def test_keys_are_renewed_in_tls_1_3(renewing: TlsGateway, tmp_path: Path) -> No
     pipe = subprocess.PIPE
 
     def updates(direction: str) -> int:
-        said = messages.read_text() if messages.exists() else ""
-        return len(re.findall(rf"^{direction} .*KeyUpdate", said, re.MULTILINE))
+        output = messages.read_text() if messages.exists() else ""
+        return len(re.findall(rf"^{direction} .*KeyUpdate", output, re.MULTILINE))
 
     with subprocess.Popen(command, bufsize=0, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL) as peer:
         assert peer.stdin and peer.stdout

@@ -249,7 +249,7 @@ def wait_serving(gateway: Gateway) -> dict[str, dict[str, Any]]:
     return modules
 
 
-def said(gateway: Gateway, module: str, text: str) -> int:
+def log_count(gateway: Gateway, module: str, text: str) -> int:
     """How often a module has said it in its log."""
     lines = map(json.loads, gateway.ctl("--json", "log").splitlines())
     return sum(line["module"] == module and line["text"].startswith(text) for line in lines)
@@ -271,8 +271,8 @@ def test_histogram_says_what_the_kernel_has_given(gateway: Gateway) -> None:
             realtime = line["realtime_kernel"] and given["fifo"] and given["locked_kib"] > 0
             assert line["realtime"] is realtime
             assert line["verdict"].startswith("none: ") is not realtime
-            assert said(gateway, name, NOT_LOCKED) == (given["locked_kib"] == 0)
-        assert said(gateway, "rtud", NO_PRIORITY) == (not all(line["process"]["fifo"] for line in lines))
+            assert log_count(gateway, name, NOT_LOCKED) == (given["locked_kib"] == 0)
+        assert log_count(gateway, "rtud", NO_PRIORITY) == (not all(line["process"]["fifo"] for line in lines))
 
 
 def test_what_the_kernel_refuses_is_said_once(gateway: Gateway) -> None:
@@ -290,8 +290,8 @@ def test_what_the_kernel_refuses_is_said_once(gateway: Gateway) -> None:
             assert line["verdict"].startswith("none: ")
         table = gateway.ctl("lines", "--histogram")
         assert table.count("ordinary scheduling, memory not locked\nverdict: none: ") == len(lines)
-        assert said(gateway, "rtud", NO_PRIORITY) == 1
-        assert [said(gateway, name, NOT_LOCKED) for name in LINES] == [1, 1]
+        assert log_count(gateway, "rtud", NO_PRIORITY) == 1
+        assert [log_count(gateway, name, NOT_LOCKED) for name in LINES] == [1, 1]
 
 
 # ---- where it is started ------------------------------------------------------------------------
@@ -406,7 +406,9 @@ def test_closed_terminal_stops_nothing(gateway: Gateway) -> None:
         os.close(slave)
         before = wait_running(gateway)
         os.close(master)
-        gateway.wait_for(lambda: said(gateway, "rtud", "SIGHUP is ignored") > 0, 60.0, "SIGHUP is logged")
+        gateway.wait_for(
+            lambda: log_count(gateway, "rtud", "SIGHUP is ignored") > 0, 60.0, "SIGHUP is logged"
+        )
         gateway.kill(LINES[1])  # what rtud says of it goes to a terminal that is gone
         gateway.wait_for(
             lambda: gateway.modules()[LINES[1]]["pid"] not in (0, before[LINES[1]]["pid"]),
@@ -428,7 +430,9 @@ def test_sighup_is_said_under_nohup_too(gateway: Gateway) -> None:
     with rtud(gateway, preexec_fn=ignore) as process:
         before = wait_running(gateway)
         process.send_signal(signal.SIGHUP)
-        gateway.wait_for(lambda: said(gateway, "rtud", "SIGHUP is ignored") == 1, 60.0, "SIGHUP is logged")
+        gateway.wait_for(
+            lambda: log_count(gateway, "rtud", "SIGHUP is ignored") == 1, 60.0, "SIGHUP is logged"
+        )
         assert wait_running(gateway)[STATION]["pid"] == before[STATION]["pid"]
 
 

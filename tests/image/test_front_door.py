@@ -236,8 +236,8 @@ SITES = {
 }
 
 
-@pytest.mark.parametrize(("words", "said"), WRONG)
-def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words: str, said: str) -> None:
+@pytest.mark.parametrize(("words", "message"), WRONG)
+def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words: str, message: str) -> None:
     for folder in ("build", ".venv"):
         shutil.rmtree(tree.folder / folder)
     for name, (file, text) in SITES.items():
@@ -245,7 +245,7 @@ def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words:
         (tree.folder / "sites" / name / file).write_text(text)
     run = tree.make(*words.split())
     assert run.returncode == 2
-    assert said in run.stderr.splitlines()[-1]
+    assert message in run.stderr.splitlines()[-1]
     assert run.stdout == ""
     assert not (tree.folder / "build").exists()
 

@@ -280,8 +280,8 @@ def test_broken_image_is_refused(output: Output, what: str, capsys: pytest.Captu
     assert output.judge() == 0
     breaking(output)
     assert output.judge() == 1
-    said = capsys.readouterr().err
-    assert reason in said
+    printed = capsys.readouterr().err
+    assert reason in printed
     assert not output.manifest.exists()
 
 

@@ -42,8 +42,8 @@ def extra_files() -> dict[str, str]:
 def threads(linux: Linux) -> dict[str, int]:
     """Names and priorities of all threads, once the gateway runs."""
     linux.run("until [ $(rtuctl modules | grep -c '^rtu-.* running') = 3 ]; do sleep 0.2; done", PATIENCE_S)
-    said = linux.run("for p in /proc/[0-9]*; do cat $p/comm; chrt -p ${p#/proc/}; done")
-    found = re.findall(r"^(\S.*)\n.*policy.*\n.*priority: (\d+)$", said, re.MULTILINE)
+    output = linux.run("for p in /proc/[0-9]*; do cat $p/comm; chrt -p ${p#/proc/}; done")
+    found = re.findall(r"^(\S.*)\n.*policy.*\n.*priority: (\d+)$", output, re.MULTILINE)
     return {name: int(priority) for name, priority in found}
 
 
@@ -135,6 +135,6 @@ def test_show_leaves_out_a_latency_that_the_image_cannot_measure(
 
 
 def test_wrong_usage_is_said(linux: Linux) -> None:
-    status, said = linux.try_to("rt-report --seconds soon")
+    status, output = linux.try_to("rt-report --seconds soon")
     assert status == 2
-    assert said.startswith("usage: rt-report")
+    assert output.startswith("usage: rt-report")

@@ -73,7 +73,7 @@ def booted(payload: Path, dtb: Path, site: Path, udp_port: int) -> Callable[[Emu
     return of
 
 
-def kernel_said(output: str) -> list[str]:
+def kernel_lines(output: str) -> list[str]:
     """The kernel's lines, without their times."""
     return re.findall(r"^  \| \[ +[\d.]+\] (.*)$", output, re.MULTILINE)
 
@@ -82,12 +82,12 @@ def kernel_said(output: str) -> list[str]:
 def test_kernel_comes_up_through_either_port(boot: Boot, port: int) -> None:
     done = boot("--ethact", f"emac{port}", port=port)
     assert done.returncode == 0, done.stdout
-    said = kernel_said(done.stdout)
-    assert said[0] == "Booting Linux on physical CPU 0x0"
-    assert "OF: fdt: Machine model: BLIIoT gateway (OpenRTU)" in said
-    assert f"Kernel command line: ethaddr0={MACS[0]} ethaddr1={MACS[1]}" in said
+    lines = kernel_lines(done.stdout)
+    assert lines[0] == "Booting Linux on physical CPU 0x0"
+    assert "OF: fdt: Machine model: BLIIoT gateway (OpenRTU)" in lines
+    assert f"Kernel command line: ethaddr0={MACS[0]} ethaddr1={MACS[1]}" in lines
     assert [f"eth{number}: {mac}" for number, mac in enumerate(MACS)] == [
-        line for line in said if "eth" in line
+        line for line in lines if "eth" in line
     ][1:]
     for phase in ("reach U-Boot", "probe", "set-up", "load kernel", "load device tree", "bootm", "Linux"):
         assert re.search(rf"^ *\d+\.\d\d s  {phase}$", done.stdout, re.MULTILINE), phase
@@ -96,7 +96,7 @@ def test_kernel_comes_up_through_either_port(boot: Boot, port: int) -> None:
 def test_arguments_are_those_given(boot: Boot) -> None:
     done = boot("--bootargs", "console=ttyS0 ethaddr1=02:00:00:00:00:77")
     wanted = f"Kernel command line: console=ttyS0 ethaddr1=02:00:00:00:00:77 ethaddr0={MACS[0]}"
-    assert wanted in kernel_said(done.stdout)
+    assert wanted in kernel_lines(done.stdout)
 
 
 def test_goal_may_be_another_line(boot: Boot) -> None:
@@ -153,9 +153,9 @@ def test_line_cut_at_each_character(boot: Boot, tmp_path: Path) -> None:
         literal_eval(f"b{text}") for text in re.findall(r"^ *[\d.]+ < (.*)$", log.read_text(), re.MULTILINE)
     )
     kernel = b"[    0.000000] Booting Linux on physical CPU 0x0\r\n"
-    _, *said = heard.split(b"<end of cuts>")[0].split(b"<cut>")
+    _, *starts = heard.split(b"<end of cuts>")[0].split(b"<cut>")
     words = b"\n\rStarting kernel ...\n\r\n\r"
-    assert said == [words[:kept] + kernel for kept in range(len(words) + 1)]
+    assert starts == [words[:kept] + kernel for kept in range(len(words) + 1)]
 
 
 def test_wrong_kernel_is_refused_before_anything_is_typed(boot: Boot, payload: Path, tmp_path: Path) -> None:

@@ -244,9 +244,9 @@ def _started(command: list[str | Path]) -> Iterator[Console]:
     )
     try:
         assert process.stdout
-        said = process.stdout.readline()
-        found = re.search(r"/dev/pts/\d+", said)
-        assert found, said
+        output = process.stdout.readline()
+        found = re.search(r"/dev/pts/\d+", output)
+        assert found, output
         with Line(found[0]) as line:
             console = Console(line)
             console.reach()
