@@ -107,7 +107,9 @@ def read_json(path: Path) -> Json:
     """A file's JSON object."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise PointsError(f"{path}: {error.strerror}") from error
+    except ValueError as error:
         raise PointsError(f"{path}: {error}") from error
     if not isinstance(document, dict):
         raise PointsError(f"{path}: is not a JSON object")
@@ -152,7 +154,9 @@ def read_points(path: Path, slaves: Slaves) -> None:
     """Adds the points of a CSV, whose cells commas or semicolons part."""
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise PointsError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise PointsError(f"{path}: {error}") from error
     head = text.partition("\n")[0]
     reader = csv.DictReader(text.splitlines(keepends=True), delimiter=";" if ";" in head else ",")

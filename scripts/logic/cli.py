@@ -17,6 +17,7 @@ from logic.desk import Desk
 from logic.errors import Findings, LogicError
 from logic.plot import svg
 from logic.table import US, Step, differs, read_table, steps
+from nuc980 import VERSION
 
 DONE, FOUND, UNUSABLE = 0, 1, 2
 
@@ -42,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="openrtu-logic",
         description="Structured Text (IEC 61131-3) for the gateway: check, compile, try on the desk.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s (OpenRTU) {VERSION}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def add(name: str, does: str) -> argparse.ArgumentParser:

@@ -137,6 +137,13 @@ static int wrong_usage(const struct command *command, const char *what, const ch
 	return RTUCTL_USAGE;
 }
 
+static int not_for(const struct command *command, const char *option)
+{
+	fprintf(stderr, "rtuctl: %s takes no %s: try \"rtuctl %s --help\"\n", command->name, option,
+		command->name);
+	return RTUCTL_USAGE;
+}
+
 /* ---- the command line -------------------------------------------------------------------- */
 
 static const struct command *find_command(const char *name)
@@ -237,21 +244,21 @@ static int check_line(const struct line *line)
 		return wrong_usage(line->command, "an argument is missing, expected ",
 				   line->command->arguments);
 	if (line->counted && !(line->command->takes & TAKES_COUNT))
-		return wrong_usage(line->command, "it takes no --count", "");
+		return not_for(line->command, "--count");
 	if (line->request.select && !(line->command->takes & TAKES_SELECT))
-		return wrong_usage(line->command, "it takes no --select", "");
+		return not_for(line->command, "--select");
 	if (line->request.histogram && !(line->command->takes & TAKES_HISTOGRAM))
-		return wrong_usage(line->command, "it takes no --histogram", "");
+		return not_for(line->command, "--histogram");
 	if (line->request.suggest && !(line->command->takes & TAKES_SUGGEST))
-		return wrong_usage(line->command, "it takes no --suggest", "");
+		return not_for(line->command, "--suggest");
 	if (line->request.once && !(line->command->takes & TAKES_ONCE))
-		return wrong_usage(line->command, "it takes no --once", "");
+		return not_for(line->command, "--once");
 	if (line->request.json && line->command->takes & TAKES_ONCE)
-		return wrong_usage(line->command, "it prints no JSON, as points, lines and modules do", "");
+		return wrong_usage(line->command, "top prints no JSON, but points, lines and modules do", "");
 	if (line->request.suggest && line->request.histogram)
-		return wrong_usage(line->command, "it takes --histogram or --suggest, not both", "");
+		return wrong_usage(line->command, "lines takes --histogram or --suggest, not both", "");
 	if (line->request.pulse != NULL && !(line->command->takes & TAKES_PULSE))
-		return wrong_usage(line->command, "it takes no --pulse", "");
+		return not_for(line->command, "--pulse");
 	return RTUCTL_DONE;
 }
 
