@@ -50,6 +50,7 @@ struct iec104_settings {
 	uint16_t max_connections;
 	uint16_t connections_per_address;
 	uint16_t own_ca;            /* common address of the gateway's own station, 0: there is none */
+	uint16_t own_set;           /* its place among the sets */
 	uint8_t clock_master_count; /* 0: every master may set the clock */
 	bool command_without_clock; /* takes a time tag whose age nobody knows */
 	char clock_masters[IEC104_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];

@@ -51,7 +51,8 @@ static const struct kind_program *choose(const struct map_config *config)
 
 static bool plan(struct map_config *config)
 {
-	const bool owns = iec104_settings(config)->own_ca != 0;
+	const struct iec104_settings *settings = iec104_settings(config);
+	const bool owns = settings->own_ca != 0;
 	const struct map_module_plan module = {
 	    .name = "rtu-iec104",
 	    .kind = IEC104_KIND,
@@ -59,12 +60,13 @@ static bool plan(struct map_config *config)
 	    .rings = {.requests = 256, .answers = 1, .events = owns ? OWN_EVENTS : 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
 	    .section_size = sizeof(struct iec104_stats),
+	    .counters = IEC104_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};
 	const uint32_t number = map_plan_module(config, &module);
 
 	if (owns)
-		config->sets[config->set_count - 1].module = (uint16_t)number;
+		config->sets[settings->own_set].module = (uint16_t)number;
 	return number != MAP_NONE;
 }
 

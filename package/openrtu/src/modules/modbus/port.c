@@ -10,8 +10,8 @@
 
 #include "map/time_ns.h"
 #include "modbus/stats.h"
-#include "modules/modbus/serial.h"
-#include "modules/modbus/tcp.h"
+#include "modules/serial.h"
+#include "modules/tcp.h"
 
 #define REOPEN_NS     NS_PER_S
 #define CONNECT_NS    (3 * NS_PER_S) /* then a host that has said nothing is not there */
@@ -105,13 +105,36 @@ static void set_serial_path(struct port *port, const char *directory)
 		snprintf(port->path, sizeof(port->path), "%s/%s", directory, device);
 }
 
+static struct serial_settings serial_settings_of(const struct modbus_port *line)
+{
+	_Static_assert((int)MODBUS_PARITY_EVEN == SERIAL_PARITY_EVEN &&
+			   (int)MODBUS_RS485_LOW == SERIAL_RS485_LOW,
+		       "the numbers of the file are those of the port");
+	return (struct serial_settings){
+	    .baud = line->baud,
+	    .parity = line->parity,
+	    .stop_bits = line->stop_bits,
+	    .rs485 = line->rs485,
+	    .before_ms = line->before_ms,
+	    .after_ms = line->after_ms,
+	};
+}
+
+static bool serial_line_is_as_set(int fd, const struct modbus_port *line)
+{
+	const struct serial_settings settings = serial_settings_of(line);
+
+	return serial_is_as_set(fd, &settings);
+}
+
 static void open_serial(struct port *port, int64_t now_ns)
 {
+	const struct serial_settings settings = serial_settings_of(port->config);
 	struct map *map = port->map;
 	char error[SERIAL_ERROR_SIZE];
 	bool carries_parity;
 
-	port->fd = serial_open(port->path, port->config, &carries_parity, error);
+	port->fd = serial_open(port->path, &settings, &carries_parity, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
 		retry_port(port, error, REOPEN_NS, now_ns);
 		return;
@@ -131,7 +154,7 @@ static const struct port_backend serial_backend = {
     .set_path = set_serial_path,
     .open = open_serial,
     .close = serial_close,
-    .is_as_set = serial_is_as_set,
+    .is_as_set = serial_line_is_as_set,
     .discard_output = serial_discard_output,
 };
 
@@ -148,7 +171,7 @@ static void begin_connection(struct port *port, int64_t now_ns)
 	char error[TCP_ERROR_SIZE];
 
 	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
-	port->fd = tcp_connect(port->config, error);
+	port->fd = tcp_connect(port->config->device, port->config->tcp_port, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
 		retry_port(port, error, REOPEN_NS, now_ns);
 		return;

@@ -16,7 +16,7 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include "modules/modbus/serial.h"
+#include "modules/serial.h"
 
 static struct {
 	struct termios2 settings;
@@ -104,7 +104,7 @@ static int set_up(void **state)
 }
 
 /* What serial_open says; empty: it is open. */
-static const char *opened(const struct modbus_port *line)
+static const char *opened(const struct serial_settings *line)
 {
 	static char error[SERIAL_ERROR_SIZE];
 	bool carries_parity = false;
@@ -122,11 +122,12 @@ static void test_eight_data_bits_and_every_parity_and_stop_bit(void **state)
 {
 	(void)state;
 	static const tcflag_t parities[] = {
-	    [MODBUS_PARITY_NONE] = 0, [MODBUS_PARITY_ODD] = PARENB | PARODD, [MODBUS_PARITY_EVEN] = PARENB};
+	    [SERIAL_PARITY_NONE] = 0, [SERIAL_PARITY_ODD] = PARENB | PARODD, [SERIAL_PARITY_EVEN] = PARENB};
 
-	for (uint8_t parity = MODBUS_PARITY_NONE; parity <= MODBUS_PARITY_EVEN; parity++) {
+	for (uint8_t parity = SERIAL_PARITY_NONE; parity <= SERIAL_PARITY_EVEN; parity++) {
 		for (uint8_t stop_bits = 1; stop_bits <= 2; stop_bits++) {
-			struct modbus_port line = {.baud = 19200, .stop_bits = stop_bits, .parity = parity};
+			struct serial_settings line = {
+			    .baud = 19200, .stop_bits = stop_bits, .parity = parity};
 			tcflag_t format = CS8 | parities[parity] | (stop_bits == 2 ? CSTOPB : 0);
 
 			assert_string_equal(opened(&line), "");
@@ -143,7 +144,7 @@ static void test_every_speed_is_asked_for_as_it_is(void **state)
 	static const uint32_t speeds[] = {2400, 9600, 19200, 38400, 57600, 115200, 187500, 460800, 4000000};
 
 	for (size_t i = 0; i < sizeof(speeds) / sizeof(speeds[0]); i++) {
-		struct modbus_port line = {.baud = speeds[i], .stop_bits = 1};
+		struct serial_settings line = {.baud = speeds[i], .stop_bits = 1};
 
 		assert_string_equal(opened(&line), "");
 		assert_int_equal(driver.settings.c_ospeed, speeds[i]);
@@ -153,7 +154,7 @@ static void test_every_speed_is_asked_for_as_it_is(void **state)
 static void test_a_speed_that_was_not_taken_is_refused(void **state)
 {
 	(void)state;
-	struct modbus_port line = {.baud = 1200, .stop_bits = 1};
+	struct serial_settings line = {.baud = 1200, .stop_bits = 1};
 
 	assert_string_equal(opened(&line), "does not accept 1200 bit/s, it stays at 9600");
 	driver.slowest = 1200;
@@ -166,7 +167,7 @@ static void test_a_speed_that_was_not_taken_is_refused(void **state)
 static void test_a_format_that_was_not_taken_is_refused(void **state)
 {
 	(void)state;
-	struct modbus_port line = {.baud = 9600, .stop_bits = 2, .parity = MODBUS_PARITY_ODD};
+	struct serial_settings line = {.baud = 9600, .stop_bits = 2, .parity = SERIAL_PARITY_ODD};
 
 	driver.without = PARODD;
 	assert_string_equal(opened(&line), "does not accept this parity or these stop bits");
@@ -180,8 +181,8 @@ static void test_a_format_that_was_not_taken_is_refused(void **state)
 static void test_rs485_is_in_force_when_the_port_is_open(void **state)
 {
 	(void)state;
-	struct modbus_port line = {
-	    .baud = 9600, .stop_bits = 1, .rs485 = MODBUS_RS485_HIGH, .before_ms = 2, .after_ms = 100};
+	struct serial_settings line = {
+	    .baud = 9600, .stop_bits = 1, .rs485 = SERIAL_RS485_HIGH, .before_ms = 2, .after_ms = 100};
 
 	driver.has_rs485 = true;
 	for (int i = 0; i < 2; i++) {
@@ -190,7 +191,7 @@ static void test_rs485_is_in_force_when_the_port_is_open(void **state)
 		assert_int_equal(driver.rs485.delay_rts_before_send, 2);
 		assert_int_equal(driver.rs485.delay_rts_after_send, 100);
 	}
-	line.rs485 = MODBUS_RS485_LOW;
+	line.rs485 = SERIAL_RS485_LOW;
 	assert_string_equal(opened(&line), "");
 	assert_int_equal(driver.rs485.flags, SER_RS485_ENABLED | SER_RS485_RTS_AFTER_SEND);
 }
@@ -198,7 +199,7 @@ static void test_rs485_is_in_force_when_the_port_is_open(void **state)
 static void test_rs485_is_left_alone_where_nobody_asks_for_it(void **state)
 {
 	(void)state;
-	const struct modbus_port line = {.baud = 9600, .stop_bits = 1};
+	const struct serial_settings line = {.baud = 9600, .stop_bits = 1};
 
 	driver.has_rs485 = true;
 	assert_string_equal(opened(&line), "");
@@ -208,8 +209,8 @@ static void test_rs485_is_left_alone_where_nobody_asks_for_it(void **state)
 static void test_rs485_that_was_not_taken_is_refused(void **state)
 {
 	(void)state;
-	const struct modbus_port line = {
-	    .baud = 9600, .stop_bits = 1, .rs485 = MODBUS_RS485_HIGH, .before_ms = 5};
+	const struct serial_settings line = {
+	    .baud = 9600, .stop_bits = 1, .rs485 = SERIAL_RS485_HIGH, .before_ms = 5};
 
 	assert_string_equal(opened(&line), "has no RS-485 mode: Inappropriate ioctl for device");
 	driver.has_rs485 = true;
@@ -221,8 +222,8 @@ static void test_rs485_that_was_not_taken_is_refused(void **state)
 static void test_what_another_program_changes_is_seen(void **state)
 {
 	(void)state;
-	const struct modbus_port line = {
-	    .baud = 9600, .stop_bits = 1, .rs485 = MODBUS_RS485_HIGH, .before_ms = 2, .after_ms = 1};
+	const struct serial_settings line = {
+	    .baud = 9600, .stop_bits = 1, .rs485 = SERIAL_RS485_HIGH, .before_ms = 2, .after_ms = 1};
 	struct termios2 ours;
 	int fd;
 

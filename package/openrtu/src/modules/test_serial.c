@@ -11,9 +11,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "modules/modbus/serial.h"
+#include "modules/serial.h"
 
-static const struct modbus_port even_line = {.baud = 19200, .stop_bits = 1, .parity = MODBUS_PARITY_EVEN};
+static const struct serial_settings even_line = {.baud = 19200, .stop_bits = 1, .parity = SERIAL_PARITY_EVEN};
 
 static char path[64];
 static int master = -1;
@@ -112,7 +112,7 @@ static void test_what_is_no_port_is_refused(void **state)
 static void test_a_pseudo_terminal_has_no_rs485_mode(void **state)
 {
 	(void)state;
-	const struct modbus_port line = {.baud = 19200, .stop_bits = 1, .rs485 = MODBUS_RS485_HIGH};
+	const struct serial_settings line = {.baud = 19200, .stop_bits = 1, .rs485 = SERIAL_RS485_HIGH};
 	char error[SERIAL_ERROR_SIZE];
 	bool carries_parity;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/modbus/serial.h"
+#include "modules/serial.h"
 
 /*
  * Not <termios.h>: any baud rate needs struct termios2, which it hides; and its tcsetattr fails on a
@@ -43,7 +43,7 @@ static bool is_pty(int fd)
 	return major(status.st_rdev) >= PTY_MAJOR_FIRST && major(status.st_rdev) <= PTY_MAJOR_LAST;
 }
 
-static struct termios2 wanted_settings(const struct modbus_port *line)
+static struct termios2 wanted_settings(const struct serial_settings *line)
 {
 	/* A character with a parity or framing error is read as 0, and the CRC finds it. */
 	struct termios2 settings = {
@@ -53,9 +53,9 @@ static struct termios2 wanted_settings(const struct modbus_port *line)
 	    .c_ospeed = line->baud,
 	};
 
-	if (line->parity != MODBUS_PARITY_NONE)
+	if (line->parity != SERIAL_PARITY_NONE)
 		settings.c_cflag |= PARENB;
-	if (line->parity == MODBUS_PARITY_ODD)
+	if (line->parity == SERIAL_PARITY_ODD)
 		settings.c_cflag |= PARODD;
 	if (line->stop_bits == 2)
 		settings.c_cflag |= CSTOPB;
@@ -86,17 +86,17 @@ static bool took(const struct termios2 *settings, const struct termios2 *wanted,
 	return false;
 }
 
-static struct serial_rs485 wanted_rs485(const struct modbus_port *line)
+static struct serial_rs485 wanted_rs485(const struct serial_settings *line)
 {
 	return (struct serial_rs485){
 	    .flags = SER_RS485_ENABLED |
-		     (line->rs485 == MODBUS_RS485_HIGH ? SER_RS485_RTS_ON_SEND : SER_RS485_RTS_AFTER_SEND),
+		     (line->rs485 == SERIAL_RS485_HIGH ? SER_RS485_RTS_ON_SEND : SER_RS485_RTS_AFTER_SEND),
 	    .delay_rts_before_send = line->before_ms,
 	    .delay_rts_after_send = line->after_ms,
 	};
 }
 
-static bool is_rs485(const struct serial_rs485 *settings, const struct modbus_port *line)
+static bool is_rs485(const struct serial_rs485 *settings, const struct serial_settings *line)
 {
 	struct serial_rs485 wanted = wanted_rs485(line);
 
@@ -106,11 +106,11 @@ static bool is_rs485(const struct serial_rs485 *settings, const struct modbus_po
 }
 
 /* To be called after each change of termios: some drivers forget the mode or the level of RTS then. */
-static bool configure_rs485(int fd, const struct modbus_port *line, char *error)
+static bool configure_rs485(int fd, const struct serial_settings *line, char *error)
 {
 	struct serial_rs485 wanted = wanted_rs485(line), settings = {0};
 
-	if (line->rs485 == MODBUS_RS485_NONE)
+	if (line->rs485 == SERIAL_RS485_NONE)
 		return true;
 	if (ioctl(fd, TIOCSRS485, &wanted) < 0 || ioctl(fd, TIOCGRS485, &settings) < 0) {
 		snprintf(error, SERIAL_ERROR_SIZE, "has no RS-485 mode: %s", strerror(errno));
@@ -122,7 +122,7 @@ static bool configure_rs485(int fd, const struct modbus_port *line, char *error)
 	return false;
 }
 
-static bool configure(int fd, const struct modbus_port *line, bool carries_parity, char *error)
+static bool configure(int fd, const struct serial_settings *line, bool carries_parity, char *error)
 {
 	struct termios2 wanted = wanted_settings(line), settings;
 
@@ -154,7 +154,7 @@ static bool seize(int fd, char *error)
 	return true;
 }
 
-int serial_open(const char *path, const struct modbus_port *line, bool *carries_parity, char *error)
+int serial_open(const char *path, const struct serial_settings *line, bool *carries_parity, char *error)
 {
 	int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
 
@@ -170,7 +170,7 @@ int serial_open(const char *path, const struct modbus_port *line, bool *carries_
 }
 
 /* A port that does not answer has hung up: reading it will tell. */
-static bool has_termios(int fd, const struct modbus_port *line)
+static bool has_termios(int fd, const struct serial_settings *line)
 {
 	struct termios2 wanted = wanted_settings(line), settings;
 
@@ -182,15 +182,15 @@ static bool has_termios(int fd, const struct modbus_port *line)
 	       settings.c_lflag == wanted.c_lflag;
 }
 
-static bool has_rs485(int fd, const struct modbus_port *line)
+static bool has_rs485(int fd, const struct serial_settings *line)
 {
 	struct serial_rs485 settings;
 
-	return line->rs485 == MODBUS_RS485_NONE || ioctl(fd, TIOCGRS485, &settings) < 0 ||
+	return line->rs485 == SERIAL_RS485_NONE || ioctl(fd, TIOCGRS485, &settings) < 0 ||
 	       is_rs485(&settings, line);
 }
 
-bool serial_is_as_set(int fd, const struct modbus_port *line)
+bool serial_is_as_set(int fd, const struct serial_settings *line)
 {
 	return is_pty(fd) || (has_termios(fd, line) && has_rs485(fd, line));
 }
