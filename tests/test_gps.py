@@ -232,7 +232,7 @@ def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> No
         ),
         (
             {"device": "gps1", "fences": [{"name": "a", "centre": [91, 0], "radius_m": 5}]},
-            "gps[0].fences[0].centre: is no place, expected [latitude, longitude] in degrees, as "
+            "gps[0].fences[0].centre: is not a place, expected [latitude, longitude] in degrees, as "
             "[44.8125, 20.4612]",
         ),
         (
@@ -241,7 +241,7 @@ def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> No
         ),
         (
             {"device": "gps1", "fences": [{"name": "a", "centre": [0, 0]}]},
-            "gps[0].fences[0]: has no one shape, expected centre and radius_m, or corners",
+            "gps[0].fences[0]: needs one shape, expected centre and radius_m, or corners",
         ),
     ],
 )

@@ -70,7 +70,7 @@ END_PROGRAM
     assert [found for found in findings_of(text) if "error" in found] == [
         "p:3:37: error: 200 overflows SINT, which is -128 to 127",
         "p:4:9: error: unknown name LEVLE; did you mean LEVEL?",
-        "p:5:11: error: expected ';' behind the assignment, found 't'",
+        "p:5:11: error: expected ';' after the assignment, found 't'",
         "p:7:4: error: expected BOOL, found INT",
         "p:8:1: error: EXIT is not in a loop",
         "p:9:6: error: 40000 overflows INT, which is -32768 to 32767",

@@ -109,6 +109,12 @@ def test_no_place_of_one_machine() -> None:
     assert found == []
 
 
+def test_no_merge_is_half_done() -> None:
+    """Conflict markers: a page that nobody builds has kept them unseen."""
+    marker = re.compile(r"^(<<<<<<<|>>>>>>>) ", re.MULTILINE)
+    assert [path for path in LICENSED if marker.search(text_of(path))] == []
+
+
 # What a reader of this tree alone cannot look up: the number of an issue, a document outside the tree.
 ELSEWHERE = re.compile(r"\bissue #?\d+|\b(?:seed|report) 0\d\d\b|\bshared/\w", re.IGNORECASE)
 MADE_BY_A_TEST = Path("tests/test_changed.py")  # its pages are of a tree that it makes

@@ -316,9 +316,7 @@ def missing(judged: Sequence[Judged], in_flash: bool) -> list[str]:
     kinds = {each.row.get("kind") for each in judged}
     wanted = {"kernel": "uImage", "device-tree": "device tree"} | ({"ubi": "UBI image"} if in_flash else {})
     return [
-        f"there is no {name}: nothing begins as one does"
-        for kind, name in wanted.items()
-        if kind not in kinds
+        f"there is no {name}: no file begins like one" for kind, name in wanted.items() if kind not in kinds
     ]
 
 

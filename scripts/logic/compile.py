@@ -441,7 +441,7 @@ class Compiler:
                 if folded is not None:
                     rest = bool(otherwise) or number + 1 < len(branches)
                     if not folded or rest:
-                        what = "the branches behind it are" if folded else "this branch is"
+                        what = "the branches after it are" if folded else "this branch is"
                         self.findings.warn(
                             condition.place,
                             f"the condition is always {str(folded).upper()}: {what} never reached",

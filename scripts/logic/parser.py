@@ -233,15 +233,15 @@ class Parser:
         names = [self.name("the name of a variable, or END_VAR")]
         while self.accept(","):
             names.append(self.name("the name of a variable"))
-        self.expect(":", "and a type behind the name")
+        self.expect(":", "and a type after the name")
         bounds = None
         if self.accept("ARRAY"):
-            self.expect("[", "behind ARRAY")
+            self.expect("[", "after ARRAY")
             first = self.expression()
             self.expect("..", "between the bounds")
             bounds = (first, self.expression())
-            self.expect("]", "behind the bounds; an array has one dimension")
-            self.expect("OF", "behind the bounds")
+            self.expect("]", "after the bounds; an array has one dimension")
+            self.expect("OF", "after the bounds")
         kind = self.name("a type").text.upper()
         initial: tuple[Expression, ...] = ()
         if self.accept(":="):
@@ -249,11 +249,11 @@ class Parser:
                 values = [self.expression()]
                 while self.accept(","):
                     values.append(self.expression())
-                self.expect("]", "behind the initial values")
+                self.expect("]", "after the initial values")
                 initial = tuple(values)
             else:
                 initial = (self.expression(),)
-        self.expect(";", "behind the declaration")
+        self.expect(";", "after the declaration")
         return [
             Variable(
                 name.place, name.text.upper(), section, kind, bounds, initial, constant, retain, name.text
@@ -302,27 +302,27 @@ class Parser:
             self.take()
             statement = compound[head.word](head.place)
             self.expect(f"END_{head.word}", f"for the {head.word} of line {head.place.line}")
-            self.expect(";", f"behind END_{head.word}")
+            self.expect(";", f"after END_{head.word}")
             return statement
         if self.accept("EXIT", "CONTINUE", "RETURN"):
-            self.expect(";", f"behind {head.word}")
+            self.expect(";", f"after {head.word}")
             return Leave(head.place, head.word)
         target = self.primary("a statement")
         if isinstance(target, Call):
-            self.expect(";", "behind the call")
+            self.expect(";", "after the call")
             return target
         if not isinstance(target, Name):
             raise SourceError(head.place, f"expected a statement, found {head.shown}")
-        self.expect(":=", f"behind {head.text}: an assignment, or '(' of a call")
+        self.expect(":=", f"after {head.text}: an assignment, or '(' of a call")
         value = self.expression()
-        self.expect(";", "behind the assignment")
+        self.expect(";", "after the assignment")
         return Assign(head.place, target, value)
 
     def if_(self, place: Place) -> If:
         branches, otherwise = [], ()
         condition = self.expression()
         while True:
-            self.expect("THEN", "behind the condition")
+            self.expect("THEN", "after the condition")
             branches.append((condition, self.statements("ELSIF", "ELSE", "END_IF")))
             if not self.accept("ELSIF"):
                 break
@@ -333,13 +333,13 @@ class Parser:
 
     def case(self, place: Place) -> Case:
         selector = self.expression()
-        self.expect("OF", "behind the selector of CASE")
+        self.expect("OF", "after the selector of CASE")
         branches, otherwise = [], ()
         while self.next.word not in ("ELSE", "END_CASE") and self.next.kind != "end":
             labels = [self.label()]
             while self.accept(","):
                 labels.append(self.label())
-            self.expect(":", "behind the values of a case")
+            self.expect(":", "after the values of a case")
             branches.append((tuple(labels), self.case_body()))
         if self.accept("ELSE"):
             otherwise = self.statements("END_CASE")
@@ -367,9 +367,9 @@ class Parser:
 
     def for_(self, place: Place) -> For:
         variable = self.name("the variable of the loop")
-        self.expect(":=", "behind the variable of the loop")
+        self.expect(":=", "after the variable of the loop")
         first = self.expression()
-        self.expect("TO", "behind the first value")
+        self.expect("TO", "after the first value")
         last = self.expression()
         step = self.expression() if self.accept("BY") else None
         self.expect("DO", "before the statements of the loop")
@@ -378,7 +378,7 @@ class Parser:
 
     def while_(self, place: Place) -> While:
         condition = self.expression()
-        self.expect("DO", "behind the condition")
+        self.expect("DO", "after the condition")
         return While(place, condition, self.statements("END_WHILE"))
 
     def repeat(self, place: Place) -> Repeat:
@@ -420,7 +420,7 @@ class Parser:
             return Call(token.place, name, self.arguments())
         if self.accept("["):
             index = self.expression()
-            self.expect("]", f"behind the index of {token.text}; an array has one dimension")
+            self.expect("]", f"after the index of {token.text}; an array has one dimension")
             return Name(token.place, name, index)
         if self.accept("."):
             return Name(token.place, name, None, self.name(f"an output of {token.text}").text.upper())
@@ -430,7 +430,7 @@ class Parser:
         found: list[Argument] = []
         while not self.accept(")"):
             if found:
-                self.expect(",", "or ')' behind an argument")
+                self.expect(",", "or ')' after an argument")
             place, name, output = self.next.place, None, False
             if self.tokens[min(self.at + 1, len(self.tokens) - 1)].word in (":=", "=>"):
                 name = self.name("the name of an argument").text.upper()

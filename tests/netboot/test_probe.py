@@ -126,7 +126,7 @@ def test_a_board_with_everything_has_few_remarks() -> None:
         commands=FACTORY.commands | {"tftpput"},
         link=True,
     )
-    assert [remark[:20] for remark in remarks(good)] == ["Whether it takes a s", "Its U-Boot has the c"]
+    assert [remark[:20] for remark in remarks(good)] == ["It does not tell whe", "Its U-Boot has the c"]
 
 
 def test_a_u_boot_that_cannot_fall_back() -> None:

@@ -13,7 +13,7 @@ class PortMissing(UnusableInput):
     """No port of this name."""
 
     cause = "the adapter is not plugged in, or got another name"
-    next_step = "name one of the ports that are there; /dev/serial/by-id has names that stay"
+    next_step = "name one of the ports that are there; the names in /dev/serial/by-id do not change"
 
 
 class PortForbidden(UnusableInput):
@@ -335,7 +335,7 @@ class Unfinished(UnusableInput):
 
 
 class JournalUnusable(UnusableInput):
-    """There is no journal to continue from, or it is of another board or other files."""
+    """There is no journal to continue from, or it belongs to another board or other files."""
 
     next_step = "flash the images again"
 

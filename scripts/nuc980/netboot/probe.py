@@ -238,7 +238,7 @@ def _autoboot_remarks(board: BoardReport) -> Iterator[str]:
     elif delay == "-1":
         yield "bootdelay=-1: autoboot is off, the board waits at the prompt after each start."
     elif delay in ("0", "-2"):
-        yield f"bootdelay={delay}: a start gives hardly a chance to reach the prompt."
+        yield f"bootdelay={delay}: a start leaves hardly a chance to reach the prompt."
     reads = r"nand read(?:\.\w+)? (0x\w+|\w+) (0x\w+|\w+) (0x[0-9a-fA-F]+)"
     for address, offset, size in re.findall(reads, board.environment.get("bootcmd", "")):
         yield (
@@ -260,7 +260,7 @@ def _network_remarks(board: BoardReport) -> Iterator[str]:
     if board.link is False:
         yield f"{board.port_in_use} has no link: no cable, or it is in the other port."
     if board.knows("tftpboot"):
-        yield "Whether it takes a server on another UDP port than 69 (CONFIG_TFTP_PORT) it does not tell."
+        yield "It does not tell whether it takes a server on another UDP port than 69 (CONFIG_TFTP_PORT)."
     if not board.knows("tftpput"):
         yield "No tftpput: a backup of the flash goes over the serial line, some 6 minutes for each MiB."
 

@@ -98,8 +98,9 @@ static bool read_place(struct config_loader *loader, const struct config_place *
 
 	if (json_array_size(json) != 2 || !json_is_number(latitude) || !json_is_number(longitude) ||
 	    !(north >= -90 && north <= 90) || !(east >= -180 && east <= 180)) {
-		config_error(&loader->report, here,
-			     "is no place, expected [latitude, longitude] in degrees, as [44.8125, 20.4612]");
+		config_error(
+		    &loader->report, here,
+		    "is not a place, expected [latitude, longitude] in degrees, as [44.8125, 20.4612]");
 		return false;
 	}
 	*out = (struct gps_place){map_round(north * MAP_ANGLE_PER_DEGREE),
@@ -140,7 +141,7 @@ static void read_fence(struct config_loader *loader, const struct config_place *
 	if (values[FENCE_CENTRE].given == values[FENCE_CORNERS].given ||
 	    values[FENCE_CENTRE].given != values[FENCE_RADIUS].given)
 		config_error(&loader->report, place,
-			     "has no one shape, expected centre and radius_m, or corners");
+			     "needs one shape, expected centre and radius_m, or corners");
 	if (values[FENCE_CENTRE].given)
 		read_place(loader, &centre, values[FENCE_CENTRE].json, &fence->centre);
 	fence->radius_m = (uint32_t)values[FENCE_RADIUS].integer;

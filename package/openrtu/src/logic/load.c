@@ -185,7 +185,7 @@ static const char *check_code(const struct logic *logic)
 
 		if (routine->first != next || routine->instructions == 0 ||
 		    (next += routine->instructions) > logic->head->code)
-			return "a routine is not behind the one before it";
+			return "the routines are not in order";
 		end = at + routine->instructions;
 		depth[r] = 1;
 		for (; at < end; at++) {

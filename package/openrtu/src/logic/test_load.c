@@ -104,9 +104,9 @@ static void test_tables(void **state)
 static void test_routines(void **state)
 {
 	(void)state;
-	REFUSED("a routine is not behind the one before it", routines[0].first, 1);
-	REFUSED("a routine is not behind the one before it", routines[0].instructions, 0);
-	REFUSED("a routine is not behind the one before it", routines[1].instructions, UINT16_MAX);
+	REFUSED("the routines are not in order", routines[0].first, 1);
+	REFUSED("the routines are not in order", routines[0].instructions, 0);
+	REFUSED("the routines are not in order", routines[1].instructions, UINT16_MAX);
 	REFUSED("a routine has no end", code[1].operation, LOGIC_CLEAN);
 	program = sound_program;
 	program.routines[1].instructions = 4;

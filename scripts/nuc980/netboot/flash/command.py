@@ -62,7 +62,7 @@ PLACES = {KERNEL: "kernel", DEVICE_TREE: "dtb", UBI: "ubi"}  # options
 NEWEST = Path()  # --resume without a folder
 LINUX = "linux"  # a way to back up
 LONG_SECONDS = 300.0  # a backup over the line that another way is offered for
-ERASED_IS_NOT_SENT = " Blocks that are erased need not be sent: with them it is less."
+ERASED_IS_NOT_SENT = " Erased blocks need not be sent, so it may take less time."
 OFFER = (
     "A Linux out of RAM backs it up in minutes: --backup-by linux --backup-kernel uImage --backup-dtb DTB,"
     " the files of the image nuc980_netboot. Nothing is erased yet: after Ctrl-C, --resume takes them."

@@ -74,7 +74,7 @@ def images_of(journal: Journal) -> tuple[Image, ...]:
         image = _image_of(entry, Path(entry["path"]))
         if image.sha256 != entry["sha256"]:
             raise JournalUnusable(
-                f"{image.path} is another file than {journal.folder} began with.",
+                f"{image.path} is not the file that {journal.folder} began with.",
                 next_step="put the file back, or flash --roll-back",
             )
         images.append(image)
@@ -96,7 +96,7 @@ def backups_of(journal: Journal, nand: Nand) -> tuple[Image, ...]:
             )
         path = journal.folder / backup["file"]
         if not _is_there(path, backup):
-            raise JournalUnusable(f"{path} is not the backup any more.", next_step="flash --resume")
+            raise JournalUnusable(f"{path} is no longer the backup.", next_step="flash --resume")
         slot = _slot_of(entry)
         if slot.name == UBI:
             path = without_free_blocks(path, slot, nand)
@@ -140,7 +140,7 @@ def check_same_board(journal: Journal, nand: Nand) -> None:
     same = (then["size"], then["block"], then["page"]) == (nand.size, nand.block, nand.page)
     if not same or not set(then["bad"]) <= set(nand.bad):
         raise JournalUnusable(
-            f"{journal.folder} is of another board: size, blocks or bad blocks of its flash differ.",
+            f"{journal.folder} belongs to another board: size, blocks or bad blocks of its flash differ.",
             cause="--site names another board's folder",
             next_step="name this board's site",
         )

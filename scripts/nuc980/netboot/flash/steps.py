@@ -93,7 +93,7 @@ class CheckRam(FlashStep):
 
     def run(self, session: Session) -> None:
         if not ram_has_crc(session, self.address, self.size, self.crc32):
-            raise WrongBytes(f"The {self.image} in RAM is not the file's any more, CRC32 {self.crc32:08x}.")
+            raise WrongBytes(f"The {self.image} in RAM no longer matches the file, CRC32 {self.crc32:08x}.")
 
 
 class BlockFailed(FlashFailed):

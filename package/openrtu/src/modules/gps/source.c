@@ -57,7 +57,7 @@ static void lose(struct source *source, const char *error, int64_t now_ns)
 {
 	source_close(source);
 	if (!source->failing)
-		map_log(source->map, MAP_LOG_ERROR, "%s: %s %s; tried again each second",
+		map_log(source->map, MAP_LOG_ERROR, "%s: %s %s; trying again each second",
 			source->settings->name, source->path, error);
 	source->failing = true;
 	source->due_ns = now_ns + REOPEN_NS;
