@@ -134,7 +134,7 @@ void hold_back(unsigned master)
 {
 	masters[master].mute = true;
 	for (unsigned i = 0; i < station.times.k; i++)
-		ASK(master, 107, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 1, 0, TIME);
+		ASK(master, C_TS_TA, 1, ACT, 0, CA_3067, IOA(0), 1, 0, TIME);
 	while (next_frame(&masters[master]) != NULL)
 		;
 }

@@ -9,45 +9,45 @@
 static void test_test_command(void **state)
 {
 	(void)state;
-	ASK(0, 107, 1, 6, 3, 0xfb, 0x0b, 0, 0, 0, 0x34, 0x12, TIME);
-	EXPECT(0, 107, 1, 7, 3, 0xfb, 0x0b, 0, 0, 0, 0x34, 0x12, TIME);
+	ASK(0, C_TS_TA, 1, ACT, 3, CA_3067, IOA(0), 0x34, 0x12, TIME);
+	EXPECT(0, C_TS_TA, 1, ACT_CON, 3, CA_3067, IOA(0), 0x34, 0x12, TIME);
 	expect_nothing(0);
 }
 
 static void test_refusals(void **state)
 {
 	(void)state;
-	ASK(0, 44, 1, 6, 5, 0xfb, 0x0b, 1, 0, 0, 1, 2, 3);
-	EXPECT(0, 44, 1, 0x40 | 44, 5, 0xfb, 0x0b, 1, 0, 0, 1, 2, 3);
-	ASK(0, 52, 1, 6, 5, 0xfb, 0x0b, 1, 0, 0, 1);
-	EXPECT(0, 52, 1, 0x40 | 44, 5, 0xfb, 0x0b, 1, 0, 0, 1);
+	ASK(0, 44, 1, ACT, 5, CA_3067, IOA(1), 1, 2, 3);
+	EXPECT(0, 44, 1, NEGATIVE | UNKNOWN_TYPE, 5, CA_3067, IOA(1), 1, 2, 3);
+	ASK(0, 52, 1, ACT, 5, CA_3067, IOA(1), 1);
+	EXPECT(0, 52, 1, NEGATIVE | UNKNOWN_TYPE, 5, CA_3067, IOA(1), 1);
 	ASK(0, 201, 0xff, 0x86, 5, 1, 0);
 	EXPECT(0, 201, 0xff, 0xc0 | 44, 5, 1, 0);
-	ASK(0, 45, 1, 5, 5, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x40 | 45, 5, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 102, 1, 6, 5, 0xfb, 0x0b, 4, 0, 0);
-	EXPECT(0, 102, 1, 0x40 | 45, 5, 0xfb, 0x0b, 4, 0, 0);
-	ASK(0, 103, 1, 8, 5, 0xfb, 0x0b, 0, 0, 0, TIME);
-	EXPECT(0, 103, 1, 0x40 | 45, 5, 0xfb, 0x0b, 0, 0, 0, TIME);
-	ASK(0, 45, 1, 6, 5, 0xfc, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x40 | 46, 5, 0xfc, 0x0b, 4, 0, 0, 1);
-	ASK(0, 45, 1, 6, 5, 0xff, 0xff, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x40 | 46, 5, 0xff, 0xff, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, REQUEST, 5, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | UNKNOWN_CAUSE, 5, CA_3067, IOA(4), 1);
+	ASK(0, C_RD_NA, 1, ACT, 5, CA_3067, IOA(4));
+	EXPECT(0, C_RD_NA, 1, NEGATIVE | UNKNOWN_CAUSE, 5, CA_3067, IOA(4));
+	ASK(0, C_CS_NA, 1, DEACT, 5, CA_3067, IOA(0), TIME);
+	EXPECT(0, C_CS_NA, 1, NEGATIVE | UNKNOWN_CAUSE, 5, CA_3067, IOA(0), TIME);
+	ASK(0, C_SC_NA, 1, ACT, 5, CA_UNKNOWN, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | UNKNOWN_CA, 5, CA_UNKNOWN, IOA(4), 1);
+	ASK(0, C_SC_NA, 1, ACT, 5, CA_ALL, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | UNKNOWN_CA, 5, CA_ALL, IOA(4), 1);
 	acknowledge(&masters[0]);
-	ASK(0, 102, 1, 5, 5, 0xff, 0xff, 4, 0, 0);
-	EXPECT(0, 102, 1, 0x40 | 46, 5, 0xff, 0xff, 4, 0, 0);
-	ASK(0, 45, 1, 6, 5, 0xfb, 0x0b, 5, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x40 | 47, 5, 0xfb, 0x0b, 5, 0, 0, 1);
-	ASK(0, 45, 1, 6, 5, 0xfb, 0x0b, 0x11, 0x27, 0, 1); /* a discrete input */
-	EXPECT(0, 45, 1, 0x40 | 47, 5, 0xfb, 0x0b, 0x11, 0x27, 0, 1);
-	ASK(0, 49, 1, 6, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0); /* of another type */
-	EXPECT(0, 49, 1, 0x40 | 47, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0);
-	ASK(0, 100, 1, 6, 5, 0xfb, 0x0b, 1, 0, 0, 20);
-	EXPECT(0, 100, 1, 0x40 | 47, 5, 0xfb, 0x0b, 1, 0, 0, 20);
-	ASK(0, 103, 1, 6, 5, 0xfb, 0x0b, 1, 0, 0, TIME);
-	EXPECT(0, 103, 1, 0x40 | 47, 5, 0xfb, 0x0b, 1, 0, 0, TIME);
-	ASK(0, 102, 1, 5, 5, 0xfb, 0x0b, 99, 0, 0);
-	EXPECT(0, 102, 1, 0x40 | 47, 5, 0xfb, 0x0b, 99, 0, 0);
+	ASK(0, C_RD_NA, 1, REQUEST, 5, CA_ALL, IOA(4));
+	EXPECT(0, C_RD_NA, 1, NEGATIVE | UNKNOWN_CA, 5, CA_ALL, IOA(4));
+	ASK(0, C_SC_NA, 1, ACT, 5, CA_3067, IOA(5), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_3067, IOA(5), 1);
+	ASK(0, C_SC_NA, 1, ACT, 5, CA_3067, IOA(10001), 1); /* a discrete input */
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_3067, IOA(10001), 1);
+	ASK(0, C_SE_NB, 1, ACT, 5, CA_3067, IOA(4), 1, 0, 0); /* of another type */
+	EXPECT(0, C_SE_NB, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_3067, IOA(4), 1, 0, 0);
+	ASK(0, C_IC_NA, 1, ACT, 5, CA_3067, IOA(1), 20);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_3067, IOA(1), 20);
+	ASK(0, C_CS_NA, 1, ACT, 5, CA_3067, IOA(1), TIME);
+	EXPECT(0, C_CS_NA, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_3067, IOA(1), TIME);
+	ASK(0, C_RD_NA, 1, REQUEST, 5, CA_3067, IOA(99));
+	EXPECT(0, C_RD_NA, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_3067, IOA(99));
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 0);
 }
@@ -56,12 +56,12 @@ static void test_refusals(void **state)
 static void test_addresses_of_system_commands(void **state)
 {
 	(void)state;
-	ASK(0, 101, 1, 6, 5, 0xa1, 0x0f, 0, 0, 1, 5);
-	EXPECT(0, 101, 1, 0x40 | 47, 5, 0xa1, 0x0f, 0, 0, 1, 5);
-	ASK(0, 107, 1, 6, 5, 0xfb, 0x0b, 0, 1, 0, 1, 0, TIME);
-	EXPECT(0, 107, 1, 0x40 | 47, 5, 0xfb, 0x0b, 0, 1, 0, 1, 0, TIME);
-	ASK(0, 107, 1, 6, 5, 0xff, 0xff, 0, 0, 0, 1, 0, TIME);
-	EXPECT(0, 107, 1, 0x40 | 46, 5, 0xff, 0xff, 0, 0, 0, 1, 0, TIME);
+	ASK(0, C_CI_NA, 1, ACT, 5, CA_4001, IOA(65536), 5);
+	EXPECT(0, C_CI_NA, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_4001, IOA(65536), 5);
+	ASK(0, C_TS_TA, 1, ACT, 5, CA_3067, IOA(256), 1, 0, TIME);
+	EXPECT(0, C_TS_TA, 1, NEGATIVE | UNKNOWN_IOA, 5, CA_3067, IOA(256), 1, 0, TIME);
+	ASK(0, C_TS_TA, 1, ACT, 5, CA_ALL, IOA(0), 1, 0, TIME);
+	EXPECT(0, C_TS_TA, 1, NEGATIVE | UNKNOWN_CA, 5, CA_ALL, IOA(0), 1, 0, TIME);
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 0);
 }
@@ -99,25 +99,25 @@ static void test_too_short_closes(void **state)
 static void test_other_than_one_object_is_refused(void **state)
 {
 	(void)state;
-	ASK(0, 45, 0x81, 6, 5, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 0x81, 0x47, 5, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 45, 2, 6, 5, 0xfb, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
-	EXPECT(0, 45, 2, 0x47, 5, 0xfb, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
-	ASK(0, 45, 0x82, 8, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0);
-	EXPECT(0, 45, 0x82, 0x49, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0);
-	ASK(0, 45, 1, 6, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0xaa);
-	EXPECT(0, 45, 1, 0x47, 5, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 45, 1, 5, 5, 0xfb, 0x0b, 4, 0, 0, 1, 0xaa);
-	EXPECT(0, 45, 1, 0x40 | 45, 5, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 45, 2, 6, 5, 0xfc, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
-	EXPECT(0, 45, 2, 0x40 | 46, 5, 0xfc, 0x0b, 4, 0, 0, 1, 4, 0, 0, 0);
-	ASK(0, 102, 2, 5, 5, 0xfb, 0x0b, 4, 0, 0, 4, 0, 0);
-	EXPECT(0, 102, 2, 0x45, 5, 0xfb, 0x0b, 4, 0, 0, 4, 0, 0);
-	ASK(0, 102, 0x8f, 5, 5, 0xfb, 0x0b, 4, 0, 0);
-	EXPECT(0, 102, 0x8f, 0x45, 5, 0xfb, 0x0b, 4, 0, 0);
+	ASK(0, C_SC_NA, 0x81, ACT, 5, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 0x81, NEGATIVE | ACT_CON, 5, CA_3067, IOA(4), 1);
+	ASK(0, C_SC_NA, 2, ACT, 5, CA_3067, IOA(4), 1, 4, 0, 0, 0);
+	EXPECT(0, C_SC_NA, 2, NEGATIVE | ACT_CON, 5, CA_3067, IOA(4), 1, 4, 0, 0, 0);
+	ASK(0, C_SC_NA, 0x82, DEACT, 5, CA_3067, IOA(4), 1, 0);
+	EXPECT(0, C_SC_NA, 0x82, NEGATIVE | DEACT_CON, 5, CA_3067, IOA(4), 1, 0);
+	ASK(0, C_SC_NA, 1, ACT, 5, CA_3067, IOA(4), 1, 0xaa);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 5, CA_3067, IOA(4), 1);
+	ASK(0, C_SC_NA, 1, REQUEST, 5, CA_3067, IOA(4), 1, 0xaa);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | UNKNOWN_CAUSE, 5, CA_3067, IOA(4), 1);
+	ASK(0, C_SC_NA, 2, ACT, 5, CA_UNKNOWN, IOA(4), 1, 4, 0, 0, 0);
+	EXPECT(0, C_SC_NA, 2, NEGATIVE | UNKNOWN_CA, 5, CA_UNKNOWN, IOA(4), 1, 4, 0, 0, 0);
+	ASK(0, C_RD_NA, 2, REQUEST, 5, CA_3067, IOA(4), 4, 0, 0);
+	EXPECT(0, C_RD_NA, 2, NEGATIVE | REQUEST, 5, CA_3067, IOA(4), 4, 0, 0);
+	ASK(0, C_RD_NA, 0x8f, REQUEST, 5, CA_3067, IOA(4));
+	EXPECT(0, C_RD_NA, 0x8f, NEGATIVE | REQUEST, 5, CA_3067, IOA(4));
 	acknowledge(&masters[0]);
-	ASK(0, 100, 1, 6, 5, 0xff, 0xff, 0, 0, 0, 20, 0, 0);
-	EXPECT(0, 100, 1, 0x47, 5, 0xff, 0xff, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 5, CA_ALL, IOA(0), 20, 0, 0);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | ACT_CON, 5, CA_ALL, IOA(0), 20);
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 0);
 	assert_int_equal(fake.stats.counters[IEC104_COUNT_NEGATIVE], 7);
@@ -130,8 +130,8 @@ static void test_station_without_devices(void **state)
 	put_event(MAP_EVENT_MODULE_UP, 1, (struct map_sample){.time_ns = now});
 	put_event(MAP_EVENT_MODULE_DOWN, 1, (struct map_sample){.time_ns = now});
 	now += 2 * S;
-	ASK(0, 100, 1, 6, 0, 0xff, 0xff, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 0x40 | 46, 0, 0xff, 0xff, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_ALL, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | UNKNOWN_CA, 0, CA_ALL, IOA(0), 20);
 	expect_nothing(0);
 }
 
@@ -156,7 +156,7 @@ static void test_master_that_only_asks(void **state)
 	(void)state;
 	masters[0].mute = true;
 	while (masters[0].connection->session.closing == IEC104_OPEN && asked < 2000) {
-		ASK(0, 107, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 1, 0, TIME);
+		ASK(0, C_TS_TA, 1, ACT, 0, CA_3067, IOA(0), 1, 0, TIME);
 		while (next_frame(&masters[0]) != NULL)
 			;
 		asked++;

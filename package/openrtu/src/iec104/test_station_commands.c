@@ -9,7 +9,7 @@ static void test_single_command_of_figure_5_6(void **state)
 	const struct map_request *request = &fake.requests[0];
 
 	(void)state;
-	ASK(0, 0x2d, 0x01, 0x06, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
+	ASK(0, C_SC_NA, 0x01, ACT, 0x01, CA_3067, IOA(4), 0x01);
 	expect_nothing(0); /* not before the device has answered */
 	assert_int_equal(fake.request_count, 1);
 	assert_int_equal(request->point, COIL4);
@@ -17,20 +17,20 @@ static void test_single_command_of_figure_5_6(void **state)
 	assert_int_equal(request->value.u, 1);
 	assert_true(request->deadline_ns == now + 10 * S);
 	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
-	ASK(0, 102, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0); /* the session goes on */
-	EXPECT(0, 1, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0, 0);
+	ASK(0, C_RD_NA, 1, REQUEST, 0, CA_3067, IOA(1)); /* the session goes on */
+	EXPECT(0, M_SP_NA, 1, REQUEST, 0, CA_3067, IOA(1), 0);
 	expect_nothing(0);
 	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 0x2d, 0x01, 0x07, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
-	ASK(0, 102, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0);
-	EXPECT(0, 1, 1, 5, 0, 0xfb, 0x0b, 1, 0, 0, 0);
+	EXPECT(0, C_SC_NA, 0x01, ACT_CON, 0x01, CA_3067, IOA(4), 0x01);
+	ASK(0, C_RD_NA, 1, REQUEST, 0, CA_3067, IOA(1));
+	EXPECT(0, M_SP_NA, 1, REQUEST, 0, CA_3067, IOA(1), 0);
 	expect_nothing(0);
 	return_information(COIL4, 1);
 	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
-	EXPECT(0, 0x2d, 0x01, 0x0a, 0x01, 0xfb, 0x0b, 0x04, 0x00, 0x00, 0x01);
+	EXPECT(0, M_SP_TB, 1, RETURN_REMOTE, 0, CA_3067, IOA(4), 1, TIME);
+	EXPECT(0, C_SC_NA, 0x01, ACT_TERM, 0x01, CA_3067, IOA(4), 0x01);
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 2);
 	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
@@ -39,7 +39,7 @@ static void test_single_command_of_figure_5_6(void **state)
 
 static void command_coil4(void)
 {
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 	expect_nothing(0);
 }
 
@@ -50,8 +50,8 @@ static void test_end_without_return_information(void **state)
 	command_coil4();
 	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, ACT_TERM, 1, CA_3067, IOA(4), 1);
 	expect_nothing(0);
 }
 
@@ -68,9 +68,9 @@ static void test_confirmation_goes_before_return_information_that_overtakes_it(v
 	command_coil4();
 	fake.on_last_answer = answers_of_a_device;
 	run();
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
-	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, M_SP_TB, 1, RETURN_REMOTE, 0, CA_3067, IOA(4), 1, TIME);
+	EXPECT(0, C_SC_NA, 1, ACT_TERM, 1, CA_3067, IOA(4), 1);
 	expect_nothing(0);
 }
 
@@ -87,36 +87,36 @@ static void test_termination_waits_for_all_events_before_it(void **state)
 	publish(COIL4 + 2, 1); /* later than the end */
 	assert_null(next_frame(&masters[0]));
 	acknowledge(&masters[0]);
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 1, TIME);
-	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
-	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 0x12, 0x27, 0, 1, TIME);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(10001), 1, TIME);
+	EXPECT(0, M_SP_TB, 1, RETURN_REMOTE, 0, CA_3067, IOA(4), 1, TIME);
+	EXPECT(0, C_SC_NA, 1, ACT_TERM, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(10002), 1, TIME);
 	expect_nothing(0);
-	EXPECT(1, 30, 1, 3, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 1, TIME);
-	EXPECT(1, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME); /* all masters see it */
-	EXPECT(1, 30, 1, 3, 0, 0xfb, 0x0b, 0x12, 0x27, 0, 1, TIME);
+	EXPECT(1, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(10001), 1, TIME);
+	EXPECT(1, M_SP_TB, 1, RETURN_REMOTE, 0, CA_3067, IOA(4), 1, TIME); /* all masters see it */
+	EXPECT(1, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(10002), 1, TIME);
 	expect_nothing(1);
 }
 
 static void test_pulse_whose_end_fails(void **state)
 {
 	(void)state;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1 << 2 | 1);
 	assert_int_equal(fake.requests[0].pulse_ms, 500);
 	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
 	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 1 << 2 | 1);
 	return_information(COIL4, 1);
 	run();
-	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(0, M_SP_TB, 1, RETURN_REMOTE, 0, CA_3067, IOA(4), 1, TIME);
 	expect_nothing(0);
 	answer(1, MAP_REFUSED_COMMAND, MAP_RESULT_EXCEPTION);
 	run();
-	EXPECT(0, 45, 1, 0x4a, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_TERM, 1, CA_3067, IOA(4), 1 << 2 | 1);
 	expect_nothing(0);
-	ASK(0, 46, 1, 6, 1, 0xa1, 0x0f, 1, 0, 0, 2 << 2 | 1);
+	ASK(0, C_DC_NA, 1, ACT, 1, CA_4001, IOA(1), 2 << 2 | 1);
 	assert_int_equal(fake.requests[2].pulse_ms, 2000);
 }
 
@@ -133,7 +133,7 @@ static void test_stopped_connection_hears_of_no_end(void **state)
 	acknowledge(&masters[0]);
 	assert_memory_equal(next_frame(&masters[0]), con, sizeof(con));
 	start(0);
-	EXPECT(0, 30, 1, 11, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(0, M_SP_TB, 1, RETURN_REMOTE, 0, CA_3067, IOA(4), 1, TIME);
 	expect_nothing(0);
 }
 
@@ -145,7 +145,7 @@ static void test_many_commands_wait_for_their_ends(void **state)
 		if (i % 5 == 0)
 			iec104_station_disconnect(&station, masters[0].connection), connect_master(0, true),
 			    start(0), hold_back(0);
-		ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+		ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 		answer(fake.request_count, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 		run();
 		assert_int_equal(fake.request_count, 2 * i); /* none was refused for want of room */
@@ -155,11 +155,11 @@ static void test_many_commands_wait_for_their_ends(void **state)
 static void test_refused_command(void **state)
 {
 	(void)state;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
 	answer(1, MAP_REFUSED_COMMAND, MAP_RESULT_TIMEOUT);
 	run();
-	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(4), 1);
 	expect_nothing(0);
 	assert_int_equal(fake.requests[1].action, MAP_RELEASE);
 }
@@ -167,23 +167,23 @@ static void test_refused_command(void **state)
 static void test_select_execute_cancel(void **state)
 {
 	(void)state;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 0x81);
 	assert_int_equal(fake.requests[0].action, MAP_SELECT);
 	answer(1, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
 	run();
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 0x81);
 	expect_nothing(0); /* a selection has no termination and is not released */
 	assert_int_equal(fake.request_count, 1);
-	ASK(0, 45, 1, 8, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	ASK(0, C_SC_NA, 1, DEACT, 1, CA_3067, IOA(4), 0x81);
 	assert_int_equal(fake.requests[1].action, MAP_CANCEL);
 	assert_int_equal(fake.requests[1].session, fake.requests[0].session);
 	answer(2, MAP_INTERRUPTED_SELECTION, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 45, 1, 9, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
-	ASK(0, 45, 1, 8, 1, 0xfb, 0x0b, 4, 0, 0, 0x01);
+	EXPECT(0, C_SC_NA, 1, DEACT_CON, 1, CA_3067, IOA(4), 0x81);
+	ASK(0, C_SC_NA, 1, DEACT, 1, CA_3067, IOA(4), 0x01);
 	answer(4, MAP_REFUSED_SELECTION, MAP_RESULT_NOT_SELECTED);
 	run();
-	EXPECT(0, 45, 1, 0x49, 1, 0xfb, 0x0b, 4, 0, 0, 0x01);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | DEACT_CON, 1, CA_3067, IOA(4), 0x01);
 	expect_nothing(0);
 }
 
@@ -191,7 +191,7 @@ static void select_coil4(uint32_t id)
 {
 	const struct map_request *request = &fake.requests[id - 1];
 
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 0x81);
 	answer(id, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
 	fake.commands[COIL4] =
 	    (struct map_command){.state = MAP_ACCEPTED_SELECTION, .session = request->session};
@@ -204,7 +204,7 @@ static void test_selection_ends_with_its_connection(void **state)
 	start(1);
 	select_coil4(1);
 	run();
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 0x81);
 	iec104_station_disconnect(&station, masters[1].connection);
 	assert_int_equal(fake.request_count, 1);
 	iec104_station_disconnect(&station, masters[0].connection);
@@ -245,9 +245,9 @@ static void test_selections_are_told_apart(void **state)
 	(void)state;
 	connect_master(1, true);
 	start(1);
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
-	ASK(0, 45, 1, 6, 2, 0xfb, 0x0b, 4, 0, 0, 0x01);
-	ASK(1, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x01);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 0x81);
+	ASK(0, C_SC_NA, 1, ACT, 2, CA_3067, IOA(4), 0x01);
+	ASK(1, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 0x01);
 	assert_int_not_equal(fake.requests[0].session, fake.requests[1].session);
 	assert_int_not_equal(fake.requests[0].session, fake.requests[2].session);
 }
@@ -317,9 +317,9 @@ static void test_values_that_cannot_be_carried_out(void **state)
 static void test_regulating_steps(void **state)
 {
 	(void)state;
-	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1);
-	ASK(0, 60, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 3 << 2 | 2, TIME);
-	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 0x82);
+	ASK(0, C_RC_NA, 1, ACT, 0, CA_3067, IOA(40003), 1);
+	ASK(0, C_RC_TA, 1, ACT, 0, CA_3067, IOA(40003), 3 << 2 | 2, TIME);
+	ASK(0, C_RC_NA, 1, ACT, 0, CA_3067, IOA(40003), 0x82);
 	assert_int_equal(fake.request_count, 3);
 	for (unsigned i = 0; i < 3; i++) {
 		assert_int_equal(fake.requests[i].point, HOLDING3);
@@ -327,12 +327,12 @@ static void test_regulating_steps(void **state)
 		assert_int_equal(fake.requests[i].value.u, 0);
 		assert_int_equal(fake.requests[i].action, i == 2 ? MAP_SELECT : MAP_EXECUTE);
 	}
-	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 0x42, 0x9c, 0, 1); /* takes no steps */
-	EXPECT(0, 47, 1, 0x6f, 0, 0xfb, 0x0b, 0x42, 0x9c, 0, 1);
-	ASK(0, 47, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 47, 1, 0x6f, 0, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 47, 1, 6, 0, 0xa1, 0x0f, 5, 0, 0, 1); /* a step position that is only read */
-	EXPECT(0, 47, 1, 0x6f, 0, 0xa1, 0x0f, 5, 0, 0, 1);
+	ASK(0, C_RC_NA, 1, ACT, 0, CA_3067, IOA(40002), 1); /* takes no steps */
+	EXPECT(0, C_RC_NA, 1, NEGATIVE | UNKNOWN_IOA, 0, CA_3067, IOA(40002), 1);
+	ASK(0, C_RC_NA, 1, ACT, 0, CA_3067, IOA(4), 1);
+	EXPECT(0, C_RC_NA, 1, NEGATIVE | UNKNOWN_IOA, 0, CA_3067, IOA(4), 1);
+	ASK(0, C_RC_NA, 1, ACT, 0, CA_4001, IOA(5), 1); /* a step position that is only read */
+	EXPECT(0, C_RC_NA, 1, NEGATIVE | UNKNOWN_IOA, 0, CA_4001, IOA(5), 1);
 	assert_int_equal(fake.request_count, 3);
 }
 
@@ -340,14 +340,14 @@ static void test_time_tags(void **state)
 {
 	(void)state;
 	fake.clock.offset_ns += 10 * S;
-	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	ASK(0, C_SC_TA, 1, ACT, 0, CA_3067, IOA(4), 1, TIME);
 	assert_int_equal(fake.request_count, 1);
 	fake.clock.offset_ns += 1 * MS; /* too old */
-	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
-	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	ASK(0, C_SC_TA, 1, ACT, 0, CA_3067, IOA(4), 1, TIME);
+	EXPECT(0, C_SC_TA, 1, NEGATIVE | ACT_CON, 0, CA_3067, IOA(4), 1, TIME);
 	fake.clock.offset_ns -= 20 * S + 2 * MS; /* from the future */
-	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
-	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	ASK(0, C_SC_TA, 1, ACT, 0, CA_3067, IOA(4), 1, TIME);
+	EXPECT(0, C_SC_TA, 1, NEGATIVE | ACT_CON, 0, CA_3067, IOA(4), 1, TIME);
 	assert_int_equal(fake.request_count, 1);
 }
 
@@ -358,27 +358,27 @@ static void test_time_tag_while_the_clock_was_never_set(void **state)
 
 	(void)state;
 	fake.clock.set = false;
-	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
-	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	ASK(0, C_SC_TA, 1, ACT, 0, CA_3067, IOA(4), 1, TIME);
+	EXPECT(0, C_SC_TA, 1, NEGATIVE | ACT_CON, 0, CA_3067, IOA(4), 1, TIME);
 	assert_int_equal(fake.request_count, 0);
 	assert_int_equal(fake.log_count, logged + 1);
-	ASK(0, 45, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 0, CA_3067, IOA(4), 1);
 	assert_int_equal(fake.request_count, 1);
 	fake.settings.command_without_clock = true;
-	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	ASK(0, C_SC_TA, 1, ACT, 0, CA_3067, IOA(4), 1, TIME);
 	assert_int_equal(fake.request_count, 2);
-	ASK(0, 58, 1, 6, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25); /* IV */
-	EXPECT(0, 58, 1, 0x47, 0, 0xfb, 0x0b, 4, 0, 0, 1, 0, 0, 0x80, 0, 1, 1, 25);
+	ASK(0, C_SC_TA, 1, ACT, 0, CA_3067, IOA(4), 1, 0, 0, 0x80, 0, 1, 1, 25); /* IV */
+	EXPECT(0, C_SC_TA, 1, NEGATIVE | ACT_CON, 0, CA_3067, IOA(4), 1, 0, 0, 0x80, 0, 1, 1, 25);
 	assert_int_equal(fake.request_count, 2);
 }
 
 static void test_test_bit_of_a_command(void **state)
 {
 	(void)state;
-	ASK(0, 45, 1, 0x86, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x87, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 103, 1, 0x86, 1, 0xfb, 0x0b, 0, 0, 0, 0, 0, 0, 0, 1, 1, 30);
-	EXPECT(0, 103, 1, 0x87, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	ASK(0, C_SC_NA, 1, TEST_BIT | ACT, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, TEST_BIT | ACT_CON, 1, CA_3067, IOA(4), 1);
+	ASK(0, C_CS_NA, 1, TEST_BIT | ACT, 1, CA_3067, IOA(0), 0, 0, 0, 0, 1, 1, 30);
+	EXPECT(0, C_CS_NA, 1, TEST_BIT | ACT_CON, 1, CA_3067, IOA(0), TIME);
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 0);
 }
@@ -386,20 +386,20 @@ static void test_test_bit_of_a_command(void **state)
 static void test_owner_dies(void **state)
 {
 	(void)state;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 	answer(1, MAP_EXECUTING, MAP_RESULT_NONE);
 	expect_nothing(0);
 	fake.dead[1] = true;
 	run();
-	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(4), 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(4), 1);
 	fake.dead[1] = false;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 	expect_nothing(0);
 	fake.generation[1]++; /* died and came back between two looks */
 	run();
-	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(4), 1);
 	expect_nothing(0);
 }
 
@@ -408,15 +408,15 @@ static void test_owner_dies_after_its_confirmation(void **state)
 	(void)state;
 	command_coil4();
 	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1 << 2 | 1);
 	answer(2, MAP_EXECUTING, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 1 << 2 | 1);
 	fake.generation[1]++;
 	run();
-	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x4a, 1, 0xfb, 0x0b, 4, 0, 0, 1 << 2 | 1);
+	EXPECT(0, C_SC_NA, 1, ACT_TERM, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_TERM, 1, CA_3067, IOA(4), 1 << 2 | 1);
 	expect_nothing(0);
 }
 
@@ -426,13 +426,13 @@ static void test_owner_is_starting(void **state)
 	(void)state;
 	fake.generation[1]++;
 	fake.starting[1] = true;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 	expect_nothing(0);
 	fake.starting[1] = false;
 	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 45, 1, 7, 1, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 10, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, C_SC_NA, 1, ACT_CON, 1, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, ACT_TERM, 1, CA_3067, IOA(4), 1);
 }
 
 /* Reads on over values that have a period of their own. */
@@ -448,7 +448,7 @@ static void expect_no_answer_to_a_command(unsigned master)
 static void test_answer_is_lost(void **state)
 {
 	(void)state;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 	for (int i = 0; i < 39; i++) {
 		now += S;
 		expect_no_answer_to_a_command(0);
@@ -456,7 +456,7 @@ static void test_answer_is_lost(void **state)
 	assert_true(iec104_station_deadline(&station) <= now + S);
 	now += S; /* command_timeout, and the longest time-out of a device that was asked at its end */
 	run();
-	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(4), 1);
 	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	expect_no_answer_to_a_command(0);
 }
@@ -464,7 +464,7 @@ static void test_answer_is_lost(void **state)
 static void test_answer_after_the_master_has_gone(void **state)
 {
 	(void)state;
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 1);
 	iec104_station_disconnect(&station, masters[0].connection);
 	connect_master(0, true); /* takes the same place */
 	start(0);
@@ -477,19 +477,19 @@ static void test_answer_after_the_master_has_gone(void **state)
 static void test_answers_that_make_no_sense(void **state)
 {
 	(void)state;
-	ASK(0, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	ASK(0, C_CS_NA, 1, ACT, 1, CA_3067, IOA(0), TIME);
 	answer(1, MAP_EXECUTING, MAP_RESULT_DONE);
 	expect_nothing(0);
 	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 103, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
-	ASK(0, 45, 1, 6, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	EXPECT(0, C_CS_NA, 1, ACT_CON, 1, CA_3067, IOA(0), TIME);
+	ASK(0, C_SC_NA, 1, ACT, 1, CA_3067, IOA(4), 0x81);
 	answer(2, MAP_EXECUTING, MAP_RESULT_DONE);
 	expect_nothing(0);
 	answer(2, MAP_REFUSED_SELECTION, MAP_RESULT_INTERLOCK);
 	answer(2, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 45, 1, 0x47, 1, 0xfb, 0x0b, 4, 0, 0, 0x81);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(4), 0x81);
 	expect_nothing(0);
 }
 
@@ -498,7 +498,7 @@ static void test_answers_that_make_no_sense(void **state)
 static void test_clock(void **state)
 {
 	(void)state;
-	ASK(0, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	ASK(0, C_CS_NA, 1, ACT, 1, CA_3067, IOA(0), TIME);
 	expect_nothing(0);
 	assert_int_equal(fake.requests[0].action, MAP_SET_CLOCK);
 	assert_int_equal(fake.requests[0].point, MAP_NONE);
@@ -507,14 +507,14 @@ static void test_clock(void **state)
 	now += 3 * MS;
 	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 103, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, 0x1b, 0xbc, 24, 13, 19, 2, 25);
-	ASK(0, 103, 1, 6, 1, 0xff, 0xff, 0, 0, 0, TIME);
+	EXPECT(0, C_CS_NA, 1, ACT_CON, 1, CA_3067, IOA(0), 0x1b, 0xbc, 24, 13, 19, 2, 25);
+	ASK(0, C_CS_NA, 1, ACT, 1, CA_ALL, IOA(0), TIME);
 	answer(2, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 103, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, 0x1b, 0xbc, 24, 13, 19, 2, 25);
-	EXPECT(0, 103, 1, 7, 1, 0xa1, 0x0f, 0, 0, 0, 0x1b, 0xbc, 24, 13, 19, 2, 25);
-	ASK(0, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 0, 0, 0, 0, 1, 13, 25);
-	EXPECT(0, 103, 1, 0x47, 1, 0xfb, 0x0b, 0, 0, 0, 0, 0, 0, 0, 1, 13, 25);
+	EXPECT(0, C_CS_NA, 1, ACT_CON, 1, CA_3067, IOA(0), 0x1b, 0xbc, 24, 13, 19, 2, 25);
+	EXPECT(0, C_CS_NA, 1, ACT_CON, 1, CA_4001, IOA(0), 0x1b, 0xbc, 24, 13, 19, 2, 25);
+	ASK(0, C_CS_NA, 1, ACT, 1, CA_3067, IOA(0), 0, 0, 0, 0, 1, 13, 25);
+	EXPECT(0, C_CS_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(0), 0, 0, 0, 0, 1, 13, 25);
 	assert_int_equal(fake.request_count, 2);
 }
 
@@ -523,8 +523,8 @@ static void test_clock_masters(void **state)
 	(void)state;
 	connect_master(1, false);
 	start(1);
-	ASK(1, 103, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
-	EXPECT(1, 103, 1, 0x47, 1, 0xfb, 0x0b, 0, 0, 0, TIME);
+	ASK(1, C_CS_NA, 1, ACT, 1, CA_3067, IOA(0), TIME);
+	EXPECT(1, C_CS_NA, 1, NEGATIVE | ACT_CON, 1, CA_3067, IOA(0), TIME);
 	assert_int_equal(fake.request_count, 0);
 }
 

@@ -10,13 +10,14 @@ static void test_events(void **state)
 	publish(HOLDING3, 255);
 	fake.clock.set = false;
 	run();
-	EXPECT(0, 30, 2, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, 0x18, 0xbc, 0x98, 13, 19, 2, 25, 1, 0, 0, 1, 0x18,
-	       0xbc, 0x98, 13, 19, 2, 25);
-	EXPECT(0, 35, 1, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 255, 0, 0, 0x18, 0xbc, 0x98, 13, 19, 2, 25);
+	EXPECT(0, M_SP_TB, 2, SPONTANEOUS, 0, CA_3067, IOA(4), 0, 0x18, 0xbc, 0x98, 13, 19, 2, 25, 1, 0, 0, 1,
+	       0x18, 0xbc, 0x98, 13, 19, 2, 25);
+	EXPECT(0, M_ME_TE, 1, SPONTANEOUS, 0, CA_3067, IOA(40003), 255, 0, 0, 0x18, 0xbc, 0x98, 13, 19, 2,
+	       25);
 	fake.clock.set = true;
 	publish(COUNTER, 7);
 	run();
-	EXPECT(0, 37, 1, 3, 0, 0xa1, 0x0f, 15, 0, 0, 7, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_IT_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(15), 7, 0, 0, 0, 0, TIME);
 	expect_nothing(0);
 }
 
@@ -29,20 +30,20 @@ static void test_every_master_has_its_own_events(void **state)
 	connect_master(1, false);
 	publish(COIL4, 1);
 	run();
-	EXPECT(0, 30, 2, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, TIME, 4, 0, 0, 1, TIME);
+	EXPECT(0, M_SP_TB, 2, SPONTANEOUS, 0, CA_3067, IOA(4), 0, TIME, 4, 0, 0, 1, TIME);
 	start(1);
 	expect_nothing(1);
 	publish(COIL4, 0);
 	run();
-	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, TIME);
-	EXPECT(1, 30, 1, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, TIME);
+	EXPECT(0, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(4), 0, TIME);
+	EXPECT(1, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(4), 0, TIME);
 	acknowledge(&masters[1]);
 	put_bytes(&masters[1], stopdt, sizeof(stopdt));
 	assert_non_null(next_frame(&masters[1]));
 	publish(COIL4, 1);
 	expect_nothing(1);
 	start(1); /* what happened between STOPDT and STARTDT is not lost */
-	EXPECT(1, 30, 1, 3, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
+	EXPECT(1, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(4), 1, TIME);
 }
 
 static void test_many_events(void **state)
@@ -82,11 +83,11 @@ static void test_event_is_not_overtaken_by_an_interrogation(void **state)
 {
 	(void)state;
 	fake.on_read = change_while_read;
-	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 7, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 1, 0x84, 20, 0, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
-	EXPECT(0, 30, 3, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, TIME, 4, 0, 0, 1, TIME, 4, 0, 0, 0, TIME);
-	EXPECT(0, 1, 0x83, 20, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 0, 1, 0);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_3067, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_3067, IOA(0), 20);
+	EXPECT(0, M_SP_NA, 0x84, INTERROGATED, 0, CA_3067, IOA(1), 0, 1, 0, 1);
+	EXPECT(0, M_SP_TB, 3, SPONTANEOUS, 0, CA_3067, IOA(4), 0, TIME, 4, 0, 0, 1, TIME, 4, 0, 0, 0, TIME);
+	EXPECT(0, M_SP_NA, 0x83, INTERROGATED, 0, CA_3067, IOA(10001), 0, 1, 0);
 }
 
 static void change_coil4_while_read(uint32_t point)
@@ -103,9 +104,9 @@ static void test_read_value_is_not_followed_by_an_older_event(void **state)
 {
 	(void)state;
 	fake.on_read = change_coil4_while_read;
-	ASK(0, 102, 1, 5, 7, 0xfb, 0x0b, 4, 0, 0);
-	EXPECT(0, 30, 3, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, TIME, 4, 0, 0, 1, TIME, 4, 0, 0, 0, TIME);
-	EXPECT(0, 1, 1, 5, 7, 0xfb, 0x0b, 4, 0, 0, 0);
+	ASK(0, C_RD_NA, 1, REQUEST, 7, CA_3067, IOA(4));
+	EXPECT(0, M_SP_TB, 3, SPONTANEOUS, 0, CA_3067, IOA(4), 0, TIME, 4, 0, 0, 1, TIME, 4, 0, 0, 0, TIME);
+	EXPECT(0, M_SP_NA, 1, REQUEST, 7, CA_3067, IOA(4), 0);
 	expect_nothing(0);
 }
 
@@ -117,13 +118,13 @@ static void test_module_down_and_up(void **state)
 	put_event(MAP_EVENT_MODULE_DOWN, 2, (struct map_sample){.time_ns = now});
 	now += 100 * MS;
 	run();
-	EXPECT(0, 31, 1, 3, 0, 0xa1, 0x0f, 1, 0, 0, 2, TIME);
-	EXPECT(0, 31, 2, 3, 0, 0xa1, 0x0f, 1, 0, 0, 0x82, TIME, 3, 0, 0, 0x81, TIME);
-	EXPECT(0, 32, 1, 3, 0, 0xa1, 0x0f, 5, 0, 0, 0, 0x80, TIME);
-	EXPECT(0, 33, 1, 3, 0, 0xa1, 0x0f, 7, 0, 0, 1, 0, 0, 0, 0x80, TIME);
-	EXPECT(0, 34, 1, 3, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0x80, TIME);
-	EXPECT(0, 36, 1, 3, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0x80, TIME);
-	EXPECT(0, 37, 1, 3, 0, 0xa1, 0x0f, 15, 0, 0, 0, 0, 0, 0, 0x80, TIME);
+	EXPECT(0, M_DP_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(1), 2, TIME);
+	EXPECT(0, M_DP_TB, 2, SPONTANEOUS, 0, CA_4001, IOA(1), 0x82, TIME, 3, 0, 0, 0x81, TIME);
+	EXPECT(0, M_ST_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(5), 0, 0x80, TIME);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 1, 0, 0, 0, 0x80, TIME);
+	EXPECT(0, M_ME_TD, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 0, 0, 0x80, TIME);
+	EXPECT(0, M_ME_TF, 1, SPONTANEOUS, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0x80, TIME);
+	EXPECT(0, M_IT_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(15), 0, 0, 0, 0, 0x80, TIME);
 	acknowledge(&masters[0]);
 	expect_nothing(0);
 	fake.dead[2] = false;
@@ -132,7 +133,7 @@ static void test_module_down_and_up(void **state)
 	fake.samples[BITS] = (struct map_sample){.value.u = 5, .time_ns = now - 100 * MS};
 	put_event(MAP_EVENT_MODULE_UP, 2, (struct map_sample){.time_ns = now});
 	run();
-	EXPECT(0, 33, 1, 3, 0, 0xa1, 0x0f, 7, 0, 0, 5, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 5, 0, 0, 0, 0, TIME);
 	expect_nothing(0);
 }
 
@@ -142,8 +143,8 @@ static void test_heartbeat_is_missing_for_a_moment(void **state)
 	(void)state;
 	fake.samples[FLOAT].time_ns = now;
 	fake.silent[2] = true;
-	ASK(0, 102, 1, 5, 0, 0xa1, 0x0f, 11, 0, 0);
-	EXPECT(0, 13, 1, 5, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0x80);
+	ASK(0, C_RD_NA, 1, REQUEST, 0, CA_4001, IOA(11));
+	EXPECT(0, M_ME_NC, 1, REQUEST, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0x80);
 	expect_nothing(0);
 	assert_true(iec104_station_deadline(&station) <= now + 100 * MS);
 	for (uint32_t i = DOUBLE1; i < POINTS; i++)
@@ -151,7 +152,7 @@ static void test_heartbeat_is_missing_for_a_moment(void **state)
 			fake.samples[i].quality = MAP_INVALID; /* at their device */
 	fake.silent[2] = false;
 	run();
-	EXPECT(0, 36, 1, 3, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0, TIME);
+	EXPECT(0, M_ME_TF, 1, SPONTANEOUS, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0, TIME);
 	expect_nothing(0);
 }
 
@@ -165,9 +166,9 @@ static void test_lost_events(void **state)
 	publish(COIL4, 1);
 	fake.samples[0].quality = MAP_INVALID;
 	acknowledge(&masters[0]);
-	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 4, 0, 0, 1, TIME);
-	EXPECT(0, 30, 7, 3, 0, 0xfb, 0x0b, 1, 0, 0, 0x80, TIME, 2, 0, 0, 1, TIME, 3, 0, 0, 0, TIME, 4, 0, 0,
-	       1, TIME, 0x11, 0x27, 0, 0, TIME, 0x12, 0x27, 0, 1, TIME, 0x13, 0x27, 0, 0, TIME);
+	EXPECT(0, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(4), 1, TIME);
+	EXPECT(0, M_SP_TB, 7, SPONTANEOUS, 0, CA_3067, IOA(1), 0x80, TIME, 2, 0, 0, 1, TIME, 3, 0, 0, 0, TIME,
+	       4, 0, 0, 1, TIME, 0x11, 0x27, 0, 0, TIME, 0x12, 0x27, 0, 1, TIME, 0x13, 0x27, 0, 0, TIME);
 	assert_int_equal(next_frame(&masters[0])[7], 6); /* scaled */
 	assert_int_equal(next_frame(&masters[0])[6], 31);
 }
@@ -180,7 +181,7 @@ static void test_steps_of_the_clock_fire_no_timer(void **state)
 	(void)state;
 	publish(COIL4, 0);
 	run();
-	EXPECT(0, 30, 1, 3, 0, 0xfb, 0x0b, 4, 0, 0, 0, TIME);
+	EXPECT(0, M_SP_TB, 1, SPONTANEOUS, 0, CA_3067, IOA(4), 0, TIME);
 	for (int direction = -1; direction <= 1; direction += 2) {
 		int64_t deadline_ns = iec104_session_deadline(&masters[0].connection->session);
 
@@ -208,12 +209,12 @@ static void test_periodic(void **state)
 	expect_nothing(0);
 	now = 501 * S;
 	run();
-	EXPECT(0, 9, 1, 1, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0);
+	EXPECT(0, M_ME_NA, 1, CYCLIC, 0, CA_4001, IOA(9), 0, 0, 0);
 	assert_true(iec104_station_deadline(&station) == 502 * S);
 	now = 505 * S + 3 * MS; /* late: once, not four times */
 	run();
-	EXPECT(0, 3, 1, 2, 0, 0xa1, 0x0f, 3, 0, 0, 1); /* not a measured value: background scan */
-	EXPECT(0, 9, 1, 1, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0);
+	EXPECT(0, M_DP_NA, 1, BACKGROUND, 0, CA_4001, IOA(3), 1); /* not a measured value: background scan */
+	EXPECT(0, M_ME_NA, 1, CYCLIC, 0, CA_4001, IOA(9), 0, 0, 0);
 	expect_nothing(0);
 	assert_true(iec104_station_deadline(&station) == 506 * S);
 }
@@ -227,12 +228,12 @@ static void test_stations_are_kept_apart(void **state)
 	publish(HOLDING3, 1);
 	publish(NORMALIZED, 2);
 	run();
-	EXPECT(0, 35, 1, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1, 0, 0, TIME);
-	EXPECT(0, 35, 1, 3, 0, 0xa1, 0x0f, 9, 0, 0, 2, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 1, SPONTANEOUS, 0, CA_3067, IOA(40003), 1, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 2, 0, 0, TIME);
 	now = 501 * S;
 	run();
-	EXPECT(0, 11, 1, 1, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1, 0, 0);
-	EXPECT(0, 11, 1, 1, 0, 0xa1, 0x0f, 9, 0, 0, 2, 0, 0);
+	EXPECT(0, M_ME_NB, 1, CYCLIC, 0, CA_3067, IOA(40003), 1, 0, 0);
+	EXPECT(0, M_ME_NB, 1, CYCLIC, 0, CA_4001, IOA(9), 2, 0, 0);
 	points[HOLDING3].send_period_ms = 0;
 	points[NORMALIZED].type = MAP_NORMALIZED;
 }
@@ -246,7 +247,7 @@ static void test_periodic_while_nothing_is_acknowledged(void **state)
 	expect_nothing(0);
 	assert_true(iec104_station_deadline(&station) > now);
 	acknowledge(&masters[0]);
-	EXPECT(0, 9, 1, 1, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0);
+	EXPECT(0, M_ME_NA, 1, CYCLIC, 0, CA_4001, IOA(9), 0, 0, 0);
 	expect_nothing(0);
 	run();
 	assert_true(iec104_station_deadline(&station) == 503 * S);

@@ -4,8 +4,8 @@
 
 #define EXPECT_END(master, cause)                                                                            \
 	do {                                                                                                 \
-		EXPECT(master, 70, 1, 4, 0, 0xfb, 0x0b, 0, 0, 0, cause);                                     \
-		EXPECT(master, 70, 1, 4, 0, 0xa1, 0x0f, 0, 0, 0, cause);                                     \
+		EXPECT(master, M_EI_NA, 1, INITIALISED, 0, CA_3067, IOA(0), cause);                          \
+		EXPECT(master, M_EI_NA, 1, INITIALISED, 0, CA_4001, IOA(0), cause);                          \
 	} while (0)
 
 static int set_up_at_start(void **state)
@@ -104,24 +104,24 @@ static void test_after_a_reset_it_is_another(void **state)
 static void test_reset_of_the_process(void **state)
 {
 	(void)state;
-	ASK(0, 105, 1, 6, 3, 0xa1, 0x0f, 0, 0, 0, 1);
+	ASK(0, C_RP_NA, 1, ACT, 3, CA_4001, IOA(0), 1);
 	expect_nothing(0);
 	assert_int_equal(fake.request_count, 1);
 	assert_int_equal(fake.requests[0].action, MAP_RESTART);
 	answer(1, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 105, 1, 7, 3, 0xa1, 0x0f, 0, 0, 0, 1);
-	ASK(0, 105, 1, 6, 3, 0xff, 0xff, 0, 0, 0, 1);
+	EXPECT(0, C_RP_NA, 1, ACT_CON, 3, CA_4001, IOA(0), 1);
+	ASK(0, C_RP_NA, 1, ACT, 3, CA_ALL, IOA(0), 1);
 	answer(2, MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 	run();
-	EXPECT(0, 105, 1, 7, 3, 0xfb, 0x0b, 0, 0, 0, 1);
-	EXPECT(0, 105, 1, 7, 3, 0xa1, 0x0f, 0, 0, 0, 1);
-	ASK(0, 105, 1, 6, 3, 0xa1, 0x0f, 0, 0, 0, 1);
+	EXPECT(0, C_RP_NA, 1, ACT_CON, 3, CA_3067, IOA(0), 1);
+	EXPECT(0, C_RP_NA, 1, ACT_CON, 3, CA_4001, IOA(0), 1);
+	ASK(0, C_RP_NA, 1, ACT, 3, CA_4001, IOA(0), 1);
 	answer(3, MAP_REFUSED_COMMAND, MAP_RESULT_INTERLOCK);
 	run();
-	EXPECT(0, 105, 1, 0x47, 3, 0xa1, 0x0f, 0, 0, 0, 1);
-	ASK(0, 105, 1, 0x86, 3, 0xa1, 0x0f, 0, 0, 0, 1); /* test */
-	EXPECT(0, 105, 1, 0x87, 3, 0xa1, 0x0f, 0, 0, 0, 1);
+	EXPECT(0, C_RP_NA, 1, NEGATIVE | ACT_CON, 3, CA_4001, IOA(0), 1);
+	ASK(0, C_RP_NA, 1, TEST_BIT | ACT, 3, CA_4001, IOA(0), 1); /* test */
+	EXPECT(0, C_RP_NA, 1, TEST_BIT | ACT_CON, 3, CA_4001, IOA(0), 1);
 	assert_int_equal(fake.request_count, 3);
 	expect_nothing(0);
 }
@@ -131,21 +131,21 @@ static void test_reset_of_waiting_events(void **state)
 	(void)state;
 	hold_back(0);
 	publish(7, 1);
-	ASK(0, 105, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 2); /* of one station of two */
+	ASK(0, C_RP_NA, 1, ACT, 0, CA_4001, IOA(0), 2); /* of one station of two */
 	acknowledge(&masters[0]);
-	EXPECT(0, 105, 1, 0x47, 0, 0xa1, 0x0f, 0, 0, 0, 2);
-	EXPECT(0, 35, 1, 3, 0, 0xfb, 0x0b, 0x31, 0x75, 0, 1, 0, 0, TIME);
+	EXPECT(0, C_RP_NA, 1, NEGATIVE | ACT_CON, 0, CA_4001, IOA(0), 2);
+	EXPECT(0, M_ME_TE, 1, SPONTANEOUS, 0, CA_3067, IOA(30001), 1, 0, 0, TIME);
 	acknowledge(&masters[0]);
 	hold_back(0);
 	publish(7, 2);
-	ASK(0, 105, 1, 6, 0, 0xff, 0xff, 0, 0, 0, 2);
+	ASK(0, C_RP_NA, 1, ACT, 0, CA_ALL, IOA(0), 2);
 	acknowledge(&masters[0]);
-	EXPECT(0, 105, 1, 7, 0, 0xfb, 0x0b, 0, 0, 0, 2);
-	EXPECT(0, 105, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 2);
+	EXPECT(0, C_RP_NA, 1, ACT_CON, 0, CA_3067, IOA(0), 2);
+	EXPECT(0, C_RP_NA, 1, ACT_CON, 0, CA_4001, IOA(0), 2);
 	expect_nothing(0);
 	publish(7, 3);
 	run();
-	EXPECT(0, 35, 1, 3, 0, 0xfb, 0x0b, 0x31, 0x75, 0, 3, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 1, SPONTANEOUS, 0, CA_3067, IOA(30001), 3, 0, 0, TIME);
 }
 
 static void test_other_resets_are_refused(void **state)
@@ -154,13 +154,13 @@ static void test_other_resets_are_refused(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(wrong); i++) {
-		ASK(0, 105, 1, 6, 0, 0xff, 0xff, 0, 0, 0, wrong[i]);
-		EXPECT(0, 105, 1, 0x47, 0, 0xff, 0xff, 0, 0, 0, wrong[i]);
+		ASK(0, C_RP_NA, 1, ACT, 0, CA_ALL, IOA(0), wrong[i]);
+		EXPECT(0, C_RP_NA, 1, NEGATIVE | ACT_CON, 0, CA_ALL, IOA(0), wrong[i]);
 	}
-	ASK(0, 105, 1, 8, 0, 0xff, 0xff, 0, 0, 0, 1);
-	EXPECT(0, 105, 1, 0x6d, 0, 0xff, 0xff, 0, 0, 0, 1);
-	ASK(0, 105, 1, 6, 0, 0xfb, 0x0b, 1, 0, 0, 1);
-	EXPECT(0, 105, 1, 0x6f, 0, 0xfb, 0x0b, 1, 0, 0, 1);
+	ASK(0, C_RP_NA, 1, DEACT, 0, CA_ALL, IOA(0), 1);
+	EXPECT(0, C_RP_NA, 1, NEGATIVE | UNKNOWN_CAUSE, 0, CA_ALL, IOA(0), 1);
+	ASK(0, C_RP_NA, 1, ACT, 0, CA_3067, IOA(1), 1);
+	EXPECT(0, C_RP_NA, 1, NEGATIVE | UNKNOWN_IOA, 0, CA_3067, IOA(1), 1);
 	assert_int_equal(fake.request_count, 0);
 }
 

@@ -4,29 +4,31 @@
 
 static void expect_station_3067(unsigned master, uint8_t originator)
 {
-	EXPECT(master, 100, 1, 7, originator, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(master, 1, 0x84, 20, originator, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
-	EXPECT(master, 1, 0x83, 20, originator, 0xfb, 0x0b, 0x11, 0x27, 0, 0, 1, 0);
-	EXPECT(master, 11, 0x83, 20, originator, 0xfb, 0x0b, 0x31, 0x75, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0);
-	EXPECT(master, 11, 0x83, 20, originator, 0xfb, 0x0b, 0x41, 0x9c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0);
-	EXPECT(master, 100, 1, 10, originator, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(master, C_IC_NA, 1, ACT_CON, originator, CA_3067, IOA(0), 20);
+	EXPECT(master, M_SP_NA, 0x84, INTERROGATED, originator, CA_3067, IOA(1), 0, 1, 0, 1);
+	EXPECT(master, M_SP_NA, 0x83, INTERROGATED, originator, CA_3067, IOA(10001), 0, 1, 0);
+	EXPECT(master, M_ME_NB, 0x83, INTERROGATED, originator, CA_3067, IOA(30001), 1, 0, 0, 0, 0, 0, 1, 0,
+	       0);
+	EXPECT(master, M_ME_NB, 0x83, INTERROGATED, originator, CA_3067, IOA(40001), 0, 0, 0, 1, 0, 0, 0, 0,
+	       0);
+	EXPECT(master, C_IC_NA, 1, ACT_TERM, originator, CA_3067, IOA(0), 20);
 }
 
 static void expect_station_4001(unsigned master)
 {
-	EXPECT(master, 100, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 20);
-	EXPECT(master, 3, 2, 20, 0, 0xa1, 0x0f, 1, 0, 0, 1, 3, 0, 0, 1);
-	EXPECT(master, 5, 1, 20, 0, 0xa1, 0x0f, 5, 0, 0, 0, 0);
-	EXPECT(master, 7, 1, 20, 0, 0xa1, 0x0f, 7, 0, 0, 1, 0, 0, 0, 0);
-	EXPECT(master, 9, 1, 20, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0);
-	EXPECT(master, 13, 1, 20, 0, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0);
-	EXPECT(master, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 20);
+	EXPECT(master, C_IC_NA, 1, ACT_CON, 0, CA_4001, IOA(0), 20);
+	EXPECT(master, M_DP_NA, 2, INTERROGATED, 0, CA_4001, IOA(1), 1, 3, 0, 0, 1);
+	EXPECT(master, M_ST_NA, 1, INTERROGATED, 0, CA_4001, IOA(5), 0, 0);
+	EXPECT(master, M_BO_NA, 1, INTERROGATED, 0, CA_4001, IOA(7), 1, 0, 0, 0, 0);
+	EXPECT(master, M_ME_NA, 1, INTERROGATED, 0, CA_4001, IOA(9), 0, 0, 0);
+	EXPECT(master, M_ME_NC, 1, INTERROGATED, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0);
+	EXPECT(master, C_IC_NA, 1, ACT_TERM, 0, CA_4001, IOA(0), 20);
 }
 
 static void test_interrogation(void **state)
 {
 	(void)state;
-	ASK(0, 100, 1, 6, 9, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 9, CA_3067, IOA(0), 20);
 	expect_station_3067(0, 9);
 	expect_nothing(0);
 }
@@ -34,7 +36,7 @@ static void test_interrogation(void **state)
 static void test_interrogation_of_all_stations(void **state)
 {
 	(void)state;
-	ASK(0, 100, 1, 6, 0, 0xff, 0xff, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_ALL, IOA(0), 20);
 	expect_station_3067(0, 0);
 	acknowledge(&masters[0]); /* 13 ASDUs are one more than k */
 	expect_station_4001(0);
@@ -44,17 +46,17 @@ static void test_interrogation_of_all_stations(void **state)
 static void test_interrogation_of_a_group(void **state)
 {
 	(void)state;
-	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 22);
-	EXPECT(0, 100, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 22);
-	EXPECT(0, 3, 1, 22, 0, 0xa1, 0x0f, 1, 0, 0, 1);
-	EXPECT(0, 9, 1, 22, 0, 0xa1, 0x0f, 9, 0, 0, 0, 0, 0);
-	EXPECT(0, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 22);
-	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 36);
-	EXPECT(0, 100, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 36);
-	EXPECT(0, 5, 1, 36, 0, 0xa1, 0x0f, 5, 0, 0, 0, 0);
-	EXPECT(0, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 36);
-	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 37);
-	EXPECT(0, 100, 1, 0x47, 0, 0xa1, 0x0f, 0, 0, 0, 37);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_4001, IOA(0), 22);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_4001, IOA(0), 22);
+	EXPECT(0, M_DP_NA, 1, INTERROGATED + 2, 0, CA_4001, IOA(1), 1);
+	EXPECT(0, M_ME_NA, 1, INTERROGATED + 2, 0, CA_4001, IOA(9), 0, 0, 0);
+	EXPECT(0, C_IC_NA, 1, ACT_TERM, 0, CA_4001, IOA(0), 22);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_4001, IOA(0), 36);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_4001, IOA(0), 36);
+	EXPECT(0, M_ST_NA, 1, INTERROGATED + 16, 0, CA_4001, IOA(5), 0, 0);
+	EXPECT(0, C_IC_NA, 1, ACT_TERM, 0, CA_4001, IOA(0), 36);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_4001, IOA(0), 37);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | ACT_CON, 0, CA_4001, IOA(0), 37);
 	expect_nothing(0);
 }
 
@@ -62,15 +64,15 @@ static void test_interrogation_of_counters(void **state)
 {
 	(void)state;
 	fake.samples[COUNTER].value.i = 0x01020304;
-	ASK(0, 101, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 5);
-	EXPECT(0, 101, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 5);
-	EXPECT(0, 15, 1, 37, 0, 0xa1, 0x0f, 15, 0, 0, 4, 3, 2, 1, 0);
-	EXPECT(0, 101, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 5);
+	ASK(0, C_CI_NA, 1, ACT, 0, CA_4001, IOA(0), 5);
+	EXPECT(0, C_CI_NA, 1, ACT_CON, 0, CA_4001, IOA(0), 5);
+	EXPECT(0, M_IT_NA, 1, COUNTERS_REQUESTED, 0, CA_4001, IOA(15), 4, 3, 2, 1, 0);
+	EXPECT(0, C_CI_NA, 1, ACT_TERM, 0, CA_4001, IOA(0), 5);
 	for (uint8_t request = 0; request < 64; request++) {
 		if (request >= 1 && request <= 5)
 			continue;
-		ASK(0, 101, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, request);
-		EXPECT(0, 101, 1, 0x47, 0, 0xa1, 0x0f, 0, 0, 0, request);
+		ASK(0, C_CI_NA, 1, ACT, 0, CA_4001, IOA(0), request);
+		EXPECT(0, C_CI_NA, 1, NEGATIVE | ACT_CON, 0, CA_4001, IOA(0), request);
 	}
 	expect_nothing(0);
 }
@@ -83,20 +85,20 @@ static void test_interrogation_is_resumed(void **state)
 	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_master(0, true);
 	start(0);
-	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 7, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_3067, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_3067, IOA(0), 20);
 	expect_nothing(0);
 	acknowledge(&masters[0]);
-	EXPECT(0, 1, 0x84, 20, 0, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+	EXPECT(0, M_SP_NA, 0x84, INTERROGATED, 0, CA_3067, IOA(1), 0, 1, 0, 1);
 	expect_nothing(0);
 	acknowledge(&masters[0]);
-	EXPECT(0, 1, 0x83, 20, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 0, 1, 0);
+	EXPECT(0, M_SP_NA, 0x83, INTERROGATED, 0, CA_3067, IOA(10001), 0, 1, 0);
 	acknowledge(&masters[0]);
-	EXPECT(0, 11, 0x83, 20, 0, 0xfb, 0x0b, 0x31, 0x75, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0);
+	EXPECT(0, M_ME_NB, 0x83, INTERROGATED, 0, CA_3067, IOA(30001), 1, 0, 0, 0, 0, 0, 1, 0, 0);
 	acknowledge(&masters[0]);
-	EXPECT(0, 11, 0x83, 20, 0, 0xfb, 0x0b, 0x41, 0x9c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0);
+	EXPECT(0, M_ME_NB, 0x83, INTERROGATED, 0, CA_3067, IOA(40001), 0, 0, 0, 1, 0, 0, 0, 0, 0);
 	acknowledge(&masters[0]);
-	EXPECT(0, 100, 1, 10, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, C_IC_NA, 1, ACT_TERM, 0, CA_3067, IOA(0), 20);
 	acknowledge(&masters[0]);
 	expect_nothing(0);
 }
@@ -105,11 +107,11 @@ static void test_second_interrogation(void **state)
 {
 	(void)state;
 	hold_back(0);
-	ASK(0, 100, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 20);
-	ASK(0, 100, 1, 6, 2, 0xfb, 0x0b, 0, 0, 0, 21); /* of the same station */
-	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 20); /* of another */
+	ASK(0, C_IC_NA, 1, ACT, 1, CA_3067, IOA(0), 20);
+	ASK(0, C_IC_NA, 1, ACT, 2, CA_3067, IOA(0), 21); /* of the same station */
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_4001, IOA(0), 20); /* of another */
 	acknowledge(&masters[0]);
-	EXPECT(0, 100, 1, 0x47, 2, 0xfb, 0x0b, 0, 0, 0, 21);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | ACT_CON, 2, CA_3067, IOA(0), 21);
 	expect_station_3067(0, 1);
 	acknowledge(&masters[0]);
 	expect_station_4001(0);
@@ -119,16 +121,16 @@ static void test_second_interrogation(void **state)
 static void test_second_interrogation_of_all_stations(void **state)
 {
 	(void)state;
-	ASK(0, 100, 1, 6, 0, 0xff, 0xff, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_ALL, IOA(0), 20);
 	expect_station_3067(0, 0);
 	while (next_frame(&masters[0]) != NULL)
 		; /* of the second station, up to k */
 	masters[0].mute = true;
-	ASK(0, 100, 1, 6, 2, 0xff, 0xff, 0, 0, 0, 20);
-	ASK(0, 100, 1, 8, 3, 0xff, 0xff, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 2, CA_ALL, IOA(0), 20);
+	ASK(0, C_IC_NA, 1, DEACT, 3, CA_ALL, IOA(0), 20);
 	acknowledge(&masters[0]);
-	EXPECT(0, 100, 1, 0x47, 2, 0xff, 0xff, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 9, 3, 0xff, 0xff, 0, 0, 0, 20);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | ACT_CON, 2, CA_ALL, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, DEACT_CON, 3, CA_ALL, IOA(0), 20);
 	expect_nothing(0);
 }
 
@@ -136,12 +138,12 @@ static void test_deactivated_interrogation(void **state)
 {
 	(void)state;
 	hold_back(0);
-	ASK(0, 100, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 20);
-	ASK(0, 100, 1, 8, 1, 0xfb, 0x0b, 0, 0, 0, 20);
-	ASK(0, 100, 1, 8, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 1, CA_3067, IOA(0), 20);
+	ASK(0, C_IC_NA, 1, DEACT, 1, CA_3067, IOA(0), 20);
+	ASK(0, C_IC_NA, 1, DEACT, 1, CA_3067, IOA(0), 20);
 	acknowledge(&masters[0]);
-	EXPECT(0, 100, 1, 9, 1, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 0x49, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	EXPECT(0, C_IC_NA, 1, DEACT_CON, 1, CA_3067, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | DEACT_CON, 1, CA_3067, IOA(0), 20);
 	expect_nothing(0);
 }
 
@@ -151,7 +153,7 @@ static void test_stop_ends_an_interrogation(void **state)
 
 	(void)state;
 	hold_back(0);
-	ASK(0, 100, 1, 6, 1, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 1, CA_3067, IOA(0), 20);
 	put_bytes(&masters[0], stopdt, sizeof(stopdt));
 	assert_null(next_frame(&masters[0]));
 	acknowledge(&masters[0]);
@@ -169,27 +171,27 @@ static void test_interrogation_ends_with_its_connection(void **state)
 	connect_master(0, true);
 	start(0);
 	masters[0].mute = true;
-	ASK(0, 100, 1, 6, 1, 0xff, 0xff, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 7, 1, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 1, 0x84, 20, 1, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+	ASK(0, C_IC_NA, 1, ACT, 1, CA_ALL, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 1, CA_3067, IOA(0), 20);
+	EXPECT(0, M_SP_NA, 0x84, INTERROGATED, 1, CA_3067, IOA(1), 0, 1, 0, 1);
 	iec104_session_close(&masters[0].connection->session, IEC104_CLOSED_BY_PEER);
 	run();
 	iec104_station_disconnect(&station, masters[0].connection);
 	connect_master(0, true);
 	start(0);
 	expect_nothing(0);
-	ASK(0, 100, 1, 6, 2, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 7, 2, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 1, 0x84, 20, 2, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+	ASK(0, C_IC_NA, 1, ACT, 2, CA_3067, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 2, CA_3067, IOA(0), 20);
+	EXPECT(0, M_SP_NA, 0x84, INTERROGATED, 2, CA_3067, IOA(1), 0, 1, 0, 1);
 }
 
 static void test_test_bit_of_an_interrogation(void **state)
 {
 	(void)state;
-	ASK(0, 100, 1, 0x86, 1, 0xa1, 0x0f, 0, 0, 0, 36);
-	EXPECT(0, 100, 1, 0x87, 1, 0xa1, 0x0f, 0, 0, 0, 36);
-	EXPECT(0, 5, 1, 0x80 | 36, 1, 0xa1, 0x0f, 5, 0, 0, 0, 0);
-	EXPECT(0, 100, 1, 0x8a, 1, 0xa1, 0x0f, 0, 0, 0, 36);
+	ASK(0, C_IC_NA, 1, TEST_BIT | ACT, 1, CA_4001, IOA(0), 36);
+	EXPECT(0, C_IC_NA, 1, TEST_BIT | ACT_CON, 1, CA_4001, IOA(0), 36);
+	EXPECT(0, M_ST_NA, 1, TEST_BIT | (INTERROGATED + 16), 1, CA_4001, IOA(5), 0, 0);
+	EXPECT(0, C_IC_NA, 1, TEST_BIT | ACT_TERM, 1, CA_4001, IOA(0), 36);
 }
 
 /* ---- read --------------------------------------------------------------------------------------- */
@@ -197,8 +199,8 @@ static void test_test_bit_of_an_interrogation(void **state)
 static void test_read(void **state)
 {
 	(void)state;
-	ASK(0, 102, 1, 5, 7, 0xa1, 0x0f, 11, 0, 0);
-	EXPECT(0, 13, 1, 5, 7, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0);
+	ASK(0, C_RD_NA, 1, REQUEST, 7, CA_4001, IOA(11));
+	EXPECT(0, M_ME_NC, 1, REQUEST, 7, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0);
 	expect_nothing(0);
 }
 
@@ -206,8 +208,8 @@ static void test_read(void **state)
 static void test_read_with_pn(void **state)
 {
 	(void)state;
-	ASK(0, 102, 1, 0x45, 7, 0xa1, 0x0f, 11, 0, 0);
-	EXPECT(0, 13, 1, 5, 7, 0xa1, 0x0f, 11, 0, 0, 0, 0, 0xc0, 0x3f, 0);
+	ASK(0, C_RD_NA, 1, NEGATIVE | REQUEST, 7, CA_4001, IOA(11));
+	EXPECT(0, M_ME_NC, 1, REQUEST, 7, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0);
 	expect_nothing(0);
 }
 
@@ -215,19 +217,19 @@ static void test_point_that_cannot_be_read_now(void **state)
 {
 	(void)state;
 	fake.unreadable = 1;
-	ASK(0, 102, 1, 5, 7, 0xfb, 0x0b, 4, 0, 0);
+	ASK(0, C_RD_NA, 1, REQUEST, 7, CA_3067, IOA(4));
 	assert_null(next_frame(&masters[0]));
 	assert_true(iec104_station_deadline(&station) == now + MS);
 	now += MS;
 	run();
-	EXPECT(0, 1, 1, 5, 7, 0xfb, 0x0b, 4, 0, 0, 1);
+	EXPECT(0, M_SP_NA, 1, REQUEST, 7, CA_3067, IOA(4), 1);
 	fake.unreadable = 1;
-	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 7, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_3067, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_3067, IOA(0), 20);
 	assert_null(next_frame(&masters[0]));
 	now += MS;
 	run();
-	EXPECT(0, 1, 0x84, 20, 0, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
+	EXPECT(0, M_SP_NA, 0x84, INTERROGATED, 0, CA_3067, IOA(1), 0, 1, 0, 1);
 }
 
 int main(void)

@@ -28,9 +28,9 @@ static void publish_with(uint32_t point, int32_t value, uint8_t quality)
 
 static void interrogate_group(void)
 {
-	ASK(0, 100, 1, 6, 0, 0xa1, 0x0f, 0, 0, 0, 22);
-	EXPECT(0, 100, 1, 7, 0, 0xa1, 0x0f, 0, 0, 0, 22);
-	EXPECT(0, 3, 1, 22, 0, 0xa1, 0x0f, 1, 0, 0, 1);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_4001, IOA(0), 22);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_4001, IOA(0), 22);
+	EXPECT(0, M_DP_NA, 1, INTERROGATED + 2, 0, CA_4001, IOA(1), 1);
 }
 
 static void test_interrogation_leaves_out_what_is_not_good(void **state)
@@ -40,13 +40,13 @@ static void test_interrogation_leaves_out_what_is_not_good(void **state)
 
 	(void)state;
 	interrogate_group();
-	EXPECT(0, 21, 1, 22, 0, 0xa1, 0x0f, 9, 0, 0, 0x00, 0x80);
-	EXPECT(0, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 22);
+	EXPECT(0, M_ME_ND, 1, INTERROGATED + 2, 0, CA_4001, IOA(9), 0x00, 0x80);
+	EXPECT(0, C_IC_NA, 1, ACT_TERM, 0, CA_4001, IOA(0), 22);
 	for (size_t i = 0; i < sizeof(bad); i++) {
 		acknowledge(&masters[0]);
 		fake.samples[NORMALIZED].quality = bad[i];
 		interrogate_group();
-		EXPECT(0, 100, 1, 10, 0, 0xa1, 0x0f, 0, 0, 0, 22);
+		EXPECT(0, C_IC_NA, 1, ACT_TERM, 0, CA_4001, IOA(0), 22);
 	}
 	expect_nothing(0);
 }
@@ -64,14 +64,14 @@ static void test_interrogation_packs_neighbours(void **state)
 		fake.samples[7 + i] = (struct map_sample){.value.i = (int32_t)i};
 	}
 	fake.samples[7 + 3].quality = MAP_INVALID;
-	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 7, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 1, 0x84, 20, 0, 0xfb, 0x0b, 1, 0, 0, 0, 1, 0, 1);
-	EXPECT(0, 1, 0x83, 20, 0, 0xfb, 0x0b, 0x11, 0x27, 0, 0, 1, 0);
-	EXPECT(0, 9, 1, 20, 0, 0xfb, 0x0b, 0x31, 0x75, 0, 0, 0, 0);
-	EXPECT(0, 21, 0x82, 20, 0, 0xfb, 0x0b, 0x32, 0x75, 0, 1, 0, 2, 0);
-	EXPECT(0, 21, 0x82, 20, 0, 0xfb, 0x0b, 0x35, 0x75, 0, 4, 0, 5, 0);
-	EXPECT(0, 100, 1, 10, 0, 0xfb, 0x0b, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_3067, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_3067, IOA(0), 20);
+	EXPECT(0, M_SP_NA, 0x84, INTERROGATED, 0, CA_3067, IOA(1), 0, 1, 0, 1);
+	EXPECT(0, M_SP_NA, 0x83, INTERROGATED, 0, CA_3067, IOA(10001), 0, 1, 0);
+	EXPECT(0, M_ME_NA, 1, INTERROGATED, 0, CA_3067, IOA(30001), 0, 0, 0);
+	EXPECT(0, M_ME_ND, 0x82, INTERROGATED, 0, CA_3067, IOA(30002), 1, 0, 2, 0);
+	EXPECT(0, M_ME_ND, 0x82, INTERROGATED, 0, CA_3067, IOA(30005), 4, 0, 5, 0);
+	EXPECT(0, C_IC_NA, 1, ACT_TERM, 0, CA_3067, IOA(0), 20);
 	expect_nothing(0);
 	for (unsigned i = 0; i < 6; i++) {
 		first[i].type = MAP_SCALED;
@@ -89,24 +89,24 @@ static void test_events(void **state)
 	publish(NORMALIZED, 4);
 	publish(COUNTER, 7);
 	run();
-	EXPECT(0, 21, 1, 3, 0, 0xa1, 0x0f, 9, 0, 0, 1, 0);
-	EXPECT(0, 21, 2, 3, 0, 0xa1, 0x0f, 9, 0, 0, 3, 0, 9, 0, 0, 4, 0);
-	EXPECT(0, 37, 1, 3, 0, 0xa1, 0x0f, 15, 0, 0, 7, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_ME_ND, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 1, 0);
+	EXPECT(0, M_ME_ND, 2, SPONTANEOUS, 0, CA_4001, IOA(9), 3, 0, 9, 0, 0, 4, 0);
+	EXPECT(0, M_IT_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(15), 7, 0, 0, 0, 0, TIME);
 	return_information(NORMALIZED, 5);
 	publish_with(NORMALIZED, 5, MAP_INVALID);
 	run();
-	EXPECT(0, 21, 1, 11, 0, 0xa1, 0x0f, 9, 0, 0, 5, 0);
+	EXPECT(0, M_ME_ND, 1, RETURN_REMOTE, 0, CA_4001, IOA(9), 5, 0);
 	expect_nothing(0);
 }
 
 static void test_read(void **state)
 {
 	(void)state;
-	ASK(0, 102, 1, 5, 7, 0xa1, 0x0f, 9, 0, 0);
-	EXPECT(0, 21, 1, 5, 7, 0xa1, 0x0f, 9, 0, 0, 0x00, 0x80);
+	ASK(0, C_RD_NA, 1, REQUEST, 7, CA_4001, IOA(9));
+	EXPECT(0, M_ME_ND, 1, REQUEST, 7, CA_4001, IOA(9), 0x00, 0x80);
 	fake.samples[NORMALIZED].quality = MAP_NOT_TOPICAL;
-	ASK(0, 102, 1, 0x85, 7, 0xa1, 0x0f, 9, 0, 0);
-	EXPECT(0, 102, 1, 0xc5, 7, 0xa1, 0x0f, 9, 0, 0);
+	ASK(0, C_RD_NA, 1, TEST_BIT | REQUEST, 7, CA_4001, IOA(9));
+	EXPECT(0, C_RD_NA, 1, NEGATIVE | TEST_BIT | REQUEST, 7, CA_4001, IOA(9));
 	expect_nothing(0);
 	assert_int_equal(fake.stats.counters[IEC104_COUNT_NEGATIVE], 1);
 }
@@ -116,7 +116,7 @@ static void test_cyclic(void **state)
 	(void)state;
 	now = 501 * S;
 	run();
-	EXPECT(0, 21, 1, 1, 0, 0xa1, 0x0f, 9, 0, 0, 0x00, 0x80);
+	EXPECT(0, M_ME_ND, 1, CYCLIC, 0, CA_4001, IOA(9), 0x00, 0x80);
 	fake.samples[NORMALIZED].quality = MAP_INVALID;
 	now = 502 * S;
 	run();
@@ -139,7 +139,7 @@ static void test_module_down_and_up(void **state)
 	fake.samples[NORMALIZED].quality = MAP_GOOD;
 	put_event(MAP_EVENT_MODULE_UP, 2, (struct map_sample){.time_ns = now});
 	run();
-	EXPECT(0, 21, 1, 3, 0, 0xa1, 0x0f, 9, 0, 0, 0x00, 0x80);
+	EXPECT(0, M_ME_ND, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 0x00, 0x80);
 	expect_nothing(0);
 }
 

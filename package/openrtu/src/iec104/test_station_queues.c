@@ -10,7 +10,8 @@
 static const uint8_t stopdt[] = {0x68, 4, 0x13, 0, 0, 0};
 
 /* HOLDING3 with this value, as an event. */
-#define EXPECT_EVENT(master, value) EXPECT(master, 35, 1, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, value, 0, 0, TIME)
+#define EXPECT_EVENT(master, value)                                                                          \
+	EXPECT(master, M_ME_TE, 1, SPONTANEOUS, 0, CA_3067, IOA(40003), value, 0, 0, TIME)
 
 /* One redundancy group, which has been there since before the first event. */
 static int set_up_group(void **state)
@@ -69,8 +70,9 @@ static void test_losses_are_points(void **state)
 	(void)state;
 	connect_from(0, "10.0.0.1", GROUP);
 	start(0);
-	EXPECT(0, 30, 2, 3, 0, 0x84, 3, 1, 0, 0, 0, TIME, 9, 0, 0, 0, TIME);
-	EXPECT(0, 33, 2, 3, 0, 0x84, 3, 101, 0, 0, 0, 0, 0, 0, 0, TIME, 109, 0, 0, 0, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_SP_TB, 2, SPONTANEOUS, 0, CA_900, IOA(1), 0, TIME, 9, 0, 0, 0, TIME);
+	EXPECT(0, M_BO_TB, 2, SPONTANEOUS, 0, CA_900, IOA(101), 0, 0, 0, 0, 0, TIME, 109, 0, 0, 0, 0, 0, 0, 0,
+	       TIME);
 	acknowledge(&masters[0]);
 	put_bytes(&masters[0], stopdt, sizeof(stopdt));
 	assert_non_null(next_frame(&masters[0]));
@@ -87,10 +89,10 @@ static void test_losses_are_points(void **state)
 	assert_int_equal(fake.event_count, events + 10 + 2);
 	assert_int_equal(fake.queues[GROUP].lost, 6); /* these two took the place of two others */
 	start(0);
-	EXPECT(0, 35, 4, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 7, 0, 0, TIME, 0x43, 0x9c, 0, 8, 0, 0, TIME, 0x43,
-	       0x9c, 0, 9, 0, 0, TIME, 0x43, 0x9c, 0, 10, 0, 0, TIME);
-	EXPECT(0, 30, 1, 3, 0, 0x84, 3, 1, 0, 0, 1, TIME);
-	EXPECT(0, 33, 1, 3, 0, 0x84, 3, 101, 0, 0, 4, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 4, SPONTANEOUS, 0, CA_3067, IOA(40003), 7, 0, 0, TIME, 0x43, 0x9c, 0, 8, 0, 0,
+	       TIME, 0x43, 0x9c, 0, 9, 0, 0, TIME, 0x43, 0x9c, 0, 10, 0, 0, TIME);
+	EXPECT(0, M_SP_TB, 1, SPONTANEOUS, 0, CA_900, IOA(1), 1, TIME);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_900, IOA(101), 4, 0, 0, 0, 0, TIME);
 	for (const uint8_t *frame = NULL; fake.samples[POINTS].value.u == 1; frame = next_frame(&masters[0]))
 		if (frame == NULL)
 			acknowledge(&masters[0]); /* the values of all points follow */
@@ -99,11 +101,11 @@ static void test_losses_are_points(void **state)
 	while (next_frame(&masters[0]) != NULL)
 		acknowledge(&masters[0]);
 	assert_int_equal(fake.samples[POINTS + 2].value.u, 6);
-	ASK(0, 100, 1, 6, 0, 0x84, 3, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 7, 0, 0x84, 3, 0, 0, 0, 20);
-	EXPECT(0, 1, 2, 20, 0, 0x84, 3, 1, 0, 0, 0, 9, 0, 0, 0);
-	EXPECT(0, 7, 2, 20, 0, 0x84, 3, 101, 0, 0, 6, 0, 0, 0, 0, 109, 0, 0, 0, 0, 0, 0, 0);
-	EXPECT(0, 100, 1, 10, 0, 0x84, 3, 0, 0, 0, 20);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_900, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, ACT_CON, 0, CA_900, IOA(0), 20);
+	EXPECT(0, M_SP_NA, 2, INTERROGATED, 0, CA_900, IOA(1), 0, 9, 0, 0, 0);
+	EXPECT(0, M_BO_NA, 2, INTERROGATED, 0, CA_900, IOA(101), 6, 0, 0, 0, 0, 109, 0, 0, 0, 0, 0, 0, 0);
+	EXPECT(0, C_IC_NA, 1, ACT_TERM, 0, CA_900, IOA(0), 20);
 	expect_nothing(0);
 }
 
@@ -134,8 +136,8 @@ static void test_unacknowledged_events_are_sent_again(void **state)
 	publish(HOLDING3, 5);
 	expect_nothing(0); /* not before STARTDT */
 	start(0);
-	EXPECT(0, 35, 3, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 3, 0, 0, TIME, 0x43, 0x9c, 0, 4, 0, 0, TIME, 0x43,
-	       0x9c, 0, 5, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 3, SPONTANEOUS, 0, CA_3067, IOA(40003), 3, 0, 0, TIME, 0x43, 0x9c, 0, 4, 0, 0,
+	       TIME, 0x43, 0x9c, 0, 5, 0, 0, TIME);
 	acknowledge(&masters[0]);
 	reconnect(0);
 	start(0);
@@ -151,7 +153,8 @@ static void test_acknowledged_events_are_not_repeated_by_a_new_process(void **st
 	restart_station();
 	connect_master(0, false);
 	start(0);
-	EXPECT(0, 35, 2, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 2, 0, 0, TIME, 0x43, 0x9c, 0, 3, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 2, SPONTANEOUS, 0, CA_3067, IOA(40003), 2, 0, 0, TIME, 0x43, 0x9c, 0, 3, 0, 0,
+	       TIME);
 	expect_nothing(0);
 }
 
@@ -160,20 +163,21 @@ static void test_events_among_answers(void **state)
 {
 	(void)state;
 	masters[0].mute = true;
-	ASK(0, 107, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 1, 0, TIME);
+	ASK(0, C_TS_TA, 1, ACT, 0, CA_3067, IOA(0), 1, 0, TIME);
 	assert_non_null(next_frame(&masters[0]));
 	send_event(0, 1);
-	ASK(0, 107, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 1, 0, TIME);
+	ASK(0, C_TS_TA, 1, ACT, 0, CA_3067, IOA(0), 1, 0, TIME);
 	assert_non_null(next_frame(&masters[0]));
 	send_event(0, 2);
 	acknowledge_up_to(0, 1);
 	reconnect(0);
 	start(0);
-	EXPECT(0, 35, 2, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1, 0, 0, TIME, 0x43, 0x9c, 0, 2, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 2, SPONTANEOUS, 0, CA_3067, IOA(40003), 1, 0, 0, TIME, 0x43, 0x9c, 0, 2, 0, 0,
+	       TIME);
 	acknowledge(&masters[0]);
 	masters[0].mute = true;
 	send_event(0, 3);
-	ASK(0, 107, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 1, 0, TIME);
+	ASK(0, C_TS_TA, 1, ACT, 0, CA_3067, IOA(0), 1, 0, TIME);
 	assert_non_null(next_frame(&masters[0]));
 	send_event(0, 4);
 	acknowledge_up_to(0, 3);
@@ -229,7 +233,7 @@ static void test_module_down_is_reported_whole(void **state)
 	acknowledge_up_to(0, 5);
 	reconnect(0);
 	start(0);
-	EXPECT(0, 31, 2, 3, 0, 0xa1, 0x0f, 1, 0, 0, 0x81, TIME, 3, 0, 0, 0x81, TIME);
+	EXPECT(0, M_DP_TB, 2, SPONTANEOUS, 0, CA_4001, IOA(1), 0x81, TIME, 3, 0, 0, 0x81, TIME);
 	for (int i = 0; i < 5; i++)
 		assert_non_null(next_frame(&masters[0]));
 	acknowledge(&masters[0]);
@@ -246,11 +250,11 @@ static void test_refresh_outlives_the_connection(void **state)
 	for (uint32_t i = DOUBLE1; i < POINTS; i++)
 		fake.samples[i] = (struct map_sample){.quality = i == BITS ? 0 : MAP_INVALID, .time_ns = now};
 	run();
-	EXPECT(0, 33, 1, 3, 0, 0xa1, 0x0f, 7, 0, 0, 0, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 0, 0, 0, 0, 0, TIME);
 	restart_station();
 	connect_master(0, false);
 	start(0);
-	EXPECT(0, 33, 1, 3, 0, 0xa1, 0x0f, 7, 0, 0, 0, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 0, 0, 0, 0, 0, TIME);
 	acknowledge(&masters[0]);
 	reconnect(0);
 	start(0);
@@ -470,7 +474,8 @@ static void test_queue_unused_longest_is_given_up(void **state)
 	iec104_station_disconnect(&station, masters[0].connection);
 	connect_from(0, "10.0.0.0", MAP_NONE);
 	start(0);
-	EXPECT(0, 35, 2, 3, 0, 0xfb, 0x0b, 0x43, 0x9c, 0, 1, 0, 0, TIME, 0x43, 0x9c, 0, 2, 0, 0, TIME);
+	EXPECT(0, M_ME_TE, 2, SPONTANEOUS, 0, CA_3067, IOA(40003), 1, 0, 0, TIME, 0x43, 0x9c, 0, 2, 0, 0,
+	       TIME);
 }
 
 /* ---- too many events ------------------------------------------------------------------------- */
@@ -580,7 +585,7 @@ static void test_counters(void **state)
 
 	(void)state;
 	send_event(0, 1);
-	ASK(0, 45, 1, 6, 0, 0xfb, 0x0b, 99, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 0, CA_3067, IOA(99), 1);
 	put_bytes(&masters[0], testfr, sizeof(testfr));
 	assert_non_null(next_frame(&masters[0]));
 	assert_non_null(next_frame(&masters[0]));
@@ -613,17 +618,17 @@ static void test_originators(void **state)
 	(void)state;
 	memset(fake.settings.originators_refused, 0xff, sizeof(fake.settings.originators_refused));
 	fake.settings.originators_refused[200 / 32] &= ~(1u << 200 % 32);
-	ASK(0, 45, 1, 6, 7, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x47, 7, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 45, 1, 8, 7, 0xfb, 0x0b, 4, 0, 0, 1);
-	EXPECT(0, 45, 1, 0x49, 7, 0xfb, 0x0b, 4, 0, 0, 1);
-	ASK(0, 100, 1, 6, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	EXPECT(0, 100, 1, 0x47, 0, 0xfb, 0x0b, 0, 0, 0, 20);
-	ASK(0, 102, 1, 5, 201, 0xfb, 0x0b, 4, 0, 0);
-	EXPECT(0, 102, 1, 0x45, 201, 0xfb, 0x0b, 4, 0, 0);
+	ASK(0, C_SC_NA, 1, ACT, 7, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | ACT_CON, 7, CA_3067, IOA(4), 1);
+	ASK(0, C_SC_NA, 1, DEACT, 7, CA_3067, IOA(4), 1);
+	EXPECT(0, C_SC_NA, 1, NEGATIVE | DEACT_CON, 7, CA_3067, IOA(4), 1);
+	ASK(0, C_IC_NA, 1, ACT, 0, CA_3067, IOA(0), 20);
+	EXPECT(0, C_IC_NA, 1, NEGATIVE | ACT_CON, 0, CA_3067, IOA(0), 20);
+	ASK(0, C_RD_NA, 1, REQUEST, 201, CA_3067, IOA(4));
+	EXPECT(0, C_RD_NA, 1, NEGATIVE | REQUEST, 201, CA_3067, IOA(4));
 	assert_int_equal(fake.request_count, 0);
 	assert_int_equal(fake.stats.counters[IEC104_COUNT_ORIGINATOR], 4);
-	ASK(0, 45, 1, 6, 200, 0xfb, 0x0b, 4, 0, 0, 1);
+	ASK(0, C_SC_NA, 1, ACT, 200, CA_3067, IOA(4), 1);
 	assert_int_equal(fake.request_count, 1);
 }
 

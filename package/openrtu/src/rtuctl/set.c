@@ -174,8 +174,8 @@ int rtuctl_set(struct map *map, const struct rtuctl_request *arguments)
 		return RTUCTL_FAILED;
 	type = config->points[request.point].type;
 	if (!words_parse_value(type, value, &request.value)) {
-		fprintf(stderr, "rtuctl: \"%s\" is not a %s value, expected %s\n", value, words_type(type),
-			words_expected_value(type));
+		fprintf(stderr, "rtuctl: \"%s\" is not a value of type %s, expected %s\n", value,
+			words_type(type), words_expected_value(type));
 		return RTUCTL_USAGE;
 	}
 	if (arguments->pulse != NULL) {

@@ -28,7 +28,7 @@
 #define DEADLINE_S  20
 #define PUBLISH_MS  5
 
-enum { LAMP, BREAKER, LEVEL, CURRENT, POINTS };
+enum { LAMP, BREAKER, LEVEL, CURRENT, LONGITUDE, WEIGHT, POINTS };
 
 static struct modbus_port lines[] = {
     {.port = 3, .process = 1, .device_count = 1, .stop_bits = 2, .baud = 19200, .device = "ttyS3"}};
@@ -40,8 +40,8 @@ static struct iec104_settings iec104_keys = {.k = 12, .w = 8};
 static struct map_set sets[] = {{.ca = 3067, .point_count = POINTS, .name = "Pump"}};
 static struct {
 	char none[1], lamp[sizeof("pump/lamp")], breaker[sizeof("pump/breaker")], level[sizeof("level")],
-	    current[sizeof("current")];
-} names = {"", "pump/lamp", "pump/breaker", "level", "current"};
+	    current[sizeof("current")], longitude[sizeof("longitude")], weight[sizeof("weight")];
+} names = {"", "pump/lamp", "pump/breaker", "level", "current", "longitude", "weight"};
 static struct map_point points[POINTS] = {
     [LAMP] = {.name = offsetof(typeof(names), lamp),
 	      .type = MAP_SINGLE,
@@ -54,6 +54,11 @@ static struct map_point points[POINTS] = {
 		 .flags = MAP_POINT_COMMAND | MAP_POINT_SELECT},
     [LEVEL] = {.name = offsetof(typeof(names), level), .type = MAP_SCALED, .ioa = 30001},
     [CURRENT] = {.name = offsetof(typeof(names), current), .type = MAP_FLOAT, .ioa = 30002},
+    [LONGITUDE] = {.name = offsetof(typeof(names), longitude),
+		   .type = MAP_ANGLE,
+		   .ioa = 50001,
+		   .flags = MAP_POINT_COMMAND},
+    [WEIGHT] = {.name = offsetof(typeof(names), weight), .type = MAP_INTEGER, .ioa = 50002},
 };
 static struct map_module_plan modules[MAP_MODULES_MAX];
 static struct map_config config = {
@@ -102,6 +107,8 @@ static void publish(int32_t level)
 	    {.point = LEVEL, .sample = {.value.i = level, .quality = MAP_OVERFLOW, .time_ns = map_now_ns()}},
 	    {.point = CURRENT,
 	     .sample = {.value.f = 0.1f, .quality = MAP_INVALID | MAP_NOT_TOPICAL, .time_ns = map_now_ns()}},
+	    {.point = LONGITUDE, .sample = {.value.i = -1451234567, .time_ns = map_now_ns()}},
+	    {.point = WEIGHT, .sample = {.value.i = 16777217, .time_ns = map_now_ns()}},
 	};
 
 	map_publish(owner, updates, POINTS);
@@ -205,12 +212,37 @@ static void test_points(void **state)
 	(void)state;
 	assert_int_equal(RUN("points"), 0);
 	assert_contains(
-	    "NAME            CA    IOA  TYPE            VALUE  QUALITY                AGE  OWNER\n");
-	assert_contains("pump/lamp     3067      1  single             on  good ");
-	assert_contains("pump/breaker  3067      2  double  indeterminate  good ");
-	assert_contains("level         3067  30001  scaled             -5  overflow ");
-	assert_contains("current       3067  30002  float             0.1  invalid,not topical  ");
+	    "NAME            CA    IOA  TYPE             VALUE  QUALITY                AGE  OWNER\n");
+	assert_contains("pump/lamp     3067      1  single              on  good ");
+	assert_contains("pump/breaker  3067      2  double   indeterminate  good ");
+	assert_contains("level         3067  30001  scaled              -5  overflow ");
+	assert_contains("current       3067  30002  float              0.1  invalid,not topical  ");
+	assert_contains("longitude     3067  50001  angle     -145.1234567  good ");
+	assert_contains("weight        3067  50002  integer       16777217  good ");
 	assert_contains("  rtu-modbus-1\n");
+}
+
+/* Where a float would have 7 digits: in what is shown of one point, in events, in JSON, and in a command. */
+static void test_an_angle_keeps_its_digits(void **state)
+{
+	json_t *json;
+
+	(void)state;
+	assert_int_equal(RUN("show", "longitude"), 0);
+	assert_contains("value           -145.1234567\n");
+	assert_int_equal(RUN("events"), 0);
+	assert_contains("longitude = -145.1234567  good");
+	assert_int_equal(RUN("--json", "show", "longitude"), 0);
+	json = parse_output();
+	assert_int_equal(map_round(json_real_value(json_object_get(json, "value")) * 1e7), -1451234567);
+	json_decref(json);
+	device.result = MAP_RESULT_DONE;
+	assert_int_equal(RUN("set", "longitude", "-179.9999999"), 0);
+	assert_int_equal(device.request.value.i, -1799999999);
+	assert_int_equal(RUN("commands", "longitude"), 0);
+	assert_contains("-179.9999999");
+	assert_int_equal(RUN("set", "longitude", "180.1"), 2);
+	assert_contains("degrees from -180 to 180");
 }
 
 static void test_pattern(void **state)
@@ -248,6 +280,30 @@ static void test_modules(void **state)
 	assert_contains("rtu-modbus-1  modbus      running  yes");
 	assert_contains("rtu-iec104    iec104      stopped  no");
 	assert_null(strstr(output, "data:"));
+}
+
+static void test_counters_of_any_module(void **state)
+{
+	json_t *json, *row;
+
+	(void)state;
+	assert_true(map_name_counter(owner, &modbus_line_stats(owner, 0)->requests, "p3.requests"));
+	assert_true(map_name_counter(owner, &modbus_line_stats(owner, 0)->stuck_s, "p3.stuck\033[2J"));
+	atomic_store(&modbus_line_stats(owner, 0)->stuck_s, 4000000000u);
+	assert_int_equal(RUN("counters"), 0);
+	assert_contains("MODULE        COUNTER ");
+	assert_contains("rtu-modbus-1  p3.requests ");
+	assert_int_equal(RUN("--json", "counters", "rtu-modbus-1"), 0);
+	json = parse_output();
+	assert_int_equal(json_array_size(json), 2);
+	row = json_array_get(json, 1);
+	assert_string_equal(json_string_value(json_object_get(row, "counter")), "p3.stuck?[2J");
+	assert_int_equal(json_integer_value(json_object_get(row, "value")), 4000000000);
+	json_decref(json);
+	atomic_store(&modbus_line_stats(owner, 0)->stuck_s, 0);
+	assert_int_equal(RUN("counters", "rtud"), 0); /* it has none */
+	assert_int_equal(RUN("counters", "rtu-none"), 1);
+	assert_contains("rtuctl: there is no module \"rtu-none\"");
 }
 
 static void test_clock(void **state)
@@ -656,7 +712,7 @@ static void test_set_what_cannot_be_set(void **state)
 	assert_int_equal(RUN("set", "level", "5"), 1);
 	assert_contains("refused command: not commandable");
 	assert_int_equal(RUN("set", "pump/lamp", "5"), 2);
-	assert_string_equal(output, "rtuctl: \"5\" is not a single value, expected on or off\n");
+	assert_string_equal(output, "rtuctl: \"5\" is not a value of type single, expected on or off\n");
 	assert_int_equal(RUN("set", "lamp", "on"), 1);
 	assert_contains("there is no point \"lamp\"");
 }
@@ -787,9 +843,11 @@ int main(int argc, char **argv)
 {
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(test_points),
+	    cmocka_unit_test(test_an_angle_keeps_its_digits),
 	    cmocka_unit_test(test_pattern),
 	    cmocka_unit_test(test_points_json),
 	    cmocka_unit_test(test_modules),
+	    cmocka_unit_test(test_counters_of_any_module),
 	    cmocka_unit_test(test_clock),
 	    cmocka_unit_test(test_modules_say_where_the_data_is),
 	    cmocka_unit_test(test_lines),
