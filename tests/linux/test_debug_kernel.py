@@ -27,7 +27,6 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PROGRAMS = HERE / "programs"
 CROSS = os.environ.get("CROSS_COMPILE", "arm-linux-gnueabi-")
-ALONE = "console=ttyS0,115200 rdinit=/sbin/getty"  # the tests' shell, without the image's services
 
 LOAD_SECONDS = 40
 SLOW = 600.0  # seconds for what takes 40 on an idle host and a kernel that does not watch
@@ -204,7 +203,7 @@ def test_each_kind_of_fault_is_seen(
     programs: dict[str, Path | str],
     kinds: tuple[str, ...],
 ) -> None:
-    alone = dataclasses.replace(kernel, image=folder / "zImage", arguments=ALONE)
+    alone = dataclasses.replace(kernel, image=folder / "zImage").without_services()
     with boot(*INSTRUCTION_TIME, kernel=alone, files=programs | {"/faults.ko": faults}) as linux:
         linux.run("dmesg -n 1")  # all of it is read by dmesg: the console is the shell's alone
         for kind in kinds:

@@ -27,6 +27,11 @@ Boot = Callable[..., Linux]
 
 
 @pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    return kernel.without_services()
+
+
+@pytest.fixture(scope="module")
 def extra_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path | str]:
     program = tmp_path_factory.mktemp("gpio") / "gpio-lines"
     subprocess.run(

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A command's answer on the debug UART, where the kernel speaks as well."""
 
-from nuc980.twin.linux import Linux
+import pytest
+
+from nuc980.twin.linux import Kernel, Linux
 
 ANSWER = "a line that is long enough to be broken in the middle"
 COMMANDS = 60
+
+
+@pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    return kernel.without_services()
 
 
 def test_what_the_kernel_says_in_between_is_not_the_answer(linux: Linux) -> None:

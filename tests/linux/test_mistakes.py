@@ -240,6 +240,11 @@ PORTS = (0, 1, 2, 3)
 Boot = Callable[..., Linux]
 
 
+@pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    return kernel.without_services()
+
+
 @pytest.fixture
 def boot_tree(
     boot: Boot, booted: list[Linux], kernel: Kernel, tmp_path: Path

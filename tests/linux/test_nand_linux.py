@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import pytest
 
 from nuc980.netboot.board import Nand
 from nuc980.netboot.flash.tables import tables_content, tables_slot
-from nuc980.twin.linux import TROUBLE, Linux
+from nuc980.twin.linux import TROUBLE, Kernel, Linux
 from nuc980.twin.machine import Machine
 from nuc980.twin.nand import BLOCKS, DATA, PAGE, PAGES, SPARE, NandImage
 from nuc980.twin.uboot import Console
@@ -71,6 +71,11 @@ def flashwork(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    return kernel.without_services()
+
+
+@pytest.fixture(scope="module")
 def uboot_at(qemu: Path, uboot: Path) -> UBootAt:
     def start(nand: NandImage) -> Machine:
         return Machine(qemu, "-bios", uboot, *drive(nand), options="pace=off")
@@ -97,6 +102,19 @@ def nand(tmp_path_factory: pytest.TempPathFactory, uboot_at: UBootAt) -> NandIma
 @pytest.fixture(scope="module")
 def board_arguments(nand: NandImage) -> tuple[str | Path, ...]:
     return with_flash(nand)
+
+
+@pytest.fixture(autouse=True)
+def module_board_stands_still(request: pytest.FixtureRequest, booted: list[Linux]) -> Iterator[None]:
+    """While others run: its time leaps over its waits, so it uses a processor even when it does nothing."""
+    idle = [linux.machine for linux in booted if linux.machine.process.poll() is None]
+    if "linux" in request.fixturenames:
+        idle = []
+    for machine in idle:
+        machine.command("stop")
+    yield
+    for machine in idle:
+        machine.command("cont")
 
 
 @pytest.fixture(scope="module")

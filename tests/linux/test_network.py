@@ -50,7 +50,7 @@ def until(condition: Callable[[], object], what: str, seconds: float = SECONDS) 
 
 @pytest.fixture(scope="module")
 def kernel(kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Kernel:
-    return with_macs(kernel, tmp_path_factory.mktemp("tree"), MACS)
+    return with_macs(kernel, tmp_path_factory.mktemp("tree"), MACS).without_services()
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,17 @@ import threading
 import pytest
 
 from lab.gateway import free_port
-from nuc980.twin.linux import Linux
+from nuc980.twin.linux import Kernel, Linux
 
 SIZE = 2_000_000  # bytes each way
 SECONDS = 120.0
 PORTS = (0, 1)
 LISTENS = (5000, 5001)  # the board
+
+
+@pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    return kernel.without_services()
 
 
 @pytest.fixture(scope="module")

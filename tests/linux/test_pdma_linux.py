@@ -14,7 +14,6 @@ from nuc980.twin.linux import Kernel, Linux
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-ALONE = "console=ttyS0,115200 rdinit=/sbin/getty"  # the tests' shell: no gateway opens the lines
 
 NEAR, FAR = "/dev/ttyS1", "/dev/ttyS3"  # the ends of one line
 NEAR_RX = 7  # its request
@@ -49,7 +48,7 @@ def linux(
         [ROOT / "scripts/build-dtb.sh", ROOT / "dts/nuvoton/nuc980-gateway.dts", dtb, "GATEWAY_PDMA=1"],
         check=True,
     )
-    kernel = dataclasses.replace(kernel, dtb=dtb, arguments=ALONE)
+    kernel = dataclasses.replace(kernel, dtb=dtb).without_services()  # no gateway opens the lines
     wire = f"socket,path={folder}/wire"
     with boot(
         kernel=kernel, chardevs={1: f"{wire},server=on,wait=off", 3: wire}, files={"/bin/gaps": gaps}

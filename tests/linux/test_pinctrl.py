@@ -26,6 +26,11 @@ BootTree = Callable[[str], Linux]
 
 
 @pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    return kernel.without_services()
+
+
+@pytest.fixture(scope="module")
 def board_arguments(tmp_path_factory: pytest.TempPathFactory) -> tuple[str | Path, ...]:
     """With its flash: a device that does not probe gives its pins back."""
     nand = NandImage.blank(tmp_path_factory.mktemp("nand") / "nand")

@@ -27,7 +27,7 @@ def kernel(kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Kernel:
     dtb = tmp_path_factory.mktemp("rtc") / "nuc980-gateway.dtb"
     build = [ROOT / "scripts/build-dtb.sh", ROOT / "dts/nuvoton/nuc980-gateway.dts", dtb, "GATEWAY_RTC=1"]
     subprocess.run(build, check=True)
-    return dataclasses.replace(kernel, dtb=dtb)
+    return dataclasses.replace(kernel, dtb=dtb).without_services()
 
 
 @pytest.fixture(scope="module")

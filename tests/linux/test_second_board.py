@@ -19,7 +19,7 @@ SOURCE = ROOT / "dts/nuvoton/nuc980-numaker.dts"
 def kernel(kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Kernel:
     dtb = tmp_path_factory.mktemp("dtb") / "numaker.dtb"
     subprocess.run([ROOT / "scripts/build-dtb.sh", SOURCE, dtb], check=True)
-    return replace(kernel, dtb=dtb)
+    return replace(kernel, dtb=dtb).without_services()
 
 
 @pytest.fixture(scope="module")

@@ -31,8 +31,6 @@ IER, LCR, MCR, FSR, BAUD = 0x04, 0x0C, 0x10, 0x18, 0x24
 RTS_LEVEL = 1 << 13  # inactive is high
 RX_OVERRUN, RX_LEVEL, TX_FULL, RX_IDLE = 1 << 0, 0x3F << 8, 1 << 23, 1 << 29
 
-PLAIN = "console=ttyS0,115200 rdinit=/sbin/getty"  # the tests' shell alone: no gateway opens the lines
-
 
 def wire_flow_control(machine: Machine) -> None:
     """Gives two UARTs the RTS and CTS pins that this board has not."""
@@ -59,7 +57,7 @@ def mode(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def linux(mode: str, boot: Callable[..., Linux], kernel: Kernel, serial_line: Path) -> Iterator[Linux]:
-    kernel = dataclasses.replace(kernel, arguments=PLAIN)
+    kernel = kernel.without_services()  # no gateway opens the lines
     if mode == "pdma":
         kernel = with_pdma(kernel)
     with boot(
@@ -368,7 +366,8 @@ def test_rs485_direction(
 
 @pytest.mark.parametrize("pdma", [False, True])
 def test_panic_is_seen_and_ends_in_a_restart(boot: Callable[..., Linux], kernel: Kernel, pdma: bool) -> None:
-    kernel = dataclasses.replace(with_pdma(kernel) if pdma else kernel, arguments=f"{PLAIN} panic=1")
+    kernel = (with_pdma(kernel) if pdma else kernel).without_services()
+    kernel = dataclasses.replace(kernel, arguments=f"{kernel.arguments} panic=1")
     with boot(*INSTRUCTION_TIME, kernel=kernel) as linux:
         linux.type("echo c > /proc/sysrq-trigger\n<run 1>\n")
         linux.wait_for("Kernel panic - not syncing: sysrq triggered crash")

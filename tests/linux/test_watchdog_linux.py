@@ -25,6 +25,11 @@ LATE_S = 8.0  # a busy host; less than what lies between the intervals
 
 
 @pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    return kernel.without_services()
+
+
+@pytest.fixture(scope="module")
 def extra_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     program = tmp_path_factory.mktemp("watchdog") / "watchdog"
     subprocess.run([COMPILER, "-static", "-O2", "-o", program, PROGRAMS / "watchdog.c"], check=True)
