@@ -57,7 +57,7 @@ static int found(const struct listing *listing, const char *what, const char *pa
 {
 	if (listing->rows > 0 || pattern == NULL)
 		return RTUCTL_DONE;
-	fprintf(stderr, "rtuctl: no %s matches \"%s\": \"rtuctl points\" lists all\n", what, pattern);
+	fprintf(stderr, "rtuctl: no %s matches \"%s\": \"rtuctl points\" lists them all\n", what, pattern);
 	return RTUCTL_FAILED;
 }
 
@@ -125,6 +125,7 @@ static json_t *command_row(const struct map *map, uint32_t index)
 	json_t *row = json_object();
 
 	json_object_set_new(row, "name", rtuctl_point_name(map_config(map), index));
+	json_object_set_new(row, "type", json_string(words_type(point->type)));
 	json_object_set_new(row, "state", json_string(map_command_state_name(command.state)));
 	json_object_set_new(row, "result", json_string(map_command_result_name(command.result)));
 	if (command.result == MAP_RESULT_EXCEPTION)

@@ -12,7 +12,8 @@
 	KIND(iec104)                                                                                         \
 	KIND(rtuctl)                                                                                         \
 	KIND(modbus)                                                                                         \
-	KIND(journal)
+	KIND(journal)                                                                                        \
+	KIND(gps)
 
 #define DECLARE(name)  extern const struct kind name##_kind;
 #define POINT_TO(name) &name##_kind,
