@@ -46,6 +46,7 @@ REACH = [
     ("docs/faults.md", "tests/test_line_faults.py"),
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
+    ("docs/centre.md", "tests/test_centre.py"),
     ("docs/traps.md", "tests/test_station_traps.py"),
     ("docs/realtime.md", "tests/linux/test_realtime.py"),
     ("docs/netboot.md", "tests/netboot/test_netboot_docs.py"),
@@ -66,6 +67,10 @@ REACH = [
     ("package/openrtu/src/*/test_*.[ch]", C),
     ("package/openrtu/src/*fuzz*", f"{C} fuzzers tests/test_fuzz.py"),
     ("package/openrtu/src/VERSION", f"{C} {DESK} test-image {ON_BOARD}"),
+    (
+        "package/openrtu/src/centre/*",
+        f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
+    ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
@@ -107,6 +112,7 @@ REACH = [
     (".github/*", "test-image"),
     # the tests; a file of tests reaches itself
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
+    ("tests/peers/centre_consumer.py", "tests/test_centre.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),

@@ -22,6 +22,7 @@ TARGETS = {  # by the name of its corpus: the program
     "station": "iec104/fuzz_station",
     "line": "modbus/fuzz_line",
     "config": "rtud/fuzz_config",
+    "centre": "centre/fuzz_centre",
     "journal": "journal/fuzz_journal",
     "nmea": "gps/fuzz_nmea",
     "gpsd": "gps/fuzz_gpsd",

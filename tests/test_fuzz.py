@@ -16,6 +16,7 @@ RUNS = {
     "station": 25_000,
     "line": 50_000,
     "config": 3_000,
+    "centre": 400_000,
     "journal": 1_700,
     "nmea": 40_000,
     "gpsd": 100_000,

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal", "rtu-gps"}
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
-PAGES = {"rtuctl.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
+PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}
 EXPOSURE = 40  # of 100 at most, as systemd-analyze sees the unit: 37 with the capabilities that rtud needs
 
@@ -64,6 +64,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_install_puts_everything_in_its_place(installed: Path) -> None:
     assert files_of(installed) == {
         "etc/openrtu/gateway.json",
+        "usr/local/bin/rtu-centre",
         "usr/local/bin/rtuctl",
         "usr/local/lib/systemd/system/rtud.service",
         "usr/local/lib/sysusers.d/openrtu.conf",

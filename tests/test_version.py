@@ -27,7 +27,9 @@ def test_version_is_one_that_packages_can_have() -> None:
     assert re.fullmatch(r"\d+\.\d+\.\d+", VERSION)
 
 
-@pytest.mark.parametrize("program", ["rtud/rtud", "rtuctl/rtuctl", *(f"modules/{name}" for name in MODULES)])
+@pytest.mark.parametrize(
+    "program", ["rtud/rtud", "rtuctl/rtuctl", "centre/rtu-centre", *(f"modules/{name}" for name in MODULES)]
+)
 def test_programs_of_the_gateway(programs: Path, program: str) -> None:
     assert output_of(programs / program) == f"{Path(program).name} (OpenRTU) {VERSION}\n"
 

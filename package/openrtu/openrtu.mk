@@ -13,7 +13,7 @@ OPENRTU_DEPENDENCIES = host-pkgconf jansson libseccomp
 
 # The unit tests run on the build machine (make test), and a newer compiler's
 # warning shall not stop a release.
-OPENRTU_CONF_OPTS = -Dtests=disabled -Dwerror=false
+OPENRTU_CONF_OPTS = -Dtests=disabled -Dwerror=false -Dcentre=false
 
 # The licence's text is not in src/ but once in the tree.
 define OPENRTU_ADD_LICENSE

@@ -33,6 +33,12 @@ static struct iec104_controlling_settings settings = {
     .interrogation_ns = 60 * NS_PER_S};
 static struct iec104_controlling controlling;
 static int64_t sent_ns[K];
+static uint8_t input[IEC104_INPUT_SIZE], output[IEC104_OUTPUT_SIZE];
+static const struct iec104_memory memory = {.sent_ns = sent_ns,
+					    .input = input,
+					    .output = output,
+					    .input_size = sizeof(input),
+					    .output_size = sizeof(output)};
 static char line[LINE_SIZE];
 static size_t line_size;
 static bool told_started;
@@ -234,7 +240,7 @@ int main(int argc, char **argv)
 		perror("127.0.0.1");
 		return 1;
 	}
-	iec104_controlling_open(&controlling, &settings, &listener, sent_ns, moment());
+	iec104_controlling_open(&controlling, &settings, &listener, &memory, moment());
 	serve(connection);
 	close(connection);
 	return 0;

@@ -9,14 +9,14 @@
 
 void iec104_controlling_open(struct iec104_controlling *controlling,
 			     const struct iec104_controlling_settings *settings,
-			     const struct iec104_controlling_listener *listener, int64_t *sent_ns,
-			     struct iec104_moment now)
+			     const struct iec104_controlling_listener *listener,
+			     const struct iec104_memory *memory, struct iec104_moment now)
 {
 	memset(controlling, 0, offsetof(struct iec104_controlling, session));
 	controlling->settings = settings;
 	controlling->listener = listener;
 	iec104_session_open(&controlling->session, &settings->times, IEC104_CONTROLLING,
-			    controlling->counters, sent_ns, now.monotonic_ns);
+			    controlling->counters, memory, now.monotonic_ns);
 }
 
 /* ---- progress ---------------------------------------------------------------------------- */
@@ -272,9 +272,11 @@ static void take_asdu(struct iec104_controlling *controlling, const uint8_t *byt
 {
 	struct iec104_asdu asdu;
 
-	if (!iec104_asdu_decode(bytes, size, &asdu))
+	if (!iec104_asdu_decode(bytes, size, &asdu)) {
 		iec104_session_close(&controlling->session, IEC104_BAD_ASDU);
-	else if (iec104_information_size(asdu.type) > 0)
+		return;
+	}
+	if (iec104_information_size(asdu.type) > 0)
 		take_information(controlling, &asdu, now.wall_ns);
 	else if (iec104_control_object_size(asdu.type) > 0)
 		take_mirror(controlling, &asdu, now.monotonic_ns);
@@ -282,6 +284,8 @@ static void take_asdu(struct iec104_controlling *controlling, const uint8_t *byt
 		take_positions(controlling, &asdu);
 	else
 		controlling->unknown_types++;
+	if (controlling->listener->looked_at != NULL)
+		controlling->listener->looked_at(controlling->listener->context, &asdu);
 }
 
 static void end_late(struct iec104_controlling *controlling, int64_t now_ns)

@@ -72,6 +72,8 @@ struct iec104_controlling_listener {
 			 const struct iec104_geoposition *position);
 	/* A request has another state. Once it has ended, its id is no longer known. */
 	void (*progress)(void *context, const struct iec104_controlling_request *request);
+	/* An ASDU was looked at, and all that it says was told before. May be NULL. */
+	void (*looked_at)(void *context, const struct iec104_asdu *asdu);
 };
 
 struct iec104_controlling {
@@ -86,13 +88,13 @@ struct iec104_controlling {
 };
 
 /*
- * Begins on a new connection, stopped; iec104_session_start of the session starts it. settings, listener and room for
- * settings->times.k times in sent_ns must outlive it.
+ * Begins on a new connection, stopped; iec104_session_start of the session starts it. settings, listener and what memory
+ * refers to, for settings->times, must outlive it.
  */
 void iec104_controlling_open(struct iec104_controlling *controlling,
 			     const struct iec104_controlling_settings *settings,
-			     const struct iec104_controlling_listener *listener, int64_t *sent_ns,
-			     struct iec104_moment now);
+			     const struct iec104_controlling_listener *listener,
+			     const struct iec104_memory *memory, struct iec104_moment now);
 
 /* Does all there is to do now: after octets were received or written, and at the deadline. */
 void iec104_controlling_run(struct iec104_controlling *controlling, struct iec104_moment now);

@@ -20,6 +20,12 @@
 static struct iec104_controlling_settings settings;
 static struct iec104_controlling controlling;
 static int64_t sent_ns[K], now;
+static uint8_t input_octets[IEC104_INPUT_LEAST], output_octets[IEC104_OUTPUT_LEAST];
+static const struct iec104_memory memory = {.sent_ns = sent_ns,
+					    .input = input_octets,
+					    .output = output_octets,
+					    .input_size = sizeof(input_octets),
+					    .output_size = sizeof(output_octets)};
 static unsigned open_requests;
 static bool asks_again; /* from within a call */
 
@@ -248,7 +254,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	asks_again = next_octet() & 1;
 	now = 1000 * S;
 	open_requests = 0;
-	iec104_controlling_open(&controlling, &settings, &listener, sent_ns, moment());
+	iec104_controlling_open(&controlling, &settings, &listener, &memory, moment());
 	iec104_session_start(&controlling.session, now);
 	receive(startdt_con, sizeof(startdt_con));
 	while (input.at < input.end)

@@ -21,6 +21,12 @@ static struct iec104_session session;
 static _Atomic uint32_t counters[IEC104_COUNT_OF_COUNTERS];
 static struct iec104_times times;
 static int64_t sent_ns[K_MOST], now;
+static uint8_t input_octets[IEC104_INPUT_SIZE], output_octets[IEC104_OUTPUT_SIZE];
+static const struct iec104_memory memory = {.sent_ns = sent_ns,
+					    .input = input_octets,
+					    .output = output_octets,
+					    .input_size = sizeof(input_octets),
+					    .output_size = sizeof(output_octets)};
 static uint16_t sent, written; /* I frames: given to the session, seen in its output */
 static uint8_t pending[IEC104_APDU_MAX + IEC104_OUTPUT_SIZE];
 static size_t pending_size;
@@ -188,7 +194,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	now = 1000 * S;
 	sent = written = 0;
 	pending_size = 0;
-	iec104_session_open(&session, &times, IEC104_CONTROLLED, counters, sent_ns, now);
+	iec104_session_open(&session, &times, IEC104_CONTROLLED, counters, &memory, now);
 	while (input.at < input.end)
 		step();
 	CHECK(written <= sent);

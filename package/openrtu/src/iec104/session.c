@@ -6,20 +6,20 @@
 #include "map/time_ns.h"
 
 /*
- * Kept free of I frames, and an APDU is only taken while it is free: an APDU makes at most an S frame and a
- * confirmation, and until the next one is taken the timers add at most an S frame and a TESTFR act. A controlling
+ * IEC104_CONTROL_ROOM is kept free of I frames, and an APDU is only taken while it is free: an APDU makes at most an S frame
+ * and a confirmation, and until the next one is taken the timers add at most an S frame and a TESTFR act. A controlling
  * station adds its one STARTDT act.
  */
-#define CONTROL_ROOM (5 * IEC104_APCI_SIZE)
 
 void iec104_session_open(struct iec104_session *session, const struct iec104_times *times,
-			 enum iec104_role role, _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns)
+			 enum iec104_role role, _Atomic uint32_t *counters,
+			 const struct iec104_memory *memory, int64_t now_ns)
 {
-	memset(session, 0, offsetof(struct iec104_session, input));
+	memset(session, 0, sizeof(*session));
 	session->times = times;
 	session->role = role;
 	session->counters = counters;
-	session->sent_ns = sent_ns;
+	session->memory = *memory;
 	session->heard_ns = now_ns;
 }
 
@@ -69,17 +69,18 @@ static void count_out(struct iec104_session *session, const struct iec104_apdu *
 
 static size_t output_room(const struct iec104_session *session)
 {
-	return sizeof(session->output) - (size_t)(session->output_end - session->output_begin);
+	return (size_t)session->memory.output_size - (size_t)(session->output_end - session->output_begin);
 }
 
 static void put(struct iec104_session *session, const uint8_t *bytes, size_t size)
 {
-	if (sizeof(session->output) - session->output_end < size) {
+	if ((size_t)session->output_end + size > session->memory.output_size) {
 		session->output_end = (uint16_t)(session->output_end - session->output_begin);
-		memmove(session->output, session->output + session->output_begin, session->output_end);
+		memmove(session->memory.output, session->memory.output + session->output_begin,
+			session->output_end);
 		session->output_begin = 0;
 	}
-	memcpy(session->output + session->output_end, bytes, size);
+	memcpy(session->memory.output + session->output_end, bytes, size);
 	session->output_end = (uint16_t)(session->output_end + size);
 }
 
@@ -97,18 +98,25 @@ static void put_function(struct iec104_session *session, enum iec104_function fu
 	put_apci(session, &(struct iec104_apdu){.format = IEC104_U_FRAME, .function = function});
 }
 
+/* N(R): up to the first I frame that may not be acknowledged yet. */
+static uint16_t acknowledged_nr(const struct iec104_session *session)
+{
+	return (uint16_t)((session->next_nr + IEC104_SEQUENCE_MODULO - session->held) %
+			  IEC104_SEQUENCE_MODULO);
+}
+
 static void acknowledge(struct iec104_session *session)
 {
 	if (session->owed == 0)
 		return;
-	put_apci(session, &(struct iec104_apdu){.format = IEC104_S_FRAME, .nr = session->next_nr});
+	put_apci(session, &(struct iec104_apdu){.format = IEC104_S_FRAME, .nr = acknowledged_nr(session)});
 	session->owed = 0;
 }
 
 bool iec104_session_may_send(const struct iec104_session *session)
 {
 	return session->started && !session->stopping && session->unacknowledged < session->times->k &&
-	       output_room(session) >= IEC104_APDU_MAX + CONTROL_ROOM;
+	       output_room(session) >= IEC104_APDU_MAX + IEC104_CONTROL_ROOM;
 }
 
 void iec104_session_send(struct iec104_session *session, const uint8_t *asdu, size_t size, int64_t now_ns)
@@ -117,10 +125,10 @@ void iec104_session_send(struct iec104_session *session, const uint8_t *asdu, si
 
 	put_apci(session, &(struct iec104_apdu){.format = IEC104_I_FRAME,
 						.ns = session->next_ns,
-						.nr = session->next_nr,
+						.nr = acknowledged_nr(session),
 						.asdu_size = size});
 	put(session, asdu, size);
-	session->sent_ns[place % session->times->k] = now_ns;
+	session->memory.sent_ns[place % session->times->k] = now_ns;
 	session->unacknowledged++;
 	session->next_ns = (uint16_t)((session->next_ns + 1) % IEC104_SEQUENCE_MODULO);
 	session->owed = 0;
@@ -129,7 +137,7 @@ void iec104_session_send(struct iec104_session *session, const uint8_t *asdu, si
 const uint8_t *iec104_session_output(const struct iec104_session *session, size_t *size)
 {
 	*size = (size_t)(session->output_end - session->output_begin);
-	return session->output + session->output_begin;
+	return session->memory.output + session->output_begin;
 }
 
 void iec104_session_written(struct iec104_session *session, size_t count)
@@ -154,11 +162,11 @@ uint8_t *iec104_session_space(struct iec104_session *session, size_t *size)
 {
 	size_t waiting = (size_t)(session->input_end - session->input_begin);
 
-	memmove(session->input, session->input + session->input_begin, waiting);
+	memmove(session->memory.input, session->memory.input + session->input_begin, waiting);
 	session->input_begin = 0;
 	session->input_end = (uint16_t)waiting;
-	*size = session->closing == IEC104_OPEN ? sizeof(session->input) - waiting : 0;
-	return session->input + waiting;
+	*size = session->closing == IEC104_OPEN ? session->memory.input_size - waiting : 0;
+	return session->memory.input + waiting;
 }
 
 void iec104_session_received(struct iec104_session *session, size_t count)
@@ -192,6 +200,27 @@ static bool take_nr(struct iec104_session *session, uint16_t nr)
 	return true;
 }
 
+static void owe(struct iec104_session *session, uint16_t count, int64_t now_ns)
+{
+	if (session->owed == 0)
+		session->owed_since_ns = now_ns;
+	session->owed = (uint16_t)(session->owed + count);
+}
+
+void iec104_session_hold(struct iec104_session *session)
+{
+	session->holding = true;
+}
+
+void iec104_session_release(struct iec104_session *session, uint16_t count, int64_t now_ns)
+{
+	if (count > session->held)
+		count = session->held;
+	session->held = (uint16_t)(session->held - count);
+	if (count > 0)
+		owe(session, count, now_ns);
+}
+
 static bool take_i(struct iec104_session *session, const struct iec104_apdu *apdu, int64_t now_ns)
 {
 	if (!session->started || session->stopping) {
@@ -205,8 +234,10 @@ static bool take_i(struct iec104_session *session, const struct iec104_apdu *apd
 	if (!take_nr(session, apdu->nr))
 		return false;
 	session->next_nr = (uint16_t)((session->next_nr + 1) % IEC104_SEQUENCE_MODULO);
-	if (session->owed++ == 0)
-		session->owed_since_ns = now_ns;
+	if (session->holding)
+		session->held++;
+	else
+		owe(session, 1, now_ns);
 	return true;
 }
 
@@ -265,13 +296,13 @@ static bool take_u(struct iec104_session *session, enum iec104_function function
 /* The octets of the next APDU when it is complete and its answer has room; 0 otherwise. */
 static size_t complete_apdu(struct iec104_session *session)
 {
-	const uint8_t *bytes = session->input + session->input_begin;
+	const uint8_t *bytes = session->memory.input + session->input_begin;
 	size_t waiting = (size_t)(session->input_end - session->input_begin);
 	int size = iec104_apdu_size(bytes, waiting);
 
 	if (size < 0)
 		iec104_session_close(session, IEC104_BAD_APDU);
-	if (size <= 0 || (size_t)size > waiting || output_room(session) < CONTROL_ROOM)
+	if (size <= 0 || (size_t)size > waiting || output_room(session) < IEC104_CONTROL_ROOM)
 		return 0;
 	return (size_t)size;
 }
@@ -285,7 +316,7 @@ bool iec104_session_next(struct iec104_session *session, int64_t now_ns, const u
 	*size = 0;
 	if (apdu_size == 0)
 		return false;
-	if (!iec104_apdu_decode(session->input + session->input_begin, apdu_size, &apdu)) {
+	if (!iec104_apdu_decode(session->memory.input + session->input_begin, apdu_size, &apdu)) {
 		iec104_session_close(session, IEC104_BAD_APDU);
 		return false;
 	}
@@ -311,7 +342,7 @@ bool iec104_session_next(struct iec104_session *session, int64_t now_ns, const u
 
 static int64_t t1_i_deadline(const struct iec104_session *session)
 {
-	return session->unacknowledged > 0 ? session->sent_ns[session->oldest] + session->times->t1_ns
+	return session->unacknowledged > 0 ? session->memory.sent_ns[session->oldest] + session->times->t1_ns
 					   : INT64_MAX;
 }
 

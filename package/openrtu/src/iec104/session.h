@@ -12,8 +12,13 @@
 #include "iec104/apdu.h"
 #include "iec104/counters.h"
 
+/* Buffers of a controlled station's connection. */
 #define IEC104_INPUT_SIZE  2048
 #define IEC104_OUTPUT_SIZE 4096 /* the usual k of 12 I frames of full size, and the control frames between */
+/* The least that work: an APDU; beside it in the output the control frames that may be due. */
+#define IEC104_CONTROL_ROOM (5 * IEC104_APCI_SIZE)
+#define IEC104_INPUT_LEAST  IEC104_APDU_MAX
+#define IEC104_OUTPUT_LEAST (IEC104_APDU_MAX + IEC104_CONTROL_ROOM)
 
 /* Clause 9.6. */
 struct iec104_times {
@@ -46,6 +51,14 @@ enum iec104_closing {
 	IEC104_STARTED_BY_PEER /* STARTDT act or STOPDT act from the controlled station */
 };
 
+/* What a session works in; its owner's, and must outlive it. */
+struct iec104_memory {
+	int64_t *sent_ns; /* room for times.k */
+	uint8_t *input;   /* input_size octets, at least IEC104_INPUT_LEAST */
+	uint8_t *output;  /* output_size octets, at least IEC104_OUTPUT_LEAST */
+	uint16_t input_size, output_size;
+};
+
 struct iec104_session {
 	const struct iec104_times *times;
 	_Atomic uint32_t *counters; /* by enum iec104_counter */
@@ -57,10 +70,12 @@ struct iec104_session {
 	uint16_t next_ns;        /* V(S) */
 	uint16_t next_nr;        /* V(R) */
 	uint16_t unacknowledged; /* own I frames */
-	uint16_t owed;           /* received I frames not yet acknowledged */
+	uint16_t owed;           /* received I frames not yet acknowledged, though they may be */
+	bool holding;            /* a received I frame may be acknowledged when the owner says so */
+	uint16_t held;           /* those that may not yet */
 
-	int64_t *sent_ns; /* a ring of k places: when each unacknowledged I frame was sent */
-	uint16_t oldest;  /* its place in the ring */
+	struct iec104_memory memory; /* sent_ns is a ring: when each unacknowledged I frame was sent */
+	uint16_t oldest;             /* its place in the ring */
 	int64_t owed_since_ns;
 	int64_t startdt_ns; /* when the unconfirmed STARTDT act was sent */
 	bool startdt_open;
@@ -70,16 +85,22 @@ struct iec104_session {
 
 	uint16_t input_begin, input_end;
 	uint16_t output_begin, output_end;
-	uint8_t input[IEC104_INPUT_SIZE];
-	uint8_t output[IEC104_OUTPUT_SIZE];
 };
 
 /*
- * Begins a session on a new connection, stopped. times, the IEC104_COUNT_OF_COUNTERS counters it counts frames in, and room for
- * k times in sent_ns must outlive it.
+ * Begins a session on a new connection, stopped. times, the IEC104_COUNT_OF_COUNTERS counters it counts frames in, and what
+ * memory refers to must outlive it.
  */
 void iec104_session_open(struct iec104_session *session, const struct iec104_times *times,
-			 enum iec104_role role, _Atomic uint32_t *counters, int64_t *sent_ns, int64_t now_ns);
+			 enum iec104_role role, _Atomic uint32_t *counters,
+			 const struct iec104_memory *memory, int64_t now_ns);
+
+/*
+ * From now on a received I frame is acknowledged only once the owner has released it, so that the peer keeps what it holds
+ * until that is in good hands. iec104_session_release releases the oldest count of session->held.
+ */
+void iec104_session_hold(struct iec104_session *session);
+void iec104_session_release(struct iec104_session *session, uint16_t count, int64_t now_ns);
 
 /* A controlling station: asks for data transfer, once in a session. It is started when the peer has confirmed. */
 void iec104_session_start(struct iec104_session *session, int64_t now_ns);

@@ -48,6 +48,19 @@ static void count(struct iec104_station *station, enum iec104_counter counter)
 	map_count(&station->stats->counters[counter], 1);
 }
 
+static void open_session(struct iec104_station *station, struct iec104_connection *connection,
+			 int64_t *sent_ns, int64_t now_ns)
+{
+	const struct iec104_memory memory = {.sent_ns = sent_ns,
+					     .input = connection->input,
+					     .output = connection->output,
+					     .input_size = sizeof(connection->input),
+					     .output_size = sizeof(connection->output)};
+
+	iec104_session_open(&connection->session, &station->times, IEC104_CONTROLLED,
+			    station->stats->counters, &memory, now_ns);
+}
+
 struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 						 const struct iec104_peer *peer, int64_t now_ns)
 {
@@ -76,9 +89,7 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 		connection->retry_ns = INT64_MAX;
 		snprintf(connection->peer, sizeof(connection->peer), "%s", peer->name);
 		snprintf(connection->address, sizeof(connection->address), "%s", peer->address);
-		iec104_session_open(&connection->session, &station->times, IEC104_CONTROLLED,
-				    station->stats->counters, station->sent_ns + (size_t)i * settings->k,
-				    now_ns);
+		open_session(station, connection, station->sent_ns + (size_t)i * settings->k, now_ns);
 		count(station, IEC104_COUNT_ACCEPTED);
 		iec104_show_opened(station, connection);
 		iec104_log(station, MAP_LOG_INFO, peer->name, "connected");

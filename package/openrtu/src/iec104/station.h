@@ -103,6 +103,8 @@ struct iec104_connection {
 	char peer[IEC104_PEER_SIZE];
 	char address[MAP_ADDRESS_SIZE];
 	struct iec104_session session;
+	uint8_t input[IEC104_INPUT_SIZE];
+	uint8_t output[IEC104_OUTPUT_SIZE];
 	struct iec104_replies replies;
 
 	bool tells_initialised;    /* M_EI_NA_1 is being sent, */

@@ -15,6 +15,12 @@
 static struct iec104_controlling_settings settings;
 static struct iec104_controlling polling;
 static int64_t times_of_sending[K];
+static uint8_t input_octets[IEC104_INPUT_SIZE], output_octets[IEC104_OUTPUT_SIZE];
+static const struct iec104_memory memory = {.sent_ns = times_of_sending,
+					    .input = input_octets,
+					    .output = output_octets,
+					    .input_size = sizeof(input_octets),
+					    .output_size = sizeof(output_octets)};
 static struct iec104_session *peer; /* of the station's connection */
 static size_t piece;                /* so many octets arrive at a time */
 static unsigned answered;           /* requests to the map */
@@ -122,7 +128,7 @@ static void pump(void)
 
 static void open_polling(void)
 {
-	iec104_controlling_open(&polling, &settings, &listener, times_of_sending, moment());
+	iec104_controlling_open(&polling, &settings, &listener, &memory, moment());
 	seen_count = position_count = step_count = answered = 0;
 	devices_refuse = false;
 	piece = SIZE_MAX;

@@ -19,6 +19,12 @@ static const struct iec104_times one_at_a_time = {
 
 static struct iec104_session session;
 static int64_t sent_ns[32767];
+static uint8_t input_octets[IEC104_INPUT_SIZE], output_octets[IEC104_OUTPUT_SIZE];
+static const struct iec104_memory memory = {.sent_ns = sent_ns,
+					    .input = input_octets,
+					    .output = output_octets,
+					    .input_size = sizeof(input_octets),
+					    .output_size = sizeof(output_octets)};
 static int64_t now;
 static _Atomic uint32_t counters[IEC104_COUNT_OF_COUNTERS];
 static unsigned asdus; /* received */
@@ -27,7 +33,7 @@ static void open_session(const struct iec104_times *times)
 {
 	now = 1000 * S;
 	asdus = 0;
-	iec104_session_open(&session, times, IEC104_CONTROLLED, counters, sent_ns, now);
+	iec104_session_open(&session, times, IEC104_CONTROLLED, counters, &memory, now);
 }
 
 static void take_all(void)
@@ -274,6 +280,37 @@ static void test_k_and_w_of_one(void **state)
 }
 
 /* More than 40 000 frames each way with a large k: the ring of times and the 15 bits wrap at different places. */
+/* What the owner holds is acknowledged by nothing: not by w, not by t2, not by an I frame of our own. */
+static void test_held_frames_are_acknowledged_when_released(void **state)
+{
+	(void)state;
+	start(&usual);
+	iec104_session_hold(&session);
+	for (unsigned i = 0; i < 10; i++)
+		receive_i(i, 0);
+	expect_nothing();
+	run_at(now + 11 * S);
+	expect_nothing();
+	receive_u(0x43); /* t3 begins anew */
+	EXPECT_U(0x83);
+	send_one();
+	EXPECT(0x68, 5, 0, 0, 0, 0, 0x2a); /* N(R) 0 */
+	receive_s(1);
+	iec104_session_release(&session, 8, now);
+	run_at(now);
+	EXPECT(0x68, 4, 1, 0, 16, 0); /* w */
+	iec104_session_release(&session, 1, now);
+	run_at(now);
+	expect_nothing();
+	run_at(now + 10 * S);
+	EXPECT(0x68, 4, 1, 0, 18, 0);               /* t2 */
+	iec104_session_release(&session, 100, now); /* there is one */
+	assert_int_equal(session.held, 0);
+	receive_i(10, 1);
+	send_one();
+	EXPECT(0x68, 5, 2, 0, 20, 0, 0x2a); /* ten of eleven */
+}
+
 static void test_wrap_with_many_unacknowledged(void **state)
 {
 	static const struct iec104_times wide = {
@@ -554,7 +591,7 @@ static void random_step(void)
 	iec104_session_output(&session, &size);
 	iec104_session_written(&session, size > 0 ? random_below((uint32_t)size + 1) : 0);
 	assert_true(session.unacknowledged <= session.times->k);
-	assert_true(session.output_end <= sizeof(session.output));
+	assert_true(session.output_end <= sizeof(output_octets));
 }
 
 static void test_random_streams(void **state)
@@ -580,6 +617,7 @@ int main(void)
 	    cmocka_unit_test(test_k),
 	    cmocka_unit_test(test_w),
 	    cmocka_unit_test(test_k_and_w_of_one),
+	    cmocka_unit_test(test_held_frames_are_acknowledged_when_released),
 	    cmocka_unit_test(test_wrap_with_many_unacknowledged),
 	    cmocka_unit_test(test_t1_counts_from_the_oldest_frame),
 	    cmocka_unit_test(test_t1_is_cleared_when_all_is_acknowledged),

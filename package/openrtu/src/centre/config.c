@@ -1,0 +1,446 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "centre/config.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "config/files.h"
+#include "config/zone.h"
+#include "map/address.h"
+#include "map/time_ns.h"
+
+#define SECONDS_OF_2_DAYS 172800
+#define PORT_PLAIN        2404
+#define READS_MAX         64
+#define CAS_MAX           16
+#define PERIOD_MAX_S      604800 /* a week */
+#define IOA_MAX           16777215
+#define SINGLE_PLACES     3 /* of tasks, of a common address, beside the reads */
+
+enum {
+	FILE_SOCKET,
+	FILE_K,
+	FILE_W,
+	FILE_T1,
+	FILE_T2,
+	FILE_T3,
+	FILE_CONFIRMATION,
+	FILE_SELECTION,
+	FILE_TERMINATION,
+	FILE_INTERROGATION,
+	FILE_TIMEZONE,
+	FILE_CONNECTIONS_AT_ONCE,
+	FILE_POLLS_AT_ONCE,
+	FILE_CONNECT,
+	FILE_SLOW,
+	FILE_RETRY,
+	FILE_RETRY_MAX,
+	FILE_RECEIVE,
+	FILE_SEND,
+	FILE_BATCHES,
+	FILE_BATCH_RECORDS,
+	FILE_IN_FLIGHT,
+	FILE_DEFAULTS,
+	FILE_STATIONS,
+	FILE_KEYS
+};
+static const struct config_rule file_rules[FILE_KEYS] = {
+    [FILE_SOCKET] = {"socket", CONFIG_TEXT, .low = 1, .high = CENTRE_SOCKET_SIZE - 1},
+    [FILE_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
+    [FILE_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
+    [FILE_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
+    [FILE_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10},
+    [FILE_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20},
+    [FILE_CONFIRMATION] = {"confirmation_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 10000},
+    [FILE_SELECTION] = {"selection_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000},
+    [FILE_TERMINATION] = {"termination_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000},
+    [FILE_INTERROGATION] = {"interrogation_ms", CONFIG_INTEGER, .low = 10, .high = 3600000,
+			    .fallback = 60000},
+    [FILE_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63},
+    [FILE_CONNECTIONS_AT_ONCE] = {"connections_at_once", CONFIG_INTEGER, .low = 1, .high = 65535,
+				  .fallback = 64},
+    [FILE_POLLS_AT_ONCE] = {"polls_at_once", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = 256},
+    [FILE_CONNECT] = {"connect_ms", CONFIG_INTEGER, .low = 10, .high = 600000, .fallback = 10000},
+    [FILE_SLOW] = {"slow_ms", CONFIG_INTEGER, .low = 1, .high = 60000, .fallback = 500},
+    [FILE_RETRY] = {"retry_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 1000},
+    [FILE_RETRY_MAX] = {"retry_max_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000},
+    [FILE_RECEIVE] = {"receive_octets", CONFIG_INTEGER, .low = IEC104_INPUT_LEAST, .high = 16384,
+		      .fallback = 1024},
+    [FILE_SEND] = {"send_octets", CONFIG_INTEGER, .low = IEC104_OUTPUT_LEAST, .high = 16384, .fallback = 512},
+    [FILE_BATCHES] = {"batches", CONFIG_INTEGER, .low = 2, .high = 65536, .fallback = 32},
+    [FILE_BATCH_RECORDS] = {"batch_records", CONFIG_INTEGER, .low = 1, .high = CENTRE_BATCH_MAX,
+			    .fallback = 512},
+    [FILE_IN_FLIGHT] = {"batches_in_flight", CONFIG_INTEGER, .low = 1, .high = 1024, .fallback = 4},
+    [FILE_DEFAULTS] = {"defaults", CONFIG_OBJECT},
+    [FILE_STATIONS] = {"stations", CONFIG_ARRAY, .required = true, .high = CENTRE_STATIONS_MAX},
+};
+
+/* A station's keys; those behind its own may be in "defaults", too. */
+enum {
+	STATION_NAME,
+	STATION_ADDRESS,
+	STATION_PORT,
+	STATION_CAS,
+	STATION_ORIGINATOR,
+	STATION_POSITION_TYPE,
+	STATION_TERMINATES,
+	STATION_INTERROGATE,
+	STATION_INTERROGATION,
+	STATION_COUNTERS,
+	STATION_CLOCK,
+	STATION_READS,
+	STATION_KEYS,
+	STATION_OWN = STATION_PORT
+};
+static const struct config_rule station_rules[STATION_KEYS] = {
+    [STATION_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = CENTRE_NAME_SIZE - 1},
+    [STATION_ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 2, .high = MAP_ADDRESS_SIZE - 1},
+    [STATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
+    [STATION_CAS] = {"common_addresses", CONFIG_ARRAY, .high = CAS_MAX},
+    [STATION_ORIGINATOR] = {"originator", CONFIG_INTEGER, .low = 0, .high = 255},
+    [STATION_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = 0, .high = 255,
+			       .fallback = IEC104_GEOPOSITION},
+    [STATION_TERMINATES] = {"terminates", CONFIG_BOOLEAN, .fallback = 1},
+    [STATION_INTERROGATE] = {"interrogate_at_start", CONFIG_BOOLEAN, .fallback = 1},
+    [STATION_INTERROGATION] = {"interrogation_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
+    [STATION_COUNTERS] = {"counters_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
+    [STATION_CLOCK] = {"clock_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
+    [STATION_READS] = {"reads", CONFIG_ARRAY, .high = READS_MAX},
+};
+
+enum { READ_CA, READ_IOA, READ_PERIOD, READ_KEYS };
+static const struct config_rule read_rules[READ_KEYS] = {
+    [READ_CA] = {"common_address", CONFIG_INTEGER, .required = true, .low = 1,
+		 .high = IEC104_CA_BROADCAST - 1},
+    [READ_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = IOA_MAX},
+    [READ_PERIOD] = {"period_ms", CONFIG_INTEGER, .required = true, .low = 10, .high = PERIOD_MAX_S * 1000.0},
+};
+
+/* The station that is read. */
+struct reading {
+	struct config_report *report;
+	struct centre_config *config;
+	const struct config_place *place;
+	struct centre_plan *station;
+};
+
+/* ---- a station --------------------------------------------------------------------------- */
+
+static void add_task(const struct reading *reading, struct centre_task task)
+{
+	reading->config->tasks[reading->config->task_count++] = task;
+	reading->station->task_count++;
+}
+
+static void add_periodic(const struct reading *reading, enum centre_task_kind kind, uint16_t ca,
+			 const struct config_value *period, bool at_start)
+{
+	if (at_start || period->integer > 0)
+		add_task(reading, (struct centre_task){.kind = (uint8_t)kind,
+						       .at_start = at_start,
+						       .ca = ca,
+						       .period_ns = period->integer * NS_PER_S});
+}
+
+/* The address of the place, 0 when it is none. */
+static uint16_t read_ca(const struct reading *reading, const struct config_place *place, const json_t *json)
+{
+	json_int_t ca = json_integer_value(json);
+
+	if (json_is_integer(json) && ca >= 1 && ca < IEC104_CA_BROADCAST)
+		return (uint16_t)ca;
+	config_error(reading->report, place, "is no common address, expected an integer from 1 to %d",
+		     IEC104_CA_BROADCAST - 1);
+	return 0;
+}
+
+static void read_cas(const struct reading *reading, const struct config_value *values)
+{
+	const struct config_place array = config_key_of(reading->place, station_rules[STATION_CAS].name);
+	const json_t *json;
+	size_t i;
+
+	json_array_foreach(values[STATION_CAS].given ? values[STATION_CAS].json : NULL, i, json)
+	{
+		const struct config_place here = config_element_of(&array, i);
+		uint16_t ca = read_ca(reading, &here, json);
+
+		if (ca == 0)
+			continue;
+		add_periodic(reading, CENTRE_TASK_CLOCK, ca, &values[STATION_CLOCK],
+			     values[STATION_CLOCK].integer > 0);
+		add_periodic(reading, CENTRE_TASK_INTERROGATION, ca, &values[STATION_INTERROGATION],
+			     values[STATION_INTERROGATE].integer != 0);
+		add_periodic(reading, CENTRE_TASK_COUNTERS, ca, &values[STATION_COUNTERS], false);
+	}
+}
+
+static void read_reads(const struct reading *reading, const struct config_value *reads)
+{
+	const struct config_place array = config_key_of(reading->place, station_rules[STATION_READS].name);
+	const json_t *json;
+	size_t i;
+
+	json_array_foreach(reads->given ? reads->json : NULL, i, json)
+	{
+		const struct config_place here = config_element_of(&array, i);
+		struct config_value values[READ_KEYS];
+
+		config_read_keys(reading->report, &here, json, read_rules, READ_KEYS, values);
+		add_task(reading, (struct centre_task){.kind = CENTRE_TASK_READ,
+						       .at_start = true,
+						       .ca = (uint16_t)values[READ_CA].integer,
+						       .ioa = (uint32_t)values[READ_IOA].integer,
+						       .period_ns = values[READ_PERIOD].integer * NS_PER_MS});
+	}
+}
+
+static void read_address(const struct reading *reading, const struct config_value *value)
+{
+	const struct config_place here = config_key_of(reading->place, station_rules[STATION_ADDRESS].name);
+
+	if (value->given && !map_address_parse(value->text, &reading->station->address))
+		config_error(
+		    reading->report, &here,
+		    "is not an IP address, expected one like 192.0.2.1 or 2001:db8::1 (names are not "
+		    "resolved: that would let all stations wait)");
+}
+
+static void check_position_type(const struct reading *reading, const struct config_value *value)
+{
+	const struct config_place here =
+	    config_key_of(reading->place, station_rules[STATION_POSITION_TYPE].name);
+
+	if (value->integer != 0 && !iec104_is_private((unsigned)value->integer))
+		config_error(reading->report, &here, "%lld is out of range, expected %d to %d, or 0 for none",
+			     (long long)value->integer, IEC104_PRIVATE_FIRST, IEC104_PRIVATE_LAST);
+}
+
+static void read_station(const struct reading *reading, const json_t *json)
+{
+	struct centre_plan *station = reading->station;
+	struct config_value values[STATION_KEYS];
+
+	config_read_keys(reading->report, reading->place, json, station_rules, STATION_KEYS, values);
+	*station = (struct centre_plan){.port = (uint16_t)values[STATION_PORT].integer,
+					.originator = (uint8_t)values[STATION_ORIGINATOR].integer,
+					.position_type = (uint8_t)values[STATION_POSITION_TYPE].integer,
+					.terminates = values[STATION_TERMINATES].integer != 0,
+					.first_task = reading->config->task_count};
+	if (values[STATION_NAME].given)
+		snprintf(station->name, sizeof(station->name), "%s", values[STATION_NAME].text);
+	read_address(reading, &values[STATION_ADDRESS]);
+	check_position_type(reading, &values[STATION_POSITION_TYPE]);
+	read_cas(reading, values);
+	read_reads(reading, &values[STATION_READS]);
+}
+
+/* ---- all stations ------------------------------------------------------------------------ */
+
+static int by_name(const void *a, const void *b)
+{
+	const struct centre_plan *const *left = a, *const *right = b;
+	int order = strcmp((*left)->name, (*right)->name);
+
+	return order != 0 ? order : (*left > *right) - (*left < *right);
+}
+
+static void report_same_names(struct config_report *report, const struct config_place *array,
+			      const struct centre_config *config)
+{
+	const struct centre_plan **sorted =
+	    config_allocate(config->station_count, sizeof(const struct centre_plan *));
+
+	if (sorted == NULL) {
+		config_out_of_memory(report);
+		return;
+	}
+	for (uint32_t i = 0; i < config->station_count; i++)
+		sorted[i] = &config->stations[i];
+	qsort(sorted, config->station_count, sizeof(const struct centre_plan *), by_name);
+	for (uint32_t i = 1; i < config->station_count; i++) {
+		const struct config_place second =
+		    config_element_of(array, (size_t)(sorted[i] - config->stations));
+
+		if (sorted[i]->name[0] != '\0' && strcmp(sorted[i]->name, sorted[i - 1]->name) == 0)
+			config_error(report, &second, "has the name \"%s\" of stations[%td]", sorted[i]->name,
+				     sorted[i - 1] - config->stations);
+	}
+	free(sorted);
+}
+
+/* A station that says nothing else has what "defaults" says. False: they are wrong, and each station would be so. */
+static bool take_defaults(struct config_report *report, const struct config_place *file,
+			  const struct config_value *defaults, const json_t *stations)
+{
+	const struct config_place place = config_key_of(file, file_rules[FILE_DEFAULTS].name);
+	struct config_value values[STATION_KEYS];
+	unsigned errors = report->errors;
+	json_t *station;
+	size_t i;
+
+	if (!defaults->given)
+		return !defaults->wrong;
+	config_read_keys(report, &place, defaults->json, &station_rules[STATION_OWN],
+			 STATION_KEYS - STATION_OWN, values);
+	json_array_foreach(stations, i, station)
+	{
+		if (json_is_object(station) &&
+		    json_object_update_missing(station, (json_t *)defaults->json) < 0) {
+			config_out_of_memory(report);
+			return false;
+		}
+	}
+	return errors == report->errors;
+}
+
+/* How many tasks the stations can have at most. */
+static uint32_t tasks_of(const json_t *stations)
+{
+	size_t count = 0, i;
+	const json_t *station;
+
+	json_array_foreach(stations, i, station)
+	{
+		count += json_array_size(json_object_get(station, station_rules[STATION_READS].name)) +
+			 SINGLE_PLACES *
+			     json_array_size(json_object_get(station, station_rules[STATION_CAS].name));
+	}
+	return (uint32_t)count;
+}
+
+static void read_stations(struct config_report *report, const struct config_place *file,
+			  const struct config_value *values, struct centre_config *config)
+{
+	const struct config_place array = config_key_of(file, file_rules[FILE_STATIONS].name);
+	const json_t *stations = values[FILE_STATIONS].given ? values[FILE_STATIONS].json : NULL, *json;
+	size_t i;
+
+	if (values[FILE_STATIONS].given && json_array_size(stations) == 0)
+		config_error(report, &array, "is empty, expected at least one station");
+	if (!take_defaults(report, file, &values[FILE_DEFAULTS], stations))
+		return;
+	config->stations = config_allocate((uint32_t)json_array_size(stations), sizeof(*config->stations));
+	config->tasks = config_allocate(tasks_of(stations), sizeof(*config->tasks));
+	if (config->stations == NULL || config->tasks == NULL) {
+		config_out_of_memory(report);
+		return;
+	}
+	json_array_foreach(stations, i, json)
+	{
+		const struct config_place place = config_element_of(&array, i);
+		const struct reading reading = {report, config, &place, &config->stations[i]};
+
+		read_station(&reading, json);
+		config->station_count++;
+	}
+	report_same_names(report, &array, config);
+}
+
+/* ---- the file ---------------------------------------------------------------------------- */
+
+static void check_order(struct config_report *report, const struct config_place *file,
+			const struct config_value *values, int low, int high, bool may_be_same)
+{
+	const struct config_place here = config_key_of(file, file_rules[low].name);
+
+	if (values[low].wrong || values[high].wrong || values[low].integer < values[high].integer ||
+	    (may_be_same && values[low].integer == values[high].integer))
+		return;
+	config_error(report, &here, "%lld is too much, expected %s %s (%lld)", (long long)values[low].integer,
+		     may_be_same ? "at most" : "less than", file_rules[high].name,
+		     (long long)values[high].integer);
+}
+
+/* A turn of the loop needs room for what one station can say in it: station.h. */
+static void check_room(struct config_report *report, const struct config_place *file,
+		       const struct centre_config *config)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_BATCHES].name);
+	size_t room = (size_t)(config->batches - config->batches_in_flight) * config->batch_records;
+	size_t least = 2u * config->receive_octets + 1024u;
+
+	if (room < least)
+		config_error(
+		    report, &here,
+		    "%u of %u records, %u of them in flight, are too few, expected %zu records that are "
+		    "not in flight",
+		    config->batches, config->batch_records, config->batches_in_flight, least);
+}
+
+static void read_timezone(struct config_report *report, const struct config_place *file,
+			  const struct config_value *value, struct map_zone *zone)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_TIMEZONE].name);
+
+	if (value->given && !config_read_zone(value->text, zone))
+		config_error(report, &here,
+			     "is not a time zone, expected one like UTC0 or CET-1CEST,M3.5.0,M10.5.0/3");
+}
+
+static void take_values(const struct config_value *values, struct centre_config *config)
+{
+	struct iec104_controlling_settings *common = &config->common;
+
+	if (values[FILE_SOCKET].given)
+		snprintf(config->socket, sizeof(config->socket), "%s", values[FILE_SOCKET].text);
+	common->times = (struct iec104_times){.k = (uint16_t)values[FILE_K].integer,
+					      .w = (uint16_t)values[FILE_W].integer,
+					      .t1_ns = values[FILE_T1].integer * NS_PER_S,
+					      .t2_ns = values[FILE_T2].integer * NS_PER_S,
+					      .t3_ns = values[FILE_T3].integer * NS_PER_S};
+	common->requests_max = IEC104_CONTROLLING_REQUESTS_MAX;
+	common->confirmation_ns = values[FILE_CONFIRMATION].integer * NS_PER_MS;
+	common->selection_ns = values[FILE_SELECTION].integer * NS_PER_MS;
+	common->termination_ns = values[FILE_TERMINATION].integer * NS_PER_MS;
+	common->interrogation_ns = values[FILE_INTERROGATION].integer * NS_PER_MS;
+	config->connections_at_once = (uint32_t)values[FILE_CONNECTIONS_AT_ONCE].integer;
+	config->polls_at_once = (uint32_t)values[FILE_POLLS_AT_ONCE].integer;
+	config->connect_ns = values[FILE_CONNECT].integer * NS_PER_MS;
+	config->slow_ns = values[FILE_SLOW].integer * NS_PER_MS;
+	config->retry_ns = values[FILE_RETRY].integer * NS_PER_MS;
+	config->retry_max_ns = values[FILE_RETRY_MAX].integer * NS_PER_MS;
+	config->receive_octets = (uint16_t)values[FILE_RECEIVE].integer;
+	config->send_octets = (uint16_t)values[FILE_SEND].integer;
+	config->batches = (uint32_t)values[FILE_BATCHES].integer;
+	config->batch_records = (uint32_t)values[FILE_BATCH_RECORDS].integer;
+	config->batches_in_flight = (uint32_t)values[FILE_IN_FLIGHT].integer;
+}
+
+static void read_file(struct config_report *report, const json_t *root, struct centre_config *config)
+{
+	const struct config_place file = {.in = NULL};
+	struct config_value values[FILE_KEYS];
+
+	config_read_keys(report, &file, root, file_rules, FILE_KEYS, values);
+	take_values(values, config);
+	read_timezone(report, &file, &values[FILE_TIMEZONE], &config->common.zone);
+	check_order(report, &file, values, FILE_W, FILE_K, true);
+	check_order(report, &file, values, FILE_T2, FILE_T1, false);
+	check_order(report, &file, values, FILE_RETRY, FILE_RETRY_MAX, true);
+	check_order(report, &file, values, FILE_IN_FLIGHT, FILE_BATCHES, false);
+	if (report->errors == 0)
+		check_room(report, &file, config);
+	read_stations(report, &file, values, config);
+}
+
+enum centre_config_result centre_config_load(const char *path, struct centre_config *config, FILE *messages)
+{
+	struct config_loader loader = {.report = {.messages = messages}};
+	enum centre_config_result result = CENTRE_CONFIG_UNREADABLE;
+
+	memset(config, 0, sizeof(*config));
+	if (config_read_files(&loader, path)) {
+		read_file(&loader.report, loader.files[0].root, config);
+		config_report_end(&loader.report);
+		result = loader.report.errors == 0 ? CENTRE_CONFIG_GOOD : CENTRE_CONFIG_WRONG;
+	}
+	config_free_files(&loader);
+	return result;
+}
+
+void centre_config_free(struct centre_config *config)
+{
+	free(config->stations);
+	free(config->tasks);
+}

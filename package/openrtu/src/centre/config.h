@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The configuration file of rtu-centre: docs/centre.md. */
+#ifndef OPENRTU_CENTRE_CONFIG_H
+#define OPENRTU_CENTRE_CONFIG_H
+
+#include <netinet/in.h>
+#include <stdio.h>
+
+#include "centre/records.h"
+#include "iec104/controlling.h"
+
+#define CENTRE_SOCKET_SIZE  108 /* sun_path */
+#define CENTRE_STATIONS_MAX 65535
+
+enum centre_task_kind {
+	CENTRE_TASK_CLOCK, /* in this order at the start */
+	CENTRE_TASK_INTERROGATION,
+	CENTRE_TASK_COUNTERS,
+	CENTRE_TASK_READ,
+};
+
+/* What a station is asked by itself. */
+struct centre_task {
+	uint8_t kind; /* enum centre_task_kind */
+	bool at_start;
+	uint16_t ca;
+	uint32_t ioa;
+	int64_t period_ns; /* 0: at the start only */
+	int64_t due_ns;    /* CLOCK_MONOTONIC, while the station is up */
+};
+
+struct centre_plan {
+	char name[CENTRE_NAME_SIZE];
+	struct in6_addr address;
+	uint16_t port;
+	uint8_t originator;
+	uint8_t position_type; /* 0: none */
+	bool terminates;       /* it sends the termination of a command */
+	uint32_t first_task, task_count;
+};
+
+struct centre_config {
+	char socket[CENTRE_SOCKET_SIZE];
+	struct iec104_controlling_settings common; /* but for what a station has of its own */
+	uint32_t connections_at_once, polls_at_once;
+	int64_t connect_ns;                   /* how long a connection may take */
+	int64_t slow_ns;                      /* whoever takes longer gives its place in the window back */
+	int64_t retry_ns, retry_max_ns;       /* the first pause before another attempt, and the longest */
+	uint16_t receive_octets, send_octets; /* buffers of a connection */
+	uint32_t batches, batch_records, batches_in_flight;
+	struct centre_plan *stations;
+	uint32_t station_count;
+	struct centre_task *tasks;
+	uint32_t task_count;
+};
+
+/* As an exit code. */
+enum centre_config_result { CENTRE_CONFIG_GOOD, CENTRE_CONFIG_WRONG, CENTRE_CONFIG_UNREADABLE };
+
+/* Reads the file; says all that is wrong with it. centre_config_free frees it after each. */
+enum centre_config_result centre_config_load(const char *path, struct centre_config *config, FILE *messages);
+void centre_config_free(struct centre_config *config);
+
+#endif

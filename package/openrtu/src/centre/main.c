@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include <errno.h>
+#include <getopt.h>
+#include <inttypes.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "centre/consumer.h"
+#include "centre/loop.h"
+
+#define FILES_BESIDE 16 /* open files beside the connections */
+
+static const char usage[] =
+    "usage: rtu-centre [OPTION]... FILE\n"
+    "  or:  rtu-centre --check FILE\n"
+    "\n"
+    "Polls the stations of IEC 60870-5-104 that FILE names, and hands what they say to one consumer on a "
+    "Unix\n"
+    "socket. --check reports every error in FILE instead, or what the stations take.\n"
+    "\n"
+    "  --socket PATH    the socket, in the place of the one that FILE names\n"
+    "  --help           this text\n"
+    "  --version        the version\n"
+    "\n"
+    "It stays in the foreground, logs to stderr, stops at SIGTERM or SIGINT and ignores SIGHUP. It needs no\n"
+    "privileges.\n"
+    "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage, or FILE is not readable "
+    "as\n"
+    "JSON.\n";
+
+struct arguments {
+	const char *file, *socket;
+	bool check, help, version;
+};
+
+static bool parse(int argc, char **argv, struct arguments *arguments)
+{
+	static const struct option options[] = {
+	    {"check", no_argument, NULL, 'c'},
+	    {"socket", required_argument, NULL, 's'},
+	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
+	    {NULL, 0, NULL, 0},
+	};
+	int option;
+
+	while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
+		switch (option) {
+		case 'c':
+			arguments->check = true;
+			break;
+		case 's':
+			arguments->socket = optarg;
+			break;
+		case 'h':
+			arguments->help = true;
+			return true;
+		case 'V':
+			arguments->version = true;
+			return true;
+		default:
+			return false;
+		}
+	}
+	arguments->file = argv[optind];
+	return optind + 1 == argc;
+}
+
+static int check(const struct centre_config *config)
+{
+	size_t octets = centre_octets_of_station(config);
+
+	printf("stations: %" PRIu32 "; polls of them: %" PRIu32
+	       "; memory: %zu octets a station and %zu for %" PRIu32 " records\n",
+	       config->station_count, config->task_count, octets,
+	       (size_t)config->batches * config->batch_records * sizeof(struct centre_record),
+	       config->batches * config->batch_records);
+	return 0;
+}
+
+/* A connection each. False: there may not be so many files. */
+static bool allow_files(uint32_t stations)
+{
+	struct rlimit limit;
+	rlim_t needed = (rlim_t)stations + FILES_BESIDE;
+
+	if (getrlimit(RLIMIT_NOFILE, &limit) < 0 || limit.rlim_cur >= needed)
+		return true;
+	if (limit.rlim_max < needed) {
+		fprintf(stderr,
+			"rtu-centre: %" PRIu32
+			" stations need %ju open files, %ju are allowed: raise the limit "
+			"(ulimit -n, LimitNOFILE= of systemd)\n",
+			stations, (uintmax_t)needed, (uintmax_t)limit.rlim_max);
+		return false;
+	}
+	limit.rlim_cur = needed;
+	return setrlimit(RLIMIT_NOFILE, &limit) == 0;
+}
+
+static int run(const struct centre_config *config, const char *path)
+{
+	static struct centre centre;
+	int listener, code = 1;
+
+	if (path[0] == '\0') {
+		fprintf(stderr, "rtu-centre: there is no socket: give \"socket\" in the file, or --socket\n");
+		return 2;
+	}
+	if (strlen(path) >= CENTRE_SOCKET_SIZE) {
+		fprintf(stderr, "rtu-centre: %s: longer than %d characters\n", path, CENTRE_SOCKET_SIZE - 1);
+		return 2;
+	}
+	prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+	if (!allow_files(config->station_count))
+		return 1;
+	listener = centre_consumer_listen(path);
+	if (listener < 0)
+		return 1;
+	if (centre_stations_init(&centre, config)) {
+		fprintf(stderr, "rtu-centre: waits for a consumer on %s\n", path);
+		code = centre_loop(&centre, listener);
+	} else {
+		fprintf(stderr, "rtu-centre: no memory for %" PRIu32 " stations: %s\n", config->station_count,
+			strerror(errno));
+	}
+	centre_stations_free(&centre);
+	close(listener);
+	unlink(path);
+	return code;
+}
+
+int main(int argc, char **argv)
+{
+	struct arguments arguments = {.file = NULL};
+	struct centre_config config;
+	int code;
+
+	if (!parse(argc, argv, &arguments)) {
+		fputs(usage, stderr);
+		return 2;
+	}
+	if (arguments.help || arguments.version) {
+		fputs(arguments.help ? usage : "rtu-centre (OpenRTU) " OPENRTU_VERSION "\n", stdout);
+		return 0;
+	}
+	code = (int)centre_config_load(arguments.file, &config, stderr);
+	if (code == CENTRE_CONFIG_GOOD)
+		code = arguments.check
+			   ? check(&config)
+			   : run(&config, arguments.socket != NULL ? arguments.socket : config.socket);
+	centre_config_free(&config);
+	return code;
+}

@@ -1,0 +1,817 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "centre/station.h"
+
+#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "centre/request.h"
+#include "map/time_ns.h"
+
+#define LATE_NS                                                                                              \
+	(100 * NS_PER_MS) /* we were stopped, or full: what came meanwhile is read before a timer counts */
+#define QOI_STATION 20
+#define QCC_ALL     5
+#define FULL_NS     (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
+
+static uint32_t place_of(const struct centre_station *station)
+{
+	return (uint32_t)(station - station->centre->stations);
+}
+
+/* ---- records ----------------------------------------------------------------------------- */
+
+bool centre_has_room(const struct centre *centre)
+{
+	return centre_batches_room(&centre->batches) >=
+	       (size_t)centre->config->receive_octets + CENTRE_RECORDS_BESIDE;
+}
+
+static struct centre_record *add(struct centre *centre, uint32_t station, enum centre_kind kind)
+{
+	struct centre_record *record = &centre->nowhere;
+
+	if (centre->consumer >= 0) {
+		if (centre_batches_room(&centre->batches) == 0)
+			abort(); /* CENTRE_RECORDS_BESIDE is wrong: nothing may be lost unnoticed */
+		record = centre_batches_add(&centre->batches);
+	}
+	record->kind = (uint8_t)kind;
+	record->station = station;
+	return record;
+}
+
+static struct centre_record *say(struct centre_station *station, enum centre_kind kind)
+{
+	struct centre_record *record = add(station->centre, place_of(station), kind);
+
+	record->connection = station->connection;
+	record->received_ns = station->centre->now.wall_ns;
+	station->last = record;
+	return record;
+}
+
+static struct centre_record *say_asdu(struct centre_station *station, enum centre_kind kind,
+				      const struct iec104_asdu *asdu)
+{
+	struct centre_record *record = say(station, kind);
+
+	record->flags = (uint8_t)((asdu->test ? CENTRE_TEST : 0) | (asdu->negative ? CENTRE_NEGATIVE : 0));
+	record->ca = asdu->ca;
+	record->type = asdu->type;
+	record->cause = asdu->cause;
+	return record;
+}
+
+static void say_link(struct centre_station *station, enum centre_link link, uint8_t reason, int error,
+		     int64_t retry_ns)
+{
+	struct centre_record *record = say(station, CENTRE_LINK);
+
+	record->link.state = (uint8_t)link;
+	record->link.reason = reason;
+	record->link.error = (uint32_t)error;
+	record->link.retry_ms = (uint32_t)(retry_ns / NS_PER_MS);
+}
+
+static void say_progress(struct centre_station *station, const struct iec104_controlling_request *request,
+			 uint64_t id)
+{
+	struct centre_record *record = say(station, CENTRE_PROGRESS);
+
+	record->ca = request->ca;
+	record->ioa = request->ioa;
+	record->type = request->type;
+	record->cause = request->cause;
+	record->progress.state = request->state;
+	record->progress.result = request->result;
+	record->progress.id_low = (uint32_t)id;
+	record->progress.id_high = (uint32_t)(id >> 32);
+}
+
+static void set_time(struct centre_record *record, bool tagged, bool invalid, int64_t wall_ns)
+{
+	record->flags |= (uint8_t)((tagged ? CENTRE_TAGGED : 0) | (invalid ? CENTRE_TIME_INVALID : 0));
+	record->wall_ns = wall_ns;
+}
+
+/* ---- windows ----------------------------------------------------------------------------- */
+
+static void leave_window(struct centre_station *station)
+{
+	if (station->window != CENTRE_NO_WINDOW)
+		centre_window_leave(&station->centre->windows[station->window]);
+	station->window = CENTRE_NO_WINDOW;
+}
+
+static void take_place(struct centre_station *station, uint8_t window)
+{
+	station->waits = false;
+	station->window = window;
+	station->place_until_ns = station->centre->now.monotonic_ns + station->centre->config->slow_ns;
+}
+
+/* A place at once; or its turn comes with centre_admit_next. */
+static bool enter_window(struct centre_station *station, uint8_t window)
+{
+	if (!centre_window_enter(&station->centre->windows[window], place_of(station))) {
+		station->waits = true;
+		return false;
+	}
+	take_place(station, window);
+	return true;
+}
+
+static void lose_patience(struct centre_station *station)
+{
+	if (station->window == CENTRE_NO_WINDOW ||
+	    station->centre->now.monotonic_ns < station->place_until_ns)
+		return;
+	if (station->link == CENTRE_UP)
+		station->slow = true;
+	leave_window(station);
+}
+
+/* ---- the plan ---------------------------------------------------------------------------- */
+
+static struct centre_task *next_task(const struct centre_station *station)
+{
+	struct centre_task *next = NULL;
+
+	for (uint32_t i = 0; i < station->plan->task_count; i++)
+		if (next == NULL || station->tasks[i].due_ns < next->due_ns)
+			next = &station->tasks[i];
+	return next;
+}
+
+static int64_t first_due(const struct centre_task *task, int64_t now_ns)
+{
+	if (task->at_start)
+		return now_ns;
+	return now_ns + task->period_ns;
+}
+
+static void begin_plan(struct centre_station *station)
+{
+	for (uint32_t i = 0; i < station->plan->task_count; i++)
+		station->tasks[i].due_ns = first_due(&station->tasks[i], station->centre->now.monotonic_ns);
+	station->due_ns = 0;
+}
+
+/* What was missed is not made up for. */
+static void put_off(struct centre_task *task, int64_t now_ns)
+{
+	if (task->period_ns == 0)
+		task->due_ns = INT64_MAX;
+	else
+		task->due_ns += task->period_ns * (1 + (now_ns - task->due_ns) / task->period_ns);
+}
+
+static uint32_t post(struct centre_station *station, const struct centre_task *task)
+{
+	struct iec104_controlling *controlling = &station->controlling;
+	struct iec104_moment now = station->centre->now;
+
+	switch ((enum centre_task_kind)task->kind) {
+	case CENTRE_TASK_CLOCK:
+		return iec104_controlling_set_clock(controlling, task->ca, now);
+	case CENTRE_TASK_INTERROGATION:
+		return iec104_controlling_interrogate(controlling, task->ca, QOI_STATION, now);
+	case CENTRE_TASK_COUNTERS:
+		return iec104_controlling_interrogate_counters(controlling, task->ca, QCC_ALL, now);
+	case CENTRE_TASK_READ:
+		return iec104_controlling_read(controlling, task->ca, task->ioa, now);
+	}
+	return 0;
+}
+
+/* The station has a place in a window. */
+static void send_poll(struct centre_station *station)
+{
+	int64_t now_ns = station->centre->now.monotonic_ns;
+	struct centre_task *task = next_task(station);
+
+	station->poll = post(station, task);
+	if (station->poll != 0) {
+		put_off(task, now_ns);
+	} else {
+		station->due_ns = now_ns + FULL_NS;
+		leave_window(station);
+	}
+}
+
+/* One poll at a time: the next one is due when the last has ended. */
+static int64_t poll_due(const struct centre_station *station)
+{
+	const struct centre_task *task = next_task(station);
+
+	if (station->poll != 0 || station->waits || task == NULL)
+		return INT64_MAX;
+	return later(task->due_ns, station->due_ns);
+}
+
+static void ask_next(struct centre_station *station)
+{
+	if (station->centre->now.monotonic_ns < poll_due(station))
+		return;
+	if (enter_window(station, station->slow ? CENTRE_POLL_SLOW : CENTRE_POLL))
+		send_poll(station);
+}
+
+/* ---- what a station says ----------------------------------------------------------------- */
+
+/* After its start it has to be asked for everything (IEC 60870-5-5, 6.1.5). */
+static void ask_everything(struct centre_station *station, uint16_t ca)
+{
+	for (uint32_t i = 0; i < station->plan->task_count; i++) {
+		struct centre_task *task = &station->tasks[i];
+
+		if (task->kind == CENTRE_TASK_INTERROGATION && task->ca == ca)
+			task->due_ns = station->centre->now.monotonic_ns;
+	}
+}
+
+static void on_information(void *context, const struct iec104_asdu *asdu,
+			   const struct iec104_information *information)
+{
+	struct centre_station *station = context;
+	struct centre_record *record = say_asdu(station, CENTRE_INFORMATION, asdu);
+
+	record->ioa = information->ioa;
+	record->quality = information->quality;
+	record->detail = information->detail;
+	record->information.value = information->value;
+	record->information.elapsed_ms = information->elapsed_ms;
+	record->information.content = (uint8_t)information->content;
+	set_time(record, information->tagged, information->time_invalid, information->wall_ns);
+	if (information->content == IEC104_INITIALISATION)
+		ask_everything(station, asdu->ca);
+}
+
+static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
+			const struct iec104_geoposition *position)
+{
+	struct centre_record *record = say_asdu(context, CENTRE_POSITION, asdu);
+
+	record->ioa = ioa;
+	record->quality = position->quality;
+	record->detail = (uint8_t)(position->fix | position->satellites << 4);
+	record->position.latitude = position->latitude;
+	record->position.longitude = position->longitude;
+	record->position.altitude_dm = position->altitude_dm;
+	set_time(record, true, position->time_invalid, position->wall_ns);
+}
+
+static bool has_ended(uint8_t state)
+{
+	return state == MAP_REFUSED_SELECTION || state == MAP_INTERRUPTED_SELECTION ||
+	       state == MAP_REFUSED_COMMAND || state == MAP_EXECUTED_COMMAND;
+}
+
+static void end_poll(struct centre_station *station, const struct iec104_controlling_request *request)
+{
+	bool done = request->state == MAP_EXECUTED_COMMAND;
+
+	station->poll = 0;
+	/* A refusal that comes at once is no slowness. */
+	station->slow = station->window == CENTRE_NO_WINDOW;
+	leave_window(station);
+	if (!done || request->type != IEC104_C_RD_NA_1) /* the value says that it was read */
+		say_progress(station, request, 0);
+}
+
+static struct centre_order *order_of(struct centre_station *station, uint32_t request)
+{
+	for (unsigned i = 0; i < IEC104_CONTROLLING_REQUESTS_MAX; i++)
+		if (station->orders[i].request == request)
+			return &station->orders[i];
+	return NULL;
+}
+
+static void on_progress(void *context, const struct iec104_controlling_request *request)
+{
+	struct centre_station *station = context;
+	struct centre_order *order;
+
+	if (request->id == station->poll) {
+		if (has_ended(request->state))
+			end_poll(station, request);
+		return;
+	}
+	order = order_of(station, request->id);
+	if (order == NULL)
+		return;
+	say_progress(station, request, order->id);
+	if (has_ended(request->state))
+		order->request = 0;
+}
+
+/* Each ASDU ends with a record, by which it is acknowledged. */
+static void on_looked_at(void *context, const struct iec104_asdu *asdu)
+{
+	struct centre_station *station = context;
+
+	if (station->last == NULL)
+		say_asdu(station, CENTRE_OTHER, asdu);
+	station->last->flags |= CENTRE_LAST;
+	station->last = NULL;
+}
+
+/* ---- the connection ---------------------------------------------------------------------- */
+
+static void schedule(struct centre_station *station)
+{
+	int64_t due_ns = INT64_MAX;
+
+	switch ((enum centre_link)station->link) {
+	case CENTRE_WAITING:
+	case CENTRE_DOWN:
+		due_ns = station->waits ? INT64_MAX : station->due_ns;
+		break;
+	case CENTRE_CONNECTING:
+		due_ns = station->due_ns;
+		break;
+	case CENTRE_UP:
+		due_ns = poll_due(station);
+		/* fall through */
+	case CENTRE_STARTING:
+		due_ns = station->controlling.session.closing != IEC104_OPEN
+			     ? station->centre->now.monotonic_ns
+			     : earlier(due_ns, iec104_controlling_deadline(&station->controlling));
+		break;
+	}
+	if (station->window != CENTRE_NO_WINDOW)
+		due_ns = earlier(due_ns, station->place_until_ns);
+	centre_deadlines_set(&station->centre->deadlines, place_of(station), due_ns);
+}
+
+static void wait_for(struct centre_station *station, uint32_t events)
+{
+	struct epoll_event event = {.events = events, .data.u32 = place_of(station)};
+
+	if (events == station->events)
+		return;
+	epoll_ctl(station->centre->epoll, station->events == 0 ? EPOLL_CTL_ADD : EPOLL_CTL_MOD, station->fd,
+		  &event);
+	station->events = events;
+}
+
+static void close_connection(struct centre_station *station)
+{
+	if (station->fd >= 0)
+		close(station->fd);
+	station->fd = -1;
+	station->events = 0;
+	station->poll = 0;
+	station->waits = false; /* whoever is connected waits for a poll: centre_admit_next passes over it */
+	leave_window(station);
+	memset(station->orders, 0, sizeof(station->orders));
+}
+
+/* The connection is over, or there was none: again later, and later each time. */
+static void go_down(struct centre_station *station, uint8_t reason, int error)
+{
+	const struct centre_config *config = station->centre->config;
+	int64_t now_ns = station->centre->now.monotonic_ns;
+	bool waited = station->waits;
+
+	if (station->link == CENTRE_UP && now_ns - station->up_ns >= station->retry_ns) {
+		station->retry_ns = config->retry_ns;
+		station->failed = false;
+	} else {
+		station->failed = true;
+	}
+	close_connection(station);
+	station->waits = waited; /* it is still in the window's queue */
+	station->link = CENTRE_WAITING;
+	station->due_ns = now_ns + station->retry_ns;
+	say_link(station, CENTRE_DOWN, reason, error, station->retry_ns);
+	station->retry_ns = earlier(2 * station->retry_ns, config->retry_max_ns);
+}
+
+static void start(struct centre_station *station)
+{
+	station->link = CENTRE_STARTING;
+	leave_window(station);
+	iec104_controlling_open(&station->controlling, &station->settings, &station->listener,
+				&station->memory, station->centre->now);
+	iec104_session_hold(&station->controlling.session);
+	iec104_session_start(&station->controlling.session, station->centre->now.monotonic_ns);
+}
+
+/* The station has a place in a window. */
+static void connect_now(struct centre_station *station)
+{
+	const struct sockaddr_in6 address = {.sin6_family = AF_INET6,
+					     .sin6_port = htons(station->plan->port),
+					     .sin6_addr = station->plan->address};
+	int on = 1, off = 0;
+
+	station->connection++;
+	say_link(station, CENTRE_CONNECTING, 0, 0, 0);
+	station->link = CENTRE_CONNECTING;
+	station->due_ns = station->centre->now.monotonic_ns + station->centre->config->connect_ns;
+	station->fd = socket(AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (station->fd < 0) {
+		go_down(station, 0, errno);
+		return;
+	}
+	setsockopt(station->fd, IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof(off));
+	setsockopt(station->fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+	if (connect(station->fd, (const struct sockaddr *)&address, sizeof(address)) == 0)
+		start(station);
+	else if (errno != EINPROGRESS)
+		go_down(station, 0, errno);
+	if (station->fd >= 0)
+		wait_for(station, EPOLLIN | EPOLLOUT);
+}
+
+static void finish_connecting(struct centre_station *station)
+{
+	int error = 0;
+	socklen_t size = sizeof(error);
+
+	if (getsockopt(station->fd, SOL_SOCKET, SO_ERROR, &error, &size) < 0)
+		error = errno;
+	if (error != 0)
+		go_down(station, 0, error);
+	else
+		start(station);
+}
+
+static void receive(struct centre_station *station)
+{
+	struct iec104_session *session = &station->controlling.session;
+	size_t room;
+	uint8_t *place = iec104_session_space(session, &room);
+	ssize_t count;
+
+	if (room == 0)
+		return;
+	count = recv(station->fd, place, room, 0);
+	if (count > 0)
+		iec104_session_received(session, (size_t)count);
+	else if (count == 0 || (errno != EAGAIN && errno != EINTR))
+		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
+}
+
+static void transmit(struct centre_station *station)
+{
+	struct iec104_session *session = &station->controlling.session;
+	size_t size, room;
+	const uint8_t *octets = iec104_session_output(session, &size);
+	ssize_t count = size > 0 ? send(station->fd, octets, size, MSG_NOSIGNAL) : 0;
+
+	if (count > 0)
+		iec104_session_written(session, (size_t)count);
+	else if (count < 0 && errno != EAGAIN && errno != EINTR)
+		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
+	iec104_session_output(session, &size);
+	iec104_session_space(session, &room);
+	wait_for(station, (room > 0 ? EPOLLIN : 0u) | (size > 0 ? EPOLLOUT : 0u));
+}
+
+static void become_up(struct centre_station *station)
+{
+	station->link = CENTRE_UP;
+	station->up_ns = station->centre->now.monotonic_ns;
+	station->slow = false;
+	say_link(station, CENTRE_UP, 0, 0, 0);
+	begin_plan(station);
+}
+
+/* All there is to do on a connection. */
+static void run(struct centre_station *station)
+{
+	struct iec104_session *session = &station->controlling.session;
+
+	station->last = NULL;
+	iec104_controlling_run(&station->controlling, station->centre->now);
+	if (station->link == CENTRE_STARTING && session->started)
+		become_up(station);
+	if (station->link == CENTRE_UP && session->closing == IEC104_OPEN)
+		ask_next(station);
+	transmit(station);
+	if (session->closing != IEC104_OPEN) {
+		iec104_controlling_run(&station->controlling, station->centre->now); /* ends the requests */
+		go_down(station, (uint8_t)session->closing, 0);
+	}
+}
+
+static void advance(struct centre_station *station)
+{
+	int64_t now_ns = station->centre->now.monotonic_ns;
+
+	switch ((enum centre_link)station->link) {
+	case CENTRE_WAITING:
+	case CENTRE_DOWN:
+		if (!station->waits && now_ns >= station->due_ns &&
+		    enter_window(station, station->failed ? CENTRE_CONNECT_AGAIN : CENTRE_CONNECT))
+			connect_now(station);
+		break;
+	case CENTRE_CONNECTING:
+		if (now_ns >= station->due_ns)
+			go_down(station, 0, ETIMEDOUT);
+		break;
+	case CENTRE_STARTING:
+	case CENTRE_UP:
+		run(station);
+		break;
+	}
+}
+
+void centre_station_ready(struct centre_station *station, uint32_t events)
+{
+	if (station->link == CENTRE_CONNECTING)
+		finish_connecting(station);
+	else if (station->fd >= 0 && (events & ~(uint32_t)EPOLLOUT) != 0)
+		receive(station);
+	if (station->fd >= 0)
+		run(station);
+	schedule(station);
+}
+
+void centre_station_due(struct centre_station *station)
+{
+	int64_t due_ns = station->centre->deadlines.due_ns[place_of(station)];
+
+	if ((station->link == CENTRE_STARTING || station->link == CENTRE_UP) &&
+	    station->centre->now.monotonic_ns - due_ns > LATE_NS)
+		receive(station);
+	lose_patience(station);
+	advance(station);
+	schedule(station);
+}
+
+/* Its turn in the window has come; a station may have lost its connection, or its wish, while it waited. */
+static void take_turn(struct centre_station *station, uint8_t window)
+{
+	bool connects = window == CENTRE_CONNECT || window == CENTRE_CONNECT_AGAIN;
+
+	take_place(station, window);
+	if (connects && station->link == CENTRE_WAITING) {
+		connect_now(station);
+	} else if (!connects && station->link == CENTRE_UP) {
+		send_poll(station);
+		run(station);
+	} else {
+		leave_window(station);
+	}
+	schedule(station);
+}
+
+bool centre_admit_next(struct centre *centre)
+{
+	for (uint8_t window = 0; window < CENTRE_WINDOWS; window++) {
+		uint32_t station = centre_window_admit(&centre->windows[window]);
+
+		if (station == CENTRE_NOBODY)
+			continue;
+		take_turn(&centre->stations[station], window);
+		return true;
+	}
+	return false;
+}
+
+/* ---- for the consumer -------------------------------------------------------------------- */
+
+void centre_station_release(struct centre *centre, const struct centre_record *record)
+{
+	struct centre_station *station = &centre->stations[record->station];
+	struct iec104_session *session = &station->controlling.session;
+
+	if (record->connection != station->connection || station->link != CENTRE_UP)
+		return; /* the connection has ended: the station will send it again */
+	iec104_session_release(session, 1, centre->now.monotonic_ns);
+	iec104_session_run(session, centre->now.monotonic_ns);
+	if (session->closing == IEC104_OPEN)
+		transmit(station);
+	schedule(station);
+}
+
+static void say_not_sent(struct centre *centre, const struct centre_request *request, uint8_t result)
+{
+	struct centre_record *record = add(centre, request->station, CENTRE_PROGRESS);
+	bool selects = request->kind == CENTRE_COMMAND && (request->flags & CENTRE_SELECT) != 0;
+
+	record->received_ns = centre->now.wall_ns;
+	record->ca = request->ca;
+	record->ioa = request->ioa;
+	record->progress.state = selects ? MAP_REFUSED_SELECTION : MAP_REFUSED_COMMAND;
+	record->progress.result = result;
+	record->progress.id_low = (uint32_t)request->id;
+	record->progress.id_high = (uint32_t)(request->id >> 32);
+}
+
+static const struct iec104_controlling_request *request_of(const struct centre_station *station, uint32_t id)
+{
+	for (unsigned i = 0; i < IEC104_CONTROLLING_REQUESTS_MAX; i++)
+		if (station->controlling.requests[i].id == id)
+			return &station->controlling.requests[i];
+	return NULL;
+}
+
+static struct centre_order *order_of_id(struct centre_station *station, uint64_t id)
+{
+	for (unsigned i = 0; i < IEC104_CONTROLLING_REQUESTS_MAX; i++)
+		if (station->orders[i].request != 0 && station->orders[i].id == id)
+			return &station->orders[i];
+	return NULL;
+}
+
+/* Executes or cancels what was selected. */
+static bool go_on(struct centre_station *station, const struct centre_request *request)
+{
+	struct centre_order *order = order_of_id(station, request->id);
+	struct iec104_moment now = station->centre->now;
+
+	if (order == NULL)
+		return false;
+	return request->kind == CENTRE_EXECUTE
+		   ? iec104_controlling_execute(&station->controlling, order->request, now)
+		   : iec104_controlling_cancel(&station->controlling, order->request, now);
+}
+
+static uint32_t post_order(struct centre_station *station, const struct centre_request *request,
+			   const struct iec104_command *command)
+{
+	struct iec104_controlling *controlling = &station->controlling;
+	struct iec104_moment now = station->centre->now;
+
+	switch (request->kind) {
+	case CENTRE_COMMAND:
+		return iec104_controlling_command(controlling, request->ca, command, now);
+	case CENTRE_INTERROGATE:
+		return iec104_controlling_interrogate(controlling, request->ca, request->qualifier, now);
+	case CENTRE_COUNTERS:
+		return iec104_controlling_interrogate_counters(controlling, request->ca, request->qualifier,
+							       now);
+	case CENTRE_READ:
+		return iec104_controlling_read(controlling, request->ca, request->ioa, now);
+	default:
+		return iec104_controlling_set_clock(controlling, request->ca, now);
+	}
+}
+
+/* MAP_RESULT_NONE: it was sent. */
+static uint8_t try_order(struct centre_station *station, const struct centre_request *request)
+{
+	struct centre_order *order = order_of(station, 0);
+	struct iec104_command command = {0};
+	bool goes_on = request->kind == CENTRE_EXECUTE || request->kind == CENTRE_CANCEL;
+
+	if (station->link != CENTRE_UP)
+		return CENTRE_NOT_UP;
+	if (!centre_has_room(station->centre))
+		return CENTRE_BUSY; /* nor would the answer be read now */
+	if (goes_on)
+		return go_on(station, request) ? MAP_RESULT_NONE : CENTRE_NOT_KNOWN;
+	if (order_of_id(station, request->id) != NULL)
+		return MAP_RESULT_INTERLOCK;
+	if (request->kind == CENTRE_COMMAND && !centre_request_command(request, &command))
+		return MAP_RESULT_OUT_OF_RANGE;
+	if (order == NULL)
+		return CENTRE_BUSY;
+	order->request = post_order(station, request, &command);
+	order->id = request->id;
+	return order->request != 0 ? MAP_RESULT_NONE : CENTRE_BUSY;
+}
+
+void centre_station_order(struct centre *centre, const struct centre_request *request)
+{
+	struct centre_station *station;
+	uint8_t result;
+
+	if (request->station >= centre->config->station_count) {
+		say_not_sent(centre, request, CENTRE_NOT_KNOWN);
+		return;
+	}
+	station = &centre->stations[request->station];
+	result = try_order(station, request);
+	if (result != MAP_RESULT_NONE) {
+		say_not_sent(centre, request, result);
+		return;
+	}
+	say_progress(station, request_of(station, order_of_id(station, request->id)->request), request->id);
+	transmit(station);
+	schedule(station);
+}
+
+/* ---- all of them ------------------------------------------------------------------------- */
+
+bool centre_tell_next(struct centre *centre)
+{
+	struct centre_record *record;
+
+	if (centre->told == centre->config->station_count)
+		return false;
+	record = add(centre, centre->told, CENTRE_STATION);
+	memcpy(record->name, centre->config->stations[centre->told].name, CENTRE_NAME_SIZE);
+	centre->told++;
+	return true;
+}
+
+void centre_stations_begin(struct centre *centre)
+{
+	centre_batches_reset(&centre->batches);
+	centre->told = 0;
+	for (uint32_t i = 0; i < centre->config->station_count; i++) {
+		struct centre_station *station = &centre->stations[i];
+
+		station->due_ns = centre->now.monotonic_ns;
+		station->retry_ns = centre->config->retry_ns;
+		station->failed = station->slow = station->waits = false;
+		schedule(station);
+	}
+}
+
+void centre_stations_end(struct centre *centre)
+{
+	for (unsigned i = 0; i < CENTRE_WINDOWS; i++)
+		centre_window_clear(&centre->windows[i]);
+	for (uint32_t i = 0; i < centre->config->station_count; i++) {
+		struct centre_station *station = &centre->stations[i];
+
+		station->window = CENTRE_NO_WINDOW;
+		close_connection(station);
+		station->link = CENTRE_WAITING;
+		centre_deadlines_set(&centre->deadlines, i, INT64_MAX);
+	}
+}
+
+size_t centre_octets_of_station(const struct centre_config *config)
+{
+	return sizeof(struct centre_station) + config->receive_octets + config->send_octets +
+	       config->common.times.k * sizeof(int64_t) + sizeof(int64_t) + 3 * sizeof(uint32_t) +
+	       sizeof(struct centre_plan);
+}
+
+static void init_station(struct centre *centre, uint32_t i)
+{
+	const struct centre_config *config = centre->config;
+	struct centre_station *station = &centre->stations[i];
+	size_t octets = (size_t)config->receive_octets + config->send_octets;
+
+	station->centre = centre;
+	station->plan = &config->stations[i];
+	station->tasks = &config->tasks[station->plan->first_task];
+	station->fd = -1;
+	station->window = CENTRE_NO_WINDOW;
+	station->settings = config->common;
+	station->settings.originator = station->plan->originator;
+	station->settings.position_type = station->plan->position_type;
+	station->listener = (struct iec104_controlling_listener){.context = station,
+								 .information = on_information,
+								 .position = on_position,
+								 .progress = on_progress,
+								 .looked_at = on_looked_at};
+	if (!station->plan->terminates)
+		station->settings.termination_ns = 0;
+	station->memory =
+	    (struct iec104_memory){.sent_ns = centre->sent_ns + (size_t)i * config->common.times.k,
+				   .input = centre->octets + i * octets,
+				   .output = centre->octets + i * octets + config->receive_octets,
+				   .input_size = config->receive_octets,
+				   .output_size = config->send_octets};
+}
+
+bool centre_stations_init(struct centre *centre, const struct centre_config *config)
+{
+	const uint32_t count = config->station_count;
+
+	*centre = (struct centre){.config = config, .consumer = -1};
+	centre->epoll = epoll_create1(EPOLL_CLOEXEC);
+	centre->next = calloc(count, sizeof(*centre->next));
+	centre->stations = calloc(count, sizeof(*centre->stations));
+	centre->octets = calloc(count, (size_t)config->receive_octets + config->send_octets);
+	centre->sent_ns = calloc((size_t)count * config->common.times.k, sizeof(*centre->sent_ns));
+	if (centre->epoll < 0 || centre->next == NULL || centre->stations == NULL || centre->octets == NULL ||
+	    centre->sent_ns == NULL || !centre_deadlines_init(&centre->deadlines, count) ||
+	    !centre_batches_init(&centre->batches, config->batches, config->batch_records,
+				 config->batches_in_flight))
+		return false;
+	for (unsigned i = 0; i < CENTRE_WINDOWS; i++)
+		centre_window_init(&centre->windows[i],
+				   i < CENTRE_POLL ? config->connections_at_once : config->polls_at_once,
+				   centre->next);
+	for (uint32_t i = 0; i < count; i++)
+		init_station(centre, i);
+	return true;
+}
+
+void centre_stations_free(struct centre *centre)
+{
+	if (centre->epoll >= 0)
+		close(centre->epoll);
+	centre_batches_free(&centre->batches);
+	centre_deadlines_free(&centre->deadlines);
+	free(centre->next);
+	free(centre->stations);
+	free(centre->octets);
+	free(centre->sent_ns);
+}

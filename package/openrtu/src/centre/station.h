@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The controlled stations: their connections, what they are asked, what they say as records. Nothing here waits: each function
+ * does what can be done at the moment centre->now.
+ */
+#ifndef OPENRTU_CENTRE_STATION_H
+#define OPENRTU_CENTRE_STATION_H
+
+#include "centre/batches.h"
+#include "centre/config.h"
+#include "centre/deadlines.h"
+#include "centre/window.h"
+
+/* Beside a record for each octet of its input: the ends of its requests, its link. */
+#define CENTRE_RECORDS_BESIDE (2 * IEC104_CONTROLLING_REQUESTS_MAX + 8)
+
+/* Who may do something at once; whoever was slow, or could not be reached, competes with its like. */
+enum { CENTRE_CONNECT, CENTRE_CONNECT_AGAIN, CENTRE_POLL, CENTRE_POLL_SLOW, CENTRE_WINDOWS };
+#define CENTRE_NO_WINDOW CENTRE_WINDOWS
+
+struct centre;
+
+/* A request of the consumer's that has not ended. */
+struct centre_order {
+	uint32_t request; /* 0: none */
+	uint64_t id;
+};
+
+struct centre_station {
+	struct centre *centre;
+	const struct centre_plan *plan;
+	struct centre_task *tasks; /* plan->task_count */
+	int fd;                    /* -1: not connected */
+	uint8_t link;              /* enum centre_link */
+	uint8_t window;            /* in which it has a place */
+	bool waits;                /* for a place */
+	bool slow;                 /* its last poll was */
+	bool failed;               /* its last connection was not one */
+	uint32_t events;           /* of epoll, that are waited for */
+	uint32_t connection;
+	int64_t place_until_ns;
+	int64_t
+	    due_ns; /* the next attempt; while connecting, the last moment for it; up, the next poll at the earliest */
+	int64_t retry_ns;
+	int64_t up_ns;
+	uint32_t poll; /* the request that is one */
+	struct centre_order orders[IEC104_CONTROLLING_REQUESTS_MAX];
+	struct centre_record *last; /* that the ASDU at hand has said; NULL: nothing yet */
+	struct iec104_controlling_settings settings;
+	struct iec104_controlling_listener listener;
+	struct iec104_memory memory;
+	struct iec104_controlling controlling;
+};
+
+struct centre {
+	const struct centre_config *config;
+	struct iec104_moment now;
+	int epoll;     /* of the stations' connections */
+	int consumer;  /* the socket; -1: there is none, and so no connection */
+	uint32_t told; /* so many stations were told to the consumer */
+	struct centre_batches batches;
+	struct centre_deadlines deadlines;
+	struct centre_window windows[CENTRE_WINDOWS];
+	uint32_t *next; /* of the windows */
+	struct centre_station *stations;
+	uint8_t *octets;              /* of all connections */
+	int64_t *sent_ns;             /* of all connections */
+	struct centre_record nowhere; /* what is said while nobody listens */
+};
+
+/* Everything that will ever be allocated. False: no memory. */
+bool centre_stations_init(struct centre *centre, const struct centre_config *config);
+void centre_stations_free(struct centre *centre);
+/* The octets of memory that a station has, and the process for all of them. */
+size_t centre_octets_of_station(const struct centre_config *config);
+
+/* There is a consumer: all stations are tried. There is none: all connections end. */
+void centre_stations_begin(struct centre *centre);
+void centre_stations_end(struct centre *centre);
+
+/* There is room for all that a station may say in one step. */
+bool centre_has_room(const struct centre *centre);
+/* What follows needs centre_has_room, each time anew. */
+
+/* Tells the consumer the next station of the configuration. False: all are told. */
+bool centre_tell_next(struct centre *centre);
+/* Its connection is readable, writable or broken: events of epoll. */
+void centre_station_ready(struct centre_station *station, uint32_t events);
+/* Its deadline is over. */
+void centre_station_due(struct centre_station *station);
+/* Those that wait for a place, while there are any; one at a time. False: nobody got one. */
+bool centre_admit_next(struct centre *centre);
+
+/* ---- for the consumer -------------------------------------------------------------------- */
+
+/* An ASDU is in the consumer's hands. */
+void centre_station_release(struct centre *centre, const struct centre_record *record);
+/* Sends a request, or says why it is not sent; at most one record. */
+void centre_station_order(struct centre *centre, const struct centre_request *request);
+
+#endif

@@ -1,0 +1,542 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""rtu-centre between a consumer and stations: ours, lib60870's, hostile ones, a thousand simulated ones."""
+
+import contextlib
+import datetime
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import c104
+import pytest
+
+from desk import Desk
+from lab.gateway import free_port
+from peers.centre_consumer import Ask, Consumer, Flag, Kind, Link, Record, Result, State
+
+CA = 47
+STARTDT_CON = bytes.fromhex("68040b000000")
+LIMIT_S = 60.0  # for a hang only
+K = 12  # of centre-rtus
+POSITION = (522190650, 210108517, 0)
+WITHOUT_CONFIRMATION = 14  # enum iec104_closing: STARTDT act not confirmed in t1
+
+
+def station(name: str, port: int, address: str = "127.0.0.1", **keys: object) -> dict[str, object]:
+    return {"name": name, "address": address, "port": port, "common_addresses": [CA], **keys}
+
+
+class Centre:
+    """A running rtu-centre; `log` is what it says."""
+
+    def __init__(
+        self, program: Path, folder: Path, stations: list[dict[str, object]], **keys: object
+    ) -> None:
+        self.socket = folder / "consumer"
+        file = folder / "centre.json"
+        file.write_text(json.dumps({"retry_ms": 50, "retry_max_ms": 200, **keys, "stations": stations}))
+        self.process = subprocess.Popen(
+            [program, "--socket", self.socket, file], stderr=subprocess.PIPE, text=True
+        )
+        self.said("waits for a consumer")
+
+    def said(self, words: str) -> str:
+        assert self.process.stderr
+        for line in self.process.stderr:
+            if words in line:
+                return line
+        raise AssertionError(f"it ended and did not say: {words}")
+
+    def consumer(self, acknowledges: bool = True) -> Consumer:
+        made = Consumer(self.socket, acknowledges)
+        self.said("consumer connected")
+        return made
+
+    def stop(self) -> int:
+        self.process.terminate()
+        self.process.communicate(timeout=LIMIT_S)
+        return self.process.returncode
+
+
+Start = Callable[..., Centre]
+
+
+@pytest.fixture
+def centre(programs: Path, tmp_path: Path) -> Iterator[Start]:
+    made: list[Centre] = []
+
+    def start(stations: list[dict[str, object]], **keys: object) -> Centre:
+        made.append(Centre(programs / "centre" / "rtu-centre", tmp_path, stations, **keys))
+        return made[-1]
+
+    yield start
+    for one in made:
+        assert one.stop() in (0, -signal.SIGKILL)
+
+
+@contextlib.contextmanager
+def simulated(programs: Path, count: int, kinds: str, delay_ms: int = 0) -> Iterator[int]:
+    """Stations of centre-rtus; their port."""
+    port = free_port()
+    command = [programs / "centre" / "centre-rtus", str(count), str(port), kinds, str(delay_ms), "one"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin
+        assert process.stdout
+        assert process.stdout.readline() == "ready\n"
+        yield port
+        process.stdin.close()
+        process.wait(LIMIT_S)
+
+
+def address(number: int) -> str:
+    return f"127.1.{number // 250}.{1 + number % 250}"
+
+
+def is_value(record: Record) -> bool:
+    return record.kind in (Kind.INFORMATION, Kind.POSITION)
+
+
+# ---- the file -----------------------------------------------------------------------------------
+
+
+def check(programs: Path, folder: Path, content: object) -> subprocess.CompletedProcess[str]:
+    file = folder / "centre.json"
+    file.write_text(content if isinstance(content, str) else json.dumps(content))
+    command = [programs / "centre" / "rtu-centre", "--check", file]
+    return subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+
+
+def test_check_says_what_stations_take(programs: Path, tmp_path: Path) -> None:
+    done = check(programs, tmp_path, {"stations": [station("a", 2404), station("b", 2404)]})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("stations: 2; polls of them: 2; memory: ")
+    octets = int(done.stdout.split("memory: ")[1].split()[0])
+    assert octets <= 4096
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "said"),
+    [
+        ("{", 2, "centre.json:1:"),
+        ({}, 1, "stations: is missing"),
+        ({"stations": []}, 1, "stations: is empty"),
+        ({"stations": [{"name": "a"}]}, 1, "stations[0].address: is missing"),
+        ({"stations": [station("a", 0)]}, 1, "stations[0].port: 0 is out of range"),
+        ({"stations": [station("a", 1, "example.org")]}, 1, "stations[0].address: is not an IP address"),
+        ({"stations": [station("a", 1), station("a", 2)]}, 1, 'stations[1]: has the name "a" of stations[0]'),
+        ({"stations": [station("a", 1, common_addresses=[0])]}, 1, "common_addresses[0]: is no common"),
+        ({"stations": [station("a", 1, position_type=5)]}, 1, "position_type: 5 is out of range"),
+        (
+            {"stations": [station("a", 1, reads=[{"ioa": 1, "period_ms": 10}])]},
+            1,
+            "reads[0].common_address: is missing",
+        ),
+        ({"stations": [station("a", 1)], "w": 13}, 1, "w: 13 is too much, expected at most k (12)"),
+        ({"stations": [station("a", 1)], "t2": 15}, 1, "t2: 15 is too much, expected less than t1 (15)"),
+        ({"stations": [station("a", 1)], "batches": 5, "batch_records": 10}, 1, "batches: 5 of 10 records"),
+        ({"stations": [station("a", 1)], "pols_at_once": 5}, 1, 'did you mean "polls_at_once"?'),
+        (
+            {"stations": [{"name": "a", "address": "::1"}], "defaults": {"name": "b"}},
+            1,
+            "defaults.name: unknown",
+        ),
+    ],
+)
+def test_check_names_each_mistake(
+    programs: Path, tmp_path: Path, content: object, code: int, said: str
+) -> None:
+    done = check(programs, tmp_path, content)
+    assert done.returncode == code
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_defaults_are_each_stations(programs: Path, tmp_path: Path) -> None:
+    reads = [{"common_address": 1, "ioa": 2, "period_ms": 1000}]
+    stations = [{"name": "a", "address": "::1"}, {"name": "b", "address": "::1", "reads": []}]
+    done = check(programs, tmp_path, {"defaults": {"reads": reads}, "stations": stations})
+    assert "polls of them: 1;" in done.stdout
+
+
+# ---- stations of others -------------------------------------------------------------------------
+
+
+class Plant:
+    """A station of lib60870's; what it is commanded."""
+
+    def __init__(self) -> None:
+        self.port = free_port()
+        self.server = c104.Server(ip="127.0.0.1", port=self.port, tick_rate_ms=100)
+        self.station = self.server.add_station(common_address=CA)
+        self.commands: list[tuple[int, Any]] = []
+        self.clocks = 0
+        self.float = self.station.add_point(io_address=2, type=c104.Type.M_ME_NC_1)
+        self.float.value = 1.5
+        self.server.on_clock_sync(callable=self.on_clock)
+
+    def on_clock(self, server: c104.Server, ip: str, date_time: datetime.datetime) -> c104.ResponseState:
+        self.clocks += 1
+        return c104.ResponseState.SUCCESS
+
+    def on_command(
+        self, point: c104.Point, previous_info: c104.Information, message: c104.IncomingMessage
+    ) -> c104.ResponseState:
+        self.commands.append((point.io_address, point.value))
+        return c104.ResponseState.SUCCESS
+
+    def add(self, io_address: int, name: str, select: bool = False) -> None:
+        point = self.station.add_point(io_address=io_address, type=getattr(c104.Type, name))
+        if select:
+            point.command_mode = c104.CommandMode.SELECT_AND_EXECUTE
+        point.on_receive(callable=self.on_command)
+
+
+@pytest.fixture
+def plant() -> Iterator[Plant]:
+    made = Plant()
+    yield made
+    made.server.stop()
+
+
+def test_lib60870s_server(plant: Plant, centre: Start) -> None:
+    plant.add(30, "C_SC_NA_1", select=True)
+    plant.server.start()
+    reads = [{"common_address": CA, "ioa": 2, "period_ms": 50}]
+    running = centre([station("c104", plant.port, reads=reads, clock_s=3600, terminates=False)])
+    consumer = running.consumer()
+    assert consumer.until_link(0, Link.CONNECTING).connection == 1
+    assert consumer.stations == {0: "c104"}
+    consumer.until_link(0, Link.UP)
+    interrogated = consumer.until(lambda record: is_value(record) and record.cause == 20)
+    assert (interrogated.type, interrogated.ca, interrogated.ioa) == (13, CA, 2)
+    assert struct.unpack("<f", interrogated.rest[:4]) == (1.5,)
+    assert consumer.until(lambda record: is_value(record) and record.cause == 5).ioa == 2
+    assert plant.clocks == 1
+    consumer.send(Ask.COMMAND, id=7, ca=CA, ioa=30, value=1, flags=1)
+    consumer.until_progress(7, State.SELECTION_REQUEST)
+    consumer.until_progress(7, State.ACCEPTED_SELECTION)
+    consumer.send(Ask.EXECUTE, id=7)
+    consumer.until_progress(7, State.EXECUTION_REQUEST)
+    assert consumer.until_progress(7, State.EXECUTED_COMMAND).progress[1] == Result.DONE
+    assert plant.commands == [(30, True)]
+
+
+def test_our_own_station(desk: Desk, centre: Start) -> None:
+    ca, port = desk.ca("3.35"), desk.gateway.address[1]
+    running = centre([station("gateway", port, common_addresses=[ca])])
+    consumer = running.consumer()
+    seen: list[Record] = []
+    for record in consumer.records():
+        seen.append(record)
+        if record.kind == Kind.PROGRESS and record.type == 100:
+            break
+    assert seen[-1].progress[:2] == (State.EXECUTED_COMMAND, Result.DONE)
+    assert [record for record in seen if is_value(record) and record.cause == 20 and record.ca == ca]
+    consumer.send(Ask.READ, id=9, ca=ca, ioa=999_999)
+    state, result, _ = consumer.until_progress(9, State.REFUSED_COMMAND).progress
+    assert (state, result) == (State.REFUSED_COMMAND, Result.EXCEPTION)
+
+
+# ---- commands -----------------------------------------------------------------------------------
+
+
+def test_commands_that_are_not_sent(programs: Path, centre: Start) -> None:
+    with simulated(programs, 2, "hd") as port:
+        running = centre([station(str(i), port, address(i)) for i in range(2)])
+        consumer = running.consumer()
+        consumer.until_link(0, Link.UP)
+        refused = [
+            (Result.NOT_UP, {"station": 1, "value": 1}),
+            (Result.NOT_KNOWN, {"station": 2, "value": 1}),
+            (Result.OUT_OF_RANGE, {"value": 2}),
+            (Result.BUSY, {"value": 1, "ca": 0}),
+        ]
+        for number, (result, keys) in enumerate(refused, 1):
+            consumer.send(Ask.COMMAND, id=number, ioa=5, **keys)  # type: ignore[arg-type]
+            assert consumer.until_progress(number).progress[:2] == (State.REFUSED_COMMAND, result)
+        consumer.send(Ask.EXECUTE, id=99)
+        assert consumer.until_progress(99).progress[:2] == (State.REFUSED_COMMAND, Result.NOT_KNOWN)
+        consumer.send(Ask.COMMAND, id=50, ioa=5, value=1, flags=1)
+        consumer.until_progress(50, State.ACCEPTED_SELECTION)
+        consumer.send(Ask.COMMAND, id=50, ioa=6, value=1)
+        assert consumer.until_progress(50).progress[1] == Result.INTERLOCK
+        consumer.send(Ask.CANCEL, id=50)
+        consumer.until_progress(50, State.INTERRUPTED_SELECTION)
+
+
+def test_every_kind_of_request(programs: Path, centre: Start) -> None:
+    with simulated(programs, 1, "h") as port:
+        consumer = centre([station("a", port, address(0))]).consumer()
+        consumer.until_link(0, Link.UP)
+        asked = {
+            Ask.INTERROGATE: {"qualifier": 21},
+            Ask.COUNTERS: {"qualifier": 5},
+            Ask.READ: {"ioa": 77},
+            Ask.SET_CLOCK: {},
+        }
+        for number, (kind, keys) in enumerate(asked.items(), 1):
+            consumer.send(kind, id=number, **keys)  # type: ignore[arg-type]
+            state, result, _ = consumer.until_progress(
+                number, State.EXECUTED_COMMAND, State.REFUSED_COMMAND
+            ).progress
+            assert (state, result) == (State.EXECUTED_COMMAND, Result.DONE), kind
+
+
+def test_fate_of_a_command_is_unknown_when_the_connection_ends(centre: Start) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(LIMIT_S)
+        keys = {"interrogate_at_start": False}
+        consumer = centre([station("a", server.getsockname()[1], **keys)]).consumer()
+        with server.accept()[0] as connection:
+            connection.sendall(STARTDT_CON)
+            consumer.until_link(0, Link.UP)
+            consumer.send(Ask.COMMAND, id=3, ca=CA, ioa=5, value=1)
+            consumer.until_progress(3, State.EXECUTION_REQUEST)
+        ended = consumer.until_progress(3, State.REFUSED_COMMAND)
+        assert ended.progress[1] == Result.UNKNOWN_FATE
+        # The next connection is not sent what the last one did not get.
+        with server.accept()[0] as connection:
+            connection.settimeout(LIMIT_S)
+            assert connection.recv(6) == bytes.fromhex("680407000000")
+            connection.sendall(STARTDT_CON)
+            consumer.until_link(0, Link.UP)
+            consumer.send(Ask.COMMAND, id=4, ca=CA, ioa=6, value=0)
+            frame = connection.recv(100)
+            assert frame[:6] + frame[12:15] == bytes.fromhex("680e00000000060000")
+
+
+# ---- hostile and dead stations ------------------------------------------------------------------
+
+GARBAGE = b"GET / HTTP/1.1\r\n\r\n"
+HOSTILE = {
+    "garbage": (GARBAGE, 1),
+    "data before STARTDT con": (bytes.fromhex("680e0000000001010300010001000001"), 5),
+    "STARTDT act": (bytes.fromhex("680407000000"), 15),
+    "a frame is missing": (STARTDT_CON + bytes.fromhex("680e0200000001010300010001000001"), 3),
+    "acknowledges what was never sent": (STARTDT_CON + bytes.fromhex("68040100fe00"), 4),
+    "an ASDU that is too short": (STARTDT_CON + bytes.fromhex("680a00000000010203000100"), 2),
+    "half a frame": (STARTDT_CON + b"\x68\x0e\x00", 12),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_station(programs: Path, centre: Start, name: str) -> None:
+    said, reason = HOSTILE[name]
+    with simulated(programs, 1, "h") as port, socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(LIMIT_S)
+        reads = [{"common_address": CA, "ioa": 1, "period_ms": 20}]
+        hostile = station("hostile", server.getsockname()[1], interrogate_at_start=False)
+        running = centre([hostile, station("good", port, address(0), reads=reads)])
+        consumer = running.consumer()
+        with server.accept()[0] as connection:
+            connection.sendall(said)
+            connection.shutdown(socket.SHUT_WR)
+            down = consumer.until_link(0, Link.DOWN)
+        assert down.link[1] == reason
+        consumer.until(lambda record: record.kind == Kind.POSITION and record.station == 1)
+
+
+def test_slow_loris(programs: Path, centre: Start) -> None:
+    """Octet by octet, for ever: it holds nobody up, and t1 ends it."""
+    stop = threading.Event()
+
+    def drip(server: socket.socket) -> None:
+        with server.accept()[0] as connection, contextlib.suppress(OSError):
+            for octet in STARTDT_CON[:-1]:
+                connection.sendall(bytes([octet]))
+                stop.wait(0.2)
+            stop.wait(LIMIT_S)
+
+    with simulated(programs, 1, "h") as port, socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(LIMIT_S)
+        thread = threading.Thread(target=drip, args=(server,), daemon=True)
+        thread.start()
+        reads = [{"common_address": CA, "ioa": 1, "period_ms": 20}]
+        slow, good = station("slow", server.getsockname()[1]), station("good", port, address(0), reads=reads)
+        consumer = centre([slow, good], t1=2, t2=1, retry_ms=60000, retry_max_ms=60000).consumer()
+        down = consumer.until_link(0, Link.DOWN)
+        assert down.link[1] == WITHOUT_CONFIRMATION
+        assert consumer.counts[1, Kind.POSITION] > 1
+        stop.set()
+        thread.join(LIMIT_S)
+
+
+def test_dead_station_is_tried_less_and_less_often(centre: Start) -> None:
+    consumer = centre([station("dead", free_port())], retry_ms=10, retry_max_ms=100).consumer()
+    pauses = [consumer.until_link(0, Link.DOWN).link for _ in range(6)]
+    assert [retry for *_, retry in pauses] == [10, 20, 40, 80, 100, 100]
+    assert {(reason, os.strerror(error)) for _, reason, error, _ in pauses} == {(0, "Connection refused")}
+
+
+def test_the_slowness_of_some_does_not_reach_the_others(programs: Path, centre: Start) -> None:
+    """1 000 stations, of which 100 are dead, 50 mute and 50 slow, by windows that hold fewer than these."""
+    count, kinds, polls = 1000, "hhhhhhhhdshhhhhhhhdm", 5
+    with simulated(programs, count, kinds, delay_ms=5000) as port:
+        reads = [{"common_address": CA, "ioa": 1, "period_ms": 500}]
+        stations = [station(str(i), port, address(i), interrogate_at_start=False) for i in range(count)]
+        running = centre(
+            stations, defaults={"reads": reads}, connections_at_once=20, polls_at_once=20, slow_ms=100
+        )
+        consumer = running.consumer()
+        healthy = [i for i in range(count) if kinds[i % len(kinds)] == "h"]
+        waiting = set(healthy)
+        while waiting:
+            for record in consumer.packet():
+                if consumer.counts[record.station, Kind.POSITION] >= polls:
+                    waiting.discard(record.station)
+        counts = Counter({i: consumer.counts[i, Kind.POSITION] for i in range(count)})
+        slow = [i for i in range(count) if kinds[i % len(kinds)] == "s"]
+        assert max(counts[i] for i in slow) < polls  # the healthy ones did not wait for them
+        assert all(counts[i] == 0 for i in range(count) if kinds[i % len(kinds)] in "dm")
+
+
+# ---- the consumer -------------------------------------------------------------------------------
+
+
+def numbers(record: Record) -> list[int]:
+    return [record.unsigned] if record.kind == Kind.INFORMATION and record.type == 15 else []
+
+
+def test_consumer_that_does_not_acknowledge_stops_the_stations(programs: Path, centre: Start) -> None:
+    """A station has k frames under way; it sends the next ones when the consumer has taken these."""
+    with simulated(programs, 1, "x") as port:
+        running = centre([station("x", port, address(0), interrogate_at_start=False)])
+        consumer = running.consumer(acknowledges=False)
+        seen: list[int] = []
+        for record in consumer.records():
+            seen += numbers(record)
+            if len(seen) == K:
+                break
+        consumer.send(Ask.READ, id=5, ioa=1)
+        late = consumer.until_progress(5)
+        assert late.progress[0] == State.EXECUTION_REQUEST
+        assert consumer.counts[0, Kind.INFORMATION] == K
+        consumer.acknowledges = True
+        consumer.acknowledge()
+        for record in consumer.records():
+            seen += numbers(record)
+            if len(seen) >= 2000:
+                break
+        assert seen == list(range(len(seen)))
+
+
+def test_consumer_that_is_slower_than_the_stations(programs: Path, centre: Start) -> None:
+    """They have more to say than there is room for: reading stops and goes on, and nothing is lost."""
+    count, events = 400, 60
+    with simulated(programs, count, "x") as port:
+        stations = [station(str(i), port, address(i), interrogate_at_start=False) for i in range(count)]
+        consumer = centre(stations, batches=60, batch_records=64, batches_in_flight=2).consumer()
+        seen: list[list[int]] = [[] for _ in range(count)]
+        while min(map(len, seen)) < events:
+            for record in consumer.packet():
+                seen[record.station] += numbers(record)
+        assert all(had == list(range(len(had))) for had in seen)
+
+
+def test_events_outlive_consumers_and_the_process(programs: Path, centre: Start) -> None:
+    """Consumers and the process are killed; what a consumer has not acknowledged is sent again."""
+    with simulated(programs, 3, "x") as port:
+        stations = [station(str(i), port, address(i), interrogate_at_start=False) for i in range(3)]
+        had: dict[int, set[int]] = {i: set() for i in range(3)}
+        running = centre(stations)
+        for turn in range(8):
+            consumer = running.consumer(acknowledges=False)
+            for _ in range(30):
+                records = consumer.packet()
+                for record in records:
+                    had[record.station].update(numbers(record))
+                consumer.acknowledge()
+            if turn % 4 == 3:
+                running.process.kill()
+                running.process.wait()
+                consumer.close()
+                running = centre(stations)
+            else:
+                consumer.close()
+                assert "which their stations keep" in running.said("consumer gone")
+        for station_numbers in had.values():
+            assert len(station_numbers) > 100
+            assert station_numbers == set(range(max(station_numbers) + 1))
+
+
+def test_every_asdu_ends_with_one_record(programs: Path, centre: Start) -> None:
+    with simulated(programs, 1, "h") as port:
+        consumer = centre([station("a", port, address(0))]).consumer()
+        seen = [consumer.until(lambda record: Flag.LAST in record.flags) for _ in range(3)]
+        assert [(record.kind, record.type) for record in seen] == [
+            (Kind.OTHER, 100),
+            (Kind.INFORMATION, 1),
+            (Kind.PROGRESS, 100),
+        ]
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [b"x", bytes(32), bytes([9]) + bytes(31), bytes(4096), struct.pack("<BBHIQ16x", 1, 0, 0, 0, 1000)],
+    ids=["one octet", "zeros", "no such kind", "too long", "acknowledges what was not sent"],
+)
+def test_consumer_that_speaks_another_protocol(centre: Start, packet: bytes) -> None:
+    running = centre([station("dead", free_port())])
+    consumer = running.consumer()
+    consumer.socket.send(packet)
+    running.said("consumer gone, it sent what is no request")
+    with pytest.raises((EOFError, ConnectionError)):
+        while True:
+            consumer.packet()
+    running.consumer().until_link(0, Link.DOWN)
+
+
+def test_consumer_that_only_asks(centre: Start) -> None:
+    """It acknowledges nothing: its answers have an end, and so has it."""
+    running = centre([station("dead", free_port())], batches=60, batch_records=64, batches_in_flight=2)
+    consumer = running.consumer(acknowledges=False)
+    with pytest.raises(OSError):
+        for number in range(1, 100_000):
+            consumer.send(Ask.READ, id=number, ioa=1)
+    running.said("consumer gone")
+
+
+def test_second_consumer_is_turned_away(centre: Start) -> None:
+    running = centre([station("dead", free_port())])
+    first = running.consumer()
+    second = Consumer(running.socket)
+    running.said("a second consumer was turned away")
+    with pytest.raises((EOFError, ConnectionError)):
+        second.packet()
+    first.until_link(0, Link.DOWN)
+
+
+def test_no_consumer_no_connection(centre: Start) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(LIMIT_S)
+        running = centre([station("a", server.getsockname()[1])])
+        consumer = running.consumer()
+        with server.accept()[0] as connection:
+            connection.sendall(STARTDT_CON)
+            consumer.until_link(0, Link.UP)
+            consumer.close()
+            connection.settimeout(LIMIT_S)
+            while connection.recv(4096):
+                pass
+
+
+def test_socket_left_over_is_taken_and_a_live_one_is_not(
+    programs: Path, centre: Start, tmp_path: Path
+) -> None:
+    stations = [station("dead", free_port())]
+    centre(stations).process.kill()
+    running = centre(stations)
+    command = [programs / "centre" / "rtu-centre", "--socket", running.socket, tmp_path / "centre.json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 1
+    assert "cannot be bound: Address already in use" in done.stderr
+    assert running.stop() == 0
+    assert not running.socket.exists()
