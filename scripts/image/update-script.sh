@@ -23,6 +23,7 @@ read_back() {
 
 case $1 in
 preinst)
+	: >"$TMPDIR/begun"
 	flash_eraseall -q "$(partition trial)" && flash_eraseall -q "$(partition "tree-$2")"
 	;;
 postinst)

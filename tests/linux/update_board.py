@@ -4,10 +4,10 @@
 import json
 import subprocess
 from pathlib import Path
+from typing import Any
 
 from image import update
-from lab.board import Ssh, configuration
-from nuc980.netboot.slots.command import wrapped
+from lab.board import Ssh
 from nuc980.netboot.slots.layout import Area
 from nuc980.twin.nand import DATA, PAGES, NandImage
 
@@ -34,11 +34,13 @@ def make_signer(folder: Path, name: str) -> update.Signer:
     return signer
 
 
-def files_of(site: str, certificates: str, key: Path, folder: Path) -> dict[str, Path | str]:
+def files_of(
+    site: str, certificates: str, config: dict[str, Any], key: Path, folder: Path
+) -> dict[str, Path | str]:
     """What `make image-debian` adds to a root for a site that takes updates."""
     texts = {
         "etc/openrtu/update.pem": certificates,
-        "etc/openrtu/gateway.json": json.dumps(configuration()),
+        "etc/openrtu/gateway.json": json.dumps(config),
         "etc/hwrevision": f"nuc980-gateway {site}\n",
         "root/.ssh/authorized_keys": key.with_suffix(".pub").read_text(),
     }
@@ -80,6 +82,3 @@ def held(nand: NandImage, area: Area, size: int) -> bytes:
         if len(content) >= size:
             break
     return bytes(content[:size])
-
-
-__all__ = ["SITE", "VERSION", "files_of", "held", "install", "make_signer", "wrapped"]
