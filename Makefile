@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build install man deb dtb qemu uboot linux linux-debug image-debian image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -203,11 +203,25 @@ GATEWAY := $(or $(if $(FOR_SITE),$(shell PYTHONPATH=scripts python3 -m image.roo
 SYSTEM_PARTS := build/linux/done build/busybox/done build/chrony/done build/root/packages.done build/root/$(GATEWAY).done \
   build/dtb/nuc980-gateway.dtb
 
+# A site with certificates takes updates.
+SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update.pem),build/swupdate/done))
+
 image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
 	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
 
+update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),image-debian $(VENV)) ## Build: a signed update of that image (SITE=folder KEY=file CERTIFICATE=file)
+ifeq ($(and $(SITE),$(KEY),$(CERTIFICATE)),)
+	@echo "make update SITE=folder KEY=file CERTIFICATE=file: who gets it, and who signs it (docs/update.md)" >&2; exit 2
+endif
+	PYTHONPATH=scripts $(PYTHON) -m image.update $(SYSTEM) --site '$(notdir $(SITE_SETTINGS))' \
+	  --key '$(KEY)' --certificate '$(CERTIFICATE)' --out $(SYSTEM).swu
+
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
 	$(LOGGED) busybox scripts/build-busybox.sh build/busybox/debian $(@D)
+	@touch $@
+
+build/swupdate/done: scripts/build-swupdate.sh board/nuc980/swupdate.config build/swupdate/debian.dsc | $(SYSROOT)
+	$(LOGGED) swupdate scripts/build-swupdate.sh build/swupdate/debian $(@D)
 	@touch $@
 
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
@@ -317,7 +331,7 @@ PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
-SHELL_FILES = .ci/run scripts/openrtu-logic scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
+SHELL_FILES = .ci/run scripts/openrtu-logic scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh scripts/image/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
@@ -358,7 +372,7 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux linux-debug image-debian lab qemu uboot $(VENV) ## Test: Linux on the emulated board
+test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(VENV) ## Test: Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
@@ -375,7 +389,7 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 # The kernels and the image are built while the first parts run, in the time that their tests wait, and give way to them
 # (nice). What both need is built before, by one make.
 SHARED     := build qemu uboot build/packages-deb.done build/sysroot.ini
-ONLY_LINUX := linux linux-debug image-debian lab
+ONLY_LINUX := linux linux-debug image-debian build/swupdate/done lab
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native test-linux
 
 test: $(VENV) ## Test: all but soak, an hour on two cores; then what it cost and what failed
@@ -397,7 +411,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux image-debian $(VENV) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
+soak: build qemu uboot linux image-debian build/swupdate/done $(VENV) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------

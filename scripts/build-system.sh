@@ -4,7 +4,8 @@
 # build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
 # FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
-# in it. SITE_SETTINGS in the environment names a folder with the settings of a site.
+# in it. SITE_SETTINGS in the environment names a folder with the settings of a site; with "update.pem" there the image
+# takes updates.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
@@ -15,7 +16,10 @@ board=$tree/board/nuc980
 build=$tree/build
 parts=$folder.parts
 kernel=$build/linux-system
+update=
+[ ! -f "${SITE_SETTINGS:-}/update.pem" ] || update=yes
 fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
+sources=(linux busybox chrony ${update:+swupdate})
 umask 022
 
 image_tool() {
@@ -26,7 +30,8 @@ inputs() {
 	echo "$folder $gateway ${SITE_SETTINGS:-}"
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
-		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,dtb/nuc980-gateway.dtb}
+		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,dtb/nuc980-gateway.dtb} \
+			${update:+"$build/swupdate/inputs"}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
@@ -38,7 +43,7 @@ make_root() {
 	rm -rf "$parts"
 	mkdir -p "$parts/root"
 	image_tool rootfs make --packages "$build/root/packages" --busybox "$build/busybox" \
-		--chrony "$build/chrony" --gateway "$build/root/$gateway" "$parts/root"
+		--chrony "$build/chrony" --gateway "$build/root/$gateway" ${update:+--swupdate "$build/swupdate"} "$parts/root"
 	"$board/post-build.sh" "$parts/root"
 	image_tool cpio "$parts/root" "$parts/initramfs.cpio"
 	cat >"$parts/initramfs.fragment" <<-END
@@ -70,7 +75,8 @@ make_images() {
 # Name and version of those that the image has files of.
 packages() {
 	local without=()
-	[ "$gateway" = gateway-tls ] || without=(--without-tls)
+	[ "$gateway" = gateway-tls ] || without+=(--without-tls)
+	[ -n "$update" ] || without+=(--without-update)
 	image_tool rootfs packages "${without[@]}" | tr ' ' '\n' |
 		awk 'NR == FNR { taken[$1]; next } $1 in taken' - "$build/root/packages.versions"
 }
@@ -81,17 +87,18 @@ licences() {
 	while read -r package _; do
 		cp "$build/root/packages/usr/share/doc/$package/copyright" "$parts/licences/$package"
 	done < <(packages)
-	for package in linux busybox chrony; do
+	for package in "${sources[@]}"; do
 		cp "$build/$package/debian/debian/copyright" "$parts/licences/$package"
 	done
-	# chronyd has it in itself.
+	# What chronyd and swupdate have in themselves.
 	cp "$build/arm-sysroot/usr/share/doc/libcap-dev/copyright" "$parts/licences/libcap"
+	[ -z "$update" ] || cp "$build/arm-sysroot/usr/share/doc/libmtd-dev/copyright" "$parts/licences/libmtd"
 	cp "$tree/LICENSES/GPL-3.0-or-later.txt" "$parts/licences/openrtu"
 }
 
 versions() {
 	packages
-	for part in linux busybox chrony; do
+	for part in "${sources[@]}"; do
 		sed -nE 's/^(Source|Version): //p' "$build/$part/debian.dsc" | paste -sd ' '
 	done
 }

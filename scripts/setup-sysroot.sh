@@ -8,7 +8,7 @@ set -euo pipefail
 # shellcheck source=scripts/private-apt.sh
 . "$(dirname "$0")/private-apt.sh"
 
-packages=(libc6-dev libcap-dev libcmocka-dev libjansson-dev libseccomp-dev libssl-dev)
+packages=(libc6-dev libcap-dev libcmocka-dev libconfig-dev libjansson-dev libmtd-dev libseccomp-dev libssl-dev libubi-dev)
 sysroot=$(realpath -m "$1")
 root=$sysroot.apt
 

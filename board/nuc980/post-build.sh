@@ -47,16 +47,34 @@ name_image() {
 	printf 'IMAGE_ID=openrtu\nIMAGE_VERSION=%s\n' "$(<"$tree/package/openrtu/src/VERSION")" >>"$target/etc/os-release"
 }
 
+# Updates are for a board and a site: SWUpdate compares both with what is in the file.
+check_update() {
+	[ -f "$site/update.pem" ] || return 0
+	grep -q '^-----BEGIN CERTIFICATE-----$' "$site/update.pem" ||
+		fail "$site/update.pem has no certificate: docs/update.md tells how to make one"
+	! grep -q 'PRIVATE KEY' "$site/update.pem" ||
+		fail "$site/update.pem has a private key, which no board may have: keep the certificates there, and the key off it"
+	[[ ${site##*/} =~ ^[A-Za-z0-9._-]+$ ]] ||
+		fail "$site: the folder's name is the site's in its updates, of letters, digits, '.', '_' and '-'"
+}
+
+name_site() {
+	[ -f "$site/update.pem" ] || return 0
+	install -D -m 644 "$site/update.pem" "$target/etc/openrtu/update.pem"
+	echo "nuc980-gateway ${site##*/}" >"$target/etc/hwrevision"
+}
+
 check_site() {
 	[ -d "$site" ] || fail "SITE_SETTINGS: $site is not a folder"
 	for file in "$site"/*; do
 		case ${file##*/} in
-		config.json | interfaces | authorized_keys | ntp | root-password | macs) ;;
+		config.json | interfaces | authorized_keys | ntp | root-password | macs | update.pem) ;;
 		*) fail "$file is not a setting of a site: configs/README.md lists them" ;;
 		esac
 	done
 	check_ntp
 	check_root_password
+	check_update
 }
 
 [ -z "$site" ] || check_site
@@ -77,7 +95,7 @@ rm -f "$target/etc/init.d/S50sshd"
 install -d "$target/data"
 
 # A setting of an earlier build must not stay.
-rm -rf "$target/etc/openrtu" "$target/root/.ssh" "$target/etc/chrony"
+rm -rf "$target/etc/openrtu" "$target/root/.ssh" "$target/etc/chrony" "$target/etc/hwrevision"
 [ -n "$site" ] || exit 0
 
 place config.json 644 etc/openrtu/gateway.json
@@ -86,3 +104,4 @@ place interfaces 644 etc/network/interfaces
 place authorized_keys 600 root/.ssh/authorized_keys
 [ ! -d "$target/root/.ssh" ] || chmod 700 "$target/root/.ssh"
 set_root_password
+name_site

@@ -38,12 +38,15 @@ class Table:
     programs: dict[str, list[str]]
     library_packages: list[str]
     tls_packages: list[str]
+    update_packages: list[str]
     more_libraries: list[str]
     folders: dict[str, int]
     links: dict[str, str]
 
-    def packages(self, tls: bool) -> list[str]:
-        return sorted({*self.programs, *self.library_packages, *(self.tls_packages if tls else [])})
+    def packages(self, tls: bool, update: bool) -> list[str]:
+        names = {*self.programs, *self.library_packages}
+        names |= {*(self.tls_packages if tls else []), *(self.update_packages if update else [])}
+        return sorted(names)
 
 
 def read_table(file: Path) -> Table:
@@ -55,6 +58,7 @@ def read_table(file: Path) -> Table:
             programs=table["programs"],
             library_packages=table["libraries"]["packages"],
             tls_packages=table["tls"]["packages"],
+            update_packages=table["update"]["packages"],
             more_libraries=table["libraries"]["also"],
             folders=table["folders"],
             links=table["links"],
@@ -204,7 +208,15 @@ def _find_library(name: str, packages: Path, wanted_by: str) -> str:
 # ---- all of it -----------------------------------------------------------------------------------
 
 
-def make_root(table: Table, packages: Path, busybox: Path, chrony: Path, gateway: Path, root: Path) -> None:
+def make_root(
+    table: Table,
+    packages: Path,
+    busybox: Path,
+    chrony: Path,
+    gateway: Path,
+    root: Path,
+    swupdate: Path | None = None,
+) -> None:
     """Fills `root`, which must be empty, with everything but a site's settings (post-build.sh)."""
     for path, permissions in table.folders.items():
         (root / path).mkdir(parents=True, exist_ok=True)
@@ -216,6 +228,8 @@ def make_root(table: Table, packages: Path, busybox: Path, chrony: Path, gateway
     add_busybox(busybox, root)
     copy_tree(chrony / "root", root)
     copy_tree(gateway, root)
+    if swupdate:
+        copy_tree(swupdate / "root", root)
     for files in table.programs.values():
         for file in files:
             copy(packages / file, root / file)
@@ -248,6 +262,7 @@ def main(words: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     packages = commands.add_parser("packages", help="print the Debian packages that it takes files of")
     packages.add_argument("--without-tls", action="store_true", help="for a gateway without OpenSSL")
+    packages.add_argument("--without-update", action="store_true", help="for an image without SWUpdate")
     gateway = commands.add_parser("gateway", help="print which gateway a site needs: gateway or gateway-tls")
     gateway.add_argument("site", type=Path, help="the folder with its settings")
     make = commands.add_parser("make", help="fill an empty folder")
@@ -255,12 +270,13 @@ def main(words: Sequence[str] | None = None) -> int:
     make.add_argument("--busybox", type=Path, required=True, metavar="DIR", help="of build-busybox.sh")
     make.add_argument("--chrony", type=Path, required=True, metavar="DIR", help="of build-chrony.sh")
     make.add_argument("--gateway", type=Path, required=True, metavar="DIR", help="where it was installed to")
+    make.add_argument("--swupdate", type=Path, metavar="DIR", help="of build-swupdate.sh")
     make.add_argument("root", type=Path, help="the folder")
     arguments = parser.parse_args(words)
     try:
         table = read_table(TABLE)
         if arguments.command == "packages":
-            print(*table.packages(tls=not arguments.without_tls))
+            print(*table.packages(not arguments.without_tls, not arguments.without_update))
         elif arguments.command == "gateway":
             print("gateway-tls" if asks_for_tls(arguments.site) else "gateway")
         else:
@@ -271,6 +287,7 @@ def main(words: Sequence[str] | None = None) -> int:
                 arguments.chrony,
                 arguments.gateway,
                 arguments.root,
+                arguments.swupdate,
             )
     except UnusableInput as error:
         print(f"rootfs: {error}", file=sys.stderr)

@@ -103,3 +103,39 @@ def test_unknown_file_is_an_error(target: Path) -> None:
     done = build(target, **{"authorized-keys": "ssh-ed25519 A\n"})
     assert done.returncode != 0
     assert "authorized-keys is not a setting of a site" in done.stderr
+
+
+CERTIFICATE = "-----BEGIN CERTIFICATE-----\nMIIB\n-----END CERTIFICATE-----\n"
+
+
+def build_site(target: Path, name: str, certificates: str) -> subprocess.CompletedProcess[str]:
+    site = target.parent / name
+    site.mkdir()
+    (site / "update.pem").write_text(certificates)
+    environment = {**os.environ, "SITE_SETTINGS": str(site)}
+    return subprocess.run([SCRIPT, target], env=environment, capture_output=True, text=True, check=False)
+
+
+def test_site_with_certificates_has_a_name(target: Path) -> None:
+    done = build_site(target, "station-7", CERTIFICATE)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (target / "etc/openrtu/update.pem").read_text() == CERTIFICATE
+    assert (target / "etc/hwrevision").read_text() == "nuc980-gateway station-7\n"
+    (target.parent / "a site").mkdir()
+    environment = {**os.environ, "SITE_SETTINGS": ""}
+    subprocess.run([SCRIPT, target], env=environment, check=True)
+    assert not (target / "etc/hwrevision").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "certificates", "why"),
+    [
+        ("station-7", "", "has no certificate"),
+        ("station-7", f"-----BEGIN PRIVATE KEY-----\n{CERTIFICATE}", "has a private key"),
+        ("station 7", CERTIFICATE, "the folder's name is the site's"),
+    ],
+)
+def test_certificates_that_are_refused(target: Path, name: str, certificates: str, why: str) -> None:
+    done = build_site(target, name, certificates)
+    assert done.returncode == 1
+    assert why in done.stderr

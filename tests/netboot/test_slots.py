@@ -9,10 +9,10 @@ import pytest
 
 from nuc980.netboot.board import FACTORY, Nand
 from nuc980.netboot.errors import FlashNotPossible, LayoutUnknown, UnusableInput
-from nuc980.netboot.limits import BLOCK, DEVICE_TREE_AT, MEMORY, PAGE, ROOT_OFFSET, UIMAGE_AT
+from nuc980.netboot.limits import BLOCK, DEVICE_TREE_AT, MEMORY, PAGE, ROOT_OFFSET, ROOT_SIZE, UIMAGE_AT
 from nuc980.netboot.slots.layout import BASE, PLACES, TRIAL, Area, check_flash
 from nuc980.netboot.slots.marks import LOOK
-from nuc980.netboot.slots.script import MADE, ROOM, variables
+from nuc980.netboot.slots.script import MADE, ROOM, partitions, variables
 
 AREAS = [*(area for slot in PLACES.values() for area in (slot.kernel, slot.device_tree)), *BASE, TRIAL]
 ARGUMENTS = "console=ttyS0,115200n8 ethaddr0=02:00:00:00:00:01 ethaddr1=02:00:00:00:00:02"
@@ -55,7 +55,17 @@ def test_each_variable_fits_a_line() -> None:
 def test_each_variable_is_made_and_used() -> None:
     script = variables(chip(), ARGUMENTS)
     used = {name for value in script.values() for name in re.findall(r"run (\w+)", value)}
-    assert used | {"bootcmd", "rtu_args"} == set(script)
+    assert used | {"bootcmd", "rtu_args", "rtu_parts"} == set(script)
+
+
+def test_linux_has_the_same_places() -> None:
+    """As partitions; between them nothing, before them U-Boot, which it may not write."""
+    first, *parts = partitions().removeprefix("mtdparts=nand0:").split(",")
+    assert first == "2048k(u-boot)ro"
+    found = [re.fullmatch(r"(\d+)k@(\d+)k\(([\w-]+)\)", part) for part in parts]
+    places = {part[3]: (int(part[2]) * 1024, int(part[1]) * 1024) for part in found if part}
+    assert [*places.values()] == [*((area.offset, area.size) for area in AREAS), (ROOT_OFFSET, ROOT_SIZE)]
+    assert [*places] == [*("kernel-a", "tree-a", "kernel-b", "tree-b", "base-1", "base-2", "trial", "rootfs")]
 
 
 def test_marks_go_around_blocks_that_are_bad() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from nuc980.netboot.board import Nand
 from nuc980.netboot.errors import FlashNotPossible, LayoutUnknown
 from nuc980.netboot.flash import layout
-from nuc980.netboot.limits import BLOCK, FLASH, MARKS, PAGE, SLOTS, UIMAGE_AT
+from nuc980.netboot.limits import BLOCK, FLASH, MARKS, PAGE, ROOT_OFFSET, ROOT_SIZE, SLOTS, UIMAGE_AT
 
 NAMES = ("a", "b")
 
@@ -54,10 +54,15 @@ class Places:
     kernel: Area
     device_tree: Area
 
+    def named(self) -> tuple[tuple[str, Area], ...]:
+        """As Linux' partitions of a board with slots are called, before their slot's name."""
+        return ("kernel", self.kernel), ("tree", self.device_tree)
+
 
 PLACES = {name: Places(Area.of(SLOTS[name]["kernel"]), Area.of(SLOTS[name]["device_tree"])) for name in NAMES}
 BASE = tuple(Area.of(MARKS[name]) for name in ("base_1", "base_2"))
 TRIAL = Area.of(MARKS["trial"])
+ROOT = Area(ROOT_OFFSET, ROOT_SIZE, ROOT_SIZE)
 
 
 def check_flash(nand: Nand) -> None:

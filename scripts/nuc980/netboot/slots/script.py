@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.errors import FlashNotPossible, LayoutUnknown, UnusableInput
 from nuc980.netboot.limits import DEVICE_TREE_AT, PAGE, UIMAGE_AT
-from nuc980.netboot.slots.layout import BASE, NAMES, PLACES, TRIAL
+from nuc980.netboot.slots.layout import BASE, NAMES, PLACES, ROOT, TRIAL
 from nuc980.netboot.slots.marks import (
     ATTEMPTS,
     BASE_WORD,
@@ -86,6 +86,7 @@ def variables(nand: Nand, arguments: str) -> dict[str, str]:
     script = {
         "bootcmd": "run rtu_trial; run rtu_base",
         "rtu_args": arguments,
+        "rtu_parts": partitions(),
         "rtu_trial": (
             f"if {_has(trial, TRIAL_WORD)}; then setenv rtu_w openrtu.trial"
             f" watchdog.open_timeout={OPEN_SECONDS}; for rtu_p in {pages};"
@@ -111,7 +112,7 @@ def variables(nand: Nand, arguments: str) -> dict[str, str]:
             f"nand read {UIMAGE_AT:#x} ${{rtu_k}} {PLACES['a'].kernel.size:#x}"
             f" && nand read {DEVICE_TREE_AT:#x} ${{rtu_d}} {PLACES['a'].device_tree.size:#x}"
             f" && iminfo {DEVICE_TREE_AT:#x}"
-            " && setenv bootargs ${rtu_args} openrtu.slot=${rtu_s} ${rtu_w}"
+            " && setenv bootargs ${rtu_args} ${rtu_parts} openrtu.slot=${rtu_s} ${rtu_w}"
             f" && bootm {UIMAGE_AT:#x} - {DEVICE_TREE_AT + UImage.LAYOUT.size:#x}"
         ),
     }
@@ -119,6 +120,21 @@ def variables(nand: Nand, arguments: str) -> dict[str, str]:
         if len(value) >= ROOM:
             raise UnusableInput(f"{name} has {len(value)} characters; U-Boot's lines take {ROOM}: {value}")
     return script
+
+
+def partitions() -> str:
+    """The slots and marks as Linux' partitions, in the place of the device tree's: its argument `mtdparts`.
+
+    U-Boot and its environment are read-only there. `rootfs` is the device tree's.
+    """
+    areas = [
+        *((f"{what}-{name}", area) for name in NAMES for what, area in PLACES[name].named()),
+        *((f"base-{number}", area) for number, area in enumerate(BASE, 1)),
+        ("trial", TRIAL),
+        ("rootfs", ROOT),
+    ]
+    parts = ",".join(f"{area.size // 1024}k@{area.offset // 1024}k({name})" for name, area in areas)
+    return f"mtdparts=nand0:{PLACES['a'].kernel.offset // 1024}k(u-boot)ro,{parts}"
 
 
 def check_installed(environment: Mapping[str, str]) -> None:

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""
+update.py: a signed update file for boards with two slots, of the image of `make image-debian`: what
+`rtu-update install` takes. SWUpdate's format: a cpio archive of its description, the CMS signature of that,
+and the files. The same image and an RSA key give the same bytes. Exit codes: 0 done, 2 unusable input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from image.cpio import Entry, archive
+from nuc980.errors import UnusableInput
+from nuc980.netboot.slots.command import wrapped
+from nuc980.netboot.slots.layout import NAMES, PLACES
+
+ROOT = Path(__file__).resolve().parents[2]
+VERSION = ROOT / "package" / "openrtu" / "src" / "VERSION"
+SCRIPT = Path(__file__).with_name("update-script.sh")
+BOARD = "nuc980-gateway"
+# What SWUpdate compares versions by: up to four numbers.
+NUMBERS = re.compile(r"\d+(\.\d+){0,3}")
+SITE = re.compile(r"[A-Za-z0-9._-]+")
+
+
+@dataclass(frozen=True)
+class Signer:
+    """Who signs: a private key, and its certificate, which the board must have in update.pem."""
+
+    key: Path
+    certificate: Path
+
+    def sign(self, content: bytes) -> bytes:
+        """A detached CMS signature, DER. No time is in it. Raises UnusableInput."""
+        self._check_purpose()
+        with tempfile.NamedTemporaryFile() as file:
+            file.write(content)
+            file.flush()
+            return self._openssl(
+                "cms", "-sign", "-binary", "-noattr", "-outform", "DER", "-md", "sha256",
+                "-in", file.name, "-signer", str(self.certificate), "-inkey", str(self.key),
+            )  # fmt: skip
+
+    def _check_purpose(self) -> None:
+        shown = self._openssl("x509", "-noout", "-in", str(self.certificate), "-ext", "extendedKeyUsage")
+        if b"Code Signing" not in shown:
+            raise UnusableInput(
+                f"{self.certificate} is not for signing code: no board takes it",
+                next_step="make it with -addext extendedKeyUsage=codeSigning (docs/update.md)",
+            )
+
+    def _openssl(self, *words: str) -> bytes:
+        done = subprocess.run(["openssl", *words], stdin=subprocess.DEVNULL, capture_output=True)
+        if done.returncode:
+            why = done.stderr.decode(errors="replace").strip().partition("\n")[0]
+            raise UnusableInput(
+                f"openssl cannot use {self.certificate} with {self.key}: {why}",
+                next_step="name the key and the certificate that was made of it",
+            )
+        return done.stdout
+
+
+def update_file(
+    kernel: bytes, tree: bytes, version: str, site: str, signer: Signer, board: str = BOARD
+) -> bytes:
+    """A signed update for a site's boards. tree: as it was compiled. Raises UnusableInput."""
+    files = {"kernel": kernel, "tree": wrapped(tree), "check": SCRIPT.read_bytes()}
+    _check(files, version, site)
+    described = _description(files, version, board, site).encode()
+    signed = {"sw-description": described, "sw-description.sig": signer.sign(described)}
+    return archive(Entry.file(name, content) for name, content in (signed | files).items())
+
+
+def _check(files: dict[str, bytes], version: str, site: str) -> None:
+    places = PLACES[NAMES[0]]
+    for name, area in (("kernel", places.kernel), ("tree", places.device_tree)):
+        if len(files[name]) > area.room:
+            raise UnusableInput(f"The {name} has {len(files[name])} bytes; a slot takes {area.room}")
+    if not NUMBERS.fullmatch(version):
+        raise UnusableInput(f"{version!r} is no version: boards compare up to four numbers with dots between")
+    if not SITE.fullmatch(site):
+        raise UnusableInput(f"{site!r} is no name of a site: letters, digits, '.', '_' and '-'")
+
+
+def _description(files: dict[str, bytes], version: str, board: str, site: str) -> str:
+    """SWUpdate's sw-description: the same files for either slot; the board chooses."""
+    sums = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    facts = " ".join(f"{len(files[name])} {sums[name]}" for name in ("kernel", "tree"))
+
+    def part(kind: str, name: str, what: str) -> str:
+        return f'{{ filename = "{name}"; sha256 = "{sums[name]}"; type = "{kind}"; {what}; }}'
+
+    def slot(name: str) -> str:
+        images = ", ".join(part("flash", each, f'mtdname = "{each}-{name}"') for each in ("kernel", "tree"))
+        script = part("shellscript", "check", f'data = "{name} {facts}"')
+        return f"{name}: {{ images: ( {images} ); scripts: ( {script} ); }};"
+
+    return f"""software = {{
+    version = "{version}";
+    {board} = {{
+        hardware-compatibility: [ "{site}" ];
+        slots: {{
+            {slot("a")}
+            {slot("b")}
+        }};
+    }};
+}};
+"""
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="update", description="Make a signed update of an image.")
+    parser.add_argument("images", type=Path, help="the folder with uImage and nuc980-gateway.dtb")
+    parser.add_argument("--key", type=Path, required=True, help="the private key that signs (PEM)")
+    parser.add_argument(
+        "--certificate", type=Path, required=True, help="its certificate, which the boards have"
+    )
+    parser.add_argument("--site", required=True, help="the site's name: that of its folder")
+    parser.add_argument(
+        "--version", help="of the image; boards refuse an older one than they run [OpenRTU's]"
+    )
+    parser.add_argument("--out", type=Path, required=True, help="the file")
+    given = parser.parse_args(words)
+    try:
+        content = update_file(
+            (given.images / "uImage").read_bytes(),
+            (given.images / "nuc980-gateway.dtb").read_bytes(),
+            given.version or VERSION.read_text(encoding="utf-8").strip(),
+            given.site,
+            Signer(given.key, given.certificate),
+        )
+        given.out.write_bytes(content)
+    except UnusableInput as error:
+        print(f"update: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"update: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
+    print(f"{given.out}: {len(content)} bytes, for the site {given.site}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

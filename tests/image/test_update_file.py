@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Update files, without a board: what is in them, what OpenSSL says to their signature, what is refused."""
+
+import hashlib
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from image.update import Signer, main, update_file
+from nuc980.errors import UnusableInput
+from nuc980.netboot.slots.layout import PLACES
+
+KERNEL, TREE = b"kernel" * 1000, b"tree" * 100
+
+
+def make_signer(folder: Path, purpose: str = "codeSigning", algorithm: str = "rsa:3072") -> Signer:
+    signer = Signer(folder / "key.pem", folder / "certificate.pem")
+    subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", algorithm, "-nodes", "-days", "1", "-subj", "/CN=test",
+         "-addext", f"extendedKeyUsage={purpose}", "-keyout", signer.key, "-out", signer.certificate],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    return signer
+
+
+@pytest.fixture(scope="module")
+def signer(tmp_path_factory: pytest.TempPathFactory) -> Signer:
+    return make_signer(tmp_path_factory.mktemp("signer"))
+
+
+@pytest.fixture
+def content(tmp_path: Path, signer: Signer) -> Path:
+    """An update, unpacked."""
+    file = update_file(KERNEL, TREE, "1.2.3", "station-7", signer)
+    folder = tmp_path / "content"
+    folder.mkdir()
+    subprocess.run(["cpio", "--extract", "--quiet"], cwd=folder, input=file, check=True)
+    return folder
+
+
+def test_same_input_same_bytes(signer: Signer) -> None:
+    one, other = (update_file(KERNEL, TREE, "1.2.3", "station-7", signer) for _ in range(2))
+    assert one == other
+
+
+def test_description_comes_first_and_is_signed(content: Path, signer: Signer) -> None:
+    done = subprocess.run(
+        ["openssl", "cms", "-verify", "-binary", "-inform", "DER", "-in", "sw-description.sig",
+         "-content", "sw-description", "-CAfile", signer.certificate, "-purpose", "any"],
+        cwd=content, capture_output=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == (content / "sw-description").read_bytes()
+
+
+def test_description_has_each_hash_for_each_slot(content: Path) -> None:
+    described = (content / "sw-description").read_text()
+    for name in ("kernel", "tree", "check"):
+        assert described.count(f'sha256 = "{hashlib.sha256((content / name).read_bytes()).hexdigest()}"') == 2
+    assert 'version = "1.2.3";' in described
+    assert 'hardware-compatibility: [ "station-7" ];' in described
+
+
+def test_tree_is_wrapped_for_u_boot(content: Path) -> None:
+    shown = subprocess.run(["mkimage", "-l", content / "tree"], capture_output=True, text=True, check=True)
+    assert "Flat Device Tree" in shown.stdout
+    assert (content / "tree").read_bytes()[64:] == TREE
+
+
+@pytest.mark.parametrize("version", ["", "1.2.3-rc1", "v1", "1.2.3.4.5", '1"; x = "'])
+def test_version_that_boards_cannot_compare(version: str, signer: Signer) -> None:
+    with pytest.raises(UnusableInput, match="no version"):
+        update_file(KERNEL, TREE, version, "station-7", signer)
+
+
+def test_name_that_would_end_the_description(signer: Signer) -> None:
+    with pytest.raises(UnusableInput, match="no name of a site"):
+        update_file(KERNEL, TREE, "1.2.3", 'x" ]; y: [ "', signer)
+
+
+def test_kernel_without_room(signer: Signer) -> None:
+    with pytest.raises(UnusableInput, match="a slot takes"):
+        update_file(bytes(PLACES["a"].kernel.room + 1), TREE, "1.2.3", "station-7", signer)
+
+
+def test_certificate_for_something_else(tmp_path: Path) -> None:
+    with pytest.raises(UnusableInput, match="not for signing code"):
+        update_file(KERNEL, TREE, "1.2.3", "station-7", make_signer(tmp_path, "serverAuth"))
+
+
+def test_key_of_another_certificate(tmp_path: Path, signer: Signer) -> None:
+    other = make_signer(tmp_path)
+    with pytest.raises(UnusableInput, match="openssl cannot use"):
+        update_file(KERNEL, TREE, "1.2.3", "station-7", Signer(other.key, signer.certificate))
+
+
+def test_command(tmp_path: Path, signer: Signer, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "uImage").write_bytes(KERNEL)
+    words = [
+        str(tmp_path), "--key", str(signer.key), "--certificate", str(signer.certificate),
+        "--site", "station-7", "--out", str(tmp_path / "update.swu"),
+    ]  # fmt: skip
+    assert main(words) == 2
+    assert capsys.readouterr().err == f"update: {tmp_path}/nuc980-gateway.dtb: No such file or directory\n"
+    assert not (tmp_path / "update.swu").exists()
+    (tmp_path / "nuc980-gateway.dtb").write_bytes(TREE)
+    assert main(words) == 0
+    assert (tmp_path / "update.swu").stat().st_size > len(KERNEL)

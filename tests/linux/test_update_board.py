@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Updates on the emulated board: `rtu-update` on Linux in slot A, then what our U-Boot makes of the flash.
+
+The board has the marks and the environment of `nuc980-netboot install`. Linux itself is started without it,
+with the arguments of slot A. What comes as an update are small kernels that only say how they were started.
+"""
+
+import json
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from update_board import SITE, VERSION, files_of, held, install, make_signer
+
+from desk import CHAPTER_5
+from image.update import Signer, update_file
+from lab.board import ETHERNET, SILENCE_US, SSH_PORT, Ssh, configuration, lines_at
+from lab.linesim import LineSim
+from netboot.flashbench import at_prompt, copy, options, switched_on, uimage
+from netboot.ports import free_port
+from netboot.test_slots_twin import QUICKER, slots_in, tree_that
+from nuc980.netboot.cli import main
+from nuc980.netboot.environment import read_environment
+from nuc980.netboot.limits import BLOCK
+from nuc980.netboot.plan import SetVariable
+from nuc980.netboot.slots.layout import BASE, PLACES, TRIAL
+from nuc980.netboot.slots.marks import TRIAL_WORD, page
+from nuc980.netboot.slots.script import partitions
+from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.machine import INSTRUCTION_TIME, Machine
+from nuc980.twin.nand import DATA, PAGE, PAGES, NandImage
+
+ROOT = Path(__file__).resolve().parents[2]
+PAYLOAD = Path(__file__).parents[1] / "netboot/payload/Makefile"
+KERNEL_BYTES = 300_001
+PATIENCE = 180.0
+OLDER = "0.0.9"
+ERASED = b"\xff" * PAGE
+
+
+@pytest.fixture(scope="module")
+def small(folder: Path) -> bytes:
+    """A kernel that says how it was started, and ends as its tree wants."""
+    subprocess.run(["make", "-s", "-f", PAYLOAD, f"O={folder}"], check=True)
+    return uimage(KERNEL_BYTES, 1, (folder / "uImage").read_bytes()[64:])
+
+
+@pytest.fixture(scope="module")
+def nand(folder: Path, qemu: Path, uboot: Path, small: bytes) -> NandImage:
+    """A flash after `install`, with bad blocks: a mark's first, that of B's tree, too many of B's kernel."""
+    nand = NandImage.blank(folder / "nand")
+    kernel, tree = PLACES["b"].kernel, PLACES["b"].device_tree
+    spare = (kernel.size - kernel.room) // BLOCK
+    for offset in (tree.offset, BASE[0].offset, *(kernel.offset + BLOCK * at for at in range(spare + 1))):
+        nand.mark_bad(offset // BLOCK)
+    images = folder / "uImage.small", folder / "dtb.small"
+    images[0].write_bytes(small)
+    images[1].write_bytes(uboot.with_suffix(".dtb").read_bytes())
+    with switched_on(qemu, uboot, nand) as board:
+        with at_prompt(board) as session:
+            session.console.run("setenv bootdelay 0; saveenv", 30).required()
+        given = options(board, folder / "netboot-site", free_port())
+        assert main(["install", *map(str, images), "--no-backup", "a blank flash", *given]) == 0
+        with at_prompt(board) as session:
+            environment = read_environment(session.console).variables
+            for name, long, short in QUICKER:
+                SetVariable(name, environment[name].replace(long, short)).run(session)
+            session.console.run("saveenv", 30).required()
+    return nand
+
+
+@pytest.fixture(scope="module")
+def signers(folder: Path) -> list[Signer]:
+    """Two whose certificates the board has, for a rotation, and one whose it has not."""
+    return [make_signer(folder, name) for name in ("present", "next", "unknown")]
+
+
+@pytest.fixture(scope="module")
+def extra_files(signers: list[Signer], ssh: Ssh, folder: Path) -> dict[str, Path | str]:
+    certificates = "".join(signer.certificate.read_text() for signer in signers[:2])
+    return files_of(SITE, certificates, slow_lines(), ssh.key, folder)
+
+
+@pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    """That of the image, which takes partitions from its arguments."""
+    arguments = f"{kernel.arguments} openrtu.slot=a {partitions()}"
+    return replace(kernel, image=ROOT / "build/system/uImage", root=None, arguments=arguments)
+
+
+@pytest.fixture(scope="module")
+def board_arguments(nand: NandImage, ssh: Ssh) -> tuple[str | Path, ...]:
+    drive = ("-drive", f"if=mtd,format=raw,file={nand.path}")
+    return (*ETHERNET[0].arguments({ssh.port: SSH_PORT}), *drive, *INSTRUCTION_TIME)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline
+
+
+@pytest.fixture(scope="module")
+def board(linux: Linux, ssh: Ssh) -> Ssh:
+    """Linux in slot A, with a way in."""
+    wait_for(ssh.answers)
+    return ssh
+
+
+def slow_lines() -> dict[str, Any]:
+    """The devices' lines as a pty has them."""
+    config = configuration()
+    for port in config["port"]:
+        port.update(baud_rate=9600, parity=0, stop_bits=1)
+    return config
+
+
+@pytest.fixture(scope="module")
+def lines(folder: Path, linesim_program: Path) -> Iterator[LineSim]:
+    file = folder / "linesim.json"
+    file.write_text(json.dumps(slow_lines()))
+    values = CHAPTER_5 / "values.json"
+    with LineSim(file, values, folder / "dev", silence_us=SILENCE_US, program=linesim_program) as lines:
+        yield lines
+
+
+@pytest.fixture(scope="module")
+def board_chardevs(lines: LineSim) -> dict[int, str]:
+    return lines_at(lines.directory)
+
+
+Update = Callable[..., bytes]
+
+
+@pytest.fixture(scope="module")
+def update(small: bytes, uboot: Path, signers: list[Signer]) -> Update:
+    """Makes updates, right ones unless something else is asked for."""
+
+    def make(
+        signer: int = 0, version: str = VERSION, site: str = SITE, board: str = "nuc980-gateway"
+    ) -> bytes:
+        return update_file(small, tree_that("reset", uboot)[64:], version, site, signers[signer], board)
+
+    return make
+
+
+def everything(nand: NandImage) -> bytes:
+    return nand.path.read_bytes()
+
+
+# ---- what is refused, in this order: nothing of it changes the flash
+
+
+def test_a_board_after_install(board: Ssh) -> None:
+    assert board.run("rtu-update status").splitlines() == [
+        f"running  A, version {VERSION}",
+        "base     A",
+        "trial    none",
+        "the next start takes A; if that does not load, B",
+    ]
+
+
+def damaged(content: bytes, at: int) -> bytes:
+    return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
+
+
+REFUSED: dict[str, tuple[Callable[[Update], bytes], str]] = {
+    "signed by somebody else": (lambda update: update(signer=2), "not signed by a certificate of this board"),
+    "a description that was changed": (lambda update: damaged(update(), 200), "not signed"),
+    "a kernel that was changed": (lambda update: damaged(update(), 100_000), "not what was signed"),
+    "cut short in the kernel": (lambda update: update()[:200_000], "not what was signed"),
+    "cut short in the description": (lambda update: update()[:700], "not whole"),
+    "cut short before its end": (lambda update: update()[: -3 * 512], "not what was signed"),
+    "nothing": (lambda _: b"", "not whole, or no update"),
+    "something else": (lambda _: bytes(range(256)) * 100, "not whole, or no update"),
+    "an older version": (lambda update: update(version=OLDER), f"older than version {VERSION}"),
+    "for another site": (lambda update: update(site="station-8"), "for another board or site"),
+    "for another board": (lambda update: update(board="nuc980-numaker"), "for another board or site"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refused(what: str, board: Ssh, nand: NandImage, update: Update) -> None:
+    make, why = REFUSED[what]
+    before = everything(nand)
+    code, said = install(board, make(update))
+    assert code == 1
+    assert said.startswith("rtu-update: refused, and slot B is as it was: ")
+    assert why in said
+    assert everything(nand) == before
+    assert board.run("mount | grep -c openrtu/update || true") == "0\n"
+
+
+def test_no_rtud_no_update(board: Ssh, nand: NandImage, update: Update) -> None:
+    """What could not be confirmed is not begun."""
+    before = everything(nand)
+    board.run("/etc/init.d/S80rtud stop")
+    try:
+        assert install(board, update()) == (
+            1,
+            "rtu-update: rtud does not run here, so a new version could not be told from a broken one\n",
+        )
+    finally:
+        board.run("/etc/init.d/S80rtud start")
+    assert everything(nand) == before
+
+
+def test_kernel_that_does_not_fit_between_bad_blocks(
+    board: Ssh, nand: NandImage, uboot: Path, signers: list[Signer]
+) -> None:
+    """Seen when it is read back. Slot B does not boot, and is not on trial."""
+    large = uimage(PLACES["b"].kernel.room, 2)
+    tree = uboot.with_suffix(".dtb").read_bytes()
+    code, said = install(board, update_file(large, tree, VERSION, SITE, signers[0]))
+    assert (code, said) == (
+        1,
+        "rtu-update: failed, and slot B holds nothing that boots: "
+        "it does not fit the slot, or the slot's blocks are worn\n",
+    )
+    assert nand.read(PLACES["b"].device_tree.offset // DATA + PAGES) == ERASED
+    assert trial_of(nand) == ERASED[:DATA]
+
+
+# ---- what is taken
+
+
+def trial_of(nand: NandImage) -> bytes:
+    return nand.read(TRIAL.offset // DATA)[:DATA]
+
+
+def test_written_around_bad_blocks_and_on_trial(
+    board: Ssh, nand: NandImage, update: Update, small: bytes, uboot: Path
+) -> None:
+    """Signed by the second certificate, as after a rotation."""
+    answers = 'rtuctl --json lines | grep -q \'"ca": 1010, "alive": true\''
+    board.run(f"until {answers}; do sleep 0.2; done")
+    assert install(board, update(signer=1)) == (
+        0,
+        "The update is in slot B, read back, and on trial at the next start.\n",
+    )
+    before = board.run("cat /data/update/before").splitlines()
+    assert "device 1 10" in before
+    assert "device 1 0" not in before  # the broadcast answers nobody
+    assert before[-1] == "network"
+    tree = tree_that("reset", uboot)
+    assert held(nand, PLACES["b"].kernel, len(small)) == small
+    assert held(nand, PLACES["b"].device_tree, len(tree)) == tree
+    assert trial_of(nand) == page(TRIAL_WORD, "b")
+    assert board.run("rtu-update status").splitlines()[2:] == [
+        "trial    B, 3 attempts left",
+        "the next start takes B, then A; if that does not load, B",
+    ]
+
+
+# ---- the next starts; Linux is switched off
+
+
+def starts(qemu: Path, uboot: Path, nand: NandImage) -> str:
+    """As netboot/test_slots_twin.py has it: the slots up to the first that is not on trial."""
+    drive = ("-drive", f"if=mtd,format=raw,file={nand.path}")
+    with Machine(qemu, "-bios", uboot, *INSTRUCTION_TIME, *drive, options="pace=off") as machine:
+        said = b""
+        while not slots_in(said)[-1:].islower():
+            said += machine.uarts[0].wait_for(b"Kernel command line: ", PATIENCE)
+            said += machine.uarts[0].wait_for(b"\n", PATIENCE)
+    return slots_in(said)
+
+
+def test_version_that_resets_is_tried_three_times(
+    linux: Linux, nand: NandImage, qemu: Path, uboot: Path
+) -> None:
+    linux.close()
+    assert starts(qemu, uboot, nand) == "BBBa"
+
+
+# ---- power cuts
+
+
+@pytest.mark.parametrize(
+    "share", [0.5, *(pytest.param(share / 20, marks=pytest.mark.soak) for share in range(20) if share != 10)]
+)
+def test_power_cut_while_it_is_written(
+    share: float,
+    boot: Callable[..., Linux],
+    nand: NandImage,
+    ssh: Ssh,
+    extra_files: dict[str, Path | str],
+    signers: list[Signer],
+    small: bytes,
+    qemu: Path,
+    uboot: Path,
+    folder: Path,
+) -> None:
+    """Slot B has no tree and is not marked, whatever of its kernel is there; the next start takes A."""
+    flash = copy(nand, folder / "cut")
+    drive = ("-drive", f"if=mtd,format=raw,file={flash.path}")
+    linux = boot(*ETHERNET[0].arguments({ssh.port: SSH_PORT}), *drive, *INSTRUCTION_TIME, files=extra_files)
+    ssh.close()
+    wait_for(ssh.answers)
+    ssh.run("rtu-update confirm; until pidof rtud; do sleep 0.2; done")
+    before = flash.read(last_page(share, small))
+    other = update_file(small[::-1], tree_that("hang", uboot)[64:], VERSION, SITE, signers[0])
+    with ThreadPoolExecutor() as pool:
+        done = pool.submit(install, ssh, other)
+        wait_for(lambda: flash.read(last_page(share, small)) not in (before, ERASED))
+        linux.machine.process.kill()
+        assert done.result()[0] != 0
+    linux.close()
+    assert trial_of(flash) == ERASED[:DATA]
+    assert flash.read(PLACES["b"].device_tree.offset // DATA + PAGES) == ERASED
+    assert starts(qemu, uboot, flash) == "a"
+    flash.path.unlink()
+
+
+def last_page(share: float, kernel: bytes) -> int:
+    """That which holds this share of slot B's kernel, behind the bad blocks at its begin."""
+    area = PLACES["b"].kernel
+    bad = (area.size - area.room) // BLOCK + 1
+    return area.offset // DATA + bad * PAGES + int(share * len(kernel)) // DATA

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the tests of updates share: who signs, small images, a board that takes updates, its flash."""
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from image import update
+from lab.board import Ssh
+from nuc980.netboot.slots.layout import Area
+from nuc980.twin.nand import DATA, PAGES, NandImage
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ROOT / "build/root/packages"
+LIBRARIES = (
+    "usr/lib/arm-linux-gnueabi/libconfig.so.9",
+    "usr/lib/arm-linux-gnueabi/libcrypto.so.3",
+    "usr/lib/arm-linux-gnueabi/libatomic.so.1",
+)
+VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
+SITE = "station-7"
+
+
+def make_signer(folder: Path, name: str) -> update.Signer:
+    """A key for this test alone, and its certificate."""
+    signer = update.Signer(folder / f"{name}.key", folder / f"{name}.pem")
+    subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", "rsa:3072", "-nodes", "-days", "3650", "-subj", f"/CN={name}",
+         "-addext", "extendedKeyUsage=codeSigning", "-addext", "keyUsage=digitalSignature",
+         "-keyout", signer.key, "-out", signer.certificate],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    return signer
+
+
+def files_of(
+    site: str, certificates: str, config: dict[str, Any], key: Path, folder: Path
+) -> dict[str, Path | str]:
+    """What `make image-debian` adds to a root for a site that takes updates."""
+    texts = {
+        "etc/openrtu/update.pem": certificates,
+        "etc/openrtu/gateway.json": json.dumps(config),
+        "etc/hwrevision": f"nuc980-gateway {site}\n",
+        "root/.ssh/authorized_keys": key.with_suffix(".pub").read_text(),
+    }
+    files: dict[str, Path | str] = {"usr/bin/swupdate": ROOT / "build/swupdate/root/usr/bin/swupdate"}
+    for path, text in texts.items():
+        file = folder / path.rpartition("/")[2]
+        file.write_text(text)
+        file.chmod(0o600 if path.startswith("root") else 0o644)
+        files[path] = file
+    return files | {path: (PACKAGES / path).resolve() for path in LIBRARIES}
+
+
+def install(ssh: Ssh, content: bytes, *options: str) -> tuple[int, str]:
+    """Streams a file into `rtu-update install`; its exit code and all that it says."""
+    done = subprocess.run(
+        [*ssh.command, " ".join(("rtu-update install", *options))],
+        input=content,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=600,
+        check=False,
+    )
+    return done.returncode, done.stdout.decode()
+
+
+def held(nand: NandImage, area: Area, size: int) -> bytes:
+    """What an area's good blocks hold, one after the other."""
+    bad = set(nand.bad_blocks())
+    first, count = area.offset // (PAGES * DATA), area.size // (PAGES * DATA)
+    pages = (
+        nand.read(block * PAGES + page)[:DATA]
+        for block in range(first, first + count)
+        if block not in bad
+        for page in range(PAGES)
+    )
+    content = bytearray()
+    for page in pages:
+        content += page
+        if len(content) >= size:
+            break
+    return bytes(content[:size])
