@@ -587,6 +587,8 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "iec104",
         "tls",
         "journal",
+        "program",
+        "program_point",
         "redundancy_group",
         "modbus",
         "port",

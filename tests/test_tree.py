@@ -237,7 +237,7 @@ def test_each_trap_has_its_tests() -> None:
 
 SOURCES = Path("package/openrtu/src")
 ROOMS = ["config", "gps", "iec104", "journal", "logic", "map", "modbus", "modules", "rtuctl", "rtud"]
-ROOMS += ["modules/iec104", "modules/modbus"]
+ROOMS += ["modules/iec104", "modules/logic", "modules/modbus"]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 # A function or a table that other files may use stands at the beginning of a line.
@@ -246,7 +246,7 @@ DEFINITION = re.compile(
 )
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
-OF_ONE_KIND = ["gps", "iec104", "journal", "modbus"]
+OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:

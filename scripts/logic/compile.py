@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from logic.binary import FUNCTIONS, Array, Command, Instruction, Point, Program, Routine, Slot
+from logic.binary import FUNCTIONS, Array, Command, Instruction, Point, Program, Request, Routine, Slot
 from logic.errors import Findings, Place, SourceError
 from logic.parser import parse
 from logic.syntax import (
@@ -56,7 +56,9 @@ FORGOTTEN = {
     "FUNCTION_BLOCK": ("VAR_TEMP",),
     "FUNCTION": ("VAR", "VAR_OUTPUT", "VAR_TEMP"),
 }
+# The variables of the blocks that the machine's host serves, in the order of format.h.
 COMMAND_PARTS = ("EXECUTE", "VALUE", "SELECT", "STATE", "RESULT")
+REQUEST_PARTS = ("ACTIVE", "VALUE", "REFUSE", "STATE", "RESULT")
 
 
 @dataclass
@@ -615,26 +617,34 @@ class Compiler:
         instance = bound.what
         arguments = list(call.arguments)
         if instance.unit.name == "COMMAND" and instance.unit.library:
-            arguments = self.bind_command(call, instance, arguments)
+            point = self.served_point(call, instance, arguments)
+            self.program.commands.append(Command(point.name, parts_of(instance, COMMAND_PARTS)))
+        elif instance.unit.name == "REQUEST" and instance.unit.library:
+            point = self.served_point(call, instance, arguments)
+            if any(request.name == point.name for request in self.program.requests):
+                raise SourceError(call.place, f"{point.name} has two REQUEST; one decides about its commands")
+            self.program.requests.append(Request(point.name, parts_of(instance, REQUEST_PARTS)))
+        if instance.unit.library and instance.unit.name in ("COMMAND", "REQUEST"):
+            arguments = [one for one in arguments if one.name != "POINT"]
         self.hand_over(instance.scope, arguments, call)
         if instance.routine is None:
             instance.routine = self.unit(instance.unit, instance.scope)
         self.body.emit("CALL", "BOOL", instance.routine)
         self.fetch(instance.scope, arguments)
 
-    def bind_command(self, call: Call, instance: Instance, arguments: list[Argument]) -> list[Argument]:
+    def served_point(self, call: Call, instance: Instance, arguments: list[Argument]) -> Point:
+        block = instance.unit.name
         points = [one for one in arguments if one.name == "POINT"]
         if len(points) != 1 or not isinstance(points[0].value, Name):
-            raise SourceError(call.place, "COMMAND needs its point: COMMAND's instance(POINT := name, …)")
+            raise SourceError(call.place, f"{block} needs its point: {block}'s instance(POINT := name, …)")
         point = self.bound(points[0].value)
         if point.point is None:
             raise SourceError(points[0].place, f"{points[0].value.name} is no point; a point is VAR_EXTERNAL")
         point.read = True
-        if any(command.slots[0] is instance.scope.names["EXECUTE"].what for command in self.program.commands):
-            raise SourceError(call.place, f"{call.name} is called twice; an instance of COMMAND has one call")
-        slots = [instance.scope.names[part].what for part in COMMAND_PARTS]
-        self.program.commands.append(Command(point.point.name, slots))
-        return [one for one in arguments if one.name != "POINT"]
+        value = instance.scope.names["VALUE"].what
+        if any(value in served.slots for served in (*self.program.commands, *self.program.requests)):
+            raise SourceError(call.place, f"{call.name} is called twice; an instance of {block} has one call")
+        return point.point
 
     def hand_over(self, scope: Scope, arguments: Sequence[Argument], call: Call) -> None:
         """Values into the inputs. They are all computed before the first is written."""
@@ -1159,6 +1169,10 @@ BUILT_IN = {
     **{name: (0, 0) for name in CLOCKS},
     **{name: (1, 1) for name in ("IS_GOOD", "QUALITY", "TIME_OF", "AS_GOOD")},
 }
+
+
+def parts_of(instance: Instance, parts: Sequence[str]) -> list[Slot]:
+    return [instance.scope.names[part].what for part in parts]
 
 
 def one_of(kinds: Sequence[str]) -> str:

@@ -12,6 +12,7 @@
 	KIND(iec104)                                                                                         \
 	KIND(rtuctl)                                                                                         \
 	KIND(modbus)                                                                                         \
+	KIND(logic)                                                                                          \
 	KIND(journal)
 
 #define DECLARE(name)  extern const struct kind name##_kind;
