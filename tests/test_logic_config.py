@@ -20,13 +20,13 @@ ROOT = Path(__file__).resolve().parent.parent
 SCHEMA = json.loads((ROOT / "package/openrtu/src/rtud/config.schema.json").read_text())
 PROGRAM = """PROGRAM p
 VAR_EXTERNAL
-  level, whole : INT; order, breaker, alarm : BOOL; total : DINT; limit : REAL;
+  level, whole : INT; order, breaker, alarm : BOOL; total : UDINT; limit : REAL;
 END_VAR
 VAR asked : REQUEST; act : COMMAND; END_VAR
 asked(POINT := order, REFUSE := level > 5, STATE := act.STATE, RESULT := act.RESULT);
 act(POINT := breaker, EXECUTE := asked.ACTIVE, VALUE := asked.VALUE);
 alarm := INT_TO_REAL(level) > limit;
-whole := level; total := level;
+whole := level; total := INT_TO_UDINT(level);
 END_PROGRAM
 """
 

@@ -55,7 +55,7 @@ static void read_type(struct config_loader *loader, const struct config_place *p
 			     value->text);
 	else if (type == MAP_TYPES)
 		config_error(&loader->report, &here,
-			     "is missing: the program's type for %s is none of a point; expected scaled, "
+			     "is missing: the program's type for %s is none of a point; expected integer, "
 			     "float or counter",
 			     out->name);
 	else if (!logic_value_fits((enum map_type)type, point->type, point->written))

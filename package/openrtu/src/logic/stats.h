@@ -7,6 +7,8 @@
 #include "logic/logic.h"
 #include "map/map.h"
 
+#define LOGIC_COUNTERS (2 + LOGIC_FAULTS) /* that have names */
+
 /* Since the gateway started. */
 struct logic_stats {
 	_Atomic uint32_t scans;

@@ -64,6 +64,7 @@ static void test_normalized_is_a_fraction_as_real(void **state)
 		    -0.5F);
 	assert_int_equal(taken(MAP_NORMALIZED, LOGIC_INT, (struct map_sample){.value.i = -16384}).value.i,
 			 -16384);
+	assert_int_equal(made(MAP_ANGLE, LOGIC_LREAL, (union logic_cell){.d = 44.5}).value.i, 445000000);
 	assert_int_equal(made(MAP_NORMALIZED, LOGIC_REAL, (union logic_cell){.r = 0.25F}).value.i, 8192);
 }
 
@@ -110,7 +111,9 @@ static void test_an_input_needs_a_type_that_has_all_its_values(void **state)
 	assert_false(logic_value_fits(MAP_SINGLE, LOGIC_USINT, false));
 	assert_false(logic_value_fits(MAP_BITSTRING, LOGIC_WORD, false));
 	assert_false(logic_value_fits(MAP_FLOAT, LOGIC_TIME, true));
-	assert_int_equal(logic_map_type(LOGIC_DINT), MAP_TYPES);
+	assert_int_equal(logic_map_type(LOGIC_DINT), MAP_INTEGER);
+	assert_int_equal(logic_map_type(LOGIC_LINT), MAP_TYPES);
+	assert_false(logic_value_fits(MAP_ANGLE, LOGIC_DINT, true));
 }
 
 /* ---- blocks ------------------------------------------------------------------------------ */

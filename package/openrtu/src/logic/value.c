@@ -22,6 +22,12 @@ static bool is_pattern(enum logic_type type)
 	return type >= LOGIC_BYTE && type <= LOGIC_DWORD;
 }
 
+/* A fraction of a number: an integer would lose it. */
+static bool has_fractions(enum map_type map_type)
+{
+	return map_type == MAP_FLOAT || map_type == MAP_ANGLE;
+}
+
 /* All that the map's type has is in the range of the program's. */
 static bool holds_all(enum map_type map_type, enum logic_type type)
 {
@@ -39,7 +45,7 @@ bool logic_value_fits(enum map_type map_type, enum logic_type type, bool written
 		return class == MAP_CLASS_MEASURED || class == MAP_CLASS_POSITION || class == MAP_CLASS_TOTAL;
 	if (is_pattern(type))
 		return class == MAP_CLASS_PATTERN && (written || holds_all(map_type, type));
-	return is_integer(type) && map_type != MAP_SINGLE && map_type != MAP_FLOAT &&
+	return is_integer(type) && map_type != MAP_SINGLE && !has_fractions(map_type) &&
 	       (written || holds_all(map_type, type));
 }
 
@@ -51,7 +57,9 @@ unsigned logic_map_type(enum logic_type type)
 		return MAP_BITSTRING;
 	if (is_real(type))
 		return MAP_FLOAT;
-	return type == LOGIC_SINT || type == LOGIC_INT || type == LOGIC_USINT ? MAP_SCALED : MAP_TYPES;
+	if (type == LOGIC_SINT || type == LOGIC_INT || type == LOGIC_USINT)
+		return MAP_SCALED;
+	return type == LOGIC_DINT || type == LOGIC_UINT ? MAP_INTEGER : MAP_TYPES;
 }
 
 bool logic_number(enum map_type map_type, enum logic_type type, union map_value value, double *out)
@@ -78,6 +86,8 @@ bool logic_map_value(enum map_type map_type, enum logic_type type, double number
 		wanted = wanted != 0 ? ON : OFF;
 	if (map_type == MAP_NORMALIZED && is_real(type))
 		wanted *= NORMALIZED_ONE;
+	if (map_type == MAP_ANGLE)
+		wanted *= MAP_ANGLE_PER_DEGREE;
 	if (map_type != MAP_FLOAT)
 		wanted = map_nearest(wanted);
 	number = wanted < row->low ? row->low : wanted > row->high ? row->high : wanted;

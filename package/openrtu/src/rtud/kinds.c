@@ -12,8 +12,9 @@
 	KIND(iec104)                                                                                         \
 	KIND(rtuctl)                                                                                         \
 	KIND(modbus)                                                                                         \
-	KIND(logic)                                                                                          \
-	KIND(journal)
+	KIND(journal)                                                                                        \
+	KIND(gps)                                                                                            \
+	KIND(logic)
 
 #define DECLARE(name)  extern const struct kind name##_kind;
 #define POINT_TO(name) &name##_kind,

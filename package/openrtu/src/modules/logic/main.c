@@ -178,6 +178,20 @@ static void link_blocks(void)
 		host.requests[i].point = points_named(&host, logic->requests[i].name);
 }
 
+static void name_counters(void)
+{
+	static const char *const names[LOGIC_FAULTS] = {
+	    [LOGIC_DIVISION] = "faults_division", [LOGIC_RANGE] = "faults_range",
+	    [LOGIC_BOUNDS] = "faults_bounds",     [LOGIC_DOMAIN] = "faults_domain",
+	    [LOGIC_BUDGET] = "faults_budget",
+	};
+
+	map_name_counter(host.map, &host.stats->scans, "scans");
+	map_name_counter(host.map, &host.stats->late, "late_periods");
+	for (unsigned i = 0; i < LOGIC_FAULTS; i++)
+		map_name_counter(host.map, &host.stats->faults[i], "%s", names[i]);
+}
+
 static bool allocate(void)
 {
 	const struct logic_head *head = host.logic.head;
@@ -198,6 +212,7 @@ static bool start(void)
 	link_points(config);
 	link_blocks();
 	kept_restore(&host);
+	name_counters();
 	return true;
 }
 
