@@ -132,7 +132,7 @@ def without(config: dict[str, Any], name: str) -> None:
         ),
         (
             lambda c: c["port"][0]["slaves"][0]["coils"].append({"address": 3, "name": "alarm"}),
-            'points[1]: needs the name "alarm", which another point has',
+            'points[1]: needs the name "alarm", but another point has it',
         ),
     ],
 )
