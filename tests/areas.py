@@ -57,7 +57,7 @@ REACH = [
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/logic.md", "tests/test_logic.py"),
-    ("docs/examples/logic/*", "tests/test_logic.py"),
+    ("docs/examples/logic/*", "tests/test_logic*.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
     ("*.md", TREE),
@@ -75,7 +75,7 @@ REACH = [
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the tools
-    ("scripts/logic/*", "tests/test_logic.py"),
+    ("scripts/logic/*", "tests/test_logic*.py"),
     ("scripts/openrtu-logic", "lint tests/test_logic.py"),
     ("scripts/lab/twin_show.py", "test-twin"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),

@@ -607,6 +607,8 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "iec104",
         "tls",
         "journal",
+        "program",
+        "program_point",
         "gps_receiver",
         "geofence",
         "redundancy_group",

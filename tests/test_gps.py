@@ -2,11 +2,11 @@
 """rtu-gps: a receiver's fixes as points, their quality, their events, up to a controlling station."""
 
 import datetime
-import itertools
 import json
 import os
 import signal
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,20 +34,22 @@ def config(receiver: dict[str, Any]) -> dict[str, Any]:
     return listening_on({"port": [], "gps": [defaults | receiver]}, free_port())
 
 
+def now() -> datetime.datetime:
+    """The receiver's time goes on as the gateway's does, however busy the host is."""
+    return BEGIN + datetime.timedelta(seconds=time.monotonic())
+
+
 @dataclass
 class Drive:
     """A gateway, its receiver, and the receiver's time."""
 
     gateway: Gateway
     receiver: Receiver
-    seconds: int = 0
 
     def say(self, place: tuple[float, float], method: int = 1, speed_knots: float = 0.0) -> None:
-        """The burst of the next second, and its silence."""
+        """The burst of this moment, and its silence."""
         before = self.row()["fixes"]
-        self.seconds += 1
-        at = BEGIN + datetime.timedelta(seconds=self.seconds)
-        self.receiver.say(burst(at, *place, method=method, speed_knots=speed_knots))
+        self.receiver.say(burst(now(), *place, method=method, speed_knots=speed_knots))
         self.gateway.wait_for(lambda: self.row()["fixes"] != before, 30.0, "the burst is a fix")
 
     def row(self) -> dict[str, Any]:
@@ -200,11 +202,9 @@ def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> No
     with gpsd_daemon(gpsd) as daemon:
         source = {"gpsd": "127.0.0.1", "gpsd_port": daemon.port}
         with Gateway(config(source), directory, programs) as gateway:
-            seconds = itertools.count()
 
             def has_position() -> bool:
-                at = BEGIN + datetime.timedelta(seconds=next(seconds))
-                os.write(daemon.receiver, burst(at, *DEPOT))
+                os.write(daemon.receiver, burst(now(), *DEPOT))
                 return bool(gateway.points("bus.latitude")["bus.latitude"]["quality"] == "good")
 
             gateway.wait_for(has_position, 60.0, "gpsd's position is the gateway's")

@@ -538,7 +538,7 @@ def test_a_damaged_program_is_refused_or_harmless(tmp_path: Path) -> None:
     ("example", "expected"),
     [
         ("pump.st", "16 checks, 0 failed; lines 9 of 9, branches 4 of 4\n"),
-        ("interlock.st", "14 checks, 0 failed; lines 6 of 6, branches 2 of 2\n"),
+        ("interlock.st", "16 checks, 0 failed; lines 6 of 6, branches 2 of 2\n"),
     ],
 )
 def test_the_examples_pass_their_tests(
@@ -553,9 +553,12 @@ def test_the_interlock_without_its_condition_fails(
 ) -> None:
     for name in ("interlock.st", "interlock.test.csv"):
         text = (ROOT / "docs/examples/logic" / name).read_text()
-        (tmp_path / name).write_text(text.replace("NOT earthed", "TRUE"))
+        (tmp_path / name).write_text(text.replace("locked := earthed", "locked := FALSE"))
     assert main(["test", str(tmp_path / "interlock.st")]) == 1
-    assert "interlock.test.csv:3: refused at 1 s: expected 1, found 0" in capsys.readouterr().out
+    assert (
+        "interlock.test.csv:3: the command of order at 1 s: expected INTERLOCK, found PENDING"
+        in capsys.readouterr().out
+    )
 
 
 def test_a_failed_test_names_the_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

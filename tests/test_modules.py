@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "package/openrtu/src"
-EVERYWHERE = {"rtud", "rtuctl", "rtu-gps", "relay.json", "sdm630.json", "sunspec.json"}
+EVERYWHERE = {"rtud", "rtuctl", "rtu-gps", "rtu-logic", "relay.json", "sdm630.json", "sunspec.json"}
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
 NO_IEC104 = (
     "iec104: this build has no rtu-iec104: remove the key, or build with -Diec104=true, in Buildroot "

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from logic.errors import LogicError
 from logic.types import CODES
 
+VERSION = 2  # LOGIC_VERSION
 NO_SLOT = 0xFFFF
 SLOTS_MAX = 0xFFFE
 CODE_MAX = 0x7FFF
@@ -130,6 +131,12 @@ class Command:
 
 
 @dataclass
+class Request:
+    name: str
+    slots: list[Slot]  # active, value, refuse, state, result
+
+
+@dataclass
 class Program:
     name: str
     constants: dict[tuple[str, int], Slot] = field(default_factory=dict)
@@ -139,6 +146,7 @@ class Program:
     routines: list[Routine] = field(default_factory=list)
     points: list[Point] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
+    requests: list[Request] = field(default_factory=list)
     retained: list[tuple[str, list[Slot]]] = field(default_factory=list)
     clocks: dict[str, Slot] = field(default_factory=dict)  # UPTIME, SCAN_TIME, NOW
 
@@ -203,6 +211,10 @@ def encode(program: Program) -> bytes:
             for command in program.commands
         ),
         b"".join(
+            struct.pack("<6H", name(request.name), *(slot.number for slot in request.slots))
+            for request in program.requests
+        ),
+        b"".join(
             struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), CODES[slots[0].type], 0)
             for kept, slots in program.retained
         ),
@@ -228,10 +240,10 @@ def encode(program: Program) -> bytes:
             program.clocks[c].number if c in program.clocks else NO_SLOT
             for c in ("UPTIME", "SCAN_TIME", "NOW")
         ),
-        0,
+        len(program.requests),
     ]
     body = struct.pack("<14HI", *counts, len(names)) + b"".join(sections) + names
-    return struct.pack("<4sHHII", b"RTUL", 1, 0, len(body) + 16, zlib.crc32(body)) + body
+    return struct.pack("<4sHHII", b"RTUL", VERSION, 0, len(body) + 16, zlib.crc32(body)) + body
 
 
 def filled(octets: bytes) -> bytes:

@@ -16,7 +16,7 @@ from logic.compile import compile_text
 from logic.desk import Desk
 from logic.errors import Findings, LogicError
 from logic.plot import svg
-from logic.table import US, Step, differs, read_table, steps
+from logic.table import US, Step, compared, read_table, steps
 from nuc980 import VERSION
 
 DONE, FOUND, UNUSABLE = 0, 1, 2
@@ -184,12 +184,11 @@ def _test(parsed: argparse.Namespace) -> int:
         rows = read_table(table, program)
         with Desk(program) as desk:
             for step in steps(desk, rows, parsed.period * 1000):
-                for name, expected in (step.row.expected if step.row else {}).items():
-                    found = step.scan.outputs[name] if name in step.scan.outputs else step.inputs[name]
+                for name, expected, found in compared(step):
                     checks += 1
-                    if differs(expected, found):
+                    if expected != found:
                         where = f"{table}:{step.row.line}: {name} at {step.time_us / US:g} s"
-                        failures.append(f"{where}: expected {expected.shown()}, found {found.shown()}")
+                        failures.append(f"{where}: expected {expected}, found {found}")
             covered = [old | new for old, new in zip(covered, desk.coverage(), strict=True)]
     lines, branches = _coverage(program, covered)
     result = {"checks": checks, "failures": failures, "lines": lines, "branches": branches}

@@ -1,26 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""
-From the tree to instructions, with all checks on the way.
-
-What is computed from a flagged value is flagged. The machine does that for data. For what a condition
-decides, each statement with branches ends with SPREAD over what its branches write.
-"""
+"""Units and statements: from the tree to instructions, with all checks on the way."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from logic.binary import FUNCTIONS, Array, Command, Instruction, Point, Program, Routine, Slot
+from logic.binary import Array, Command, Point, Program, Request, Routine, Slot
 from logic.errors import Findings, Place, SourceError
 from logic.parser import parse
+from logic.routine import Body, Bound, Instance, Loop, Scope, writes
 from logic.syntax import (
     Argument,
     Assign,
-    Binary,
     Call,
     Case,
     Expression,
@@ -31,135 +23,23 @@ from logic.syntax import (
     Name,
     Repeat,
     Statement,
-    Unary,
     Unit,
     Variable,
     While,
 )
-from logic.types import ALIASES, BITS, INTEGERS, NUMBERS, RANGES, REAL_MAX, REALS, TYPES, common, pack, widens
+from logic.types import ALIASES, BITS, INTEGERS, TYPES, pack
+from logic.values import BUILT_IN, Values
 
 STANDARD = Path(__file__).with_name("standard.st")
-CLOCKS = {"UPTIME": "TIME", "SCAN_TIME": "TIME", "NOW": "DATE_AND_TIME"}
-ARITHMETIC = {"+": "ADD", "-": "SUB", "*": "MUL", "/": "DIV", "MOD": "MOD"}
-COMPARED = {
-    "=": ("EQ", False),
-    "<>": ("NE", False),
-    "<": ("LT", False),
-    "<=": ("LE", False),
-    ">": ("LT", True),
-    ">=": ("LE", True),
-}
-LETTER = {"REAL": "R", "LREAL": "D"}
 # The variables that have their initial values again at each call.
 FORGOTTEN = {
     "PROGRAM": ("VAR_TEMP",),
     "FUNCTION_BLOCK": ("VAR_TEMP",),
     "FUNCTION": ("VAR", "VAR_OUTPUT", "VAR_TEMP"),
 }
+# The variables of the blocks that the machine's host serves, in the order of format.h.
 COMMAND_PARTS = ("EXECUTE", "VALUE", "SELECT", "STATE", "RESULT")
-
-
-@dataclass
-class Instance:
-    """Of a function block: its variables, and its routine once it was called."""
-
-    unit: Unit
-    scope: Scope
-    routine: Routine | None = None
-
-
-@dataclass
-class Bound:
-    """What a name stands for."""
-
-    variable: Variable
-    what: Slot | Array | Instance | Literal
-    point: Point | None = None
-    read: bool = False
-    written: bool = False
-
-
-@dataclass
-class Scope:
-    unit: Unit
-    names: dict[str, Bound] = field(default_factory=dict)
-
-
-@dataclass
-class Loop:
-    doubt: Slot
-    exits: list[int] = field(default_factory=list)  # jumps to patch
-    continues: list[int] = field(default_factory=list)
-
-
-class Body:
-    """One routine while it is made: its temporaries, its open loops."""
-
-    def __init__(self, program: Program, scope: Scope) -> None:
-        self.program = program
-        self.scope = scope
-        self.routine = Routine()
-        self.free: dict[str, list[Slot]] = {}
-        self.live: list[Slot] = []
-        self.loops: list[Loop] = []
-        self.returns: list[int] = []
-        self.doubt: Slot | None = None  # of the conditions that decided about a RETURN
-        self.line = scope.unit.place.line
-
-    def emit(self, operation: str, kind: str, *operands: object) -> int:
-        """The number of the new instruction, for a jump to be patched."""
-        self.routine.code.append(Instruction(operation, kind, list(operands), self.line))
-        return self.here - 1
-
-    @property
-    def here(self) -> int:
-        return len(self.routine.code)
-
-    def patch(self, jump: int) -> None:
-        instruction = self.routine.code[jump]
-        instruction.operands[0 if instruction.operation == "JUMP" else 1] = self.here
-
-    def temporary(self, kind: str) -> Slot:
-        pool = self.free.setdefault(kind, [])
-        slot = pool.pop() if pool else self.program.add(Slot(kind, False))
-        self.live.append(slot)
-        return slot
-
-    @contextmanager
-    def temporaries(self) -> Iterator[None]:
-        """Those made inside are free again behind it."""
-        before = len(self.live)
-        yield
-        for slot in self.live[before:]:
-            self.free[slot.type].append(slot)
-        del self.live[before:]
-
-    def spread(self, doubt: Slot, start: int) -> None:
-        """What the instructions from start on may write takes the doubt's quality: it might differ."""
-        written = {slot for instruction in self.routine.code[start:] for slot in writes(instruction)}
-        ordered = sorted(written, key=lambda slot: slot.number)
-        if not ordered:
-            return
-        jump = self.emit("CLEAN", "BOOL", doubt, 0)
-        first = 0
-        for last, slot in enumerate(ordered):
-            if last + 1 == len(ordered) or ordered[last + 1].number != slot.number + 1:
-                self.emit("SPREAD", "BOOL", ordered[first], doubt, last + 1 - first)
-                first = last + 1
-        self.patch(jump)
-
-
-def writes(instruction: Instruction) -> list[Slot]:
-    """The variables that an instruction may write."""
-    operation, operands = instruction.operation, instruction.operands
-    if operation == "STORE":
-        return operands[1].slots
-    if operation == "CALL":
-        return list(operands[0].writes)
-    if operation in ("JUMP", "IF", "ELSIF", "CLEAN", "RETURN", "SPREAD", "BLOCK"):
-        # IF writes a temporary; what SPREAD covers was written before; BLOCK's target is in the same list.
-        return []
-    return [operands[0]] if operands[0].variable else []
+REQUEST_PARTS = ("ACTIVE", "VALUE", "REFUSE", "STATE", "RESULT")
 
 
 def compile_text(text: str, findings: Findings, name: str = "program") -> Program:
@@ -170,14 +50,10 @@ def compile_text(text: str, findings: Findings, name: str = "program") -> Progra
     return Compiler([*library, *parse(text, findings)], findings).program_of(name)
 
 
-class Compiler:
+class Compiler(Values):
     def __init__(self, units: list[Unit], findings: Findings) -> None:
-        self.findings = findings
-        self.program = Program("")
-        self.units: dict[str, Unit] = {}
+        super().__init__(findings)
         self.functions: dict[str, tuple[Scope, Routine | None]] = {}
-        self.scope: Scope | None = None  # in which constants are looked up
-        self.body: Body | None = None
         self.open_blocks: list[str] = []
         for unit in units:
             if unit.name in self.units:
@@ -618,28 +494,36 @@ class Compiler:
         instance = bound.what
         arguments = list(call.arguments)
         if instance.unit.name == "COMMAND" and instance.unit.library:
-            arguments = self.bind_command(call, instance, arguments)
+            point = self.served_point(call, instance, arguments)
+            self.program.commands.append(Command(point.name, parts_of(instance, COMMAND_PARTS)))
+        elif instance.unit.name == "REQUEST" and instance.unit.library:
+            point = self.served_point(call, instance, arguments)
+            if any(request.name == point.name for request in self.program.requests):
+                raise SourceError(call.place, f"{point.name} has two REQUEST; one decides about its commands")
+            self.program.requests.append(Request(point.name, parts_of(instance, REQUEST_PARTS)))
+        if instance.unit.library and instance.unit.name in ("COMMAND", "REQUEST"):
+            arguments = [one for one in arguments if one.name != "POINT"]
         self.hand_over(instance.scope, arguments, call)
         if instance.routine is None:
             instance.routine = self.unit(instance.unit, instance.scope)
         self.body.emit("CALL", "BOOL", instance.routine)
         self.fetch(instance.scope, arguments)
 
-    def bind_command(self, call: Call, instance: Instance, arguments: list[Argument]) -> list[Argument]:
+    def served_point(self, call: Call, instance: Instance, arguments: list[Argument]) -> Point:
+        block = instance.unit.name
         points = [one for one in arguments if one.name == "POINT"]
         if len(points) != 1 or not isinstance(points[0].value, Name):
-            raise SourceError(call.place, "COMMAND needs its point: COMMAND's instance(POINT := name, …)")
+            raise SourceError(call.place, f"{block} needs its point: {block}'s instance(POINT := name, …)")
         point = self.bound(points[0].value)
         if point.point is None:
             raise SourceError(
                 points[0].place, f"{points[0].value.name} is not a point; points are in VAR_EXTERNAL"
             )
         point.read = True
-        if any(command.slots[0] is instance.scope.names["EXECUTE"].what for command in self.program.commands):
-            raise SourceError(call.place, f"{call.name} is called twice; an instance of COMMAND has one call")
-        slots = [instance.scope.names[part].what for part in COMMAND_PARTS]
-        self.program.commands.append(Command(point.point.name, slots))
-        return [one for one in arguments if one.name != "POINT"]
+        value = instance.scope.names["VALUE"].what
+        if any(value in served.slots for served in (*self.program.commands, *self.program.requests)):
+            raise SourceError(call.place, f"{call.name} is called twice; an instance of {block} has one call")
+        return point.point
 
     def hand_over(self, scope: Scope, arguments: Sequence[Argument], call: Call) -> None:
         """Values into the inputs. They are all computed before the first is written."""
@@ -727,548 +611,9 @@ class Compiler:
         self.body.emit("MOVE", result.type, copy, result)
         return copy
 
-    # ---- names and values --------------------------------------------------------------------------
 
-    def bound(self, name: Name) -> Bound:
-        scope = self.body.scope
-        bound = scope.names.get(name.name)
-        if bound is None:
-            raise SourceError(
-                name.place, f"unknown name {name.name}{self.meant(name.name, list(scope.names))}"
-            )
-        if name.member:
-            if not isinstance(bound.what, Instance):
-                raise SourceError(name.place, f"{name.name} is not a block and has no {name.member}")
-            bound.read = True
-            inner = bound.what.scope.names.get(name.member)
-            if inner is None or inner.variable.section not in ("VAR_OUTPUT", "VAR_INPUT"):
-                outputs = [v.name for v in bound.what.unit.variables if v.section == "VAR_OUTPUT"]
-                raise SourceError(
-                    name.place, f"{name.name} has no output {name.member}{self.meant(name.member, outputs)}"
-                )
-            return inner
-        return bound
-
-    @staticmethod
-    def meant(name: str, choices: list[str]) -> str:
-        close = get_close_matches(name, choices, 1)
-        return f"; did you mean {close[0]}?" if close else ""
-
-    def cell(self, kind: str, bits: int) -> Slot:
-        return self.program.constants.setdefault((kind, bits), Slot(kind, False))
-
-    def literal(self, kind: str, value: float) -> Slot:
-        return self.cell(kind, pack(kind, value))
-
-    def value(self, expression: Expression, kind: str) -> Slot:
-        return self.become(self.any_value(expression, kind), kind, expression.place)
-
-    def become(self, value: Slot | Literal, kind: str, place: Place) -> Slot:
-        if isinstance(value, Literal):
-            return self.literal(kind, fitted(value, kind, place))
-        if value.type == kind:
-            return value
-        if not widens(value.type, kind):
-            how = (
-                f"; {value.type}_TO_{kind}(…) converts it" if value.type != "BOOL" and kind != "BOOL" else ""
-            )
-            raise SourceError(place, f"expected {kind}, found {value.type}{how}")
-        return self.converted(value, kind)
-
-    def converted(self, value: Slot, kind: str) -> Slot:
-        """By value, with a fault where the type does not have it."""
-        if value.type == kind:
-            return value
-        result = self.body.temporary(kind)
-        if value.type in REALS:
-            if kind in REALS:
-                self.body.emit("R2D" if kind == "LREAL" else "D2R", "BOOL", result, value)
-            else:
-                self.body.emit("ROUND", kind, result, self.converted(value, "LREAL"))
-        elif kind in REALS:
-            self.body.emit("I2R" if kind == "REAL" else "I2D", "BOOL", result, value)
-        else:
-            self.body.emit("CONVERT", kind, result, value)
-        return result
-
-    def index(self, expression: Expression) -> Slot:
-        value = self.any_value(expression)
-        if isinstance(value, Literal):
-            return self.literal("DINT", fitted(value, "DINT", expression.place))
-        if value.type not in INTEGERS:
-            raise SourceError(expression.place, f"expected an integer as index, found {value.type}")
-        return value
-
-    def any_value(self, expression: Expression, wanted: str | None = None) -> Slot | Literal:
-        """wanted: what SEL, MIN, MAX and LIMIT make of numbers alone, which have no type of their own."""
-        match expression:
-            case Literal():
-                return expression
-            case Name():
-                return self.name(expression)
-            case Unary():
-                return self.unary(expression)
-            case Binary():
-                return self.binary(expression)
-            case Call():
-                return self.call(expression, wanted)
-
-    def name(self, name: Name) -> Slot | Literal:
-        bound = self.bound(name)
-        bound.read = True
-        if isinstance(bound.what, Array):
-            if name.index is None:
-                raise SourceError(name.place, f"{bound.variable.spelling} is an array; name an element")
-            index = self.index(name.index)
-            result = self.body.temporary(bound.what.type)
-            self.body.emit("LOAD", bound.what.type, result, bound.what, index)
-            return result
-        if name.index is not None:
-            raise SourceError(name.place, f"{bound.variable.spelling} is not an array")
-        if isinstance(bound.what, Instance):
-            raise SourceError(name.place, f"{name.name} is a block; name one of its outputs")
-        return bound.what
-
-    def unary(self, expression: Unary) -> Slot | Literal:
-        folded = self.folded(expression)
-        if folded is not None:
-            return folded
-        value = self.any_value(expression.operand)
-        if isinstance(value, Literal):
-            value = self.literal(value.type or "DINT", value.value)
-        allowed = ("BOOL", *BITS) if expression.operator == "NOT" else (*NUMBERS, "TIME")
-        if value.type not in allowed:
-            raise SourceError(
-                expression.place, f"{expression.operator} needs {one_of(allowed)}, found {value.type}"
-            )
-        result = self.body.temporary(value.type)
-        operation = "NOT" if expression.operator == "NOT" else f"{LETTER.get(value.type, '')}NEG"
-        self.body.emit(operation, "BOOL" if value.type in REALS else value.type, result, value)
-        return result
-
-    def binary(self, expression: Binary) -> Slot | Literal:
-        folded = self.folded(expression)
-        if folded is not None:
-            return folded
-        operator, place = expression.operator, expression.place
-        left, right = self.any_value(expression.left), self.any_value(expression.right)
-        if operator == "**":
-            return self.power(left, right, place)
-        if (operator in ("+", "-", "*", "/") and "TIME" in (kind_of(left), kind_of(right))) or kind_of(
-            left
-        ) == "DATE_AND_TIME":
-            timed = self.timed(operator, left, right, place)
-            if timed is not None:
-                return timed
-        left, right = self.paired(left, right, place)
-        kind = left.type
-        if operator in COMPARED:
-            return self.compared(operator, left, right, place)
-        if operator in ARITHMETIC:
-            if kind not in (*NUMBERS, "TIME") or (operator == "MOD" and kind in REALS):
-                raise SourceError(place, f"{operator} needs numbers, found {kind}")
-            operation = LETTER.get(kind, "") + ARITHMETIC[operator]
-        else:
-            if kind not in ("BOOL", *BITS):
-                raise SourceError(place, f"{operator} needs {one_of(('BOOL', *BITS))}, found {kind}")
-            operation = operator
-        result = self.body.temporary(kind)
-        self.body.emit(operation, "BOOL" if kind in REALS else kind, result, left, right)
-        return result
-
-    def paired(self, left: Slot | Literal, right: Slot | Literal, place: Place) -> tuple[Slot, Slot]:
-        first, second = self.alike([left, right], place)
-        return first, second
-
-    def alike(self, values: Sequence[Slot | Literal], place: Place, wanted: str | None = None) -> list[Slot]:
-        """All in their common type. Numbers without a type take that of the others, or the wanted one."""
-        kinds = [value.type for value in values if value.type is not None]
-        kind = kinds[0] if kinds else wanted or "DINT"
-        for other in kinds[1:]:
-            wider = common(kind, other)
-            if wider is None:
-                raise SourceError(place, f"{kind} and {other} have no common type; convert one of them")
-            kind = wider
-        fraction = any(isinstance(v, Literal) and isinstance(v.value, float) for v in values)
-        if fraction and kind in INTEGERS and (kinds or wanted is None):
-            kind = "LREAL"
-        return [self.become(value, kind, place) for value in values]
-
-    def compared(self, operator: str, left: Slot, right: Slot, place: Place) -> Slot:
-        if left.type in REALS and operator in ("=", "<>"):
-            self.findings.warn(
-                place, f"two {left.type} are rarely equal; compare ABS(a - b) with a tolerance"
-            )
-        if left.type == "BOOL" and operator not in ("=", "<>"):
-            raise SourceError(place, f"{operator} needs numbers, found BOOL")
-        operation, swapped = COMPARED[operator]
-        if swapped:
-            left, right = right, left
-        result = self.body.temporary("BOOL")
-        kind = left.type
-        self.body.emit(
-            LETTER.get(kind, "") + operation, "BOOL" if kind in REALS else kind, result, left, right
-        )
-        return result
-
-    def timed(self, operator: str, left: Slot | Literal, right: Slot | Literal, place: Place) -> Slot | None:
-        """DATE_AND_TIME with TIME, and TIME times a number; None: what all other types do."""
-        kinds = kind_of(left), kind_of(right)
-        if kinds in {("TIME", "TIME"), ("DATE_AND_TIME", "DATE_AND_TIME")} and operator not in ("-", "+"):
-            if operator in COMPARED:
-                return None
-            raise SourceError(place, f"{operator} is not for two of {kinds[0]}")
-        if kinds == ("DATE_AND_TIME", "DATE_AND_TIME") and operator == "-":
-            result = "TIME"
-        elif kinds == ("DATE_AND_TIME", "TIME") and operator in ("+", "-"):
-            result = "DATE_AND_TIME"
-        elif kinds[0] == "TIME" and operator in ("*", "/") and (kinds[1] is None or kinds[1] in NUMBERS):
-            if kinds[1] in REALS or (isinstance(right, Literal) and isinstance(right.value, float)):
-                real = self.body.temporary("LREAL")
-                self.body.emit(
-                    "DMUL" if operator == "*" else "DDIV",
-                    "BOOL",
-                    real,
-                    self.converted(self.become(left, "TIME", place), "LREAL"),
-                    self.become(right, "LREAL", place),
-                )
-                return self.converted(real, "TIME")
-            result = "TIME"
-        else:
-            return None
-        first = self.converted(self.become(left, kinds[0], place), result)
-        second = self.converted(self.become(right, kinds[1] or "LINT", place), result)
-        slot = self.body.temporary(result)
-        self.body.emit(ARITHMETIC[operator], result, slot, first, second)
-        return slot
-
-    def power(self, left: Slot | Literal, right: Slot | Literal, place: Place) -> Slot:
-        kind = kind_of(left) if kind_of(left) in REALS else "LREAL"
-        result = self.body.temporary("LREAL")
-        self.body.emit("EXPT", "BOOL", result, self.real(left, place), self.real(right, place))
-        return self.converted(result, kind)
-
-    def real(self, value: Slot | Literal, place: Place) -> Slot:
-        if not isinstance(value, Literal) and value.type not in NUMBERS:
-            raise SourceError(place, f"expected a number, found {value.type}")
-        return (
-            self.become(value, "LREAL", place)
-            if isinstance(value, Literal)
-            else self.converted(value, "LREAL")
-        )
-
-    # ---- constants ---------------------------------------------------------------------------------
-
-    def constant(self, expression: Expression, kind: str) -> bool | int | float:
-        """In this type; a whole number may have been declared as another one that it fits as well."""
-        folded = self.folded(expression)
-        if folded is None:
-            raise SourceError(expression.place, "expected a constant: numbers, names of VAR CONSTANT")
-        if folded.type in INTEGERS:
-            folded = replace(folded, type=None)
-        return fitted(folded, kind, expression.place)
-
-    def truth(self, expression: Expression) -> bool | None:
-        folded = self.folded(expression)
-        return folded.value if folded is not None and folded.type == "BOOL" else None
-
-    def folded(self, expression: Expression) -> Literal | None:
-        """The value of what has one without running: not of arithmetic with REAL, nor of bits."""
-        match expression:
-            case Literal():
-                return expression
-            case Name(index=None, member=None):
-                bound = self.scope.names.get(expression.name)
-                if bound is not None and isinstance(bound.what, Literal):
-                    bound.read = True
-                    return bound.what
-                return None
-            case Unary():
-                return fold_one(expression, self.folded(expression.operand))
-            case Binary():
-                return fold(expression, self.folded(expression.left), self.folded(expression.right))
-        return None
-
-    # ---- functions of the language -----------------------------------------------------------------
-
-    def call(self, call: Call, wanted: str | None = None) -> Slot | Literal:
-        unit = self.units.get(call.name)
-        if unit is not None and unit.kind == "FUNCTION":
-            return self.call_function(call, unit)
-        if call.name in CLOCKS:
-            self.count(call, 0)
-            if call.name not in self.program.clocks:
-                self.program.clocks[call.name] = self.program.add(Slot(CLOCKS[call.name], True))
-            return self.program.clocks[call.name]
-        if call.name in ("IS_GOOD", "QUALITY", "TIME_OF", "AS_GOOD"):
-            return self.attribute(call)
-        source, separator, target = call.name.partition("_TO_")
-        if separator:
-            return self.conversion(call, ALIASES.get(source, source), ALIASES.get(target, target))
-        if call.name not in BUILT_IN:
-            names = [*BUILT_IN, *(name for name, unit in self.units.items() if unit.kind == "FUNCTION")]
-            raise SourceError(call.place, f"unknown function {call.name}{self.meant(call.name, names)}")
-        named = [argument for argument in call.arguments if argument.output]
-        if named:
-            raise SourceError(named[0].place, f"{call.name} has no outputs")
-        return self.built_in(call, wanted)
-
-    @staticmethod
-    def count(call: Call, least: int, most: int | None = None) -> None:
-        most = least if most is None else most
-        if not least <= len(call.arguments) <= most:
-            expected = str(least) if least == most else f"{least} or more"
-            raise SourceError(
-                call.place, f"{call.name} takes {expected} arguments, found {len(call.arguments)}"
-            )
-
-    def attribute(self, call: Call) -> Slot:
-        self.count(call, 1)
-        argument = call.arguments[0].value
-        if call.name == "TIME_OF":
-            bound = self.bound(argument) if isinstance(argument, Name) else None
-            if bound is None or bound.point is None:
-                raise SourceError(call.place, "TIME_OF needs a point: a name of VAR_EXTERNAL")
-            bound.read = True
-            if bound.point.time is None:
-                bound.point.time = self.program.add(Slot("DATE_AND_TIME", True))
-            return bound.point.time
-        value = self.any_value(argument)
-        if isinstance(value, Literal):
-            raise SourceError(argument.place, f"{call.name} of a constant is meaningless")
-        kind = {"IS_GOOD": "BOOL", "QUALITY": "BYTE"}.get(call.name, value.type)
-        result = self.body.temporary(kind)
-        operation = {"IS_GOOD": "GOOD", "QUALITY": "QUALITY", "AS_GOOD": "AS_GOOD"}[call.name]
-        self.body.emit(operation, kind if operation == "AS_GOOD" else "BOOL", result, value)
-        return result
-
-    def conversion(self, call: Call, source: str, target: str) -> Slot:
-        """By value, rounded; bits keep their low ones; TIME is counted in milliseconds."""
-        if source not in TYPES or target not in TYPES or "DATE_AND_TIME" in (source, target):
-            raise SourceError(call.place, f"{call.name} is not a conversion of the language")
-        self.count(call, 1)
-        value = self.value(call.arguments[0].value, source)
-        if source == "TIME":
-            if target in REALS:
-                real = self.body.temporary("LREAL")
-                self.body.emit(
-                    "DDIV", "BOOL", real, self.converted(value, "LREAL"), self.literal("LREAL", 1000.0)
-                )
-                return self.converted(real, target)
-            whole = self.body.temporary("LINT")
-            self.body.emit("DIV", "LINT", whole, self.converted(value, "LINT"), self.literal("LINT", 1000))
-            return self.converted(whole, target)
-        if target == "TIME":
-            if source in REALS:
-                real = self.body.temporary("LREAL")
-                self.body.emit(
-                    "DMUL", "BOOL", real, self.converted(value, "LREAL"), self.literal("LREAL", 1000.0)
-                )
-                return self.converted(real, "TIME")
-            result = self.body.temporary("TIME")
-            self.body.emit("MUL", "TIME", result, self.converted(value, "TIME"), self.literal("TIME", 1000))
-            return result
-        if target == "BOOL":
-            zero = self.literal(source, 0)
-            result = self.body.temporary("BOOL")
-            self.body.emit(
-                f"{LETTER.get(source, '')}NE", "BOOL" if source in REALS else source, result, value, zero
-            )
-            return result
-        if target in BITS and source not in REALS:
-            result = self.body.temporary(target)
-            self.body.emit("BITS", target, result, value)
-            return result
-        return self.converted(value, target)
-
-    def built_in(self, call: Call, wanted: str | None) -> Slot:
-        place = call.place
-        least, most = BUILT_IN[call.name]
-        self.count(call, least, most)
-        if call.name in ("SEL", "MIN", "MAX", "LIMIT"):
-            return self.choice(call, wanted)
-        values = [self.any_value(argument.value) for argument in call.arguments]
-        body = self.body
-        if call.name in FUNCTIONS:
-            kind = kind_of(values[0]) if kind_of(values[0]) in REALS else "LREAL"
-            result = body.temporary("LREAL")
-            body.emit("MATH", "BOOL", result, self.real(values[0], place), FUNCTIONS.index(call.name))
-            return self.converted(result, kind)
-        if call.name == "EXPT":
-            return self.power(values[0], values[1], place)
-        if call.name == "TRUNC":
-            result = body.temporary("DINT")
-            body.emit("TRUNC", "DINT", result, self.real(values[0], place))
-            return result
-        if call.name == "ABS":
-            value = self.become(values[0], kind_of(values[0]) or "DINT", place)
-            if value.type not in (*NUMBERS, "TIME"):
-                raise SourceError(place, f"ABS needs a number, found {value.type}")
-            result = body.temporary(value.type)
-            body.emit(
-                f"{LETTER.get(value.type, '')}ABS",
-                "BOOL" if value.type in REALS else value.type,
-                result,
-                value,
-            )
-            return result
-        if call.name in ("SHL", "SHR", "ROL", "ROR"):
-            value = self.become(values[0], kind_of(values[0]) or "DWORD", place)
-            if value.type not in BITS:
-                raise SourceError(place, f"{call.name} needs {one_of(BITS)}, found {value.type}")
-            result = body.temporary(value.type)
-            body.emit(call.name, value.type, result, value, self.index(call.arguments[1].value))
-            return result
-
-    def choice(self, call: Call, wanted: str | None) -> Slot:
-        """SEL, MIN, MAX, LIMIT. But for SEL each operand counts for the quality, also those that lose."""
-        arguments = call.arguments[1:] if call.name == "SEL" else call.arguments
-        values = self.alike([self.any_value(one.value, wanted) for one in arguments], call.place, wanted)
-        if call.name == "SEL":
-            condition = self.value(call.arguments[0].value, "BOOL")
-            return self.chosen(condition, values[1], values[0])
-        if call.name == "LIMIT":
-            low, value, high = values
-            return self.extreme("MIN", [self.extreme("MAX", [value, low], call.place), high], call.place)
-        return self.extreme(call.name, values, call.place)
-
-    def extreme(self, which: str, values: Sequence[Slot], place: Place) -> Slot:
-        result = values[0]
-        for value in values[1:]:
-            smaller = self.compared("<", result, value, place)
-            best = self.chosen(smaller, *((result, value) if which == "MIN" else (value, result)))
-            for operand in (result, value):
-                self.body.emit("SPREAD", "BOOL", best, operand, 1)
-            result = best
-        return result
-
-    def chosen(self, condition: Slot, if_true: Slot, if_false: Slot) -> Slot:
-        """One of two values, with its own quality and that of the condition."""
-        body = self.body
-        result, doubt = body.temporary(if_true.type), body.temporary("BOOL")
-        jump = body.emit("IF", "BOOL", condition, 0, doubt)
-        body.emit("MOVE", result.type, result, if_true)
-        end = body.emit("JUMP", "BOOL", 0)
-        body.patch(jump)
-        body.emit("MOVE", result.type, result, if_false)
-        body.patch(end)
-        body.emit("SPREAD", "BOOL", result, doubt, 1)
-        return result
-
-
-BUILT_IN = {
-    **{name: (1, 1) for name in (*FUNCTIONS, "ABS", "TRUNC")},
-    **{name: (2, 2) for name in ("SHL", "SHR", "ROL", "ROR", "EXPT")},
-    **{name: (3, 3) for name in ("SEL", "LIMIT")},
-    **{name: (2, 16) for name in ("MIN", "MAX")},
-    **{name: (0, 0) for name in CLOCKS},
-    **{name: (1, 1) for name in ("IS_GOOD", "QUALITY", "TIME_OF", "AS_GOOD")},
-}
-
-
-def one_of(kinds: Sequence[str]) -> str:
-    return f"{', '.join(kinds[:-1])} or {kinds[-1]}"
-
-
-def kind_of(value: Slot | Literal) -> str | None:
-    return value.type
-
-
-def fitted(literal: Literal, kind: str, place: Place) -> bool | int | float:
-    """The value of a literal in a type that has it."""
-    value = literal.value
-    if literal.type is not None and literal.type != kind and not widens(literal.type, kind):
-        raise SourceError(place, f"expected {kind}, found {literal.type}")
-    if isinstance(value, bool) != (kind == "BOOL") or (
-        literal.type is None and kind in ("TIME", "DATE_AND_TIME")
-    ):
-        hint = "; write T#1.5s" if kind == "TIME" else ""
-        raise SourceError(
-            place, f"expected {kind}, found {str(value).upper() if isinstance(value, bool) else value}{hint}"
-        )
-    if kind in REALS:
-        if not abs(value) <= (REAL_MAX if kind == "REAL" else 1.7976931348623157e308):
-            raise SourceError(place, f"{value} overflows {kind}")
-        return float(value)
-    if isinstance(value, float):
-        raise SourceError(place, f"expected {kind}, found the REAL number {value}")
-    low, high = RANGES[kind]
-    if not low <= value <= high:
-        raise SourceError(place, f"{value} overflows {kind}, which is {low} to {high}")
-    return value
-
-
-def fold_one(expression: Unary, operand: Literal | None) -> Literal | None:
-    if operand is None or operand.type in BITS:
-        return None
-    if expression.operator == "NOT":
-        value = not operand.value if operand.type == "BOOL" else None
-    else:
-        value = -operand.value if operand.type not in ("BOOL", "DATE_AND_TIME") else None
-    return None if value is None else checked(expression.place, operand.type, value)
-
-
-def fold(expression: Binary, left: Literal | None, right: Literal | None) -> Literal | None:
-    """Of whole numbers, of BOOL, of times."""
-    if left is None or right is None or isinstance(left.value, float) or isinstance(right.value, float):
-        return None
-    operator = expression.operator
-    kind = folded_type(operator, left.type, right.type)
-    if kind == "none" or (operator in ("/", "MOD") and right.value == 0):
-        return None
-    if operator in ("/", "MOD"):
-        quotient = abs(left.value) // abs(right.value) * (1 if (left.value < 0) == (right.value < 0) else -1)
-        value = quotient if operator == "/" else left.value - quotient * right.value
-    else:
-        value = FOLDED[operator](left.value, right.value)
-    return checked(expression.place, kind, value)
-
-
-FOLDED: dict[str, Callable[[int, int], int]] = {
-    "+": int.__add__,
-    "-": int.__sub__,
-    "*": int.__mul__,
-    "AND": lambda left, right: left and right,
-    "OR": lambda left, right: left or right,
-    "XOR": lambda left, right: left != right,
-    "=": lambda left, right: left == right,
-    "<>": lambda left, right: left != right,
-    "<": int.__lt__,
-    "<=": int.__le__,
-    ">": int.__gt__,
-    ">=": int.__ge__,
-}
-
-
-def folded_type(operator: str, left: str | None, right: str | None) -> str | None:
-    """Of the result; None: a number without a type; "none": this is not folded."""
-    numbers = whole(left) and whole(right)
-    if operator in COMPARED:
-        equal = left == right and left in ("BOOL", "TIME", "DATE_AND_TIME")
-        ordered = left != "BOOL" or operator in ("=", "<>")
-        return "BOOL" if numbers or (equal and ordered) else "none"
-    if operator in ("AND", "OR", "XOR"):
-        return "BOOL" if left == right == "BOOL" else "none"
-    if operator not in ARITHMETIC:
-        return "none"
-    if numbers:
-        return (common(left, right) or "none") if left and right else left or right
-    if operator in ("+", "-") and right == "TIME" and left in ("TIME", "DATE_AND_TIME"):
-        return left
-    if operator == "-" and left == right == "DATE_AND_TIME":
-        return "TIME"
-    return "TIME" if operator in ("*", "/") and left == "TIME" and whole(right) else "none"
-
-
-def whole(kind: str | None) -> bool:
-    return kind is None or kind in INTEGERS
-
-
-def checked(place: Place, kind: str | None, value: float) -> Literal:
-    """A folded value; its type must have it, as the type of what is computed while running must."""
-    if kind in RANGES and not RANGES[kind][0] <= value <= RANGES[kind][1]:
-        raise SourceError(place, f"{value} overflows {kind}")
-    return Literal(place, kind, value)
+def parts_of(instance: Instance, parts: Sequence[str]) -> list[Slot]:
+    return [instance.scope.names[part].what for part in parts]
 
 
 def leaves(statement: Statement, word: str, inside_loops: bool = False) -> bool:

@@ -24,6 +24,7 @@ FAULTS = (
     "outside of a function's domain",
     "too many instructions",
 )
+DECISIONS = ("pending", "confirmed", "executed", "refused")  # enum logic_decision
 BUDGET = 200_000  # LOGIC_BUDGET_DEFAULT
 INVALID, NOT_GOOD = 0x80, 0xC1
 
@@ -45,6 +46,7 @@ class Scan:
 
     outputs: dict[str, Value]
     commands: list[tuple[Value, float, bool]]  # execute, value, select
+    verdicts: list[tuple[str, int]]  # of each request: a word of DECISIONS, and the result
     faults: tuple[int, ...]
     last_fault: str
     last_line: int
@@ -108,14 +110,20 @@ class Desk:
         now_us: int,
         values: dict[str, Value],
         answers: Sequence[tuple[int, int]] = (),
+        requested: Sequence[float | None] = (),
     ) -> Scan:
-        """One scan; an input without a value is 0 and invalid. Answers: state and result of each command."""
+        """One scan; an input without a value is 0 and invalid. Answers: state and result of each command.
+
+        Requested: the value that a master commands at the point of each request; None: nothing is.
+        """
         words = ["scan", str(uptime_us), str(elapsed_us), str(now_us), str(self.budget)]
         for point in self.inputs:
             value = values.get(point.name, Value(0, INVALID))
             words.append(f"{pack(point.type, value.value):x}:{value.quality:x}:{value.time_us}")
         words += [f"{state:x}:{result:x}" for state, result in answers]
         words += ["0:0"] * (len(self.program.commands) - len(answers))
+        words += [f"{value is not None:d}:{pack('LREAL', value or 0.0):x}" for value in requested]
+        words += ["0:0"] * (len(self.program.requests) - len(requested))
         fields = self._ask(" ".join(words)).split()
         outputs = {}
         for point, word in zip(self.outputs, fields, strict=False):
@@ -125,8 +133,12 @@ class Desk:
         for word in fields[len(self.outputs) : len(self.outputs) + len(self.program.commands)]:
             execute, quality, value, select = (int(part, 16) for part in word.split(":"))
             commands.append((Value(bool(execute), quality), float(unpack("LREAL", value)), bool(select)))
+        verdicts = []
+        for word in fields[-len(FAULTS) - 2 - len(self.program.requests) : -len(FAULTS) - 2]:
+            decision, result = (int(part, 16) for part in word.split(":"))
+            verdicts.append((DECISIONS[decision], result))
         counts = [int(word) for word in fields[-len(FAULTS) - 2 :]]
-        return Scan(outputs, commands, tuple(counts[:-2]), FAULTS[counts[-2]], counts[-1])
+        return Scan(outputs, commands, verdicts, tuple(counts[:-2]), FAULTS[counts[-2]], counts[-1])
 
     def reload(self, program: Program) -> int:
         """Replaces the program; returns how many retained variables the new one takes over."""

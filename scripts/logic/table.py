@@ -3,7 +3,8 @@
 Inputs over time, as a table (CSV): a column `time` in seconds, one for each point that the program reads.
 
 An empty cell keeps the value, `!` behind a value makes it invalid. In a test, a column `= NAME` has what a
-point shall be then; a column `answer NAME` says how the device answers commands of a point from then on.
+point shall be then; a column `answer NAME` says how the device answers commands of a point from then on. In a
+column `master NAME` a controlling station commands that value; `= master NAME` has how that ended.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ ANSWERS = {
     "INTERLOCK": (8, 6),
     "OUT_OF_RANGE": (8, 7),
 }
+RESULTS = {result: word for word, (_, result) in ANSWERS.items()}
+PENDING = "PENDING"  # a command that the program has not decided about yet
 START_US = 1_767_225_600 * US  # 2026-01-01: virtual time
 
 
@@ -39,6 +42,8 @@ class Row:
     inputs: dict[str, Value] = field(default_factory=dict)
     expected: dict[str, Value] = field(default_factory=dict)
     answers: dict[str, tuple[int, int]] = field(default_factory=dict)
+    requests: dict[str, float] = field(default_factory=dict)
+    endings: dict[str, str] = field(default_factory=dict)  # expected: a word of ANSWERS, or PENDING
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ class Step:
     inputs: dict[str, Value]
     scan: Scan
     row: Row | None  # that begins here
+    endings: dict[str, str]  # of each request that there was: how the last one ended
 
 
 def cell(text: str, kind: str, where: str) -> Value:
@@ -73,15 +79,24 @@ def answer(text: str, where: str) -> tuple[int, int]:
     return ANSWERS[text.upper()]
 
 
+def ending(text: str, where: str) -> str:
+    if text.upper() not in (PENDING, *ANSWERS):
+        raise LogicError(
+            f"{where}: {text!r} is no end of a command; it may be {PENDING}, {', '.join(ANSWERS)}"
+        )
+    return text.upper()
+
+
 def parted(head: str) -> tuple[str, str]:
-    """What a column is (an input: "", "=", "answer"), and its point."""
-    found = re.match(r"(=|answer\s)?\s*(.*)", head.strip())
-    return (found[1] or "").strip(), found[2]
+    """What a column is (an input: "", "=", "answer", "master", "= master"), and its point."""
+    found = re.match(r"(=\s*master\s|=|answer\s|master\s)?\s*(.*)", head.strip())
+    return " ".join((found[1] or "").replace("=", "= ").split()), found[2]
 
 
 def read_columns(path: Path, heads: list[str], program: Program) -> list[tuple[str, str]]:
     points = {point.name: point for point in program.points}
     commanded = {command.name for command in program.commands}
+    requested = {request.name for request in program.requests}
     columns = [parted(head) for head in heads]
     for what, name in columns:
         if name not in points:
@@ -90,6 +105,8 @@ def read_columns(path: Path, heads: list[str], program: Program) -> list[tuple[s
             raise LogicError(f"{path}:1: the program itself writes {name}; `= {name}` states what it must be")
         if what == "answer" and name not in commanded:
             raise LogicError(f"{path}:1: no command of the program goes to {name}")
+        if what.endswith("master") and name not in requested:
+            raise LogicError(f"{path}:1: the program has no REQUEST for {name}")
     return columns
 
 
@@ -116,6 +133,10 @@ def read_table(path: Path, program: Program) -> list[Row]:
                 continue
             if what == "answer":
                 row.answers[name] = answer(text.strip(), where)
+            elif what == "master":
+                row.requests[name] = float(cell(text.strip(), kinds[name], where).value)
+            elif what == "= master":
+                row.endings[name] = ending(text.strip(), where)
             else:
                 target = row.expected if what == "=" else row.inputs
                 target[name] = cell(text.strip(), kinds[name], where)
@@ -131,6 +152,8 @@ def steps(desk: Desk, rows: list[Row], period_us: int) -> Iterator[Step]:
     answers = [(0, 0)] * len(desk.program.commands)
     before = [False] * len(answers)
     devices: dict[str, tuple[int, int]] = {}
+    requests: dict[str, float] = {}
+    endings: dict[str, str] = {}
     pending = list(rows)
     for time_us in range(0, rows[-1].time_us + period_us, period_us):
         begun = None
@@ -141,20 +164,40 @@ def steps(desk: Desk, rows: list[Row], period_us: int) -> Iterator[Step]:
                 for name, value in begun.inputs.items()
             }
             devices |= begun.answers
+            requests |= begun.requests
+            endings |= dict.fromkeys(begun.requests, PENDING)
             if pending and pending[0].time_us <= time_us and begun.expected:
                 raise LogicError(
                     f"line {begun.line} of the table: two rows within one period of {period_us / US:g} s"
                 )
-        scan = desk.scan(time_us, period_us if time_us else 0, START_US + time_us, values, answers)
-        yield Step(time_us, dict(values), scan, begun)
+        active = [requests.get(request.name) for request in desk.program.requests]
+        scan = desk.scan(time_us, period_us if time_us else 0, START_US + time_us, values, answers, active)
+        for request, (decision, result) in zip(desk.program.requests, scan.verdicts, strict=True):
+            if request.name in requests and decision in ("executed", "refused"):
+                del requests[request.name]
+                endings[request.name] = RESULTS.get(result, str(result))
+        yield Step(time_us, dict(values), scan, begun, dict(endings))
         for number, (execute, _, _) in enumerate(scan.commands):
             rises = bool(execute.value) and not before[number]
             before[number] = bool(execute.value)
             # A command whose value or reason is not valid is not sent.
             if rises and execute.quality & NOT_GOOD:
                 answers[number] = ANSWERS["OUT_OF_RANGE"]
+            elif not execute.value:
+                answers[number] = (0, 0)
             elif rises:
                 answers[number] = devices.get(desk.program.commands[number].name, ANSWERS["DONE"])
+
+
+def compared(step: Step) -> Iterator[tuple[str, str, str]]:
+    """What a row checks: the point, what it expects, what there is. What does not differ is shown alike."""
+    if step.row is None:
+        return
+    for name, expected in step.row.expected.items():
+        found = step.scan.outputs[name] if name in step.scan.outputs else step.inputs[name]
+        yield name, expected.shown(), (found if differs(expected, found) else expected).shown()
+    for name, ending in step.row.endings.items():
+        yield f"the command of {name}", ending, step.endings.get(name, "none")
 
 
 def differs(expected: Value, found: Value) -> bool:

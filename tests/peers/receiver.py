@@ -27,7 +27,7 @@ def burst(
     at: datetime.datetime, latitude: float, longitude: float, method: int = 1, speed_knots: float = 0.0
 ) -> bytes:
     """GGA, GSA, GSV and RMC of one moment. Method 0: no fix."""
-    time = f"{at:%H%M%S}.00"
+    time = f"{at:%H%M%S.%f}"[:-4]
     place = f"{angle(latitude, 2, 'NS')},{angle(longitude, 3, 'EW')}" if method else ",,,"
     found = f"{place},{method},07,1.2,137.2,M,39.1,M,," if method else f"{place},0,00,,,M,,M,,"
     moving = f"A,{place},{speed_knots:.1f},090.0" if method else f"V,{place},,"

@@ -2,8 +2,8 @@
 /*
  * `logic-desk FILE`: a program on the desk; openrtu-logic starts it and speaks with it, one line for one line.
  * "scan UPTIME ELAPSED NOW BUDGET", then VALUE:QUALITY:TIME of each point that the program only reads and STATE:RESULT of
- * each command -> VALUE:QUALITY of each point that it writes, EXECUTE:QUALITY:VALUE:SELECT of each command, then the
- * faults, the last one's kind and line. Values are the bits of a cell in hexadecimal digits, times are decimal.
+ * each command, ACTIVE:VALUE of each request -> VALUE:QUALITY of each point that it writes, EXECUTE:QUALITY:VALUE:SELECT
+ * of each command, DECISION:RESULT of each request, then the faults, the last one's kind and line. Values are the bits of a cell in hexadecimal digits, times are decimal.
  * "reload FILE" -> how many retained variables go on. "coverage" -> a digit for each instruction, LOGIC_RUN, ….
  */
 #include <errno.h>
@@ -89,8 +89,15 @@ static void take_inputs(struct logic *logic, char *at)
 		logic_set(logic, &logic->points[i], &value);
 	}
 	for (uint16_t i = 0; i < logic->head->commands; i++) {
-		logic->cells[logic->commands[i].state].i = (uint8_t)take_number(&at, 16);
-		logic->cells[logic->commands[i].result].i = (uint8_t)take_number(&at, 16);
+		logic_tell(logic, logic->commands[i].state, (uint8_t)take_number(&at, 16));
+		logic_tell(logic, logic->commands[i].result, (uint8_t)take_number(&at, 16));
+	}
+	for (uint16_t i = 0; i < logic->head->requests; i++) {
+		union logic_cell value;
+
+		logic_tell(logic, logic->requests[i].active, take_number(&at, 16) != 0);
+		value.bits = take_number(&at, 16);
+		logic_tell_number(logic, logic->requests[i].value, value.d);
 	}
 }
 
@@ -110,6 +117,11 @@ static void print_outputs(const struct logic *logic)
 
 		printf("%" PRIx64 ":%x:%" PRIx64 ":%" PRIx64 " ", logic->cells[command->execute].bits,
 		       quality, logic->cells[command->value].bits, logic->cells[command->select].bits);
+	}
+	for (uint16_t i = 0; i < logic->head->requests; i++) {
+		struct logic_verdict verdict = logic_judge(logic, &logic->requests[i]);
+
+		printf("%x:%x ", (unsigned)verdict.decision, verdict.result);
 	}
 	for (unsigned i = 0; i < LOGIC_FAULTS; i++)
 		printf("%" PRIu32 " ", logic->faults[i]);

@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #define LOGIC_MAGIC   "RTUL"
-#define LOGIC_VERSION 1
+#define LOGIC_VERSION 2
 #define LOGIC_NO_SLOT 0xffff
 
 /*
@@ -17,6 +17,7 @@
  *   routines  u16 first instruction, u16 instructions
  *   points    u16 slot, u16 slot of its time or none, u8 type, u8 written, u16 name
  *   commands  u16 name of the point, u16 slots of execute, value, select, state, result
+ *   requests  u16 name of the point, u16 slots of active, value, refuse, state, result
  *   retained  u16 name, u16 first slot, u16 slots, u8 type, u8 0
  *   code      u8 operation, u8 type, u16 a, u16 b, u16 c
  *   lines     u16 of each instruction, filled up to a multiple of 4
@@ -41,7 +42,7 @@ struct logic_head {
 	uint16_t uptime;  /* slot, or none */
 	uint16_t elapsed; /* slot, or none */
 	uint16_t now;     /* slot, or none */
-	uint16_t reserved2;
+	uint16_t requests;
 	uint32_t names; /* octets */
 };
 _Static_assert(sizeof(struct logic_head) == 48, "logic_head");
@@ -77,6 +78,12 @@ struct logic_point {
 struct logic_command {
 	uint16_t name;
 	uint16_t execute, value, select, state, result;
+};
+
+/* A command to a point of the program's own. */
+struct logic_request {
+	uint16_t name;
+	uint16_t active, value, refuse, state, result;
 };
 
 struct logic_retained {

@@ -38,6 +38,7 @@ static size_t sections_size(const struct logic_head *head)
 	return filled(head->slots) + head->initial * sizeof(struct logic_initial) +
 	       head->arrays * sizeof(struct logic_array) + head->routines * sizeof(struct logic_routine) +
 	       head->points * sizeof(struct logic_point) + head->commands * sizeof(struct logic_command) +
+	       head->requests * sizeof(struct logic_request) +
 	       head->retained * sizeof(struct logic_retained) +
 	       head->code * sizeof(struct logic_instruction) + filled(head->code * sizeof(uint16_t)) +
 	       head->names;
@@ -248,6 +249,16 @@ static const char *check_tables(const struct logic *logic)
 		    !variable_is(logic, command->result, LOGIC_USINT) || !name_fits(logic, command->name))
 			return "a command has no variables";
 	}
+	for (uint16_t i = 0; i < head->requests; i++) {
+		const struct logic_request *request = &logic->requests[i];
+
+		if (!variable_is(logic, request->active, LOGIC_BOOL) ||
+		    !variable_is(logic, request->value, LOGIC_LREAL) ||
+		    !variable_is(logic, request->refuse, LOGIC_BOOL) ||
+		    !variable_is(logic, request->state, LOGIC_USINT) ||
+		    !variable_is(logic, request->result, LOGIC_USINT) || !name_fits(logic, request->name))
+			return "a request has no variables";
+	}
 	for (uint16_t i = 0; i < head->retained; i++) {
 		const struct logic_retained *kept = &logic->retained[i];
 
@@ -314,6 +325,7 @@ const char *logic_load(struct logic *logic, void *memory, const void *file, size
 	logic->routines = (const void *)SECTION(logic->head->routines * sizeof(struct logic_routine));
 	logic->points = (const void *)SECTION(logic->head->points * sizeof(struct logic_point));
 	logic->commands = (const void *)SECTION(logic->head->commands * sizeof(struct logic_command));
+	logic->requests = (const void *)SECTION(logic->head->requests * sizeof(struct logic_request));
 	logic->retained = (const void *)SECTION(logic->head->retained * sizeof(struct logic_retained));
 	logic->code = (const void *)SECTION(logic->head->code * sizeof(struct logic_instruction));
 	logic->lines = (const void *)SECTION(filled(logic->head->code * sizeof(uint16_t)));

@@ -59,6 +59,7 @@ struct logic {
 	const struct logic_routine *routines;
 	const struct logic_point *points;
 	const struct logic_command *commands;
+	const struct logic_request *requests;
 	const struct logic_retained *retained;
 	const struct logic_instruction *code;
 	const uint16_t *lines;
@@ -95,8 +96,35 @@ void logic_set(struct logic *logic, const struct logic_point *point, const struc
 /* After a scan. */
 void logic_get(const struct logic *logic, const struct logic_point *point, struct logic_value *value);
 
+/* Before a scan: what the host says to a block, an integer or a LREAL; valid. */
+void logic_tell(struct logic *logic, uint16_t slot, int64_t value);
+void logic_tell_number(struct logic *logic, uint16_t slot, double value);
+
 /* One scan. False: more than budget instructions; the scan has ended there, and all that the program computes is invalid. */
 bool logic_scan(struct logic *logic, const struct logic_times *times, uint32_t budget);
+
+/* What a COMMAND wants after a scan. */
+enum logic_wish {
+	LOGIC_NOTHING,
+	LOGIC_EXECUTE,
+	LOGIC_DOUBTFUL, /* EXECUTE, but that, the value or the selection is not valid: nothing is to be sent */
+};
+
+enum logic_wish logic_wish(const struct logic *logic, const struct logic_command *command);
+
+/* What the program has decided about an active command to a point of its own. */
+enum logic_decision { LOGIC_PENDING, LOGIC_CONFIRMED, LOGIC_EXECUTED, LOGIC_REFUSED };
+
+struct logic_verdict {
+	enum logic_decision decision;
+	uint8_t result; /* enum map_command_result, once it has ended */
+};
+
+/* After a scan in which the request was active. What the program doubts it refuses, unless it has passed the command on. */
+struct logic_verdict logic_judge(const struct logic *logic, const struct logic_request *request);
+
+/* In words, as "division by zero". */
+const char *logic_fault_name(enum logic_fault fault);
 
 /* Copies the retained variables that both have, by name, type and size, with their qualities; returns how many. */
 unsigned logic_carry(struct logic *to, const struct logic *from);

@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 SEE_ALSO = {
-    "rtud": "rtuctl(1), rtu-modbus(8), rtu-iec104(8), rtu-journal(8)",
+    "rtud": "rtuctl(1), rtu-modbus(8), rtu-iec104(8), rtu-journal(8), rtu-logic(8)",
     "rtuctl": "rtud(8)",
     "nuc980-pins": "nuc980-netboot(1)",
     "nuc980-netboot": "nuc980-pins(1)",

@@ -32,7 +32,8 @@
 #define SYS_MEMORY SYS_mmap
 #endif
 
-static const char *const programs[] = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal"};
+static const char *const programs[] = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal",
+				       "rtu-logic"};
 
 struct call {
 	long number;
@@ -48,7 +49,7 @@ static long make(const struct call *call)
 
 static const struct kind_program *program_named(const char *name)
 {
-	static const char *const kinds[] = {"modbus", "iec104", "journal"};
+	static const char *const kinds[] = {"modbus", "iec104", "journal", "logic"};
 
 	for (size_t i = 0; i < COUNT(kinds); i++) {
 		const struct kind *kind = kinds_find(kinds[i]);

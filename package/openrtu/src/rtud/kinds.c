@@ -13,7 +13,8 @@
 	KIND(rtuctl)                                                                                         \
 	KIND(modbus)                                                                                         \
 	KIND(journal)                                                                                        \
-	KIND(gps)
+	KIND(gps)                                                                                            \
+	KIND(logic)
 
 #define DECLARE(name)  extern const struct kind name##_kind;
 #define POINT_TO(name) &name##_kind,

@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What a program shows of itself, and what it retains: the section of its own in its module's segment. */
+#ifndef OPENRTU_LOGIC_STATS_H
+#define OPENRTU_LOGIC_STATS_H
+
+#include "logic/config.h"
+#include "logic/logic.h"
+#include "map/map.h"
+
+#define LOGIC_COUNTERS (2 + LOGIC_FAULTS) /* that have names */
+
+/* Since the gateway started. */
+struct logic_stats {
+	_Atomic uint32_t scans;
+	_Atomic uint32_t late; /* periods that passed without a scan */
+	_Atomic uint32_t longest_us;
+	_Atomic uint32_t last_fault, last_line; /* 0: there was none */
+	_Atomic uint32_t faults[LOGIC_FAULTS];
+	_Atomic uint32_t kept; /* which of the two copies behind it is whole: 1 or 2; 0: none yet */
+};
+
+/* A retained variable, or a point that masters set. */
+struct logic_kept {
+	uint32_t low, high; /* of the value */
+	uint32_t quality;
+};
+
+static inline uint32_t logic_kept_count(const struct logic_instance *instance)
+{
+	return instance->retained + instance->set_points;
+}
+
+static inline size_t logic_section_size(const struct logic_instance *instance)
+{
+	return sizeof(struct logic_stats) + 2 * sizeof(struct logic_kept) * logic_kept_count(instance);
+}
+
+/* The instance of a module; NULL: it is of another kind. */
+static inline const struct logic_instance *logic_instance_of(const struct map *map, uint32_t module)
+{
+	const struct map_config *config = map_config(map);
+	const struct logic_instance *instances = logic_instances(config);
+
+	for (uint32_t i = 0; instances != NULL && i < map_record_count(config, LOGIC_INSTANCES); i++)
+		if (instances[i].module == module)
+			return &instances[i];
+	return NULL;
+}
+
+static inline struct logic_stats *logic_stats_of(const struct map *map, const struct logic_instance *instance)
+{
+	return map_section(map, instance->module, logic_section_size(instance));
+}
+
+#endif

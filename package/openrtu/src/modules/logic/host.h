@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What the files of rtu-logic share: the program, and what the host keeps of its points, commands and requests. */
+#ifndef OPENRTU_MODULES_LOGIC_HOST_H
+#define OPENRTU_MODULES_LOGIC_HOST_H
+
+#include "logic/logic.h"
+#include "logic/stats.h"
+#include "map/map.h"
+
+/* A point of the program. */
+struct host_point {
+	uint32_t point;
+	enum map_type type;
+	bool own;
+	struct map_sample sample; /* as it was read, or published, last */
+	uint8_t cause;            /* enum map_cause of the next publication */
+};
+
+/* A COMMAND of the program. */
+struct host_command {
+	const struct host_point *point;
+	enum logic_type type; /* the program's of the point */
+	enum { COMMAND_IDLE, COMMAND_SELECTING, COMMAND_EXECUTING, COMMAND_ENDED } phase;
+	bool raised; /* EXECUTE of the scan before */
+	uint8_t state, result;
+	uint32_t id, generation;
+	struct map_request request;
+};
+
+/* A REQUEST of the program. */
+struct host_request {
+	struct host_point *point;
+	enum { REQUEST_NONE, REQUEST_WAITS, REQUEST_ACTIVE } phase;
+	bool seen_none; /* a scan has seen that there is none since the last one ended */
+	bool confirmed;
+	struct map_request request;
+	double number;
+	int64_t begun_ns;
+};
+
+struct host {
+	struct map *map;
+	const struct logic_instance *instance;
+	struct logic_stats *stats;
+	struct logic logic;
+	struct host_point *points;     /* of each point of the program */
+	struct host_command *commands; /* of each COMMAND */
+	struct host_request *requests; /* of each REQUEST */
+	struct map_update *updates;    /* of own points */
+};
+
+/* ---- points.c ---------------------------------------------------------------------------- */
+
+/* What the program reads is what there was when the scan began. */
+void points_freeze(struct host *host);
+/* All own points at once. */
+void points_publish(struct host *host, int64_t now_ns);
+/* The value of a point that masters set; published with its cause. */
+void points_set(struct host *host, struct host_point *point, union map_value value, uint8_t cause);
+struct host_point *points_find(const struct host *host, uint32_t point);
+/* NULL: a name that is none of the program's. */
+struct host_point *points_named(const struct host *host, uint16_t name);
+
+/* ---- commands.c -------------------------------------------------------------------------- */
+
+/* Answers that have come, and owners that have gone; then what the program sees of its commands in this scan. */
+void commands_before(struct host *host, int64_t now_ns);
+/* What the program wants. */
+void commands_after(struct host *host, int64_t now_ns);
+
+/* ---- requests.c -------------------------------------------------------------------------- */
+
+/* Takes what was requested of own points. */
+void requests_take(struct host *host, int64_t now_ns);
+/* What the program sees of them in this scan. */
+void requests_before(struct host *host);
+/* What the program has decided. Before points_publish: the return information has its cause. */
+void requests_judge(struct host *host);
+/* Ends what has been decided: its return information is out. */
+void requests_after(struct host *host, int64_t now_ns);
+
+/* ---- kept.c ------------------------------------------------------------------------------ */
+
+/* Takes over what the process before has kept. */
+void kept_restore(struct host *host);
+void kept_store(struct host *host);
+
+#endif

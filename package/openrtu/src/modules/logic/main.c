@@ -1,0 +1,240 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * rtu-logic: one program of Structured Text, scan by scan. It opens nothing: rtud has read and verified the program, which
+ * lies in the map.
+ */
+#include <errno.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "logic/config.h"
+#include "logic/value.h"
+#include "map/time_ns.h"
+#include "modules/logic/host.h"
+#include "modules/module.h"
+
+#define BEAT_MS    100             /* a tenth of the limit of its heartbeat */
+#define SILENCE_NS (10 * NS_PER_S) /* between two lines of the log about faults */
+
+static struct host host;
+
+/* What the log has said of faults. */
+static struct {
+	uint32_t counted;
+	int64_t said_ns;
+} faults;
+
+/* ---- a scan ------------------------------------------------------------------------------ */
+
+static uint32_t count_faults(void)
+{
+	uint32_t sum = 0;
+
+	for (unsigned i = 0; i < LOGIC_FAULTS; i++) {
+		atomic_store(&host.stats->faults[i], host.logic.faults[i]);
+		sum += host.logic.faults[i];
+	}
+	atomic_store(&host.stats->last_fault, host.logic.last_fault);
+	atomic_store(&host.stats->last_line, host.logic.last_line);
+	return sum;
+}
+
+static void report_faults(int64_t now_ns)
+{
+	uint32_t sum = count_faults();
+
+	if (sum == faults.counted || (faults.said_ns != 0 && now_ns < faults.said_ns + SILENCE_NS))
+		return;
+	map_log(host.map, MAP_LOG_WARNING, "line %u: %s; faults since the last message: %u",
+		host.logic.last_line, logic_fault_name(host.logic.last_fault), sum - faults.counted);
+	faults.counted = sum;
+	faults.said_ns = now_ns;
+}
+
+static struct logic_times times_of(int64_t now_ns, int64_t begun_ns, int64_t last_ns)
+{
+	return (struct logic_times){
+	    .uptime_us = (now_ns - begun_ns) / NS_PER_US,
+	    .elapsed_us = (now_ns - last_ns) / NS_PER_US,
+	    .now_us = map_wall_ns(map_clock_read(host.map), now_ns) / NS_PER_US,
+	};
+}
+
+static void scan(int64_t now_ns, const struct logic_times *times)
+{
+	uint32_t took_us;
+
+	points_freeze(&host);
+	commands_before(&host, now_ns);
+	requests_before(&host);
+	logic_scan(&host.logic, times, host.instance->budget);
+	requests_judge(&host);
+	points_publish(&host, now_ns);
+	requests_after(&host, now_ns);
+	commands_after(&host, now_ns);
+	kept_store(&host);
+	report_faults(now_ns);
+	took_us = (uint32_t)((map_now_ns() - now_ns) / NS_PER_US);
+	map_count(&host.stats->scans, 1);
+	if (took_us > atomic_load(&host.stats->longest_us))
+		atomic_store(&host.stats->longest_us, took_us);
+}
+
+/* Each period; a program that takes longer than half of it leaves as much to others. */
+static int64_t next_scan(int64_t due_ns, int64_t begun_ns)
+{
+	const int64_t period_ns = host.instance->period_ms * NS_PER_MS;
+	int64_t now_ns = map_now_ns(), earliest_ns = now_ns + (now_ns - begun_ns);
+	int64_t periods = 1;
+
+	if (due_ns + period_ns < earliest_ns)
+		periods = (earliest_ns - due_ns + period_ns - 1) / period_ns;
+	map_count(&host.stats->late, (uint32_t)(periods - 1));
+	return due_ns + periods * period_ns;
+}
+
+/* ---- the loop ---------------------------------------------------------------------------- */
+
+static int pause_ms(int64_t due_ns)
+{
+	int64_t left_ms = (due_ns - map_now_ns() + NS_PER_MS - 1) / NS_PER_MS;
+
+	return left_ms < 0 ? 0 : left_ms < BEAT_MS ? (int)left_ms : BEAT_MS;
+}
+
+static void run(int stop)
+{
+	struct pollfd waited[] = {{.fd = stop, .events = POLLIN},
+				  {.fd = map_bell_fd(host.map), .events = POLLIN}};
+	int64_t begun_ns = map_now_ns(), due_ns = begun_ns, last_ns = begun_ns;
+
+	while (map_may_run(host.map)) {
+		int64_t now_ns;
+
+		map_heartbeat(host.map);
+		map_bell_clear(host.map);
+		now_ns = map_now_ns();
+		requests_take(&host, now_ns);
+		if (now_ns >= due_ns) {
+			struct logic_times times = times_of(now_ns, begun_ns, last_ns);
+
+			scan(now_ns, &times);
+			last_ns = now_ns;
+			due_ns = next_scan(due_ns, now_ns);
+			map_heartbeat(host.map);
+		}
+		if (poll(waited, 2, pause_ms(due_ns)) > 0 && waited[0].revents != 0)
+			break;
+	}
+}
+
+/* ---- start ------------------------------------------------------------------------------- */
+
+static bool load_program(const struct map_config *config)
+{
+	const uint8_t *program = logic_programs(config) + host.instance->program;
+	size_t size = logic_memory(program, host.instance->size);
+	void *memory = size == 0 ? NULL : malloc(size);
+	const char *refusal = "out of memory";
+
+	if (memory != NULL)
+		refusal = logic_load(&host.logic, memory, program, host.instance->size);
+	if (refusal != NULL)
+		map_log(host.map, MAP_LOG_ERROR, "cannot load the program: %s", refusal);
+	return refusal == NULL;
+}
+
+static void link_points(const struct map_config *config)
+{
+	const struct logic_link *links = logic_links(config) + host.instance->first_link;
+
+	for (uint16_t i = 0; i < host.logic.head->points; i++) {
+		struct host_point *point = &host.points[i];
+		union map_value initial = {0};
+
+		point->point = links[i].point;
+		point->type = config->points[links[i].point].type;
+		point->own = config->points[links[i].point].set == host.instance->set;
+		point->sample.quality = MAP_INVALID;
+		point->sample.time_ns = map_now_ns();
+		if (!links[i].has_initial)
+			continue;
+		logic_map_value(point->type, host.logic.points[i].type, (double)links[i].initial, &initial);
+		point->sample.value = initial;
+		point->sample.quality = MAP_GOOD;
+	}
+}
+
+static void link_blocks(void)
+{
+	const struct logic *logic = &host.logic;
+
+	for (uint16_t i = 0; i < logic->head->commands; i++) {
+		host.commands[i].point = points_named(&host, logic->commands[i].name);
+		host.commands[i].type = logic->points[host.commands[i].point - host.points].type;
+	}
+	for (uint16_t i = 0; i < logic->head->requests; i++)
+		host.requests[i].point = points_named(&host, logic->requests[i].name);
+}
+
+static void name_counters(void)
+{
+	static const char *const names[LOGIC_FAULTS] = {
+	    [LOGIC_DIVISION] = "faults_division", [LOGIC_RANGE] = "faults_range",
+	    [LOGIC_BOUNDS] = "faults_bounds",     [LOGIC_DOMAIN] = "faults_domain",
+	    [LOGIC_BUDGET] = "faults_budget",
+	};
+
+	map_name_counter(host.map, &host.stats->scans, "scans");
+	map_name_counter(host.map, &host.stats->late, "late_periods");
+	for (unsigned i = 0; i < LOGIC_FAULTS; i++)
+		map_name_counter(host.map, &host.stats->faults[i], "%s", names[i]);
+}
+
+static bool allocate(void)
+{
+	const struct logic_head *head = host.logic.head;
+
+	host.points = calloc(head->points + 1U, sizeof(*host.points));
+	host.commands = calloc(head->commands + 1U, sizeof(*host.commands));
+	host.requests = calloc(head->requests + 1U, sizeof(*host.requests));
+	host.updates = calloc(head->points + 1U, sizeof(*host.updates));
+	return host.points != NULL && host.commands != NULL && host.requests != NULL && host.updates != NULL;
+}
+
+static bool start(void)
+{
+	const struct map_config *config = map_config(host.map);
+
+	if (!load_program(config) || !allocate())
+		return false;
+	link_points(config);
+	link_blocks();
+	kept_restore(&host);
+	name_counters();
+	return true;
+}
+
+int main(int argc, char **argv)
+{
+	struct options options;
+	int stop;
+
+	host.map = module_begin(argc, argv, &options);
+	host.instance = logic_instance_of(host.map, map_self(host.map));
+	if (host.instance != NULL)
+		host.stats = logic_stats_of(host.map, host.instance);
+	if (host.stats == NULL)
+		return module_is_of_another_build(host.map);
+	if (!start())
+		return MODULE_FAILED;
+	stop = module_stop_fd();
+	if (stop < 0 || !module_confine(host.map, &options, 0))
+		return MODULE_FAILED;
+	map_log(host.map, MAP_LOG_INFO, "runs %s each %u ms", logic_name(&host.logic, host.logic.head->name),
+		host.instance->period_ms);
+	run(stop);
+	map_detach(host.map);
+	return MODULE_ENDED;
+}

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""
+One routine while it is made: what its names stand for, its instructions, temporaries and open loops.
+
+What is computed from a flagged value is flagged. The machine does that for data. For what a condition
+decides, each statement with branches ends with SPREAD over what its branches write.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from logic.binary import Array, Instruction, Point, Program, Routine, Slot
+from logic.syntax import (
+    Literal,
+    Unit,
+    Variable,
+)
+
+
+@dataclass
+class Instance:
+    """Of a function block: its variables, and its routine once it was called."""
+
+    unit: Unit
+    scope: Scope
+    routine: Routine | None = None
+
+
+@dataclass
+class Bound:
+    """What a name stands for."""
+
+    variable: Variable
+    what: Slot | Array | Instance | Literal
+    point: Point | None = None
+    read: bool = False
+    written: bool = False
+
+
+@dataclass
+class Scope:
+    unit: Unit
+    names: dict[str, Bound] = field(default_factory=dict)
+
+
+@dataclass
+class Loop:
+    doubt: Slot
+    exits: list[int] = field(default_factory=list)  # jumps to patch
+    continues: list[int] = field(default_factory=list)
+
+
+class Body:
+    """One routine while it is made: its temporaries, its open loops."""
+
+    def __init__(self, program: Program, scope: Scope) -> None:
+        self.program = program
+        self.scope = scope
+        self.routine = Routine()
+        self.free: dict[str, list[Slot]] = {}
+        self.live: list[Slot] = []
+        self.loops: list[Loop] = []
+        self.returns: list[int] = []
+        self.doubt: Slot | None = None  # of the conditions that decided about a RETURN
+        self.line = scope.unit.place.line
+
+    def emit(self, operation: str, kind: str, *operands: object) -> int:
+        """The number of the new instruction, for a jump to be patched."""
+        self.routine.code.append(Instruction(operation, kind, list(operands), self.line))
+        return self.here - 1
+
+    @property
+    def here(self) -> int:
+        return len(self.routine.code)
+
+    def patch(self, jump: int) -> None:
+        instruction = self.routine.code[jump]
+        instruction.operands[0 if instruction.operation == "JUMP" else 1] = self.here
+
+    def temporary(self, kind: str) -> Slot:
+        pool = self.free.setdefault(kind, [])
+        slot = pool.pop() if pool else self.program.add(Slot(kind, False))
+        self.live.append(slot)
+        return slot
+
+    @contextmanager
+    def temporaries(self) -> Iterator[None]:
+        """Those made inside are free again behind it."""
+        before = len(self.live)
+        yield
+        for slot in self.live[before:]:
+            self.free[slot.type].append(slot)
+        del self.live[before:]
+
+    def spread(self, doubt: Slot, start: int) -> None:
+        """What the instructions from start on may write takes the doubt's quality: it might differ."""
+        written = {slot for instruction in self.routine.code[start:] for slot in writes(instruction)}
+        ordered = sorted(written, key=lambda slot: slot.number)
+        if not ordered:
+            return
+        jump = self.emit("CLEAN", "BOOL", doubt, 0)
+        first = 0
+        for last, slot in enumerate(ordered):
+            if last + 1 == len(ordered) or ordered[last + 1].number != slot.number + 1:
+                self.emit("SPREAD", "BOOL", ordered[first], doubt, last + 1 - first)
+                first = last + 1
+        self.patch(jump)
+
+
+def writes(instruction: Instruction) -> list[Slot]:
+    """The variables that an instruction may write."""
+    operation, operands = instruction.operation, instruction.operands
+    if operation == "STORE":
+        return operands[1].slots
+    if operation == "CALL":
+        return list(operands[0].writes)
+    if operation in ("JUMP", "IF", "ELSIF", "CLEAN", "RETURN", "SPREAD", "BLOCK"):
+        # IF writes a temporary; what SPREAD covers was written before; BLOCK's target is in the same list.
+        return []
+    return [operands[0]] if operands[0].variable else []

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Programs of Structured Text in a running gateway, between simulated devices and a controlling station."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import c104
+import pytest
+
+from desk import Desk, gateway_on_lines
+from lab.gateway import Gateway, remove, run_directory
+from lab.master import Master
+from logic.binary import encode
+from logic.compile import compile_text
+from logic.errors import Findings
+
+pytestmark = pytest.mark.slow  # as a whole
+
+ROOT = Path(__file__).resolve().parent.parent
+INTERLOCK = ROOT / "docs/examples/logic/interlock.st"
+DEVICE = "1.10"
+CA = {"interlock": 7000, "filling": 7001, "endless": 7002}
+BREAKER, PUMP = 0, 1  # coils
+EARTHED, SPIN = 0, 1  # discrete inputs
+LEVEL = 0  # input register
+WAIT_S = 60.0
+
+FILLING = """PROGRAM filling
+VAR_EXTERNAL level, limit, half : INT; pump : BOOL; starts : DINT; END_VAR
+VAR above : TON; start, stop : COMMAND; rises : R_TRIG; END_VAR
+VAR RETAIN count : DINT; END_VAR
+above(IN := AS_GOOD(level) > limit, PT := T#200ms);
+start(POINT := pump, EXECUTE := above.Q, VALUE := 1.0);
+stop(POINT := pump, EXECUTE := level < 20, VALUE := 0.0);
+rises(CLK := start.STATE = 9);
+IF rises.Q THEN
+  count := count + 1;
+END_IF;
+starts := count;
+half := level / 2;
+END_PROGRAM
+"""
+ENDLESS = """PROGRAM endless
+VAR_EXTERNAL spin : BOOL; out : INT; END_VAR
+out := 7;
+WHILE spin DO
+  out := 7;
+END_WHILE;
+END_PROGRAM
+"""
+
+
+def compiled(text: str, folder: Path, name: str) -> str:
+    findings = Findings()
+    program = compile_text(text, findings)
+    assert not findings.failed, findings.sorted()
+    file = folder / f"{name}.rtul"
+    file.write_bytes(encode(program))
+    return str(file)
+
+
+def configuration(folder: Path) -> dict[str, Any]:
+    pace = {"baud_rate": 19200, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    slave = {
+        "id": 10,
+        "response_timeout_min_ms": 500,
+        "probe_max_s": 1,
+        "coils": [{"address": BREAKER, "name": "breaker"}, {"address": PUMP, "name": "pump"}],
+        "discrete_inputs": [{"address": EARTHED, "name": "bay1.earthed"}, {"address": SPIN, "name": "spin"}],
+        "input_registers": [{"address": LEVEL, "name": "level", "type": "scaled"}],
+    }
+    programs = [
+        {
+            "name": "interlock",
+            "program": compiled(INTERLOCK.read_text(), folder, "interlock"),
+            "period_ms": 50,
+            "ca": CA["interlock"],
+            "names": {"earthed": "bay1.earthed"},
+            "points": [{"name": "order", "ioa": 1}, {"name": "locked", "ioa": 2}],
+        },
+        {
+            "name": "filling",
+            "program": compiled(FILLING, folder, "filling"),
+            "period_ms": 20,
+            "ca": CA["filling"],
+            "points": [
+                {"name": "limit", "ioa": 1, "value": 80},
+                {"name": "half", "ioa": 2},
+                {"name": "starts", "ioa": 3, "type": "counter"},
+            ],
+        },
+        {
+            "name": "endless",
+            "program": compiled(ENDLESS, folder, "endless"),
+            "budget": 1_000_000,
+            "ca": CA["endless"],
+            "points": [{"name": "out", "ioa": 1}],
+        },
+    ]
+    port = {"value": 1, "active": 1, **pace, "slaves": [slave]}
+    return {"iec104": {"connections_per_address": 8}, "port": [port], "logic": programs}
+
+
+INITIAL = {
+    DEVICE: {
+        "coils": {"0": 0, "1": 0},
+        "discrete_inputs": {"0": 1, "1": 0},
+        "input_registers": {"0": 50},
+    }
+}
+
+
+@pytest.fixture(scope="module")
+def running(programs: Path) -> Iterator[Desk]:
+    folder = run_directory()
+    try:
+        with gateway_on_lines(configuration(folder), programs, INITIAL) as (lines, gateway):
+            gateway.wait_for(lambda: settled(gateway), WAIT_S, "all but the order is valid")
+            with Master(*gateway.address) as master:
+                yield Desk(lines, gateway, master)
+    finally:
+        remove(folder)
+
+
+def settled(gateway: Gateway) -> bool:
+    """Nobody has given the order yet: it is invalid."""
+    return {name for name, point in gateway.points().items() if point["quality"] == "invalid"} <= {"order"}
+
+
+@pytest.fixture
+def desk(running: Desk) -> Desk:
+    running.lines.fault(DEVICE, "clear")
+    running.set_and_scan(DEVICE, "discrete_inputs", EARTHED, [1, 0])
+    running.set_and_scan(DEVICE, "input_registers", LEVEL, [50])
+    running.gateway.wait_for(lambda: settled(running.gateway), WAIT_S, "all is valid again")
+    wait_value(running, "locked", "on")
+    wait_value(running, "half", 25)
+    return running
+
+
+def shown(desk: Desk, name: str) -> tuple[Any, str]:
+    point = desk.gateway.points(name)[name]
+    return point["value"], point["quality"]
+
+
+def wait_value(desk: Desk, name: str, value: Any, quality: str = "good") -> None:
+    def there() -> bool:
+        seen, flags = shown(desk, name)
+        return (seen, flags) == (value, quality) if value is not None else flags == quality
+
+    desk.gateway.wait_for(there, WAIT_S, f"{name} is {value}, {quality}")
+
+
+def order(desk: Desk, on: bool) -> bool:
+    return desk.master.command(CA["interlock"], 1, "C_SC_NA_1", c104.SingleCmd(on))
+
+
+def kill(desk: Desk, name: str) -> None:
+    """Ends a module's process; returns when the next one lives."""
+    former = desk.gateway.modules()[name]["pid"]
+    desk.gateway.kill(name)
+
+    def is_back() -> bool:
+        module = desk.gateway.modules()[name]
+        return module["alive"] and module["pid"] != former
+
+    desk.gateway.wait_for(is_back, WAIT_S, f"rtud has started {name} anew")
+
+
+def wait_idle(desk: Desk) -> None:
+    """Until no command goes on: a master hears of the confirmation before the value is read back."""
+    desk.gateway.wait_for(
+        lambda: {point["state"] for point in desk.gateway.query("commands")} == {"inactive command"},
+        WAIT_S,
+        "no command goes on",
+    )
+
+
+# ---- the interlock ---------------------------------------------------------------------------------
+
+
+def test_an_interlock_refuses_a_masters_command_with_the_reason(desk: Desk) -> None:
+    desk.lines.set(DEVICE, "coils", BREAKER, 0)
+    assert not order(desk, True)
+    assert desk.lines.get(DEVICE, "coils", BREAKER) == 0
+    refused = "rtu-logic-interlock warning: a command of order was refused: interlock"
+    desk.gateway.wait_for(lambda: refused in desk.gateway.log(), WAIT_S, refused)
+    answer = json.loads(desk.gateway.ctl("--json", "set", "order", "on", check=False))
+    assert (answer["state"], answer["result"]) == ("refused command", "interlock")
+
+
+def test_a_command_that_the_interlock_lets_through_is_the_devices_answer(desk: Desk) -> None:
+    desk.set_and_scan(DEVICE, "discrete_inputs", EARTHED, [0])
+    wait_value(desk, "locked", "off")
+    mark = desk.master.mark()
+    assert order(desk, True)
+    assert desk.lines.get(DEVICE, "coils", BREAKER) == 1
+    told = desk.master.wait(
+        lambda report: (report.ca, report.ioa, report.cause) == (CA["interlock"], 1, "RETURN_INFO_REMOTE"),
+        since=mark,
+    )
+    assert (told.value, told.good) == (True, True)
+    assert order(desk, False)
+    assert desk.lines.get(DEVICE, "coils", BREAKER) == 0
+    wait_idle(desk)
+    desk.lines.fault(DEVICE, "exception", 4, 5)
+    answer = json.loads(desk.gateway.ctl("--json", "set", "order", "on", check=False))
+    desk.lines.fault(DEVICE, "clear")
+    assert (answer["state"], answer["result"]) == ("refused command", "exception")
+
+
+def test_nobody_knows_whether_it_is_earthed_so_it_stays_open(desk: Desk) -> None:
+    desk.set_and_scan(DEVICE, "discrete_inputs", EARTHED, [0])
+    wait_value(desk, "locked", "off")
+    desk.lines.fault(DEVICE, "mute")
+    wait_value(desk, "locked", "on")
+    assert not order(desk, True)
+    desk.lines.fault(DEVICE, "clear")
+
+
+# ---- sequences, set points, quality -------------------------------------------------------------------
+
+
+def test_a_sequence_starts_a_pump_at_the_limit_that_a_master_set(desk: Desk) -> None:
+    desk.lines.set(DEVICE, "coils", PUMP, 0)
+    before, _ = shown(desk, "starts")
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [75])  # the limit is 80
+    wait_value(desk, "half", 37)
+    assert desk.lines.get(DEVICE, "coils", PUMP) == 0
+    assert desk.master.command(CA["filling"], 1, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(70)))
+    wait_value(desk, "limit", 70)
+    wait_value(desk, "pump", "on")
+    wait_value(desk, "starts", before + 1)
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [10])
+    wait_value(desk, "pump", "off")
+    assert desk.lines.get(DEVICE, "coils", PUMP) == 0
+
+
+def test_what_is_computed_from_a_dead_device_is_invalid(desk: Desk) -> None:
+    mark = desk.master.mark()
+    desk.lines.fault(DEVICE, "mute")
+    wait_value(desk, "half", None, "invalid")
+    desk.master.wait(
+        lambda report: (report.ca, report.ioa) == (CA["filling"], 2) and not report.good, since=mark
+    )
+    desk.lines.fault(DEVICE, "clear")
+    wait_value(desk, "half", 25)
+
+
+# ---- faults ------------------------------------------------------------------------------------------
+
+
+def test_an_endless_loop_invalidates_the_outputs_and_names_the_line(desk: Desk) -> None:
+    wait_value(desk, "out", 7)
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [1])
+    wait_value(desk, "out", None, "invalid")
+    said = "rtu-logic-endless warning: line 4: too many instructions"
+    desk.gateway.wait_for(lambda: said in desk.gateway.log(), WAIT_S, said)
+    wait_value(desk, "half", 25)  # others go on
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [0])
+    wait_value(desk, "out", 7)
+
+
+def test_a_module_that_is_killed_in_a_scan_comes_back(desk: Desk) -> None:
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [1])
+    wait_value(desk, "out", None, "invalid")  # half of its time is a scan
+    for _ in range(3):
+        kill(desk, "rtu-logic-endless")
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [0])
+    wait_value(desk, "out", 7)
+
+
+def test_what_is_retained_and_what_a_master_set_outlive_the_process(desk: Desk) -> None:
+    assert desk.master.command(CA["filling"], 1, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(65)))
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [66])
+    wait_value(desk, "pump", "on")
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [10])
+    wait_value(desk, "pump", "off")
+    starts, _ = shown(desk, "starts")
+    assert starts > 0
+    kill(desk, "rtu-logic-filling")
+    wait_value(desk, "limit", 65)
+    wait_value(desk, "starts", starts)
