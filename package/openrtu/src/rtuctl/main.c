@@ -90,10 +90,9 @@ static const struct command commands[] = {
      "Counters count since the gateway started and wrap at 2^32.\n",
      rtuctl_iec104},
     {"gps", "[NAME]", 0, 1, 0, NULL, "receivers of positions, with the sky above one of them",
-     "With NAME also the satellites of its last burst, drawn as seen from below the sky: north is up, the "
-     "rim "
-     "is\n"
-     "the horizon, and * stands beside a satellite that is used. Counters count since the module started.\n",
+     "With NAME it also draws the satellites of the last burst: north is up, the rim is the horizon, and * "
+     "stands\n"
+     "beside a satellite that is used. Counters count since the module started.\n",
      rtuctl_gps},
     {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the events that are still kept, oldest first",
      "With --count only the newest N.\n", rtuctl_events},
