@@ -56,6 +56,8 @@ REACH = [
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/logic.md", "tests/test_logic.py"),
+    ("docs/writing-a-module.md", "tests/test_foreign.py"),
+    ("docs/examples/modules/*", "lint tests/test_foreign.py"),
     ("docs/examples/logic/*", "tests/test_logic.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
@@ -67,6 +69,7 @@ REACH = [
     ("package/openrtu/src/*fuzz*", f"{C} fuzzers tests/test_fuzz.py"),
     ("package/openrtu/src/VERSION", f"{C} {DESK} test-image {ON_BOARD}"),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
+    ("package/openrtu/python/*", "lint tests/test_foreign.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the tools

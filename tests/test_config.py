@@ -403,6 +403,8 @@ SITES = [
     Site("tls", "tls", ("tls",)),
     Site("journal", "journal", ("journal",)),
     Site("modbus", "modbus", ("modbus",)),
+    Site("module", "modules[0]", ("module",)),
+    Site("module_point", "modules[0].points[0]", ("module_point",)),
     Site("port", "port[0]", ("port",)),
     Site("tcp_connection", "port[2]", ("tcp_connection",)),
     Site("tcp_slave", "port[2].slaves[0]", ("tcp_slave",)),
@@ -471,6 +473,14 @@ def small_file() -> dict[str, Any]:
         "modbus": {},
         "event_ring": 65536,
         "redundancy_groups": groups,
+        "modules": [
+            {
+                "name": "pump",
+                "program": "/pump.py",
+                "ca": 9,
+                "points": [{"name": "p", "type": "float", "ioa": 5}],
+            }
+        ],
         "templates": {"meter": {}},
     }
     return {"port": ports, **others}
@@ -589,6 +599,8 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "journal",
         "redundancy_group",
         "modbus",
+        "module",
+        "module_point",
         "port",
         "tcp_connection",
         "rs485",

@@ -20,6 +20,8 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "package/openrtu/src"
 EVERYWHERE = {"rtud", "rtuctl", "relay.json", "sdm630.json", "sunspec.json"}
+LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", "libopenrtu.so.0.1.0", "openrtu.h", "openrtu.pc"}
+EVERYWHERE |= LIBRARY
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
 NO_IEC104 = (
     "iec104: this build has no rtu-iec104: remove the key, or build with -Diec104=true, in Buildroot "
@@ -150,7 +152,7 @@ def test_station_runs_without_the_lines(without_modbus: Path, directory: Path) -
 
 # Beside its folder: one line of the table, the build files (and its page in docs).
 TOUCHED = {
-    "rtud/kinds.c": ("\tKIND(journal)\n", "\tKIND(journal) \\\n\tKIND(probe)\n"),
+    "rtud/kinds.c": ("\tKIND(foreign)\n", "\tKIND(probe) \\\n\tKIND(foreign)\n"),
     "rtud/meson.build": (
         "'../modules/modbus/kind.c',",
         "'../modules/modbus/kind.c', '../modules/probe/kind.c',",

@@ -236,7 +236,20 @@ def test_each_trap_has_its_tests() -> None:
 
 
 SOURCES = Path("package/openrtu/src")
-ROOMS = ["config", "gps", "iec104", "journal", "logic", "map", "modbus", "modules", "rtuctl", "rtud"]
+ROOMS = [
+    "config",
+    "foreign",
+    "gps",
+    "iec104",
+    "journal",
+    "lib",
+    "logic",
+    "map",
+    "modbus",
+    "modules",
+    "rtuctl",
+    "rtud",
+]
 ROOMS += ["modules/iec104", "modules/modbus"]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
