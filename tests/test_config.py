@@ -399,9 +399,12 @@ def definition(name: str) -> dict[str, Any]:
 SITES = [
     Site("", "", ("",)),
     Site("iec104", "iec104", ("iec104",)),
+    Site("commands", "commands", ("commands",)),
     Site("redundancy_group", "redundancy_groups[0]", ("redundancy_group",)),
     Site("tls", "tls", ("tls",)),
     Site("journal", "journal", ("journal",)),
+    Site("gps_receiver", "gps[0]", ("gps_receiver",)),
+    Site("geofence", "gps[0].fences[0]", ("geofence",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("module", "modules[0]", ("module",)),
     Site("module_point", "modules[0].points[0]", ("module_point",)),
@@ -432,6 +435,8 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "interval_s": {"volume_mb": 1048576},
     "volume_mb": {"interval_s": 3600, "size_kb": 64},
     "journal.cycles": {"volume_mb": 1048576},
+    "gps_receiver.device": {"gpsd": REMOVED},
+    "gps_receiver.baud_rate": {"gpsd": REMOVED, "burst_octets": 40},
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
@@ -466,11 +471,14 @@ def small_file() -> dict[str, Any]:
     ]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
+    fence = {"name": "depot", "centre": [44.8125, 20.4612], "radius_m": 200}
     others = {
         "iec104": {},
         "tls": tls,
         "journal": {},
+        "gps": [{"name": "bus", "gpsd": "192.0.2.3", "ca": 7001, "fences": [fence]}],
         "modbus": {},
+        "commands": {},
         "event_ring": 65536,
         "redundancy_groups": groups,
         "modules": [
@@ -509,7 +517,7 @@ def resolved(rule: Json) -> dict[str, Any]:
 
 
 def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
-    if key == "address" and "maxLength" in rule:
+    if key in ("address", "gpsd") and "maxLength" in rule:
         return ["127.0.0.1", "::"]
     if "examples" in rule:
         return rule["examples"]
@@ -597,6 +605,8 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "iec104",
         "tls",
         "journal",
+        "gps_receiver",
+        "geofence",
         "redundancy_group",
         "modbus",
         "module",
@@ -623,7 +633,7 @@ def test_every_key_is_described(name: str, key: str, rule: dict[str, Any]) -> No
 
 def values_cell(key: str, rule: dict[str, Any]) -> str:
     """A key's values as the page's tables show them."""
-    if key in ("address", "host") and "maxLength" in rule:
+    if key in ("address", "host", "gpsd") and "maxLength" in rule:
         return "IP address"
     if key == "event_ring":
         return "64, 128, … 65536"

@@ -15,7 +15,7 @@ from test_version import VERSION
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
-MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal"}
+MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal", "rtu-gps"}
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}
@@ -100,7 +100,7 @@ def test_each_module_number_has_its_user(tmp_path: Path) -> None:
     most = re.search(r"#define MAP_MODULES_MAX\s+(\d+)", header)
     assert most is not None
     users = {int(row[2]): int(row[3]) for row in rows if row[0].startswith("openrtu")}
-    assert users == {61200 + number: 61200 for number in range(1, 2 * int(most[1]))}
+    assert users == {61200 + number: 61200 for number in range(1, 2 * int(most[1]) + 1)}
 
 
 # ---- man pages -------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "package/openrtu/src"
-EVERYWHERE = {"rtud", "rtuctl", "relay.json", "sdm630.json", "sunspec.json"}
+EVERYWHERE = {"rtud", "rtuctl", "rtu-gps", "relay.json", "sdm630.json", "sunspec.json"}
 LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", "libopenrtu.so.0.1.0", "openrtu.h", "openrtu.pc"}
 EVERYWHERE |= LIBRARY
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
@@ -152,7 +152,7 @@ def test_station_runs_without_the_lines(without_modbus: Path, directory: Path) -
 
 # Beside its folder: one line of the table, the build files (and its page in docs).
 TOUCHED = {
-    "rtud/kinds.c": ("\tKIND(foreign)\n", "\tKIND(probe) \\\n\tKIND(foreign)\n"),
+    "rtud/kinds.c": ("\tKIND(rtuctl) ", "\tKIND(rtuctl) KIND(probe) "),
     "rtud/meson.build": (
         "'../modules/modbus/kind.c',",
         "'../modules/modbus/kind.c', '../modules/probe/kind.c',",
@@ -183,6 +183,11 @@ def with_probe(tmp_path: Path) -> Path:
     return build
 
 
+def counters_of(gateway: Gateway, module: str) -> dict[str, int]:
+    rows = json.loads(gateway.ctl("--json", "counters", module))
+    return {row["counter"]: row["value"] for row in rows}
+
+
 def checked(build: Path, directory: Path, config: dict[str, Any]) -> str:
     """What rtud says of a configuration that is wrong."""
     file = directory / "wrong.json"
@@ -209,5 +214,6 @@ def test_a_new_kind_touches_its_folder_one_line_and_the_build(with_probe: Path, 
             assert gateway.modules()["rtu-probe"]["kind"] == "probe"
             begun = "rtu-probe info: probes every 200 ms"
             gateway.wait_for(lambda: begun in gateway.log(), 10.0, "its log is rtud's")
+            gateway.wait_for(lambda: counters_of(gateway, "rtu-probe")["probes"] > 1, 60.0, "it counts")
         finally:
             gateway.process.terminate()

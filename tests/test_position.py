@@ -7,13 +7,11 @@ of gpsd (BSD licence), each beside what gpsd made of it, and the daemon on a pty
 import json
 import math
 import os
-import pty
 import random
 import re
 import socket
 import subprocess
 import time
-import tty
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -22,7 +20,7 @@ from typing import Any
 
 import pytest
 
-from lab.gateway import free_port
+from peers.gpsd import Daemon, gpsd_daemon
 
 POSITION, TIME, ALTITUDE, SPEED = 1, 2, 4, 8  # of enum gps_known
 CONTRADICTS = 1  # GPS_CONTRADICTS of enum gps_mark
@@ -365,40 +363,10 @@ def test_distances_are_within_30_mm(replay: Path) -> None:
 # ---- the daemon ----------------------------------------------------------------------------------
 
 
-@dataclass
-class Daemon:
-    client: socket.socket
-    receiver: int  # what is written here is said to gpsd by a receiver
-
-
 @pytest.fixture
 def daemon(gpsd: Path) -> Iterator[Daemon]:
-    """gpsd, from its unpacked package, on a pty."""
-    packages = gpsd / "packages"
-    libraries = {str(file.parent) for file in packages.rglob("lib*.so.*")}
-    receiver, side = pty.openpty()
-    tty.setraw(side)
-    port = free_port()
-    command = [packages / "usr/sbin/gpsd", "-N", "-n", "-b", "-s", "38400", "-S", str(port), os.ttyname(side)]
-    environment = {**os.environ, "LD_LIBRARY_PATH": ":".join(sorted(libraries))}
-    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
-    try:
-        deadline = time.monotonic() + 30
-        while True:
-            try:
-                client = socket.create_connection(("127.0.0.1", port))
-                break
-            except OSError:
-                assert process.poll() is None, "gpsd ended"
-                assert time.monotonic() < deadline
-                time.sleep(0.05)
-        with client:
-            yield Daemon(client, receiver)
-    finally:
-        process.terminate()
-        process.wait()
-        os.close(receiver)
-        os.close(side)
+    with gpsd_daemon(gpsd) as daemon:
+        yield daemon
 
 
 @pytest.mark.slow
@@ -406,16 +374,16 @@ def test_what_gpsd_says_is_what_we_read_ourselves(daemon: Daemon, recordings: Pa
     log = (recordings / "ublox-lea-5h.log").read_bytes()
     lines = [line + b"\n" for line in log.split(b"\n") if line.startswith(b"$")]
     ours = {fix["day_ms"]: fix for fix in replayed(replay, [log])[0][0] if fix["known"] & POSITION}
-    daemon.client.sendall(b'?WATCH={"enable":true,"json":true};\n')
+    client = socket.create_connection(("127.0.0.1", daemon.port), timeout=0.01)
+    client.sendall(b'?WATCH={"enable":true,"json":true};\n')
     said, deadline = b"", time.monotonic() + 60
-    daemon.client.settimeout(0.01)
     fixes: list[Fix] = []
     while len({fix["day_ms"] for fix in fixes}) < 10:
         assert time.monotonic() < deadline, said[-1000:]
         for line in lines:
             os.write(daemon.receiver, line)
             try:
-                said += daemon.client.recv(65536)
+                said += client.recv(65536)
             except TimeoutError:
                 continue
         whole = said[: said.rfind(b"\n") + 1]
@@ -425,3 +393,4 @@ def test_what_gpsd_says_is_what_we_read_ourselves(daemon: Daemon, recordings: Pa
     for fix in fixes:
         same = ours[fix["day_ms"]]
         assert (fix["latitude"], fix["longitude"]) == (same["latitude"], same["longitude"])
+    client.close()

@@ -29,6 +29,7 @@ define OPENRTU_USERS
 	openrtu 61200 openrtu 61200 * - - - OpenRTU
 	$(OPENRTU_IEC104_USER)
 	$(OPENRTU_MODBUS_USER)
+	rtu-gps 61215 openrtu 61200 * - - dialout OpenRTU positions
 endef
 
 ifeq ($(BR2_PACKAGE_OPENRTU_IEC104),y)

@@ -5,20 +5,9 @@
 
 #include "config/names.h"
 #include "foreign/config.h"
+#include "map/type.h"
 
 #define POINTS_MAX 1024
-
-/* A counter is frozen by its owner and begins anew: nothing that a module of others could do yet. */
-static const char *const types[] = {
-    [MAP_SINGLE] = "single",
-    [MAP_DOUBLE] = "double",
-    [MAP_STEP] = "step",
-    [MAP_BITSTRING] = "bitstring",
-    [MAP_NORMALIZED] = "normalized",
-    [MAP_SCALED] = "scaled",
-    [MAP_FLOAT] = "float",
-    NULL,
-};
 
 const struct config_rule foreign_module_rules[MODULE_KEYS] = {
     [MODULE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
@@ -36,7 +25,7 @@ const struct config_rule foreign_module_rules[MODULE_KEYS] = {
 
 const struct config_rule foreign_point_rules[POINT_KEYS] = {
     [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = types},
+    [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = map_type_names},
     [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215},
     [POINT_UNIT] = {"unit", CONFIG_TEXT, .low = 1, .high = 15},
     [POINT_DESCRIPTION] = {"description", CONFIG_TEXT, .low = 1, .high = 127},

@@ -132,19 +132,36 @@ static void read_reads(struct config_loader *loader, const struct config_place *
 
 /* ---- points ------------------------------------------------------------------------------ */
 
+static bool can_hold(enum map_type type, double value)
+{
+	const struct map_type_row *row = &map_types[type];
+	union map_value ignored;
+
+	if (type == MAP_FLOAT || type == MAP_ANGLE)
+		return map_value_of(type, value, &ignored);
+	return value >= row->low && value <= row->high && value == map_nearest(value);
+}
+
 static double initial_of(struct config_loader *loader, const struct config_place *place, enum map_type type,
 			 const struct config_value *value)
 {
 	const struct config_place here = config_key_of(place, foreign_point_rules[POINT_INITIAL].name);
-	const struct map_type_row *row = &map_types[type];
 
 	if (!value->given)
 		return NAN;
-	if (value->number < row->low || value->number > row->high ||
-	    (type != MAP_FLOAT && value->number != nearbyint(value->number)))
+	if (!can_hold(type, value->number))
 		config_error(&loader->report, &here, "%g is no value of a point of type %s", value->number,
-			     row->name);
+			     map_types[type].name);
 	return value->number;
+}
+
+/* Its readings are frozen at its owner's, which libopenrtu does not do. */
+static void check_type(struct config_loader *loader, const struct config_place *place, enum map_type type)
+{
+	const struct config_place here = config_key_of(place, foreign_point_rules[POINT_TYPE].name);
+
+	if (type == MAP_COUNTER)
+		config_error(&loader->report, &here, "is counter, which no module of others can have");
 }
 
 static void add_point(struct config_loader *loader, const struct config_place *place, struct own *own,
@@ -155,6 +172,7 @@ static void add_point(struct config_loader *loader, const struct config_place *p
 	struct map_point *point = config_add_point(loader, place, values[POINT_NAME].text, type,
 						   (uint32_t)values[POINT_IOA].integer);
 
+	check_type(loader, place, type);
 	config_check_name(&loader->report, &name, values[POINT_NAME].text);
 	point->group = (uint8_t)values[POINT_GROUP].integer;
 	point->deadband = (float)values[POINT_DEADBAND].number;

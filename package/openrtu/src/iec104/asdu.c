@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "iec104/carrier.h"
+
 /* Octets of the data unit identifier. */
 enum { TYPE, VARIABLE_STRUCTURE, CAUSE, ORIGINATOR, CA_LOW, CA_HIGH };
 
@@ -176,6 +178,13 @@ static float float_of(uint32_t bits)
 	return value.f;
 }
 
+static uint32_t bits_of(float number)
+{
+	union map_value value = {.f = number};
+
+	return value.u;
+}
+
 bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_command *out)
 {
 	const struct command_form *form = command_form(type);
@@ -212,6 +221,8 @@ bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_co
 		decode_step(element[0], out);
 		break;
 	case MAP_COUNTER:
+	case MAP_INTEGER:
+	case MAP_ANGLE:
 		return false;
 	}
 	return true;
@@ -282,7 +293,8 @@ uint8_t iec104_monitor_type(const struct map_point *point, bool tagged)
 	    [MAP_COUNTER] = {IEC104_M_IT_NA_1, IEC104_M_IT_TB_1},
 	};
 
-	return point->flags & MAP_POINT_NO_QUALITY ? IEC104_M_ME_ND_1 : types[point->type][tagged];
+	return point->flags & MAP_POINT_NO_QUALITY ? IEC104_M_ME_ND_1
+						   : types[iec104_carrier_of(point)][tagged];
 }
 
 size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type,
@@ -305,8 +317,13 @@ size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type
 		out[2] = sample->quality;
 		return 3;
 	case MAP_BITSTRING:
+	case MAP_INTEGER:
 	case MAP_FLOAT: /* IEEE 754, low octet first */
 		put_u32(out, sample->value.u);
+		out[4] = sample->quality;
+		return 5;
+	case MAP_ANGLE:
+		put_u32(out, bits_of((float)map_number(type, sample->value)));
 		out[4] = sample->quality;
 		return 5;
 	case MAP_COUNTER: /* BCR: sequence number, CY and CA of a freeze, only IV of the quality */
@@ -360,6 +377,8 @@ size_t iec104_command_encode(uint8_t out[IEC104_ELEMENT_MAX], const struct iec10
 		put_u32(out, command->value.u);
 		return 4;
 	case MAP_COUNTER:
+	case MAP_INTEGER:
+	case MAP_ANGLE:
 		return 0;
 	}
 	return 0;

@@ -121,7 +121,8 @@ const uint8_t *iec104_object(const struct iec104_asdu *asdu, size_t element_size
 /* A command of types 45..51, 58..64. */
 struct iec104_command {
 	uint32_t ioa;
-	enum map_type type;    /* of the point that takes it; MAP_STEP: of any that takes regulating steps */
+	enum map_type
+	    type; /* of the points that take it, or their carrier; MAP_STEP: of any that takes regulating steps */
 	union map_value value; /* as a point of that type has it; 0 of a regulating step */
 	bool select;           /* S/E */
 	uint8_t qualifier;     /* QU of a single, double or regulating step command, QL of a set-point */
@@ -137,7 +138,7 @@ bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_co
 size_t iec104_command_encode(uint8_t out[IEC104_ELEMENT_MAX], const struct iec104_command *command,
 			     uint8_t *type);
 
-/* Decodes an object of types 110..112: a value as a point of its type has it, and the QPM. */
+/* Decodes an object of types 110..112: a value as a point of its type has it, or the carrier's, and the QPM. */
 void iec104_parameter_decode(uint8_t type, const uint8_t *object, union map_value *value, uint8_t *qualifier);
 
 /* ---- encoding ---------------------------------------------------------------------------- */

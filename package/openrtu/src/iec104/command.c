@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Commands to points: what of them can be asked for, and what they ask of the point's owner. */
+#include "iec104/carrier.h"
 #include "iec104/station_parts.h"
 #include "map/time_ns.h"
 
@@ -17,7 +18,7 @@ static bool takes(const struct map_point *point, const struct iec104_command *co
 {
 	if (!(point->flags & MAP_POINT_COMMAND))
 		return false;
-	return command->type == MAP_STEP ? point->step > 0 : point->type == command->type;
+	return command->type == MAP_STEP ? point->step > 0 : iec104_carrier_of(point) == command->type;
 }
 
 /* QU (IEC 60870-5-101, 7.2.6.26) as a duration, 0: persistent. False: reserved, or the point has no such pulse. */
@@ -41,6 +42,7 @@ static bool pulse_of(const struct map_point *point, uint8_t qualifier, uint16_t 
 
 static bool value_can_be_sent(const struct map_point *point, const struct iec104_command *command)
 {
+	union map_value value;
 	uint16_t pulse_ms;
 
 	switch (command->type) {
@@ -54,11 +56,14 @@ static bool value_can_be_sent(const struct map_point *point, const struct iec104
 		return (command->qualifier == QU_NONE || command->qualifier == QU_PERSISTENT) &&
 		       command->step != 0;
 	case MAP_FLOAT:
-		return command->qualifier == 0 && isfinite(command->value.f);
+		return command->qualifier == 0 && isfinite(command->value.f) &&
+		       iec104_take_carried(point, command->value, &value);
 	case MAP_NORMALIZED:
 	case MAP_SCALED:
 	case MAP_BITSTRING:
 	case MAP_COUNTER:
+	case MAP_INTEGER:
+	case MAP_ANGLE:
 		break;
 	}
 	return command->qualifier == 0;
@@ -105,6 +110,8 @@ static struct map_request request_of(const struct iec104_station *station, uint3
 				      .value = command->value,
 				      .step = command->step};
 
+	if (command->type == MAP_FLOAT)
+		iec104_take_carried(iec104_point(station, point), command->value, &request.value);
 	if (command->type == MAP_SINGLE || command->type == MAP_DOUBLE)
 		pulse_of(iec104_point(station, point), command->qualifier, &request.pulse_ms);
 	return request;

@@ -48,8 +48,8 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20},
     [IEC104_MAX_CONNECTIONS] = {"max_connections", CONFIG_INTEGER, .low = 1, .high = 16, .fallback = 8},
     [IEC104_CONNECTIONS_PER_ADDRESS] = {"connections_per_address", CONFIG_INTEGER, .low = 1, .high = 16},
-    [IEC104_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 30},
-    [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 10},
+    [IEC104_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600},
+    [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600},
     [IEC104_COMMAND_WITHOUT_CLOCK] = {"command_without_clock", CONFIG_BOOLEAN},
     [IEC104_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = IEC104_CLOCK_MASTERS_MAX},
     [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
@@ -99,6 +99,21 @@ static uint16_t connections_per_address(struct config_loader *loader, const stru
 	return (uint16_t)given->integer;
 }
 
+/* The former place of a time-out of the object "commands", which has been read; *of_all is 0 if it is not there. */
+static void take_timeout(struct config_loader *loader, const struct config_place *iec104,
+			 const struct config_value *values, unsigned key, uint16_t *of_all)
+{
+	const struct config_place here = config_key_of(iec104, iec104_rules[key].name);
+	const uint16_t timeout_s = (uint16_t)values[key].integer;
+
+	if (!values[key].given)
+		return;
+	if (*of_all != 0 && *of_all != timeout_s)
+		config_error(&loader->report, &here, "%u contradicts commands.%s, which is %u", timeout_s,
+			     iec104_rules[key].name, *of_all);
+	*of_all = timeout_s;
+}
+
 static void read_settings(struct config_loader *loader, const struct config_place *place, const json_t *json,
 			  bool tls)
 {
@@ -120,8 +135,8 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	settings->t3_s = (uint32_t)values[IEC104_T3].integer;
 	settings->max_connections = (uint16_t)values[IEC104_MAX_CONNECTIONS].integer;
 	settings->connections_per_address = connections_per_address(loader, place, values);
-	all->select_timeout_s = (uint16_t)values[IEC104_SELECT_TIMEOUT].integer;
-	all->command_timeout_s = (uint16_t)values[IEC104_COMMAND_TIMEOUT].integer;
+	take_timeout(loader, place, values, IEC104_SELECT_TIMEOUT, &all->select_timeout_s);
+	take_timeout(loader, place, values, IEC104_COMMAND_TIMEOUT, &all->command_timeout_s);
 	settings->command_without_clock = values[IEC104_COMMAND_WITHOUT_CLOCK].integer != 0;
 	settings->own_ca = (uint16_t)values[IEC104_OWN_CA].integer;
 	if (!values[IEC104_ADDRESS].wrong)

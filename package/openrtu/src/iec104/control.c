@@ -12,7 +12,7 @@ static void take_parameter(struct iec104_station *station, const struct iec104_r
 
 	if (request.point == MAP_NONE)
 		iec104_refuse(received, IEC104_UNKNOWN_IOA);
-	else if (!iec104_parameter_request(&received->asdu, &request))
+	else if (!iec104_parameter_request(station, &received->asdu, &request))
 		iec104_confirm(received, true);
 	else if (received->asdu.test)
 		iec104_confirm(received, false);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Parameters of measured values: what a controlling station loads, and what an interrogation says of it. */
+#include "iec104/carrier.h"
 #include "iec104/station_parts.h"
 
 #define QPA_CYCLIC 3 /* of the addressed object */
@@ -13,10 +14,10 @@ static const struct {
     {IEC104_P_ME_NC_1, MAP_FLOAT},
 };
 
-static uint8_t type_for(enum map_type point)
+static uint8_t type_for(const struct map_point *point)
 {
 	for (size_t i = 0; i < sizeof(forms) / sizeof(forms[0]); i++)
-		if (forms[i].point == point)
+		if (forms[i].point == iec104_carrier_of(point))
 			return forms[i].type;
 	return 0;
 }
@@ -28,13 +29,15 @@ uint32_t iec104_parameter_point(const struct iec104_station *station, const stru
 
 	if (point == MAP_NONE)
 		return MAP_NONE;
-	type = type_for((enum map_type)iec104_point(station, point)->type);
+	type = type_for(iec104_point(station, point));
 	return type != 0 && (asdu->type == IEC104_P_AC_NA_1 || asdu->type == type) ? point : MAP_NONE;
 }
 
-bool iec104_parameter_request(const struct iec104_asdu *asdu, struct map_request *request)
+bool iec104_parameter_request(const struct iec104_station *station, const struct iec104_asdu *asdu,
+			      struct map_request *request)
 {
 	const uint8_t *element = asdu->objects + IEC104_IOA_SIZE;
+	union map_value carried;
 	uint8_t qualifier;
 
 	if (asdu->type == IEC104_P_AC_NA_1) {
@@ -42,9 +45,10 @@ bool iec104_parameter_request(const struct iec104_asdu *asdu, struct map_request
 		request->value.u = asdu->cause == IEC104_ACTIVATION;
 		return element[0] == QPA_CYCLIC;
 	}
-	iec104_parameter_decode(asdu->type, asdu->objects, &request->value, &qualifier);
+	iec104_parameter_decode(asdu->type, asdu->objects, &carried, &qualifier);
 	request->detail = qualifier; /* with LPC or POP, which a controlling station has 0, it is no KPA */
-	return qualifier >= MAP_THRESHOLD && qualifier <= MAP_HIGH_LIMIT;
+	return qualifier >= MAP_THRESHOLD && qualifier <= MAP_HIGH_LIMIT &&
+	       iec104_take_carried(iec104_point(station, request->point), carried, &request->value);
 }
 
 /* All that were loaded of one point are one ASDU: the same address, told apart by KPA. */
@@ -56,7 +60,7 @@ static void send_loaded(const struct iec104_station *station, struct iec104_conn
 	struct iec104_builder builder;
 
 	iec104_asdu_begin(&builder, &(struct iec104_asdu){
-					.type = type_for(type),
+					.type = type_for(iec104_point(station, point)),
 					.cause = procedure->qualifier,
 					.test = procedure->test,
 					.originator = procedure->originator,
@@ -89,8 +93,7 @@ bool iec104_send_parameters(const struct iec104_station *station, struct iec104_
 		struct map_parameters parameters;
 
 		if (iec104_device(station, point)->ca != last->ca ||
-		    type_for((enum map_type)iec104_point(station, point)->type) == 0 ||
-		    !wanted(station, connection, point))
+		    type_for(iec104_point(station, point)) == 0 || !wanted(station, connection, point))
 			continue;
 		map_parameters_read(station->map, point, &parameters);
 		if (!has_loaded(&parameters))

@@ -222,8 +222,12 @@ int64_t iec104_initialisation_deadline(const struct iec104_station *station);
 
 /* The measured value that a parameter is for; MAP_NONE: there is none of this type. */
 uint32_t iec104_parameter_point(const struct iec104_station *station, const struct iec104_asdu *asdu);
-/* What its owner is asked for: detail and value. False: a qualifier that is reserved or not for a controlling station. */
-bool iec104_parameter_request(const struct iec104_asdu *asdu, struct map_request *request);
+/*
+ * What the owner of request->point is asked for: detail and value. False: a qualifier that is reserved or not for a controlling
+ * station, or a value that the point cannot hold.
+ */
+bool iec104_parameter_request(const struct iec104_station *station, const struct iec104_asdu *asdu,
+			      struct map_request *request);
 /* Sends the loaded parameters of the procedure's next point that has some. False: there is none. */
 bool iec104_send_parameters(const struct iec104_station *station, struct iec104_connection *connection,
 			    struct iec104_procedure *procedure, iec104_wanted *wanted, int64_t now_ns);

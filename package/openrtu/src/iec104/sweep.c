@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Many points, as many ASDUs as it takes, resumed whenever k and the connection allow. */
+#include "iec104/carrier.h"
 #include "iec104/station_parts.h"
 #include "map/time_ns.h"
 #include "map/type.h"
@@ -155,7 +156,7 @@ static bool neighbour_follows(const struct iec104_station *station,
 /* IEC 60870-5-101, 7.3.1: only measured values may be cyclic, integrated totals only spontaneous. */
 static uint8_t periodic_cause(const struct map_point *object)
 {
-	switch (map_class_of(object)) {
+	switch (map_types[iec104_carrier_of(object)].class) {
 	case MAP_CLASS_MEASURED:
 		return IEC104_CYCLIC;
 	case MAP_CLASS_TOTAL:

@@ -165,7 +165,9 @@ static void test_our_own_elements(void **state)
 		assert_false(out.tagged);
 		assert_true(decode(iec104_monitor_type(&point, true), element, size + IEC104_TIME56_SIZE));
 		assert_int_equal(out.wall_ns, NOW);
-		if (type != MAP_SINGLE && type != MAP_DOUBLE)
+		if (type == MAP_ANGLE)
+			assert_int_equal(out.value.u, ((union map_value){.f = -5e-7f}).u);
+		else if (type != MAP_SINGLE && type != MAP_DOUBLE)
 			assert_int_equal(out.value.i, -5);
 	}
 }

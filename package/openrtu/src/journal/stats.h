@@ -21,6 +21,10 @@ struct journal_stats {
 	_Atomic uint32_t failing;    /* 1: the last record could not be written */
 };
 
+#define JOURNAL_COUNTERS 7 /* of these, that have names for all: map_name_counter */
+
+/* rtu-journal: names them. */
+void journal_name_counters(struct map *map);
 /* NULL: there is no journal. For others than rtu-journal it is read-only. */
 struct journal_stats *journal_stats_of(const struct map *map);
 

@@ -4,12 +4,14 @@
 #define OPENRTU_LIB_HANDLE_H
 
 #include "foreign/config.h"
+#include "foreign/stats.h"
 #include "lib/openrtu.h"
 #include "map/map.h"
 
 struct openrtu {
 	struct map *map;
 	const struct foreign_module *module;
+	struct foreign_stats *stats;
 	int stop_fd; /* readable: it was asked to end */
 	bool stopped;
 	/* Its points: what it reads, then its own. */

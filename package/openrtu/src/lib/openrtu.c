@@ -102,7 +102,8 @@ static bool prepare(struct openrtu *rtu, const char *name)
 
 	rtu->stop_fd = -1;
 	rtu->module = foreign_find(config, name);
-	if (rtu->module == NULL) {
+	rtu->stats = map_section(rtu->map, map_self(rtu->map), sizeof(*rtu->stats));
+	if (rtu->module == NULL || rtu->stats == NULL) {
 		fail("the map's \"modules\" are of another version: restart rtud, and build with its "
 		     "libopenrtu");
 		return false;
@@ -115,6 +116,8 @@ static bool prepare(struct openrtu *rtu, const char *name)
 		fail("cannot begin: %s", strerror(errno));
 		return false;
 	}
+	map_name_counter(rtu->map, &rtu->stats->scans, "scans");
+	map_name_counter(rtu->map, &rtu->stats->missed, "missed periods");
 	find_points(rtu);
 	scan_publish_initial(rtu);
 	prctl(PR_SET_NAME, name); /* or all scripts would be called as their interpreter */

@@ -37,6 +37,7 @@ static void plan_next(struct openrtu *rtu, int64_t now_ns)
 		int64_t missed = (now_ns - rtu->next_ns) / period_ns + 1;
 
 		rtu->missed += (uint32_t)missed;
+		map_count(&rtu->stats->missed, (uint32_t)missed);
 		rtu->next_ns += missed * period_ns;
 	}
 	say_missed(rtu, now_ns);
@@ -100,11 +101,24 @@ static void freeze_set(struct openrtu *rtu, uint32_t first, uint32_t end)
 			rtu->samples[i].quality |= MAP_NOT_TOPICAL;
 }
 
+/* What is asked of its points: parameters of measured values are loaded, commands are refused, all are answered. */
+static void serve_requests(struct openrtu *rtu)
+{
+	struct map_request request;
+
+	map_bell_clear(rtu->map);
+	while (map_request_next(rtu->map, &request))
+		if (map_command_request(rtu->map, &request))
+			map_command_finish(rtu->map, request.point, MAP_RESULT_NOT_COMMANDABLE, 0);
+}
+
 void openrtu_scan_begin(struct openrtu *rtu)
 {
 	map_heartbeat(rtu->map);
 	rtu->now_ns = map_begin_cycle(rtu->map);
 	rtu->seen = MAP_GOOD;
+	map_count(&rtu->stats->scans, 1);
+	serve_requests(rtu);
 	for (uint32_t first = 0, end; first < rtu->input_count; first = end) {
 		end = end_of_set(rtu, first);
 		freeze_set(rtu, first, end);

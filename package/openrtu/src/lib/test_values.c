@@ -16,7 +16,8 @@ static void test_bounds_come_back(void **state)
 {
 	(void)state;
 	for (enum map_type type = 0; type < MAP_TYPES; type++) {
-		const double bounds[] = {map_types[type].low, map_types[type].high};
+		const double unit = type == MAP_ANGLE ? 1.0 / MAP_ANGLE_PER_DEGREE : 1;
+		const double bounds[] = {map_types[type].low * unit, map_types[type].high * unit};
 
 		for (size_t i = 0; i < 2; i++) {
 			union map_value value = {.u = 0};

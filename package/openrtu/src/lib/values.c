@@ -18,30 +18,30 @@ double value_number(enum map_type type, union map_value value)
 	return map_number(type, value);
 }
 
+/* Nor is NaN one. */
+static bool is_whole_in_range(enum map_type type, double number)
+{
+	return number >= map_types[type].low && number <= map_types[type].high &&
+	       map_nearest(number) == number;
+}
+
 bool value_of_number(enum map_type type, double number, union map_value *out)
 {
-	const struct map_type_row *row = &map_types[type];
-
-	if (!(number >= row->low && number <= row->high)) /* nor is it NaN */
-		return false;
-	switch (row->class) {
+	switch (map_types[type].class) {
 	case MAP_CLASS_STATE:
 	case MAP_CLASS_PATTERN:
-		if (map_nearest(number) != number)
+		if (!is_whole_in_range(type, number))
 			return false;
 		out->u = (uint32_t)number;
 		return true;
 	case MAP_CLASS_POSITION:
-		if (map_nearest(number) != number)
+		if (!is_whole_in_range(type, number))
 			return false;
-		break;
+		out->i = (int32_t)number;
+		return true;
 	case MAP_CLASS_MEASURED:
 	case MAP_CLASS_TOTAL:
 		break;
 	}
-	if (type == MAP_FLOAT)
-		out->f = (float)number;
-	else
-		out->i = map_round(number);
-	return true;
+	return map_value_of(type, number, out);
 }

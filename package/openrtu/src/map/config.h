@@ -22,7 +22,7 @@
 
 #define MAP_FILE_SIZE 128 /* a file's path */
 
-/* The information types of the project report's tables 4.1 and 4.2. */
+/* The information types of the project report's tables 4.1 and 4.2, and two that no Modbus register has. */
 enum map_type {
 	MAP_SINGLE,     /* value.u 0, 1 */
 	MAP_DOUBLE,     /* value.u 0 intermediate, 1 off, 2 on, 3 indeterminate */
@@ -32,9 +32,12 @@ enum map_type {
 	MAP_SCALED,     /* value.i -32768..32767 */
 	MAP_FLOAT,      /* value.f */
 	MAP_COUNTER,    /* value.i, 32 bits */
+	MAP_INTEGER,    /* value.i, 32 bits: a measured value that keeps them all */
+	MAP_ANGLE,      /* value.i, 1e-7 degree, -180..180 degrees: a float would be a metre coarse */
 };
 
-#define MAP_TYPES (MAP_COUNTER + 1)
+#define MAP_TYPES            (MAP_ANGLE + 1)
+#define MAP_ANGLE_PER_DEGREE 10000000
 
 enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 0,    /* may be commanded */
@@ -109,7 +112,7 @@ struct map_queue_plan {
 
 /* What holds for all modules. */
 struct map_settings {
-	uint16_t select_timeout_s;  /* a selection that is not executed ends */
+	uint16_t select_timeout_s;  /* a selection that is not executed ends; of all protocols, as the next */
 	uint16_t command_timeout_s; /* oldest acceptable time tag, longest wait for the device */
 	uint8_t clock;              /* enum map_clock_mode */
 	uint8_t queue_count;
@@ -141,7 +144,9 @@ struct map_module_plan {
 	struct map_rings rings;
 	uint32_t heartbeat_limit_ms; /* how old its heartbeat may be */
 	uint32_t section_size;       /* octets of its own section (map_section) */
-	uint32_t user;               /* what rtud adds to the first of the modules' users */
+	uint32_t counters;           /* so many in that section have a name at most (map_name_counter) */
+	uint32_t
+	    user; /* what rtud adds to the first of the modules' users: no other's, or 0: no process of rtud's */
 };
 
 /* What a room alone knows of the configuration: a table of records that the map keeps and does not understand. */

@@ -35,6 +35,7 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 	if (entry->plan.flags & MAP_KEEPS_QUEUES)
 		layout.queues = section(&layout, MAP_QUEUES * sizeof(struct queue_cell));
 	layout.own = section(&layout, entry->plan.section_size);
+	layout.counters = section(&layout, entry->plan.counters * sizeof(struct counter_entry));
 	if (entry->point_count == 0)
 		return layout;
 	layout.latches = section(&layout, config->set_count * sizeof(map_latch));
@@ -69,6 +70,7 @@ void segment_place(struct segment *segment, void *memory, const struct layout *l
 	segment->parameters = at(memory, layout->parameters);
 	segment->queues = at(memory, layout->queues);
 	segment->own = at(memory, layout->own);
+	segment->counters = at(memory, layout->counters);
 	segment->size = layout->size;
 }
 
@@ -79,7 +81,7 @@ uint32_t layout_fingerprint(void)
 	    sizeof(struct map_point),      sizeof(struct map_settings),   sizeof(struct map_sample),
 	    sizeof(struct map_event),      sizeof(struct map_request),    sizeof(struct map_answer),
 	    sizeof(struct command_cell),   sizeof(struct map_log_line),   sizeof(struct queue_cell),
-	    sizeof(struct total_cell),     sizeof(struct parameter_cell),
+	    sizeof(struct total_cell),     sizeof(struct parameter_cell), sizeof(struct counter_entry),
 	};
 	uint32_t hash = 2166136261u; /* FNV-1a */
 

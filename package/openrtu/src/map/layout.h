@@ -15,7 +15,7 @@
 #include "map/type.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 7u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT 8u          /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -69,6 +69,12 @@ struct queue_cell {
 	struct map_queue_place places[2];
 };
 
+/* A counter of the module's own section that has a name. */
+struct counter_entry {
+	char name[MAP_COUNTER_SIZE];
+	_Atomic uint32_t place; /* in words of that section, and one more; 0: there is none */
+};
+
 /* A module as rtud knows it. In rtud's segment. */
 struct module_entry {
 	struct map_module_plan plan;
@@ -112,7 +118,7 @@ struct layout {
 	size_t samples[2];
 	size_t commands, totals, parameters;
 	size_t queues;
-	size_t own;
+	size_t own, counters;
 	size_t size;
 	struct map_rings rings;
 };
@@ -128,6 +134,7 @@ struct segment {
 	struct parameter_cell *parameters;
 	struct queue_cell *queues;
 	void *own; /* map_section */
+	struct counter_entry *counters;
 	size_t size;
 	int bell;
 };
@@ -142,7 +149,7 @@ struct reported {
 /* Where a measured value's filter is; private to its owner. */
 struct smoothed {
 	double value;
-	int64_t time_ns; /* 0: it begins with the next value */
+	int64_t time_ns; /* 0: it begins with what was published last */
 };
 
 struct map {
@@ -156,6 +163,7 @@ struct map {
 	struct smoothed *smoothed;
 	int64_t cycle_ns; /* when the caller's loop began its cycle, 0: it has not said */
 	uint32_t cycle_ms;
+	uint32_t named;   /* counters of the own section */
 	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;   /* requests and answers since the bell was cleared */
 	uint32_t load;    /* what others have given this module to do in this period, in records */
@@ -192,6 +200,17 @@ static inline bool is_measured(const struct map_point *point)
 {
 	return map_class_of(point) == MAP_CLASS_MEASURED;
 }
+/* The own cell of a counter. */
+struct total_cell *total_own(const struct map *map, uint32_t point);
+/* What its owner, who is the only writer, wrote last. */
+struct map_total total_current(const struct total_cell *cell);
+void total_store(struct total_cell *cell, const struct map_total *total);
+/* Makes the reading of what a counter's source says, before it is published; notes an overflow of the reading. */
+void total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample);
+/* Smooths a measured value before it is published. */
+void parameter_smooth(struct map *map, uint32_t point, struct map_sample *sample);
+/* An update's flag within this room: the sample is what shall be published. */
+#define UPDATE_AS_IS (1u << 7)
 /* The owner's own last sample. */
 struct map_sample own_sample(const struct map *map, uint32_t point);
 /* Puts an event of an update, whatever the last one said. */

@@ -40,11 +40,27 @@ static void bell_file(char *name, const char *module)
 
 /* ---- create ------------------------------------------------------------------------------ */
 
+/* The kernel keeps modules apart by their users. 0 is of those that rtud starts no process for. */
+static int check_users(const struct map_config *config, char *error)
+{
+	for (uint32_t i = 0; i < config->module_count; i++)
+		for (uint32_t j = i + 1; j < config->module_count; j++)
+			if (config->modules[i].user != 0 &&
+			    config->modules[i].user == config->modules[j].user)
+				return fail(error,
+					    "%s and %s would run as one user, number %u of the modules'",
+					    config->modules[i].name, config->modules[j].name,
+					    config->modules[i].user);
+	return 0;
+}
+
 static int take_modules(struct directory *directory, const struct map_config *config, char *error)
 {
 	if (config->module_count == 0 || config->module_count > MAP_MODULES_MAX ||
 	    !(config->modules[MAP_RTUD].flags & MAP_IS_SUPERVISOR))
 		return fail(error, "a map has rtud and %d modules in all at most", MAP_MODULES_MAX);
+	if (check_users(config, error) < 0)
+		return -1;
 	directory->module_count = config->module_count;
 	for (uint32_t i = 0; i < config->module_count; i++)
 		directory->modules[i].plan = config->modules[i];

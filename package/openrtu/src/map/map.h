@@ -14,13 +14,13 @@
 #ifndef OPENRTU_MAP_H
 #define OPENRTU_MAP_H
 
-#include <float.h>
 #include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "config.h"
 #include "time_ns.h"
+#include "value.h"
 
 #define MAP_NONE                    UINT32_MAX
 #define MAP_ERROR_SIZE              256
@@ -43,40 +43,12 @@ enum map_quality {
 	MAP_INVALID = 0x80,
 };
 
-union map_value {
-	int32_t i;
-	uint32_t u;
-	float f;
-};
-
 /* What a frozen reading of a counter says beside its value, where the BCR has it (IEC 60870-5-101, 7.2.6.9). */
 enum map_counter_detail {
 	MAP_COUNTER_SEQUENCE = 0x1f, /* number of the freeze, modulo 32 */
 	MAP_COUNTER_CARRY = 0x20,    /* it overflowed in the period that the freeze ended */
 	MAP_COUNTER_ADJUSTED = 0x40, /* it was reset in that period, by request or at the device */
 };
-
-/* A measured value or a counter as a number. */
-static inline double map_number(enum map_type type, union map_value value)
-{
-	return type == MAP_FLOAT ? (double)value.f : value.i;
-}
-
-/* The nearest whole number, of two the even one, as rint: libm for this alone was 0.4 MiB in each process's memory. */
-static inline double map_nearest(double number)
-{
-	_Static_assert(FLT_EVAL_METHOD == 0, "a double has 53 bits here");
-	const double no_fraction = 0x1p52; /* numbers of this size have no place for one */
-
-	if (number >= no_fraction || number <= -no_fraction)
-		return number;
-	return number < 0 ? number - no_fraction + no_fraction : number + no_fraction - no_fraction;
-}
-
-static inline int32_t map_round(double number)
-{
-	return (int32_t)map_nearest(number);
-}
 
 struct map_sample {
 	union map_value value; /* which member: enum map_type */
@@ -175,17 +147,37 @@ enum map_cause {
 	MAP_RETURN_LOCAL,  /* read back after a command of rtuctl */
 };
 
+/* Whether a spontaneous update is an event. */
+enum map_event_rule {
+	MAP_EVENT_BY_CHANGE,  /* its quality changed, or its value left the deadband around the last event */
+	MAP_EVENT_BY_QUALITY, /* its quality changed: its owner says itself when its value is worth one */
+	MAP_EVENT_ALWAYS,
+};
+
+enum map_update_flag {
+	MAP_UPDATE_KEEPS_VALUE = 1u << 0, /* only quality and time are new: the sample's value is not read */
+	MAP_UPDATE_NARROW = 1u << 1,      /* of a counter that has 16 bits at its source */
+};
+
 struct map_update {
 	uint32_t point;
-	uint8_t cause; /* enum map_cause */
-	uint8_t reserved[3];
+	uint8_t cause;      /* enum map_cause */
+	uint8_t flags;      /* enum map_update_flag */
+	uint8_t event_rule; /* enum map_event_rule */
+	uint8_t reserved;
 	struct map_sample sample;
 };
 
 /*
- * Publishes new samples of one device's points in one step: readers see all or none. Makes an event of
- * each point whose quality changed, whose value left the deadband around the last event, or whose update is return
- * information: whoever commanded sees what became of it, also when nothing changed. Owner only.
+ * Publishes new samples of points of one set in one step: readers see all or none. Each point is among them once at most.
+ * Makes an event of each point whose update's rule says so, or whose update is return information: whoever commanded sees
+ * what became of it, also when nothing changed. Owner only.
+ *
+ * A sample's value is what its source says: of a measured value with a loaded smoothing, what the filter makes of it is
+ * published; of a counter the reading, which is the source's value less what it was at the last reset, modulo 2^32, since the
+ * source itself is never written. A source that falls back has been reset or exchanged: the reading begins anew with it, and
+ * is adjusted. A narrow counter's reading goes on where that wraps, which must be published before it has counted 32 768; when
+ * it falls back further, the reading goes on from where it was, and is adjusted. An invalid sample changes no reading.
  */
 void map_publish(struct map *map, const struct map_update *updates, size_t count);
 
@@ -387,17 +379,6 @@ const char *map_command_result_name(enum map_command_result result);
 /* ---- totals ------------------------------------------------------------------------------ */
 
 /*
- * A counter's reading is the device's value less what it was at the last reset, modulo 2^32: the device itself
- * is never written. Makes the reading of what was read from the device in *sample, before it is published; notes
- * an overflow of the reading. A device that falls back has been reset or exchanged: the reading begins anew with
- * it, and is adjusted. Owner only.
- *
- * narrow: the device's counter has 16 bits. The reading goes on where that wraps, which must be read before it has counted
- * 32 768; when the device falls back further, the reading goes on from where it was, and is adjusted. A reading that is
- * invalid changes nothing.
- */
-void map_total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample);
-/*
  * Freezes counters with a period of their own when the map's clock enters a new one, and makes an event of each
  * frozen reading. Each second or so; owner only.
  */
@@ -422,8 +403,6 @@ struct map_parameters {
 
 /* Any point; only measured values have anything loaded. */
 void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out);
-/* Smooths a measured value that was read from the device, before it is published. Owner only. */
-void map_smooth(struct map *map, uint32_t point, struct map_sample *sample);
 
 /* ---- clock ------------------------------------------------------------------------------- */
 
@@ -501,6 +480,23 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
  * owner writes them, others read them. Their meaning is the kind's. NULL: it has none of this size.
  */
 void *map_section(const struct map *map, uint32_t module, size_t size);
+
+#define MAP_COUNTER_SIZE 32 /* of a counter's name, terminator included */
+
+/* A counter, as its module shows it. */
+struct map_counter {
+	char name[MAP_COUNTER_SIZE];
+	uint32_t value;
+};
+
+/*
+ * Names a counter in the own section, so that others can show it without knowing the section. A process names its counters once,
+ * in the same order each time. Longer names are cut. False: it has named as many as its plan says.
+ */
+bool map_name_counter(struct map *map, const _Atomic uint32_t *counter, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+/* A module's named counter, number 0 and on, with a printable name. False: it has no more. */
+bool map_counter(const struct map *map, uint32_t module, uint32_t number, struct map_counter *out);
 
 /*
  * How often durations were how long: below 1 us, then number i from 2^(i-1) to below 2^i us, the last whatever is

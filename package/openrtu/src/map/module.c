@@ -202,10 +202,10 @@ void map_log(struct map *map, enum map_log_level level, const char *format, ...)
 	bell_ring(map, MAP_RTUD);
 }
 
-/* A module gone wild shall not forge other modules' lines, nor speak to the reader's terminal. */
-static void make_printable(char text[MAP_LOG_TEXT_SIZE])
+/* A module gone wild shall not forge other modules' lines, nor speak to the reader's terminal. text: size octets. */
+static void make_printable(char *text, size_t size)
 {
-	text[MAP_LOG_TEXT_SIZE - 1] = '\0';
+	text[size - 1] = '\0';
 	for (; *text; text++)
 		if ((unsigned char)*text < ' ' || *text == 0x7f)
 			*text = '?';
@@ -218,7 +218,7 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 	if (!ring_peek(&map->segments[module].log, position, out, &lost))
 		return false;
 	*position += 1;
-	make_printable(out->text);
+	make_printable(out->text, sizeof(out->text));
 	if (!is_past(map, out->time_ns))
 		out->time_ns = map_now_ns();
 	return true;
@@ -229,6 +229,42 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 void *map_section(const struct map *map, uint32_t module, size_t size)
 {
 	return map->directory->modules[module].plan.section_size == size ? map->segments[module].own : NULL;
+}
+
+bool map_name_counter(struct map *map, const _Atomic uint32_t *counter, const char *format, ...)
+{
+	const struct map_module_plan *plan = &map->directory->modules[map->self].plan;
+	const struct segment *own = &map->segments[map->self];
+	struct counter_entry *entry;
+	va_list arguments;
+
+	if (map->named >= plan->counters)
+		return false;
+	entry = &own->counters[map->named++];
+	va_start(arguments, format);
+	vsnprintf(entry->name, sizeof(entry->name), format, arguments);
+	va_end(arguments);
+	atomic_store(&entry->place, (uint32_t)(counter - (const _Atomic uint32_t *)own->own) + 1);
+	return true;
+}
+
+bool map_counter(const struct map *map, uint32_t module, uint32_t number, struct map_counter *out)
+{
+	const struct map_module_plan *plan = &map->directory->modules[module].plan;
+	const _Atomic uint32_t *words = map->segments[module].own;
+	const struct counter_entry *entry;
+	uint32_t place;
+
+	if (number >= plan->counters)
+		return false;
+	entry = &map->segments[module].counters[number];
+	place = atomic_load(&entry->place);
+	if (place == 0 || place > plan->section_size / sizeof(*words))
+		return false;
+	memcpy(out->name, entry->name, sizeof(out->name));
+	make_printable(out->name, sizeof(out->name));
+	out->value = atomic_load(&words[place - 1]);
+	return true;
 }
 
 void map_count_lost_events(struct map *map, uint32_t events)

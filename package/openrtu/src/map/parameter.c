@@ -7,6 +7,12 @@
 
 static const double TENTHS_PER_S = 10;
 
+/* Its time constant comes as a number of seconds, else as whole tenths. */
+static bool sent_as_float(const struct map_point *object)
+{
+	return object->type == MAP_FLOAT || object->type == MAP_ANGLE;
+}
+
 static bool has_parameters(const struct map *map, uint32_t point)
 {
 	return is_measured(&map->config.points[point]);
@@ -31,7 +37,7 @@ static double loaded(const struct map *map, uint32_t point, enum map_parameter k
 void map_parameters_read(const struct map *map, uint32_t point, struct map_parameters *out)
 {
 	const struct map_point *object = &map->config.points[point];
-	double unit = object->type == MAP_FLOAT ? 1 : TENTHS_PER_S;
+	double unit = sent_as_float(object) ? 1 : TENTHS_PER_S;
 
 	*out = (struct map_parameters){.threshold = object->deadband,
 				       .low = -INFINITY,
@@ -92,29 +98,45 @@ bool parameter_load(struct map *map, const struct map_request *request)
 	return true;
 }
 
-/* y += (x - y) * dt / (T + dt): a first-order filter at whatever pace the device is read. */
-void map_smooth(struct map *map, uint32_t point, struct map_sample *sample)
+/* Of a value that is blocked or substituted the filter goes on: it is what the source says. */
+static bool is_smoothable(const struct map_sample *sample)
+{
+	return (sample->quality & (MAP_INVALID | MAP_NOT_TOPICAL | MAP_OVERFLOW)) == 0;
+}
+
+static struct smoothed last_published(const struct map *map, uint32_t point)
+{
+	struct map_sample last = own_sample(map, point);
+	enum map_type type = (enum map_type)map->config.points[point].type;
+
+	return (struct smoothed){map_number(type, last.value), is_smoothable(&last) ? last.time_ns : 0};
+}
+
+/* y += (x - y) * dt / (T + dt): a first-order filter at whatever pace the source is read. */
+void parameter_smooth(struct map *map, uint32_t point, struct map_sample *sample)
 {
 	const struct map_point *object = &map->config.points[point];
 	struct smoothed *smoothed = &map->smoothed[object->slot];
+	enum map_type type = (enum map_type)object->type;
 	struct map_parameters parameters;
 	double value, passed_s;
 
-	if (!has_parameters(map, point))
+	if (!(atomic_load(&cell_of(map, point)->state) & 1u << MAP_SMOOTHING) || !is_smoothable(sample)) {
+		smoothed->time_ns = 0;
 		return;
+	}
 	map_parameters_read(map, point, &parameters);
-	value = map_number((enum map_type)object->type, sample->value);
-	if (parameters.smoothing_s <= 0 || sample->quality != MAP_GOOD || smoothed->time_ns == 0) {
-		*smoothed = (struct smoothed){value, sample->quality == MAP_GOOD ? sample->time_ns : 0};
+	if (smoothed->time_ns == 0)
+		*smoothed = last_published(map, point);
+	value = map_number(type, sample->value);
+	if (parameters.smoothing_s <= 0 || smoothed->time_ns == 0) {
+		*smoothed = (struct smoothed){value, sample->time_ns};
 		return;
 	}
 	passed_s = (double)(sample->time_ns - smoothed->time_ns) / NS_PER_S;
 	smoothed->value += (value - smoothed->value) * passed_s / (parameters.smoothing_s + passed_s);
 	smoothed->time_ns = sample->time_ns;
-	if (object->type == MAP_FLOAT)
-		sample->value.f = (float)smoothed->value;
-	else
-		sample->value.i = map_round(smoothed->value);
+	map_value_of(type, smoothed->value, &sample->value);
 }
 
 /* -1 below the low limit, 1 above the high one; a value that is not a number is at neither side. */

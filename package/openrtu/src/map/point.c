@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Points and the events that their changes make. */
-#include <math.h>
+/* Points, what their owner puts right after a former generation, and events. */
 #include <string.h>
 
 #include "map/layout.h"
@@ -57,52 +56,7 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	return false;
 }
 
-/* ---- publishing -------------------------------------------------------------------------- */
-
-static double distance(enum map_type type, union map_value a, union map_value b)
-{
-	switch (map_types[type].class) {
-	case MAP_CLASS_MEASURED:
-	case MAP_CLASS_TOTAL:
-		return fabs(map_number(type, a) - map_number(type, b));
-	case MAP_CLASS_STATE:
-	case MAP_CLASS_POSITION:
-	case MAP_CLASS_PATTERN:
-		break;
-	}
-	return a.u == b.u ? 0 : INFINITY;
-}
-
-/* A value that is not a number is at no distance from another: any change of its bits counts. */
-static bool value_left(const struct map *map, uint32_t point, union map_value from, union map_value to)
-{
-	enum map_type type = (enum map_type)map->config.points[point].type;
-	double by = distance(type, from, to);
-	struct map_parameters parameters;
-
-	if (isnan(by))
-		return from.u != to.u;
-	if (from.u == to.u)
-		return false;
-	map_parameters_read(map, point, &parameters);
-	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to);
-}
-
-static bool is_event(const struct map *map, const struct map_update *update)
-{
-	const struct map_sample *sample = &update->sample;
-	uint32_t point = update->point;
-	struct reported *last = &map->reported[map->config.points[point].slot];
-
-	if (map->config.points[point].freeze_s != 0) /* its frozen readings are its events */
-		return false;
-	if (update->cause == MAP_SPONTANEOUS && last->valid && last->quality == sample->quality &&
-	    last->detail == sample->detail && !value_left(map, point, last->value, sample->value))
-		return false;
-	*last = (struct reported){
-	    .value = sample->value, .quality = sample->quality, .detail = sample->detail, .valid = true};
-	return true;
-}
+/* ---- owner ------------------------------------------------------------------------------- */
 
 void event_put(struct map *map, const struct map_update *update)
 {
@@ -120,35 +74,6 @@ struct map_sample own_sample(const struct map *map, uint32_t point)
 	const struct segment *own = &map->segments[map->self];
 
 	return own->samples[latch_whole_copy(&own->latches[config->set])][config->slot];
-}
-
-static bool put_events(struct map *map, const struct map_update *updates, size_t count)
-{
-	bool any = false;
-
-	for (size_t i = 0; i < count; i++) {
-		if (!is_event(map, &updates[i]))
-			continue;
-		event_put(map, &updates[i]);
-		any = true;
-	}
-	return any;
-}
-
-void map_publish(struct map *map, const struct map_update *updates, size_t count)
-{
-	const struct segment *own = &map->segments[map->self];
-
-	if (count == 0)
-		return;
-	for (int copy = 0; copy < 2; copy++) {
-		unsigned filled = latch_flip(&own->latches[map->config.points[updates[0].point].set]);
-
-		for (size_t i = 0; i < count; i++)
-			own->samples[filled][map->config.points[updates[i].point].slot] = updates[i].sample;
-	}
-	if (put_events(map, updates, count))
-		bell_ring_event_readers(map);
 }
 
 /*

@@ -148,6 +148,26 @@ static void test_points_belong_to_who_may_own_them(void **state)
 	assert_int_equal(rmdir(dir), 0);
 }
 
+static void test_no_two_modules_have_one_user(void **state)
+{
+	struct stage *stage = *state;
+	uint32_t second = index_of(stage, SECOND);
+	char dir[80], error[MAP_ERROR_SIZE] = "";
+	struct map *map;
+
+	snprintf(dir, sizeof(dir), "%s.other", stage->dir);
+	stage->modules[second].user = stage->modules[index_of(stage, FIRST)].user;
+	assert_int_equal(map_create(&map, dir, &stage->config, 0, error), -1);
+	assert_non_null(strstr(error, FIRST " and " SECOND " would run as one user"));
+	assert_int_equal(rmdir(dir), 0);
+	stage->modules[second].user = 0; /* rtud starts no process: as many as there are */
+	stage->modules[index_of(stage, FIRST)].user = 0;
+	assert_int_equal(map_create(&map, dir, &stage->config, 0, error), 0);
+	map_remove(map);
+	map_detach(map);
+	assert_int_equal(rmdir(dir), 0);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -156,6 +176,7 @@ int main(void)
 	    TEST(test_a_module_cannot_truncate_its_segment),
 	    TEST(test_a_folder_that_others_may_write_to_is_refused),
 	    TEST(test_points_belong_to_who_may_own_them),
+	    TEST(test_no_two_modules_have_one_user),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

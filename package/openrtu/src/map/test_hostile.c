@@ -249,6 +249,26 @@ static void test_noise_in_a_segment_harms_nobody_else(void **state)
 	}
 }
 
+static void test_a_counter_beyond_the_section_is_none(void **state)
+{
+	struct stage *stage = *state;
+	struct map *wild = start(stage, FIRST);
+	uint32_t index = index_of(stage, FIRST);
+	struct counter_entry *entry = wild->segments[wild->self].counters;
+	static const uint32_t places[] = {4, 5, 0x40000000, UINT32_MAX};
+	struct map_counter counter;
+
+	memset(entry->name, 0x1b, sizeof(entry->name)); /* speaks to a terminal, and has no end */
+	for (size_t i = 0; i < sizeof(places) / sizeof(places[0]); i++) {
+		atomic_store(&entry->place, places[i]);
+		assert_false(map_counter(stage->rtud, index, 0, &counter));
+	}
+	atomic_store(&entry->place, 3);
+	assert_true(map_counter(stage->rtud, index, 0, &counter));
+	assert_int_equal(strspn(counter.name, "?"), MAP_COUNTER_SIZE - 1);
+	map_detach(wild);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -261,6 +281,7 @@ int main(void)
 	    TEST(test_a_flood_of_requests_is_bounded_by_the_period),
 	    TEST(test_a_line_process_commands_nobody),
 	    TEST(test_noise_in_a_segment_harms_nobody_else),
+	    TEST(test_a_counter_beyond_the_section_is_none),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -43,6 +43,8 @@ static inline void plan_modules(struct map_config *config, struct map_module_pla
 				     (struct map_rings){1, 256, config->settings.event_ring, 128});
 		config->sets[i].module = (uint16_t)number;
 		modules[number].heartbeat_limit_ms = MAP_HEARTBEAT_LIMIT_MS;
+		modules[number].section_size = 3 * sizeof(uint32_t);
+		modules[number].counters = 2;
 	}
 }
 

@@ -48,7 +48,6 @@ static void publish(struct map *owner, int32_t value, int64_t time_ns)
 {
 	struct map_update update = scaled(LEVEL, value, MAP_GOOD, time_ns);
 
-	map_smooth(owner, LEVEL, &update.sample);
 	map_publish(owner, &update, 1);
 }
 
@@ -130,6 +129,43 @@ static void test_smoothing(void **state)
 	end_commands(&commands);
 }
 
+static void test_smoothing_begins_with_the_last_value(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	struct map_update lost = {.point = LEVEL, .flags = MAP_UPDATE_KEEPS_VALUE};
+	int64_t begin_ns = map_now_ns() - 100 * S;
+
+	publish(commands.owner, 400, begin_ns);
+	load(&commands, LEVEL, MAP_SMOOTHING, 10, true);
+	publish(commands.owner, 800, begin_ns + S);
+	assert_sample(commands.requester, LEVEL, 600, MAP_GOOD);
+	lost.sample = (struct map_sample){.quality = MAP_INVALID, .time_ns = begin_ns + 2 * S};
+	map_publish(commands.owner, &lost, 1);
+	assert_sample(commands.requester, LEVEL, 600, MAP_INVALID);
+	publish(commands.owner, 1000, begin_ns + 2 * S);
+	assert_sample(commands.requester, LEVEL, 800, MAP_GOOD);
+	end_commands(&commands);
+}
+
+/* Whoever blocks a value leaves it the source's. */
+static void test_a_blocked_value_is_smoothed_and_an_overflow_is_not(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	int64_t begin_ns = map_now_ns() - 100 * S;
+	struct map_update update = scaled(LEVEL, 1000, MAP_BLOCKED, begin_ns + S);
+
+	load(&commands, LEVEL, MAP_SMOOTHING, 10, true);
+	publish(commands.owner, 0, begin_ns);
+	map_publish(commands.owner, &update, 1);
+	assert_sample(commands.requester, LEVEL, 500, MAP_BLOCKED);
+	update = scaled(LEVEL, INT16_MAX, MAP_OVERFLOW, begin_ns + 2 * S);
+	map_publish(commands.owner, &update, 1);
+	assert_sample(commands.requester, LEVEL, INT16_MAX, MAP_OVERFLOW);
+	publish(commands.owner, 300, begin_ns + 3 * S); /* nothing of what came before is in it */
+	assert_sample(commands.requester, LEVEL, 300, MAP_GOOD);
+	end_commands(&commands);
+}
+
 static void test_wrong_values_are_refused(void **state)
 {
 	struct command_stage commands = start_commands(*state);
@@ -186,6 +222,8 @@ int main(void)
 	    MEASURED(test_threshold),
 	    MEASURED(test_crossing_a_limit_is_an_event),
 	    MEASURED(test_smoothing),
+	    MEASURED(test_smoothing_begins_with_the_last_value),
+	    MEASURED(test_a_blocked_value_is_smoothed_and_an_overflow_is_not),
 	    MEASURED(test_wrong_values_are_refused),
 	    MEASURED(test_parameters_survive_their_owner),
 	    cmocka_unit_test(test_numbers_are_rounded_as_rint_does),

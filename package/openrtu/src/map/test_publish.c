@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What a module tells all others: samples of its points, events and its log. */
+#include <string.h>
+
 #include "map/test_stage.h"
 
 static void test_points_are_found_by_address(void **state)
@@ -22,6 +24,29 @@ static void test_published_samples_are_read_by_others(void **state)
 	map_publish(owner, updates, 2);
 	assert_sample(reader, 1, 1500, MAP_GOOD);
 	assert_sample(reader, 2, -1, MAP_OVERFLOW);
+	map_detach(owner);
+	map_detach(reader);
+}
+
+static void test_an_update_can_keep_the_value(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
+	struct map_update update = scaled(1, 1500, MAP_GOOD, 10);
+	struct map_cursor cursor;
+	struct map_event event;
+
+	update.sample.detail = 1;
+	map_publish(owner, &update, 1);
+	map_cursor_to_end(reader, &cursor);
+	update = (struct map_update){
+	    .point = 1, .flags = MAP_UPDATE_KEEPS_VALUE, .sample = {.quality = MAP_BLOCKED, .time_ns = 11}};
+	map_publish(owner, &update, 1);
+	assert_sample(reader, 1, 1500, MAP_BLOCKED);
+	assert_true(map_event_next(reader, &cursor, &event));
+	assert_int_equal(event.sample.value.i, 1500);
+	assert_int_equal(event.sample.detail, 1);
+	assert_int_equal(event.sample.time_ns, 11);
 	map_detach(owner);
 	map_detach(reader);
 }
@@ -67,6 +92,32 @@ static void test_events_are_changes_beyond_the_deadband(void **state)
 		assert_true(map_event_next(reader, &cursor, &event));
 		assert_int_equal(event.kind, MAP_EVENT_CHANGE);
 		assert_int_equal(event.point, 0);
+		assert_int_equal(event.sample.time_ns, expected[i]);
+	}
+	assert_false(map_event_next(reader, &cursor, &event));
+	map_detach(owner);
+	map_detach(reader);
+}
+
+/* An owner that judges its values together, as a position, says itself which of them is an event. */
+static void test_owner_says_what_is_an_event(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
+	struct map_cursor cursor;
+	struct map_event event;
+	struct map_update updates[] = {scaled(0, 100, MAP_GOOD, 1), scaled(0, 900, MAP_GOOD, 2),
+				       scaled(0, 900, MAP_GOOD, 3), scaled(0, 901, MAP_INVALID, 4)};
+	const int64_t expected[] = {1, 3, 4};
+
+	updates[1].event_rule = MAP_EVENT_BY_QUALITY;
+	updates[2].event_rule = MAP_EVENT_ALWAYS;
+	updates[3].event_rule = MAP_EVENT_BY_QUALITY;
+	map_cursor_to_end(reader, &cursor);
+	for (size_t i = 0; i < 4; i++)
+		map_publish(owner, &updates[i], 1);
+	for (size_t i = 0; i < 3; i++) {
+		assert_true(map_event_next(reader, &cursor, &event));
 		assert_int_equal(event.sample.time_ns, expected[i]);
 	}
 	assert_false(map_event_next(reader, &cursor, &event));
@@ -159,16 +210,49 @@ static void test_the_log_is_read_line_by_line(void **state)
 	map_detach(module);
 }
 
+/* Whoever reads them knows nothing of the section. */
+static void test_named_counters(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	uint32_t index = index_of(stage, FIRST);
+	_Atomic uint32_t *own = map_section(owner, index, 3 * sizeof(*own));
+	struct map_counter counter;
+
+	assert_false(map_counter(stage->rtud, index, 0, &counter));
+	assert_true(map_name_counter(owner, &own[2], "p%u.%s", 1u, "frames"));
+	assert_true(map_name_counter(owner, &own[0], "%s", "a name that is longer than its place is"));
+	assert_false(map_name_counter(owner, &own[1], "third")); /* two are planned */
+	map_count(&own[2], 7);
+	assert_true(map_counter(stage->rtud, index, 0, &counter));
+	assert_string_equal(counter.name, "p1.frames");
+	assert_int_equal(counter.value, 7);
+	assert_true(map_counter(stage->rtud, index, 1, &counter));
+	assert_int_equal(strlen(counter.name), MAP_COUNTER_SIZE - 1);
+	assert_false(map_counter(stage->rtud, index, 2, &counter));
+	assert_false(map_counter(stage->rtud, MAP_RTUD, 0, &counter));
+	map_detach(owner);
+
+	owner = start(stage, FIRST); /* the next process names them again */
+	assert_true(map_name_counter(owner, &own[1], "other"));
+	assert_true(map_counter(stage->rtud, index, 0, &counter));
+	assert_string_equal(counter.name, "other");
+	map_detach(owner);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    TEST(test_points_are_found_by_address),
 	    TEST(test_published_samples_are_read_by_others),
+	    TEST(test_an_update_can_keep_the_value),
 	    TEST(test_points_are_invalid_before_the_first_sample_and_after_the_end),
 	    TEST(test_events_are_changes_beyond_the_deadband),
+	    TEST(test_owner_says_what_is_an_event),
 	    TEST(test_return_information_is_an_event_in_any_case),
 	    TEST(test_events_of_several_modules_come_in_order_of_time),
 	    TEST(test_lost_events_are_counted),
+	    TEST(test_named_counters),
 	    TEST(test_the_log_is_read_line_by_line),
 	};
 

@@ -27,7 +27,7 @@ static void count_in(struct map *owner, uint32_t point, bool narrow, uint32_t va
 {
 	struct map_update update = scaled(point, (int32_t)value, quality, map_now_ns());
 
-	map_total_count(owner, point, narrow, &update.sample);
+	update.flags = narrow ? MAP_UPDATE_NARROW : 0;
 	map_publish(owner, &update, 1);
 }
 
@@ -94,6 +94,23 @@ static void test_a_reset_is_a_subtraction(void **state)
 	assert_total(commands.requester, COUNTER, 7, 2 | MAP_COUNTER_ADJUSTED);
 	freeze(&commands, COUNTER, MAP_FREEZE_ONLY, 0);
 	assert_total(commands.requester, COUNTER, 7, 3); /* that was before the last freeze */
+	end_commands(&commands);
+}
+
+/* A device that stops answering says no value: what it counted before is its reading, and nothing is subtracted again. */
+static void test_an_update_that_keeps_the_value_counts_nothing(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+	struct map_update lost = {.point = COUNTER, .flags = MAP_UPDATE_KEEPS_VALUE};
+
+	count(commands.owner, COUNTER, 100);
+	freeze(&commands, COUNTER, MAP_RESET_ONLY, 0);
+	count(commands.owner, COUNTER, 130);
+	lost.sample = (struct map_sample){.value.u = 7, .quality = MAP_NOT_TOPICAL, .time_ns = map_now_ns()};
+	map_publish(commands.owner, &lost, 1);
+	assert_sample(commands.requester, COUNTER, 30, MAP_NOT_TOPICAL);
+	count(commands.owner, COUNTER, 131);
+	assert_sample(commands.requester, COUNTER, 31, MAP_GOOD);
 	end_commands(&commands);
 }
 
@@ -288,6 +305,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    COUNTERS(test_a_freeze_keeps_the_reading_and_counts),
 	    COUNTERS(test_a_reset_is_a_subtraction),
+	    COUNTERS(test_an_update_that_keeps_the_value_counts_nothing),
 	    COUNTERS(test_an_overflow_is_carried),
 	    COUNTERS(test_a_freeze_is_the_stations),
 	    COUNTERS(test_a_narrow_counter_goes_on_where_its_register_wraps),

@@ -3,62 +3,6 @@
 #include "map/layout.h"
 #include "map/time_ns.h"
 
-static struct total_cell *own_cell(const struct map *map, uint32_t point)
-{
-	return &map->segments[map->self].totals[map->config.points[point].extra];
-}
-
-/* The owner is the only writer: what it wrote last is in either copy. */
-static struct map_total current(const struct total_cell *cell)
-{
-	return cell->copies[0];
-}
-
-static void store(struct total_cell *cell, const struct map_total *total)
-{
-	latch_store(&cell->latch, cell->copies, total, sizeof(*total));
-}
-
-/* ---- readings ---------------------------------------------------------------------------- */
-
-static void readjust(struct map_total *total, uint32_t device, uint32_t reading)
-{
-	total->since |= MAP_COUNTER_ADJUSTED;
-	total->offset = device - reading;
-}
-
-/* The reading behind last. What lies nearer behind it than ahead is a device that was reset or exchanged. */
-static uint32_t next_reading(struct map_total *total, uint32_t last, bool narrow, uint32_t device)
-{
-	uint32_t counted = device - total->offset - last;
-
-	if (narrow)
-		counted &= UINT16_MAX;
-	if (counted <= (narrow ? (uint32_t)INT16_MAX : (uint32_t)INT32_MAX)) {
-		total->since |= last + counted < last ? MAP_COUNTER_CARRY : 0;
-		return last + counted;
-	}
-	readjust(total, device, narrow ? last + device : device);
-	return device - total->offset;
-}
-
-void map_total_count(struct map *map, uint32_t point, bool narrow, struct map_sample *sample)
-{
-	struct total_cell *cell = own_cell(map, point);
-	struct map_total total = current(cell);
-	struct map_sample last = own_sample(map, point);
-	uint8_t since = total.since;
-
-	if (sample->quality & MAP_INVALID)
-		sample->value = last.value;
-	else if (last.time_ns == 0)
-		sample->value.u -= total.offset;
-	else
-		sample->value.u = next_reading(&total, last.value.u, narrow, sample->value.u);
-	if (total.since != since || total.offset != current(cell).offset)
-		store(cell, &total);
-}
-
 /* ---- freezing ---------------------------------------------------------------------------- */
 
 static void freeze(struct map_total *total, const struct map_sample *reading)
@@ -75,9 +19,9 @@ static void freeze(struct map_total *total, const struct map_sample *reading)
 /* A counter that cannot be read now is reset to its last reading: what it counts meanwhile is not lost. */
 static void carry_out(struct map *map, uint32_t point, enum map_freeze mode)
 {
-	struct total_cell *cell = own_cell(map, point);
-	struct map_total total = current(cell);
-	struct map_update update = {.point = point, .sample = own_sample(map, point)};
+	struct total_cell *cell = total_own(map, point);
+	struct map_total total = total_current(cell);
+	struct map_update update = {.point = point, .flags = UPDATE_AS_IS, .sample = own_sample(map, point)};
 
 	if (mode != MAP_RESET_ONLY)
 		freeze(&total, &update.sample);
@@ -85,7 +29,7 @@ static void carry_out(struct map *map, uint32_t point, enum map_freeze mode)
 		total.since = MAP_COUNTER_ADJUSTED;
 	if (mode != MAP_FREEZE_ONLY)
 		total.offset += update.sample.value.u;
-	store(cell, &total);
+	total_store(cell, &total);
 	if (mode == MAP_FREEZE_ONLY || update.sample.time_ns == 0)
 		return;
 	update.sample.value.u = 0;
@@ -132,7 +76,8 @@ void map_totals_tick(struct map *map)
 		if (period_s == 0 || now_s / period_s == then_s / period_s || map_owner(map, i) != map->self)
 			continue;
 		carry_out(map, i, MAP_FREEZE_ONLY);
-		event_put(map, &(struct map_update){.point = i, .sample = current(own_cell(map, i)).frozen});
+		event_put(
+		    map, &(struct map_update){.point = i, .sample = total_current(total_own(map, i)).frozen});
 		any = true;
 	}
 	if (any)

@@ -38,3 +38,36 @@ struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t 
 
 	return &devices[device];
 }
+
+void modbus_name_counters(struct map *map, uint32_t line)
+{
+	const struct modbus_line_stats *stats = modbus_line_stats(map, line);
+	const struct {
+		const char *name;
+		const _Atomic uint32_t *counter;
+	} counters[] = {
+	    {"requests", &stats->requests},
+	    {"answers", &stats->answers},
+	    {"exceptions", &stats->exceptions},
+	    {"timeouts", &stats->timeouts},
+	    {"crc_errors", &stats->crc_errors},
+	    {"wrong_units", &stats->wrong_units},
+	    {"wrong_functions", &stats->wrong_functions},
+	    {"wrong_lengths", &stats->wrong_lengths},
+	    {"wrong_answers", &stats->wrong_answers},
+	    {"late_answers", &stats->late_answers},
+	    {"unasked_frames", &stats->unasked_frames},
+	    {"echoes", &stats->echoes},
+	    {"noise_bytes", &stats->noise_bytes},
+	    {"stuck_s", &stats->stuck_s},
+	    {"commands", &stats->commands},
+	    {"scan_us", &stats->scan_us},
+	    {"port_errors", &stats->port_errors},
+	    {"open", &stats->open},
+	};
+
+	_Static_assert(sizeof(counters) / sizeof(counters[0]) == MODBUS_LINE_COUNTERS, "all are planned");
+	for (size_t i = 0; i < MODBUS_LINE_COUNTERS; i++)
+		map_name_counter(map, counters[i].counter, "p%u.%s", modbus_ports(map_config(map))[line].port,
+				 counters[i].name);
+}

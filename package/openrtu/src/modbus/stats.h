@@ -66,9 +66,15 @@ struct modbus_device_stats {
 	struct modbus_learned_stats learned;
 };
 
+/* Of a line, that have names for all: map_name_counter. */
+#define MODBUS_LINE_COUNTERS 18
+
 /* Owner: to count in. Others get the same memory read-only. */
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line);
 struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device);
+
+/* Owner: names the counters of a line by its port, as in "p1.crc_errors". */
+void modbus_name_counters(struct map *map, uint32_t line);
 
 /* Whether this program was built for the records that the map has of Modbus. What reads them asks first. */
 bool modbus_is_known(const struct map *map);

@@ -3,8 +3,11 @@
 #ifndef OPENRTU_MODULES_CALLS_H
 #define OPENRTU_MODULES_CALLS_H
 
+#include <asm/ioctls.h>
+#include <asm/termbits.h>
 #include <fcntl.h>
 #include <seccomp.h>
+#include <sys/socket.h>
 
 /* One that is allowed, with these arguments only. What an architecture has not, libseccomp leaves out of its filter. */
 struct call_rule {
@@ -30,5 +33,24 @@ struct call_rule {
 	{                                                                                                    \
 		.call = SCMP_SYS(name), .count = 1, .arguments = { argument }                                \
 	}
+
+#define IOCTL(request) CALL_WITH(ioctl, MASKED(1, UINT32_MAX, request))
+#define TCP_SOCKET(family)                                                                                   \
+	{                                                                                                    \
+		.call = SCMP_SYS(socket), .count = 2, .arguments = {                                         \
+			EQUAL(0, family),                                                                    \
+			EQUAL(1, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC)                                 \
+		}                                                                                            \
+	}
+
+/* modules/serial.c: no file is made. */
+#define SERIAL_PORT_CALLS                                                                                    \
+	CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)), CALL(newfstatat), CALL(statx),       \
+	    CALL(fstatat64), CALL(fstat), CALL(fstat64), CALL(flock), IOCTL(TCGETS2), IOCTL(TCSETS2),        \
+	    IOCTL(TCFLSH), IOCTL(TIOCEXCL), IOCTL(TIOCGRS485), IOCTL(TIOCSRS485)
+
+/* modules/tcp.c, beside poll. */
+#define TCP_CONNECTION_CALLS                                                                                 \
+	TCP_SOCKET(AF_INET), TCP_SOCKET(AF_INET6), CALL(connect), CALL(setsockopt), CALL(getsockopt)
 
 #endif

@@ -104,10 +104,14 @@ static void print_row(json_t *row)
 
 	json_object_foreach(row, key, value)
 	{
-		char *text = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(7));
+		char *number = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(7));
+		char angle[WORDS_SIZE];
+		const char *text = json_is_string(value)            ? json_string_value(value)
+				   : words_angle(row, value, angle) ? angle
+								    : number;
 
-		printf("%-*s %s\n", KEY_WIDTH, key, json_is_string(value) ? json_string_value(value) : text);
-		free(text);
+		printf("%-*s %s\n", KEY_WIDTH, key, text);
+		free(number);
 	}
 	json_decref(row);
 }

@@ -36,6 +36,7 @@ static json_t *change_row(const struct map *map, const struct map_event *event)
 	json_object_set_new(row, "time", json_string(time));
 	json_object_set_new(row, "event", json_string("change"));
 	json_object_set_new(row, "name", rtuctl_point_name(map_config(map), event->point));
+	json_object_set_new(row, "type", json_string(words_type(point->type)));
 	json_object_set_new(row, "value", words_value(point->type, &event->sample.value));
 	if (point->type == MAP_STEP)
 		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));
@@ -74,9 +75,12 @@ static void print_change(const json_t *row)
 {
 	const json_t *value = json_object_get(row, "value");
 	char *number = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(7));
+	char angle[WORDS_SIZE];
+	const char *text = json_is_string(value)            ? json_string_value(value)
+			   : words_angle(row, value, angle) ? angle
+							    : number;
 
-	printf("%s  %s = %s  %s%s", text_of(row, "time"), text_of(row, "name"),
-	       json_is_string(value) ? json_string_value(value) : number, text_of(row, "quality"),
+	printf("%s  %s = %s  %s%s", text_of(row, "time"), text_of(row, "name"), text, text_of(row, "quality"),
 	       json_is_true(json_object_get(row, "transient")) ? ",transient" : "");
 	if (strcmp(text_of(row, "cause"), words_cause(MAP_SPONTANEOUS)) != 0)
 		printf("  %s", text_of(row, "cause"));

@@ -10,12 +10,12 @@
 #include "rtuctl/terminal.h"
 #include "rtuctl/words.h"
 
-#define FLOAT_DIGITS 9 /* what a 32-bit float needs to be read back */
-#define GAP          2
+#define REAL_DIGITS 10 /* what an angle needs to be read back; a 32-bit float needs 9 */
+#define GAP         2
 
 static void print_json(const json_t *row)
 {
-	json_dumpf(row, stdout, JSON_REAL_PRECISION(FLOAT_DIGITS));
+	json_dumpf(row, stdout, JSON_REAL_PRECISION(REAL_DIGITS));
 }
 
 void listing_print_json(json_t *row)
@@ -32,10 +32,12 @@ static void *need(void *memory)
 	return memory;
 }
 
-static char *cell_text(const json_t *value, enum listing_format format)
+static char *cell_text(const json_t *row, const json_t *value, enum listing_format format)
 {
 	char text[WORDS_SIZE] = "-";
 
+	if (words_angle(row, value, text))
+		return need(strdup(text));
 	if (json_is_string(value))
 		return need(strdup(json_string_value(value)));
 	if (format == LISTING_AGE && json_is_real(value))
@@ -83,7 +85,7 @@ void listing_add(struct listing *listing, json_t *row)
 		grow(listing, listing->rows + 1);
 		for (size_t i = 0; i < listing->column_count; i++)
 			row_cells(listing, listing->rows)[i] = cell_text(
-			    json_object_get(row, listing->columns[i].key), listing->columns[i].format);
+			    row, json_object_get(row, listing->columns[i].key), listing->columns[i].format);
 	}
 	json_decref(row);
 }

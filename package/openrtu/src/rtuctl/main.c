@@ -63,6 +63,10 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
+    {"counters", "[MODULE]", 0, 1, 0, NULL, "the counters of the modules, by name",
+     "MODULE is a name as \"rtuctl modules\" has it. Counters count since the gateway started and wrap at "
+     "2^32.\n",
+     rtuctl_counters},
     {"clock", "", 0, 0, 0, NULL, "the gateway's clock, and where its time is from",
      "VALID says whether time tags are valid. ERROR is the largest possible error while the system's clock\n"
      "is synchronised. LEFT is how long time tags stay valid after it no longer is.\n",
@@ -85,6 +89,12 @@ static const struct command commands[] = {
      "sent.\n"
      "Counters count since the gateway started and wrap at 2^32.\n",
      rtuctl_iec104},
+    {"gps", "[NAME]", 0, 1, 0, NULL, "receivers of positions, with the sky above one of them",
+     "With NAME also the satellites of its last burst, drawn as seen from below the sky: north is up, the "
+     "rim "
+     "is\n"
+     "the horizon, and * stands beside a satellite that is used. Counters count since the module started.\n",
+     rtuctl_gps},
     {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "events that are still kept, oldest first",
      "With --count only the newest N.\n", rtuctl_events},
     {"log", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the modules' log lines that are still kept",

@@ -41,10 +41,12 @@ rtuctl_command rtuctl_top;
 rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
+rtuctl_command rtuctl_counters;
 rtuctl_command rtuctl_clock;
 rtuctl_command rtuctl_lines;
 rtuctl_command rtuctl_histogram; /* lines --histogram */
 rtuctl_command rtuctl_suggest;   /* lines --suggest */
+rtuctl_command rtuctl_gps;
 rtuctl_command rtuctl_iec104;
 rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;

@@ -125,6 +125,7 @@ static json_t *command_row(const struct map *map, uint32_t index)
 	json_t *row = json_object();
 
 	json_object_set_new(row, "name", rtuctl_point_name(map_config(map), index));
+	json_object_set_new(row, "type", json_string(words_type(point->type)));
 	json_object_set_new(row, "state", json_string(map_command_state_name(command.state)));
 	json_object_set_new(row, "result", json_string(map_command_result_name(command.result)));
 	if (command.result == MAP_RESULT_EXCEPTION)

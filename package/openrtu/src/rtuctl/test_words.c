@@ -80,6 +80,8 @@ static void test_value(void **state)
 	assert_value(MAP_FLOAT, (union map_value){.f = 0.25f}, "0.25");
 	assert_value(MAP_FLOAT, (union map_value){.f = NAN}, "null");
 	assert_value(MAP_COUNTER, (union map_value){.i = INT32_MIN}, "-2147483648");
+	assert_value(MAP_INTEGER, (union map_value){.i = INT32_MIN}, "-2147483648");
+	assert_value(MAP_ANGLE, (union map_value){.i = 450000000}, "45.0");
 }
 
 static void assert_parsed(enum map_type type, const char *text, union map_value expected)
@@ -122,13 +124,49 @@ static void test_parse_value(void **state)
 	assert_refused(MAP_FLOAT, "1e39");
 	assert_refused(MAP_FLOAT, "nan");
 	assert_refused(MAP_FLOAT, "1x");
+	assert_parsed(MAP_INTEGER, "-2147483648", (union map_value){.i = INT32_MIN});
+	assert_parsed(MAP_INTEGER, "16777217", (union map_value){.i = 16777217});
+	assert_refused(MAP_INTEGER, "2147483648");
+	assert_refused(MAP_INTEGER, "1.5");
+	assert_parsed(MAP_ANGLE, "-180", (union map_value){.i = -1800000000});
+	assert_refused(MAP_ANGLE, "180.0000001");
+	assert_refused(MAP_ANGLE, "north");
+}
+
+static void assert_angle_text(int32_t angle, const char *expected)
+{
+	json_t *row = json_object();
+	char text[WORDS_SIZE];
+
+	json_object_set_new(row, "type", json_string("angle"));
+	json_object_set_new(row, "value", words_value(MAP_ANGLE, &(union map_value){.i = angle}));
+	json_object_set_new(row, "age_s", json_real(1));
+	assert_true(words_angle(row, json_object_get(row, "value"), text));
+	assert_string_equal(text, expected);
+	assert_parsed(MAP_ANGLE, text, (union map_value){.i = angle});
+	assert_false(words_angle(row, json_object_get(row, "age_s"), text));
+	json_object_set_new(row, "type", json_string("float"));
+	assert_false(words_angle(row, json_object_get(row, "value"), text));
+	json_decref(row);
+}
+
+/* A float would show the second as 145.12346, 2 m away. */
+static void test_an_angle_is_shown_and_read_exactly(void **state)
+{
+	(void)state;
+	assert_angle_text(0, "0.0000000");
+	assert_angle_text(1451234567, "145.1234567");
+	assert_angle_text(-1, "-0.0000001");
+	assert_angle_text(-1800000000, "-180.0000000");
+	assert_angle_text(1799999999, "179.9999999");
 }
 
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(test_quality), cmocka_unit_test(test_age),         cmocka_unit_test(test_time),
-	    cmocka_unit_test(test_value),   cmocka_unit_test(test_parse_value),
+	    cmocka_unit_test(test_quality),     cmocka_unit_test(test_age),
+	    cmocka_unit_test(test_time),        cmocka_unit_test(test_value),
+	    cmocka_unit_test(test_parse_value), cmocka_unit_test(test_an_angle_is_shown_and_read_exactly),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

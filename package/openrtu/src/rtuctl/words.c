@@ -12,7 +12,8 @@
 #include "map/time_ns.h"
 #include "map/type.h"
 
-#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+#define COUNT(array)   (sizeof(array) / sizeof((array)[0]))
+#define ANGLE_DECIMALS 7
 
 static const double NVA_ONE = 32768; /* IEC 60870-5-101, 7.2.6.6 */
 
@@ -109,23 +110,34 @@ static const char *const double_words[] = {"intermediate", "off", "on", "indeter
 
 json_t *words_value(enum map_type type, const union map_value *value)
 {
-	switch (type) {
-	case MAP_SINGLE:
+	switch (map_types[type].form) {
+	case MAP_FORM_SINGLE:
 		return json_string(single_words[value->u & 1]);
-	case MAP_DOUBLE:
+	case MAP_FORM_DOUBLE:
 		return json_string(double_words[value->u & 3]);
-	case MAP_BITSTRING:
-		return json_integer(value->u);
-	case MAP_NORMALIZED:
-		return json_real(value->i / NVA_ONE);
-	case MAP_FLOAT:
-		return isfinite(value->f) ? json_real((double)value->f) : json_null();
-	case MAP_STEP:
-	case MAP_SCALED:
-	case MAP_COUNTER:
+	case MAP_FORM_SIGNED:
 		return json_integer(value->i);
+	case MAP_FORM_UNSIGNED:
+		return json_integer(value->u);
+	case MAP_FORM_FRACTION:
+		return json_real(value->i / NVA_ONE);
+	case MAP_FORM_FLOAT:
+		return isfinite(value->f) ? json_real((double)value->f) : json_null();
+	case MAP_FORM_DEGREES:
+		return json_real(map_number(type, *value));
 	}
 	return json_null();
+}
+
+bool words_angle(const json_t *row, const json_t *value, char *out)
+{
+	const char *type = json_string_value(json_object_get(row, "type"));
+
+	if (!json_is_real(value) || value != json_object_get(row, "value") || type == NULL ||
+	    strcmp(type, map_types[MAP_ANGLE].name) != 0)
+		return false;
+	snprintf(out, WORDS_SIZE, "%.*f", ANGLE_DECIMALS, json_real_value(value));
+	return true;
 }
 
 static bool is_in_range(enum map_type type, double value)
@@ -148,6 +160,13 @@ static bool parse_number(const char *text, double *out)
 
 	*out = strtod(text, &end);
 	return *text != '\0' && *end == '\0' && isfinite(*out);
+}
+
+static bool parse_degrees(const char *text, union map_value *out)
+{
+	double number;
+
+	return parse_number(text, &number) && map_value_of(MAP_ANGLE, number, out);
 }
 
 static bool parse_signed(const char *text, enum map_type type, union map_value *out)
@@ -196,45 +215,31 @@ static bool parse_float(const char *text, union map_value *out)
 {
 	double number;
 
-	if (!parse_number(text, &number))
-		return false;
-	out->f = (float)number;
-	return isfinite(out->f);
+	return parse_number(text, &number) && map_value_of(MAP_FLOAT, number, out);
 }
 
 bool words_parse_value(enum map_type type, const char *text, union map_value *out)
 {
-	switch (type) {
-	case MAP_SINGLE:
+	switch (map_types[type].form) {
+	case MAP_FORM_SINGLE:
 		return parse_on_off(text, 0, 1, out);
-	case MAP_DOUBLE:
+	case MAP_FORM_DOUBLE:
 		return parse_on_off(text, 1, 2, out);
-	case MAP_STEP:
-	case MAP_SCALED:
-	case MAP_COUNTER:
+	case MAP_FORM_SIGNED:
 		return parse_signed(text, type, out);
-	case MAP_BITSTRING:
+	case MAP_FORM_UNSIGNED:
 		return parse_bits(text, out);
-	case MAP_NORMALIZED:
+	case MAP_FORM_FRACTION:
 		return parse_fraction(text, out);
-	case MAP_FLOAT:
+	case MAP_FORM_FLOAT:
 		return parse_float(text, out);
+	case MAP_FORM_DEGREES:
+		return parse_degrees(text, out);
 	}
 	return false;
 }
 
 const char *words_expected_value(enum map_type type)
 {
-	static const char *const words[] = {
-	    [MAP_SINGLE] = "on or off",
-	    [MAP_DOUBLE] = "on or off",
-	    [MAP_STEP] = "an integer from -64 to 63",
-	    [MAP_BITSTRING] = "an integer from 0 to 0xffffffff",
-	    [MAP_NORMALIZED] = "a number from -1 to 0.99997",
-	    [MAP_SCALED] = "an integer from -32768 to 32767",
-	    [MAP_FLOAT] = "a number",
-	    [MAP_COUNTER] = "an integer from -2147483648 to 2147483647",
-	};
-
-	return word(words, COUNT(words), type);
+	return map_types[type].expected;
 }

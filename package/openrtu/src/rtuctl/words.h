@@ -27,10 +27,12 @@ void words_age(double seconds, char *out);
 void words_time(int64_t wall_ns, char *out);
 
 /*
- * A value: "on" and "off", a double's four states, numbers; a normalized value as a fraction of 1. A new reference; null for a
+ * A value: "on" and "off", a double's four states, numbers; a normalized value as a fraction of 1, an angle in degrees. A new reference; null for a
  * float that is not a number.
  */
 json_t *words_value(enum map_type type, const union map_value *value);
+/* The "value" of a row of "type" angle as text, with all its decimals. False: this value of the row is none. */
+bool words_angle(const json_t *row, const json_t *value, char *out);
 /* The reverse, for commands. False when the text is no value of the type. */
 bool words_parse_value(enum map_type type, const char *text, union map_value *out);
 /* What words_parse_value takes, for the message when it does not. */

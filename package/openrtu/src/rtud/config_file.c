@@ -6,21 +6,53 @@
 #include "config/zone.h"
 #include "rtud/config_parts.h"
 
-#define EVENT_RING_LEAST 64
-#define KEYS_MAX         64 /* of the outermost object */
+#define EVENT_RING_LEAST  64
+#define KEYS_MAX          64 /* of the outermost object */
+#define SELECT_TIMEOUT_S  30
+#define COMMAND_TIMEOUT_S 10
 
 static const char *const clocks[] = {
     [MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_MASTERS] = "masters", [MAP_CLOCK_SYSTEM] = "system", NULL};
 
-enum { FILE_CLOCK, FILE_TIMEZONE, FILE_EVENT_RING, FILE_INCLUDE, FILE_TEMPLATES, FILE_KEYS };
+enum { FILE_CLOCK, FILE_TIMEZONE, FILE_EVENT_RING, FILE_COMMANDS, FILE_INCLUDE, FILE_TEMPLATES, FILE_KEYS };
 static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_CLOCK] = {"clock", CONFIG_CHOICE, .choices = clocks},
     [FILE_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63},
     [FILE_EVENT_RING] = {"event_ring", CONFIG_INTEGER, .low = EVENT_RING_LEAST, .high = 65536,
 			 .fallback = 4096},
+    [FILE_COMMANDS] = {"commands", CONFIG_OBJECT},
     [FILE_INCLUDE] = {CONFIG_KEY_INCLUDE, CONFIG_ARRAY, .high = CONFIG_FILES_MAX},
     [FILE_TEMPLATES] = {CONFIG_KEY_TEMPLATES, CONFIG_OBJECT},
 };
+
+/* 0: iec104, where these were first, may say it too. */
+enum { COMMANDS_SELECT_TIMEOUT, COMMANDS_COMMAND_TIMEOUT, COMMANDS_KEYS };
+static const struct config_rule commands_rules[COMMANDS_KEYS] = {
+    [COMMANDS_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600},
+    [COMMANDS_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600},
+};
+
+static void read_commands(struct config_loader *loader, const struct config_place *file,
+			  const struct config_value *value)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_COMMANDS].name);
+	struct map_settings *settings = &loader->config->settings;
+	struct config_value values[COMMANDS_KEYS];
+
+	config_read_keys(&loader->report, &here, value->given ? value->json : NULL, commands_rules,
+			 COMMANDS_KEYS, values);
+	settings->select_timeout_s = (uint16_t)values[COMMANDS_SELECT_TIMEOUT].integer;
+	settings->command_timeout_s = (uint16_t)values[COMMANDS_COMMAND_TIMEOUT].integer;
+}
+
+/* What nobody gave. */
+static void complete_commands(struct map_settings *settings)
+{
+	if (settings->select_timeout_s == 0)
+		settings->select_timeout_s = SELECT_TIMEOUT_S;
+	if (settings->command_timeout_s == 0)
+		settings->command_timeout_s = COMMAND_TIMEOUT_S;
+}
 
 static void read_event_ring(struct config_loader *loader, const struct config_place *file,
 			    const struct config_value *value)
@@ -97,12 +129,14 @@ bool config_read_file(struct rtud_loader *loader, const json_t *root)
 	files->config->settings.clock = (uint8_t)values[FILE_CLOCK].integer;
 	read_event_ring(files, &file, &values[FILE_EVENT_RING]);
 	read_timezone(files, &file, &values[FILE_TIMEZONE]);
+	read_commands(files, &file, &values[FILE_COMMANDS]);
 	config_check_included(files);
 	for (size_t i = 0; i < loader->part_count; i++) {
 		if (loader->parts[i]->read != NULL)
 			loader->parts[i]->read(files, loader->own[i], &values[next]);
 		next += loader->parts[i]->key_count;
 	}
+	complete_commands(&files->config->settings);
 	for (size_t i = 0; good && i < loader->part_count; i++)
 		good = loader->parts[i]->finish == NULL || loader->parts[i]->finish(files, loader->own[i]);
 	return good;

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "iec104/carrier.h"
 #include "modbus/config_object.h"
 #include "modbus/config_part.h"
 #include "rtud/config_parts.h"
@@ -83,12 +84,13 @@ static const char *type_of(const struct row *row, bool event)
 {
 	if (row->point->flags & MAP_POINT_NO_QUALITY)
 		return NO_QUALITY;
-	return event ? types[row->point->type].event : types[row->point->type].plain;
+	return event ? types[iec104_carrier_of(row->point)].event
+		     : types[iec104_carrier_of(row->point)].plain;
 }
 
 static const char *command_of(const struct row *row)
 {
-	return row->point->flags & MAP_POINT_COMMAND ? types[row->point->type].command : "";
+	return row->point->flags & MAP_POINT_COMMAND ? types[iec104_carrier_of(row->point)].command : "";
 }
 
 static const char *direction_of(const struct row *row)

@@ -13,6 +13,7 @@
 	KIND(rtuctl)                                                                                         \
 	KIND(modbus)                                                                                         \
 	KIND(journal)                                                                                        \
+	KIND(gps)                                                                                            \
 	KIND(foreign)
 
 #define DECLARE(name)  extern const struct kind name##_kind;

@@ -136,6 +136,27 @@ static void test_settings_defaults(void **state)
 	config_free(&config);
 }
 
+static void test_time_outs_of_commands(void **state)
+{
+	static const struct {
+		const char *file;
+		uint16_t select_s, command_s;
+	} files[] = {
+	    {"{'port': [], 'commands': {'select_timeout': 5, 'command_timeout': 4}}", 5, 4},
+	    {"{'port': [], 'commands': {'select_timeout': 5}, 'iec104': {'command_timeout': 8}}", 5, 8},
+	    {"{'port': [], 'commands': {'select_timeout': 5}, 'iec104': {'select_timeout': 5}}", 5, 10},
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(files) / sizeof(files[0]); i++) {
+		struct map_config config = load(files[i].file);
+
+		assert_int_equal(config.settings.select_timeout_s, files[i].select_s);
+		assert_int_equal(config.settings.command_timeout_s, files[i].command_s);
+		config_free(&config);
+	}
+}
+
 static void test_settings(void **state)
 {
 	struct map_config config = load(
@@ -447,6 +468,7 @@ int main(void)
 	    cmocka_unit_test(test_report_file),
 	    cmocka_unit_test(test_settings_defaults),
 	    cmocka_unit_test(test_settings),
+	    cmocka_unit_test(test_time_outs_of_commands),
 	    cmocka_unit_test(test_controlling_stations),
 	    cmocka_unit_test(test_tls_defaults),
 	    cmocka_unit_test(test_tls),

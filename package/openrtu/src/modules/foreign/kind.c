@@ -4,9 +4,10 @@
 
 #include "foreign/config.h"
 #include "foreign/config_part.h"
+#include "foreign/stats.h"
 #include "modules/kind.h"
 
-#define FIRST_USER 16 /* behind those of our own kinds */
+#define FIRST_USER 21 /* behind those of our own kinds */
 #define MIB        (1024u * 1024u)
 
 static bool plan(struct map_config *config)
@@ -20,6 +21,8 @@ static bool plan(struct map_config *config)
 		    .flags = owns ? MAP_MAY_OWN : 0,
 		    .rings = {.requests = 1, .answers = owns ? 64 : 1, .log = 128},
 		    .heartbeat_limit_ms = modules[i].heartbeat_limit_ms,
+		    .section_size = sizeof(struct foreign_stats),
+		    .counters = FOREIGN_COUNTERS,
 		    .user = FIRST_USER + i,
 		};
 		uint32_t number;

@@ -60,6 +60,7 @@ static bool plan(struct map_config *config)
 	    .rings = {.requests = 256, .answers = 1, .events = owns ? OWN_EVENTS : 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
 	    .section_size = sizeof(struct iec104_stats),
+	    .counters = IEC104_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};
 	const uint32_t number = map_plan_module(config, &module);

@@ -418,6 +418,14 @@ static int start(void)
 	return 0;
 }
 
+static void name_counters(void)
+{
+	const struct iec104_stats *stats = iec104_stats_of(map);
+
+	for (unsigned i = 0; i < IEC104_COUNT_OF_COUNTERS; i++)
+		map_name_counter(map, &stats->counters[i], "%s", iec104_counter_name((enum iec104_counter)i));
+}
+
 int main(int argc, char **argv)
 {
 	const struct iec104_settings *settings;
@@ -427,6 +435,7 @@ int main(int argc, char **argv)
 	settings = iec104_settings(map_config(map));
 	if (!iec104_is_known(map))
 		return module_is_of_another_build(map);
+	name_counters();
 	if (start() < 0 || !module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	map_log(map, MAP_LOG_INFO, "listening on %s port %u", settings->address, (unsigned)settings->port);

@@ -29,6 +29,7 @@ static bool plan(struct map_config *config)
 	    .rings = {.requests = 1, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
 	    .section_size = sizeof(struct journal_stats),
+	    .counters = JOURNAL_COUNTERS,
 	    .user = USER,
 	};
 

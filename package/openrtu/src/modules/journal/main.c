@@ -125,6 +125,7 @@ static int start(void)
 		errno = ENOENT;
 		return -1;
 	}
+	journal_name_counters(map);
 	size = journal_record_max(settings);
 	memory = calloc(1, size);
 	if (memory == NULL)

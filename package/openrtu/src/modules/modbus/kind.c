@@ -1,9 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Modbus lines: a module for each process number among them. */
-#include <asm/ioctls.h>
-#include <asm/termbits.h>
 #include <stdio.h>
-#include <sys/socket.h>
 
 #include "modbus/config.h"
 #include "modbus/config_part.h"
@@ -13,45 +10,10 @@
 
 #define FIRST_USER 3 /* those before are of modules that there is one of */
 
-#define IOCTL(request) CALL_WITH(ioctl, MASKED(1, UINT32_MAX, request))
-#define TCP_SOCKET(family)                                                                                   \
-	{                                                                                                    \
-		.call = SCMP_SYS(socket), .count = 2, .arguments = {                                         \
-			EQUAL(0, family),                                                                    \
-			EQUAL(1, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC)                                 \
-		}                                                                                            \
-	}
-
 static const struct call_rule calls[] = {
     CALL(pread64), /* what the scheduler counts of this process (modules/heartbeat.c) */
-    CALL(epoll_wait),
-    CALL(epoll_pwait),
-    CALL(epoll_ctl),
-    CALL(timerfd_settime64),
-    CALL(timerfd_settime),
-    /* A serial port (modules/serial.c): no file is made. */
-    CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)),
-    CALL(newfstatat),
-    CALL(statx),
-    CALL(fstatat64),
-    CALL(fstat),
-    CALL(fstat64),
-    CALL(flock),
-    IOCTL(TCGETS2),
-    IOCTL(TCSETS2),
-    IOCTL(TCFLSH),
-    IOCTL(TIOCEXCL),
-    IOCTL(TIOCGRS485),
-    IOCTL(TIOCSRS485),
-    /* A Modbus TCP connection (modules/modbus/tcp.c). */
-    TCP_SOCKET(AF_INET),
-    TCP_SOCKET(AF_INET6),
-    CALL(connect),
-    CALL(setsockopt),
-    CALL(getsockopt),
-    CALL(poll),
-    CALL(ppoll_time64),
-    CALL(ppoll),
+    CALL(epoll_wait),  CALL(epoll_pwait),    CALL(epoll_ctl), CALL(timerfd_settime64), CALL(timerfd_settime),
+    SERIAL_PORT_CALLS, TCP_CONNECTION_CALLS, CALL(poll),      CALL(ppoll_time64),      CALL(ppoll),
 };
 
 static const struct kind_program program = {
@@ -63,6 +25,15 @@ static const struct kind_program program = {
 static int priority(const struct map_config *config)
 {
 	return modbus_settings(config)->priority;
+}
+
+static uint32_t lines_of(const struct map_config *config, uint16_t process)
+{
+	uint32_t lines = 0;
+
+	for (uint32_t i = 0; i < modbus_port_count(config); i++)
+		lines += modbus_ports(config)[i].process == process;
+	return lines;
 }
 
 static bool plan(struct map_config *config)
@@ -81,6 +52,7 @@ static bool plan(struct map_config *config)
 		uint32_t before = config->module_count, number;
 
 		snprintf(module.name, sizeof(module.name), "rtu-modbus-%u", modbus_ports(config)[i].process);
+		module.counters = MODBUS_LINE_COUNTERS * lines_of(config, modbus_ports(config)[i].process);
 		number = map_plan_module(config, &module);
 		if (number == MAP_NONE)
 			return false;

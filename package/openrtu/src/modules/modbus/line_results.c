@@ -62,14 +62,11 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 
 		*update = (struct map_update){.point = point,
 					      .cause = (uint8_t)commands_cause(results->commands, point),
+					      .flags = config->width == 1 ? MAP_UPDATE_NARROW : 0,
 					      .sample = {.time_ns = now_ns}};
 		take_raw(read, data, config, raw);
 		convert_to_sample(config, knots, take_exponent(results, read, data, point), raw,
 				  &update->sample);
-		if (config->type == MAP_COUNTER)
-			map_total_count(results->map, point, config->width == 1, &update->sample);
-		else
-			map_smooth(results->map, point, &update->sample);
 	}
 	publish(results, device_config(results, device), read->objects, now_ns);
 	for (uint32_t i = 0; i < read->objects; i++)

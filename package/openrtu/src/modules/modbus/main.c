@@ -142,6 +142,7 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 					 .exponents = gateway->exponents};
 	if (!modbus_line_configure(&port->line, gateway->config, number))
 		out_of_memory();
+	modbus_name_counters(gateway->map, number);
 	gateway->port_count++;
 }
 

@@ -3,12 +3,8 @@
 
 #include <string.h>
 
+#include "map/type.h"
 #include "modules/modbus/convert.h"
-
-static bool is_integer(const struct map_point *point)
-{
-	return point->type != MAP_FLOAT;
-}
 
 /* What is on there is a coil that is off. */
 static bool has_inverted_coils(const struct modbus_point *point)
@@ -30,14 +26,7 @@ static bool step_from(const struct map_point *point, union map_value from, int d
 {
 	double number = map_number((enum map_type)point->type, from) + direction * (double)point->step;
 
-	if (!within_limits(point, number) ||
-	    (is_integer(point) && (number < INT16_MIN || number > INT16_MAX)))
-		return false;
-	if (is_integer(point))
-		to->i = map_round(number);
-	else
-		to->f = (float)number;
-	return true;
+	return within_limits(point, number) && map_value_of((enum map_type)point->type, number, to);
 }
 
 /* A pulse that begins with off would end with off, too. */

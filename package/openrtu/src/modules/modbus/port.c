@@ -10,8 +10,8 @@
 
 #include "map/time_ns.h"
 #include "modbus/stats.h"
-#include "modules/modbus/tcp.h"
 #include "modules/serial.h"
+#include "modules/tcp.h"
 
 #define REOPEN_NS     NS_PER_S
 #define CONNECT_NS    (3 * NS_PER_S) /* then a host that has said nothing is not there */
@@ -171,7 +171,7 @@ static void begin_connection(struct port *port, int64_t now_ns)
 	char error[TCP_ERROR_SIZE];
 
 	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
-	port->fd = tcp_connect(port->config, error);
+	port->fd = tcp_connect(port->config->device, port->config->tcp_port, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
 		retry_port(port, error, REOPEN_NS, now_ns);
 		return;

@@ -2,15 +2,10 @@
 #include "modules/modbus/quality.h"
 
 /* With the value that the point has. */
-static struct map_update update_of(const struct quality *quality, uint32_t point, uint8_t is, int64_t now_ns)
+static struct map_update update_of(uint32_t point, uint8_t is, int64_t now_ns)
 {
-	struct map_update update = {.point = point};
-
-	if (!map_read(quality->map, point, &update.sample))
-		update.sample = (struct map_sample){0};
-	update.sample.quality = is;
-	update.sample.time_ns = now_ns;
-	return update;
+	return (struct map_update){
+	    .point = point, .flags = MAP_UPDATE_KEEPS_VALUE, .sample = {.quality = is, .time_ns = now_ns}};
 }
 
 struct map_update quality_lost(const struct quality *quality, uint32_t point, enum map_quality how,
@@ -18,8 +13,8 @@ struct map_update quality_lost(const struct quality *quality, uint32_t point, en
 {
 	uint8_t own = quality->points[point].own;
 
-	return update_of(quality, point,
-			 (uint8_t)((own & MAP_OVERFLOW) | (own & MAP_INVALID ? MAP_INVALID : how)), now_ns);
+	return update_of(point, (uint8_t)((own & MAP_OVERFLOW) | (own & MAP_INVALID ? MAP_INVALID : how)),
+			 now_ns);
 }
 
 static bool has_status(const struct modbus_point *point)
@@ -69,7 +64,8 @@ static void take_updates(struct quality *quality, const struct map_update *updat
 		struct quality_of_point *point = &quality->points[updates[i].point];
 
 		point->own = updates[i].sample.quality;
-		point->on = updates[i].sample.value.u != 0;
+		if (!(updates[i].flags & MAP_UPDATE_KEEPS_VALUE))
+			point->on = updates[i].sample.value.u != 0;
 		point->updated = true;
 	}
 }
@@ -88,7 +84,7 @@ size_t quality_complete(struct quality *quality, const struct map_set *device, s
 		    quality_of(quality, device, number) == point->published)
 			continue;
 		point->published = quality_of(quality, device, number);
-		updates[count++] = update_of(quality, number, point->published, now_ns);
+		updates[count++] = update_of(number, point->published, now_ns);
 	}
 	for (size_t i = 0; i < updated; i++) {
 		struct quality_of_point *point = &quality->points[updates[i].point];

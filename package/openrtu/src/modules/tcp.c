@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/modbus/tcp.h"
+#include "modules/tcp.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -29,18 +29,18 @@ struct address {
 };
 
 /* The configuration has been checked: what is no IPv4 address is one of IPv6. */
-static struct address address_of(const struct modbus_port *line)
+static struct address address_of(const char *text, uint16_t port)
 {
 	struct address address = {.size = sizeof(address.as.v4)};
 
 	address.as.v4.sin_family = AF_INET;
-	address.as.v4.sin_port = htons(line->tcp_port);
-	if (inet_pton(AF_INET, line->device, &address.as.v4.sin_addr) == 1)
+	address.as.v4.sin_port = htons(port);
+	if (inet_pton(AF_INET, text, &address.as.v4.sin_addr) == 1)
 		return address;
 	address = (struct address){.size = sizeof(address.as.v6)};
 	address.as.v6.sin6_family = AF_INET6;
-	address.as.v6.sin6_port = htons(line->tcp_port);
-	inet_pton(AF_INET6, line->device, &address.as.v6.sin6_addr);
+	address.as.v6.sin6_port = htons(port);
+	inet_pton(AF_INET6, text, &address.as.v6.sin6_addr);
 	return address;
 }
 
@@ -59,9 +59,9 @@ static void set_options(int fd)
 	set(fd, IPPROTO_TCP, TCP_KEEPINTVL, KEEP_BETWEEN_S);
 }
 
-int tcp_connect(const struct modbus_port *line, char *error)
+int tcp_connect(const char *text, uint16_t port, char *error)
 {
-	struct address address = address_of(line);
+	struct address address = address_of(text, port);
 	int fd = socket(address.as.any.sa_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
 
 	if (fd >= 0)

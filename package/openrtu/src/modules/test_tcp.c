@@ -14,12 +14,13 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "modules/modbus/tcp.h"
+#include "modules/tcp.h"
 
 #define SOON_MS 2000
+#define HOST    "127.0.0.1"
 
 /* A port of this host that is bound, and listened on when asked for. */
-static int bind_somewhere(struct modbus_port *line)
+static int bind_somewhere(uint16_t *port)
 {
 	struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
 	socklen_t size = sizeof(address);
@@ -27,8 +28,7 @@ static int bind_somewhere(struct modbus_port *line)
 
 	assert_int_equal(bind(fd, (struct sockaddr *)&address, size), 0);
 	assert_int_equal(getsockname(fd, (struct sockaddr *)&address, &size), 0);
-	*line = (struct modbus_port){.tcp_port = ntohs(address.sin_port)};
-	snprintf(line->device, sizeof(line->device), "127.0.0.1");
+	*port = ntohs(address.sin_port);
 	return fd;
 }
 
@@ -52,12 +52,12 @@ static int option(int fd, int level, int name)
 static void test_a_connection_notices_a_dead_peer_and_does_not_collect(void **state)
 {
 	(void)state;
-	struct modbus_port line;
+	uint16_t port;
 	char error[TCP_ERROR_SIZE];
-	int listener = bind_somewhere(&line);
+	int listener = bind_somewhere(&port);
 
 	assert_int_equal(listen(listener, 1), 0);
-	int fd = tcp_connect(&line, error);
+	int fd = tcp_connect(HOST, port, error);
 	assert_true(fd >= 0);
 	assert_int_equal(decided(fd, error), TCP_CONNECTED);
 	assert_true(option(fd, IPPROTO_TCP, TCP_NODELAY));
@@ -70,9 +70,9 @@ static void test_a_connection_notices_a_dead_peer_and_does_not_collect(void **st
 static void test_nobody_listens(void **state)
 {
 	(void)state;
-	struct modbus_port line;
+	uint16_t port;
 	char error[TCP_ERROR_SIZE];
-	int holder = bind_somewhere(&line), fd = tcp_connect(&line, error);
+	int holder = bind_somewhere(&port), fd = tcp_connect(HOST, port, error);
 
 	if (fd >= 0)
 		assert_int_equal(decided(fd, error), TCP_FAILED);
@@ -86,16 +86,16 @@ static void test_nobody_listens(void **state)
 static void test_nobody_answers(void **state)
 {
 	(void)state;
-	struct modbus_port line;
+	uint16_t port;
 	char error[TCP_ERROR_SIZE];
-	int listener = bind_somewhere(&line), fds[16], count = 0;
+	int listener = bind_somewhere(&port), fds[16], count = 0;
 	enum tcp_state last = TCP_CONNECTED;
 
 	assert_int_equal(listen(listener, 0), 0);
 	while (last == TCP_CONNECTED && count < 16) {
 		struct pollfd waits = {.events = POLLOUT};
 
-		fds[count] = waits.fd = tcp_connect(&line, error);
+		fds[count] = waits.fd = tcp_connect(HOST, port, error);
 		assert_true(fds[count++] >= 0);
 		poll(&waits, 1, 200);
 		last = tcp_look(waits.fd, error);
@@ -109,10 +109,9 @@ static void test_nobody_answers(void **state)
 static void test_no_way_there(void **state)
 {
 	(void)state;
-	struct modbus_port line = {.tcp_port = 502, .device = "255.255.255.255"};
 	char error[TCP_ERROR_SIZE] = "";
 
-	assert_int_equal(tcp_connect(&line, error), -1);
+	assert_int_equal(tcp_connect("255.255.255.255", 502, error), -1);
 	assert_non_null(strstr(error, "cannot be connected: "));
 }
 

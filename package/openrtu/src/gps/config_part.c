@@ -1,0 +1,328 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The array "gps": receivers of positions, their sets of points, their geofences. */
+#include "gps/config_part.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "config/address.h"
+#include "config/names.h"
+#include "config/sets.h"
+#include "gps/burst.h"
+#include "gps/config.h"
+#include "map/map.h"
+
+#define GPSD_PORT        2947 /* IANA: gpsd */
+#define FIRST_FENCE      100  /* IOA of a receiver's first fence, from its first point on */
+#define SILENCE_LEAST_NS (50 * NS_PER_MS)
+#define SILENCE_MOST_NS  (500 * NS_PER_MS)
+#define BELIEVED         5              /* fixes after a jump */
+#define CLOCK_NS         (2 * NS_PER_S) /* steps of the receiver's time that are its own affair */
+#define TURN_SPEED_MM_S  2000           /* the course of what is slower is noise */
+#define MM_S_PER_KM_H    (1e6 / 3600)
+#define TURN_PER_DEGREE  100
+#define MM_PER_M         1000
+
+static const struct config_rule file_rule = {"gps", CONFIG_ARRAY, .high = GPS_RECEIVERS_MAX};
+
+enum {
+	GPS_NAME,
+	GPS_DEVICE,
+	GPS_GPSD,
+	GPS_GPSD_PORT,
+	GPS_BAUD_RATE,
+	GPS_BURST_OCTETS,
+	GPS_PERIOD,
+	GPS_CA,
+	GPS_IOA,
+	GPS_TOPICAL,
+	GPS_MAX_SPEED,
+	GPS_SLACK,
+	GPS_DISTANCE,
+	GPS_TURN,
+	GPS_INTERVAL,
+	GPS_FENCE_LIST,
+	GPS_KEYS
+};
+static const struct config_rule receiver_rules[GPS_KEYS] = {
+    [GPS_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = GPS_NAME_SIZE - 1},
+    [GPS_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
+    [GPS_GPSD] = {"gpsd", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
+    [GPS_GPSD_PORT] = {"gpsd_port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = GPSD_PORT},
+    [GPS_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .low = 4800, .high = 115200, .fallback = 9600},
+    /* The longest burst in the positioning paper: 13 lines. */
+    [GPS_BURST_OCTETS] = {"burst_octets", CONFIG_INTEGER, .low = 40, .high = 8192, .fallback = 750},
+    [GPS_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 100, .high = 60000, .fallback = 1000},
+    [GPS_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534},
+    [GPS_IOA] = {"ioa", CONFIG_INTEGER, .low = 1, .high = 16777000, .fallback = 1},
+    [GPS_TOPICAL] = {"topical_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 5},
+    [GPS_MAX_SPEED] = {"max_speed_km_h", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 400},
+    [GPS_SLACK] = {"slack_m", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 50},
+    [GPS_DISTANCE] = {"distance_m", CONFIG_INTEGER, .low = 0, .high = 100000, .fallback = 50},
+    [GPS_TURN] = {"turn_degrees", CONFIG_INTEGER, .low = 0, .high = 180, .fallback = 30},
+    [GPS_INTERVAL] = {"interval_s", CONFIG_INTEGER, .low = 0, .high = 86400, .fallback = 60},
+    [GPS_FENCE_LIST] = {"fences", CONFIG_ARRAY, .high = GPS_FENCES_MAX},
+};
+
+enum { FENCE_NAME, FENCE_CENTRE, FENCE_RADIUS, FENCE_CORNERS, FENCE_KEYS };
+static const struct config_rule fence_rules[FENCE_KEYS] = {
+    [FENCE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = 15},
+    [FENCE_CENTRE] = {"centre", CONFIG_ARRAY, .high = 2},
+    [FENCE_RADIUS] = {"radius_m", CONFIG_INTEGER, .low = 1, .high = GPS_FENCE_RADIUS_MAX_M},
+    [FENCE_CORNERS] = {"corners", CONFIG_ARRAY, .high = GPS_FENCE_CORNERS_MAX},
+};
+
+static const struct {
+	const char *name;
+	enum map_type type;
+} points[GPS_POINTS] = {
+    [GPS_POINT_LATITUDE] = {"latitude", MAP_ANGLE},
+    [GPS_POINT_LONGITUDE] = {"longitude", MAP_ANGLE},
+    [GPS_POINT_ALTITUDE] = {"altitude", MAP_FLOAT},
+    [GPS_POINT_SPEED] = {"speed", MAP_FLOAT},
+    [GPS_POINT_COURSE] = {"course", MAP_FLOAT},
+    [GPS_POINT_HDOP] = {"hdop", MAP_FLOAT},
+    [GPS_POINT_ERROR] = {"error", MAP_FLOAT},
+    [GPS_POINT_FIX] = {"fix", MAP_SCALED},
+    [GPS_POINT_SATELLITES] = {"satellites", MAP_SCALED},
+};
+
+/* ---- geofences --------------------------------------------------------------------------- */
+
+/* An array [latitude, longitude] in degrees. */
+static bool read_place(struct config_loader *loader, const struct config_place *here, const json_t *json,
+		       struct gps_place *out)
+{
+	const json_t *latitude = json_array_get(json, 0), *longitude = json_array_get(json, 1);
+	double north = json_number_value(latitude), east = json_number_value(longitude);
+
+	if (json_array_size(json) != 2 || !json_is_number(latitude) || !json_is_number(longitude) ||
+	    !(north >= -90 && north <= 90) || !(east >= -180 && east <= 180)) {
+		config_error(&loader->report, here,
+			     "is no place, expected [latitude, longitude] in degrees, as [44.8125, 20.4612]");
+		return false;
+	}
+	*out = (struct gps_place){map_round(north * MAP_ANGLE_PER_DEGREE),
+				  map_round(east * MAP_ANGLE_PER_DEGREE)};
+	return true;
+}
+
+static bool read_corners(struct config_loader *loader, const struct config_place *here,
+			 const struct config_value *value, struct gps_fence *fence)
+{
+	bool good = true;
+
+	fence->corner_count = (uint32_t)json_array_size(value->json);
+	for (uint32_t i = 0; i < fence->corner_count; i++) {
+		const struct config_place corner = config_element_of(here, i);
+
+		good &= read_place(loader, &corner, json_array_get(value->json, i), &fence->corners[i]);
+	}
+	return good;
+}
+
+static void read_fence(struct config_loader *loader, const struct config_place *place, const json_t *json,
+		       const struct gps_settings *receiver, uint32_t ioa)
+{
+	const struct config_place centre = config_key_of(place, fence_rules[FENCE_CENTRE].name);
+	const struct config_place corners = config_key_of(place, fence_rules[FENCE_CORNERS].name);
+	struct gps_fence *fence = map_next_record(loader->config, GPS_FENCES);
+	unsigned errors = loader->report.errors;
+	struct config_value values[FENCE_KEYS];
+	char name[MAP_NAME_SIZE];
+	const char *fault;
+
+	config_read_keys(&loader->report, place, json, fence_rules, FENCE_KEYS, values);
+	snprintf(name, sizeof(name), "%s.in-%s", receiver->name,
+		 values[FENCE_NAME].given ? values[FENCE_NAME].text : "");
+	config_check_name(&loader->report, place, name);
+	config_add_point(loader, place, name, MAP_SINGLE, ioa);
+	if (values[FENCE_CENTRE].given == values[FENCE_CORNERS].given ||
+	    values[FENCE_CENTRE].given != values[FENCE_RADIUS].given)
+		config_error(&loader->report, place,
+			     "has no one shape, expected centre and radius_m, or corners");
+	if (values[FENCE_CENTRE].given)
+		read_place(loader, &centre, values[FENCE_CENTRE].json, &fence->centre);
+	fence->radius_m = (uint32_t)values[FENCE_RADIUS].integer;
+	if (values[FENCE_CORNERS].given)
+		read_corners(loader, &corners, &values[FENCE_CORNERS], fence);
+	fault = loader->report.errors == errors ? gps_fence_fault(fence) : NULL;
+	if (fault != NULL)
+		config_error(&loader->report, place, "cannot be used: %s", fault);
+}
+
+/* ---- receivers --------------------------------------------------------------------------- */
+
+/* What takes longer to say than the receiver's period is lost in part. */
+static void read_times(struct config_loader *loader, const struct config_place *place,
+		       const struct config_value *values, struct gps_settings *receiver)
+{
+	const int64_t period_ns = values[GPS_PERIOD].integer * NS_PER_MS;
+	int64_t burst_ns;
+
+	if (values[GPS_BAUD_RATE].wrong || values[GPS_BURST_OCTETS].wrong || values[GPS_PERIOD].wrong)
+		return;
+	burst_ns = gps_burst_time_ns((uint32_t)values[GPS_BURST_OCTETS].integer, receiver->baud);
+	if (values[GPS_DEVICE].given && burst_ns > period_ns)
+		config_error(
+		    &loader->report, place,
+		    "a burst of %lld octets takes %.2f s at %u bit/s, longer than its period of %.2f s: "
+		    "expected a "
+		    "higher baud_rate, a longer period_ms, or burst_octets as it really is",
+		    (long long)values[GPS_BURST_OCTETS].integer, (double)burst_ns / NS_PER_S, receiver->baud,
+		    (double)period_ns / NS_PER_S);
+	receiver->silence_ns = (period_ns - burst_ns) / 2;
+	if (receiver->silence_ns < SILENCE_LEAST_NS)
+		receiver->silence_ns = SILENCE_LEAST_NS;
+	if (receiver->silence_ns > SILENCE_MOST_NS)
+		receiver->silence_ns = SILENCE_MOST_NS;
+}
+
+static void read_source(struct config_loader *loader, const struct config_place *place,
+			const struct config_value *values, struct gps_settings *receiver)
+{
+	const struct config_place gpsd = config_key_of(place, receiver_rules[GPS_GPSD].name);
+
+	if (values[GPS_DEVICE].given == values[GPS_GPSD].given && !values[GPS_DEVICE].wrong &&
+	    !values[GPS_GPSD].wrong)
+		config_error(&loader->report, place,
+			     "has %s, expected device of a serial port or gpsd, an IP address",
+			     values[GPS_DEVICE].given ? "two sources" : "no source");
+	if (values[GPS_DEVICE].given)
+		snprintf(receiver->device, sizeof(receiver->device), "%s", values[GPS_DEVICE].text);
+	if (values[GPS_GPSD].given)
+		config_read_address(&loader->report, &gpsd, values[GPS_GPSD].text, receiver->gpsd);
+	receiver->gpsd_port = (uint16_t)values[GPS_GPSD_PORT].integer;
+	receiver->baud = (uint32_t)values[GPS_BAUD_RATE].integer;
+}
+
+static void read_fixes(const struct config_value *values, struct gps_settings *receiver)
+{
+	receiver->topical_ns = values[GPS_TOPICAL].integer * NS_PER_S;
+	receiver->limits = (struct gps_limits){
+	    .speed_mm_s = (int32_t)((double)values[GPS_MAX_SPEED].integer * MM_S_PER_KM_H),
+	    .slack_mm = (int32_t)values[GPS_SLACK].integer * MM_PER_M,
+	    .believed = BELIEVED,
+	    .clock_ns = CLOCK_NS,
+	};
+	receiver->rule = (struct gps_rule){
+	    .distance_mm = (int32_t)values[GPS_DISTANCE].integer * MM_PER_M,
+	    .turn = (uint16_t)(values[GPS_TURN].integer * TURN_PER_DEGREE),
+	    .turn_speed_mm_s = TURN_SPEED_MM_S,
+	    .time_ns = values[GPS_INTERVAL].integer * NS_PER_S,
+	};
+}
+
+static void add_points(struct config_loader *loader, const struct config_place *place,
+		       const struct config_value *values, const struct gps_settings *receiver)
+{
+	const struct config_place fences = config_key_of(place, receiver_rules[GPS_FENCE_LIST].name);
+	const uint32_t ioa = (uint32_t)values[GPS_IOA].integer;
+	char name[MAP_NAME_SIZE];
+
+	for (uint32_t i = 0; i < GPS_POINTS; i++) {
+		snprintf(name, sizeof(name), "%s.%s", receiver->name, points[i].name);
+		config_add_point(loader, place, name, points[i].type, ioa + i);
+	}
+	for (uint32_t i = 0; i < receiver->fence_count; i++) {
+		const struct config_place fence = config_element_of(&fences, i);
+
+		read_fence(loader, &fence, json_array_get(values[GPS_FENCE_LIST].json, i), receiver,
+			   ioa + FIRST_FENCE + i);
+	}
+}
+
+static void read_receiver(struct config_loader *loader, const struct config_place *place, const json_t *json)
+{
+	const struct config_place ca = config_key_of(place, receiver_rules[GPS_CA].name);
+	const struct config_place name = config_key_of(place, receiver_rules[GPS_NAME].name);
+	struct gps_settings *receiver = map_next_record(loader->config, GPS_RECEIVERS);
+	struct config_value values[GPS_KEYS];
+
+	config_read_keys(&loader->report, place, json, receiver_rules, GPS_KEYS, values);
+	if (values[GPS_NAME].given) {
+		snprintf(receiver->name, sizeof(receiver->name), "%s", values[GPS_NAME].text);
+		config_check_name(&loader->report, &name, receiver->name);
+	}
+	read_source(loader, place, values, receiver);
+	read_times(loader, place, values, receiver);
+	read_fixes(values, receiver);
+	receiver->set = (uint16_t)loader->config->set_count;
+	receiver->first_fence = map_record_count(loader->config, GPS_FENCES);
+	receiver->fence_count =
+	    values[GPS_FENCE_LIST].given ? (uint32_t)json_array_size(values[GPS_FENCE_LIST].json) : 0;
+	config_add_set(loader, &ca, (uint16_t)values[GPS_CA].integer, receiver->name);
+	add_points(loader, place, values, receiver);
+}
+
+/* ---- the part ---------------------------------------------------------------------------- */
+
+static const json_t *receivers_of(const json_t *root)
+{
+	const json_t *array = json_object_get(root, file_rule.name);
+
+	return json_array_size(array) > GPS_RECEIVERS_MAX ? NULL : array;
+}
+
+static uint32_t count_fences(const json_t *receivers)
+{
+	const json_t *receiver;
+	size_t i, count = 0;
+
+	json_array_foreach(receivers, i, receiver)
+	{
+		size_t fences = json_array_size(json_object_get(receiver, "fences"));
+
+		count += fences > GPS_FENCES_MAX ? 0 : fences;
+	}
+	return (uint32_t)count;
+}
+
+static bool begin(struct config_loader *loader, void *own, const json_t *root)
+{
+	const json_t *array = receivers_of(root);
+	uint32_t receivers = (uint32_t)json_array_size(array), fences = count_fences(array);
+	void *settings, *all_fences;
+
+	(void)own;
+	if (receivers == 0)
+		return true;
+	settings = config_allocate(receivers, sizeof(struct gps_settings));
+	all_fences = config_allocate(fences, sizeof(struct gps_fence));
+	map_add_section(loader->config, GPS_RECEIVERS, sizeof(struct gps_settings), 0, settings);
+	map_add_section(loader->config, GPS_FENCES, sizeof(struct gps_fence), 0, all_fences);
+	loader->sets_max += receivers;
+	loader->points_max += receivers * GPS_POINTS + fences;
+	return settings != NULL && all_fences != NULL;
+}
+
+static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
+{
+	*(const json_t **)own = values->given ? values->json : NULL;
+	(void)loader;
+}
+
+static bool finish(struct config_loader *loader, void *own)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place array = config_key_of(&file, file_rule.name);
+	const json_t *receivers = *(const json_t **)own, *receiver;
+	size_t i;
+
+	json_array_foreach(receivers, i, receiver)
+	{
+		const struct config_place place = config_element_of(&array, i);
+
+		read_receiver(loader, &place, receiver);
+	}
+	return true;
+}
+
+const struct config_part gps_part = {
+    .keys = &file_rule,
+    .key_count = 1,
+    .own_size = sizeof(const json_t *),
+    .begin = begin,
+    .read = read_part,
+    .finish = finish,
+};

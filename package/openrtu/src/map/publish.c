@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Publishing: what an update leaves in the map, and the events that it makes. */
+#include <math.h>
+
+#include "map/layout.h"
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+static double distance(enum map_type type, union map_value a, union map_value b)
+{
+	switch (map_types[type].class) {
+	case MAP_CLASS_MEASURED:
+	case MAP_CLASS_TOTAL:
+		return fabs(map_number(type, a) - map_number(type, b));
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+		break;
+	}
+	return a.u == b.u ? 0 : INFINITY;
+}
+
+/* A value that is not a number is at no distance from another: any change of its bits counts. */
+static bool value_left(const struct map *map, uint32_t point, union map_value from, union map_value to)
+{
+	enum map_type type = (enum map_type)map->config.points[point].type;
+	double by = distance(type, from, to);
+	struct map_parameters parameters;
+
+	if (isnan(by))
+		return from.u != to.u;
+	if (from.u == to.u)
+		return false;
+	map_parameters_read(map, point, &parameters);
+	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to);
+}
+
+static bool has_changed(const struct map *map, const struct map_update *update, const struct reported *last)
+{
+	const struct map_sample *sample = &update->sample;
+
+	if (!last->valid || last->quality != sample->quality)
+		return true;
+	return update->event_rule == MAP_EVENT_BY_CHANGE &&
+	       (last->detail != sample->detail || value_left(map, update->point, last->value, sample->value));
+}
+
+static bool is_event(const struct map *map, const struct map_update *update)
+{
+	const struct map_sample *sample = &update->sample;
+	uint32_t point = update->point;
+	struct reported *last = &map->reported[map->config.points[point].slot];
+
+	if (map->config.points[point].freeze_s != 0) /* its frozen readings are its events */
+		return false;
+	if (update->cause == MAP_SPONTANEOUS && update->event_rule != MAP_EVENT_ALWAYS &&
+	    !has_changed(map, update, last))
+		return false;
+	*last = (struct reported){
+	    .value = sample->value, .quality = sample->quality, .detail = sample->detail, .valid = true};
+	return true;
+}
+
+/* ---- samples ----------------------------------------------------------------------------- */
+
+/* What an update leaves in the map. */
+static struct map_sample sample_of(struct map *map, const struct map_update *update)
+{
+	struct map_sample sample = update->sample;
+
+	if (update->flags & UPDATE_AS_IS)
+		return sample;
+	if (update->flags & MAP_UPDATE_KEEPS_VALUE) {
+		const struct map_sample last = own_sample(map, update->point);
+
+		sample.value = last.value;
+		sample.detail = last.detail;
+		return sample;
+	}
+	switch (map_class_of(&map->config.points[update->point])) {
+	case MAP_CLASS_MEASURED:
+		parameter_smooth(map, update->point, &sample);
+		break;
+	case MAP_CLASS_TOTAL:
+		total_count(map, update->point, update->flags & MAP_UPDATE_NARROW, &sample);
+		break;
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+		break;
+	}
+	return sample;
+}
+
+/* samples: what the updates left. */
+static bool put_events(struct map *map, const struct map_update *updates, size_t count,
+		       const struct map_sample *samples)
+{
+	bool any = false;
+
+	for (size_t i = 0; i < count; i++) {
+		struct map_update left = updates[i];
+
+		left.sample = samples[map->config.points[left.point].slot];
+		if (!is_event(map, &left))
+			continue;
+		event_put(map, &left);
+		any = true;
+	}
+	return any;
+}
+
+void map_publish(struct map *map, const struct map_update *updates, size_t count)
+{
+	const struct segment *own = &map->segments[map->self];
+	const struct map_point *points = map->config.points;
+	unsigned first, second;
+	map_latch *latch;
+
+	if (count == 0)
+		return;
+	latch = &own->latches[points[updates[0].point].set];
+	first = latch_flip(latch);
+	for (size_t i = 0; i < count; i++)
+		own->samples[first][points[updates[i].point].slot] = sample_of(map, &updates[i]);
+	second = latch_flip(latch);
+	for (size_t i = 0; i < count; i++)
+		own->samples[second][points[updates[i].point].slot] =
+		    own->samples[first][points[updates[i].point].slot];
+	if (put_events(map, updates, count, own->samples[second]))
+		bell_ring_event_readers(map);
+}

@@ -1,0 +1,160 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/gps/publish.h"
+
+#include "map/time_ns.h"
+
+#define TIME_TRUSTED_NS (5 * NS_PER_S) /* of a fix, from its arrival: it left the receiver a burst ago */
+#define MM_PER_M        1000.0f
+#define PER_DEGREE      100.0f
+#define PER_ONE         100.0f
+
+void publisher_init(struct publisher *publisher, struct map *map, const struct gps_settings *settings,
+		    struct gps_stats *stats)
+{
+	const struct gps_fence *fences = gps_fences(map_config(map));
+
+	*publisher = (struct publisher){
+	    .map = map,
+	    .settings = settings,
+	    .fences = fences == NULL ? NULL : &fences[settings->first_fence],
+	    .stats = stats,
+	};
+}
+
+/* ---- one fix as samples ------------------------------------------------------------------ */
+
+/* When the receiver was there, by its own time; by its arrival where the two clocks do not agree. */
+static int64_t moment_of(const struct map *map, const struct gps_fix *fix)
+{
+	const struct map_clock clock = map_clock_read(map);
+	const int64_t late_ns = map_wall_ns(clock, fix->arrival_ns) - fix->time_ns;
+
+	if (!clock.set || (fix->known & GPS_TIME) == 0 || late_ns < 0 || late_ns > TIME_TRUSTED_NS)
+		return fix->arrival_ns;
+	return fix->arrival_ns - late_ns;
+}
+
+static union map_value value_of(const struct gps_fix *fix, enum gps_point point)
+{
+	switch (point) {
+	case GPS_POINT_LATITUDE:
+		return (union map_value){.i = fix->latitude};
+	case GPS_POINT_LONGITUDE:
+		return (union map_value){.i = fix->longitude};
+	case GPS_POINT_ALTITUDE:
+		return (union map_value){.f = (float)fix->altitude_mm / MM_PER_M};
+	case GPS_POINT_SPEED:
+		return (union map_value){.f = (float)fix->speed_mm_s / MM_PER_M};
+	case GPS_POINT_COURSE:
+		return (union map_value){.f = (float)fix->course / PER_DEGREE};
+	case GPS_POINT_HDOP:
+		return (union map_value){.f = (float)fix->hdop / PER_ONE};
+	case GPS_POINT_ERROR:
+		return (union map_value){.f = (float)fix->error_mm / MM_PER_M};
+	case GPS_POINT_FIX:
+		return (union map_value){.i = (fix->known & GPS_POSITION) ? fix->method : GPS_NO_FIX};
+	case GPS_POINT_SATELLITES:
+		return (union map_value){.i = fix->satellites};
+	case GPS_POINTS:
+		break;
+	}
+	return (union map_value){.i = 0};
+}
+
+/* Which field of a fix a point is of; 0: of the receiver itself, which says it without a fix too. */
+static uint32_t needs(enum gps_point point)
+{
+	static const uint32_t fields[GPS_POINTS] = {
+	    [GPS_POINT_LATITUDE] = GPS_POSITION, [GPS_POINT_LONGITUDE] = GPS_POSITION,
+	    [GPS_POINT_ALTITUDE] = GPS_ALTITUDE, [GPS_POINT_SPEED] = GPS_SPEED,
+	    [GPS_POINT_COURSE] = GPS_COURSE,     [GPS_POINT_HDOP] = GPS_HDOP,
+	    [GPS_POINT_ERROR] = GPS_ERROR,
+	};
+
+	return fields[point];
+}
+
+/* quality: of the position. */
+static uint8_t quality_of(const struct gps_fix *fix, enum gps_point point, uint8_t quality)
+{
+	const uint32_t field = needs(point);
+
+	if (field == 0)
+		return quality & MAP_NOT_TOPICAL;
+	return (fix->known & field) == 0 ? quality | MAP_INVALID : quality;
+}
+
+static void publish(struct publisher *publisher, const struct gps_fix *fix, int64_t now_ns,
+		    enum map_event_rule rule)
+{
+	const uint8_t quality = gps_quality(fix, now_ns, publisher->settings->topical_ns);
+	const struct map_set *set = &map_config(publisher->map)->sets[publisher->settings->set];
+	const int64_t moment_ns = moment_of(publisher->map, fix);
+	struct map_update updates[GPS_POINTS + GPS_FENCES_MAX];
+
+	for (uint32_t i = 0; i < set->point_count; i++) {
+		updates[i] = (struct map_update){.point = set->first_point + i,
+						 .event_rule = (uint8_t)rule,
+						 .sample = {.time_ns = moment_ns}};
+		if (i < GPS_POINTS) {
+			updates[i].sample.value = value_of(fix, i);
+			updates[i].sample.quality = quality_of(fix, i, quality);
+			continue;
+		}
+		/* In or out is an event by itself, whenever it is seen. */
+		updates[i].event_rule = MAP_EVENT_BY_CHANGE;
+		updates[i].sample.quality = quality;
+		updates[i].sample.value.u =
+		    (fix->known & GPS_POSITION) != 0 &&
+		    gps_fence_holds(&publisher->fences[i - GPS_POINTS],
+				    (struct gps_place){fix->latitude, fix->longitude});
+	}
+	map_publish(publisher->map, updates, set->point_count);
+}
+
+/* ---- one after the other ----------------------------------------------------------------- */
+
+static void show(struct publisher *publisher)
+{
+	struct gps_stats *stats = publisher->stats;
+
+	map_count(&stats->fixes, 1);
+	atomic_store(&stats->jumps, publisher->track.jumps);
+	atomic_store(&stats->too_fast, publisher->track.too_fast);
+	atomic_store(&stats->clock_steps, publisher->track.clock_steps);
+	latch_store(&stats->latch, stats->copies, &publisher->last, sizeof(publisher->last));
+}
+
+void publisher_take(struct publisher *publisher, struct gps_fix *fix)
+{
+	bool due;
+
+	gps_track_judge(&publisher->track, &publisher->settings->limits, fix);
+	due = gps_due(&publisher->settings->rule, publisher->has_sent ? &publisher->sent : NULL, fix) !=
+	      GPS_NOT_DUE;
+	publish(publisher, fix, fix->arrival_ns, due ? MAP_EVENT_ALWAYS : MAP_EVENT_BY_QUALITY);
+	publisher->last = *fix;
+	publisher->has_last = true;
+	publisher->is_stale = false;
+	if (due) {
+		publisher->sent = *fix;
+		publisher->has_sent = true;
+		map_count(&publisher->stats->events, 1);
+	}
+	show(publisher);
+}
+
+void publisher_run(struct publisher *publisher, int64_t now_ns)
+{
+	if (now_ns < publisher_deadline(publisher))
+		return;
+	publisher->is_stale = true;
+	publish(publisher, &publisher->last, now_ns, MAP_EVENT_BY_QUALITY);
+}
+
+int64_t publisher_deadline(const struct publisher *publisher)
+{
+	if (!publisher->has_last || publisher->is_stale)
+		return INT64_MAX;
+	return publisher->last.arrival_ns + publisher->settings->topical_ns + 1;
+}

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""rtu-gps: a receiver's fixes as points, their quality, their events, up to a controlling station."""
+
+import datetime
+import itertools
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.master import Master
+from peers.gpsd import gpsd_daemon
+from peers.receiver import Receiver, burst, sentence
+
+CA = 7001
+LATITUDE, LONGITUDE, ALTITUDE, SPEED, COURSE, HDOP, ERROR, FIX, SATELLITES, IN_DEPOT = (*range(1, 10), 101)
+DEPOT = (44.8125000, 20.4612000)
+METRE = 1 / 111_195  # degrees of latitude
+OUTSIDE = (DEPOT[0] + 45 * METRE, DEPOT[1])  # nearer than what a jump is
+BEGIN = datetime.datetime(2027, 3, 16, 9, 38, tzinfo=datetime.UTC)
+
+
+def config(receiver: dict[str, Any]) -> dict[str, Any]:
+    """A gateway with one receiver and no line."""
+    fence = {"name": "depot", "centre": DEPOT, "radius_m": 30}
+    defaults = {"name": "bus", "ca": CA, "topical_s": 2, "max_speed_km_h": 3600, "fences": [fence]}
+    return listening_on({"port": [], "gps": [defaults | receiver]}, free_port())
+
+
+@dataclass
+class Drive:
+    """A gateway, its receiver, and the receiver's time."""
+
+    gateway: Gateway
+    receiver: Receiver
+    seconds: int = 0
+
+    def say(self, place: tuple[float, float], method: int = 1, speed_knots: float = 0.0) -> None:
+        """The burst of the next second, and its silence."""
+        before = self.row()["fixes"]
+        self.seconds += 1
+        at = BEGIN + datetime.timedelta(seconds=self.seconds)
+        self.receiver.say(burst(at, *place, method=method, speed_knots=speed_knots))
+        self.gateway.wait_for(lambda: self.row()["fixes"] != before, 30.0, "the burst is a fix")
+
+    def row(self) -> dict[str, Any]:
+        """What `rtuctl gps` says."""
+        (row,) = self.gateway.query("gps")
+        return row  # type: ignore[no-any-return]
+
+    def point(self, name: str) -> dict[str, Any]:
+        return self.gateway.points(f"bus.{name}")[f"bus.{name}"]
+
+    def wait_point(self, name: str, wanted: Callable[[dict[str, Any]], bool], what: str) -> None:
+        self.gateway.wait_for(lambda: wanted(self.point(name)), 30.0, what)
+
+
+@pytest.fixture
+def directory() -> Iterator[Path]:
+    directory = run_directory()
+    (directory / "dev").mkdir()
+    yield directory
+    remove(directory)
+
+
+@pytest.fixture
+def drive(programs: Path, directory: Path) -> Iterator[Drive]:
+    with (
+        Receiver(directory / "dev/gps1") as receiver,
+        Gateway(config({"device": "gps1"}), directory, programs) as gateway,
+    ):
+        drive = Drive(gateway, receiver)
+        gateway.wait_for(lambda: drive.row()["open"], 30.0, "the receiver's line is open")
+        yield drive
+
+
+def test_position_reaches_the_control_centre(drive: Drive) -> None:
+    drive.say(DEPOT, speed_knots=10)
+    with Master(*drive.gateway.address) as master:
+        reports = {report.ioa: report for report in master.interrogate(CA)}
+    assert all(report.good or report.ioa in (ERROR,) for report in reports.values()), reports
+    assert reports[ERROR].quality != "good"  # this receiver does not say it
+    assert reports[LATITUDE].value == pytest.approx(DEPOT[0], abs=4e-6)  # a short float
+    assert reports[LONGITUDE].value == pytest.approx(DEPOT[1], abs=2e-6)
+    assert reports[ALTITUDE].value == pytest.approx(137.2, abs=0.01)
+    assert reports[SPEED].value == pytest.approx(10 * 1852 / 3600, abs=0.002)
+    assert (reports[COURSE].value, reports[HDOP].value) == (pytest.approx(90.0), pytest.approx(1.2))
+    assert (reports[FIX].value, reports[SATELLITES].value, reports[IN_DEPOT].value) == (1, 7, True)
+    # The map holds it whole.
+    assert (drive.point("latitude")["value"], drive.point("longitude")["value"]) == DEPOT
+
+
+def test_quality_says_what_is_known(drive: Drive) -> None:
+    assert drive.point("latitude")["quality"] == "invalid"
+    drive.say(DEPOT)
+    assert drive.point("latitude")["quality"] == "good"
+    drive.say(DEPOT, method=6)
+    assert drive.point("latitude")["quality"] == "substituted"
+    drive.say(DEPOT, method=0)
+    assert drive.point("latitude")["quality"] == "invalid"
+    assert (drive.point("fix")["value"], drive.point("fix")["quality"]) == (0, "good")
+    assert drive.point("in-depot")["quality"] == "invalid"
+    drive.say(DEPOT)
+    assert drive.point("latitude")["quality"] == "good"
+    drive.wait_point("latitude", lambda p: p["quality"] == "not topical", "silence is not topical")
+    assert drive.point("fix")["quality"] == "not topical"
+    assert drive.point("latitude")["value"] == DEPOT[0]
+    drive.say(DEPOT)
+    assert drive.point("latitude")["quality"] == "good"
+
+
+def test_events_are_of_fixes_and_not_of_coordinates(drive: Drive) -> None:
+    """One that stands makes no event, though each coordinate trembles; one that drives does each 50 m."""
+    for second in range(6):
+        drive.say((DEPOT[0] + second % 2 * 3 * METRE, DEPOT[1]))
+    assert drive.row()["events"] == 1  # the first
+    for metres in range(20, 120, 20):
+        drive.say((DEPOT[0] + metres * METRE, DEPOT[1]))
+    assert drive.row()["events"] == 2  # at 60 m; the next at 110
+    drive.say((DEPOT[0] + 120 * METRE, DEPOT[1]))
+    assert drive.row()["events"] == 3
+    kept = [event for event in drive.gateway.ctl("--json", "events").splitlines() if "bus.latitude" in event]
+    assert len(kept) == 3
+
+
+def test_geofence_is_an_event_of_its_own(drive: Drive) -> None:
+    drive.say(DEPOT)
+    with Master(*drive.gateway.address) as master:
+        master.interrogate(CA)
+        mark = master.mark()
+        drive.say(OUTSIDE)
+        left = master.wait(
+            lambda r: (r.ca, r.ioa, r.cause) == (CA, IN_DEPOT, "SPONTANEOUS"), since=mark, what="it left"
+        )
+    assert (left.value, left.good) == (False, True)
+
+
+def test_damaged_lines_cost_themselves(drive: Drive) -> None:
+    drive.say(DEPOT)
+    drive.receiver.say(b"\xff\x00noise" + sentence("PGRMT,GPS 17N,,,,,,,,")[:-4] + b"\r\n$GPGGA,1,2,3\r\n")
+    drive.gateway.wait_for(lambda: drive.row()["damaged"] >= 2, 30.0, "damage is counted")
+    drive.say(DEPOT)
+    assert drive.point("latitude")["quality"] == "good"
+    assert drive.row()["stray"] > 0
+
+
+def test_line_that_is_lost_comes_back(drive: Drive) -> None:
+    drive.say(DEPOT)
+    drive.receiver.unplug()
+    drive.gateway.wait_for(lambda: not drive.row()["open"], 30.0, "the loss is seen")
+    drive.wait_point("latitude", lambda p: p["quality"] == "not topical", "its position is old")
+    assert "bus: " in drive.gateway.log() and "hung up" in drive.gateway.log()
+    drive.receiver.plug()
+    drive.gateway.wait_for(lambda: drive.row()["open"], 30.0, "it is open again")
+    drive.say(DEPOT)
+    assert drive.point("latitude")["quality"] == "good"
+
+
+def test_killed_module_has_no_position(drive: Drive) -> None:
+    drive.say(DEPOT)
+    pid = drive.gateway.modules()["rtu-gps"]["pid"]
+    os.kill(pid, signal.SIGKILL)
+    drive.wait_point("latitude", lambda p: p["quality"] != "good", "nobody vouches for it")
+    drive.gateway.wait_for(
+        lambda: drive.gateway.modules()["rtu-gps"]["pid"] not in (0, None, pid), 30.0, "it is started again"
+    )
+    drive.gateway.wait_for(lambda: drive.row()["open"], 30.0, "the line is open again")
+    drive.say(DEPOT)
+    assert drive.point("latitude")["quality"] == "good"
+
+
+def test_the_sky_is_drawn(drive: Drive) -> None:
+    drive.say(DEPOT)
+    picture = drive.gateway.ctl("gps", "bus").splitlines()
+    assert len({len(line) for line in picture[-15:]}) == 1
+    rows = {
+        name: row for row, line in enumerate(picture[-15:]) for name in ("P4*", "P5*", "P9*") if name in line
+    }
+    assert set(rows) == {"P4*", "P5*", "P9*"}
+    assert rows["P4*"] < rows["P9*"] < rows["P5*"]  # near the zenith and north of it, west, south
+    assert {s["number"]: s["snr"] for s in drive.row()["sky"]} == {4: 42, 5: 38, 9: 0, 12: 25}
+
+
+def test_unknown_receiver_is_said(drive: Drive) -> None:
+    run = subprocess.run([*drive.gateway.rtuctl, "gps", "tram"], capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert run.stderr == 'rtuctl: there is no such receiver: "gps" in the configuration names them\n'
+
+
+@pytest.mark.slow
+def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> None:
+    """Debian's gpsd says what the receiver said; when it ends, the position is old."""
+    with gpsd_daemon(gpsd) as daemon:
+        source = {"gpsd": "127.0.0.1", "gpsd_port": daemon.port}
+        with Gateway(config(source), directory, programs) as gateway:
+            seconds = itertools.count()
+
+            def has_position() -> bool:
+                at = BEGIN + datetime.timedelta(seconds=next(seconds))
+                os.write(daemon.receiver, burst(at, *DEPOT))
+                return bool(gateway.points("bus.latitude")["bus.latitude"]["quality"] == "good")
+
+            gateway.wait_for(has_position, 60.0, "gpsd's position is the gateway's")
+            points = gateway.points("bus.*")
+            assert points["bus.latitude"]["value"] == pytest.approx(DEPOT[0], abs=2e-7)
+            assert points["bus.longitude"]["value"] == pytest.approx(DEPOT[1], abs=2e-7)
+            daemon.process.terminate()
+            gateway.wait_for(lambda: not gateway.query("gps")[0]["open"], 30.0, "gpsd has gone")
+            gateway.wait_for(
+                lambda: gateway.points("bus.latitude")["bus.latitude"]["quality"] == "not topical",
+                30.0,
+                "its position is old",
+            )
+            assert gateway.modules()["rtu-gps"]["restarts"] == 0
+
+
+@pytest.mark.parametrize(
+    ("receiver", "message"),
+    [
+        ({}, "gps[0]: has no source, expected device of a serial port or gpsd, an IP address"),
+        (
+            {"device": "gps1", "baud_rate": 4800},
+            "gps[0]: a burst of 750 octets takes 1.56 s at 4800 bit/s, longer than its period of 1.00 s: "
+            "expected a higher baud_rate, a longer period_ms, or burst_octets as it really is",
+        ),
+        (
+            {"device": "gps1", "fences": [{"name": "a", "centre": [91, 0], "radius_m": 5}]},
+            "gps[0].fences[0].centre: is no place, expected [latitude, longitude] in degrees, as "
+            "[44.8125, 20.4612]",
+        ),
+        (
+            {"device": "gps1", "fences": [{"name": "a", "corners": [[0, 0], [1, 1]]}]},
+            "gps[0].fences[0]: cannot be used: it has not 3 to 64 corners",
+        ),
+        (
+            {"device": "gps1", "fences": [{"name": "a", "centre": [0, 0]}]},
+            "gps[0].fences[0]: has no one shape, expected centre and radius_m, or corners",
+        ),
+    ],
+)
+def test_mistakes_in_the_file(programs: Path, tmp_path: Path, receiver: dict[str, Any], message: str) -> None:
+    file = tmp_path / "gateway.json"
+    file.write_text(json.dumps(config(receiver)))
+    run = subprocess.run(
+        [programs / "rtud/rtud", "--check", file], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 1
+    assert run.stderr == f"{file}:1: {message}\n"
