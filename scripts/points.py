@@ -87,7 +87,7 @@ class Slaves:
         try:
             return int(row[key])
         except ValueError:
-            self.error(line, f'{key}: "{row[key]}" is no integer')
+            self.error(line, f'{key}: "{row[key]}" is not an integer')
             return None
 
     def point(self, row: dict[str, str], line: int) -> Json:
@@ -99,7 +99,7 @@ class Slaves:
             try:
                 point[key] = cell if key in TEXTS else json.loads(cell)
             except ValueError:
-                self.error(line, f'{key}: "{cell}" is no number, truth value or array')
+                self.error(line, f'{key}: "{cell}" is not a number, truth value or array')
         return point | TYPES.get(row["type"], {})
 
 
@@ -107,7 +107,9 @@ def read_json(path: Path) -> Json:
     """A file's JSON object."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise PointsError(f"{path}: {error.strerror}") from error
+    except ValueError as error:
         raise PointsError(f"{path}: {error}") from error
     if not isinstance(document, dict):
         raise PointsError(f"{path}: is not a JSON object")
@@ -152,7 +154,9 @@ def read_points(path: Path, slaves: Slaves) -> None:
     """Adds the points of a CSV, whose cells commas or semicolons part."""
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise PointsError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise PointsError(f"{path}: {error}") from error
     head = text.partition("\n")[0]
     reader = csv.DictReader(text.splitlines(keepends=True), delimiter=";" if ";" in head else ",")
@@ -161,7 +165,7 @@ def read_points(path: Path, slaves: Slaves) -> None:
         raise PointsError(f"{path}:1: has no column {', '.join(missing)}")
     for row in reader:
         if None in row or None in row.values():
-            slaves.error(reader.line_num, "has not as many cells as the first line")
+            slaves.error(reader.line_num, "has another number of cells than the first line")
         elif row["port"] != "":  # the gateway's own station has none: own_ca makes it
             slaves.add(row, reader.line_num)
 

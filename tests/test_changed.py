@@ -158,10 +158,10 @@ def test_all_parts_run_and_the_failed_are_named(tree: Path, capfd: pytest.Captur
     put(tree / "scripts/nuc980/pins/rules/flash.py")
     put(tree / "docs/new.md")
     assert changed.main(["HEAD"]) == 1
-    said = capfd.readouterr()
-    assert "\ntest-pins: scripts/nuc980/pins/rules/flash.py changed\n" in said.out
-    assert f"\n{TREE}: docs/new.md, scripts/nuc980/pins/rules/flash.py changed\n" in said.out
-    assert "failed: test-pins" in said.err
+    captured = capfd.readouterr()
+    assert "\ntest-pins: scripts/nuc980/pins/rules/flash.py changed\n" in captured.out
+    assert f"\n{TREE}: docs/new.md, scripts/nuc980/pins/rules/flash.py changed\n" in captured.out
+    assert "failed: test-pins" in captured.err
     assert ran(tree) == [
         "lint",
         f"test-gateway {TREE}",

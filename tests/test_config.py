@@ -366,6 +366,18 @@ def test_root_is_an_array(programs: Path, tmp_path: Path) -> None:
     assert (result.returncode, result.stderr) == (1, "the file: is an array, expected an object { }\n")
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [((), "the configuration FILE is missing"), (("a.json", "b.json"), "one argument too many: b.json")],
+)
+def test_wrong_usage_is_named(programs: Path, words: tuple[str, ...], message: str) -> None:
+    result = subprocess.run(
+        [programs / "rtud/rtud", "--check", *words], capture_output=True, text=True, check=False
+    )
+    assert (result.returncode, result.stdout) == (2, "")
+    assert result.stderr == f'rtud: {message}\nrtud: try "rtud --help"\n'
+
+
 def test_unreadable(programs: Path, tmp_path: Path) -> None:
     missing = tmp_path / "missing.json"
     result = check(programs, missing)

@@ -164,8 +164,8 @@ def test_stopped_line_process_is_invalid_until_it_goes_on(substation: Substation
         collect(master, lambda found: found.quality == 0, [4040, 6001])
     assert substation.gateway.modules()["rtu-modbus-2"]["pid"] == pid  # it was given the time to come back
     for line in (
-        r"rtud warning: rtu-modbus-2 is silent for \d+ ms \(limit 2000\): its points are invalid",
-        r"rtu-modbus-2 warning: silent for \d+ ms \(limit 2000\): this process was stopped, or at work all",
+        r"rtud warning: rtu-modbus-2 has been silent for \d+ ms \(limit 2000\): its points are invalid",
+        r"rtu-modbus-2 warning: silent for \d+ ms \(limit 2000\): this process was stopped or busy all",
         r"rtud warning: rtu-modbus-2 is back: it was silent for [2-9]\d\d\d ms",
     ):
         wait_logged(substation.gateway, line)
@@ -187,7 +187,7 @@ def test_hung_line_process_is_killed_and_restarted(programs: Path) -> None:
     with gateway_on_lines(chapter_5() | {"modbus": AS_ON_A_BOARD}, programs) as (_, gateway):
         pid, _ = kill(gateway, "rtu-modbus-2", signal.SIGSTOP)
         wait_restarted(gateway, "rtu-modbus-2", pid)
-        wait_logged(gateway, r"rtu-modbus-2 is silent for \d+ ms \(limit 100\)")
+        wait_logged(gateway, r"rtu-modbus-2 has been silent for \d+ ms \(limit 100\)")
 
 
 def test_a_host_without_time_for_a_line_process_is_blamed(programs: Path) -> None:

@@ -12,7 +12,7 @@ from test_tree import PAGES, ROOT, code_of
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 
 
-def told(*command: str | Path) -> str:
+def output_of(*command: str | Path) -> str:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
 
@@ -33,25 +33,25 @@ def unknown_options(program: str, known: str) -> list[str]:
 
 def test_options_of_rtud(programs: Path) -> None:
     assert lines_with("rtud")
-    assert unknown_options("rtud", told(programs / "rtud/rtud", "--help")) == []
+    assert unknown_options("rtud", output_of(programs / "rtud/rtud", "--help")) == []
 
 
 def test_commands_and_options_of_rtuctl(programs: Path) -> None:
     rtuctl = programs / "rtuctl/rtuctl"
-    general = told(rtuctl, "--help")
+    general = output_of(rtuctl, "--help")
     commands = set(re.findall(r"^  ([a-z][a-z0-9]*) ", general, re.MULTILINE))
     named = {(page, line.split()[0]) for page, line in lines_with("rtuctl") if re.match(r"[a-z]", line)}
     assert {command for _, command in named} <= commands
-    helps = general + "".join(told(rtuctl, command, "--help") for command in commands)
+    helps = general + "".join(output_of(rtuctl, command, "--help") for command in commands)
     assert unknown_options("rtuctl", helps) == []
 
 
 @pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot", "openrtu-logic"])
 def test_options_of_the_tools(tool: str) -> None:
     program = ROOT / "scripts" / tool
-    general = told(program, "--help")
+    general = output_of(program, "--help")
     subcommands = re.findall(r"^    ([a-z-]+)(?=  |$)", general, re.MULTILINE)
     assert subcommands
-    helps = general + "".join(told(program, name, "--help") for name in subcommands)
+    helps = general + "".join(output_of(program, name, "--help") for name in subcommands)
     assert lines_with(tool)
     assert unknown_options(tool, helps) == []

@@ -237,7 +237,7 @@ def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> No
         ),
         (
             {"device": "gps1", "fences": [{"name": "a", "corners": [[0, 0], [1, 1]]}]},
-            "gps[0].fences[0]: cannot be used: it has not 3 to 64 corners",
+            "gps[0].fences[0]: cannot be used: it needs 3 to 64 corners",
         ),
         (
             {"device": "gps1", "fences": [{"name": "a", "centre": [0, 0]}]},

@@ -366,12 +366,12 @@ def rows() -> list[list[str]]:
 
 
 def test_page_says_what_is_tested() -> None:
-    said = {
+    documented = {
         row[3].strip("`"): set(re.findall(r"`(\w+)`", row[1]))
         for row in rows()
         if row[-1].startswith("`test_")
     }
     for fault in FAULTS:
-        assert said.pop(f"test_once[{fault.name}]") == set(fault.moves)
-    assert set().union(*said.values()) <= set(COUNTERS)
-    assert all(name.partition("[")[0] in globals() for name in said)
+        assert documented.pop(f"test_once[{fault.name}]") == set(fault.moves)
+    assert set().union(*documented.values()) <= set(COUNTERS)
+    assert all(name.partition("[")[0] in globals() for name in documented)

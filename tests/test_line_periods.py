@@ -146,8 +146,8 @@ def test_periods_slip_under_a_storm_of_commands_and_hold_again(substation: Subst
 
 
 def is_realtime_kernel() -> bool:
-    said = Path("/sys/kernel/realtime")
-    return "PREEMPT_RT" in os.uname().version or (said.exists() and said.read_text().startswith("1"))
+    kernel = Path("/sys/kernel/realtime")
+    return "PREEMPT_RT" in os.uname().version or (kernel.exists() and kernel.read_text().startswith("1"))
 
 
 def test_a_point_shows_its_period(substation: Substation) -> None:
@@ -182,5 +182,5 @@ def test_histogram_shows_what_was_measured_and_what_it_is_worth(substation: Subs
 
 
 def test_histogram_belongs_to_lines_alone(substation: Substation) -> None:
-    with pytest.raises(GatewayError, match="it takes no --histogram"):
+    with pytest.raises(GatewayError, match="takes no --histogram"):
         substation.gateway.ctl("modules", "--histogram")

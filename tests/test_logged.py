@@ -40,7 +40,7 @@ def test_continuous_integration_gets_more_of_the_log(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("log", "said"),
+    ("log", "progress"),
     [
         ("[1/318] Compiling C object a.o\n[317/318] Linking target rtud", "317 of 318 objects"),
         ("  CC      init/main.o\n  HOSTCC  scripts/x\n  AS      a.o\n  LD      vmlinux", "3 objects"),
@@ -54,9 +54,9 @@ def test_continuous_integration_gets_more_of_the_log(tmp_path: Path) -> None:
         ("what no one knows", ""),
     ],
 )
-def test_progress_is_read_from_the_log(tmp_path: Path, log: str, said: str) -> None:
+def test_progress_is_read_from_the_log(tmp_path: Path, log: str, progress: str) -> None:
     done = logged(tmp_path, f"printf '%b' {log!r}")
-    assert done.stdout == f"   * step: done{', ' if said else ''}{said}\n"
+    assert done.stdout == f"   * step: done{', ' if progress else ''}{progress}\n"
 
 
 @pytest.mark.slow
@@ -76,11 +76,11 @@ def test_long_step_shows_how_far_it_is(tmp_path: Path, terminal: bool) -> None:
     subprocess.run([SCRIPT, "step", "bash", "-c", "echo '[7/9] Compiling'; sleep 5"], cwd=tmp_path, env=known,
                    stdout=theirs, check=True)  # fmt: skip
     os.close(theirs)
-    said = ""
-    while "done" not in said:
-        said += os.read(own, 10_000).decode()
+    received = ""
+    while "done" not in received:
+        received += os.read(own, 10_000).decode()
     os.close(own)
-    assert re.search(r"\r\x1b\[K +\d s  7 of 9 objects\r\x1b\[K", said)
+    assert re.search(r"\r\x1b\[K +\d s  7 of 9 objects\r\x1b\[K", received)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

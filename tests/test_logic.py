@@ -72,7 +72,7 @@ END_PROGRAM
         "p:4:9: error: unknown name LEVLE; did you mean LEVEL?",
         "p:5:11: error: expected ';' behind the assignment, found 't'",
         "p:7:4: error: expected BOOL, found INT",
-        "p:8:1: error: EXIT is in no loop",
+        "p:8:1: error: EXIT is not in a loop",
         "p:9:6: error: 40000 overflows INT, which is -32768 to 32767",
     ]
 
@@ -80,10 +80,10 @@ END_PROGRAM
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
-        ("b := x = 1.5;", "two REAL are hardly ever equal; compare ABS(a - b) with a tolerance"),
+        ("b := x = 1.5;", "two REAL are rarely equal; compare ABS(a - b) with a tolerance"),
         ("IF FALSE THEN b := TRUE; END_IF;", "the condition is always FALSE: this branch is never reached"),
         ("b := TRUE; b := FALSE;", "b is written twice: here and in line 2"),
-        ("RETURN; b := TRUE;", "nothing reaches this statement"),
+        ("RETURN; b := TRUE;", "this statement is never reached"),
         ("CASE i OF 1: b := TRUE; 1: b := FALSE; END_CASE;", "1 is already a case in line 2"),
     ],
 )
@@ -103,12 +103,12 @@ def test_warnings(body: str, expected: str) -> None:
         ("i := SQTR(2.0);", "unknown function SQTR; did you mean SQRT?"),
         ("IF x THEN i := 1; ", "expected 'END_IF' for the IF of line 2, found 'END_PROGRAM'"),
         ("i := (1 + 2;", "expected ')' for the '(' of column 6, found ';'"),
-        ("i := T#5q;", "T#5q is no duration; write T#1d2h3m4s5ms, or T#1.5s"),
+        ("i := T#5q;", "T#5q is not a duration; write T#1d2h3m4s5ms, or T#1.5s"),
         ("t(IN := x, PT := 5);", "expected TIME, found 5; write T#1.5s"),
         ("t.Q := TRUE;", "only the block itself writes T.Q"),
         ("x := NOT;", "expected a value, found ';'"),
-        ("FOR i := 1 TO 5 BY 0 DO x := TRUE; END_FOR;", "a step of 0 never ends"),
-        ("i := i # 2;", "unknown sign '#'"),
+        ("FOR i := 1 TO 5 BY 0 DO x := TRUE; END_FOR;", "a loop with a step of 0 never ends"),
+        ("i := i # 2;", "unknown character '#'"),
         ("i := 1; (* no end", "2:9: error: a comment '(*' without its end '*)'"),
         ("i := SEL(x, 1, 40000);", "40000 overflows INT, which is -32768 to 32767"),
         ("i := n * n;", "90000 overflows INT"),
@@ -139,9 +139,15 @@ def test_a_misspelled_use_does_not_make_its_name_unused() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("FUNCTION f : INT VAR t : TON; END_VAR f := 1; END_FUNCTION", "TON remembers, a FUNCTION and"),
-        ("FUNCTION f : INT VAR RETAIN n : INT; END_VAR f := n; END_FUNCTION", "retain nothing"),
-        ("FUNCTION_BLOCK f VAR_TEMP t : TON; END_VAR END_FUNCTION_BLOCK", "TON remembers, a FUNCTION and"),
+        (
+            "FUNCTION f : INT VAR t : TON; END_VAR f := 1; END_FUNCTION",
+            "TON keeps a state, but a",
+        ),
+        ("FUNCTION f : INT VAR RETAIN n : INT; END_VAR f := n; END_FUNCTION", "cannot retain a value"),
+        (
+            "FUNCTION_BLOCK f VAR_TEMP t : TON; END_VAR END_FUNCTION_BLOCK",
+            "TON keeps a state, but a",
+        ),
     ],
 )
 def test_what_remembers_nothing_holds_nothing_that_does(text: str, expected: str) -> None:
@@ -342,7 +348,7 @@ END_PROGRAM
     assert main(["test", str(tmp_path / "p.st")]) == 0, capsys.readouterr()
     for text, complaint in (
         ("time,answer go\n0,DONE\n", "no command of the program goes to go"),
-        ("time,answer breaker\n0,OK\n", "'OK' is no answer of a device; it may be DONE, EXCEPTION"),
+        ("time,answer breaker\n0,OK\n", "'OK' is not an answer of a device, expected one of DONE, EXCEPTION"),
     ):
         table.write_text(text)
         assert main(["test", str(tmp_path / "p.st")]) == 2
@@ -574,7 +580,7 @@ def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert main(["check", str(file)]) == 2
     (tmp_path / "t.csv").write_text("time,z\n0,1\n")
     assert main(["run", str(ROOT / "docs/examples/logic/pump.st"), str(tmp_path / "t.csv")]) == 2
-    assert "z is no point of the program" in capsys.readouterr().err
+    assert "z is not a point of the program" in capsys.readouterr().err
 
 
 def test_run_writes_a_table_and_a_picture(tmp_path: Path) -> None:

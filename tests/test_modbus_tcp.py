@@ -177,15 +177,15 @@ def is_fresh(gateway: Gateway, pattern: str) -> bool:
     return all(point["quality"] == "good" and point["age_s"] < FRESH_S for point in points.values())
 
 
-def said_of(gateway: Gateway, port: int) -> list[str]:
+def port_log(gateway: Gateway, port: int) -> list[str]:
     """What the log says of a port: connected, lost, … without the system's reason."""
     lines = re.findall(rf"port {port}: \S+ port \d+ (.*)$", gateway.log(1000), re.MULTILINE)
-    return [re.sub("lost: (?!it sends).*", "lost", said) for said in lines]
+    return [re.sub("lost: (?!it sends).*", "lost", message) for message in lines]
 
 
-def wait_said(gateway: Gateway, port: int, said: list[str]) -> None:
+def wait_port_log(gateway: Gateway, port: int, messages: list[str]) -> None:
     """Each change once; rtud writes it when it comes to it."""
-    gateway.wait_for(lambda: said_of(gateway, port) == said, NOTICE_S, f"{said} of port {port}")
+    gateway.wait_for(lambda: port_log(gateway, port) == messages, NOTICE_S, f"{messages} of port {port}")
 
 
 # ---- one device behind the connection --------------------------------------------------------------------
@@ -215,7 +215,7 @@ def test_connection_is_a_line_like_others(programs: Path, address: str) -> None:
         assert (row["device"], row["format"], row["open"]) == (address, f"TCP {server.port}", True)
         faults = ("timeouts", "unasked_frames", "late_answers", "noise_bytes")
         assert sum(row[fault] for fault in faults) == 0
-        wait_said(gateway, 7, ["is connected"])
+        wait_port_log(gateway, 7, ["is connected"])
         with Master(*gateway.address) as master:
             assert master.command(7255, 40001, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
         assert counters(gateway, 7)["commands"] == 1
@@ -241,8 +241,8 @@ def test_lost_server_is_connected_again(programs: Path) -> None:
             assert not master.command(7001, 40001, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
         with server:
             wait_good(gateway, "p7.1.*")
-        refused = "cannot be connected: Connection refused; tried again each second"
-        wait_said(gateway, 7, [refused, "is connected", "is lost", "is connected", "is lost"])
+        refused = "cannot be connected: Connection refused; trying again each second"
+        wait_port_log(gateway, 7, [refused, "is connected", "is lost", "is connected", "is lost"])
 
 
 @pytest.mark.slow
@@ -256,10 +256,10 @@ def test_device_that_accepts_and_hangs_up_is_said_once(programs: Path) -> None:
         begun = server.connections
         gateway.wait_for(lambda: server.connections >= begun + 3, NOTICE_S, "it is connected again and again")
         assert all_are(gateway, "p7.1.*", "invalid")
-        wait_said(gateway, 7, ["is connected", "is lost"])
+        wait_port_log(gateway, 7, ["is connected", "is lost"])
         server.respond = Request.answer
         wait_good(gateway, "p7.1.*")
-        wait_said(gateway, 7, ["is connected", "is lost", "is connected"])
+        wait_port_log(gateway, 7, ["is connected", "is lost", "is connected"])
 
 
 def end_of_connection(gateway: Gateway, server: Server, nonsense: bytes) -> None:
@@ -278,7 +278,7 @@ def test_what_is_no_modbus_closes_the_connection(programs: Path) -> None:
         end_of_connection(gateway, server, b"HTTP/1.1 400 Bad Request\r\n\r\n")
         end_of_connection(gateway, server, bytes.fromhex("000100000001"))
         lost = "is lost: it sends something that is not Modbus"
-        wait_said(gateway, 7, ["is connected", lost, "is connected", lost, "is connected"])
+        wait_port_log(gateway, 7, ["is connected", lost, "is connected", lost, "is connected"])
 
 
 # ---- late and wrong answers ------------------------------------------------------------------------------
@@ -395,7 +395,7 @@ def test_host_that_does_not_answer_delays_nobody(programs: Path) -> None:
             assert stale == []
             assert {module["restarts"] for module in gateway.modules().values()} == {0}
             assert all_are(gateway, "p7.*", "invalid")
-            assert said_of(gateway, 7) == ["does not answer; tried again every few seconds"]
+            assert port_log(gateway, 7) == ["does not answer; trying again every few seconds"]
             until_full.close()
             server.start(listener)
             try:

@@ -87,15 +87,15 @@ def refused(build: Path, directory: Path, config: dict[str, Any] | None = None) 
     """What rtud says of a configuration, chapter 5, when asked to check it and when started with it."""
     file, segments = directory / "refused.json", directory / "map"
     file.write_text(json.dumps(config or chapter_5()))
-    said = set()
+    messages = set()
     for options in (["--check"], ["--map", segments, "--modules", build / "modules"]):
         command = [build / "rtud" / "rtud", *options, file]
         run = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
         assert (run.returncode, run.stdout) == (2, "")
-        said.add(errors_of(run.stderr))
+        messages.add(errors_of(run.stderr))
     assert not segments.exists()
-    assert len(said) == 1
-    return said.pop().replace(f"{file}:1: ", "")
+    assert len(messages) == 1
+    return messages.pop().replace(f"{file}:1: ", "")
 
 
 def test_left_out_is_not_installed(without_iec104: Path, without_modbus: Path) -> None:

@@ -250,7 +250,7 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"scale_points": [[0, 5], [1, 5]]}, "scale_points: has the same value twice"),
         ({"scale_table": [[0, 0], [0, 1]]}, "scale_table[1]: has no raw value above"),
         ({"scale_table": [[0, 0], [1, "x"]]}, "scale_table[1]: is not a pair [raw, value] of numbers"),
-        ({"scale_table": [[0, 0], [1, 1], [2, 0]]}, "scale_table: neither rises nor falls all the way"),
+        ({"scale_table": [[0, 0], [1, 1], [2, 0]]}, "scale_table: must rise all the way or fall all the way"),
         ({"inverted": True}, "inverted: has no meaning for type scaled"),
     ],
 )
@@ -329,11 +329,11 @@ def test_from_csv_a_device_keeps_what_its_template_says_of_it(programs: Path, tm
     [
         ("M_SP_NA_1", "M_XX_NA_1", 'type: "M_XX_NA_1" is not known'),
         ("coils", "coil", 'table: "coil" is not known, expected one of coils'),
-        (",p3.67,3,", ",p3.67,x,", 'port: "x" is no integer'),
+        (",p3.67,3,", ",p3.67,x,", 'port: "x" is not an integer'),
         (",p3.67,3,", ",p3.67,5,", "there is no port 5 in the file of lines"),
         ("3067,1,", "3068,1,", "ca: 3067 is not that of the slave's other points, 3068"),
-        (",coils,0", ",coils,a", 'address: "a" is no number, truth value or array'),
-        (",coils,0", ",coils,0,1", "has not as many cells as the first line"),
+        (",coils,0", ",coils,a", 'address: "a" is not a number, truth value or array'),
+        (",coils,0", ",coils,0,1", "has another number of cells than the first line"),
     ],
 )
 def test_wrong_csv_says_file_and_line(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -151,14 +151,14 @@ def test_altitudes_and_speeds_are_gpsds_own(recordings: Path, replay: Path) -> N
                 (ALTITUDE, "altitude_mm", "altMSL", 1.01),
                 (SPEED, "speed_mm_s", "speed", 60),
             ):
-                said = {
+                reference = {
                     report[theirs] for report in answers.reports.get(fix["day_ms"], []) if theirs in report
                 }
-                if not fix["known"] & known or not said:
+                if not fix["known"] & known or not reference:
                     continue
                 compared += 1
-                if all(abs(fix[ours] - value * 1000) > limit for value in said):
-                    wrong.append((file.stem, fix["day_ms"], theirs, fix[ours], said))
+                if all(abs(fix[ours] - value * 1000) > limit for value in reference):
+                    wrong.append((file.stem, fix["day_ms"], theirs, fix[ours], reference))
     assert wrong == []
     assert compared > 4000
 
@@ -376,17 +376,17 @@ def test_what_gpsd_says_is_what_we_read_ourselves(daemon: Daemon, recordings: Pa
     ours = {fix["day_ms"]: fix for fix in replayed(replay, [log])[0][0] if fix["known"] & POSITION}
     client = socket.create_connection(("127.0.0.1", daemon.port), timeout=0.01)
     client.sendall(b'?WATCH={"enable":true,"json":true};\n')
-    said, deadline = b"", time.monotonic() + 60
+    received, deadline = b"", time.monotonic() + 60
     fixes: list[Fix] = []
     while len({fix["day_ms"] for fix in fixes}) < 10:
-        assert time.monotonic() < deadline, said[-1000:]
+        assert time.monotonic() < deadline, received[-1000:]
         for line in lines:
             os.write(daemon.receiver, line)
             try:
-                said += client.recv(65536)
+                received += client.recv(65536)
             except TimeoutError:
                 continue
-        whole = said[: said.rfind(b"\n") + 1]
+        whole = received[: received.rfind(b"\n") + 1]
         ((found, counted),) = replayed(replay, [whole], "gpsd")
         assert counted["damaged"] == 0
         fixes = [fix for fix in found if fix["known"] & POSITION and fix["known"] & TIME]

@@ -72,9 +72,9 @@ def three_lines(err: str) -> dict[str, str]:
     """What a show that fails says: three lines, nothing else."""
     lines = err.strip().splitlines()
     assert len(lines) == 3, err
-    said = dict(re.split(": +", line, maxsplit=1) for line in lines)
-    assert list(said) == ["expected", "seen", "probably"]
-    return said
+    verdict = dict(re.split(": +", line, maxsplit=1) for line in lines)
+    assert list(verdict) == ["expected", "seen", "probably"]
+    return verdict
 
 
 def test_who_has_the_port_is_named_and_gets_no_octet(start: Start) -> None:
@@ -86,10 +86,10 @@ def test_who_has_the_port_is_named_and_gets_no_octet(start: Start) -> None:
         with pytest.raises(BlockingIOError):
             other.accept()
     assert (show.returncode, out) == (1, "")
-    said = three_lines(err)
-    assert said["expected"].startswith(f"TCP port {port} of 127.0.0.1 free")
-    assert re.fullmatch(rf".+ \(pid {os.getpid()}\) listens there", said["seen"])
-    assert re.search(r"make run-native PORT=\d+", said["probably"])
+    verdict = three_lines(err)
+    assert verdict["expected"].startswith(f"TCP port {port} of 127.0.0.1 free")
+    assert re.fullmatch(rf".+ \(pid {os.getpid()}\) listens there", verdict["seen"])
+    assert re.search(r"make run-native PORT=\d+", verdict["probably"])
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "-1", "2404x", "http"])
@@ -109,11 +109,11 @@ def test_failed_show_says_three_lines_and_the_rest_in_a_file(start: Start) -> No
     subprocess.run(["pkill", "-KILL", "-f", f"linesim .*openrtu-{show.pid}-"], check=True)
     _, err = show.communicate(timeout=60)
     assert show.returncode == 1
-    said = three_lines(err)
-    assert said["expected"].startswith("step ")
-    assert "linesim" in said["seen"]
-    assert said["probably"].startswith("linesim ended with exit code -9")
-    file = re.search(r"\(details: (.+)\)$", said["probably"])
+    verdict = three_lines(err)
+    assert verdict["expected"].startswith("step ")
+    assert "linesim" in verdict["seen"]
+    assert verdict["probably"].startswith("linesim ended with exit code -9")
+    file = re.search(r"\(details: (.+)\)$", verdict["probably"])
     assert file is not None
     kept = (ROOT / file[1]).read_text()
     for title in (
@@ -132,16 +132,16 @@ def test_keep_stays_up_for_the_users_own_master(start: Start) -> None:
     port = free_port()
     show = start("--port", str(port), "--keep")
     assert show.stdout is not None
-    said = []
+    printed = []
     for line in show.stdout:
-        said.append(line)
+        printed.append(line)
         if "Ctrl-C" in line:
             break
     else:
         pytest.fail(f"it ended instead: {show.communicate()}")
     with Master("127.0.0.1", port) as master:
         assert len(master.interrogate(3067)) == 13
-    commands = [line.strip() for line in said if line.startswith("  scripts/")]
+    commands = [line.strip() for line in printed if line.startswith("  scripts/")]
     assert len(commands) == 7
     for command in commands:
         assert len(command) < 80

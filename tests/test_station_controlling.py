@@ -166,8 +166,8 @@ def test_clock_synchronisation(plant: Plant, asking: Callable[..., Asking]) -> N
     before = datetime.datetime.now(datetime.UTC).replace(tzinfo=None) - datetime.timedelta(milliseconds=1)
     assert one.result(f"clock {CA}")["state"] == "executed command"
     after = datetime.datetime.now(datetime.UTC).replace(tzinfo=None)
-    [said] = plant.clocks
-    assert before <= said.replace(tzinfo=None) <= after
+    [clock] = plant.clocks
+    assert before <= clock.replace(tzinfo=None) <= after
 
 
 def test_spontaneous_value(plant: Plant, asking: Callable[..., Asking]) -> None:

@@ -182,7 +182,7 @@ def test_no_certificate(gateway: TlsGateway, pki: Pki) -> None:
 @pytest.mark.parametrize("version", VERSIONS)
 def test_unknown_ca(gateway: TlsGateway, pki: Pki, version: str) -> None:
     context = pki.client(pki.stranger, version)
-    assert_refused(gateway, context, 'certificate is from no known CA: "stranger"')
+    assert_refused(gateway, context, 'certificate is not from a known CA: "stranger"')
 
 
 def test_expired(gateway: TlsGateway, pki: Pki) -> None:
@@ -268,8 +268,8 @@ def test_keys_are_changed_on_request(gateway: TlsGateway) -> None:
         assert peer.stdin and peer.stdout and peer.stderr
         for _ in range(5):
             peer.stdin.write(b"K\n")
-            while b"KEYUPDATE" not in (said := peer.stderr.read(4096)):
-                assert said, "closed"
+            while b"KEYUPDATE" not in (output := peer.stderr.read(4096)):
+                assert output, "closed"
             peer.stdin.write(TESTFR_ACT)
             assert peer.stdout.read(len(TESTFR_CON)) == TESTFR_CON
         peer.stdin.close()
@@ -465,8 +465,8 @@ def test_plain_station_is_not_linked_with_openssl(programs: Path) -> None:
 
     def needed(program: str) -> set[str]:
         command = ["readelf", "--dynamic", programs / "modules" / program]
-        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        return set(re.findall(r"NEEDED.*\[(lib(?:ssl|crypto))", said))
+        output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        return set(re.findall(r"NEEDED.*\[(lib(?:ssl|crypto))", output))
 
     assert needed("rtu-iec104") == set()
     assert needed("rtu-iec104-tls") == {"libssl", "libcrypto"}
@@ -495,7 +495,9 @@ def test_key_that_others_may_read(pki: Pki, programs: Path) -> None:
     station.key.chmod(0o644)
     files = {"certificate": str(station.certificate), "key": str(station.key)}
     with not_up(pki, programs, **files) as gateway:
-        gateway.wait_log(rf"rtu-iec104-tls: the key {station.key}: others may read it, chmod o= it$")
+        gateway.wait_log(
+            rf"rtu-iec104-tls: the key {station.key}: other users may read it: type chmod o= for it$"
+        )
 
 
 def test_key_of_another_certificate(pki: Pki, programs: Path) -> None:
@@ -539,7 +541,7 @@ def test_own_certificate_that_has_expired_is_said(pki: Pki, programs: Path) -> N
     station = pki.ours.issue_for_station("substation 13", days=-1)
     files = {"certificate": str(station.certificate), "key": str(station.key)}
     with not_up(pki, programs, **files) as gateway:
-        gateway.wait_log('own certificate has expired on .*: "substation 13"$')
+        gateway.wait_log('own certificate expired on .*: "substation 13"$')
         gateway.wait_log("listening on")
         with pytest.raises(ssl.SSLCertVerificationError, match="expired"):
             connected(gateway, pki.client())

@@ -79,8 +79,8 @@ def test_keys_are_renewed_in_tls_1_3(renewing: TlsGateway, tmp_path: Path) -> No
     pipe = subprocess.PIPE
 
     def updates(direction: str) -> int:
-        said = messages.read_text() if messages.exists() else ""
-        return len(re.findall(rf"^{direction} .*KeyUpdate", said, re.MULTILINE))
+        output = messages.read_text() if messages.exists() else ""
+        return len(re.findall(rf"^{direction} .*KeyUpdate", output, re.MULTILINE))
 
     with subprocess.Popen(command, bufsize=0, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL) as peer:
         assert peer.stdin and peer.stdout
@@ -181,7 +181,7 @@ def test_revoked_while_connected(pki: Pki, programs: Path, version: str) -> None
         pki.ours.revoke(lost)
         leaving.settimeout(SEEN_S)
         assert closed_by_station(leaving)
-        gateway.wait_log(rf'port {port}: no longer let in, certificate revoked: "lost centre"$')
+        gateway.wait_log(rf'port {port}: no longer admitted: certificate revoked: "lost centre"$')
         gateway.wait_log(rf"port {port}: connection ends: its keys or its certificate are no longer good$")
         gateway.wait_log("TLS, its files have changed and are in force$")
         assert_refused(gateway, context, 'certificate revoked: "lost centre"')
@@ -198,7 +198,7 @@ def test_outdated_list_lets_nobody_in_and_ends_nobody(pki: Pki, programs: Path) 
         contextlib.ExitStack() as stack,
     ):
         staying = stack.enter_context(connected(gateway, context))
-        gateway.wait_for(lambda: "a list in crl has expired on" in gateway.log(), SEEN_S, "it is outdated")
+        gateway.wait_for(lambda: "a list in crl expired on" in gateway.log(), SEEN_S, "it is outdated")
         assert_refused(gateway, context, 'CRL has expired: "centre 1"')
         gateway.wait_for(lambda: "its keys are renewed" in gateway.log(), SEEN_S, "its certificate too")
         assert is_alive(staying)
@@ -259,7 +259,7 @@ def test_certificate_that_expires_while_connected(pki: Pki, programs: Path) -> N
         assert is_alive(leaving)
         assert closed_by_station(leaving)
         assert until < datetime.now(UTC) < until + timedelta(seconds=3)
-        gateway.wait_log('no longer let in, certificate has expired: "short centre"$')
+        gateway.wait_log('no longer admitted: certificate has expired: "short centre"$')
         assert is_alive(staying)
 
 

@@ -80,7 +80,7 @@ def read(master: RawMaster, ca: int, ioa: int) -> Asdu:
     return asdu
 
 
-def told(desk: Desk, ioa: int) -> tuple[Any, str]:
+def value_and_quality(desk: Desk, ioa: int) -> tuple[Any, str]:
     """Value and quality of one of the relay's points, as rtuctl has them."""
     point = next(p for p in desk.gateway.points().values() if (p["ca"], p["ioa"]) == (RELAY_CA, ioa))
     return point["value"], point["quality"]
@@ -89,8 +89,8 @@ def told(desk: Desk, ioa: int) -> tuple[Any, str]:
 def test_value_without_quality_is_told_while_good(desk: Desk, master: RawMaster) -> None:
     """Register 1 is unsigned here, so that 40000 is an overflow: it is there, and nothing is said of it."""
     desk.set_and_scan(RELAY, "input_registers", 0, [0x8000, 40000])
-    desk.gateway.wait_for(lambda: told(desk, CURRENT) == (-1, "good"), 60.0, "the lowest value")
-    desk.gateway.wait_for(lambda: told(desk, FREQUENCY)[1] == "overflow", 60.0, "an overflow")
+    desk.gateway.wait_for(lambda: value_and_quality(desk, CURRENT) == (-1, "good"), 60.0, "the lowest value")
+    desk.gateway.wait_for(lambda: value_and_quality(desk, FREQUENCY)[1] == "overflow", 60.0, "an overflow")
     plain = [asdu for asdu in interrogated(master, RELAY_CA) if asdu.type == M_ME_ND]
     assert [(asdu.count, asdu.body) for asdu in plain] == [(1, bytes.fromhex("3175000080"))]
     refusal = read(master, RELAY_CA, FREQUENCY)
@@ -170,7 +170,7 @@ def test_status_bits_are_in_the_quality(desk: Desk, master: RawMaster) -> None:
     scaled = [a for a in interrogated(master, RELAY_CA) if a.type == M_ME_NB]
     assert scaled[0].body[:3] == TEMPERATURE.to_bytes(3, "little")
     assert (scaled[0].body[5], scaled[0].body[8]) == (SUBSTITUTED | NOT_TOPICAL, GOOD)
-    assert told(desk, TEMPERATURE)[1] == "not topical,substituted"
+    assert value_and_quality(desk, TEMPERATURE)[1] == "not topical,substituted"
     switch(desk, BY_HAND, False)
     until_quality(master, TEMPERATURE, NOT_TOPICAL)
     switch(desk, FROZEN, False)
@@ -197,7 +197,7 @@ def test_status_bit_that_is_refused_leaves_nobody_knowing(desk: Desk, master: Ra
 
 @pytest.mark.parametrize("exception", [5, 6, 10, 11])
 def test_value_that_a_device_does_not_give_now_is_old(desk: Desk, master: RawMaster, exception: int) -> None:
-    before = told(desk, POWER)
+    before = value_and_quality(desk, POWER)
     desk.lines.fault(RELAY, "exception", exception, READ_REGISTERS)
     value = until_quality(master, POWER, NOT_TOPICAL)
     assert int.from_bytes(value, "little", signed=True) == before[0]

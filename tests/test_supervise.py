@@ -27,7 +27,7 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 STATION = "rtu-iec104"
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
 MODULES_GROUP = 61200
-NO_FILTER = "modules have no filter of system calls: "
+NO_FILTER = "the modules run without a filter of system calls: "
 READ_A_PERIOD = 6 * 16  # a bell is heard so often, and other things are looked at besides
 FLOOD = 20_000  # rings
 FIRST_PAUSE_S = 0.1  # after a life shorter than a second
@@ -178,7 +178,7 @@ def test_map_is_shown_to_its_group_alone(gateway: Gateway) -> None:
         assert STATION in rtuctl(MODULES_GROUP, "modules").stdout
         stranger = rtuctl(65534, "modules")
         assert stranger.returncode != 0
-        assert "cannot open rtud.seg: Permission denied (rtud's user may, and" in stranger.stderr
+        assert "cannot open rtud.seg: Permission denied (rtud's user may write it" in stranger.stderr
         reader = rtuctl(MODULES_GROUP, "set", next(iter(gateway.points())), "1")
         assert reader.returncode != 0
         assert "cannot open rtuctl.seg: Permission denied" in reader.stderr
@@ -249,14 +249,14 @@ def wait_serving(gateway: Gateway) -> dict[str, dict[str, Any]]:
     return modules
 
 
-def said(gateway: Gateway, module: str, text: str) -> int:
+def log_count(gateway: Gateway, module: str, text: str) -> int:
     """How often a module has said it in its log."""
     lines = map(json.loads, gateway.ctl("--json", "log").splitlines())
     return sum(line["module"] == module and line["text"].startswith(text) for line in lines)
 
 
-NO_PRIORITY = "no real-time priority for the line processes: "
-NOT_LOCKED = "memory is not locked: "
+NO_PRIORITY = "cannot give the line processes a real-time priority: "
+NOT_LOCKED = "cannot lock memory: "
 
 
 def test_histogram_says_what_the_kernel_has_given(gateway: Gateway) -> None:
@@ -271,8 +271,8 @@ def test_histogram_says_what_the_kernel_has_given(gateway: Gateway) -> None:
             realtime = line["realtime_kernel"] and given["fifo"] and given["locked_kib"] > 0
             assert line["realtime"] is realtime
             assert line["verdict"].startswith("none: ") is not realtime
-            assert said(gateway, name, NOT_LOCKED) == (given["locked_kib"] == 0)
-        assert said(gateway, "rtud", NO_PRIORITY) == (not all(line["process"]["fifo"] for line in lines))
+            assert log_count(gateway, name, NOT_LOCKED) == (given["locked_kib"] == 0)
+        assert log_count(gateway, "rtud", NO_PRIORITY) == (not all(line["process"]["fifo"] for line in lines))
 
 
 def test_what_the_kernel_refuses_is_said_once(gateway: Gateway) -> None:
@@ -290,8 +290,8 @@ def test_what_the_kernel_refuses_is_said_once(gateway: Gateway) -> None:
             assert line["verdict"].startswith("none: ")
         table = gateway.ctl("lines", "--histogram")
         assert table.count("ordinary scheduling, memory not locked\nverdict: none: ") == len(lines)
-        assert said(gateway, "rtud", NO_PRIORITY) == 1
-        assert [said(gateway, name, NOT_LOCKED) for name in LINES] == [1, 1]
+        assert log_count(gateway, "rtud", NO_PRIORITY) == 1
+        assert [log_count(gateway, name, NOT_LOCKED) for name in LINES] == [1, 1]
 
 
 # ---- where it is started ------------------------------------------------------------------------
@@ -318,7 +318,7 @@ def test_map_folder_that_is_not_ours_is_refused(gateway: Gateway) -> None:
     writable.chmod(0o777)
     link = gateway.directory / "link"
     link.symlink_to("/etc")
-    assert "writable by another user" in refused(gateway, map=writable)
+    assert "another user owns the map's folder" in refused(gateway, map=writable)
     assert "cannot open the map's folder" in refused(gateway, map=link)
     assert "cannot open the map's folder" in refused(gateway, map=gateway.config_file)
     assert "cannot create the map's folder" in refused(gateway, map=gateway.directory / "no" / "map")
@@ -406,7 +406,9 @@ def test_closed_terminal_stops_nothing(gateway: Gateway) -> None:
         os.close(slave)
         before = wait_running(gateway)
         os.close(master)
-        gateway.wait_for(lambda: said(gateway, "rtud", "SIGHUP is ignored") > 0, 60.0, "SIGHUP is logged")
+        gateway.wait_for(
+            lambda: log_count(gateway, "rtud", "SIGHUP is ignored") > 0, 60.0, "SIGHUP is logged"
+        )
         gateway.kill(LINES[1])  # what rtud says of it goes to a terminal that is gone
         gateway.wait_for(
             lambda: gateway.modules()[LINES[1]]["pid"] not in (0, before[LINES[1]]["pid"]),
@@ -428,7 +430,9 @@ def test_sighup_is_said_under_nohup_too(gateway: Gateway) -> None:
     with rtud(gateway, preexec_fn=ignore) as process:
         before = wait_running(gateway)
         process.send_signal(signal.SIGHUP)
-        gateway.wait_for(lambda: said(gateway, "rtud", "SIGHUP is ignored") == 1, 60.0, "SIGHUP is logged")
+        gateway.wait_for(
+            lambda: log_count(gateway, "rtud", "SIGHUP is ignored") == 1, 60.0, "SIGHUP is logged"
+        )
         assert wait_running(gateway)[STATION]["pid"] == before[STATION]["pid"]
 
 

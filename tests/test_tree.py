@@ -144,6 +144,11 @@ def test_no_two_modules_of_tests_have_one_name() -> None:
     assert [name for name, other in itertools.pairwise(names) if name == other] == []
 
 
+def test_no_merge_is_left_half_done() -> None:
+    marks = re.compile(r"^(<{7}|>{7}) ", re.MULTILINE)
+    assert [path for path in FILES if marks.search(text_of(path))] == []
+
+
 def test_conftest_is_not_imported() -> None:
     """There are several: which one the name means depends on what pytest collected before."""
     importing = re.compile(r"^(from|import) conftest\b", re.MULTILINE)

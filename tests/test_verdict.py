@@ -32,11 +32,11 @@ def fails(show: Verdict, error: Exception, capsys: pytest.CaptureFixture[str]) -
             raise error
 
     assert run(show, act) == 1
-    said = capsys.readouterr()
-    assert said.out == ""
+    captured = capsys.readouterr()
+    assert captured.out == ""
     file = f" (details: {os.path.relpath(show.file)})"
-    assert said.err.endswith(f"{file}\n")
-    return said.err.strip().replace(file, "").split("\n")
+    assert captured.err.endswith(f"{file}\n")
+    return captured.err.strip().replace(file, "").split("\n")
 
 
 def test_what_an_error_knows_is_said(show: Verdict, capsys: pytest.CaptureFixture[str]) -> None:

@@ -36,7 +36,7 @@ def test_simulated_devices(linesim_program: Path) -> None:
     assert output_of(linesim_program) == f"linesim (OpenRTU) {VERSION}\n"
 
 
-@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot"])
+@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot", "openrtu-logic"])
 def test_python_tools(tool: str) -> None:
     assert output_of(ROOT / "scripts" / tool) == f"{tool} (OpenRTU) {VERSION}\n"
 

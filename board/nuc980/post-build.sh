@@ -25,14 +25,14 @@ place() {
 check_ntp() {
 	[ -f "$site/ntp" ] || return 0
 	! wrong=$(grep -vE '^((server|pool) [^ ]|#|$)' "$site/ntp") ||
-		fail "$site/ntp: \"$wrong\" is no server: \"server ADDRESS iburst\", or pool, one a line"
-	grep -qE '^(server|pool) ' "$site/ntp" || fail "$site/ntp names no server: \"server ADDRESS iburst\", or pool"
+		fail "$site/ntp: \"$wrong\" does not name a server: write \"server ADDRESS iburst\" or \"pool ADDRESS iburst\", one a line"
+	grep -qE '^(server|pool) ' "$site/ntp" || fail "$site/ntp names no server: write \"server ADDRESS iburst\" or \"pool ADDRESS iburst\""
 }
 
 check_root_password() {
 	[ -f "$site/root-password" ] || return 0
 	[[ $(<"$site/root-password") =~ ^\$[0-9a-z]+\$[./0-9A-Za-z$=,]+$ ]] ||
-		fail "$site/root-password is no hash of crypt(5): make one with \"openssl passwd -6\""
+		fail "$site/root-password is not a hash of crypt(5): make one with \"openssl passwd -6\""
 }
 
 set_root_password() {
@@ -48,11 +48,11 @@ name_image() {
 }
 
 check_site() {
-	[ -d "$site" ] || fail "SITE_SETTINGS: $site is no folder"
+	[ -d "$site" ] || fail "SITE_SETTINGS: $site is not a folder"
 	for file in "$site"/*; do
 		case ${file##*/} in
 		config.json | interfaces | authorized_keys | ntp | root-password | macs) ;;
-		*) fail "$file is no setting of a site: configs/README.md has the list" ;;
+		*) fail "$file is not a setting of a site: configs/README.md lists them" ;;
 		esac
 	done
 	check_ntp

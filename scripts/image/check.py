@@ -50,7 +50,7 @@ class Buildroot:
         makefile = self.folder / "Makefile"
         found = re.search(r"^export BR2_VERSION := (\S+)$", read(makefile), re.MULTILINE)
         if found is None:
-            raise UnusableInput(f"{self.folder} is no Buildroot: its Makefile exports no BR2_VERSION")
+            raise UnusableInput(f"{self.folder} is not Buildroot: its Makefile exports no BR2_VERSION")
         return found[1]
 
 

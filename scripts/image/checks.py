@@ -51,7 +51,7 @@ def _lines(file: Path) -> Iterator[Setting | str]:
         if found := SET.fullmatch(text) or NOT_SET.fullmatch(text):
             yield Setting(file, number, text, found["symbol"], found.groupdict().get("value", "n"))
         elif DEAD.match(text):
-            yield f"{file.name}:{number}: commented out, or not as Kconfig writes it: {text}"
+            yield f"{file.name}:{number}: commented out, or not written as Kconfig writes it: {text}"
         elif text.strip() and not text.startswith("#"):
             yield f"{file.name}:{number}: malformed: {text}"
 
@@ -224,7 +224,7 @@ def check_pinned(root: Path) -> list[str]:
 def _unpinned_of_defconfig(root: Path, file: Path) -> Iterator[str]:
     hashes = "\n".join(each.read_text() for each in sorted((root / "patches").rglob("*.hash")))
     if value_of(file, "BR2_DOWNLOAD_FORCE_CHECK_HASHES") != "y":
-        yield "BR2_DOWNLOAD_FORCE_CHECK_HASHES is not set: what has no hash would be taken as it comes"
+        yield "BR2_DOWNLOAD_FORCE_CHECK_HASHES is not set: files without a hash would be accepted"
     for each in settings(file):
         if each.symbol.endswith("_REPO_VERSION"):
             commit = each.value.strip('"')

@@ -117,10 +117,12 @@ def judge_uimage(data: bytes, limits: Limits, in_flash: bool) -> str:
     if crc32(payload) != data_crc:
         raise Refused("what it holds does not match its CRC")
     if kind != [LINUX, ARM, KERNEL, NOT_COMPRESSED]:
-        raise Refused(f"it is no Linux kernel for ARM as it is (system, processor, type, compression {kind})")
+        raise Refused(
+            f"it is not an uncompressed Linux kernel for ARM (system, processor, type, compression {kind})"
+        )
     if (load, entry) != (limits.entry, limits.entry):
         raise Refused(
-            f"it wants to run at {load:#x}, entry {entry:#x}; the board runs it at {limits.entry:#x}"
+            f"it is made to run at {load:#x}, entry {entry:#x}; the board runs it at {limits.entry:#x}"
         )
     if in_flash:
         _refuse_above(
@@ -156,7 +158,7 @@ def properties(data: bytes) -> Iterator[tuple[str, str, bytes]]:
         words, strings = data[struct_at:][:struct_size], data[strings_at:][:strings_size]
         yield from _walk(words, strings)
     except (struct.error, ValueError, IndexError) as error:
-        raise Refused(f"it is not a whole device tree: {error}") from error
+        raise Refused(f"it is not a complete device tree: {error}") from error
 
 
 def _walk(words: bytes, strings: bytes) -> Iterator[tuple[str, str, bytes]]:

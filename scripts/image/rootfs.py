@@ -239,7 +239,7 @@ def asks_for_tls(site: Path) -> bool:
     try:
         configuration = json.loads(file.read_bytes())
     except ValueError as error:
-        raise UnusableInput(f"{file} is no JSON: {error}") from error
+        raise UnusableInput(f"{file} is not JSON: {error}") from error
     return isinstance(configuration, dict) and "tls" in configuration
 
 

@@ -48,14 +48,14 @@ def _references(bill: dict[str, Any]) -> Iterator[str]:
     for dependency in bill["dependencies"]:
         for ref in (dependency["ref"], *dependency["dependsOn"]):
             if ref not in known:
-                yield f'"{dependency["ref"]}" depends on "{ref}", which is no component'
+                yield f'"{dependency["ref"]}" depends on "{ref}", which is not a component'
 
 
 def _versions(bill: dict[str, Any], version: str) -> Iterator[str]:
     image = bill["metadata"]["component"]
     if image["version"] != version:
-        said = VERSION.relative_to(ROOT)
-        yield f'the image has the version "{image["version"]}", and {said} says {version}'
+        version_file = VERSION.relative_to(ROOT)
+        yield f'the image has the version "{image["version"]}", and {version_file} says {version}'
     for component in bill["components"]:
         if component["bom-ref"] == "linux" and not LINUX_CPE.fullmatch(component.get("cpe", "")):
             yield f'the CPE of Linux names no release, so no CVE fits it: "{component.get("cpe", "")}"'

@@ -77,7 +77,9 @@ def makefile_value(folder: Path, expression: str) -> str:
     makefile = folder / "Makefile"
     found = re.search(expression, makefile.read_text() if makefile.is_file() else "", re.MULTILINE)
     if found is None:
-        raise UnusableInput(f"{folder} is not what it should be: its Makefile has no line {expression}")
+        raise UnusableInput(
+            f"{folder} is not the source tree that it should be: its Makefile has no line {expression}"
+        )
     return ".".join(found.groups())
 
 

@@ -217,7 +217,7 @@ class LineSim:
                         return frame
                 since = self._last_number
                 if self._gone:
-                    raise LineSimError("linesim is gone: it closed the control socket")
+                    raise LineSimError("linesim has ended: it closed the control socket")
                 if deadline.over:
                     last = self._frames[-1].text if self._frames else "none"
                     raise LineSimError(

@@ -17,6 +17,7 @@ from logic.desk import Desk
 from logic.errors import Findings, LogicError
 from logic.plot import svg
 from logic.table import US, Step, differs, read_table, steps
+from nuc980 import VERSION
 
 DONE, FOUND, UNUSABLE = 0, 1, 2
 
@@ -29,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except LogicError as error:
         print(f"openrtu-logic: {error}", file=sys.stderr)
     except UnicodeDecodeError:
-        print(f"openrtu-logic: {parsed.file}: this is no text in UTF-8", file=sys.stderr)
+        print(f"openrtu-logic: {parsed.file}: this is not UTF-8 text", file=sys.stderr)
     except RecursionError:
         print(f"openrtu-logic: {parsed.file}: expressions or statements are nested too deep", file=sys.stderr)
     except OSError as error:
@@ -42,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="openrtu-logic",
         description="Structured Text (IEC 61131-3) for the gateway: check, compile, try on the desk.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s (OpenRTU) {VERSION}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def add(name: str, does: str) -> argparse.ArgumentParser:
@@ -74,7 +76,7 @@ def _add_period(command: argparse.ArgumentParser) -> None:
 
 def _milliseconds(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 3_600_000:
-        raise argparse.ArgumentTypeError(f"{text} is no number of milliseconds from 1 to 3600000")
+        raise argparse.ArgumentTypeError(f"{text} is not a number of milliseconds from 1 to 3600000")
     return int(text)
 
 

@@ -181,7 +181,7 @@ class Compiler:
         self.open_blocks: list[str] = []
         for unit in units:
             if unit.name in self.units:
-                findings.error(unit.place, f"{unit.name} is there twice")
+                findings.error(unit.place, f"{unit.name} is defined twice")
             self.units[unit.name] = unit
 
     def program_of(self, name: str) -> Program:
@@ -294,7 +294,7 @@ class Compiler:
         if variable.name in scope.names:
             raise SourceError(variable.place, f"{variable.spelling} is declared twice")
         if variable.section == "VAR_EXTERNAL" and scope.unit.kind != "PROGRAM":
-            raise SourceError(variable.place, "points belong to the PROGRAM; hand them over as inputs")
+            raise SourceError(variable.place, "points belong to the PROGRAM; pass them as inputs")
         kind = ALIASES.get(variable.type, variable.type)
         block = self.units.get(kind)
         if block is not None and block.kind == "FUNCTION_BLOCK":
@@ -317,7 +317,7 @@ class Compiler:
         slots = [self.program.add(Slot(kind, True)) for _ in range(count)]
         self.program.initial |= {slot: pack(kind, value) for slot, value in zip(slots, values, strict=False)}
         if variable.retain and (scope.unit.kind == "FUNCTION" or variable.section == "VAR_TEMP"):
-            raise SourceError(variable.place, "a FUNCTION and VAR_TEMP retain nothing")
+            raise SourceError(variable.place, "a FUNCTION and VAR_TEMP cannot retain a value")
         if variable.retain:
             self.program.retained.append((f"{path}{variable.name}", slots))
         bound = Bound(variable, slots[0])
@@ -327,7 +327,8 @@ class Compiler:
         if variable.section == "VAR_EXTERNAL":
             if variable.bounds or variable.initial:
                 raise SourceError(
-                    variable.place, f"the point {variable.spelling} is no array and has no initial value"
+                    variable.place,
+                    f"the point {variable.spelling} cannot be an array or have an initial value",
                 )
             bound.point = Point(variable.spelling, kind, slots[0])
             self.program.points.append(bound.point)
@@ -337,7 +338,7 @@ class Compiler:
         if variable.bounds is None:
             return 0, 1
         if variable.section in ("VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT"):
-            raise SourceError(variable.place, "an array cannot be handed over yet; hand over its elements")
+            raise SourceError(variable.place, "an array cannot be passed yet; pass its elements")
         low, high = (int(self.constant(bound, "DINT")) for bound in variable.bounds)
         if not low <= high < low + 30000:
             raise SourceError(variable.place, f"an array from {low} to {high}: it needs 1 to 30000 elements")
@@ -345,9 +346,11 @@ class Compiler:
 
     def instance(self, scope: Scope, variable: Variable, block: Unit, path: str) -> Instance:
         if variable.bounds or variable.initial or variable.constant or variable.section == "VAR_EXTERNAL":
-            raise SourceError(variable.place, f"an instance of {block.name} is a plain variable")
+            raise SourceError(variable.place, f"an instance of {block.name} must be a plain variable")
         if scope.unit.kind == "FUNCTION" or variable.section == "VAR_TEMP":
-            raise SourceError(variable.place, f"{block.name} remembers, a FUNCTION and VAR_TEMP do not")
+            raise SourceError(
+                variable.place, f"{block.name} keeps a state, but a FUNCTION and VAR_TEMP keep none"
+            )
         if block is scope.unit or block.name in self.open_blocks:
             raise SourceError(variable.place, f"{block.name} contains itself")
         self.open_blocks.append(block.name)
@@ -361,7 +364,7 @@ class Compiler:
         left = False
         for statement in statements:
             if left:
-                self.findings.warn(statement.place, "nothing reaches this statement")
+                self.findings.warn(statement.place, "this statement is never reached")
                 left = False
             left = isinstance(statement, Leave)
             self.body.line = statement.place.line
@@ -483,7 +486,7 @@ class Compiler:
     def case(self, statement: Case) -> None:
         selector = self.any_value(statement.selector)
         if (selector.type or "DINT") not in INTEGERS + BITS:
-            raise SourceError(statement.selector.place, "the selector of CASE is an integer")
+            raise SourceError(statement.selector.place, "the selector of CASE must be an integer")
         selector = self.become(selector, selector.type or "DINT", statement.selector.place)
         taken: dict[int, Place] = {}
 
@@ -526,10 +529,10 @@ class Compiler:
         """Counted beside the variable: its type may end with the last value."""
         variable = self.writable(statement.variable).what
         if not isinstance(variable, Slot) or variable.type not in INTEGERS:
-            raise SourceError(statement.variable.place, "the variable of FOR is an integer")
+            raise SourceError(statement.variable.place, "the variable of FOR must be an integer")
         step = int(self.constant(statement.step, "LINT")) if statement.step else 1
         if step == 0:
-            raise SourceError(statement.place, "a step of 0 never ends")
+            raise SourceError(statement.place, "a loop with a step of 0 never ends")
         body = self.body
         count, last = body.temporary("LINT"), body.temporary("LINT")
         body.emit("CONVERT", "LINT", count, self.value(statement.first, variable.type))
@@ -597,7 +600,7 @@ class Compiler:
         if statement.word == "RETURN":
             body.returns.append(body.emit("JUMP", "BOOL", 0))
         elif not body.loops:
-            raise SourceError(statement.place, f"{statement.word} is in no loop")
+            raise SourceError(statement.place, f"{statement.word} is not in a loop")
         else:
             jumps = body.loops[-1].exits if statement.word == "EXIT" else body.loops[-1].continues
             jumps.append(body.emit("JUMP", "BOOL", 0))
@@ -610,7 +613,7 @@ class Compiler:
             raise SourceError(call.place, f"the result of {call.name} is not used")
         bound = self.bound(Name(call.place, call.name))
         if not isinstance(bound.what, Instance):
-            raise SourceError(call.place, f"{call.name} is no function block")
+            raise SourceError(call.place, f"{call.name} is not a function block")
         bound.read = True
         instance = bound.what
         arguments = list(call.arguments)
@@ -628,7 +631,9 @@ class Compiler:
             raise SourceError(call.place, "COMMAND needs its point: COMMAND's instance(POINT := name, …)")
         point = self.bound(points[0].value)
         if point.point is None:
-            raise SourceError(points[0].place, f"{points[0].value.name} is no point; a point is VAR_EXTERNAL")
+            raise SourceError(
+                points[0].place, f"{points[0].value.name} is not a point; points are in VAR_EXTERNAL"
+            )
         point.read = True
         if any(command.slots[0] is instance.scope.names["EXECUTE"].what for command in self.program.commands):
             raise SourceError(call.place, f"{call.name} is called twice; an instance of COMMAND has one call")
@@ -733,7 +738,7 @@ class Compiler:
             )
         if name.member:
             if not isinstance(bound.what, Instance):
-                raise SourceError(name.place, f"{name.name} is no block and has no {name.member}")
+                raise SourceError(name.place, f"{name.name} is not a block and has no {name.member}")
             bound.read = True
             inner = bound.what.scope.names.get(name.member)
             if inner is None or inner.variable.section not in ("VAR_OUTPUT", "VAR_INPUT"):
@@ -819,7 +824,7 @@ class Compiler:
             self.body.emit("LOAD", bound.what.type, result, bound.what, index)
             return result
         if name.index is not None:
-            raise SourceError(name.place, f"{bound.variable.spelling} is no array")
+            raise SourceError(name.place, f"{bound.variable.spelling} is not an array")
         if isinstance(bound.what, Instance):
             raise SourceError(name.place, f"{name.name} is a block; name one of its outputs")
         return bound.what
@@ -892,7 +897,7 @@ class Compiler:
     def compared(self, operator: str, left: Slot, right: Slot, place: Place) -> Slot:
         if left.type in REALS and operator in ("=", "<>"):
             self.findings.warn(
-                place, f"two {left.type} are hardly ever equal; compare ABS(a - b) with a tolerance"
+                place, f"two {left.type} are rarely equal; compare ABS(a - b) with a tolerance"
             )
         if left.type == "BOOL" and operator not in ("=", "<>"):
             raise SourceError(place, f"{operator} needs numbers, found BOOL")
@@ -1030,7 +1035,7 @@ class Compiler:
             return bound.point.time
         value = self.any_value(argument)
         if isinstance(value, Literal):
-            raise SourceError(argument.place, f"{call.name} of a constant says nothing")
+            raise SourceError(argument.place, f"{call.name} of a constant is meaningless")
         kind = {"IS_GOOD": "BOOL", "QUALITY": "BYTE"}.get(call.name, value.type)
         result = self.body.temporary(kind)
         operation = {"IS_GOOD": "GOOD", "QUALITY": "QUALITY", "AS_GOOD": "AS_GOOD"}[call.name]
@@ -1040,7 +1045,7 @@ class Compiler:
     def conversion(self, call: Call, source: str, target: str) -> Slot:
         """By value, rounded; bits keep their low ones; TIME is counted in milliseconds."""
         if source not in TYPES or target not in TYPES or "DATE_AND_TIME" in (source, target):
-            raise SourceError(call.place, f"{call.name} is no conversion of the language")
+            raise SourceError(call.place, f"{call.name} is not a conversion of the language")
         self.count(call, 1)
         value = self.value(call.arguments[0].value, source)
         if source == "TIME":

@@ -126,7 +126,7 @@ def tokens_of(text: str, findings: Findings) -> list[Token]:
             what = (
                 "a comment '(*' without its end '*)'"
                 if text.startswith("(*", at)
-                else f"unknown sign {text[at]!r}"
+                else f"unknown character {text[at]!r}"
             )
             findings.error(place, what)
             at = len(text) if text.startswith("(*", at) else at + 1
@@ -454,7 +454,7 @@ def literal(token: Token) -> Literal:
         return Literal(token.place, None, whole(token, text))
     kind, _, digits = token.text.upper().partition("#")
     if kind not in TYPES:
-        raise SourceError(token.place, f"{kind} of {token.text} is no type")
+        raise SourceError(token.place, f"{kind} of {token.text} is not a type")
     try:
         if kind == "BOOL":
             return Literal(token.place, kind, {"0": False, "1": True, "FALSE": False, "TRUE": True}[digits])
@@ -470,7 +470,7 @@ def whole(token: Token, text: str) -> int:
     try:
         return int(digits, int(base)) if mark else int(text)
     except ValueError:
-        raise SourceError(token.place, f"{token.text} is no number") from None
+        raise SourceError(token.place, f"{token.text} is not a number") from None
 
 
 def duration(token: Token) -> int:
@@ -478,7 +478,7 @@ def duration(token: Token) -> int:
     negative, text = text.startswith("-"), text.lstrip("-")
     parts = re.findall(r"([0-9]+(?:\.[0-9]+)?)(ms|us|d|h|m|s)", text)
     if "".join(number + unit for number, unit in parts) != text or not parts:
-        raise SourceError(token.place, f"{token.text} is no duration; write T#1d2h3m4s5ms, or T#1.5s")
+        raise SourceError(token.place, f"{token.text} is not a duration; write T#1d2h3m4s5ms, or T#1.5s")
     total = sum(round(float(number) * UNITS[unit]) for number, unit in parts)
     return -total if negative else total
 
@@ -488,12 +488,12 @@ def date(token: Token) -> int:
         r"(\d{4})-(\d\d?)-(\d\d?)-(\d\d?):(\d\d?):(\d\d?(?:\.\d+)?)", token.text.partition("#")[2]
     )
     if found is None:
-        raise SourceError(token.place, f"{token.text} is no date and time; write DT#2026-01-31-12:30:00")
+        raise SourceError(token.place, f"{token.text} is not a date and time; write DT#2026-01-31-12:30:00")
     year, month, day, hour, minute = (int(found[i]) for i in range(1, 6))
     if not (
         1 <= month <= 12 and 1 <= day <= calendar.monthrange(year, month)[1] and hour < 24 and minute < 60
     ):
-        raise SourceError(token.place, f"{token.text} is no date and time")
+        raise SourceError(token.place, f"{token.text} is not a date and time")
     return calendar.timegm((year, month, day, hour, minute, 0)) * 1_000_000 + round(
         float(found[6]) * 1_000_000
     )

@@ -67,7 +67,9 @@ def cell(text: str, kind: str, where: str) -> Value:
 
 def answer(text: str, where: str) -> tuple[int, int]:
     if text.upper() not in ANSWERS:
-        raise LogicError(f"{where}: {text!r} is no answer of a device; it may be {', '.join(ANSWERS)}")
+        raise LogicError(
+            f"{where}: {text!r} is not an answer of a device, expected one of {', '.join(ANSWERS)}"
+        )
     return ANSWERS[text.upper()]
 
 
@@ -83,9 +85,9 @@ def read_columns(path: Path, heads: list[str], program: Program) -> list[tuple[s
     columns = [parted(head) for head in heads]
     for what, name in columns:
         if name not in points:
-            raise LogicError(f"{path}:1: {name} is no point of the program; it has {', '.join(points)}")
+            raise LogicError(f"{path}:1: {name} is not a point of the program, which has {', '.join(points)}")
         if what == "" and points[name].written:
-            raise LogicError(f"{path}:1: the program itself writes {name}; `= {name}` says what it shall be")
+            raise LogicError(f"{path}:1: the program itself writes {name}; `= {name}` states what it must be")
         if what == "answer" and name not in commanded:
             raise LogicError(f"{path}:1: no command of the program goes to {name}")
     return columns
@@ -106,9 +108,9 @@ def read_table(path: Path, program: Program) -> list[Row]:
         try:
             row = Row(number, round(float(line[0]) * US))
         except ValueError:
-            raise LogicError(f"{where}: {line[0]!r} is no time in seconds") from None
+            raise LogicError(f"{where}: {line[0]!r} is not a time in seconds") from None
         if row.time_us < (rows[-1].time_us if rows else 0):
-            raise LogicError(f"{where}: the time goes back")
+            raise LogicError(f"{where}: the time goes backwards")
         for (what, name), text in zip(columns, line[1:], strict=False):
             if not text.strip():
                 continue

@@ -85,10 +85,10 @@ def load(console: Console, content: bytes) -> float:
     console.type(f"mw.b {LOAD:#x} 0 {SIZE:#x}; tftpboot {LOAD:#x} file")
     console.line.wait_for(b"Loading: ")
     begin = time.perf_counter()
-    said = text(console.line.wait_for(PROMPT, SECONDS))
+    output = text(console.line.wait_for(PROMPT, SECONDS))
     seconds = time.perf_counter() - begin
-    if f"{zlib.crc32(content):08x}" not in console.run(f"crc32 {LOAD:#x} {SIZE:#x}") or " T " in said:
-        raise BenchError(f"the file did not come, or a block was lost: {said}")
+    if f"{zlib.crc32(content):08x}" not in console.run(f"crc32 {LOAD:#x} {SIZE:#x}") or " T " in output:
+        raise BenchError(f"the file did not come, or a block was lost: {output}")
     return seconds
 
 

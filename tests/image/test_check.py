@@ -74,10 +74,10 @@ def buildroot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StandIn:
 
 def test_good_configuration_passes(buildroot: StandIn, capsys: pytest.CaptureFixture[str]) -> None:
     assert buildroot.run() == 0
-    said = capsys.readouterr().out
-    assert "nothing found" in said
-    assert "1 of 1 sources" in said
-    assert said.count("SKIPPED, fragments of Linux") == said.count("SKIPPED, fragments of BusyBox") == 3
+    output = capsys.readouterr().out
+    assert "nothing found" in output
+    assert "1 of 1 sources" in output
+    assert output.count("SKIPPED, fragments of Linux") == output.count("SKIPPED, fragments of BusyBox") == 3
 
 
 FAULTS = {

@@ -213,11 +213,11 @@ WRONG = [
     ("image SITE=nope", "SITE=nope is not a folder"),
     ("image IMAGES=nope", "IMAGES=nope: there is no configs/nope_defconfig; there are nuc980_gateway "),
     ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
-    ("system SITE=sites/json", "sites/json/config.json is no JSON"),
-    ("system SITE=sites/more", "sites/more/config.yaml is no setting of a site"),
+    ("system SITE=sites/json", "sites/json/config.json is not JSON"),
+    ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
     ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
     ("image SITE=sites/ntp", "sites/ntp/ntp names no server"),
-    ("netboot SITE=sites/password PORT=/dev/null", "sites/password/root-password is no hash of crypt(5)"),
+    ("netboot SITE=sites/password PORT=/dev/null", "sites/password/root-password is not a hash of crypt(5)"),
     ("netboot", "netboot: PORT is missing"),
     ("netboot PORT=/dev/nope", "netboot: PORT=/dev/nope is not a serial port; this machine has: "),
     ("netboot PORT=/dev/null BOARD_IP=192.0.2.1", "BOARD_IP=192.0.2.1 is not an address with its prefix"),
@@ -236,8 +236,8 @@ SITES = {
 }
 
 
-@pytest.mark.parametrize(("words", "said"), WRONG)
-def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words: str, said: str) -> None:
+@pytest.mark.parametrize(("words", "message"), WRONG)
+def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words: str, message: str) -> None:
     for folder in ("build", ".venv"):
         shutil.rmtree(tree.folder / folder)
     for name, (file, text) in SITES.items():
@@ -245,7 +245,7 @@ def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words:
         (tree.folder / "sites" / name / file).write_text(text)
     run = tree.make(*words.split())
     assert run.returncode == 2
-    assert said in run.stderr.splitlines()[-1]
+    assert message in run.stderr.splitlines()[-1]
     assert run.stdout == ""
     assert not (tree.folder / "build").exists()
 

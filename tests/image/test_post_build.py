@@ -95,11 +95,11 @@ def test_root_password_goes_into_shadow(target: Path) -> None:
 def test_what_is_no_hash_is_refused_and_changes_nothing(target: Path, bad: str) -> None:
     done = build(target, **{"root-password": bad})
     assert done.returncode != 0
-    assert "is no hash of crypt(5)" in done.stderr
+    assert "is not a hash of crypt(5)" in done.stderr
     assert (target / "etc/shadow").read_text() == LOCKED
 
 
 def test_unknown_file_is_an_error(target: Path) -> None:
     done = build(target, **{"authorized-keys": "ssh-ed25519 A\n"})
     assert done.returncode != 0
-    assert "authorized-keys is no setting of a site" in done.stderr
+    assert "authorized-keys is not a setting of a site" in done.stderr

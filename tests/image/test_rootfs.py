@@ -184,5 +184,5 @@ def test_site_without_a_configuration_asks_for_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b'{"port": [', b"\xff\xfe"])
 def test_site_whose_configuration_is_no_json_is_said(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "config.json").write_bytes(content)
-    with pytest.raises(UnusableInput, match="is no JSON"):
+    with pytest.raises(UnusableInput, match="is not JSON"):
         asks_for_tls(tmp_path)

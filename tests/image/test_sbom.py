@@ -49,7 +49,7 @@ def test_component_with_the_reference_of_the_image_is_found() -> None:
 def test_dependency_on_nothing_is_found() -> None:
     made = bill()
     made["dependencies"][1]["dependsOn"] = ["jansson"]
-    assert found(made) == ['"openrtu" depends on "jansson", which is no component']
+    assert found(made) == ['"openrtu" depends on "jansson", which is not a component']
 
 
 def test_what_the_schema_forbids_is_found() -> None:

@@ -93,10 +93,10 @@ def test_backup_is_the_flash_also_after_the_first_was_killed(
     assert changed_blocks(before.path, tmp_path / "nand") == set()
 
     assert main(["flash", "--resume", *common]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert Journal(folder).is_finished
     for name, blocks in (("device-tree.backup", TREE), ("ubi.backup", UBI)):
         assert (folder / name).read_bytes() == stream(before, [block for block in blocks if block not in BAD])
     assert changed_blocks(before.path, tmp_path / "nand") <= {*TREE, *UBI} - BAD
-    assert f"The block at {WORN * BLOCK:#x} cannot be read" in said
-    assert "Start a Linux that sends" in said
+    assert f"The block at {WORN * BLOCK:#x} cannot be read" in output
+    assert "Start a Linux that sends" in output

@@ -61,9 +61,9 @@ def made(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> NandImage:
     nand.mark_bad(ROOTFS[1])
     with boot(*with_flash(nand)) as linux:
         linux.run("mkdir /data/site; echo kept > /data/note")
-        said = linux.run("rtu-data create", CREATE_SECONDS)
-        assert "it holds nothing" in said
-        assert "1 bad" in said
+        output = linux.run("rtu-data create", CREATE_SECONDS)
+        assert "it holds nothing" in output
+        assert "1 bad" in output
         linux.run("sync")
     return nand
 
@@ -104,9 +104,9 @@ def test_without_a_flash(boot: Boot) -> None:
         assert where(linux).startswith("memory: ")
         assert linux.run("grep ' /data ' /proc/mounts").startswith("tmpfs ")
         assert "in memory, lost at restart" in linux.run("rtu-data status")
-        status, said = linux.try_to("rtu-data create")
+        status, output = linux.try_to("rtu-data create")
         assert status == 1
-        assert "there is no flash" in said
+        assert "there is no flash" in output
 
 
 def test_empty_flash_is_not_touched(power: Callable[[], Linux], nand: NandImage) -> None:
@@ -114,9 +114,9 @@ def test_empty_flash_is_not_touched(power: Callable[[], Linux], nand: NandImage)
     with power() as linux:
         assert where(linux) == "memory: no UBI volume"
         linux.run("echo x > /data/x")
-        said = linux.run("rtu-data status")
-        assert said.startswith("data: in memory, lost at restart: no UBI volume\n")
-        assert "it holds no UBI" in said
+        output = linux.run("rtu-data status")
+        assert output.startswith("data: in memory, lost at restart: no UBI volume\n")
+        assert "it holds no UBI" in output
         assert "no UBI volume" in linux.run("grep data: /var/log/messages")
     assert rootfs(nand) == before
 
@@ -133,7 +133,7 @@ def test_volume_is_made_and_used_from_the_next_start_on(
         assert linux.run("cat /data/note") == "kept"
         free = int(linux.run("rtu-data status").splitlines()[0].split()[2])
         assert SIZE / 4 < free << 20 < SIZE
-        assert "there already" in linux.run("rtu-data create")
+        assert "exists already" in linux.run("rtu-data create")
         linux.run("echo more > /data/more; sync")
     with power() as linux:
         assert linux.run("cat /data/more") == "more"
@@ -148,9 +148,9 @@ def test_what_is_no_ubi_stays(power: Callable[[], Linux], nand: NandImage, block
     with power() as linux:
         assert where(linux) == "memory: no UBI volume"
         for arguments in ("", "--erase rootf", "--erase"):
-            status, said = linux.try_to(f"rtu-data create {arguments}", CREATE_SECONDS)
-            assert status in (1, 2), said
-            assert "--erase rootfs" in said
+            status, output = linux.try_to(f"rtu-data create {arguments}", CREATE_SECONDS)
+            assert status in (1, 2), output
+            assert "--erase rootfs" in output
     assert rootfs(nand) == before
 
 
@@ -159,8 +159,8 @@ def test_erase_with_the_name_typed_in_full(power: Callable[[], Linux], nand: Nan
         nand.write(block * PAGES, b"factory" * 100)
     nand.mark_bad(ROOTFS[2])
     with power() as linux:
-        said = linux.run("rtu-data create --erase rootfs", CREATE_SECONDS)
-        assert "it holds something else" in said
+        output = linux.run("rtu-data create --erase rootfs", CREATE_SECONDS)
+        assert "it holds something else" in output
         linux.run("sync")
     with power() as linux:
         assert where(linux) == "flash"
@@ -174,8 +174,8 @@ def test_other_volumes_stay(power: Callable[[], Linux]) -> None:
         )
     with power() as linux:
         assert where(linux) == "memory: no UBI volume"
-        said = linux.run("rtu-data create", 120)
-        assert "volume rootfs: " in said
+        output = linux.run("rtu-data create", 120)
+        assert "volume rootfs: " in output
         linux.run("sync")
     with power() as linux:
         assert where(linux) == "flash"

@@ -212,7 +212,7 @@ def test_each_kind_of_fault_is_seen(
             start = len(linux.log)
             assert "Operation canceled" in linux.try_to(f"/load-module /faults.ko fault={kind}")[1]
             linux.run("dmesg", SLOW)
-            said = linux.log[start:]
-            assert FAULTS[kind] in said
-            assert TROUBLE.search(said)
+            log = linux.log[start:]
+            assert FAULTS[kind] in log
+            assert TROUBLE.search(log)
         linux.troubles.clear()

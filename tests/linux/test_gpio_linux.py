@@ -62,13 +62,13 @@ def watch(linux: Linux, edges: str, count: int, *pins: str) -> None:
 
 def seen(linux: Linux, count: int) -> list[str]:
     """The first events since watch(), when there are so many."""
-    said = linux.run(f"until [ $(wc -l < /tmp/edges) -gt {count} ]; do sleep 0.01; done; cat /tmp/edges")
-    return said.splitlines()[1:]
+    output = linux.run(f"until [ $(wc -l < /tmp/edges) -gt {count} ]; do sleep 0.01; done; cat /tmp/edges")
+    return output.splitlines()[1:]
 
 
 def test_every_pin_is_a_line_with_its_name(linux: Linux) -> None:
-    said = linux.run(quiet("/gpio-lines names"))
-    named = re.findall(r"^(\d+) (\S+)$", said, re.M)
+    output = linux.run(quiet("/gpio-lines names"))
+    named = re.findall(r"^(\d+) (\S+)$", output, re.M)
     assert named == [(str(gpio_number(pin)), pin) for pin in sorted(CHIP.pins, key=gpio_number)]
 
 
@@ -129,10 +129,10 @@ def test_lines_of_the_banks_interrupt_each_by_itself(linux: Linux) -> None:
 
 
 def test_a_pin_of_a_device_is_refused_by_name(linux: Linux) -> None:
-    said = linux.run(quiet(f"/gpio-lines set {gpio_number('PA9')}=1; dmesg"))
-    assert "request: Invalid argument" in said
+    output = linux.run(quiet(f"/gpio-lines set {gpio_number('PA9')}=1; dmesg"))
+    assert "request: Invalid argument" in output
     assert re.search(
-        r"pin PA9 already requested by b0072000\.serial; cannot claim for b0004000\.gpio:\d+", said
+        r"pin PA9 already requested by b0072000\.serial; cannot claim for b0004000\.gpio:\d+", output
     )
     assert "UART2_RXD" in linux.machine.info("nuc980-pins").split("PA9", 1)[1].splitlines()[0]
 
@@ -140,8 +140,8 @@ def test_a_pin_of_a_device_is_refused_by_name(linux: Linux) -> None:
 @pytest.mark.parametrize("pin", ["PB14 (46)", "beyond bank A (26)", "beyond all (224)"])
 def test_a_line_without_a_pin_is_refused(linux: Linux, pin: str) -> None:
     number = re.search(r"\((\d+)\)", pin)[1]
-    status, said = linux.try_to(f"/gpio-lines get none {number}")
-    assert (status, said) == (1, "request: Invalid argument")
+    status, output = linux.try_to(f"/gpio-lines get none {number}")
+    assert (status, output) == (1, "request: Invalid argument")
 
 
 def test_a_level_interrupts_without_an_edge(boot: Boot, kernel: Kernel, tmp_path: Path) -> None:

@@ -278,17 +278,17 @@ def there(linux: Linux, paths: tuple[str, ...]) -> tuple[bool, ...]:
 
 def kernel_log(linux: Linux) -> str:
     """What the kernel said, none of it trouble: a mistake is told as one, and breaks nothing."""
-    said = linux.run("dmesg")
-    assert TROUBLE.findall(said) == []
-    return said
+    log = linux.run("dmesg")
+    assert TROUBLE.findall(log) == []
+    return log
 
 
 def shown(linux: Linux, symptom: Symptom) -> dict[str, object]:
     """What of a symptom a board shows."""
-    said = kernel_log(linux)
+    log = kernel_log(linux)
     talks, hears = line(linux, symptom.port) if symptom.talks is not None else (None, None)
     return {
-        "says": bool(re.search(symptom.says, said)) if symptom.says else None,
+        "says": bool(re.search(symptom.says, log)) if symptom.says else None,
         "missing": tuple(not one for one in there(linux, symptom.missing)),
         "there": there(linux, symptom.there),
         "talks": talks,
@@ -318,9 +318,9 @@ def test_the_board_shows_what_the_checker_predicts(
 
 def test_a_good_board_shows_none_of_it(boot_tree: Callable[..., Linux]) -> None:
     linux = boot_tree()
-    said = kernel_log(linux)
+    log = kernel_log(linux)
     symptoms = [mistake.symptom for mistake in MISTAKES]
-    assert [symptom.says for symptom in symptoms if symptom.says and re.search(symptom.says, said)] == []
+    assert [symptom.says for symptom in symptoms if symptom.says and re.search(symptom.says, log)] == []
     missing = tuple({path for symptom in symptoms for path in symptom.missing})
     assert dict(zip(missing, there(linux, missing), strict=True)) == dict.fromkeys(missing, True)
     strange = tuple({path for symptom in symptoms for path in symptom.there})

@@ -221,9 +221,9 @@ def test_u_boot_reads_what_linux_wrote(
 def test_what_u_boot_is_in_cannot_be_written(linux: Linux, nand: NandImage) -> None:
     before = nand.read(0)
     assert linux.try_to(f"dd if=/content of={U_BOOT} bs=2048 count=1 conv=notrunc")[0]
-    status, said = linux.try_to(f"flashwork erase {U_BOOT} 0")
+    status, output = linux.try_to(f"flashwork erase {U_BOOT} 0")
     assert status
-    assert "Permission denied" in said
+    assert "Permission denied" in output
     assert nand.read(0) == before
 
 

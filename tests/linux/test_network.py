@@ -152,10 +152,10 @@ def test_pings_of_all_sizes_from_outside(ports: tuple[Wire, Wire]) -> None:
 @pytest.mark.parametrize("port", [0, 1])
 def test_pings_from_inside(linux: Linux, ports: tuple[Wire, Wire], port: int) -> None:
     sizes = "1 17 18 19 63 64 214 215 255 256 257 511 1023 1471 1472"
-    said = linux.run(
+    output = linux.run(
         f"for size in {sizes}; do ping -c 2 -i 0.1 -W 5 -s $size {HOST[port]} || exit 1; done", seconds=120
     )
-    assert said.count("2 packets received") == len(sizes.split())
+    assert output.count("2 packets received") == len(sizes.split())
 
 
 @pytest.mark.parametrize("port", [0, 1])
@@ -436,8 +436,8 @@ def test_stuck_transmitter_is_recovered_from(linux: Linux, ports: tuple[Wire, Wi
 
 def test_chip_was_used_as_it_should(linux: Linux, ports: tuple[Wire, Wire]) -> None:
     """The twin has nothing else to say of what the driver did to the MACs."""
-    said = [line for line in linux.machine.complaints.splitlines() if line.startswith("nuc980-emac")]
-    unexpected = [line for line in said if "bus error" not in line and "PHY register" not in line]
+    complaints = [line for line in linux.machine.complaints.splitlines() if line.startswith("nuc980-emac")]
+    unexpected = [line for line in complaints if "bus error" not in line and "PHY register" not in line]
     assert not unexpected
 
 

@@ -73,11 +73,11 @@ def wait_source(linux: Linux, source: str) -> dict[str, Any]:
 
 def wait_log(linux: Linux, text: str) -> str:
     deadline = time.monotonic() + WAITS_S
-    while text not in (said := linux.run("rtuctl log")):
+    while text not in (log := linux.run("rtuctl log")):
         assert time.monotonic() < deadline, (
-            f"no {text!r} in:\n{said}{linux.run('tail -n 20 /var/log/messages')}"
+            f"no {text!r} in:\n{log}{linux.run('tail -n 20 /var/log/messages')}"
         )
-    return said
+    return log
 
 
 def assert_tells_the_servers_time(linux: Linux, server: NtpServer) -> None:
@@ -98,8 +98,8 @@ def synchronised(linux: Linux, server: NtpServer, station_before: str) -> Linux:
     """The server has been there for a moment, as chronyd says; the gateway is not asked."""
     server.silent = False
     deadline = time.monotonic() + WAITS_S
-    while "Leap status     : Normal" not in (said := linux.run("chronyc -n tracking")):
-        assert time.monotonic() < deadline, f"{said}\n{linux.run('tail -n 20 /var/log/messages')}"
+    while "Leap status     : Normal" not in (output := linux.run("chronyc -n tracking")):
+        assert time.monotonic() < deadline, f"{output}\n{linux.run('tail -n 20 /var/log/messages')}"
     return linux
 
 
@@ -143,8 +143,8 @@ def test_with_the_server_the_gateway_has_its_time(synchronised: Linux, server: N
     row = clock(synchronised)
     assert row["valid"]
     assert 0 < row["error_s"] < 16
-    said = wait_log(synchronised, "the system's clock is synchronised to ")
-    assert re.search(r"the clock follows it, moved by \d{10}\.\d{3} s", said)
+    log = wait_log(synchronised, "the system's clock is synchronised to ")
+    assert re.search(r"the clock follows it, moved by \d{10}\.\d{3} s", log)
 
 
 def test_tls_lets_masters_in_without_a_restart(
@@ -178,7 +178,7 @@ def test_lost_synchronisation_is_held_and_a_master_may_set_the_clock(
     before = clock(synchronised)
     assert before["source"] == "system, synchronised"  # the kernel's word, for as long as its bound holds
     synchronised.run(f"date -u -s @{int(server.now()) + 86400 // 2}")
-    row = wait_source(synchronised, "system, not synchronised any more")
+    row = wait_source(synchronised, "system, no longer synchronised")
     assert row["valid"]
     assert 3600 < row["left_s"] < 9 * 3600  # less than 8.9 h by what the kernel knew of its error
     assert_tells_the_servers_time(synchronised, server)

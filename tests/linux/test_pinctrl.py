@@ -102,8 +102,8 @@ def test_debugfs_says_who_has_a_pin_and_as_what(linux: Linux, kernel: Kernel) ->
 
 def test_two_devices_that_want_one_pin(boot_tree: BootTree) -> None:
     linux = boot_tree(UART6_ON_EMAC0)
-    said = linux.run("dmesg")
-    found = re.search(r"pin PE8 already requested by (\S+); cannot claim for (\S+)\n", said)
+    output = linux.run("dmesg")
+    found = re.search(r"pin PE8 already requested by (\S+); cannot claim for (\S+)\n", output)
     assert found
     assert set(found.groups()) == {"b0076000.serial", "b0012000.emac0"}
     refused = found[2]
@@ -147,9 +147,9 @@ def test_two_groups_of_one_name_are_two(boot_tree: BootTree) -> None:
 
 def test_a_gpio_of_a_device_on_a_pin_of_another(boot_tree: BootTree) -> None:
     linux = boot_tree('/ { leds { compatible = "gpio-leds"; led-0 { gpios = <&gpio 9 0>; }; }; };')
-    said = linux.run("dmesg")
+    output = linux.run("dmesg")
     assert re.search(
         r"pin PA9 already requested by (b0072000\.serial; cannot claim for b0004000\.gpio:\d+"
         r"|b0004000\.gpio:\d+; cannot claim for b0072000\.serial)\n",
-        said,
+        output,
     )

@@ -42,8 +42,8 @@ def extra_files() -> dict[str, str]:
 def threads(linux: Linux) -> dict[str, int]:
     """Names and priorities of all threads, once the gateway runs."""
     linux.run("until [ $(rtuctl modules | grep -c '^rtu-.* running') = 3 ]; do sleep 0.2; done", PATIENCE_S)
-    said = linux.run("for p in /proc/[0-9]*; do cat $p/comm; chrt -p ${p#/proc/}; done")
-    found = re.findall(r"^(\S.*)\n.*policy.*\n.*priority: (\d+)$", said, re.MULTILINE)
+    output = linux.run("for p in /proc/[0-9]*; do cat $p/comm; chrt -p ${p#/proc/}; done")
+    found = re.findall(r"^(\S.*)\n.*policy.*\n.*priority: (\d+)$", output, re.MULTILINE)
     return {name: int(priority) for name, priority in found}
 
 
@@ -121,8 +121,8 @@ def test_report_says_that_cyclictest_is_missing(without_cyclictest: Linux) -> No
     status, report = without_cyclictest.try_to("rt-report --emulator --seconds 1", PATIENCE_S)
     assert status == 1
     assert re.findall("FAIL.*", report) == [
-        "FAIL  no latency was measured: this image has no cyclictest "
-        "(Debian's and Buildroot's package rt-tests)"
+        "FAIL  latency was not measured: this image lacks cyclictest "
+        "(package rt-tests of Debian and Buildroot)"
     ]
 
 
@@ -135,6 +135,6 @@ def test_show_leaves_out_a_latency_that_the_image_cannot_measure(
 
 
 def test_wrong_usage_is_said(linux: Linux) -> None:
-    status, said = linux.try_to("rt-report --seconds soon")
+    status, output = linux.try_to("rt-report --seconds soon")
     assert status == 2
-    assert said.startswith("usage: rt-report")
+    assert output.startswith("usage: rt-report")

@@ -87,9 +87,9 @@ def test_clock_is_set_by_whoever_is_often_kept_waiting(linux: Linux) -> None:
 
 def test_time_beyond_its_century_is_refused(linux: Linux) -> None:
     linux.run("clock set 2040-05-06T07:08:09")
-    status, said = linux.try_to("clock set 2100-01-01T00:00:00")
+    status, output = linux.try_to("clock set 2100-01-01T00:00:00")
     assert status != 0
-    assert "Numerical result out of range" in said
+    assert "Numerical result out of range" in output
     assert read(linux).year == 2040
 
 
@@ -119,8 +119,8 @@ def test_clock_without_its_battery_is_invalid_until_it_is_set(
 ) -> None:
     with boot("-global", "nuc980-rtc.battery=off", files=extra_files) as linux:
         assert "unable to read the hardware clock" in linux.run("dmesg")
-        status, said = linux.try_to("clock read")
+        status, output = linux.try_to("clock read")
         assert status != 0
-        assert "Invalid argument" in said
+        assert "Invalid argument" in output
         linux.run("clock set 2033-03-03T03:03:03")
         assert_soon_after(read(linux), "2033-03-03T03:03:03")

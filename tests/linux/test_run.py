@@ -139,16 +139,16 @@ def kept() -> Iterator[tuple[subprocess.Popen[str], int]]:
 def test_keep_stays_up_for_the_users_own_master(kept: tuple[subprocess.Popen[str], int]) -> None:
     show, port = kept
     assert show.stdout is not None
-    said = []
+    printed = []
     for line in show.stdout:
-        said.append(line)
+        printed.append(line)
         if "Ctrl-C" in line:
             break
     else:
-        pytest.fail(f"it ended instead: {''.join(said)[-3000:]} {show.communicate()}")
+        pytest.fail(f"it ended instead: {''.join(printed)[-3000:]} {show.communicate()}")
     with Master("127.0.0.1", port) as master:
         assert len(master.interrogate(3067)) == 13
-    command = next(line.strip() for line in reversed(said) if "rtuctl modules" in line)
+    command = next(line.strip() for line in reversed(printed) if "rtuctl modules" in line)
     inside = subprocess.run(
         f"{command} --json", shell=True, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
     )
@@ -164,10 +164,10 @@ def test_image_of_a_folder_comes_up() -> None:
     show = start("lab.image", SYSTEM)
     out, err = show.communicate(timeout=STORY_SECONDS)
     assert (show.returncode, err) == (0, ""), out[-3000:]
-    told = dict(re.findall(r"^(U-Boot|kernel|board|log-in) +(.+)$", out[out.rindex("\n\n") :], re.MULTILINE))
-    assert told["U-Boot"].startswith("U-Boot 20")
-    assert "PREEMPT_RT" in told["kernel"]
-    assert told["log-in"].endswith("login:")
+    facts = dict(re.findall(r"^(U-Boot|kernel|board|log-in) +(.+)$", out[out.rindex("\n\n") :], re.MULTILINE))
+    assert facts["U-Boot"].startswith("U-Boot 20")
+    assert "PREEMPT_RT" in facts["kernel"]
+    assert facts["log-in"].endswith("login:")
 
 
 @pytest.fixture
@@ -206,10 +206,10 @@ def test_image_with_its_root_in_the_flash_comes_up(flash_image: Path) -> None:
     show = start("lab.image", flash_image)
     out, err = show.communicate(timeout=STORY_SECONDS)
     assert (show.returncode, err) == (0, ""), out[-3000:]
-    told = dict(re.findall(r"^(arguments|/data|log-in) +(.+)$", out[out.rindex("\n\n") :], re.MULTILINE))
-    assert "root=ubi0:rootfs" in told["arguments"]
-    assert told["/data"] == "UBI device 0, volume 1"
-    assert told["log-in"].endswith("login:")
+    facts = dict(re.findall(r"^(arguments|/data|log-in) +(.+)$", out[out.rindex("\n\n") :], re.MULTILINE))
+    assert "root=ubi0:rootfs" in facts["arguments"]
+    assert facts["/data"] == "UBI device 0, volume 1"
+    assert facts["log-in"].endswith("login:")
     assert "trouble" not in out
 
 

@@ -99,19 +99,19 @@ class Near:
     def finish(self, seconds: float = 60.0) -> str:
         """All that it said; it must have ended well."""
         self.wait_for("^status", seconds)
-        said, _, status = self.words().rpartition("status ")
-        assert status.strip() == "0", said
-        return said
+        report, _, status = self.words().rpartition("status ")
+        assert status.strip() == "0", report
+        return report
 
 
-def counts(said: str, line: int) -> dict[str, int]:
+def counts(report: str, line: int) -> dict[str, int]:
     """The last counters that it printed of a line."""
-    found = re.findall(rf"^/dev/ttyS{line} (rx .*)$", said, re.MULTILINE)[-1]
+    found = re.findall(rf"^/dev/ttyS{line} (rx .*)$", report, re.MULTILINE)[-1]
     return {name: int(value) for name, value in re.findall(r"(\w+) (\d+)", found)}
 
 
-def errors(said: str, line: int) -> dict[str, int]:
-    return {name: value for name, value in counts(said, line).items() if name not in ("rx", "tx")}
+def errors(report: str, line: int) -> dict[str, int]:
+    return {name: value for name, value in counts(report, line).items() if name not in ("rx", "tx")}
 
 
 def pattern(line: int, end: int, size: int, bits: int = 8) -> bytes:
@@ -156,11 +156,11 @@ def check_duplex(
     got = far_ends(
         linux.machine.uarts, {n: pattern(n, 1, size, bits) for n in lines}, dict.fromkeys(lines, size), bursts
     )
-    said = near.finish()
+    report = near.finish()
     for n in lines:
         assert got[n] == pattern(n, 0, size, bits), f"from ttyS{n}"
-        assert f"/dev/ttyS{n} sent {size} received {size} wrong 0 first 0" in said, said
-        assert errors(said, n) == errors(before, n), said
+        assert f"/dev/ttyS{n} sent {size} received {size} wrong 0 first 0" in report, report
+        assert errors(report, n) == errors(before, n), report
 
 
 def check_registers(linux: Linux, line: int, speed: int, form: str) -> None:
@@ -204,8 +204,8 @@ def test_bursts_with_gaps_around_the_time_out(linux: Linux, speed: int) -> None:
 
 
 def test_real_speeds_are_reported(linux: Linux) -> None:
-    said = Near(linux, "speeds", "/dev/ttyS1", 300, 9600, 115200, 921600, 5_000_000, 3).finish()
-    speeds = [tuple(map(int, line.split())) for line in said.splitlines()]
+    report = Near(linux, "speeds", "/dev/ttyS1", 300, 9600, 115200, 921600, 5_000_000, 3).finish()
+    speeds = [tuple(map(int, line.split())) for line in report.splitlines()]
     assert speeds[:4] == [(300, 300), (9600, 9600), (115200, 115385), (921600, 923077)]
     assert speeds[4:] == [(5_000_000, 923077), (3, 923077)]  # impossible ones leave it as it was
 
@@ -257,9 +257,9 @@ def test_errors_are_counted_and_flagged(linux: Linux, kind: str) -> None:
         wait_until(linux, uart(WITH_RTS) + FSR, RX_LEVEL, 4 << 8)
     near.wait_for(f"61 62 63 {flagged}")
     end.send(b"de")
-    said = near.finish()
-    assert f"61 62 63 {flagged} 64 65" in said
-    assert errors(said, WITH_RTS) == before | {kind: before[kind] + 1}
+    report = near.finish()
+    assert f"61 62 63 {flagged} 64 65" in report
+    assert errors(report, WITH_RTS) == before | {kind: before[kind] + 1}
 
 
 def test_overrun_is_counted(linux: Linux) -> None:
@@ -273,9 +273,9 @@ def test_overrun_is_counted(linux: Linux) -> None:
         wait_until(linux, uart(6) + FSR, RX_IDLE, RX_IDLE)
     near.wait_for(f"{sent[15]:02x} 00")  # the zero is the mark of what is lost
     end.send(b"!")
-    said = near.finish()
-    assert sent[:16].hex(" ") + " 00 21" in said
-    assert errors(said, 6) == before | {"overrun": before["overrun"] + 1}
+    report = near.finish()
+    assert sent[:16].hex(" ") + " 00 21" in report
+    assert errors(report, 6) == before | {"overrun": before["overrun"] + 1}
 
 
 def test_flow_control_by_cts(linux: Linux) -> None:
@@ -317,9 +317,9 @@ DELAYS = ((0, 0), (2, 0), (0, 3), (2, 3))
 @pytest.mark.parametrize("delays", DELAYS, ids=str)
 @pytest.mark.parametrize("polarity", [RTS_ON_SEND, RTS_AFTER_SEND])
 def test_rs485_settings_stay(linux: Linux, polarity: int, delays: tuple[int, int]) -> None:
-    said = Near(linux, "direction", ENABLED | polarity, *delays, "/dev/ttyS2").finish()
+    report = Near(linux, "direction", ENABLED | polarity, *delays, "/dev/ttyS2").finish()
     settings = f"{ENABLED | polarity:#x} {delays[0]} {delays[1]}"
-    assert said.split("\n") == [
+    assert report.split("\n") == [
         f"set {settings}",
         *(f"{word} {settings}" for word in WORDS),
         "without. 0 0 0",

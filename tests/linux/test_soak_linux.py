@@ -35,15 +35,15 @@ def again_and_again(name: str, times: int, start: Callable[[int], str]) -> None:
         for at in range(times):
             begin = time.monotonic()
             try:
-                said = start(at)
-                wrong = TROUBLE.findall(said)
+                console = start(at)
+                wrong = TROUBLE.findall(console)
             except (LinuxError, MachineError, NetbootError) as error:
-                said, wrong = str(error), [type(error).__name__]
+                console, wrong = str(error), [type(error).__name__]
             seconds.append(time.monotonic() - begin)
             log.write(f"{at}: {seconds[-1]:.2f} s {'; '.join(wrong)}\n")
             log.flush()
             if wrong:
-                (KEPT / f"{name}-{at}.console").write_text(said)
+                (KEPT / f"{name}-{at}.console").write_text(console)
                 anomalies.append(f"{at}: {'; '.join(wrong)}")
         log.write(
             f"{times} starts, {min(seconds):.2f} to {max(seconds):.2f} s, median"
@@ -72,8 +72,8 @@ def test_netboots(qemu: Path, uboot: Path, tmp_path: Path) -> None:
         chardevs = {0: f"pty,logfile={console}"}
         with ExitStack() as stack:
             machine = stack.enter_context(Machine(qemu, "-bios", uboot, *nics, uarts=(), chardevs=chardevs))
-            said = io.StringIO()
-            netboot(machine, folder, SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", Progress(said))
+            output = io.StringIO()
+            netboot(machine, folder, SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", Progress(output))
             return console.read_text(errors="replace")
 
     again_and_again("netboots", int(os.environ.get("OPENRTU_NETBOOTS", "200")), start)

@@ -197,9 +197,9 @@ def test_nobody_can_log_in_with_a_password(linux: Linux) -> None:
 
 
 def test_unaligned_words_are_faults_and_there_was_none(linux: Linux) -> None:
-    said = linux.run("cat /proc/cpu/alignment")
-    assert "(signal+warn)" in said
-    counts = re.findall(r"^(User|Half|Word|DWord|Multi):\s+(\d+)", said, re.MULTILINE)
+    output = linux.run("cat /proc/cpu/alignment")
+    assert "(signal+warn)" in output
+    counts = re.findall(r"^(User|Half|Word|DWord|Multi):\s+(\d+)", output, re.MULTILINE)
     assert {name: int(count) for name, count in counts} == dict.fromkeys(
         ("User", "Half", "Word", "DWord", "Multi"), 0
     )
@@ -227,8 +227,8 @@ def test_root_is_not_writable(linux: Linux) -> None:
         "/root/.ssh/authorized_keys",
         "/etc/openrtu/gateway.json",
     ):
-        code, said = linux.try_to(f"echo x >> {file}")
-        assert code and "Read-only file system" in said, file
+        code, output = linux.try_to(f"echo x >> {file}")
+        assert code and "Read-only file system" in output, file
 
 
 def test_root_belongs_to_root(linux: Linux) -> None:

@@ -92,9 +92,9 @@ def processor_seconds(linux: Linux) -> float:
 def test_clock_that_was_never_set_is_said(linux: Linux, pki: Pki, port: int) -> None:
     """Nobody comes in, and the log tells why; once it is set, all do, without a restart."""
     assert not greeted(port, pki.client())
-    said = log(linux)
-    assert "the system's clock was never set: every certificate is refused until it is" in said
-    assert 'refused, CRL is not yet valid, by our clock it is 1970-01-01: "centre 1"' in said
+    output = log(linux)
+    assert "the system's clock was never set: every certificate is refused until it is" in output
+    assert 'refused, CRL is not yet valid, by our clock it is 1970-01-01: "centre 1"' in output
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -60,9 +60,9 @@ def test_time_outs_are_those_of_the_intervals_or_exact(linux: Linux, asked: int,
 
 
 def test_time_out_of_nothing_is_refused(linux: Linux) -> None:
-    status, said = linux.try_to("watchdog-test 0 stop")
+    status, output = linux.try_to("watchdog-test 0 stop")
     assert status == 1
-    assert "Invalid argument" in said
+    assert "Invalid argument" in output
 
 
 def test_new_time_out_of_a_running_watchdog_is_the_hardwares(linux: Linux) -> None:

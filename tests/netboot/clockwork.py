@@ -85,9 +85,9 @@ class Board:
         while True:
             answer: int | None = None
             match self._wants:
-                case bytes() as said:
+                case bytes() as octets:
                     self._go_on(None)
-                    return said
+                    return octets
                 case "key" if not self.fifo:
                     self.now = max(self.now, until)
                     return b""
@@ -144,13 +144,13 @@ class VirtualLine:
 
     def read(self, seconds: float) -> bytes:
         until = self.board.now + max(seconds, 0)
-        said = self.board.advance(until)
-        while said and (more := self.board.advance(self.board.now)):
-            said += more
-            if len(said) > 4096:
+        octets = self.board.advance(until)
+        while octets and (more := self.board.advance(self.board.now)):
+            octets += more
+            if len(octets) > 4096:
                 break
-        heard = self.back.on(at_speed(said, self.board.baud, self._baud), self.chance)
-        return heard if heard or not said else self.read(until - self.board.now)
+        heard = self.back.on(at_speed(octets, self.board.baud, self._baud), self.chance)
+        return heard if heard or not octets else self.read(until - self.board.now)
 
     def other_readers(self) -> str:
         return ""
@@ -189,8 +189,8 @@ class PtyBoard:
     def _live(self) -> None:
         start = time.monotonic()
         while True:
-            while said := self.board.advance(time.monotonic() - start):
-                os.write(self._master, said)
+            while octets := self.board.advance(time.monotonic() - start):
+                os.write(self._master, octets)
             ready, _, _ = select.select([self._master, self._end], [], [], 0.002)
             if self._end in ready:
                 return
@@ -284,8 +284,8 @@ class UBoot:
             except Reset:
                 first = False
 
-    def _say(self, said: bytes) -> Life:
-        yield said.replace(b"\n", self.end)
+    def _say(self, octets: bytes) -> Life:
+        yield octets.replace(b"\n", self.end)
 
     def _boots(self) -> Life:
         yield self.before or 0.0

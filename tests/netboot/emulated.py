@@ -33,10 +33,10 @@ class Emulated:
             text=True,
         )
         assert self.process.stdout is not None
-        said = self.process.stdout.readline()
-        found = re.search(r"/dev/pts/\d+", said)
+        line = self.process.stdout.readline()
+        found = re.search(r"/dev/pts/\d+", line)
         if not found:
-            raise RuntimeError(said)
+            raise RuntimeError(line)
         self.port = found[0]
 
     @property

@@ -217,12 +217,12 @@ def play(
     bench = Bench(folder, scenario)
     with bench.double:
         code = bench.run()
-        said = "".join(capsys.readouterr())
+        output = "".join(capsys.readouterr())
         wanted = scenario.error.exit_code if scenario.error else 0
-        assert code == (wanted if scenario.code is None else scenario.code), said
+        assert code == (wanted if scenario.code is None else scenario.code), output
         for words in (*scenario.says, *_advice(scenario.error)):
-            assert words in said, said
-        assert "Traceback" not in said
+            assert words in output, output
+        assert "Traceback" not in output
         bench.check()
         scenario.then(bench)
     bench.check()

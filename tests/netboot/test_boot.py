@@ -222,10 +222,10 @@ def test_kernel_fills_the_room_and_no_more(tree: libfdt.Fdt) -> None:
     ],
 )
 def test_tree_must_lie_in_free_ram(tree: libfdt.Fdt, board: BoardReport) -> None:
-    with pytest.raises(DoesNotFit, match="is to lie at 0xa00000"):
+    with pytest.raises(DoesNotFit, match="goes to 0xa00000"):
         images(tree, 1000).check(board, Addresses())
 
 
 def test_kernel_for_another_place_is_refused(tree: libfdt.Fdt) -> None:
-    with pytest.raises(UnusableImage, match="wants to run at 0x208000"):
+    with pytest.raises(UnusableImage, match="made to run at 0x208000"):
         images(tree, 1000, runs_at=0x208000).check(BOARD, Addresses())

@@ -123,7 +123,7 @@ def test_goal_of_ones_own(console: Console) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "cause"),
+    ("printed", "cause"),
     [
         (b"Wrong Image Format for bootm command\r\nERROR: can't get kernel image!\r\n", "no uImage"),
         (
@@ -137,11 +137,11 @@ def test_goal_of_ones_own(console: Console) -> None:
         (b"something else\r\n", "another kind of image"),
     ],
 )
-def test_bootm_comes_back(console: Console, said: bytes, cause: str) -> None:
-    console.says(said + b"@17:failed\r\n=> ")
+def test_bootm_comes_back(console: Console, printed: bytes, cause: str) -> None:
+    console.says(printed + b"@17:failed\r\n=> ")
     error = error_of(BootmFailed, console.until_login)
     assert cause in error
-    assert said.decode().split("\r\n")[-2] in error
+    assert printed.decode().split("\r\n")[-2] in error
 
 
 def test_bootm_resets_the_board(console: Console) -> None:
@@ -201,8 +201,8 @@ FIRST_WORDS = {
 class Said:
     """In the place of a Line: what has come, in pieces of a size."""
 
-    def __init__(self, said: bytes, size: int) -> None:
-        self._pieces = [said[at : at + size] for at in range(0, len(said), size)]
+    def __init__(self, printed: bytes, size: int) -> None:
+        self._pieces = [printed[at : at + size] for at in range(0, len(printed), size)]
 
     def read(self, seconds: float) -> bytes:
         if self._pieces:
@@ -214,10 +214,10 @@ class Said:
         return ""
 
 
-def watched(said: bytes, size: int = 4096, goal: Goal = GOAL) -> list[str]:
+def watched(printed: bytes, size: int = 4096, goal: Goal = GOAL) -> list[str]:
     """Watches it to its end; what was shown."""
     shown: list[str] = []
-    watch = LinuxWatch(Said(said, size), 17, shown.append)  # type: ignore[arg-type]
+    watch = LinuxWatch(Said(printed, size), 17, shown.append)  # type: ignore[arg-type]
     watch.until_kernel(goal)
     watch.until(goal)
     return shown
@@ -235,29 +235,31 @@ def cuts() -> Iterator[bytes]:
 @pytest.mark.parametrize("size", [1, 4096])
 @pytest.mark.parametrize("first", FIRST_WORDS.values(), ids=FIRST_WORDS)
 def test_cut_line_is_no_failure(first: bytes, size: int) -> None:
-    for said in cuts():
-        assert "login: " in watched(said + first + b"gateway login: ", size)[-1], said
+    for printed in cuts():
+        assert "login: " in watched(printed + first + b"gateway login: ", size)[-1], printed
 
 
 @pytest.mark.parametrize("size", [1, 4096])
 def test_panic_behind_a_cut_line_is_a_panic(size: int) -> None:
-    for said in cuts():
-        error = error_of(KernelPanic, lambda said=said: watched(said + PANIC + TRACE + END, size))
-        assert "Attempted to kill init" in error, said
+    for printed in cuts():
+        error = error_of(KernelPanic, lambda printed=printed: watched(printed + PANIC + TRACE + END, size))
+        assert "Attempted to kill init" in error, printed
 
 
 def test_reset_behind_a_cut_line_is_a_reset() -> None:
     banner = b"\n\r\n\rU-Boot 2016.11 (Nov 06 2018 - 10:00:00)\n\r"
-    for said in cuts():
-        assert "while Linux came up" in error_of(BoardReset, lambda said=said: watched(said + banner)), said
+    for printed in cuts():
+        assert "while Linux came up" in error_of(
+            BoardReset, lambda printed=printed: watched(printed + banner)
+        ), printed
 
 
 @pytest.mark.parametrize("kept", [0, 1, 9, 21, 25])
 @pytest.mark.parametrize("before", [TREE, NEWER])
 def test_silence_behind_a_cut_line_is_the_kernels(before: bytes, kept: int) -> None:
-    said = before + LAST_WORDS["2016.11"][:kept]
+    printed = before + LAST_WORDS["2016.11"][:kept]
     soon = Goal(seconds=0.05, bootm_seconds=0.02)
-    assert "within 0.05 s" in error_of(KernelMute, lambda: watched(said, goal=soon))
+    assert "within 0.05 s" in error_of(KernelMute, lambda: watched(printed, goal=soon))
 
 
 def test_quiet_kernel_is_waited_for(console: Console) -> None:
@@ -270,8 +272,8 @@ def test_quiet_kernel_is_waited_for(console: Console) -> None:
 
 @pytest.mark.parametrize("pattern", ["Linux", "Kernel Image", "OK", "."])
 def test_goal_is_not_found_in_uboots_words(pattern: str) -> None:
-    said = b"   Image Name:   Linux version 5.10\r\n   Image Type:   ARM Linux Kernel Image\r\n" + TREE
-    error_of(KernelMute, lambda: watched(said, goal=Goal(pattern, 0.05, 0.02)))
+    printed = b"   Image Name:   Linux version 5.10\r\n   Image Type:   ARM Linux Kernel Image\r\n" + TREE
+    error_of(KernelMute, lambda: watched(printed, goal=Goal(pattern, 0.05, 0.02)))
 
 
 def test_goal_that_begins_as_uboots_last_words_do() -> None:

@@ -105,7 +105,7 @@ def test_what_may_pass_is_tried_again(load: Load, failed: list[tuple[int, str]])
 
 
 @pytest.mark.parametrize(
-    ("said", "kind", "tries"),
+    ("answer", "kind", "tries"),
     [
         ((0, LOADED.replace("8 (8", "7 (7")), WrongBytes, 3),
         ((1, NO_LINK), LinkDown, 3),
@@ -114,8 +114,8 @@ def test_what_may_pass_is_tried_again(load: Load, failed: list[tuple[int, str]])
         ((1, "TFTP error: 'File not found' (1)\nNot retrying...\n"), FileRefused, 1),
     ],
 )
-def test_in_the_end_it_fails(load: Load, said: tuple[int, str], kind: type[Exception], tries: int) -> None:
-    at = session(*[said] * 5)
+def test_in_the_end_it_fails(load: Load, answer: tuple[int, str], kind: type[Exception], tries: int) -> None:
+    at = session(*[answer] * 5)
     with pytest.raises(kind):
         load.run(at)
     assert len(at.console.answers) == 5 - tries  # type: ignore[attr-defined]

@@ -73,7 +73,7 @@ def booted(payload: Path, dtb: Path, site: Path, udp_port: int) -> Callable[[Emu
     return of
 
 
-def kernel_said(output: str) -> list[str]:
+def kernel_lines(output: str) -> list[str]:
     """The kernel's lines, without their times."""
     return re.findall(r"^  \| \[ +[\d.]+\] (.*)$", output, re.MULTILINE)
 
@@ -82,12 +82,12 @@ def kernel_said(output: str) -> list[str]:
 def test_kernel_comes_up_through_either_port(boot: Boot, port: int) -> None:
     done = boot("--ethact", f"emac{port}", port=port)
     assert done.returncode == 0, done.stdout
-    said = kernel_said(done.stdout)
-    assert said[0] == "Booting Linux on physical CPU 0x0"
-    assert "OF: fdt: Machine model: BLIIoT gateway (OpenRTU)" in said
-    assert f"Kernel command line: ethaddr0={MACS[0]} ethaddr1={MACS[1]}" in said
+    lines = kernel_lines(done.stdout)
+    assert lines[0] == "Booting Linux on physical CPU 0x0"
+    assert "OF: fdt: Machine model: BLIIoT gateway (OpenRTU)" in lines
+    assert f"Kernel command line: ethaddr0={MACS[0]} ethaddr1={MACS[1]}" in lines
     assert [f"eth{number}: {mac}" for number, mac in enumerate(MACS)] == [
-        line for line in said if "eth" in line
+        line for line in lines if "eth" in line
     ][1:]
     for phase in ("reach U-Boot", "probe", "set-up", "load kernel", "load device tree", "bootm", "Linux"):
         assert re.search(rf"^ *\d+\.\d\d s  {phase}$", done.stdout, re.MULTILINE), phase
@@ -96,7 +96,7 @@ def test_kernel_comes_up_through_either_port(boot: Boot, port: int) -> None:
 def test_arguments_are_those_given(boot: Boot) -> None:
     done = boot("--bootargs", "console=ttyS0 ethaddr1=02:00:00:00:00:77")
     wanted = f"Kernel command line: console=ttyS0 ethaddr1=02:00:00:00:00:77 ethaddr0={MACS[0]}"
-    assert wanted in kernel_said(done.stdout)
+    assert wanted in kernel_lines(done.stdout)
 
 
 def test_goal_may_be_another_line(boot: Boot) -> None:
@@ -119,7 +119,7 @@ def test_slow_login_is_awaited(boot: Boot) -> None:
             ["The kernel panicked:", "Attempted to kill init!", "show_stack+0x10/0x14", "end Kernel panic"],
         ),
         ("noroot", ["found no root file system:", "unknown-block(0,0)", "likely cause: root= or ubi.mtd="]),
-        ("oops", ["The kernel stumbled:", "NULL pointer dereference", "end trace"]),
+        ("oops", ["The kernel reported an error:", "NULL pointer dereference", "end trace"]),
         ("reset", ["The board restarted while Linux came up", "eth1:", "watchdog"]),
         ("hang", ["No line with", "within 3 s", "eth1:", "--timeout"]),
         ("mute", ["The kernel printed nothing within 3 s", "console=ttyS0,115200n8"]),
@@ -153,9 +153,9 @@ def test_line_cut_at_each_character(boot: Boot, tmp_path: Path) -> None:
         literal_eval(f"b{text}") for text in re.findall(r"^ *[\d.]+ < (.*)$", log.read_text(), re.MULTILINE)
     )
     kernel = b"[    0.000000] Booting Linux on physical CPU 0x0\r\n"
-    _, *said = heard.split(b"<end of cuts>")[0].split(b"<cut>")
+    _, *starts = heard.split(b"<end of cuts>")[0].split(b"<cut>")
     words = b"\n\rStarting kernel ...\n\r\n\r"
-    assert said == [words[:kept] + kernel for kept in range(len(words) + 1)]
+    assert starts == [words[:kept] + kernel for kept in range(len(words) + 1)]
 
 
 def test_wrong_kernel_is_refused_before_anything_is_typed(boot: Boot, payload: Path, tmp_path: Path) -> None:
@@ -238,7 +238,7 @@ def test_nobody_has_the_servers_address(boot: Boot) -> None:
 def test_request_from_another_address_is_named(boot: Boot) -> None:
     done = boot("--seen-as", "127.0.0.9")
     assert done.returncode == 1
-    assert "The server was asked, and refused: 127.0.0.1, 'uImage': the board is 127.0.0.9" in done.stdout
+    assert "The server refused the request: 127.0.0.1, 'uImage': the board is 127.0.0.9" in done.stdout
     assert "--seen-as" in done.stdout
 
 

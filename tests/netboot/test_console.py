@@ -126,9 +126,9 @@ def test_prompt_is_reached(board: UBoot) -> None:
 
 
 def test_what_the_board_said_comes_back() -> None:
-    said = Bench(UBoot()).console.reach()
-    assert (BANNER + STREAMS).decode() in said
-    assert "\r" not in said
+    output = Bench(UBoot()).console.reach()
+    assert (BANNER + STREAMS).decode() in output
+    assert "\r" not in output
 
 
 def test_keys_come_from_the_first_words_on_and_not_before() -> None:
@@ -324,15 +324,15 @@ def test_hook_that_switches_another_board_is_found_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "said"),
+    ("command", "message"),
     [
         ("sh -c 'echo no relay >&2; exit 3'", "ended with 3: no relay"),
         ("sh -c 'echo on stdout; exit 3'", "on stdout"),
         ("/nowhere/relay", "cannot be started: No such file"),
     ],
 )
-def test_hook_that_fails_says_why(command: str, said: str) -> None:
-    with pty(Board(silent)) as (at, _), pytest.raises(PowerHookFailed, match=said):
+def test_hook_that_fails_says_why(command: str, message: str) -> None:
+    with pty(Board(silent)) as (at, _), pytest.raises(PowerHookFailed, match=message):
         at.reach(PowerHook(command), patience=5.0)
 
 
@@ -347,7 +347,7 @@ def test_status_and_output_are_the_commands() -> None:
     assert at.run("nonsense").status == 1
     assert at.run("unended no line feed").output == "no line feed"
     assert at.run("true; false").status == 1
-    with pytest.raises(CommandFailed, match="'false' failed: without a word"):
+    with pytest.raises(CommandFailed, match="'false' failed: it printed nothing"):
         at.run("false").required()
 
 
@@ -665,11 +665,11 @@ class Qemu:
         self._process = subprocess.Popen(
             [*command, *serial], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
-        said = b""
-        while not (found := re.search(rb"redirected to (\S+)", said)):
+        received = b""
+        while not (found := re.search(rb"redirected to (\S+)", received)):
             new = os.read(self._process.stdout.fileno(), 4096)  # type: ignore[union-attr]
-            assert new, said
-            said += new
+            assert new, received
+            received += new
         self.port = found[1].decode()
 
     def power_cycle(self) -> None:
@@ -702,8 +702,8 @@ def test_autoboot_of_a_real_uboot_is_stopped_each_time(machine: Qemu) -> None:
     with Line(machine.port) as line:
         at = Console(line)
         for _ in range(20):
-            said = at.reach(machine.power_cycle, patience=20.0)
-            assert "stop autoboot" in said
+            output = at.reach(machine.power_cycle, patience=20.0)
+            assert "stop autoboot" in output
             assert at.run("false").status == 1
 
 
@@ -747,9 +747,9 @@ def test_without_a_delay_autoboot_is_stopped_mostly(qemu: Path, uboot: Path, tmp
         at.run("setenv bootdelay 0; setenv bootcmd echo too late", 10).required()
         at.run("saveenv", 30).required()
         starts = [at.reach(machine.power_cycle, patience=20.0) for _ in range(20)]
-        assert all("stop autoboot:  0" in said for said in starts)
+        assert all("stop autoboot:  0" in start for start in starts)
         # The board looks once, some 20 ms after its UART is ready; a busy host may sleep meanwhile.
-        assert sum("too late" not in said for said in starts) >= 15
+        assert sum("too late" not in start for start in starts) >= 15
 
 
 @pytest.mark.slow
@@ -761,7 +761,7 @@ def test_overhead_of_a_command_is_small() -> None:
 
 
 def heard(line: Line) -> str:
-    said = b""
+    received = b""
     while new := line.read(0.5):
-        said += new
-    return said.decode()
+        received += new
+    return received.decode()

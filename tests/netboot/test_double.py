@@ -191,23 +191,23 @@ def test_boots_by_itself_what_is_in_its_flash(uimage: bytes, tree: bytes) -> Non
         double.nand.load(0x200000, uimage)
         double.nand.load(0x700000, tree)
         began = time.monotonic()
-        said = plain(Terminal(double.port).wait_for(b"login: "))
+        output = plain(Terminal(double.port).wait_for(b"login: "))
         assert time.monotonic() - began < 3  # what the countdown takes, if nobody makes it shorter
     assert (
         "autoboot:  3 \b\b\b 2 \b\b\b 1 \b\b\b 0 \n\nNAND read: device 0 offset 0x200000, size 0x500000\n"
-        in said
+        in output
     )
-    assert " 5242880 bytes read: OK\n" in said
-    assert "   XIP Kernel Image ... OK\n" in said
-    assert said.index("Starting kernel ...\n\n") < said.index("Linux version")
+    assert " 5242880 bytes read: OK\n" in output
+    assert "   XIP Kernel Image ... OK\n" in output
+    assert output.index("Starting kernel ...\n\n") < output.index("Linux version")
     assert double.kernels_started == 1
 
 
 def test_without_a_boot_command_the_prompt_comes_at_once() -> None:
     with Double(environment=None) as double:
-        said = plain(Terminal(double.port).wait_for(PROMPT))
-    assert "bad CRC, using default environment" in said
-    assert "Hit any key" not in said
+        output = plain(Terminal(double.port).wait_for(PROMPT))
+    assert "bad CRC, using default environment" in output
+    assert "Hit any key" not in output
 
 
 def test_supply_goes_off_and_on_by_a_command() -> None:
@@ -260,10 +260,10 @@ def test_interrupt_and_repetition() -> None:
 def test_line_ends_as_its_uart_driver_sends_them(variant: str, ends: bytes) -> None:
     with at_prompt(variant=variant) as (_, terminal):
         terminal.send(b"echo one; echo two\r")
-        said = b""
-        while not said.endswith(b"=> "):
-            said += terminal.receive(SECONDS)
-        assert ends in said
+        received = b""
+        while not received.endswith(b"=> "):
+            received += terminal.receive(SECONDS)
+        assert ends in received
 
 
 def test_line_that_is_too_long_rings_the_bell() -> None:
@@ -290,11 +290,11 @@ def test_what_is_typed_while_it_works_is_lost_beyond_its_fifo() -> None:
 def test_speed_must_be_its_own(speed: int, heard: bool) -> None:
     with Double() as double:
         terminal = Terminal(double.port, speed)
-        said = b""
-        while len(said) < 100 and (new := terminal.receive(SECONDS)):  # the banner is longer
-            said += new
-        assert len(said) >= 100
-        assert (b"U-Boot 2016" in said) == heard
+        received = b""
+        while len(received) < 100 and (new := terminal.receive(SECONDS)):  # the banner is longer
+            received += new
+        assert len(received) >= 100
+        assert (b"U-Boot 2016" in received) == heard
 
 
 # ---- the flash
@@ -574,17 +574,17 @@ def real(qemu: Path, uboot: Path, tmp_path_factory: pytest.TempPathFactory) -> d
 
 def answers(line: Talker) -> dict[str, str]:
     """What a console says to the list, from power-up on."""
-    said = {"power-up": masked(line.stop_autoboot())}
+    output = {"power-up": masked(line.stop_autoboot())}
     for command in ALIKE:
-        said[command] = masked(line.run(command))
+        output[command] = masked(line.run(command))
     for keys in KEYS:
-        said[str(keys)] = ""
+        output[str(keys)] = ""
         for part in re.findall(rb"[^\r\3]*[\r\3]", keys):  # what comes while a command runs may be lost
             line.send(part)
-            said[str(keys)] += plain(line.wait_for(b"> "))
+            output[str(keys)] += plain(line.wait_for(b"> "))
     line.send(b"reset\r")
-    said["reset"] = masked(line.stop_autoboot())
-    return said
+    output["reset"] = masked(line.stop_autoboot())
+    return output
 
 
 @pytest.fixture(scope="module")

@@ -163,7 +163,7 @@ def test_a_file_cut_or_changed_is_refused(tmp_path: Path, factory: Environment) 
     path.write_text(re.sub(r"\nEnvironment size.*", "", path.read_text()))
     assert load(path).variables["bootdelay"] == "30"
     path.write_bytes(b"\xff\xfe")
-    with pytest.raises(UnusableInput, match="no text"):
+    with pytest.raises(UnusableInput, match="not text"):
         load(path)
 
 
@@ -244,9 +244,9 @@ def _started(command: list[str | Path]) -> Iterator[Console]:
     )
     try:
         assert process.stdout
-        said = process.stdout.readline()
-        found = re.search(r"/dev/pts/\d+", said)
-        assert found, said
+        output = process.stdout.readline()
+        found = re.search(r"/dev/pts/\d+", output)
+        assert found, output
         with Line(found[0]) as line:
             console = Console(line)
             console.reach()

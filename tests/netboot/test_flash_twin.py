@@ -123,11 +123,11 @@ def boots(board: Board) -> None:
     """By its own boot command, from the flash."""
     with at_prompt(board) as session:
         session.console.start("reset")
-        said = b""
+        received = b""
         deadline = time.monotonic() + 60
-        while b"login: " not in said:
-            assert time.monotonic() < deadline, said
-            said += session.console.line.read(1.0)
+        while b"login: " not in received:
+            assert time.monotonic() < deadline, received
+            received += session.console.line.read(1.0)
 
 
 # ---- written
@@ -190,9 +190,9 @@ def test_root_file_system_can_be_attached(bench: Bench) -> None:
     board = bench.start()
     assert bench.flash(board, *bench.files[4:], *UBI_AT, "--no-backup", "empty") == 0
     with at_prompt(board) as session:
-        said = session.console.run("ubi part rootfs; ubi info l", 60).required()
-    assert "attached mtd" in said
-    assert re.search(r"Volume name +root|name +root", said)
+        output = session.console.run("ubi part rootfs; ubi info l", 60).required()
+    assert "attached mtd" in output
+    assert re.search(r"Volume name +root|name +root", output)
 
 
 def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,11 +29,11 @@ NETWORK = ("--board-ip", "192.168.1.20/24", "--server-ip", "192.168.1.1")
 
 
 @pytest.mark.parametrize(
-    ("seconds", "said"),
+    ("seconds", "text"),
     [(0.4, "0 s"), (99, "99 s"), (3600, "60 min"), (6000, "1 h 40 min"), (38400, "10 h 40 min")],
 )
-def test_duration_is_said_as_a_person_does(seconds: float, said: str) -> None:
-    assert duration(seconds) == said
+def test_duration_is_said_as_a_person_does(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
 
 
 def test_forecast_counts_what_goes_over_the_line(tmp_path: Path) -> None:

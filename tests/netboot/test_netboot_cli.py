@@ -49,11 +49,11 @@ def typed_in(shown: str) -> list[str]:
 def test_help_is_complete(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main([*command, "--help"])
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert ended.value.code == 0
-    assert "examples:" in said and "nuc980-netboot" in said
+    assert "examples:" in output and "nuc980-netboot" in output
     for name in COMMANDS if not command else ():
-        assert re.search(rf"^    {name}\s+\w", said, re.MULTILINE)
+        assert re.search(rf"^    {name}\s+\w", output, re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -64,7 +64,7 @@ def test_every_option_is_explained(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["probe"], "no --port is given"),
         (["probe", "--port", "/dev/no-such-port"], "/dev/no-such-port"),
@@ -80,7 +80,7 @@ def test_every_option_is_explained(name: str) -> None:
 )
 def test_unusable_input_is_said_in_a_line_or_two(
     arguments: list[str],
-    said: str,
+    message: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -88,7 +88,7 @@ def test_unusable_input_is_said_in_a_line_or_two(
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     error = capsys.readouterr().err
-    assert error.startswith("nuc980-netboot: ") and said in error
+    assert error.startswith("nuc980-netboot: ") and message in error
     assert "Traceback" not in error and len(error.splitlines()) <= 4
 
 
@@ -129,9 +129,9 @@ def test_dry_boot_is_what_a_boot_types(
     assert serves in shown
     assert double.nand.journal == [] and double.kernels_started == 1
     assert load(site / "environment.txt").variables == FACTORY_ENVIRONMENT
-    said = capsys.readouterr().out
-    assert serves in said
-    assert "environment is kept in" in said and re.search(r"^ +\d+\.\d\d s  Linux$", said, re.MULTILINE)
+    output = capsys.readouterr().out
+    assert serves in output
+    assert "environment is kept in" in output and re.search(r"^ +\d+\.\d\d s  Linux$", output, re.MULTILINE)
     check_junit(junit, failed=None)
 
 
@@ -173,7 +173,7 @@ class Forgets(faults.Fault):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("fault", "said"),
+    ("fault", "message"),
     [
         (Forgets(), "not as it should be: extra"),
         (faults.Refuses("setenv extra", "## Error: read-only\n"), "read-only"),
@@ -182,14 +182,14 @@ class Forgets(faults.Fault):
     ],
 )
 def test_what_does_not_come_back_is_not_saved(
-    fault: faults.Fault, said: str, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fault: faults.Fault, message: str, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     saved = tmp_path / "saved.txt"
     saved.write_text("extra=1\n")
     command = ["restore-env", str(saved), "--site", str(site), "--save"]
     with Double("factory", faults=[fault]) as double:
         assert main([*command, "--port", double.port]) == 1
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not [line for line in double.lines if "saveenv" in line]
 
 
@@ -279,11 +279,11 @@ def test_a_failure_is_reported_with_its_text(
     with Double("factory", tftp=("127.0.0.1", udp_port), linux="panic") as double:
         files = ["--junit", str(junit), "--json", str(report)]
         assert main([*command, *files, "--port", double.port]) == 1
-    said = capsys.readouterr().err
+    output = capsys.readouterr().err
     root = check_junit(junit, failed="Linux")
     failure = next(root.iter("failure"))
     assert failure.attrib["type"] == "KernelPanic"
-    assert failure.text and failure.text.strip() in said.replace("nuc980-netboot: ", "")
+    assert failure.text and failure.text.strip() in output.replace("nuc980-netboot: ", "")
     found = json.loads(report.read_text())
     assert found["error"]["phase"] == "Linux" and "not syncing" in found["error"]["text"]
     assert board_of(report).version.startswith("U-Boot 2016.11")
@@ -362,8 +362,8 @@ def test_a_signal_in_the_middle_of_a_transfer_leaves_nothing(
         run = started([*command, "--log", str(log), "--junit", str(junit)], tmp_path)
         wait_for(lambda: log.exists() and "Loading: " in log.read_text(), "no transfer began")
         run.send_signal(number)
-        said, error = run.communicate(timeout=SECONDS)
-        assert run.returncode == 128 + number, (said, error)
+        output, error = run.communicate(timeout=SECONDS)
+        assert run.returncode == 128 + number, (output, error)
         assert "Traceback" not in error and "port and server are closed" in error
         assert list((tmp_path / "tmp").iterdir()) == []
         assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]
@@ -374,8 +374,8 @@ def test_a_signal_in_the_middle_of_a_transfer_leaves_nothing(
 
         deaf.block = 1 << 16
         run = started(command, tmp_path)
-        said, error = run.communicate(timeout=60)
-        assert run.returncode == 0, (said, error)
+        output, error = run.communicate(timeout=60)
+        assert run.returncode == 0, (output, error)
 
 
 @pytest.mark.slow
@@ -435,15 +435,15 @@ def test_console_is_handed_over_in_the_end(
             stdout=terminal,
             stderr=subprocess.PIPE,
         )
-        said = b""
-        while b"Ctrl-] leaves it" not in said:
-            assert select.select([keyboard], [], [], SECONDS)[0], said
-            said += os.read(keyboard, 4096)
+        received = b""
+        while b"Ctrl-] leaves it" not in received:
+            assert select.select([keyboard], [], [], SECONDS)[0], received
+            received += os.read(keyboard, 4096)
         if ending == "login":
             os.write(keyboard, b"root\r")
-            while b"Password: " not in said:
-                assert select.select([keyboard], [], [], SECONDS)[0], said
-                said += os.read(keyboard, 4096)
+            while b"Password: " not in received:
+                assert select.select([keyboard], [], [], SECONDS)[0], received
+                received += os.read(keyboard, 4096)
 
         def ends() -> bool:
             os.write(keyboard, b"\x1d")
@@ -454,7 +454,7 @@ def test_console_is_handed_over_in_the_end(
         wait_for(ends, "Ctrl-] does not lead back")
         _, error = run.communicate(timeout=SECONDS)
     assert run.returncode == (0 if ending == "login" else 1)
-    assert (b"panicked" in error and b"panicked" in said) == (ending == "panic")
+    assert (b"panicked" in error and b"panicked" in received) == (ending == "panic")
     os.close(keyboard)
     os.close(terminal)
 

@@ -34,7 +34,7 @@ def asked(double: Double, *, flash: bool = True) -> BoardReport:
         return probe(console, Progress(), flash=flash)
 
 
-def told(board: BoardReport) -> str:
+def printed(board: BoardReport) -> str:
     return "\n".join(remarks(board))
 
 
@@ -89,7 +89,7 @@ def test_flash_is_left_out() -> None:
     board = asked(double := Double("factory"), flash=False)
     assert board.nand is None and not board.flash_asked
     assert not [line for line in double.lines if "nand" in line and "help" not in line]
-    assert "The flash was left out" in told(board)
+    assert "The flash was left out" in printed(board)
 
 
 # ---- remarks
@@ -116,7 +116,7 @@ def test_flash_is_left_out() -> None:
     ],
 )
 def test_remark(change: dict[str, Any], remark: str) -> None:
-    assert remark in told(replace(FACTORY, **change))
+    assert remark in printed(replace(FACTORY, **change))
 
 
 def test_a_board_with_everything_has_few_remarks() -> None:
@@ -131,17 +131,17 @@ def test_a_board_with_everything_has_few_remarks() -> None:
 
 def test_a_u_boot_that_cannot_fall_back() -> None:
     without = replace(FACTORY, commands=FACTORY.commands - {"itest", "iminfo"})
-    assert "No itest, iminfo: it cannot have two slots." in told(without)
+    assert "No itest, iminfo: it cannot have two slots." in printed(without)
 
 
 def test_a_board_with_slots() -> None:
     assert FACTORY.nand
     environment = FACTORY.environment | variables(FACTORY.nand, "")
-    assert "It has two slots" in told(replace(FACTORY, environment=environment))
+    assert "It has two slots" in printed(replace(FACTORY, environment=environment))
 
 
 def test_an_ordinary_wear_is_no_remark() -> None:
-    assert "worn" not in told(
+    assert "worn" not in printed(
         replace(FACTORY, nand=Nand(1 << 27, 1 << 17, 2048, tuple(range(20)), keeps_table=True))
     )
 
@@ -244,7 +244,7 @@ def test_link_of_our_board(qemu: Path, uboot: Path, worn: NandImage, tmp_path: P
     assert (up.port_in_use, up.phy, up.link) == ("emac0", 1, True)
     assert (down.phy, down.link) == (1, False)
     assert lines[-3:] == ["mii info", "mii read 0x1 1", "mii read 0x1 1"]
-    assert "emac0 has no link" in told(down)
+    assert "emac0 has no link" in printed(down)
 
 
 @pytest.mark.slow
@@ -271,4 +271,4 @@ def test_debians_uboot() -> None:
     assert len(board.ports) == 1 and board.ports[0].mac == "52:54:00:12:34:56"
     assert board.port_in_use == board.ports[0].name
     assert len(board.environment) > 50 and board.environment["bootcmd"] == "run distro_bootcmd"
-    assert "No nand command" in told(board)
+    assert "No nand command" in printed(board)

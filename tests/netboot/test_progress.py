@@ -21,11 +21,11 @@ def drawn(monkeypatch: pytest.MonkeyPatch, columns: int) -> str:
             for done in range(0, 1001, 10):
                 bar.at(done)
         progress.note("next")
-        said = b""
-        while not said.endswith(b"next\r\n"):
-            said += os.read(master, 4096)
+        received = b""
+        while not received.endswith(b"next\r\n"):
+            received += os.read(master, 4096)
     os.close(master)
-    return said.decode()
+    return received.decode()
 
 
 @pytest.mark.parametrize("columns", [20, 40, 80, 200])

@@ -87,9 +87,9 @@ def test_file_may_have_other_lines(site: Site) -> None:
         (GOOD.replace(":02\n", ":01\n"), "gives both ports 02:00:00:00:00:01"),
         (GOOD.replace("eth0 02", "eth0 03"), "group's address"),
         (GOOD.replace("02:00:00:00:00:01", "00:00:00:00:00:00"), "is not an address"),
-        (GOOD.replace("02:00:00:00:00:01", "08:00:27:00:01:93"), "every board has"),
-        (GOOD.replace("02:00:00:00:00:01", "02-00-00-00-00-01"), "no MAC address"),
-        (GOOD.replace("02:00:00:00:00:01", "02:00:00:00:00:1"), "no MAC address"),
+        (GOOD.replace("02:00:00:00:00:01", "08:00:27:00:01:93"), "address of every board"),
+        (GOOD.replace("02:00:00:00:00:01", "02-00-00-00-00-01"), "not a MAC address"),
+        (GOOD.replace("02:00:00:00:00:01", "02:00:00:00:00:1"), "not a MAC address"),
         ("\udcff\udcfe", "0 lines for eth0"),
     ],
 )

@@ -113,15 +113,17 @@ class Flash:
     def starts(self) -> str:
         """The slots of the kernels up to the first that is not on trial, as `Ba`: capitals are on trial."""
         with self.machine() as machine:
-            said = b""
-            while not slots_in(said)[-1:].islower():
-                said += machine.uarts[0].wait_for(b"Kernel command line: ", PATIENCE)
-                said += machine.uarts[0].wait_for(b"\n", PATIENCE)
-        return slots_in(said)
+            received = b""
+            while not slots_in(received)[-1:].islower():
+                received += machine.uarts[0].wait_for(b"Kernel command line: ", PATIENCE)
+                received += machine.uarts[0].wait_for(b"\n", PATIENCE)
+        return slots_in(received)
 
 
-def slots_in(said: bytes) -> str:
-    return "".join(slot.decode().upper() if trial else slot.decode() for slot, trial in STARTED.findall(said))
+def slots_in(received: bytes) -> str:
+    return "".join(
+        slot.decode().upper() if trial else slot.decode() for slot, trial in STARTED.findall(received)
+    )
 
 
 def tree_that(ending: str, uboot: Path) -> bytes:
@@ -315,11 +317,11 @@ def test_cut_at_any_moment_of_a_trial(flash: Flash, number: int) -> None:
 def cut_after(flash: Flash, seconds: float) -> str:
     """What started before the power was cut, at any instruction of U-Boot or of the kernel."""
     with flash.machine() as machine:
-        said, end = b"", time.monotonic() + seconds
+        received, end = b"", time.monotonic() + seconds
         with suppress(MachineError):
             while (left := end - time.monotonic()) > 0:
-                said += machine.uarts[0].receive(left)
-    return slots_in(said)
+                received += machine.uarts[0].receive(left)
+    return slots_in(received)
 
 
 # ---- the tool

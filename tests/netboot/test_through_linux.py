@@ -129,17 +129,17 @@ def test_without_tables_of_bad_blocks_no_linux_is_started(marks: tuple[bytes, ..
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("--backup-by", "linux"), "needs a kernel and a device tree"),
         (("--backup-kernel", "uImage"), "are for --backup-by linux"),
     ],
 )
 def test_options_belong_together(
-    words: tuple[str, ...], said: str, images: list[str], capsys: pytest.CaptureFixture[str]
+    words: tuple[str, ...], message: str, images: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["flash", "--dtb", images[1], "--dry-run", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_it_is_offered_where_the_line_takes_hours(
@@ -158,9 +158,9 @@ def test_it_is_offered_where_the_line_takes_hours(
     assert "backs it up in minutes: --backup-by linux" in dry(*ubi)
     for words in (("--backup-by", "serial"), ("--no-backup", "new"), linux):
         assert "backs it up in minutes" not in dry(*ubi, *words)
-    said = dry(*ubi, *linux)
-    assert re.search(r"^It takes .*back up \d+ min", said, re.MULTILINE)
-    typed = re.findall(r"^    => if (.*?); then", said, re.MULTILINE)
+    output = dry(*ubi, *linux)
+    assert re.search(r"^It takes .*back up \d+ min", output, re.MULTILINE)
+    typed = re.findall(r"^    => if (.*?); then", output, re.MULTILINE)
     assert sum("md.l" in line for line in typed) == 4  # the marks of tables
     started = typed.index("bootm 0x7fc0 - 0xa00000")
     settings = [line for line in typed[:started] if line.startswith("setenv")]

@@ -67,9 +67,9 @@ def test_cut_off_kernel_is_found(wrapped: Wrapped, left: int) -> None:
 @pytest.mark.parametrize(
     ("otherwise", "words"),
     [
-        ({"A": "arm64"}, "no Linux kernel for ARM"),
-        ({"O": "u-boot"}, "no Linux kernel for ARM"),
-        ({"T": "ramdisk"}, "no Linux kernel for ARM"),
+        ({"A": "arm64"}, "not a Linux kernel for ARM"),
+        ({"O": "u-boot"}, "not a Linux kernel for ARM"),
+        ({"T": "ramdisk"}, "not a Linux kernel for ARM"),
         ({"C": "gzip"}, "compressed for U-Boot"),
         ({"C": "lzma"}, "compressed for U-Boot"),
     ],

@@ -48,8 +48,8 @@ class Identity:
 
     @property
     def fingerprint(self) -> str:
-        said = openssl("x509", "-in", self.certificate, "-noout", "-fingerprint", "-sha256")
-        return said.strip().partition("=")[2]
+        output = openssl("x509", "-in", self.certificate, "-noout", "-fingerprint", "-sha256")
+        return output.strip().partition("=")[2]
 
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "telecontrol.md"

@@ -231,8 +231,8 @@ def test_gateway_has_no_finding_and_no_node_without_binding(found: dict[str, dic
 
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
 def test_fault_is_found(fault: Fault, found: dict[str, dict[str, list[str]]]) -> None:
-    said = found[FAULTY].get(fault.node, [])
-    assert any(fault.names in text for text in said), said
+    messages = found[FAULTY].get(fault.node, [])
+    assert any(fault.names in text for text in messages), messages
 
 
 def test_nothing_is_found_where_nothing_is_wrong(found: dict[str, dict[str, list[str]]]) -> None:

@@ -93,7 +93,7 @@ def test_machine_forms_are_json_also_beside_an_unusable_file(bad: Path, form: st
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("check", "none.dts"), "none.dts: No such file or directory"),
         (("check", "--table", "none.yml", "x.dts"), "none.yml: No such file or directory"),
@@ -112,10 +112,12 @@ def test_machine_forms_are_json_also_beside_an_unusable_file(bad: Path, form: st
         (("paint",), "usage: nuc980-pins"),
     ],
 )
-def test_unusable_input_is_told_and_no_traceback(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+def test_unusable_input_is_told_and_no_traceback(
+    tmp_path: Path, words: tuple[str, ...], message: str
+) -> None:
     done = run(*words, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (UNUSABLE, "")
-    assert said in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 

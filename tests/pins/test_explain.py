@@ -18,7 +18,7 @@ CHIP = load_chip()
 BOARD = load_board(Path(__file__).resolve().parents[2] / "board" / "nuc980" / "pins.yml", CHIP)
 
 
-def told(word: str) -> str:
+def explained(word: str) -> str:
     return "\n".join(explain(word, CHIP, BOARD))
 
 
@@ -36,12 +36,12 @@ def test_a_pin_with_all_its_functions_and_how_to_write_them(pin: str) -> None:
         cells = f"<{bank} {index} {value} 0>".split()
         assert [str(value), signal, *cells] in [row[:6] for row in rows]
     for name, package in CHIP.packages.items():
-        assert f"{name} {package.bonded.get(pin, 'not brought out')}" in told(pin)
+        assert f"{name} {package.bonded.get(pin, 'not brought out')}" in explained(pin)
     assert explain(pin.lower(), CHIP, BOARD) == explain(pin, CHIP, BOARD)
 
 
 def test_a_pin_of_the_table() -> None:
-    assert told("PA0").startswith("PA0: GPIO 0,")
+    assert explained("PA0").startswith("PA0: GPIO 0,")
     assert line("PA0", "register") == "register 0xb0000070, bits 3..0; the pin table makes it 4"
     assert line("PA0", "pin table") == "pin table UART1_RXD of uart1, RS-485, /dev/ttyS1"
     assert line("PA0", "interrupt") == "interrupt EINT0 with function 5; second cell of eint0-config: 0"
@@ -50,7 +50,7 @@ def test_a_pin_of_the_table() -> None:
 
 
 def test_a_pin_as_the_report_writes_it() -> None:
-    assert told("F10") == told("PF10")
+    assert explained("F10") == explained("PF10")
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_a_pin_as_the_report_writes_it() -> None:
 )
 def test_a_pin_that_no_device_of_the_table_has(pin: str, who: str) -> None:
     assert line(pin, "pin table").startswith(f"pin table {who}")
-    assert "*" not in told(pin)
+    assert "*" not in explained(pin)
 
 
 def test_gpios_and_unconnected_pins_of_a_table(tmp_path: Path) -> None:
@@ -82,23 +82,23 @@ def test_without_a_table_nobody_is_named() -> None:
 
 
 def test_a_signal_with_all_places_and_who_is_there() -> None:
-    assert told("UART8_TXD").startswith("UART8_TXD: signal of uart8")
+    assert explained("UART8_TXD").startswith("UART8_TXD: signal of uart8")
     assert line("UART8_TXD", "* PA12") == (
         "* PA12 <0 12 2 0> LQFP128 19 UART8_TXD of uart8, RS-485, /dev/ttyS8"
     )
     assert line("UART8_TXD", "PB8") == "PB8 <1 8 4 0> LQFP128 42 free, wiring unknown"
     assert line("uart8_txd", "PC12").endswith("LQFP128 56 NAND_DATA4 of fmi, NAND flash, 128 MiB")
     assert line("UART3_TXD", "PB9") == "PB9 <1 9 1 0> not in LQFP128"
-    assert "signal of sc0 or scuart0" in told("SC0_DAT")
+    assert "signal of sc0 or scuart0" in explained("SC0_DAT")
 
 
 @pytest.mark.parametrize("signal", CHIP.signals)
 def test_each_signal_is_explained(signal: str) -> None:
-    assert [pin for pin, _ in CHIP.signals[signal]] == re.findall(r"P[A-G]\d+(?= +<)", told(signal))
+    assert [pin for pin, _ in CHIP.signals[signal]] == re.findall(r"P[A-G]\d+(?= +<)", explained(signal))
 
 
 def test_a_device() -> None:
-    assert told("uart8").startswith("uart8: /apb/serial@b0078000")
+    assert explained("uart8").startswith("uart8: /apb/serial@b0078000")
     assert line("UART8", "compatible") == "compatible nuvoton,nuc980-uart"
     assert line("uart8", "registers") == "registers 0xb0078000, 0x1000 bytes"
     assert line("uart8", "interrupts") == "interrupts 41 (UART8)"
@@ -118,7 +118,7 @@ def test_each_device_is_explained_with_all_its_signals(label: str) -> None:
 
 @pytest.mark.parametrize("word", ["<4 7 1 0>", "4 7 1 0", "0x4 0x7 0x1 0x0", " < 4  7 1 0 > "])
 def test_a_setting(word: str) -> None:
-    assert told(word).startswith("<4 7 1 0>: PE7 as RMII0_TXD0 of emac0")
+    assert explained(word).startswith("<4 7 1 0>: PE7 as RMII0_TXD0 of emac0")
     assert line(word, "fourth cell") == (
         "fourth cell 0: pin configuration; the vendor's driver stores it and never uses it"
     )
@@ -128,9 +128,9 @@ def test_a_setting(word: str) -> None:
 def test_settings_that_disagree_or_cannot_be() -> None:
     assert line("<5 0xa 8 0>", "pin table") == "pin table UART1_TXD of uart1, RS-485, /dev/ttyS1: another one"
     assert line("<5 0xb 3 0>", "function") == "function 3: PF11 has 0 GPIO, 1 UART0_RXD"
-    assert "PF11 as no function that it has" in told("<5 0xb 3 0>")
-    assert "P9.1 does not exist" in told("<9 1 2 0>")
-    assert "PB14 does not exist" in told("<1 14 0 0>")
+    assert "PF11 as no function that it has" in explained("<5 0xb 3 0>")
+    assert "P9.1 does not exist" in explained("<9 1 2 0>")
+    assert "PB14 does not exist" in explained("<1 14 0 0>")
 
 
 def test_a_group_of_settings() -> None:
@@ -146,12 +146,12 @@ def test_a_gpio(word: str) -> None:
 
 
 def test_a_register() -> None:
-    text = told("0xB0000070")
+    text = explained("0xB0000070")
     assert text.startswith("0xb0000070: multi-function register of PA0 to PA7")
     assert line("0xb0000070", "PA4") == (
         "PA4 bits 19..16; the pin table makes it 1 UART6_RXD of uart6, RS-485, /dev/ttyS6"
     )
-    assert told("0xb0078000") == told("uart8")
+    assert explained("0xb0078000") == explained("uart8")
 
 
 @pytest.mark.parametrize("name", RULES)

@@ -168,7 +168,7 @@ def test_missing_include_names_its_line_and_the_option(board: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "expected_text"),
     [
         ("/ { model = ; };", "x.dts:2.13-14 syntax error"),
         ("&nowhere { };", "x.dts:2.10-14 Label or path nowhere not found"),
@@ -180,10 +180,10 @@ def test_missing_include_names_its_line_and_the_option(board: Path) -> None:
         ("#error not yet", "not yet"),
     ],
 )
-def test_what_does_not_compile(line: str, said: str, write: Callable[[str, str], Path]) -> None:
+def test_what_does_not_compile(line: str, expected_text: str, write: Callable[[str, str], Path]) -> None:
     file = write("x.dts", f"/dts-v1/;\n{line}\n")
     message = refusal(file)
-    assert said in message and "correct the first of these lines" in message
+    assert expected_text in message and "correct the first of these lines" in message
 
 
 def test_group_that_is_missing_is_left_to_the_check(write: Callable[[str, str], Path]) -> None:

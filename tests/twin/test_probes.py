@@ -43,9 +43,9 @@ def line_after(line: SerialLine, start: str) -> str:
 
 
 def test_interrupts_come_in_the_order_of_their_levels(run: Callable[..., str]) -> None:
-    said = run("interrupts")
+    output = run("interrupts")
     for order, first in (("0 1 2", 16), ("2 0 1", 30), ("1 2 0", 17)):
-        assert f"first of {order.replace(' ', '')}: {first}\nserved: {order}\n" in said
+        assert f"first of {order.replace(' ', '')}: {first}\nserved: {order}\n" in output
 
 
 def test_a_masked_interrupt_waits(run: Callable[..., str]) -> None:
@@ -57,17 +57,17 @@ def test_a_higher_level_interrupts_a_handler_that_lets_it(run: Callable[..., str
 
 
 def test_level_0_is_the_fast_interrupt(run: Callable[..., str]) -> None:
-    said = run("interrupts")
-    assert f"fast: 2 3 {0x11} 9\n" in said  # it came inside the other, in the FIQ's processor mode
-    assert "none left: 0\n" in said
+    output = run("interrupts")
+    assert f"fast: 2 3 {0x11} 9\n" in output  # it came inside the other, in the FIQ's processor mode
+    assert "none left: 0\n" in output
 
 
 @pytest.mark.parametrize("timer", range(5))
 def test_timer_keeps_time_beside_another(run: Callable[..., str], timer: int) -> None:
-    said = run("timers")
-    found = re.search(rf"timer {timer}: 49 interrupts in (\d+) us", said)
+    output = run("timers")
+    found = re.search(rf"timer {timer}: 49 interrupts in (\d+) us", output)
     assert found and abs(int(found[1]) - 49_000) <= 2
-    found = re.search(rf"timer {timer}: 1 one-shot after (\d+) us, then off 0 at 0", said)
+    found = re.search(rf"timer {timer}: 1 one-shot after (\d+) us, then off 0 at 0", output)
     assert found and abs(int(found[1]) - 1000) <= 2
 
 
@@ -75,12 +75,12 @@ def test_timer_keeps_time_beside_another(run: Callable[..., str], timer: int) ->
 
 
 def test_the_watchdog_bites(run: Callable[..., str]) -> None:
-    said = run("watchdog")
-    assert said.startswith("up, dog's mark 0\ncause 1\nlocked: 0\nfed, warned 0\nwarned after ")
-    found = re.search(r"warned after (\d+) us", said)
+    output = run("watchdog")
+    assert output.startswith("up, dog's mark 0\ncause 1\nlocked: 0\nfed, warned 0\nwarned after ")
+    found = re.search(r"warned after (\d+) us", output)
     assert found and abs(int(found[1]) - 31_250) < 100  # 2^10 of 32768 Hz
-    assert "\nup, dog's mark 1\n" in said
-    assert said.endswith("cleared: 0\nend\n")
+    assert "\nup, dog's mark 1\n" in output
+    assert output.endswith("cleared: 0\nend\n")
 
 
 def test_software_resets_the_chip(run: Callable[..., str]) -> None:
@@ -168,8 +168,8 @@ def test_dma_ring_with_its_time_out(board: Start, probes: Path, size: int, full:
     machine.uarts[1].send(text)
     machine.uarts[0].send(b"%d\n" % size)
     assert machine.uarts[1].wait_for(text) == text
-    said = line_after(machine.uarts[0], "bytes ")
-    found = re.fullmatch(rf"{size}, full (\d+), time-outs (\d+), transmits (\d+)", said)
+    line = line_after(machine.uarts[0], "bytes ")
+    found = re.fullmatch(rf"{size}, full (\d+), time-outs (\d+), transmits (\d+)", line)
     assert found
     assert int(found[1]) <= full
     assert int(found[2]) >= (1 if size % 128 else 0)
@@ -259,14 +259,14 @@ def flash(tmp_path: Path) -> tuple[str, str]:
 
 
 def test_nand_page_with_parity(run: Callable[..., str], flash: tuple[str, str]) -> None:
-    said = run("nand", *flash).splitlines()
-    assert said[0].startswith("id ef f1 ")
-    assert said[1:3] == ["erased, status c0", "written, status c0"]
-    assert said[3] == "read, wrong bytes 0, ecc events 0, fields 0"
-    found = re.fullmatch(r"read, wrong bytes (\d+), ecc events 1, fields (\w+)", said[4])
+    lines = run("nand", *flash).splitlines()
+    assert lines[0].startswith("id ef f1 ")
+    assert lines[1:3] == ["erased, status c0", "written, status c0"]
+    assert lines[3] == "read, wrong bytes 0, ecc events 0, fields 0"
+    found = re.fullmatch(r"read, wrong bytes (\d+), ecc events 1, fields (\w+)", lines[4])
     assert found
     assert int(found[2], 16) >> 8 & 0x7F == 0b101  # second field: correctable, one error
-    assert said[5:] == ["erased, status c0", "end"]
+    assert lines[5:] == ["erased, status c0", "end"]
 
 
 def test_without_probe_silence(board: Start) -> None:

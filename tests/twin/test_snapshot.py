@@ -154,9 +154,9 @@ def counts(machine: Machine, number: int) -> tuple[int, int]:
     """What the probe says of itself, its ticks and bytes, once the ticks are right by the clock beside."""
     machine.uarts[0].send(b"%d\n" % number)
     machine.uarts[0].wait_for(b"%d: " % number)
-    said = machine.uarts[0].wait_for(b"\n").decode()
-    found = re.fullmatch(r"ticks (\d+) in (\d+) us, bytes (\d+), overruns 0\n", said)
-    assert found, said
+    line = machine.uarts[0].wait_for(b"\n").decode()
+    found = re.fullmatch(r"ticks (\d+) in (\d+) us, bytes (\d+), overruns 0\n", line)
+    assert found, line
     ticks, time, echoed = map(int, found.groups())
     assert (time - SLACK_US) // 1000 <= ticks <= (time + SLACK_US) // 1000
     return ticks, echoed

@@ -42,7 +42,7 @@ class Addresses:
     def of(cls, board: BoardReport) -> Addresses:
         """The same, counted from where the board's RAM starts. Raises UnusableInput."""
         if not board.ram:
-            raise UnusableInput("U-Boot does not say where the board's RAM is (bdinfo).")
+            raise UnusableInput("U-Boot does not report where the board's RAM is (bdinfo).")
         start = board.ram[0][0]
         return cls(start + cls.uimage, start + cls.dtb)
 
@@ -86,7 +86,7 @@ class Images:
         end = min(start + size, board.ram_end or start + size)
         if addresses.dtb + self.tree.totalsize() + TREE_GROWTH > end:
             raise DoesNotFit(
-                f"The device tree, {self.tree.totalsize()} bytes, is to lie at {addresses.dtb:#x}; the"
+                f"The device tree, {self.tree.totalsize()} bytes, goes to {addresses.dtb:#x}; the"
                 f" board's RAM is free up to {end:#x}.",
                 next_step="nuc980-netboot probe shows the RAM; a board of this kind has 64 MiB",
             )

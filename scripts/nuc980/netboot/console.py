@@ -51,7 +51,9 @@ class Answer:
     def required(self) -> str:
         """The output of a command that must succeed. Raises CommandFailed."""
         if self.status:
-            raise CommandFailed(f"U-Boot: '{self.command}' failed: {self.output.strip() or 'without a word'}")
+            raise CommandFailed(
+                f"U-Boot: '{self.command}' failed: {self.output.strip() or 'it printed nothing'}"
+            )
         return self.output
 
 

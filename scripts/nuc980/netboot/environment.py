@@ -66,7 +66,7 @@ def read_environment(console: Console) -> Environment:
             f"The environment cannot be read: {wrong.what}",
             cause="the line loses characters, or a value is not printable ASCII",
         )
-    raise LineUnsafe("Each reading of the environment is another.")
+    raise LineUnsafe("Each reading of the environment gives another result.")
 
 
 def parse(printed: str, *, whole: bool = False) -> Environment:
@@ -154,7 +154,7 @@ def load(path: Path) -> Environment:
     try:
         return parse(path.read_text(encoding="utf-8") + "\n")
     except UnicodeDecodeError as error:
-        raise UnusableInput(f"{path}: no text: {error}") from error
+        raise UnusableInput(f"{path}: not text: {error}") from error
     except UnusableInput as error:
         raise UnusableInput(
             f"{path}: {error.what}",
@@ -223,7 +223,7 @@ class Verify(Step):
         here = read_environment(session.console).variables
         wrong = [each.name for each in differences(here, self.wanted) if not each.left_alone]
         if wrong:
-            raise CommandFailed(f"The environment is not as it should be: {', '.join(wrong)}.")
+            raise CommandFailed(f"The environment differs from what was written: {', '.join(wrong)}.")
 
 
 @dataclass(frozen=True)

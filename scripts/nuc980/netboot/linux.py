@@ -203,7 +203,7 @@ class LinuxWatch:
             return RootMissing(f"The kernel found no root file system:\n{lines}")
         if any(PANIC.search(line) for line in story):
             return KernelPanic(f"The kernel panicked:\n{lines}")
-        return KernelOops(f"The kernel stumbled:\n{lines}")
+        return KernelOops(f"The kernel reported an error:\n{lines}")
 
     def _bootm_failed(self) -> BootmFailed:
         received = self._story()

@@ -92,13 +92,13 @@ def with_prefix(text: str) -> IPv4Interface:
 def why_not_unique(mac: str) -> str:
     """Why an address cannot be one board's own, or an empty text. mac: lower case."""
     if not MAC.fullmatch(mac):
-        return "is no MAC address, XX:XX:XX:XX:XX:XX"
+        return "is not a MAC address, XX:XX:XX:XX:XX:XX"
     if int(mac[:2], 16) & 1:
         return "is a group's address: the first byte is odd"
     if mac == "00:00:00:00:00:00":
         return "is not an address"
     if mac in EVERYBODYS:
-        return "is what every board has that was given none"
+        return "is the address of every board that was given none"
     return ""
 
 
@@ -106,7 +106,7 @@ def _mac_of(port: str, text: str, path: Path) -> str:
     found = re.findall(rf"^{port}[ \t]+(.*?)[ \t\r]*$", text, re.MULTILINE)
     if len(found) != 1:
         raise UnusableInput(
-            f"{path} has {len(found)} lines for {port}; wanted is one, '{port} XX:XX:XX:XX:XX:XX'."
+            f"{path} has {len(found)} lines for {port}; expected one, '{port} XX:XX:XX:XX:XX:XX'."
         )
     mac = found[0].lower()
     if why := why_not_unique(mac):

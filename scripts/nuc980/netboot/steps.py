@@ -181,7 +181,7 @@ def _why_silent(what: str, session: Session) -> TftpTimeout:
     if session.files.refused:
         seen = "; ".join(str(refusal) for refusal in session.files.refused[-3:])
         return TftpTimeout(
-            f"{what}\nThe server was asked, and refused: {seen}",
+            f"{what}\nThe server refused the request: {seen}",
             cause="another address than the board's: a NAT between them, or a second board",
             next_step="--seen-as ADDRESS names the board as the server sees it",
         )

@@ -212,7 +212,7 @@ def _check_url(url: str) -> None:
     except ValueError as error:
         raise NoSuchUrl(f"--port {url}: {error}") from error
     if not whole:
-        raise NoSuchUrl(f"--port {url} leads nowhere.")
+        raise NoSuchUrl(f"--port {url} names no port.")
 
 
 def _keep_dtr_when_closed(port: int) -> None:

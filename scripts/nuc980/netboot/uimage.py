@@ -53,14 +53,14 @@ def read_uimage(path: Path) -> UImage:
 def _check_kind(path: Path, system: int, processor: int, kind: int, compression: int) -> None:
     if (system, processor, kind) != (UImage.LINUX, UImage.ARM, UImage.KERNEL):
         raise UnusableImage(
-            f"{path} is no Linux kernel for ARM: its header says system {system}, processor {processor},"
+            f"{path} is not a Linux kernel for ARM: its header says system {system}, processor {processor},"
             f" type {kind}; wanted {UImage.LINUX}, {UImage.ARM}, {UImage.KERNEL}.",
             next_step="mkimage -A arm -O linux -T kernel makes one, and so does `make image-debian`",
         )
     if compression != UImage.NOT_COMPRESSED:
         raise UnusableImage(
             f"{path} is compressed for U-Boot (compression {compression} in its header).",
-            cause="U-Boot would unpack it over itself: it lies where the kernel is to run",
+            cause="U-Boot would overwrite it while it unpacks: it lies where the kernel runs",
             next_step="wrap the zImage, which unpacks itself, with mkimage -C none",
         )
 
@@ -69,8 +69,8 @@ def check_place(path: Path, image: UImage, runs_at: int) -> None:
     """That the kernel runs where it lies: nothing is moved, nothing overwritten. Raises UnusableImage."""
     if (image.load, image.entry) != (runs_at, runs_at):
         raise UnusableImage(
-            f"{path} wants to run at {image.load:#x}, entry {image.entry:#x}; it is loaded so that it can run"
-            f" at {runs_at:#x}.",
+            f"{path} is made to run at {image.load:#x}, entry {image.entry:#x}; it is loaded"
+            f" so that it can run at {runs_at:#x}.",
             next_step=f"make it with mkimage -a {runs_at:#x} -e {runs_at:#x}; from the kernel's sources:"
             f" make LOADADDR={runs_at:#x} uImage",
         )

@@ -237,11 +237,11 @@ def cmp(board: Board, words: list[str], repeat: bool) -> int:
     left, right = board.memory(one, count * size), board.memory(other, count * size)
     same = next((at for at in range(count) if _cell(left, at, size) != _cell(right, at, size)), count)
     if same < count:
-        said = [
+        sides = [
             f"{name} at 0x{start + same * size:08x} ({_cell(data, same, size):#0{size}x})"
             for start, data in ((one, left), (other, right))
         ]
-        board.puts(" != ".join(said) + "\n")
+        board.puts(" != ".join(sides) + "\n")
     board.puts(f"Total of {same} {name}(s) were the same\n")
     return 0 if same == count else 1
 

@@ -14,5 +14,6 @@ void config_check_name(struct config_report *report, const struct config_place *
 {
 	if (strpbrk(name, " *?[]\\") != NULL)
 		config_error(report, place,
-			     "has a space or one of *?[]\\, which are for patterns, expected a name without");
+			     "has a space or one of *?[]\\, which patterns use, expected "
+			     "a name without them");
 }

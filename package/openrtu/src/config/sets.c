@@ -28,7 +28,7 @@ static void check_name(struct config_loader *loader, const struct config_place *
 	for (uint32_t i = 0; i < loader->config->point_count; i++) {
 		map_point_name(loader->config, &loader->config->points[i], other);
 		if (strcmp(other, name) == 0)
-			config_error(&loader->report, place, "needs the name \"%s\", which another point has",
+			config_error(&loader->report, place, "needs the name \"%s\", but another point has it",
 				     name);
 	}
 }

@@ -25,16 +25,16 @@ const char *gps_fence_fault(const struct gps_fence *fence)
 
 	if (fence->corner_count == 0) {
 		if (!is_place(fence->centre))
-			return "its centre is no place on the Earth";
+			return "the coordinates of its centre are not on the Earth";
 		if (fence->radius_m == 0 || fence->radius_m > GPS_FENCE_RADIUS_MAX_M)
-			return "its radius is not 1 to 10 000 000 m";
+			return "its radius is outside 1 to 10 000 000 m";
 		return NULL;
 	}
 	if (fence->corner_count < GPS_FENCE_CORNERS_MIN || fence->corner_count > GPS_FENCE_CORNERS_MAX)
-		return "it has not 3 to 64 corners";
+		return "it needs 3 to 64 corners";
 	for (uint32_t i = 0; i < fence->corner_count; i++) {
 		if (!is_place(fence->corners[i]))
-			return "a corner is no place on the Earth";
+			return "the coordinates of a corner are not on the Earth";
 		round += gps_longitude_apart(fence->corners[i].longitude, next_corner(fence, i).longitude);
 	}
 	return round != 0 ? "it encloses a pole" : NULL;

@@ -75,7 +75,7 @@ static bool takes_unknown_age(struct iec104_station *station, const struct iec10
 	if (station->settings->command_without_clock)
 		return true;
 	iec104_log(station, MAP_LOG_WARNING, received->connection->peer,
-		   "a command with a time tag is refused, the clock was never set");
+		   "refuses a command with a time tag: the clock was never set");
 	return false;
 }
 

@@ -64,7 +64,7 @@ static void check_window(struct config_loader *loader, const struct config_place
 	if (!values[IEC104_W].wrong && !values[IEC104_K].wrong &&
 	    values[IEC104_W].integer > values[IEC104_K].integer)
 		config_error(&loader->report, &here,
-			     "%lld is more than k (%lld), expected at most k, better two thirds of it",
+			     "%lld is more than k (%lld), expected at most k; two thirds of k is better",
 			     (long long)values[IEC104_W].integer, (long long)values[IEC104_K].integer);
 }
 

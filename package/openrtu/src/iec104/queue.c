@@ -256,8 +256,8 @@ static uint32_t new_queue(struct iec104_station *station, const struct iec104_co
 
 	map_queue(station->map, slot, &former);
 	if (former.name[0] != '\0')
-		iec104_log(station, MAP_LOG_WARNING, connection->peer, "gets the queue of %s, unused longest",
-			   former.name);
+		iec104_log(station, MAP_LOG_WARNING, connection->peer,
+			   "takes the queue of %s, which was unused longest", former.name);
 	if (!succeed(station, connection, &place))
 		map_cursor_to_end(station->map, &place.cursor);
 	map_queue_assign(station->map, slot, connection->address, &place);

@@ -43,7 +43,7 @@ static bool load_machine(struct machine *machine, const char *path)
 	size_t size = 0;
 	uint8_t *octets = read_file(path, &size);
 	size_t memory;
-	const char *refusal = "it is no program, or of another version";
+	const char *refusal = "it is not a program, or it is from another version";
 
 	if (!octets)
 		return false;

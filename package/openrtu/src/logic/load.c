@@ -297,10 +297,10 @@ const char *logic_load(struct logic *logic, void *memory, const void *file, size
 
 	memset(logic, 0, sizeof(*logic));
 	if (logic_memory(file, size) == 0)
-		return "this is no program, or of another version";
+		return "this is not a program, or it is from another version";
 	memcpy(&head, file, sizeof(head));
 	if (crc32((const uint8_t *)file + 16, size - 16) != head.crc)
-		return "the program is damaged: its CRC is another one";
+		return "the program is damaged: its CRC does not match";
 	logic->cells = memory;
 	at = memcpy((uint8_t *)memory + head.slots * sizeof(union logic_cell), file, size);
 	logic->quality = (uint8_t *)memory + head.slots * sizeof(union logic_cell) + filled(size);

@@ -53,7 +53,7 @@ static void test_what_is_no_program(void **state)
 	program.head.version++;
 	assert_int_equal(logic_memory(&program, sizeof(program)), 0);
 	assert_string_equal(logic_load(&logic, &memory, &program, sizeof(program)),
-			    "this is no program, or of another version");
+			    "this is not a program, or it is from another version");
 	program = sound_program;
 	program.head.code++; /* more than the file has */
 	assert_int_equal(logic_memory(&program, sizeof(program)), 0);
@@ -66,7 +66,7 @@ static void test_a_damaged_file(void **state)
 	seal(&program, sizeof(program));
 	program.initial.low ^= 1;
 	assert_string_equal(logic_load(&logic, &memory, &program, sizeof(program)),
-			    "the program is damaged: its CRC is another one");
+			    "the program is damaged: its CRC does not match");
 }
 
 static void test_tables(void **state)

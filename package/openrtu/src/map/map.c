@@ -58,7 +58,7 @@ static int take_modules(struct directory *directory, const struct map_config *co
 {
 	if (config->module_count == 0 || config->module_count > MAP_MODULES_MAX ||
 	    !(config->modules[MAP_RTUD].flags & MAP_IS_SUPERVISOR))
-		return fail(error, "a map has rtud and %d modules in all at most", MAP_MODULES_MAX);
+		return fail(error, "a map holds at most %d modules, with rtud as the first", MAP_MODULES_MAX);
 	if (check_users(config, error) < 0)
 		return -1;
 	directory->module_count = config->module_count;
@@ -248,7 +248,7 @@ static int take_directory(int fd, const char *dir, char *error)
 
 	if (fstat(fd, &status) < 0 || status.st_uid != geteuid() || (status.st_mode & (S_IWGRP | S_IWOTH)))
 		return fail(error,
-			    "the map's folder %s belongs to or is writable by another user: remove it or use "
+			    "another user owns the map's folder %s or may write to it: remove it or use "
 			    "another --map",
 			    dir);
 	if (flock(fd, LOCK_EX | LOCK_NB) < 0)
@@ -330,11 +330,12 @@ static int check_header(const struct segment_header *header, size_t size, char *
 	if (header->layout != MAP_LAYOUT)
 		return fail(error,
 			    "rtud.seg has layout %u, this program was built for layout %u: restart rtud and "
-			    "all modules of one version",
+			    "all modules with the same version",
 			    header->layout, MAP_LAYOUT);
 	if (header->fingerprint != layout_fingerprint() || header->size != size)
 		return fail(
-		    error, "rtud.seg has records of other sizes: it was made by a program built differently");
+		    error,
+		    "rtud.seg has records of other sizes: the program that made it was built differently");
 	return 0;
 }
 
@@ -368,7 +369,9 @@ static void *map_file(int directory_fd, const char *module, bool writable, size_
 	fd = open_segment(directory_fd, name, writable);
 	if (fd < 0) {
 		fail(error, "cannot open %s: %s%s", name, strerror(errno),
-		     errno == EACCES ? " (rtud's user may, and who is in the modules' group may read)" : "");
+		     errno == EACCES
+			 ? " (rtud's user may write it, members of the modules' group may read it)"
+			 : "");
 		return NULL;
 	}
 	if (fstat(fd, &status) == 0 && status.st_size >= (off_t)sizeof(struct segment_header))
@@ -376,7 +379,7 @@ static void *map_file(int directory_fd, const char *module, bool writable, size_
 			      MAP_SHARED, fd, 0);
 	close(fd);
 	if (memory == MAP_FAILED) {
-		fail(error, "cannot map %s: it is empty or memory is short", name);
+		fail(error, "cannot map %s: it is empty, or memory is short", name);
 		return NULL;
 	}
 	*size = (size_t)status.st_size;

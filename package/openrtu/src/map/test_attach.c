@@ -25,7 +25,7 @@ static void test_attaching_fails_with_a_reason(void **state)
 	assert_non_null(strstr(error, "another rtud runs"));
 	header->layout++;
 	assert_int_equal(map_attach(&map, stage->dir, NULL, error), -1);
-	assert_non_null(strstr(error, "restart rtud and all modules of one version"));
+	assert_non_null(strstr(error, "restart rtud and all modules with the same version"));
 	header->layout--;
 	header->fingerprint++;
 	assert_int_equal(map_attach(&map, stage->dir, NULL, error), -1);
@@ -118,7 +118,7 @@ static void test_a_folder_that_others_may_write_to_is_refused(void **state)
 	assert_int_equal(symlink(dir, link), 0);
 	assert_folder_refused(link, &stage->config, "cannot open the map's folder");
 	assert_int_equal(chmod(dir, 0777), 0);
-	assert_folder_refused(dir, &stage->config, "writable by another user");
+	assert_folder_refused(dir, &stage->config, "another user owns the map");
 	assert_int_equal(unlink(link), 0);
 	assert_int_equal(rmdir(dir), 0); /* nothing was put there */
 

@@ -241,8 +241,9 @@ static struct config_template *template_of(struct modbus_loader *loader, const s
 
 	if (name != NULL && template == NULL)
 		config_error(loader->report, &here, "there is no template with this name%s",
-			     loader->files->template_count == 0 ? ": the file neither has nor includes any"
-								: "");
+			     loader->files->template_count == 0
+				 ? ": neither the file nor those that it includes have any"
+				 : "");
 	return template != NULL && !template->wrong ? template : NULL;
 }
 

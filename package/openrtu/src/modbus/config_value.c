@@ -271,8 +271,8 @@ static void check_reversible(struct modbus_loader *loader, const struct config_p
 		if (is_zero(knots[i].value - knots[i - 1].value) ||
 		    (knots[i].value > knots[i - 1].value) != rises) {
 			config_error(loader->report, here,
-				     "neither rises nor falls all the way, as a value that can be commanded "
-				     "needs it");
+				     "must rise all the way or fall all the way, because the value can be "
+				     "commanded");
 			return;
 		}
 }

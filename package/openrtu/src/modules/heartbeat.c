@@ -36,14 +36,14 @@ void heartbeat_begin(struct heartbeat *heartbeat, struct map *map)
 void heartbeat_words(char *out, size_t size, int64_t silent_ms, uint32_t limit_ms, int64_t waited_ms,
 		     unsigned unsaid)
 {
-	char reason[64] = "the host gave this process no time, or it was stopped";
+	char reason[64] = "the host gave this process no time, or somebody stopped it";
 	char more[40] = "";
 
 	if (waited_ms >= silent_ms / 2)
 		snprintf(reason, sizeof(reason), "the host gave this process no time for %lld ms",
 			 (long long)waited_ms);
 	else if (waited_ms != HEARTBEAT_UNKNOWN)
-		snprintf(reason, sizeof(reason), "this process was stopped, or at work all the time");
+		snprintf(reason, sizeof(reason), "this process was stopped or busy all the time");
 	if (unsaid > 0)
 		snprintf(more, sizeof(more), "; %u times more", unsaid);
 	snprintf(out, size, "silent for %lld ms (limit %u): %s%s", (long long)silent_ms, limit_ms, reason,

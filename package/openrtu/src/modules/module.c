@@ -27,7 +27,7 @@ struct map *module_begin(int argc, char **argv, struct options *options)
 int module_is_of_another_build(struct map *map)
 {
 	map_log(map, MAP_LOG_ERROR,
-		"the map has records of other sizes: restart rtud and all modules of one version");
+		"the map has records of other sizes: restart rtud and all modules with the same version");
 	return MODULE_FAILED;
 }
 

@@ -22,10 +22,11 @@ static void test_the_words_say_what_was_measured(void **state)
 	(void)state;
 	assert_words("silent for 165 ms (limit 100): the host gave this process no time for 140 ms", 165, 140,
 		     0);
-	assert_words("silent for 300 ms (limit 100): this process was stopped, or at work all the time", 300,
-		     2, 0);
-	assert_words("silent for 300 ms (limit 100): the host gave this process no time, or it was stopped",
-		     300, HEARTBEAT_UNKNOWN, 0);
+	assert_words("silent for 300 ms (limit 100): this process was stopped or busy all the time", 300, 2,
+		     0);
+	assert_words(
+	    "silent for 300 ms (limit 100): the host gave this process no time, or somebody stopped it", 300,
+	    HEARTBEAT_UNKNOWN, 0);
 	assert_words("silent for 165 ms (limit 100): the host gave this process no time for 140 ms; "
 		     "7 times more",
 		     165, 140, 7);
@@ -124,11 +125,10 @@ static void test_flapping_fills_no_log(void **state)
 	beat_after(&late, 25);
 	for (int i = 0; i < 20; i++)
 		beat_after(&late, 500);
-	assert_said(&late,
-		    "silent for 500 ms (limit 100): this process was stopped, or at work all the time");
+	assert_said(&late, "silent for 500 ms (limit 100): this process was stopped or busy all the time");
 	assert_said_nothing(&late);
 	beat_after(&late, 500);
-	assert_said(&late, "silent for 500 ms (limit 100): this process was stopped, or at work all the "
+	assert_said(&late, "silent for 500 ms (limit 100): this process was stopped or busy all the "
 			   "time; 19 times more");
 	end(&late);
 }
@@ -142,8 +142,7 @@ static void test_the_configured_limit_counts(void **state)
 	beat_after(&late, 400);
 	assert_said_nothing(&late);
 	beat_after(&late, 401);
-	assert_said(&late,
-		    "silent for 401 ms (limit 400): this process was stopped, or at work all the time");
+	assert_said(&late, "silent for 401 ms (limit 400): this process was stopped or busy all the time");
 	end(&late);
 }
 

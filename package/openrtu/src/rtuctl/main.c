@@ -90,12 +90,11 @@ static const struct command commands[] = {
      "Counters count since the gateway started and wrap at 2^32.\n",
      rtuctl_iec104},
     {"gps", "[NAME]", 0, 1, 0, NULL, "receivers of positions, with the sky above one of them",
-     "With NAME also the satellites of its last burst, drawn as seen from below the sky: north is up, the "
-     "rim "
-     "is\n"
-     "the horizon, and * stands beside a satellite that is used. Counters count since the module started.\n",
+     "With NAME it also draws the satellites of the last burst: north is up, the rim is the horizon, and * "
+     "stands\n"
+     "beside a satellite that is used. Counters count since the module started.\n",
      rtuctl_gps},
-    {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "events that are still kept, oldest first",
+    {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the events that are still kept, oldest first",
      "With --count only the newest N.\n", rtuctl_events},
     {"log", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the modules' log lines that are still kept",
      "With --count only the newest N.\n", rtuctl_log},
@@ -144,6 +143,13 @@ static int wrong_usage(const struct command *command, const char *what, const ch
 {
 	fprintf(stderr, "rtuctl: %s%s: try \"rtuctl %s%s--help\"\n", what, which,
 		command ? command->name : "", command ? " " : "");
+	return RTUCTL_USAGE;
+}
+
+static int not_for(const struct command *command, const char *option)
+{
+	fprintf(stderr, "rtuctl: %s takes no %s: try \"rtuctl %s --help\"\n", command->name, option,
+		command->name);
 	return RTUCTL_USAGE;
 }
 
@@ -247,21 +253,21 @@ static int check_line(const struct line *line)
 		return wrong_usage(line->command, "an argument is missing, expected ",
 				   line->command->arguments);
 	if (line->counted && !(line->command->takes & TAKES_COUNT))
-		return wrong_usage(line->command, "it takes no --count", "");
+		return not_for(line->command, "--count");
 	if (line->request.select && !(line->command->takes & TAKES_SELECT))
-		return wrong_usage(line->command, "it takes no --select", "");
+		return not_for(line->command, "--select");
 	if (line->request.histogram && !(line->command->takes & TAKES_HISTOGRAM))
-		return wrong_usage(line->command, "it takes no --histogram", "");
+		return not_for(line->command, "--histogram");
 	if (line->request.suggest && !(line->command->takes & TAKES_SUGGEST))
-		return wrong_usage(line->command, "it takes no --suggest", "");
+		return not_for(line->command, "--suggest");
 	if (line->request.once && !(line->command->takes & TAKES_ONCE))
-		return wrong_usage(line->command, "it takes no --once", "");
+		return not_for(line->command, "--once");
 	if (line->request.json && line->command->takes & TAKES_ONCE)
-		return wrong_usage(line->command, "it prints no JSON, as points, lines and modules do", "");
+		return wrong_usage(line->command, "top prints no JSON, but points, lines and modules do", "");
 	if (line->request.suggest && line->request.histogram)
-		return wrong_usage(line->command, "it takes --histogram or --suggest, not both", "");
+		return wrong_usage(line->command, "lines takes --histogram or --suggest, not both", "");
 	if (line->request.pulse != NULL && !(line->command->takes & TAKES_PULSE))
-		return wrong_usage(line->command, "it takes no --pulse", "");
+		return not_for(line->command, "--pulse");
 	return RTUCTL_DONE;
 }
 
@@ -320,7 +326,8 @@ static int run(const struct line *line)
 	int result;
 
 	if (module != NULL && !lock_requester(dir, module)) {
-		fputs("rtuctl: another rtuctl waits for its command's answer: try again when it has ended\n",
+		fputs("rtuctl: another rtuctl is waiting for the answer to its command: try again when it "
+		      "has ended\n",
 		      stderr);
 		return RTUCTL_FAILED;
 	}
@@ -333,7 +340,7 @@ static int run(const struct line *line)
 		return RTUCTL_USAGE;
 	}
 	if (!map_alive(map, MAP_RTUD))
-		fputs("rtuctl: rtud does not run: this is what it left behind\n", stderr);
+		fputs("rtuctl: rtud does not run: this is what it left\n", stderr);
 	result = line->command->run(map, &line->request);
 	map_detach(map);
 	return result;

@@ -26,7 +26,7 @@ uint32_t rtuctl_find_point(const struct map_config *config, const char *name)
 		if (strcmp(known, name) == 0)
 			return i;
 	}
-	fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists all\n", name);
+	fprintf(stderr, "rtuctl: there is no point \"%s\": \"rtuctl points\" lists them all\n", name);
 	return MAP_NONE;
 }
 
@@ -104,7 +104,7 @@ static void explain(const struct map_answer *answer, char *out)
 {
 	if (answer->id == 0 && answer->result == MAP_RESULT_NONE)
 		snprintf(out, EXPLANATION_SIZE,
-			 "the owner of the point does not run: \"rtuctl modules\" shows it");
+			 "the module that owns the point does not run: see \"rtuctl modules\"");
 	else if (answer->result == MAP_RESULT_EXCEPTION)
 		snprintf(out, EXPLANATION_SIZE, "the device answered with exception %u", answer->detail);
 	else if (answer->result == MAP_RESULT_NOT_SELECTED)

@@ -57,7 +57,7 @@ static int found(const struct listing *listing, const char *what, const char *pa
 {
 	if (listing->rows > 0 || pattern == NULL)
 		return RTUCTL_DONE;
-	fprintf(stderr, "rtuctl: no %s matches \"%s\": \"rtuctl points\" lists all\n", what, pattern);
+	fprintf(stderr, "rtuctl: no %s matches \"%s\": \"rtuctl points\" lists them all\n", what, pattern);
 	return RTUCTL_FAILED;
 }
 

@@ -359,7 +359,7 @@ int rtuctl_top(struct map *map, const struct rtuctl_request *request)
 		errx(RTUCTL_FAILED, "out of memory");
 	choose_points(&top);
 	if (top.pattern != NULL && top.matching == 0) {
-		fprintf(stderr, "rtuctl: no point matches \"%s\": \"rtuctl points\" lists all\n",
+		fprintf(stderr, "rtuctl: no point matches \"%s\": \"rtuctl points\" lists them all\n",
 			top.pattern);
 	} else {
 		rates_begin(&top.rates, map);

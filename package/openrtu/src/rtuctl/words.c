@@ -45,7 +45,7 @@ const char *words_cause(enum map_cause cause)
 const char *words_clock_source(enum map_clock_source source)
 {
 	static const char *const words[] = {"none", "controlling station", "system, synchronised",
-					    "system, not synchronised any more"};
+					    "system, no longer synchronised"};
 
 	return word(words, COUNT(words), source);
 }

@@ -171,10 +171,9 @@ static void hold(struct map *map, struct map_clock *clock, const struct clock_re
 		set_source(clock, MAP_CLOCK_HELD, system->now_ns);
 		clock->until_ns = clock->seen_ns + hold_ns(clock);
 		clock->leap_due_s = 0;
-		map_log(
-		    map, MAP_LOG_WARNING,
-		    "the system's clock is not synchronised any more: time tags are valid for %.1f h more",
-		    seconds(hold_ns(clock)) / S_PER_HOUR);
+		map_log(map, MAP_LOG_WARNING,
+			"the system's clock is no longer synchronised: time tags are valid for %.1f h more",
+			seconds(hold_ns(clock)) / S_PER_HOUR);
 	}
 	if (clock->source == MAP_CLOCK_HELD && system->now_ns > clock->until_ns) {
 		set_source(clock, MAP_CLOCK_UNSET, system->now_ns);

@@ -59,6 +59,16 @@ static bool parse_uid(const char *text, uint32_t *uid)
 	return *text && !*end && number <= 4000000000ul;
 }
 
+static bool take_file(int argc, char **argv, struct arguments *arguments)
+{
+	arguments->file = argv[optind];
+	if (optind == argc)
+		fputs("rtud: the configuration FILE is missing\n", stderr);
+	else if (optind + 1 < argc)
+		fprintf(stderr, "rtud: one argument too many: %s\n", argv[optind + 1]);
+	return optind + 1 == argc;
+}
+
 static bool parse(int argc, char **argv, struct arguments *arguments)
 {
 	static const struct option options[] = {
@@ -121,8 +131,7 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 			return false;
 		}
 	}
-	arguments->file = argv[optind];
-	return optind + 1 == argc;
+	return take_file(argc, argv, arguments);
 }
 
 /* Whoever starts rtud without them: no segment or serial port may get the number that messages are written to. */

@@ -234,7 +234,7 @@ static void log_end(struct supervisor *supervisor, uint32_t index, const char *n
 	if (WIFSIGNALED(status) && WTERMSIG(status) == SIGSYS)
 		log_forbidden_call(supervisor, index, name);
 	else if (WIFSIGNALED(status))
-		map_log(supervisor->map, MAP_LOG_ERROR, "%s was ended by signal %d (%s)", name,
+		map_log(supervisor->map, MAP_LOG_ERROR, "%s was killed by signal %d (%s)", name,
 			WTERMSIG(status), strsignal(WTERMSIG(status)));
 	else
 		map_log(supervisor->map, MAP_LOG_ERROR, "%s exited with code %d", name, WEXITSTATUS(status));
@@ -274,7 +274,7 @@ static void give_priority(struct supervisor *supervisor, pid_t pid, int priority
 	if (process_set_priority(pid, priority) == 0 || supervisor->priority_refused)
 		return;
 	supervisor->priority_refused = true;
-	map_log(supervisor->map, MAP_LOG_WARNING, "no real-time priority for the line processes: %s",
+	map_log(supervisor->map, MAP_LOG_WARNING, "cannot give the line processes a real-time priority: %s",
 		strerror(errno));
 }
 
@@ -312,8 +312,8 @@ static void log_silence(struct supervisor *supervisor, struct child *child, cons
 	child->silent_since_ns = beaten_ns(module);
 	child->silence_logged = silence_is_worth_a_line(child);
 	if (child->silence_logged)
-		map_log(supervisor->map, MAP_LOG_WARNING, "%s is silent for %u ms (limit %u)%s", module->name,
-			module->heartbeat_age_ms, limit,
+		map_log(supervisor->map, MAP_LOG_WARNING, "%s has been silent for %u ms (limit %u)%s",
+			module->name, module->heartbeat_age_ms, limit,
 			module->point_count ? ": its points are invalid" : "");
 }
 
@@ -384,8 +384,8 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 	struct map_module requester;
 
 	map_module(supervisor->map, request->requester, &requester);
-	map_log(supervisor->map, MAP_LOG_WARNING, "reset of all modules asked for by %s%s", requester.name,
-		soon ? ", refused: the last one was just now" : "");
+	map_log(supervisor->map, MAP_LOG_WARNING, "%s asked for a reset of all modules%s", requester.name,
+		soon ? ": refused, the last one was just now" : "");
 	map_request_answer(supervisor->map, request, soon ? MAP_RESULT_INTERLOCK : MAP_RESULT_DONE);
 	if (!soon)
 		supervisor->reset_at_ns = now + RESET_DELAY_MS * NS_PER_MS;
@@ -533,7 +533,7 @@ static bool asked_to_stop(struct map *map, int signals)
 	while (read(signals, &info, sizeof(info)) == (ssize_t)sizeof(info))
 		if (info.ssi_signo == SIGHUP)
 			map_log(map, MAP_LOG_WARNING,
-				"SIGHUP is ignored: a changed configuration is read at the next start");
+				"SIGHUP is ignored: rtud reads a changed configuration at the next start");
 		else
 			stop |= info.ssi_signo != SIGCHLD;
 	return stop;
@@ -597,8 +597,8 @@ static void look_for_filters(struct supervisor *supervisor)
 
 	supervisor->filtered = missing == NULL;
 	if (missing != NULL)
-		map_log(supervisor->map, MAP_LOG_WARNING, "modules have no filter of system calls: %s",
-			missing);
+		map_log(supervisor->map, MAP_LOG_WARNING,
+			"the modules run without a filter of system calls: %s", missing);
 }
 
 /*

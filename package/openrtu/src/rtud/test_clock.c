@@ -234,7 +234,7 @@ static void test_a_lost_clock_runs_on_until_it_may_be_wrong(void **state)
 	assert_true(clock.set);
 	assert_int_equal(clock.source, MAP_CLOCK_HELD);
 	assert_true(clock.offset_ns == offset_ns);
-	assert_true(said("not synchronised any more: time tags are valid for 8.9 h more"));
+	assert_true(said("no longer synchronised: time tags are valid for 8.9 h more"));
 	assert_true(after(8 * HOUR).set);
 	assert_true(after(3100 * SECOND).set); /* 31911 s */
 	clock = after(100 * SECOND);
@@ -284,7 +284,7 @@ static void test_a_return_within_the_time_is_not_missed(void **state)
 	for (int i = 0; i < 10; i++) {
 		now.synchronised = false;
 		assert_int_equal(after(8 * HOUR).source, MAP_CLOCK_HELD);
-		assert_true(said("not synchronised any more"));
+		assert_true(said("no longer synchronised"));
 		now.synchronised = true;
 		assert_int_equal(after(8 * HOUR).source, MAP_CLOCK_SYNCHRONISED);
 		assert_true(said("the clock follows it"));

@@ -193,7 +193,7 @@ def _journal(parsed: argparse.Namespace, site: Path) -> Journal | None:
 def _place(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(0x[0-9a-fA-F]+|\d+)\+(0x[0-9a-fA-F]+|\d+)", text)
     if not found or not int(found[2], 0):
-        raise argparse.ArgumentTypeError(f"'{text}' is not as 0x200000+0x500000")
+        raise argparse.ArgumentTypeError(f"'{text}' is not of the form 0x200000+0x500000")
     return int(found[1], 0), int(found[2], 0)
 
 

@@ -89,7 +89,7 @@ def _check_ubi(path: Path, content: bytes, nand: Nand) -> None:
         magic, version, vid, data, crc = struct.unpack(">4sB11xII36xI", header)
         if magic != b"UBI#" or version != 1 or zlib.crc32(header[:60]) ^ 0xFFFFFFFF != crc:
             raise UnusableImage(
-                f"{path} is no UBI image with blocks of {nand.block}: no good header at {at:#x}.",
+                f"{path} is not a UBI image with blocks of {nand.block}: no good header at {at:#x}.",
                 next_step=made,
             )
         if (vid, data) != (nand.page, 2 * nand.page):

@@ -97,7 +97,7 @@ class Layout:
         """Raises LayoutUnknown."""
         slot = {KERNEL: self.kernel, DEVICE_TREE: self.device_tree, UBI: self.ubi}[name]
         if slot is None:
-            raise LayoutUnknown(f"Where this board's {name} is cannot be told: {self.unknown}")
+            raise LayoutUnknown(f"Where this board's {name} is is unknown: {self.unknown}")
         return slot
 
 

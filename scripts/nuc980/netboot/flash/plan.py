@@ -52,7 +52,7 @@ def check_board(board: BoardReport, needs: tuple[str, ...] = ()) -> Nand:
         raise FlashNotPossible(f"This U-Boot has no {', '.join(missing)}.")
     nand = board.nand
     if nand is None or not nand.size or not nand.block or not nand.page or nand.size % nand.block:
-        raise FlashNotPossible("U-Boot sees no NAND, or does not say its size.")
+        raise FlashNotPossible("U-Boot finds no NAND, or does not report its size.")
     return nand
 
 

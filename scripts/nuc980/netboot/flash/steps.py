@@ -158,7 +158,7 @@ class WriteBlock(FlashStep):
             raise BoardReset("The board restarted: what was loaded into its RAM is lost.")
         if answer.status or FAILING.search(received):
             lines = [line.strip() for line in received.splitlines() if line.strip() and IN_WORK not in line]
-            raise BlockFailed(self.image, self.index, self.offset, "; ".join(lines) or "without a word")
+            raise BlockFailed(self.image, self.index, self.offset, "; ".join(lines) or "it printed nothing")
         if done not in received:
             raise LineUnsafe(f"What became of the block at {self.offset:#x} cannot be read: {received!r}")
 

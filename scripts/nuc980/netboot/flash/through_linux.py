@@ -106,7 +106,7 @@ class Findings:
                 raise BackupFailed(
                     f"{count} blocks from {place.blocks[first]:#x} on ({place.image}): what Linux read has"
                     f" the CRC32 {found:08x}, what U-Boot read {crc32:08x}.",
-                    cause="pages that read another way each time, or a kernel that changed the flash",
+                    cause="pages that read differently each time, or a kernel that changed the flash",
                     next_step="start again; --backup-by serial takes the other way",
                 )
 
@@ -141,7 +141,7 @@ class FindTables(Step):
         if not marks >= TABLE_MARKS:
             raise FlashNotPossible(
                 "The flash has no tables of bad blocks: some kernels would write them into its last blocks.",
-                cause="no Linux ran on this board yet",
+                cause="Linux has not run on this board yet",
                 next_step="--backup-by serial",
             )
 
@@ -248,7 +248,7 @@ class SendByLinux(Step):
         except PowerHookFailed as failed:
             raise BackupFailed(
                 "The Linux on the board did not restart it.",
-                cause="a kernel that cannot",
+                cause="this kernel cannot restart the board",
                 next_step="switch the board off and on, and start again with --backup-by serial",
             ) from failed
 

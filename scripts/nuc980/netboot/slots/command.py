@@ -90,7 +90,7 @@ def _free(session: Session, nand: Nand, name: str) -> None:
     if name == marks.base_slot:
         other = next(each for each in NAMES if each != name)
         raise UnusableInput(
-            f"Slot {name.upper()} is the one that boots.",
+            f"The board boots from slot {name.upper()}.",
             next_step=f"write slot {other.upper()}: --slot {other}",
         )
     if marks.trial:
@@ -180,7 +180,7 @@ def check_loads(session: Session, name: str) -> None:
     if missing := _fault(session, name):
         raise FlashFailed(
             f"Slot {name.upper()} is not marked: {missing}.",
-            cause="nothing was written there, or not all of it",
+            cause="it was never written, or not completely",
             next_step="nuc980-netboot install --slot writes it (docs/update.md)",
         )
 

@@ -125,8 +125,8 @@ def check_installed(environment: Mapping[str, str]) -> None:
     """Raises LayoutUnknown."""
     if not is_installed(environment):
         raise LayoutUnknown(
-            "This board has no slots: its boot command is another.",
-            cause="it is as from the factory, or its environment was changed",
+            "This board has no slots: it has another boot command.",
+            cause="its environment is the factory's, or somebody changed it",
             next_step="nuc980-netboot install makes them",
         )
 

@@ -290,7 +290,7 @@ static bool is_still_good(struct channel *channel)
 	if (tls_still_good(channel->tls, context))
 		return true;
 	tls_refusal(why);
-	iec104_log(station, MAP_LOG_WARNING, channel->peer, "no longer let in, %s", why);
+	iec104_log(station, MAP_LOG_WARNING, channel->peer, "no longer admitted: %s", why);
 	return false;
 }
 

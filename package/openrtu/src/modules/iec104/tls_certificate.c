@@ -166,7 +166,7 @@ static const char *reason(char text[TLS_WHY_SIZE])
 	case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:
 	case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
 	case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
-		return "certificate is from no known CA";
+		return "certificate is not from a known CA";
 	case X509_V_ERR_CERT_NOT_YET_VALID:
 		return not_yet_valid(text, "certificate");
 	case X509_V_ERR_CRL_NOT_YET_VALID:

@@ -33,7 +33,7 @@ static bool refuse_content(char *error, const char *what, const char *path)
 {
 	const char *reason = ERR_reason_error_string(ERR_peek_error()); /* the deepest of several */
 
-	return refuse(error, what, path, reason != NULL ? reason : "is not what it should be");
+	return refuse(error, what, path, reason != NULL ? reason : "OpenSSL does not accept it");
 }
 
 /* OpenSSL's own words for a file that is not there are many. */
@@ -50,7 +50,7 @@ static bool is_readable(char *error, const char *what, const char *path, mode_t 
 	}
 	close(fd);
 	*mode = status.st_mode;
-	return S_ISREG(status.st_mode) || refuse(error, what, path, "is no file");
+	return S_ISREG(status.st_mode) || refuse(error, what, path, "is not a file");
 }
 
 static bool use_certificate(SSL_CTX *context, const char *path, char *error)
@@ -76,7 +76,7 @@ static bool use_key(SSL_CTX *context, const char *path, char *error)
 	if (!is_readable(error, "key", path, &mode))
 		return false;
 	if (mode & S_IRWXO)
-		return refuse(error, "key", path, "others may read it, chmod o= it");
+		return refuse(error, "key", path, "other users may read it: type chmod o= for it");
 	SSL_CTX_set_default_passwd_cb(context, no_passphrase);
 	if (SSL_CTX_use_PrivateKey_file(context, path, SSL_FILETYPE_PEM) == 1)
 		return true;

@@ -74,7 +74,7 @@ static void watch_own(struct map *map, const X509 *certificate, int64_t now_ns)
 			"the system's clock was never set: every certificate is refused until it is");
 		return;
 	case EXPIRED:
-		map_log(map, MAP_LOG_WARNING, "own certificate has expired on %s: \"%s\"", until, name);
+		map_log(map, MAP_LOG_WARNING, "own certificate expired on %s: \"%s\"", until, name);
 		return;
 	case NOT_YET_VALID:
 		map_log(map, MAP_LOG_WARNING, "own certificate is not yet valid: \"%s\"", name);
@@ -113,7 +113,7 @@ static void watch_lists(struct map *map, const SSL_CTX *context, int64_t now_ns)
 		return;
 	tls_date(X509_CRL_get0_nextUpdate(outdated), until);
 	map_log(map, MAP_LOG_WARNING,
-		"a list in crl has expired on %s: new connections are refused, existing ones stay", until);
+		"a list in crl expired on %s: new connections are refused, existing ones stay", until);
 }
 
 void tls_dates_watch(struct map *map, const SSL_CTX *context, int64_t now_ns)

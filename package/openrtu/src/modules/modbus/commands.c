@@ -84,7 +84,7 @@ static void postpone_end(struct commands *commands, struct commands_progress *pr
 
 	map_point_name(map_config(commands->map), point_of(commands, progress->point), name);
 	if (progress->backoff_ns == 0)
-		map_log(commands->map, MAP_LOG_ERROR, "%s: its pulse is not ended: %s; tried again", name,
+		map_log(commands->map, MAP_LOG_ERROR, "%s: cannot end its pulse: %s; trying again", name,
 			map_command_result_name(result));
 	if (!progress->reported)
 		map_command_finish(commands->map, progress->point, result, exception);
@@ -277,7 +277,7 @@ void commands_resume(struct commands *commands)
 		if (off_ns == 0)
 			continue;
 		map_point_name(config, &config->points[i], name);
-		map_log(commands->map, MAP_LOG_WARNING, "%s: its pulse is ended after a restart", name);
+		map_log(commands->map, MAP_LOG_WARNING, "%s: ends its pulse after a restart", name);
 		commands->progress[commands->count++] = (struct commands_progress){
 		    .point = i, .phase = COMMANDS_PULSE, .reported = true, .due_ns = off_ns};
 	}

@@ -328,12 +328,12 @@ int main(int argc, char **argv)
 	set_up_commands(&gateway);
 	heartbeat_begin(&gateway.heartbeat, gateway.map);
 	if (!set_up_waiting(&gateway)) {
-		map_log(gateway.map, MAP_LOG_ERROR, "no epoll or timer: %s", strerror(errno));
+		map_log(gateway.map, MAP_LOG_ERROR, "cannot set up waiting: %s", strerror(errno));
 		return MODULE_FAILED;
 	}
 	/* What it has used stays in memory. What it never uses, as most of libc and of the room for split reads, takes none. */
 	if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) < 0)
-		map_log(gateway.map, MAP_LOG_INFO, "memory is not locked: %s", strerror(errno));
+		map_log(gateway.map, MAP_LOG_INFO, "cannot lock memory: %s", strerror(errno));
 	if (!module_confine(gateway.map, &options, 0))
 		return MODULE_FAILED;
 	serve(&gateway);

@@ -51,7 +51,7 @@ static void retry_port(struct port *port, const char *error, int64_t after_ns, i
 {
 	count_port_error(port);
 	if (!port->failing)
-		map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s; tried again %s", port->config->port,
+		map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s; trying again %s", port->config->port,
 			port->path, error, after_ns == REOPEN_NS ? "each second" : "every few seconds");
 	port->failing = true;
 	port->deadline_ns = now_ns + after_ns;
@@ -64,7 +64,7 @@ static bool wait_for_port(struct port *port, uint32_t events, char error[SERIAL_
 
 	if (epoll_ctl(port->epoll_fd, EPOLL_CTL_ADD, port->fd, &event) == 0)
 		return true;
-	snprintf(error, SERIAL_ERROR_SIZE, "cannot be waited for: %s", strerror(errno));
+	snprintf(error, SERIAL_ERROR_SIZE, "cannot be watched: %s", strerror(errno));
 	close_port(port);
 	return false;
 }
@@ -276,7 +276,7 @@ static void check_port(struct port *port, int64_t now_ns)
 		return;
 	port->check_ns = now_ns + CHECK_NS;
 	if (!port->backend->is_as_set(port->fd, port->config))
-		lose_port(port, "another program has changed its settings", now_ns);
+		lose_port(port, "another program changed its settings", now_ns);
 }
 
 /* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
