@@ -244,7 +244,7 @@ build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f
 	@touch $@
 
 build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dcentre=false -Dtls=$(if $(findstring -tls,$@),true,false) \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false -Dtls=$(if $(findstring -tls,$@),true,false) \
 	  --cross-file $< --cross-file scripts/armel.ini
 
 build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)

@@ -57,6 +57,8 @@ REACH = [
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/logic.md", "tests/test_logic.py"),
+    ("docs/writing-a-module.md", "tests/test_foreign.py"),
+    ("docs/examples/modules/*", "lint tests/test_foreign.py"),
     ("docs/examples/logic/*", "tests/test_logic*.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
@@ -72,6 +74,7 @@ REACH = [
         f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
+    ("package/openrtu/python/*", "lint tests/test_foreign.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the tools

@@ -418,6 +418,8 @@ SITES = [
     Site("gps_receiver", "gps[0]", ("gps_receiver",)),
     Site("geofence", "gps[0].fences[0]", ("geofence",)),
     Site("modbus", "modbus", ("modbus",)),
+    Site("module", "modules[0]", ("module",)),
+    Site("module_point", "modules[0].points[0]", ("module_point",)),
     Site("port", "port[0]", ("port",)),
     Site("tcp_connection", "port[2]", ("tcp_connection",)),
     Site("tcp_slave", "port[2].slaves[0]", ("tcp_slave",)),
@@ -491,6 +493,14 @@ def small_file() -> dict[str, Any]:
         "commands": {},
         "event_ring": 65536,
         "redundancy_groups": groups,
+        "modules": [
+            {
+                "name": "pump",
+                "program": "/pump.py",
+                "ca": 9,
+                "points": [{"name": "p", "type": "float", "ioa": 5}],
+            }
+        ],
         "templates": {"meter": {}},
     }
     return {"port": ports, **others}
@@ -613,6 +623,8 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "geofence",
         "redundancy_group",
         "modbus",
+        "module",
+        "module_point",
         "port",
         "tcp_connection",
         "rs485",

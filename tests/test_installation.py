@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import subprocess
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,9 @@ MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal", "rtu-gps
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}
+# libopenrtu, where this machine's architecture has its libraries.
+LIBRARIES = Path("usr/local/lib") / (sysconfig.get_config_var("MULTIARCH") or "")
+LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", f"libopenrtu.so.{VERSION}", "pkgconfig/openrtu.pc"}
 EXPOSURE = 40  # of 100 at most, as systemd-analyze sees the unit: 37 with the capabilities that rtud needs
 
 
@@ -69,6 +73,8 @@ def test_install_puts_everything_in_its_place(installed: Path) -> None:
         "usr/local/lib/systemd/system/rtud.service",
         "usr/local/lib/sysusers.d/openrtu.conf",
         "usr/local/sbin/rtud",
+        "usr/local/include/openrtu.h",
+        *(f"{LIBRARIES}/{name}" for name in LIBRARY),
         *(f"usr/local/libexec/openrtu/{name}" for name in MODULES),
         *(f"usr/local/share/openrtu/templates/{name}" for name in TEMPLATES),
         *(f"usr/local/share/man/man{page[-1]}/{page}" for page in PAGES),
@@ -87,7 +93,7 @@ def test_install_keeps_what_was_configured(installed: Path) -> None:
 
 
 def test_each_module_number_has_its_user(tmp_path: Path) -> None:
-    """rtud counts from 61200, up to the last module that a map may have."""
+    """rtud counts from 61200: the own modules first, then those of others, as many as a map has."""
     (tmp_path / "etc").mkdir()
     run("systemd-sysusers", f"--root={tmp_path}", ROOT / "package/openrtu/src/systemd/openrtu.sysusers")
     rows = [line.split(":") for line in (tmp_path / "etc/passwd").read_text().splitlines()]
@@ -95,7 +101,7 @@ def test_each_module_number_has_its_user(tmp_path: Path) -> None:
     most = re.search(r"#define MAP_MODULES_MAX\s+(\d+)", header)
     assert most is not None
     users = {int(row[2]): int(row[3]) for row in rows if row[0].startswith("openrtu")}
-    assert users == {61200 + number: 61200 for number in range(1, int(most[1]))}
+    assert users == {61200 + number: 61200 for number in range(1, 2 * int(most[1]) + 1)}
 
 
 # ---- man pages -------------------------------------------------------------------------------------

@@ -250,9 +250,11 @@ SOURCES = Path("package/openrtu/src")
 ROOMS = [
     "centre",
     "config",
+    "foreign",
     "gps",
     "iec104",
     "journal",
+    "lib",
     "logic",
     "map",
     "modbus",
@@ -303,7 +305,7 @@ def test_circles_are_found() -> None:
 @pytest.mark.parametrize("room", ROOMS)
 def test_files_of_a_room_use_each_other_in_no_circle(room: str) -> None:
     uses = uses_of(ROOT / SOURCES / room)
-    assert sum(map(len, uses.values())) >= len(uses) // 2, "hardly a file uses another: are they read?"
+    assert sum(map(len, uses.values())) >= len(uses) // 3, "hardly a file uses another: are they read?"
     assert circles(uses) == [], f"{room}: put what they share into a file below them"
 
 

@@ -50,6 +50,8 @@ def test_show_of_the_emulated_board() -> None:
 def test_packages_take_it_from_the_file() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert project["tool"]["setuptools"]["dynamic"]["version"] == {"file": "package/openrtu/src/VERSION"}
+    package = (ROOT / "package/openrtu/python/openrtu/__init__.py").read_text()
+    assert f'\nVERSION = "{VERSION}"  #' in package
     buildroot = (ROOT / "package/openrtu/openrtu.mk").read_text()
     assert "OPENRTU_VERSION = $(shell cat $(OPENRTU_SITE)/VERSION)\n" in buildroot
 

@@ -57,6 +57,11 @@ else
 OPENRTU_CONF_OPTS += -Dmodbus=false
 endif
 
+OPENRTU_CONF_OPTS += -Dlibrary=$(if $(BR2_PACKAGE_OPENRTU_LIBRARY),true,false)
+ifeq ($(BR2_PACKAGE_OPENRTU_LIBRARY),y)
+OPENRTU_INSTALL_STAGING = YES
+endif
+
 define OPENRTU_INSTALL_INIT_SYSV
 	$(INSTALL) -D -m 0755 $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu/S80rtud \
 		$(TARGET_DIR)/etc/init.d/S80rtud

@@ -4,6 +4,37 @@
 
 #include "map/layout.h"
 
+/* A time that cannot be true is of a writer gone wild. */
+static struct map_sample believed(const struct map *map, struct map_sample sample, bool alive)
+{
+	if (!is_past(map, sample.time_ns))
+		return (struct map_sample){.quality = MAP_INVALID};
+	if (!alive)
+		sample.quality |= MAP_INVALID;
+	return sample;
+}
+
+bool map_read_together(const struct map *map, const uint32_t *points, size_t count, struct map_sample *out)
+{
+	const uint32_t owner = map_owner(map, points[0]);
+	const struct segment *segment = &map->segments[owner];
+	map_latch *latch = &segment->latches[map->config.points[points[0]].set];
+
+	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		bool alive = map_alive(map, owner); /* first, as in map_read */
+		uint32_t sequence = latch_read_begin(latch);
+
+		for (size_t i = 0; i < count; i++)
+			out[i] = segment->samples[sequence & 1][map->config.points[points[i]].slot];
+		if (!latch_read_done(latch, sequence))
+			continue;
+		for (size_t i = 0; i < count; i++)
+			out[i] = believed(map, out[i], alive);
+		return true;
+	}
+	return false;
+}
+
 bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 {
 	const struct map_point *config = &map->config.points[point];
@@ -19,11 +50,7 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 
 		if (!latch_read_done(latch, sequence))
 			continue;
-		if (!is_past(map, sample.time_ns))
-			sample = (struct map_sample){.quality = MAP_INVALID};
-		if (!alive)
-			sample.quality |= MAP_INVALID;
-		*out = sample;
+		*out = believed(map, sample, alive);
 		return true;
 	}
 	return false;

@@ -20,6 +20,15 @@ struct kind_program {
 	size_t call_count;
 };
 
+/* How a module is run. */
+struct kind_run {
+	const struct kind_program *program; /* in the folder of the modules; NULL: it is another's */
+	const char *path;                   /* of another's program; NULL: it is ours */
+	const char *user;                   /* by name; NULL: the one of its plan */
+	int priority;                       /* SCHED_FIFO 1..99, 0: none */
+	size_t memory;                      /* bytes of address space; 0: as rtud gives it */
+};
+
 struct kind {
 	const char *name; /* as in the plans of its modules */
 	/* What of the configuration file is its own: config/part.h. Left out: nothing. */
@@ -30,8 +39,10 @@ struct kind {
 	size_t program_count;
 	/* Which of them the modules run; NULL: none. Left out: the first. */
 	const struct kind_program *(*choose)(const struct map_config *config);
-	/* SCHED_FIFO 1..99, 0: none. Left out: none. */
+	/* SCHED_FIFO 1..99, 0: none; with run, the highest of its modules. Left out: none. */
 	int (*priority)(const struct map_config *config);
+	/* Of a kind that runs programs of others: fills in what is not as it is for all modules. Left out: nothing. */
+	void (*run)(const struct map_config *config, const char *module, struct kind_run *out);
 	/* Before any module is started, with the module's user and group (0: rtud's own). Left out: nothing. */
 	void (*begin)(struct map *map, uid_t user, gid_t group);
 	const char *group; /* a further one of its processes, by name; NULL: none */

@@ -2,12 +2,10 @@
 #include "modules/module.h"
 
 #include <errno.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
-#include <sys/signalfd.h>
 
 #include "modules/confine.h"
 
@@ -24,17 +22,6 @@ struct map *module_begin(int argc, char **argv, struct options *options)
 	}
 	prctl(PR_SET_NAME, options->module); /* rtud executes a descriptor, whose number would be its name */
 	return map;
-}
-
-int module_stop_fd(void)
-{
-	sigset_t signals;
-
-	sigemptyset(&signals);
-	sigaddset(&signals, SIGTERM);
-	sigaddset(&signals, SIGINT);
-	sigprocmask(SIG_BLOCK, &signals, NULL);
-	return signalfd(-1, &signals, SFD_CLOEXEC);
 }
 
 int module_is_of_another_build(struct map *map)

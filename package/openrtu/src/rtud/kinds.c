@@ -4,8 +4,8 @@
 #include <string.h>
 
 /*
- * The table: a line for each kind, whose record is modules/NAME/kind.c. rtud is the first module of a map; the order of the
- * others is that of rtuctl's list, and means nothing.
+ * The table: a line for each kind, whose record is modules/NAME/kind.c. rtud is the first module of a map. The order of the
+ * others is that of rtuctl's list; foreign is the last, since its part reads the points of all others.
  */
 #define KINDS(KIND)                                                                                          \
 	KIND(rtud)                                                                                           \
@@ -14,7 +14,8 @@
 	KIND(modbus)                                                                                         \
 	KIND(journal)                                                                                        \
 	KIND(gps)                                                                                            \
-	KIND(logic)
+	KIND(logic)                                                                                          \
+	KIND(foreign)
 
 #define DECLARE(name)  extern const struct kind name##_kind;
 #define POINT_TO(name) &name##_kind,
@@ -86,20 +87,26 @@ const struct kind *kinds_find(const char *name)
 	return NULL;
 }
 
-const struct kind_program *kinds_program(const char *name, const struct map_config *config)
+static const struct kind_program *program_of(const struct kind *kind, const struct map_config *config)
 {
-	const struct kind *kind = kinds_find(name);
-
-	if (kind == NULL || kind->programs == NULL)
+	if (kind->programs == NULL)
 		return NULL;
 	return kind->choose == NULL ? &kind->programs[0] : kind->choose(config);
 }
 
-int kinds_priority(const char *name, const struct map_config *config)
+static int priority_of(const struct kind *kind, const struct map_config *config)
 {
-	const struct kind *kind = kinds_find(name);
+	return kind->priority == NULL ? 0 : kind->priority(config);
+}
 
-	return kind == NULL || kind->priority == NULL ? 0 : kind->priority(config);
+struct kind_run kinds_run(const struct map_module *module, const struct map_config *config)
+{
+	const struct kind *kind = kinds_find(module->kind);
+	struct kind_run run = {.program = program_of(kind, config), .priority = priority_of(kind, config)};
+
+	if (kind->run != NULL)
+		kind->run(config, module->name, &run);
+	return run;
 }
 
 int kinds_highest_priority(const struct map_config *config)
@@ -107,7 +114,7 @@ int kinds_highest_priority(const struct map_config *config)
 	int highest = 0;
 
 	for (size_t i = 0; i < COUNT; i++)
-		if (kinds_priority(kinds[i]->name, config) > highest)
-			highest = kinds_priority(kinds[i]->name, config);
+		if (priority_of(kinds[i], config) > highest)
+			highest = priority_of(kinds[i], config);
 	return highest;
 }

@@ -13,10 +13,9 @@ size_t kinds_parts(const struct config_part *parts[KINDS_MAX]);
 bool kinds_plan(struct map_config *config);
 /* The kind of a module; NULL: none in the table. */
 const struct kind *kinds_find(const char *name);
-/* The program of a module of this kind; NULL: rtud starts none. */
-const struct kind_program *kinds_program(const char *name, const struct map_config *config);
-/* The real-time priority of a kind's modules, and the highest of all kinds; 0: none. */
-int kinds_priority(const char *name, const struct map_config *config);
+/* How a module of a kind in the table is run. Neither a program nor a path: rtud starts none. */
+struct kind_run kinds_run(const struct map_module *module, const struct map_config *config);
+/* The highest real-time priority of all kinds; 0: none. */
 int kinds_highest_priority(const struct map_config *config);
 
 #endif

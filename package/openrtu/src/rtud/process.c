@@ -103,6 +103,8 @@ static void set_limits(const struct process_plan *plan)
 	limit(RLIMIT_AS, memory);
 	limit(RLIMIT_MEMLOCK, memory); /* the module says when it cannot lock its memory */
 	limit(RLIMIT_NOFILE, plan->files);
+	if (plan->processes)
+		limit(RLIMIT_NPROC, plan->processes);
 	limit(RLIMIT_CORE, 0); /* with the keys of TLS in it */
 	limit(RLIMIT_RTTIME, SPIN_US);
 }
@@ -113,17 +115,22 @@ __attribute__((noreturn)) static void give_up(const char *what, const char *of)
 	_exit(EXIT_NOT_STARTED);
 }
 
+static const char *name_of(const struct process_plan *plan)
+{
+	return plan->path ? plan->path : plan->program->name;
+}
+
 __attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
 {
 	const char *const arguments[] = {
-	    plan->program->name, "--map", plan->map, "--module",
-	    plan->module,        "--dev", plan->dev, plan->filtered ? "--filter" : NULL,
-	    FILTER_WORD,         NULL};
+	    name_of(plan), "--map", plan->map, "--module",
+	    plan->module,  "--dev", plan->dev, plan->filtered ? "--filter" : NULL,
+	    FILTER_WORD,   NULL};
 	const char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
 	int filter = plan->filtered ? filter_open(plan->program) : -1;
 
 	if (plan->filtered && filter < 0)
-		give_up("make the filter of", plan->program->name);
+		give_up("make the filter of", name_of(plan));
 	reset_signals();
 	keep_only(plan->segment, filter, program);
 	process_set_priority(0, 0);
@@ -137,15 +144,19 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	prctl(PR_SET_PDEATHSIG, SIGKILL);
 	if (getppid() != parent)
 		_exit(EXIT_NOT_STARTED);
-	fexecve(program, (char *const *)arguments, (char *const *)environment); /* which does not write */
-	give_up("execute", plan->program->name);
+	if (plan->path)
+		execve(plan->path, (char *const *)arguments, (char *const *)environment);
+	else
+		fexecve(program, (char *const *)arguments,
+			(char *const *)environment); /* which does not write */
+	give_up("execute", name_of(plan));
 }
 
 pid_t process_start(const struct process_plan *plan)
 {
 	/* Opened here: the module's user need not be able to walk to the program's folder. */
 	int folder = open(plan->folder, O_PATH | O_DIRECTORY | O_CLOEXEC);
-	int program = openat(folder, plan->program->name, O_PATH | O_CLOEXEC);
+	int program = openat(folder, name_of(plan), O_PATH | O_CLOEXEC); /* a path is absolute */
 	pid_t parent = getpid(), pid;
 
 	close(folder);

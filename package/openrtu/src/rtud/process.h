@@ -12,6 +12,7 @@
 struct process_plan {
 	const char *folder; /* of the executables */
 	const struct kind_program *program;
+	const char *path;   /* instead: a program of others, maybe a script */
 	const char *map;    /* folder of the map */
 	const char *module; /* name in the module table */
 	const char *dev;    /* folder of the serial devices */
@@ -21,6 +22,7 @@ struct process_plan {
 	gid_t gid;          /* group shared by all modules */
 	size_t memory;      /* bytes of address space it may have at most; 0: unlimited */
 	unsigned files;     /* descriptors */
+	unsigned processes; /* and threads that its user may have; 0: as many as the caller's */
 	bool filtered;      /* gets the filter of system calls of its program */
 };
 
@@ -29,6 +31,7 @@ struct process_plan {
  * descriptors but the standard ones, its segment at MAP_SEGMENT_FD and its filter, may lock its memory, writes no core, can
  * gain no privilege, and as a user of its own has none. It starts with ordinary scheduling: on this core a program's start takes longer than another line process'
  * heartbeat may. Returns its pid, or -1 with errno.
+ * A path's program is executed by that path, so that a script's interpreter finds it: its user must be able to walk there.
  */
 pid_t process_start(const struct process_plan *plan);
 

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <limits.h>
 #include <malloc.h>
+#include <pwd.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -46,6 +47,8 @@
 #define MEMORY_FACTOR 4
 #define FILES_BASE                                                                                           \
 	96u /* descriptors: a bell of each module, the station's connections and those that are to be */
+
+#define PROCESSES 64 /* and threads, that a program of others may have */
 
 struct child {
 	pid_t pid;     /* 0: none */
@@ -104,10 +107,14 @@ static void print_logs(struct supervisor *supervisor, unsigned lines)
 
 /* ---- one module -------------------------------------------------------------------------- */
 
-static const struct kind_program *program_of(const struct supervisor *supervisor,
-					     const struct map_module *module)
+static struct kind_run run_of(const struct supervisor *supervisor, const struct map_module *module)
 {
-	return kinds_program(module->kind, map_config(supervisor->map));
+	return kinds_run(module, map_config(supervisor->map));
+}
+
+static bool is_started(const struct kind_run *run)
+{
+	return run->program != NULL || run->path != NULL;
 }
 
 /* A module's user, of modules that have one of their own. */
@@ -116,13 +123,30 @@ static uid_t user_of(const struct supervisor *supervisor, const struct map_modul
 	return supervisor->options->uid_base ? supervisor->options->uid_base + module->user : 0;
 }
 
+/* The one that the configuration names goes before. False with errno: there is none, or it has rights. */
+static bool find_user(const struct supervisor *supervisor, const char *name, uid_t *uid)
+{
+	const struct passwd *user;
+
+	if (name == NULL || supervisor->options->uid_base == 0)
+		return true;
+	errno = ESRCH;
+	user = getpwnam(name);
+	if (user == NULL || user->pw_uid == 0)
+		return false;
+	*uid = user->pw_uid;
+	return true;
+}
+
 static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 			   const struct map_module *module)
 {
 	const struct supervise_options *options = supervisor->options;
-	const struct process_plan plan = {
+	const struct kind_run run = run_of(supervisor, module);
+	struct process_plan plan = {
 	    .folder = options->modules,
-	    .program = program_of(supervisor, module),
+	    .program = run.program,
+	    .path = run.path,
 	    .map = options->map,
 	    .module = module->name,
 	    .dev = options->dev,
@@ -132,10 +156,20 @@ static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 	    .gid = options->uid_base,
 	    .memory = OPENRTU_SANITIZED ? 0 : MEMORY_BASE + MEMORY_FACTOR * map_size(supervisor->map),
 	    .files = FILES_BASE + modbus_port_count(map_config(supervisor->map)),
-	    .filtered = supervisor->filtered,
+	    .filtered = supervisor->filtered && run.program != NULL,
 	};
 	pid_t pid;
 
+	if (run.memory && plan.memory)
+		plan.memory = run.memory;
+	if (run.path && plan.uid)
+		plan.processes = PROCESSES;
+	if (!find_user(supervisor, run.user, &plan.uid)) {
+		map_log(supervisor->map, MAP_LOG_ERROR, "the user %s of %s is not there, or is root",
+			run.user, module->name);
+		close(plan.segment);
+		return -1;
+	}
 	if (plan.segment < 0)
 		return -1;
 	pid = process_start(&plan);
@@ -153,8 +187,10 @@ static void start_module(struct supervisor *supervisor, uint32_t index, const st
 	child->started_ns = map_now_ns();
 	child->pid = start_process(supervisor, index, module);
 	if (child->pid < 0) {
+		const struct kind_run run = run_of(supervisor, module);
+
 		map_log(supervisor->map, MAP_LOG_ERROR, "cannot start %s from %s: %s", module->name,
-			supervisor->options->modules, strerror(errno));
+			run.path ? run.path : supervisor->options->modules, strerror(errno));
 		child->pid = 0;
 		child->restart_at_ns = map_now_ns() + SLOW_RESTART_MS * NS_PER_MS;
 		map_module_ended(supervisor->map, index, true);
@@ -246,7 +282,7 @@ static void give_priority(struct supervisor *supervisor, pid_t pid, int priority
 static void module_attached(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
 {
 	struct child *child = &supervisor->children[index];
-	int priority = kinds_priority(module->kind, map_config(supervisor->map));
+	int priority = run_of(supervisor, module).priority;
 
 	child->attached = true;
 	if (priority)
@@ -313,9 +349,11 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 {
 	struct child *child = &supervisor->children[index];
 	struct map_module module;
+	struct kind_run run;
 
 	map_module(supervisor->map, index, &module);
-	if (!program_of(supervisor, &module))
+	run = run_of(supervisor, &module);
+	if (!is_started(&run))
 		return;
 	if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
 		start_module(supervisor, index, &module);
@@ -563,16 +601,20 @@ static void look_for_filters(struct supervisor *supervisor)
 			"the modules run without a filter of system calls: %s", missing);
 }
 
-/* One that is missing at the start stays so; the lines of a gateway without its station would be polled for nobody. */
+/*
+ * One that is missing at the start stays so; the lines of a gateway without its station would be polled for nobody. A program
+ * of others is none of the gateway's: without it, its points are invalid.
+ */
 static bool look_for_programs(const struct supervisor *supervisor)
 {
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
 		struct map_module module;
-		const struct kind_program *program;
+		struct kind_run run;
 
 		map_module(supervisor->map, i, &module);
-		program = program_of(supervisor, &module);
-		if (program != NULL && !programs_look_for(supervisor->options->modules, program->name))
+		run = run_of(supervisor, &module);
+		if (run.program != NULL &&
+		    !programs_look_for(supervisor->options->modules, run.program->name))
 			return false;
 	}
 	return true;

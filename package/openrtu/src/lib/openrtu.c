@@ -1,0 +1,258 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A module's beginning and end, its points by name, its log. */
+#include "lib/openrtu.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include "lib/handle.h"
+#include "map/type.h"
+#include "modules/module.h"
+
+#define OWN_PREFIX "rtu" /* of the names of the gateway's own modules */
+
+static char error[MAP_ERROR_SIZE + MAP_FILE_SIZE];
+
+__attribute__((format(printf, 1, 2))) static void fail(const char *format, ...)
+{
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(error, sizeof(error), format, arguments);
+	va_end(arguments);
+}
+
+const char *openrtu_error(void)
+{
+	return error;
+}
+
+const char *openrtu_version(void)
+{
+	return OPENRTU_VERSION;
+}
+
+/* ---- begin and end ----------------------------------------------------------------------- */
+
+/* The word behind an option, wherever it is: the rest of the line is the program's own. */
+static const char *argument(int argc, char *const *argv, const char *option)
+{
+	for (int i = 1; i + 1 < argc; i++)
+		if (strcmp(argv[i], option) == 0)
+			return argv[i + 1];
+	return NULL;
+}
+
+static struct map *attach(const char *dir, const char *name)
+{
+	char reason[MAP_ERROR_SIZE];
+	struct map *map;
+
+	if (dir == NULL || name == NULL) {
+		fail("a module is started by rtud: --map DIR and --module NAME are missing");
+		return NULL;
+	}
+	if (strncmp(name, OWN_PREFIX, strlen(OWN_PREFIX)) == 0) {
+		fail("%s is a module of the gateway itself", name);
+		return NULL;
+	}
+	if (map_attach(&map, dir, name, reason) < 0) {
+		fail("%s: %s", dir, reason);
+		return NULL;
+	}
+	return map;
+}
+
+static bool allocate(struct openrtu *rtu)
+{
+	const uint32_t count = rtu->input_count + rtu->own_count;
+
+	rtu->points = calloc(count + 1, sizeof(*rtu->points));
+	rtu->samples = calloc(count + 1, sizeof(*rtu->samples));
+	rtu->names = calloc(count + 1, sizeof(*rtu->names));
+	rtu->fresh = calloc(count + 1, sizeof(*rtu->fresh));
+	rtu->updates = calloc(rtu->own_count + 1, sizeof(*rtu->updates));
+	rtu->written = calloc(rtu->own_count + 1, sizeof(*rtu->written));
+	return rtu->points && rtu->samples && rtu->names && rtu->fresh && rtu->updates && rtu->written;
+}
+
+static void find_points(struct openrtu *rtu)
+{
+	const struct map_config *config = map_config(rtu->map);
+	const uint32_t *reads = map_records(config, FOREIGN_READS, sizeof(uint32_t));
+
+	for (uint32_t i = 0; i < rtu->input_count + rtu->own_count; i++) {
+		rtu->points[i] = i < rtu->input_count
+				     ? reads[rtu->module->first_read + i]
+				     : config->sets[rtu->module->set].first_point + i - rtu->input_count;
+		map_point_name(config, &config->points[rtu->points[i]], rtu->names[i]);
+		rtu->samples[i].quality = MAP_INVALID;
+		map_read(rtu->map, rtu->points[i], &rtu->samples[i]);
+	}
+}
+
+static bool prepare(struct openrtu *rtu, const char *name)
+{
+	const struct map_config *config = map_config(rtu->map);
+
+	rtu->stop_fd = -1;
+	rtu->module = foreign_find(config, name);
+	rtu->stats = map_section(rtu->map, map_self(rtu->map), sizeof(*rtu->stats));
+	if (rtu->module == NULL || rtu->stats == NULL) {
+		fail("the map's \"modules\" are of another version: restart rtud, and build with its "
+		     "libopenrtu");
+		return false;
+	}
+	rtu->input_count = rtu->module->read_count;
+	if (rtu->module->set != FOREIGN_NO_SET)
+		rtu->own_count = config->sets[rtu->module->set].point_count;
+	rtu->stop_fd = module_stop_fd();
+	if (rtu->stop_fd < 0 || !allocate(rtu)) {
+		fail("cannot begin: %s", strerror(errno));
+		return false;
+	}
+	map_name_counter(rtu->map, &rtu->stats->scans, "scans");
+	map_name_counter(rtu->map, &rtu->stats->missed, "missed periods");
+	find_points(rtu);
+	scan_publish_initial(rtu);
+	prctl(PR_SET_NAME, name); /* or all scripts would be called as their interpreter */
+	return true;
+}
+
+struct openrtu *openrtu_attach(int argc, char *const *argv)
+{
+	const char *name = argument(argc, argv, "--module");
+	struct map *map = attach(argument(argc, argv, "--map"), name);
+	struct openrtu *rtu;
+
+	if (map == NULL)
+		return NULL;
+	rtu = calloc(1, sizeof(*rtu));
+	if (rtu == NULL) {
+		map_detach(map);
+		fail("out of memory");
+		return NULL;
+	}
+	rtu->map = map;
+	if (prepare(rtu, name))
+		return rtu;
+	openrtu_detach(rtu);
+	return NULL;
+}
+
+void openrtu_detach(struct openrtu *rtu)
+{
+	if (rtu == NULL)
+		return;
+	map_detach(rtu->map);
+	if (rtu->stop_fd >= 0)
+		close(rtu->stop_fd);
+	free(rtu->points);
+	free(rtu->samples);
+	free(rtu->names);
+	free(rtu->fresh);
+	free(rtu->updates);
+	free(rtu->written);
+	free(rtu);
+}
+
+const char *openrtu_name(const struct openrtu *rtu)
+{
+	return rtu->module->name;
+}
+
+const char *openrtu_config(const struct openrtu *rtu)
+{
+	return foreign_text(map_config(rtu->map), rtu->module->config);
+}
+
+uint32_t openrtu_period_ms(const struct openrtu *rtu)
+{
+	return rtu->module->period_ms;
+}
+
+/* ---- points ------------------------------------------------------------------------------ */
+
+int openrtu_point_count(const struct openrtu *rtu)
+{
+	return (int)(rtu->input_count + rtu->own_count);
+}
+
+int openrtu_point(const struct openrtu *rtu, const char *name)
+{
+	for (int i = 0; i < openrtu_point_count(rtu); i++)
+		if (strcmp(rtu->names[i], name) == 0)
+			return i;
+	return -ENOENT;
+}
+
+static bool is_point(const struct openrtu *rtu, int point)
+{
+	return point >= 0 && point < openrtu_point_count(rtu);
+}
+
+bool openrtu_point_is_own(const struct openrtu *rtu, int point)
+{
+	return is_point(rtu, point) && (uint32_t)point >= rtu->input_count;
+}
+
+const char *openrtu_point_name(const struct openrtu *rtu, int point)
+{
+	return is_point(rtu, point) ? rtu->names[point] : NULL;
+}
+
+const char *openrtu_point_type(const struct openrtu *rtu, int point)
+{
+	return is_point(rtu, point) ? map_types[map_config(rtu->map)->points[rtu->points[point]].type].name
+				    : NULL;
+}
+
+/* What the file says of a point of "modules", whoever owns it; NULL: it is a device's. */
+static const struct foreign_point *described(const struct openrtu *rtu, int point)
+{
+	const struct map_config *config = map_config(rtu->map);
+	const struct foreign_module *modules = foreign_modules(config);
+	const struct foreign_point *points = map_records(config, FOREIGN_POINTS, sizeof(*points));
+	const uint16_t set = config->points[rtu->points[point]].set;
+
+	for (uint32_t i = 0; i < foreign_count(config); i++)
+		if (modules[i].set == set)
+			return &points[modules[i].first_point + rtu->points[point] -
+				       config->sets[set].first_point];
+	return NULL;
+}
+
+const char *openrtu_point_unit(const struct openrtu *rtu, int point)
+{
+	const struct foreign_point *found = is_point(rtu, point) ? described(rtu, point) : NULL;
+
+	return found != NULL          ? foreign_text(map_config(rtu->map), found->unit)
+	       : is_point(rtu, point) ? ""
+				      : NULL;
+}
+
+const char *openrtu_point_description(const struct openrtu *rtu, int point)
+{
+	const struct foreign_point *found = is_point(rtu, point) ? described(rtu, point) : NULL;
+
+	return found != NULL          ? foreign_text(map_config(rtu->map), found->description)
+	       : is_point(rtu, point) ? ""
+				      : NULL;
+}
+
+/* ---- log and time ------------------------------------------------------------------------ */
+
+void openrtu_log(struct openrtu *rtu, enum openrtu_log_level level, const char *text)
+{
+	map_log(rtu->map, level > OPENRTU_DEBUG ? MAP_LOG_DEBUG : (enum map_log_level)level, "%s", text);
+}
+
+int64_t openrtu_wall_ns(const struct openrtu *rtu, int64_t time_ns)
+{
+	return map_wall_ns(map_clock_read(rtu->map), time_ns);
+}

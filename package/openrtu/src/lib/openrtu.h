@@ -1,0 +1,125 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * libopenrtu: a module of the gateway that others write. docs/writing-a-module.md has one from beginning to end.
+ *
+ * rtud starts the program with what openrtu_attach() wants to know. The program then scans as a PLC does:
+ *
+ *     while (openrtu_wait(rtu)) {          until the next period
+ *             openrtu_scan_begin(rtu);     the inputs are frozen
+ *             ... openrtu_read(), openrtu_write()
+ *             openrtu_scan_end(rtu);       the outputs are published together
+ *     }
+ *
+ * No call blocks but openrtu_wait(), and none allocates memory but openrtu_attach(). A handle is for one thread at a time.
+ * Calls that can fail return a negative number, a negative errno, unless they say otherwise.
+ */
+#ifndef OPENRTU_H
+#define OPENRTU_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct openrtu; /* a module */
+
+/* A sample's quality: bits, as IEC 60870-5-101, 7.2.6.3 has them. */
+#define OPENRTU_GOOD        0x00u
+#define OPENRTU_OVERFLOW    0x01u /* beyond what the point can hold */
+#define OPENRTU_BLOCKED     0x10u /* held as it was before somebody blocked it */
+#define OPENRTU_SUBSTITUTED 0x20u /* somebody entered it */
+#define OPENRTU_NOT_TOPICAL 0x40u /* not read when it was due */
+#define OPENRTU_INVALID     0x80u
+
+/*
+ * A value of a point: 0 and 1 of a single one; 0 intermediate, 1 off, 2 on, 3 indeterminate of a double one; the number of
+ * any other. A double holds each of them exactly.
+ */
+struct openrtu_sample {
+	double value;
+	int64_t time_ns;  /* when it was acquired, CLOCK_MONOTONIC */
+	uint32_t quality; /* 0: good */
+	uint32_t reserved;
+};
+
+/* ---- begin and end ----------------------------------------------------------------------- */
+
+/*
+ * Attaches to the gateway under the module's name. argc, argv: what main() got from rtud; --map DIR and --module NAME are
+ * looked for in it, and nothing else. From then on SIGTERM and SIGINT are blocked, and end openrtu_wait(). NULL: it could not;
+ * openrtu_error() says why.
+ */
+struct openrtu *openrtu_attach(int argc, char *const *argv);
+/* Why the last openrtu_attach() of this process failed. */
+const char *openrtu_error(void);
+void openrtu_detach(struct openrtu *rtu);
+
+/* The module's name in the configuration. */
+const char *openrtu_name(const struct openrtu *rtu);
+/* The object "config" of the module in the configuration, as JSON. "{}": there is none. */
+const char *openrtu_config(const struct openrtu *rtu);
+/* "period_ms" of the module. */
+uint32_t openrtu_period_ms(const struct openrtu *rtu);
+
+/* ---- points ------------------------------------------------------------------------------ */
+
+/*
+ * A point by its name: one of the module's own, or one that its "reads" name. Its number, 0 or greater, holds until the module
+ * detaches. -ENOENT: there is no such point, or "reads" does not name it.
+ */
+int openrtu_point(const struct openrtu *rtu, const char *name);
+/* How many points the module has to do with: their numbers go from 0 to one less. */
+int openrtu_point_count(const struct openrtu *rtu);
+/* A point's name, type as in the configuration, unit and description; "": it has none. NULL: no such number. */
+const char *openrtu_point_name(const struct openrtu *rtu, int point);
+const char *openrtu_point_type(const struct openrtu *rtu, int point);
+const char *openrtu_point_unit(const struct openrtu *rtu, int point);
+const char *openrtu_point_description(const struct openrtu *rtu, int point);
+/* The module's own: it may write it. */
+bool openrtu_point_is_own(const struct openrtu *rtu, int point);
+
+/* ---- scans ------------------------------------------------------------------------------- */
+
+/*
+ * Sleeps until the next period begins; periods have absolute deadlines on CLOCK_MONOTONIC, and those that a long scan has
+ * missed are left out. False: the module shall end, since it was asked to or rtud has given up waiting for it.
+ */
+bool openrtu_wait(struct openrtu *rtu);
+/* Freezes the inputs: until the next scan, each has the value that it has now, and those of one device are of one moment. */
+void openrtu_scan_begin(struct openrtu *rtu);
+/* Publishes what was written since the scan began: all of it is seen at once. */
+void openrtu_scan_end(struct openrtu *rtu);
+
+/*
+ * A point as it was when the scan began; one of the module's own as it was written last. What is not to be had is invalid:
+ * out is filled in any case. -EINVAL: no such number.
+ */
+int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out);
+
+/*
+ * Writes one of the module's own points. It becomes as bad as the worst input that this scan has read so far: invalid if one
+ * of them is, or is beyond its range. -EINVAL: no such number; -EPERM: another module's; -ERANGE: no value of this type of
+ * point, which is then invalid and keeps its last one.
+ */
+int openrtu_write(struct openrtu *rtu, int point, double value);
+/* The same with a quality of the caller's, whatever was read. */
+int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t quality);
+
+/* ---- log and time ------------------------------------------------------------------------ */
+
+enum openrtu_log_level { OPENRTU_ERROR, OPENRTU_WARNING, OPENRTU_INFO, OPENRTU_DEBUG };
+
+/* A line in the gateway's log; 111 octets of text are kept. */
+void openrtu_log(struct openrtu *rtu, enum openrtu_log_level level, const char *text);
+/* A moment of CLOCK_MONOTONIC as time of day, in ns since 1970 UTC, by the gateway's clock. */
+int64_t openrtu_wall_ns(const struct openrtu *rtu, int64_t time_ns);
+/* The library's version, as "0.1.0". */
+const char *openrtu_version(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

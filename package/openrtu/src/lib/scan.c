@@ -1,0 +1,228 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The scan: period, frozen inputs, outputs that are published together. */
+#include <errno.h>
+#include <math.h>
+#include <poll.h>
+#include <time.h>
+
+#include "lib/handle.h"
+
+#define QUALITIES      (MAP_OVERFLOW | MAP_BLOCKED | MAP_SUBSTITUTED | MAP_NOT_TOPICAL | MAP_INVALID)
+#define BEATS_A_LIMIT  4               /* a beat that comes late is not the last one */
+#define MISSED_SAID_NS (60 * NS_PER_S) /* between two lines about periods that were missed */
+
+/* ---- period ------------------------------------------------------------------------------ */
+
+static void say_missed(struct openrtu *rtu, int64_t now_ns)
+{
+	if (rtu->missed == 0 || (rtu->missed_said_ns != 0 && now_ns - rtu->missed_said_ns < MISSED_SAID_NS))
+		return;
+	map_log(rtu->map, MAP_LOG_WARNING,
+		"%u periods of %u ms missed: its scan, or the host, takes too long", rtu->missed,
+		rtu->module->period_ms);
+	rtu->missed = 0;
+	rtu->missed_said_ns = now_ns;
+}
+
+static void plan_next(struct openrtu *rtu, int64_t now_ns)
+{
+	const int64_t period_ns = rtu->module->period_ms * NS_PER_MS;
+
+	if (rtu->next_ns == 0) {
+		rtu->next_ns = now_ns;
+		return;
+	}
+	rtu->next_ns += period_ns;
+	if (rtu->next_ns < now_ns) {
+		int64_t missed = (now_ns - rtu->next_ns) / period_ns + 1;
+
+		rtu->missed += (uint32_t)missed;
+		map_count(&rtu->stats->missed, (uint32_t)missed);
+		rtu->next_ns += missed * period_ns;
+	}
+	say_missed(rtu, now_ns);
+}
+
+/* True: it was asked to end. */
+static bool sleep_until(const struct openrtu *rtu, int64_t now_ns, int64_t until_ns)
+{
+	const int64_t left_ns = until_ns > now_ns ? until_ns - now_ns : 0;
+	const struct timespec left = {.tv_sec = (time_t)(left_ns / NS_PER_S), .tv_nsec = left_ns % NS_PER_S};
+	struct pollfd stop = {.fd = rtu->stop_fd, .events = POLLIN};
+
+	return ppoll(&stop, 1, &left, NULL) > 0;
+}
+
+bool openrtu_wait(struct openrtu *rtu)
+{
+	const int64_t beat_ns = rtu->module->heartbeat_limit_ms * NS_PER_MS / BEATS_A_LIMIT;
+	int64_t now_ns = map_now_ns();
+
+	plan_next(rtu, now_ns);
+	while (!rtu->stopped && map_may_run(rtu->map)) {
+		int64_t wake_ns = now_ns + beat_ns;
+
+		map_heartbeat(rtu->map);
+		if (sleep_until(rtu, now_ns, wake_ns < rtu->next_ns ? wake_ns : rtu->next_ns))
+			break;
+		now_ns = map_now_ns();
+		if (now_ns >= rtu->next_ns)
+			return true;
+	}
+	rtu->stopped = true;
+	return false;
+}
+
+/* ---- inputs ------------------------------------------------------------------------------ */
+
+static uint16_t set_of(const struct openrtu *rtu, uint32_t input)
+{
+	return map_config(rtu->map)->points[rtu->points[input]].set;
+}
+
+/* Inputs are in the order of the map, so that those of a set are neighbours. */
+static uint32_t end_of_set(const struct openrtu *rtu, uint32_t first)
+{
+	uint32_t end = first + 1;
+
+	while (end < rtu->input_count && set_of(rtu, end) == set_of(rtu, first))
+		end++;
+	return end;
+}
+
+static void freeze_set(struct openrtu *rtu, uint32_t first, uint32_t end)
+{
+	bool whole = map_read_together(rtu->map, &rtu->points[first], end - first, &rtu->fresh[first]);
+
+	for (uint32_t i = first; i < end; i++)
+		if (whole)
+			rtu->samples[i] = rtu->fresh[i];
+		else
+			rtu->samples[i].quality |= MAP_NOT_TOPICAL;
+}
+
+/* What is asked of its points: parameters of measured values are loaded, commands are refused, all are answered. */
+static void serve_requests(struct openrtu *rtu)
+{
+	struct map_request request;
+
+	map_bell_clear(rtu->map);
+	while (map_request_next(rtu->map, &request))
+		if (map_command_request(rtu->map, &request))
+			map_command_finish(rtu->map, request.point, MAP_RESULT_NOT_COMMANDABLE, 0);
+}
+
+void openrtu_scan_begin(struct openrtu *rtu)
+{
+	map_heartbeat(rtu->map);
+	rtu->now_ns = map_begin_cycle(rtu->map);
+	rtu->seen = MAP_GOOD;
+	map_count(&rtu->stats->scans, 1);
+	serve_requests(rtu);
+	for (uint32_t first = 0, end; first < rtu->input_count; first = end) {
+		end = end_of_set(rtu, first);
+		freeze_set(rtu, first, end);
+	}
+	for (uint32_t i = 0; i < rtu->own_count; i++)
+		rtu->updates[i].point = MAP_NONE;
+}
+
+static enum map_type type_of(const struct openrtu *rtu, int point)
+{
+	return (enum map_type)map_config(rtu->map)->points[rtu->points[point]].type;
+}
+
+static bool is_point(const struct openrtu *rtu, int point)
+{
+	return point >= 0 && (uint32_t)point < rtu->input_count + rtu->own_count;
+}
+
+int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out)
+{
+	*out = (struct openrtu_sample){.quality = OPENRTU_INVALID};
+	if (!is_point(rtu, point))
+		return -EINVAL;
+	*out = (struct openrtu_sample){
+	    .value = value_number(type_of(rtu, point), rtu->samples[point].value),
+	    .time_ns = rtu->samples[point].time_ns,
+	    .quality = rtu->samples[point].quality,
+	};
+	/* An own one does not count: what was invalid once would stay so where the next state follows from the last. */
+	if ((uint32_t)point < rtu->input_count)
+		rtu->seen |= rtu->samples[point].quality;
+	return 0;
+}
+
+/* ---- outputs ----------------------------------------------------------------------------- */
+
+/* What is computed from a value beyond its range is no value; not every type can say overflow. */
+static uint8_t inherited(uint8_t seen)
+{
+	return seen & MAP_OVERFLOW ? (uint8_t)((seen & ~MAP_OVERFLOW) | MAP_INVALID) : seen;
+}
+
+static void put(struct openrtu *rtu, int point, struct map_sample sample)
+{
+	rtu->samples[point] = sample;
+	rtu->updates[(uint32_t)point - rtu->input_count] =
+	    (struct map_update){.point = rtu->points[point], .cause = MAP_SPONTANEOUS, .sample = sample};
+}
+
+static int write_sample(struct openrtu *rtu, int point, double value, uint8_t quality)
+{
+	struct map_sample sample;
+
+	if (!is_point(rtu, point))
+		return -EINVAL;
+	if ((uint32_t)point < rtu->input_count)
+		return -EPERM;
+	sample = rtu->samples[point];
+	sample.quality = quality;
+	sample.time_ns = rtu->now_ns;
+	if (value_of_number(type_of(rtu, point), value, &sample.value)) {
+		put(rtu, point, sample);
+		return 0;
+	}
+	sample.quality |= MAP_INVALID;
+	put(rtu, point, sample);
+	return -ERANGE;
+}
+
+int openrtu_write(struct openrtu *rtu, int point, double value)
+{
+	return write_sample(rtu, point, value, inherited(rtu->seen));
+}
+
+int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t quality)
+{
+	if (quality & ~(uint32_t)QUALITIES)
+		return -EINVAL;
+	return write_sample(rtu, point, value, (uint8_t)quality);
+}
+
+void openrtu_scan_end(struct openrtu *rtu)
+{
+	size_t count = 0;
+
+	for (uint32_t i = 0; i < rtu->own_count; i++)
+		if (rtu->updates[i].point != MAP_NONE)
+			rtu->written[count++] = rtu->updates[i];
+	map_publish(rtu->map, rtu->written, count);
+	map_heartbeat(rtu->map);
+}
+
+void scan_publish_initial(struct openrtu *rtu)
+{
+	const struct foreign_point *points =
+	    map_records(map_config(rtu->map), FOREIGN_POINTS, sizeof(struct foreign_point));
+
+	rtu->now_ns = map_begin_cycle(rtu->map);
+	for (uint32_t i = 0; i < rtu->own_count; i++) {
+		const double initial = points[rtu->module->first_point + i].initial;
+
+		rtu->updates[i].point = MAP_NONE;
+		if (!isnan(initial))
+			write_sample(rtu, (int)(rtu->input_count + i), initial, MAP_GOOD);
+	}
+	openrtu_scan_end(rtu);
+}
