@@ -225,8 +225,10 @@ def test_nobody_knows_whether_it_is_earthed_so_it_stays_open(desk: Desk) -> None
 
 def test_a_sequence_starts_a_pump_at_the_limit_that_a_master_set(desk: Desk) -> None:
     desk.lines.set(DEVICE, "coils", PUMP, 0)
+    assert desk.master.command(CA["filling"], 1, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(80)))
+    wait_value(desk, "limit", 80)
     before, _ = shown(desk, "starts")
-    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [75])  # the limit is 80
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [75])
     wait_value(desk, "half", 37)
     assert desk.lines.get(DEVICE, "coils", PUMP) == 0
     assert desk.master.command(CA["filling"], 1, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(70)))
