@@ -32,8 +32,8 @@ VAR_EXTERNAL level, limit, half : INT; pump : BOOL; starts : DINT; END_VAR
 VAR above : TON; start, stop : COMMAND; rises : R_TRIG; END_VAR
 VAR RETAIN count : DINT; END_VAR
 above(IN := AS_GOOD(level) > limit, PT := T#200ms);
-start(POINT := pump, EXECUTE := above.Q, VALUE := 1.0);
-stop(POINT := pump, EXECUTE := level < 20, VALUE := 0.0);
+start(POINT := pump, EXECUTE := above.Q, VALUE := 1.0, SELECT := TRUE);
+stop(POINT := pump, EXECUTE := level < 20, VALUE := 0.0, SELECT := TRUE);
 rises(CLK := start.STATE = 9);
 IF rises.Q THEN
   count := count + 1;
@@ -67,7 +67,7 @@ def configuration(folder: Path) -> dict[str, Any]:
         "id": 10,
         "response_timeout_min_ms": 500,
         "probe_max_s": 1,
-        "coils": [{"address": BREAKER, "name": "breaker"}, {"address": PUMP, "name": "pump"}],
+        "coils": [{"address": BREAKER, "name": "breaker"}, {"address": PUMP, "name": "pump", "select": True}],
         "discrete_inputs": [{"address": EARTHED, "name": "bay1.earthed"}, {"address": SPIN, "name": "spin"}],
         "input_registers": [{"address": LEVEL, "name": "level", "type": "scaled"}],
     }
@@ -225,8 +225,10 @@ def test_nobody_knows_whether_it_is_earthed_so_it_stays_open(desk: Desk) -> None
 
 def test_a_sequence_starts_a_pump_at_the_limit_that_a_master_set(desk: Desk) -> None:
     desk.lines.set(DEVICE, "coils", PUMP, 0)
+    assert desk.master.command(CA["filling"], 1, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(80)))
+    wait_value(desk, "limit", 80)
     before, _ = shown(desk, "starts")
-    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [75])  # the limit is 80
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [75])
     wait_value(desk, "half", 37)
     assert desk.lines.get(DEVICE, "coils", PUMP) == 0
     assert desk.master.command(CA["filling"], 1, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(70)))
@@ -258,6 +260,11 @@ def test_an_endless_loop_invalidates_the_outputs_and_names_the_line(desk: Desk) 
     wait_value(desk, "out", None, "invalid")
     said = "rtu-logic-endless warning: line 4: too many instructions"
     desk.gateway.wait_for(lambda: said in desk.gateway.log(), WAIT_S, said)
+    counted = {
+        counter["counter"]: counter["value"]
+        for counter in desk.gateway.query("counters", "rtu-logic-endless")
+    }
+    assert counted["faults_budget"] > 0 and counted["scans"] >= counted["faults_budget"]
     wait_value(desk, "half", 25)  # others go on
     desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [0])
     wait_value(desk, "out", 7)

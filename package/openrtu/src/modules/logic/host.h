@@ -55,8 +55,10 @@ struct host {
 void points_freeze(struct host *host);
 /* All own points at once. */
 void points_publish(struct host *host, int64_t now_ns);
-/* The value of a point that masters set; published with its cause. */
-void points_set(struct host *host, struct host_point *point, union map_value value, uint8_t cause);
+/* The value of a point that masters set, which is published next with that cause. */
+void points_set(struct host_point *point, union map_value value, uint8_t cause);
+/* That point alone: outputs are of the scan that computed them. */
+void points_publish_set(struct host *host, struct host_point *point);
 struct host_point *points_find(const struct host *host, uint32_t point);
 /* NULL: a name that is none of the program's. */
 struct host_point *points_named(const struct host *host, uint16_t name);

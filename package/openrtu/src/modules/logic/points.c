@@ -83,9 +83,17 @@ void points_publish(struct host *host, int64_t now_ns)
 	map_publish(host->map, host->updates, count);
 }
 
-void points_set(struct host *host, struct host_point *point, union map_value value, uint8_t cause)
+void points_set(struct host_point *point, union map_value value, uint8_t cause)
 {
 	point->sample = (struct map_sample){.value = value, .time_ns = map_now_ns()};
 	point->cause = cause;
-	(void)host;
+}
+
+void points_publish_set(struct host *host, struct host_point *point)
+{
+	const struct map_update update = {
+	    .point = point->point, .cause = point->cause, .sample = point->sample};
+
+	map_publish(host->map, &update, 1);
+	point->cause = MAP_SPONTANEOUS;
 }

@@ -55,8 +55,8 @@ static void begin(struct host *host, const struct map_request *request, int64_t 
 		decided->begun_ns = now_ns;
 		return;
 	}
-	points_set(host, point, request->value, (uint8_t)cause_of(host, request));
-	points_publish(host, now_ns);
+	points_set(point, request->value, (uint8_t)cause_of(host, request));
+	points_publish_set(host, point);
 	kept_store(host);
 	map_command_confirm(host->map, request->point);
 	map_command_finish(host->map, request->point, MAP_RESULT_DONE, 0);
@@ -99,7 +99,7 @@ void requests_judge(struct host *host)
 		if (host->logic.points[request->point - host->points].written)
 			request->point->cause = cause;
 		else
-			points_set(host, request->point, request->request.value, cause);
+			points_set(request->point, request->request.value, cause);
 	}
 }
 
