@@ -19,6 +19,7 @@ from lab.master import Master
 CHAPTER_5 = Path(__file__).parent / "fixtures" / "chapter5"
 RESPONSE_TIMEOUT_MS = 500  # where a slave says nothing else
 STILL_TIMEOUT_S = 30.0
+SCAN_S = 30.0
 PROBE_MAX_S = 2  # a device that seemed dead is back soon
 
 
@@ -77,16 +78,42 @@ class Substation:
         return f"{ca // 1000}.{ca % 1000}"
 
     def set_and_scan(self, device: str, table: str, address: int, values: list[int]) -> None:
-        """Changes values at a device; returns when the gateway has read them."""
-        unit = int(device.split(".")[1])
+        """Changes values at a device; returns when the gateway has read them.
+
+        That the device was asked is not enough: the gateway drops an answer that comes late.
+        """
+        port, unit = map(int, device.split("."))
         self.lines.set(device, table, address, *values)
         mark = self.lines.mark()  # before it the old values may have been read, and the first be the same
-        self.lines.wait_frame(
+        asked = self.lines.wait_frame(
             lambda f: (
                 (f.kind, f.unit, f.table, f.address, f.value) == ("reading", unit, table, address, values[0])
             ),
             since=mark,
         )
+        self.lines.wait_frame(lambda f: (f.kind, f.port) == ("received", port), since=asked.number)
+        if point := self.point_at(device, table, address):
+            self.gateway.wait_for(
+                lambda: self._was_read(point, asked.monotonic_ns), SCAN_S, f"{point} is read from the device"
+            )
+
+    def point_at(self, device: str, table: str, address: int) -> str:
+        """The name of the point that begins there, or before; "" for what is only part of others' quality."""
+        port, unit = map(int, device.split("."))
+        config = json.loads(self.gateway.config_file.read_text())
+        slave = next(each for each in of_port(config, port)["slaves"] if each["id"] == unit)
+        places = {
+            point["address"]: point.get("name", f"p{device}.{table[0]}{point['address']}")
+            for point in slave.get(table, [])
+        }
+        return places.get(max((begin for begin in places if begin <= address), default=-1), "")
+
+    def _was_read(self, point: str, since_ns: int) -> bool:
+        """Whether a point's value came after that time, of this machine's monotonic clock."""
+        now_ns = time.monotonic_ns()
+        row = self.gateway.points(point)[point]
+        lost = {"invalid", "not topical"} & set(row["quality"].split(","))  # at a time as well
+        return not lost and now_ns - row["age_s"] * 1e9 > since_ns
 
     def wait_scan(self, device: str) -> None:
         """Until the device has been asked twice: what was queued before has been sent."""
