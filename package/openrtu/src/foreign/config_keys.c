@@ -15,7 +15,7 @@ const struct config_rule foreign_module_rules[MODULE_KEYS] = {
     [MODULE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 1, .high = 3600000, .fallback = 100},
     [MODULE_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 98},
     [MODULE_USER] = {"user", CONFIG_TEXT, .low = 1, .high = FOREIGN_USER_SIZE - 1},
-    [MODULE_MEMORY] = {"memory_mb", CONFIG_INTEGER, .low = 8, .high = 4096, .fallback = 64},
+    [MODULE_MEMORY] = {"memory_mb", CONFIG_INTEGER, .low = 8, .high = 2048, .fallback = 64},
     [MODULE_HEARTBEAT_LIMIT] = {"heartbeat_limit_ms", CONFIG_INTEGER, .low = 100, .high = 5000},
     [MODULE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534},
     [MODULE_POINTS] = {"points", CONFIG_ARRAY, .high = POINTS_MAX},

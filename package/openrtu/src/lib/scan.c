@@ -47,7 +47,8 @@ static void plan_next(struct openrtu *rtu, int64_t now_ns)
 static bool sleep_until(const struct openrtu *rtu, int64_t now_ns, int64_t until_ns)
 {
 	const int64_t left_ns = until_ns > now_ns ? until_ns - now_ns : 0;
-	const struct timespec left = {.tv_sec = (time_t)(left_ns / NS_PER_S), .tv_nsec = left_ns % NS_PER_S};
+	const struct timespec left = {.tv_sec = (time_t)(left_ns / NS_PER_S),
+				      .tv_nsec = (long)(left_ns % NS_PER_S)};
 	struct pollfd stop = {.fd = rtu->stop_fd, .events = POLLIN};
 
 	return ppoll(&stop, 1, &left, NULL) > 0;
