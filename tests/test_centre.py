@@ -5,6 +5,7 @@ import contextlib
 import datetime
 import json
 import os
+import re
 import signal
 import socket
 import struct
@@ -24,6 +25,7 @@ from peers.centre_consumer import Ask, Consumer, Flag, Kind, Link, Record, Resul
 
 CA = 47
 STARTDT_CON = bytes.fromhex("68040b000000")
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "centre.md"
 LIMIT_S = 60.0  # for a hang only
 K = 12  # of centre-rtus
 POSITION = (522190650, 210108517, 0)
@@ -157,6 +159,23 @@ def test_check_names_each_mistake(
     assert done.returncode == code
     assert said in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_example_of_the_page_is_right(programs: Path, tmp_path: Path) -> None:
+    example = PAGE.read_text().split("```json\n")[1].split("```")[0]
+    done = check(programs, tmp_path, example)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("stations: 2; polls of them: 6;")
+
+
+def test_page_has_every_key_and_no_other(programs: Path, tmp_path: Path) -> None:
+    """What a wrong key is answered with names all keys; the page's tables are of them."""
+    wrong = {"zzzzzzzzzzzzzz": 1, "stations": [{**station("a", 1), "zzzzzzzzzzzzzz": 1}]}
+    answers = [line for line in check(programs, tmp_path, wrong).stderr.splitlines() if "unknown key" in line]
+    keys = {key for line in answers for key in line.split("expected one of ")[1].split(", ")}
+    rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \|", PAGE.read_text(), re.MULTILINE)
+    documented = {key for row in rows for key in re.findall(r"`(\w+)`", row)}
+    assert keys - {"defaults", "stations"} == documented
 
 
 def test_defaults_are_each_stations(programs: Path, tmp_path: Path) -> None:

@@ -176,7 +176,7 @@ static bool open_loop(struct loop *loop)
 	       watch(loop, EPOLL_CTL_ADD, loop->centre->epoll, SOURCE_STATIONS, 0);
 }
 
-int centre_loop(struct centre *centre, int listener)
+int centre_loop(struct centre *centre, int listener, const char *path)
 {
 	struct loop loop = {.centre = centre, .listener = listener};
 
@@ -184,6 +184,7 @@ int centre_loop(struct centre *centre, int listener)
 		fprintf(stderr, "rtu-centre: cannot wait for events: %s\n", strerror(errno));
 		return 1;
 	}
+	fprintf(stderr, "rtu-centre: waits for a consumer on %s\n", path);
 	for (look_at_clock(centre); !loop.stop;)
 		turn(&loop);
 	centre_consumer_drop(centre, "rtu-centre ends");

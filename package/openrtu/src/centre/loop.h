@@ -4,7 +4,7 @@
 
 #include "centre/station.h"
 
-/* Serves until SIGTERM or SIGINT. listener: of consumers. Returns an exit code. */
-int centre_loop(struct centre *centre, int listener);
+/* Serves until SIGTERM or SIGINT. listener: of consumers, on a socket at path. Returns an exit code. */
+int centre_loop(struct centre *centre, int listener, const char *path);
 
 #endif

@@ -120,8 +120,7 @@ static int run(const struct centre_config *config, const char *path)
 	if (listener < 0)
 		return 1;
 	if (centre_stations_init(&centre, config)) {
-		fprintf(stderr, "rtu-centre: waits for a consumer on %s\n", path);
-		code = centre_loop(&centre, listener);
+		code = centre_loop(&centre, listener, path);
 	} else {
 		fprintf(stderr, "rtu-centre: no memory for %" PRIu32 " stations: %s\n", config->station_count,
 			strerror(errno));
