@@ -30,7 +30,7 @@ ON_BOARD = (  # the gateway there
     "tests/linux/test_after_2038.py tests/linux/test_data_volume.py tests/linux/test_debug_kernel.py "
     "tests/linux/test_gateway_*.py tests/linux/test_ntp.py "
     "tests/linux/test_realtime.py tests/linux/test_run.py tests/linux/test_system*.py "
-    "tests/linux/test_watchdog_gateway.py"
+    "tests/linux/test_update_board.py tests/linux/test_watchdog_gateway.py"
 )
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
@@ -57,6 +57,7 @@ REACH = [
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/logic.md", "tests/test_logic.py"),
+    ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign.py"),
     ("docs/examples/logic/*", "tests/test_logic*.py"),
@@ -74,7 +75,7 @@ REACH = [
         f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
-    ("package/openrtu/python/*", "lint tests/test_foreign.py"),
+    ("package/openrtu/python/*", "lint tests/test_foreign.py tests/test_version.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the tools
@@ -84,6 +85,7 @@ REACH = [
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux"),
     ("scripts/nuc980-pins", "test-pins"),
+    ("scripts/nuc980/netboot/slots/*", f"{NETBOOT} test-image"),
     ("scripts/nuc980/netboot/errors.py", f"{NETBOOT} tests/test_verdict.py"),
     ("scripts/nuc980/netboot/*", NETBOOT),
     ("scripts/nuc980-netboot", "test-netboot"),
@@ -160,8 +162,8 @@ def importers() -> dict[str, set[str]]:
     """The files of tests that take something from a module of tests/ itself, by its name."""
     found: dict[str, set[str]] = defaultdict(set)
     for test in tests():
-        for module in re.findall(r"^(?:from|import) (\w+)", (ROOT / test).read_text(), re.MULTILINE):
-            found[module].add(test)
+        for module in re.findall(r"^(?:from|import) ([\w.]+)", (ROOT / test).read_text(), re.MULTILINE):
+            found[module.rpartition(".")[2]].add(test)
     return found
 
 

@@ -19,7 +19,16 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "package/openrtu/src"
-EVERYWHERE = {"rtud", "rtuctl", "rtu-gps", "rtu-logic", "relay.json", "sdm630.json", "sunspec.json"}
+EVERYWHERE = {
+    "rtud",
+    "rtuctl",
+    "rtu-centre",
+    "rtu-gps",
+    "rtu-logic",
+    "relay.json",
+    "sdm630.json",
+    "sunspec.json",
+}
 LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", "libopenrtu.so.0.1.0", "openrtu.h", "openrtu.pc"}
 EVERYWHERE |= LIBRARY
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
@@ -100,7 +109,7 @@ def refused(build: Path, directory: Path, config: dict[str, Any] | None = None) 
 
 def test_left_out_is_not_installed(without_iec104: Path, without_modbus: Path) -> None:
     assert installed(without_iec104) == EVERYWHERE | {"rtu-modbus"}
-    assert installed(without_modbus) == EVERYWHERE | {"rtu-iec104", "rtu-journal"}
+    assert installed(without_modbus) == EVERYWHERE | {"rtu-iec104", "rtu-journal", "rtu-centre"}
 
 
 def test_configuration_that_needs_what_is_left_out_is_refused(

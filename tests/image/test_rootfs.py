@@ -73,9 +73,10 @@ def test_users_are_those_of_the_buildroot_package(etc: Path) -> None:
         "openrtu": ("61200", "61200", "/bin/false"),
         "rtu-iec104": ("61201", "61200", "/bin/false"),
         "rtu-modbus": ("61203", "61200", "/bin/false"),
+        "rtu-gps": ("61215", "61200", "/bin/false"),
     }
     groups = (etc / "group").read_text()
-    assert groups == GROUPS.format(members="rtu-modbus") + "openrtu:x:61200:\n"
+    assert groups == GROUPS.format(members="rtu-gps,rtu-modbus") + "openrtu:x:61200:\n"
 
 
 def test_no_user_has_a_password(etc: Path) -> None:
@@ -92,7 +93,7 @@ def test_skeleton_locks_root() -> None:
 def test_second_member_of_a_group_is_behind_the_first(etc: Path) -> None:
     users = users_of(PACKAGE / "openrtu.mk")
     add_users(etc, [*users, *[user for user in users if user.more_group]])
-    assert "dialout:x:18:rtu-modbus,rtu-modbus\n" in (etc / "group").read_text()
+    assert "dialout:x:18:rtu-gps,rtu-modbus,rtu-gps,rtu-modbus\n" in (etc / "group").read_text()
 
 
 def test_unknown_group_is_said(etc: Path) -> None:

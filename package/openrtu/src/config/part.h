@@ -20,8 +20,10 @@ struct config_part {
 	 * the lines, which are added here; any other part adds its sets in finish.
 	 */
 	void (*read)(struct config_loader *loader, void *own, const struct config_value *values);
-	/* All parts have been read, and their sets are there: adds what follows from them, checks the whole. False: no memory. */
+	/* All parts have been read, and the devices are there: adds its own sets. False: no memory. */
 	bool (*finish)(struct config_loader *loader, void *own);
+	/* All sets are there: finds those of others that it names. False: no memory. */
+	bool (*link)(struct config_loader *loader, void *own);
 	/* The configuration is read, or could not be: frees what own refers to. */
 	void (*end)(void *own);
 };

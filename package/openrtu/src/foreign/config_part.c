@@ -30,7 +30,8 @@ struct own {
 	uint32_t read_count;
 	char *texts;
 	size_t texts_size;
-	bool *is_read; /* by point, of the module that is read now */
+	struct config_value (*values)[MODULE_KEYS]; /* of each module */
+	bool *is_read;                              /* by point, of the module that is read now */
 	bool no_memory;
 };
 
@@ -332,50 +333,44 @@ static void add_sections(struct map_config *config, struct own *own, uint32_t co
 	own->texts = NULL;
 }
 
-static void read_modules(struct config_loader *loader, const struct config_place *array, struct own *own,
-			 struct config_value (*values)[MODULE_KEYS])
-{
-	for (size_t i = 0; i < json_array_size(own->modules); i++) {
-		const struct config_place place = config_element_of(array, i);
-
-		config_read_keys(&loader->report, &place, json_array_get(own->modules, i),
-				 foreign_module_rules, MODULE_KEYS, values[i]);
-		read_module(loader, &place, own, &own->records[i], values[i]);
-	}
-}
-
-static void read_all_reads(struct config_loader *loader, const struct config_place *array, struct own *own,
-			   struct config_value (*values)[MODULE_KEYS])
-{
-	for (size_t i = 0; i < json_array_size(own->modules); i++) {
-		const struct config_place place = config_element_of(array, i);
-		const struct config_value *reads = &values[i][MODULE_READS];
-
-		read_reads(loader, &place, own, &own->records[i], reads->given ? reads->json : NULL);
-	}
-}
-
-/* The points of all modules first: they may read each other's. */
 static bool finish(struct config_loader *loader, void *own_memory)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place array = config_key_of(&file, file_rule.name);
 	struct own *own = own_memory;
-	const uint32_t count = (uint32_t)json_array_size(own->modules);
-	struct config_value(*values)[MODULE_KEYS] = config_allocate(count, sizeof(*values));
 
-	if (values == NULL)
+	own->values = config_allocate((uint32_t)json_array_size(own->modules), sizeof(*own->values));
+	if (own->values == NULL)
 		return false;
-	read_modules(loader, &array, own, values);
+	for (size_t i = 0; i < json_array_size(own->modules); i++) {
+		const struct config_place place = config_element_of(&array, i);
+
+		config_read_keys(&loader->report, &place, json_array_get(own->modules, i),
+				 foreign_module_rules, MODULE_KEYS, own->values[i]);
+		read_module(loader, &place, own, &own->records[i], own->values[i]);
+	}
+	return !own->no_memory;
+}
+
+static bool link_reads(struct config_loader *loader, void *own_memory)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place array = config_key_of(&file, file_rule.name);
+	struct own *own = own_memory;
+	const uint32_t count = (uint32_t)json_array_size(own->modules);
+
 	own->is_read = config_allocate(loader->config->point_count, sizeof(*own->is_read));
-	if (own->is_read != NULL)
-		read_all_reads(loader, &array, own, values);
-	free(values);
-	if (own->is_read == NULL || own->no_memory)
+	if (own->is_read == NULL)
 		return false;
+	for (uint32_t i = 0; i < count; i++) {
+		const struct config_place place = config_element_of(&array, i);
+		const struct config_value *reads = &own->values[i][MODULE_READS];
+
+		read_reads(loader, &place, own, &own->records[i], reads->given ? reads->json : NULL);
+	}
 	if (count > 0)
 		add_sections(loader->config, own, count);
-	return true;
+	return !own->no_memory;
 }
 
 static void end(void *own_memory)
@@ -387,6 +382,7 @@ static void end(void *own_memory)
 	free(own->reads);
 	free(own->texts);
 	free(own->is_read);
+	free(own->values);
 }
 
 const struct config_part foreign_part = {
@@ -396,5 +392,6 @@ const struct config_part foreign_part = {
     .begin = begin,
     .read = read_part,
     .finish = finish,
+    .link = link_reads,
     .end = end,
 };

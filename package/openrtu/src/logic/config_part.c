@@ -150,10 +150,17 @@ static bool finish(struct config_loader *loader, void *own)
 {
 	struct logic_readings *readings = own;
 
+	for (uint32_t i = 0; loader->report.errors == 0 && i < readings->count; i++)
+		logic_add_set(loader, &readings->readings[i]);
+	return true;
+}
+
+static bool link_programs(struct config_loader *loader, void *own)
+{
+	struct logic_readings *readings = own;
+
 	if (loader->report.errors > 0 || readings->count == 0)
 		return true;
-	for (uint32_t i = 0; i < readings->count; i++)
-		logic_add_set(loader, &readings->readings[i]);
 	return logic_link(loader, readings) && keep_programs(loader->config, readings);
 }
 
@@ -175,5 +182,6 @@ const struct config_part logic_part = {
     .begin = begin,
     .read = read_part,
     .finish = finish,
+    .link = link_programs,
     .end = end,
 };

@@ -139,6 +139,8 @@ bool config_read_file(struct rtud_loader *loader, const json_t *root)
 	complete_commands(&files->config->settings);
 	for (size_t i = 0; good && i < loader->part_count; i++)
 		good = loader->parts[i]->finish == NULL || loader->parts[i]->finish(files, loader->own[i]);
+	for (size_t i = 0; good && i < loader->part_count; i++)
+		good = loader->parts[i]->link == NULL || loader->parts[i]->link(files, loader->own[i]);
 	return good;
 }
 

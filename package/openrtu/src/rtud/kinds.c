@@ -5,7 +5,7 @@
 
 /*
  * The table: a line for each kind, whose record is modules/NAME/kind.c. rtud is the first module of a map. The order of the
- * others is that of rtuctl's list; foreign is the last, since its part reads the points of all others.
+ * others is that of rtuctl's list, and means nothing.
  */
 #define KINDS(KIND)                                                                                          \
 	KIND(rtud)                                                                                           \
