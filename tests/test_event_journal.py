@@ -226,7 +226,7 @@ def test_killed_at_random_moments(substation: Substation) -> None:
         once = list(dict.fromkeys(received))
         assert once == sorted(once)
         assert safe <= set(received)
-    assert len(safe) > 3 * KILLS
+    assert len(safe) > KILLS  # else hardly anything was at stake
 
 
 # ---- the file is something else ---------------------------------------------------------------------------

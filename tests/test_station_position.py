@@ -111,7 +111,7 @@ def test_what_the_page_compares_on_the_wire() -> None:
     assert int(length[1]) == len(body)
     http = len(head.replace("\n", "\r\n")) + 4 + len(body)
     http_answer = len(answer.replace("\n", "\r\n")) + 4
-    topic, payload = block("json").split("\n")
+    topic, payload = block("mqtt").split("\n")
     mqtt = 2 + 2 + len(topic) + 2 + len(payload)  # QoS 1
     assert mqtt - 2 < 128, "its length would take two octets"
     rows = dict(re.findall(r"^\| (\w[^|]*?) \| (\d+ \+ \d+) \|", PAGE.read_text(), re.MULTILINE))

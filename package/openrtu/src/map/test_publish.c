@@ -234,6 +234,7 @@ static void test_named_counters(void **state)
 	map_detach(owner);
 
 	owner = start(stage, FIRST); /* the next process names them again */
+	own = map_section(owner, index, 3 * sizeof(*own));
 	assert_true(map_name_counter(owner, &own[1], "other"));
 	assert_true(map_counter(stage->rtud, index, 0, &counter));
 	assert_string_equal(counter.name, "other");
