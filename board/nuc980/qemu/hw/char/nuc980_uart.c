@@ -15,7 +15,6 @@
 #include "qemu/osdep.h"
 #include "chardev/char-serial.h"
 #include "hw/char/nuc980_uart.h"
-#include "hw/core/cpu.h"
 #include "hw/irq.h"
 #include "hw/misc/nuc980_unimp.h"
 #include "hw/qdev-clock.h"
@@ -24,8 +23,6 @@
 #include "hw/registerfields.h"
 #include "migration/vmstate.h"
 #include "qemu/log.h"
-#include "qemu/main-loop.h"
-#include "sysemu/cpu-timers.h"
 #include "trace.h"
 
 REG32(DAT, 0x00)
@@ -598,41 +595,6 @@ static void uart_unimp(NUC980UARTState *s, hwaddr offset)
     nuc980_unimp_once(s->unimp_seen, s->name, offset);
 }
 
-/*
- * A guest that does nothing but look whether the FIFOs have changed, as a boot
- * loader at its prompt, leaves the host's processor to others: it rests after
- * LOOKS with not more than LOOK_NS between them, and then after each few. No
- * board's software can tell, as its time goes on meanwhile. Time that is
- * counted in instructions would not, and a qtest has no processor.
- */
-#define LOOKS           16
-#define LOOKS_BETWEEN   4
-#define LOOK_NS         20000
-#define REST_US         50
-
-static void uart_rest(CPUState *cpu, run_on_cpu_data unused)
-{
-    qemu_mutex_unlock_iothread();
-    g_usleep(REST_US);
-    qemu_mutex_lock_iothread();
-}
-
-static void uart_looked(NUC980UARTState *s)
-{
-    int64_t now = uart_now();
-
-    if (!current_cpu || icount_enabled()) {
-        return;
-    }
-    s->looks = s->rested || now - s->looked < LOOK_NS ? s->looks + 1 : 0;
-    s->looked = now;
-    s->rested = s->looks >= LOOKS;
-    if (s->rested) {
-        s->looks -= LOOKS_BETWEEN;
-        async_run_on_cpu(current_cpu, uart_rest, RUN_ON_CPU_NULL);
-    }
-}
-
 static uint64_t uart_read_reg(NUC980UARTState *s, hwaddr offset)
 {
     switch (offset) {
@@ -641,7 +603,6 @@ static uint64_t uart_read_reg(NUC980UARTState *s, hwaddr offset)
     case A_MODEM:
         return FIELD_DP32(s->regs[R_MODEM], MODEM, RTSSTS, uart_rts_level(s));
     case A_FIFOSTS:
-        uart_looked(s);
         return uart_fifosts(s);
     case A_INTSTS:
         return uart_intsts(s);

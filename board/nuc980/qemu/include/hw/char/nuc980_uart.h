@@ -71,10 +71,6 @@ struct NUC980UARTState {
     uint16_t wire[NUC980_UART_WIRE]; /* sent by the far end, not yet here */
     uint32_t wire_head, wire_used;
 
-    unsigned looks;                 /* of a guest that does nothing else; */
-    int64_t looked;                 /* the last one */
-    bool rested;                    /* no state of the chip: not migrated */
-
     uint32_t inject_parity, inject_framing, inject_break, inject_address;
     DECLARE_BITMAP(unimp_seen, NUC980_UART_REGS);
 };
