@@ -22,7 +22,6 @@ SOURCES = ROOT / "package/openrtu/src"
 EVERYWHERE = {
     "rtud",
     "rtuctl",
-    "rtu-centre",
     "rtu-gps",
     "rtu-logic",
     "relay.json",

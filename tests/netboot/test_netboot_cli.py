@@ -175,7 +175,7 @@ class Forgets(faults.Fault):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        (Forgets(), "not as it should be: extra"),
+        (Forgets(), "differs from what was written: extra"),
         (faults.Refuses("setenv extra", "## Error: read-only\n"), "read-only"),
         (faults.Misprints("printenv", "extra=1\n", "", times=0), "cannot be read"),
         (faults.Misprints("printenv", r"size: \d+", "size: 1", times=0), "cannot be read"),
