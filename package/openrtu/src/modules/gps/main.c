@@ -30,16 +30,10 @@ static void take(void *context, struct gps_fix *fix)
 	publisher_take(context, fix);
 }
 
-static bool set_up(const char *directory)
+/* False: there is no memory. */
+static bool set_up(const struct gps_settings *settings, struct gps_stats *stats, const char *directory)
 {
-	const struct map_config *config = map_config(map);
-	const struct gps_settings *settings = gps_receivers(config);
-	struct gps_stats *stats;
-
-	count = map_record_count(config, GPS_RECEIVERS);
-	stats = gps_stats_of(map);
-	if (settings == NULL || stats == NULL)
-		return false;
+	count = map_record_count(map_config(map), GPS_RECEIVERS);
 	receivers = calloc(count, sizeof(*receivers));
 	for (uint32_t i = 0; receivers != NULL && i < count; i++) {
 		source_init(&receivers[i].source, map, &settings[i], &stats[i], directory, BUILT_DAYS);
@@ -86,14 +80,18 @@ static void run(int stop)
 
 int main(int argc, char **argv)
 {
+	const struct gps_settings *settings;
 	struct options options;
+	struct gps_stats *stats;
 	int stop;
 
 	map = module_begin(argc, argv, &options);
-	if (!set_up(options.devices))
+	settings = gps_receivers(map_config(map));
+	stats = gps_stats_of(map);
+	if (settings == NULL || stats == NULL)
 		return module_is_of_another_build(map);
 	stop = module_stop_fd();
-	if (stop < 0) {
+	if (stop < 0 || !set_up(settings, stats, options.devices)) {
 		map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(errno));
 		return MODULE_FAILED;
 	}

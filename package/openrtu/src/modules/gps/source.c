@@ -11,11 +11,11 @@
 #include "modules/serial.h"
 #include "modules/tcp.h"
 
-#define REOPEN_NS      NS_PER_S
-#define CONNECT_NS     (3 * NS_PER_S)
-#define READ_SIZE      512
-#define READS_A_CYCLE  16
-#define LEAST_STOP_BIT 1
+#define REOPEN_NS     NS_PER_S
+#define CONNECT_NS    (3 * NS_PER_S)
+#define READ_SIZE     512
+#define READS_A_CYCLE 16
+#define STOP_BITS     1 /* NMEA 0183: 8 data bits, no parity */
 
 _Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a source's");
 
@@ -76,7 +76,7 @@ static void note_open(struct source *source)
 
 static void open_serial(struct source *source, int64_t now_ns)
 {
-	const struct serial_settings line = {.baud = source->settings->baud, .stop_bits = LEAST_STOP_BIT};
+	const struct serial_settings line = {.baud = source->settings->baud, .stop_bits = STOP_BITS};
 	char error[SERIAL_ERROR_SIZE];
 	bool carries_parity;
 
