@@ -28,6 +28,7 @@ HEADER = ROOT / "package/openrtu/src/lib/openrtu.h"
 # A module's user need not be able to walk to the interpreter that runs the tests.
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 TANK, PUMP, SMOOTH, WILD, WITNESS = 901, 902, 903, 904, 905  # common addresses
+STATIONS = (TANK, PUMP, SMOOTH, WILD, WITNESS)
 AS_ROOT = pytest.mark.skipif(
     os.geteuid() != 0, reason="each module has a user of its own only if rtud is root's"
 )
@@ -250,7 +251,7 @@ def test_interrogation_has_points_of_every_module(plant: Plant) -> None:
         return bool(plant.point("tank.level-smooth")["value"] == pytest.approx(10, abs=0.01))
 
     plant.gateway.wait_for(smooth, PATIENCE_S, "the filter is at 10")
-    objects = {(r.ca, r.ioa): r for r in plant.master.interrogate_all()}
+    objects = {(r.ca, r.ioa): r for r in plant.master.interrogate_all(*STATIONS)}
     assert objects[TANK, 1].value == 10
     assert objects[PUMP, 1].value is True
     assert objects[SMOOTH, 1].value == pytest.approx(10, abs=0.01)
@@ -333,7 +334,7 @@ def test_flood_reaches_nobody_else(plant: Plant, deed: str) -> None:
     plant.do(deed)
     plant.say("tank", value=50)
     plant.wait_point("pump", "off")
-    objects = {(r.ca, r.ioa): r.value for r in plant.master.interrogate_all()}
+    objects = {(r.ca, r.ioa): r.value for r in plant.master.interrogate_all(*STATIONS)}
     assert objects[PUMP, 1] is False
     assert {name: plant.restarts(name) for name in before} == before
 

@@ -37,8 +37,8 @@ def test_interrogation_is_figure_5_3(desk: Desk) -> None:
 
 
 def test_broadcast_interrogation_reaches_every_station(desk: Desk) -> None:
-    seen = {report.ca for report in desk.master.interrogate_all()}
-    assert seen == {1000, 1010, 2020, 3035, 3067, 3155, 3201, 4040, 5050, 5051, 6001, 6247}
+    stations = {1000, 1010, 2020, 3035, 3067, 3155, 3201, 4040, 5050, 5051, 6001, 6247}
+    assert {report.ca for report in desk.master.interrogate_all(*stations)} == stations
 
 
 def test_group_interrogation(desk: Desk) -> None:

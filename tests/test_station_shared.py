@@ -174,7 +174,7 @@ def test_a_broadcast_is_confirmed_and_ended_once_by_each_station(master: RawMast
 
 
 def test_c104_interrogates_all_stations(desk: Desk) -> None:
-    found = [(report.ca, report.ioa) for report in desk.master.interrogate_all()]
+    found = [(report.ca, report.ioa) for report in desk.master.interrogate_all(CA, OTHER)]
     assert sorted(found) == [(ca, ioa) for ca in (CA, OTHER) for ioa in addresses(MEASURED, ca)]
 
 

@@ -162,7 +162,7 @@ def test_one_interrogation_brings_all_devices_of_an_address(bench: Bench) -> Non
 
 
 def test_broadcast_interrogation_asks_the_station_once(bench: Bench) -> None:
-    ioas = [report.ioa for report in bench.master.interrogate_all()]
+    ioas = [report.ioa for report in bench.master.interrogate_all(CA)]
     assert len(ioas) == len(set(ioas)) > OFFSET // 100
 
 

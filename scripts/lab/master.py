@@ -19,6 +19,7 @@ ANSWER_TIMEOUT_S = 30.0
 SHORTEST_I_FRAME = 15  # APCI, data unit identifier, information object address
 ACT_CON = 7
 ACT_TERM = 10
+BROADCAST = 0xFFFF
 
 
 class MasterError(LabError):
@@ -229,7 +230,7 @@ class Master:
         )
         if not self._confirmed(sent, c104.Type.C_IC_NA_1, ca, 0):
             raise MasterError(f"CA {ca} refused the interrogation")
-        self._await_asdu(sent, lambda a: a.is_of(c104.Type.C_IC_NA_1, ca, 0) and a.cause == ACT_TERM)
+        self._await_terminated(sent, c104.Type.C_IC_NA_1, ca)
         # c104 hands over the objects in another thread, later than the raw frames.
         cause = f"INTERROGATED_BY_GROUP_{group}" if group else "INTERROGATED_BY_STATION"
         return self._settled(lambda: [r for r in self.reports_since(since) if r.cause == cause])
@@ -242,15 +243,18 @@ class Master:
         )
         if not self._confirmed(sent, c104.Type.C_CI_NA_1, ca, 0):
             raise MasterError(f"CA {ca} refused the counter interrogation")
-        self._await_asdu(sent, lambda a: a.is_of(c104.Type.C_CI_NA_1, ca, 0) and a.cause == ACT_TERM)
+        self._await_terminated(sent, c104.Type.C_CI_NA_1, ca)
         cause = "REQUESTED_BY_GENERAL_COUNTER"
         return self._settled(lambda: [r for r in self.reports_since(since) if r.cause == cause])
 
-    def interrogate_all(self) -> list[Report]:
-        """An interrogation of the broadcast address, terminated by every station."""
-        since = self.mark()
-        if not self.connection.interrogation(common_address=65535):
-            raise MasterError("the interrogation of all stations was not confirmed and terminated")
+    def interrogate_all(self, *cas: int) -> list[Report]:
+        """An interrogation of the broadcast address; returns its objects when each CA has terminated it."""
+        since, sent = self.mark(), self._raw_mark()
+        self.connection.interrogation(common_address=BROADCAST, wait_for_response=False)
+        for ca in cas:
+            if not self._confirmed(sent, c104.Type.C_IC_NA_1, ca, 0):
+                raise MasterError(f"CA {ca} refused the interrogation of all stations")
+            self._await_terminated(sent, c104.Type.C_IC_NA_1, ca)
         return self._settled(
             lambda: [r for r in self.reports_since(since) if r.cause == "INTERROGATED_BY_STATION"]
         )
@@ -283,6 +287,9 @@ class Master:
         """The answer as it was on the wire: c104's own waiting misses one that comes within 0.3 ms."""
         answer = self._await_asdu(since, lambda a: a.is_of(kind, ca, ioa) and a.cause != ACT_TERM)
         return answer.cause == ACT_CON and not answer.negative
+
+    def _await_terminated(self, since: int, kind: c104.Type, ca: int) -> None:
+        self._await_asdu(since, lambda a: a.is_of(kind, ca, 0) and a.cause == ACT_TERM)
 
     def _await_asdu(self, since: int, wanted: Callable[[Asdu], bool]) -> Asdu:
         deadline = Deadline(ANSWER_TIMEOUT_S)
