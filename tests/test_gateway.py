@@ -48,7 +48,7 @@ def test_group_interrogation(desk: Desk) -> None:
 
 @pytest.mark.slow
 def test_unknown_station_is_refused(desk: Desk) -> None:
-    assert not desk.master.connection.interrogation(common_address=3068)
+    assert desk.master.is_refused(3068)
 
 
 def test_broadcast_device_is_never_valid(desk: Desk) -> None:

@@ -134,7 +134,7 @@ def tunnel(gateway: TlsGateway, context: ssl.SSLContext) -> Iterator[int]:
 def test_lib60870_through_tls(gateway: TlsGateway, pki: Pki, version: str) -> None:
     """In a tunnel: the TLS of c104 2.2.1 itself ends each handshake for want of a host name (-0x5d80)."""
     with tunnel(gateway, pki.client(version=version)) as port:
-        interrogate_with_lib60870(gateway, port)
+        interrogate_with_lib60870(port)
 
 
 @pytest.mark.parametrize(

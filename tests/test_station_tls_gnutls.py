@@ -107,7 +107,7 @@ def tunnel(secured: GnuTls) -> Iterator[int]:
 @pytest.mark.parametrize("version", VERSIONS)
 def test_lib60870_through_gnutls(gateway: TlsGateway, version: str) -> None:
     with tunnel(connected(gateway, VERSIONS[version])) as port:
-        interrogate_with_lib60870(gateway, port)
+        interrogate_with_lib60870(port)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -101,11 +101,8 @@ def _utc(time_tag: datetime.datetime | None) -> datetime.datetime | None:
     return time_tag.replace(tzinfo=datetime.UTC) if time_tag else None
 
 
-class Master:
-    """
-    A controlling station on two connections, one to monitor and one to command: c104 allows one point an
-    address, and the gateway's commands have the addresses of what they change.
-    """
+class Monitor:
+    """A controlling station on one connection: it interrogates, and keeps what arrives."""
 
     def __init__(self, address: str, port: int) -> None:
         self._arrived = threading.Condition()
@@ -117,27 +114,14 @@ class Master:
         self.connection = self._monitor.add_connection(ip=address, port=port, init=c104.Init.NONE)
         self.connection.on_receive_raw(callable=self._on_receive_raw)
         self.connection.on_unexpected_message(callable=self._on_unexpected_message)
-        self._operator = c104.Client(tick_rate_ms=50, command_timeout_ms=1_000)
-        self.commands = self._operator.add_connection(ip=address, port=port, init=c104.Init.NONE)
-        self.commands.on_receive_raw(callable=self._on_receive_raw)
 
     def __enter__(self) -> Self:
         self._monitor.start()
-        self._operator.start()
-        for connection in (self.connection, self.commands):
-            connection.connect()
-            _wait(
-                lambda c=connection: c.is_connected,
-                CONNECT_TIMEOUT_S,
-                "no connection to the controlled station",
-            )
-            connection.unmute()
-            _wait(lambda c=connection: not c.is_muted, CONNECT_TIMEOUT_S, "no STARTDT con")
+        _start_transfer(self.connection)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._monitor.stop()
-        self._operator.stop()
 
     # ---- what arrives ------------------------------------------------------------------------
 
@@ -235,6 +219,12 @@ class Master:
         cause = f"INTERROGATED_BY_GROUP_{group}" if group else "INTERROGATED_BY_STATION"
         return self._settled(lambda: [r for r in self.reports_since(since) if r.cause == cause])
 
+    def is_refused(self, ca: int) -> bool:
+        """Whether the controlled station refuses an interrogation of this CA."""
+        sent = self._raw_mark()
+        self.connection.interrogation(common_address=ca, wait_for_response=False)
+        return not self._confirmed(sent, c104.Type.C_IC_NA_1, ca, 0)
+
     def interrogate_counters(self, ca: int, freeze: c104.Frz = c104.Frz.READ) -> list[Report]:
         """A general counter interrogation; returns its readings, none unless it reads."""
         since, sent = self.mark(), self._raw_mark()
@@ -265,17 +255,6 @@ class Master:
         self.connection.clock_sync(common_address=ca, wait_for_response=False)
         if not self._confirmed(sent, c104.Type.C_CS_NA_1, ca, 0):
             raise MasterError(f"CA {ca} refused the clock synchronisation")
-
-    def command(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
-        """Sends a direct command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively."""
-        station = self.commands.get_station(ca) or self.commands.add_station(common_address=ca)
-        if station.get_point(ioa):
-            station.remove_point(ioa)
-        point = station.add_point(io_address=ioa, type=getattr(c104.Type, type_name))
-        point.info = info
-        sent = self._raw_mark()
-        point.transmit(cause=c104.Cot.ACTIVATION)
-        return self._confirmed(sent, point.type, ca, ioa)
 
     # ---- frames --------------------------------------------------------------------------------
 
@@ -312,6 +291,47 @@ class Master:
                 quiet = Deadline(quiet_s)
             found = now
         return found
+
+
+class Master(Monitor):
+    """
+    A controlling station on two connections, one to monitor and one to command: c104 allows one point an
+    address, and the gateway's commands have the addresses of what they change.
+    """
+
+    def __init__(self, address: str, port: int) -> None:
+        super().__init__(address, port)
+        self._operator = c104.Client(tick_rate_ms=50, command_timeout_ms=1_000)
+        self.commands = self._operator.add_connection(ip=address, port=port, init=c104.Init.NONE)
+        self.commands.on_receive_raw(callable=self._on_receive_raw)
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        self._operator.start()
+        _start_transfer(self.commands)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        super().__exit__()
+        self._operator.stop()
+
+    def command(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
+        """Sends a direct command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively."""
+        station = self.commands.get_station(ca) or self.commands.add_station(common_address=ca)
+        if station.get_point(ioa):
+            station.remove_point(ioa)
+        point = station.add_point(io_address=ioa, type=getattr(c104.Type, type_name))
+        point.info = info
+        sent = self._raw_mark()
+        point.transmit(cause=c104.Cot.ACTIVATION)
+        return self._confirmed(sent, point.type, ca, ioa)
+
+
+def _start_transfer(connection: c104.Connection) -> None:
+    connection.connect()
+    _wait(lambda: connection.is_connected, CONNECT_TIMEOUT_S, "no connection to the controlled station")
+    connection.unmute()
+    _wait(lambda: not connection.is_muted, CONNECT_TIMEOUT_S, "no STARTDT con")
 
 
 def _wait(condition: Callable[[], bool], timeout_s: float, message: str) -> None:

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import c104
 import pytest
 
 from lab.gateway import TESTFR_ACT, TESTFR_CON, Gateway, free_port, remove, run_directory
+from lab.master import Monitor
 from lab.raw_master import RawMaster
 from peers.authority import Authority, Identity
 
@@ -179,16 +179,7 @@ def assert_refused(gateway: TlsGateway, context: ssl.SSLContext, why: str) -> No
     gateway.wait_log(rf" port {knock(gateway, context)}: refused, {re.escape(why)}$")
 
 
-def interrogate_with_lib60870(gateway: TlsGateway, port: int) -> None:
+def interrogate_with_lib60870(port: int) -> None:
     """By c104, which speaks plain TCP to a tunnel's port of 127.0.0.1."""
-    client = c104.Client(tick_rate_ms=50, command_timeout_ms=10_000)
-    connection = client.add_connection(ip="127.0.0.1", port=port, init=c104.Init.NONE)
-    client.start()
-    try:
-        connection.connect()
-        gateway.wait_for(lambda: connection.is_connected, WAITS_S, "c104 is connected")
-        connection.unmute()
-        gateway.wait_for(lambda: not connection.is_muted, WAITS_S, "data transfer has started")
-        assert connection.interrogation(common_address=STATION)
-    finally:
-        client.stop()
+    with Monitor("127.0.0.1", port) as monitor:
+        assert monitor.interrogate(STATION)
