@@ -42,6 +42,8 @@ from lab.show import (
     check,
     check_none,
     event,
+    interrogated,
+    invalid,
     keep_up,
     run_steps,
     running,
@@ -131,10 +133,9 @@ def whole_station(desk: BoardDesk) -> None:
     """All stations, as the control room sees them at the end"""
     # What the load before took from the lines comes back.
     desk.gateway.wait_for(lambda: all_read(desk.gateway), DEADLINE_S, "all points are good")
-    reports = [report for ca in stations() for report in desk.master.interrogate(ca)]
+    reports = interrogated(desk, *stations())
     table(reports)
-    invalid = [report for report in reports if "Invalid" in report.quality]
-    check_none(invalid, "are not valid")
+    check_none(invalid(reports), "are not valid")
 
 
 BOARD_STEPS: tuple[Step, ...] = (kernel, modules, pins, *STEPS, killed, latency, whole_station)
