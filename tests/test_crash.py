@@ -190,6 +190,7 @@ def test_hung_line_process_is_killed_and_restarted(programs: Path) -> None:
         wait_logged(gateway, r"rtu-modbus-2 has been silent for \d+ ms \(limit 100\)")
 
 
+@pytest.mark.slow
 def test_a_host_without_time_for_a_line_process_is_blamed(programs: Path) -> None:
     """It shares a processor, of which it gets what others leave, with two that leave nothing."""
     config = chapter_5() | {"modbus": AS_ON_A_BOARD | {"priority": 0}}

@@ -260,6 +260,7 @@ def test_freeze_without_the_owner_is_negative(desk: Desk, master: RawMaster) -> 
     assert read_totals(master)[IMPORTED] == before[IMPORTED]
 
 
+@pytest.mark.slow
 def test_counter_that_freezes_by_itself(desk: Desk, master: RawMaster) -> None:
     desk.set_and_scan(METER, "holding_registers", 4, [0, 4711])
     frozen = []
@@ -330,6 +331,7 @@ def test_threshold_and_limits(desk: Desk, master: RawMaster) -> None:
     assert load_scaled(master, THRESHOLD, 0) == ACT_CON
 
 
+@pytest.mark.slow
 def test_smoothing(desk: Desk, master: RawMaster) -> None:
     desk.set_and_scan(DEVICE, "input_registers", 1, [0])
     assert load_scaled(master, SMOOTHING, 5) == ACT_CON  # half a second
@@ -366,6 +368,7 @@ def test_parameters_survive_a_kill_and_are_interrogated(desk: Desk, module: str)
         assert load_scaled(master, THRESHOLD, 0) == ACT_CON
 
 
+@pytest.mark.slow
 def test_cyclic_transmission_is_stopped_and_started(desk: Desk, master: RawMaster) -> None:
     cyclic = 30015  # meter.active-power-in-kw, each second
     assert master.answer(13, timeout_s=5).cause == 1

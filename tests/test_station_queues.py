@@ -357,6 +357,7 @@ def test_connections_of_one_address_without_a_group_are_controlling_stations_of_
 # ---- too many events -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_overflow_is_counted_and_all_values_follow(programs: Path) -> None:
     limit, changes = 100, 70
     config = configuration()

@@ -324,6 +324,7 @@ def test_session_is_not_resumed_when_it_is_too_old(pki: Pki, programs: Path, ver
         assert not session_of(gateway, context, session)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_session_ends_with_its_certificate(gateway: TlsGateway, pki: Pki, version: str) -> None:
     until = datetime.now(UTC).replace(microsecond=0) + timedelta(seconds=3)
