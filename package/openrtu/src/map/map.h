@@ -279,7 +279,11 @@ enum map_action {
 	MAP_RESTART,   /* to rtud: stops all modules and starts them anew, soon after its answer */
 	MAP_FREEZE,    /* to an owner of counters: detail is enum map_freeze, value.u which counters */
 	MAP_PARAMETER, /* detail is enum map_parameter; value as the point has it, of MAP_CYCLIC 0 or 1 */
+	MAP_MODULE, /* to rtud, by a module that acts for people on site: point is a module, detail enum map_wish */
 };
+
+/* What rtud shall do with a module's process. One that is stopped stays so until it is started, or rtud is. */
+enum map_wish { MAP_WISH_STOP, MAP_WISH_START, MAP_WISH_RESTART };
 
 /* The parameters of a measured value, as KPA of the QPM numbers them (IEC 60870-5-101, 7.2.6.24), and its cyclic transmission. */
 enum map_parameter { MAP_THRESHOLD = 1, MAP_SMOOTHING, MAP_LOW_LIMIT, MAP_HIGH_LIMIT, MAP_CYCLIC };
@@ -293,11 +297,11 @@ enum map_freeze { MAP_FREEZE_ONLY = 1, MAP_FREEZE_AND_RESET = 2, MAP_RESET_ONLY 
 
 struct map_request {
 	uint32_t id;         /* given by map_request_post */
-	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK, MAP_RESTART */
+	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK, MAP_RESTART; a module for MAP_MODULE */
 	uint32_t generation; /* of the owner it was meant for; given by map_request_post */
 	uint16_t requester;  /* module index; given by map_request_post */
 	uint8_t action;      /* enum map_action */
-	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE, MAP_PARAMETER: see there */
+	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE, MAP_PARAMETER, MAP_MODULE: see there */
 	uint32_t
 	    session; /* who in the requester selected: connection and originator; compared, not understood */
 	union map_value value;

@@ -63,6 +63,11 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
+    {"module", "NAME stop|start|restart", 2, 2, 0, "rtuctl", "stop, start or restart a module's process",
+     "A module that was stopped stays so until it is started, or rtud is; its points are invalid meanwhile. "
+     "The exit\n"
+     "code is 0 only when it came about.\n",
+     rtuctl_module},
     {"counters", "[MODULE]", 0, 1, 0, NULL, "the counters of the modules, by name",
      "MODULE is a name as \"rtuctl modules\" has it. Counters count since the gateway started and wrap at "
      "2^32.\n",

@@ -55,6 +55,8 @@ struct child {
 	bool attached; /* this generation has */
 	bool silent;   /* heartbeat too old, said to all readers of events */
 	bool silence_logged;
+	bool held;                 /* stopped on purpose: stays so until it is asked for */
+	int64_t kill_at_ns;        /* was asked to end, and ends then at the latest; 0: was not */
 	int64_t silent_since_ns;   /* its last heartbeat */
 	int64_t silence_logged_ns; /* 0: never */
 	int64_t started_ns;
@@ -244,14 +246,19 @@ static void module_ended(struct supervisor *supervisor, uint32_t index, int stat
 {
 	struct child *child = &supervisor->children[index];
 	bool attached = map_module_attached(supervisor->map, index); /* maybe since the last look at it */
+	const bool asked = child->kill_at_ns != 0;
 	struct map_module module;
 
-	map_module_ended(supervisor->map, index, !supervisor->stopping);
+	map_module_ended(supervisor->map, index, !supervisor->stopping && !asked);
 	child->pid = 0;
+	child->kill_at_ns = 0;
 	if (supervisor->stopping)
 		return;
 	if (attached) /* also when it was silent: it may have woken and published before it died */
 		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
+	child->restart_at_ns = 0;
+	if (asked)
+		return;
 	map_module(supervisor->map, index, &module);
 	log_end(supervisor, index, module.name, status);
 	plan_restart(child, attached, status);
@@ -355,7 +362,11 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 	run = run_of(supervisor, &module);
 	if (!is_started(&run))
 		return;
-	if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
+	if (child->pid == 0 && child->held)
+		return;
+	if (child->kill_at_ns != 0 && map_now_ns() > child->kill_at_ns) {
+		kill(child->pid, SIGKILL);
+	} else if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
 		start_module(supervisor, index, &module);
 	} else if (child->pid && child->attached) {
 		watch_heartbeat(supervisor, index, &module);
@@ -391,6 +402,57 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 		supervisor->reset_at_ns = now + RESET_DELAY_MS * NS_PER_MS;
 }
 
+static const char *const wishes[] = {
+    [MAP_WISH_STOP] = "stop", [MAP_WISH_START] = "start", [MAP_WISH_RESTART] = "restart"};
+
+/* False: it is none that rtud runs, or not this requester's to ask for. */
+static bool may_wish(const struct supervisor *supervisor, const struct map_request *request)
+{
+	struct map_module requester, module;
+	struct kind_run run;
+
+	map_module(supervisor->map, request->requester, &requester);
+	if (!(requester.flags & MAP_IS_LOCAL) || request->point >= map_module_count(supervisor->map) ||
+	    request->detail >= sizeof(wishes) / sizeof(wishes[0]))
+		return false;
+	map_module(supervisor->map, request->point, &module);
+	run = run_of(supervisor, &module);
+	return is_started(&run);
+}
+
+/* A process that was stopped by a signal would not hear the one that ends it. */
+static void ask_to_end(struct child *child)
+{
+	if (child->pid == 0 || child->kill_at_ns != 0)
+		return;
+	kill(child->pid, SIGTERM);
+	kill(child->pid, SIGCONT);
+	child->kill_at_ns = map_now_ns() + STOP_MS * NS_PER_MS;
+}
+
+static void take_wish(struct supervisor *supervisor, const struct map_request *request)
+{
+	struct map_module requester, module;
+	struct child *child;
+
+	if (!may_wish(supervisor, request)) {
+		map_request_answer(supervisor->map, request, MAP_RESULT_NOT_COMMANDABLE);
+		return;
+	}
+	map_module(supervisor->map, request->requester, &requester);
+	map_module(supervisor->map, request->point, &module);
+	map_log(supervisor->map, MAP_LOG_WARNING, "%s asked to %s %s", requester.name,
+		wishes[request->detail], module.name);
+	child = &supervisor->children[request->point];
+	child->held = request->detail == MAP_WISH_STOP;
+	child->restart_at_ns = 0;
+	if (request->detail != MAP_WISH_START)
+		ask_to_end(child);
+	if (child->held && child->pid == 0)
+		map_module_ended(supervisor->map, request->point, false);
+	map_request_answer(supervisor->map, request, MAP_RESULT_DONE);
+}
+
 static void serve_requests(struct supervisor *supervisor)
 {
 	struct map_request request;
@@ -400,6 +462,8 @@ static void serve_requests(struct supervisor *supervisor)
 			clock_set(supervisor->map, &request);
 		else if (request.action == MAP_RESTART)
 			take_reset(supervisor, &request);
+		else if (request.action == MAP_MODULE)
+			take_wish(supervisor, &request);
 	}
 }
 
