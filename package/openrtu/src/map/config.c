@@ -54,8 +54,11 @@ void map_move_section(struct map_config *config, uint32_t id, void *records)
 uint32_t map_plan_module(struct map_config *config, const struct map_module_plan *module)
 {
 	for (uint32_t i = 0; i < config->module_count; i++)
-		if (strcmp(config->modules[i].name, module->name) == 0)
+		if (strcmp(config->modules[i].name, module->name) == 0) {
+			if (config->modules[i].kind[0] == '\0')
+				config->modules[i] = *module;
 			return i;
+		}
 	if (config->module_count == MAP_MODULES_MAX)
 		return UINT32_MAX;
 	config->modules[config->module_count] = *module;

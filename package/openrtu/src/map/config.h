@@ -57,6 +57,7 @@ struct map_set {
 	char name[MAP_NAME_SIZE];
 	char prefix[MAP_PREFIX_SIZE]; /* of the names of points that have none: map_label */
 	bool never_read;              /* its points take commands, and have no values */
+	uint32_t latch;               /* place among its owner's sets; set by map_create */
 };
 
 /* One object, seen by every protocol. */
@@ -129,6 +130,7 @@ enum map_module_flag {
 	MAP_HEARS_EVENTS = 1u << 3,  /* its bell is rung when there are some */
 	MAP_KEEPS_QUEUES = 1u << 4,  /* the event queues lie in its segment: of one module in a map */
 	MAP_IS_LOCAL = 1u << 5,      /* asks for people on the spot, not for a control centre */
+	MAP_IS_GONE = 1u << 6, /* the configuration has it no more: it is there for the events that it left */
 };
 
 /* How many records each ring of a segment holds: a power of two; 1 where its module never writes one. */
@@ -167,6 +169,11 @@ struct map_section {
 struct map_config {
 	struct map_settings settings;
 	uint32_t set_count, point_count;
+	/*
+	 * Behind these: what the configuration has no more, so that events of it can still be told. Nothing finds them by an
+	 * address or a name.
+	 */
+	uint32_t gone_set_count, gone_point_count;
 	struct map_set *sets;
 	struct map_point *points;
 	char *names; /* given to points, each with its terminator; the first begins at 1 */
@@ -208,7 +215,7 @@ void map_move_section(struct map_config *config, uint32_t id, void *records);
 
 /*
  * Adds a module, unless there is one of this name, and returns its number; UINT32_MAX: there are MAP_MODULES_MAX. modules has
- * room for as many.
+ * room for as many. One that has a name and no kind keeps a number for the module of this name.
  */
 uint32_t map_plan_module(struct map_config *config, const struct map_module_plan *module);
 

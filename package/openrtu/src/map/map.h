@@ -103,6 +103,20 @@ int map_create(struct map **map, const char *dir, const struct map_config *confi
 int map_attach(struct map **map, const char *dir, const char *module, char *error);
 void map_detach(struct map *map);
 
+/*
+ * rtud has put another configuration into force (docs/reload.md). Who reads others' points takes it when he is ready for it,
+ * and until then sees what was not changed as before. Modules keep their numbers; points and sets get others.
+ */
+bool map_is_changed(const struct map *map);
+/*
+ * Takes it. before is what map_config said until now; what it refers to stays readable until map_forget, or the next time.
+ * 0, or -1 with a message in error (MAP_ERROR_SIZE bytes) and everything as it was.
+ */
+int map_renew(struct map *map, struct map_config *before, char *error);
+void map_forget(struct map *map);
+/* The number that a point of before has now, known by its addresses; MAP_NONE: it is gone. */
+uint32_t map_number_now(const struct map *map, const struct map_config *before, uint32_t point);
+
 const struct map_config *map_config(const struct map *map);
 uint32_t map_self(const struct map *map); /* own index in the module table, MAP_NONE for an observer */
 uint32_t map_module_count(const struct map *map);
@@ -307,8 +321,8 @@ struct map_request {
 	union map_value value;
 	uint16_t pulse_ms; /* of a coil: the value for so long, then off; 0: persistent */
 	int8_t step;       /* -1 lower, 1 higher: by the point's step from its last value; value is 0 then */
-	uint8_t reserved;
-	int64_t time_ns;     /* when it was issued */
+	uint8_t owner;     /* whom it is for; given by map_request_post */
+	int64_t time_ns;   /* when it was issued */
 	int64_t deadline_ns; /* refused when not begun by then */
 	int64_t wall_ns;     /* MAP_SET_CLOCK: since 1970, UTC */
 };
