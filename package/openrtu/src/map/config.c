@@ -5,7 +5,6 @@
 #include <string.h>
 
 /* Of map_label. */
-#define LABEL     (1u << 31)
 #define LABEL_BIT (1u << 23)
 
 void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE])
@@ -13,7 +12,7 @@ void map_point_name(const struct map_config *config, const struct map_point *poi
 	const struct map_set *set = &config->sets[point->set];
 	const uint32_t label = point->name;
 
-	if (!(label & LABEL))
+	if (!(label & MAP_LABEL))
 		snprintf(out, MAP_NAME_SIZE, "%s", &config->names[point->name]);
 	else if (label & LABEL_BIT)
 		snprintf(out, MAP_NAME_SIZE, "%s.%c%u.%u", set->prefix, (int)(label >> 24 & 0x7f),

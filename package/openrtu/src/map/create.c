@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Making the files of the map: the configuration, the segments, the bells. */
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
@@ -71,6 +72,7 @@ static void assign_slots(struct config_header *header, const struct map_config *
 		struct module_entry *owner = &header->modules[config->sets[point->set].module];
 
 		point->slot = owner->point_count++;
+		owner->live_count += i < config->point_count;
 		point->command = (point->flags & MAP_POINT_COMMAND) ? owner->command_count++ : MAP_NONE;
 		if (point->type == MAP_COUNTER)
 			point->extra = owner->total_count++;
@@ -322,6 +324,7 @@ int map_create(struct map **map, const char *dir, const struct map_config *confi
 
 	if (fd < 0)
 		return -1;
+	map_sweep(fd, NULL); /* what an rtud left that was killed */
 	if (config_create(fd, config, 0, made, group, error) < 0 || map_attach(map, dir, "rtud", error) < 0) {
 		close(fd);
 		return -1;
@@ -352,16 +355,33 @@ int map_segment_open(const struct map *map, uint32_t module)
 	return openat(map->directory_fd, name, O_RDWR | O_CLOEXEC | O_NOFOLLOW);
 }
 
+static bool ends_with(const char *name, const char *end)
+{
+	const size_t length = strlen(name), ending = strlen(end);
+
+	return length > ending && strcmp(name + length - ending, end) == 0;
+}
+
+static bool is_of_the_map(const char *name)
+{
+	return ends_with(name, ".seg") || ends_with(name, ".bell") || ends_with(name, ".config") ||
+	       strcmp(name, MAP_REPORT) == 0;
+}
+
+void map_sweep(int directory_fd, const char *mark)
+{
+	const int fd = openat(directory_fd, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	DIR *directory = fd < 0 ? NULL : fdopendir(fd);
+	const struct dirent *entry;
+
+	while (directory != NULL && (entry = readdir(directory)) != NULL)
+		if (is_of_the_map(entry->d_name) && (mark == NULL || strstr(entry->d_name, mark) != NULL))
+			unlinkat(directory_fd, entry->d_name, 0);
+	if (directory != NULL)
+		closedir(directory);
+}
+
 void map_remove(struct map *map)
 {
-	char name[FILE_NAME_SIZE];
-
-	for (uint32_t i = 0; i < map_module_count(map); i++) {
-		segment_file(name, map->modules[i].plan.name, map->modules[i].made);
-		unlinkat(map->directory_fd, name, 0);
-		bell_file(name, map->modules[i].plan.name);
-		unlinkat(map->directory_fd, name, 0);
-	}
-	config_file(name, map->file->epoch);
-	unlinkat(map->directory_fd, name, 0);
+	map_sweep(map->directory_fd, NULL);
 }

@@ -83,7 +83,8 @@ struct counter_entry {
 struct module_entry {
 	struct map_module_plan plan;
 	uint32_t set_count;
-	uint32_t point_count;
+	uint32_t point_count; /* with those that are gone */
+	uint32_t live_count;  /* without them */
 	uint32_t command_count;
 	uint32_t total_count;
 	uint32_t parameter_count;
@@ -224,6 +225,9 @@ __attribute__((format(printf, 2, 3))) int map_fail(char *error, const char *form
  */
 int config_create(int directory_fd, const struct map_config *config, uint32_t epoch, const uint32_t *made,
 		  uint32_t group, char *error);
+
+/* Removes the files of the map's folder, those whose names have the mark in them; NULL: all. */
+void map_sweep(int directory_fd, const char *mark);
 
 /* ------------------------------------------------------------------------------------------ */
 

@@ -387,6 +387,28 @@ int map_attach(struct map **out, const char *dir, const char *module, char *erro
 	return -1;
 }
 
+/* ---- a configuration that may follow --------------------------------------------------------- */
+
+int map_attach_again(struct map **out, const struct map *map, uint32_t later, char *error)
+{
+	struct map *next = calloc(1, sizeof(*next));
+
+	if (!next)
+		return map_fail(error, "out of memory");
+	next->self = MAP_NONE;
+	for (unsigned i = 0; i < MAP_MODULES_MAX; i++)
+		next->segments[i].bell = -1;
+	next->directory_fd = fcntl(map->directory_fd, F_DUPFD_CLOEXEC, 0);
+	if (attach_directory(next, false, error) == 0 &&
+	    open_config(next, map->file->epoch + later, false, error) == 0 &&
+	    attach_segments(next, error) == 0) {
+		*out = next;
+		return 0;
+	}
+	map_detach(next);
+	return -1;
+}
+
 /* ---- a changed configuration --------------------------------------------------------------- */
 
 bool map_is_changed(const struct map *map)

@@ -24,6 +24,8 @@
 
 #define MAP_NONE                    UINT32_MAX
 #define MAP_ERROR_SIZE              256
+#define MAP_PATH_SIZE               256 /* of the path in the section of who asks for MAP_RELOAD; empty: rtud's file */
+#define MAP_REPORT                  "rtud.report" /* in the map's folder: what came of it */
 #define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
 #define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points; configurable */
 #define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
@@ -64,7 +66,8 @@ enum map_module_state {
 	MAP_MODULE_STOPPED,  /* no process, on purpose */
 	MAP_MODULE_STARTING, /* forked, has not attached yet */
 	MAP_MODULE_RUNNING,
-	MAP_MODULE_DOWN, /* died or hangs; rtud restarts it */
+	MAP_MODULE_SWITCHING, /* its process is being exchanged, for a changed configuration */
+	MAP_MODULE_DOWN,      /* died or hangs; rtud restarts it */
 };
 
 struct map_module {
@@ -293,6 +296,7 @@ enum map_action {
 	MAP_RESTART,   /* to rtud: stops all modules and starts them anew, soon after its answer */
 	MAP_FREEZE,    /* to an owner of counters: detail is enum map_freeze, value.u which counters */
 	MAP_PARAMETER, /* detail is enum map_parameter; value as the point has it, of MAP_CYCLIC 0 or 1 */
+	MAP_RELOAD, /* to rtud, by who acts on site: the file that his section names; detail 1: only to check it */
 	MAP_MODULE, /* to rtud, by a module that acts for people on site: point is a module, detail enum map_wish */
 };
 

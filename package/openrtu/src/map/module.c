@@ -8,11 +8,6 @@
 #include "map/supervise.h"
 #include "map/time_ns.h"
 
-uint32_t map_module_count(const struct map *map)
-{
-	return map->file->module_count;
-}
-
 static uint32_t last_beat_ms(const struct map *map, uint32_t module)
 {
 	return atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
@@ -43,12 +38,16 @@ static bool attached(const struct map *map, uint32_t module)
 	       atomic_load_explicit(&status->generation, memory_order_acquire);
 }
 
+static bool may_run(uint32_t state)
+{
+	return state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING || state == MAP_MODULE_SWITCHING;
+}
+
 bool map_alive(const struct map *map, uint32_t module)
 {
 	uint32_t state = atomic_load_explicit(&map->directory->modules[module].state, memory_order_acquire);
 
-	return (state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING) && attached(map, module) &&
-	       beats(map, module);
+	return may_run(state) && attached(map, module) && beats(map, module);
 }
 
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
@@ -78,7 +77,7 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out)
 	    .generation = atomic_load(&status->generation),
 	    .restarts = atomic_load(&status->restarts),
 	    .heartbeat_age_ms = heartbeat_age_ms(map, index),
-	    .point_count = entry->point_count,
+	    .point_count = entry->live_count,
 	    .started_ns = (int64_t)atomic_load(&status->started_s) * NS_PER_S,
 	};
 	out->lost_events = atomic_load(&map->segments[index].header->lost_events);
@@ -110,7 +109,7 @@ bool map_may_run(const struct map *map)
 {
 	uint32_t state = atomic_load(&map->directory->modules[map->self].state);
 
-	return (state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING) && attached(map, map->self);
+	return may_run(state) && attached(map, map->self);
 }
 
 /* ---- supervision ------------------------------------------------------------------------- */
@@ -142,6 +141,16 @@ bool map_module_attached(const struct map *map, uint32_t module)
 void map_module_running(struct map *map, uint32_t module)
 {
 	atomic_store(&map->directory->modules[module].state, MAP_MODULE_RUNNING);
+}
+
+void map_module_switching(struct map *map, uint32_t module)
+{
+	atomic_store(&map->directory->modules[module].state, MAP_MODULE_SWITCHING);
+}
+
+bool map_module_has_taken_over(const struct map *map, uint32_t module)
+{
+	return attached(map, module) && atomic_load(&map->segments[module].header->carried) == 0;
 }
 
 void map_module_ended(struct map *map, uint32_t module, bool failed)

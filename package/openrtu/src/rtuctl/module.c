@@ -34,7 +34,7 @@ static bool find_module(const struct map *map, const char *name, uint32_t *numbe
 
 	for (*number = 0; *number < map_module_count(map); ++*number) {
 		map_module(map, *number, &module);
-		if (strcmp(module.name, name) == 0)
+		if (strcmp(module.name, name) == 0 && !(module.flags & MAP_IS_GONE))
 			return true;
 	}
 	fprintf(stderr, "rtuctl: there is no module \"%s\": \"rtuctl modules\" lists them all\n", name);

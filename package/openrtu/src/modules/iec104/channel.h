@@ -32,6 +32,9 @@ enum channel_progress {
 /* Before the first channel; the station, initialised, is where it logs. False: said in the log and on stderr. */
 bool channel_start(struct iec104_station *station);
 
+/* The station's settings are elsewhere now, and the same. */
+void channel_renew(const struct iec104_station *station);
+
 /* To be called in each turn: what lies outside, as files, may have changed. now_ns: CLOCK_MONOTONIC. */
 void channel_watch(int64_t now_ns);
 

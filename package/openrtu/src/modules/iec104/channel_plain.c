@@ -13,6 +13,11 @@ bool channel_start(struct iec104_station *station)
 	return true;
 }
 
+void channel_renew(const struct iec104_station *station)
+{
+	(void)station;
+}
+
 void channel_watch(int64_t now_ns)
 {
 	(void)now_ns;

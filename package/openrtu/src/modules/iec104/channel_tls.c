@@ -113,6 +113,12 @@ static bool read_files(void)
 	return true;
 }
 
+void channel_renew(const struct iec104_station *of_station)
+{
+	settings = &of_station->settings->tls;
+	tls_certificate_start(settings);
+}
+
 bool channel_start(struct iec104_station *of_station)
 {
 	station = of_station;

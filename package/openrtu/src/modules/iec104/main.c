@@ -341,6 +341,25 @@ static bool handle_all(const struct epoll_event *events, int count)
 	return wanted;
 }
 
+/* Nothing is half done here: what has come is in the station, what it says in its octets. */
+static void follow_configuration(void)
+{
+	static int64_t again_ns;
+	struct map_config before;
+	char error[MAP_ERROR_SIZE];
+
+	if (!map_is_changed(map) || map_now_ns() < again_ns)
+		return;
+	if (map_renew(map, &before, error) < 0) {
+		map_log(map, MAP_LOG_ERROR, "cannot take the changed configuration: %s", error);
+		again_ns = map_now_ns() + NS_PER_S;
+		return;
+	}
+	iec104_station_renew(&station, &before);
+	channel_renew(&station);
+	map_forget(map);
+}
+
 static void run(void)
 {
 	bool wanted = true;
@@ -351,6 +370,7 @@ static void run(void)
 
 		wanted = handle_all(events, count);
 		end_bell_rest();
+		follow_configuration();
 		channel_watch(map_now_ns());
 		serve();
 		handshakes_watch(&station, map_now_ns());
