@@ -254,6 +254,21 @@ static void print_changes(const struct change *change)
 
 /* ------------------------------------------------------------------------------------------ */
 
+/* A kind writes the numbers of its modules into its records. */
+static bool copy_sections(const struct map_config *from, struct map_config *to)
+{
+	for (uint32_t i = 0; i < from->section_count; i++) {
+		const struct map_section *section = &from->sections[i];
+		const size_t size = (size_t)section->count * section->record_size;
+
+		to->sections[i].records = malloc(size + 1);
+		if (to->sections[i].records == NULL)
+			return false;
+		memcpy(to->sections[i].records, section->records, size);
+	}
+	return true;
+}
+
 /* What goes back into force has been checked, and is in memory. */
 static bool copy_config(const struct map *from, struct map_config *out)
 {
@@ -270,7 +285,7 @@ static bool copy_config(const struct map *from, struct map_config *out)
 	memcpy(out->sets, config->sets, config->set_count * sizeof(*out->sets));
 	memcpy(out->points, config->points, config->point_count * sizeof(*out->points));
 	memcpy(out->names, config->names, config->names_size);
-	return true;
+	return copy_sections(config, out);
 }
 
 static bool load(const struct change_plan *plan, const struct map *before, struct map_config *out,
@@ -281,7 +296,6 @@ static bool load(const struct change_plan *plan, const struct map *before, struc
 	return config_load(plan->path, plan->modules, out, report) == CONFIG_GOOD;
 }
 
-/* A section of what goes back into force is not this process' to free, and it ends. */
 static bool plan_modules(const struct change *change)
 {
 	keep_numbers(change);
