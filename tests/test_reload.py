@@ -34,6 +34,7 @@ CHANGED_CA, CHANGED_DEVICE = 3035, "3.35"
 NEW_CA = 3067  # on the line of CHANGED_DEVICE
 OWN_LINE_CA = 2020  # on a line of its own
 RELOAD_S = 60.0
+PULSE_MS = 1500
 KILLS = 6
 RELOADS = 8  # of random configurations
 
@@ -302,6 +303,50 @@ def test_events_wait_for_a_master_that_is_away(site: Site) -> None:
             ca = site.ca(device)
             master.wait(lambda r, ca=ca, ioa=ioa: (r.ca, r.ioa, r.value) == (ca, ioa, 13))
             assert changes(master.reports_since(0), ca, ioa) == [11, 12, 13]
+
+
+def pulsed(config: Config) -> Config:
+    config = copy.deepcopy(config)
+    coil(config)["long_pulse_ms"] = PULSE_MS
+    return config
+
+
+def coil(config: Config) -> dict[str, Any]:
+    line = next(port for port in config["port"] if port["value"] == 3)
+    found: dict[str, Any] = next(slave for slave in line["slaves"] if slave["id"] == 35)["coils"][0]
+    return found
+
+
+def written(site: Site, address: int, since: int) -> list[int]:
+    return [
+        frame.value
+        for frame in site.lines.frames(since)
+        if (frame.kind, frame.port, frame.unit, frame.table, frame.address)
+        == ("writing", 3, 35, "coils", address)
+    ]
+
+
+def test_pulse_under_way_ends_before_its_line_is_exchanged(site: Site) -> None:
+    """Nothing is written twice, and whoever commanded is told."""
+    config, address = pulsed(site.config), coil(site.config)["address"]
+    assert site.reload(reduced(config, *SMALL))[0] == 0
+    (name,) = [
+        name
+        for name, row in site.gateway.points().items()
+        if (row["ca"], row["ioa"]) == (CHANGED_CA, 1 + address)
+    ]
+    mark = site.lines.mark()
+    command = [*site.gateway.rtuctl, "set", name, "on", "--pulse", "long"]
+    pulse = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    site.gateway.wait_for(lambda: written(site, address, mark) == [1], 30.0, "the pulse begins")
+    before = pids(site)
+    site.gateway.config_file.write_text(json.dumps(reduced(config, *SMALL, "3.67")))
+    assert site.gateway.process
+    site.gateway.process.send_signal(signal.SIGHUP)  # rtuctl waits for its command
+    assert pulse.wait(30) == 0
+    site.gateway.wait_for(lambda: pids(site)[CHANGED] != before[CHANGED], 30.0, "the line is exchanged")
+    site.gateway.wait_for(lambda: everything_read(site.gateway), 30.0, "the new device is read")
+    assert written(site, address, mark) == [1, 0]
 
 
 # ---- what breaks ------------------------------------------------------------------------------------
