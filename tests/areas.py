@@ -73,6 +73,10 @@ REACH = [
     ("package/openrtu/src/*fuzz*", f"{C} fuzzers tests/test_fuzz.py"),
     ("package/openrtu/src/VERSION", f"{C} {DESK} test-image {ON_BOARD}"),
     (
+        "package/openrtu/src/journal/record.c",
+        f"{C} fuzzers {DESK} {ON_BOARD} tests/image/test_update_file.py",
+    ),
+    (
         "package/openrtu/src/centre/*",
         f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
