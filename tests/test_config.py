@@ -449,6 +449,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "journal.cycles": {"volume_mb": 1048576},
     "gps_receiver.device": {"gpsd": REMOVED},
     "gps_receiver.baud_rate": {"gpsd": REMOVED, "burst_octets": 40},
+    "gps_receiver.position_ioa": {"ioa": 1000},  # unlike those that are tried
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},

@@ -218,6 +218,9 @@ void map_cursor_to_end(const struct map *map, struct map_cursor *cursor);
 uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor);
 /* The oldest event behind the cursor, over all modules, those restored from the journal first, and moves on. False: there is none now. */
 bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out);
+/* The same of one module alone. */
+bool map_event_next_of(const struct map *map, struct map_cursor *cursor, uint32_t module,
+		       struct map_event *out);
 
 /* ---- bells ------------------------------------------------------------------------------- */
 
