@@ -263,7 +263,7 @@ ROOMS = [
     "rtuctl",
     "rtud",
 ]
-ROOMS += ["modules/gps", "modules/iec104", "modules/logic", "modules/modbus"]
+ROOMS += ["modules/gps", "modules/iec104", "modules/iec104m", "modules/logic", "modules/modbus"]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 # A function or a table that other files may use stands at the beginning of a line.
