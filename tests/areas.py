@@ -47,6 +47,8 @@ REACH = [
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
     ("docs/centre.md", "tests/test_centre.py"),
+    ("docs/concentrator.md", "tests/test_outstations.py"),
+    ("docs/examples/concentrator.json", "lint tests/test_outstations.py"),
     ("docs/traps.md", "tests/test_station_traps.py"),
     ("docs/realtime.md", "tests/linux/test_realtime.py"),
     ("docs/netboot.md", "tests/netboot/test_netboot_docs.py"),
@@ -124,6 +126,7 @@ REACH = [
     # the tests; a file of tests reaches itself
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py"),
+    ("tests/peers/outstation.py", "tests/test_outstations.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
