@@ -41,8 +41,8 @@ enum channel_progress {
 /* Before the first channel. owner must outlive all of them. False: it has said why, also on stderr. */
 bool channel_start(const struct channel_owner *owner);
 
-/* The station's settings are elsewhere now, and the same. */
-void channel_renew(const struct iec104_station *station);
+/* What the owner's tls says is elsewhere now, and the same. */
+void channel_renew(const struct iec104_tls *tls);
 
 /* To be called in each turn: what lies outside, as files, may have changed. now_ns: CLOCK_MONOTONIC. */
 void channel_watch(int64_t now_ns);

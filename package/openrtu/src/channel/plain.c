@@ -13,9 +13,9 @@ bool channel_start(const struct channel_owner *owner)
 	return true;
 }
 
-void channel_renew(const struct iec104_station *station)
+void channel_renew(const struct iec104_tls *tls)
 {
-	(void)station;
+	(void)tls;
 }
 
 void channel_watch(int64_t now_ns)

@@ -128,17 +128,13 @@ static bool read_files(void)
 	return true;
 }
 
-<<<<<<< HEAD:package/openrtu/src/modules/iec104/channel_tls.c
-void channel_renew(const struct iec104_station *of_station)
+void channel_renew(const struct iec104_tls *tls)
 {
-	settings = &of_station->settings->tls;
+	settings = tls; /* which is what is read from the owner's */
 	tls_certificate_start(settings);
 }
 
-bool channel_start(struct iec104_station *of_station)
-=======
 bool channel_start(const struct channel_owner *of_channels)
->>>>>>> main:package/openrtu/src/channel/tls.c
 {
 	owner = of_channels;
 	settings = owner->tls;

@@ -14,14 +14,9 @@
 #include "map/station.h"
 #include "map/type.h"
 
-<<<<<<< HEAD
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
 #define CONFIG_MAGIC 0x4352544Fu /* "ORTC" */
-#define MAP_LAYOUT   9u          /* raise with every change of what lies in the segments */
-=======
-#define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 9u          /* raise with every change of what lies in the segments */
->>>>>>> main
+#define MAP_LAYOUT   10u         /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {

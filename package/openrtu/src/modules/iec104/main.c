@@ -313,7 +313,7 @@ static void follow_configuration(void)
 		return;
 	}
 	iec104_station_renew(&station, &before);
-	channel_renew(&station);
+	channel_renew(&station.settings->tls);
 	map_forget(map);
 }
 
