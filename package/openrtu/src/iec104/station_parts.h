@@ -261,6 +261,7 @@ bool iec104_send_parameters(const struct iec104_station *station, struct iec104_
  * procedure's own, when its turn has come.
  */
 bool iec104_interrogate(struct iec104_station *station, const struct iec104_received *received);
+void iec104_restart_procedure(const struct iec104_station *station, struct iec104_connection *connection);
 bool iec104_advance_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			      int64_t now_ns);
 
