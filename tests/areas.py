@@ -57,8 +57,10 @@ REACH = [
     ("docs/image-*.md", "test-image"),
     ("docs/device-tree.md", "tests/pins/test_cli.py"),
     ("docs/figures/run-native.svg", "tests/test_show.py"),
+    ("docs/figures/blocks.svg", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/logic.md", "tests/test_logic.py"),
+    ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign.py"),
@@ -72,6 +74,10 @@ REACH = [
     ("package/openrtu/src/*/test_*.[ch]", C),
     ("package/openrtu/src/*fuzz*", f"{C} fuzzers tests/test_fuzz.py"),
     ("package/openrtu/src/VERSION", f"{C} {DESK} test-image {ON_BOARD}"),
+    (
+        "package/openrtu/src/journal/record.c",
+        f"{C} fuzzers {DESK} {ON_BOARD} tests/image/test_update_file.py",
+    ),
     (
         "package/openrtu/src/centre/*",
         f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",

@@ -452,6 +452,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "journal.cycles": {"volume_mb": 1048576},
     "gps_receiver.device": {"gpsd": REMOVED},
     "gps_receiver.baud_rate": {"gpsd": REMOVED, "burst_octets": 40},
+    "gps_receiver.position_ioa": {"ioa": 1000},  # unlike those that are tried
     "retry_ms": {"retry_max_ms": 3600000},
     "retry_max_ms": {"retry_ms": 10},
     "command_ioa": {"command": True},

@@ -51,6 +51,9 @@ enum channel_progress {
 /* Before the first channel. owner must outlive all of them. False: it has said why, also on stderr. */
 bool channel_start(const struct channel_owner *owner);
 
+/* The owner's settings of TLS are elsewhere now, and the same. */
+void channel_renew(void);
+
 /* To be called in each turn: what lies outside, as files, may have changed. now_ns: CLOCK_MONOTONIC. */
 void channel_watch(int64_t now_ns);
 

@@ -167,6 +167,12 @@ static bool read_files(void)
 	return true;
 }
 
+void channel_renew(void)
+{
+	settings = owner->tls;
+	tls_certificate_start(settings);
+}
+
 bool channel_start(const struct channel_owner *of_channels)
 {
 	owner = of_channels;

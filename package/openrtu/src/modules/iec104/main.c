@@ -298,6 +298,36 @@ static bool handle_all(const struct epoll_event *events, int count)
 	return wanted;
 }
 
+static void say(enum map_log_level level, const char *peer, const char *text)
+{
+	if (peer != NULL)
+		iec104_log(&station, level, peer, "%s", text);
+	else
+		map_log(map, level, "%s", text);
+}
+
+static struct channel_owner channels = {.say = say};
+
+/* Nothing is half done here: what has come is in the station, what it says in its octets. */
+static void follow_configuration(void)
+{
+	static int64_t again_ns;
+	struct map_config before;
+	char error[MAP_ERROR_SIZE];
+
+	if (!map_is_changed(map) || map_now_ns() < again_ns)
+		return;
+	if (map_renew(map, &before, error) < 0) {
+		map_log(map, MAP_LOG_ERROR, "cannot take the changed configuration: %s", error);
+		again_ns = map_now_ns() + NS_PER_S;
+		return;
+	}
+	iec104_station_renew(&station, &before);
+	channels.tls = &station.settings->tls;
+	channel_renew();
+	map_forget(map);
+}
+
 static void run(void)
 {
 	bool wanted = true;
@@ -308,6 +338,7 @@ static void run(void)
 
 		wanted = handle_all(events, count);
 		end_bell_rest();
+		follow_configuration();
 		channel_watch(map_now_ns());
 		serve();
 		handshakes_watch(&station, map_now_ns());
@@ -357,17 +388,8 @@ out:
 	return status;
 }
 
-static void say(enum map_log_level level, const char *peer, const char *text)
-{
-	if (peer != NULL)
-		iec104_log(&station, level, peer, "%s", text);
-	else
-		map_log(map, level, "%s", text);
-}
-
 static int start(void)
 {
-	static struct channel_owner owner = {.say = say};
 	const struct iec104_settings *settings = iec104_settings(map_config(map));
 
 	sent_ns = calloc((size_t)settings->max_connections * settings->k, sizeof(*sent_ns));
@@ -376,8 +398,8 @@ static int start(void)
 	if (sent_ns == NULL || places == NULL || poll_fd < 0 || (signal_fd = module_stop_fd()) < 0)
 		return fail("cannot start", strerror(errno));
 	iec104_station_init(&station, map, sent_ns, places);
-	owner.tls = &settings->tls;
-	if (!channel_start(&owner) || open_listener(settings) < 0)
+	channels.tls = &settings->tls;
+	if (!channel_start(&channels) || open_listener(settings) < 0)
 		return -1;
 	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
 	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);
