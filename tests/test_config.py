@@ -518,8 +518,23 @@ def small_file() -> dict[str, Any]:
     return {"port": ports, **others}
 
 
-def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
+def around(site: Site) -> dict[str, Any]:
+    """The small file without what the site does not need: the schema takes its time for each port."""
     document = small_file()
+    ports = document["port"]
+    for number, port in enumerate(ports):
+        if f"port[{number}]" not in site.place:
+            ports[number] = {"value": port["value"], "active": 0}
+    _, _, table = site.place.partition(".slaves[1].")
+    if table:
+        device = ports[0]["slaves"][1]
+        its = ("id", "discrete_inputs", table.partition("[")[0])  # blocked_by names a discrete input
+        ports[0]["slaves"][1] = {key: device[key] for key in its}
+    return document
+
+
+def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
+    document = around(site)
     prefix = f"{site.place}." if site.place else ""
     companions = COMPANIONS.get(key, {}) | COMPANIONS.get(f"{site.definition}.{key}", {})
     for companion, companion_value in companions.items():

@@ -298,6 +298,16 @@ static bool handle_all(const struct epoll_event *events, int count)
 	return wanted;
 }
 
+static void say(enum map_log_level level, const char *peer, const char *text)
+{
+	if (peer != NULL)
+		iec104_log(&station, level, peer, "%s", text);
+	else
+		map_log(map, level, "%s", text);
+}
+
+static struct channel_owner channels = {.say = say};
+
 /* Nothing is half done here: what has come is in the station, what it says in its octets. */
 static void follow_configuration(void)
 {
@@ -313,7 +323,8 @@ static void follow_configuration(void)
 		return;
 	}
 	iec104_station_renew(&station, &before);
-	channel_renew(&station.settings->tls);
+	channels.tls = &station.settings->tls;
+	channel_renew();
 	map_forget(map);
 }
 
@@ -377,17 +388,8 @@ out:
 	return status;
 }
 
-static void say(enum map_log_level level, const char *peer, const char *text)
-{
-	if (peer != NULL)
-		iec104_log(&station, level, peer, "%s", text);
-	else
-		map_log(map, level, "%s", text);
-}
-
 static int start(void)
 {
-	static struct channel_owner owner = {.say = say};
 	const struct iec104_settings *settings = iec104_settings(map_config(map));
 
 	sent_ns = calloc((size_t)settings->max_connections * settings->k, sizeof(*sent_ns));
@@ -396,8 +398,8 @@ static int start(void)
 	if (sent_ns == NULL || places == NULL || poll_fd < 0 || (signal_fd = module_stop_fd()) < 0)
 		return fail("cannot start", strerror(errno));
 	iec104_station_init(&station, map, sent_ns, places);
-	owner.tls = &settings->tls;
-	if (!channel_start(&owner) || open_listener(settings) < 0)
+	channels.tls = &settings->tls;
+	if (!channel_start(&channels) || open_listener(settings) < 0)
 		return -1;
 	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
 	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);
