@@ -12,8 +12,8 @@ import pytest
 from lab.gateway import Gateway, remove, run_directory
 from lab.master import Master
 from lab.raw_master import STARTDT_ACT, STARTDT_CON
+from lab.receiver import Receiver
 from peers.centre_consumer import Kind, Record
-from peers.receiver import Receiver
 from test_centre import Centre
 from test_gps import ALTITUDE, CA, DEPOT, FIX, LATITUDE, LONGITUDE, METRE, Drive, config
 from test_station_controlling import Asking

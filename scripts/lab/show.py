@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import datetime
+import itertools
 import json
 import signal
 import threading
@@ -23,7 +24,7 @@ from typing import Any
 
 import c104
 
-from lab import kept, ports
+from lab import drive, kept, ports
 from lab.errors import LabError
 from lab.gateway import (
     HEARTBEAT_LIMIT_MS,
@@ -255,6 +256,18 @@ def all_types(desk: Desk) -> None:
     check(not missing, f"no station sent the types {', '.join(sorted(missing))}")
 
 
+def position(desk: Desk) -> None:
+    """A vehicle drives: rtu-centre polls its position, one object of type 201, and sees it move"""
+    with contextlib.closing(drive.polled(desk.gateway.directory, desk.gateway.address)) as positions:
+        for latitude, longitude, altitude, quality in itertools.islice(positions, drive.FIXES):
+            say(
+                f"     rtu-centre   CA {drive.CA} IOA {drive.IOA}: {latitude:.7f} N {longitude:.7f} E,"
+                f" {altitude:.1f} m, {'good' if quality == 0 else f'quality {quality:#x}'}"
+            )
+            check(quality == 0, "the position is not good")
+            check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
+
+
 Step = Callable[[Desk], None]
 STEPS: tuple[Step, ...] = (
     interrogate,
@@ -265,7 +278,6 @@ STEPS: tuple[Step, ...] = (
     unplugged,
     all_types,
 )
-
 
 # ---- while the gateway runs, on this machine -------------------------------------------------------
 
@@ -310,7 +322,7 @@ def reloaded(desk: Desk) -> None:
     say(f"     neighbour    port 3 was polled on, its longest pause was {pause:.0f} ms")
 
 
-NATIVE_STEPS: tuple[Step, ...] = (*STEPS, reloaded)
+NATIVE_STEPS: tuple[Step, ...] = (*STEPS, reloaded, position)
 
 
 def received(frame: Frame, wanted: bytes) -> bool:
@@ -438,13 +450,14 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     """Runs the show; raises what went wrong."""
     ports.check_free(port, f"make run-native{' KEEP=1' if keep else ''}")
     directory = run_directory()
-    config = listening_on(configuration(), port)
+    config = listening_on(configuration() | {"gps": [drive.RECEIVER]}, port)
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
         config_file = directory / "linesim.json"
         config_file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, config_file, verdict)
+        stack.enter_context(drive.Drive(directory / "dev"))
         gateway = start_gateway(stack, directory, config, verdict)
         desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
         run_steps(desk, NATIVE_STEPS, verdict)

@@ -46,7 +46,7 @@ static struct centre_record *add(struct centre *centre, uint32_t station, enum c
 
 static struct centre_record *say(struct centre_station *station, enum centre_kind kind)
 {
-	struct centre_record *record = add(station->centre, place_of(station), kind);
+	struct centre_record *record = add(station->centre, station->number, kind);
 
 	record->connection = station->connection;
 	record->received_ns = station->centre->now.wall_ns;
@@ -71,6 +71,7 @@ static void say_link(struct centre_station *station, enum centre_link link, uint
 {
 	struct centre_record *record = say(station, CENTRE_LINK);
 
+	record->detail = station->number != place_of(station);
 	record->link.state = (uint8_t)link;
 	record->link.reason = reason;
 	record->link.error = (uint32_t)error;
@@ -260,6 +261,23 @@ static void on_looked_at(void *context, const struct iec104_asdu *asdu)
 
 /* ---- the connection ---------------------------------------------------------------------- */
 
+static bool has_session(const struct centre_station *station)
+{
+	return station->link == CENTRE_STARTING || station->link == CENTRE_UP ||
+	       station->link == CENTRE_STANDBY;
+}
+
+static int64_t session_due(const struct centre_station *station)
+{
+	int64_t due_ns = iec104_controlling_deadline(&station->controlling);
+
+	if (station->controlling.session.closing != IEC104_OPEN || channel_pending(&station->channel))
+		return station->centre->now.monotonic_ns;
+	if (station->link == CENTRE_UP)
+		due_ns = earlier(due_ns, poll_due(station));
+	return station->plan->secure ? earlier(due_ns, station->channel.look_ns) : due_ns;
+}
+
 static void schedule(struct centre_station *station)
 {
 	int64_t due_ns = INT64_MAX;
@@ -270,15 +288,13 @@ static void schedule(struct centre_station *station)
 		due_ns = station->waits ? INT64_MAX : station->due_ns;
 		break;
 	case CENTRE_CONNECTING:
+	case CENTRE_SECURING:
 		due_ns = station->due_ns;
 		break;
 	case CENTRE_UP:
-		due_ns = poll_due(station);
-		/* fall through */
 	case CENTRE_STARTING:
-		due_ns = station->controlling.session.closing != IEC104_OPEN
-			     ? station->centre->now.monotonic_ns
-			     : earlier(due_ns, iec104_controlling_deadline(&station->controlling));
+	case CENTRE_STANDBY:
+		due_ns = session_due(station);
 		break;
 	}
 	if (station->window != CENTRE_NO_WINDOW)
@@ -292,16 +308,16 @@ static void wait_for(struct centre_station *station, uint32_t events)
 
 	if (events == station->events)
 		return;
-	epoll_ctl(station->centre->epoll, station->events == 0 ? EPOLL_CTL_ADD : EPOLL_CTL_MOD, station->fd,
-		  &event);
+	epoll_ctl(station->centre->epoll, station->events == 0 ? EPOLL_CTL_ADD : EPOLL_CTL_MOD,
+		  station->channel.fd, &event);
 	station->events = events;
 }
 
 static void close_connection(struct centre_station *station)
 {
-	if (station->fd >= 0)
-		close(station->fd);
-	station->fd = -1;
+	if (station->channel.fd >= 0)
+		channel_close(&station->channel);
+	station->channel = (struct channel){.fd = -1};
 	station->events = 0;
 	station->poll = 0;
 	station->waits = false; /* whoever is connected waits for a poll: centre_admit_next passes over it */
@@ -316,7 +332,8 @@ static void go_down(struct centre_station *station, uint8_t reason, int error)
 	int64_t now_ns = station->centre->now.monotonic_ns;
 	bool waited = station->waits;
 
-	if (station->link == CENTRE_UP && now_ns - station->up_ns >= station->retry_ns) {
+	if ((station->link == CENTRE_UP || station->link == CENTRE_STANDBY) &&
+	    now_ns - station->up_ns >= station->retry_ns) {
 		station->retry_ns = config->retry_ns;
 		station->failed = false;
 	} else {
@@ -333,37 +350,108 @@ static void go_down(struct centre_station *station, uint8_t reason, int error)
 static void start(struct centre_station *station)
 {
 	station->link = CENTRE_STARTING;
+	iec104_session_start(&station->controlling.session, station->centre->now.monotonic_ns);
+}
+
+static void transmit(struct centre_station *station)
+{
+	channel_transmit_session(&station->channel, &station->controlling.session);
+	wait_for(station, channel_interest(&station->channel, &station->controlling.session));
+}
+
+/* The link that had data transfer is gone: the other has it, at once. */
+static void hand_over(struct centre_station *station)
+{
+	struct centre_station *partner = station->partner;
+
+	if (partner == NULL || partner->link != CENTRE_STANDBY)
+		return;
+	start(partner);
+	transmit(partner);
+	schedule(partner);
+}
+
+static bool is_active(const struct centre_station *station)
+{
+	return station->link == CENTRE_STARTING || station->link == CENTRE_UP;
+}
+
+static void open_session(struct centre_station *station)
+{
 	leave_window(station);
 	iec104_controlling_open(&station->controlling, &station->settings, &station->listener,
 				&station->memory, station->centre->now);
 	iec104_session_hold(&station->controlling.session);
-	iec104_session_start(&station->controlling.session, station->centre->now.monotonic_ns);
+	if (station->partner == NULL || !is_active(station->partner)) {
+		start(station);
+		return;
+	}
+	station->link = CENTRE_STANDBY;
+	station->up_ns = station->centre->now.monotonic_ns;
+	say_link(station, CENTRE_STANDBY, 0, 0, 0);
+}
+
+static void lose(struct centre_station *station, uint8_t reason, int error)
+{
+	bool active = is_active(station);
+
+	go_down(station, reason, error);
+	if (active)
+		hand_over(station);
+}
+
+/* What has become of the channel. */
+static void settle(struct centre_station *station, enum channel_progress progress)
+{
+	switch (progress) {
+	case CHANNEL_READY:
+		open_session(station);
+		return;
+	case CHANNEL_WAITS:
+		station->link = CENTRE_SECURING;
+		wait_for(station, station->channel.wants);
+		return;
+	case CHANNEL_REFUSED:
+		go_down(station, IEC104_NOT_SECURE, 0);
+	}
+}
+
+/* The socket is connected. */
+static void open_channel(struct centre_station *station)
+{
+	settle(station, channel_connect(&station->channel, station->channel.fd, station->plan->name,
+					station->plan->secure, &station->security));
+}
+
+static int connect_socket(const struct centre_station *station)
+{
+	const bool second = station->number != place_of(station);
+	const struct sockaddr_in6 address = {.sin6_family = AF_INET6,
+					     .sin6_port = htons(station->plan->port),
+					     .sin6_addr = station->plan->addresses[second]};
+
+	return connect(station->channel.fd, (const struct sockaddr *)&address, sizeof(address));
 }
 
 /* The station has a place in a window. */
 static void connect_now(struct centre_station *station)
 {
-	const struct sockaddr_in6 address = {.sin6_family = AF_INET6,
-					     .sin6_port = htons(station->plan->port),
-					     .sin6_addr = station->plan->address};
 	int on = 1, off = 0;
 
-	station->connection++;
+	station->connection = ++station->centre->stations[station->number].connections;
 	say_link(station, CENTRE_CONNECTING, 0, 0, 0);
 	station->link = CENTRE_CONNECTING;
 	station->due_ns = station->centre->now.monotonic_ns + station->centre->config->connect_ns;
-	station->fd = socket(AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-	if (station->fd < 0) {
+	station->channel.fd = socket(AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (station->channel.fd < 0) {
 		go_down(station, 0, errno);
 		return;
 	}
-	setsockopt(station->fd, IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof(off));
-	setsockopt(station->fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	if (connect(station->fd, (const struct sockaddr *)&address, sizeof(address)) == 0)
-		start(station);
-	else if (errno != EINPROGRESS)
+	setsockopt(station->channel.fd, IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof(off));
+	setsockopt(station->channel.fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+	if (connect_socket(station) < 0 && errno != EINPROGRESS)
 		go_down(station, 0, errno);
-	if (station->fd >= 0)
+	else /* one that is connected already is writable, too */
 		wait_for(station, EPOLLIN | EPOLLOUT);
 }
 
@@ -372,44 +460,17 @@ static void finish_connecting(struct centre_station *station)
 	int error = 0;
 	socklen_t size = sizeof(error);
 
-	if (getsockopt(station->fd, SOL_SOCKET, SO_ERROR, &error, &size) < 0)
+	if (getsockopt(station->channel.fd, SOL_SOCKET, SO_ERROR, &error, &size) < 0)
 		error = errno;
 	if (error != 0)
 		go_down(station, 0, error);
 	else
-		start(station);
+		open_channel(station);
 }
 
 static void receive(struct centre_station *station)
 {
-	struct iec104_session *session = &station->controlling.session;
-	size_t room;
-	uint8_t *place = iec104_session_space(session, &room);
-	ssize_t count;
-
-	if (room == 0)
-		return;
-	count = recv(station->fd, place, room, 0);
-	if (count > 0)
-		iec104_session_received(session, (size_t)count);
-	else if (count == 0 || (errno != EAGAIN && errno != EINTR))
-		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
-}
-
-static void transmit(struct centre_station *station)
-{
-	struct iec104_session *session = &station->controlling.session;
-	size_t size, room;
-	const uint8_t *octets = iec104_session_output(session, &size);
-	ssize_t count = size > 0 ? send(station->fd, octets, size, MSG_NOSIGNAL) : 0;
-
-	if (count > 0)
-		iec104_session_written(session, (size_t)count);
-	else if (count < 0 && errno != EAGAIN && errno != EINTR)
-		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
-	iec104_session_output(session, &size);
-	iec104_session_space(session, &room);
-	wait_for(station, (room > 0 ? EPOLLIN : 0u) | (size > 0 ? EPOLLOUT : 0u));
+	channel_receive_session(&station->channel, &station->controlling.session);
 }
 
 static void become_up(struct centre_station *station)
@@ -433,10 +494,12 @@ static void run(struct centre_station *station)
 		become_up(station);
 	if (station->link == CENTRE_UP && session->closing == IEC104_OPEN)
 		ask_next(station);
+	if (!channel_keep(&station->channel, station->centre->now.monotonic_ns))
+		iec104_session_close(session, IEC104_NOT_SECURE);
 	transmit(station);
 	if (session->closing != IEC104_OPEN) {
 		iec104_controlling_run(&station->controlling, station->centre->now); /* ends the requests */
-		go_down(station, (uint8_t)session->closing, 0);
+		lose(station, (uint8_t)session->closing, 0);
 	}
 }
 
@@ -452,13 +515,26 @@ static void advance(struct centre_station *station)
 			connect_now(station);
 		break;
 	case CENTRE_CONNECTING:
+	case CENTRE_SECURING:
 		if (now_ns >= station->due_ns)
 			go_down(station, 0, ETIMEDOUT);
 		break;
 	case CENTRE_STARTING:
 	case CENTRE_UP:
+	case CENTRE_STANDBY:
 		run(station);
 		break;
+	}
+}
+
+/* What TLS has and the socket has not any more, epoll does not tell of. */
+static void run_with_pending(struct centre_station *station)
+{
+	run(station);
+	while (has_session(station) && channel_pending(&station->channel) &&
+	       centre_has_room(station->centre)) {
+		receive(station);
+		run(station);
 	}
 }
 
@@ -466,10 +542,14 @@ void centre_station_ready(struct centre_station *station, uint32_t events)
 {
 	if (station->link == CENTRE_CONNECTING)
 		finish_connecting(station);
-	else if (station->fd >= 0 && (events & ~(uint32_t)EPOLLOUT) != 0)
+	else if (station->link == CENTRE_SECURING)
+		settle(station, channel_handshake(&station->channel));
+	else if (has_session(station) && (events & ~(uint32_t)EPOLLOUT) != 0)
 		receive(station);
-	if (station->fd >= 0)
-		run(station);
+	else if (has_session(station) && station->channel.wants != 0)
+		receive(station); /* it waits for the socket to be writable */
+	if (has_session(station))
+		run_with_pending(station);
 	schedule(station);
 }
 
@@ -477,8 +557,8 @@ void centre_station_due(struct centre_station *station)
 {
 	int64_t due_ns = station->centre->deadlines.due_ns[place_of(station)];
 
-	if ((station->link == CENTRE_STARTING || station->link == CENTRE_UP) &&
-	    station->centre->now.monotonic_ns - due_ns > LATE_NS)
+	if (has_session(station) &&
+	    (station->centre->now.monotonic_ns - due_ns > LATE_NS || channel_pending(&station->channel)))
 		receive(station);
 	lose_patience(station);
 	advance(station);
@@ -520,8 +600,11 @@ bool centre_admit_next(struct centre *centre)
 void centre_station_release(struct centre *centre, const struct centre_record *record)
 {
 	struct centre_station *station = &centre->stations[record->station];
-	struct iec104_session *session = &station->controlling.session;
+	struct iec104_session *session;
 
+	if (record->connection != station->connection && station->partner != NULL)
+		station = station->partner;
+	session = &station->controlling.session;
 	if (record->connection != station->connection || station->link != CENTRE_UP)
 		return; /* the connection has ended: the station will send it again */
 	iec104_session_release(session, 1, centre->now.monotonic_ns);
@@ -629,6 +712,8 @@ void centre_station_order(struct centre *centre, const struct centre_request *re
 		return;
 	}
 	station = &centre->stations[request->station];
+	if (station->partner != NULL && station->partner->link == CENTRE_UP)
+		station = station->partner;
 	result = try_order(station, request);
 	if (result != MAP_RESULT_NONE) {
 		say_not_sent(centre, request, result);
@@ -657,7 +742,7 @@ void centre_stations_begin(struct centre *centre)
 {
 	centre_batches_reset(&centre->batches);
 	centre->told = 0;
-	for (uint32_t i = 0; i < centre->config->station_count; i++) {
+	for (uint32_t i = 0; i < centre->config->link_count; i++) {
 		struct centre_station *station = &centre->stations[i];
 
 		station->due_ns = centre->now.monotonic_ns;
@@ -671,7 +756,7 @@ void centre_stations_end(struct centre *centre)
 {
 	for (unsigned i = 0; i < CENTRE_WINDOWS; i++)
 		centre_window_clear(&centre->windows[i]);
-	for (uint32_t i = 0; i < centre->config->station_count; i++) {
+	for (uint32_t i = 0; i < centre->config->link_count; i++) {
 		struct centre_station *station = &centre->stations[i];
 
 		station->window = CENTRE_NO_WINDOW;
@@ -688,16 +773,19 @@ size_t centre_octets_of_station(const struct centre_config *config)
 	       sizeof(struct centre_plan);
 }
 
-static void init_station(struct centre *centre, uint32_t i)
+/* i: of a link; it is the first one of station i, or a second one. */
+static void init_station(struct centre *centre, uint32_t i, uint32_t number)
 {
 	const struct centre_config *config = centre->config;
 	struct centre_station *station = &centre->stations[i];
 	size_t octets = (size_t)config->receive_octets + config->send_octets;
 
 	station->centre = centre;
-	station->plan = &config->stations[i];
+	station->number = number;
+	station->plan = &config->stations[number];
+	station->security.certificate = station->plan->certificate;
 	station->polls = &config->polls[station->plan->first_poll];
-	station->fd = -1;
+	station->channel.fd = -1;
 	station->window = CENTRE_NO_WINDOW;
 	station->settings = config->common;
 	station->settings.originator = station->plan->originator;
@@ -719,7 +807,7 @@ static void init_station(struct centre *centre, uint32_t i)
 
 bool centre_stations_init(struct centre *centre, const struct centre_config *config)
 {
-	const uint32_t count = config->station_count;
+	const uint32_t count = config->link_count;
 
 	*centre = (struct centre){.config = config, .consumer = -1};
 	centre->epoll = epoll_create1(EPOLL_CLOEXEC);
@@ -736,8 +824,16 @@ bool centre_stations_init(struct centre *centre, const struct centre_config *con
 		centre_window_init(&centre->windows[i],
 				   i < CENTRE_POLL ? config->connections_at_once : config->polls_at_once,
 				   centre->next);
-	for (uint32_t i = 0; i < count; i++)
-		init_station(centre, i);
+	for (uint32_t i = 0; i < config->station_count; i++) {
+		struct centre_station *first = &centre->stations[i];
+
+		init_station(centre, i, i);
+		if (config->stations[i].address_count == 1)
+			continue;
+		first->partner = &centre->stations[config->stations[i].second];
+		init_station(centre, config->stations[i].second, i);
+		first->partner->partner = first;
+	}
 	return true;
 }
 
@@ -747,6 +843,8 @@ void centre_stations_free(struct centre *centre)
 		close(centre->epoll);
 	centre_batches_free(&centre->batches);
 	centre_deadlines_free(&centre->deadlines);
+	for (uint32_t i = 0; centre->stations != NULL && i < centre->config->link_count; i++)
+		channel_forget(&centre->stations[i].security);
 	free(centre->next);
 	free(centre->stations);
 	free(centre->octets);

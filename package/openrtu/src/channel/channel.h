@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * What carries the octets of a connection of IEC 60870-5-104, of either side: TCP as it is (plain.c) or TLS on it (tls.c). A
- * program is built with one of the two. No call waits.
+ * What carries the octets of a connection of IEC 60870-5-104, of either side: TCP as it is (plain.c), or TLS on it (tls.c). A
+ * program is built with one of the two; a controlling station with TLS may have connections without it. No call waits.
  */
 #ifndef OPENRTU_CHANNEL_CHANNEL_H
 #define OPENRTU_CHANNEL_CHANNEL_H
@@ -15,8 +15,17 @@
 /* Whose channels these are; of the whole process. */
 struct channel_owner {
 	const struct iec104_tls *tls; /* of tls.c alone */
+	bool controlling;             /* it connects to others, by channel_connect */
 	/* A line of the log; peer: of whose connection, NULL: of none. */
 	void (*say)(enum map_log_level level, const char *peer, const char *text);
+};
+
+/* How a controlling station knows a controlled one, from connection to connection. Begins with zeros. */
+struct channel_station {
+	const char
+	    *certificate; /* its common name or fingerprint; NULL: whoever has a certificate from the CA */
+	void *session;    /* by which the next connection is resumed; channel_forget frees it */
+	uint32_t reading; /* of the files with which it began */
 };
 
 struct channel {
@@ -26,10 +35,11 @@ struct channel {
 	char peer[IEC104_PEER_SIZE];
 	/* of tls.c alone */
 	void *tls;
-	bool stuck;       /* a record is not wholly written */
-	uint32_t reading; /* of the files by which the peer's certificate was looked at last */
-	int64_t look_ns;  /* when it is looked at next */
-	int64_t renew_ns; /* when its keys are too old */
+	bool stuck;                      /* a record is not wholly written */
+	uint32_t reading;                /* of the files by which the peer's certificate was looked at last */
+	int64_t look_ns;                 /* when it is looked at next */
+	int64_t renew_ns;                /* when its keys are too old */
+	struct channel_station *station; /* to which it was connected */
 };
 
 enum channel_progress {
@@ -49,6 +59,13 @@ void channel_watch(int64_t now_ns);
 
 /* Puts a channel on a connected socket, which it closes in the end; peer names it in the log. */
 enum channel_progress channel_open(struct channel *channel, int fd, const char *peer);
+/*
+ * The other side: of a socket that has been connected to a station. secure: with TLS, for which the program is built. station
+ * and the channel's place in memory must outlive the connection.
+ */
+enum channel_progress channel_connect(struct channel *channel, int fd, const char *peer, bool secure,
+				      struct channel_station *station);
+void channel_forget(struct channel_station *station);
 /* Continues the handshake, which finds out who the peer is. */
 enum channel_progress channel_handshake(struct channel *channel);
 

@@ -7,6 +7,7 @@
  */
 #include "channel/channel.h"
 
+#include <errno.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <openssl/err.h>
@@ -16,8 +17,10 @@
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "channel/bare.h"
 #include "channel/tls_certificate.h"
 #include "channel/tls_context.h"
 #include "channel/tls_dates.h"
@@ -106,21 +109,57 @@ static void log_handshake(const struct channel *channel)
 	    SSL_session_reused(channel->tls) ? " resumed" : "", name);
 }
 
+/* ---- sessions of a controlling station ----------------------------------------------------- */
+
+void channel_forget(struct channel_station *station)
+{
+	SSL_SESSION_free(station->session);
+	station->session = NULL;
+}
+
+/* OpenSSL's callback for each that may be resumed. 1: it is ours now. */
+static int keep_session(SSL *tls, SSL_SESSION *session)
+{
+	struct channel *channel = SSL_get_app_data(tls);
+
+	if (channel == NULL || channel->station == NULL)
+		return 0;
+	channel_forget(channel->station);
+	channel->station->session = session;
+	channel->station->reading = channel->reading;
+	return 1;
+}
+
+/* With other files the certificate is looked at anew; and so it is after resumption_s. */
+static void resume(const struct channel *channel)
+{
+	struct channel_station *station = channel->station;
+
+	if (station->session == NULL)
+		return;
+	if (station->reading != readings || !SSL_SESSION_is_resumable(station->session) ||
+	    time(NULL) - SSL_SESSION_get_time(station->session) > settings->resumption_s)
+		channel_forget(station);
+	else
+		SSL_set_session(channel->tls, station->session);
+}
+
 /* ---- start ------------------------------------------------------------------------------- */
 
 /* The files are read; those of before stay in force if one of them does not do. */
 static bool read_files(void)
 {
 	char error[TLS_ERROR_SIZE];
-	SSL_CTX *fresh = tls_context_create(settings, tls_verify, error);
+	SSL_CTX *fresh = tls_context_create(settings, owner->controlling, tls_verify, error);
 
 	if (fresh == NULL) {
 		say(MAP_LOG_ERROR, NULL, "%s%s", context != NULL ? "not in force: " : "", error);
 		if (context == NULL) /* later, stderr may be a file, and none can be written */
-			fprintf(stderr, "rtu-iec104-tls: %s\n", error);
+			fprintf(stderr, "%s: %s\n", program_invocation_short_name, error);
 		return false;
 	}
 	SSL_CTX_set_info_callback(fresh, log_renegotiation);
+	SSL_CTX_sess_set_new_cb(fresh, keep_session);
 	SSL_CTX_free(context); /* connections that began with it keep it, until they end */
 	context = fresh;
 	readings++;
@@ -139,7 +178,7 @@ bool channel_start(const struct channel_owner *of_channels)
 	owner = of_channels;
 	settings = owner->tls;
 	signal(SIGPIPE, SIG_IGN); /* OpenSSL writes without MSG_NOSIGNAL */
-	tls_certificate_start(settings);
+	tls_certificate_start(settings, owner->controlling);
 	tls_files_changed(settings); /* before they are read: what changes meanwhile is seen later */
 	if (!read_files())
 		return false;
@@ -149,7 +188,7 @@ bool channel_start(const struct channel_owner *of_channels)
 
 void channel_watch(int64_t now_ns)
 {
-	if (now_ns < next_files_ns)
+	if (context == NULL || now_ns < next_files_ns)
 		return;
 	next_files_ns = now_ns + FILES_NS;
 	if (tls_files_changed(settings) && read_files())
@@ -167,10 +206,45 @@ enum channel_progress channel_open(struct channel *channel, int fd, const char *
 	snprintf(channel->peer, sizeof(channel->peer), "%s", peer);
 	ERR_clear_error();
 	tls_refusal_clear();
-	if (tls != NULL && SSL_set_fd(tls, fd) == 1)
+	if (tls != NULL && SSL_set_fd(tls, fd) == 1) {
+		SSL_set_accept_state(tls);
+		return CHANNEL_WAITS;
+	}
+	log_refusal(channel);
+	return CHANNEL_REFUSED;
+}
+
+/* The program may have no TLS in force, if none of its stations has. */
+static bool set_up_client(struct channel *channel, int fd)
+{
+	channel->tls = context != NULL ? SSL_new(context) : NULL;
+	if (channel->tls == NULL || SSL_set_fd(channel->tls, fd) != 1)
+		return false;
+	SSL_set_app_data(channel->tls, channel);
+	SSL_set_connect_state(channel->tls);
+	resume(channel);
+	return true;
+}
+
+enum channel_progress channel_connect(struct channel *channel, int fd, const char *peer, bool secure,
+				      struct channel_station *station)
+{
+	*channel = (struct channel){
+	    .fd = fd, .wants = secure ? EPOLLOUT : 0, .reading = readings, .station = station};
+	snprintf(channel->peer, sizeof(channel->peer), "%s", peer);
+	if (!secure)
+		return CHANNEL_READY;
+	ERR_clear_error();
+	tls_refusal_clear();
+	if (set_up_client(channel, fd))
 		return CHANNEL_WAITS;
 	log_refusal(channel);
 	return CHANNEL_REFUSED;
+}
+
+static const char *expected_of(const struct channel *channel)
+{
+	return channel->station != NULL ? channel->station->certificate : NULL;
 }
 
 static void renew_next_time(struct channel *channel)
@@ -185,6 +259,8 @@ static enum channel_progress finish_handshake(struct channel *channel)
 	renew_next_time(channel);
 	if (tls_has_expired(channel->tls)) {
 		SSL_CTX_remove_session(SSL_get_SSL_CTX(channel->tls), SSL_get_session(channel->tls));
+		if (channel->station != NULL)
+			channel_forget(channel->station);
 		tls_refuse(X509_V_ERR_CERT_HAS_EXPIRED, SSL_get0_peer_certificate(channel->tls));
 		log_refusal(channel);
 		return CHANNEL_REFUSED;
@@ -199,7 +275,8 @@ enum channel_progress channel_handshake(struct channel *channel)
 
 	ERR_clear_error();
 	tls_refusal_clear();
-	result = SSL_accept(channel->tls);
+	tls_expect(expected_of(channel));
+	result = SSL_do_handshake(channel->tls);
 	if (result == 1)
 		return finish_handshake(channel);
 	switch (SSL_get_error(channel->tls, result)) {
@@ -247,6 +324,8 @@ ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size)
 	uint32_t waits_for = 0;
 	ssize_t count;
 
+	if (channel->tls == NULL)
+		return bare_receive(channel->fd, place, size);
 	ERR_clear_error();
 	SSL_set_app_data(channel->tls, channel);
 	count = SSL_read(channel->tls, place, (int)size);
@@ -259,7 +338,7 @@ ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size)
 
 bool channel_pending(const struct channel *channel)
 {
-	return SSL_pending(channel->tls) > 0;
+	return channel->tls != NULL && SSL_pending(channel->tls) > 0;
 }
 
 /*
@@ -286,6 +365,8 @@ ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t s
 	size_t sent = 0;
 	ssize_t count = 1;
 
+	if (channel->tls == NULL)
+		return bare_transmit(channel->fd, bytes, size);
 	ERR_clear_error();
 	if (several)
 		hold_segments(channel, true);
@@ -308,6 +389,7 @@ static bool is_still_good(struct channel *channel)
 	char why[TLS_WHY_SIZE];
 
 	channel->reading = readings;
+	tls_expect(expected_of(channel));
 	if (tls_still_good(channel->tls, context))
 		return true;
 	tls_refusal(why);
@@ -350,6 +432,8 @@ bool channel_keep(struct channel *channel, int64_t now_ns)
 {
 	bool renews = now_ns >= channel->renew_ns;
 
+	if (channel->tls == NULL)
+		return true;
 	if (now_ns < channel->look_ns && channel->reading == readings)
 		return true;
 	channel->look_ns = now_ns + LOOK_NS;

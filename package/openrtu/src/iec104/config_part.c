@@ -200,7 +200,8 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	read_settings(loader, &settings, values[FILE_IEC104].given ? values[FILE_IEC104].json : NULL,
 		      values[FILE_TLS].given);
 	if (values[FILE_TLS].given)
-		iec104_read_tls(loader, &tls, values[FILE_TLS].json);
+		iec104_read_tls(&loader->report, &tls, values[FILE_TLS].json, true,
+				&iec104_settings(loader->config)->tls);
 	read_controlling_stations(loader, &file, values);
 }
 

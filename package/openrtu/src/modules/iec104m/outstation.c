@@ -7,7 +7,7 @@
 
 #define POLLS_A_SET 3                 /* clock, interrogation, counters */
 #define FULL_NS     (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
-#define CLOCK_NS    (10 * NS_PER_S)   /* until the outstation's clock can be set, since ours is not */
+#define CLOCK_NS    NS_PER_S          /* until the outstation's clock can be set, since ours is not */
 
 /* ---- what it says ------------------------------------------------------------------------ */
 
