@@ -125,8 +125,8 @@ REACH = [
     (".github/*", "test-image"),
     # the tests; a file of tests reaches itself
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
-    ("tests/peers/centre_consumer.py", "tests/test_centre.py"),
-    ("tests/peers/outstation.py", "tests/test_outstations.py"),
+    ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
+    ("tests/peers/outstation.py", "tests/test_outstations.py tests/test_centre.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
