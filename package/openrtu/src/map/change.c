@@ -84,6 +84,7 @@ struct carriage {
 	bool valid;        /* its points are, so far as their samples say */
 	struct segment to; /* writable */
 	uint32_t *slots;   /* by the former one; MAP_NONE: there is none */
+	int64_t time_ns;   /* of what ends */
 };
 
 /* A point that is gone has the addresses that it had, and they may be another's by now. */
@@ -231,13 +232,13 @@ static void carry_cells(const struct carriage *carriage, const struct map_point 
 }
 
 /* The value stays to be looked at. Whoever knows the point hears of it before it is unknown. */
-static void end_point(const struct segment *segment, uint32_t slot)
+static void end_point(const struct segment *segment, uint32_t slot, int64_t time_ns)
 {
 	struct map_sample *sample = &segment->samples[0][slot];
 	struct map_event event = {.point = slot, .kind = MAP_EVENT_CHANGE};
 
 	sample->quality |= MAP_INVALID;
-	sample->time_ns = map_now_ns();
+	sample->time_ns = time_ns;
 	segment->samples[1][slot] = *sample;
 	event.sample = *sample;
 	ring_put(&segment->events, &event);
@@ -256,7 +257,7 @@ static void carry_point(const struct carriage *carriage, uint32_t slot)
 	carriage->to.samples[0][to] = carriage->to.samples[1][to] = sample;
 	carry_cells(carriage, &map->config.points[before], &next->config.points[now]);
 	if (before < map->config.point_count && now >= next->config.point_count)
-		end_point(&carriage->to, to);
+		end_point(&carriage->to, to, carriage->time_ns);
 }
 
 static void carry_points(const struct carriage *carriage)
@@ -273,7 +274,8 @@ static void carry_points(const struct carriage *carriage)
 static int carry_module(const struct map *map, const struct map *next, uint32_t module, bool valid,
 			bool seamless)
 {
-	struct carriage carriage = {.map = map, .next = next, .module = module, .valid = valid};
+	struct carriage carriage = {
+	    .map = map, .next = next, .module = module, .valid = valid, .time_ns = map_now_ns()};
 
 	carriage.slots = find_slots(&carriage);
 	if (!carriage.slots)
@@ -294,6 +296,7 @@ static int carry_module(const struct map *map, const struct map *next, uint32_t 
 /* A module that is gone keeps its segment, and its points their slots. */
 static int end_module(const struct map *map, uint32_t module)
 {
+	const int64_t time_ns = map_now_ns(); /* one, as of what is published together */
 	struct segment segment = {.header = NULL};
 
 	if (open_segment(map, module, &segment) < 0)
@@ -304,7 +307,7 @@ static int end_module(const struct map *map, uint32_t module)
 		if (point >= map->config.point_count)
 			continue;
 		segment.samples[0][i] = segment.samples[latch_whole_copy(latch_of(map, point))][i];
-		end_point(&segment, i);
+		end_point(&segment, i, time_ns);
 	}
 	munmap(segment.header, segment.size);
 	return 0;

@@ -157,13 +157,24 @@ static void add_gone_point(const struct change *change, uint32_t point, uint32_t
 	now->names_size += (uint32_t)strlen(name) + 1;
 }
 
+/* A position is told with the three points behind it: without them it is not. */
+static bool is_lacking(const struct change *change, uint32_t point)
+{
+	const uint32_t last = change->before->points[point].flags & MAP_POINT_POSITION ? point + 3 : point;
+
+	for (; point <= last; point++)
+		if (compare_has_point(change->before, change->now, point))
+			return false;
+	return true;
+}
+
 /* Of a module that is kept, all that it had is there, in the order that its segment has. */
 static bool is_told_once_more(const struct change *change, const struct map_set *set, uint32_t point)
 {
 	const bool live = point < change->before->point_count;
 
 	if (change->exchanged & 1u << set->module)
-		return live && !compare_has_point(change->before, change->now, point);
+		return live && is_lacking(change, point);
 	if (change->now->modules[set->module].flags & MAP_IS_GONE)
 		return true;
 	return (change->kept & 1u << set->module) && !live;

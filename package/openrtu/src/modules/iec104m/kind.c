@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Other stations of IEC 60870-5-104 as a southbound: one module for all, if the configuration has "outstations". */
-#include "modules/kind.h"
+#include <string.h>
+
 #include "iec104/config_outstations.h"
 #include "iec104/outstation_stats.h"
 #include "iec104/outstations.h"
 #include "modules/calls.h"
+#include "modules/kind.h"
 
 #define USER               14   /* docs/architecture.md: from 15 down */
 #define HEARTBEAT_LIMIT_MS 1000 /* a station that is lost is noticed after seconds */
@@ -43,10 +45,51 @@ static bool plan(struct map_config *config)
 	return number != MAP_NONE;
 }
 
+static bool same_sets(const struct map_config *a, const struct map_config *b)
+{
+	const struct iec104_outstation_set *in_a = iec104_outstation_sets(a),
+					   *in_b = iec104_outstation_sets(b);
+
+	for (uint32_t i = 0; i < map_record_count(a, IEC104_OUTSTATION_SETS); i++)
+		if (in_a[i].ca != in_b[i].ca || in_a[i].first_point != in_b[i].first_point)
+			return false;
+	return true;
+}
+
+static bool same_points(const struct map_config *a, const struct map_config *b)
+{
+	const struct iec104_outstation_point *in_a = iec104_outstation_points(a);
+	const struct iec104_outstation_point *in_b = iec104_outstation_points(b);
+
+	for (uint32_t i = 0; i < map_record_count(a, IEC104_OUTSTATION_POINTS); i++)
+		if (in_a[i].ioa != in_b[i].ioa || in_a[i].command_ioa != in_b[i].command_ioa ||
+		    in_a[i].select != in_b[i].select)
+			return false;
+	return true;
+}
+
+static bool same_count(const struct map_config *a, const struct map_config *b, uint32_t section)
+{
+	return map_record_count(a, section) == map_record_count(b, section);
+}
+
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	const uint32_t count = map_record_count(a, IEC104_OUTSTATIONS);
+
+	(void)module, (void)name;
+	return same_count(a, b, IEC104_OUTSTATIONS) && same_count(a, b, IEC104_OUTSTATION_SETS) &&
+	       same_count(a, b, IEC104_OUTSTATION_POINTS) && same_sets(a, b) && same_points(a, b) &&
+	       memcmp(map_records(a, IEC104_OUTSTATIONS, sizeof(struct iec104_outstation)),
+		      map_records(b, IEC104_OUTSTATIONS, sizeof(struct iec104_outstation)),
+		      count * sizeof(struct iec104_outstation)) == 0;
+}
+
 const struct kind iec104m_kind = {
     .name = IEC104_OUTSTATIONS_KIND,
     .part = &iec104_outstations_part,
     .plan = plan,
+    .same = same,
     .programs = &program,
     .program_count = 1,
 };
