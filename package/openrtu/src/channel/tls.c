@@ -170,7 +170,7 @@ static bool read_files(void)
 void channel_renew(void)
 {
 	settings = owner->tls;
-	tls_certificate_start(settings);
+	tls_certificate_start(settings, owner->controlling);
 }
 
 bool channel_start(const struct channel_owner *of_channels)
