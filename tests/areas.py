@@ -56,6 +56,7 @@ REACH = [
     ("docs/device-tree.md", "tests/pins/test_cli.py"),
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
+    ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/logic.md", "tests/test_logic.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
@@ -80,6 +81,7 @@ REACH = [
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the tools
     ("scripts/logic/*", "tests/test_logic*.py"),
+    ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/openrtu-logic", "lint tests/test_logic.py"),
     ("scripts/lab/twin_show.py", "test-twin"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
@@ -118,6 +120,7 @@ REACH = [
     # the tests; a file of tests reaches itself
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py"),
+    ("tests/peers/snmp.py", "tests/test_snmp.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),

@@ -46,6 +46,11 @@ struct kind {
 	/* Before any module is started, with the module's user and group (0: rtud's own). Left out: nothing. */
 	void (*begin)(struct map *map, uid_t user, gid_t group);
 	const char *group; /* a further one of its processes, by name; NULL: none */
+	/*
+	 * Opens what its user may not, as a socket with a privileged port: in the new process, before that gives up rtud's
+	 * rights. The module gets it as --socket. -1 with errno: it cannot, and the process ends. Left out: nothing.
+	 */
+	int (*open)(const struct map_config *config);
 };
 
 #endif

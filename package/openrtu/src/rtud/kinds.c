@@ -15,6 +15,7 @@
 	KIND(journal)                                                                                        \
 	KIND(gps)                                                                                            \
 	KIND(logic)                                                                                          \
+	KIND(snmp)                                                                                           \
 	KIND(foreign)
 
 #define DECLARE(name)  extern const struct kind name##_kind;

@@ -156,6 +156,8 @@ static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
 	    .gid = options->uid_base,
 	    .memory = OPENRTU_SANITIZED ? 0 : MEMORY_BASE + MEMORY_FACTOR * map_size(supervisor->map),
 	    .files = FILES_BASE + modbus_port_count(map_config(supervisor->map)),
+	    .open = kinds_find(module->kind)->open,
+	    .config = map_config(supervisor->map),
 	    .filtered = supervisor->filtered && run.program != NULL,
 	};
 	pid_t pid;
