@@ -67,6 +67,15 @@ void snmp_events_begin(struct snmp_agent *agent)
 	announce_start(agent);
 }
 
+/* Of the station's own period; any other event of a counter is a change of its quality. */
+static bool is_of_a_freeze(const struct snmp_agent *agent, const struct map_event *event)
+{
+	struct map_sample frozen;
+
+	return agent->config->points[event->point].freeze_s != 0 &&
+	       map_total_read(agent->map, event->point, &frozen) && frozen.time_ns == event->sample.time_ns;
+}
+
 static enum snmp_event_kind kind_of(const struct snmp_agent *agent, const struct map_event *event)
 {
 	switch ((enum map_event_kind)event->kind) {
@@ -79,8 +88,7 @@ static enum snmp_event_kind kind_of(const struct snmp_agent *agent, const struct
 	case MAP_EVENT_CLOCK:
 		return SNMP_EVENT_CLOCK;
 	}
-	return map_class_of(&agent->config->points[event->point]) == MAP_CLASS_TOTAL ? SNMP_EVENT_FROZEN
-										     : SNMP_EVENT_CHANGE;
+	return is_of_a_freeze(agent, event) ? SNMP_EVENT_FROZEN : SNMP_EVENT_CHANGE;
 }
 
 static void number(struct snmp_agent *agent, const struct map_event *event)

@@ -34,6 +34,16 @@ static long size_of_name(const uint32_t *name, size_t length)
 	return with_header(size);
 }
 
+/* In two's complement, without octets that say nothing: X.690, 8.3. */
+static long size_of_number(int64_t number)
+{
+	long size = 1;
+
+	for (; number < -128 || number > 127; number >>= 8)
+		size++;
+	return size;
+}
+
 static long size_of_value(const struct snmp_value *value)
 {
 	switch (value == NULL ? 0 : value->syntax) {
@@ -44,7 +54,7 @@ static long size_of_value(const struct snmp_value *value)
 	case 0:
 		return 2;
 	default:
-		return 2 + 5;
+		return 2 + size_of_number(value->number);
 	}
 }
 

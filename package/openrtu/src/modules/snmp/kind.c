@@ -55,6 +55,7 @@ static int open_socket(const struct map_config *config)
 	const uint16_t port = htons(settings->port);
 	struct sockaddr_in6 six = {.sin6_family = AF_INET6, .sin6_port = port};
 	struct sockaddr_in four = {.sin_family = AF_INET, .sin_port = port};
+	const int on = 1;
 	bool is_four;
 	int fd;
 
@@ -65,6 +66,8 @@ static int open_socket(const struct map_config *config)
 	fd = socket(is_four ? AF_INET : AF_INET6, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 	if (fd < 0)
 		return -1;
+	setsockopt(fd, is_four ? IPPROTO_IP : IPPROTO_IPV6, is_four ? IP_PKTINFO : IPV6_RECVPKTINFO, &on,
+		   sizeof(on));
 	if (bind(fd, is_four ? (const struct sockaddr *)&four : (const struct sockaddr *)&six,
 		 is_four ? sizeof(four) : sizeof(six)) == 0)
 		return fd;

@@ -26,7 +26,24 @@ struct wire {
 struct origin {
 	struct sockaddr_storage address;
 	socklen_t size;
+	size_t control_size;
+	/* Which of this machine's addresses was asked: a machine with several answers from the same. */
+	_Alignas(struct cmsghdr) uint8_t control[CMSG_SPACE(sizeof(struct in6_pktinfo))];
 };
+
+/* The kernel's word on how a message came, as its answer wants it. */
+static void turn_round(struct origin *origin, struct msghdr *header)
+{
+	struct cmsghdr *control = CMSG_FIRSTHDR(header);
+	struct in_pktinfo four;
+
+	origin->control_size = control == NULL ? 0 : header->msg_controllen;
+	if (control == NULL || control->cmsg_level != IPPROTO_IP || control->cmsg_type != IP_PKTINFO)
+		return;
+	memcpy(&four, CMSG_DATA(control), sizeof(four));
+	four = (struct in_pktinfo){.ipi_spec_dst = four.ipi_addr};
+	memcpy(CMSG_DATA(control), &four, sizeof(four));
+}
 
 static void address_of(const struct sockaddr_storage *from, struct in6_addr *out)
 {
@@ -66,17 +83,23 @@ static int receive(netsnmp_transport *transport, void *buffer, int size, void **
 {
 	struct wire *wire = transport->data;
 	struct origin *origin = calloc(1, sizeof(*origin));
-	ssize_t got = -1;
+	struct iovec octets = {.iov_base = buffer, .iov_len = (size_t)size};
+	struct msghdr header = {.msg_iov = &octets, .msg_iovlen = 1};
+	ssize_t got;
 
 	*opaque = origin;
 	*opaque_length = origin == NULL ? 0 : (int)sizeof(*origin);
 	if (origin == NULL)
 		return -1;
-	origin->size = sizeof(origin->address);
-	got = recvfrom(transport->sock, buffer, (size_t)size, 0, (struct sockaddr *)&origin->address,
-		       &origin->size);
+	header.msg_name = &origin->address;
+	header.msg_namelen = sizeof(origin->address);
+	header.msg_control = origin->control;
+	header.msg_controllen = sizeof(origin->control);
+	got = recvmsg(transport->sock, &header, 0);
 	if (got < 0)
 		return -1;
+	origin->size = header.msg_namelen;
+	turn_round(origin, &header);
 	map_count(&wire->agent->shared->counters[SNMP_COUNT_MESSAGES], 1);
 	if (is_welcome(wire, &origin->address))
 		return (int)got;
@@ -88,15 +111,20 @@ static int transmit(netsnmp_transport *transport, const void *buffer, int size, 
 		    int *opaque_length)
 {
 	const struct wire *wire = transport->data;
-	const struct origin *origin = opaque == NULL ? NULL : *opaque;
-	const struct sockaddr *to = (const struct sockaddr *)&wire->peer;
-	socklen_t length = wire->peer_size;
+	struct origin *origin = opaque == NULL ? NULL : *opaque;
+	struct iovec octets = {.iov_base = (void *)(uintptr_t)buffer, .iov_len = (size_t)size};
+	struct msghdr header = {.msg_iov = &octets,
+				.msg_iovlen = 1,
+				.msg_name = (void *)(uintptr_t)&wire->peer,
+				.msg_namelen = wire->peer_size};
 
 	if (origin != NULL && *opaque_length == (int)sizeof(*origin)) {
-		to = (const struct sockaddr *)&origin->address;
-		length = origin->size;
+		header.msg_name = &origin->address;
+		header.msg_namelen = origin->size;
+		header.msg_control = origin->control_size != 0 ? origin->control : NULL;
+		header.msg_controllen = origin->control_size;
 	}
-	return (int)sendto(transport->sock, buffer, (size_t)size, 0, to, length);
+	return (int)sendmsg(transport->sock, &header, 0);
 }
 
 static int end(netsnmp_transport *transport)
