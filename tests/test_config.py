@@ -420,6 +420,9 @@ SITES = [
     Site("snmp", "snmp", ("snmp",)),
     Site("snmp_user", "snmp.users[0]", ("snmp_user",)),
     Site("snmp_sink", "snmp.sinks[0]", ("snmp_sink",)),
+    Site("outstation", "outstations[0]", ("outstation",)),
+    Site("outstation_set", "outstations[0].sets[0]", ("outstation_set",)),
+    Site("outstation_point", "outstations[0].sets[0].points[0]", ("outstation_point",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("module", "modules[0]", ("module",)),
     Site("module_point", "modules[0].points[0]", ("module_point",)),
@@ -452,6 +455,13 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "journal.cycles": {"volume_mb": 1048576},
     "gps_receiver.device": {"gpsd": REMOVED},
     "gps_receiver.baud_rate": {"gpsd": REMOVED, "burst_octets": 40},
+    "gps_receiver.position_ioa": {"ioa": 1000},  # unlike those that are tried
+    "retry_ms": {"retry_max_ms": 3600000},
+    "retry_max_ms": {"retry_ms": 10},
+    "command_ioa": {"command": True},
+    "outstation_point.select": {"command": True},
+    "outstation_point.short_pulse_ms": {"command": True},
+    "outstation_point.long_pulse_ms": {"command": True},
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
@@ -486,6 +496,7 @@ def small_file() -> dict[str, Any]:
     ]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
+    town = {"ca": 7003, "points": [{"type": "single", "ioa": 1000}]}
     fence = {"name": "depot", "centre": [44.8125, 20.4612], "radius_m": 200}
     others = {
         "iec104": {},
@@ -496,6 +507,7 @@ def small_file() -> dict[str, Any]:
             "users": [{"name": "graphs", "role": "viewer"}, {"name": "centre", "role": "operator"}],
             "sinks": [{"name": "nms", "address": "192.0.2.4", "user": "centre"}],
         },
+        "outstations": [{"name": "town", "addresses": ["192.0.2.4"], "sets": [town]}],
         "modbus": {},
         "commands": {},
         "event_ring": 65536,
@@ -631,6 +643,9 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "snmp",
         "snmp_user",
         "snmp_sink",
+        "outstation",
+        "outstation_set",
+        "outstation_point",
         "redundancy_group",
         "modbus",
         "module",

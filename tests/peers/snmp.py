@@ -6,6 +6,7 @@ import os
 import re
 import socket
 import subprocess
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
@@ -221,6 +222,7 @@ class Receiver:
             if len(fitting) >= count:
                 return fitting
             assert not deadline.over, f"{len(fitting)} of {count} {name}"
+            time.sleep(0.02)
 
 
 @contextlib.contextmanager

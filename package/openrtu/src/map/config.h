@@ -43,6 +43,11 @@ enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 0,    /* may be commanded */
 	MAP_POINT_SELECT = 1u << 1,     /* a command needs a selection first */
 	MAP_POINT_NO_QUALITY = 1u << 2, /* normalized: sent without quality, and so only while good */
+	/*
+	 * A position as a whole, with the three points behind it, which are published with it: latitude, longitude (angles),
+	 * altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
+	 */
+	MAP_POINT_POSITION = 1u << 3,
 };
 
 /*
@@ -157,7 +162,7 @@ struct map_section {
 	void *records;
 };
 
-#define MAP_SECTIONS_MAX 16
+#define MAP_SECTIONS_MAX 32
 #define MAP_SECTION_ID(a, b, c, d)                                                                           \
 	((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
 

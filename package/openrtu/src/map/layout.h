@@ -15,7 +15,7 @@
 #include "map/type.h"
 
 #define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 8u          /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT 9u          /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {

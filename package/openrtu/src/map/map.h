@@ -27,6 +27,7 @@
 #define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
 #define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points; configurable */
 #define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
+#define MAP_PAST_DAYS               400  /* what is older is no event's time */
 #define MAP_RTUD                    0    /* rtud's index in the module table */
 
 struct map;
@@ -218,6 +219,9 @@ void map_cursor_to_end(const struct map *map, struct map_cursor *cursor);
 uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor);
 /* The oldest event behind the cursor, over all modules, those restored from the journal first, and moves on. False: there is none now. */
 bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out);
+/* The same of one module alone. */
+bool map_event_next_of(const struct map *map, struct map_cursor *cursor, uint32_t module,
+		       struct map_event *out);
 
 /* ---- bells ------------------------------------------------------------------------------- */
 
@@ -259,7 +263,7 @@ enum map_command_state {
 enum map_command_result {
 	MAP_RESULT_NONE,
 	MAP_RESULT_DONE, /* the device confirmed it (a broadcast: it was sent); with MAP_EXECUTING: it goes on */
-	MAP_RESULT_EXCEPTION,    /* the device refused: detail is the Modbus exception code */
+	MAP_RESULT_EXCEPTION, /* the device refused: detail is the Modbus exception code, or an outstation's cause of transmission */
 	MAP_RESULT_TIMEOUT,      /* the device did not answer: it may or may not have acted */
 	MAP_RESULT_TOO_OLD,      /* not begun before its deadline */
 	MAP_RESULT_NOT_SELECTED, /* needs a selection by this requester, with this value */

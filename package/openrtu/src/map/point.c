@@ -196,3 +196,12 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 	cursor->next[oldest]++;
 	return true;
 }
+
+bool map_event_next_of(const struct map *map, struct map_cursor *cursor, uint32_t module,
+		       struct map_event *out)
+{
+	if (!peek_event(map, cursor, module, out))
+		return false;
+	cursor->next[module]++;
+	return true;
+}

@@ -7,7 +7,7 @@
 #include "modules/calls.h"
 #include "modules/kind.h"
 
-#define LAST_USER 14 /* gps has 15 */
+#define LAST_USER 13 /* gps has 15, iec104m 14 */
 /* A program never holds its module up for longer than its budget, which is some 500 ms on the board at most. */
 #define HEARTBEAT_LIMIT_MS 1000
 
