@@ -93,7 +93,14 @@ class Site:
 
     def wait_state(self, row: str, state: int) -> None:
         manager = self.manager()
-        self.desk.gateway.wait_for(lambda: manager.state(row) == state, 10.0, f"{row} has the state {state}")
+        self.desk.gateway.wait_for(lambda: manager.state(row) == state, 60.0, f"{row} has the state {state}")
+
+    def is_released(self, row: str) -> bool:
+        """Returns it to inactive, if that is possible now."""
+        for user in (CENTRE, ENGINEER):
+            with contextlib.suppress(Refused):
+                self.manager(user).wish(row, INACTIVE)
+        return self.manager().state(row) == INACTIVE
 
     def writes(self, since: int, unit: int = 10) -> int:
         """How many times a device was told to write."""
@@ -125,7 +132,7 @@ def make_keys(config: dict[str, Any], folder: Path) -> None:
 def site(programs: Path) -> Iterator[Site]:
     folder = run_directory()
     port, sink_port = free_udp_port(), free_udp_port()
-    config = configuration(folder, port, sink_port, release_time=3)
+    config = configuration(folder, port, sink_port, release_time=15)
     config["commands"] = {"select_timeout": 2, "command_timeout": 10}
     make_keys(config, folder)
     with receiver(sink_port, folder / "receiver") as received, desk_of(config, programs) as desk:
@@ -137,9 +144,8 @@ def site(programs: Path) -> Iterator[Site]:
 def nothing_under_way(site: Site) -> Iterator[None]:
     """What a test has left of its commands ends by itself."""
     yield
-    manager = site.manager()
     for row in (BREAKER, LAMP):
-        site.desk.gateway.wait_for(lambda row=row: manager.state(row) == INACTIVE, 20.0, f"{row} is released")
+        site.desk.gateway.wait_for(lambda row=row: site.is_released(row), 60.0, f"{row} is released")
 
 
 # ---- the MIB -------------------------------------------------------------------------------------
