@@ -80,10 +80,10 @@ fuzz: fuzzers $(VENV) ## Test: search with the fuzzers for FUZZ_SECONDS=60 each;
 	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
 
 build/native/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true
 
 build/asan/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
 build/fuzz/build.ninja: | $(PACKAGES)
@@ -111,7 +111,7 @@ INSTALLED = build/installed$(subst /,_,$(PREFIX))
 MAN = build/man
 
 $(INSTALLED)/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dman=true \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dman=true \
 	  -Dsystemd=true
 
 install: $(INSTALLED)/build.ninja ## Build: install the gateway on this machine (PREFIX=/usr/local, DESTDIR=)
@@ -188,6 +188,11 @@ build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
 # Its recordings of receivers and what it makes of them, and its program, which nobody has to install.
 build/gpsd/done: build/gpsd/debian.dsc scripts/debian-package.sh | build/packages-twin.done
 	$(LOGGED) gpsd scripts/debian-package.sh $(@D)/packages gpsd libbluetooth3 libdbus-1-3 libusb-1.0-0
+	@touch $@
+
+# MIBs that ours refers to: Debian has the texts of the IETF's in this package of its main archive.
+build/mibs/done: scripts/debian-package.sh | build/packages-twin.done
+	$(LOGGED) mibs scripts/debian-package.sh $(@D) erlang-snmp
 	@touch $@
 
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
@@ -363,7 +368,7 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
 test-station: build $(VENV) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(VENV) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done $(VENV) ## Test: the gateway as a whole, its configuration, the tree
+test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done $(VENV) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build $(VENV) ## Test: what make bench measures with
 test-pins: $(VENV) ## Test: nuc980-pins
 test-image: $(VENV) ## Test: the images' configuration and what makes them
@@ -381,7 +386,7 @@ test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(
 test-sanitizers: build .asan $(VENV) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot build/packages-deb.done build/gpsd/done $(VENV) ## Test: all of pytest but Linux on the emulated board
+test-native: build .asan fuzzers qemu uboot build/packages-deb.done build/gpsd/done build/mibs/done $(VENV) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)

@@ -59,6 +59,7 @@ REACH = [
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/blocks.svg", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
+    ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/logic.md", "tests/test_logic.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
@@ -88,6 +89,7 @@ REACH = [
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the tools
     ("scripts/logic/*", "tests/test_logic*.py tests/test_docs_commands.py"),
+    ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/openrtu-logic", "lint tests/test_logic.py"),
     ("scripts/lab/twin_show.py", "test-twin"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
@@ -127,6 +129,7 @@ REACH = [
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
     ("tests/peers/outstation.py", "tests/test_outstations.py tests/test_centre.py"),
+    ("tests/peers/snmp.py", "tests/test_snmp.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),

@@ -79,7 +79,8 @@ def built(variable: str, default: str) -> Path:
     path = Path(os.environ.get(variable, ROOT / default)).resolve()
     if not path.exists():
         pytest.fail(
-            f"{path} is not there: `make build asan qemu uboot build/gpsd/done`, or set {variable}",
+            f"{path} is not there: `make build asan qemu uboot build/gpsd/done build/mibs/done`, "
+            f"or set {variable}",
             pytrace=False,
         )
     return path
@@ -136,6 +137,13 @@ def uboot_source() -> Path:
 def gpsd() -> Path:
     """Debian's gpsd, for slow tests: its source with recordings in debian/, its program in packages/."""
     return built("OPENRTU_GPSD", "build/gpsd")
+
+
+@pytest.fixture(scope="session")
+def mibs() -> Path:
+    """MIBs of others, for slow tests: those of Debian's erlang-snmp."""
+    (folder,) = built("OPENRTU_MIBS", "build/mibs").glob("usr/lib/erlang/lib/snmp-*/mibs")
+    return folder
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal", "rtu-gps", "rtu-logic", "rtu-104m"}
+MODULES |= {"rtu-snmp"}
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}
@@ -79,6 +80,7 @@ def test_install_puts_everything_in_its_place(installed: Path) -> None:
         *(f"usr/local/share/openrtu/templates/{name}" for name in TEMPLATES),
         *(f"usr/local/share/man/man{page[-1]}/{page}" for page in PAGES),
         "usr/local/share/openrtu/wireshark/asdu201.lua",
+        "usr/local/share/snmp/mibs/OPENRTU-MIB.txt",
     }
     check_unit(
         installed / "usr/local/lib/systemd/system/rtud.service", installed / "usr/local/sbin/rtud", installed

@@ -262,8 +262,16 @@ ROOMS = [
     "modules",
     "rtuctl",
     "rtud",
+    "snmp",
 ]
-ROOMS += ["modules/gps", "modules/iec104", "modules/iec104m", "modules/logic", "modules/modbus"]
+ROOMS += [
+    "modules/gps",
+    "modules/iec104",
+    "modules/iec104m",
+    "modules/logic",
+    "modules/modbus",
+    "modules/snmp",
+]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 # A function or a table that other files may use stands at the beginning of a line.
@@ -272,7 +280,7 @@ DEFINITION = re.compile(
 )
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
-OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus"]
+OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus", "snmp"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:

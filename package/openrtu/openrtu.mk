@@ -29,6 +29,7 @@ define OPENRTU_USERS
 	openrtu 61200 openrtu 61200 * - - - OpenRTU
 	$(OPENRTU_IEC104_USER)
 	$(OPENRTU_MODBUS_USER)
+	$(OPENRTU_SNMP_USER)
 	rtu-gps 61215 openrtu 61200 * - - dialout OpenRTU positions
 endef
 
@@ -55,6 +56,16 @@ define OPENRTU_MODBUS_USER
 endef
 else
 OPENRTU_CONF_OPTS += -Dmodbus=false
+endif
+
+ifeq ($(BR2_PACKAGE_OPENRTU_SNMP),y)
+OPENRTU_CONF_OPTS += -Dsnmp=true
+OPENRTU_DEPENDENCIES += netsnmp openssl
+define OPENRTU_SNMP_USER
+	rtu-snmp 61216 openrtu 61200 * - - - OpenRTU SNMPv3
+endef
+else
+OPENRTU_CONF_OPTS += -Dsnmp=false
 endif
 
 OPENRTU_CONF_OPTS += -Dlibrary=$(if $(BR2_PACKAGE_OPENRTU_LIBRARY),true,false)

@@ -15,36 +15,9 @@
 #include "journal/config.h"
 #include "journal/record.h"
 #include "journal/restore.h"
+#include "map/folder.h"
 
 /* ---- the folder -------------------------------------------------------------------------- */
-
-/* rtu-journal's user has to walk through it, whatever the umask. */
-static int make_folder(const char *path)
-{
-	if (mkdir(path, 0755) == 0)
-		return chmod(path, 0755);
-	return errno == EEXIST ? 0 : -1;
-}
-
-/* Each folder on the way, as mkdir -p. */
-static int make_folders(const char *path)
-{
-	char part[MAP_FILE_SIZE];
-
-	snprintf(part, sizeof(part), "%s", path);
-	for (char *slash = strchr(part + 1, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
-		*slash = '\0';
-		if (make_folder(part) < 0)
-			return -1;
-		*slash = '/';
-	}
-	return make_folder(part);
-}
-
-static int open_folder(const char *path)
-{
-	return make_folders(path) < 0 ? -1 : open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-}
 
 /*
  * What is in it belongs to the user of before, if that was another; rtu-journal makes its files anew. Where it cannot be
@@ -133,7 +106,7 @@ void journal_begin_again(struct map *map, uid_t owner, gid_t group)
 	if (settings == NULL)
 		return;
 	path = settings->path;
-	folder = open_folder(path);
+	folder = map_open_folder(path);
 	if (folder < 0) {
 		map_log(map, MAP_LOG_ERROR, "no journal: %s: %s", path, strerror(errno));
 		return;

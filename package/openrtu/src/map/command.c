@@ -413,6 +413,17 @@ void commands_recover(struct map *map)
 
 /* ---- anyone ------------------------------------------------------------------------------ */
 
+/* The owner notices the end of a selection with the next request only. */
+static void end_selection(const struct map *map, struct map_command *command)
+{
+	if (command->state != MAP_ACCEPTED_SELECTION ||
+	    (command->requester < map_module_count(map) && is_selected(map, command)))
+		return;
+	command->state = MAP_INTERRUPTED_SELECTION;
+	if (is_past(map, command->until_ns))
+		command->time_ns = command->until_ns;
+}
+
 bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
 {
 	const struct segment *segment = &map->segments[map_owner(map, point)];
@@ -427,6 +438,7 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 	if (!latch_load(&cell->latch, cell->copies, &command, sizeof(command)))
 		return false;
 	*out = is_past(map, command.time_ns) ? command : (struct map_command){.state = MAP_INACTIVE};
+	end_selection(map, out);
 	return true;
 }
 

@@ -396,7 +396,10 @@ int64_t map_pulse_end(const struct map *map, uint32_t point); /* of any point: 0
 void map_command_finish(struct map *map, uint32_t point, enum map_command_result result, uint8_t detail);
 /* The next answer to a request of this module. False: as for map_request_next. */
 bool map_answer_next(struct map *map, struct map_answer *out);
-/* The command side of a point. False as for map_read. */
+/*
+ * The command side of a point. A selection whose time is over, or whose requester's process is another one by now, is
+ * interrupted. False as for map_read.
+ */
 bool map_command_read(const struct map *map, uint32_t point, struct map_command *out);
 
 const char *map_command_state_name(enum map_command_state state);

@@ -151,6 +151,7 @@ static void test_a_selection_ends_by_itself(void **state)
 	commands.owner->config.settings.select_timeout_s = 0;
 	assert_false(post(&commands, request(3, MAP_SELECT, 1, 9)));
 	assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+	assert_command(stage, 3, MAP_INTERRUPTED_SELECTION); /* before anybody asks its owner for more */
 	assert_false(post(&commands, request(3, MAP_EXECUTE, 1, 9)));
 	assert_answer(&commands, MAP_REFUSED_COMMAND, MAP_RESULT_NOT_SELECTED);
 	end_commands(&commands);
@@ -165,7 +166,9 @@ static void test_a_selection_ends_with_its_requesters_process(void **state)
 	assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
 	map_detach(commands.requester);
 
+	assert_command(stage, 3, MAP_ACCEPTED_SELECTION);
 	commands.requester = start(stage, "rtu-iec104");
+	assert_command(stage, 3, MAP_INTERRUPTED_SELECTION);
 	assert_false(
 	    post(&commands, request(3, MAP_EXECUTE, 1, 9))); /* the same session number is another's */
 	assert_answer(&commands, MAP_REFUSED_COMMAND, MAP_RESULT_NOT_SELECTED);

@@ -56,6 +56,11 @@ struct kind {
 	const char *
 	    fixed; /* the key of what only rtud's restart changes; NULL: its modules change while rtud runs */
 	const char *group; /* a further one of its processes, by name; NULL: none */
+	/*
+	 * Opens what its user may not, as a socket with a privileged port: in the new process, before that gives up rtud's
+	 * rights. The module gets it as --socket. -1 with errno: it cannot, and the process ends. Left out: nothing.
+	 */
+	int (*open)(const struct map_config *config);
 };
 
 #endif

@@ -16,6 +16,7 @@
 	KIND(gps)                                                                                            \
 	KIND(iec104m)                                                                                        \
 	KIND(logic)                                                                                          \
+	KIND(snmp)                                                                                           \
 	KIND(foreign)
 
 #define DECLARE(name)  extern const struct kind name##_kind;

@@ -13,7 +13,7 @@
 
 /* What meson's options of these names say. */
 static const struct config_modules modules = {
-    .iec104 = OPENRTU_IEC104, .modbus = OPENRTU_MODBUS, .tls = OPENRTU_TLS};
+    .iec104 = OPENRTU_IEC104, .modbus = OPENRTU_MODBUS, .snmp = OPENRTU_SNMP, .tls = OPENRTU_TLS};
 
 static const char usage[] =
     "usage: rtud [OPTION]... FILE\n"

@@ -20,6 +20,8 @@
 #define EXIT_NOT_STARTED 127 /* the shell's word for "could not be executed" */
 #define FILTER_FD        (MAP_SEGMENT_FD + 1)
 #define FILTER_WORD      "4"
+#define SOCKET_FD        (FILTER_FD + 1)
+#define SOCKET_WORD      "5"
 /* Of SCHED_FIFO without ever sleeping: a module whose heart beats while it spins is ended too. A line sleeps within ms. */
 #define SPIN_US 5000000
 
@@ -28,7 +30,7 @@
 	(SECBIT_NOROOT | SECBIT_NOROOT_LOCKED | SECBIT_KEEP_CAPS_LOCKED | SECBIT_NO_CAP_AMBIENT_RAISE |      \
 	 SECBIT_NO_CAP_AMBIENT_RAISE_LOCKED)
 
-_Static_assert(FILTER_FD == 4, "FILTER_WORD says it");
+_Static_assert(FILTER_FD == 4 && SOCKET_FD == 5, "FILTER_WORD and SOCKET_WORD say it");
 
 int process_set_priority(pid_t pid, int priority)
 {
@@ -76,14 +78,18 @@ static void reset_signals(void)
  * rtud may have inherited more than it opened. What it waits with came first: no descriptor here has the number of the
  * segment's or the filter's.
  */
-static void keep_only(int segment, int filter, int program)
+static void keep_only(int segment, int filter, int opened, int program)
 {
-	unsigned next = MAP_SEGMENT_FD + 1;
-
 	dup2(segment, MAP_SEGMENT_FD);
 	if (filter >= 0)
-		next = (unsigned)dup2(filter, FILTER_FD) + 1;
-	close_range(next, (unsigned)program - 1, 0);
+		dup2(filter, FILTER_FD);
+	else
+		close(FILTER_FD);
+	if (opened >= 0)
+		dup2(opened, SOCKET_FD);
+	else
+		close(SOCKET_FD);
+	close_range(SOCKET_FD + 1, (unsigned)program - 1, 0);
 	close_range((unsigned)program + 1, UINT_MAX, 0);
 }
 
@@ -120,19 +126,40 @@ static const char *name_of(const struct process_plan *plan)
 	return plan->path ? plan->path : plan->program->name;
 }
 
+#define ARGUMENTS_MAX 11
+
+static void put_arguments(const struct process_plan *plan, const char *out[ARGUMENTS_MAX + 1])
+{
+	const char *const first[] = {name_of(plan), "--map", plan->map, "--module",
+				     plan->module,  "--dev", plan->dev};
+	size_t count = sizeof(first) / sizeof(first[0]);
+
+	memcpy(out, first, sizeof(first));
+	if (plan->filtered) {
+		out[count++] = "--filter";
+		out[count++] = FILTER_WORD;
+	}
+	if (plan->open) {
+		out[count++] = "--socket";
+		out[count++] = SOCKET_WORD;
+	}
+	out[count] = NULL;
+}
+
 __attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
 {
-	const char *const arguments[] = {
-	    name_of(plan), "--map", plan->map, "--module",
-	    plan->module,  "--dev", plan->dev, plan->filtered ? "--filter" : NULL,
-	    FILTER_WORD,   NULL};
+	const char *arguments[ARGUMENTS_MAX + 1];
 	const char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
 	int filter = plan->filtered ? filter_open(plan->program) : -1;
+	int opened = plan->open ? plan->open(plan->config) : -1;
 
 	if (plan->filtered && filter < 0)
 		give_up("make the filter of", name_of(plan));
+	if (plan->open && opened < 0)
+		give_up("open the socket of", plan->module);
+	put_arguments(plan, arguments);
 	reset_signals();
-	keep_only(plan->segment, filter, program);
+	keep_only(plan->segment, filter, opened, program);
 	process_set_priority(0, 0);
 	set_limits(plan);
 	if (drop_privileges(plan) < 0)

@@ -61,6 +61,8 @@ pid_t start_process(const struct supervisor *supervisor, const struct map *map, 
 	    .gid = options->uid_base,
 	    .memory = OPENRTU_SANITIZED ? 0 : MEMORY_BASE + MEMORY_FACTOR * map_size(map),
 	    .files = FILES_BASE + modbus_port_count(map_config(map)),
+	    .open = kinds_find(module->kind)->open,
+	    .config = map_config(map),
 	    .filtered = supervisor->filtered && run.program != NULL,
 	};
 	pid_t pid;

@@ -1,0 +1,395 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/snmp/answer.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "snmp/write.h"
+
+#define SET_VARBINDS_MAX 64
+#define NAME_MAX_IDS     128 /* RFC 3416: of a name */
+
+/* ---- sizes (X.690) ----------------------------------------------------------------------- */
+
+static long with_header(long octets)
+{
+	return octets + (octets < 128 ? 2 : octets < 256 ? 3 : octets < 65536 ? 4 : 5);
+}
+
+static long size_of_arc(uint32_t arc)
+{
+	long size = 1;
+
+	while (arc >>= 7)
+		size++;
+	return size;
+}
+
+static long size_of_name(const uint32_t *name, size_t length)
+{
+	long size = length > 1 ? size_of_arc(name[0] * 40 + name[1]) : 1;
+
+	for (size_t i = 2; i < length; i++)
+		size += size_of_arc(name[i]);
+	return with_header(size);
+}
+
+/* In two's complement, without octets that say nothing: X.690, 8.3. */
+static long size_of_number(int64_t number)
+{
+	long size = 1;
+
+	for (; number < -128 || number > 127; number >>= 8)
+		size++;
+	return size;
+}
+
+static long size_of_value(const struct snmp_value *value)
+{
+	switch (value == NULL ? 0 : value->syntax) {
+	case SNMP_OCTETS:
+		return with_header(value->size);
+	case SNMP_OID:
+		return size_of_name(value->ids, value->size);
+	case 0:
+		return 2;
+	default:
+		return 2 + size_of_number(value->number);
+	}
+}
+
+/*
+ * RFC 3412, 6 and RFC 3414, 2.4: header data 19 with its own headers 26, security parameters 51 with 12 to 48 octets of MAC, the
+ * PDU's fields 52, the two engine IDs and the user's name.
+ */
+long answer_overhead(const struct snmp_agent *agent, size_t name_size)
+{
+	return 26 + 51 + 48 + 52 + 2 * agent->engine_id_size + (long)name_size;
+}
+
+/* ---- varbinds ---------------------------------------------------------------------------- */
+
+static void put_value(netsnmp_variable_list *variable, const struct snmp_value *value)
+{
+	long number = (long)value->number;
+	oid ids[SNMP_IDS_MAX];
+
+	switch (value->syntax) {
+	case SNMP_OCTETS:
+		snmp_set_var_typed_value(variable, ASN_OCTET_STR, value->octets, value->size);
+		break;
+	case SNMP_OID:
+		for (unsigned i = 0; i < value->size; i++)
+			ids[i] = value->ids[i];
+		snmp_set_var_typed_value(variable, ASN_OBJECT_ID, ids, value->size * sizeof(oid));
+		break;
+	default:
+		snmp_set_var_typed_value(variable, value->syntax, &number, sizeof(number));
+		break;
+	}
+}
+
+static netsnmp_variable_list *new_variable(netsnmp_variable_list **end, const uint32_t *name, size_t length)
+{
+	netsnmp_variable_list *variable = calloc(1, sizeof(*variable));
+	oid ids[NAME_MAX_IDS];
+
+	if (variable == NULL)
+		return NULL;
+	for (size_t i = 0; i < length; i++)
+		ids[i] = name[i];
+	variable->type = ASN_NULL;
+	snmp_set_var_objid(variable, ids, length);
+	*end = variable;
+	return variable;
+}
+
+bool answer_add(netsnmp_variable_list **end, const uint32_t *name, size_t length,
+		const struct snmp_value *value, long *left)
+{
+	netsnmp_variable_list *variable;
+
+	*left -= with_header(size_of_name(name, length) + size_of_value(value));
+	if (*left < 0)
+		return false;
+	variable = new_variable(end, name, length);
+	if (variable != NULL && value != NULL)
+		put_value(variable, value);
+	return variable != NULL;
+}
+
+/* ---- a request --------------------------------------------------------------------------- */
+
+struct asked {
+	uint32_t ids[NAME_MAX_IDS];
+	size_t length;
+};
+
+static void take_name(const netsnmp_variable_list *variable, struct asked *out)
+{
+	out->length = variable->name_length < NAME_MAX_IDS ? variable->name_length : NAME_MAX_IDS;
+	for (size_t i = 0; i < out->length; i++)
+		out->ids[i] = (uint32_t)variable->name[i];
+}
+
+struct answering {
+	struct snmp_agent *agent;
+	enum snmp_role role;
+	netsnmp_variable_list *first, **end;
+	long left; /* octets */
+};
+
+static bool add(struct answering *answering, const uint32_t *name, size_t length,
+		const struct snmp_value *value)
+{
+	if (!answer_add(answering->end, name, length, value, &answering->left))
+		return false;
+	answering->end = &(*answering->end)->next_variable;
+	return true;
+}
+
+/* ... with one of the three words that stand for a value. */
+static bool add_word(struct answering *answering, const struct asked *asked, u_char word)
+{
+	netsnmp_variable_list **here = answering->end;
+
+	if (!add(answering, asked->ids, asked->length, NULL))
+		return false;
+	(*here)->type = word;
+	return true;
+}
+
+static bool add_place(struct answering *answering, const struct snmp_place *place)
+{
+	static struct snmp_value value;
+	uint32_t name[SNMP_IDS_MAX];
+	const size_t length = snmp_name(answering->agent, place, name);
+
+	if (snmp_table_at(answering->agent, place)->read(answering->agent, place->column, place->row, &value))
+		return add(answering, name, length, &value);
+	return add(answering, name, length, NULL);
+}
+
+static bool get(struct answering *answering, const netsnmp_variable_list *variable)
+{
+	struct snmp_place place;
+	struct asked asked;
+
+	take_name(variable, &asked);
+	if (snmp_find(answering->agent, asked.ids, asked.length, &place) &&
+	    answering->role >= snmp_table_at(answering->agent, &place)->reader)
+		return add_place(answering, &place);
+	return add_word(answering, &asked, SNMP_NOSUCHINSTANCE);
+}
+
+static bool get_next(struct answering *answering, const netsnmp_variable_list *variable)
+{
+	struct snmp_place place;
+	struct asked asked;
+
+	take_name(variable, &asked);
+	if (snmp_next(answering->agent, asked.ids, asked.length, answering->role, &place))
+		return add_place(answering, &place);
+	return add_word(answering, &asked, SNMP_ENDOFMIBVIEW);
+}
+
+/* ---- GETBULK ----------------------------------------------------------------------------- */
+
+#define REPEATERS_MAX 64
+
+struct repeater {
+	bool ended;
+	bool begun;
+	struct snmp_place place;
+	struct asked asked; /* while it has not begun, and once it has ended, what stands in its place */
+};
+
+static void remember_name(struct answering *answering, struct repeater *repeater)
+{
+	repeater->asked.length = snmp_name(answering->agent, &repeater->place, repeater->asked.ids);
+}
+
+static bool repeat(struct answering *answering, struct repeater *repeater)
+{
+	struct snmp_place next = repeater->place;
+
+	if (!repeater->ended && !repeater->begun)
+		repeater->ended = !snmp_next(answering->agent, repeater->asked.ids, repeater->asked.length,
+					     answering->role, &next);
+	else if (!repeater->ended && !snmp_after(answering->agent, answering->role, &next)) {
+		remember_name(answering, repeater);
+		repeater->ended = true;
+	}
+	repeater->begun = true;
+	repeater->place = next;
+	return repeater->ended ? add_word(answering, &repeater->asked, SNMP_ENDOFMIBVIEW)
+			       : add_place(answering, &next);
+}
+
+/* As many repetitions as the message takes: it ends where a varbind has no room, or nothing is left to tell. */
+static void get_bulk(struct answering *answering, const netsnmp_pdu *pdu)
+{
+	static struct repeater repeaters[REPEATERS_MAX];
+	const netsnmp_variable_list *variable = pdu->variables;
+	long once = pdu->non_repeaters;
+	unsigned count = 0, ended = 0;
+
+	for (; variable != NULL && once > 0; variable = variable->next_variable, once--)
+		if (!get_next(answering, variable))
+			return;
+	for (; variable != NULL && count < REPEATERS_MAX; variable = variable->next_variable, count++) {
+		repeaters[count].begun = repeaters[count].ended = false;
+		take_name(variable, &repeaters[count].asked);
+	}
+	for (long i = 0; i < pdu->max_repetitions && count > 0 && ended < count; i++) {
+		ended = 0;
+		for (unsigned j = 0; j < count; j++) {
+			if (!repeat(answering, &repeaters[j]))
+				return;
+			ended += repeaters[j].ended;
+		}
+	}
+}
+
+/* ---- SET --------------------------------------------------------------------------------- */
+
+static int64_t number_of_octets(const netsnmp_variable_list *variable)
+{
+	uint64_t number = 0;
+
+	for (size_t i = 0; variable->val_len == 8 && i < 8; i++)
+		number = number << 8 | variable->val.string[i];
+	return (int64_t)number;
+}
+
+static void take_value(const netsnmp_variable_list *variable, struct snmp_assignment *out)
+{
+	out->syntax = variable->type;
+	out->size = (uint16_t)variable->val_len;
+	if (variable->type == ASN_OCTET_STR)
+		out->number = number_of_octets(variable);
+	else if (variable->type == ASN_INTEGER)
+		out->number = *variable->val.integer;
+	else if (variable->type == ASN_UNSIGNED && variable->val.integer != NULL)
+		out->number = (int64_t)(uint32_t)*variable->val.integer;
+}
+
+static enum snmp_error set(struct snmp_agent *agent, uint8_t user, const netsnmp_pdu *pdu, size_t *index)
+{
+	static struct asked names[SET_VARBINDS_MAX];
+	struct snmp_assignment assignments[SET_VARBINDS_MAX] = {0};
+	size_t count = 0;
+
+	for (const netsnmp_variable_list *variable = pdu->variables; variable != NULL;
+	     variable = variable->next_variable, count++) {
+		*index = count + 1;
+		if (count == SET_VARBINDS_MAX)
+			return SNMP_RESOURCE_UNAVAILABLE;
+		take_name(variable, &names[count]);
+		assignments[count].name = names[count].ids;
+		assignments[count].length = names[count].length;
+		take_value(variable, &assignments[count]);
+	}
+	return snmp_set(agent, user, assignments, count, index);
+}
+
+/* ---- the answer -------------------------------------------------------------------------- */
+
+static bool find_user(const struct snmp_agent *agent, const netsnmp_pdu *pdu, uint8_t *user)
+{
+	for (*user = 0; *user < agent->settings->user_count; ++*user) {
+		const char *name = agent->settings->users[*user].name;
+
+		if (strlen(name) == pdu->securityNameLen &&
+		    memcmp(name, pdu->securityName, pdu->securityNameLen) == 0)
+			return true;
+	}
+	return false;
+}
+
+/* Without encryption a user has no right to anything, not even to know what there is. */
+static bool may_ask(const struct snmp_agent *agent, const netsnmp_pdu *pdu, uint8_t *user)
+{
+	return pdu->securityLevel == SNMP_SEC_LEVEL_AUTHPRIV && pdu->contextNameLen == 0 &&
+	       pdu->contextEngineIDLen == agent->engine_id_size &&
+	       memcmp(pdu->contextEngineID, agent->engine_id, agent->engine_id_size) == 0 &&
+	       find_user(agent, pdu, user);
+}
+
+static enum snmp_error read_all(struct answering *answering, const netsnmp_pdu *pdu)
+{
+	for (const netsnmp_variable_list *variable = pdu->variables; variable != NULL;
+	     variable = variable->next_variable)
+		if (!(pdu->command == SNMP_MSG_GET ? get(answering, variable)
+						   : get_next(answering, variable)))
+			return SNMP_TOO_BIG;
+	return SNMP_GOOD;
+}
+
+/* The varbinds of the answer take the place of the request's, which stay with an error and after a SET. */
+static enum snmp_error answer(struct snmp_agent *agent, netsnmp_pdu *pdu, uint8_t user, size_t *index)
+{
+	const long most = pdu->msgMaxSize > 0 && pdu->msgMaxSize < (long)agent->settings->max_message
+			      ? pdu->msgMaxSize
+			      : (long)agent->settings->max_message;
+	struct answering answering = {.agent = agent,
+				      .role = (enum snmp_role)agent->settings->users[user].role,
+				      .left = most - answer_overhead(agent, pdu->securityNameLen)};
+	enum snmp_error error = SNMP_GOOD;
+
+	answering.end = &answering.first;
+	if (pdu->command == SNMP_MSG_SET)
+		return set(agent, user, pdu, index);
+	if (pdu->command == SNMP_MSG_GETBULK)
+		get_bulk(&answering, pdu);
+	else
+		error = read_all(&answering, pdu);
+	if (error != SNMP_GOOD || pdu->command != SNMP_MSG_GETBULK || answering.first != NULL ||
+	    pdu->variables == NULL || (pdu->non_repeaters <= 0 && pdu->max_repetitions <= 0)) {
+		if (error != SNMP_GOOD) {
+			snmp_free_varbind(answering.first);
+			answering.first = NULL;
+		}
+	} else {
+		error = SNMP_TOO_BIG; /* not even one */
+	}
+	snmp_free_varbind(pdu->variables);
+	pdu->variables = answering.first;
+	return error;
+}
+
+static bool is_request(const netsnmp_pdu *pdu)
+{
+	return pdu->command == SNMP_MSG_GET || pdu->command == SNMP_MSG_GETNEXT ||
+	       pdu->command == SNMP_MSG_GETBULK || pdu->command == SNMP_MSG_SET;
+}
+
+void answer_request(void *context, void *session, netsnmp_pdu *pdu)
+{
+	struct snmp_agent *agent = context;
+	netsnmp_pdu *reply;
+	size_t index = 0;
+	uint8_t user;
+	enum snmp_error error;
+
+	if (!is_request(pdu))
+		return;
+	reply = snmp_clone_pdu(pdu);
+	if (reply == NULL)
+		return;
+	if (may_ask(agent, pdu, &user)) {
+		error = answer(agent, reply, user, &index);
+	} else {
+		map_count(&agent->shared->counters[SNMP_COUNT_DENIED], 1);
+		error = SNMP_AUTHORIZATION_ERROR;
+	}
+	if (error == SNMP_NO_ACCESS)
+		map_count(&agent->shared->counters[SNMP_COUNT_DENIED], 1);
+	reply->command = SNMP_MSG_RESPONSE;
+	reply->errstat = error;
+	reply->errindex = error == SNMP_TOO_BIG ? 0 : (long)index;
+	if (error == SNMP_GOOD)
+		reply->errindex = 0;
+	if (!snmp_sess_send(session, reply))
+		snmp_free_pdu(reply);
+}

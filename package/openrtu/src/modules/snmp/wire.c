@@ -1,0 +1,370 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/snmp/wire.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#include "map/address.h"
+#include "modules/snmp/bucket.h"
+
+struct wire {
+	struct snmp_agent *agent;
+	netsnmp_transport transport;
+	void *session;
+	wire_handler handler;
+	void *context;
+	struct sockaddr_storage peer; /* of a sink */
+	socklen_t peer_size;
+};
+
+/* ---- transport --------------------------------------------------------------------------- */
+
+/* Who sent a message, and where its answer goes. libnetsnmp frees it. */
+struct origin {
+	struct sockaddr_storage address;
+	socklen_t size;
+	size_t control_size;
+	/* Which of this machine's addresses was asked: a machine with several answers from the same. */
+	_Alignas(struct cmsghdr) uint8_t control[CMSG_SPACE(sizeof(struct in6_pktinfo))];
+};
+
+/* The kernel's word on how a message came, as its answer wants it. */
+static void turn_round(struct origin *origin, struct msghdr *header)
+{
+	struct cmsghdr *control = CMSG_FIRSTHDR(header);
+	struct in_pktinfo four;
+
+	origin->control_size = control == NULL ? 0 : header->msg_controllen;
+	if (control == NULL || control->cmsg_level != IPPROTO_IP || control->cmsg_type != IP_PKTINFO)
+		return;
+	memcpy(&four, CMSG_DATA(control), sizeof(four));
+	four = (struct in_pktinfo){.ipi_spec_dst = four.ipi_addr};
+	memcpy(CMSG_DATA(control), &four, sizeof(four));
+}
+
+static void address_of(const struct sockaddr_storage *from, struct in6_addr *out)
+{
+	if (from->ss_family == AF_INET6) {
+		*out = ((const struct sockaddr_in6 *)from)->sin6_addr;
+		return;
+	}
+	memset(out, 0, sizeof(*out));
+	out->s6_addr[10] = out->s6_addr[11] = 0xff;
+	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)from)->sin_addr, sizeof(struct in_addr));
+}
+
+static bool is_manager(const struct snmp_settings *settings, const struct in6_addr *address)
+{
+	struct in6_addr manager;
+
+	for (uint32_t i = 0; i < settings->manager_count; i++)
+		if (map_address_parse(settings->managers[i], &manager) &&
+		    memcmp(&manager, address, sizeof(manager)) == 0)
+			return true;
+	return settings->manager_count == 0;
+}
+
+/* Before a message costs anything. */
+static bool is_welcome(struct wire *wire, const struct sockaddr_storage *from)
+{
+	struct in6_addr address;
+
+	if (wire->peer_size != 0)
+		return true;
+	address_of(from, &address);
+	return is_manager(wire->agent->settings, &address) &&
+	       bucket_takes(&address, wire->agent->settings->rate, map_now_ns());
+}
+
+static int receive(netsnmp_transport *transport, void *buffer, int size, void **opaque, int *opaque_length)
+{
+	struct wire *wire = transport->data;
+	struct origin *origin = calloc(1, sizeof(*origin));
+	struct iovec octets = {.iov_base = buffer, .iov_len = (size_t)size};
+	struct msghdr header = {.msg_iov = &octets, .msg_iovlen = 1};
+	ssize_t got;
+
+	*opaque = origin;
+	*opaque_length = origin == NULL ? 0 : (int)sizeof(*origin);
+	if (origin == NULL)
+		return -1;
+	header.msg_name = &origin->address;
+	header.msg_namelen = sizeof(origin->address);
+	header.msg_control = origin->control;
+	header.msg_controllen = sizeof(origin->control);
+	got = recvmsg(transport->sock, &header, 0);
+	if (got < 0)
+		return -1;
+	origin->size = header.msg_namelen;
+	turn_round(origin, &header);
+	map_count(&wire->agent->shared->counters[SNMP_COUNT_MESSAGES], 1);
+	if (is_welcome(wire, &origin->address))
+		return (int)got;
+	map_count(&wire->agent->shared->counters[SNMP_COUNT_LIMITED], 1);
+	return 0;
+}
+
+static int transmit(netsnmp_transport *transport, const void *buffer, int size, void **opaque,
+		    int *opaque_length)
+{
+	const struct wire *wire = transport->data;
+	struct origin *origin = opaque == NULL ? NULL : *opaque;
+	struct iovec octets = {.iov_base = (void *)(uintptr_t)buffer, .iov_len = (size_t)size};
+	struct msghdr header = {.msg_iov = &octets,
+				.msg_iovlen = 1,
+				.msg_name = (void *)(uintptr_t)&wire->peer,
+				.msg_namelen = wire->peer_size};
+
+	if (origin != NULL && *opaque_length == (int)sizeof(*origin)) {
+		header.msg_name = &origin->address;
+		header.msg_namelen = origin->size;
+		header.msg_control = origin->control_size != 0 ? origin->control : NULL;
+		header.msg_controllen = origin->control_size;
+	}
+	return (int)sendmsg(transport->sock, &header, 0);
+}
+
+static int end(netsnmp_transport *transport)
+{
+	(void)transport;
+	return 0;
+}
+
+static char *format(netsnmp_transport *transport, const void *data, int size)
+{
+	(void)transport, (void)data, (void)size;
+	return strdup("udp");
+}
+
+static void make_transport(struct wire *wire, int fd)
+{
+	static const oid domain[] = {1, 3, 6, 1, 6, 1, 1};
+
+	wire->transport = (netsnmp_transport){.domain = domain,
+					      .domain_length = OID_LENGTH(domain),
+					      .sock = fd,
+					      .data = wire,
+					      .data_length = sizeof(*wire),
+					      .msgMaxSize = wire->agent->settings->max_message,
+					      .f_recv = receive,
+					      .f_send = transmit,
+					      .f_close = end,
+					      .f_fmtaddr = format};
+}
+
+/* ---- sessions ---------------------------------------------------------------------------- */
+
+static int take(int operation, netsnmp_session *session, int request, netsnmp_pdu *pdu, void *context)
+{
+	struct wire *wire = context;
+
+	(void)request;
+	if (operation == NETSNMP_CALLBACK_OP_RECEIVED_MESSAGE && pdu->version == SNMP_VERSION_3)
+		wire->handler(wire->context, wire->session, pdu);
+	(void)session;
+	return 1;
+}
+
+/* error: of the library's parser, 0 none. Discovery is among them. */
+static int count_damaged(netsnmp_session *session, netsnmp_pdu *pdu, int error)
+{
+	struct wire *wire = session->callback_magic;
+
+	(void)pdu;
+	if (error != 0)
+		map_count(&wire->agent->shared->counters[SNMP_COUNT_DAMAGED], 1);
+	return 1; /* it is the library's to refuse it */
+}
+
+static struct wire *make(struct snmp_agent *agent, int fd)
+{
+	struct wire *wire = calloc(1, sizeof(*wire));
+
+	if (wire == NULL)
+		return NULL;
+	wire->agent = agent;
+	make_transport(wire, fd);
+	return wire;
+}
+
+struct wire *wire_listen(struct snmp_agent *agent, int fd, wire_handler handler, void *context)
+{
+	struct wire *wire = make(agent, fd);
+	netsnmp_session session;
+
+	if (wire == NULL)
+		return NULL;
+	wire->handler = handler;
+	wire->context = context;
+	snmp_sess_init(&session);
+	session.version = SNMP_VERSION_3;
+	session.callback = take;
+	session.callback_magic = wire;
+	session.authenticator = NULL;
+	session.isAuthoritative = SNMP_SESS_AUTHORITATIVE;
+	session.flags |= SNMP_FLAGS_DONT_PROBE;
+	session.rcvMsgMaxSize = SNMP_MAX_RCV_MSG_SIZE;
+	wire->session = snmp_sess_add(&session, &wire->transport, NULL, count_damaged);
+	return wire->session == NULL ? NULL : wire;
+}
+
+static bool find_peer(struct wire *wire, const struct snmp_sink *sink, int family)
+{
+	struct sockaddr_in6 *six = (struct sockaddr_in6 *)&wire->peer;
+	struct sockaddr_in *four = (struct sockaddr_in *)&wire->peer;
+	struct in6_addr address;
+
+	if (!map_address_parse(sink->address, &address))
+		return false;
+	if (family == AF_INET6) {
+		*six = (struct sockaddr_in6){
+		    .sin6_family = AF_INET6, .sin6_port = htons(sink->port), .sin6_addr = address};
+		wire->peer_size = sizeof(*six);
+		return true;
+	}
+	*four = (struct sockaddr_in){.sin_family = AF_INET, .sin_port = htons(sink->port)};
+	memcpy(&four->sin_addr, &address.s6_addr[12], sizeof(four->sin_addr));
+	wire->peer_size = sizeof(*four);
+	return true;
+}
+
+/* Of an inform the sink is authoritative, of a trap we are (RFC 3414, 1.5.1). */
+struct wire *wire_to_sink(struct snmp_agent *agent, const struct snmp_keyring *ring, uint32_t number, int fd)
+{
+	const struct snmp_sink *sink = &agent->settings->sinks[number];
+	const struct snmp_engine_id *engine = sink->inform ? &ring->sink_engines[number] : &ring->engine;
+	struct wire *wire = make(agent, fd);
+	netsnmp_session session;
+
+	if (wire == NULL || !find_peer(wire, sink, strchr(sink->address, ':') ? AF_INET6 : AF_INET))
+		return NULL;
+	snmp_sess_init(&session);
+	session.version = SNMP_VERSION_3;
+	session.retries = 0;
+	session.timeout = sink->timeout_ms * 1000L;
+	session.flags |= SNMP_FLAGS_DONT_PROBE;
+	session.securityModel = SNMP_SEC_MODEL_USM;
+	session.securityLevel = SNMP_SEC_LEVEL_AUTHPRIV;
+	session.securityName = (char *)(uintptr_t)agent->settings->users[sink->user].name;
+	session.securityNameLen = strlen(session.securityName);
+	session.securityEngineID = (u_char *)(uintptr_t)engine->octets;
+	session.securityEngineIDLen = engine->size;
+	session.contextEngineID = (u_char *)(uintptr_t)ring->engine.octets;
+	session.contextEngineIDLen = ring->engine.size;
+	session.isAuthoritative = sink->inform ? SNMP_SESS_NONAUTHORITATIVE : SNMP_SESS_AUTHORITATIVE;
+	wire->session = snmp_sess_add(&session, &wire->transport, NULL, NULL);
+	return wire->session == NULL ? NULL : wire;
+}
+
+void wire_read(struct wire *wire, unsigned most)
+{
+	fd_set set;
+
+	for (unsigned i = 0; i < most; i++) {
+		char byte;
+
+		if (recv(wire->transport.sock, &byte, 1, MSG_PEEK | MSG_DONTWAIT | MSG_TRUNC) < 0)
+			return;
+		FD_ZERO(&set);
+		FD_SET(wire->transport.sock, &set);
+		snmp_new_message(wire->agent);
+		snmp_sess_read(wire->session, &set);
+	}
+}
+
+void wire_expire(struct wire *wire)
+{
+	snmp_sess_timeout(wire->session);
+}
+
+void *wire_session(struct wire *wire)
+{
+	return wire->session;
+}
+
+int wire_fd(const struct wire *wire)
+{
+	return wire->transport.sock;
+}
+
+/* ---- the library ------------------------------------------------------------------------- */
+
+static void add_user(const char *name, const struct snmp_engine_id *engine, const struct snmp_keys *keys)
+{
+	static const struct {
+		const oid *name;
+		size_t length;
+	} auths[SNMP_AUTHS] = {{usmHMAC192SHA256AuthProtocol, OID_LENGTH(usmHMAC192SHA256AuthProtocol)},
+			       {usmHMAC256SHA384AuthProtocol, OID_LENGTH(usmHMAC256SHA384AuthProtocol)},
+			       {usmHMAC384SHA512AuthProtocol, OID_LENGTH(usmHMAC384SHA512AuthProtocol)}};
+	static const struct {
+		const oid *name;
+		size_t length;
+	} privs[SNMP_PRIVS] = {{usmAESPrivProtocol, OID_LENGTH(usmAESPrivProtocol)},
+			       {usmAES192PrivProtocol, OID_LENGTH(usmAES192PrivProtocol)},
+			       {usmAES256PrivProtocol, OID_LENGTH(usmAES256PrivProtocol)}};
+	struct usmUser *user = usm_create_user();
+
+	if (user == NULL)
+		return;
+	free(user->authProtocol);
+	free(user->privProtocol);
+	user->name = strdup(name);
+	user->secName = strdup(name);
+	user->engineID = netsnmp_memdup(engine->octets, engine->size);
+	user->engineIDLen = engine->size;
+	user->authProtocol = snmp_duplicate_objid(auths[keys->auth].name, auths[keys->auth].length);
+	user->authProtocolLen = auths[keys->auth].length;
+	user->authKey = netsnmp_memdup(keys->auth_key, keys->auth_size);
+	user->authKeyLen = keys->auth_size;
+	user->privProtocol = snmp_duplicate_objid(privs[keys->priv].name, privs[keys->priv].length);
+	user->privProtocolLen = privs[keys->priv].length;
+	user->privKey = netsnmp_memdup(keys->priv_key, keys->priv_size);
+	user->privKeyLen = keys->priv_size;
+	user->userStatus = RS_ACTIVE;
+	user->userStorageType = ST_READONLY;
+	usm_add_user(user);
+}
+
+/* Nothing of the machine's Net-SNMP: neither its files nor what they say, and no MIB. */
+static void keep_to_itself(void)
+{
+	setenv("MIBS", "", 1);
+	setenv("MIBDIRS", "/nonexistent", 1);
+	setenv("SNMPCONFPATH", "/nonexistent", 1);
+	setenv("SNMP_PERSISTENT_DIR", "/nonexistent", 1);
+	netsnmp_ds_set_boolean(NETSNMP_DS_LIBRARY_ID, NETSNMP_DS_LIB_DONT_READ_CONFIGS, 1);
+	netsnmp_ds_set_boolean(NETSNMP_DS_LIBRARY_ID, NETSNMP_DS_LIB_DONT_PERSIST_STATE, 1);
+	netsnmp_ds_set_boolean(NETSNMP_DS_LIBRARY_ID, NETSNMP_DS_LIB_DISABLE_V1, 1);
+	netsnmp_ds_set_boolean(NETSNMP_DS_LIBRARY_ID, NETSNMP_DS_LIB_DISABLE_V2c, 1);
+	/* What is wrong with a message is counted. Without any handler the library would write to stderr. */
+	snmp_enable_calllog();
+}
+
+/* engineBoots_conf() adds one to what a file of the library's would say. */
+static void set_boots(const struct snmp_keyring *ring, uint32_t boots)
+{
+	char before[16];
+
+	snprintf(before, sizeof(before), "%u", boots - 1);
+	set_exact_engineID(ring->engine.octets, ring->engine.size);
+	engineBoots_conf("engineBoots", before);
+	set_enginetime(ring->engine.octets, ring->engine.size, boots, (u_int)snmpv3_local_snmpEngineTime(),
+		       TRUE);
+}
+
+void wire_init(struct snmp_agent *agent, const struct snmp_keyring *ring)
+{
+	keep_to_itself();
+	init_snmp("rtu-snmp");
+	set_boots(ring, agent->boots);
+	for (uint32_t i = 0; i < agent->settings->user_count; i++)
+		add_user(agent->settings->users[i].name, &ring->engine, &ring->users[i]);
+	for (uint32_t i = 0; i < agent->settings->sink_count; i++)
+		if (agent->settings->sinks[i].inform)
+			add_user(agent->settings->users[agent->settings->sinks[i].user].name,
+				 &ring->sink_engines[i], &ring->sinks[i]);
+}

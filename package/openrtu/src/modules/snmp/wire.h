@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * libnetsnmp's side of the agent: sockets that rtud or main.c has opened, as its transports; the users of USM; its sessions. The
+ * library decodes, authenticates and decrypts, and asks for nothing of its own: no file, no name, no socket.
+ */
+#ifndef OPENRTU_MODULES_SNMP_WIRE_H
+#define OPENRTU_MODULES_SNMP_WIRE_H
+
+#include <net-snmp/net-snmp-config.h>
+
+#include <net-snmp/net-snmp-includes.h>
+
+#include <net-snmp/library/snmp_transport.h>
+
+#include "snmp/agent.h"
+#include "snmp/keys.h"
+
+/* Called with each request that is authentic, or none that needs to be. */
+typedef void (*wire_handler)(void *context, void *session, netsnmp_pdu *pdu);
+
+struct wire;
+
+void wire_init(struct snmp_agent *agent, const struct snmp_keyring *ring);
+/* A session that answers on a socket. NULL: no memory. */
+struct wire *wire_listen(struct snmp_agent *agent, int fd, wire_handler handler, void *context);
+/* A session that notifies a sink from a socket. NULL: no memory. */
+struct wire *wire_to_sink(struct snmp_agent *agent, const struct snmp_keyring *ring, uint32_t sink, int fd);
+/* Takes what has come, at most so many messages. */
+void wire_read(struct wire *wire, unsigned most);
+/* Ends what waits for too long. */
+void wire_expire(struct wire *wire);
+void *wire_session(struct wire *wire);
+int wire_fd(const struct wire *wire);
+
+#endif

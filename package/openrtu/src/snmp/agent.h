@@ -1,0 +1,190 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The agent, without its messages: what OPENRTU-MIB.txt says of the map. It knows neither the wire nor who is who there: a
+ * message's user and time are arguments.
+ */
+#ifndef OPENRTU_SNMP_AGENT_H
+#define OPENRTU_SNMP_AGENT_H
+
+#include "map/map.h"
+#include "map/type.h"
+#include "snmp/config.h"
+#include "snmp/shared.h"
+#include "snmp/sink.h"
+#include "snmp/tree.h"
+
+/* Points by CA and IOA, as a table has them. */
+enum snmp_list {
+	SNMP_ALL,
+	SNMP_SINGLES,
+	SNMP_DOUBLES,
+	SNMP_STEPS,
+	SNMP_BITSTRINGS,
+	SNMP_MEASURED,
+	SNMP_TOTALS,
+	SNMP_COMMANDS,
+	SNMP_LISTS
+};
+
+struct snmp_points {
+	uint32_t *points;
+	uint32_t count;
+};
+
+/* A command that came by SNMP, until it is inactive again. */
+struct snmp_command {
+	uint32_t spin;
+	uint8_t state; /* enum map_command_state; MAP_INACTIVE: it is not ours */
+	uint8_t result, detail;
+	uint8_t user;
+	uint32_t id;         /* of the request that is open; 0: none */
+	uint32_t number;     /* of the last request */
+	uint32_t generation; /* of the point's owner when it was asked */
+	int32_t shown;       /* value and qualifier as they were set */
+	uint8_t qualifier;
+	int64_t issued_ms;          /* as it was set, INT64_MAX: not */
+	int64_t time_ns;            /* when it got its state */
+	int64_t until_ns;           /* of a selection, or of what is asked */
+	struct map_request request; /* as it was selected */
+};
+
+#define SNMP_IMAGE_POINTS 100 /* of a row of rtuImageTable, at most */
+
+/* Points packed: a row of rtuImageTable. */
+struct snmp_image {
+	uint32_t first; /* place in the list of all points */
+	uint32_t count;
+};
+
+struct snmp_agent {
+	struct map *map;
+	const struct map_config *config;
+	const struct snmp_settings *settings;
+	struct snmp_shared *shared;
+	struct snmp_root roots[SNMP_ROOTS];
+	struct snmp_points lists[SNMP_LISTS];
+	struct snmp_command *commands; /* as the list of commands */
+	struct snmp_image *images;
+	uint32_t image_count;
+	uint32_t tickets;       /* of selections */
+	uint32_t configuration; /* a number of its points */
+	int64_t started_ns;
+	uint8_t engine_id[32];
+	uint8_t engine_id_size;
+	uint32_t boots;
+	struct snmp_position position;
+	struct snmp_sink_run sinks[SNMP_SINKS_MAX];
+	/* What holds for a message. */
+	int64_t now_ns;
+	struct map_clock clock;
+	uint32_t sampled; /* the point that was read last, so that a row is of one moment */
+	bool sampled_good;
+	struct map_sample sample;
+};
+
+/* False: there is no memory. */
+bool snmp_begin(struct snmp_agent *agent, struct map *map, struct snmp_shared *shared);
+void snmp_end(struct snmp_agent *agent);
+/* A new message: what is read for it is of now. */
+void snmp_new_message(struct snmp_agent *agent);
+/* A point's sample, once a row. False: none. */
+bool snmp_sample(struct snmp_agent *agent, uint32_t point, struct map_sample *out);
+/* Common address of a point. */
+static inline uint16_t snmp_ca(const struct snmp_agent *agent, uint32_t point)
+{
+	return agent->config->sets[agent->config->points[point].set].ca;
+}
+
+/* ---- values.c ---------------------------------------------------------------------------- */
+
+#define SNMP_NEVER INT64_MIN /* of a time */
+
+void snmp_put_number(struct snmp_value *out, enum snmp_syntax syntax, int64_t number);
+static inline void snmp_put_truth(struct snmp_value *out, bool truth)
+{
+	snmp_put_number(out, SNMP_INTEGER, truth ? 1 : 2);
+}
+void snmp_put_text(struct snmp_value *out, const char *text);
+/* RtuTime: milliseconds since 1970; SNMP_NEVER: all ones. */
+void snmp_put_time(struct snmp_value *out, int64_t time_ms);
+/* ... of a moment of this machine, 0: never. */
+void snmp_put_moment(const struct snmp_agent *agent, struct snmp_value *out, int64_t time_ns);
+/* RtuQuality: the QDS, whose bits are BITS; of a counter what its BCR says besides. */
+void snmp_put_quality(struct snmp_value *out, uint8_t quality, uint8_t counter_detail);
+void snmp_put_float(struct snmp_value *out, float number);
+/* RtuInformationType. */
+int64_t snmp_type_number(enum map_type type);
+/* A value as rtuSingleValue, … rtuTotalValue have it. */
+int64_t snmp_shown_value(enum map_type type, union map_value value);
+/* Decimals in rtuMeasuredValue. */
+int64_t snmp_precision(enum map_type type);
+float snmp_float_of(enum map_type type, union map_value value);
+
+/* ---- events.c ---------------------------------------------------------------------------- */
+
+/* Goes on where a former process of the module ended. */
+void snmp_events_begin(struct snmp_agent *agent);
+/* Numbers what the map has new. True: there is more. */
+bool snmp_events_take(struct snmp_agent *agent);
+/* Numbers an event of the agent's own. */
+void snmp_event_add(struct snmp_agent *agent, const struct snmp_event *event);
+/* Number of the oldest event that is kept; behind the last one: there is none. */
+uint32_t snmp_event_first(const struct snmp_agent *agent);
+/* The event of a number between first and last. */
+const struct snmp_event *snmp_event_at(const struct snmp_agent *agent, uint32_t number);
+/* A column of rtuEventTable. */
+void snmp_event_read(const struct snmp_agent *agent, uint32_t column, uint32_t number,
+		     struct snmp_value *out);
+
+enum snmp_event_column {
+	SNMP_EVENT_KIND = 2,
+	SNMP_EVENT_CA,
+	SNMP_EVENT_IOA,
+	SNMP_EVENT_TYPE,
+	SNMP_EVENT_VALUE,
+	SNMP_EVENT_FLOAT,
+	SNMP_EVENT_QUALITY,
+	SNMP_EVENT_TIME,
+	SNMP_EVENT_TIME_VALID,
+	SNMP_EVENT_CAUSE,
+};
+
+/* ---- commands.c -------------------------------------------------------------------------- */
+
+enum snmp_command_column {
+	SNMP_COMMAND_SPIN = 1,
+	SNMP_COMMAND_STATE,
+	SNMP_COMMAND_VALUE,
+	SNMP_COMMAND_QUALIFIER,
+	SNMP_COMMAND_ISSUED,
+	SNMP_COMMAND_RESULT,
+	SNMP_COMMAND_DETAIL,
+	SNMP_COMMAND_NUMBER,
+	SNMP_COMMAND_OWNER,
+	SNMP_COMMAND_PROTOCOL,
+	SNMP_COMMAND_TIME,
+	SNMP_COMMAND_LEFT,
+};
+
+void snmp_commands_begin(struct snmp_agent *agent);
+/* Takes the answers of the points' owners, and ends what has ended by itself. True: a command is ours. */
+bool snmp_commands_tick(struct snmp_agent *agent);
+const char *snmp_user_name(const struct snmp_agent *agent, uint8_t user);
+
+/* ---- tables ------------------------------------------------------------------------------ */
+
+/* Rows of a list, by common address and IOA. */
+void snmp_point_index(const struct snmp_agent *agent, enum snmp_list list, uint32_t row,
+		      uint32_t out[SNMP_INDEX_MAX]);
+
+extern const struct snmp_table snmp_system_scalars[4], snmp_engine_scalars[4];
+extern const struct snmp_table snmp_station_scalars[5], snmp_device_table;
+extern const struct snmp_table snmp_point_table, snmp_value_tables[5];
+extern const struct snmp_table snmp_command_table, snmp_command_scalars[3];
+extern const struct snmp_table snmp_total_table;
+extern const struct snmp_table snmp_clock_scalars[2];
+extern const struct snmp_table snmp_event_scalars[4], snmp_event_table, snmp_sink_table;
+extern const struct snmp_table snmp_module_table, snmp_counter_table, snmp_health_scalars[3];
+extern const struct snmp_table snmp_image_table;
+
+#endif

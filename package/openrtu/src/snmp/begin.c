@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The agent as a whole: its tables in their order, its lists of points. */
+#include "snmp/agent.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- the tree ---------------------------------------------------------------------------- */
+
+static const struct snmp_table *const system_tables[] = {&snmp_system_scalars[0], &snmp_system_scalars[1],
+							 &snmp_system_scalars[2], &snmp_system_scalars[3]};
+
+static const struct snmp_table *const engine_tables[] = {&snmp_engine_scalars[0], &snmp_engine_scalars[1],
+							 &snmp_engine_scalars[2], &snmp_engine_scalars[3]};
+
+static const struct snmp_table *const station_tables[] = {
+    &snmp_station_scalars[0], &snmp_station_scalars[1], &snmp_station_scalars[2], &snmp_station_scalars[3],
+    &snmp_station_scalars[4], &snmp_device_table,       &snmp_point_table,        &snmp_value_tables[0],
+    &snmp_value_tables[1],    &snmp_value_tables[2],    &snmp_value_tables[3],    &snmp_value_tables[4],
+    &snmp_command_table,      &snmp_command_scalars[0], &snmp_command_scalars[1], &snmp_command_scalars[2],
+    &snmp_total_table,        &snmp_clock_scalars[0],   &snmp_clock_scalars[1],   &snmp_event_scalars[0],
+    &snmp_event_scalars[1],   &snmp_event_scalars[2],   &snmp_event_scalars[3],   &snmp_event_table,
+    &snmp_sink_table,         &snmp_module_table,       &snmp_counter_table,      &snmp_health_scalars[0],
+    &snmp_health_scalars[1],  &snmp_health_scalars[2],  &snmp_image_table,
+};
+
+#define COUNT(tables) (sizeof(tables) / sizeof((tables)[0]))
+
+static void plant(struct snmp_agent *agent)
+{
+	agent->roots[0] = (struct snmp_root){.ids = {1, 3, 6, 1, 2, 1, 1},
+					     .length = 7,
+					     .tables = system_tables,
+					     .count = COUNT(system_tables)};
+	agent->roots[1] = (struct snmp_root){
+	    .length = agent->settings->base_length, .tables = station_tables, .count = COUNT(station_tables)};
+	memcpy(agent->roots[1].ids, agent->settings->base, sizeof(agent->settings->base));
+	agent->roots[2] = (struct snmp_root){.ids = {1, 3, 6, 1, 6, 3, 10, 2, 1},
+					     .length = 9,
+					     .tables = engine_tables,
+					     .count = COUNT(engine_tables)};
+}
+
+/* ---- lists ------------------------------------------------------------------------------- */
+
+static bool belongs(const struct map_point *point, enum snmp_list list)
+{
+	const enum map_class class = map_class_of(point);
+
+	switch (list) {
+	case SNMP_ALL:
+		return true;
+	case SNMP_SINGLES:
+		return point->type == MAP_SINGLE;
+	case SNMP_DOUBLES:
+		return point->type == MAP_DOUBLE;
+	case SNMP_STEPS:
+		return class == MAP_CLASS_POSITION;
+	case SNMP_BITSTRINGS:
+		return class == MAP_CLASS_PATTERN;
+	case SNMP_MEASURED:
+		return class == MAP_CLASS_MEASURED;
+	case SNMP_TOTALS:
+		return class == MAP_CLASS_TOTAL;
+	case SNMP_COMMANDS:
+		return (point->flags & MAP_POINT_COMMAND) != 0;
+	case SNMP_LISTS:
+		break;
+	}
+	return false;
+}
+
+static int by_address(const void *a, const void *b, void *context)
+{
+	const struct snmp_agent *agent = context;
+	const uint32_t one = *(const uint32_t *)a, other = *(const uint32_t *)b;
+	const uint16_t ca = snmp_ca(agent, one), other_ca = snmp_ca(agent, other);
+
+	if (ca != other_ca)
+		return ca < other_ca ? -1 : 1;
+	return agent->config->points[one].ioa < agent->config->points[other].ioa ? -1 : 1;
+}
+
+static bool make_list(struct snmp_agent *agent, enum snmp_list number)
+{
+	const struct snmp_points *all = &agent->lists[SNMP_ALL];
+	struct snmp_points *list = &agent->lists[number];
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < agent->config->point_count; i++)
+		count += belongs(&agent->config->points[i], number);
+	list->points = malloc((count + 1) * sizeof(*list->points));
+	if (list->points == NULL)
+		return false;
+	for (uint32_t i = 0; i < agent->config->point_count; i++) {
+		const uint32_t point = number == SNMP_ALL ? i : all->points[i];
+
+		if (belongs(&agent->config->points[point], number))
+			list->points[list->count++] = point;
+	}
+	if (number == SNMP_ALL)
+		qsort_r(list->points, count, sizeof(*list->points), by_address, agent);
+	return true;
+}
+
+/* As many points of one station as a row takes, in their order. */
+static bool make_images(struct snmp_agent *agent)
+{
+	const struct snmp_points *all = &agent->lists[SNMP_ALL];
+	struct snmp_image *image = NULL;
+
+	agent->images = malloc((all->count + 1) * sizeof(*agent->images));
+	if (agent->images == NULL)
+		return false;
+	for (uint32_t i = 0; i < all->count; i++) {
+		if (image == NULL || image->count == SNMP_IMAGE_POINTS ||
+		    snmp_ca(agent, all->points[image->first]) != snmp_ca(agent, all->points[i])) {
+			image = &agent->images[agent->image_count++];
+			*image = (struct snmp_image){.first = i};
+		}
+		image->count++;
+	}
+	return true;
+}
+
+/* FNV-1a over what a manager keeps of the points. */
+static uint32_t number_of_configuration(const struct snmp_agent *agent)
+{
+	uint32_t hash = 2166136261u;
+
+	for (uint32_t i = 0; i < agent->config->point_count; i++) {
+		const struct map_point *point = &agent->config->points[i];
+		char name[MAP_NAME_SIZE] = "";
+		const uint32_t words[] = {snmp_ca(agent, i), point->ioa, point->type, point->flags,
+					  point->group};
+
+		map_point_name(agent->config, point, name);
+		for (size_t j = 0; j < sizeof(words); j++)
+			hash = (hash ^ ((const uint8_t *)words)[j]) * 16777619u;
+		for (const char *c = name; *c != '\0'; c++)
+			hash = (hash ^ (uint8_t)*c) * 16777619u;
+	}
+	return hash;
+}
+
+/* ---- begin, end -------------------------------------------------------------------------- */
+
+bool snmp_begin(struct snmp_agent *agent, struct map *map, struct snmp_shared *shared)
+{
+	*agent = (struct snmp_agent){.map = map,
+				     .config = map_config(map),
+				     .settings = snmp_settings(map_config(map)),
+				     .shared = shared,
+				     .started_ns = map_now_ns(),
+				     .sampled = MAP_NONE};
+	plant(agent);
+	for (unsigned i = 0; i < SNMP_LISTS; i++)
+		if (!make_list(agent, (enum snmp_list)i))
+			return false;
+	agent->commands = calloc(agent->lists[SNMP_COMMANDS].count + 1, sizeof(*agent->commands));
+	if (agent->commands == NULL || !make_images(agent))
+		return false;
+	agent->configuration = number_of_configuration(agent);
+	snmp_new_message(agent);
+	snmp_events_begin(agent);
+	snmp_sinks_begin(agent);
+	snmp_commands_begin(agent);
+	return true;
+}
+
+void snmp_end(struct snmp_agent *agent)
+{
+	for (unsigned i = 0; i < SNMP_LISTS; i++)
+		free(agent->lists[i].points);
+	free(agent->commands);
+	free(agent->images);
+}

@@ -1,0 +1,331 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The station and its parts: rtuStation, rtuClock, rtuHealth, and what each agent has (RFC 3418, RFC 3411). */
+#include "snmp/agent.h"
+
+#include <string.h>
+
+#define SCALAR(group, number, reader)                                                                        \
+	{                                                                                                    \
+		.prefix = {1, group, number}, .prefix_length = 3, .read = reader                             \
+	}
+
+/* ---- system (RFC 3418) and snmpEngine (RFC 3411) ------------------------------------------ */
+
+static bool read_description(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)agent, (void)column, (void)row;
+	snmp_put_text(out, "OpenRTU " OPENRTU_VERSION);
+	return true;
+}
+
+/* sysObjectID: where OPENRTU-MIB is, since no product has a name of its own. */
+static bool read_object_id(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	out->syntax = SNMP_OID;
+	out->size = (uint16_t)agent->settings->base_length;
+	memcpy(out->ids, agent->settings->base, agent->settings->base_length * sizeof(uint32_t));
+	return true;
+}
+
+static bool read_uptime(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_TICKS, (uint32_t)((agent->now_ns - agent->started_ns) / (10 * NS_PER_MS)));
+	return true;
+}
+
+static bool read_name(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_text(out, agent->settings->station);
+	return true;
+}
+
+#define SYSTEM(number, reader)                                                                               \
+	{                                                                                                    \
+		.prefix = {number}, .prefix_length = 1, .read = reader                                       \
+	}
+const struct snmp_table snmp_system_scalars[4] = {SYSTEM(1, read_description), SYSTEM(2, read_object_id),
+						  SYSTEM(3, read_uptime), SYSTEM(5, read_name)};
+
+static bool read_engine_id(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	out->syntax = SNMP_OCTETS;
+	out->size = agent->engine_id_size;
+	memcpy(out->octets, agent->engine_id, agent->engine_id_size);
+	return true;
+}
+
+static bool read_boots(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_INTEGER, agent->boots);
+	return true;
+}
+
+static bool read_engine_time(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_INTEGER, (agent->now_ns - agent->started_ns) / NS_PER_S);
+	return true;
+}
+
+static bool read_message_size(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_INTEGER, agent->settings->max_message);
+	return true;
+}
+
+const struct snmp_table snmp_engine_scalars[4] = {SYSTEM(1, read_engine_id), SYSTEM(2, read_boots),
+						  SYSTEM(3, read_engine_time), SYSTEM(4, read_message_size)};
+
+/* ---- rtuStation -------------------------------------------------------------------------- */
+
+static bool read_starts(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_COUNTER, map_starts(agent->map));
+	return true;
+}
+
+static bool read_started(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	struct map_module rtud;
+
+	(void)column, (void)row;
+	map_module(agent->map, MAP_RTUD, &rtud);
+	snmp_put_moment(agent, out, rtud.started_ns);
+	return true;
+}
+
+static bool read_configuration(struct snmp_agent *agent, uint32_t column, uint32_t row,
+			       struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_GAUGE, agent->configuration);
+	return true;
+}
+
+static bool read_points(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_GAUGE, agent->config->point_count);
+	return true;
+}
+
+const struct snmp_table snmp_station_scalars[5] = {
+    SCALAR(1, 1, read_name),          SCALAR(1, 2, read_starts), SCALAR(1, 3, read_started),
+    SCALAR(1, 4, read_configuration), SCALAR(1, 5, read_points),
+};
+
+enum { DEVICE_NAME = 2, DEVICE_CA, DEVICE_MODULE, DEVICE_POINTS, DEVICE_INVALID };
+
+static uint32_t count_devices(const struct snmp_agent *agent)
+{
+	return agent->config->set_count;
+}
+
+static void index_from_1(const struct snmp_agent *agent, uint32_t row, uint32_t out[SNMP_INDEX_MAX])
+{
+	(void)agent;
+	out[0] = row + 1;
+}
+
+static uint32_t invalid_points(struct snmp_agent *agent, const struct map_set *set)
+{
+	uint32_t invalid = 0;
+
+	for (uint32_t i = 0; i < set->point_count; i++) {
+		struct map_sample sample;
+
+		if (!map_read(agent->map, set->first_point + i, &sample) || (sample.quality & MAP_INVALID))
+			invalid++;
+	}
+	return invalid;
+}
+
+static bool read_device(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	const struct map_set *set = &agent->config->sets[row];
+	struct map_module module;
+
+	switch (column) {
+	case DEVICE_NAME:
+		snmp_put_text(out, set->name);
+		return true;
+	case DEVICE_CA:
+		snmp_put_number(out, SNMP_GAUGE, set->ca);
+		return true;
+	case DEVICE_MODULE:
+		map_module(agent->map, set->module, &module);
+		snmp_put_text(out, module.name);
+		return true;
+	case DEVICE_POINTS:
+		snmp_put_number(out, SNMP_GAUGE, set->point_count);
+		return true;
+	default:
+		snmp_put_number(out, SNMP_GAUGE, invalid_points(agent, set));
+		return true;
+	}
+}
+
+const struct snmp_table snmp_device_table = {.prefix = {1, 1, 7},
+					     .prefix_length = 3,
+					     .first = DEVICE_NAME,
+					     .last = DEVICE_INVALID,
+					     .indexes = 1,
+					     .count = count_devices,
+					     .index = index_from_1,
+					     .read = read_device};
+
+/* ---- rtuClock ---------------------------------------------------------------------------- */
+
+static bool read_clock(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_moment(agent, out, agent->now_ns);
+	return true;
+}
+
+static bool read_clock_state(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	const bool system =
+	    agent->clock.source == MAP_CLOCK_SYNCHRONISED || agent->clock.source == MAP_CLOCK_HELD;
+
+	(void)column, (void)row;
+	snmp_put_number(out, SNMP_INTEGER, !agent->clock.set ? 1 : system ? 3 : 2);
+	return true;
+}
+
+const struct snmp_table snmp_clock_scalars[2] = {SCALAR(7, 1, read_clock), SCALAR(7, 5, read_clock_state)};
+
+/* ---- rtuHealth --------------------------------------------------------------------------- */
+
+enum { MODULE_NAME = 2, MODULE_STATE, MODULE_ALIVE, MODULE_RESTARTS, MODULE_HEARTBEAT, MODULE_LOST };
+
+static uint32_t count_modules(const struct snmp_agent *agent)
+{
+	return map_module_count(agent->map);
+}
+
+static bool read_module(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	struct map_module module;
+
+	map_module(agent->map, row, &module);
+	switch (column) {
+	case MODULE_NAME:
+		snmp_put_text(out, module.name);
+		return true;
+	case MODULE_STATE:
+		snmp_put_number(out, SNMP_INTEGER, module.state + 1);
+		return true;
+	case MODULE_ALIVE:
+		snmp_put_truth(out, module.alive);
+		return true;
+	case MODULE_RESTARTS:
+		snmp_put_number(out, SNMP_COUNTER, module.restarts);
+		return true;
+	case MODULE_HEARTBEAT:
+		snmp_put_number(out, SNMP_GAUGE, module.heartbeat_age_ms);
+		return true;
+	default:
+		snmp_put_number(out, SNMP_COUNTER, module.lost_events);
+		return true;
+	}
+}
+
+const struct snmp_table snmp_module_table = {.prefix = {1, 9, 1},
+					     .prefix_length = 3,
+					     .first = MODULE_NAME,
+					     .last = MODULE_LOST,
+					     .indexes = 1,
+					     .count = count_modules,
+					     .index = index_from_1,
+					     .read = read_module};
+
+/* The rows of counters: all of the first module, all of the second … Their number may grow while modules start. */
+static uint32_t counters_of(const struct snmp_agent *agent, uint32_t module)
+{
+	struct map_counter counter;
+	uint32_t count = 0;
+
+	while (map_counter(agent->map, module, count, &counter))
+		count++;
+	return count;
+}
+
+static uint32_t count_counters(const struct snmp_agent *agent)
+{
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < map_module_count(agent->map); i++)
+		count += counters_of(agent, i);
+	return count;
+}
+
+/* Of a row the module and the counter's number in it. False: there are fewer. */
+static bool find_counter(const struct snmp_agent *agent, uint32_t row, uint32_t *module, uint32_t *number)
+{
+	for (*module = 0; *module < map_module_count(agent->map); ++*module) {
+		const uint32_t count = counters_of(agent, *module);
+
+		*number = row;
+		if (row < count)
+			return true;
+		row -= count;
+	}
+	return false;
+}
+
+static void index_counter(const struct snmp_agent *agent, uint32_t row, uint32_t out[SNMP_INDEX_MAX])
+{
+	uint32_t module = 0, number = 0;
+
+	find_counter(agent, row, &module, &number);
+	out[0] = module + 1;
+	out[1] = number + 1;
+}
+
+enum { COUNTER_NAME = 2, COUNTER_VALUE };
+
+static bool read_counter(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	struct map_counter counter;
+	uint32_t module, number;
+
+	if (!find_counter(agent, row, &module, &number) || !map_counter(agent->map, module, number, &counter))
+		return false;
+	if (column == COUNTER_NAME)
+		snmp_put_text(out, counter.name);
+	else
+		snmp_put_number(out, SNMP_COUNTER, counter.value);
+	return true;
+}
+
+const struct snmp_table snmp_counter_table = {.prefix = {1, 9, 2},
+					      .prefix_length = 3,
+					      .first = COUNTER_NAME,
+					      .last = COUNTER_VALUE,
+					      .indexes = 2,
+					      .count = count_counters,
+					      .index = index_counter,
+					      .read = read_counter};
+
+#define OWN_COUNTER(name, counter)                                                                           \
+	static bool name(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)    \
+	{                                                                                                    \
+		(void)column, (void)row;                                                                     \
+		snmp_put_number(out, SNMP_COUNTER, agent->shared->counters[counter]);                        \
+		return true;                                                                                 \
+	}
+
+OWN_COUNTER(read_limited, SNMP_COUNT_LIMITED)
+OWN_COUNTER(read_denied, SNMP_COUNT_DENIED)
+OWN_COUNTER(read_damaged, SNMP_COUNT_DAMAGED)
+
+const struct snmp_table snmp_health_scalars[3] = {SCALAR(9, 3, read_limited), SCALAR(9, 4, read_denied),
+						  SCALAR(9, 5, read_damaged)};

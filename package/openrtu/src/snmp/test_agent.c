@@ -1,0 +1,311 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The walk through the objects, the keys, and the sinks' windows in virtual time. */
+#include "snmp/agent.h"
+#include "snmp/keys.h"
+#include "snmp/sink.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "map/test_stage.h"
+
+#define NAMES_MAX 2000
+
+struct fixture {
+	struct stage *stage;
+	struct map *map; /* of rtu-iec104, which may request */
+	struct snmp_settings settings;
+	struct snmp_shared *shared;
+	struct snmp_agent agent;
+};
+
+static struct fixture begin(void **state)
+{
+	static const struct snmp_settings settings = {
+	    .base = {1, 3, 6, 1, 4, 1, 8072, 9999, 9999, 104},
+	    .base_length = 10,
+	    .station = "test",
+	    .max_message = 1472,
+	    .release_s = 60,
+	    .user_count = 1,
+	    .users = {{"centre", SNMP_OPERATOR}},
+	    .sink_count = 1,
+	    .sinks = {{.name = "nms", .window = 2, .retries = 1, .inform = true, .timeout_ms = 1000}},
+	};
+	struct fixture fixture = {.stage = *state, .settings = settings};
+
+	return fixture;
+}
+
+static void start_agent(struct fixture *fixture)
+{
+	map_add_section(&fixture->stage->config, SNMP_SETTINGS, sizeof(fixture->settings), 1,
+			&fixture->settings);
+	make_again(fixture->stage);
+	fixture->map = start(fixture->stage, "rtu-iec104");
+	fixture->shared = calloc(1, sizeof(*fixture->shared));
+	assert_true(snmp_begin(&fixture->agent, fixture->map, fixture->shared));
+}
+
+static void end(struct fixture *fixture)
+{
+	snmp_end(&fixture->agent);
+	map_detach(fixture->map);
+	free(fixture->shared);
+}
+
+/* ---- the walk ---------------------------------------------------------------------------- */
+
+struct name {
+	uint32_t ids[SNMP_IDS_MAX];
+	size_t length;
+};
+
+static int order(const struct name *a, const struct name *b)
+{
+	for (size_t i = 0; i < a->length && i < b->length; i++)
+		if (a->ids[i] != b->ids[i])
+			return a->ids[i] < b->ids[i] ? -1 : 1;
+	return a->length == b->length ? 0 : a->length < b->length ? -1 : 1;
+}
+
+/* All names, one behind the other, as GETNEXT finds them. */
+static size_t walk(const struct snmp_agent *agent, struct name *names)
+{
+	struct name name = {.length = 0};
+	struct snmp_place place;
+	size_t count = 0;
+
+	while (snmp_next(agent, name.ids, name.length, SNMP_OPERATOR, &place)) {
+		name.length = snmp_name(agent, &place, name.ids);
+		assert_true(count < NAMES_MAX);
+		names[count++] = name;
+	}
+	return count;
+}
+
+static void test_each_instance_is_behind_the_one_before(void **state)
+{
+	static struct name names[NAMES_MAX];
+	struct fixture fixture = begin(state);
+	struct snmp_place place, found;
+	size_t count;
+
+	start_agent(&fixture);
+	count = walk(&fixture.agent, names);
+	assert_true(count > 200);
+	assert_true(snmp_next(&fixture.agent, NULL, 0, SNMP_OPERATOR, &place));
+	for (size_t i = 0; i < count; i++) {
+		struct name here;
+
+		assert_true(i == 0 || order(&names[i - 1], &names[i]) < 0);
+		assert_true(snmp_find(&fixture.agent, names[i].ids, names[i].length, &found));
+		here.length = snmp_name(&fixture.agent, &place, here.ids);
+		assert_int_equal(order(&here, &names[i]), 0);
+		assert_int_equal(snmp_after(&fixture.agent, SNMP_OPERATOR, &place), i + 1 < count);
+	}
+	end(&fixture);
+}
+
+/* A name of an instance with some of its numbers changed, cut or added to. */
+static struct name any_name(const struct name *names, size_t count, unsigned *seed)
+{
+	struct name name = names[(unsigned)rand_r(seed) % count];
+
+	if (rand_r(seed) % 2)
+		name.length = (unsigned)rand_r(seed) % (name.length + 1);
+	if (rand_r(seed) % 2 && name.length > 0)
+		name.ids[(unsigned)rand_r(seed) % name.length] += (uint32_t)(rand_r(seed) % 3) - 1;
+	if (rand_r(seed) % 2 && name.length < SNMP_IDS_MAX)
+		name.ids[name.length++] = (unsigned)rand_r(seed) % 2 ? UINT32_MAX : 0;
+	return name;
+}
+
+static void test_the_next_of_any_name_is_the_first_behind_it(void **state)
+{
+	static struct name names[NAMES_MAX];
+	struct fixture fixture = begin(state);
+	unsigned seed = 1;
+	size_t count;
+
+	start_agent(&fixture);
+	count = walk(&fixture.agent, names);
+	for (unsigned i = 0; i < 20000; i++) {
+		const struct name name = any_name(names, count, &seed);
+		struct snmp_place place;
+		struct name next;
+		size_t expected = 0;
+
+		while (expected < count && order(&names[expected], &name) <= 0)
+			expected++;
+		assert_int_equal(snmp_next(&fixture.agent, name.ids, name.length, SNMP_OPERATOR, &place),
+				 expected < count);
+		if (expected == count)
+			continue;
+		next.length = snmp_name(&fixture.agent, &place, next.ids);
+		assert_int_equal(order(&next, &names[expected]), 0);
+	}
+	end(&fixture);
+}
+
+/* ---- keys -------------------------------------------------------------------------------- */
+
+#define SHA "00112233445566778899aabbccddeeff00112233445566778899aabbccddeeff"
+#define AES "00112233445566778899aabbccddeeff"
+
+static void test_keys_are_taken_whole_or_not_at_all(void **state)
+{
+	static const char *const wrong[] = {
+	    "engine",
+	    "engine 80",
+	    "engine 800g1f8805",
+	    "engine 80001f88051",
+	    "user centre SHA-256 " SHA " AES-128",
+	    "user centre SHA-256 " AES " AES-128 " AES,
+	    "user centre MD5 " SHA " AES-128 " AES,
+	    "user centre SHA-256 " SHA " AES-128 " SHA,
+	    "user centre SHA-256 " SHA " AES-128 " AES " more",
+	    "sink nms SHA-256 " SHA " AES-128 " AES,
+	    "password centre",
+	};
+	struct fixture fixture = begin(state);
+	struct snmp_keyring ring = {0};
+	char line[SNMP_KEY_LINE + 8];
+	const char *name;
+
+	for (size_t i = 0; i < sizeof(wrong) / sizeof(wrong[0]); i++)
+		assert_false(snmp_keys_take(&ring, &fixture.settings, wrong[i]));
+	memset(line, 'a', sizeof(line));
+	line[sizeof(line) - 1] = '\0';
+	assert_false(snmp_keys_take(&ring, &fixture.settings, line));
+	assert_string_equal(snmp_keys_missing(&ring, &fixture.settings, &name), "engine ID");
+	assert_true(snmp_keys_take(&ring, &fixture.settings, "engine 80001f8805\n"));
+	assert_true(snmp_keys_take(&ring, &fixture.settings, "# comment"));
+	assert_true(snmp_keys_take(&ring, &fixture.settings, "user other SHA-256 " SHA " AES-128 " AES));
+	assert_string_equal(snmp_keys_missing(&ring, &fixture.settings, &name), "user");
+	assert_true(snmp_keys_take(&ring, &fixture.settings, "user centre SHA-256 " SHA " AES-128 " AES));
+	assert_string_equal(snmp_keys_missing(&ring, &fixture.settings, &name), "sink");
+	assert_true(
+	    snmp_keys_take(&ring, &fixture.settings, "sink nms 80001f8806 SHA-256 " SHA " AES-128 " AES));
+	assert_null(snmp_keys_missing(&ring, &fixture.settings, &name));
+	assert_int_equal(ring.users[0].auth_key[1], 0x11);
+}
+
+/* ---- sinks ------------------------------------------------------------------------------- */
+
+static void add_events(struct fixture *fixture, unsigned count)
+{
+	while (count-- > 0)
+		snmp_event_add(&fixture->agent,
+			       &(struct snmp_event){.kind = SNMP_EVENT_CLOCK, .point = MAP_NONE});
+}
+
+/* Sends one event a message. NULL: nothing is due. */
+static struct snmp_flight *send_one(struct fixture *fixture)
+{
+	struct snmp_flight *flight;
+
+	if (snmp_sink_next(&fixture->agent, 0, &flight) != SNMP_SEND_EVENTS)
+		return NULL;
+	snmp_sink_sent(&fixture->agent, 0, flight, flight->first);
+	return flight;
+}
+
+static void test_a_window_is_confirmed_in_order(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_flight *one, *two;
+
+	start_agent(&fixture);
+	add_events(&fixture, 3);
+	one = send_one(&fixture);
+	two = send_one(&fixture);
+	assert_int_equal(one->first, 1);
+	assert_int_equal(two->first, 2);
+	assert_null(send_one(&fixture)); /* the window is full */
+	snmp_sink_answered(&fixture.agent, 0, two);
+	assert_int_equal(fixture.shared->confirmed[0], 0);
+	assert_null(send_one(&fixture)); /* of two the place is kept until the first one is there */
+	snmp_sink_answered(&fixture.agent, 0, one);
+	assert_int_equal(fixture.shared->confirmed[0], 2);
+	assert_int_equal(send_one(&fixture)->first, 3);
+	end(&fixture);
+}
+
+static void test_a_silent_sink_is_probed_and_loses_nothing(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_flight *flight;
+
+	start_agent(&fixture);
+	add_events(&fixture, 1);
+	flight = send_one(&fixture);
+	snmp_sink_unanswered(&fixture.agent, 0, flight, fixture.agent.now_ns);
+	assert_ptr_equal(send_one(&fixture), flight); /* its retry */
+	assert_int_equal(flight->tries, 2);
+	snmp_sink_unanswered(&fixture.agent, 0, flight, fixture.agent.now_ns);
+	assert_true(fixture.agent.sinks[0].silent);
+	add_events(&fixture, 5);
+	assert_int_equal(snmp_sink_next(&fixture.agent, 0, &flight), SNMP_SEND_NOTHING);
+	for (unsigned minute = 0; minute < 3; minute++) {
+		fixture.agent.now_ns += 61 * NS_PER_S;
+		assert_int_equal(snmp_sink_next(&fixture.agent, 0, &flight), SNMP_SEND_PROBE);
+		snmp_sink_probed(&fixture.agent, 0);
+		assert_int_equal(snmp_sink_next(&fixture.agent, 0, &flight), SNMP_SEND_NOTHING);
+		if (minute < 2)
+			snmp_sink_unanswered(&fixture.agent, 0, NULL, fixture.agent.now_ns);
+	}
+	snmp_sink_answered(&fixture.agent, 0, NULL);
+	for (uint32_t number = 1; number <= 7; number++) { /* rtuStarted is the first */
+		flight = send_one(&fixture);
+		assert_int_equal(flight->first, number);
+		snmp_sink_answered(&fixture.agent, 0, flight);
+	}
+	assert_null(send_one(&fixture));
+	assert_int_equal(fixture.shared->sink_lost[0], 0);
+	end(&fixture);
+}
+
+static void test_what_left_the_table_is_counted(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_flight *flight;
+
+	start_agent(&fixture);
+	add_events(&fixture, SNMP_EVENTS + 9); /* beside rtuStarted */
+	flight = send_one(&fixture);
+	assert_int_equal(flight->first, 11);
+	assert_int_equal(fixture.shared->sink_lost[0], 10);
+	end(&fixture);
+}
+
+/* As after kill -9: what the segment holds is all there is. */
+static void test_another_process_goes_on_with_the_numbers(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_agent next;
+
+	start_agent(&fixture);
+	add_events(&fixture, 4);
+	snmp_sink_answered(&fixture.agent, 0, send_one(&fixture));
+	assert_true(snmp_begin(&next, fixture.map, fixture.shared));
+	assert_int_equal(next.position.last, 5);
+	assert_int_equal(next.sinks[0].next, 2);
+	snmp_end(&next);
+	end(&fixture);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    TEST(test_each_instance_is_behind_the_one_before),
+	    TEST(test_the_next_of_any_name_is_the_first_behind_it),
+	    TEST(test_keys_are_taken_whole_or_not_at_all),
+	    TEST(test_a_window_is_confirmed_in_order),
+	    TEST(test_a_silent_sink_is_probed_and_loses_nothing),
+	    TEST(test_what_left_the_table_is_counted),
+	    TEST(test_another_process_goes_on_with_the_numbers),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

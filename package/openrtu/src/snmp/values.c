@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What the map has, as the textual conventions of OPENRTU-MIB have it. */
+#include "snmp/agent.h"
+
+#include <string.h>
+
+#define FLOAT_DECIMALS 3
+#define ANGLE_DECIMALS 7
+
+void snmp_put_number(struct snmp_value *out, enum snmp_syntax syntax, int64_t number)
+{
+	out->syntax = (uint8_t)syntax;
+	out->number = number;
+	out->size = 0;
+}
+
+void snmp_put_text(struct snmp_value *out, const char *text)
+{
+	out->syntax = SNMP_OCTETS;
+	out->size = (uint16_t)strlen(text);
+	memcpy(out->octets, text, out->size);
+}
+
+static void put_octets(struct snmp_value *out, uint64_t number, uint16_t size)
+{
+	out->syntax = SNMP_OCTETS;
+	out->size = size;
+	for (unsigned i = 0; i < size; i++)
+		out->octets[i] = (uint8_t)(number >> 8 * (size - 1u - i));
+}
+
+void snmp_put_time(struct snmp_value *out, int64_t time_ms)
+{
+	put_octets(out, time_ms == SNMP_NEVER ? UINT64_MAX : (uint64_t)time_ms, 8);
+}
+
+void snmp_put_moment(const struct snmp_agent *agent, struct snmp_value *out, int64_t time_ns)
+{
+	snmp_put_time(out, time_ns == 0 ? SNMP_NEVER : map_wall_ns(agent->clock, time_ns) / NS_PER_MS);
+}
+
+/* Bit 0 of BITS is the highest of the first octet, as IV is of the QDS. */
+#define BIT_CARRY    0x04
+#define BIT_ADJUSTED 0x02
+
+void snmp_put_quality(struct snmp_value *out, uint8_t quality, uint8_t counter_detail)
+{
+	if (counter_detail & MAP_COUNTER_CARRY)
+		quality |= BIT_CARRY;
+	if (counter_detail & MAP_COUNTER_ADJUSTED)
+		quality |= BIT_ADJUSTED;
+	put_octets(out, quality, 1);
+}
+
+void snmp_put_float(struct snmp_value *out, float number)
+{
+	uint32_t bits;
+
+	memcpy(&bits, &number, sizeof(bits));
+	put_octets(out, bits, sizeof(bits));
+}
+
+int64_t snmp_type_number(enum map_type type)
+{
+	return (int64_t)type + 1;
+}
+
+int64_t snmp_precision(enum map_type type)
+{
+	return type == MAP_FLOAT ? FLOAT_DECIMALS : type == MAP_ANGLE ? ANGLE_DECIMALS : 0;
+}
+
+static int64_t scaled_float(float value)
+{
+	const double number = (double)value * 1000.0;
+
+	_Static_assert(FLOAT_DECIMALS == 3, "a thousand");
+	if (number != number)
+		return 0;
+	return number >= INT32_MAX ? INT32_MAX : number <= INT32_MIN ? INT32_MIN : map_round(number);
+}
+
+int64_t snmp_shown_value(enum map_type type, union map_value value)
+{
+	switch (type) {
+	case MAP_SINGLE:
+	case MAP_DOUBLE:
+		return (int64_t)value.u + 1;
+	case MAP_BITSTRING:
+		return value.u;
+	case MAP_FLOAT:
+		return scaled_float(value.f);
+	case MAP_STEP:
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_COUNTER:
+	case MAP_INTEGER:
+	case MAP_ANGLE:
+		break;
+	}
+	return value.i;
+}
+
+float snmp_float_of(enum map_type type, union map_value value)
+{
+	return (float)map_number(type, value);
+}

@@ -1,0 +1,555 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""rtu-snmp, as managers see it that others wrote: Net-SNMP's commands, snmptrapd, pysnmp."""
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import c104
+import pytest
+from pysnmp.hlapi.v3arch.asyncio import (
+    USM_AUTH_HMAC192_SHA256,
+    USM_PRIV_CFB128_AES,
+    ContextData,
+    ObjectIdentity,
+    ObjectType,
+    SnmpEngine,
+    UdpTransportTarget,
+    UsmUserData,
+    bulk_cmd,
+)
+
+from desk import Desk, chapter_5, desk_of
+from lab.gateway import remove, run_directory
+from peers.snmp import (
+    CENTRE,
+    ENGINEER,
+    SINK_ENGINE,
+    USERS,
+    WATCH,
+    Manager,
+    Receiver,
+    Refused,
+    Silent,
+    User,
+    columns,
+    free_udp_port,
+    oid,
+    receiver,
+)
+
+ROOT = Path(__file__).resolve().parent.parent
+ENGINE = "80001f8805aabbccddeeff0011"
+BREAKER, LAMP = "1010.1", "1010.101"  # a double point with selection; a single one without
+OFF, ON = 2, 3  # of a double point
+(
+    INACTIVE,
+    SELECT,
+    ACCEPTED,
+    REFUSED_SELECTION,
+    INTERRUPT,
+    INTERRUPTED,
+    EXECUTE,
+    EXECUTING,
+    REFUSED,
+    EXECUTED,
+) = range(1, 11)
+NONE, DONE, TIMEOUT, NOT_SELECTED = 1, 2, 4, 6
+UNKNOWN_FATE = 10
+NO_BITS = b"\0"
+
+
+@dataclass
+class Site:
+    """A gateway with its devices, a controlling station, managers and a receiver of notifications."""
+
+    desk: Desk
+    folder: Path
+    port: int
+    received: Receiver
+
+    def manager(self, user: User = CENTRE, level: str = "authPriv", timeout_s: int = 5) -> Manager:
+        return Manager(self.port, self.folder, user, level, timeout_s)
+
+    def last(self) -> int:
+        (number,) = self.manager().get("rtuEventLast.0")
+        assert isinstance(number, int)
+        return number
+
+    def states_told(self, after: int, count: int) -> list[int]:
+        """The states of a command that were told by notifications behind this number."""
+        told = self.received.wait_for("rtuCommandChanged", count, after)
+        return [int(each.value("rtuCommandState")) for each in told]
+
+    def wait_state(self, row: str, state: int) -> None:
+        manager = self.manager()
+        self.desk.gateway.wait_for(lambda: manager.state(row) == state, 60.0, f"{row} has the state {state}")
+
+    def is_released(self, row: str) -> bool:
+        """Returns it to inactive, if that is possible now."""
+        for user in (CENTRE, ENGINEER):
+            with contextlib.suppress(Refused):
+                self.manager(user).wish(row, INACTIVE)
+        return self.manager().state(row) == INACTIVE
+
+    def writes(self, since: int, unit: int = 10) -> int:
+        """How many times a device was told to write."""
+        self.desk.lines.get("1.10", "coils", 0)
+        frames = self.desk.lines.frames(since)
+        return sum(f.kind == "received" and f.unit == unit and f.bytes[1] in (5, 6, 15, 16) for f in frames)
+
+
+def configuration(folder: Path, port: int, sink_port: int, **more: Any) -> dict[str, Any]:
+    users = [{"name": user.name, "role": role} for user, role in USERS.items()]
+    sink = {"name": "nms", "address": "127.0.0.1", "port": sink_port, "user": CENTRE.name, "timeout_ms": 500}
+    snmp = {"address": "127.0.0.1", "port": port, "users": users, "sinks": [sink], "rate": 100000}
+    return chapter_5() | {
+        "snmp": snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")} | more
+    }
+
+
+def make_keys(config: dict[str, Any], folder: Path) -> None:
+    """As the engineer does."""
+    (folder / "gateway.json").write_text(json.dumps(config))
+    lines = [f"{user.name} {user.authentication} {user.encryption}" for user in USERS]
+    (folder / "passphrases").write_text("\n".join(lines))
+    command = [ROOT / "scripts/snmp-keys.py", folder / "gateway.json", folder / "keys", "--engine-id", ENGINE]
+    command += ["--passphrases", folder / "passphrases", "--sink", f"nms={SINK_ENGINE}"]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="module")
+def site(programs: Path) -> Iterator[Site]:
+    folder = run_directory()
+    port, sink_port = free_udp_port(), free_udp_port()
+    config = configuration(folder, port, sink_port, release_time=15)
+    config["commands"] = {"select_timeout": 2, "command_timeout": 10}
+    make_keys(config, folder)
+    with receiver(sink_port, folder / "receiver") as received, desk_of(config, programs) as desk:
+        yield Site(desk, folder, port, received)
+    remove(folder)
+
+
+@pytest.fixture(autouse=True)
+def nothing_under_way(site: Site) -> Iterator[None]:
+    """What a test has left of its commands ends by itself."""
+    yield
+    for row in (BREAKER, LAMP):
+        site.desk.gateway.wait_for(lambda row=row: site.is_released(row), 60.0, f"{row} is released")
+
+
+# ---- the MIB -------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow  # `make test-quick` does not fetch the MIBs of others
+def test_the_mib_is_sound(mibs: Path) -> None:
+    path = ROOT / "package/openrtu/src/snmp/OPENRTU-MIB.txt"
+    paths = f"{mibs}:/usr/share/snmp/mibs"
+    lint = subprocess.run(
+        ["smilint", "-l", "6", path], env={**os.environ, "SMIPATH": paths}, capture_output=True, text=True
+    )
+    assert (lint.returncode, lint.stdout + lint.stderr) == (0, "")
+    command = [
+        "snmptranslate",
+        "-M",
+        f"{mibs}:/usr/share/snmp/mibs:{path.parent}",
+        "-m",
+        "OPENRTU-MIB",
+        "-On",
+    ]
+    for name, number in columns().items():
+        found = subprocess.run([*command, f"OPENRTU-MIB::{name}"], capture_output=True, text=True).stdout
+        assert found.strip() == f".{number}"
+
+
+def test_each_object_of_the_mib_is_there_and_nothing_else(site: Site) -> None:
+    """For the operator, who may read all."""
+    seen = {key.partition(".")[0] for key in site.manager().rows("snmpbulkwalk", "-Cr40", oid("openRtuMIB"))}
+    assert seen == set(columns())
+
+
+# ---- points --------------------------------------------------------------------------------------
+
+VALUES = {
+    "single": ("rtuSingle", lambda value: {"off": 1, "on": 2}[value]),
+    "double": ("rtuDouble", lambda value: {"intermediate": 1, "off": 2, "on": 3, "indeterminate": 4}[value]),
+    "step": ("rtuStep", int),
+    "bitstring": ("rtuBitstring", int),
+    "normalized": ("rtuMeasured", lambda value: round(value * 32768)),
+    "scaled": ("rtuMeasured", int),
+    "float": ("rtuMeasured", lambda value: round(value * 1000)),
+    "counter": ("rtuTotal", int),
+}
+BITS = {"invalid": 0x80, "not topical": 0x40, "substituted": 0x20, "blocked": 0x10, "overflow": 0x01}
+
+
+def test_every_point_is_as_rtuctl_says(site: Site) -> None:
+    manager = site.manager(WATCH)
+    points = site.desk.gateway.points()
+    by_address = {f"{point['ca']}.{point['ioa']}": (name, point) for name, point in points.items()}
+    texts = {index: name.decode() for index, name in manager.walk("rtuPointName").items()}
+    assert texts == {index: name for index, (name, _) in by_address.items()}
+    columns_of = {
+        base: (manager.walk(f"{base}Value"), manager.walk(f"{base}Quality"))
+        for base in {base for base, _ in VALUES.values()}
+    }
+    for index, (name, point) in by_address.items():
+        base, shown = VALUES[point["type"]]
+        values, qualities = columns_of[base]
+        quality = sum(BITS[word] for word in point["quality"].split(",") if word != "good")
+        assert qualities[index] == bytes([quality]), name
+        if not quality:
+            assert values[index] == shown(point["value"]), name
+
+
+def test_a_float_is_told_whole(site: Site) -> None:
+    octets = site.manager().walk("rtuMeasuredFloat")
+    for name, point in site.desk.gateway.points().items():
+        if point["type"] == "float" and point["quality"] == "good":
+            (number,) = struct.unpack(">f", octets[f"{point['ca']}.{point['ioa']}"])
+            assert number == pytest.approx(point["value"], rel=1e-6), name
+
+
+def test_the_image_says_what_the_tables_say(site: Site) -> None:
+    """An interrogation in few octets."""
+    manager = site.manager()
+    found = {}
+    for index, data in manager.walk("rtuImageData").items():
+        ca = index.split(".")[0]
+        assert len(data) % 12 == 0
+        for at in range(0, len(data), 12):
+            ioa, kind = int.from_bytes(data[at : at + 3], "big"), data[at + 3]
+            found[f"{ca}.{ioa}"] = (kind, data[at + 4 : at + 8], data[at + 8])
+    assert {index: kind for index, (kind, _, _) in found.items()} == manager.walk("rtuPointType")
+    for index, value in manager.walk("rtuMeasuredFloat").items():
+        kind, octets, _ = found[index]
+        number = struct.unpack(">f" if kind == 7 else ">i", octets)[0]
+        assert number == struct.unpack(">f", value)[0], index
+
+
+# ---- commands: figures 2 to 6 of the paper -------------------------------------------------------
+
+
+def test_select_and_execute(site: Site) -> None:
+    """Figure 2."""
+    manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
+    assert manager.state(BREAKER) == INACTIVE
+    manager.wish(BREAKER, SELECT, value=ON)
+    assert site.states_told(before, 1) == [ACCEPTED]
+    manager.wish(BREAKER, EXECUTE)
+    assert site.states_told(before, 3) == [ACCEPTED, EXECUTING, EXECUTED]
+    assert manager.get(f"rtuCommandOwner.{BREAKER}", f"rtuCommandResult.{BREAKER}") == [b"centre", DONE]
+    manager.wish(BREAKER, INACTIVE)
+    assert manager.state(BREAKER) == INACTIVE
+    assert site.writes(mark) == 1
+    assert site.desk.lines.get("1.10", "coils", 0) == 0 or site.desk.lines.get("1.10", "coils", 1) == 1
+
+
+def test_an_interrupted_selection(site: Site) -> None:
+    """Figure 3."""
+    manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
+    manager.wish(BREAKER, SELECT, value=OFF)
+    assert site.states_told(before, 1) == [ACCEPTED]
+    manager.wish(BREAKER, INTERRUPT)
+    assert site.states_told(before, 2) == [ACCEPTED, INTERRUPTED]
+    manager.wish(BREAKER, INACTIVE)
+    assert manager.state(BREAKER) == INACTIVE
+    assert site.writes(mark) == 0
+
+
+def test_a_refused_selection(site: Site) -> None:
+    """Figure 4: a command from long ago."""
+    manager, before = site.manager(), site.last()
+    long_ago = (int(time.time() * 1000) - 60_000).to_bytes(8, "big")
+    manager.wish(BREAKER, SELECT, value=OFF, issued=long_ago)
+    (told,) = site.received.wait_for("rtuCommandChanged", 1, before)
+    assert (told.value("rtuCommandState"), told.value("rtuCommandResult")) == (REFUSED_SELECTION, 5)
+    manager.wish(BREAKER, INACTIVE)
+    assert manager.state(BREAKER) == INACTIVE
+
+
+def test_a_direct_command(site: Site) -> None:
+    """Figure 5."""
+    manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
+    manager.wish(LAMP, EXECUTE, value=2)
+    assert site.states_told(before, 2) == [EXECUTING, EXECUTED]
+    manager.wish(LAMP, INACTIVE)
+    assert manager.state(LAMP) == INACTIVE
+    assert site.writes(mark) == 1
+
+
+def test_a_refused_command(site: Site) -> None:
+    """Figure 6: one that needs a selection."""
+    manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
+    manager.wish(BREAKER, EXECUTE, value=ON)
+    (told,) = site.received.wait_for("rtuCommandChanged", 1, before)
+    assert (told.value("rtuCommandState"), told.value("rtuCommandResult")) == (REFUSED, NOT_SELECTED)
+    manager.wish(BREAKER, INACTIVE)
+    assert manager.state(BREAKER) == INACTIVE
+    assert site.writes(mark) == 0
+
+
+def test_a_repeated_request_acts_once(site: Site) -> None:
+    manager, mark = site.manager(), site.desk.lines.mark()
+    spin = manager.spin(LAMP)
+    manager.wish(LAMP, EXECUTE, spin=spin, value=2)
+    with pytest.raises(Refused, match="inconsistentValue"):
+        manager.wish(LAMP, EXECUTE, spin=spin, value=2)
+    site.wait_state(LAMP, EXECUTED)
+    with pytest.raises(Refused, match="inconsistentValue"):
+        manager.wish(LAMP, EXECUTE, value=2)  # of an executed command only inactive may follow
+    manager.wish(LAMP, INACTIVE)
+    assert site.writes(mark) == 1
+
+
+@pytest.mark.parametrize(
+    ("state", "more", "reason"),
+    [
+        (ACCEPTED, {"value": ON}, "wrongValue"),
+        (EXECUTED, {"value": ON}, "wrongValue"),
+        (11, {"value": ON}, "wrongValue"),
+        (SELECT, {"value": 1}, "wrongValue"),
+        (SELECT, {"value": ON, "qualifier": 2}, "wrongValue"),
+        (SELECT, {"value": ON, "issued": b"\0" * 7}, "wrongLength"),
+        (SELECT, {"value": b"\0"}, "wrongType"),
+        (SELECT, {}, "inconsistentValue"),
+        (INTERRUPT, {}, "inconsistentValue"),
+        (INACTIVE, {}, "inconsistentValue"),
+        (SELECT, {"value": ON, "number": 3}, "notWritable"),
+    ],
+)
+def test_a_request_that_cannot_be(site: Site, state: int, more: dict[str, Any], reason: str) -> None:
+    manager = site.manager()
+    with pytest.raises(Refused, match=reason):
+        manager.wish(BREAKER, state, **more)
+    assert manager.state(BREAKER) == INACTIVE
+
+
+def test_all_of_a_request_or_nothing(site: Site) -> None:
+    manager, mark = site.manager(), site.desk.lines.mark()
+    with pytest.raises(Refused, match="wrongValue"):
+        manager.set(
+            {
+                f"rtuCommandSpinLock.{LAMP}": manager.spin(LAMP),
+                f"rtuCommandState.{LAMP}": EXECUTE,
+                f"rtuCommandValue.{LAMP}": 2,
+                f"rtuCommandSpinLock.{BREAKER}": manager.spin(BREAKER),
+                f"rtuCommandState.{BREAKER}": EXECUTED,
+            }
+        )
+    assert (manager.state(LAMP), site.writes(mark)) == (INACTIVE, 0)
+
+
+def test_another_user_has_no_part_in_a_selection(site: Site) -> None:
+    manager, other = site.manager(), site.manager(ENGINEER)
+    manager.wish(BREAKER, SELECT, value=ON)
+    site.wait_state(BREAKER, ACCEPTED)
+    for state in (EXECUTE, INTERRUPT, INACTIVE, SELECT):
+        with pytest.raises(Refused, match="inconsistentValue"):
+            other.wish(BREAKER, state)
+    manager.wish(BREAKER, INTERRUPT)
+    site.wait_state(BREAKER, INTERRUPTED)
+
+
+def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
+    """In rtuctl, too."""
+    manager, before = site.manager(), site.last()
+    manager.wish(BREAKER, SELECT, value=ON)
+    assert site.states_told(before, 2) == [ACCEPTED, INTERRUPTED]
+    (row,) = site.desk.gateway.query("commands", "feeder10.breaker-command")
+    assert row["state"] == "interrupted selection"
+    site.wait_state(BREAKER, INACTIVE)
+
+
+@pytest.mark.parametrize("races", [10, pytest.param(1000, marks=pytest.mark.soak)])
+def test_of_several_managers_one_acts(site: Site, races: int) -> None:
+    """Two users of SNMP and a controlling station of IEC 60870-5-104 at a time: one write on the line."""
+    ca, ioa = map(int, LAMP.split("."))
+    for _ in range(races):
+        mark = site.desk.lines.mark()
+        spin = site.manager().spin(LAMP)
+        accepted: list[User] = []
+
+        def by_snmp(user: User, spin: int = spin, accepted: list[User] = accepted) -> None:
+            with contextlib.suppress(Refused):
+                site.manager(user).wish(LAMP, EXECUTE, spin=spin, value=2)
+                accepted.append(user)
+
+        threads = [threading.Thread(target=by_snmp, args=(user,)) for user in (CENTRE, ENGINEER)]
+        for thread in threads:
+            thread.start()
+        confirmed = site.desk.master.command(ca, ioa, "C_SC_NA_1", c104.SingleCmd(True))
+        for thread in threads:
+            thread.join()
+        assert len(accepted) <= 1
+        by_user = False
+        for user in accepted:
+            manager = site.manager(user)
+            site.desk.gateway.wait_for(
+                lambda manager=manager: manager.state(LAMP) in (REFUSED, EXECUTED), 20.0, "the command ends"
+            )
+            by_user = manager.state(LAMP) == EXECUTED
+            manager.wish(LAMP, INACTIVE)
+        site.desk.gateway.wait_for(lambda: site.manager().state(LAMP) == INACTIVE, 20.0, "nothing goes on")
+        # That of the controlling station came first, was refused, or came when the other had ended.
+        assert max(by_user, confirmed) <= site.writes(mark) <= by_user + 1
+        assert by_user or confirmed or site.writes(mark) == 1
+
+
+# ---- who may what --------------------------------------------------------------------------------
+
+
+def test_versions_without_security_have_no_answer(site: Site) -> None:
+    for version in ("1", "2c"):
+        with pytest.raises(Silent):
+            site.manager(timeout_s=1).run("snmpget", oid("rtuStationName.0"), version=version)
+
+
+@pytest.mark.parametrize("level", ["noAuthNoPriv", "authNoPriv"])
+def test_without_encryption_nothing_is_told(site: Site, level: str) -> None:
+    with pytest.raises(Refused, match="authorizationError"):
+        site.manager(level=level).get("rtuStationName.0")
+
+
+@pytest.mark.parametrize(
+    "user",
+    [User("nobody", CENTRE.authentication, CENTRE.encryption), User("centre", "wrong-authentic", "x" * 8)],
+)
+def test_a_stranger_has_no_answer(site: Site, user: User) -> None:
+    with pytest.raises((Silent, Refused)):
+        site.manager(user, timeout_s=1).get("rtuStationName.0")
+
+
+def test_a_viewer_only_views(site: Site) -> None:
+    viewer = site.manager(WATCH)
+    with pytest.raises(Refused, match="noAccess"):
+        viewer.wish(BREAKER, SELECT, value=ON)
+    assert not viewer.rows("snmpbulkwalk", oid("rtuSinkTable")) or "No Such" in viewer.run(
+        "snmpget", oid("rtuSinkName.1")
+    )
+    assert "No Such" in viewer.run("snmpget", oid("rtuSinkName.1"))
+
+
+def test_the_tables_of_users_and_views_are_not_there(site: Site) -> None:
+    for table in ("1.3.6.1.6.3.15.1.2", "1.3.6.1.6.3.16"):
+        assert "No Such" in site.manager(ENGINEER).run("snmpget", f"{table}.2.1.3.0")
+    with pytest.raises(Refused, match="noCreation"):
+        site.manager(ENGINEER).set({"1.3.6.1.6.3.15.1.2.1.0": 1})
+
+
+# ---- sizes ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("most", [484, 1472, 65507])
+def test_an_answer_is_no_longer_than_its_asker_takes(site: Site, most: int) -> None:
+    """However much is asked for: through a relay that measures."""
+    sizes: list[int] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as relay:
+        relay.bind(("127.0.0.1", 0))
+        relay.settimeout(0.1)
+        done = threading.Event()
+        thread = threading.Thread(target=pass_on, args=(relay, site.port, sizes, done))
+        thread.start()
+        try:
+            asked = asyncio.run(bulk(relay.getsockname()[1], most))
+        finally:
+            done.set()
+            thread.join()
+    assert len(asked) > 4
+    assert min(most, 1472) - 120 < max(sizes) <= min(most, 1472)
+
+
+async def bulk(port: int, most: int) -> list[Any]:
+    """By pysnmp: 2^31 - 1 repetitions, of a manager that takes messages of that size."""
+    engine = SnmpEngine()
+    (size,) = engine.get_mib_builder().import_symbols("__SNMP-FRAMEWORK-MIB", "snmpEngineMaxMessageSize")
+    size.syntax = size.syntax.clone(most)
+    user = UsmUserData(
+        CENTRE.name,
+        CENTRE.authentication,
+        CENTRE.encryption,
+        authProtocol=USM_AUTH_HMAC192_SHA256,
+        privProtocol=USM_PRIV_CFB128_AES,
+    )
+    target = await UdpTransportTarget.create(("127.0.0.1", port), timeout=5, retries=0)
+    names = [ObjectType(ObjectIdentity(oid(name))) for name in ("rtuPointName", "rtuPointType")]
+    failure, status, _, rows = await bulk_cmd(engine, user, target, ContextData(), 0, 2**31 - 1, *names)
+    engine.close_dispatcher()
+    assert (str(failure), int(status)) == ("None", 0)
+    return list(rows)
+
+
+def pass_on(relay: socket.socket, port: int, sizes: list[int], done: threading.Event) -> None:
+    asker = None
+    while not done.is_set():
+        try:
+            octets, source = relay.recvfrom(65535)
+        except TimeoutError:
+            continue
+        if source[1] == port:
+            sizes.append(len(octets))
+            relay.sendto(octets, asker)
+        else:
+            asker = source
+            relay.sendto(octets, ("127.0.0.1", port))
+
+
+# ---- events --------------------------------------------------------------------------------------
+
+
+def test_a_change_is_told_with_its_number(site: Site) -> None:
+    before = site.last()
+    site.desk.set_and_scan("6.247", "coils", 0, [0])
+    site.desk.set_and_scan("6.247", "coils", 0, [1])
+    changed = [
+        (number, each.objects[f"rtuEventValue.{number}"])
+        for each in site.received.wait_for("rtuPointChanged", 1, before)
+        for number in each.numbers
+        if each.objects[f"rtuEventCommonAddress.{number}"] == 6247
+    ]
+    assert changed[-1][1] in (1, 2)
+    rows = site.manager().rows("snmpbulkwalk", "-Cr40", oid("rtuEventValue"))
+    assert rows[f"rtuEventValue.{changed[0][0]}"] == changed[0][1]
+
+
+def test_no_number_is_left_out_or_told_twice_by_an_informed_sink(site: Site) -> None:
+    last = site.last()
+    site.desk.gateway.wait_for(lambda: last in site.received.numbers(), 20.0, "the sink has all events")
+    numbers = sorted(set(site.received.numbers()))
+    assert numbers == list(range(1, numbers[-1] + 1))
+
+
+def test_a_killed_agent_goes_on(site: Site) -> None:
+    """Its numbers, its boots, and what a sink has not confirmed."""
+    manager = site.manager()
+    boots, last = manager.get("1.3.6.1.6.3.10.2.1.2.0", "rtuEventLast.0")
+    site.desk.gateway.kill("rtu-snmp")
+    gateway = site.desk.gateway
+    gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["restarts"] == 1, 20.0, "it was restarted")
+    gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["alive"], 20.0, "it runs again")
+    again, later = manager.get("1.3.6.1.6.3.10.2.1.2.0", "rtuEventLast.0")
+    assert again == boots + 1
+    assert later >= last
+    site.desk.gateway.wait_for(lambda: later in site.received.numbers(), 20.0, "the sink has all events")
+    numbers = sorted(set(site.received.numbers()))
+    assert numbers == list(range(1, numbers[-1] + 1))
+
+
+def test_a_line_that_dies_leaves_no_command_open(site: Site) -> None:
+    """Its fate is unknown, and nothing is repeated."""
+    manager, before = site.manager(), site.last()
+    manager.wish(BREAKER, SELECT, value=ON)
+    site.wait_state(BREAKER, ACCEPTED)
+    site.desk.gateway.kill("rtu-modbus-1")
+    assert site.states_told(before, 2)[-1] == INTERRUPTED
+    site.desk.wait_all_good(1010)
