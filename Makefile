@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -445,6 +445,10 @@ run-native: build $(VENV) ## See it: the gateway on this machine, built and show
 lab: $(VENV) build/packages-twin.done ## Build: the image that `make run` boots
 	@$(LAB).site build/site
 	@$(MAKE) image-debian SITE=build/site/lab
+
+# 20 simulated stations, or STATIONS=file, the centre's file of one's own.
+centre: build centre-page $(VENV) ## See it: a control centre with 20 simulated RTUs (KEEP=1; PORT=; STATIONS=file)
+	@$(LAB).centre_show $(AT_PORT) $(if $(KEEP),--keep) $(if $(STATIONS),--stations '$(STATIONS)')
 
 ifneq ($(origin IMAGE),command line)
 run: build qemu uboot lab $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)

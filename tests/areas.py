@@ -81,7 +81,9 @@ REACH = [
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
     ("centre/*", "lint test-centre"),
+    ("scripts/lab/centre_*.py", "lint test-centre"),
     ("scripts/lab/vehicles.py", "lint test-centre"),
+    ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
     ("scripts/logic/*", "tests/test_logic*.py"),
     ("scripts/openrtu-logic", "lint tests/test_logic.py"),

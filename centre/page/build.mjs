@@ -25,23 +25,51 @@ function rounded(part) {
   return typeof part === "number" ? Math.round(part * DIGITS) / DIGITS : part.map(rounded);
 }
 
+// A line over 180 degrees goes on beyond it; else it would cross the whole map the other way.
+function unwrapped(line) {
+  let turn = 0;
+  return line.map(([x, y], number) => {
+    if (number) {
+      const step = x - line[number - 1][0];
+      if (Math.abs(step) > 180) turn -= 360 * Math.sign(step);
+    }
+    return [x + turn, y];
+  });
+}
+
+// A ring around a pole, which the projection does not show, is closed there.
+function ring(line) {
+  const way = unwrapped(line);
+  const [begin, end] = [way[0], way.at(-1)];
+  if (Math.abs(end[0] - begin[0]) < 180) return way;
+  const pole = 85.05 * Math.sign(begin[1]);
+  return [...way, [end[0], pole], [begin[0], pole], begin];
+}
+
+const UNWRAPPED = {
+  MultiLineString: (lines) => lines.map(unwrapped),
+  Polygon: (rings) => rings.map(ring),
+  MultiPolygon: (polygons) => polygons.map((rings) => rings.map(ring)),
+  Point: (place) => place,
+};
+
 function write(name, collection) {
-  for (const feature of collection.features) feature.geometry.coordinates = rounded(feature.geometry.coordinates);
+  for (const { geometry } of collection.features) geometry.coordinates = rounded(UNWRAPPED[geometry.type](geometry.coordinates));
   return writeFile(join(out, "map", name), JSON.stringify(collection));
 }
 
 // A ring's first and last point are one; the largest ring tells where a name stands.
 function middle(geometry) {
   const polygons = geometry.type === "Polygon" ? [geometry.coordinates] : geometry.coordinates;
-  const ring = polygons.map((polygon) => polygon[0]).sort((a, b) => b.length - a.length)[0];
+  const largest = polygons.map((polygon) => unwrapped(polygon[0])).sort((a, b) => b.length - a.length)[0];
   let area = 0, x = 0, y = 0;
-  for (let i = 0; i + 1 < ring.length; i++) {
-    const cross = ring[i][0] * ring[i + 1][1] - ring[i + 1][0] * ring[i][1];
+  for (let i = 0; i + 1 < largest.length; i++) {
+    const cross = largest[i][0] * largest[i + 1][1] - largest[i + 1][0] * largest[i][1];
     area += cross;
-    x += (ring[i][0] + ring[i + 1][0]) * cross;
-    y += (ring[i][1] + ring[i + 1][1]) * cross;
+    x += (largest[i][0] + largest[i + 1][0]) * cross;
+    y += (largest[i][1] + largest[i + 1][1]) * cross;
   }
-  return area ? [x / (3 * area), y / (3 * area)] : ring[0];
+  return area ? [x / (3 * area), y / (3 * area)] : largest[0];
 }
 
 const world = JSON.parse(await readFile(join(packages, "world-atlas/countries-50m.json"), "utf8"));

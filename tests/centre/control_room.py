@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import asyncio
-import http.client
 import json
 import os
 import signal
@@ -16,22 +15,21 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any, Self
 
+from lab.centre_client import LIMIT_S, AnswerError, Client
 from lab.gateway import free_port
 from lab.vehicles import Station
 
 ROOT = Path(__file__).resolve().parents[2]
-LIMIT_S = 60.0  # for a hang only
 PASSWORD = "correct horse battery"
 USERS = {"vera": "viewer", "olga": "operator", "omar": "operator", "emil": "engineer"}
 
-
-class AnswerError(AssertionError):
-    """The centre refused."""
-
-    def __init__(self, status: int, said: Any) -> None:
-        super().__init__(f"{status}: {said}")
-        self.status = status
-        self.code = said.get("code") if isinstance(said, dict) else None
+POINTS = """ca,ioa,type,command_type,name,unit,select,min,max,high,state
+1,1,,,place,,,,,,
+1,2,M_SP_NA_1,C_SC_NA_1,pump,,true,,,,
+1,3,M_SP_NA_1,C_SC_NA_1,lamp,,,0,1,,
+1,4,M_ME_NC_1,,level,m,,,,4.5,
+1,5,M_SP_NA_1,,fire,,,,,,1
+"""
 
 
 def until(found: Callable[[], Any], what: str) -> Any:
@@ -41,41 +39,6 @@ def until(found: Callable[[], Any], what: str) -> Any:
         assert time.monotonic() < end, f"not seen: {what}"
         time.sleep(0.02)
     return something
-
-
-class Client:
-    """Asks over HTTP, as a browser or, with a token, as a program."""
-
-    def __init__(self, port: int, token: str = "") -> None:
-        self.port = port
-        self.headers: dict[str, str] = {"Authorization": f"Bearer {token}"} if token else {}
-
-    def login(self, name: str, password: str = PASSWORD) -> Self:
-        self.headers = {}
-        response, _ = self.raw("POST", "/api/login", {"name": name, "password": password})
-        self.headers["Cookie"] = (response.getheader("Set-Cookie") or "").partition(";")[0]
-        self.headers["X-CSRF-Token"] = self.get("/api/me")["csrf"]
-        return self
-
-    def raw(
-        self, method: str, path: str, body: Any = None, **headers: str
-    ) -> tuple[http.client.HTTPResponse, bytes]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT_S)
-        said = {"Content-Type": "application/json"} if method != "GET" else {}
-        content = json.dumps(body or {}) if method != "GET" else None
-        connection.request(method, path, content, {**said, **self.headers, **headers})
-        response = connection.getresponse()
-        octets = response.read()
-        connection.close()
-        if response.status >= 400:
-            raise AnswerError(response.status, json.loads(octets))
-        return response, octets
-
-    def get(self, path: str) -> Any:
-        return json.loads(self.raw("GET", path)[1])
-
-    def post(self, path: str, body: Any = None) -> Any:
-        return json.loads(self.raw("POST", path, body)[1])
 
 
 class Stations:
@@ -168,7 +131,7 @@ class Site:
 
     def client(self, name: str = "") -> Client:
         made = Client(self.port)
-        return made.login(name) if name else made
+        return made.login(name, PASSWORD) if name else made
 
     def __enter__(self) -> Self:
         self.start_collector()
@@ -189,3 +152,12 @@ class Site:
         assert process
         process.kill()
         process.wait(LIMIT_S)
+
+
+def described(
+    station: Station, folder: Path, name: str = "north", points: str = POINTS, **keys: Any
+) -> dict[str, Any]:
+    """It in the centre's file, with a list of points."""
+    (folder / f"{station.port}.csv").write_text(points)
+    address = {"address": "127.0.0.1", "port": station.port, "common_addresses": [station.ca]}
+    return {"name": name, **address, "points": f"{station.port}.csv", **keys}

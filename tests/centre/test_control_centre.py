@@ -14,7 +14,8 @@ import pytest
 
 from centre.api import ROUTES, document
 from centre.records import Result, State
-from control_room import USERS, AnswerError, Client, Site, Stations, until
+from control_room import USERS, Site, Stations, until
+from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 
 INVALID = 128

@@ -208,7 +208,7 @@ export function showMap(main) {
     if (!place) return;
     if (about.dataset.of !== place.id) {
       about.dataset.of = place.id;
-      const files = ["gpx", "kml", "geojson", "csv"].map((form) => h("a", { href: `api/tracks?point=${place.point?.id}&format=${form}`, download: "" }, form.toUpperCase()));
+      const files = ["GPX", "KML", "GeoJSON", "CSV"].map((form) => h("a", { href: `api/tracks?point=${place.point?.id}&format=${form.toLowerCase()}`, download: "" }, form));
       const close = h("button", { class: "small", "aria-label": t("close"), onclick: () => { chosen.id = ""; clearTrack(); update(); } }, "✕");
       about.replaceChildren(
         h("div", { class: "row" }, h("h2", { class: "grow" }, place.name), close), facts,

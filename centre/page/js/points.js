@@ -24,7 +24,7 @@ export function showPoints(main, wanted) {
   const body = h("tbody");
   const none = h("div");
   const chartCard = h("section", { class: "card", hidden: true });
-  const headings = [["name"], ["value", "number"], ["quality"], ["time", "clutter"], ["age"], ["", ""]];
+  const headings = [["name"], ["value", "number"], ["quality"], ["time", "clutter"], ["age", "clutter"], [""]];
   const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => h("th", { class: kind ?? "" }, key ? t(key) : "")))), body);
   main.append(
     h("div", { class: "side" }, h("div", { class: "top" }, stationSearch), stations),
@@ -51,7 +51,7 @@ export function showPoints(main, wanted) {
       return { element: h("tr", { class: "device" }, h("td", { colSpan: COLUMNS }, first.heading)), update() {} };
     }
     const name = h("button", { class: "link", onclick: () => openChart(id) });
-    const [value, good, at, old, act] = ["value", "", "time clutter", "time", "act"].map((kind) => h("td", { class: kind }));
+    const [value, good, at, old, act] = ["value", "", "time clutter", "time clutter", "act"].map((kind) => h("td", { class: kind }));
     const row = h("tr", {}, h("td", {}, name), value, good, at, old, act);
     name.title = `CA ${first.ca} · IOA ${first.ioa}`;
     return {
@@ -59,7 +59,7 @@ export function showPoints(main, wanted) {
       update(point) {
         setText(name, point.name);
         const text = valueText(point);
-        fill(value, text, () => [text, h("span", { class: "unit" }, point.unit)]);
+        fill(value, text, () => [text, point.unit ? h("span", { class: "unit" }, point.unit) : ""]);
         const { kind, word } = quality(point);
         fill(good, kind + word, () => state(kind, word));
         row.classList.toggle("stale", kind === "none" || kind === "bad");
