@@ -369,10 +369,11 @@ PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n $(WORKERS) --d
 test-quick: $(VENV) ## Test: three minutes: lint, C unit tests, the quick half of pytest
 	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
 
+# Nothing on the emulated board is quick, and each worker would read these files.
 .PHONY: .quick
 .quick: WORKERS := 4
 .quick: build $(VENV)
-	$(PYTEST) -m "not slow and not soak"
+	$(PYTEST) --ignore=tests/linux --ignore=tests/twin -m "not slow and not soak"
 
 # One area: all of it, or FILES='tests/…'.
 FILES :=
@@ -465,6 +466,8 @@ bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does 
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py

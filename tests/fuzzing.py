@@ -18,6 +18,7 @@ TARGETS = {  # by the name of its corpus: the program
     "asdu": "iec104/fuzz_asdu",
     "controlling": "iec104/fuzz_controlling",
     "information": "iec104/fuzz_information",
+    "outstation": "modules/fuzz_outstation",
     "session": "iec104/fuzz_session",
     "station": "iec104/fuzz_station",
     "line": "modbus/fuzz_line",

@@ -20,8 +20,10 @@ import c104
 import pytest
 
 from desk import Desk
-from lab.gateway import free_port
+from lab.gateway import free_port, remove, run_directory
 from peers.centre_consumer import Ask, Consumer, Flag, Kind, Link, Record, Result, State
+from peers.outstation import ACT, INTERROGATED, Outstation, asdu
+from peers.tls_gateway import STATION, Pki, gateway_with, public_keys
 
 CA = 47
 STARTDT_CON = bytes.fromhex("68040b000000")
@@ -137,6 +139,18 @@ def test_check_says_what_stations_take(programs: Path, tmp_path: Path) -> None:
         ({"stations": [station("a", 1, common_addresses=[0])]}, 1, "common_addresses[0]: is no common"),
         ({"stations": [station("a", 1, position_type=5)]}, 1, "position_type: 5 is out of range"),
         (
+            {"stations": [station("a", 1, second_address="here")]},
+            1,
+            "stations[0].second_address: is not an IP",
+        ),
+        ({"stations": [station("a", 1, secure=True)]}, 1, "stations[0].secure: needs the certificate"),
+        (
+            {"stations": [station("a", 1, certificate="a")]},
+            1,
+            "stations[0].certificate: is of a station with TLS",
+        ),
+        ({"tls": {"certificate": "/a", "ca": "/b"}, "stations": [station("a", 1)]}, 1, "tls.key: is missing"),
+        (
             {"stations": [station("a", 1, reads=[{"ioa": 1, "period_ms": 10}])]},
             1,
             "reads[0].common_address: is missing",
@@ -170,7 +184,11 @@ def test_example_of_the_page_is_right(programs: Path, tmp_path: Path) -> None:
 
 def test_page_has_every_key_and_no_other(programs: Path, tmp_path: Path) -> None:
     """What a wrong key is answered with names all keys; the page's tables are of them."""
-    wrong = {"zzzzzzzzzzzzzz": 1, "stations": [{**station("a", 1), "zzzzzzzzzzzzzz": 1}]}
+    wrong = {
+        "zzzzzzzzzzzzzz": 1,
+        "tls": {"zzzzzzzzzzzzzz": 1},
+        "stations": [{**station("a", 1), "zzzzzzzzzzzzzz": 1}],
+    }
     answers = [line for line in check(programs, tmp_path, wrong).stderr.splitlines() if "unknown key" in line]
     keys = {key for line in answers for key in line.split("expected one of ")[1].split(", ")}
     rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \|", PAGE.read_text(), re.MULTILINE)
@@ -330,6 +348,188 @@ def test_fate_of_a_command_is_unknown_when_the_connection_ends(centre: Start) ->
             consumer.send(Ask.COMMAND, id=4, ca=CA, ioa=6, value=0)
             frame = connection.recv(100)
             assert frame[:6] + frame[12:15] == bytes.fromhex("680e00000000060000")
+
+
+# ---- TLS ----------------------------------------------------------------------------------------
+
+NOT_SECURE = 11  # enum iec104_closing
+
+
+@pytest.fixture(scope="module")
+def pki() -> Iterator[Pki]:
+    folder = run_directory()  # the station's user may enter it
+    yield public_keys(folder)
+    remove(folder)
+
+
+def secured(pki: Pki, **keys: Any) -> dict[str, Any]:
+    """The object "tls" of the centre."""
+    files = {"certificate": pki.centre.certificate, "key": pki.centre.key, "ca": pki.ours.certificate}
+    return {"tls": {name: str(path) for name, path in files.items()} | keys}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["1.2", "1.3"])
+def test_our_own_station_on_tls(programs: Path, centre: Start, pki: Pki, version: str) -> None:
+    """5 000 points; beside it a station without TLS; when the connection ends, the next one is resumed."""
+    with gateway_with(pki, programs, masters=["centre 1"]) as gateway, simulated(programs, 1, "h") as port:
+        secure = station(
+            "secure", gateway.address[1], secure=True, certificate="substation 7", common_addresses=[STATION]
+        )
+        reads = [{"common_address": CA, "ioa": 1, "period_ms": 20}]
+        stations = [secure, station("plain", port, address(0), reads=reads)]
+        consumer = centre(stations, **secured(pki, versions=[version])).consumer()
+        seen: list[int] = []
+        for record in consumer.records():
+            if record.station == 0 and is_value(record) and record.cause == 20:
+                seen.append(record.ioa)
+            if record.station == 0 and record.kind == Kind.PROGRESS:
+                break
+        assert seen == list(range(30001, 35001))
+        consumer.until(lambda record: record.kind == Kind.POSITION and record.station == 1)
+        gateway.wait_log(rf"TLSv{version}, \"centre 1\"")
+        gateway.kill("rtu-iec104")  # its sessions go with it
+        consumer.until_link(0, Link.DOWN)
+        consumer.until_link(0, Link.UP)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["1.2", "1.3"])
+def test_session_is_resumed(programs: Path, centre: Start, pki: Pki, version: str) -> None:
+    """The consumer goes, and with it all connections; the next one finds the sessions there."""
+    with gateway_with(pki, programs) as gateway:
+        secure = station("secure", gateway.address[1], secure=True, common_addresses=[STATION])
+        running = centre([secure], **secured(pki, versions=[version]))
+        consumer = running.consumer()
+        consumer.until(lambda record: is_value(record) and record.cause == 20)
+        consumer.close()
+        running.said("consumer")
+        consumer = running.consumer()
+        consumer.until(lambda record: is_value(record) and record.cause == 20)
+        gateway.wait_log(rf"TLSv{version} resumed, \"centre 1\"")
+
+
+@pytest.mark.parametrize(
+    ("change", "keys", "said"),
+    [
+        ({}, {"certificate": "substation 8"}, "not the certificate of this station"),
+        ({"ca": "theirs"}, {}, "certificate is not from a known CA"),
+        ({"crl": "crl"}, {}, "certificate revoked"),
+    ],
+)
+def test_station_that_is_another_is_refused(
+    programs: Path, centre: Start, pki: Pki, change: dict[str, str], keys: dict[str, str], said: str
+) -> None:
+    known = {"theirs": pki.ours.folder.parent / "theirs/ca.pem"}
+    if "crl" in change:
+        known["crl"] = pki.ours.revoke(pki.station)
+    with gateway_with(pki, programs) as gateway:
+        secure = station("secure", gateway.address[1], secure=True, common_addresses=[STATION], **keys)
+        running = centre([secure], **secured(pki, **{key: str(known[name]) for key, name in change.items()}))
+        consumer = running.consumer()
+        assert consumer.until_link(0, Link.DOWN).link[1] == NOT_SECURE
+        assert said in running.said("secure: refused")
+
+
+def test_station_without_tls_is_refused_and_reaches_no_other(programs: Path, centre: Start, pki: Pki) -> None:
+    with simulated(programs, 2, "hh") as port:
+        reads = [{"common_address": CA, "ioa": 1, "period_ms": 20}]
+        stations = [
+            station("secure", port, address(0), secure=True, reads=reads),
+            station("plain", port, address(1), reads=reads),
+        ]
+        consumer = centre(stations, connect_ms=300, **secured(pki)).consumer()
+        consumer.until_link(0, Link.DOWN)
+        consumer.until(lambda record: record.kind == Kind.POSITION and record.station == 1)
+
+
+def test_centre_that_the_station_does_not_know(programs: Path, centre: Start, pki: Pki) -> None:
+    stranger = {"certificate": str(pki.stranger.certificate), "key": str(pki.stranger.key)}
+    with gateway_with(pki, programs) as gateway:
+        secure = station("secure", gateway.address[1], secure=True, common_addresses=[STATION])
+        consumer = centre([secure], **secured(pki, **stranger)).consumer()
+        consumer.until_link(0, Link.DOWN)
+        gateway.wait_log("refused, certificate is not from a known CA")
+
+
+def test_lib60870s_server_on_tls(centre: Start, pki: Pki) -> None:
+    security = c104.TransportSecurity(validate=True, only_known=False)
+    security.set_certificate(cert=str(pki.station.certificate), key=str(pki.station.key))
+    security.set_ca_certificate(cert=str(pki.ours.certificate))
+    server = c104.Server(ip="127.0.0.1", port=free_port(), tick_rate_ms=100, transport_security=security)
+    point = server.add_station(common_address=CA).add_point(io_address=2, type=c104.Type.M_ME_NC_1)
+    point.value = 1.5
+    server.start()
+    try:
+        secure = station("c104", server.port, secure=True, certificate=pki.station.fingerprint)
+        consumer = centre([secure], **secured(pki)).consumer()
+        seen = consumer.until(lambda record: is_value(record) and record.cause == 20)
+        assert (seen.ioa, struct.unpack("<f", seen.rest[:4])) == (2, (1.5,))
+    finally:
+        server.stop()
+
+
+def test_files_of_tls_that_are_not_there(programs: Path, tmp_path: Path, pki: Pki) -> None:
+    file = tmp_path / "centre.json"
+    wanted = {"stations": [station("a", 1, secure=True)], **secured(pki, key="/not/there.key")}
+    file.write_text(json.dumps(wanted))
+    command = [programs / "centre" / "rtu-centre", "--socket", tmp_path / "consumer", file]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 1
+    assert "the key /not/there.key: No such file or directory" in done.stderr
+
+
+# ---- redundant links ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[Outstation, Outstation]]:
+    """One station at two addresses."""
+    with Outstation() as first, Outstation(first.port, "127.0.0.2") as second:
+        for one in (first, second):
+            one.interrogated = [asdu(1, INTERROGATED, CA, (1, b"\x01"))]
+        yield first, second
+
+
+def redundant(port: int) -> dict[str, object]:
+    return station("pair", port, second_address="127.0.0.2")
+
+
+def test_one_link_is_started_and_the_other_takes_over(
+    centre: Start, pair: tuple[Outstation, Outstation]
+) -> None:
+    consumer = centre([redundant(pair[0].port)]).consumer()
+    standby = consumer.until_link(0, Link.STANDBY)
+    active, other = (pair[0], pair[1]) if standby.detail == 1 else (pair[1], pair[0])
+    active.wait(lambda: any(asked.type == 100 for asked in active.asked), "it is interrogated")
+    assert (active.started, other.started) == (1, 0)
+    consumer.send(Ask.COMMAND, id=5, ca=CA, ioa=9, value=1)
+    consumer.until_progress(5, State.EXECUTED_COMMAND)
+    active.answer = lambda asked, octets: []
+    consumer.send(Ask.COMMAND, id=6, ca=CA, ioa=9, value=1)
+    active.wait(lambda: len(active.executions()) == 2, "it is commanded")
+    active.die()
+    assert consumer.until_progress(6, State.REFUSED_COMMAND).progress[1] == Result.UNKNOWN_FATE
+    up = consumer.until_link(0, Link.UP)
+    assert (up.connection, up.detail) == (standby.connection, standby.detail)
+    told = consumer.until(lambda record: is_value(record) and record.cause == 20)
+    assert told.connection == up.connection
+    consumer.send(Ask.COMMAND, id=7, ca=CA, ioa=9, value=1)
+    consumer.until_progress(7, State.EXECUTED_COMMAND)
+    assert [asked.cause for asked in other.executions()] == [ACT]  # the lost one was not sent again
+    active.listen()
+    assert consumer.until_link(0, Link.STANDBY).detail != up.detail
+
+
+def test_link_that_hangs_is_left_by_test_and_time_out(
+    centre: Start, pair: tuple[Outstation, Outstation]
+) -> None:
+    consumer = centre([redundant(pair[0].port)], t1=2, t2=1, t3=1).consumer()
+    standby = consumer.until_link(0, Link.STANDBY)
+    active, other = (pair[0], pair[1]) if standby.detail == 1 else (pair[1], pair[0])
+    active.deaf = True
+    other.wait(lambda: other.started == 1, "it takes over")
+    assert consumer.until_link(0, Link.UP).detail in (0, 1)
 
 
 # ---- hostile and dead stations ------------------------------------------------------------------

@@ -417,6 +417,9 @@ SITES = [
     Site("journal", "journal", ("journal",)),
     Site("gps_receiver", "gps[0]", ("gps_receiver",)),
     Site("geofence", "gps[0].fences[0]", ("geofence",)),
+    Site("outstation", "outstations[0]", ("outstation",)),
+    Site("outstation_set", "outstations[0].sets[0]", ("outstation_set",)),
+    Site("outstation_point", "outstations[0].sets[0].points[0]", ("outstation_point",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("module", "modules[0]", ("module",)),
     Site("module_point", "modules[0].points[0]", ("module_point",)),
@@ -449,6 +452,13 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "journal.cycles": {"volume_mb": 1048576},
     "gps_receiver.device": {"gpsd": REMOVED},
     "gps_receiver.baud_rate": {"gpsd": REMOVED, "burst_octets": 40},
+    "gps_receiver.position_ioa": {"ioa": 1000},  # unlike those that are tried
+    "retry_ms": {"retry_max_ms": 3600000},
+    "retry_max_ms": {"retry_ms": 10},
+    "command_ioa": {"command": True},
+    "outstation_point.select": {"command": True},
+    "outstation_point.short_pulse_ms": {"command": True},
+    "outstation_point.long_pulse_ms": {"command": True},
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
@@ -483,12 +493,14 @@ def small_file() -> dict[str, Any]:
     ]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
+    town = {"ca": 7003, "points": [{"type": "single", "ioa": 1000}]}
     fence = {"name": "depot", "centre": [44.8125, 20.4612], "radius_m": 200}
     others = {
         "iec104": {},
         "tls": tls,
         "journal": {},
         "gps": [{"name": "bus", "gpsd": "192.0.2.3", "ca": 7001, "fences": [fence]}],
+        "outstations": [{"name": "town", "addresses": ["192.0.2.4"], "sets": [town]}],
         "modbus": {},
         "commands": {},
         "event_ring": 65536,
@@ -506,8 +518,23 @@ def small_file() -> dict[str, Any]:
     return {"port": ports, **others}
 
 
-def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
+def around(site: Site) -> dict[str, Any]:
+    """The small file without what the site does not need: the schema takes its time for each port."""
     document = small_file()
+    ports = document["port"]
+    for number, port in enumerate(ports):
+        if f"port[{number}]" not in site.place:
+            ports[number] = {"value": port["value"], "active": 0}
+    _, _, table = site.place.partition(".slaves[1].")
+    if table:
+        device = ports[0]["slaves"][1]
+        its = ("id", "discrete_inputs", table.partition("[")[0])  # blocked_by names a discrete input
+        ports[0]["slaves"][1] = {key: device[key] for key in its}
+    return document
+
+
+def with_key(site: Site, key: str, value: Json | object) -> dict[str, Any]:
+    document = around(site)
     prefix = f"{site.place}." if site.place else ""
     companions = COMPANIONS.get(key, {}) | COMPANIONS.get(f"{site.definition}.{key}", {})
     for companion, companion_value in companions.items():
@@ -621,6 +648,9 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "program_point",
         "gps_receiver",
         "geofence",
+        "outstation",
+        "outstation_set",
+        "outstation_point",
         "redundancy_group",
         "modbus",
         "module",

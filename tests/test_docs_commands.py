@@ -3,10 +3,14 @@
 
 import re
 import subprocess
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
+import logic.cli
+import nuc980.netboot.cli
+import nuc980.pins.cli
 from test_tree import PAGES, ROOT, code_of
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -46,12 +50,23 @@ def test_commands_and_options_of_rtuctl(programs: Path) -> None:
     assert unknown_options("rtuctl", helps) == []
 
 
-@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot", "openrtu-logic"])
-def test_options_of_the_tools(tool: str) -> None:
-    program = ROOT / "scripts" / tool
-    general = output_of(program, "--help")
+TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
+    "nuc980-pins": nuc980.pins.cli.main,
+    "nuc980-netboot": nuc980.netboot.cli.main,
+    "openrtu-logic": logic.cli.main,
+}
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_options_of_the_tools(tool: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def help_of(*subcommand: str) -> str:
+        with pytest.raises(SystemExit):
+            TOOLS[tool]([*subcommand, "--help"])
+        return capsys.readouterr().out
+
+    general = help_of()
     subcommands = re.findall(r"^    ([a-z-]+)(?=  |$)", general, re.MULTILINE)
     assert subcommands
-    helps = general + "".join(output_of(program, name, "--help") for name in subcommands)
+    helps = general + "".join(help_of(name) for name in subcommands)
     assert lines_with(tool)
     assert unknown_options(tool, helps) == []

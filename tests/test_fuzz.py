@@ -12,6 +12,7 @@ RUNS = {
     "asdu": 40_000,
     "controlling": 80_000,
     "information": 150_000,
+    "outstation": 6_000,
     "session": 150_000,
     "station": 25_000,
     "line": 50_000,

@@ -16,8 +16,8 @@ import pytest
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
+from lab.receiver import Receiver, burst, sentence
 from peers.gpsd import gpsd_daemon
-from peers.receiver import Receiver, burst, sentence
 
 CA = 7001
 LATITUDE, LONGITUDE, ALTITUDE, SPEED, COURSE, HDOP, ERROR, FIX, SATELLITES, IN_DEPOT = (*range(1, 10), 101)

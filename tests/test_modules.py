@@ -108,7 +108,7 @@ def refused(build: Path, directory: Path, config: dict[str, Any] | None = None) 
 
 def test_left_out_is_not_installed(without_iec104: Path, without_modbus: Path) -> None:
     assert installed(without_iec104) == EVERYWHERE | {"rtu-modbus"}
-    assert installed(without_modbus) == EVERYWHERE | {"rtu-iec104", "rtu-journal", "rtu-centre"}
+    assert installed(without_modbus) == EVERYWHERE | {"rtu-104m", "rtu-iec104", "rtu-journal", "rtu-centre"}
 
 
 def test_configuration_that_needs_what_is_left_out_is_refused(

@@ -201,6 +201,25 @@ def test_weeks_that_rolled_over(recordings: Path, replay: Path) -> None:
     assert corrected["eras"] == 2
 
 
+@pytest.mark.slow
+def test_all_recordings_are_moved_by_whole_eras(recordings: Path, replay: Path) -> None:
+    """Each fix has the same time of day, and a date that is not before the program was built."""
+    logs = [file.read_bytes() for file in with_nmea(recordings)]
+    built = 20_454  # 2026
+    moved = 0
+    for (then, _), (now, _) in zip(
+        replayed(replay, logs, built_days=0), replayed(replay, logs, built_days=built), strict=True
+    ):
+        for one, other in zip(then, now, strict=True):
+            assert one["day_ms"] == other["day_ms"]
+            if one["known"] & TIME:
+                eras, rest = divmod(other["time_ns"] - one["time_ns"], 1024 * 7 * 86_400 * 10**9)
+                assert (rest, eras >= 0) == (0, True)
+                assert other["time_ns"] >= built * 86_400 * 10**9
+                moved += eras > 0
+    assert moved > 1000
+
+
 # ---- damage --------------------------------------------------------------------------------------
 
 

@@ -104,6 +104,7 @@ def tunnel(secured: GnuTls) -> Iterator[int]:
         assert not thread.is_alive()
 
 
+@pytest.mark.slow  # test_station_tls.py does the same with its own TLS, and the suites here meet GnuTLS
 @pytest.mark.parametrize("version", VERSIONS)
 def test_lib60870_through_gnutls(gateway: TlsGateway, version: str) -> None:
     with tunnel(connected(gateway, VERSIONS[version])) as port:

@@ -11,18 +11,20 @@ from __future__ import annotations
 import argparse
 import contextlib
 import datetime
+import itertools
 import json
 import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import c104
 
-from lab import kept, ports
+from lab import drive, kept, ports
 from lab.errors import LabError
 from lab.gateway import (
     HEARTBEAT_LIMIT_MS,
@@ -40,6 +42,7 @@ from lab.verdict import Verdict, run
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67
 DEVICE = "3.67"
+NEWCOMER = "5.51"
 
 # Figure 5.6, rows 1 to 13: what the interrogation of CA 3067 brought.
 FIGURE_5_3: dict[int, int] = {
@@ -253,6 +256,18 @@ def all_types(desk: Desk) -> None:
     check(not missing, f"no station sent the types {', '.join(sorted(missing))}")
 
 
+def position(desk: Desk) -> None:
+    """A vehicle drives: rtu-centre polls its position, one object of type 201, and sees it move"""
+    with contextlib.closing(drive.polled(desk.gateway.directory, desk.gateway.address)) as positions:
+        for latitude, longitude, altitude, quality in itertools.islice(positions, drive.FIXES):
+            say(
+                f"     rtu-centre   CA {drive.CA} IOA {drive.IOA}: {latitude:.7f} N {longitude:.7f} E,"
+                f" {altitude:.1f} m, {'good' if quality == 0 else f'quality {quality:#x}'}"
+            )
+            check(quality == 0, "the position is not good")
+            check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
+
+
 Step = Callable[[Desk], None]
 STEPS: tuple[Step, ...] = (
     interrogate,
@@ -263,6 +278,51 @@ STEPS: tuple[Step, ...] = (
     unplugged,
     all_types,
 )
+
+# ---- while the gateway runs, on this machine -------------------------------------------------------
+
+
+def without_newcomer(file: Path) -> Path:
+    """The gateway's configuration without that device, in a file beside it."""
+    config = json.loads(file.read_text())
+    port, unit = map(int, NEWCOMER.split("."))
+    for line in config["port"]:
+        if line["value"] == port:
+            line["slaves"] = [slave for slave in line["slaves"] if slave["id"] != unit]
+    path = file.with_name("without.json")
+    path.write_text(json.dumps(config))
+    return path
+
+
+def reload(desk: Desk, file: Path) -> str:
+    """Returns what was said last."""
+    return desk.gateway.ctl("reload", str(file)).splitlines()[-1]
+
+
+def longest_pause_ms(desk: Desk, port: int, since: int) -> float:
+    times = [f.monotonic_ns for f in desk.lines.frames(since) if (f.kind, f.port) == ("received", port)]
+    return max(later - earlier for earlier, later in pairwise(times)) / 1e6
+
+
+def reloaded(desk: Desk) -> None:
+    """A device leaves the configuration and comes back; the master stays connected"""
+    assert isinstance(desk.gateway, Gateway)
+    file, station = desk.gateway.config_file, 5051
+    here, frames = desk.gateway.query("iec104", "connections"), desk.lines.mark()
+    reload(desk, without_newcomer(file))
+    check(desk.master.is_refused(station), f"CA {station} is known without its device")
+    say(f"     rtuctl       reload without device {NEWCOMER}: CA {station} is unknown")
+    since = desk.master.mark()
+    reload(desk, file)
+    event(desk.master.wait(lambda r: r.ca == station and r.good, since, DEADLINE_S))
+    say(f"     rtuctl       reload with device {NEWCOMER}: {len(interrogated(desk, station))} objects")
+    now = desk.gateway.query("iec104", "connections")
+    check([row["peer"] for row in now] == [row["peer"] for row in here], "a connection has ended")
+    pause = longest_pause_ms(desk, 3, frames)
+    say(f"     neighbour    port 3 was polled on, its longest pause was {pause:.0f} ms")
+
+
+NATIVE_STEPS: tuple[Step, ...] = (*STEPS, reloaded, position)
 
 
 def received(frame: Frame, wanted: bytes) -> bool:
@@ -390,16 +450,17 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     """Runs the show; raises what went wrong."""
     ports.check_free(port, f"make run-native{' KEEP=1' if keep else ''}")
     directory = run_directory()
-    config = listening_on(configuration(), port)
+    config = listening_on(configuration() | {"gps": [drive.RECEIVER]}, port)
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
         config_file = directory / "linesim.json"
         config_file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, config_file, verdict)
+        stack.enter_context(drive.Drive(directory / "dev"))
         gateway = start_gateway(stack, directory, config, verdict)
         desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
-        run_steps(desk, STEPS, verdict)
+        run_steps(desk, NATIVE_STEPS, verdict)
         if keep:
             keep_up(desk)
 

@@ -194,6 +194,17 @@ def test_lib60870_must_be_there_and_built(programs: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+def test_the_bench_of_a_reload_runs_through(programs: Path) -> None:
+    bench = [sys.executable, Path(__file__).with_name("reload.py"), "--quick"]
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY / "scripts"), "OPENRTU_BUILD": str(programs)}
+    run = subprocess.run(bench, env=environment, capture_output=True, text=True, timeout=180, check=False)
+    assert run.returncode == 0, run.stderr
+    rows = [line.strip("|").split("|") for line in run.stdout.splitlines() if line.startswith("| ")][1:]
+    assert [len(row) for row in rows] == [2] * 5
+    assert all(cell.strip() for row in rows for cell in row)
+
+
+@pytest.mark.slow
 def test_the_bench_of_lines_runs_through(programs: Path) -> None:
     """No cell is empty: all who poll have their answers."""
     bench = [sys.executable, Path(__file__).with_name("lines.py"), "--quick"]

@@ -42,6 +42,7 @@ class Link(IntEnum):
     CONNECTING = 1
     UP = 3
     DOWN = 4
+    STANDBY = 5
 
 
 class State(IntEnum):

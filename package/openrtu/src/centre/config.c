@@ -6,16 +6,18 @@
 
 #include "config/files.h"
 #include "config/zone.h"
+#include "iec104/config_readers.h"
 #include "map/address.h"
 #include "map/time_ns.h"
 
 #define SECONDS_OF_2_DAYS 172800
 #define PORT_PLAIN        2404
+#define PORT_TLS          19998 /* IANA: iec-104-sec */
 #define READS_MAX         64
 #define CAS_MAX           16
 #define PERIOD_MAX_S      604800 /* a week */
 #define IOA_MAX           16777215
-#define SINGLE_PLACES     3 /* of tasks, of a common address, beside the reads */
+#define SINGLE_PLACES     3 /* of polls, of a common address, beside the reads */
 
 enum {
 	FILE_SOCKET,
@@ -40,6 +42,7 @@ enum {
 	FILE_BATCHES,
 	FILE_BATCH_RECORDS,
 	FILE_IN_FLIGHT,
+	FILE_TLS,
 	FILE_DEFAULTS,
 	FILE_STATIONS,
 	FILE_KEYS
@@ -71,6 +74,7 @@ static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_BATCH_RECORDS] = {"batch_records", CONFIG_INTEGER, .low = 1, .high = CENTRE_BATCH_MAX,
 			    .fallback = 512},
     [FILE_IN_FLIGHT] = {"batches_in_flight", CONFIG_INTEGER, .low = 1, .high = 1024, .fallback = 4},
+    [FILE_TLS] = {"tls", CONFIG_OBJECT},
     [FILE_DEFAULTS] = {"defaults", CONFIG_OBJECT},
     [FILE_STATIONS] = {"stations", CONFIG_ARRAY, .required = true, .high = CENTRE_STATIONS_MAX},
 };
@@ -79,7 +83,10 @@ static const struct config_rule file_rules[FILE_KEYS] = {
 enum {
 	STATION_NAME,
 	STATION_ADDRESS,
+	STATION_SECOND,
+	STATION_CERTIFICATE,
 	STATION_PORT,
+	STATION_SECURE,
 	STATION_CAS,
 	STATION_ORIGINATOR,
 	STATION_POSITION_TYPE,
@@ -95,6 +102,9 @@ enum {
 static const struct config_rule station_rules[STATION_KEYS] = {
     [STATION_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = CENTRE_NAME_SIZE - 1},
     [STATION_ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 2, .high = MAP_ADDRESS_SIZE - 1},
+    [STATION_SECOND] = {"second_address", CONFIG_TEXT, .low = 2, .high = MAP_ADDRESS_SIZE - 1},
+    [STATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = IEC104_TLS_MASTER_SIZE - 1},
+    [STATION_SECURE] = {"secure", CONFIG_BOOLEAN},
     [STATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
     [STATION_CAS] = {"common_addresses", CONFIG_ARRAY, .high = CAS_MAX},
     [STATION_ORIGINATOR] = {"originator", CONFIG_INTEGER, .low = 0, .high = 255},
@@ -126,17 +136,17 @@ struct reading {
 
 /* ---- a station --------------------------------------------------------------------------- */
 
-static void add_task(const struct reading *reading, struct centre_task task)
+static void add_poll(const struct reading *reading, struct iec104_poll poll)
 {
-	reading->config->tasks[reading->config->task_count++] = task;
-	reading->station->task_count++;
+	reading->config->polls[reading->config->poll_count++] = poll;
+	reading->station->poll_count++;
 }
 
-static void add_periodic(const struct reading *reading, enum centre_task_kind kind, uint16_t ca,
+static void add_periodic(const struct reading *reading, enum iec104_poll_kind kind, uint16_t ca,
 			 const struct config_value *period, bool at_start)
 {
 	if (at_start || period->integer > 0)
-		add_task(reading, (struct centre_task){.kind = (uint8_t)kind,
+		add_poll(reading, (struct iec104_poll){.kind = (uint8_t)kind,
 						       .at_start = at_start,
 						       .ca = ca,
 						       .period_ns = period->integer * NS_PER_S});
@@ -167,11 +177,11 @@ static void read_cas(const struct reading *reading, const struct config_value *v
 
 		if (ca == 0)
 			continue;
-		add_periodic(reading, CENTRE_TASK_CLOCK, ca, &values[STATION_CLOCK],
+		add_periodic(reading, IEC104_POLL_CLOCK, ca, &values[STATION_CLOCK],
 			     values[STATION_CLOCK].integer > 0);
-		add_periodic(reading, CENTRE_TASK_INTERROGATION, ca, &values[STATION_INTERROGATION],
+		add_periodic(reading, IEC104_POLL_INTERROGATION, ca, &values[STATION_INTERROGATION],
 			     values[STATION_INTERROGATE].integer != 0);
-		add_periodic(reading, CENTRE_TASK_COUNTERS, ca, &values[STATION_COUNTERS], false);
+		add_periodic(reading, IEC104_POLL_COUNTERS, ca, &values[STATION_COUNTERS], false);
 	}
 }
 
@@ -187,7 +197,7 @@ static void read_reads(const struct reading *reading, const struct config_value 
 		struct config_value values[READ_KEYS];
 
 		config_read_keys(reading->report, &here, json, read_rules, READ_KEYS, values);
-		add_task(reading, (struct centre_task){.kind = CENTRE_TASK_READ,
+		add_poll(reading, (struct iec104_poll){.kind = IEC104_POLL_READ,
 						       .at_start = true,
 						       .ca = (uint16_t)values[READ_CA].integer,
 						       .ioa = (uint32_t)values[READ_IOA].integer,
@@ -195,15 +205,44 @@ static void read_reads(const struct reading *reading, const struct config_value 
 	}
 }
 
-static void read_address(const struct reading *reading, const struct config_value *value)
+static void read_address(const struct reading *reading, const struct config_value *values, unsigned key)
 {
-	const struct config_place here = config_key_of(reading->place, station_rules[STATION_ADDRESS].name);
+	const struct config_place here = config_key_of(reading->place, station_rules[key].name);
+	struct centre_plan *station = reading->station;
 
-	if (value->given && !map_address_parse(value->text, &reading->station->address))
+	if (values[key].given &&
+	    !map_address_parse(values[key].text, &station->addresses[station->address_count++]))
 		config_error(
 		    reading->report, &here,
 		    "is not an IP address, expected one like 192.0.2.1 or 2001:db8::1 (names are not "
 		    "resolved: that would let all stations wait)");
+}
+
+static void read_security(const struct reading *reading, const struct config_value *values)
+{
+	const struct config_place secure = config_key_of(reading->place, station_rules[STATION_SECURE].name);
+	const struct config_place certificate =
+	    config_key_of(reading->place, station_rules[STATION_CERTIFICATE].name);
+	struct centre_plan *station = reading->station;
+
+	station->secure = values[STATION_SECURE].integer != 0;
+	reading->config->secure |= station->secure;
+	if (station->secure && reading->config->tls.certificate[0] == '\0')
+		config_error(reading->report, &secure,
+			     "needs the certificate of this centre, expected an object tls in the file");
+	if (station->secure && !values[STATION_PORT].given)
+		station->port = PORT_TLS;
+	if (!values[STATION_CERTIFICATE].given)
+		return;
+	if (!iec104_names_certificate(values[STATION_CERTIFICATE].text))
+		config_error(reading->report, &certificate,
+			     "is neither a common name nor a SHA-256 fingerprint as AB:CD:...");
+	if (!station->secure)
+		config_error(reading->report, &certificate,
+			     "is of a station with TLS, expected \"secure\": true beside it");
+	station->certificate = strdup(values[STATION_CERTIFICATE].text);
+	if (station->certificate == NULL)
+		config_out_of_memory(reading->report);
 }
 
 static void check_position_type(const struct reading *reading, const struct config_value *value)
@@ -226,10 +265,12 @@ static void read_station(const struct reading *reading, const json_t *json)
 					.originator = (uint8_t)values[STATION_ORIGINATOR].integer,
 					.position_type = (uint8_t)values[STATION_POSITION_TYPE].integer,
 					.terminates = values[STATION_TERMINATES].integer != 0,
-					.first_task = reading->config->task_count};
+					.first_poll = reading->config->poll_count};
 	if (values[STATION_NAME].given)
 		snprintf(station->name, sizeof(station->name), "%s", values[STATION_NAME].text);
-	read_address(reading, &values[STATION_ADDRESS]);
+	read_address(reading, values, STATION_ADDRESS);
+	read_address(reading, values, STATION_SECOND);
+	read_security(reading, values);
 	check_position_type(reading, &values[STATION_POSITION_TYPE]);
 	read_cas(reading, values);
 	read_reads(reading, &values[STATION_READS]);
@@ -294,8 +335,8 @@ static bool take_defaults(struct config_report *report, const struct config_plac
 	return errors == report->errors;
 }
 
-/* How many tasks the stations can have at most. */
-static uint32_t tasks_of(const json_t *stations)
+/* How many polls the stations can have at most. */
+static uint32_t polls_of(const json_t *stations)
 {
 	size_t count = 0, i;
 	const json_t *station;
@@ -321,8 +362,8 @@ static void read_stations(struct config_report *report, const struct config_plac
 	if (!take_defaults(report, file, &values[FILE_DEFAULTS], stations))
 		return;
 	config->stations = config_allocate((uint32_t)json_array_size(stations), sizeof(*config->stations));
-	config->tasks = config_allocate(tasks_of(stations), sizeof(*config->tasks));
-	if (config->stations == NULL || config->tasks == NULL) {
+	config->polls = config_allocate(polls_of(stations), sizeof(*config->polls));
+	if (config->stations == NULL || config->polls == NULL) {
 		config_out_of_memory(report);
 		return;
 	}
@@ -334,6 +375,10 @@ static void read_stations(struct config_report *report, const struct config_plac
 		read_station(&reading, json);
 		config->station_count++;
 	}
+	config->link_count = config->station_count;
+	for (uint32_t station = 0; station < config->station_count; station++)
+		if (config->stations[station].address_count > 1)
+			config->stations[station].second = config->link_count++;
 	report_same_names(report, &array, config);
 }
 
@@ -378,6 +423,18 @@ static void read_timezone(struct config_report *report, const struct config_plac
 			     "is not a time zone, expected one like UTC0 or CET-1CEST,M3.5.0,M10.5.0/3");
 }
 
+static void read_tls(struct config_report *report, const struct config_place *file,
+		     const struct config_value *value, struct iec104_tls *tls)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_TLS].name);
+
+	if (value->given && !OPENRTU_TLS)
+		config_error(report, &here,
+			     "this build has no TLS: remove the object, or build with -Dtls=true");
+	if (value->given)
+		iec104_read_tls(report, &here, value->json, false, tls);
+}
+
 static void take_values(const struct config_value *values, struct centre_config *config)
 {
 	struct iec104_controlling_settings *common = &config->common;
@@ -415,6 +472,7 @@ static void read_file(struct config_report *report, const json_t *root, struct c
 	config_read_keys(report, &file, root, file_rules, FILE_KEYS, values);
 	take_values(values, config);
 	read_timezone(report, &file, &values[FILE_TIMEZONE], &config->common.zone);
+	read_tls(report, &file, &values[FILE_TLS], &config->tls);
 	check_order(report, &file, values, FILE_W, FILE_K, true);
 	check_order(report, &file, values, FILE_T2, FILE_T1, false);
 	check_order(report, &file, values, FILE_RETRY, FILE_RETRY_MAX, true);
@@ -441,6 +499,8 @@ enum centre_config_result centre_config_load(const char *path, struct centre_con
 
 void centre_config_free(struct centre_config *config)
 {
+	for (uint32_t i = 0; i < config->station_count; i++)
+		free(config->stations[i].certificate);
 	free(config->stations);
-	free(config->tasks);
+	free(config->polls);
 }

@@ -152,6 +152,7 @@ static void turn(struct loop *loop)
 	int count = epoll_wait(loop->epoll, events, SOURCES, wait_ms(loop->centre));
 
 	look_at_clock(loop->centre);
+	channel_watch(loop->centre->now.monotonic_ns);
 	for (int i = 0; i < count; i++)
 		serve(loop, events[i].data.u32);
 	serve_stations(loop->centre);

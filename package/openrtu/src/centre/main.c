@@ -73,35 +73,42 @@ static int check(const struct centre_config *config)
 	size_t octets = centre_octets_of_station(config);
 
 	printf("stations: %" PRIu32 "; polls of them: %" PRIu32
-	       "; memory: %zu octets a station and %zu for %" PRIu32 " records\n",
-	       config->station_count, config->task_count, octets,
+	       "; memory: %zu octets a connection and %zu for %" PRIu32 " records\n",
+	       config->station_count, config->poll_count, octets,
 	       (size_t)config->batches * config->batch_records * sizeof(struct centre_record),
 	       config->batches * config->batch_records);
 	return 0;
 }
 
 /* A connection each. False: there may not be so many files. */
-static bool allow_files(uint32_t stations)
+static bool allow_files(uint32_t links)
 {
 	struct rlimit limit;
-	rlim_t needed = (rlim_t)stations + FILES_BESIDE;
+	rlim_t needed = (rlim_t)links + FILES_BESIDE;
 
 	if (getrlimit(RLIMIT_NOFILE, &limit) < 0 || limit.rlim_cur >= needed)
 		return true;
 	if (limit.rlim_max < needed) {
 		fprintf(stderr,
 			"rtu-centre: %" PRIu32
-			" stations need %ju open files, %ju are allowed: raise the limit "
+			" connections need %ju open files, %ju are allowed: raise the limit "
 			"(ulimit -n, LimitNOFILE= of systemd)\n",
-			stations, (uintmax_t)needed, (uintmax_t)limit.rlim_max);
+			links, (uintmax_t)needed, (uintmax_t)limit.rlim_max);
 		return false;
 	}
 	limit.rlim_cur = needed;
 	return setrlimit(RLIMIT_NOFILE, &limit) == 0;
 }
 
+static void say(enum map_log_level level, const char *peer, const char *text)
+{
+	(void)level;
+	fprintf(stderr, "rtu-centre: %s%s%s\n", peer != NULL ? peer : "", peer != NULL ? ": " : "", text);
+}
+
 static int run(const struct centre_config *config, const char *path)
 {
+	static struct channel_owner owner = {.controlling = true, .say = say};
 	static struct centre centre;
 	int listener, code = 1;
 
@@ -114,7 +121,10 @@ static int run(const struct centre_config *config, const char *path)
 		return 2;
 	}
 	prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
-	if (!allow_files(config->station_count))
+	if (!allow_files(config->link_count))
+		return 1;
+	owner.tls = &config->tls;
+	if (config->secure && !channel_start(&owner))
 		return 1;
 	listener = centre_consumer_listen(path);
 	if (listener < 0)

@@ -39,7 +39,9 @@ enum centre_link {
 	CENTRE_CONNECTING,
 	CENTRE_STARTING, /* connected, STARTDT act is not confirmed; not told */
 	CENTRE_UP,
-	CENTRE_DOWN, /* in a record only: why, and when the next attempt is */
+	CENTRE_DOWN,     /* in a record only: why, and when the next attempt is */
+	CENTRE_STANDBY,  /* connected, while another link of the station has data transfer */
+	CENTRE_SECURING, /* connected, the handshake of TLS is under way; not told */
 };
 
 /* Why a request was not sent, beside enum map_command_result. */
@@ -65,7 +67,7 @@ struct centre_record {
 			uint8_t cause;
 			uint8_t quality; /* enum map_quality */
 			uint8_t
-			    detail; /* as struct iec104_information; of a position: fix, satellites << 4 */
+			    detail; /* as struct iec104_information; of a position: fix, satellites << 4; of a link: its number */
 			union {
 				struct {
 					union map_value value;

@@ -4,7 +4,8 @@
  * or each in its own. KINDS says by letters, again and again, what the stations are:
  *
  *	h  answers at once: reads (by a position of type 201), interrogations, clock synchronisation, commands
- *	s  the same, each answer after DELAY_MS
+ *	f  the same, reads by a short float, for who does not know type 201
+ *	s  as h, each answer after DELAY_MS
  *	d  dead: nobody listens
  *	m  mute: takes the connection and says nothing
  *	x  sends events (M_IT_NA_1 of IOA 1) as fast as they are acknowledged, numbered from 0; what is not acknowledged when the
@@ -151,6 +152,16 @@ static void answer(struct rtu *rtu, const uint8_t *bytes, size_t size)
 
 	if (!iec104_asdu_decode(bytes, size, &asdu))
 		return;
+	if (asdu.type == IEC104_C_RD_NA_1 && rtu->kind == 'f') {
+		const struct iec104_asdu header = {.type = IEC104_M_ME_NC_1,
+						   .cause = IEC104_REQUEST,
+						   .originator = asdu.originator,
+						   .ca = asdu.ca};
+
+		send_object(rtu, &header, iec104_ioa_decode(asdu.objects),
+			    (const uint8_t[]){0, 0, 0x50, 0x42, 0}, 5);
+		return;
+	}
 	if (asdu.type == IEC104_C_RD_NA_1) {
 		send_position(rtu, &asdu, iec104_ioa_decode(asdu.objects));
 		return;

@@ -15,9 +15,7 @@
 
 #define LATE_NS                                                                                              \
 	(100 * NS_PER_MS) /* we were stopped, or full: what came meanwhile is read before a timer counts */
-#define QOI_STATION 20
-#define QCC_ALL     5
-#define FULL_NS     (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
+#define FULL_NS (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
 
 static uint32_t place_of(const struct centre_station *station)
 {
@@ -48,7 +46,7 @@ static struct centre_record *add(struct centre *centre, uint32_t station, enum c
 
 static struct centre_record *say(struct centre_station *station, enum centre_kind kind)
 {
-	struct centre_record *record = add(station->centre, place_of(station), kind);
+	struct centre_record *record = add(station->centre, station->number, kind);
 
 	record->connection = station->connection;
 	record->received_ns = station->centre->now.wall_ns;
@@ -73,6 +71,7 @@ static void say_link(struct centre_station *station, enum centre_link link, uint
 {
 	struct centre_record *record = say(station, CENTRE_LINK);
 
+	record->detail = station->number != place_of(station);
 	record->link.state = (uint8_t)link;
 	record->link.reason = reason;
 	record->link.error = (uint32_t)error;
@@ -139,66 +138,20 @@ static void lose_patience(struct centre_station *station)
 
 /* ---- the plan ---------------------------------------------------------------------------- */
 
-static struct centre_task *next_task(const struct centre_station *station)
+static struct iec104_poll *next_poll(const struct centre_station *station)
 {
-	struct centre_task *next = NULL;
-
-	for (uint32_t i = 0; i < station->plan->task_count; i++)
-		if (next == NULL || station->tasks[i].due_ns < next->due_ns)
-			next = &station->tasks[i];
-	return next;
-}
-
-static int64_t first_due(const struct centre_task *task, int64_t now_ns)
-{
-	if (task->at_start)
-		return now_ns;
-	return now_ns + task->period_ns;
-}
-
-static void begin_plan(struct centre_station *station)
-{
-	for (uint32_t i = 0; i < station->plan->task_count; i++)
-		station->tasks[i].due_ns = first_due(&station->tasks[i], station->centre->now.monotonic_ns);
-	station->due_ns = 0;
-}
-
-/* What was missed is not made up for. */
-static void put_off(struct centre_task *task, int64_t now_ns)
-{
-	if (task->period_ns == 0)
-		task->due_ns = INT64_MAX;
-	else
-		task->due_ns += task->period_ns * (1 + (now_ns - task->due_ns) / task->period_ns);
-}
-
-static uint32_t post(struct centre_station *station, const struct centre_task *task)
-{
-	struct iec104_controlling *controlling = &station->controlling;
-	struct iec104_moment now = station->centre->now;
-
-	switch ((enum centre_task_kind)task->kind) {
-	case CENTRE_TASK_CLOCK:
-		return iec104_controlling_set_clock(controlling, task->ca, now);
-	case CENTRE_TASK_INTERROGATION:
-		return iec104_controlling_interrogate(controlling, task->ca, QOI_STATION, now);
-	case CENTRE_TASK_COUNTERS:
-		return iec104_controlling_interrogate_counters(controlling, task->ca, QCC_ALL, now);
-	case CENTRE_TASK_READ:
-		return iec104_controlling_read(controlling, task->ca, task->ioa, now);
-	}
-	return 0;
+	return iec104_polls_next(station->polls, station->plan->poll_count);
 }
 
 /* The station has a place in a window. */
 static void send_poll(struct centre_station *station)
 {
 	int64_t now_ns = station->centre->now.monotonic_ns;
-	struct centre_task *task = next_task(station);
+	struct iec104_poll *poll = next_poll(station);
 
-	station->poll = post(station, task);
+	station->poll = iec104_poll_post(poll, &station->controlling, station->centre->now);
 	if (station->poll != 0) {
-		put_off(task, now_ns);
+		iec104_poll_put_off(poll, now_ns);
 	} else {
 		station->due_ns = now_ns + FULL_NS;
 		leave_window(station);
@@ -208,11 +161,11 @@ static void send_poll(struct centre_station *station)
 /* One poll at a time: the next one is due when the last has ended. */
 static int64_t poll_due(const struct centre_station *station)
 {
-	const struct centre_task *task = next_task(station);
+	const struct iec104_poll *poll = next_poll(station);
 
-	if (station->poll != 0 || station->waits || task == NULL)
+	if (station->poll != 0 || station->waits || poll == NULL)
 		return INT64_MAX;
-	return later(task->due_ns, station->due_ns);
+	return later(poll->due_ns, station->due_ns);
 }
 
 static void ask_next(struct centre_station *station)
@@ -224,17 +177,6 @@ static void ask_next(struct centre_station *station)
 }
 
 /* ---- what a station says ----------------------------------------------------------------- */
-
-/* After its start it has to be asked for everything (IEC 60870-5-5, 6.1.5). */
-static void ask_everything(struct centre_station *station, uint16_t ca)
-{
-	for (uint32_t i = 0; i < station->plan->task_count; i++) {
-		struct centre_task *task = &station->tasks[i];
-
-		if (task->kind == CENTRE_TASK_INTERROGATION && task->ca == ca)
-			task->due_ns = station->centre->now.monotonic_ns;
-	}
-}
 
 static void on_information(void *context, const struct iec104_asdu *asdu,
 			   const struct iec104_information *information)
@@ -250,7 +192,8 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 	record->information.content = (uint8_t)information->content;
 	set_time(record, information->tagged, information->time_invalid, information->wall_ns);
 	if (information->content == IEC104_INITIALISATION)
-		ask_everything(station, asdu->ca);
+		iec104_polls_renew(station->polls, station->plan->poll_count, asdu->ca,
+				   station->centre->now.monotonic_ns);
 }
 
 static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
@@ -265,12 +208,6 @@ static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t 
 	record->position.longitude = position->longitude;
 	record->position.altitude_dm = position->altitude_dm;
 	set_time(record, true, position->time_invalid, position->wall_ns);
-}
-
-static bool has_ended(uint8_t state)
-{
-	return state == MAP_REFUSED_SELECTION || state == MAP_INTERRUPTED_SELECTION ||
-	       state == MAP_REFUSED_COMMAND || state == MAP_EXECUTED_COMMAND;
 }
 
 static void end_poll(struct centre_station *station, const struct iec104_controlling_request *request)
@@ -299,7 +236,7 @@ static void on_progress(void *context, const struct iec104_controlling_request *
 	struct centre_order *order;
 
 	if (request->id == station->poll) {
-		if (has_ended(request->state))
+		if (iec104_controlling_has_ended(request->state))
 			end_poll(station, request);
 		return;
 	}
@@ -307,7 +244,7 @@ static void on_progress(void *context, const struct iec104_controlling_request *
 	if (order == NULL)
 		return;
 	say_progress(station, request, order->id);
-	if (has_ended(request->state))
+	if (iec104_controlling_has_ended(request->state))
 		order->request = 0;
 }
 
@@ -324,6 +261,23 @@ static void on_looked_at(void *context, const struct iec104_asdu *asdu)
 
 /* ---- the connection ---------------------------------------------------------------------- */
 
+static bool has_session(const struct centre_station *station)
+{
+	return station->link == CENTRE_STARTING || station->link == CENTRE_UP ||
+	       station->link == CENTRE_STANDBY;
+}
+
+static int64_t session_due(const struct centre_station *station)
+{
+	int64_t due_ns = iec104_controlling_deadline(&station->controlling);
+
+	if (station->controlling.session.closing != IEC104_OPEN || channel_pending(&station->channel))
+		return station->centre->now.monotonic_ns;
+	if (station->link == CENTRE_UP)
+		due_ns = earlier(due_ns, poll_due(station));
+	return station->plan->secure ? earlier(due_ns, station->channel.look_ns) : due_ns;
+}
+
 static void schedule(struct centre_station *station)
 {
 	int64_t due_ns = INT64_MAX;
@@ -334,15 +288,13 @@ static void schedule(struct centre_station *station)
 		due_ns = station->waits ? INT64_MAX : station->due_ns;
 		break;
 	case CENTRE_CONNECTING:
+	case CENTRE_SECURING:
 		due_ns = station->due_ns;
 		break;
 	case CENTRE_UP:
-		due_ns = poll_due(station);
-		/* fall through */
 	case CENTRE_STARTING:
-		due_ns = station->controlling.session.closing != IEC104_OPEN
-			     ? station->centre->now.monotonic_ns
-			     : earlier(due_ns, iec104_controlling_deadline(&station->controlling));
+	case CENTRE_STANDBY:
+		due_ns = session_due(station);
 		break;
 	}
 	if (station->window != CENTRE_NO_WINDOW)
@@ -356,16 +308,16 @@ static void wait_for(struct centre_station *station, uint32_t events)
 
 	if (events == station->events)
 		return;
-	epoll_ctl(station->centre->epoll, station->events == 0 ? EPOLL_CTL_ADD : EPOLL_CTL_MOD, station->fd,
-		  &event);
+	epoll_ctl(station->centre->epoll, station->events == 0 ? EPOLL_CTL_ADD : EPOLL_CTL_MOD,
+		  station->channel.fd, &event);
 	station->events = events;
 }
 
 static void close_connection(struct centre_station *station)
 {
-	if (station->fd >= 0)
-		close(station->fd);
-	station->fd = -1;
+	if (station->channel.fd >= 0)
+		channel_close(&station->channel);
+	station->channel = (struct channel){.fd = -1};
 	station->events = 0;
 	station->poll = 0;
 	station->waits = false; /* whoever is connected waits for a poll: centre_admit_next passes over it */
@@ -380,7 +332,8 @@ static void go_down(struct centre_station *station, uint8_t reason, int error)
 	int64_t now_ns = station->centre->now.monotonic_ns;
 	bool waited = station->waits;
 
-	if (station->link == CENTRE_UP && now_ns - station->up_ns >= station->retry_ns) {
+	if ((station->link == CENTRE_UP || station->link == CENTRE_STANDBY) &&
+	    now_ns - station->up_ns >= station->retry_ns) {
 		station->retry_ns = config->retry_ns;
 		station->failed = false;
 	} else {
@@ -397,37 +350,108 @@ static void go_down(struct centre_station *station, uint8_t reason, int error)
 static void start(struct centre_station *station)
 {
 	station->link = CENTRE_STARTING;
+	iec104_session_start(&station->controlling.session, station->centre->now.monotonic_ns);
+}
+
+static void transmit(struct centre_station *station)
+{
+	channel_transmit_session(&station->channel, &station->controlling.session);
+	wait_for(station, channel_interest(&station->channel, &station->controlling.session));
+}
+
+/* The link that had data transfer is gone: the other has it, at once. */
+static void hand_over(struct centre_station *station)
+{
+	struct centre_station *partner = station->partner;
+
+	if (partner == NULL || partner->link != CENTRE_STANDBY)
+		return;
+	start(partner);
+	transmit(partner);
+	schedule(partner);
+}
+
+static bool is_active(const struct centre_station *station)
+{
+	return station->link == CENTRE_STARTING || station->link == CENTRE_UP;
+}
+
+static void open_session(struct centre_station *station)
+{
 	leave_window(station);
 	iec104_controlling_open(&station->controlling, &station->settings, &station->listener,
 				&station->memory, station->centre->now);
 	iec104_session_hold(&station->controlling.session);
-	iec104_session_start(&station->controlling.session, station->centre->now.monotonic_ns);
+	if (station->partner == NULL || !is_active(station->partner)) {
+		start(station);
+		return;
+	}
+	station->link = CENTRE_STANDBY;
+	station->up_ns = station->centre->now.monotonic_ns;
+	say_link(station, CENTRE_STANDBY, 0, 0, 0);
+}
+
+static void lose(struct centre_station *station, uint8_t reason, int error)
+{
+	bool active = is_active(station);
+
+	go_down(station, reason, error);
+	if (active)
+		hand_over(station);
+}
+
+/* What has become of the channel. */
+static void settle(struct centre_station *station, enum channel_progress progress)
+{
+	switch (progress) {
+	case CHANNEL_READY:
+		open_session(station);
+		return;
+	case CHANNEL_WAITS:
+		station->link = CENTRE_SECURING;
+		wait_for(station, station->channel.wants);
+		return;
+	case CHANNEL_REFUSED:
+		go_down(station, IEC104_NOT_SECURE, 0);
+	}
+}
+
+/* The socket is connected. */
+static void open_channel(struct centre_station *station)
+{
+	settle(station, channel_connect(&station->channel, station->channel.fd, station->plan->name,
+					station->plan->secure, &station->security));
+}
+
+static int connect_socket(const struct centre_station *station)
+{
+	const bool second = station->number != place_of(station);
+	const struct sockaddr_in6 address = {.sin6_family = AF_INET6,
+					     .sin6_port = htons(station->plan->port),
+					     .sin6_addr = station->plan->addresses[second]};
+
+	return connect(station->channel.fd, (const struct sockaddr *)&address, sizeof(address));
 }
 
 /* The station has a place in a window. */
 static void connect_now(struct centre_station *station)
 {
-	const struct sockaddr_in6 address = {.sin6_family = AF_INET6,
-					     .sin6_port = htons(station->plan->port),
-					     .sin6_addr = station->plan->address};
 	int on = 1, off = 0;
 
-	station->connection++;
+	station->connection = ++station->centre->stations[station->number].connections;
 	say_link(station, CENTRE_CONNECTING, 0, 0, 0);
 	station->link = CENTRE_CONNECTING;
 	station->due_ns = station->centre->now.monotonic_ns + station->centre->config->connect_ns;
-	station->fd = socket(AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-	if (station->fd < 0) {
+	station->channel.fd = socket(AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (station->channel.fd < 0) {
 		go_down(station, 0, errno);
 		return;
 	}
-	setsockopt(station->fd, IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof(off));
-	setsockopt(station->fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	if (connect(station->fd, (const struct sockaddr *)&address, sizeof(address)) == 0)
-		start(station);
-	else if (errno != EINPROGRESS)
+	setsockopt(station->channel.fd, IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof(off));
+	setsockopt(station->channel.fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+	if (connect_socket(station) < 0 && errno != EINPROGRESS)
 		go_down(station, 0, errno);
-	if (station->fd >= 0)
+	else /* one that is connected already is writable, too */
 		wait_for(station, EPOLLIN | EPOLLOUT);
 }
 
@@ -436,44 +460,17 @@ static void finish_connecting(struct centre_station *station)
 	int error = 0;
 	socklen_t size = sizeof(error);
 
-	if (getsockopt(station->fd, SOL_SOCKET, SO_ERROR, &error, &size) < 0)
+	if (getsockopt(station->channel.fd, SOL_SOCKET, SO_ERROR, &error, &size) < 0)
 		error = errno;
 	if (error != 0)
 		go_down(station, 0, error);
 	else
-		start(station);
+		open_channel(station);
 }
 
 static void receive(struct centre_station *station)
 {
-	struct iec104_session *session = &station->controlling.session;
-	size_t room;
-	uint8_t *place = iec104_session_space(session, &room);
-	ssize_t count;
-
-	if (room == 0)
-		return;
-	count = recv(station->fd, place, room, 0);
-	if (count > 0)
-		iec104_session_received(session, (size_t)count);
-	else if (count == 0 || (errno != EAGAIN && errno != EINTR))
-		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
-}
-
-static void transmit(struct centre_station *station)
-{
-	struct iec104_session *session = &station->controlling.session;
-	size_t size, room;
-	const uint8_t *octets = iec104_session_output(session, &size);
-	ssize_t count = size > 0 ? send(station->fd, octets, size, MSG_NOSIGNAL) : 0;
-
-	if (count > 0)
-		iec104_session_written(session, (size_t)count);
-	else if (count < 0 && errno != EAGAIN && errno != EINTR)
-		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
-	iec104_session_output(session, &size);
-	iec104_session_space(session, &room);
-	wait_for(station, (room > 0 ? EPOLLIN : 0u) | (size > 0 ? EPOLLOUT : 0u));
+	channel_receive_session(&station->channel, &station->controlling.session);
 }
 
 static void become_up(struct centre_station *station)
@@ -482,7 +479,8 @@ static void become_up(struct centre_station *station)
 	station->up_ns = station->centre->now.monotonic_ns;
 	station->slow = false;
 	say_link(station, CENTRE_UP, 0, 0, 0);
-	begin_plan(station);
+	iec104_polls_begin(station->polls, station->plan->poll_count, station->up_ns);
+	station->due_ns = 0;
 }
 
 /* All there is to do on a connection. */
@@ -496,10 +494,12 @@ static void run(struct centre_station *station)
 		become_up(station);
 	if (station->link == CENTRE_UP && session->closing == IEC104_OPEN)
 		ask_next(station);
+	if (!channel_keep(&station->channel, station->centre->now.monotonic_ns))
+		iec104_session_close(session, IEC104_NOT_SECURE);
 	transmit(station);
 	if (session->closing != IEC104_OPEN) {
 		iec104_controlling_run(&station->controlling, station->centre->now); /* ends the requests */
-		go_down(station, (uint8_t)session->closing, 0);
+		lose(station, (uint8_t)session->closing, 0);
 	}
 }
 
@@ -515,13 +515,26 @@ static void advance(struct centre_station *station)
 			connect_now(station);
 		break;
 	case CENTRE_CONNECTING:
+	case CENTRE_SECURING:
 		if (now_ns >= station->due_ns)
 			go_down(station, 0, ETIMEDOUT);
 		break;
 	case CENTRE_STARTING:
 	case CENTRE_UP:
+	case CENTRE_STANDBY:
 		run(station);
 		break;
+	}
+}
+
+/* What TLS has and the socket has not any more, epoll does not tell of. */
+static void run_with_pending(struct centre_station *station)
+{
+	run(station);
+	while (has_session(station) && channel_pending(&station->channel) &&
+	       centre_has_room(station->centre)) {
+		receive(station);
+		run(station);
 	}
 }
 
@@ -529,10 +542,14 @@ void centre_station_ready(struct centre_station *station, uint32_t events)
 {
 	if (station->link == CENTRE_CONNECTING)
 		finish_connecting(station);
-	else if (station->fd >= 0 && (events & ~(uint32_t)EPOLLOUT) != 0)
+	else if (station->link == CENTRE_SECURING)
+		settle(station, channel_handshake(&station->channel));
+	else if (has_session(station) && (events & ~(uint32_t)EPOLLOUT) != 0)
 		receive(station);
-	if (station->fd >= 0)
-		run(station);
+	else if (has_session(station) && station->channel.wants != 0)
+		receive(station); /* it waits for the socket to be writable */
+	if (has_session(station))
+		run_with_pending(station);
 	schedule(station);
 }
 
@@ -540,8 +557,8 @@ void centre_station_due(struct centre_station *station)
 {
 	int64_t due_ns = station->centre->deadlines.due_ns[place_of(station)];
 
-	if ((station->link == CENTRE_STARTING || station->link == CENTRE_UP) &&
-	    station->centre->now.monotonic_ns - due_ns > LATE_NS)
+	if (has_session(station) &&
+	    (station->centre->now.monotonic_ns - due_ns > LATE_NS || channel_pending(&station->channel)))
 		receive(station);
 	lose_patience(station);
 	advance(station);
@@ -583,8 +600,11 @@ bool centre_admit_next(struct centre *centre)
 void centre_station_release(struct centre *centre, const struct centre_record *record)
 {
 	struct centre_station *station = &centre->stations[record->station];
-	struct iec104_session *session = &station->controlling.session;
+	struct iec104_session *session;
 
+	if (record->connection != station->connection && station->partner != NULL)
+		station = station->partner;
+	session = &station->controlling.session;
 	if (record->connection != station->connection || station->link != CENTRE_UP)
 		return; /* the connection has ended: the station will send it again */
 	iec104_session_release(session, 1, centre->now.monotonic_ns);
@@ -692,6 +712,8 @@ void centre_station_order(struct centre *centre, const struct centre_request *re
 		return;
 	}
 	station = &centre->stations[request->station];
+	if (station->partner != NULL && station->partner->link == CENTRE_UP)
+		station = station->partner;
 	result = try_order(station, request);
 	if (result != MAP_RESULT_NONE) {
 		say_not_sent(centre, request, result);
@@ -720,7 +742,7 @@ void centre_stations_begin(struct centre *centre)
 {
 	centre_batches_reset(&centre->batches);
 	centre->told = 0;
-	for (uint32_t i = 0; i < centre->config->station_count; i++) {
+	for (uint32_t i = 0; i < centre->config->link_count; i++) {
 		struct centre_station *station = &centre->stations[i];
 
 		station->due_ns = centre->now.monotonic_ns;
@@ -734,7 +756,7 @@ void centre_stations_end(struct centre *centre)
 {
 	for (unsigned i = 0; i < CENTRE_WINDOWS; i++)
 		centre_window_clear(&centre->windows[i]);
-	for (uint32_t i = 0; i < centre->config->station_count; i++) {
+	for (uint32_t i = 0; i < centre->config->link_count; i++) {
 		struct centre_station *station = &centre->stations[i];
 
 		station->window = CENTRE_NO_WINDOW;
@@ -751,16 +773,19 @@ size_t centre_octets_of_station(const struct centre_config *config)
 	       sizeof(struct centre_plan);
 }
 
-static void init_station(struct centre *centre, uint32_t i)
+/* i: of a link; it is the first one of station i, or a second one. */
+static void init_station(struct centre *centre, uint32_t i, uint32_t number)
 {
 	const struct centre_config *config = centre->config;
 	struct centre_station *station = &centre->stations[i];
 	size_t octets = (size_t)config->receive_octets + config->send_octets;
 
 	station->centre = centre;
-	station->plan = &config->stations[i];
-	station->tasks = &config->tasks[station->plan->first_task];
-	station->fd = -1;
+	station->number = number;
+	station->plan = &config->stations[number];
+	station->security.certificate = station->plan->certificate;
+	station->polls = &config->polls[station->plan->first_poll];
+	station->channel.fd = -1;
 	station->window = CENTRE_NO_WINDOW;
 	station->settings = config->common;
 	station->settings.originator = station->plan->originator;
@@ -782,7 +807,7 @@ static void init_station(struct centre *centre, uint32_t i)
 
 bool centre_stations_init(struct centre *centre, const struct centre_config *config)
 {
-	const uint32_t count = config->station_count;
+	const uint32_t count = config->link_count;
 
 	*centre = (struct centre){.config = config, .consumer = -1};
 	centre->epoll = epoll_create1(EPOLL_CLOEXEC);
@@ -799,8 +824,16 @@ bool centre_stations_init(struct centre *centre, const struct centre_config *con
 		centre_window_init(&centre->windows[i],
 				   i < CENTRE_POLL ? config->connections_at_once : config->polls_at_once,
 				   centre->next);
-	for (uint32_t i = 0; i < count; i++)
-		init_station(centre, i);
+	for (uint32_t i = 0; i < config->station_count; i++) {
+		struct centre_station *first = &centre->stations[i];
+
+		init_station(centre, i, i);
+		if (config->stations[i].address_count == 1)
+			continue;
+		first->partner = &centre->stations[config->stations[i].second];
+		init_station(centre, config->stations[i].second, i);
+		first->partner->partner = first;
+	}
 	return true;
 }
 
@@ -810,6 +843,8 @@ void centre_stations_free(struct centre *centre)
 		close(centre->epoll);
 	centre_batches_free(&centre->batches);
 	centre_deadlines_free(&centre->deadlines);
+	for (uint32_t i = 0; centre->stations != NULL && i < centre->config->link_count; i++)
+		channel_forget(&centre->stations[i].security);
 	free(centre->next);
 	free(centre->stations);
 	free(centre->octets);

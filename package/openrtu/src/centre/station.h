@@ -10,6 +10,7 @@
 #include "centre/config.h"
 #include "centre/deadlines.h"
 #include "centre/window.h"
+#include "channel/channel.h"
 
 /* Beside a record for each octet of its input: the ends of its requests, its link. */
 #define CENTRE_RECORDS_BESIDE (2 * IEC104_CONTROLLING_REQUESTS_MAX + 8)
@@ -26,18 +27,23 @@ struct centre_order {
 	uint64_t id;
 };
 
+/* A link to a station. */
 struct centre_station {
 	struct centre *centre;
 	const struct centre_plan *plan;
-	struct centre_task *tasks; /* plan->task_count */
-	int fd;                    /* -1: not connected */
-	uint8_t link;              /* enum centre_link */
-	uint8_t window;            /* in which it has a place */
-	bool waits;                /* for a place */
-	bool slow;                 /* its last poll was */
-	bool failed;               /* its last connection was not one */
-	uint32_t events;           /* of epoll, that are waited for */
+	struct iec104_poll *polls;      /* plan->poll_count */
+	uint32_t number;                /* of the station, which both its links have */
+	struct centre_station *partner; /* its other link; NULL: there is none */
+	struct channel channel;         /* its fd is -1: not connected */
+	struct channel_station security;
+	uint8_t link;    /* enum centre_link */
+	uint8_t window;  /* in which it has a place */
+	bool waits;      /* for a place */
+	bool slow;       /* its last poll was */
+	bool failed;     /* its last connection was not one */
+	uint32_t events; /* of epoll, that are waited for */
 	uint32_t connection;
+	uint32_t connections; /* of the first link: so many were made to the station */
 	int64_t place_until_ns;
 	int64_t
 	    due_ns; /* the next attempt; while connecting, the last moment for it; up, the next poll at the earliest */
@@ -61,11 +67,11 @@ struct centre {
 	struct centre_batches batches;
 	struct centre_deadlines deadlines;
 	struct centre_window windows[CENTRE_WINDOWS];
-	uint32_t *next; /* of the windows */
-	struct centre_station *stations;
-	uint8_t *octets;              /* of all connections */
-	int64_t *sent_ns;             /* of all connections */
-	struct centre_record nowhere; /* what is said while nobody listens */
+	uint32_t *next;                  /* of the windows */
+	struct centre_station *stations; /* links: config->link_count */
+	uint8_t *octets;                 /* of all connections */
+	int64_t *sent_ns;                /* of all connections */
+	struct centre_record nowhere;    /* what is said while nobody listens */
 };
 
 /* Everything that will ever be allocated. False: no memory. */

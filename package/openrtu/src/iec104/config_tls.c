@@ -15,9 +15,9 @@ enum {
 	TLS_CA,
 	TLS_CRL,
 	TLS_VERSIONS,
-	TLS_MASTERS,
 	TLS_RESUMPTION,
 	TLS_RENEWAL,
+	TLS_MASTERS, /* the last: of a controlled station alone */
 	TLS_KEYS
 };
 static const struct config_rule tls_rules[TLS_KEYS] = {
@@ -35,7 +35,7 @@ static const struct config_rule tls_rules[TLS_KEYS] = {
 		     .fallback = SECONDS_OF_A_DAY},
 };
 
-static void read_path(struct config_loader *loader, const struct config_place *tls, unsigned key,
+static void read_path(struct config_report *report, const struct config_place *tls, unsigned key,
 		      const struct config_value *value, char out[MAP_FILE_SIZE])
 {
 	const struct config_place here = config_key_of(tls, tls_rules[key].name);
@@ -45,12 +45,11 @@ static void read_path(struct config_loader *loader, const struct config_place *t
 	if (value->text[0] == '/')
 		snprintf(out, MAP_FILE_SIZE, "%s", value->text);
 	else
-		config_error(&loader->report, &here,
-			     "is not an absolute path, expected one like /data/tls/%s.pem",
+		config_error(report, &here, "is not an absolute path, expected one like /data/tls/%s.pem",
 			     tls_rules[key].name);
 }
 
-static uint8_t read_version(struct config_loader *loader, const struct config_place *place,
+static uint8_t read_version(struct config_report *report, const struct config_place *place,
 			    const json_t *json)
 {
 	const char *text = json_string_value(json);
@@ -59,11 +58,11 @@ static uint8_t read_version(struct config_loader *loader, const struct config_pl
 		return IEC104_TLS_1_2;
 	if (text != NULL && strcmp(text, "1.3") == 0)
 		return IEC104_TLS_1_3;
-	config_error(&loader->report, place, "is not an allowed version of TLS, expected \"1.2\" or \"1.3\"");
+	config_error(report, place, "is not an allowed version of TLS, expected \"1.2\" or \"1.3\"");
 	return 0;
 }
 
-static uint8_t read_versions(struct config_loader *loader, const struct config_place *tls,
+static uint8_t read_versions(struct config_report *report, const struct config_place *tls,
 			     const struct config_value *value)
 {
 	const struct config_place array = config_key_of(tls, tls_rules[TLS_VERSIONS].name);
@@ -74,12 +73,12 @@ static uint8_t read_versions(struct config_loader *loader, const struct config_p
 	if (!value->given)
 		return IEC104_TLS_1_2 | IEC104_TLS_1_3;
 	if (json_array_size(value->json) == 0)
-		config_error(&loader->report, &array, "is empty, expected \"1.2\" or \"1.3\" or both");
+		config_error(report, &array, "is empty, expected \"1.2\" or \"1.3\" or both");
 	json_array_foreach(value->json, i, json)
 	{
 		const struct config_place place = config_element_of(&array, i);
 
-		versions |= read_version(loader, &place, json);
+		versions |= read_version(report, &place, json);
 	}
 	return versions;
 }
@@ -100,10 +99,15 @@ static bool is_common_name(const char *text)
 	return text[0] != '\0' && strlen(text) <= COMMON_NAME_MAX;
 }
 
-static void read_masters(struct config_loader *loader, const struct config_place *tls, const json_t *masters)
+bool iec104_names_certificate(const char *text)
+{
+	return is_common_name(text) || is_fingerprint(text);
+}
+
+static void read_masters(struct config_report *report, const struct config_place *tls, const json_t *masters,
+			 struct iec104_tls *out)
 {
 	const struct config_place array = config_key_of(tls, tls_rules[TLS_MASTERS].name);
-	struct iec104_tls *out = &iec104_settings(loader->config)->tls;
 	const json_t *json;
 	size_t i;
 
@@ -112,10 +116,10 @@ static void read_masters(struct config_loader *loader, const struct config_place
 		const struct config_place place = config_element_of(&array, i);
 		const char *text = json_string_value(json);
 
-		if (text != NULL && (is_common_name(text) || is_fingerprint(text)))
+		if (text != NULL && iec104_names_certificate(text))
 			snprintf(out->masters[i], IEC104_TLS_MASTER_SIZE, "%s", text);
 		else
-			config_error(&loader->report, &place,
+			config_error(report, &place,
 				     "is neither a common name of 1 to %d bytes nor a SHA-256 fingerprint as "
 				     "AB:CD:...",
 				     COMMON_NAME_MAX);
@@ -123,19 +127,19 @@ static void read_masters(struct config_loader *loader, const struct config_place
 	out->master_count = (uint8_t)json_array_size(masters);
 }
 
-void iec104_read_tls(struct config_loader *loader, const struct config_place *place, const json_t *json)
+void iec104_read_tls(struct config_report *report, const struct config_place *place, const json_t *json,
+		     bool controlled, struct iec104_tls *tls)
 {
-	struct iec104_tls *tls = &iec104_settings(loader->config)->tls;
-	struct config_value values[TLS_KEYS];
+	struct config_value values[TLS_KEYS] = {{.given = false}};
 
-	config_read_keys(&loader->report, place, json, tls_rules, TLS_KEYS, values);
-	read_path(loader, place, TLS_CERTIFICATE, &values[TLS_CERTIFICATE], tls->certificate);
-	read_path(loader, place, TLS_KEY, &values[TLS_KEY], tls->key);
-	read_path(loader, place, TLS_CA, &values[TLS_CA], tls->ca);
-	read_path(loader, place, TLS_CRL, &values[TLS_CRL], tls->crl);
-	tls->versions = read_versions(loader, place, &values[TLS_VERSIONS]);
+	config_read_keys(report, place, json, tls_rules, controlled ? TLS_KEYS : TLS_MASTERS, values);
+	read_path(report, place, TLS_CERTIFICATE, &values[TLS_CERTIFICATE], tls->certificate);
+	read_path(report, place, TLS_KEY, &values[TLS_KEY], tls->key);
+	read_path(report, place, TLS_CA, &values[TLS_CA], tls->ca);
+	read_path(report, place, TLS_CRL, &values[TLS_CRL], tls->crl);
+	tls->versions = read_versions(report, place, &values[TLS_VERSIONS]);
 	if (values[TLS_MASTERS].given)
-		read_masters(loader, place, values[TLS_MASTERS].json);
+		read_masters(report, place, values[TLS_MASTERS].json, tls);
 	tls->resumption_s = (uint32_t)values[TLS_RESUMPTION].integer;
 	tls->renewal_s = (uint32_t)values[TLS_RENEWAL].integer;
 }

@@ -1,16 +1,20 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* TCP as IEC 60870-5-104 has it: nobody is asked who he is. */
-#include "modules/iec104/channel.h"
+#include "channel/channel.h"
 
-#include <errno.h>
 #include <stdio.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
-bool channel_start(struct iec104_station *station)
+#include "channel/bare.h"
+
+bool channel_start(const struct channel_owner *owner)
 {
-	(void)station;
+	(void)owner;
 	return true;
+}
+
+void channel_renew(void)
+{
 }
 
 void channel_watch(int64_t now_ns)
@@ -25,24 +29,28 @@ enum channel_progress channel_open(struct channel *channel, int fd, const char *
 	return CHANNEL_READY;
 }
 
+enum channel_progress channel_connect(struct channel *channel, int fd, const char *peer, bool secure,
+				      struct channel_station *station)
+{
+	(void)station;
+	channel_open(channel, fd, peer);
+	return secure ? CHANNEL_REFUSED : CHANNEL_READY;
+}
+
+void channel_forget(struct channel_station *station)
+{
+	(void)station;
+}
+
 enum channel_progress channel_handshake(struct channel *channel)
 {
 	(void)channel;
 	return CHANNEL_READY;
 }
 
-static bool is_later(void)
-{
-	return errno == EAGAIN || errno == EINTR;
-}
-
 ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size)
 {
-	ssize_t count = read(channel->fd, place, size);
-
-	if (count > 0)
-		return count;
-	return count < 0 && is_later() ? 0 : -1;
+	return bare_receive(channel->fd, place, size);
 }
 
 bool channel_pending(const struct channel *channel)
@@ -53,9 +61,7 @@ bool channel_pending(const struct channel *channel)
 
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size)
 {
-	ssize_t count = send(channel->fd, bytes, size, MSG_NOSIGNAL);
-
-	return count < 0 && is_later() ? 0 : count;
+	return bare_transmit(channel->fd, bytes, size);
 }
 
 bool channel_keep(struct channel *channel, int64_t now_ns)

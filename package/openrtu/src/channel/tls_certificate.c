@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/iec104/tls_certificate.h"
+#include "channel/tls_certificate.h"
 
 #include <openssl/err.h>
 #include <openssl/x509v3.h>
@@ -9,15 +9,23 @@
 #include <time.h>
 
 static const struct iec104_tls *settings;
+static bool is_client;
+static const char *expected;
 
 static struct {
 	int error; /* X509_V_... */
 	char name[TLS_NAME_SIZE];
 } refused;
 
-void tls_certificate_start(const struct iec104_tls *of_settings)
+void tls_certificate_start(const struct iec104_tls *of_settings, bool controlling)
 {
 	settings = of_settings;
+	is_client = controlling;
+}
+
+void tls_expect(const char *name)
+{
+	expected = name;
 }
 
 /* ---- what is in it ----------------------------------------------------------------------- */
@@ -63,12 +71,14 @@ static void fingerprint(const X509 *certificate, char text[IEC104_TLS_MASTER_SIZ
 
 /* ---- whether it is good ------------------------------------------------------------------ */
 
-static bool is_master(const X509 *certificate)
+static bool is_peer(const X509 *certificate)
 {
 	char name[TLS_NAME_SIZE], print[IEC104_TLS_MASTER_SIZE];
 
 	tls_common_name(certificate, name);
 	fingerprint(certificate, print);
+	if (expected != NULL)
+		return strcmp(expected, name) == 0 || strcasecmp(expected, print) == 0;
 	for (unsigned i = 0; i < settings->master_count && i < IEC104_TLS_MASTERS_MAX; i++)
 		if (strcmp(settings->masters[i], name) == 0 || strcasecmp(settings->masters[i], print) == 0)
 			return true;
@@ -79,7 +89,7 @@ int tls_verify(int good, X509_STORE_CTX *store)
 {
 	X509 *master = X509_STORE_CTX_get0_cert(store);
 
-	if (good && X509_STORE_CTX_get_error_depth(store) == 0 && !is_master(master)) {
+	if (good && X509_STORE_CTX_get_error_depth(store) == 0 && !is_peer(master)) {
 		X509_STORE_CTX_set_error(store, X509_V_ERR_APPLICATION_VERIFICATION);
 		good = 0;
 	}
@@ -115,7 +125,7 @@ bool tls_still_good(SSL *tls, SSL_CTX *context)
 	bool good = store != NULL &&
 		    X509_STORE_CTX_init(store, SSL_CTX_get_cert_store(context), certificate,
 					SSL_get_peer_cert_chain(tls)) == 1 &&
-		    X509_STORE_CTX_set_default(store, "ssl_client") == 1;
+		    X509_STORE_CTX_set_default(store, is_client ? "ssl_server" : "ssl_client") == 1;
 
 	tls_refuse(X509_V_ERR_OUT_OF_MEM, certificate);
 	if (good) {
@@ -160,7 +170,7 @@ static const char *reason(char text[TLS_WHY_SIZE])
 {
 	switch (refused.error) {
 	case X509_V_ERR_APPLICATION_VERIFICATION:
-		return "not in the list of masters";
+		return is_client ? "not the certificate of this station" : "not in the list of masters";
 	case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
 	case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
 	case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:

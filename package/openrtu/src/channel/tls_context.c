@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/iec104/tls_context.h"
+#include "channel/tls_context.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -146,7 +146,18 @@ static void use_sessions(SSL_CTX *context, uint32_t resumption_s)
 	SSL_CTX_set_num_tickets(context, resumption_s > 0 ? 1 : 0); /* of TLS 1.3: names of such sessions */
 }
 
-static bool use_rules(SSL_CTX *context, const struct iec104_tls *settings, SSL_verify_cb verify)
+/* The owner keeps them, one for each station that it connects to: a ticket of another's is as good as a session here. */
+static void use_client_sessions(SSL_CTX *context, uint32_t resumption_s)
+{
+	SSL_CTX_set_timeout(context, (long)resumption_s);
+	SSL_CTX_set_session_cache_mode(context, resumption_s > 0
+						    ? SSL_SESS_CACHE_CLIENT | SSL_SESS_CACHE_NO_INTERNAL
+						    : SSL_SESS_CACHE_OFF);
+	SSL_CTX_clear_options(context, SSL_OP_NO_TICKET);
+}
+
+static bool use_rules(SSL_CTX *context, const struct iec104_tls *settings, bool controlling,
+		      SSL_verify_cb verify)
 {
 	SSL_CTX_set_security_level(context, SECURITY_LEVEL);
 	/* Who closes TCP without saying so in TLS is as gone as anybody: an APDU says its length itself. */
@@ -163,20 +174,25 @@ static bool use_rules(SSL_CTX *context, const struct iec104_tls *settings, SSL_v
 	SSL_CTX_set_max_send_fragment(context, IEC104_OUTPUT_SIZE);
 	SSL_CTX_set_dh_auto(context, 1);
 	SSL_CTX_set_verify(context, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verify);
-	use_sessions(context, settings->resumption_s);
+	if (controlling)
+		use_client_sessions(context, settings->resumption_s);
+	else
+		use_sessions(context, settings->resumption_s);
 	return use_versions(context, settings->versions) &&
 	       SSL_CTX_set_cipher_list(context, ciphers_1_2) == 1;
 }
 
-SSL_CTX *tls_context_create(const struct iec104_tls *settings, SSL_verify_cb verify, char *error)
+SSL_CTX *tls_context_create(const struct iec104_tls *settings, bool controlling, SSL_verify_cb verify,
+			    char *error)
 {
 	SSL_CTX *context;
 
 	OPENSSL_init_ssl(OPENSSL_INIT_NO_LOAD_CONFIG,
 			 NULL); /* the rules are here, not in the system's file */
-	context = SSL_CTX_new(TLS_server_method());
+	context = SSL_CTX_new(controlling ? TLS_client_method() : TLS_server_method());
 	snprintf(error, TLS_ERROR_SIZE, "OpenSSL cannot be set up");
-	if (context != NULL && use_rules(context, settings, verify) && use_files(context, settings, error))
+	if (context != NULL && use_rules(context, settings, controlling, verify) &&
+	    use_files(context, settings, error))
 		return context;
 	SSL_CTX_free(context);
 	return NULL;

@@ -5,34 +5,52 @@
  *
  * A handshake is one call that OpenSSL goes on with: what a certificate was refused for is known in the same call.
  */
-#include "modules/iec104/channel.h"
+#include "channel/channel.h"
 
+#include <errno.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <openssl/err.h>
 #include <signal.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "channel/bare.h"
+#include "channel/tls_certificate.h"
+#include "channel/tls_context.h"
+#include "channel/tls_dates.h"
+#include "channel/tls_files.h"
 #include "map/time_ns.h"
-#include "modules/iec104/tls_certificate.h"
-#include "modules/iec104/tls_context.h"
-#include "modules/iec104/tls_dates.h"
-#include "modules/iec104/tls_files.h"
 
 #define FILES_NS (5 * NS_PER_S) /* how often the files are looked at */
 #define LOOK_NS  NS_PER_S       /* how often a connection is */
 
-static struct iec104_station *station;
+static const struct channel_owner *owner;
 static const struct iec104_tls *settings;
 static SSL_CTX *context;
 static uint32_t readings; /* of the files; each makes a context */
 static int64_t next_files_ns;
 
 /* ---- log --------------------------------------------------------------------------------- */
+
+static void say(enum map_log_level level, const char *peer, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+static void say(enum map_log_level level, const char *peer, const char *format, ...)
+{
+	char text[MAP_LOG_TEXT_SIZE];
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(text, sizeof(text), format, arguments);
+	va_end(arguments);
+	owner->say(level, peer, text);
+}
 
 static const char *handshake_refusal(unsigned long error)
 {
@@ -67,9 +85,9 @@ static void log_refusal(const struct channel *channel)
 	char why[TLS_WHY_SIZE];
 
 	if (tls_refusal(why))
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s", why);
+		say(MAP_LOG_WARNING, channel->peer, "refused, %s", why);
 	else
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s", alert ? alert : "no TLS");
+		say(MAP_LOG_WARNING, channel->peer, "refused, %s", alert ? alert : "no TLS");
 }
 
 /* A peer's wish to begin anew on its own connection was turned down; the connection goes on. */
@@ -79,7 +97,7 @@ static void log_renegotiation(const SSL *tls, int where, int what)
 
 	if ((where & SSL_CB_WRITE_ALERT) == SSL_CB_WRITE_ALERT && channel != NULL &&
 	    (what & 0xff) == SSL_AD_NO_RENEGOTIATION)
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "renegotiation is refused");
+		say(MAP_LOG_WARNING, channel->peer, "renegotiation is refused");
 }
 
 static void log_handshake(const struct channel *channel)
@@ -87,8 +105,43 @@ static void log_handshake(const struct channel *channel)
 	char name[TLS_NAME_SIZE];
 
 	tls_common_name(SSL_get0_peer_certificate(channel->tls), name);
-	iec104_log(station, MAP_LOG_INFO, channel->peer, "%s%s, \"%s\"", SSL_get_version(channel->tls),
-		   SSL_session_reused(channel->tls) ? " resumed" : "", name);
+	say(MAP_LOG_INFO, channel->peer, "%s%s, \"%s\"", SSL_get_version(channel->tls),
+	    SSL_session_reused(channel->tls) ? " resumed" : "", name);
+}
+
+/* ---- sessions of a controlling station ----------------------------------------------------- */
+
+void channel_forget(struct channel_station *station)
+{
+	SSL_SESSION_free(station->session);
+	station->session = NULL;
+}
+
+/* OpenSSL's callback for each that may be resumed. 1: it is ours now. */
+static int keep_session(SSL *tls, SSL_SESSION *session)
+{
+	struct channel *channel = SSL_get_app_data(tls);
+
+	if (channel == NULL || channel->station == NULL)
+		return 0;
+	channel_forget(channel->station);
+	channel->station->session = session;
+	channel->station->reading = channel->reading;
+	return 1;
+}
+
+/* With other files the certificate is looked at anew; and so it is after resumption_s. */
+static void resume(const struct channel *channel)
+{
+	struct channel_station *station = channel->station;
+
+	if (station->session == NULL)
+		return;
+	if (station->reading != readings || !SSL_SESSION_is_resumable(station->session) ||
+	    time(NULL) - SSL_SESSION_get_time(station->session) > settings->resumption_s)
+		channel_forget(station);
+	else
+		SSL_set_session(channel->tls, station->session);
 }
 
 /* ---- start ------------------------------------------------------------------------------- */
@@ -97,15 +150,16 @@ static void log_handshake(const struct channel *channel)
 static bool read_files(void)
 {
 	char error[TLS_ERROR_SIZE];
-	SSL_CTX *fresh = tls_context_create(settings, tls_verify, error);
+	SSL_CTX *fresh = tls_context_create(settings, owner->controlling, tls_verify, error);
 
 	if (fresh == NULL) {
-		map_log(station->map, MAP_LOG_ERROR, "%s%s", context != NULL ? "not in force: " : "", error);
+		say(MAP_LOG_ERROR, NULL, "%s%s", context != NULL ? "not in force: " : "", error);
 		if (context == NULL) /* later, stderr may be a file, and none can be written */
-			fprintf(stderr, "rtu-iec104-tls: %s\n", error);
+			fprintf(stderr, "%s: %s\n", program_invocation_short_name, error);
 		return false;
 	}
 	SSL_CTX_set_info_callback(fresh, log_renegotiation);
+	SSL_CTX_sess_set_new_cb(fresh, keep_session);
 	SSL_CTX_free(context); /* connections that began with it keep it, until they end */
 	context = fresh;
 	readings++;
@@ -113,27 +167,33 @@ static bool read_files(void)
 	return true;
 }
 
-bool channel_start(struct iec104_station *of_station)
+void channel_renew(void)
 {
-	station = of_station;
-	settings = &of_station->settings->tls;
+	settings = owner->tls;
+	tls_certificate_start(settings, owner->controlling);
+}
+
+bool channel_start(const struct channel_owner *of_channels)
+{
+	owner = of_channels;
+	settings = owner->tls;
 	signal(SIGPIPE, SIG_IGN); /* OpenSSL writes without MSG_NOSIGNAL */
-	tls_certificate_start(settings);
+	tls_certificate_start(settings, owner->controlling);
 	tls_files_changed(settings); /* before they are read: what changes meanwhile is seen later */
 	if (!read_files())
 		return false;
-	tls_dates_watch(station->map, context, map_now_ns());
+	tls_dates_watch(owner->say, context, map_now_ns());
 	return true;
 }
 
 void channel_watch(int64_t now_ns)
 {
-	if (now_ns < next_files_ns)
+	if (context == NULL || now_ns < next_files_ns)
 		return;
 	next_files_ns = now_ns + FILES_NS;
 	if (tls_files_changed(settings) && read_files())
-		map_log(station->map, MAP_LOG_INFO, "TLS, its files have changed and are in force");
-	tls_dates_watch(station->map, context, now_ns);
+		say(MAP_LOG_INFO, NULL, "TLS, its files have changed and are in force");
+	tls_dates_watch(owner->say, context, now_ns);
 }
 
 /* ---- the handshake ----------------------------------------------------------------------- */
@@ -146,10 +206,45 @@ enum channel_progress channel_open(struct channel *channel, int fd, const char *
 	snprintf(channel->peer, sizeof(channel->peer), "%s", peer);
 	ERR_clear_error();
 	tls_refusal_clear();
-	if (tls != NULL && SSL_set_fd(tls, fd) == 1)
+	if (tls != NULL && SSL_set_fd(tls, fd) == 1) {
+		SSL_set_accept_state(tls);
+		return CHANNEL_WAITS;
+	}
+	log_refusal(channel);
+	return CHANNEL_REFUSED;
+}
+
+/* The program may have no TLS in force, if none of its stations has. */
+static bool set_up_client(struct channel *channel, int fd)
+{
+	channel->tls = context != NULL ? SSL_new(context) : NULL;
+	if (channel->tls == NULL || SSL_set_fd(channel->tls, fd) != 1)
+		return false;
+	SSL_set_app_data(channel->tls, channel);
+	SSL_set_connect_state(channel->tls);
+	resume(channel);
+	return true;
+}
+
+enum channel_progress channel_connect(struct channel *channel, int fd, const char *peer, bool secure,
+				      struct channel_station *station)
+{
+	*channel = (struct channel){
+	    .fd = fd, .wants = secure ? EPOLLOUT : 0, .reading = readings, .station = station};
+	snprintf(channel->peer, sizeof(channel->peer), "%s", peer);
+	if (!secure)
+		return CHANNEL_READY;
+	ERR_clear_error();
+	tls_refusal_clear();
+	if (set_up_client(channel, fd))
 		return CHANNEL_WAITS;
 	log_refusal(channel);
 	return CHANNEL_REFUSED;
+}
+
+static const char *expected_of(const struct channel *channel)
+{
+	return channel->station != NULL ? channel->station->certificate : NULL;
 }
 
 static void renew_next_time(struct channel *channel)
@@ -164,6 +259,8 @@ static enum channel_progress finish_handshake(struct channel *channel)
 	renew_next_time(channel);
 	if (tls_has_expired(channel->tls)) {
 		SSL_CTX_remove_session(SSL_get_SSL_CTX(channel->tls), SSL_get_session(channel->tls));
+		if (channel->station != NULL)
+			channel_forget(channel->station);
 		tls_refuse(X509_V_ERR_CERT_HAS_EXPIRED, SSL_get0_peer_certificate(channel->tls));
 		log_refusal(channel);
 		return CHANNEL_REFUSED;
@@ -178,7 +275,8 @@ enum channel_progress channel_handshake(struct channel *channel)
 
 	ERR_clear_error();
 	tls_refusal_clear();
-	result = SSL_accept(channel->tls);
+	tls_expect(expected_of(channel));
+	result = SSL_do_handshake(channel->tls);
 	if (result == 1)
 		return finish_handshake(channel);
 	switch (SSL_get_error(channel->tls, result)) {
@@ -202,7 +300,7 @@ static void log_fault(const struct channel *channel)
 	const char *reason = ERR_reason_error_string(ERR_peek_last_error());
 
 	if (reason != NULL)
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "TLS fails: %s", reason);
+		say(MAP_LOG_WARNING, channel->peer, "TLS fails: %s", reason);
 }
 
 /* What an operation that did not succeed means, and what it waits for: EPOLLIN or EPOLLOUT. */
@@ -226,6 +324,8 @@ ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size)
 	uint32_t waits_for = 0;
 	ssize_t count;
 
+	if (channel->tls == NULL)
+		return bare_receive(channel->fd, place, size);
 	ERR_clear_error();
 	SSL_set_app_data(channel->tls, channel);
 	count = SSL_read(channel->tls, place, (int)size);
@@ -238,7 +338,7 @@ ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size)
 
 bool channel_pending(const struct channel *channel)
 {
-	return SSL_pending(channel->tls) > 0;
+	return channel->tls != NULL && SSL_pending(channel->tls) > 0;
 }
 
 /*
@@ -265,6 +365,8 @@ ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t s
 	size_t sent = 0;
 	ssize_t count = 1;
 
+	if (channel->tls == NULL)
+		return bare_transmit(channel->fd, bytes, size);
 	ERR_clear_error();
 	if (several)
 		hold_segments(channel, true);
@@ -287,10 +389,11 @@ static bool is_still_good(struct channel *channel)
 	char why[TLS_WHY_SIZE];
 
 	channel->reading = readings;
+	tls_expect(expected_of(channel));
 	if (tls_still_good(channel->tls, context))
 		return true;
 	tls_refusal(why);
-	iec104_log(station, MAP_LOG_WARNING, channel->peer, "no longer admitted: %s", why);
+	say(MAP_LOG_WARNING, channel->peer, "no longer admitted: %s", why);
 	return false;
 }
 
@@ -306,7 +409,7 @@ static bool renew_keys(struct channel *channel)
 	int result;
 
 	if (SSL_version(channel->tls) < TLS1_3_VERSION) {
-		iec104_log(station, MAP_LOG_INFO, channel->peer, "its keys are as old as renewal_s");
+		say(MAP_LOG_INFO, channel->peer, "its keys are as old as renewal_s");
 		return false;
 	}
 	if (channel->stuck || channel->wants != 0) /* what is half written goes first */
@@ -321,7 +424,7 @@ static bool renew_keys(struct channel *channel)
 		return false;
 	channel->wants = waits_for == EPOLLOUT ? EPOLLOUT : 0;
 	renew_next_time(channel);
-	iec104_log(station, MAP_LOG_INFO, channel->peer, "its keys are renewed");
+	say(MAP_LOG_INFO, channel->peer, "its keys are renewed");
 	return true;
 }
 
@@ -329,6 +432,8 @@ bool channel_keep(struct channel *channel, int64_t now_ns)
 {
 	bool renews = now_ns >= channel->renew_ns;
 
+	if (channel->tls == NULL)
+		return true;
 	if (now_ns < channel->look_ns && channel->reading == readings)
 		return true;
 	channel->look_ns = now_ns + LOOK_NS;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Whose certificate a master shows, whether it is good, and what it is refused for. */
-#ifndef OPENRTU_MODULES_IEC104_TLS_CERTIFICATE_H
-#define OPENRTU_MODULES_IEC104_TLS_CERTIFICATE_H
+/* Whose certificate a peer shows, whether it is good, and what it is refused for. */
+#ifndef OPENRTU_CHANNEL_TLS_CERTIFICATE_H
+#define OPENRTU_CHANNEL_TLS_CERTIFICATE_H
 
 #include <openssl/ssl.h>
 
@@ -11,8 +11,10 @@
 #define TLS_DATE_SIZE 32
 #define TLS_WHY_SIZE  160
 
-/* settings: the masters that may come; they outlive all certificates. */
-void tls_certificate_start(const struct iec104_tls *settings);
+/* settings: the masters that may come, controlling: to the stations; they outlive all certificates. */
+void tls_certificate_start(const struct iec104_tls *settings, bool controlling);
+/* The common name or the fingerprint of the peer whose certificate is looked at from now on. NULL: as the settings say. */
+void tls_expect(const char *name);
 
 /* The subject's common name in UTF-8, cut; empty: it has none, or there is no certificate. */
 void tls_common_name(const X509 *certificate, char name[TLS_NAME_SIZE]);

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A vehicle with a GPS receiver, and `rtu-centre`, which polls the position that the gateway makes of it."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import itertools
+import json
+import socket
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Self
+
+from lab.errors import LabError
+from lab.gateway import default_build
+from lab.patience import Deadline
+from lab.receiver import Receiver, burst, sentence
+
+DEVICE = "gps1"
+CA, IOA = 9001, 200
+RECEIVER = {"name": "van", "device": DEVICE, "ca": CA, "position_ioa": IOA, "topical_s": 60}
+FIXES = 3  # different ones, that the show waits for
+ANSWER_S = 60.0
+KNOTS = 27.0  # 50 km/h
+
+# Corners of a round through Belgrade, and how many seconds lie between two of them.
+ROUND = ((44.8125, 20.4612), (44.8163, 20.4603), (44.8170, 20.4685), (44.8120, 20.4690))
+LEG_S = 36
+
+# docs/centre.md: a packet's header, a record's begin, a position's end.
+HEADER = struct.Struct("<4sHHQ")
+PACKET_MAX = 65536
+POSITION = 4
+ACKNOWLEDGE = struct.Struct("<B7xQ16x")
+
+
+def places() -> Iterator[tuple[float, float]]:
+    """Where the vehicle is, second by second, round and round."""
+    for (a, b), (c, d) in itertools.cycle(zip(ROUND, ROUND[1:] + ROUND[:1], strict=True)):
+        for second in range(LEG_S):
+            part = second / LEG_S
+            yield a + (c - a) * part, b + (d - b) * part
+
+
+class Drive:
+    """The receiver says each second where the vehicle is."""
+
+    def __init__(self, devices: Path) -> None:
+        self.receiver = Receiver(devices / DEVICE)
+        self.ended = threading.Event()
+        self.thread = threading.Thread(target=self._go)
+
+    def __enter__(self) -> Self:
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.ended.set()
+        self.thread.join()
+        self.receiver.unplug()
+
+    def _go(self) -> None:
+        for place in places():
+            moment = datetime.datetime.now(datetime.UTC)
+            self.receiver.say(burst(moment, *place, speed_knots=KNOTS) + sentence("PGRME,4.1,M,6.2,M,7.4,M"))
+            if self.ended.wait(1.0):
+                return
+
+
+@contextlib.contextmanager
+def _centre(directory: Path, address: tuple[str, int]) -> Iterator[socket.socket]:
+    """The socket of its consumer."""
+    reads = [{"common_address": CA, "ioa": IOA, "period_ms": 250}]
+    host, port = address
+    one = {"name": "van", "address": host, "port": port, "common_addresses": [CA], "reads": reads}
+    file, path = directory / "centre.json", directory / "consumer"
+    file.write_text(json.dumps({"stations": [one | {"interrogate_at_start": False}]}))
+    command = [default_build() / "centre" / "rtu-centre", "--socket", path, file]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as consumer:
+                consumer.settimeout(ANSWER_S)
+                deadline = Deadline(ANSWER_S)
+                while consumer.connect_ex(str(path)) != 0:
+                    if process.poll() is not None or deadline.over:
+                        raise LabError("rtu-centre does not take its consumer")
+                    time.sleep(0.05)
+                yield consumer
+        finally:
+            process.terminate()
+
+
+def _records(consumer: socket.socket) -> Iterator[bytes]:
+    """Each acknowledged as soon as it came."""
+    while packet := consumer.recv(PACKET_MAX):
+        _, size, count, sequence = HEADER.unpack_from(packet)
+        yield from (packet[at : at + size] for at in range(HEADER.size, HEADER.size + count * size, size))
+        consumer.send(ACKNOWLEDGE.pack(1, sequence))
+
+
+def polled(directory: Path, address: tuple[str, int]) -> Iterator[tuple[float, float, float, int]]:
+    """Positions, each another one: latitude, longitude, altitude in m, quality."""
+    last = None
+    with _centre(directory, address) as consumer:
+        for record in _records(consumer):
+            if record[0] != POSITION:
+                continue
+            latitude, longitude, altitude = struct.unpack_from("<iii", record, 36)
+            if (latitude, longitude) != last:
+                last = latitude, longitude
+                yield latitude / 1e7, longitude / 1e7, altitude / 10, record[34]
+    raise LabError("rtu-centre ended")

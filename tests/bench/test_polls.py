@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The bench of polls: each contender polls a few RTUs; the table and the picture of what they took."""
+
+import xml.etree.ElementTree as ET
+
+import pytest
+from polls import ASYNCIO, CENTRE, FLOOR, TOGETHER, TURN, Case, Row, picture, row, simulated, table
+from stopwatch import Spread
+
+FEW = Case(3, 2)
+
+
+@pytest.mark.parametrize("mode", [TURN, TOGETHER])
+@pytest.mark.parametrize("name", [FLOOR, CENTRE, ASYNCIO])
+def test_each_polls_all(programs: None, name: str, mode: str) -> None:
+    with simulated(FEW.count, "h") as port:
+        found = row(FEW, mode, name, port)
+    assert len(found.time.values) == FEW.rounds
+    assert min(found.time.values) > 0
+    assert found.cpu_us > 0
+
+
+def test_table_and_picture() -> None:
+    found = [
+        Row(Case(count, 1), TURN, name, Spread("µs", [us]), 3.0)
+        for count in (10, 100)
+        for name, us in ((FLOOR, 10.0), (CENTRE, 25.0))
+    ]
+    assert table(found).splitlines()[3].split("|")[-2].strip() == "2.50"
+    drawn = ET.fromstring(picture(found))
+    assert len(drawn.findall("{http://www.w3.org/2000/svg}polyline")) == 3  # and the paper's
