@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -101,6 +101,24 @@ build/linesim/build.ninja: | $(PACKAGES)
 
 build/bench/build.ninja: | $(PACKAGES)
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(BENCH)
+
+# ---- the control centre's page ---------------------------------------------------------------------
+
+PAGE       := build/centre/page
+PAGE_FILES := $(shell find centre/page -type f)
+
+centre-page: $(PAGE)/done ## Build: the control centre's page
+
+$(PAGE)/done: build/centre/npm.done $(PAGE_FILES)
+	@rm -rf $(@D)
+	$(LOGGED) centre-page node centre/page/build.mjs build/centre/node_modules $(@D)
+	@touch $@
+
+build/centre/npm.done: centre/page/package.json centre/page/package-lock.json
+	@command -v npm > /dev/null || scripts/setup-packages.sh scripts/packages-npm.txt
+	@mkdir -p $(@D) && cp $^ $(@D)
+	$(LOGGED) npm npm --prefix $(@D) ci --ignore-scripts --no-audit --no-fund
+	@touch $@
 
 # ---- on a Linux machine --------------------------------------------------------------------------
 
@@ -374,7 +392,8 @@ test-pins: $(VENV) ## Test: nuc980-pins
 test-image: $(VENV) ## Test: the images' configuration and what makes them
 test-netboot: build qemu uboot $(VENV) ## Test: nuc980-netboot
 test-twin: qemu uboot $(VENV) ## Test: the emulated board alone
-test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin:
+test-centre: build centre-page build/packages-centre.done $(VENV) ## Test: the control centre, its page in a browser
+test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre:
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
@@ -386,7 +405,7 @@ test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(
 test-sanitizers: build .asan $(VENV) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot build/packages-deb.done build/gpsd/done build/mibs/done $(VENV) ## Test: all of pytest but Linux on the emulated board
+test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done $(VENV) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
@@ -394,7 +413,7 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 
 # The kernels and the image are built while the first parts run, in the time that their tests wait, and give way to them
 # (nice). What both need is built before, by one make.
-SHARED     := build qemu uboot build/packages-deb.done build/sysroot.ini
+SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini
 ONLY_LINUX := linux linux-debug image-debian build/swupdate/done lab
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native test-linux
 
@@ -432,6 +451,10 @@ run-native: build $(VENV) ## See it: the gateway on this machine, built and show
 lab: $(VENV) build/packages-twin.done ## Build: the image that `make run` boots
 	@$(LAB).site build/site
 	@$(MAKE) image-debian SITE=build/site/lab
+
+# 20 simulated stations, or STATIONS=file, the centre's file of one's own.
+centre: build centre-page $(VENV) ## See it: a control centre with 20 simulated RTUs (KEEP=1; PORT=; STATIONS=file)
+	@$(LAB).centre_show $(AT_PORT) $(if $(KEEP),--keep) $(if $(STATIONS),--stations '$(STATIONS)')
 
 ifneq ($(origin IMAGE),command line)
 run: build qemu uboot lab $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)

@@ -19,7 +19,7 @@ STARTS = {
     "test_": "gateway",
 }
 # A folder of tests is an area. Each area is a target of the Makefile: test-station, …
-AREAS = ("station", "lines", "gateway", "bench", "pins", "image", "netboot", "twin", "linux")
+AREAS = ("station", "lines", "gateway", "bench", "pins", "image", "netboot", "twin", "centre", "linux")
 TARGETS = {area: f"test-{area}" for area in AREAS}
 
 # The other targets that test something, and what they stand for below.
@@ -47,6 +47,7 @@ REACH = [
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
     ("docs/centre.md", "tests/test_centre.py"),
+    ("docs/control-centre.md", "test-centre"),
     ("docs/concentrator.md", "tests/test_outstations.py"),
     ("docs/examples/concentrator.json", "lint tests/test_outstations.py"),
     ("docs/traps.md", "tests/test_station_traps.py"),
@@ -81,12 +82,17 @@ REACH = [
     ),
     (
         "package/openrtu/src/centre/*",
-        f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
+        f"{C} fuzzers test-centre tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     ("package/openrtu/python/*", "lint tests/test_foreign.py tests/test_version.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
+    # the control centre
+    ("centre/*", "lint test-centre"),
+    ("scripts/lab/centre_*.py", "lint test-centre"),
+    ("scripts/lab/vehicles.py", "lint test-centre"),
+    ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
     ("scripts/logic/*", "tests/test_logic*.py tests/test_docs_commands.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
@@ -145,6 +151,7 @@ REACH = [
     ("tests/linux/*", "lint test-linux"),
     ("tests/pins/*", "test-pins"),
     ("tests/twin/*", "lint test-twin"),
+    ("tests/centre/*", "lint test-centre"),
 ]
 # What reads or checks each file, whatever it is.
 ALWAYS = f"lint {TREE}"

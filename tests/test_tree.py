@@ -25,7 +25,7 @@ LICENCES = [
     ("dts/*", "GPL-2.0-only OR MIT"),
     ("*", "GPL-3.0-or-later"),
 ]
-NO_COMMENT = {".csv", ".json", ".pcap", ".seed", "VERSION", "copyright", "format"}
+NO_COMMENT = {".csv", ".json", ".pcap", ".png", ".seed", "VERSION", "copyright", "format"}
 
 # A registry's host or one machine's path ties the tree to where it was written; a mkdtemp template does not,
 # nor the board's own /root/.ssh, nor its /tmp in the tests that run there.

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""python -m centre: the control centre. docs/control-centre.md.
+
+Exit codes: 0 done, 1 the centre could not do it, 2 wrong usage.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import getpass
+import json
+import logging
+import signal
+import sys
+from pathlib import Path
+
+from aiohttp import web
+
+from centre import settings, users
+from centre.api import ROUTES
+from centre.centre import Centre
+from centre.errors import CentreError
+from centre.store import Store
+from centre.web import Server
+
+PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
+
+
+async def serve(what: settings.Settings, page: Path) -> None:
+    """Until it is told to end."""
+    ended = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, ended.set)
+    centre = Centre(what)
+    try:
+        runner = web.AppRunner(Server(centre, ROUTES, page).application, access_log=None)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, what.address, what.port, shutdown_timeout=1).start()
+        except OSError as error:
+            raise CentreError(f"{what.address} port {what.port}: {error.strerror}") from error
+        logging.getLogger("centre").info("serves http://%s:%s", what.address, what.port)
+        collecting = asyncio.create_task(centre.collect())
+        ending = asyncio.create_task(ended.wait())
+        await asyncio.wait((collecting, ending), return_when=asyncio.FIRST_COMPLETED)
+        if collecting.done():
+            collecting.result()
+        collecting.cancel()
+        await asyncio.gather(collecting, return_exceptions=True)
+        await runner.cleanup()
+    finally:
+        centre.close()
+
+
+def add_user(what: settings.Settings, name: str, role: str) -> None:
+    """Asks for the password at a terminal; takes a line of stdin otherwise."""
+    password = getpass.getpass() if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
+    store = Store(what.database)
+    try:
+        store.transaction(lambda database: users.put(database, name, role, password, "command line"))
+    finally:
+        store.close()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m centre", description=__doc__.partition("\n\n")[0])
+    parser.add_argument(
+        "file", type=Path, help="the centre's file: stations, and what the centre knows of them"
+    )
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    serving = verbs.add_parser("serve", help="store, serve and command")
+    serving.add_argument("--page", type=Path, default=PAGE, help="the built page [build/centre/page]")
+    verbs.add_parser("collector", help="print the file for rtu-centre")
+    user = verbs.add_parser("user", help="add a user, or give a new role and password")
+    user.add_argument("name")
+    user.add_argument("--role", choices=users.ROLES, default="viewer")
+    arguments = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+    try:
+        what = settings.load(arguments.file)
+        if arguments.verb == "serve":
+            asyncio.run(serve(what, arguments.page))
+        elif arguments.verb == "user":
+            add_user(what, arguments.name, arguments.role)
+        else:
+            print(json.dumps({**what.collector, "socket": str(what.socket)}, indent=1))
+    except CentreError as error:
+        print(f"centre: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parts together: the collector's socket, the database, and who watches what changes."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from itertools import count
+from typing import Any, Protocol, TypeVar
+
+from centre import records
+from centre.errors import CentreError, RefusedError
+from centre.intake import Intake
+from centre.model import Alarm, Changes, Command, Model, Point, Station
+from centre.records import ENDED, Ask, Result, State
+from centre.settings import Settings
+from centre.store import Store, audit
+
+Answer = TypeVar("Answer")
+log = logging.getLogger("centre")
+
+AGAIN_S = 1.0  # until the next attempt: to connect, to store
+PACKETS_MOST = 4  # in one transaction: no more can be in flight
+REQUEST_IDS = 1 << 48  # of what is no command
+
+
+class Watcher(Protocol):
+    """Is told what was stored."""
+
+    def changed(self, changes: Changes, linked: set[int]) -> None: ...
+
+
+class Centre:
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.store = Store(settings.database)
+        self.intake: Intake = self.store.transaction(lambda database: Intake(database, settings.stations))
+        self.intake.stored()
+        self.model = Model()  # the loop's own: the intake's belongs to the writer
+        for kind in ("stations", "points", "alarms", "commands"):
+            getattr(self.model, kind).update(getattr(self.intake.model, kind))
+        self.watchers: set[Watcher] = set()
+        self.fault = ""  # why nothing can be stored now
+        self._socket: socket.socket | None = None
+        self._ids = count(REQUEST_IDS)
+
+    def close(self) -> None:
+        self.store.close()
+
+    @property
+    def collects(self) -> bool:
+        return self._socket is not None
+
+    # ---- the database ------------------------------------------------------------------------
+
+    async def change(self, work: Callable[[sqlite3.Connection], Answer]) -> Answer:
+        """Work in a transaction; then all who watch are told. Nothing is told that is not on the disk."""
+
+        def whole() -> tuple[Answer, Changes]:
+            self.intake.begin()
+            answer = self.store.transaction(work)
+            return answer, self.intake.stored()
+
+        answer, changes = await self.store.in_writer(whole)
+        linked = {
+            id_
+            for id_, station in changes.stations.items()
+            if id_ not in self.model.stations or self.model.stations[id_].link != station.link
+        }
+        self.model.take(changes)
+        for id_, command in changes.commands.items():
+            if command.state in ENDED:
+                self.model.commands.pop(id_, None)
+        if changes.any:
+            for watcher in self.watchers:
+                watcher.changed(changes, linked)
+        return answer
+
+    async def _store(self, work: Callable[[sqlite3.Connection], None]) -> None:
+        """Until it is stored: what is not acknowledged the stations keep."""
+        while True:
+            try:
+                await self.change(work)
+            except sqlite3.Error as error:
+                if str(error) != self.fault:
+                    log.error("the database: %s; nothing is acknowledged until it works again", error)
+                self.fault = str(error)
+                self._tell()
+                await asyncio.sleep(AGAIN_S)
+            else:
+                if self.fault:
+                    log.info("the database works again")
+                    self.fault = ""
+                    self._tell()
+                return
+
+    def _tell(self) -> None:
+        """The state of the centre itself has changed."""
+        for watcher in self.watchers:
+            watcher.changed(Changes(), set())
+
+    # ---- the collector -----------------------------------------------------------------------
+
+    async def collect(self) -> None:
+        """Takes what rtu-centre hands over, for ever."""
+        said = ""
+        while True:
+            try:
+                await self._session()
+            except (OSError, CentreError) as error:
+                if str(error) != said:
+                    said = str(error)
+                    log.warning("rtu-centre at %s: %s; trying again", self.settings.socket, error)
+            await asyncio.sleep(AGAIN_S)
+
+    async def _session(self) -> None:
+        loop = asyncio.get_running_loop()
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as connection:
+            connection.setblocking(False)
+            await loop.sock_connect(connection, str(self.settings.socket))
+            log.info("rtu-centre is connected")
+            self._socket = connection
+            self._tell()
+            try:
+                while octets := await loop.sock_recv(connection, records.PACKET_MAX):
+                    sequence, batch = records.read_batch(octets)
+                    for octets in self._more(connection):
+                        sequence, more = records.read_batch(octets)
+                        batch += more
+                    await self._store(lambda database, batch=batch: self.intake.take(database, batch))
+                    await loop.sock_sendall(connection, records.acknowledgement(sequence))
+            finally:
+                self._socket = None
+                await self._store(self.intake.stranded)
+                self._tell()
+        raise CentreError("it has ended, or has another consumer")
+
+    @staticmethod
+    def _more(connection: socket.socket) -> list[bytes]:
+        found = []
+        with suppress(BlockingIOError):
+            while len(found) < PACKETS_MOST - 1 and (octets := connection.recv(records.PACKET_MAX)):
+                found.append(octets)
+        return found
+
+    async def _send(self, octets: bytes) -> None:
+        if self._socket is None:
+            raise RefusedError(503, "no_collector", "rtu-centre does not run: nothing can be sent")
+        try:
+            await asyncio.get_running_loop().sock_sendall(self._socket, octets)
+        except OSError as error:
+            raise RefusedError(503, "no_collector", f"rtu-centre does not take it: {error}") from error
+
+    # ---- what users do -----------------------------------------------------------------------
+
+    def point(self, id_: int) -> Point:
+        if id_ not in self.model.points:
+            raise RefusedError(404, "unknown", f"there is no point {id_}")
+        return self.model.points[id_]
+
+    def station(self, id_: int) -> Station:
+        if id_ not in self.model.stations:
+            raise RefusedError(404, "unknown", f"there is no station {id_}")
+        return self.model.stations[id_]
+
+    def _check_up(self, station: Station) -> None:
+        if not self.collects:
+            raise RefusedError(503, "no_collector", "rtu-centre does not run: nothing can be sent")
+        if not station.up:
+            raise RefusedError(409, "not_up", f"{station.settings.name} is not connected: nothing was sent")
+
+    async def command(self, user: str, point_id: int, value: float) -> Command:
+        """Stores and sends a selection, or the command of a point that has none. Never later than now."""
+        point = self.point(point_id)
+        meaning = point.meaning
+        station = self.station(point.station)
+        try:
+            if not meaning.command:
+                raise RefusedError(409, "no_command", f"{meaning.name} takes no commands")
+            low, high = meaning.minimum, meaning.maximum
+            if (low is not None and value < low) or (high is not None and value > high):
+                raise RefusedError(409, "out_of_range", f"{meaning.name} takes {low} to {high}")
+            self._check_up(station)
+            if any(each.point == point.id for each in self.model.commands.values()):
+                raise RefusedError(409, "busy", f"another command of {meaning.name} is not ended")
+            address = (station.place, point.ca, point.ioa)
+            try:
+                records.command(*address, 1, meaning.command, value, meaning.selects)
+            except (CentreError, ValueError, OverflowError) as error:
+                raise RefusedError(409, "out_of_range", str(error)) from error
+        except RefusedError as error:
+            text = f"{meaning.name} = {value:g}: {error}"
+            await self.store.write(
+                lambda database: audit(database, time.time_ns(), user, "command refused", text)
+            )
+            raise
+        state = State.SELECTION_REQUEST if meaning.selects else State.EXECUTION_REQUEST
+        now_ns = time.time_ns()
+        new = Command(0, user, point.id, value, int(meaning.selects), state, Result.NONE, 0, now_ns, now_ns)
+
+        def add(database: sqlite3.Connection) -> Command:
+            audit(
+                database,
+                now_ns,
+                user,
+                "select" if meaning.selects else "command",
+                f"{meaning.name} = {value:g}",
+            )
+            return self.intake.add_command(database, new)
+
+        command = await self.change(add)
+        await self._send_command(
+            command.id, records.command(*address, command.id, meaning.command, value, meaning.selects)
+        )
+        return command
+
+    async def _send_command(self, id_: int, octets: bytes) -> None:
+        try:
+            await self._send(octets)
+        except RefusedError:
+            await self.change(
+                lambda database: self.intake.end_command(database, id_, State.REFUSED_COMMAND, Result.NOT_UP)
+            )
+            raise
+
+    async def follow(self, user: str, id_: int, execute: bool) -> Command:
+        """Executes or cancels what is selected. Only who selected may."""
+        command = self.model.commands.get(id_)
+        if not command or command.state != State.ACCEPTED_SELECTION:
+            raise RefusedError(
+                409, "not_selected", f"command {id_} is not selected: it ended, or was executed"
+            )
+        if command.user != user:
+            raise RefusedError(403, "not_yours", f"command {id_} was selected by {command.user}")
+        point = self.point(command.point)
+        action = "execute" if execute else "cancel"
+        state = State.EXECUTION_REQUEST if execute else State.INTERRUPTION_REQUEST
+
+        def put(database: sqlite3.Connection) -> Command:
+            now = self.intake.model.commands.get(id_)
+            if not now or now.state != State.ACCEPTED_SELECTION:
+                raise RefusedError(409, "not_selected", f"command {id_} is not selected any more")
+            audit(database, time.time_ns(), user, action, f"{point.meaning.name} = {command.value:g}")
+            following = replace(now, state=state, changed_ns=time.time_ns())
+            self.intake.put_command(database, following)
+            return following
+
+        following = await self.change(put)
+        kind = Ask.EXECUTE if execute else Ask.CANCEL
+        station = self.station(point.station)
+        await self._send_command(id_, records.request(kind, station.place, point.ca, id_))
+        return following
+
+    async def interrogate(self, user: str, station_id: int) -> list[int]:
+        """A general interrogation of each common address that is known of the station."""
+        station = self.station(station_id)
+        self._check_up(station)
+        addresses = sorted({point.ca for point in self.model.points.values() if point.station == station_id})
+        await self.store.write(
+            lambda database: audit(database, time.time_ns(), user, "interrogate", station.settings.name)
+        )
+        for ca in addresses:
+            await self._send(records.request(Ask.INTERROGATE, station.place, ca, next(self._ids), 20))
+        return addresses
+
+    async def acknowledge(self, user: str, id_: int) -> Alarm:
+        """Who comes second is told who came first."""
+
+        def put(database: sqlite3.Connection) -> Alarm:
+            alarm = self._open_alarm(id_)
+            if alarm.acknowledged_ns is not None:
+                raise RefusedError(409, "acknowledged", f"{alarm.acknowledged_by} has acknowledged it")
+            audit(database, time.time_ns(), user, "acknowledge", f"alarm {id_}: {alarm.kind}")
+            alarm = replace(alarm, acknowledged_ns=time.time_ns(), acknowledged_by=user)
+            self.intake.put_alarm(database, alarm)
+            return alarm
+
+        return await self.change(put)
+
+    async def shelve(self, user: str, id_: int, minutes: float) -> Alarm:
+        """Out of sight for a time; 0 brings it back."""
+
+        def put(database: sqlite3.Connection) -> Alarm:
+            until_ns = time.time_ns() + int(minutes * 60e9) if minutes else 0
+            alarm = replace(self._open_alarm(id_), shelved_until_ns=until_ns)
+            audit(database, time.time_ns(), user, "shelve", f"alarm {id_}: {alarm.kind}, {minutes:g} min")
+            self.intake.put_alarm(database, alarm)
+            return alarm
+
+        return await self.change(put)
+
+    def _open_alarm(self, id_: int) -> Alarm:
+        """In the writer's thread. One that has ended since was acknowledged by somebody."""
+        alarm = self.intake.model.alarms.get(id_)
+        if not alarm:
+            raise RefusedError(409, "gone", f"alarm {id_} is gone and acknowledged, or there is none")
+        return alarm
+
+    def state(self) -> dict[str, Any]:
+        """Of the centre itself."""
+        return {"collects": self.collects, "fault": self.fault, "now": time.time_ns() // 1_000_000}

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a user is told."""
+
+from __future__ import annotations
+
+
+class CentreError(Exception):
+    """Says the cause, and what to do."""
+
+
+class RefusedError(CentreError):
+    """A request that the centre does not do. `status` is HTTP's; the page has words for `code`."""
+
+    def __init__(self, status: int, code: str, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+        self.code = code

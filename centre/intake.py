@@ -1,0 +1,397 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Batches of records into the database; and what follows from them: values, alarms, commands."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import astuple, fields, replace
+
+from centre.model import Alarm, Changes, Command, Model, Point, Station
+from centre.records import (
+    ENDED,
+    INVALID,
+    NOT_TOPICAL,
+    TEST,
+    Content,
+    Kind,
+    Link,
+    Record,
+    Result,
+    State,
+)
+from centre.settings import Meaning, StationSettings
+
+SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
+EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
+FUTURE_NS = 60 * 10**9  # a tag of later than that is a clock that is wrong
+LOST_PRIORITY, QUALITY_PRIORITY, POSITION_PRIORITY = 1, 2, 3
+POINT_COLUMNS = [
+    *("content", "value", "quality", "cause", "at_ns", "received_ns", "tagged"),
+    *("latitude", "longitude", "altitude", "detail"),
+]
+STATION_COLUMNS = ["link", "reason", "error", "since_ns", "heard_ns", "sessions", "records"]
+ALARM_COLUMNS = [column.name for column in fields(Alarm)]
+COMMAND_COLUMNS = [column.name for column in fields(Command)]
+
+
+def _row(columns: list[str]) -> str:
+    """Of an INSERT: the columns, and places for their values."""
+    return f"({', '.join(columns)}) VALUES ({', '.join('?' * len(columns))})"
+
+
+class Intake:
+    """Owns the current state; only the writer's thread calls it, within a transaction.
+
+    What a transaction changes lies in `changes` until it is stored: one that fails leaves nothing.
+    """
+
+    def __init__(self, database: sqlite3.Connection, settings: dict[str, StationSettings]) -> None:
+        self.settings = settings
+        self.model = Model()
+        self.changes = Changes()
+        self.by_name: dict[str, int] = {}
+        self.places: dict[int, int] = {}  # a station's place in the collector's file: its id
+        self.by_address: dict[tuple[int, int, int], int] = {}
+        self.open_alarms: dict[tuple[str, int, int | None], int] = {}
+        self.invalid: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
+        # Of the transaction under way: what the two tables above do not have yet.
+        self.new_points: dict[tuple[int, int, int], int] = {}
+        self.new_alarms: dict[tuple[str, int, int | None], int] = {}
+        self._load(database)
+
+    # ---- at the start ------------------------------------------------------------------------
+
+    def _load(self, database: sqlite3.Connection) -> None:
+        """What was stored, and each station and point of the file."""
+        for name in self.settings:
+            database.execute("INSERT OR IGNORE INTO stations (name) VALUES (?)", (name,))
+        for row in database.execute("SELECT * FROM stations"):
+            said = dict(row)
+            settings = self.settings.get(said.pop("name")) or StationSettings(row["name"])
+            said["link"] = 0
+            self.model.stations[row["id"]] = Station(settings=settings, **said)
+            self.by_name[row["name"]] = row["id"]
+        for name, settings in self.settings.items():
+            database.executemany(
+                "INSERT OR IGNORE INTO points (station, ca, ioa, quality) VALUES (?, ?, ?, ?)",
+                [(self.by_name[name], ca, ioa, INVALID | NOT_TOPICAL) for ca, ioa in settings.points],
+            )
+        for row in database.execute("SELECT * FROM points"):
+            point = Point(meaning=self._meaning(row["station"], row["ca"], row["ioa"]), **dict(row))
+            self.model.points[point.id] = point
+            self.by_address[point.station, point.ca, point.ioa] = point.id
+            if point.at_ns and point.quality & INVALID:
+                self.invalid[point.station, point.ca].add(point.id)
+        for row in database.execute("SELECT * FROM alarms WHERE gone_ns IS NULL OR acknowledged_ns IS NULL"):
+            alarm = Alarm(**dict(row))
+            self.model.alarms[alarm.id] = alarm
+            self.open_alarms[alarm.key] = alarm.id
+        self.stranded(database)
+
+    def stranded(self, database: sqlite3.Connection) -> None:
+        """The collector is gone: what became of the commands that were not ended, nobody can say."""
+        rows = database.execute(
+            f"SELECT * FROM commands WHERE state NOT IN ({', '.join(str(int(state)) for state in ENDED)})"
+        )
+        for command in [Command(**dict(row)) for row in rows]:
+            sent = command.state in (State.EXECUTION_REQUEST, State.EXECUTING)
+            state = State.REFUSED_COMMAND if sent else State.INTERRUPTED_SELECTION
+            self.put_command(
+                database,
+                replace(command, state=state, result=Result.UNKNOWN_FATE, changed_ns=time.time_ns()),
+            )
+        for station in self.model.stations.values():
+            if station.link:
+                self.changes.stations[station.id] = replace(station, link=0, since_ns=time.time_ns())
+
+    # ---- a transaction -----------------------------------------------------------------------
+
+    def begin(self) -> None:
+        self.changes = Changes()
+        self.new_points.clear()
+        self.new_alarms.clear()
+
+    def stored(self) -> Changes:
+        """The transaction is on the disk."""
+        self.model.take(self.changes)
+        for id_, command in self.changes.commands.items():
+            if command.state in ENDED:
+                del self.model.commands[id_]
+        for alarm in self.changes.alarms.values():
+            if alarm.open:
+                self.open_alarms[alarm.key] = alarm.id
+            elif self.open_alarms.get(alarm.key) == alarm.id:
+                del self.open_alarms[alarm.key]
+        for point in self.changes.points.values():
+            self.by_address[point.station, point.ca, point.ioa] = point.id
+            of_address = self.invalid[point.station, point.ca]
+            (of_address.add if point.quality & INVALID else of_address.discard)(point.id)
+        for station in self.changes.stations.values():
+            self.by_name[station.settings.name] = station.id
+        return self.changes
+
+    def take(self, database: sqlite3.Connection, records: Iterable[Record]) -> None:
+        """Stores records, and what follows from them."""
+        for record in records:
+            if record.kind == Kind.STATION:
+                self._station_named(database, record)
+            elif record.kind == Kind.LINK:
+                self._link(database, record)
+            elif record.kind == Kind.POSITION:
+                self._heard(record)
+                self._position(database, record)
+            elif record.kind == Kind.INFORMATION:
+                self._heard(record)
+                if record.content != Content.INITIALISATION and not record.flags & TEST:
+                    self._information(database, record)
+            elif record.kind == Kind.PROGRESS:
+                self._progress(database, record)
+        self._quality_alarms(database)
+        self._store_last(database)
+
+    def _store_last(self, database: sqlite3.Connection) -> None:
+        database.executemany(
+            f"UPDATE points SET {', '.join(f'{column} = ?' for column in POINT_COLUMNS)} WHERE id = ?",
+            [
+                (*(getattr(point, column) for column in POINT_COLUMNS), point.id)
+                for point in self.changes.points.values()
+            ],
+        )
+        database.executemany(
+            f"UPDATE stations SET {', '.join(f'{column} = ?' for column in STATION_COLUMNS)} WHERE id = ?",
+            [
+                (*(getattr(station, column) for column in STATION_COLUMNS), station.id)
+                for station in self.changes.stations.values()
+            ],
+        )
+
+    # ---- stations ----------------------------------------------------------------------------
+
+    def _station(self, id_: int) -> Station:
+        return self.changes.stations.get(id_) or self.model.stations[id_]
+
+    def _station_named(self, database: sqlite3.Connection, record: Record) -> None:
+        id_ = self.by_name.get(record.name)
+        if id_ is None:
+            id_ = database.execute("INSERT INTO stations (name) VALUES (?)", (record.name,)).lastrowid or 0
+            station = Station(id_, self.settings.get(record.name) or StationSettings(record.name))
+        else:
+            station = self._station(id_)
+        self.places[record.station] = id_
+        self.changes.stations[id_] = replace(station, place=record.station)
+
+    def _heard(self, record: Record) -> None:
+        station = self._station(self.places[record.station])
+        self.changes.stations[station.id] = replace(
+            station, heard_ns=record.received_ns, records=station.records + 1
+        )
+
+    def _link(self, database: sqlite3.Connection, record: Record) -> None:
+        station = self._station(self.places[record.station])
+        state, reason, error, _ = record.link
+        if state == Link.CONNECTING and station.link == Link.DOWN:
+            return  # another attempt: down is what an operator needs to know
+        self.changes.stations[station.id] = replace(
+            station,
+            link=state,
+            reason=reason,
+            error=error,
+            since_ns=record.received_ns if state != station.link else station.since_ns,
+            sessions=station.sessions + (state == Link.UP),
+        )
+        key = ("lost", station.id, None)
+        if state == Link.DOWN:
+            self._raise(database, key, LOST_PRIORITY, record.received_ns)
+        elif state == Link.UP:
+            self._clear(database, key, record.received_ns)
+
+    # ---- points ------------------------------------------------------------------------------
+
+    def _point(self, database: sqlite3.Connection, record: Record) -> Point:
+        station = self.places[record.station]
+        address = (station, record.ca, record.ioa)
+        id_ = self.by_address.get(address) or self.new_points.get(address)
+        if id_ is not None:
+            return self.changes.points.get(id_) or self.model.points[id_]
+        row = database.execute("INSERT INTO points (station, ca, ioa) VALUES (?, ?, ?)", address)
+        point = Point(row.lastrowid or 0, *address, self._meaning(station, record.ca, record.ioa))
+        self.changes.points[point.id] = point
+        self.new_points[address] = point.id
+        return point
+
+    def _meaning(self, station: int, ca: int, ioa: int) -> Meaning:
+        return self._station(station).settings.points.get((ca, ioa)) or Meaning(f"{ca}.{ioa}")
+
+    def _information(self, database: sqlite3.Connection, record: Record) -> None:
+        point = self._point(database, record)
+        at_ns = record.tag_ns if record.tagged else record.received_ns
+        value = record.value
+        changed = (value, record.quality) != (point.value, point.quality) or not point.at_ns
+        if changed or record.cause in EVENTS:
+            stored = database.execute(
+                "INSERT OR IGNORE INTO history (point, at_ns, received_ns, value, quality, cause, tagged)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?)",
+                (point.id, at_ns, record.received_ns, value, record.quality, record.cause, record.tagged),
+            )
+            if not stored.rowcount:
+                return  # it came before, and its acknowledgement did not reach the station
+            self.changes.events += 1
+        point = replace(
+            point,
+            content=record.content,
+            value=value,
+            quality=record.quality,
+            cause=record.cause,
+            at_ns=at_ns,
+            received_ns=record.received_ns,
+            tagged=int(record.tagged),
+            detail=record.detail,
+        )
+        self.changes.points[point.id] = point
+        self._point_alarms(database, point)
+
+    def _position(self, database: sqlite3.Connection, record: Record) -> None:
+        point = self._point(database, record)
+        sane = record.tagged and record.tag_ns <= record.received_ns + FUTURE_NS
+        at_ns = record.tag_ns if sane else record.received_ns
+        latitude, longitude, altitude = record.position
+        stored = database.execute(
+            "INSERT OR IGNORE INTO track VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (point.id, at_ns, latitude, longitude, altitude, record.quality, record.detail),
+        )
+        self.changes.events += stored.rowcount
+        if at_ns < point.at_ns:
+            return  # of the station's queue: where it was, not where it is
+        self.changes.points[point.id] = replace(
+            point,
+            content=Content.POSITION,
+            quality=record.quality,
+            cause=record.cause,
+            at_ns=at_ns,
+            received_ns=record.received_ns,
+            tagged=int(sane),
+            latitude=latitude,
+            longitude=longitude,
+            altitude=altitude,
+            detail=record.detail,
+        )
+
+    # ---- alarms ------------------------------------------------------------------------------
+
+    def _point_alarms(self, database: sqlite3.Connection, point: Point) -> None:
+        """Of limits and of a state. A value that is not valid says nothing about them."""
+        meaning = point.meaning
+        if point.quality & INVALID or point.value is None:
+            return
+        for kind, is_so in (
+            ("high", meaning.high is not None and point.value > meaning.high),
+            ("low", meaning.low is not None and point.value < meaning.low),
+            ("state", meaning.state is not None and point.value == meaning.state),
+        ):
+            key = (kind, point.station, point.id)
+            if is_so:
+                self._raise(database, key, meaning.priority, point.at_ns, point)
+            else:
+                self._clear(database, key, point.at_ns)
+
+    def _quality_alarms(self, database: sqlite3.Connection) -> None:
+        """One for all points of a common address: a dead device is one fault, however many points it has."""
+        touched: defaultdict[tuple[int, int], list[Point]] = defaultdict(list)
+        for point in self.changes.points.values():
+            touched[point.station, point.ca].append(point)
+        for (station, ca), points in touched.items():
+            invalid = set(self.invalid[station, ca])
+            for point in points:
+                (invalid.add if point.quality & INVALID else invalid.discard)(point.id)
+            key = ("quality", station, ca)
+            now_ns = max(point.received_ns for point in points)
+            if invalid:
+                only_positions = all(point.is_position for point in points if point.id in invalid)
+                priority = POSITION_PRIORITY if only_positions else QUALITY_PRIORITY
+                self._raise(database, key, priority, now_ns, value=len(invalid))
+            else:
+                self._clear(database, key, now_ns)
+
+    def _alarm(self, key: tuple[str, int, int | None]) -> Alarm | None:
+        """The one that has not gone, or that nobody has acknowledged."""
+        id_ = self.new_alarms.get(key) or self.open_alarms.get(key)
+        alarm = None if id_ is None else self.changes.alarms.get(id_) or self.model.alarms[id_]
+        return alarm if alarm and alarm.open else None
+
+    def _raise(
+        self,
+        database: sqlite3.Connection,
+        key: tuple[str, int, int | None],
+        priority: int,
+        at_ns: int,
+        point: Point | None = None,
+        value: float | None = None,
+    ) -> None:
+        alarm = self._alarm(key)
+        if alarm:  # one that comes and goes is one until somebody has acknowledged it
+            if alarm.gone_ns is not None:
+                self.put_alarm(database, replace(alarm, gone_ns=None))
+            return
+        kind, station, place = key
+        ca = place if kind == "quality" else point and point.ca
+        value = point.value if point else value
+        row = database.execute(
+            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (kind, station, point and point.id, ca, priority, value, at_ns),
+        )
+        id_ = row.lastrowid or 0
+        self.changes.alarms[id_] = Alarm(id_, kind, station, point and point.id, ca, priority, value, at_ns)
+        self.new_alarms[key] = id_
+
+    def _clear(self, database: sqlite3.Connection, key: tuple[str, int, int | None], at_ns: int) -> None:
+        alarm = self._alarm(key)
+        if alarm and alarm.gone_ns is None:
+            self.put_alarm(database, replace(alarm, gone_ns=at_ns))
+
+    def put_alarm(self, database: sqlite3.Connection, alarm: Alarm) -> None:
+        database.execute(
+            f"REPLACE INTO alarms {_row(ALARM_COLUMNS)}",
+            astuple(alarm),
+        )
+        self.changes.alarms[alarm.id] = alarm
+
+    # ---- commands ----------------------------------------------------------------------------
+
+    def put_command(self, database: sqlite3.Connection, command: Command) -> None:
+        database.execute(
+            f"REPLACE INTO commands {_row(COMMAND_COLUMNS)}",
+            astuple(command),
+        )
+        self.changes.commands[command.id] = command
+
+    def add_command(self, database: sqlite3.Connection, command: Command) -> Command:
+        """With an id of its own: it is stored before it is sent."""
+        row = database.execute(
+            f"INSERT INTO commands {_row(COMMAND_COLUMNS[1:])}",
+            astuple(command)[1:],
+        )
+        command = replace(command, id=row.lastrowid or 0)
+        self.changes.commands[command.id] = command
+        return command
+
+    def end_command(self, database: sqlite3.Connection, id_: int, state: State, result: Result) -> None:
+        """It was not sent."""
+        command = self.model.commands.get(id_)
+        if command:
+            self.put_command(
+                database, replace(command, state=state, result=result, changed_ns=time.time_ns())
+            )
+
+    def _progress(self, database: sqlite3.Connection, record: Record) -> None:
+        state, result, id_ = record.progress
+        command = self.changes.commands.get(id_) or self.model.commands.get(id_)
+        if not command or command.state in ENDED:
+            return  # a poll, or an interrogation
+        self.put_command(
+            database,
+            replace(command, state=state, result=result, cause=record.cause, changed_ns=record.received_ns),
+        )

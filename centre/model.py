@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the centre knows now: stations, points, open alarms, commands, each as it was last stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from centre.records import INVALID, Content, Link
+from centre.settings import Meaning, StationSettings
+
+Json = dict[str, Any]
+NS_PER_MS = 1_000_000
+
+
+def milliseconds(ns: int | None) -> int | None:
+    """Of the page's clock; None for never."""
+    return ns // NS_PER_MS if ns else None
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    id: int
+    settings: StationSettings
+    place: int = -1  # in the collector's file; -1: it has not named it
+    link: int = 0  # records.Link; 0: the collector does not say
+    reason: int = 0
+    error: int = 0
+    since_ns: int = 0
+    heard_ns: int = 0
+    sessions: int = 0
+    records: int = 0
+
+    @property
+    def up(self) -> bool:
+        return self.link == Link.UP
+
+    def view(self) -> Json:
+        return {
+            "id": self.id,
+            "name": self.settings.name,
+            "group": self.settings.group,
+            "location": self.settings.location,
+            "link": self.link,
+            "reason": self.reason,
+            "error": self.error,
+            "since": milliseconds(self.since_ns),
+            "heard": milliseconds(self.heard_ns),
+            "sessions": self.sessions,
+            "records": self.records,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    id: int
+    station: int
+    ca: int
+    ioa: int
+    meaning: Meaning
+    content: int | None = None
+    value: float | None = None
+    quality: int = INVALID
+    cause: int = 0
+    at_ns: int = 0
+    received_ns: int = 0
+    tagged: int = 0
+    latitude: int | None = None
+    longitude: int | None = None
+    altitude: int | None = None
+    detail: int = 0
+
+    @property
+    def is_position(self) -> bool:
+        return self.content == Content.POSITION
+
+    def view(self) -> Json:
+        meaning = self.meaning
+        said: Json = {
+            "id": self.id,
+            "station": self.station,
+            "ca": self.ca,
+            "ioa": self.ioa,
+            "name": meaning.name,
+            "unit": meaning.unit,
+            "device": meaning.device,
+            "content": self.content if self.content is not None else meaning.content,
+            "command": meaning.command,
+            "selects": meaning.selects,
+            "minimum": meaning.minimum,
+            "maximum": meaning.maximum,
+            "value": self.value,
+            "quality": self.quality,
+            "at": milliseconds(self.at_ns),
+            "tagged": bool(self.tagged),
+        }
+        if self.is_position:
+            said |= {
+                "latitude": (self.latitude or 0) / 1e7,
+                "longitude": (self.longitude or 0) / 1e7,
+                "altitude": (self.altitude or 0) / 10,
+                "fix": self.detail & 15,
+                "satellites": self.detail >> 4,
+            }
+        return said
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """Kinds: lost (a station), quality (points of a common address), high, low, state (a point)."""
+
+    id: int
+    kind: str
+    station: int
+    point: int | None
+    ca: int | None
+    priority: int
+    value: float | None
+    since_ns: int
+    gone_ns: int | None = None
+    acknowledged_ns: int | None = None
+    acknowledged_by: str | None = None
+    shelved_until_ns: int = 0
+
+    @property
+    def open(self) -> bool:
+        """There is something to do or to see yet."""
+        return self.gone_ns is None or self.acknowledged_ns is None
+
+    @property
+    def key(self) -> tuple[str, int, int | None]:
+        return self.kind, self.station, self.ca if self.point is None else self.point
+
+    def view(self) -> Json:
+        return {
+            "id": self.id,
+            "kind": self.kind,
+            "station": self.station,
+            "point": self.point,
+            "ca": self.ca,
+            "priority": self.priority,
+            "value": self.value,
+            "since": milliseconds(self.since_ns),
+            "gone": milliseconds(self.gone_ns),
+            "acknowledged": milliseconds(self.acknowledged_ns),
+            "by": self.acknowledged_by,
+            "shelved": milliseconds(self.shelved_until_ns),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    id: int
+    user: str
+    point: int
+    value: float
+    selects: int
+    state: int
+    result: int
+    cause: int
+    begun_ns: int
+    changed_ns: int
+
+    def view(self) -> Json:
+        return {
+            "id": self.id,
+            "user": self.user,
+            "point": self.point,
+            "value": self.value,
+            "selects": bool(self.selects),
+            "state": self.state,
+            "result": self.result,
+            "cause": self.cause,
+            "begun": milliseconds(self.begun_ns),
+            "changed": milliseconds(self.changed_ns),
+        }
+
+
+@dataclass
+class Model:
+    """By id. What is here is never changed, only replaced: whoever reads sees whole things."""
+
+    stations: dict[int, Station] = field(default_factory=dict)
+    points: dict[int, Point] = field(default_factory=dict)
+    alarms: dict[int, Alarm] = field(default_factory=dict)  # open ones
+    commands: dict[int, Command] = field(default_factory=dict)  # not ended
+
+    def take(self, changes: Changes) -> None:
+        """What a transaction has stored."""
+        self.stations.update(changes.stations)
+        self.points.update(changes.points)
+        for alarm in changes.alarms.values():
+            if alarm.open:
+                self.alarms[alarm.id] = alarm
+            else:
+                self.alarms.pop(alarm.id, None)
+        self.commands.update(changes.commands)
+
+
+@dataclass
+class Changes:
+    """What a transaction changes, by id."""
+
+    stations: dict[int, Station] = field(default_factory=dict)
+    points: dict[int, Point] = field(default_factory=dict)
+    alarms: dict[int, Alarm] = field(default_factory=dict)
+    commands: dict[int, Command] = field(default_factory=dict)
+    events: int = 0
+
+    @property
+    def any(self) -> bool:
+        return bool(self.stations or self.points or self.alarms or self.commands)

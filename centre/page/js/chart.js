@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The values of a point over time. A value holds until the next; an invalid one is a gap.
+import uPlot from "../vendor/uplot.mjs";
+import { h } from "./dom.js";
+import * as live from "./live.js";
+import { t } from "./words.js";
+
+const INVALID = 128;
+export const HOUR_MS = 3600000;
+
+export async function chart(place, point, spanMs) {
+  const end = Math.round(live.now());
+  const rows = await live.ask(`points/${point.id}/history?from=${end - spanMs}&to=${end}`);
+  if (!rows.length) {
+    place.replaceChildren(h("p", { class: "muted" }, t("chart_empty")));
+    return;
+  }
+  const good = (row) => (row.quality & INVALID ? null : row.value);
+  const times = rows.map((row) => row.at / 1000).concat(end / 1000);
+  const values = rows.map(good).concat(good(rows.at(-1)));
+  const colours = getComputedStyle(document.documentElement);
+  const axis = { stroke: colours.getPropertyValue("--muted"), grid: { stroke: colours.getPropertyValue("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+  place.replaceChildren();
+  const width = Math.max(240, place.clientWidth - 28);
+  new uPlot({
+    width, height: 170, legend: { show: true, live: true },
+    scales: { x: { range: [(end - spanMs) / 1000, end / 1000] } },
+    axes: [{ ...axis, values: [[3600, "{HH}:{mm}"], [60, "{HH}:{mm}"], [1, "{HH}:{mm}:{ss}"]].map(([step, form]) => [step, form, null, null, null, null, null, null, 1]) }, { ...axis, size: 62 }],
+    series: [{ value: "{HH}:{mm}:{ss}", label: t("time") }, {
+      label: point.unit ? `${point.name} (${point.unit})` : point.name, stroke: colours.getPropertyValue("--accent"), width: 1.6,
+      paths: uPlot.paths.stepped({ align: 1 }), points: { show: rows.length < 100, size: 5 },
+    }],
+  }, [times, values], place);
+}

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The dialogue of a command: what is now, what shall be; each step as it is answered; how it ended.
+import { fill, h, setText, shape, state } from "./dom.js";
+import * as live from "./live.js";
+import { quality, valueText } from "./quality.js";
+import { t, time } from "./words.js";
+
+const ACCEPTED = 2, INTERRUPTION = 4, INTERRUPTED = 5, EXECUTION = 6, EXECUTING = 7;
+const ENDED = [3, 5, 8, 9];
+const REFUSED = 2, TIMEOUT = 3, UNKNOWN_FATE = 9;
+const CHOICES = { single: [0, 1], double: [1, 2], step: [-1, 1] };
+
+// How it ended: {kind, head, more}
+export function fate(command) {
+  if (command.state === 9) return { kind: "good", head: t("fate_done"), more: t("fate_done_more") };
+  if (command.result === UNKNOWN_FATE) return { kind: "old", head: t("fate_unknown"), more: t("fate_unknown_more") };
+  if (command.result === TIMEOUT) return { kind: "old", head: t("fate_timeout"), more: t("fate_timeout_more") };
+  if (command.result === REFUSED) return { kind: "bad", head: t("fate_refused"), more: t("fate_refused_more", { cause: command.cause }) };
+  if (command.state === INTERRUPTED) return { kind: "none", head: t("fate_cancelled"), more: t("fate_cancelled_more") };
+  return { kind: "bad", head: t("fate_not_sent"), more: t(command.result === 7 ? "out_of_range" : command.result === 65 ? "busy" : "not_up") };
+}
+
+export function stateText(command) {
+  if (ENDED.includes(command.state)) return fate(command).head;
+  return t({ 1: "step_selecting", 2: "step_selected", 4: "step_cancelling" }[command.state] ?? "step_executing");
+}
+
+function outcome({ kind, head, more }) {
+  return h("div", { class: `outcome ${kind}`, role: "status" }, shape(kind), h("span", {}, h("strong", {}, head), more));
+}
+
+export function commandDialogue(pointId) {
+  const first = live.points.get(pointId);
+  const heading = h("h2", {}, `${t("command_of")}: ${first.name}`);
+  const now = h("dd");
+  const choice = h("div", { class: "choices" });
+  const steps = h("ol", { class: "steps" });
+  const end = h("div");
+  const cancel = h("button", { type: "button" });
+  const go = h("button", { type: "button", class: "main" });
+  const dialog = h("dialog", { "aria-label": first.name },
+    h("div", { class: "body" }, heading,
+      h("dl", {}, h("dt", {}, t("station")), h("dd", {}, live.stations.get(first.station)?.name ?? ""), h("dt", {}, t("now")), now),
+      choice, steps, end),
+    h("div", { class: "end" }, cancel, go));
+  let value = null;
+  let command = null;
+  let busy = false;
+
+  const choices = CHOICES[first.command];
+  if (choices) {
+    for (const each of choices) {
+      const text = first.command === "step" ? (each > 0 ? "+1" : "−1") : valueText(first, each);
+      choice.append(h("button", { type: "button", "aria-pressed": "false", onclick: (event) => {
+        value = each;
+        for (const button of choice.children) button.setAttribute("aria-pressed", String(button === event.currentTarget));
+        update();
+      } }, text));
+    }
+  } else {
+    const input = h("input", { type: "number", step: first.command === "float" ? "any" : "1", "aria-label": t("value_new"), placeholder: t("value_new"),
+      oninput: () => { value = input.value === "" ? null : Number(input.value); update(); } });
+    if (first.minimum !== null) input.min = first.minimum;
+    if (first.maximum !== null) input.max = first.maximum;
+    choice.append(input);
+  }
+
+  function step(text, at) {
+    for (const each of steps.children) each.className = "";
+    steps.append(h("li", { class: "now" }, h("span", {}, text), h("time", {}, time(at, true))));
+  }
+
+  async function doing(path, body) {
+    busy = true;
+    update();
+    try {
+      took(await live.ask(path, body));
+    } catch (refused) {
+      const more = t(refused.code) === refused.code ? refused.message : t(refused.code);
+      end.replaceChildren(outcome({ kind: "bad", head: t("fate_not_sent"), more }));
+    }
+    busy = false;
+    update();
+  }
+
+  // An answer of HTTP may come after a newer one of the stream.
+  function took(next) {
+    if (command && (next.id !== command.id || next.changed < command.changed || next.state === command.state || ENDED.includes(command.state))) return;
+    command = next;
+    step(stateText(command), command.changed);
+    if (command.state === ACCEPTED) end.replaceChildren(h("div", { class: "muted" }, t("still_selected")));
+    else if (ENDED.includes(command.state)) end.replaceChildren(outcome(fate(command)));
+    else end.replaceChildren();
+  }
+
+  function update() {
+    const point = live.points.get(pointId) ?? first;
+    const { kind, word } = quality(point);
+    fill(now, `${valueText(point)}${kind}${word}`, () => [h("strong", {}, `${valueText(point)} ${point.unit}  `), state(kind, word)]);
+    const selected = command?.state === ACCEPTED;
+    const running = command && !ENDED.includes(command.state) && !selected;
+    const ended = command && ENDED.includes(command.state);
+    for (const each of choice.children) each.disabled = Boolean(command);
+    setText(cancel, t(selected ? "cancel" : "close"));
+    setText(go, t(selected ? "execute" : first.selects && !command ? "select" : "send"));
+    go.hidden = Boolean(ended || running);
+    go.disabled = busy || value === null;
+    cancel.disabled = busy;
+  }
+
+  go.addEventListener("click", () => {
+    end.replaceChildren();
+    if (command) doing(`commands/${command.id}/execute`, {});
+    else doing("commands", { point: pointId, value });
+  });
+  cancel.addEventListener("click", () => {
+    if (command?.state === ACCEPTED) doing(`commands/${command.id}/cancel`, {});
+    else dialog.close();
+  });
+  // Escape leaves no selection behind.
+  dialog.addEventListener("cancel", () => {
+    if (command?.state === ACCEPTED) live.ask(`commands/${command.id}/cancel`, {}).catch(() => {});
+  });
+  const unwatch = live.watch(() => {
+    const newer = command && live.commands.get(command.id);
+    if (newer) took(newer);
+    update();
+  });
+  dialog.addEventListener("close", () => {
+    unwatch();
+    dialog.remove();
+  });
+  document.body.append(dialog);
+  update();
+  dialog.showModal();
+  choice.firstElementChild.focus();
+}

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the centre says, and asking it. The tables hold what the view shows, by id.
+
+export const session = { user: "", role: "", csrf: "" };
+export const stations = new Map();
+export const points = new Map();
+export const alarms = new Map();
+export const commands = new Map();
+export const centre = { connected: false, collects: true, fault: "" };
+
+const AGAIN_MS = [500, 1000, 2000, 5000];
+const changed = new Set();
+let socket = null;
+let view = null;
+let offset = 0;
+let attempts = 0;
+let ended = () => {};
+
+export class Refused extends Error {
+  constructor(status, said) {
+    super(said.error);
+    this.status = status;
+    this.code = said.code;
+  }
+}
+
+export async function ask(path, body, method = body === undefined ? "GET" : "POST") {
+  const headers = method === "GET" ? {} : { "Content-Type": "application/json", "X-CSRF-Token": session.csrf };
+  const response = await fetch(`api/${path}`, { method, headers, body: method === "GET" ? undefined : JSON.stringify(body ?? {}) });
+  const said = await response.json().catch(() => ({ code: "http", error: response.statusText }));
+  if (response.ok) return said;
+  if (response.status === 401 && session.user) ended();
+  throw new Refused(response.status, said);
+}
+
+export function now() {
+  return Date.now() + offset;
+}
+
+export function may(role) {
+  const roles = ["viewer", "operator", "engineer"];
+  return roles.indexOf(session.role) >= roles.indexOf(role);
+}
+
+// Calls back with what changed: {whole, points: [...], stations, alarms, commands}. Returns what ends it.
+export function watch(callback) {
+  changed.add(callback);
+  return () => changed.delete(callback);
+}
+
+function tell(said) {
+  for (const callback of changed) callback(said);
+}
+
+const NOTHING = { whole: false, stations: [], points: [], alarms: [], commands: [] };
+
+function take(said) {
+  offset = said.now - Date.now();
+  Object.assign(centre, { connected: true, collects: said.collects, fault: said.fault });
+  if (said.whole) [stations, points, alarms, commands].forEach((table) => table.clear());
+  for (const station of said.stations) stations.set(station.id, station);
+  for (const point of said.points) points.set(point.id, point);
+  for (const command of said.commands) commands.set(command.id, command);
+  for (const alarm of said.alarms) {
+    if (alarm.gone && alarm.acknowledged) alarms.delete(alarm.id);
+    else alarms.set(alarm.id, alarm);
+  }
+  tell({ ...NOTHING, ...said });
+}
+
+function connect() {
+  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/stream`);
+  const mine = socket;
+  mine.onopen = () => {
+    attempts = 0;
+    if (view) mine.send(JSON.stringify(view));
+  };
+  mine.onmessage = (message) => take(JSON.parse(message.data));
+  mine.onclose = (event) => {
+    if (socket !== mine) return;
+    centre.connected = false;
+    tell(NOTHING);
+    if (event.code === 4401) ended();
+    else setTimeout(again, AGAIN_MS[Math.min(attempts++, AGAIN_MS.length - 1)]);
+  };
+}
+
+// A socket that was refused does not say why: a session that has ended is asked for.
+async function again() {
+  try {
+    await ask("me");
+  } catch (error) {
+    if (error.status === 401) return;
+  }
+  if (socket) connect();
+}
+
+export function look(at) {
+  view = at;
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(view));
+}
+
+export function start(whenEnded) {
+  ended = whenEnded;
+  connect();
+}
+
+export function stop() {
+  const old = socket;
+  socket = null;
+  old?.close();
+  [stations, points, alarms, commands].forEach((table) => table.clear());
+}

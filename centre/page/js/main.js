@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The frame: log in, the head, and which view is shown. The address says which one: #map, #points/3, ...
+import { showAlarms } from "./alarms.js";
+import { h, setText } from "./dom.js";
+import * as live from "./live.js";
+import { showMap } from "./map.js";
+import { showPoints } from "./points.js";
+import { showStations } from "./stations.js";
+import { chosen, LANGUAGES, speak, t, time } from "./words.js";
+
+const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations };
+let leave = () => {};
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  localStorage.setItem("theme", name);
+  dispatchEvent(new Event("theme"));
+}
+
+function languages(whenChosen) {
+  const options = Object.entries(LANGUAGES).map(([name, text]) => h("option", { value: name, selected: name === document.documentElement.lang }, text));
+  const select = h("select", { id: "language", "aria-label": t("language") }, ...options);
+  select.addEventListener("change", async () => {
+    localStorage.setItem("language", select.value);
+    await speak(select.value);
+    whenChosen();
+  });
+  return select;
+}
+
+function themeButton() {
+  const other = () => (document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  return h("button", { id: "theme", title: t("theme"), "aria-label": t("theme"), onclick: () => theme(other()) }, "◐");
+}
+
+// ---- log in --------------------------------------------------------------------------------------
+
+function showLogin(reason = "") {
+  const error = h("p", { class: "error", role: "alert" }, reason);
+  const name = h("input", { id: "name", autocomplete: "username", required: true });
+  const password = h("input", { id: "password", type: "password", autocomplete: "current-password", required: true });
+  const form = h("form", { class: "card" },
+    h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("h1", {}, `OpenRTU · ${t("title")}`)),
+    h("label", {}, t("user"), name), h("label", {}, t("password"), password),
+    error, h("button", { class: "main" }, t("login")), languages(() => showLogin()));
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    setText(error, "");
+    try {
+      await live.ask("login", { name: name.value, password: password.value });
+      await enter();
+    } catch (refused) {
+      setText(error, t(refused.code === "guesses" ? "login_wait" : refused.code === "password" ? "login_failed" : "failed", { error: refused.message }));
+      password.select();
+    }
+  });
+  document.title = t("title");
+  document.body.replaceChildren(h("div", { class: "login" }, form));
+  name.focus();
+}
+
+async function logOut() {
+  live.stop();
+  await live.ask("logout", {}).catch(() => {});
+  leave();
+  live.session.user = "";
+  showLogin();
+}
+
+function sessionEnded() {
+  live.stop();
+  leave();
+  live.session.user = "";
+  showLogin(t("session_ended"));
+}
+
+// ---- the frame -----------------------------------------------------------------------------------
+
+async function enter() {
+  Object.assign(live.session, await live.ask("me"));
+  frame();
+  live.start(sessionEnded);
+}
+
+function frame() {
+  leave();
+  const banner = h("div", { class: "banner", role: "alert", hidden: true });
+  const count = h("span", { class: "count", hidden: true });
+  const clock = h("span", { class: "clock" });
+  const links = Object.keys(VIEWS).map((name) => h("a", { href: `#${name}` }, t(name)));
+  links[2].append(count);
+  const main = h("main", { id: "main" });
+  const user = h("button", { id: "logout", title: `${live.session.user} · ${live.session.role}`, onclick: logOut }, t("logout"));
+  document.body.replaceChildren(
+    h("header", { class: "head" },
+      h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("span", {}, "OpenRTU")),
+      h("nav", {}, ...links),
+      h("div", { class: "tools" }, clock, languages(frame), themeButton(), user)),
+    banner, main);
+
+  let end = () => {};
+  const go = () => {
+    end();
+    const [name, argument] = location.hash.slice(1).split("/");
+    const view = name in VIEWS ? name : "map";
+    links.forEach((link) => (link.hash === `#${view}` ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current")));
+    document.title = `${t(view)} · ${t("title")}`;
+    main.className = `${view}-view`;
+    main.replaceChildren();
+    end = VIEWS[view](main, Number(argument) || 0);
+  };
+  const state = () => {
+    const { connected, collects, fault } = live.centre;
+    const text = !connected ? t("disconnected") : fault ? t("store_fault", { fault }) : !collects ? t("no_collector") : "";
+    setText(banner, text);
+    banner.hidden = !text;
+    const open = [...live.alarms.values()].filter((alarm) => !alarm.acknowledged && (alarm.shelved ?? 0) < live.now()).length;
+    setText(count, String(open));
+    count.hidden = !open;
+  };
+  const tick = setInterval(() => setText(clock, time(live.now())), 500);
+  const unwatch = live.watch(state);
+  const keys = (event) => {
+    if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey) return;
+    const link = links[Number(event.key) - 1];
+    if (link) link.click();
+    if (event.key === "/") {
+      event.preventDefault();
+      document.querySelector("input[type=search]")?.focus();
+    }
+  };
+  addEventListener("hashchange", go);
+  addEventListener("keydown", keys);
+  leave = () => {
+    end();
+    unwatch();
+    clearInterval(tick);
+    removeEventListener("hashchange", go);
+    removeEventListener("keydown", keys);
+    leave = () => {};
+  };
+  go();
+}
+
+theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+await speak(chosen());
+try {
+  await enter();
+} catch {
+  showLogin();
+}

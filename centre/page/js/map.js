@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The map: vehicles and stations where they are, as good as they are; the track of the chosen one, with its gaps.
+import * as maplibre from "../vendor/maplibre-gl.mjs";
+import { fill, h, Rows, setText, SHAPES, state } from "./dom.js";
+import * as live from "./live.js";
+import { quality, stationState } from "./quality.js";
+import { age, t, time } from "./words.js";
+
+maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
+
+const TRACK_MS = 5000; // a track is asked for again no more often
+const SIZE = 44; // of a symbol: two for each pixel
+const FONT = ["sans-serif"];
+
+function colour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+// A symbol: the state's shape and colour; a station that stays where it is has a frame.
+function symbol(kind, framed) {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = SIZE;
+  const pen = canvas.getContext("2d");
+  if (framed) {
+    pen.fillStyle = colour("panel");
+    pen.strokeStyle = colour("text");
+    pen.lineWidth = 3;
+    pen.beginPath();
+    pen.roundRect(3, 3, SIZE - 6, SIZE - 6, 8);
+    pen.fill();
+    pen.stroke();
+  }
+  const scale = framed ? 1.5 : 2;
+  pen.translate(SIZE / 2 - 8 * scale, SIZE / 2 - 8 * scale);
+  pen.scale(scale, scale);
+  const path = new Path2D(SHAPES[kind]);
+  pen.lineWidth = framed ? 0 : 2.4;
+  pen.strokeStyle = colour("panel");
+  if (!framed) pen.stroke(path);
+  pen.fillStyle = colour(kind);
+  pen.fill(path, "evenodd");
+  return pen.getImageData(0, 0, SIZE, SIZE);
+}
+
+function source(data) {
+  return { type: "geojson", data, ...(typeof data === "string" ? {} : { promoteId: "id" }) };
+}
+
+const EMPTY = { type: "FeatureCollection", features: [] };
+
+function style() {
+  const label = (size) => ({ "text-font": FONT, "text-size": size });
+  const halo = { "text-halo-color": colour("panel"), "text-halo-width": 1.6 };
+  return {
+    version: 8,
+    sources: {
+      land: source("map/land.json"), borders: source("map/borders.json"), names: source("map/names.json"),
+      track: source(EMPTY), marks: source(EMPTY),
+    },
+    layers: [
+      { id: "sea", type: "background", paint: { "background-color": colour("sea") } },
+      { id: "land", type: "fill", source: "land", paint: { "fill-color": colour("land"), "fill-outline-color": colour("border") } },
+      { id: "borders", type: "line", source: "borders", paint: { "line-color": colour("border"), "line-width": 1 } },
+      { id: "names", type: "symbol", source: "names", minzoom: 2, maxzoom: 8,
+        layout: { ...label(12), "text-field": ["get", "name"], "text-letter-spacing": 0.08, "text-max-width": 7 },
+        paint: { "text-color": colour("muted"), "text-halo-color": colour("land"), "text-halo-width": 1, "text-opacity": 0.8 } },
+      { id: "track", type: "line", source: "track", layout: { "line-cap": "round", "line-join": "round" },
+        paint: { "line-color": colour("accent"), "line-width": 3, "line-opacity": 0.85 } },
+      { id: "marks", type: "symbol", source: "marks",
+        layout: { ...label(12), "icon-image": ["get", "icon"], "icon-allow-overlap": true, "icon-ignore-placement": true,
+          "text-field": ["get", "label"], "text-anchor": "top", "text-offset": [0, 0.95], "text-optional": true, "text-max-width": 14 },
+        paint: { "text-color": colour("text"), ...halo } },
+    ],
+  };
+}
+
+// Everything that has a place: {id, name, kind, word, at, lngLat, point?}
+function places() {
+  const found = [];
+  for (const station of live.stations.values()) {
+    if (!station.location) continue;
+    const { kind, word } = stationState(station);
+    found.push({ id: `s${station.id}`, name: station.name, kind, word, at: station.heard, lngLat: [station.location[1], station.location[0]], fixed: true });
+  }
+  for (const point of live.points.values()) {
+    if (point.latitude === undefined || !point.at) continue;
+    const name = live.stations.get(point.station)?.name ?? point.name;
+    found.push({ id: `p${point.id}`, name, ...quality(point), at: point.at, lngLat: [point.longitude, point.latitude], point });
+  }
+  return found.sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
+}
+
+function feature(place) {
+  const label = place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(live.now() - place.at)}`;
+  return { type: "Feature", properties: { id: place.id, icon: `${place.kind}${place.fixed ? "-fixed" : ""}`, label },
+    geometry: { type: "Point", coordinates: place.lngLat } };
+}
+
+export function showMap(main) {
+  const canvas = h("div", { class: "canvas" });
+  const legend = h("div", { class: "legend" });
+  const about = h("section", { class: "about", hidden: true });
+  const list = h("ul", { class: "list" });
+  const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
+  const all = h("button", { onclick: () => showAll() }, t("whole_map"));
+  main.append(
+    h("div", { class: "side" }, h("div", { class: "top" }, search, all), list),
+    h("div", { class: "map" }, canvas, legend, about));
+
+  const map = new maplibre.Map({ container: canvas, style: style(), center: [15, 47], zoom: 3.2, attributionControl: false,
+    dragRotate: false, pitchWithRotate: false, maxZoom: 17, renderWorldCopies: true });
+  window.openrtuMap = map; // for whoever looks in the browser's console, and the tests
+  map.touchZoomRotate.disableRotation();
+  map.addControl(new maplibre.NavigationControl({ showCompass: false }));
+  map.addControl(new maplibre.ScaleControl(), "bottom-right");
+  map.addControl(new maplibre.AttributionControl({ customAttribution: "Natural Earth", compact: false }), "bottom-right");
+
+  const drawn = new Map(); // by id: what the map has, as text
+  const chosen = { id: "", follow: false, asked: 0, at: 0 };
+  let shown = false;
+  let ready = false;
+
+  function dress() {
+    for (const kind of Object.keys(SHAPES)) {
+      for (const framed of [false, true]) {
+        const name = `${kind}${framed ? "-fixed" : ""}`;
+        if (map.hasImage(name)) map.removeImage(name);
+        map.addImage(name, symbol(kind, framed), { pixelRatio: 2 });
+      }
+    }
+    drawn.clear();
+    ready = true;
+    draw(places());
+    chosen.asked = 0;
+    track();
+  }
+
+  // Only what differs goes to the map: 10 000 markers that stand still cost nothing.
+  function draw(found) {
+    if (!ready) return;
+    const marks = map.getSource("marks");
+    if (!drawn.size) {
+      const features = found.map(feature);
+      features.forEach((each) => drawn.set(each.properties.id, JSON.stringify(each)));
+      marks.setData({ type: "FeatureCollection", features });
+      return;
+    }
+    const difference = { add: [], remove: [], update: [] };
+    const here = new Set();
+    for (const place of found) {
+      const each = feature(place);
+      const text = JSON.stringify(each);
+      here.add(place.id);
+      const before = drawn.get(place.id);
+      if (before === text) continue;
+      drawn.set(place.id, text);
+      if (before === undefined) difference.add.push(each);
+      else difference.update.push({ id: place.id, newGeometry: each.geometry,
+        addOrUpdateProperties: Object.entries(each.properties).map(([key, value]) => ({ key, value })) });
+    }
+    for (const id of drawn.keys()) if (!here.has(id)) { difference.remove.push(id); drawn.delete(id); }
+    if (difference.add.length || difference.remove.length || difference.update.length) marks.updateData(difference);
+  }
+
+  function showAll() {
+    const found = places();
+    if (!found.length) return;
+    const bounds = new maplibre.LngLatBounds();
+    found.forEach((place) => bounds.extend(place.lngLat));
+    chosen.follow = false;
+    map.fitBounds(bounds, { padding: { top: 60, bottom: 90, left: 60, right: 70 }, maxZoom: 12, animate: shown });
+    shown = true;
+    showChosen(found);
+  }
+
+  // ---- the chosen one ----
+  const rows = new Rows(list, (id) => {
+    const name = h("span", { class: "name" });
+    const word = h("span");
+    const more = h("span", { class: "more" });
+    const button = h("button", { onclick: () => choose(id) }, name, word, more);
+    return {
+      element: h("li", {}, button),
+      update(place) {
+        setText(name, place.name);
+        fill(word, place.kind + place.word, () => state(place.kind, place.word));
+        setText(more, place.at ? `${time(place.at)} · ${age(live.now() - place.at)}` : "–");
+        button.setAttribute("aria-pressed", String(chosen.id === id));
+      },
+    };
+  });
+
+  function choose(id) {
+    Object.assign(chosen, { id, follow: false, asked: 0 });
+    const place = places().find((each) => each.id === id);
+    if (place) map.easeTo({ center: place.lngLat, zoom: Math.max(map.getZoom(), 10), duration: 400 });
+    about.dataset.of = "";
+    update();
+  }
+
+  const facts = h("dl");
+  const follow = h("button", { class: "small", onclick: () => { chosen.follow = !chosen.follow; update(); } });
+  const trackText = h("span", { class: "muted" });
+
+  function showChosen(found) {
+    const place = found.find((each) => each.id === chosen.id);
+    about.hidden = !place;
+    if (!place) return;
+    if (about.dataset.of !== place.id) {
+      about.dataset.of = place.id;
+      const files = ["GPX", "KML", "GeoJSON", "CSV"].map((form) => h("a", { href: `api/tracks?point=${place.point?.id}&format=${form.toLowerCase()}`, download: "" }, form));
+      const close = h("button", { class: "small", "aria-label": t("close"), onclick: () => { chosen.id = ""; clearTrack(); update(); } }, "✕");
+      about.replaceChildren(
+        h("div", { class: "row" }, h("h2", { class: "grow" }, place.name), close), facts,
+        ...(place.point ? [h("div", { class: "row" }, follow, trackText), h("div", { class: "row" }, h("span", { class: "muted" }, t("export")), ...files)]
+          : [h("a", { href: `#points/${place.id.slice(1)}` }, t("points_of", { station: place.name }))]));
+    }
+    const said = [[t("quality"), () => state(place.kind, place.word), place.kind + place.word], [t("time"), time(place.at)],
+      [t("age"), place.at ? age(live.now() - place.at) : "–"], [t("latitude"), `${place.lngLat[1].toFixed(6)}°`], [t("longitude"), `${place.lngLat[0].toFixed(6)}°`]];
+    if (place.point) said.push([t("altitude"), `${place.point.altitude.toFixed(0)} m`], [t("satellites"), String(place.point.satellites)]);
+    while (facts.children.length > 2 * said.length) facts.lastChild.remove();
+    said.forEach(([name, value, key], number) => {
+      if (facts.children.length <= 2 * number) facts.append(h("dt"), h("dd"));
+      setText(facts.children[2 * number], name);
+      const cell = facts.children[2 * number + 1];
+      if (typeof value === "function") fill(cell, key, value);
+      else { delete cell.dataset.key; setText(cell, value); }
+    });
+    setText(follow, t(chosen.follow ? "follows" : "follow"));
+    follow.setAttribute("aria-pressed", String(chosen.follow));
+    if (chosen.follow) map.setCenter(place.lngLat);
+  }
+
+  function clearTrack() {
+    if (ready) map.getSource("track").setData(EMPTY);
+    setText(trackText, "");
+  }
+
+  async function track() {
+    const point = live.points.get(Number(chosen.id.slice(1)));
+    if (!ready || !chosen.id.startsWith("p") || !point) {
+      if (!chosen.id.startsWith("p")) clearTrack();
+      return;
+    }
+    if (Date.now() - chosen.asked < TRACK_MS || (chosen.asked && point.at === chosen.at)) return;
+    Object.assign(chosen, { asked: Date.now(), at: point.at });
+    const { id } = chosen;
+    const found = await live.ask(`tracks?point=${point.id}`).catch(() => null);
+    if (!found || chosen.id !== id) return;
+    map.getSource("track").setData(found);
+    const gaps = found.features.length - 1;
+    setText(trackText, gaps < 0 ? t("track_empty") : gaps ? `${t("track_hour")}, ${t("gaps", { n: gaps })}` : t("track_hour"));
+  }
+
+  function update() {
+    const found = places();
+    if (!shown && found.length && ready) showAll();
+    draw(found);
+    const words = search.value.toLocaleLowerCase();
+    const fitting = found.filter((place) => place.name.toLocaleLowerCase().includes(words));
+    rows.show(fitting.map((place) => [place.id, place]));
+    showChosen(found);
+    track();
+  }
+
+  fill(legend, "all", () => ["good", "old", "bad", "none"].map((kind) => state(kind, t({ good: "good", old: "old", bad: "invalid", none: "no_link" }[kind]))));
+  map.once("style.load", dress);
+  map.on("click", "marks", (event) => choose(event.features[0].properties.id));
+  map.on("mouseenter", "marks", () => (map.getCanvas().style.cursor = "pointer"));
+  map.on("mouseleave", "marks", () => (map.getCanvas().style.cursor = ""));
+  map.on("dragstart", () => { if (chosen.follow) { chosen.follow = false; update(); } });
+  search.addEventListener("input", update);
+  const themed = () => { ready = false; map.setStyle(style(), { diff: false }); map.once("style.load", dress); };
+  addEventListener("theme", themed);
+  const unwatch = live.watch(update);
+  const tick = setInterval(update, 1000);
+  live.look({ view: "map" });
+  return () => {
+    unwatch();
+    clearInterval(tick);
+    removeEventListener("theme", themed);
+    map.remove();
+  };
+}

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The stations: is the link up, since when, why not; what has come.
+import { fill, h, Rows, setText, state } from "./dom.js";
+import * as live from "./live.js";
+import { empty } from "./points.js";
+import { stationState, UP } from "./quality.js";
+import { age, t, time } from "./words.js";
+
+// enum iec104_closing, and the errno of a connection that was never made.
+const REASONS = ["", "not an APDU", "ASDU too short", "N(S) out of sequence", "N(R) never sent", "I frame while stopped", "t1: I frame", "t1: TESTFR",
+  "too many requests", "taken over", "gave way", "not secure", "closed by the station", "closed by the centre", "t1: STARTDT", "started by the station"];
+const ERRORS = { 111: "connection refused", 110: "timed out", 113: "no route to host", 101: "network unreachable", 104: "connection reset" };
+
+function reason(station) {
+  if (station.link === UP || !station.link) return "";
+  return station.reason ? REASONS[station.reason] ?? String(station.reason) : ERRORS[station.error] ?? (station.error ? `errno ${station.error}` : "");
+}
+
+export function showStations(main) {
+  const body = h("tbody");
+  const none = h("div");
+  const said = h("p", { class: "error", role: "alert" });
+  const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
+  const headings = [["station"], ["group", "clutter"], ["link"], ["since"], ["reason", "clutter"], ["heard"], ["records", "number clutter"], ["sessions", "number clutter"], [""]];
+  const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => h("th", { class: kind ?? "" }, key ? t(key) : "")))), body);
+  main.append(h("div", { class: "page" }, h("section", { class: "card" },
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), said, search), h("div", { class: "scroll" }, table), none)));
+
+  async function interrogate(id) {
+    setText(said, "");
+    try {
+      await live.ask(`stations/${id}/interrogate`, {});
+    } catch (refused) {
+      setText(said, t(refused.code) === refused.code ? refused.message : t(refused.code));
+    }
+  }
+
+  const rows = new Rows(body, (id) => {
+    const name = h("a", { href: `#points/${id}` });
+    const [group, link, since, why, heard, records, sessions, act] = ["clutter", "", "time", "clutter muted", "time", "number clutter", "number clutter", "act"].map((kind) => h("td", { class: kind }));
+    return {
+      element: h("tr", {}, h("td", {}, name), group, link, since, why, heard, records, sessions, act),
+      update(station) {
+        setText(name, station.name);
+        setText(group, station.group);
+        const { kind, word } = stationState(station);
+        fill(link, kind + word, () => state(kind, word));
+        setText(since, station.since ? age(live.now() - station.since) : "–");
+        setText(why, reason(station));
+        setText(heard, station.heard ? `${time(station.heard)}` : "–");
+        setText(records, String(station.records));
+        setText(sessions, String(station.sessions));
+        const can = station.link === UP && live.may("operator");
+        fill(act, String(can), () => (can ? h("button", { class: "small", onclick: () => interrogate(id) }, t("interrogate")) : []));
+      },
+    };
+  });
+
+  function update() {
+    const words = search.value.toLocaleLowerCase();
+    const found = [...live.stations.values()].filter((each) => `${each.name} ${each.group}`.toLocaleLowerCase().includes(words));
+    found.sort((a, b) => (a.link === UP) - (b.link === UP) || a.name.localeCompare(b.name, undefined, { numeric: true }));
+    rows.show(found.map((station) => [station.id, station]));
+    table.hidden = !found.length;
+    const why = found.length || !live.centre.connected ? "" : live.stations.size ? "nothing_found" : "no_stations";
+    fill(none, why, () => (why ? empty(t(why), t(`${why}_more`)) : []));
+  }
+  search.addEventListener("input", update);
+  const unwatch = live.watch(update);
+  const tick = setInterval(update, 1000);
+  live.look({ view: "stations" });
+  return () => {
+    unwatch();
+    clearInterval(tick);
+  };
+}

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is said on rtu-centre's socket: docs/centre.md, "The consumer"."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+from centre.errors import CentreError
+
+MAGIC = b"RTU1"
+HEADER = struct.Struct("<4sHHQ")
+RECORD = struct.Struct("<BBHIII32s")
+SAID = struct.Struct("<qqBBBB12s")  # the 32 octets of a record that names no station
+REQUEST = struct.Struct("<BBHIQI4sBBb5x")
+PACKET_MAX = HEADER.size + 1024 * RECORD.size
+
+LAST, TEST, TAGGED, TIME_INVALID, NEGATIVE = 1, 2, 4, 8, 16  # flags of a record
+SELECT = 1  # flag of a command
+OVERFLOW, BLOCKED, SUBSTITUTED, NOT_TOPICAL, INVALID = 1, 16, 32, 64, 128  # quality
+
+
+class Kind(IntEnum):
+    STATION = 1
+    LINK = 2
+    INFORMATION = 3
+    POSITION = 4
+    PROGRESS = 5
+    OTHER = 6
+
+
+class Link(IntEnum):
+    CONNECTING = 1
+    UP = 3
+    DOWN = 4
+
+
+class State(IntEnum):
+    """The ten states of a command."""
+
+    INACTIVE = 0
+    SELECTION_REQUEST = 1
+    ACCEPTED_SELECTION = 2
+    REFUSED_SELECTION = 3
+    INTERRUPTION_REQUEST = 4
+    INTERRUPTED_SELECTION = 5
+    EXECUTION_REQUEST = 6
+    EXECUTING = 7
+    REFUSED_COMMAND = 8
+    EXECUTED_COMMAND = 9
+
+
+ENDED = frozenset(
+    {State.REFUSED_SELECTION, State.INTERRUPTED_SELECTION, State.REFUSED_COMMAND, State.EXECUTED_COMMAND}
+)
+
+
+class Result(IntEnum):
+    NONE = 0
+    DONE = 1
+    REFUSED = 2
+    TIMEOUT = 3
+    ID_IN_USE = 6
+    OUT_OF_RANGE = 7
+    UNKNOWN_FATE = 9
+    NOT_UP = 64
+    BUSY = 65
+    NOT_KNOWN = 66
+
+
+class Ask(IntEnum):
+    ACKNOWLEDGE = 1
+    COMMAND = 2
+    EXECUTE = 3
+    CANCEL = 4
+    INTERROGATE = 5
+
+
+class Content(IntEnum):
+    """enum iec104_content, and a place."""
+
+    SINGLE = 0
+    DOUBLE = 1
+    STEP = 2
+    BITS = 3
+    NORMALIZED = 4
+    SCALED = 5
+    FLOAT = 6
+    TOTAL = 7
+    PROTECTION_EVENT = 8
+    PROTECTION_START = 9
+    PROTECTION_OUTPUT = 10
+    PACKED_SINGLES = 11
+    INITIALISATION = 12
+    POSITION = 100
+
+
+SIGNED = {Content.STEP, Content.NORMALIZED, Content.SCALED, Content.TOTAL}
+# Of a command: its type in a request, and what its value may be.
+COMMAND_TYPES = {"single": 0, "double": 1, "step": 2, "bits": 3, "normalized": 4, "scaled": 5, "float": 6}
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    kind: int
+    flags: int
+    ca: int
+    station: int
+    connection: int
+    ioa: int
+    name: str = ""
+    received_ns: int = 0
+    tag_ns: int = 0
+    type: int = 0
+    cause: int = 0
+    quality: int = 0
+    detail: int = 0
+    rest: bytes = b""
+
+    @property
+    def tagged(self) -> bool:
+        return self.flags & (TAGGED | TIME_INVALID) == TAGGED
+
+    @property
+    def content(self) -> Content:
+        return Content.POSITION if self.kind == Kind.POSITION else Content(self.rest[6])
+
+    @property
+    def value(self) -> float:
+        content = self.content
+        form = "<f" if content == Content.FLOAT else "<i" if content in SIGNED else "<I"
+        return float(struct.unpack_from(form, self.rest)[0])
+
+    @property
+    def position(self) -> tuple[int, int, int]:
+        """Latitude and longitude in 1e-7 degree, altitude in dm."""
+        latitude, longitude, altitude = struct.unpack("<iii", self.rest)
+        return latitude, longitude, altitude
+
+    @property
+    def link(self) -> tuple[int, int, int, int]:
+        """State, reason, errno, milliseconds until the next attempt."""
+        state, reason, error, retry = struct.unpack("<BB2xII", self.rest)
+        return state, reason, error, retry
+
+    @property
+    def progress(self) -> tuple[int, int, int]:
+        """State, result, id."""
+        state, result, id_ = struct.unpack("<BB2xQ", self.rest)
+        return state, result, id_
+
+
+def read_batch(octets: bytes) -> tuple[int, list[Record]]:
+    """The sequence of a batch and its records."""
+    if len(octets) < HEADER.size:
+        raise CentreError("rtu-centre sent a packet that is no batch: are both of one version?")
+    magic, size, count, sequence = HEADER.unpack_from(octets)
+    if magic != MAGIC or size != RECORD.size or len(octets) != HEADER.size + count * size:
+        raise CentreError("rtu-centre sent a batch of another form: are both of one version?")
+    return sequence, [_record(*fields) for fields in RECORD.iter_unpack(octets[HEADER.size :])]
+
+
+def _record(kind: int, flags: int, ca: int, station: int, connection: int, ioa: int, said: bytes) -> Record:
+    if kind == Kind.STATION:
+        name = said.rstrip(b"\0").decode(errors="replace")
+        return Record(kind, flags, ca, station, connection, ioa, name)
+    return Record(kind, flags, ca, station, connection, ioa, "", *SAID.unpack(said))
+
+
+def acknowledgement(sequence: int) -> bytes:
+    return REQUEST.pack(Ask.ACKNOWLEDGE, 0, 0, 0, sequence, 0, bytes(4), 0, 0, 0)
+
+
+def request(kind: Ask, station: int, ca: int, id_: int, qualifier: int = 0) -> bytes:
+    """All but a command: it needs no value."""
+    return REQUEST.pack(kind, 0, ca, station, id_, 0, bytes(4), 0, qualifier, 0)
+
+
+def command(
+    station: int, ca: int, ioa: int, id_: int, type_: str, value: float, select: bool, qualifier: int = 0
+) -> bytes:
+    """Raises CentreError when the value is none of the type."""
+    step = 0
+    if type_ == "float":
+        octets = struct.pack("<f", value)
+    else:
+        number = int(value)
+        if number != value or not -(2**31) <= number < 2**32:
+            raise CentreError(f"{value} is not a value of the type {type_}")
+        octets = (number & 0xFFFFFFFF).to_bytes(4, "little")
+    if type_ == "step":
+        step = int(value)
+    return REQUEST.pack(
+        Ask.COMMAND,
+        COMMAND_TYPES[type_],
+        ca,
+        station,
+        id_,
+        ioa,
+        octets,
+        SELECT if select else 0,
+        qualifier,
+        step,
+    )

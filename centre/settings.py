@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The centre's file: that of rtu-centre, and what the centre alone wants to know of each station."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+
+from centre.errors import CentreError
+from centre.records import Content
+
+Json = dict[str, Any]
+
+# Of an alarm of a point: limits of a value, or the state that is one.
+ALARM = {
+    "type": "object",
+    "additionalProperties": False,
+    "properties": {
+        "low": {"type": "number"},
+        "high": {"type": "number"},
+        "state": {"type": "integer"},
+        "priority": {"type": "integer", "minimum": 1, "maximum": 3},
+    },
+}
+STATION = {
+    "location": {
+        "type": "array",
+        "prefixItems": [
+            {"type": "number", "minimum": -90, "maximum": 90},
+            {"type": "number", "minimum": -180, "maximum": 180},
+        ],
+        "minItems": 2,
+        "maxItems": 2,
+    },
+    "group": {"type": "string", "maxLength": 64},
+    "points": {"type": "string"},
+    "alarms": {"type": "object", "additionalProperties": ALARM},
+}
+CENTRE = {
+    "address": {"type": "string"},
+    "port": {"type": "integer", "minimum": 1, "maximum": 65535},
+    "database": {"type": "string"},
+    "gap_s": {"type": "number", "exclusiveMinimum": 0},
+    "session_h": {"type": "number", "exclusiveMinimum": 0},
+    "secure": {"type": "boolean"},
+}
+SCHEMA = {
+    "type": "object",
+    "required": ["stations"],
+    "properties": {
+        "socket": {"type": "string"},
+        "stations": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "required": ["name"],
+                "properties": {"name": {"type": "string"}, **STATION},
+            },
+        },
+        "centre": {"type": "object", "additionalProperties": False, "properties": CENTRE},
+    },
+}
+TYPES = {"SC": "single", "DC": "double", "RC": "step", "BO": "bits"}
+SET_POINTS = {
+    "NA": "normalized",
+    "TA": "normalized",
+    "NB": "scaled",
+    "TB": "scaled",
+    "NC": "float",
+    "TC": "float",
+}
+CONTENTS = {
+    "SP": Content.SINGLE, "DP": Content.DOUBLE, "ST": Content.STEP, "BO": Content.BITS, "IT": Content.TOTAL,
+    "ME_NA": Content.NORMALIZED, "ME_ND": Content.NORMALIZED, "ME_NB": Content.SCALED, "ME_NC": Content.FLOAT,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a list of points says of one."""
+
+    name: str
+    unit: str = ""
+    device: str = ""
+    content: Content | None = None
+    command: str = ""  # a key of records.COMMAND_TYPES
+    selects: bool = False
+    readable: bool = True
+    minimum: float | None = None
+    maximum: float | None = None
+    low: float | None = None
+    high: float | None = None
+    state: int | None = None
+    priority: int = 2
+
+
+@dataclass(frozen=True)
+class StationSettings:
+    name: str
+    location: tuple[float, float] | None = None
+    group: str = ""
+    points: dict[tuple[int, int], Meaning] = field(default_factory=dict)  # by common address and IOA
+
+
+@dataclass(frozen=True)
+class Settings:
+    collector: Json  # rtu-centre's file
+    socket: Path
+    database: Path
+    address: str = "127.0.0.1"
+    port: int = 8104
+    gap_s: float = 120.0
+    session_h: float = 12.0
+    secure: bool = False
+    stations: dict[str, StationSettings] = field(default_factory=dict)
+
+
+def load(path: Path) -> Settings:
+    """Reads the file. Raises CentreError with all its mistakes that rtu-centre does not see."""
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise CentreError(f"{path}: {error}") from error
+    mistakes = [
+        f"{path}: {'.'.join(map(str, each.absolute_path)) or 'the file'}: {each.message}"
+        for each in jsonschema.Draft202012Validator(SCHEMA).iter_errors(content)
+    ]
+    if mistakes:
+        raise CentreError("\n".join(mistakes))
+    own = content.get("centre", {})
+    collector = {key: value for key, value in content.items() if key != "centre"}
+    collector["stations"] = [
+        {key: value for key, value in station.items() if key not in STATION}
+        for station in content["stations"]
+    ]
+    folder = path.resolve().parent
+    return Settings(
+        collector,
+        folder / content.get("socket", "consumer"),
+        folder / own.get("database", "centre.db"),
+        own.get("address", "127.0.0.1"),
+        own.get("port", 8104),
+        own.get("gap_s", 120.0),
+        own.get("session_h", 12.0),
+        own.get("secure", False),
+        {station["name"]: _station(station, folder) for station in content["stations"]},
+    )
+
+
+def _station(station: Json, folder: Path) -> StationSettings:
+    points = read_points(folder / station["points"]) if "points" in station else {}
+    alarms = station.get("alarms", {})
+    unknown = set(alarms) - {meaning.name for meaning in points.values()}
+    if unknown:
+        raise CentreError(
+            f"station {station['name']}: alarms: no point in its list is called {', '.join(sorted(unknown))}"
+        )
+    for key, meaning in points.items():
+        if meaning.name in alarms:
+            points[key] = Meaning(**{**vars(meaning), **alarms[meaning.name]})
+    location = tuple(station["location"]) if "location" in station else None
+    return StationSettings(station["name"], location, station.get("group", ""), points)
+
+
+def read_points(path: Path) -> dict[tuple[int, int], Meaning]:
+    """A gateway's configuration (.json), or a list of points with at least the columns ca and ioa (.csv)."""
+    try:
+        text = _listed(path) if path.suffix == ".json" else path.read_text()
+    except OSError as error:
+        raise CentreError(f"{path}: {error.strerror}") from error
+    rows = csv.DictReader(io.StringIO(text))
+    if not {"ca", "ioa"} <= set(rows.fieldnames or ()):
+        raise CentreError(f"{path}: a list of points needs the columns ca and ioa in its first line")
+    points = {}
+    for row in rows:
+        try:
+            points[int(row["ca"]), int(row["ioa"])] = _meaning(row)
+        except (ValueError, KeyError, TypeError) as error:
+            raise CentreError(f"{path}:{rows.line_num}: {error}") from error
+    return points
+
+
+def _listed(path: Path) -> str:
+    program = os.environ.get("OPENRTU_RTUD") or shutil.which("rtud")
+    if not program:
+        raise CentreError(
+            f"{path}: rtud lists its points, and is not on PATH: install the gateway, or set OPENRTU_RTUD"
+        )
+    done = subprocess.run([program, "--points", path, "--csv"], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise CentreError(f"{path}: rtud --points says: {done.stderr.strip()}")
+    return done.stdout
+
+
+def _meaning(row: dict[str, str]) -> Meaning:
+    def number(key: str) -> float | None:
+        return float(row[key]) if row.get(key) else None
+
+    kind = row.get("type") or ""
+    command = (row.get("command_type") or "").split("_")
+    return Meaning(
+        row.get("name") or f"{row['ca']}.{row['ioa']}",
+        row.get("unit") or "",
+        row.get("device") or "",
+        CONTENTS.get(kind[2:4], CONTENTS.get(kind[2:7])) if kind else None,
+        "" if len(command) != 4 else SET_POINTS[command[2]] if command[1] == "SE" else TYPES[command[1]],
+        (row.get("select") or "") == "true",
+        (row.get("direction") or "both") != "control",
+        number("min"),
+        number("max"),
+        number("low"),
+        number("high"),
+        int(row["state"]) if row.get("state") else None,
+        int(row.get("priority") or 2),
+    )

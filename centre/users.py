@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Users, their sessions and tokens. The database has hashes only."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+import sqlite3
+import time
+from dataclasses import dataclass
+
+from centre.errors import RefusedError
+from centre.store import audit
+
+ROLES = ("viewer", "operator", "engineer")  # each may do what the ones before may
+PASSWORD_LEAST = 10
+# RFC 7914; 16 MiB and some 50 ms: too dear to guess with.
+SCRYPT = {"n": 2**14, "r": 8, "p": 1}
+NAME_MOST = 64
+
+
+@dataclass(frozen=True)
+class Session:
+    user: str
+    role: str
+    csrf: str
+    label: str  # of a token; "" of a browser
+
+    def may(self, role: str) -> bool:
+        return ROLES.index(self.role) >= ROLES.index(role)
+
+
+def _hash(password: str, salt: bytes) -> bytes:
+    return hashlib.scrypt(password.encode(), salt=salt, **SCRYPT)
+
+
+def _hash_secret(secret: str) -> bytes:
+    """A secret of 256 random bits needs no slow hash."""
+    return hashlib.sha256(secret.encode()).digest()
+
+
+def put(database: sqlite3.Connection, name: str, role: str, password: str, by: str) -> None:
+    """Adds a user, or gives a new role and password, which ends all sessions of that user."""
+    if role not in ROLES:
+        raise RefusedError(400, "role", f"{role} is no role: {', '.join(ROLES)}")
+    if not name.strip() or len(name) > NAME_MOST:
+        raise RefusedError(400, "name", f"a name has 1 to {NAME_MOST} characters")
+    if len(password) < PASSWORD_LEAST:
+        raise RefusedError(400, "password", f"a password has at least {PASSWORD_LEAST} characters")
+    salt = secrets.token_bytes(16)
+    database.execute("DELETE FROM sessions WHERE user = ?", (name,))
+    database.execute(
+        "INSERT INTO users (name, role, salt, hash) VALUES (?1, ?2, ?3, ?4)"
+        " ON CONFLICT (name) DO UPDATE SET role = ?2, salt = ?3, hash = ?4",
+        (name, role, salt, _hash(password, salt)),
+    )
+    audit(database, time.time_ns(), by, "user", f"{name}: {role}")
+
+
+def remove(database: sqlite3.Connection, name: str, by: str) -> None:
+    if not database.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount:
+        raise RefusedError(404, "unknown", f"there is no user {name}")
+    audit(database, time.time_ns(), by, "user removed", name)
+
+
+def fits(password: str, row: dict[str, bytes] | None) -> bool:
+    """As slow for a name that is not there: nobody learns names by time."""
+    salt = row["salt"] if row else bytes(16)
+    return hmac.compare_digest(_hash(password, salt), row["hash"] if row else bytes(64)) and row is not None
+
+
+def begin(database: sqlite3.Connection, user: str, label: str, seconds: float) -> str:
+    """A new session or token; its secret, which nobody can read again."""
+    secret = secrets.token_urlsafe(32)
+    now_s = int(time.time())
+    database.execute("DELETE FROM sessions WHERE expires_s <= ?", (now_s,))
+    database.execute(
+        "INSERT INTO sessions (hash, user, csrf, label, expires_s) VALUES (?, ?, ?, ?, ?)",
+        (_hash_secret(secret), user, secrets.token_urlsafe(24), label, now_s + int(seconds)),
+    )
+    audit(database, time.time_ns(), user, "token" if label else "login", label)
+    return secret
+
+
+def end(database: sqlite3.Connection, secret: str) -> None:
+    database.execute("DELETE FROM sessions WHERE hash = ?", (_hash_secret(secret),))
+
+
+FIND = (
+    "SELECT users.name AS user, role, csrf, label FROM sessions JOIN users ON users.name = sessions.user"
+    " WHERE sessions.hash = ? AND expires_s > ?"
+)
+
+
+def find_values(secret: str) -> tuple[bytes, int]:
+    """What FIND is asked with."""
+    return _hash_secret(secret), int(time.time())

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Asks a control centre over HTTP."""
+
+from __future__ import annotations
+
+import http.client
+import json
+from typing import Any, Self
+
+LIMIT_S = 60.0  # for a hang only
+
+
+class AnswerError(AssertionError):
+    """The centre refused."""
+
+    def __init__(self, status: int, said: Any) -> None:
+        super().__init__(f"{status}: {said}")
+        self.status = status
+        self.code = said.get("code") if isinstance(said, dict) else None
+
+
+class Client:
+    """Asks over HTTP, as a browser or, with a token, as a program."""
+
+    def __init__(self, port: int, token: str = "") -> None:
+        self.port = port
+        self.headers: dict[str, str] = {"Authorization": f"Bearer {token}"} if token else {}
+
+    def login(self, name: str, password: str) -> Self:
+        self.headers = {}
+        response, _ = self.raw("POST", "/api/login", {"name": name, "password": password})
+        self.headers["Cookie"] = (response.getheader("Set-Cookie") or "").partition(";")[0]
+        self.headers["X-CSRF-Token"] = self.get("/api/me")["csrf"]
+        return self
+
+    def raw(
+        self, method: str, path: str, body: Any = None, **headers: str
+    ) -> tuple[http.client.HTTPResponse, bytes]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT_S)
+        said = {"Content-Type": "application/json"} if method != "GET" else {}
+        content = json.dumps(body or {}) if method != "GET" else None
+        connection.request(method, path, content, {**said, **self.headers, **headers})
+        response = connection.getresponse()
+        octets = response.read()
+        connection.close()
+        if response.status >= 400:
+            raise AnswerError(response.status, json.loads(octets))
+        return response, octets
+
+    def get(self, path: str) -> Any:
+        return json.loads(self.raw("GET", path)[1])
+
+    def post(self, path: str, body: Any = None) -> Any:
+        return json.loads(self.raw("POST", path, body)[1])

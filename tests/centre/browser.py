@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Debian's Chromium, without a screen, on the control centre's page."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+PROGRAM = "/usr/bin/chromium"
+# It asks nobody else, and draws WebGL by itself.
+FLAGS = [
+    *("--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync", "--use-angle=swiftshader"),
+    *("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"),
+]
+LIMIT_MS = 120_000  # for a hang only
+
+
+@contextlib.contextmanager
+def chromium() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=PROGRAM, args=FLAGS, timeout=LIMIT_MS)
+        yield browser
+        browser.close()
+
+
+def log_in(page: Page, port: int, name: str, password: str, view: str = "map") -> None:
+    """By the keyboard alone."""
+    page.set_default_timeout(LIMIT_MS)
+    page.goto(f"http://127.0.0.1:{port}/#{view}")
+    page.wait_for_selector("#name:focus")
+    page.keyboard.type(name)
+    page.keyboard.press("Tab")
+    page.keyboard.type(password)
+    page.keyboard.press("Enter")
+    page.wait_for_selector("nav")

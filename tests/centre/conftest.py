@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the tests of the control centre share."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from control_room import Site, Stations, described
+from lab.vehicles import Station
+
+
+@pytest.fixture(scope="module")
+def stations() -> Iterator[Stations]:
+    made = Stations()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def north(stations: Stations) -> Iterator[Station]:
+    """A station with a place, points and commands."""
+    made = stations.station()
+    yield made
+    stations.do(made.stop())
+
+
+@pytest.fixture(scope="module")
+def site(programs: Path, north: Station, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """The centre of these tests, with that station."""
+    folder = tmp_path_factory.mktemp("site")
+    with Site(programs, folder, [described(north, folder)]) as started:
+        yield started

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A control centre at work for a test: simulated stations, rtu-centre, the centre, and who asks it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any, Self
+
+from lab.centre_client import LIMIT_S, AnswerError, Client
+from lab.gateway import free_port
+from lab.vehicles import Station
+
+ROOT = Path(__file__).resolve().parents[2]
+PASSWORD = "correct horse battery"
+USERS = {"vera": "viewer", "olga": "operator", "omar": "operator", "emil": "engineer"}
+
+POINTS = """ca,ioa,type,command_type,name,unit,select,min,max,high,state
+1,1,,,place,,,,,,
+1,2,M_SP_NA_1,C_SC_NA_1,pump,,true,,,,
+1,3,M_SP_NA_1,C_SC_NA_1,lamp,,,0,1,,
+1,4,M_ME_NC_1,,level,m,,,,4.5,
+1,5,M_SP_NA_1,,fire,,,,,,1
+"""
+
+
+def until(found: Callable[[], Any], what: str) -> Any:
+    """What is found, once there is something. The time is for a hang only."""
+    end = time.monotonic() + LIMIT_S
+    while not (something := found()):
+        assert time.monotonic() < end, f"not seen: {what}"
+        time.sleep(0.02)
+    return something
+
+
+class Stations:
+    """Simulated stations, in a thread of their own."""
+
+    def __init__(self) -> None:
+        self.loop = asyncio.new_event_loop()
+        self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
+        self.thread.start()
+
+    def do(self, work: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(work, self.loop).result(LIMIT_S)
+
+    def station(self, **keys: Any) -> Station:
+        made = Station(**keys)
+        self.do(made.listen())
+        return made
+
+    def say(self, station: Station, ioa: int, type_: int, element: bytes) -> None:
+        self.loop.call_soon_threadsafe(station.say, ioa, type_, element)
+
+    def close(self) -> None:
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self.thread.join(LIMIT_S)
+
+
+class Site:
+    """rtu-centre and the centre, with their file; either can be killed and started again."""
+
+    def __init__(
+        self,
+        programs: Path,
+        folder: Path,
+        stations: list[dict[str, Any]],
+        page: Path | None = None,
+        **keys: Any,
+    ) -> None:
+        self.folder = folder
+        self.port = free_port()
+        self.file = folder / "centre.json"
+        self.page = page
+        content = {"retry_ms": 50, "retry_max_ms": 200, "stations": stations, **keys}
+        content["centre"] = {"port": self.port, **keys.get("centre", {})}
+        self.file.write_text(json.dumps(content))
+        self.environment = {
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "OPENRTU_RTUD": str(programs / "rtud" / "rtud"),
+        }
+        self.program = programs / "centre" / "rtu-centre"
+        self.collector: subprocess.Popen[str] | None = None
+        self.centre: subprocess.Popen[str] | None = None
+        for name, role in USERS.items():
+            self.run("user", name, "--role", role, stdin=PASSWORD)
+
+    def run(self, *words: str, stdin: str = "") -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "centre", self.file, *words],
+            input=stdin, capture_output=True, text=True, env=self.environment, timeout=LIMIT_S, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def start_collector(self) -> None:
+        file = self.folder / "rtu-centre.json"
+        if not file.exists():
+            file.write_text(self.run("collector"))
+        log = (self.folder / "collector.log").open("a")
+        self.collector = subprocess.Popen([self.program, file], stderr=log, text=True)
+
+    def start_centre(self) -> None:
+        log = (self.folder / "centre.log").open("a")
+        page = ("--page", str(self.page)) if self.page else ()
+        command = [sys.executable, "-m", "centre", str(self.file), "serve", *page]
+        self.centre = subprocess.Popen(command, stderr=log, text=True, env=self.environment)
+        until(self.answers, f"the centre answers: {self.log()}")
+
+    def log(self) -> str:
+        return (self.folder / "centre.log").read_text() if (self.folder / "centre.log").exists() else ""
+
+    def answers(self) -> bool:
+        try:
+            self.client().raw("GET", "/api/me")
+        except AnswerError:
+            return True
+        except OSError:
+            assert self.centre and self.centre.poll() is None, self.log()
+            return False
+        return True
+
+    def client(self, name: str = "") -> Client:
+        made = Client(self.port)
+        return made.login(name, PASSWORD) if name else made
+
+    def __enter__(self) -> Self:
+        self.start_collector()
+        self.start_centre()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in (self.centre, self.collector):
+            if process and process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                try:
+                    process.wait(LIMIT_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    raise
+
+    def kill(self, process: subprocess.Popen[str] | None) -> None:
+        assert process
+        process.kill()
+        process.wait(LIMIT_S)
+
+
+def described(
+    station: Station, folder: Path, name: str = "north", points: str = POINTS, **keys: Any
+) -> dict[str, Any]:
+    """It in the centre's file, with a list of points."""
+    (folder / f"{station.port}.csv").write_text(points)
+    address = {"address": "127.0.0.1", "port": station.port, "common_addresses": [station.ca]}
+    return {"name": name, **address, "points": f"{station.port}.csv", **keys}

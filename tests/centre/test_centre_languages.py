@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The words of the page: each has a place, and no language says what English does not."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+PAGE = Path(__file__).resolve().parents[2] / "centre" / "page"
+ENGLISH = json.loads((PAGE / "lang" / "en.json").read_text())
+
+
+@pytest.mark.parametrize("language", ["de", "sr", "es"])
+def test_language_has_known_words_with_the_same_places(language: str) -> None:
+    words = json.loads((PAGE / "lang" / f"{language}.json").read_text())
+    assert words.keys() <= ENGLISH.keys()
+    for key, text in words.items():
+        assert sorted(re.findall(r"{(\w+)}", text)) == sorted(re.findall(r"{(\w+)}", ENGLISH[key])), key
+
+
+def test_page_makes_no_markup_of_text() -> None:
+    """What would turn a name into markup or code is nowhere in the page."""
+    for file in (PAGE / "js").glob("*.js"):
+        assert not re.search(
+            r"innerHTML|outerHTML|insertAdjacent|document\.write|\beval\(", file.read_text()
+        ), file

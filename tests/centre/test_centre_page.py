@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The page in a browser: all of it from here, no name that runs, each fate of a command, keys alone."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from browser import LIMIT_MS, chromium, log_in
+from control_room import PASSWORD, POINTS, Site, Stations, described, until
+from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
+
+pytestmark = pytest.mark.slow
+
+PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
+EVIL = "<img src=x onerror=alert(1)>"
+BELGRADE = (44.8125, 20.4612)
+expect.set_options(timeout=LIMIT_MS)
+
+
+def now_ms() -> int:
+    return time.time_ns() // 1_000_000
+
+
+@pytest.fixture(scope="module")
+def site(
+    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Site]:
+    """A vehicle with points, and a station whose names are an attack."""
+    assert PAGE.is_dir(), "the page is not built: make centre-page"
+    folder = tmp_path_factory.mktemp("page")
+    evil = stations.station()
+    described_evil = described(
+        evil, folder, EVIL, POINTS.replace("pump", EVIL), group=EVIL, location=[40.0, 20.0]
+    )
+    with Site(programs, folder, [described(north, folder), described_evil], PAGE) as started:
+        stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+        for ioa in (2, 3, 5):
+            stations.say(north, ioa, M_SP_TB_1, single(now_ms(), False))
+            stations.say(evil, ioa, M_SP_TB_1, single(now_ms(), ioa == 5))
+        stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.5))
+        client = started.client("vera")
+        until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= 8, "the points")
+        yield started
+    stations.do(evil.stop())
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture
+def asked() -> list[str]:
+    """The addresses that the page asks."""
+    return []
+
+
+@pytest.fixture
+def page(browser: Browser, site: Site, asked: list[str]) -> Iterator[Page]:
+    """Logged in as an operator; no script fails, and no dialogue of the browser opens."""
+    context = browser.new_context(
+        viewport={"width": 1100, "height": 700}, locale="en-GB", color_scheme="dark", timezone_id="UTC"
+    )
+    made = context.new_page()
+    wrong: list[str] = []
+    made.on("request", lambda request: asked.append(request.url))
+    made.on("pageerror", lambda error: wrong.append(str(error)))
+    made.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
+    made.on("console", lambda said: wrong.append(said.text) if "Content Security" in said.text else None)
+    log_in(made, site.port, "olga", PASSWORD, "stations")
+    yield made
+    context.close()
+    assert wrong == []
+
+
+def view(page: Page, name: str) -> None:
+    page.keyboard.press({"map": "1", "points": "2", "alarms": "3", "stations": "4"}[name])
+    expect(page.locator(f"nav a[href='#{name}']")).to_have_attribute("aria-current", "page")
+
+
+def open_command(page: Page, point: str) -> None:
+    view(page, "points")
+    page.locator(".side .list button", has_text="north").click()
+    page.locator("tr", has_text=point).locator("button.small").click()
+
+
+def outcome(page: Page) -> str:
+    return page.locator("dialog .outcome strong").inner_text()
+
+
+def test_every_view_asks_only_this_machine_and_runs_no_name(page: Page, asked: list[str], site: Site) -> None:
+    for name in ("stations", "points", "map", "alarms"):
+        view(page, name)
+        page.locator("main").get_by_text(EVIL).first.wait_for()
+        assert page.locator("img[src=x]").count() == 0
+    for tab in ("Events", "Commands"):
+        page.get_by_role("button", name=tab).click()
+    expect(page.locator("h2", has_text="Commands")).to_be_visible()
+    hosts = {urlsplit(url).netloc for url in asked if not url.startswith(("blob:", "data:"))}
+    assert hosts == {f"127.0.0.1:{site.port}"}
+
+
+def green_middle(page: Page) -> dict[str, float]:
+    """The middle of what has the colour of a good value (--good of the dark theme), in pixels of the map."""
+    picture = page.locator(".maplibregl-canvas").screenshot()
+    found = page.evaluate(
+        """async (octets) => {
+          const image = await createImageBitmap(new Blob([new Uint8Array(octets)]));
+          const canvas = new OffscreenCanvas(image.width, image.height);
+          const pen = canvas.getContext("2d");
+          pen.drawImage(image, 0, 0);
+          const { data, width } = pen.getImageData(0, 0, image.width, image.height);
+          let x = 0, y = 0, count = 0;
+          for (let i = 0; i < data.length; i += 4) {
+            if (Math.hypot(data[i] - 76, data[i + 1] - 195, data[i + 2] - 138) > 30) continue;
+            x += (i / 4) % width + 0.5;
+            y += Math.floor(i / 4 / width) + 0.5;
+            count++;
+          }
+          return { x: x / count, y: y / count, count };
+        }""",
+        list(picture),
+    )
+    return dict(found)
+
+
+def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: Station) -> None:
+    """Within a pixel. The legend, which has the colour too, is put away."""
+    view(page, "map")
+    until(lambda: page.evaluate("Boolean(openrtuMap.style)"), "the map")
+    page.evaluate(
+        "document.querySelector('.legend').remove(); openrtuMap.jumpTo({center: [20.4, 44.8], zoom: 10})"
+    )
+
+    def seen() -> dict[str, float] | None:
+        stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+        page.wait_for_timeout(1000)  # it is drawn meanwhile, or at the next look
+        middle = green_middle(page)
+        return middle if middle["count"] > 50 else None
+
+    middle = until(seen, "a green marker")
+    wanted = page.evaluate(f"openrtuMap.project([{BELGRADE[1]}, {BELGRADE[0]}])")
+    assert abs(middle["x"] - wanted["x"]) <= 1
+    assert abs(middle["y"] - wanted["y"]) <= 1
+
+
+def test_command_by_keys_alone(page: Page, north: Station, stations: Stations) -> None:
+    """From the view to the end of a command, without a pointer."""
+    north.commanded.clear()
+    page.keyboard.press("2")
+    page.locator(".side .list button", has_text="north").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("h2", has_text="Points of north")).to_be_visible()
+    page.locator("tr", has_text="pump").locator("button.small").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("dialog .choices button").first).to_be_focused()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Space")
+    for _ in range(2):
+        page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    expect(page.locator("dialog button.main")).to_have_text("Execute")
+    page.locator("dialog button.main").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("dialog .outcome")).to_have_class("outcome good")
+    assert outcome(page) == "Executed"
+    assert north.commanded == [(2, 1)]
+    page.keyboard.press("Escape")
+    expect(page.locator("dialog")).to_have_count(0)
+
+
+@pytest.mark.parametrize(
+    ("manner", "kind", "words"),
+    [("refuse", "bad", "Refused by the station"), ("hang up", "old", "Fate unknown")],
+)
+def test_each_fate_looks_its_own(page: Page, north: Station, manner: str, kind: str, words: str) -> None:
+    open_command(page, "lamp")
+    north.manner = manner
+    page.locator("dialog .choices button").nth(1).click()
+    page.locator("dialog button.main").click()
+    expect(page.locator("dialog .outcome")).to_have_class(f"outcome {kind}")
+    north.manner = "done"
+    assert outcome(page) == words
+
+
+def test_escape_leaves_no_selection(page: Page, site: Site, north: Station) -> None:
+    client = site.client("olga")
+    until(lambda: client.get("/api/stations")[0]["link"] == 3, "connected")
+    open_command(page, "pump")
+    page.locator("dialog .choices button").nth(0).click()
+    page.locator("dialog button.main").click()
+    expect(page.locator("dialog button.main")).to_have_text("Execute")
+    page.keyboard.press("Escape")
+    until(lambda: client.get("/api/commands")[0]["state"] == 5, "the selection is cancelled")
+
+
+def test_absent_station_is_told_and_nothing_waits(
+    page: Page, site: Site, north: Station, stations: Stations
+) -> None:
+    open_command(page, "lamp")
+    north.commanded.clear()
+    stations.do(north.stop())
+    expect(page.locator("dialog .state.none")).to_have_text("no link")
+    page.locator("dialog .choices button").nth(1).click()
+    page.locator("dialog button.main").click()
+    expect(page.locator("dialog .outcome")).to_contain_text("The station is not connected")
+    assert outcome(page) == "Not sent"
+    stations.do(north.listen())
+    client = site.client("olga")
+    until(lambda: client.get("/api/stations")[0]["link"] == 3, "connected again")
+    assert not north.commanded
+
+
+def test_alarm_is_acknowledged_by_two_at_once(
+    page: Page, site: Site, stations: Stations, north: Station
+) -> None:
+    view(page, "alarms")
+    row = page.locator("tr", has_text="level is too high")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    expect(row).to_be_visible()
+    page.route("**/acknowledge", lambda route: (first(), route.continue_()))
+    other = site.client("omar")
+
+    def first() -> None:
+        """The other one is a moment faster."""
+        alarm = next(each for each in other.get("/api/alarms") if each["kind"] == "high")
+        other.post(f"/api/alarms/{alarm['id']}/acknowledge")
+
+    row.get_by_role("button", name="Acknowledge").click()
+    expect(page.locator(".error")).to_contain_text("was first")
+    expect(row).to_contain_text("omar")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    expect(row).to_have_count(0)
+
+
+def test_lost_connection_is_shown_and_comes_back(page: Page, site: Site) -> None:
+    view(page, "points")
+    page.locator(".side .list button", has_text="north").click()
+    expect(page.locator("td.value").first).to_be_visible()
+    site.kill(site.centre)
+    expect(page.locator(".banner")).to_contain_text("No connection to the centre")
+    site.start_centre()
+    expect(page.locator(".banner")).to_be_hidden()
+    site.kill(site.collector)
+    expect(page.locator(".banner")).to_contain_text("rtu-centre is not running")
+    expect(page.locator("td .state.none").first).to_have_text("no link")
+    site.start_collector()
+    expect(page.locator(".banner")).to_be_hidden()
+
+
+def test_languages_theme_and_logout(page: Page) -> None:
+    for language, word in (("de", "Karte"), ("sr", "Карта"), ("es", "Mapa"), ("en", "Map")):
+        page.locator("#language").select_option(language)
+        expect(page.locator("nav a").first).to_have_text(word)
+    page.locator("#theme").click()
+    expect(page.locator("html")).to_have_attribute("data-theme", "light")
+    page.set_viewport_size({"width": 360, "height": 640})
+    for name in ("stations", "points", "map", "alarms"):
+        page.locator(f"nav a[href='#{name}']").click()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    page.locator("#logout").click()
+    expect(page.locator("#name")).to_be_focused()
+    page.reload()
+    expect(page.locator("#name")).to_be_visible()

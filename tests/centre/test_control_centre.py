@@ -1,0 +1,375 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The control centre over HTTP: values, commands, alarms, users. With a station that the tests command."""
+
+import csv
+import io
+import json
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from centre.api import ROUTES, document
+from centre.records import Result, State
+from control_room import USERS, Site, Stations, until
+from lab.centre_client import AnswerError, Client
+from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
+
+INVALID = 128
+
+
+def now_ms() -> int:
+    return time.time_ns() // 1_000_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def filled(site: Site, stations: Stations, north: Station) -> None:
+    """The station has said something of each point."""
+    stations.say(north, 1, POSITION, position(now_ms(), 44.8, 20.5, 117))
+    for ioa in (2, 3, 5):
+        stations.say(north, ioa, M_SP_TB_1, single(now_ms(), False))
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.5))
+    client = site.client("vera")
+    until(lambda: all(point["at"] for point in client.get("/api/points")), "all points are known")
+
+
+@pytest.fixture
+def operator(site: Site) -> Client:
+    return site.client("olga")
+
+
+@pytest.fixture
+def manner(north: Station) -> Iterator[Station]:
+    yield north
+    north.manner = "done"
+
+
+def point(client: Client, name: str) -> dict[str, Any]:
+    return next(each for each in client.get("/api/points") if each["name"] == name)
+
+
+def value_of(client: Client, name: str) -> float:
+    return float(point(client, name)["value"])
+
+
+def open_alarms(client: Client, kind: str) -> list[dict[str, Any]]:
+    return [alarm for alarm in client.get("/api/alarms") if alarm["kind"] == kind]
+
+
+def in_state(client: Client, id_: int, *states: State) -> dict[str, Any]:
+    def found() -> dict[str, Any] | None:
+        command = client.get(f"/api/commands/{id_}")
+        return command if command["state"] in states else None
+
+    return until(found, f"command {id_} in {states}")
+
+
+# ---- values --------------------------------------------------------------------------------------
+
+
+def test_values_come_with_name_quality_and_the_stations_time(
+    site: Site, stations: Stations, north: Station, operator: Client
+) -> None:
+    at = now_ms()
+    stations.say(north, 4, M_ME_TF_1, measured(at, 2.5, INVALID))
+    level = until(lambda: value_of(operator, "level") == 2.5 and point(operator, "level"), "the value")
+    assert (level["quality"], level["at"], level["unit"]) == (INVALID, at, "m")
+    assert until(lambda: open_alarms(operator, "quality"), "an alarm of the quality")[0]["ca"] == 1
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 2.5))
+    until(lambda: not point(operator, "level")["quality"], "good again")
+    values = operator.get(f"/api/points/{level['id']}/history")
+    assert [(row["value"], row["quality"]) for row in values][-2:] == [(2.5, INVALID), (2.5, 0)]
+
+
+def test_events_are_a_file_too_and_no_text_is_a_formula(site: Site, operator: Client) -> None:
+    _, octets = operator.raw("GET", "/api/events?format=csv")
+    rows = list(csv.DictReader(io.StringIO(octets.decode())))
+    assert {"pump", "level"} <= {row["point"] for row in rows}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/api/points?station=x",
+        "/api/points?nothing=1",
+        "/api/tracks?format=pdf",
+        "/api/points/99999999999999999999/history",
+        "/api/events?from=9999999999999999999",
+    ],
+)
+def test_a_wrong_question_is_refused_with_a_reason(operator: Client, path: str) -> None:
+    with pytest.raises(AnswerError) as refused:
+        operator.get(path)
+    assert refused.value.status == 400
+
+
+def test_openapi_has_every_route_and_its_body(operator: Client) -> None:
+    said = operator.get("/api/openapi.json")
+    assert said == document()
+    assert {(method.upper(), path) for path, methods in said["paths"].items() for method in methods} == {
+        (route.method, route.path) for route in ROUTES
+    }
+
+
+# ---- commands: each fate ----------------------------------------------------------------------
+
+
+def test_select_then_execute(operator: Client, north: Station) -> None:
+    pump = point(operator, "pump")
+    north.commanded.clear()
+    command = operator.post("/api/commands", {"point": pump["id"], "value": 1})
+    in_state(operator, command["id"], State.ACCEPTED_SELECTION)
+    assert not north.commanded
+    operator.post(f"/api/commands/{command['id']}/execute")
+    done = in_state(operator, command["id"], State.EXECUTED_COMMAND)
+    assert done["result"] == Result.DONE
+    assert north.commanded == [(2, 1)]
+    until(lambda: value_of(operator, "pump") == 1, "what the device says now")
+
+
+def test_select_then_cancel(operator: Client, north: Station) -> None:
+    north.commanded.clear()
+    command = operator.post("/api/commands", {"point": point(operator, "pump")["id"], "value": 0})
+    in_state(operator, command["id"], State.ACCEPTED_SELECTION)
+    operator.post(f"/api/commands/{command['id']}/cancel")
+    in_state(operator, command["id"], State.INTERRUPTED_SELECTION)
+    with pytest.raises(AnswerError) as refused:
+        operator.post(f"/api/commands/{command['id']}/execute")
+    assert refused.value.code == "not_selected"
+    assert not north.commanded
+
+
+def test_only_who_selected_executes(site: Site, operator: Client) -> None:
+    command = operator.post("/api/commands", {"point": point(operator, "pump")["id"], "value": 0})
+    in_state(operator, command["id"], State.ACCEPTED_SELECTION)
+    other = site.client("omar")
+    with pytest.raises(AnswerError) as refused:
+        other.post(f"/api/commands/{command['id']}/execute")
+    assert refused.value.code == "not_yours"
+    with pytest.raises(AnswerError) as refused:
+        other.post("/api/commands", {"point": point(operator, "pump")["id"], "value": 1})
+    assert refused.value.code == "busy"
+    operator.post(f"/api/commands/{command['id']}/cancel")
+    in_state(operator, command["id"], State.INTERRUPTED_SELECTION)
+
+
+def test_selection_is_refused(operator: Client, manner: Station) -> None:
+    manner.manner = "refuse selection"
+    command = operator.post("/api/commands", {"point": point(operator, "pump")["id"], "value": 1})
+    assert in_state(operator, command["id"], State.REFUSED_SELECTION)["result"] == Result.REFUSED
+
+
+def test_command_is_refused_with_the_stations_reason(operator: Client, manner: Station) -> None:
+    manner.manner = "refuse"
+    command = operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})
+    refused = in_state(operator, command["id"], State.REFUSED_COMMAND)
+    assert refused["result"] == Result.REFUSED
+    assert refused["cause"] == 7
+
+
+def test_fate_is_unknown_when_the_connection_ends(operator: Client, manner: Station) -> None:
+    manner.manner = "hang up"
+    command = operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})
+    ended = in_state(operator, command["id"], State.REFUSED_COMMAND)
+    assert ended["result"] == Result.UNKNOWN_FATE
+    manner.manner = "done"
+    until(lambda: operator.get("/api/stations")[0]["link"] == 3, "connected again")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "code"),
+    [
+        ("lamp", 2, "out_of_range"),
+        ("lamp", 0.5, "out_of_range"),
+        ("level", 1, "no_command"),
+        ("lamp", 1e300, "out_of_range"),
+    ],
+)
+def test_what_is_no_command_is_not_sent(
+    operator: Client, north: Station, name: str, value: float, code: str
+) -> None:
+    north.commanded.clear()
+    with pytest.raises(AnswerError) as refused:
+        operator.post("/api/commands", {"point": point(operator, name)["id"], "value": value})
+    assert refused.value.code == code
+    assert not north.commanded
+
+
+def test_nothing_waits_for_a_station_that_is_absent(
+    site: Site, operator: Client, stations: Stations, north: Station
+) -> None:
+    north.commanded.clear()
+    stations.do(north.stop())
+    until(lambda: operator.get("/api/stations")[0]["link"] == 4, "down")
+    assert open_alarms(operator, "lost")
+    with pytest.raises(AnswerError) as refused:
+        operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})
+    assert refused.value.code == "not_up"
+    stations.do(north.listen())
+    until(lambda: operator.get("/api/stations")[0]["link"] == 3, "connected again")
+    assert not north.commanded
+    last = site.client("emil").get("/api/audit")
+    assert any(row["action"] == "command refused" and row["user"] == "olga" for row in last)
+
+
+# ---- alarms --------------------------------------------------------------------------------------
+
+
+def test_alarm_is_acknowledged_once_and_ends_when_its_cause_does(
+    site: Site, stations: Stations, north: Station
+) -> None:
+    people = [site.client("olga"), site.client("omar")]
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    alarm = until(lambda: open_alarms(people[0], "high"), "level is too high")[0]
+
+    def acknowledge(client: Client) -> str:
+        try:
+            return str(client.post(f"/api/alarms/{alarm['id']}/acknowledge")["by"])
+        except AnswerError as error:
+            assert error.code == "acknowledged"
+            return ""
+
+    with ThreadPoolExecutor(2) as both:
+        by = sorted(both.map(acknowledge, people))
+    assert by[0] == ""
+    assert by[1] in ("olga", "omar")
+    assert open_alarms(people[0], "high")[0]["by"] == by[1]
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    until(lambda: not open_alarms(people[0], "high"), "it ended")
+
+
+def test_one_that_comes_and_goes_is_one_alarm(site: Site, stations: Stations, north: Station) -> None:
+    client = site.client("olga")
+    for on in (True, False, True, False):
+        stations.say(north, 5, M_SP_TB_1, single(now_ms(), on))
+        until(lambda on=on: value_of(client, "fire") == on, "the state")
+        time.sleep(0.002)  # the time tags differ
+    alarms = open_alarms(client, "state")
+    assert len(alarms) == 1
+    assert alarms[0]["gone"]
+    shelved = client.post(f"/api/alarms/{alarms[0]['id']}/shelve", {"minutes": 10})
+    assert shelved["shelved"] > now_ms()
+    client.post(f"/api/alarms/{alarms[0]['id']}/acknowledge")
+    assert not open_alarms(client, "state")
+
+
+# ---- users ---------------------------------------------------------------------------------------
+
+
+def test_without_a_session_nothing_is_said(site: Site) -> None:
+    for route in ROUTES:
+        path = route.path.replace("{id}", "1").replace("{name}", "x")
+        with pytest.raises(AnswerError) as refused:
+            site.client().raw(route.method, path)
+        assert refused.value.status == 401, route.path
+
+
+@pytest.mark.parametrize("user", sorted(USERS))
+def test_nobody_does_what_the_role_does_not_allow(site: Site, user: str) -> None:
+    client = site.client(user)
+    roles = ["viewer", "operator", "engineer"]
+    for route in ROUTES:
+        if roles.index(route.role) > roles.index(USERS[user]):
+            path = route.path.replace("{id}", "1").replace("{name}", "vera")
+            with pytest.raises(AnswerError) as refused:
+                client.raw(route.method, path)
+            assert (refused.value.status, refused.value.code) == (403, "role"), route.path
+
+
+def test_another_sites_page_cannot_use_a_cookie(site: Site, operator: Client) -> None:
+    lamp = point(operator, "lamp")["id"]
+    forged = site.client()
+    forged.headers = {"Cookie": operator.headers["Cookie"]}
+    for token in ({}, {"X-CSRF-Token": "guessed"}):
+        with pytest.raises(AnswerError) as refused:
+            forged.raw("POST", "/api/commands", {"point": lamp, "value": 1}, **token)
+        assert refused.value.code == "csrf"
+    upgrade = {
+        "Upgrade": "websocket",
+        "Connection": "Upgrade",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "eA==",
+    }
+    with pytest.raises(AnswerError) as refused:
+        forged.raw("GET", "/api/stream", Origin="https://elsewhere.example", **upgrade)
+    assert refused.value.code == "origin"
+    with pytest.raises(AnswerError) as refused:
+        forged.raw(
+            "POST", "/api/login", {"name": "olga", "password": "x"}, Origin="https://elsewhere.example"
+        )
+    assert refused.value.code == "origin"
+
+
+def test_cookie_is_for_this_site_and_no_script(site: Site) -> None:
+    response, _ = site.client().raw(
+        "POST", "/api/login", {"name": "vera", "password": "correct horse battery"}
+    )
+    said = response.getheader("Set-Cookie") or ""
+    assert "HttpOnly" in said
+    assert "SameSite=Strict" in said
+    assert "script-src" not in (response.getheader("Content-Security-Policy") or "")
+    assert "default-src 'self'" in (response.getheader("Content-Security-Policy") or "")
+
+
+def test_logout_ends_a_session_for_good(site: Site) -> None:
+    client = site.client("vera")
+    client.post("/api/logout")
+    with pytest.raises(AnswerError) as refused:
+        client.get("/api/me")
+    assert refused.value.status == 401
+
+
+def test_token_of_yesterday(site: Site) -> None:
+    vera = site.client("vera")
+    token = vera.post("/api/tokens", {"label": "report", "days": 1})["token"]
+    assert Client(site.port, token).get("/api/me")["user"] == "vera"
+    short = vera.post("/api/tokens", {"label": "gone", "days": 0.000001})["token"]
+    with pytest.raises(AnswerError) as refused:
+        Client(site.port, short).get("/api/me")
+    assert refused.value.status == 401
+    forged = site.client()
+    forged.headers = {"Cookie": f"openrtu_session={token}"}  # a token is no cookie
+    with pytest.raises(AnswerError):
+        forged.get("/api/me")
+
+
+def test_passwords_cannot_be_guessed_fast(site: Site) -> None:
+    codes = set()
+    for _ in range(7):
+        with pytest.raises(AnswerError) as refused:
+            site.client().raw("POST", "/api/login", {"name": "nobody", "password": "x" * 12})
+        codes.add(refused.value.code)
+    assert codes == {"password", "guesses"}
+
+
+def test_new_password_ends_all_sessions_of_a_user(site: Site) -> None:
+    engineer = site.client("emil")
+    engineer.post("/api/users", {"name": "nina", "role": "operator", "password": "a long password"})
+    nina = site.client().login("nina", "a long password")
+    engineer.post("/api/users", {"name": "nina", "role": "viewer", "password": "another password"})
+    with pytest.raises(AnswerError):
+        nina.get("/api/me")
+    engineer.raw("DELETE", "/api/users/nina")
+    with pytest.raises(AnswerError):
+        site.client().login("nina", "another password")
+
+
+@pytest.mark.parametrize("path", ["/../centre/api.py", "/%2e%2e/%2e%2e/README.md", "//etc/passwd"])
+def test_no_file_but_the_page(site: Site, path: str) -> None:
+    with pytest.raises(AnswerError) as refused:
+        site.client().raw("GET", path)
+    assert refused.value.status in (403, 404)
+
+
+def test_what_the_command_line_is_told_wrong(site: Site, tmp_path: Path) -> None:
+    file = tmp_path / "wrong.json"
+    file.write_text(json.dumps({"stations": [{"name": "a", "address": "::1", "location": [95, 0]}]}))
+    site.file, file = file, site.file
+    try:
+        with pytest.raises(AssertionError, match=r"stations\.0\.location\.0: 95 is greater than"):
+            site.run("collector")
+    finally:
+        site.file = file
