@@ -59,7 +59,7 @@ REACH = [
     ("docs/logic.md", "tests/test_logic.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
-    ("docs/examples/modules/*", "lint tests/test_foreign.py"),
+    ("docs/examples/modules/*", "lint tests/test_foreign*.py"),
     ("docs/examples/logic/*", "tests/test_logic*.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
@@ -75,7 +75,7 @@ REACH = [
         f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
-    ("package/openrtu/python/*", "lint tests/test_foreign.py tests/test_version.py"),
+    ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the tools

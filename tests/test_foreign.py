@@ -4,7 +4,6 @@
 import json
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -15,18 +14,13 @@ from typing import Any
 
 import pytest
 
+from foreign import EXAMPLES, FIXTURES, HEADER, PACKAGE, compiled, library, place, program
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
-FIXTURES = ROOT / "tests/fixtures/foreign"
-EXAMPLES = ROOT / "docs/examples/modules"
-PACKAGE = ROOT / "package/openrtu/python"
-HEADER = ROOT / "package/openrtu/src/lib/openrtu.h"
-# A module's user need not be able to walk to the interpreter that runs the tests.
-PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 TANK, PUMP, SMOOTH, WILD, WITNESS = 901, 902, 903, 904, 905  # common addresses
 STATIONS = (TANK, PUMP, SMOOTH, WILD, WITNESS)
 AS_ROOT = pytest.mark.skipif(
@@ -34,40 +28,6 @@ AS_ROOT = pytest.mark.skipif(
 )
 PATIENCE_S = 60.0
 LIMIT_MS = 2000  # a module that a busy host lets wait is not dead
-
-
-def library(build: Path) -> Path:
-    return (build / "lib/libopenrtu.so.0").resolve()
-
-
-def program(directory: Path, name: str, script: Path) -> str:
-    """A script with the library and the package that it needs, where a module's user can reach them."""
-    path = directory / name
-    shutil.copy(script, directory / f"{name}.py")
-    words = [PYTHON, f"{directory}/{name}.py"]
-    path.write_text(
-        "#!/bin/sh\n"
-        f"export OPENRTU_LIBRARY={directory}/libopenrtu.so.0 PYTHONPATH={directory}\n"
-        "export PYTHONDONTWRITEBYTECODE=1\n"
-        f'exec {shlex.join(words)} "$@"\n'
-    )
-    path.chmod(0o755)
-    return str(path)
-
-
-def compiled(directory: Path, name: str, source: Path) -> str:
-    path = directory / name
-    flags = ["-Wall", "-Wextra", "-Werror", f"-I{HEADER.parent}", f"-Wl,-rpath,{directory}"]
-    command = ["cc", *flags, "-o", path, source, directory / "libopenrtu.so.0"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return str(path)
-
-
-def place(directory: Path, build: Path) -> None:
-    """What every module needs, beside it."""
-    shutil.copy(library(build), directory / "libopenrtu.so.0")
-    shutil.copytree(PACKAGE / "openrtu", directory / "openrtu", ignore=shutil.ignore_patterns("__pycache__"))
 
 
 def pairs() -> list[dict[str, Any]]:
@@ -407,6 +367,8 @@ def test_program_that_is_not_there_stops_nobody(programs: Path) -> None:
 # A symbol never leaves: programs that were linked with it would not start any more.
 SYMBOLS = [
     "attach",
+    "command",
+    "command_read",
     "config",
     "detach",
     "error",
@@ -418,11 +380,17 @@ SYMBOLS = [
     "point_description",
     "point_is_own",
     "point_name",
+    "point_takes_commands",
     "point_type",
     "point_unit",
     "read",
+    "request_confirm",
+    "request_end",
+    "request_next",
     "scan_begin",
     "scan_end",
+    "selection_next",
+    "selection_refuse",
     "version",
     "wait",
     "wall_ns",

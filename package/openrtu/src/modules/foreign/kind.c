@@ -16,10 +16,14 @@ static bool plan(struct map_config *config)
 
 	for (uint32_t i = 0; i < foreign_count(config); i++) {
 		const bool owns = modules[i].set != FOREIGN_NO_SET;
+		const bool commands = modules[i].command_count > 0;
 		struct map_module_plan module = {
 		    .kind = FOREIGN_KIND,
-		    .flags = owns ? MAP_MAY_OWN : 0,
-		    .rings = {.requests = 1, .answers = owns ? 64 : 1, .log = 128},
+		    .flags =
+			(owns ? MAP_MAY_OWN : 0) | (commands ? MAP_MAY_REQUEST | MAP_REQUESTS_LISTED : 0),
+		    .first_listed = modules[i].first_command,
+		    .listed_count = modules[i].command_count,
+		    .rings = {.requests = commands ? 64 : 1, .answers = owns ? 64 : 1, .log = 128},
 		    .heartbeat_limit_ms = modules[i].heartbeat_limit_ms,
 		    .section_size = sizeof(struct foreign_stats),
 		    .counters = FOREIGN_COUNTERS,
