@@ -372,6 +372,8 @@ SYMBOLS = [
     "config",
     "detach",
     "error",
+    "event_next",
+    "events_lost",
     "log",
     "name",
     "period_ms",

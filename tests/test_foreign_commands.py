@@ -3,6 +3,7 @@
 
 import datetime
 import json
+import re
 import struct
 import subprocess
 import time
@@ -79,7 +80,14 @@ def modules(directory: Path) -> list[dict[str, Any]]:
         ],
         "config": {"file": str(directory / "drive.json")},
     }
-    return [module | {"heartbeat_limit_ms": 2000} for module in (valve, drive)]
+    listener = {
+        "name": "listener",
+        "program": program(directory, "listener", FIXTURES / "listener.py"),
+        "period_ms": 50,
+        "reads": ["drive*", "valve.count"],
+        "config": {"file": str(directory / "listener.json")},
+    }
+    return [module | {"heartbeat_limit_ms": 2000} for module in (valve, drive, listener)]
 
 
 @dataclass
@@ -115,10 +123,10 @@ def running(programs: Path) -> Iterator[Plant]:
     directory = run_directory()
     try:
         place(directory, programs)
-        (directory / "valve.json").write_text("{}")
-        (directory / "drive.json").write_text("{}")
+        for name in ("valve", "drive", "listener"):
+            (directory / f"{name}.json").write_text("{}")
         config = listening_on({"port": [], "modules": modules(directory)}, free_port())
-        config["commands"] = {"command_timeout": 2}
+        config |= {"commands": {"command_timeout": 2}, "event_ring": 64}
         with Gateway(config, directory, programs) as gateway:
             yield Plant(gateway)
     finally:
@@ -129,6 +137,7 @@ def running(programs: Path) -> Iterator[Plant]:
 def plant(running: Plant) -> Plant:
     running.say("valve")
     running.say("drive")
+    running.say("listener")
     running.gateway.wait_for(
         lambda: all(row["alive"] for row in running.gateway.modules().values() if row["name"] != "rtuctl"),
         PATIENCE_S,
@@ -322,6 +331,37 @@ def test_owner_that_is_not_there_refuses(plant: Plant, master: RawMaster) -> Non
     answers = heads(until(master, C_SE_NB, ACT_TERM))
     assert answers[-1] in ((C_SE_NB, ACT_TERM), (C_SE_NB, ACT_CON | NEGATIVE))
     plant.wait_point("drive", 0 if answers[-1][1] != ACT_TERM else 2)
+
+
+# ---- events --------------------------------------------------------------------------------------
+
+
+def test_events_are_heard_in_order_and_once(plant: Plant) -> None:
+    """More of them than scans of who hears them."""
+    values = list(range(700, 712))
+    for value in values:
+        plant.gateway.ctl("set", "drive", str(value), "--select")
+    plant.wait_log("event: drive 711 0")
+    log = plant.gateway.log(10_000)
+    assert re.findall(r"event: drive (7\d\d) 0", log) == [str(value) for value in values]
+    assert "goes back" not in log
+
+
+def test_end_of_a_module_is_an_event_of_its_points(plant: Plant) -> None:
+    plant.gateway.ctl("set", "drive", "0", "--select")
+    invalid = plant.gateway.log(10_000).count("event: drive 0 128")
+    plant.gateway.kill("drive")
+    plant.gateway.wait_for(
+        lambda: plant.gateway.log(10_000).count("event: drive 0 128") > invalid, PATIENCE_S, "it is heard"
+    )
+    plant.wait_point("drive", 0)
+
+
+def test_lost_events_are_counted_and_shown(plant: Plant) -> None:
+    """The count of the valve changes in each of its scans, and its ring keeps 63."""
+    plant.say("listener", sleep_s=1.9)
+    plant.wait_log("listener info: lost")
+    assert plant.gateway.modules()["listener"]["lost_events"] > 0
 
 
 # ---- counters ------------------------------------------------------------------------------------

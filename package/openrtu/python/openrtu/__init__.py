@@ -29,6 +29,7 @@ __all__ = [
     "AttachError",
     "Command",
     "CommandError",
+    "Event",
     "Level",
     "Module",
     "Point",
@@ -144,6 +145,14 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
+class Event:
+    """A change of a point that the module reads."""
+
+    name: str
+    sample: Sample
+
+
+@dataclass(frozen=True, slots=True)
 class Point:
     """A point that the module reads or owns, as the configuration has it."""
 
@@ -251,7 +260,7 @@ class Module:
         raw = _library.RawSample()
         if self._library.openrtu_read(self._handle, point.number, ctypes.byref(raw)) < 0:
             raise PointError(f'"{name}" is not among the "reads" of the module {self.name}')
-        return Sample(_value(point.type, raw.value), Quality(raw.quality), raw.time_ns)
+        return _sample(point.type, raw)
 
     def __setitem__(self, name: str, value: float) -> None:
         """Writes an own point, as good as the inputs read so far. Raises PointError, ValueError."""
@@ -271,6 +280,19 @@ class Module:
             raise PointError(f'"{name}" is a point of another module: this one may only read it')
         if result < 0:
             raise ValueError(f'{value} is no value of "{name}", of type {point.type}')
+
+    def events(self) -> Iterator[Event]:
+        """The events of what the module reads, in order, each once. They may be newer than the frozen inputs."""
+        raw = _library.RawEvent()
+        while self._library.openrtu_event_next(self._handle, ctypes.byref(raw)):
+            point = self._by_number[raw.point]
+            yield Event(point.name, _sample(point.type, raw.sample))
+
+    @property
+    def events_lost(self) -> int:
+        """How many events of the gateway were overwritten before this module has read on."""
+        lost: int = self._library.openrtu_events_lost(self._handle)
+        return lost
 
     def requests(self) -> Iterator[Request]:
         """The commands of own points that had come when the scan began, each once."""
@@ -365,6 +387,10 @@ def _loaded() -> ctypes.CDLL:
         raise AttachError(
             f"{error}: install libopenrtu (make install), or name it in {_library.NAMED_BY}"
         ) from None
+
+
+def _sample(type_name: str, raw: _library.RawSample) -> Sample:
+    return Sample(_value(type_name, raw.value), Quality(raw.quality), raw.time_ns)
 
 
 def _value(type_name: str, value: float) -> bool | int | float:

@@ -22,6 +22,12 @@ class RawSample(ctypes.Structure):
     )
 
 
+class RawEvent(ctypes.Structure):
+    """struct openrtu_event."""
+
+    _fields_ = (("point", ctypes.c_int32), ("reserved", ctypes.c_uint32), ("sample", RawSample))
+
+
 class RawRequest(ctypes.Structure):
     """struct openrtu_request."""
 
@@ -69,6 +75,8 @@ _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "openrtu_read": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.POINTER(RawSample)]),
     "openrtu_write": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double]),
     "openrtu_write_quality": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double, ctypes.c_uint32]),
+    "openrtu_event_next": (ctypes.c_bool, [_HANDLE, ctypes.POINTER(RawEvent)]),
+    "openrtu_events_lost": (ctypes.c_uint32, [_HANDLE]),
     "openrtu_request_next": (ctypes.c_bool, [_HANDLE, ctypes.POINTER(RawRequest)]),
     "openrtu_request_confirm": (ctypes.c_int, [_HANDLE, ctypes.c_int]),
     "openrtu_request_end": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_int]),

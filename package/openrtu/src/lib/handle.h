@@ -40,6 +40,12 @@ struct openrtu {
 	uint32_t command_count;     /* that it may give */
 	struct commanding *commands;
 	uint32_t *command_of; /* of each point, among them; MAP_NONE: it may not */
+	/* Events. */
+	struct map_cursor cursor;
+	uint32_t events_lost, events_taken; /* taken: in this scan */
+	uint32_t ended; /* a module of which its inputs from ended_next on are to be told */
+	uint32_t ended_next;
+	int64_t ended_ns;
 	/* The scan. */
 	uint8_t seen; /* enum map_quality of the inputs that it has read so far */
 	int64_t now_ns, next_ns;
@@ -89,6 +95,10 @@ void requests_settle(struct openrtu *rtu);
 
 /* What became of its commands since the last scan. */
 void commands_take(struct openrtu *rtu);
+
+/* ---- events.c ---------------------------------------------------------------------------- */
+
+void events_begin(struct openrtu *rtu);
 
 /* ---- scan.c ------------------------------------------------------------------------------ */
 

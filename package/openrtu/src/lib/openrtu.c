@@ -148,6 +148,7 @@ static bool prepare(struct openrtu *rtu, const char *name)
 	map_name_counter(rtu->map, &rtu->stats->missed, "missed periods");
 	find_points(rtu);
 	requests_begin(rtu);
+	events_begin(rtu);
 	scan_publish_initial(rtu);
 	prctl(PR_SET_NAME, name); /* or all scripts would be called as their interpreter */
 	return true;

@@ -107,6 +107,23 @@ int openrtu_write(struct openrtu *rtu, int point, double value);
 /* The same with a quality of the caller's, whatever was read. */
 int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t quality);
 
+/* ---- events ------------------------------------------------------------------------------ */
+
+/* A change of a point that the module reads: what a controlling station is told of it. */
+struct openrtu_event {
+	int32_t point;
+	uint32_t reserved;
+	struct openrtu_sample sample;
+};
+
+/*
+ * The next event, in the order of their times; each comes once, from the start of the program on. It may be newer than the
+ * inputs that the scan has frozen. When a module ends, each of its points has one that is invalid. False: there is none.
+ */
+bool openrtu_event_next(struct openrtu *rtu, struct openrtu_event *out);
+/* How many events of the gateway were overwritten before this module has read on. rtuctl modules shows them. */
+uint32_t openrtu_events_lost(const struct openrtu *rtu);
+
 /* ---- commands ---------------------------------------------------------------------------- */
 
 /* The ten states of a command; docs/glossary.md tells where they are from. */

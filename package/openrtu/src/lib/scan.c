@@ -109,6 +109,7 @@ void openrtu_scan_begin(struct openrtu *rtu)
 	rtu->now_ns = map_begin_cycle(rtu->map);
 	rtu->seen = MAP_GOOD;
 	map_count(&rtu->stats->scans, 1);
+	rtu->events_taken = 0;
 	requests_take(rtu);
 	commands_take(rtu);
 	for (uint32_t first = 0, end; first < rtu->input_count; first = end) {
