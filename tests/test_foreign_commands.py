@@ -21,7 +21,7 @@ from lab.raw_master import Asdu, RawMaster
 VALVE, DRIVE = 911, 912  # common addresses
 C_SC, C_DC, C_SE_NA, C_SE_NB, C_SE_NC, C_BO = 45, 46, 48, 49, 50, 51
 C_CI, C_CS = 101, 103
-M_IT, M_IT_TAGGED = 15, 37
+M_IT, M_IT_TAGGED, M_ME_TAGGED = 15, 37, 35
 TAGGED = 13  # 58 is 45 with a time tag, and so on
 ACT, ACT_CON, DEACT, DEACT_CON, ACT_TERM = 6, 7, 8, 9, 10
 RETURN_REMOTE, RETURN_LOCAL = 11, 12
@@ -66,7 +66,7 @@ def modules(directory: Path) -> list[dict[str, Any]]:
         "ca": VALVE,
         "points": points,
         "reads": ["drive*"],
-        "commands": ["drive", "drive-other"],
+        "commands": ["drive", "drive-kept"],
         "config": {"file": str(directory / "valve.json")},
     }
     drive = {
@@ -76,7 +76,7 @@ def modules(directory: Path) -> list[dict[str, Any]]:
         "ca": DRIVE,
         "points": [
             {"name": "drive", "type": "scaled", "ioa": 1, "command": True, "select": True, "initial": 0},
-            {"name": "drive-other", "type": "scaled", "ioa": 2, "command": True, "initial": 0},
+            {"name": "drive-kept", "type": "scaled", "ioa": 2, "command": True, "initial": 0, "retain": True},
         ],
         "config": {"file": str(directory / "drive.json")},
     }
@@ -331,6 +331,29 @@ def test_owner_that_is_not_there_refuses(plant: Plant, master: RawMaster) -> Non
     answers = heads(until(master, C_SE_NB, ACT_TERM))
     assert answers[-1] in ((C_SE_NB, ACT_TERM), (C_SE_NB, ACT_CON | NEGATIVE))
     plant.wait_point("drive", 0 if answers[-1][1] != ACT_TERM else 2)
+
+
+# ---- what outlives a process ---------------------------------------------------------------------
+
+
+def test_retained_point_goes_on(plant: Plant, master: RawMaster) -> None:
+    """And whoever has seen it turn invalid sees that."""
+    plant.gateway.ctl("set", "drive", "30", "--select")
+    plant.gateway.ctl("set", "drive-kept", "31")
+    restarts = plant.gateway.modules()["drive"]["restarts"]
+    plant.gateway.kill("drive")
+    plant.gateway.wait_for(
+        lambda: plant.gateway.modules()["drive"]["restarts"] > restarts, PATIENCE_S, "it was killed"
+    )
+    plant.wait_point("drive", 0)  # initial
+    plant.wait_point("drive-kept", 31)
+    qualities: list[int] = []
+    while qualities[-1:] != [0]:
+        body = master.answer(M_ME_TAGGED).body
+        for octets in (body[begin : begin + 13] for begin in range(0, len(body), 13)):
+            if octets.startswith(b"\x02\x00\x00\x1f\x00") and (octets[5] or qualities):
+                qualities.append(octets[5])
+    assert qualities == [0x80, 0]
 
 
 # ---- events --------------------------------------------------------------------------------------

@@ -39,4 +39,5 @@ const struct config_rule foreign_point_rules[POINT_KEYS] = {
     [POINT_LONG_PULSE] = {"long_pulse_ms", CONFIG_INTEGER, .low = 20, .high = 60000},
     [POINT_COUNTER_GROUP] = {"counter_group", CONFIG_INTEGER, .low = 1, .high = 4},
     [POINT_FREEZE] = {"freeze_s", CONFIG_INTEGER, .low = 1, .high = 86400},
+    [POINT_RETAIN] = {"retain", CONFIG_BOOLEAN},
 };

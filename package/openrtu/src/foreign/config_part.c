@@ -228,7 +228,8 @@ static void check_keys(struct config_loader *loader, const struct config_place *
 static uint8_t flags_of(const struct config_value *values)
 {
 	return (uint8_t)((values[POINT_COMMAND].integer ? MAP_POINT_COMMAND : 0) |
-			 (values[POINT_SELECT].integer ? MAP_POINT_SELECT : 0));
+			 (values[POINT_SELECT].integer ? MAP_POINT_SELECT : 0) |
+			 (values[POINT_RETAIN].integer ? MAP_POINT_RETAIN : 0));
 }
 
 static void add_point(struct config_loader *loader, const struct config_place *place, struct own *own,

@@ -207,6 +207,21 @@ void openrtu_scan_end(struct openrtu *rtu)
 	map_heartbeat(rtu->map);
 }
 
+/* Its value goes on, and whoever has seen it turn invalid sees that. */
+static bool publish_retained(struct openrtu *rtu, uint32_t own)
+{
+	const uint32_t number = rtu->input_count + own;
+	const struct map_sample *sample = &rtu->samples[number];
+
+	if (!(map_config(rtu->map)->points[rtu->points[number]].flags & MAP_POINT_RETAIN) ||
+	    sample->time_ns == 0)
+		return false;
+	put(rtu, (int)number, *sample);
+	rtu->updates[own].event_rule = MAP_EVENT_ALWAYS;
+	rtu->updates[own].flags = MAP_UPDATE_KEEPS_VALUE; /* of a counter, it is the reading already */
+	return true;
+}
+
 void scan_publish_initial(struct openrtu *rtu)
 {
 	const struct foreign_point *points =
@@ -217,7 +232,7 @@ void scan_publish_initial(struct openrtu *rtu)
 		const double initial = points[rtu->module->first_point + i].initial;
 
 		rtu->updates[i].point = MAP_NONE;
-		if (!isnan(initial))
+		if (!publish_retained(rtu, i) && !isnan(initial))
 			write_sample(rtu, (int)(rtu->input_count + i), initial, MAP_GOOD);
 	}
 	publish(rtu);

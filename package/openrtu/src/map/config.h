@@ -43,6 +43,7 @@ enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 0,    /* may be commanded */
 	MAP_POINT_SELECT = 1u << 1,     /* a command needs a selection first */
 	MAP_POINT_NO_QUALITY = 1u << 2, /* normalized: sent without quality, and so only while good */
+	MAP_POINT_RETAIN = 1u << 3,     /* its value and quality outlive the process of its owner */
 };
 
 /*
