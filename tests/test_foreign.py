@@ -14,13 +14,14 @@ from typing import Any
 
 import pytest
 
-from foreign import EXAMPLES, FIXTURES, HEADER, PACKAGE, compiled, library, place, program
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
+from lab.modules import EXAMPLES, HEADER, PACKAGE, compiled, library, place, program
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
+FIXTURES = ROOT / "tests/fixtures/foreign"
 TANK, PUMP, SMOOTH, WILD, WITNESS = 901, 902, 903, 904, 905  # common addresses
 STATIONS = (TANK, PUMP, SMOOTH, WILD, WITNESS)
 AS_ROOT = pytest.mark.skipif(
@@ -175,6 +176,11 @@ def test_pages_show_the_ten_lines() -> None:
     assert len(ten.splitlines()) == 10
     for page in ("README.md", "docs/writing-a-module.md"):
         assert f"```python\n{ten}```\n" in (ROOT / page).read_text()
+
+
+def test_page_shows_the_guard() -> None:
+    guard = (EXAMPLES / "guard.py").read_text()
+    assert f"```python\n{guard}```\n" in (ROOT / "docs/writing-a-module.md").read_text()
 
 
 def test_entry_on_the_page_is_good(programs: Path, tmp_path: Path) -> None:

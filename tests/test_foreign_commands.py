@@ -14,10 +14,11 @@ from typing import Any
 
 import pytest
 
-from foreign import FIXTURES, place, program
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.modules import place, program
 from lab.raw_master import Asdu, RawMaster
 
+FIXTURES = Path(__file__).resolve().parent / "fixtures/foreign"
 VALVE, DRIVE = 911, 912  # common addresses
 C_SC, C_DC, C_SE_NA, C_SE_NB, C_SE_NC, C_BO = 45, 46, 48, 49, 50, 51
 C_CI, C_CS = 101, 103

@@ -29,17 +29,21 @@ from lab.gateway import (
     REPOSITORY,
     Gateway,
     Rtu,
+    default_build,
     listening_on,
     remove,
     run_directory,
 )
 from lab.linesim import Frame, LineSim
 from lab.master import Master, Report
+from lab.modules import EXAMPLES, compiled, place, program
 from lab.verdict import Verdict, run
 
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67
 DEVICE = "3.67"
+LEVEL = ("input_registers", 2)  # of that device, for the modules of others
+MODULES = (921, 922, 923)  # their stations
 
 # Figure 5.6, rows 1 to 13: what the interrogation of CA 3067 brought.
 FIGURE_5_3: dict[int, int] = {
@@ -55,6 +59,7 @@ FIGURE_5_8 = bytes([67, 6, 0, 2, 0, 255, 103, 104])
 RESPONSE_MS = 2000
 RETRIES = 2
 PROBE_MAX_S = 2
+MODULE_LIMIT_MS = 2000
 DEADLINE_S = 120.0  # for what takes a second on an idle host
 
 TYPES_OF_TABLE_4_1 = {
@@ -84,6 +89,40 @@ def configuration() -> dict[str, Any]:
             "probe_max_s": PROBE_MAX_S,
         }
     return config
+
+
+def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
+    """Three modules of others, in Python and C, around a register of the device, as the level of a tank."""
+    place(directory, build)
+    slaves = [slave for port in config["port"] for slave in port["slaves"] if slave["id"] == 67]
+    for register in slaves[0]["input_registers"]:
+        if register["address"] == LEVEL[1]:
+            register["name"] = "tank.level"
+    settings = {"low": 20, "high": 40, "full": 90}
+    point = {"ioa": 1, "type": "single"}
+    programs = {
+        "pump": (program(directory, "pump", EXAMPLES / "pump.py"), {"name": "pump"}),
+        "filter": (
+            compiled(directory, "filter", EXAMPLES / "filter.c"),
+            {"name": "tank.level-smooth", "type": "float"},
+        ),
+        "guard": (
+            program(directory, "guard", EXAMPLES / "guard.py"),
+            {"name": "pump-2", "command": True, "initial": 0},
+        ),
+    }
+    config["modules"] = [
+        {
+            "name": name,
+            "program": path,
+            "ca": ca,
+            "points": [point | keys],
+            "reads": ["tank.level"],
+            "heartbeat_limit_ms": MODULE_LIMIT_MS,
+            "config": settings,
+        }
+        for ca, (name, (path, keys)) in zip(MODULES, programs.items(), strict=True)
+    ]
 
 
 @dataclass
@@ -253,6 +292,31 @@ def all_types(desk: Desk) -> None:
     check(not missing, f"no station sent the types {', '.join(sorted(missing))}")
 
 
+def modules_of_others(desk: Desk) -> None:
+    """Modules that others write: Python switches a pump by a level, C smooths it, a command is judged"""
+    pump, smooth, guard = MODULES
+    for level, on in ((10, True), (50, False)):
+        since = desk.master.mark()
+        desk.lines.set(DEVICE, *LEVEL, level)
+        say(f"     device 3.67  input register 2 = {level}, the level of the tank")
+        event(desk.master.wait(lambda r, on=on: (r.ca, r.value) == (pump, on) and r.good, since, DEADLINE_S))
+    event(
+        desk.master.wait(lambda r: r.ca == smooth and r.value > 49 and r.good, since, DEADLINE_S),
+        "filtered in C",
+    )
+    for level, takes in ((50, True), (95, False)):
+        since = desk.master.mark()
+        if level != 50:
+            desk.lines.set(DEVICE, *LEVEL, level)
+            desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30003, 95), since, DEADLINE_S)
+        confirmed = desk.master.command(guard, 1, "C_SC_NA_1", c104.SingleCmd(on=True))
+        check(
+            confirmed == takes, f"the module {'refused' if takes else 'took'} a command at a level of {level}"
+        )
+        answer = "activation confirmed" if takes else "negative confirmation"
+        say(f"     master       pump-2 on at a level of {level}: {answer}, by the module")
+
+
 Step = Callable[[Desk], None]
 STEPS: tuple[Step, ...] = (
     interrogate,
@@ -263,6 +327,7 @@ STEPS: tuple[Step, ...] = (
     unplugged,
     all_types,
 )
+STEPS_HERE = (*STEPS, modules_of_others)  # the programs of the last one are made for this machine
 
 
 def received(frame: Frame, wanted: bytes) -> bool:
@@ -391,6 +456,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     ports.check_free(port, f"make run-native{' KEEP=1' if keep else ''}")
     directory = run_directory()
     config = listening_on(configuration(), port)
+    add_modules(config, directory, default_build())
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
@@ -399,7 +465,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
         lines = start_lines(stack, directory, config_file, verdict)
         gateway = start_gateway(stack, directory, config, verdict)
         desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
-        run_steps(desk, STEPS, verdict)
+        run_steps(desk, STEPS_HERE, verdict)
         if keep:
             keep_up(desk)
 

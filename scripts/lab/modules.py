@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Modules of others for a test: scripts and C programs with the library that they need beside them."""
+"""Modules of others for a gateway: scripts and C programs with the library that they need beside them."""
+
+from __future__ import annotations
 
 import shlex
 import shutil
@@ -7,12 +9,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-FIXTURES = ROOT / "tests/fixtures/foreign"
-EXAMPLES = ROOT / "docs/examples/modules"
-PACKAGE = ROOT / "package/openrtu/python"
-HEADER = ROOT / "package/openrtu/src/lib/openrtu.h"
-# A module's user need not be able to walk to the interpreter that runs the tests.
+from lab.errors import LabError
+from lab.gateway import REPOSITORY
+
+EXAMPLES = REPOSITORY / "docs/examples/modules"
+PACKAGE = REPOSITORY / "package/openrtu/python"
+HEADER = REPOSITORY / "package/openrtu/src/lib/openrtu.h"
+# A module's user need not be able to walk to the interpreter that runs this.
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 
 
@@ -40,7 +43,8 @@ def compiled(directory: Path, name: str, source: Path) -> str:
     flags = ["-Wall", "-Wextra", "-Werror", f"-I{HEADER.parent}", f"-Wl,-rpath,{directory}"]
     command = ["cc", *flags, "-o", path, source, directory / "libopenrtu.so.0"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    if done.returncode != 0:
+        raise LabError(f"{source} cannot be compiled: {done.stderr.strip()}")
     return str(path)
 
 
