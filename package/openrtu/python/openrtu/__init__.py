@@ -282,7 +282,7 @@ class Module:
             raise ValueError(f'{value} is no value of "{name}", of type {point.type}')
 
     def events(self) -> Iterator[Event]:
-        """The events of what the module reads, in order, each once. They may be newer than the frozen inputs."""
+        """The events of what the module reads, each once; they may be newer than the frozen inputs."""
         raw = _library.RawEvent()
         while self._library.openrtu_event_next(self._handle, ctypes.byref(raw)):
             point = self._by_number[raw.point]

@@ -117,7 +117,7 @@ struct openrtu_event {
 };
 
 /*
- * The next event, in the order of their times; each comes once, from the start of the program on. It may be newer than the
+ * The next event: those of one point in order, and what waits by its time; each comes once, from the start of the program on. It may be newer than the
  * inputs that the scan has frozen. When a module ends, each of its points has one that is invalid. False: there is none.
  */
 bool openrtu_event_next(struct openrtu *rtu, struct openrtu_event *out);
