@@ -65,7 +65,7 @@ REACH = [
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
-    ("docs/examples/modules/*", "lint tests/test_foreign.py"),
+    ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
     ("docs/examples/logic/*", "tests/test_logic*.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
@@ -85,7 +85,7 @@ REACH = [
         f"{C} fuzzers test-centre tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
-    ("package/openrtu/python/*", "lint tests/test_foreign.py tests/test_version.py"),
+    ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre

@@ -4,7 +4,6 @@
 import json
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -17,16 +16,12 @@ import pytest
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
+from lab.modules import EXAMPLES, HEADER, PACKAGE, compiled, library, place, program
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
 FIXTURES = ROOT / "tests/fixtures/foreign"
-EXAMPLES = ROOT / "docs/examples/modules"
-PACKAGE = ROOT / "package/openrtu/python"
-HEADER = ROOT / "package/openrtu/src/lib/openrtu.h"
-# A module's user need not be able to walk to the interpreter that runs the tests.
-PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 TANK, PUMP, SMOOTH, WILD, WITNESS = 901, 902, 903, 904, 905  # common addresses
 STATIONS = (TANK, PUMP, SMOOTH, WILD, WITNESS)
 AS_ROOT = pytest.mark.skipif(
@@ -34,40 +29,6 @@ AS_ROOT = pytest.mark.skipif(
 )
 PATIENCE_S = 60.0
 LIMIT_MS = 2000  # a module that a busy host lets wait is not dead
-
-
-def library(build: Path) -> Path:
-    return (build / "lib/libopenrtu.so.0").resolve()
-
-
-def program(directory: Path, name: str, script: Path) -> str:
-    """A script with the library and the package that it needs, where a module's user can reach them."""
-    path = directory / name
-    shutil.copy(script, directory / f"{name}.py")
-    words = [PYTHON, f"{directory}/{name}.py"]
-    path.write_text(
-        "#!/bin/sh\n"
-        f"export OPENRTU_LIBRARY={directory}/libopenrtu.so.0 PYTHONPATH={directory}\n"
-        "export PYTHONDONTWRITEBYTECODE=1\n"
-        f'exec {shlex.join(words)} "$@"\n'
-    )
-    path.chmod(0o755)
-    return str(path)
-
-
-def compiled(directory: Path, name: str, source: Path) -> str:
-    path = directory / name
-    flags = ["-Wall", "-Wextra", "-Werror", f"-I{HEADER.parent}", f"-Wl,-rpath,{directory}"]
-    command = ["cc", *flags, "-o", path, source, directory / "libopenrtu.so.0"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return str(path)
-
-
-def place(directory: Path, build: Path) -> None:
-    """What every module needs, beside it."""
-    shutil.copy(library(build), directory / "libopenrtu.so.0")
-    shutil.copytree(PACKAGE / "openrtu", directory / "openrtu", ignore=shutil.ignore_patterns("__pycache__"))
 
 
 def pairs() -> list[dict[str, Any]]:
@@ -215,6 +176,11 @@ def test_pages_show_the_ten_lines() -> None:
     assert len(ten.splitlines()) == 10
     for page in ("README.md", "docs/writing-a-module.md"):
         assert f"```python\n{ten}```\n" in (ROOT / page).read_text()
+
+
+def test_page_shows_the_guard() -> None:
+    guard = (EXAMPLES / "guard.py").read_text()
+    assert f"```python\n{guard}```\n" in (ROOT / "docs/writing-a-module.md").read_text()
 
 
 def test_entry_on_the_page_is_good(programs: Path, tmp_path: Path) -> None:
@@ -407,9 +373,13 @@ def test_program_that_is_not_there_stops_nobody(programs: Path) -> None:
 # A symbol never leaves: programs that were linked with it would not start any more.
 SYMBOLS = [
     "attach",
+    "command",
+    "command_read",
     "config",
     "detach",
     "error",
+    "event_next",
+    "events_lost",
     "log",
     "name",
     "period_ms",
@@ -418,11 +388,17 @@ SYMBOLS = [
     "point_description",
     "point_is_own",
     "point_name",
+    "point_takes_commands",
     "point_type",
     "point_unit",
     "read",
+    "request_confirm",
+    "request_end",
+    "request_next",
     "scan_begin",
     "scan_end",
+    "selection_next",
+    "selection_refuse",
     "version",
     "wait",
     "wall_ns",

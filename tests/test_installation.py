@@ -81,6 +81,7 @@ def test_install_puts_everything_in_its_place(installed: Path) -> None:
         *(f"usr/local/share/man/man{page[-1]}/{page}" for page in PAGES),
         "usr/local/share/openrtu/wireshark/asdu201.lua",
         "usr/local/share/snmp/mibs/OPENRTU-MIB.txt",
+        "usr/local/share/bash-completion/completions/rtuctl.bash",
     }
     check_unit(
         installed / "usr/local/lib/systemd/system/rtud.service", installed / "usr/local/sbin/rtud", installed

@@ -15,7 +15,7 @@ import pytest
 from lab.gateway import free_port
 from lab.master import Master
 from lab.picture import draw
-from lab.show import NATIVE_STEPS, STEPS
+from lab.show import NATIVE_STEPS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -161,7 +161,7 @@ def test_keep_stays_up_for_the_users_own_master(start: Start) -> None:
 def test_picture_of_the_readme_has_these_steps() -> None:
     """Drawn by scripts/lab/picture.py from a recorded run: record it again when the steps change."""
     picture = (ROOT / "docs/figures/run-native.svg").read_text()
-    missing = [step.__doc__ for step in STEPS if f". {step.__doc__}</tspan>" not in picture]
+    missing = [step.__doc__ for step in NATIVE_STEPS if f". {step.__doc__}</tspan>" not in picture]
     assert missing == []
 
 

@@ -31,17 +31,21 @@ from lab.gateway import (
     REPOSITORY,
     Gateway,
     Rtu,
+    default_build,
     listening_on,
     remove,
     run_directory,
 )
 from lab.linesim import Frame, LineSim
 from lab.master import Master, Report
+from lab.modules import EXAMPLES, compiled, place, program
 from lab.verdict import Verdict, run
 
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67
 DEVICE = "3.67"
+LEVEL = ("input_registers", 2)  # of that device, for the modules of others
+MODULES = (921, 922, 923)  # their stations
 NEWCOMER = "5.51"
 
 # Figure 5.6, rows 1 to 13: what the interrogation of CA 3067 brought.
@@ -58,6 +62,7 @@ FIGURE_5_8 = bytes([67, 6, 0, 2, 0, 255, 103, 104])
 RESPONSE_MS = 2000
 RETRIES = 2
 PROBE_MAX_S = 2
+MODULE_LIMIT_MS = 2000
 DEADLINE_S = 120.0  # for what takes a second on an idle host
 
 TYPES_OF_TABLE_4_1 = {
@@ -87,6 +92,40 @@ def configuration() -> dict[str, Any]:
             "probe_max_s": PROBE_MAX_S,
         }
     return config
+
+
+def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
+    """Three modules of others, in Python and C, around a register of the device, as the level of a tank."""
+    place(directory, build)
+    slaves = [slave for port in config["port"] for slave in port["slaves"] if slave["id"] == 67]
+    for register in slaves[0]["input_registers"]:
+        if register["address"] == LEVEL[1]:
+            register["name"] = "tank.level"
+    settings = {"low": 20, "high": 40, "full": 90}
+    point = {"ioa": 1, "type": "single"}
+    programs = {
+        "pump": (program(directory, "pump", EXAMPLES / "pump.py"), {"name": "pump"}),
+        "filter": (
+            compiled(directory, "filter", EXAMPLES / "filter.c"),
+            {"name": "tank.level-smooth", "type": "float"},
+        ),
+        "guard": (
+            program(directory, "guard", EXAMPLES / "guard.py"),
+            {"name": "pump-2", "command": True, "initial": 0},
+        ),
+    }
+    config["modules"] = [
+        {
+            "name": name,
+            "program": path,
+            "ca": ca,
+            "points": [point | keys],
+            "reads": ["tank.level"],
+            "heartbeat_limit_ms": MODULE_LIMIT_MS,
+            "config": settings,
+        }
+        for ca, (name, (path, keys)) in zip(MODULES, programs.items(), strict=True)
+    ]
 
 
 @dataclass
@@ -268,6 +307,31 @@ def position(desk: Desk) -> None:
             check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
 
 
+def modules_of_others(desk: Desk) -> None:
+    """Modules that others write: Python switches a pump by a level, C smooths it, a command is judged"""
+    pump, smooth, guard = MODULES
+    for level, on in ((10, True), (50, False)):
+        since = desk.master.mark()
+        desk.lines.set(DEVICE, *LEVEL, level)
+        say(f"     device 3.67  input register 2 = {level}, the level of the tank")
+        event(desk.master.wait(lambda r, on=on: (r.ca, r.value) == (pump, on) and r.good, since, DEADLINE_S))
+    event(
+        desk.master.wait(lambda r: r.ca == smooth and r.value > 49 and r.good, since, DEADLINE_S),
+        "filtered in C",
+    )
+    for level, takes in ((50, True), (95, False)):
+        since = desk.master.mark()
+        if level != 50:
+            desk.lines.set(DEVICE, *LEVEL, level)
+            desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30003, 95), since, DEADLINE_S)
+        confirmed = desk.master.command(guard, 1, "C_SC_NA_1", c104.SingleCmd(on=True))
+        check(
+            confirmed == takes, f"the module {'refused' if takes else 'took'} a command at a level of {level}"
+        )
+        answer = "activation confirmed" if takes else "negative confirmation"
+        say(f"     master       pump-2 on at a level of {level}: {answer}, by the module")
+
+
 Step = Callable[[Desk], None]
 STEPS: tuple[Step, ...] = (
     interrogate,
@@ -322,7 +386,7 @@ def reloaded(desk: Desk) -> None:
     say(f"     neighbour    port 3 was polled on, its longest pause was {pause:.0f} ms")
 
 
-NATIVE_STEPS: tuple[Step, ...] = (*STEPS, reloaded, position)
+NATIVE_STEPS: tuple[Step, ...] = (*STEPS, modules_of_others, reloaded, position)
 
 
 def received(frame: Frame, wanted: bytes) -> bool:
@@ -451,6 +515,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     ports.check_free(port, f"make run-native{' KEEP=1' if keep else ''}")
     directory = run_directory()
     config = listening_on(configuration() | {"gps": [drive.RECEIVER]}, port)
+    add_modules(config, directory, default_build())
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)

@@ -25,8 +25,25 @@ from typing import Any, Self
 
 from openrtu import _library
 
-__all__ = ["AttachError", "Level", "Module", "Point", "PointError", "Quality", "Sample", "library_version"]
+__all__ = [
+    "AttachError",
+    "Command",
+    "CommandError",
+    "Event",
+    "Level",
+    "Module",
+    "Point",
+    "PointError",
+    "Quality",
+    "Request",
+    "Result",
+    "Sample",
+    "Selection",
+    "State",
+    "library_version",
+]
 
+_SELECT, _ANYWAY, _LOCAL = 1, 2, 1  # as openrtu.h has them
 VERSION = "0.1.0"  # as package/openrtu/src/VERSION
 
 
@@ -36,6 +53,10 @@ class AttachError(SystemExit):
 
 class PointError(LookupError):
     """There is no such point for this module, or it may not write it."""
+
+
+class CommandError(RuntimeError):
+    """A command that was not sent: the last one has not ended, or the scan has read a bad input."""
 
 
 class Quality(IntFlag):
@@ -58,6 +79,52 @@ class Level(IntEnum):
     DEBUG = 3
 
 
+class State(IntEnum):
+    """The ten states of a command."""
+
+    INACTIVE = 0
+    SELECTION_REQUEST = 1
+    ACCEPTED_SELECTION = 2
+    REFUSED_SELECTION = 3
+    INTERRUPTION_REQUEST = 4
+    INTERRUPTED_SELECTION = 5
+    EXECUTION_REQUEST = 6
+    EXECUTING = 7
+    REFUSED_COMMAND = 8
+    EXECUTED_COMMAND = 9
+
+
+class Result(IntEnum):
+    """Why a command is in its state."""
+
+    NONE = 0
+    DONE = 1  # with EXECUTING: the device has confirmed it, and it goes on
+    EXCEPTION = 2  # the device refused
+    TIMEOUT = 3  # the device did not answer: it may or may not have acted
+    TOO_OLD = 4  # not begun in time
+    NOT_SELECTED = 5  # it needs a selection
+    INTERLOCK = 6  # another one selected or commands the point, or its owner does not want it now
+    OUT_OF_RANGE = 7
+    NOT_COMMANDABLE = 8  # or its owner does not run
+    UNKNOWN_FATE = 9  # the owner died: it may or may not have acted
+    NO_SCALE = 10  # the device's scale is not known
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What had become of a command to another module's point when the scan began."""
+
+    state: State
+    result: Result
+    exception: int  # the device's code, with Result.EXCEPTION
+    ended: bool  # nothing more comes
+
+    @property
+    def executed(self) -> bool:
+        """It has ended well."""
+        return self.state == State.EXECUTED_COMMAND
+
+
 @dataclass(frozen=True, slots=True)
 class Sample:
     """A value of a point. The value is the last one that was known, whatever its quality."""
@@ -78,6 +145,14 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
+class Event:
+    """A change of a point that the module reads."""
+
+    name: str
+    sample: Sample
+
+
+@dataclass(frozen=True, slots=True)
 class Point:
     """A point that the module reads or owns, as the configuration has it."""
 
@@ -86,7 +161,50 @@ class Point:
     unit: str  # "": none is given
     description: str
     own: bool  # the module may write it
+    takes_commands: bool  # the module may command it: another module's
     number: int  # in the library
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    module: Module
+    name: str  # of the own point
+    value: bool | int | float
+    pulse_ms: int  # the value for so long, then the other one; 0: it stays
+    time_ns: int  # when it was requested, as time.monotonic_ns()
+    local: bool  # by somebody on site
+
+
+class Request(_Asked):
+    """A command of an own point, to be carried out and ended by this module, in this scan or a later one."""
+
+    __slots__ = ()
+
+    def confirm(self) -> None:
+        """Tells whoever requested it that it has begun, and goes on."""
+        self.module._confirm(self.name)
+
+    def done(self) -> None:
+        """Ends it well with this scan: the point goes out as return information."""
+        self.module._end(self.name, Result.DONE)
+
+    def refuse(self, result: Result = Result.INTERLOCK) -> None:
+        """Ends it, and says why it was not done."""
+        if result in (Result.NONE, Result.DONE):
+            raise ValueError(f"{result!r} refuses nothing")
+        self.module._end(self.name, result)
+
+
+class Selection(_Asked):
+    """A selection of an own point. It is accepted when the scan ends, unless the module refuses it."""
+
+    __slots__ = ()
+
+    def refuse(self, result: Result = Result.INTERLOCK) -> None:
+        """Says why a command with this value would not be done."""
+        if result in (Result.NONE, Result.DONE):
+            raise ValueError(f"{result!r} refuses nothing")
+        self.module._refuse_selection(self.name, result)
 
 
 def library_version() -> str:
@@ -109,7 +227,8 @@ class Module:
         self.config: dict[str, Any] = json.loads(self._library.openrtu_config(self._handle))
         self.period_s: float = self._library.openrtu_period_ms(self._handle) / 1000
         numbers = range(self._library.openrtu_point_count(self._handle))
-        self.points: dict[str, Point] = {point.name: point for point in map(self._point, numbers)}
+        self._by_number = [self._point(number) for number in numbers]
+        self.points: dict[str, Point] = {point.name: point for point in self._by_number}
 
     def __enter__(self) -> Self:
         return self
@@ -139,8 +258,9 @@ class Module:
         """A point as it was when the scan began. Raises PointError."""
         point = self._find(name)
         raw = _library.RawSample()
-        self._library.openrtu_read(self._handle, point.number, ctypes.byref(raw))
-        return Sample(_value(point.type, raw.value), Quality(raw.quality), raw.time_ns)
+        if self._library.openrtu_read(self._handle, point.number, ctypes.byref(raw)) < 0:
+            raise PointError(f'"{name}" is not among the "reads" of the module {self.name}')
+        return _sample(point.type, raw)
 
     def __setitem__(self, name: str, value: float) -> None:
         """Writes an own point, as good as the inputs read so far. Raises PointError, ValueError."""
@@ -161,6 +281,56 @@ class Module:
         if result < 0:
             raise ValueError(f'{value} is no value of "{name}", of type {point.type}')
 
+    def events(self) -> Iterator[Event]:
+        """The events of what the module reads, each once; they may be newer than the frozen inputs."""
+        raw = _library.RawEvent()
+        while self._library.openrtu_event_next(self._handle, ctypes.byref(raw)):
+            point = self._by_number[raw.point]
+            yield Event(point.name, _sample(point.type, raw.sample))
+
+    @property
+    def events_lost(self) -> int:
+        """How many events of the gateway were overwritten before this module has read on."""
+        lost: int = self._library.openrtu_events_lost(self._handle)
+        return lost
+
+    def requests(self) -> Iterator[Request]:
+        """The commands of own points that had come when the scan began, each once."""
+        raw = _library.RawRequest()
+        while self._library.openrtu_request_next(self._handle, ctypes.byref(raw)):
+            yield Request(self, *self._asked(raw))
+
+    def selections(self) -> Iterator[Selection]:
+        """The selections of own points that had come when the scan began, each once."""
+        raw = _library.RawRequest()
+        while self._library.openrtu_selection_next(self._handle, ctypes.byref(raw)):
+            yield Selection(self, *self._asked(raw))
+
+    def command(self, name: str, value: float, *, select: bool = False, anyway: bool = False) -> None:
+        """Commands another module's point that "commands" name; `commanded` tells what becomes of it.
+
+        select: selects it first. anyway: although this scan has read an input that is no good.
+        Raises PointError, ValueError for what the point cannot hold, CommandError if nothing was sent.
+        """
+        point = self._find(name)
+        flags = _SELECT * select | _ANYWAY * anyway
+        result = self._library.openrtu_command(self._handle, point.number, value, flags)
+        if result == -errno.EPERM:
+            raise PointError(f'"{name}" is not among the "commands" of the module {self.name}')
+        if result == -errno.EBUSY:
+            raise CommandError(f'the last command of "{name}" has not ended')
+        if result == -errno.ENODATA:
+            raise CommandError(f'"{name}" is not commanded: this scan has read an input that is no good')
+        if result < 0:
+            raise ValueError(f'{value} is no value of "{name}", of type {point.type}')
+
+    def commanded(self, name: str) -> Command:
+        """What had become of the module's command of a point when the scan began. Raises PointError."""
+        raw = _library.RawCommand()
+        if self._library.openrtu_command_read(self._handle, self._find(name).number, ctypes.byref(raw)) < 0:
+            raise PointError(f'"{name}" is not among the "commands" of the module {self.name}')
+        return Command(State(raw.state), Result(raw.result), raw.detail, bool(raw.ended))
+
     def log(self, text: str, level: Level = Level.INFO) -> None:
         """A line in the gateway's log; 111 octets of it are kept."""
         self._library.openrtu_log(self._handle, level, text.encode())
@@ -170,6 +340,20 @@ class Module:
         wall: int = self._library.openrtu_wall_ns(self._handle, time_ns)
         return wall
 
+    def _asked(self, raw: _library.RawRequest) -> tuple[str, bool | int | float, int, int, bool]:
+        point = self._by_number[raw.point]
+        value = _value(point.type, raw.value)
+        return point.name, value, raw.pulse_ms, raw.time_ns, bool(raw.flags & _LOCAL)
+
+    def _confirm(self, name: str) -> None:
+        self._library.openrtu_request_confirm(self._handle, self._find(name).number)
+
+    def _end(self, name: str, result: Result) -> None:
+        self._library.openrtu_request_end(self._handle, self._find(name).number, result)
+
+    def _refuse_selection(self, name: str, result: Result) -> None:
+        self._library.openrtu_selection_refuse(self._handle, self._find(name).number, result)
+
     def _find(self, name: str) -> Point:
         if self._handle is None:
             raise PointError(f'"{name}": the module is closed')
@@ -177,7 +361,7 @@ class Module:
             return self.points[name]
         except KeyError:
             raise PointError(
-                f'no point "{name}": the module {self.name} needs it in its "points" or "reads"'
+                f'no point "{name}": the module {self.name} needs it in its "points", "reads" or "commands"'
             ) from None
 
     def _point(self, number: int) -> Point:
@@ -191,6 +375,7 @@ class Module:
             unit=text("openrtu_point_unit"),
             description=text("openrtu_point_description"),
             own=self._library.openrtu_point_is_own(self._handle, number),
+            takes_commands=self._library.openrtu_point_takes_commands(self._handle, number),
             number=number,
         )
 
@@ -202,6 +387,10 @@ def _loaded() -> ctypes.CDLL:
         raise AttachError(
             f"{error}: install libopenrtu (make install), or name it in {_library.NAMED_BY}"
         ) from None
+
+
+def _sample(type_name: str, raw: _library.RawSample) -> Sample:
+    return Sample(_value(type_name, raw.value), Quality(raw.quality), raw.time_ns)
 
 
 def _value(type_name: str, value: float) -> bool | int | float:

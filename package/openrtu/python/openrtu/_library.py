@@ -22,6 +22,36 @@ class RawSample(ctypes.Structure):
     )
 
 
+class RawEvent(ctypes.Structure):
+    """struct openrtu_event."""
+
+    _fields_ = (("point", ctypes.c_int32), ("reserved", ctypes.c_uint32), ("sample", RawSample))
+
+
+class RawRequest(ctypes.Structure):
+    """struct openrtu_request."""
+
+    _fields_ = (
+        ("point", ctypes.c_int32),
+        ("pulse_ms", ctypes.c_uint32),
+        ("value", ctypes.c_double),
+        ("time_ns", ctypes.c_int64),
+        ("flags", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    )
+
+
+class RawCommand(ctypes.Structure):
+    """struct openrtu_command."""
+
+    _fields_ = (
+        ("state", ctypes.c_uint32),
+        ("result", ctypes.c_uint32),
+        ("detail", ctypes.c_uint32),
+        ("ended", ctypes.c_uint32),
+    )
+
+
 _HANDLE = ctypes.c_void_p
 _ARGUMENTS = ctypes.POINTER(ctypes.c_char_p)
 # By function: what it returns, what it takes.
@@ -38,12 +68,22 @@ _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "openrtu_point_unit": (ctypes.c_char_p, [_HANDLE, ctypes.c_int]),
     "openrtu_point_description": (ctypes.c_char_p, [_HANDLE, ctypes.c_int]),
     "openrtu_point_is_own": (ctypes.c_bool, [_HANDLE, ctypes.c_int]),
+    "openrtu_point_takes_commands": (ctypes.c_bool, [_HANDLE, ctypes.c_int]),
     "openrtu_wait": (ctypes.c_bool, [_HANDLE]),
     "openrtu_scan_begin": (None, [_HANDLE]),
     "openrtu_scan_end": (None, [_HANDLE]),
     "openrtu_read": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.POINTER(RawSample)]),
     "openrtu_write": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double]),
     "openrtu_write_quality": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double, ctypes.c_uint32]),
+    "openrtu_event_next": (ctypes.c_bool, [_HANDLE, ctypes.POINTER(RawEvent)]),
+    "openrtu_events_lost": (ctypes.c_uint32, [_HANDLE]),
+    "openrtu_request_next": (ctypes.c_bool, [_HANDLE, ctypes.POINTER(RawRequest)]),
+    "openrtu_request_confirm": (ctypes.c_int, [_HANDLE, ctypes.c_int]),
+    "openrtu_request_end": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_int]),
+    "openrtu_selection_next": (ctypes.c_bool, [_HANDLE, ctypes.POINTER(RawRequest)]),
+    "openrtu_selection_refuse": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_int]),
+    "openrtu_command": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double, ctypes.c_uint32]),
+    "openrtu_command_read": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.POINTER(RawCommand)]),
     "openrtu_log": (None, [_HANDLE, ctypes.c_int, ctypes.c_char_p]),
     "openrtu_wall_ns": (ctypes.c_int64, [_HANDLE, ctypes.c_int64]),
     "openrtu_version": (ctypes.c_char_p, []),

@@ -27,7 +27,8 @@ struct foreign_module {
 	uint16_t set;         /* its points; FOREIGN_NO_SET: it has none */
 	uint32_t first_point; /* of the set, among FOREIGN_POINTS */
 	uint32_t first_read, read_count;
-	uint32_t config; /* JSON, by its place among FOREIGN_TEXTS */
+	uint32_t first_command, command_count; /* among MAP_LISTED */
+	uint32_t config;                       /* JSON, by its place among FOREIGN_TEXTS */
 };
 
 struct foreign_point {

@@ -20,6 +20,7 @@ const struct config_rule foreign_module_rules[MODULE_KEYS] = {
     [MODULE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534},
     [MODULE_POINTS] = {"points", CONFIG_ARRAY, .high = POINTS_MAX},
     [MODULE_READS] = {"reads", CONFIG_ARRAY, .high = POINTS_MAX},
+    [MODULE_COMMANDS] = {"commands", CONFIG_ARRAY, .high = POINTS_MAX},
     [MODULE_CONFIG] = {"config", CONFIG_OBJECT},
 };
 
@@ -32,4 +33,11 @@ const struct config_rule foreign_point_rules[POINT_KEYS] = {
     [POINT_INITIAL] = {"initial", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
     [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
+    [POINT_COMMAND] = {"command", CONFIG_BOOLEAN},
+    [POINT_SELECT] = {"select", CONFIG_BOOLEAN},
+    [POINT_SHORT_PULSE] = {"short_pulse_ms", CONFIG_INTEGER, .low = 20, .high = 60000},
+    [POINT_LONG_PULSE] = {"long_pulse_ms", CONFIG_INTEGER, .low = 20, .high = 60000},
+    [POINT_COUNTER_GROUP] = {"counter_group", CONFIG_INTEGER, .low = 1, .high = 4},
+    [POINT_FREEZE] = {"freeze_s", CONFIG_INTEGER, .low = 1, .high = 86400},
+    [POINT_RETAIN] = {"retain", CONFIG_BOOLEAN},
 };

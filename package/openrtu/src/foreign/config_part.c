@@ -28,10 +28,12 @@ struct own {
 	uint32_t point_count;
 	uint32_t *reads;
 	uint32_t read_count;
+	uint32_t *listed; /* that modules may command */
+	uint32_t listed_count;
 	char *texts;
 	size_t texts_size;
 	struct config_value (*values)[MODULE_KEYS]; /* of each module */
-	bool *is_read;                              /* by point, of the module that is read now */
+	bool *is_named;                             /* by point, of the list that is read now */
 	bool no_memory;
 };
 
@@ -74,10 +76,33 @@ static void check_module_name(struct config_loader *loader, const struct config_
 				     module->name);
 }
 
-/* ---- what a module reads ----------------------------------------------------------------- */
+/* ---- what a module reads and commands ---------------------------------------------------- */
+
+/* A list of a module with names and patterns of others' points. */
+struct list {
+	const struct config_rule *rule;
+	bool (*has)(const struct map_config *config, const struct map_point *point); /* NULL: any */
+	const char *lack; /* of a point by its whole name that it may not have */
+};
+
+static bool has_value(const struct map_config *config, const struct map_point *point)
+{
+	return !config->sets[point->set].never_read;
+}
+
+static bool takes_commands(const struct map_config *config, const struct map_point *point)
+{
+	(void)config;
+	return point->flags & MAP_POINT_COMMAND;
+}
+
+static const struct list reads_list = {
+    .rule = &foreign_module_rules[MODULE_READS], .has = has_value, .lack = "takes commands and has no value"};
+static const struct list commands_list = {
+    .rule = &foreign_module_rules[MODULE_COMMANDS], .has = takes_commands, .lack = "takes no commands"};
 
 static void read_pattern(struct config_loader *loader, const struct config_place *here, struct own *own,
-			 const struct foreign_module *module, const char *pattern)
+			 const struct foreign_module *module, const struct list *list, const char *pattern)
 {
 	const struct map_config *config = loader->config;
 	bool found = false;
@@ -88,36 +113,39 @@ static void read_pattern(struct config_loader *loader, const struct config_place
 		if (config->points[i].set == module->set || fnmatch(pattern, name, 0) != 0)
 			continue;
 		found = true;
-		if (config->sets[config->points[i].set].never_read)
-			config_error(&loader->report, here, "\"%s\" takes commands and has no value", name);
-		own->is_read[i] = true;
+		if (!list->has(config, &config->points[i]))
+			config_error(&loader->report, here, "\"%s\" %s", name, list->lack);
+		own->is_named[i] = true;
 	}
 	if (!found)
 		config_error(&loader->report, here, "\"%s\" fits no name of another module's point", pattern);
 }
 
-static void keep_reads(struct own *own, struct foreign_module *module, uint32_t point_count)
+/* Adds the points that are named to a table, and returns how many there are. */
+static uint32_t keep_named(struct own *own, uint32_t point_count, uint32_t **table, uint32_t *count)
 {
-	uint32_t *grown = realloc(own->reads, (own->read_count + point_count + 1) * sizeof(*grown));
+	const uint32_t first = *count;
+	uint32_t *grown = realloc(*table, (first + point_count + 1) * sizeof(*grown));
 
 	if (grown == NULL) {
 		own->no_memory = true;
-		return;
+		return 0;
 	}
-	own->reads = grown;
-	module->first_read = own->read_count;
+	*table = grown;
 	for (uint32_t i = 0; i < point_count; i++)
-		if (own->is_read[i])
-			own->reads[own->read_count++] = i;
-	module->read_count = own->read_count - module->first_read;
+		if (own->is_named[i])
+			grown[(*count)++] = i;
+	return *count - first;
 }
 
-static void read_reads(struct config_loader *loader, const struct config_place *place, struct own *own,
-		       struct foreign_module *module, const json_t *patterns)
+static void read_list(struct config_loader *loader, const struct config_place *place, struct own *own,
+		      const struct foreign_module *module, const struct list *list,
+		      const struct config_value *value)
 {
-	const struct config_place array = config_key_of(place, foreign_module_rules[MODULE_READS].name);
+	const struct config_place array = config_key_of(place, list->rule->name);
+	const json_t *patterns = value->given ? value->json : NULL;
 
-	memset(own->is_read, 0, loader->config->point_count * sizeof(*own->is_read));
+	memset(own->is_named, 0, loader->config->point_count * sizeof(*own->is_named));
 	for (size_t i = 0; i < json_array_size(patterns); i++) {
 		const struct config_place here = config_element_of(&array, i);
 		const char *pattern = json_string_value(json_array_get(patterns, i));
@@ -126,9 +154,21 @@ static void read_reads(struct config_loader *loader, const struct config_place *
 			config_error(&loader->report, &here,
 				     "is no text, expected the name of a point or a pattern");
 		else
-			read_pattern(loader, &here, own, module, pattern);
+			read_pattern(loader, &here, own, module, list, pattern);
 	}
-	keep_reads(own, module, loader->config->point_count);
+}
+
+static void read_lists(struct config_loader *loader, const struct config_place *place, struct own *own,
+		       struct foreign_module *module, const struct config_value *values)
+{
+	const uint32_t points = loader->config->point_count;
+
+	read_list(loader, place, own, module, &reads_list, &values[MODULE_READS]);
+	module->first_read = own->read_count;
+	module->read_count = keep_named(own, points, &own->reads, &own->read_count);
+	read_list(loader, place, own, module, &commands_list, &values[MODULE_COMMANDS]);
+	module->first_command = own->listed_count;
+	module->command_count = keep_named(own, points, &own->listed, &own->listed_count);
 }
 
 /* ---- points ------------------------------------------------------------------------------ */
@@ -156,13 +196,40 @@ static double initial_of(struct config_loader *loader, const struct config_place
 	return value->number;
 }
 
-/* Its readings are frozen at its owner's, which libopenrtu does not do. */
-static void check_type(struct config_loader *loader, const struct config_place *place, enum map_type type)
-{
-	const struct config_place here = config_key_of(place, foreign_point_rules[POINT_TYPE].name);
+#define BIT(type) (1u << (type))
 
-	if (type == MAP_COUNTER)
-		config_error(&loader->report, &here, "is counter, which no module of others can have");
+/* By key of a point: the types that it has a meaning for, 0: all. */
+static const unsigned point_key_types[POINT_KEYS] = {
+    [POINT_COMMAND] = ~BIT(MAP_COUNTER),
+    [POINT_SHORT_PULSE] = BIT(MAP_SINGLE) | BIT(MAP_DOUBLE),
+    [POINT_LONG_PULSE] = BIT(MAP_SINGLE) | BIT(MAP_DOUBLE),
+    [POINT_COUNTER_GROUP] = BIT(MAP_COUNTER),
+    [POINT_FREEZE] = BIT(MAP_COUNTER),
+};
+
+static void check_keys(struct config_loader *loader, const struct config_place *place, enum map_type type,
+		       const struct config_value *values)
+{
+	for (unsigned key = 0; key < POINT_KEYS; key++) {
+		const struct config_place here = config_key_of(place, foreign_point_rules[key].name);
+		const bool of_commands =
+		    key == POINT_SELECT || key == POINT_SHORT_PULSE || key == POINT_LONG_PULSE;
+
+		if (!values[key].given)
+			continue;
+		if (point_key_types[key] != 0 && !(point_key_types[key] & BIT(type)))
+			config_error(&loader->report, &here, "has no meaning for type %s",
+				     map_types[type].name);
+		else if (of_commands && !values[POINT_COMMAND].integer)
+			config_error(&loader->report, &here, "needs \"command\": true");
+	}
+}
+
+static uint8_t flags_of(const struct config_value *values)
+{
+	return (uint8_t)((values[POINT_COMMAND].integer ? MAP_POINT_COMMAND : 0) |
+			 (values[POINT_SELECT].integer ? MAP_POINT_SELECT : 0) |
+			 (values[POINT_RETAIN].integer ? MAP_POINT_RETAIN : 0));
 }
 
 static void add_point(struct config_loader *loader, const struct config_place *place, struct own *own,
@@ -173,10 +240,15 @@ static void add_point(struct config_loader *loader, const struct config_place *p
 	struct map_point *point = config_add_point(loader, place, values[POINT_NAME].text, type,
 						   (uint32_t)values[POINT_IOA].integer);
 
-	check_type(loader, place, type);
+	check_keys(loader, place, type, values);
 	config_check_name(&loader->report, &name, values[POINT_NAME].text);
 	point->group = (uint8_t)values[POINT_GROUP].integer;
 	point->deadband = (float)values[POINT_DEADBAND].number;
+	point->flags |= flags_of(values);
+	point->short_pulse_ms = (uint16_t)values[POINT_SHORT_PULSE].integer;
+	point->long_pulse_ms = (uint16_t)values[POINT_LONG_PULSE].integer;
+	point->counter_group = (uint8_t)values[POINT_COUNTER_GROUP].integer;
+	point->freeze_s = (uint32_t)values[POINT_FREEZE].integer;
 	own->points[own->point_count++] = (struct foreign_point){
 	    .unit = values[POINT_UNIT].given ? keep_text(own, values[POINT_UNIT].text) : 0,
 	    .description =
@@ -326,10 +398,12 @@ static void add_sections(struct map_config *config, struct own *own, uint32_t co
 	map_add_section(config, FOREIGN_MODULES, sizeof(*own->records), count, own->records);
 	map_add_section(config, FOREIGN_POINTS, sizeof(*own->points), own->point_count, own->points);
 	map_add_section(config, FOREIGN_READS, sizeof(*own->reads), own->read_count, own->reads);
+	map_add_section(config, MAP_LISTED, sizeof(*own->listed), own->listed_count, own->listed);
 	map_add_section(config, FOREIGN_TEXTS, sizeof(char), (uint32_t)own->texts_size, own->texts);
 	own->records = NULL;
 	own->points = NULL;
 	own->reads = NULL;
+	own->listed = NULL;
 	own->texts = NULL;
 }
 
@@ -359,14 +433,13 @@ static bool link_reads(struct config_loader *loader, void *own_memory)
 	struct own *own = own_memory;
 	const uint32_t count = (uint32_t)json_array_size(own->modules);
 
-	own->is_read = config_allocate(loader->config->point_count, sizeof(*own->is_read));
-	if (own->is_read == NULL)
+	own->is_named = config_allocate(loader->config->point_count, sizeof(*own->is_named));
+	if (own->is_named == NULL)
 		return false;
 	for (uint32_t i = 0; i < count; i++) {
 		const struct config_place place = config_element_of(&array, i);
-		const struct config_value *reads = &own->values[i][MODULE_READS];
 
-		read_reads(loader, &place, own, &own->records[i], reads->given ? reads->json : NULL);
+		read_lists(loader, &place, own, &own->records[i], own->values[i]);
 	}
 	if (count > 0)
 		add_sections(loader->config, own, count);
@@ -380,8 +453,9 @@ static void end(void *own_memory)
 	free(own->records);
 	free(own->points);
 	free(own->reads);
+	free(own->listed);
 	free(own->texts);
-	free(own->is_read);
+	free(own->is_named);
 	free(own->values);
 }
 

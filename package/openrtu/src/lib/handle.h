@@ -7,6 +7,20 @@
 #include "foreign/stats.h"
 #include "lib/openrtu.h"
 #include "map/map.h"
+#include "modules/commanding.h"
+
+/* What is requested of an own point: one selection and one command at a time. */
+struct asked {
+	/* A selection is judged in the scan that begins behind it, and settled when that ends. */
+	bool selects;
+	bool selection_seen;
+	uint8_t refusal; /* enum map_command_result, MAP_RESULT_NONE: it is accepted */
+	struct map_request selection;
+	enum { ASKED_NOTHING, ASKED_NEW, ASKED_SEEN, ASKED_CONFIRMED, ASKED_ENDS } phase;
+	uint8_t result; /* enum map_command_result, of one that ends with this scan */
+	struct map_request command;
+	int64_t begun_ns;
+};
 
 struct openrtu {
 	struct map *map;
@@ -14,14 +28,24 @@ struct openrtu {
 	struct foreign_stats *stats;
 	int stop_fd; /* readable: it was asked to end */
 	bool stopped;
-	/* Its points: what it reads, then its own. */
-	uint32_t input_count, own_count;
+	/* Its points: what it reads, then its own, then what it may command and does not read. */
+	uint32_t input_count, own_count, point_count;
 	uint32_t *points;           /* their numbers in the map */
 	struct map_sample *samples; /* inputs as frozen, own ones as written last */
 	char (*names)[MAP_NAME_SIZE];
 	struct map_sample *fresh;   /* what a set is read into */
 	struct map_update *updates; /* own points that this scan has written, the others' point is MAP_NONE */
 	struct map_update *written; /* the same without gaps, for map_publish */
+	struct asked *asked;        /* of each own point */
+	uint32_t command_count;     /* that it may give */
+	struct commanding *commands;
+	uint32_t *command_of; /* of each point, among them; MAP_NONE: it may not */
+	/* Events. */
+	struct map_cursor cursor;
+	uint32_t events_lost, events_taken; /* taken: in this scan */
+	uint32_t ended; /* a module of which its inputs from ended_next on are to be told */
+	uint32_t ended_next;
+	int64_t ended_ns;
 	/* The scan. */
 	uint8_t seen; /* enum map_quality of the inputs that it has read so far */
 	int64_t now_ns, next_ns;
@@ -34,6 +58,47 @@ struct openrtu {
 double value_number(enum map_type type, union map_value value);
 /* False: no value of this type; out is then left as it is. */
 bool value_of_number(enum map_type type, double number, union map_value *out);
+
+/* Whether a value that somebody else has made is one of this type. */
+bool value_is_sound(enum map_type type, union map_value value);
+
+static inline bool is_point(const struct openrtu *rtu, int point)
+{
+	return point >= 0 && (uint32_t)point < rtu->point_count;
+}
+
+static inline bool is_own(const struct openrtu *rtu, int point)
+{
+	return is_point(rtu, point) && (uint32_t)point >= rtu->input_count &&
+	       (uint32_t)point < rtu->input_count + rtu->own_count;
+}
+
+static inline enum map_type type_of(const struct openrtu *rtu, int point)
+{
+	return (enum map_type)map_config(rtu->map)->points[rtu->points[point]].type;
+}
+
+/* ---- requests.c -------------------------------------------------------------------------- */
+
+/* What a former process has left of commands that it carried out. */
+void requests_begin(struct openrtu *rtu);
+/* Takes what was requested of own points since the last scan. */
+void requests_take(struct openrtu *rtu);
+/* Which cause the publication of an own point has, by the command that ends with it. */
+enum map_cause requests_cause(const struct openrtu *rtu, uint32_t own);
+/* Whether its value goes out although the scan has not written it: who has commanded it waits for it. */
+bool requests_want(const struct openrtu *rtu, uint32_t own);
+/* Answers what this scan has decided, after its outputs are out. */
+void requests_settle(struct openrtu *rtu);
+
+/* ---- commands.c -------------------------------------------------------------------------- */
+
+/* What became of its commands since the last scan. */
+void commands_take(struct openrtu *rtu);
+
+/* ---- events.c ---------------------------------------------------------------------------- */
+
+void events_begin(struct openrtu *rtu);
 
 /* ---- scan.c ------------------------------------------------------------------------------ */
 

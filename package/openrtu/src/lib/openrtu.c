@@ -70,30 +70,57 @@ static struct map *attach(const char *dir, const char *name)
 
 static bool allocate(struct openrtu *rtu)
 {
-	const uint32_t count = rtu->input_count + rtu->own_count;
+	const uint32_t most = rtu->input_count + rtu->own_count + rtu->command_count;
 
-	rtu->points = calloc(count + 1, sizeof(*rtu->points));
-	rtu->samples = calloc(count + 1, sizeof(*rtu->samples));
-	rtu->names = calloc(count + 1, sizeof(*rtu->names));
-	rtu->fresh = calloc(count + 1, sizeof(*rtu->fresh));
+	rtu->points = calloc(most + 1, sizeof(*rtu->points));
+	rtu->samples = calloc(most + 1, sizeof(*rtu->samples));
+	rtu->names = calloc(most + 1, sizeof(*rtu->names));
+	rtu->command_of = calloc(most + 1, sizeof(*rtu->command_of));
+	rtu->fresh = calloc(rtu->input_count + 1, sizeof(*rtu->fresh));
 	rtu->updates = calloc(rtu->own_count + 1, sizeof(*rtu->updates));
 	rtu->written = calloc(rtu->own_count + 1, sizeof(*rtu->written));
-	return rtu->points && rtu->samples && rtu->names && rtu->fresh && rtu->updates && rtu->written;
+	rtu->asked = calloc(rtu->own_count + 1, sizeof(*rtu->asked));
+	rtu->commands = calloc(rtu->command_count + 1, sizeof(*rtu->commands));
+	return rtu->points && rtu->samples && rtu->names && rtu->command_of && rtu->fresh && rtu->updates &&
+	       rtu->written && rtu->asked && rtu->commands;
+}
+
+static void add_point(struct openrtu *rtu, uint32_t map_point)
+{
+	const struct map_config *config = map_config(rtu->map);
+	const uint32_t number = rtu->point_count++;
+
+	rtu->points[number] = map_point;
+	rtu->command_of[number] = MAP_NONE;
+	map_point_name(config, &config->points[map_point], rtu->names[number]);
+	rtu->samples[number].quality = MAP_INVALID;
+	map_read(rtu->map, map_point, &rtu->samples[number]);
+}
+
+/* A point that it reads and commands has one number. */
+static void add_command(struct openrtu *rtu, uint32_t command, uint32_t map_point)
+{
+	uint32_t number = 0;
+
+	while (number < rtu->point_count && rtu->points[number] != map_point)
+		number++;
+	if (number == rtu->point_count)
+		add_point(rtu, map_point);
+	rtu->command_of[number] = command;
 }
 
 static void find_points(struct openrtu *rtu)
 {
 	const struct map_config *config = map_config(rtu->map);
 	const uint32_t *reads = map_records(config, FOREIGN_READS, sizeof(uint32_t));
+	const uint32_t *listed = map_records(config, MAP_LISTED, sizeof(uint32_t));
 
-	for (uint32_t i = 0; i < rtu->input_count + rtu->own_count; i++) {
-		rtu->points[i] = i < rtu->input_count
-				     ? reads[rtu->module->first_read + i]
-				     : config->sets[rtu->module->set].first_point + i - rtu->input_count;
-		map_point_name(config, &config->points[rtu->points[i]], rtu->names[i]);
-		rtu->samples[i].quality = MAP_INVALID;
-		map_read(rtu->map, rtu->points[i], &rtu->samples[i]);
-	}
+	for (uint32_t i = 0; i < rtu->input_count; i++)
+		add_point(rtu, reads[rtu->module->first_read + i]);
+	for (uint32_t i = 0; i < rtu->own_count; i++)
+		add_point(rtu, config->sets[rtu->module->set].first_point + i);
+	for (uint32_t i = 0; i < rtu->command_count; i++)
+		add_command(rtu, i, listed[rtu->module->first_command + i]);
 }
 
 static bool prepare(struct openrtu *rtu, const char *name)
@@ -109,6 +136,7 @@ static bool prepare(struct openrtu *rtu, const char *name)
 		return false;
 	}
 	rtu->input_count = rtu->module->read_count;
+	rtu->command_count = rtu->module->command_count;
 	if (rtu->module->set != FOREIGN_NO_SET)
 		rtu->own_count = config->sets[rtu->module->set].point_count;
 	rtu->stop_fd = module_stop_fd();
@@ -119,6 +147,8 @@ static bool prepare(struct openrtu *rtu, const char *name)
 	map_name_counter(rtu->map, &rtu->stats->scans, "scans");
 	map_name_counter(rtu->map, &rtu->stats->missed, "missed periods");
 	find_points(rtu);
+	requests_begin(rtu);
+	events_begin(rtu);
 	scan_publish_initial(rtu);
 	prctl(PR_SET_NAME, name); /* or all scripts would be called as their interpreter */
 	return true;
@@ -158,6 +188,9 @@ void openrtu_detach(struct openrtu *rtu)
 	free(rtu->fresh);
 	free(rtu->updates);
 	free(rtu->written);
+	free(rtu->asked);
+	free(rtu->commands);
+	free(rtu->command_of);
 	free(rtu);
 }
 
@@ -180,7 +213,7 @@ uint32_t openrtu_period_ms(const struct openrtu *rtu)
 
 int openrtu_point_count(const struct openrtu *rtu)
 {
-	return (int)(rtu->input_count + rtu->own_count);
+	return (int)rtu->point_count;
 }
 
 int openrtu_point(const struct openrtu *rtu, const char *name)
@@ -191,14 +224,9 @@ int openrtu_point(const struct openrtu *rtu, const char *name)
 	return -ENOENT;
 }
 
-static bool is_point(const struct openrtu *rtu, int point)
-{
-	return point >= 0 && point < openrtu_point_count(rtu);
-}
-
 bool openrtu_point_is_own(const struct openrtu *rtu, int point)
 {
-	return is_point(rtu, point) && (uint32_t)point >= rtu->input_count;
+	return is_own(rtu, point);
 }
 
 const char *openrtu_point_name(const struct openrtu *rtu, int point)
@@ -208,8 +236,7 @@ const char *openrtu_point_name(const struct openrtu *rtu, int point)
 
 const char *openrtu_point_type(const struct openrtu *rtu, int point)
 {
-	return is_point(rtu, point) ? map_types[map_config(rtu->map)->points[rtu->points[point]].type].name
-				    : NULL;
+	return is_point(rtu, point) ? map_types[type_of(rtu, point)].name : NULL;
 }
 
 /* What the file says of a point of "modules", whoever owns it; NULL: it is a device's. */

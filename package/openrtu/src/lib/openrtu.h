@@ -66,8 +66,8 @@ uint32_t openrtu_period_ms(const struct openrtu *rtu);
 /* ---- points ------------------------------------------------------------------------------ */
 
 /*
- * A point by its name: one of the module's own, or one that its "reads" name. Its number, 0 or greater, holds until the module
- * detaches. -ENOENT: there is no such point, or "reads" does not name it.
+ * A point by its name: one of the module's own, or one that its "reads" or "commands" name. Its number, 0 or greater, holds
+ * until the module detaches. -ENOENT: there is no such point, or neither names it.
  */
 int openrtu_point(const struct openrtu *rtu, const char *name);
 /* How many points the module has to do with: their numbers go from 0 to one less. */
@@ -94,7 +94,7 @@ void openrtu_scan_end(struct openrtu *rtu);
 
 /*
  * A point as it was when the scan began; one of the module's own as it was written last. What is not to be had is invalid:
- * out is filled in any case. -EINVAL: no such number.
+ * out is filled in any case. -EINVAL: no such number; -EPERM: "commands" name it, "reads" do not.
  */
 int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out);
 
@@ -106,6 +106,105 @@ int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out);
 int openrtu_write(struct openrtu *rtu, int point, double value);
 /* The same with a quality of the caller's, whatever was read. */
 int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t quality);
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+/* A change of a point that the module reads: what a controlling station is told of it. */
+struct openrtu_event {
+	int32_t point;
+	uint32_t reserved;
+	struct openrtu_sample sample;
+};
+
+/*
+ * The next event: those of one point in order, and what waits by its time; each comes once, from the start of the program on. It may be newer than the
+ * inputs that the scan has frozen. When a module ends, each of its points has one that is invalid. False: there is none.
+ */
+bool openrtu_event_next(struct openrtu *rtu, struct openrtu_event *out);
+/* How many events of the gateway were overwritten before this module has read on. rtuctl modules shows them. */
+uint32_t openrtu_events_lost(const struct openrtu *rtu);
+
+/* ---- commands ---------------------------------------------------------------------------- */
+
+/* The ten states of a command; docs/glossary.md tells where they are from. */
+enum openrtu_state {
+	OPENRTU_INACTIVE,
+	OPENRTU_SELECTION_REQUEST,
+	OPENRTU_ACCEPTED_SELECTION,
+	OPENRTU_REFUSED_SELECTION,
+	OPENRTU_INTERRUPTION_REQUEST,
+	OPENRTU_INTERRUPTED_SELECTION,
+	OPENRTU_EXECUTION_REQUEST,
+	OPENRTU_EXECUTING,
+	OPENRTU_REFUSED_COMMAND,
+	OPENRTU_EXECUTED_COMMAND
+};
+
+/* Why it is in this state. */
+enum openrtu_result {
+	OPENRTU_NONE,
+	OPENRTU_DONE,         /* with OPENRTU_EXECUTING: the device has confirmed it, and it goes on */
+	OPENRTU_EXCEPTION,    /* the device refused */
+	OPENRTU_TIMEOUT,      /* the device did not answer: it may or may not have acted */
+	OPENRTU_TOO_OLD,      /* not begun in time */
+	OPENRTU_NOT_SELECTED, /* it needs a selection */
+	OPENRTU_INTERLOCK, /* the point is selected or commanded by another, or its owner does not want it now */
+	OPENRTU_OUT_OF_RANGE,
+	OPENRTU_NOT_COMMANDABLE, /* or its owner does not run */
+	OPENRTU_UNKNOWN_FATE,    /* the owner died: it may or may not have acted */
+	OPENRTU_NO_SCALE         /* the device's scale is not known */
+};
+
+/* A command of one of the module's own points, which has "command" in the configuration. */
+struct openrtu_request {
+	int32_t point;
+	uint32_t pulse_ms; /* the value for so long, then the other one; 0: it stays */
+	double value;
+	int64_t time_ns; /* when it was requested */
+	uint32_t flags;  /* OPENRTU_LOCAL */
+	uint32_t reserved;
+};
+
+#define OPENRTU_LOCAL 0x01u /* by somebody on site, with rtuctl */
+
+/*
+ * The next command that the module has not seen, of those that had come when the scan began; it is the module's to carry out,
+ * and to end by openrtu_request_end(), in this scan or a later one. One that is not ended within "command_timeout_s", or 40 s
+ * more where it was confirmed, ends as a time-out. False: there is none.
+ */
+bool openrtu_request_next(struct openrtu *rtu, struct openrtu_request *out);
+/* The command of this point has begun, and goes on: whoever requested it is told. -ENOENT: there is none. */
+int openrtu_request_confirm(struct openrtu *rtu, int point);
+/*
+ * Ends the command of this point when the scan ends, after its outputs are out. With OPENRTU_DONE the point is sent as return
+ * information, written in this scan or not; any other result refuses. -ENOENT: there is none; -EINVAL: no such result.
+ */
+int openrtu_request_end(struct openrtu *rtu, int point, enum openrtu_result result);
+/* The next selection that has come. It is accepted when the scan ends, unless it is refused until then. False: there is none. */
+bool openrtu_selection_next(struct openrtu *rtu, struct openrtu_request *out);
+int openrtu_selection_refuse(struct openrtu *rtu, int point, enum openrtu_result result);
+
+#define OPENRTU_SELECT 0x01u /* selects the point first, and executes when it is selected */
+#define OPENRTU_ANYWAY 0x02u /* although this scan has read an input that is no good */
+
+/* What has become of the module's command of a point. */
+struct openrtu_command {
+	uint32_t state;  /* enum openrtu_state */
+	uint32_t result; /* enum openrtu_result */
+	uint32_t detail; /* with OPENRTU_EXCEPTION, the device's code */
+	uint32_t ended;  /* 1: nothing more comes */
+};
+
+/* "commands" of the module name this point, another module's. */
+bool openrtu_point_takes_commands(const struct openrtu *rtu, int point);
+/*
+ * Commands another module's point. What becomes of it is seen at the beginning of each scan; it is never repeated. -EINVAL: no
+ * such number; -EPERM: "commands" do not name it; -EBUSY: the module's last command of it has not ended; -ERANGE: no value
+ * of this type; -ENODATA: this scan has read an input that is invalid, not topical or beyond its range.
+ */
+int openrtu_command(struct openrtu *rtu, int point, double value, uint32_t flags);
+/* What had become of it when the scan began; inactive: there was none. -EINVAL, -EPERM as openrtu_command(). */
+int openrtu_command_read(const struct openrtu *rtu, int point, struct openrtu_command *out);
 
 /* ---- log and time ------------------------------------------------------------------------ */
 

@@ -64,6 +64,7 @@ bool openrtu_wait(struct openrtu *rtu)
 		int64_t wake_ns = now_ns + beat_ns;
 
 		map_heartbeat(rtu->map);
+		map_totals_tick(rtu->map);
 		if (sleep_until(rtu, now_ns, wake_ns < rtu->next_ns ? wake_ns : rtu->next_ns))
 			break;
 		now_ns = map_now_ns();
@@ -102,24 +103,15 @@ static void freeze_set(struct openrtu *rtu, uint32_t first, uint32_t end)
 			rtu->samples[i].quality |= MAP_NOT_TOPICAL;
 }
 
-/* What is asked of its points: parameters of measured values are loaded, commands are refused, all are answered. */
-static void serve_requests(struct openrtu *rtu)
-{
-	struct map_request request;
-
-	map_bell_clear(rtu->map);
-	while (map_request_next(rtu->map, &request))
-		if (map_command_request(rtu->map, &request))
-			map_command_finish(rtu->map, request.point, MAP_RESULT_NOT_COMMANDABLE, 0);
-}
-
 void openrtu_scan_begin(struct openrtu *rtu)
 {
 	map_heartbeat(rtu->map);
 	rtu->now_ns = map_begin_cycle(rtu->map);
 	rtu->seen = MAP_GOOD;
 	map_count(&rtu->stats->scans, 1);
-	serve_requests(rtu);
+	rtu->events_taken = 0;
+	requests_take(rtu);
+	commands_take(rtu);
 	for (uint32_t first = 0, end; first < rtu->input_count; first = end) {
 		end = end_of_set(rtu, first);
 		freeze_set(rtu, first, end);
@@ -128,21 +120,13 @@ void openrtu_scan_begin(struct openrtu *rtu)
 		rtu->updates[i].point = MAP_NONE;
 }
 
-static enum map_type type_of(const struct openrtu *rtu, int point)
-{
-	return (enum map_type)map_config(rtu->map)->points[rtu->points[point]].type;
-}
-
-static bool is_point(const struct openrtu *rtu, int point)
-{
-	return point >= 0 && (uint32_t)point < rtu->input_count + rtu->own_count;
-}
-
 int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out)
 {
 	*out = (struct openrtu_sample){.quality = OPENRTU_INVALID};
 	if (!is_point(rtu, point))
 		return -EINVAL;
+	if ((uint32_t)point >= rtu->input_count && !is_own(rtu, point))
+		return -EPERM;
 	*out = (struct openrtu_sample){
 	    .value = value_number(type_of(rtu, point), rtu->samples[point].value),
 	    .time_ns = rtu->samples[point].time_ns,
@@ -166,7 +150,7 @@ static void put(struct openrtu *rtu, int point, struct map_sample sample)
 {
 	rtu->samples[point] = sample;
 	rtu->updates[(uint32_t)point - rtu->input_count] =
-	    (struct map_update){.point = rtu->points[point], .cause = MAP_SPONTANEOUS, .sample = sample};
+	    (struct map_update){.point = rtu->points[point], .sample = sample};
 }
 
 static int write_sample(struct openrtu *rtu, int point, double value, uint8_t quality)
@@ -175,7 +159,7 @@ static int write_sample(struct openrtu *rtu, int point, double value, uint8_t qu
 
 	if (!is_point(rtu, point))
 		return -EINVAL;
-	if ((uint32_t)point < rtu->input_count)
+	if (!is_own(rtu, point))
 		return -EPERM;
 	sample = rtu->samples[point];
 	sample.quality = quality;
@@ -201,15 +185,41 @@ int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t
 	return write_sample(rtu, point, value, (uint8_t)quality);
 }
 
-void openrtu_scan_end(struct openrtu *rtu)
+static void publish(struct openrtu *rtu)
 {
 	size_t count = 0;
 
-	for (uint32_t i = 0; i < rtu->own_count; i++)
-		if (rtu->updates[i].point != MAP_NONE)
-			rtu->written[count++] = rtu->updates[i];
+	for (uint32_t i = 0; i < rtu->own_count; i++) {
+		if (rtu->updates[i].point == MAP_NONE && requests_want(rtu, i))
+			put(rtu, (int)(rtu->input_count + i), rtu->samples[rtu->input_count + i]);
+		if (rtu->updates[i].point == MAP_NONE)
+			continue;
+		rtu->updates[i].cause = (uint8_t)requests_cause(rtu, i);
+		rtu->written[count++] = rtu->updates[i];
+	}
 	map_publish(rtu->map, rtu->written, count);
+}
+
+void openrtu_scan_end(struct openrtu *rtu)
+{
+	publish(rtu);
+	requests_settle(rtu);
 	map_heartbeat(rtu->map);
+}
+
+/* Its value goes on, and whoever has seen it turn invalid sees that. */
+static bool publish_retained(struct openrtu *rtu, uint32_t own)
+{
+	const uint32_t number = rtu->input_count + own;
+	const struct map_sample *sample = &rtu->samples[number];
+
+	if (!(map_config(rtu->map)->points[rtu->points[number]].flags & MAP_POINT_RETAIN) ||
+	    sample->time_ns == 0)
+		return false;
+	put(rtu, (int)number, *sample);
+	rtu->updates[own].event_rule = MAP_EVENT_ALWAYS;
+	rtu->updates[own].flags = MAP_UPDATE_KEEPS_VALUE; /* of a counter, it is the reading already */
+	return true;
 }
 
 void scan_publish_initial(struct openrtu *rtu)
@@ -222,8 +232,8 @@ void scan_publish_initial(struct openrtu *rtu)
 		const double initial = points[rtu->module->first_point + i].initial;
 
 		rtu->updates[i].point = MAP_NONE;
-		if (!isnan(initial))
+		if (!publish_retained(rtu, i) && !isnan(initial))
 			write_sample(rtu, (int)(rtu->input_count + i), initial, MAP_GOOD);
 	}
-	openrtu_scan_end(rtu);
+	publish(rtu);
 }

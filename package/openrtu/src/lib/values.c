@@ -18,6 +18,13 @@ double value_number(enum map_type type, union map_value value)
 	return map_number(type, value);
 }
 
+bool value_is_sound(enum map_type type, union map_value value)
+{
+	union map_value ignored;
+
+	return value_of_number(type, value_number(type, value), &ignored);
+}
+
 /* Nor is NaN one. */
 static bool is_whole_in_range(enum map_type type, double number)
 {

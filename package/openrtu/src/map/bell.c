@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Bells: a pipe for each module, which others ring when they have left something for it. */
+#include <string.h>
 #include <unistd.h>
 
 #include "map/layout.h"
@@ -21,6 +22,7 @@ bool map_bell_clear(struct map *map)
 
 	map->load += map->taken + (rings > 0 ? LOAD_OF_A_RING : 0);
 	map->taken = 0;
+	memset(map->taken_of, 0, sizeof(map->taken_of));
 	return rings > 0;
 }
 

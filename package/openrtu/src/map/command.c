@@ -10,6 +10,8 @@
 #include "map/time_ns.h"
 
 #define RECORDS_A_TURN 256u /* a ring's worth: more in one turn of the loop is somebody gone wild */
+#define LISTED_A_TURN                                                                                        \
+	16u /* of a module of others: the answers to a flood leave room for those to a control centre */
 
 static bool turn_is_over(const struct map *map)
 {
@@ -90,23 +92,71 @@ static bool take_slot(const struct map *map, struct map_request *request)
 	return map->self == MAP_RTUD || request->point != MAP_NONE;
 }
 
+static bool is_listed(const struct map *map, const struct map_module_plan *plan, uint32_t point)
+{
+	const uint32_t *listed = map_records(&map->config, MAP_LISTED, sizeof(*listed));
+	uint32_t low = plan->first_listed, high = low + plan->listed_count;
+
+	while (listed != NULL && low < high) {
+		uint32_t middle = low + (high - low) / 2;
+
+		if (listed[middle] == point)
+			return true;
+		if (listed[middle] < point)
+			low = middle + 1;
+		else
+			high = middle;
+	}
+	return false;
+}
+
+/* What a library refuses its module may come all the same, from a module that does without the library. */
+static bool may_request(struct map *map, uint32_t requester, const struct map_request *request)
+{
+	const struct map_module_plan *plan = &map->modules[requester].plan;
+	const bool command = request->action <= MAP_RELEASE;
+
+	if (!(plan->flags & MAP_REQUESTS_LISTED) || (command && is_listed(map, plan, request->point)))
+		return true;
+	if (!(map->refused & 1u << requester))
+		map_log(map, MAP_LOG_WARNING, "%s requests what it may not", plan->name);
+	map->refused |= 1u << requester;
+	return false;
+}
+
+static bool has_its_share(const struct map *map, uint32_t requester)
+{
+	return (map->modules[requester].plan.flags & MAP_REQUESTS_LISTED) &&
+	       map->taken_of[requester] >= LISTED_A_TURN;
+}
+
+/* The next record of a requester, whatever it says. */
+static bool take_request(struct map *map, uint32_t requester, struct map_request *out, uint32_t *lost)
+{
+	uint32_t *next = &map->segments[map->self].header->request_next[requester];
+
+	if (turn_is_over(map) || has_its_share(map, requester) ||
+	    !ring_peek(&map->segments[requester].requests, next, out, lost))
+		return false;
+	(*next)++;
+	map->taken++;
+	map->taken_of[requester]++;
+	if (has_its_share(map, requester))
+		bell_ring(map, map->self);
+	out->requester = (uint16_t)requester; /* whose ring it is, whatever it says */
+	return true;
+}
+
 bool map_request_next(struct map *map, struct map_request *out)
 {
-	struct segment_header *header = map->segments[map->self].header;
-
 	for (uint32_t i = 0; i < map_module_count(map); i++) {
 		uint32_t lost = 0;
 
 		if (!(map->modules[i].plan.flags & MAP_MAY_REQUEST))
 			continue; /* what its ring holds all the same, it wrote gone wild */
-		while (!turn_is_over(map) &&
-		       ring_peek(&map->segments[i].requests, &header->request_next[i], out, &lost)) {
-			header->request_next[i]++;
-			map->taken++;
-			out->requester = (uint16_t)i; /* whose ring it is, whatever it says */
-			if (is_for(map, out) && take_slot(map, out))
+		while (take_request(map, i, out, &lost))
+			if (is_for(map, out) && take_slot(map, out) && may_request(map, i, out))
 				return true;
-		}
 		if (lost)
 			map_log(map, MAP_LOG_ERROR, "%u requests of %s were overwritten unread", lost,
 				map->modules[i].plan.name);
@@ -209,7 +259,7 @@ static enum map_command_result objection(const struct map *map, const struct map
 	return MAP_RESULT_NONE;
 }
 
-static void refuse(struct map *map, const struct map_request *request, enum map_command_result result)
+void map_command_refuse(struct map *map, const struct map_request *request, enum map_command_result result)
 {
 	enum map_command_state state =
 	    request->action == MAP_EXECUTE ? MAP_REFUSED_COMMAND : MAP_REFUSED_SELECTION;
@@ -235,7 +285,7 @@ static void select_point(struct map *map, struct command_cell *cell, const struc
 	enum map_command_result result = objection(map, &command, request);
 
 	if (result != MAP_RESULT_NONE)
-		refuse(map, request, result);
+		map_command_refuse(map, request, result);
 	else
 		move(map, cell, request, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
 }
@@ -247,7 +297,7 @@ static void cancel_selection(struct map *map, struct command_cell *cell, const s
 	if (is_selected(map, &command) && same_requester(map, &command, request))
 		move(map, cell, request, MAP_INTERRUPTED_SELECTION, MAP_RESULT_DONE);
 	else
-		refuse(map, request, MAP_RESULT_NOT_SELECTED);
+		map_command_refuse(map, request, MAP_RESULT_NOT_SELECTED);
 }
 
 static bool execute(struct map *map, struct command_cell *cell, const struct map_request *request)
@@ -263,7 +313,7 @@ static bool execute(struct map *map, struct command_cell *cell, const struct map
 	if (is_selected(map, &command) && same_requester(map, &command, request))
 		move(map, cell, request, MAP_REFUSED_COMMAND, result);
 	else
-		refuse(map, request, result);
+		map_command_refuse(map, request, result);
 	return false;
 }
 
@@ -308,7 +358,7 @@ bool map_command_request(struct map *map, const struct map_request *request)
 	}
 	if (!(map->config.points[request->point].flags & MAP_POINT_COMMAND)) {
 		if (request->action != MAP_RELEASE)
-			refuse(map, request, MAP_RESULT_NOT_COMMANDABLE);
+			map_command_refuse(map, request, MAP_RESULT_NOT_COMMANDABLE);
 		return false;
 	}
 	cell = own_cell(map, request->point);
@@ -409,6 +459,12 @@ void commands_recover(struct map *map)
 {
 	for (uint32_t i = 0; i < map->modules[map->self].command_count; i++)
 		recover_command(&map->segments[map->self].commands[i]);
+}
+
+enum map_cause map_cause_of(const struct map *map, const struct map_request *request)
+{
+	return map->modules[request->requester].plan.flags & MAP_IS_LOCAL ? MAP_RETURN_LOCAL
+									  : MAP_RETURN_REMOTE;
 }
 
 /* ---- anyone ------------------------------------------------------------------------------ */

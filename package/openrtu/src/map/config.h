@@ -48,6 +48,7 @@ enum map_point_flag {
 	 * altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
 	 */
 	MAP_POINT_POSITION = 1u << 3,
+	MAP_POINT_RETAIN = 1u << 4, /* its value and quality outlive the process of its owner */
 };
 
 /*
@@ -136,6 +137,8 @@ enum map_module_flag {
 	MAP_KEEPS_QUEUES = 1u << 4,  /* the event queues lie in its segment: of one module in a map */
 	MAP_IS_LOCAL = 1u << 5,      /* asks for people on the spot, not for a control centre */
 	MAP_IS_GONE = 1u << 6, /* the configuration has it no more: it is there for the events that it left */
+	MAP_REQUESTS_LISTED =
+	    1u << 7, /* with MAP_MAY_REQUEST: commands of the points in MAP_LISTED, nothing else */
 };
 
 /* How many records each ring of a segment holds: a power of two; 1 where its module never writes one. */
@@ -152,6 +155,7 @@ struct map_module_plan {
 	uint32_t heartbeat_limit_ms; /* how old its heartbeat may be */
 	uint32_t section_size;       /* octets of its own section (map_section) */
 	uint32_t counters;           /* so many in that section have a name at most (map_name_counter) */
+	uint32_t first_listed, listed_count; /* with MAP_REQUESTS_LISTED: its part of MAP_LISTED */
 	uint32_t
 	    user; /* what rtud adds to the first of the modules' users: no other's, or 0: no process of rtud's */
 };
@@ -167,6 +171,9 @@ struct map_section {
 #define MAP_SECTIONS_MAX 32
 #define MAP_SECTION_ID(a, b, c, d)                                                                           \
 	((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
+
+/* The points that modules with MAP_REQUESTS_LISTED may command: uint32_t, in ascending order for each module. */
+#define MAP_LISTED MAP_SECTION_ID('M', 'L', 'S', 'T')
 
 /*
  * The whole configuration. The arrays belong to whoever filled it, or lie in the map.

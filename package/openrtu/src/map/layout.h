@@ -16,7 +16,7 @@
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
 #define CONFIG_MAGIC 0x4352544Fu /* "ORTC" */
-#define MAP_LAYOUT   10u         /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   11u         /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -194,9 +194,11 @@ struct map {
 	struct smoothed *smoothed;
 	int64_t cycle_ns; /* when the caller's loop began its cycle, 0: it has not said */
 	uint32_t cycle_ms;
-	uint32_t named;   /* counters of the own section */
-	int64_t ticked_s; /* wall time of the last map_totals_tick, 0: none yet */
-	uint32_t taken;   /* requests and answers since the bell was cleared */
+	uint32_t named;                     /* counters of the own section */
+	int64_t ticked_s;                   /* wall time of the last map_totals_tick, 0: none yet */
+	uint32_t taken;                     /* requests and answers since the bell was cleared */
+	uint32_t taken_of[MAP_MODULES_MAX]; /* of them, requests of a module with MAP_REQUESTS_LISTED */
+	uint32_t refused; /* a bit for each module of which the log has a request that it may not make */
 	uint32_t load;    /* what others have given this module to do in this period, in records */
 };
 

@@ -394,6 +394,10 @@ void map_pulse_set_end(struct map *map, uint32_t point, int64_t off_ns);
 int64_t map_pulse_end(const struct map *map, uint32_t point); /* of any point: 0 for another's */
 /* Ends an executing command with the device's answer. Owner only. */
 void map_command_finish(struct map *map, uint32_t point, enum map_command_result result, uint8_t detail);
+/* Refuses a selection that map_command_request has not seen: the owner does not want it. Owner only. */
+void map_command_refuse(struct map *map, const struct map_request *request, enum map_command_result result);
+/* Why the value is sent that a request leaves: by whom the command was. */
+enum map_cause map_cause_of(const struct map *map, const struct map_request *request);
 /* The next answer to a request of this module. False: as for map_request_next. */
 bool map_answer_next(struct map *map, struct map_answer *out);
 /*

@@ -76,10 +76,16 @@ struct map_sample own_sample(const struct map *map, uint32_t point)
 	return own->samples[latch_whole_copy(latch_of(map, point))][config->slot];
 }
 
+/* What was never written has nothing to retain. */
+static bool is_retained(const struct map *map, uint32_t point, const struct map_sample *sample)
+{
+	return (map->config.points[point].flags & MAP_POINT_RETAIN) && sample->time_ns != 0;
+}
+
 /*
  * A former generation may have died inside map_publish. The copy that readers take is whole: it is copied over the
  * other one before the latch turns again. The values stay to be looked at, and are invalid until this
- * generation has read the device.
+ * generation has read the device, unless they are to be retained.
  */
 static void recover_device(struct map *map, const struct map_set *device, map_latch *latch)
 {
@@ -93,7 +99,8 @@ static void recover_device(struct map *map, const struct map_set *device, map_la
 		unsigned filled = latch_flip(latch);
 
 		for (uint32_t i = first; i < first + device->point_count; i++)
-			own->samples[filled][i].quality |= MAP_INVALID;
+			if (!is_retained(map, device->first_point + i - first, &own->samples[filled][i]))
+				own->samples[filled][i].quality |= MAP_INVALID;
 	}
 }
 

@@ -159,11 +159,34 @@ static void test_a_stopped_writer_does_not_hold_up_a_real_time_reader(void **sta
 	}
 }
 
+static void test_a_retained_point_outlives_its_owner(void **state)
+{
+	struct stage *stage = *state;
+	struct map_update written[] = {scaled(0, 5, MAP_GOOD, 1), scaled(1, 6, MAP_BLOCKED, 1)};
+	struct map *map;
+
+	for (int point = 0; point < 3; point++)
+		stage->points[point].flags |= MAP_POINT_RETAIN;
+	stage->points[0].flags &= (uint8_t)~MAP_POINT_RETAIN;
+	make_again(stage);
+	map = start(stage, FIRST);
+	map_publish(map, written, 2);
+	map_module_ended(stage->rtud, map->self, true);
+	assert_sample(stage->rtud, 1, 6, MAP_BLOCKED | MAP_INVALID); /* while nobody vouches for it */
+	map_detach(map);
+	map = start(stage, FIRST);
+	assert_sample(stage->rtud, 0, 5, MAP_INVALID);
+	assert_sample(stage->rtud, 1, 6, MAP_BLOCKED);
+	assert_sample(stage->rtud, 2, 0, MAP_INVALID); /* it was never written */
+	map_detach(map);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    TEST(test_a_writer_killed_anywhere_leaves_whole_values),
 	    TEST(test_a_stopped_writer_does_not_hold_up_a_real_time_reader),
+	    TEST(test_a_retained_point_outlives_its_owner),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

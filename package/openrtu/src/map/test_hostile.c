@@ -172,6 +172,72 @@ static void test_a_line_process_commands_nobody(void **state)
 	map_detach(owner);
 }
 
+/* A module that may command points 1 and 3, and nothing else. */
+static struct map *start_listed(struct stage *stage)
+{
+	stage->with_listed = true;
+	make_again(stage);
+	return start(stage, "others");
+}
+
+static void test_a_listed_module_commands_its_list_alone(void **state)
+{
+	struct stage *stage = *state;
+	struct map *wild = start_listed(stage), *first = start(stage, FIRST), *second = start(stage, SECOND);
+	struct map_request taken;
+
+	map_heartbeat(stage->rtud);
+	for (uint32_t point = 0; point < POINTS; point++)
+		for (unsigned action = 0; action < 256; action++) {
+			struct map_request wish = request(point, (enum map_action)action, 1, 1);
+
+			wish.value.u = MAP_FREEZE_ALL_DEVICES;
+			map_bell_clear(first);
+			map_bell_clear(second);
+			map_bell_clear(stage->rtud);
+			map_request_post(wild, wish);
+			assert_int_equal(map_request_next(first, &taken),
+					 (point == 1 || point == 3) && action <= MAP_RELEASE);
+			assert_false(map_request_next(second, &taken));
+			assert_false(map_request_next(stage->rtud, &taken));
+		}
+	map_detach(wild);
+	map_detach(first);
+	map_detach(second);
+}
+
+/* Its answers would overwrite those to the control centre. */
+static void test_a_listed_module_floods_its_share_alone(void **state)
+{
+	struct stage *stage = *state;
+	struct map *wild = start_listed(stage);
+	struct command_stage commands = start_commands(stage);
+
+	for (int turn = 0; turn < 20; turn++) {
+		struct map_request taken;
+		unsigned count = 0;
+
+		for (int i = 0; i < 64; i++)
+			map_request_post(wild, request(3, MAP_SELECT, 1, 1));
+		map_bell_clear(commands.owner);
+		while (map_request_next(commands.owner, &taken)) {
+			map_command_request(commands.owner, &taken);
+			count++;
+		}
+		assert_int_equal(count, 16);
+		assert_true(bell_is_ringing(commands.owner)); /* the rest is not forgotten */
+		map_bell_clear(commands.owner);
+		map_bell_clear(commands.requester);
+		map_heartbeat(commands.owner);
+		assert_false(post(&commands, request(1, MAP_SELECT, 1, 1)));
+		assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+		assert_false(post(&commands, request(1, MAP_CANCEL, 1, 1)));
+		assert_answer(&commands, MAP_INTERRUPTED_SELECTION, MAP_RESULT_DONE);
+	}
+	end_commands(&commands);
+	map_detach(wild);
+}
+
 /* Everything that others read of a module. Each loop ends, and nothing is read beyond the segment. */
 static void read_all(struct map *map)
 {
@@ -280,6 +346,8 @@ int main(void)
 	    TEST(test_a_command_in_a_flood_waits_for_the_next_period),
 	    TEST(test_a_flood_of_requests_is_bounded_by_the_period),
 	    TEST(test_a_line_process_commands_nobody),
+	    TEST(test_a_listed_module_commands_its_list_alone),
+	    TEST(test_a_listed_module_floods_its_share_alone),
 	    TEST(test_noise_in_a_segment_harms_nobody_else),
 	    TEST(test_a_counter_beyond_the_section_is_none),
 	};

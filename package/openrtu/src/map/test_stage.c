@@ -5,11 +5,25 @@
 #include <string.h>
 #include <unistd.h>
 
+static void plan_listed(struct stage *stage)
+{
+	static uint32_t listed[] = {0, 1, 3, 5}; /* the first and the last are for nobody */
+	uint32_t number =
+	    plan_module(&stage->config, "others", "foreign", MAP_MAY_REQUEST | MAP_REQUESTS_LISTED,
+			(struct map_rings){64, 1, 1, 16});
+
+	stage->modules[number].first_listed = 1;
+	stage->modules[number].listed_count = 2;
+	map_add_section(&stage->config, MAP_LISTED, sizeof(*listed), 4, listed);
+}
+
 static void make(struct stage *stage)
 {
 	char error[MAP_ERROR_SIZE];
 
 	plan_modules(&stage->config, stage->modules, stage->processes);
+	if (stage->with_listed)
+		plan_listed(stage);
 	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)
 		fail_msg("%s", error);
 }

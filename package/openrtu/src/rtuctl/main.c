@@ -103,8 +103,9 @@ static const struct command commands[] = {
      "sent.\n"
      "Counters count since the gateway started and wrap at 2^32.\n",
      rtuctl_iec104},
-    {"gps", "[NAME]", 0, 1, 0, NULL, "receivers of positions, with the sky above one of them",
-     "With NAME it also draws the satellites of the last burst: north is up, the rim is the horizon, and * "
+    {"gps", "[RECEIVER]", 0, 1, 0, NULL, "receivers of positions, with the sky above one of them",
+     "With RECEIVER it also draws the satellites of the last burst: north is up, the rim is the horizon, and "
+     "* "
      "stands\n"
      "beside a satellite that is used. Counters count since the module started.\n",
      rtuctl_gps},
@@ -128,7 +129,7 @@ struct line {
 	struct rtuctl_request request;
 	const struct command *command;
 	size_t argument_count;
-	bool help, version, counted;
+	bool help, version, completion, counted;
 };
 
 /* ---- help -------------------------------------------------------------------------------- */
@@ -143,6 +144,7 @@ static void print_help(void)
 	     "  --json      for scripts: one array; one object a line for watch, events, log, set and step\n"
 	     "  --help      this text, or after a command that command's\n"
 	     "  --version   the version\n"
+	     "  --completion  the completion of bash, for its folder of completions\n"
 	     "\n"
 	     "Exit code: 0 done, 1 nothing found or refused, 2 wrong usage or no map.");
 }
@@ -152,6 +154,81 @@ static void print_command_help(const struct command *command)
 	printf("usage: rtuctl [--map DIR] [--json] %s %s\n\n%c%s.\n\n%s\n", command->name, command->arguments,
 	       toupper((unsigned char)command->summary[0]), command->summary + 1, command->details);
 }
+
+/* ---- completion -------------------------------------------------------------------------- */
+
+/* The command whose first column has what a placeholder of the help stands for. */
+static const char *lister_of(const struct command *command, const char *word, size_t size)
+{
+	static const struct {
+		const char *word, *lister;
+	} placeholders[] = {
+	    {"PATTERN", "points"}, {"NAME", "points"}, {"MODULE", "modules"}, {"RECEIVER", "gps"}};
+
+	for (size_t i = 0; i < COUNT(placeholders); i++)
+		if (strlen(placeholders[i].word) == size && strncmp(placeholders[i].word, word, size) == 0)
+			return command->module != NULL ? "commands" : placeholders[i].lister;
+	return NULL;
+}
+
+/* What is no placeholder is to be typed as it stands there. */
+static void print_words(const struct command *command)
+{
+	static const char brackets[] = "[] |";
+	const char *word = command->arguments;
+
+	printf("\t%s) words=\"--help", command->name);
+	while (*(word += strspn(word, brackets)) != '\0') {
+		size_t size = strcspn(word, brackets);
+		const char *lister = lister_of(command, word, size);
+
+		if (lister != NULL)
+			printf(" $(_rtuctl_names %s)", lister);
+		else if (!isupper((unsigned char)word[0]))
+			printf(" %.*s", (int)size, word);
+		word += size;
+	}
+	puts("\" ;;");
+}
+
+static void print_completion(void)
+{
+	puts("# Completion of rtuctl in bash, made by rtuctl --completion.\n"
+	     "_rtuctl_names()\n{\n"
+	     "\trtuctl \"${folder[@]}\" \"$1\" 2>/dev/null | awk 'NR == 1 { next } !NF { exit } { print $1 "
+	     "}'\n"
+	     "}\n\n"
+	     "_rtuctl()\n{\n"
+	     "\tlocal word=${COMP_WORDS[COMP_CWORD]} command='' words='' folder=() i\n\n"
+	     "\tcase ${COMP_WORDS[COMP_CWORD - 1]} in\n"
+	     "\t--map) mapfile -t COMPREPLY < <(compgen -d -- \"$word\"); return ;;\n"
+	     "\t--pulse) mapfile -t COMPREPLY < <(compgen -W 'short long' -- \"$word\"); return ;;\n"
+	     "\t--count) return ;;\n"
+	     "\tesac\n"
+	     "\tfor ((i = 1; i < COMP_CWORD; i++)); do\n"
+	     "\t\tcase ${COMP_WORDS[i]} in\n"
+	     "\t\t--map) folder=(--map \"${COMP_WORDS[++i]}\") ;;\n"
+	     "\t\t-*) ;;\n"
+	     "\t\t*) command=${command:-${COMP_WORDS[i]}} ;;\n"
+	     "\t\tesac\n"
+	     "\tdone\n"
+	     "\tcase $command in");
+	for (size_t i = 0; i < COUNT(commands); i++)
+		print_words(&commands[i]);
+	fputs("\t'') words=\"--map --json --help --version", stdout);
+	for (size_t i = 0; i < COUNT(commands); i++)
+		printf(" %s", commands[i].name);
+	puts("\" ;;\n"
+	     "\tesac\n"
+	     "\tCOMPREPLY=()\n" /* not by compgen -W, which would run a name like $(reboot) */
+	     "\tfor i in $words; do\n"
+	     "\t\tif [[ $i == \"$word\"* ]]; then COMPREPLY+=(\"$i\"); fi\n"
+	     "\tdone\n"
+	     "}\n\n"
+	     "complete -F _rtuctl rtuctl");
+}
+
+/* ---- wrong usage ------------------------------------------------------------------------- */
 
 static int wrong_usage(const struct command *command, const char *what, const char *which)
 {
@@ -195,12 +272,19 @@ static bool parse_count(const char *text, struct line *line)
 static int take_option(struct line *line, int argc, char **argv)
 {
 	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},   {"json", no_argument, NULL, 'j'},
-	    {"count", required_argument, NULL, 'c'}, {"select", no_argument, NULL, 's'},
-	    {"pulse", required_argument, NULL, 'p'}, {"histogram", no_argument, NULL, 'g'},
-	    {"suggest", no_argument, NULL, 'u'},     {"once", no_argument, NULL, 'o'},
-	    {"dry-run", no_argument, NULL, 'd'},     {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},     {NULL, 0, NULL, 0},
+	    {"map", required_argument, NULL, 'm'},
+	    {"json", no_argument, NULL, 'j'},
+	    {"count", required_argument, NULL, 'c'},
+	    {"select", no_argument, NULL, 's'},
+	    {"pulse", required_argument, NULL, 'p'},
+	    {"histogram", no_argument, NULL, 'g'},
+	    {"suggest", no_argument, NULL, 'u'},
+	    {"once", no_argument, NULL, 'o'},
+	    {"dry-run", no_argument, NULL, 'd'},
+	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
+	    {"completion", no_argument, NULL, 'C'},
+	    {NULL, 0, NULL, 0},
 	};
 
 	switch (getopt_long(argc, argv, "+", options, NULL)) {
@@ -238,6 +322,9 @@ static int take_option(struct line *line, int argc, char **argv)
 	case 'V':
 		line->version = true;
 		return RTUCTL_DONE;
+	case 'C':
+		line->completion = true;
+		return RTUCTL_DONE;
 	default:
 		return wrong_usage(line->command, "unknown option or missing value: ", argv[optind - 1]);
 	}
@@ -257,7 +344,7 @@ static int take_word(struct line *line, const char *word)
 
 static int check_line(const struct line *line)
 {
-	if (line->help || line->version)
+	if (line->help || line->version || line->completion)
 		return RTUCTL_DONE;
 	if (line->command == NULL)
 		return wrong_usage(NULL, "a command is missing", "");
@@ -370,6 +457,8 @@ int main(int argc, char **argv)
 		return result;
 	if (line.version)
 		puts("rtuctl (OpenRTU) " OPENRTU_VERSION);
+	else if (line.completion)
+		print_completion();
 	else if (line.help && line.command != NULL)
 		print_command_help(line.command);
 	else if (line.help)

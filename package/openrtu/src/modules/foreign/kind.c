@@ -16,10 +16,14 @@ static bool plan(struct map_config *config)
 
 	for (uint32_t i = 0; i < foreign_count(config); i++) {
 		const bool owns = modules[i].set != FOREIGN_NO_SET;
+		const bool commands = modules[i].command_count > 0;
 		struct map_module_plan module = {
 		    .kind = FOREIGN_KIND,
-		    .flags = owns ? MAP_MAY_OWN : 0,
-		    .rings = {.requests = 1, .answers = owns ? 64 : 1, .log = 128},
+		    .flags =
+			(owns ? MAP_MAY_OWN : 0) | (commands ? MAP_MAY_REQUEST | MAP_REQUESTS_LISTED : 0),
+		    .first_listed = modules[i].first_command,
+		    .listed_count = modules[i].command_count,
+		    .rings = {.requests = commands ? 64 : 1, .answers = owns ? 64 : 1, .log = 128},
 		    .heartbeat_limit_ms = modules[i].heartbeat_limit_ms,
 		    .section_size = sizeof(struct foreign_stats),
 		    .counters = FOREIGN_COUNTERS,
@@ -86,16 +90,22 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return strcmp(of_a->program, of_b->program) == 0 && strcmp(of_a->user, of_b->user) == 0 &&
 	       of_a->period_ms == of_b->period_ms && of_a->memory_mb == of_b->memory_mb &&
 	       of_a->priority == of_b->priority && of_a->read_count == of_b->read_count &&
+	       of_a->command_count == of_b->command_count &&
 	       strcmp(foreign_text(a, of_a->config), foreign_text(b, of_b->config)) == 0 &&
 	       same_points(a, of_a, b, of_b);
 }
 
+/* What it reads, then what it may command. */
 static uint32_t reads(const struct map_config *config, const char *module, uint32_t i)
 {
 	const struct foreign_module *foreign = foreign_find(config, module);
 	const uint32_t *points = map_records(config, FOREIGN_READS, sizeof(*points));
+	const uint32_t *listed = map_records(config, MAP_LISTED, sizeof(*listed));
 
-	return i < foreign->read_count ? points[foreign->first_read + i] : MAP_NONE;
+	if (i < foreign->read_count)
+		return points[foreign->first_read + i];
+	i -= foreign->read_count;
+	return i < foreign->command_count ? listed[foreign->first_command + i] : MAP_NONE;
 }
 
 const struct kind foreign_kind = {

@@ -6,6 +6,7 @@
 #include "logic/logic.h"
 #include "logic/stats.h"
 #include "map/map.h"
+#include "modules/commanding.h"
 
 /* A point of the program. */
 struct host_point {
@@ -20,11 +21,7 @@ struct host_point {
 struct host_command {
 	const struct host_point *point;
 	enum logic_type type; /* the program's of the point */
-	enum { COMMAND_IDLE, COMMAND_SELECTING, COMMAND_EXECUTING, COMMAND_ENDED } phase;
-	bool raised; /* EXECUTE of the scan before */
-	uint8_t state, result;
-	uint32_t id, generation;
-	struct map_request request;
+	bool raised;          /* EXECUTE of the scan before */
 };
 
 /* A REQUEST of the program. */
@@ -45,6 +42,7 @@ struct host {
 	struct logic logic;
 	struct host_point *points;     /* of each point of the program */
 	struct host_command *commands; /* of each COMMAND */
+	struct commanding *commanding; /* the same */
 	struct host_request *requests; /* of each REQUEST */
 	struct map_update *updates;    /* of own points */
 };

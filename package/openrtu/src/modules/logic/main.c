@@ -198,9 +198,10 @@ static bool allocate(void)
 
 	host.points = calloc(head->points + 1U, sizeof(*host.points));
 	host.commands = calloc(head->commands + 1U, sizeof(*host.commands));
+	host.commanding = calloc(head->commands + 1U, sizeof(*host.commanding));
 	host.requests = calloc(head->requests + 1U, sizeof(*host.requests));
 	host.updates = calloc(head->points + 1U, sizeof(*host.updates));
-	return host.points != NULL && host.commands != NULL && host.requests != NULL && host.updates != NULL;
+	return host.points && host.commands && host.commanding && host.requests && host.updates;
 }
 
 static bool start(void)

@@ -7,14 +7,6 @@
 /* Longer than any COMMAND that a program passes a request on to: no answer of one is taken for that of the next. */
 #define PASSED_ON_NS (40 * NS_PER_S)
 
-static enum map_cause cause_of(const struct host *host, const struct map_request *request)
-{
-	struct map_module requester;
-
-	map_module(host->map, request->requester, &requester);
-	return (requester.flags & MAP_IS_LOCAL) ? MAP_RETURN_LOCAL : MAP_RETURN_REMOTE;
-}
-
 static enum logic_type type_of(const struct host *host, const struct host_point *point)
 {
 	return (enum logic_type)host->logic.points[point - host->points].type;
@@ -55,7 +47,7 @@ static void begin(struct host *host, const struct map_request *request, int64_t 
 		decided->begun_ns = now_ns;
 		return;
 	}
-	points_set(point, request->value, (uint8_t)cause_of(host, request));
+	points_set(point, request->value, (uint8_t)map_cause_of(host->map, request));
 	points_publish_set(host, point);
 	kept_store(host);
 	map_command_confirm(host->map, request->point);
@@ -91,7 +83,7 @@ void requests_judge(struct host *host)
 {
 	for (uint16_t i = 0; i < host->logic.head->requests; i++) {
 		struct host_request *request = &host->requests[i];
-		uint8_t cause = (uint8_t)cause_of(host, &request->request);
+		uint8_t cause = (uint8_t)map_cause_of(host->map, &request->request);
 
 		if (request->phase != REQUEST_ACTIVE ||
 		    logic_judge(&host->logic, &host->logic.requests[i]).decision != LOGIC_EXECUTED)

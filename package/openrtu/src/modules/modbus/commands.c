@@ -202,14 +202,6 @@ void commands_answered(struct commands *commands, uint32_t point, enum modbus_re
 
 /* ---- what begins ------------------------------------------------------------------------- */
 
-static enum map_cause cause_of(const struct commands *commands, const struct map_request *request)
-{
-	struct map_module requester;
-
-	map_module(commands->map, request->requester, &requester);
-	return (requester.flags & MAP_IS_LOCAL) ? MAP_RETURN_LOCAL : MAP_RETURN_REMOTE;
-}
-
 /* In the place of the one before, if that is still to be seen. */
 static void keep(struct commands *commands, const struct commands_progress *begun)
 {
@@ -222,7 +214,7 @@ static void begin(struct commands *commands, const struct map_request *request)
 {
 	struct commands_progress begun = {.point = request->point,
 					  .phase = COMMANDS_WRITING,
-					  .cause = cause_of(commands, request),
+					  .cause = map_cause_of(commands->map, request),
 					  .pulse_ms = request->pulse_ms};
 	struct map_sample last = {.quality = MAP_INVALID};
 	enum map_command_result result;
