@@ -2,6 +2,7 @@
 #include "map/config.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* Of map_label. */
@@ -26,6 +27,8 @@ void map_point_name(const struct map_config *config, const struct map_point *poi
 void map_add_section(struct map_config *config, uint32_t id, size_t record_size, uint32_t count,
 		     void *records)
 {
+	if (config->section_count == MAP_SECTIONS_MAX)
+		abort(); /* the rooms outgrew it */
 	config->sections[config->section_count++] = (struct map_section){
 	    .id = id, .record_size = (uint32_t)record_size, .count = count, .records = records};
 }

@@ -129,6 +129,7 @@ enum map_module_flag {
 	MAP_HEARS_EVENTS = 1u << 3,  /* its bell is rung when there are some */
 	MAP_KEEPS_QUEUES = 1u << 4,  /* the event queues lie in its segment: of one module in a map */
 	MAP_IS_LOCAL = 1u << 5,      /* asks for people on the spot, not for a control centre */
+	MAP_COORDINATES = 1u << 6,   /* scans: its bell is rung when a module asks it (map_synch_say) */
 };
 
 /* How many records each ring of a segment holds: a power of two; 1 where its module never writes one. */
@@ -157,7 +158,7 @@ struct map_section {
 	void *records;
 };
 
-#define MAP_SECTIONS_MAX 16
+#define MAP_SECTIONS_MAX 32
 #define MAP_SECTION_ID(a, b, c, d)                                                                           \
 	((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
 
