@@ -59,6 +59,7 @@ REACH = [
     ("docs/logic.md", "tests/test_logic.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
+    ("docs/synch.md", "tests/test_synch.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign.py"),
     ("docs/examples/logic/*", "tests/test_logic*.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),

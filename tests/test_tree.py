@@ -261,8 +261,9 @@ ROOMS = [
     "modules",
     "rtuctl",
     "rtud",
+    "synch",
 ]
-ROOMS += ["modules/gps", "modules/iec104", "modules/logic", "modules/modbus"]
+ROOMS += ["modules/gps", "modules/iec104", "modules/logic", "modules/modbus", "modules/synch"]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 # A function or a table that other files may use stands at the beginning of a line.
@@ -271,7 +272,7 @@ DEFINITION = re.compile(
 )
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
-OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus"]
+OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus", "synch"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:

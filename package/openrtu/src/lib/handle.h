@@ -7,11 +7,13 @@
 #include "foreign/stats.h"
 #include "lib/openrtu.h"
 #include "map/map.h"
+#include "modules/synched.h"
 
 struct openrtu {
 	struct map *map;
 	const struct foreign_module *module;
 	struct foreign_stats *stats;
+	struct synched synched;
 	int stop_fd; /* readable: it was asked to end */
 	bool stopped;
 	/* Its points: what it reads, then its own. */
@@ -39,5 +41,12 @@ bool value_of_number(enum map_type type, double number, union map_value *out);
 
 /* The values that own points have before anybody writes them, published. */
 void scan_publish_initial(struct openrtu *rtu);
+
+/* ---- synch.c ----------------------------------------------------------------------------- */
+
+/* Waits until the net lets a scan begin. False: the module shall end. */
+bool synch_begin_scan(struct openrtu *rtu);
+/* Tells the net that the scan has ended, and waits until that has fired. */
+void synch_end_scan(struct openrtu *rtu);
 
 #endif

@@ -120,6 +120,7 @@ static bool prepare(struct openrtu *rtu, const char *name)
 	map_name_counter(rtu->map, &rtu->stats->missed, "missed periods");
 	find_points(rtu);
 	scan_publish_initial(rtu);
+	synched_begin(&rtu->synched, rtu->map, name);
 	prctl(PR_SET_NAME, name); /* or all scripts would be called as their interpreter */
 	return true;
 }

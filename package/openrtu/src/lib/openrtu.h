@@ -10,7 +10,7 @@
  *             openrtu_scan_end(rtu);       the outputs are published together
  *     }
  *
- * No call blocks but openrtu_wait(), and none allocates memory but openrtu_attach(). A handle is for one thread at a time.
+ * No call blocks but openrtu_wait(), and where the configuration has a net openrtu_scan_end() and openrtu_synch(); and none allocates memory but openrtu_attach(). A handle is for one thread at a time.
  * Calls that can fail return a negative number, a negative errno, unless they say otherwise.
  */
 #ifndef OPENRTU_H
@@ -106,6 +106,15 @@ int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out);
 int openrtu_write(struct openrtu *rtu, int point, double value);
 /* The same with a quality of the caller's, whatever was read. */
 int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t quality);
+
+/* ---- synchronisation --------------------------------------------------------------------- */
+
+/*
+ * Fires a synchronisation point of the module in the net of the configuration, within a scan. 1: it has fired. 0: it cannot fire
+ * now; with blocking, it is waited for instead. -ENOENT: the net has no such point of this module. -EINTR: the module shall end.
+ * -ECANCELED: the module was taken for dead, and the net has gone on without this scan.
+ */
+int openrtu_synch(struct openrtu *rtu, const char *point, bool blocking);
 
 /* ---- log and time ------------------------------------------------------------------------ */
 

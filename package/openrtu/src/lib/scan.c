@@ -24,11 +24,37 @@ static void say_missed(struct openrtu *rtu, int64_t now_ns)
 	rtu->missed_said_ns = now_ns;
 }
 
+/* A module that the net lets begin has one only if the file says so. */
+static bool has_period(const struct openrtu *rtu)
+{
+	return rtu->module->period_given || !synched_waits(&rtu->synched);
+}
+
+/* The periods that it has waited for others are no missed ones: the next is the first behind them. */
+static void skip_waited(struct openrtu *rtu)
+{
+	const int64_t period_ns = rtu->module->period_ms * NS_PER_MS;
+	const int64_t late_ns = map_now_ns() - rtu->next_ns;
+
+	if (late_ns > period_ns)
+		rtu->next_ns += late_ns / period_ns * period_ns;
+}
+
+static bool begin_scan(struct openrtu *rtu)
+{
+	if (!synched_waits(&rtu->synched))
+		return true;
+	if (!synch_begin_scan(rtu))
+		return false;
+	skip_waited(rtu);
+	return true;
+}
+
 static void plan_next(struct openrtu *rtu, int64_t now_ns)
 {
 	const int64_t period_ns = rtu->module->period_ms * NS_PER_MS;
 
-	if (rtu->next_ns == 0) {
+	if (rtu->next_ns == 0 || !has_period(rtu)) {
 		rtu->next_ns = now_ns;
 		return;
 	}
@@ -57,8 +83,11 @@ static bool sleep_until(const struct openrtu *rtu, int64_t now_ns, int64_t until
 bool openrtu_wait(struct openrtu *rtu)
 {
 	const int64_t beat_ns = rtu->module->heartbeat_limit_ms * NS_PER_MS / BEATS_A_LIMIT;
-	int64_t now_ns = map_now_ns();
+	int64_t now_ns;
 
+	if (rtu->synched.open) /* a scan that the program has left without its end */
+		synch_end_scan(rtu);
+	now_ns = map_now_ns();
 	plan_next(rtu, now_ns);
 	while (!rtu->stopped && map_may_run(rtu->map)) {
 		int64_t wake_ns = now_ns + beat_ns;
@@ -68,7 +97,7 @@ bool openrtu_wait(struct openrtu *rtu)
 			break;
 		now_ns = map_now_ns();
 		if (now_ns >= rtu->next_ns)
-			return true;
+			return begin_scan(rtu);
 	}
 	rtu->stopped = true;
 	return false;
@@ -201,7 +230,7 @@ int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t
 	return write_sample(rtu, point, value, (uint8_t)quality);
 }
 
-void openrtu_scan_end(struct openrtu *rtu)
+static void publish_written(struct openrtu *rtu)
 {
 	size_t count = 0;
 
@@ -210,6 +239,12 @@ void openrtu_scan_end(struct openrtu *rtu)
 			rtu->written[count++] = rtu->updates[i];
 	map_publish(rtu->map, rtu->written, count);
 	map_heartbeat(rtu->map);
+}
+
+void openrtu_scan_end(struct openrtu *rtu)
+{
+	publish_written(rtu);
+	synch_end_scan(rtu);
 }
 
 void scan_publish_initial(struct openrtu *rtu)
@@ -225,5 +260,5 @@ void scan_publish_initial(struct openrtu *rtu)
 		if (!isnan(initial))
 			write_sample(rtu, (int)(rtu->input_count + i), initial, MAP_GOOD);
 	}
-	openrtu_scan_end(rtu);
+	publish_written(rtu);
 }

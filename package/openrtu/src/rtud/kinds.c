@@ -15,7 +15,8 @@
 	KIND(journal)                                                                                        \
 	KIND(gps)                                                                                            \
 	KIND(logic)                                                                                          \
-	KIND(foreign)
+	KIND(foreign)                                                                                        \
+	KIND(synch)
 
 #define DECLARE(name)  extern const struct kind name##_kind;
 #define POINT_TO(name) &name##_kind,

@@ -6,6 +6,7 @@
 #include "logic/logic.h"
 #include "logic/stats.h"
 #include "map/map.h"
+#include "modules/synched.h"
 
 /* A point of the program. */
 struct host_point {
@@ -42,6 +43,7 @@ struct host {
 	struct map *map;
 	const struct logic_instance *instance;
 	struct logic_stats *stats;
+	struct synched synched;
 	struct logic logic;
 	struct host_point *points;     /* of each point of the program */
 	struct host_command *commands; /* of each COMMAND */
