@@ -3,7 +3,9 @@
 
 import json
 import os
+import re
 import signal
+import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +13,18 @@ from typing import Any
 
 import pytest
 
+from desk import gateway_on_lines
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from logic.binary import encode
+from logic.compile import compile_text
+from logic.errors import Findings
 from test_foreign import PATIENCE_S, place, program
 
 pytestmark = pytest.mark.slow
 
-FIXTURES = Path(__file__).resolve().parent / "fixtures/synch"
+ROOT = Path(__file__).resolve().parent.parent
+FIXTURES = ROOT / "tests/fixtures/synch"
+PAGE = ROOT / "docs/synch.md"
 COORDINATOR = "rtu-synch"
 RING = ("a", "b", "c")
 LIMIT_MS = 2000  # a module that a busy host lets wait is not dead
@@ -203,3 +211,178 @@ def test_held_tokens_wait_for_the_next_process(holding: Ring) -> None:
     holding.say("b")
     holding.wait_rounds(20)
     holding.assert_nothing_was_left_out()
+
+
+# ---- points --------------------------------------------------------------------------------------
+
+
+def worker(directory: Path, name: str, ca: int) -> dict[str, Any]:
+    points = [
+        {"name": f"{name}.{what}", "type": "integer", "ioa": ioa + 1}
+        for ioa, what in enumerate(("works", "clashes"))
+    ]
+    return {
+        "name": name,
+        "program": program(directory, name, FIXTURES / "worker.py"),
+        "period_ms": 3,
+        "heartbeat_limit_ms": LIMIT_MS,
+        "ca": ca,
+        "points": points,
+        "config": {"file": str(directory / "tool")},
+    }
+
+
+def workshop(directory: Path) -> dict[str, Any]:
+    """Two workers with one tool."""
+    names = ("left", "right")
+    does = ("take", "give", "never")
+    net = {
+        "places": [{"name": "tool", "tokens": 1}, {"name": "empty"}],
+        "transitions": [f"{name}.{what}" for name in names for what in does],
+        "arcs": [
+            arc
+            for name in names
+            for arc in (f"tool -> {name}.take", f"{name}.give -> tool", f"empty -> {name}.never")
+        ],
+        "modules": [
+            {"name": name, "points": [{"name": what, "transition": f"{name}.{what}"} for what in does]}
+            for name in names
+        ],
+    }
+    modules = [worker(directory, name, 920 + i) for i, name in enumerate(names)]
+    return {"port": [], "modules": modules, "net": net}
+
+
+def test_tool_of_two_comes_back_from_the_dead(programs: Path) -> None:
+    directory = run_directory()
+    try:
+        place(directory, programs)
+        (directory / "tool").touch()
+        (directory / "tool").chmod(0o666)
+        with Gateway(listening_on(workshop(directory), free_port()), directory, programs) as gateway:
+            shop = Ring(gateway)
+            for kill in ("", "left", "right", "left", "right"):
+                if kill:
+                    restarts = shop.restarts(kill)
+                    gateway.kill(kill)
+                    shop.wait(lambda k=kill, r=restarts: shop.restarts(k) > r, f"{kill} died")
+                for name in ("left", "right"):
+                    works = shop.value(f"{name}.works") if name != kill else 0
+                    shop.wait(lambda n=name, w=works: shop.value(f"{n}.works") > w + 10, f"{name} works")
+                assert [shop.value(f"{name}.clashes") for name in ("left", "right")] == [0, 0]
+            assert 'no synchronisation point "nothing" of left in the "net"' in gateway.log(1000)
+    finally:
+        remove(directory)
+
+
+# ---- a line, a module and a program of logic -----------------------------------------------------
+
+COUNTER = """PROGRAM counter
+VAR_EXTERNAL times : DINT; END_VAR
+times := times + 1;
+END_PROGRAM
+"""
+
+
+def compiled(text: str, folder: Path, name: str) -> str:
+    findings = Findings()
+    written = compile_text(text, findings)
+    assert not findings.failed, findings.sorted()
+    file = folder / f"{name}.rtul"
+    file.write_bytes(encode(written))
+    return str(file)
+
+
+def chain(directory: Path) -> dict[str, Any]:
+    """line1 -> watcher, watcher -(2)-> counter."""
+    slave = {
+        "id": 10,
+        "response_timeout_min_ms": 500,
+        "probe_max_s": 1,
+        "input_registers": [{"address": 0, "name": "level.number", "type": "scaled"}],
+    }
+    pace = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    return {
+        "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}],
+        "modules": [stage(directory, "watcher", 9, "level")],
+        "logic": [
+            {
+                "name": "counter",
+                "program": compiled(COUNTER, directory, "counter"),
+                "ca": 7000,
+                "points": [{"name": "times", "ioa": 1, "type": "integer"}],
+            }
+        ],
+        "synch": ["line1 -> watcher", "watcher -(2)-> counter"],
+    }
+
+
+LEVEL = {"1.10": {"input_registers": {"0": 50}}}
+
+
+def test_line_leads_a_module_and_that_a_program(programs: Path, tmp_path: Path) -> None:
+    directory = run_directory()
+    try:
+        place(directory, programs)
+        with gateway_on_lines(chain(directory), programs, LEVEL) as (_, gateway):
+            line = Ring(gateway)
+            line.wait(lambda: line.value("times") >= 20, "the program has scanned")
+            net = gateway.query("synch")[0]
+            firings = {row["name"]: row["firings"] for row in net["transitions"]}
+            places = {row["name"]: row for row in net["places"]}
+            # What has been given is there, was taken or had no room.
+            given = firings["line1.scan_end"]
+            taken = firings["watcher.scan_begin"]
+            lost, left = places["line1 -> watcher"]["lost"], places["line1 -> watcher"]["tokens"]
+            assert abs(given - taken - lost - left) <= 2  # the numbers are read one by one
+            assert abs(firings["watcher.scan_end"] - 2 * firings["counter.scan_begin"]) <= 4
+            assert firings["counter.scan_begin"] >= 19
+            picture = tmp_path / "net.svg"
+            gateway.ctl("synch", "--svg", str(picture))
+            drawn = picture.read_text()
+            assert len(re.findall("<rect", drawn)) == 1 + 3 + 4  # the ground, the frames, the transitions
+            for word in ("line1", "watcher", "counter", "line1 -&gt; watcher (1)", "scan_begin"):
+                assert f">{word}</text>" in drawn
+            restarts = line.restarts("rtu-modbus-1")
+            gateway.kill("rtu-modbus-1")
+            line.wait(lambda: line.restarts("rtu-modbus-1") > restarts, "the line died")
+            before = line.value("times")
+            line.wait(lambda: line.value("times") > before + 3, "it leads again")
+            restarts = line.restarts("rtu-logic-counter")
+            gateway.kill("rtu-logic-counter")
+            line.wait(lambda: line.restarts("rtu-logic-counter") > restarts, "the program died")
+            line.wait(lambda: line.value("times") > 3, "it counts again")
+    finally:
+        remove(directory)
+
+
+def test_waiting_module_is_shown(holding: Ring) -> None:
+    holding.say("b", die="begun")
+    holding.wait(
+        lambda: any(
+            row["name"] == "c" and row["waits_for"] == "c.scan_begin" and row["waits_s"] > 0.5
+            for row in holding.gateway.query("synch", "modules")
+        ),
+        "c waits for b",
+    )
+    assert "c.scan_begin" in holding.gateway.ctl("synch")
+    holding.say("b")
+    holding.wait_rounds(3)
+
+
+def test_net_of_the_page_is_good(programs: Path, tmp_path: Path) -> None:
+    """MatPLC's example, as the page has it."""
+    blocks = re.findall(r"^```text\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    net = next(block for block in blocks if block.startswith('"net"'))
+    names = ("one", "two", "three")
+    modules = [{"name": name, "program": f"/{name}"} for name in names]
+    file = tmp_path / "gateway.json"
+    file.write_text(json.dumps({"port": [], "modules": modules} | json.loads(f"{{{net}}}")))
+    done = subprocess.run(
+        [programs / "rtud/rtud", "--check", file], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[1:] == [
+        "net: 3 participants, 2 places, 3 transitions; all 4 markings looked at",
+        "net: bounded: at most 1 token in a place",
+        "net: no deadlock",
+    ]
