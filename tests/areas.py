@@ -47,6 +47,8 @@ REACH = [
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
     ("docs/centre.md", "tests/test_centre.py"),
+    ("docs/concentrator.md", "tests/test_outstations.py"),
+    ("docs/examples/concentrator.json", "lint tests/test_outstations.py"),
     ("docs/traps.md", "tests/test_station_traps.py"),
     ("docs/realtime.md", "tests/linux/test_realtime.py"),
     ("docs/netboot.md", "tests/netboot/test_netboot_docs.py"),
@@ -55,8 +57,10 @@ REACH = [
     ("docs/image-*.md", "test-image"),
     ("docs/device-tree.md", "tests/pins/test_cli.py"),
     ("docs/figures/run-native.svg", "tests/test_show.py"),
+    ("docs/figures/blocks.svg", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/logic.md", "tests/test_logic.py"),
+    ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
     ("docs/synch.md", "tests/test_synch.py"),
@@ -71,6 +75,10 @@ REACH = [
     ("package/openrtu/src/*/test_*.[ch]", C),
     ("package/openrtu/src/*fuzz*", f"{C} fuzzers tests/test_fuzz.py"),
     ("package/openrtu/src/VERSION", f"{C} {DESK} test-image {ON_BOARD}"),
+    (
+        "package/openrtu/src/journal/record.c",
+        f"{C} fuzzers {DESK} {ON_BOARD} tests/image/test_update_file.py",
+    ),
     (
         "package/openrtu/src/centre/*",
         f"{C} fuzzers tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
@@ -119,6 +127,7 @@ REACH = [
     # the tests; a file of tests reaches itself
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py"),
+    ("tests/peers/outstation.py", "tests/test_outstations.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),

@@ -417,6 +417,9 @@ SITES = [
     Site("journal", "journal", ("journal",)),
     Site("gps_receiver", "gps[0]", ("gps_receiver",)),
     Site("geofence", "gps[0].fences[0]", ("geofence",)),
+    Site("outstation", "outstations[0]", ("outstation",)),
+    Site("outstation_set", "outstations[0].sets[0]", ("outstation_set",)),
+    Site("outstation_point", "outstations[0].sets[0].points[0]", ("outstation_point",)),
     Site("modbus", "modbus", ("modbus",)),
     Site("module", "modules[0]", ("module",)),
     Site("module_point", "modules[0].points[0]", ("module_point",)),
@@ -455,6 +458,13 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "gps_receiver.baud_rate": {"gpsd": REMOVED, "burst_octets": 40},
     "start": {"synch": ["line3 -> mixer"]},
     "net.modules": {"transitions": []},
+    "gps_receiver.position_ioa": {"ioa": 1000},  # unlike those that are tried
+    "retry_ms": {"retry_max_ms": 3600000},
+    "retry_max_ms": {"retry_ms": 10},
+    "command_ioa": {"command": True},
+    "outstation_point.select": {"command": True},
+    "outstation_point.short_pulse_ms": {"command": True},
+    "outstation_point.long_pulse_ms": {"command": True},
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
@@ -489,12 +499,14 @@ def small_file() -> dict[str, Any]:
     ]
     tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
+    town = {"ca": 7003, "points": [{"type": "single", "ioa": 1000}]}
     fence = {"name": "depot", "centre": [44.8125, 20.4612], "radius_m": 200}
     others = {
         "iec104": {},
         "tls": tls,
         "journal": {},
         "gps": [{"name": "bus", "gpsd": "192.0.2.3", "ca": 7001, "fences": [fence]}],
+        "outstations": [{"name": "town", "addresses": ["192.0.2.4"], "sets": [town]}],
         "modbus": {},
         "commands": {},
         "event_ring": 65536,
@@ -640,6 +652,9 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "program_point",
         "gps_receiver",
         "geofence",
+        "outstation",
+        "outstation_set",
+        "outstation_point",
         "redundancy_group",
         "modbus",
         "module",

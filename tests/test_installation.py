@@ -15,7 +15,16 @@ from test_version import VERSION
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
-MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal", "rtu-gps", "rtu-logic", "rtu-synch"}
+MODULES = {
+    "rtu-modbus",
+    "rtu-iec104",
+    "rtu-iec104-tls",
+    "rtu-journal",
+    "rtu-gps",
+    "rtu-logic",
+    "rtu-104m",
+    "rtu-synch",
+}
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}

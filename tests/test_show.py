@@ -15,7 +15,7 @@ import pytest
 from lab.gateway import free_port
 from lab.master import Master
 from lab.picture import draw
-from lab.show import STEPS
+from lab.show import NATIVE_STEPS, STEPS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -47,10 +47,10 @@ def test_all_of_it_is_seen(start: Start) -> None:
     show = start("--port", str(free_port()))
     out, err = show.communicate(timeout=60)
     assert (show.returncode, err) == (0, "")
-    assert out.count("\n\n") == len(STEPS) + 1
+    assert out.count("\n\n") == len(NATIVE_STEPS) + 1
     assert "Modbus frame received: [67 5 0 3 255 0 115 24]" in out
     assert "Modbus frame received: [67 6 0 2 0 255 103 104]" in out
-    assert f"All {len(STEPS)} steps succeeded." in out
+    assert f"All {len(NATIVE_STEPS)} steps succeeded." in out
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -407,7 +407,9 @@ def test_closed_terminal_stops_nothing(gateway: Gateway) -> None:
         before = wait_running(gateway)
         os.close(master)
         gateway.wait_for(
-            lambda: log_count(gateway, "rtud", "SIGHUP is ignored") > 0, 60.0, "SIGHUP is logged"
+            lambda: log_count(gateway, "rtud", "SIGHUP: reads the configuration again") > 0,
+            60.0,
+            "SIGHUP is logged",
         )
         gateway.kill(LINES[1])  # what rtud says of it goes to a terminal that is gone
         gateway.wait_for(
@@ -431,7 +433,9 @@ def test_sighup_is_said_under_nohup_too(gateway: Gateway) -> None:
         before = wait_running(gateway)
         process.send_signal(signal.SIGHUP)
         gateway.wait_for(
-            lambda: log_count(gateway, "rtud", "SIGHUP is ignored") == 1, 60.0, "SIGHUP is logged"
+            lambda: log_count(gateway, "rtud", "SIGHUP: reads the configuration again") == 1,
+            60.0,
+            "SIGHUP is logged",
         )
         assert wait_running(gateway)[STATION]["pid"] == before[STATION]["pid"]
 

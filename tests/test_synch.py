@@ -88,7 +88,7 @@ class Ring:
         return int(self.gateway.modules()[name]["restarts"])
 
     def pid(self, name: str) -> int:
-        return int(self.gateway.modules()[name]["pid"])
+        return int(self.gateway.modules()[name]["pid"] or 0)
 
     def assert_nothing_was_left_out(self) -> None:
         assert [self.value(f"{name}.wrong") for name in RING] == [0, 0, 0]
@@ -162,6 +162,10 @@ def test_hung_module_that_wakes_takes_its_place_again(returning: Ring) -> None:
         os.kill(pid, signal.SIGCONT)
     returning.wait_rounds(20)
     assert returning.pid("b") == pid
+    # A scan that it was in has been done again, and counts as wrong: the next process begins anew.
+    returning.gateway.kill("b")
+    returning.wait(lambda: returning.pid("b") not in (0, pid), "b is new")
+    returning.wait_rounds(3)
 
 
 def test_module_whose_scan_never_ends_is_killed_and_stops_nobody(returning: Ring) -> None:
@@ -386,3 +390,31 @@ def test_net_of_the_page_is_good(programs: Path, tmp_path: Path) -> None:
         "net: bounded: at most 1 token in a place",
         "net: no deadlock",
     ]
+
+
+def test_net_and_who_stands_in_it_need_a_restart(returning: Ring) -> None:
+    """And whoever does not is exchanged as ever, while the ring goes round."""
+    running = json.loads(returning.gateway.config_file.read_text())
+    file = returning.gateway.directory / "changed.json"
+    turned = json.loads(json.dumps(running))
+    turned["start"] = ["b"]
+    slower = json.loads(json.dumps(running))
+    slower["modules"][0]["period_ms"] = 10
+    for config, why in ((turned, "net has changed"), (slower, "a has changed and others wait for it")):
+        file.write_text(json.dumps(config))
+        done = subprocess.run(
+            [returning.gateway.build / "rtuctl/rtuctl", "--map", returning.gateway.map, "reload", file],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 1
+        assert why in done.stdout + done.stderr
+    more = json.loads(json.dumps(running))
+    directory = returning.gateway.directory
+    more["modules"].append(stage(directory, "d", 9, "c"))
+    file.write_text(json.dumps(more))
+    returning.gateway.ctl("reload", str(file))
+    returning.wait(lambda: returning.value("d.scans") > 0, "d scans")
+    returning.wait_rounds(50)
+    returning.assert_nothing_was_left_out()

@@ -249,6 +249,7 @@ def test_each_trap_has_its_tests() -> None:
 SOURCES = Path("package/openrtu/src")
 ROOMS = [
     "centre",
+    "channel",
     "config",
     "foreign",
     "gps",
@@ -263,7 +264,14 @@ ROOMS = [
     "rtud",
     "synch",
 ]
-ROOMS += ["modules/gps", "modules/iec104", "modules/logic", "modules/modbus", "modules/synch"]
+ROOMS += [
+    "modules/gps",
+    "modules/iec104",
+    "modules/iec104m",
+    "modules/logic",
+    "modules/modbus",
+    "modules/synch",
+]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 # A function or a table that other files may use stands at the beginning of a line.
@@ -283,7 +291,7 @@ def uses_of(room: Path) -> dict[str, set[str]]:
             text = COMMENT_OR_STRING.sub("", path.read_text())
             words[path.name] = set(re.findall(r"\w+", text))
             defined[path.name] = set(DEFINITION.findall(text))
-    # What a file defines itself it does not use of another: channel_plain.c and channel_tls.c.
+    # What a file defines itself it does not use of another: channel: plain.c and tls.c.
     return {
         name: {other for other in words if (words[name] - defined[name]) & defined[other]} for name in words
     }

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # What an update file has beside its images: SWUpdate runs it on the board, once all of the file is known to be good.
-# update-script.sh preinst|postinst SLOT KERNEL-BYTES KERNEL-SHA256 TREE-BYTES TREE-SHA256
+# update-script.sh preinst|postinst SLOT KERNEL-BYTES KERNEL-SHA256 TREE-BYTES TREE-SHA256 DATA-FORMAT
 #
 # The slot's tree is the first thing that is erased and the last that is written: a slot that is in between has none,
 # and U-Boot passes over it. So it never starts a new kernel with an old tree.
@@ -21,8 +21,18 @@ read_back() {
 	}
 }
 
+# The version that runs must be able to read /data again if it has to come back.
+check_data_format() {
+	reads=$(sed -n 's/^reads=//p' /usr/share/openrtu/data-format)
+	[ "$1" -le "$reads" ] || {
+		echo "it writes data format $1, and what runs reads up to $reads" >&2
+		exit 1
+	}
+}
+
 case $1 in
 preinst)
+	check_data_format "$7"
 	: >"$TMPDIR/begun"
 	flash_eraseall -q "$(partition trial)" && flash_eraseall -q "$(partition "tree-$2")"
 	;;

@@ -24,6 +24,7 @@ from nuc980.netboot.slots.layout import NAMES, PLACES
 
 ROOT = Path(__file__).resolve().parents[2]
 VERSION = ROOT / "package" / "openrtu" / "src" / "VERSION"
+DATA_FORMAT = ROOT / "board" / "nuc980" / "rootfs-overlay" / "usr" / "share" / "openrtu" / "data-format"
 SCRIPT = Path(__file__).with_name("update-script.sh")
 BOARD = "nuc980-gateway"
 # What SWUpdate compares versions by: up to four numbers.
@@ -68,13 +69,30 @@ class Signer:
         return done.stdout
 
 
+def data_format(what: str) -> int:
+    """The format of /data that this tree's image `writes`, or the newest that it `reads`."""
+    found = re.search(rf"^{what}=(\d+)$", DATA_FORMAT.read_text(encoding="utf-8"), re.MULTILINE)
+    assert found, DATA_FORMAT
+    return int(found[1])
+
+
 def update_file(
-    kernel: bytes, tree: bytes, version: str, site: str, signer: Signer, board: str = BOARD
+    kernel: bytes,
+    tree: bytes,
+    version: str,
+    site: str,
+    signer: Signer,
+    board: str = BOARD,
+    writes: int | None = None,
 ) -> bytes:
-    """A signed update for a site's boards. tree: as it was compiled. Raises UnusableInput."""
+    """
+    A signed update for a site's boards. tree: as it was compiled. writes: the format in which that version
+    keeps /data [this tree's]. Raises UnusableInput.
+    """
     files = {"kernel": kernel, "tree": wrapped(tree), "check": SCRIPT.read_bytes()}
     _check(files, version, site)
-    described = _description(files, version, board, site).encode()
+    writes = data_format("writes") if writes is None else writes
+    described = _description(files, version, board, site, writes).encode()
     signed = {"sw-description": described, "sw-description.sig": signer.sign(described)}
     return archive(Entry.file(name, content) for name, content in (signed | files).items())
 
@@ -90,7 +108,7 @@ def _check(files: dict[str, bytes], version: str, site: str) -> None:
         raise UnusableInput(f"{site!r} is no name of a site: letters, digits, '.', '_' and '-'")
 
 
-def _description(files: dict[str, bytes], version: str, board: str, site: str) -> str:
+def _description(files: dict[str, bytes], version: str, board: str, site: str, writes: int) -> str:
     """SWUpdate's sw-description: the same files for either slot; the board chooses."""
     sums = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     facts = " ".join(f"{len(files[name])} {sums[name]}" for name in ("kernel", "tree"))
@@ -100,7 +118,7 @@ def _description(files: dict[str, bytes], version: str, board: str, site: str) -
 
     def slot(name: str) -> str:
         images = ", ".join(part("flash", each, f'mtdname = "{each}-{name}"') for each in ("kernel", "tree"))
-        script = part("shellscript", "check", f'data = "{name} {facts}"')
+        script = part("shellscript", "check", f'data = "{name} {facts} {writes}"')
         return f"{name}: {{ images: ( {images} ); scripts: ( {script} ); }};"
 
     return f"""software = {{

@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,7 @@ from lab.verdict import Verdict, run
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67
 DEVICE = "3.67"
+NEWCOMER = "5.51"
 
 # Figure 5.6, rows 1 to 13: what the interrogation of CA 3067 brought.
 FIGURE_5_3: dict[int, int] = {
@@ -265,6 +267,52 @@ STEPS: tuple[Step, ...] = (
 )
 
 
+# ---- while the gateway runs, on this machine -------------------------------------------------------
+
+
+def without_newcomer(file: Path) -> Path:
+    """The gateway's configuration without that device, in a file beside it."""
+    config = json.loads(file.read_text())
+    port, unit = map(int, NEWCOMER.split("."))
+    for line in config["port"]:
+        if line["value"] == port:
+            line["slaves"] = [slave for slave in line["slaves"] if slave["id"] != unit]
+    path = file.with_name("without.json")
+    path.write_text(json.dumps(config))
+    return path
+
+
+def reload(desk: Desk, file: Path) -> str:
+    """Returns what was said last."""
+    return desk.gateway.ctl("reload", str(file)).splitlines()[-1]
+
+
+def longest_pause_ms(desk: Desk, port: int, since: int) -> float:
+    times = [f.monotonic_ns for f in desk.lines.frames(since) if (f.kind, f.port) == ("received", port)]
+    return max(later - earlier for earlier, later in pairwise(times)) / 1e6
+
+
+def reloaded(desk: Desk) -> None:
+    """A device leaves the configuration and comes back; the master stays connected"""
+    assert isinstance(desk.gateway, Gateway)
+    file, station = desk.gateway.config_file, 5051
+    here, frames = desk.gateway.query("iec104", "connections"), desk.lines.mark()
+    reload(desk, without_newcomer(file))
+    check(desk.master.is_refused(station), f"CA {station} is known without its device")
+    say(f"     rtuctl       reload without device {NEWCOMER}: CA {station} is unknown")
+    since = desk.master.mark()
+    reload(desk, file)
+    event(desk.master.wait(lambda r: r.ca == station and r.good, since, DEADLINE_S))
+    say(f"     rtuctl       reload with device {NEWCOMER}: {len(interrogated(desk, station))} objects")
+    now = desk.gateway.query("iec104", "connections")
+    check([row["peer"] for row in now] == [row["peer"] for row in here], "a connection has ended")
+    pause = longest_pause_ms(desk, 3, frames)
+    say(f"     neighbour    port 3 was polled on, its longest pause was {pause:.0f} ms")
+
+
+NATIVE_STEPS: tuple[Step, ...] = (*STEPS, reloaded)
+
+
 def received(frame: Frame, wanted: bytes) -> bool:
     return frame.kind == "received" and frame.bytes == wanted
 
@@ -399,7 +447,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
         lines = start_lines(stack, directory, config_file, verdict)
         gateway = start_gateway(stack, directory, config, verdict)
         desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
-        run_steps(desk, STEPS, verdict)
+        run_steps(desk, NATIVE_STEPS, verdict)
         if keep:
             keep_up(desk)
 

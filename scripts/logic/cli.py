@@ -15,6 +15,7 @@ from logic.binary import Program, encode
 from logic.compile import compile_text
 from logic.desk import Desk
 from logic.errors import Findings, LogicError
+from logic.filters import BANDS, KINDS, Design, block
 from logic.plot import svg
 from logic.table import US, Step, compared, read_table, steps
 from nuc980 import VERSION
@@ -65,7 +66,29 @@ def _parser() -> argparse.ArgumentParser:
     command = add("test", "run the tests beside the program: NAME.test.csv, NAME.*.test.csv")
     _add_period(command)
     command.set_defaults(run=_test)
+    _add_filter(commands)
     return parser
+
+
+def _add_filter(commands: argparse._SubParsersAction) -> None:
+    command = commands.add_parser(
+        "filter",
+        help="print a digital filter as a function block",
+        description="Print a digital filter as a FUNCTION_BLOCK with IN and OUT, of second-order sections.",
+    )
+    command.add_argument("kind", choices=KINDS)
+    command.add_argument("band", choices=BANDS, help="what passes (low, high, pass), or what does not (stop)")
+    command.add_argument("--edges", required=True, metavar="HZ[,HZ]", help="where the band ends, in Hz")
+    command.add_argument("--order", type=int, default=2, choices=range(1, 9), metavar="N", help="1 to 8 [2]")
+    command.add_argument(
+        "--ripple", type=float, default=1.0, metavar="DB", help="in the band that passes [1]"
+    )
+    command.add_argument(
+        "--attenuation", type=float, default=40.0, metavar="DB", help="elliptic: of what does not pass [40]"
+    )
+    command.add_argument("--name", default="FILTER", help="of the block [FILTER]")
+    _add_period(command)
+    command.set_defaults(run=_filter)
 
 
 def _add_period(command: argparse.ArgumentParser) -> None:
@@ -91,6 +114,18 @@ def _compiled(parsed: argparse.Namespace) -> Program | None:
         for finding in findings.sorted():
             print(finding.shown(str(parsed.file)), file=sys.stderr)
     return None if findings.failed else program
+
+
+def _filter(parsed: argparse.Namespace) -> int:
+    try:
+        edges = tuple(float(one) for one in parsed.edges.split(","))
+    except ValueError:
+        raise LogicError(f"--edges {parsed.edges} are no frequencies: --edges 1.5, or --edges 1,2") from None
+    design = Design(
+        parsed.kind, parsed.band, parsed.order, edges, parsed.period, parsed.ripple, parsed.attenuation
+    )
+    print(block(design, parsed.name), end="")
+    return DONE
 
 
 def _check(parsed: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 from logic.binary import Array, Command, Point, Program, Request, Routine, Slot
@@ -30,7 +31,8 @@ from logic.syntax import (
 from logic.types import ALIASES, BITS, INTEGERS, TYPES, pack
 from logic.values import BUILT_IN, Values
 
-STANDARD = Path(__file__).with_name("standard.st")
+# The standard's function blocks, and those of docs/blocks.md.
+BLOCKS = Path(__file__).with_name("blocks")
 # The variables that have their initial values again at each call.
 FORGOTTEN = {
     "PROGRAM": ("VAR_TEMP",),
@@ -44,10 +46,22 @@ REQUEST_PARTS = ("ACTIVE", "VALUE", "REFUSE", "STATE", "RESULT")
 
 def compile_text(text: str, findings: Findings, name: str = "program") -> Program:
     """Compiles; the program is of use only if the findings have no error."""
-    library = parse(STANDARD.read_text(encoding="utf-8"), Findings())
-    for unit in library:
+    return Compiler([*library(), *parse(text, findings)], findings).program_of(name)
+
+
+@cache
+def library() -> tuple[Unit, ...]:
+    """What each program may use without defining it."""
+    findings = Findings()
+    units = [
+        unit
+        for file in sorted(BLOCKS.glob("*.st"))
+        for unit in parse(file.read_text(encoding="utf-8"), findings)
+    ]
+    assert not findings.failed, findings.sorted()
+    for unit in units:
         unit.library = True
-    return Compiler([*library, *parse(text, findings)], findings).program_of(name)
+    return tuple(units)
 
 
 class Compiler(Values):
@@ -56,7 +70,10 @@ class Compiler(Values):
         self.functions: dict[str, tuple[Scope, Routine | None]] = {}
         self.open_blocks: list[str] = []
         for unit in units:
-            if unit.name in self.units:
+            there = self.units.get(unit.name)
+            if there is not None and there.library:
+                findings.error(unit.place, f"{unit.name} is a block of the library; give yours another name")
+            elif there is not None:
                 findings.error(unit.place, f"{unit.name} is defined twice")
             self.units[unit.name] = unit
 

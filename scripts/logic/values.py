@@ -28,9 +28,10 @@ BUILT_IN = {
     **{name: (1, 1) for name in (*FUNCTIONS, "ABS", "TRUNC")},
     **{name: (2, 2) for name in ("SHL", "SHR", "ROL", "ROR", "EXPT")},
     **{name: (3, 3) for name in ("SEL", "LIMIT")},
-    **{name: (2, 16) for name in ("MIN", "MAX")},
+    **{name: (2, 16) for name in ("MIN", "MAX", "MUX")},
     **{name: (0, 0) for name in CLOCKS},
     **{name: (1, 1) for name in ("IS_GOOD", "QUALITY", "TIME_OF", "AS_GOOD")},
+    "DOUBTFUL_AS": (2, 2),
 }
 
 
@@ -321,6 +322,8 @@ class Values:
             if call.name not in self.program.clocks:
                 self.program.clocks[call.name] = self.program.add(Slot(CLOCKS[call.name], True))
             return self.program.clocks[call.name]
+        if call.name == "DOUBTFUL_AS":
+            return self.doubtful(call)
         if call.name in ("IS_GOOD", "QUALITY", "TIME_OF", "AS_GOOD"):
             return self.attribute(call)
         source, separator, target = call.name.partition("_TO_")
@@ -361,6 +364,18 @@ class Values:
         result = self.body.temporary(kind)
         operation = {"IS_GOOD": "GOOD", "QUALITY": "QUALITY", "AS_GOOD": "AS_GOOD"}[call.name]
         self.body.emit(operation, kind if operation == "AS_GOOD" else "BOOL", result, value)
+        return result
+
+    def doubtful(self, call: Call) -> Slot:
+        """The value of the first, with the flags of both."""
+        self.count(call, 2)
+        first, second = (argument.value for argument in call.arguments)
+        value, other = self.any_value(first), self.any_value(second)
+        if isinstance(value, Literal) or isinstance(other, Literal):
+            raise SourceError(call.place, "DOUBTFUL_AS needs two values that can be doubtful, not a constant")
+        result = self.body.temporary(value.type)
+        self.body.emit("MOVE", value.type, result, value)
+        self.body.emit("SPREAD", "BOOL", result, other, 1)
         return result
 
     def conversion(self, call: Call, source: str, target: str) -> Slot:
@@ -408,6 +423,8 @@ class Values:
         self.count(call, least, most)
         if call.name in ("SEL", "MIN", "MAX", "LIMIT"):
             return self.choice(call, wanted)
+        if call.name == "MUX":
+            return self.multiplexed(call, wanted)
         values = [self.any_value(argument.value) for argument in call.arguments]
         body = self.body
         if call.name in FUNCTIONS:
@@ -452,6 +469,20 @@ class Values:
             low, value, high = values
             return self.extreme("MIN", [self.extreme("MAX", [value, low], call.place), high], call.place)
         return self.extreme(call.name, values, call.place)
+
+    def multiplexed(self, call: Call, wanted: str | None) -> Slot:
+        """One of many, counted from 0, with the flags of that one and of the number."""
+        given = [self.any_value(one.value, wanted) for one in call.arguments[1:]]
+        values = self.alike(given, call.place, wanted)
+        kind = values[0].type
+        slots = [self.program.add(Slot(kind, True)) for _ in values]
+        for slot, value in zip(slots, values, strict=True):
+            self.body.emit("MOVE", kind, slot, value)
+        array = Array(slots, kind, 0)
+        self.program.arrays.append(array)
+        result = self.body.temporary(kind)
+        self.body.emit("LOAD", kind, result, array, self.index(call.arguments[0].value))
+        return result
 
     def extreme(self, which: str, values: Sequence[Slot], place: Place) -> Slot:
         result = values[0]

@@ -2,15 +2,17 @@
 """Update files, without a board: what is in them, what OpenSSL says to their signature, what is refused."""
 
 import hashlib
+import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from image.update import Signer, main, update_file
+from image.update import Signer, data_format, main, update_file
 from nuc980.errors import UnusableInput
 from nuc980.netboot.slots.layout import PLACES
 
+ROOT = Path(__file__).resolve().parents[2]
 KERNEL, TREE = b"kernel" * 1000, b"tree" * 100
 
 
@@ -107,3 +109,16 @@ def test_command(tmp_path: Path, signer: Signer, capsys: pytest.CaptureFixture[s
     (tmp_path / "nuc980-gateway.dtb").write_bytes(TREE)
     assert main(words) == 0
     assert (tmp_path / "update.swu").stat().st_size > len(KERNEL)
+
+
+def test_data_format_is_that_of_the_journal() -> None:
+    """The digit in the journal's first octets, `ORJ1`: who raises it has to say so in data-format."""
+    source = (ROOT / "package/openrtu/src/journal/record.c").read_text()
+    digit = re.search(r"magic\[4\] = \{'O', 'R', 'J', '(\d)'\}", source)
+    assert digit is not None
+    assert data_format("writes") == int(digit[1]) <= data_format("reads")
+
+
+def test_data_format_comes_to_the_board_as_the_scripts_last_argument(signer: Signer) -> None:
+    described = update_file(KERNEL, TREE, "1.2.3", "station-7", signer, writes=7).decode(errors="replace")
+    assert len(re.findall(r'data = "[ab] \d+ [0-9a-f]{64} \d+ [0-9a-f]{64} 7"', described)) == 2

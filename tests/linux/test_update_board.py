@@ -18,7 +18,7 @@ import pytest
 from update_board import SITE, VERSION, files_of, held, install, make_signer
 
 from desk import CHAPTER_5
-from image.update import Signer, update_file
+from image.update import Signer, data_format, update_file
 from lab.board import ETHERNET, SILENCE_US, SSH_PORT, Ssh, configuration, lines_at
 from lab.linesim import LineSim
 from netboot.flashbench import at_prompt, copy, options, switched_on, uimage
@@ -142,9 +142,15 @@ def update(small: bytes, uboot: Path, signers: list[Signer]) -> Update:
     """Makes updates, right ones unless something else is asked for."""
 
     def make(
-        signer: int = 0, version: str = VERSION, site: str = SITE, board: str = "nuc980-gateway"
+        signer: int = 0,
+        version: str = VERSION,
+        site: str = SITE,
+        board: str = "nuc980-gateway",
+        writes: int | None = None,
     ) -> bytes:
-        return update_file(small, tree_that("reset", uboot)[64:], version, site, signers[signer], board)
+        return update_file(
+            small, tree_that("reset", uboot)[64:], version, site, signers[signer], board, writes
+        )
 
     return make
 
@@ -180,6 +186,10 @@ REFUSED: dict[str, tuple[Callable[[Update], bytes], str]] = {
     "something else": (lambda _: bytes(range(256)) * 100, "not whole, or no update"),
     "an older version": (lambda update: update(version=OLDER), f"older than version {VERSION}"),
     "for another site": (lambda update: update(site="station-8"), "for another board or site"),
+    "data that what runs could not read": (
+        lambda update: update(writes=data_format("reads") + 1),
+        f"version {VERSION} could not read what it writes to /data",
+    ),
     "for another board": (lambda update: update(board="nuc980-numaker"), "for another board or site"),
 }
 

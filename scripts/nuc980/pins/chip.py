@@ -82,6 +82,11 @@ class Peripheral:
         """As in dts/nuvoton/nuc980.dtsi: what has no registers is on no bus."""
         return f"/{self.full_node}" if self.address is None else f"/{self.bus}/{self.full_node}"
 
+    @functools.cached_property
+    def names(self) -> tuple[str, ...]:
+        """All compatible strings by which a vendor kernel may know its own driver."""
+        return self.compatible[0], *self.compatible_66, *self.compatible_other
+
     def owns(self, signal: str) -> bool:
         """Whether a signal is one of this peripheral's."""
         return any(signal.startswith(prefix) for prefix in self.signals)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import functools
 import os
 import re
-import resource
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,9 @@ from nuc980.pins.dtb import MAGIC, parse_dtb, read_dtb
 from nuc980.pins.tree import Node, Place, Tree
 
 PATIENCE = 30  # seconds for each program: macros can expand for ever
-MEMORY = 1 << 30  # bytes for each program: an #include of /dev/zero takes all there is
+MEMORY = 1 << 20  # KiB for each program: an #include of /dev/zero takes all there is
+# A shell sets the bound: for a preexec_fn, Python would copy itself before it starts the program.
+BOUND = ["/bin/sh", "-c", f'ulimit -v {MEMORY} && exec "$@"', "sh"]
 SHOWN_ERRORS = 5  # lines of cpp's or dtc's
 DTC = ["dtc", "-q", "-I", "dts"]
 INSTALL = {"cpp": "install cpp", "dtc": "install device-tree-compiler"}
@@ -94,30 +96,25 @@ class _Done:
 
 
 def _run(command: Sequence[str], file: Path, data: bytes = b"") -> _Done:
+    if not shutil.which(command[0]):
+        raise UnusableInput(f"{command[0]} is missing; {INSTALL[command[0]]}")
     try:
         # No pipe: who reads no further, as dtc after a mistake, would end us (SIGPIPE).
         with tempfile.TemporaryFile() as stdin:
             stdin.write(data)
             stdin.seek(0)
             done = subprocess.run(
-                command,
+                [*BOUND, *command],
                 stdin=stdin,
                 capture_output=True,
                 timeout=PATIENCE,
                 env={**os.environ, "LC_ALL": "C"},
-                preexec_fn=_bound_memory,
             )
-    except FileNotFoundError as error:
-        raise UnusableInput(f"{command[0]} is missing; {INSTALL[command[0]]}") from error
     except subprocess.TimeoutExpired as error:
         raise UnusableInput(
             f"{file}: {command[0]} did not end within {PATIENCE} s; check the #include lines of the file"
         ) from error
     return _Done(done.returncode != 0, done.stdout, done.stderr.decode(errors="replace").splitlines())
-
-
-def _bound_memory() -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
 def _preprocessed(file: Path, include: Sequence[Path], defines: Sequence[str]) -> bytes:

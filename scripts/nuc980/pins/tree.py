@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 CELL = 4
@@ -32,14 +33,14 @@ class Property:
     raw: bytes
     place: Place | None = None  # the last line that set it
 
-    @property
+    @cached_property
     def cells(self) -> list[int] | None:
         """32-bit cells, None when the length is no multiple of four."""
         if len(self.raw) % CELL:
             return None
         return [int.from_bytes(self.raw[i : i + CELL], "big") for i in range(0, len(self.raw), CELL)]
 
-    @property
+    @cached_property
     def strings(self) -> list[str] | None:
         """Strings, None when the bytes are no list of terminated UTF-8 strings."""
         if not self.raw.endswith(b"\0"):
@@ -92,12 +93,12 @@ class Node:
     def cells(self, name: str) -> list[int]:
         """The cells of a property; none when it is missing or has no whole cells."""
         found = self.properties.get(name)
-        return (found.cells or []) if found else []
+        return list(found.cells or ()) if found else []
 
     def strings(self, name: str) -> list[str]:
         """The strings of a property; none when it is missing or has none."""
         found = self.properties.get(name)
-        return (found.strings or []) if found else []
+        return list(found.strings or ()) if found else []
 
     def place_of(self, name: str | None = None) -> Place | None:
         """Where a property was set last, or where the node begins."""

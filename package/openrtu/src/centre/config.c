@@ -15,7 +15,7 @@
 #define CAS_MAX           16
 #define PERIOD_MAX_S      604800 /* a week */
 #define IOA_MAX           16777215
-#define SINGLE_PLACES     3 /* of tasks, of a common address, beside the reads */
+#define SINGLE_PLACES     3 /* of polls, of a common address, beside the reads */
 
 enum {
 	FILE_SOCKET,
@@ -126,17 +126,17 @@ struct reading {
 
 /* ---- a station --------------------------------------------------------------------------- */
 
-static void add_task(const struct reading *reading, struct centre_task task)
+static void add_poll(const struct reading *reading, struct iec104_poll poll)
 {
-	reading->config->tasks[reading->config->task_count++] = task;
-	reading->station->task_count++;
+	reading->config->polls[reading->config->poll_count++] = poll;
+	reading->station->poll_count++;
 }
 
-static void add_periodic(const struct reading *reading, enum centre_task_kind kind, uint16_t ca,
+static void add_periodic(const struct reading *reading, enum iec104_poll_kind kind, uint16_t ca,
 			 const struct config_value *period, bool at_start)
 {
 	if (at_start || period->integer > 0)
-		add_task(reading, (struct centre_task){.kind = (uint8_t)kind,
+		add_poll(reading, (struct iec104_poll){.kind = (uint8_t)kind,
 						       .at_start = at_start,
 						       .ca = ca,
 						       .period_ns = period->integer * NS_PER_S});
@@ -167,11 +167,11 @@ static void read_cas(const struct reading *reading, const struct config_value *v
 
 		if (ca == 0)
 			continue;
-		add_periodic(reading, CENTRE_TASK_CLOCK, ca, &values[STATION_CLOCK],
+		add_periodic(reading, IEC104_POLL_CLOCK, ca, &values[STATION_CLOCK],
 			     values[STATION_CLOCK].integer > 0);
-		add_periodic(reading, CENTRE_TASK_INTERROGATION, ca, &values[STATION_INTERROGATION],
+		add_periodic(reading, IEC104_POLL_INTERROGATION, ca, &values[STATION_INTERROGATION],
 			     values[STATION_INTERROGATE].integer != 0);
-		add_periodic(reading, CENTRE_TASK_COUNTERS, ca, &values[STATION_COUNTERS], false);
+		add_periodic(reading, IEC104_POLL_COUNTERS, ca, &values[STATION_COUNTERS], false);
 	}
 }
 
@@ -187,7 +187,7 @@ static void read_reads(const struct reading *reading, const struct config_value 
 		struct config_value values[READ_KEYS];
 
 		config_read_keys(reading->report, &here, json, read_rules, READ_KEYS, values);
-		add_task(reading, (struct centre_task){.kind = CENTRE_TASK_READ,
+		add_poll(reading, (struct iec104_poll){.kind = IEC104_POLL_READ,
 						       .at_start = true,
 						       .ca = (uint16_t)values[READ_CA].integer,
 						       .ioa = (uint32_t)values[READ_IOA].integer,
@@ -226,7 +226,7 @@ static void read_station(const struct reading *reading, const json_t *json)
 					.originator = (uint8_t)values[STATION_ORIGINATOR].integer,
 					.position_type = (uint8_t)values[STATION_POSITION_TYPE].integer,
 					.terminates = values[STATION_TERMINATES].integer != 0,
-					.first_task = reading->config->task_count};
+					.first_poll = reading->config->poll_count};
 	if (values[STATION_NAME].given)
 		snprintf(station->name, sizeof(station->name), "%s", values[STATION_NAME].text);
 	read_address(reading, &values[STATION_ADDRESS]);
@@ -294,8 +294,8 @@ static bool take_defaults(struct config_report *report, const struct config_plac
 	return errors == report->errors;
 }
 
-/* How many tasks the stations can have at most. */
-static uint32_t tasks_of(const json_t *stations)
+/* How many polls the stations can have at most. */
+static uint32_t polls_of(const json_t *stations)
 {
 	size_t count = 0, i;
 	const json_t *station;
@@ -321,8 +321,8 @@ static void read_stations(struct config_report *report, const struct config_plac
 	if (!take_defaults(report, file, &values[FILE_DEFAULTS], stations))
 		return;
 	config->stations = config_allocate((uint32_t)json_array_size(stations), sizeof(*config->stations));
-	config->tasks = config_allocate(tasks_of(stations), sizeof(*config->tasks));
-	if (config->stations == NULL || config->tasks == NULL) {
+	config->polls = config_allocate(polls_of(stations), sizeof(*config->polls));
+	if (config->stations == NULL || config->polls == NULL) {
 		config_out_of_memory(report);
 		return;
 	}
@@ -442,5 +442,5 @@ enum centre_config_result centre_config_load(const char *path, struct centre_con
 void centre_config_free(struct centre_config *config)
 {
 	free(config->stations);
-	free(config->tasks);
+	free(config->polls);
 }

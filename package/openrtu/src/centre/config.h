@@ -7,27 +7,10 @@
 #include <stdio.h>
 
 #include "centre/records.h"
-#include "iec104/controlling.h"
+#include "iec104/polls.h"
 
 #define CENTRE_SOCKET_SIZE  108 /* sun_path */
 #define CENTRE_STATIONS_MAX 65535
-
-enum centre_task_kind {
-	CENTRE_TASK_CLOCK, /* in this order at the start */
-	CENTRE_TASK_INTERROGATION,
-	CENTRE_TASK_COUNTERS,
-	CENTRE_TASK_READ,
-};
-
-/* What a station is asked by itself. */
-struct centre_task {
-	uint8_t kind; /* enum centre_task_kind */
-	bool at_start;
-	uint16_t ca;
-	uint32_t ioa;
-	int64_t period_ns; /* 0: at the start only */
-	int64_t due_ns;    /* CLOCK_MONOTONIC, while the station is up */
-};
 
 struct centre_plan {
 	char name[CENTRE_NAME_SIZE];
@@ -36,7 +19,7 @@ struct centre_plan {
 	uint8_t originator;
 	uint8_t position_type; /* 0: none */
 	bool terminates;       /* it sends the termination of a command */
-	uint32_t first_task, task_count;
+	uint32_t first_poll, poll_count;
 };
 
 struct centre_config {
@@ -50,8 +33,8 @@ struct centre_config {
 	uint32_t batches, batch_records, batches_in_flight;
 	struct centre_plan *stations;
 	uint32_t station_count;
-	struct centre_task *tasks;
-	uint32_t task_count;
+	struct iec104_poll *polls;
+	uint32_t poll_count;
 };
 
 /* As an exit code. */

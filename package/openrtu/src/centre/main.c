@@ -74,7 +74,7 @@ static int check(const struct centre_config *config)
 
 	printf("stations: %" PRIu32 "; polls of them: %" PRIu32
 	       "; memory: %zu octets a station and %zu for %" PRIu32 " records\n",
-	       config->station_count, config->task_count, octets,
+	       config->station_count, config->poll_count, octets,
 	       (size_t)config->batches * config->batch_records * sizeof(struct centre_record),
 	       config->batches * config->batch_records);
 	return 0;

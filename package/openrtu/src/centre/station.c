@@ -15,9 +15,7 @@
 
 #define LATE_NS                                                                                              \
 	(100 * NS_PER_MS) /* we were stopped, or full: what came meanwhile is read before a timer counts */
-#define QOI_STATION 20
-#define QCC_ALL     5
-#define FULL_NS     (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
+#define FULL_NS (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
 
 static uint32_t place_of(const struct centre_station *station)
 {
@@ -139,66 +137,20 @@ static void lose_patience(struct centre_station *station)
 
 /* ---- the plan ---------------------------------------------------------------------------- */
 
-static struct centre_task *next_task(const struct centre_station *station)
+static struct iec104_poll *next_poll(const struct centre_station *station)
 {
-	struct centre_task *next = NULL;
-
-	for (uint32_t i = 0; i < station->plan->task_count; i++)
-		if (next == NULL || station->tasks[i].due_ns < next->due_ns)
-			next = &station->tasks[i];
-	return next;
-}
-
-static int64_t first_due(const struct centre_task *task, int64_t now_ns)
-{
-	if (task->at_start)
-		return now_ns;
-	return now_ns + task->period_ns;
-}
-
-static void begin_plan(struct centre_station *station)
-{
-	for (uint32_t i = 0; i < station->plan->task_count; i++)
-		station->tasks[i].due_ns = first_due(&station->tasks[i], station->centre->now.monotonic_ns);
-	station->due_ns = 0;
-}
-
-/* What was missed is not made up for. */
-static void put_off(struct centre_task *task, int64_t now_ns)
-{
-	if (task->period_ns == 0)
-		task->due_ns = INT64_MAX;
-	else
-		task->due_ns += task->period_ns * (1 + (now_ns - task->due_ns) / task->period_ns);
-}
-
-static uint32_t post(struct centre_station *station, const struct centre_task *task)
-{
-	struct iec104_controlling *controlling = &station->controlling;
-	struct iec104_moment now = station->centre->now;
-
-	switch ((enum centre_task_kind)task->kind) {
-	case CENTRE_TASK_CLOCK:
-		return iec104_controlling_set_clock(controlling, task->ca, now);
-	case CENTRE_TASK_INTERROGATION:
-		return iec104_controlling_interrogate(controlling, task->ca, QOI_STATION, now);
-	case CENTRE_TASK_COUNTERS:
-		return iec104_controlling_interrogate_counters(controlling, task->ca, QCC_ALL, now);
-	case CENTRE_TASK_READ:
-		return iec104_controlling_read(controlling, task->ca, task->ioa, now);
-	}
-	return 0;
+	return iec104_polls_next(station->polls, station->plan->poll_count);
 }
 
 /* The station has a place in a window. */
 static void send_poll(struct centre_station *station)
 {
 	int64_t now_ns = station->centre->now.monotonic_ns;
-	struct centre_task *task = next_task(station);
+	struct iec104_poll *poll = next_poll(station);
 
-	station->poll = post(station, task);
+	station->poll = iec104_poll_post(poll, &station->controlling, station->centre->now);
 	if (station->poll != 0) {
-		put_off(task, now_ns);
+		iec104_poll_put_off(poll, now_ns);
 	} else {
 		station->due_ns = now_ns + FULL_NS;
 		leave_window(station);
@@ -208,11 +160,11 @@ static void send_poll(struct centre_station *station)
 /* One poll at a time: the next one is due when the last has ended. */
 static int64_t poll_due(const struct centre_station *station)
 {
-	const struct centre_task *task = next_task(station);
+	const struct iec104_poll *poll = next_poll(station);
 
-	if (station->poll != 0 || station->waits || task == NULL)
+	if (station->poll != 0 || station->waits || poll == NULL)
 		return INT64_MAX;
-	return later(task->due_ns, station->due_ns);
+	return later(poll->due_ns, station->due_ns);
 }
 
 static void ask_next(struct centre_station *station)
@@ -224,17 +176,6 @@ static void ask_next(struct centre_station *station)
 }
 
 /* ---- what a station says ----------------------------------------------------------------- */
-
-/* After its start it has to be asked for everything (IEC 60870-5-5, 6.1.5). */
-static void ask_everything(struct centre_station *station, uint16_t ca)
-{
-	for (uint32_t i = 0; i < station->plan->task_count; i++) {
-		struct centre_task *task = &station->tasks[i];
-
-		if (task->kind == CENTRE_TASK_INTERROGATION && task->ca == ca)
-			task->due_ns = station->centre->now.monotonic_ns;
-	}
-}
 
 static void on_information(void *context, const struct iec104_asdu *asdu,
 			   const struct iec104_information *information)
@@ -250,7 +191,8 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 	record->information.content = (uint8_t)information->content;
 	set_time(record, information->tagged, information->time_invalid, information->wall_ns);
 	if (information->content == IEC104_INITIALISATION)
-		ask_everything(station, asdu->ca);
+		iec104_polls_renew(station->polls, station->plan->poll_count, asdu->ca,
+				   station->centre->now.monotonic_ns);
 }
 
 static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
@@ -265,12 +207,6 @@ static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t 
 	record->position.longitude = position->longitude;
 	record->position.altitude_dm = position->altitude_dm;
 	set_time(record, true, position->time_invalid, position->wall_ns);
-}
-
-static bool has_ended(uint8_t state)
-{
-	return state == MAP_REFUSED_SELECTION || state == MAP_INTERRUPTED_SELECTION ||
-	       state == MAP_REFUSED_COMMAND || state == MAP_EXECUTED_COMMAND;
 }
 
 static void end_poll(struct centre_station *station, const struct iec104_controlling_request *request)
@@ -299,7 +235,7 @@ static void on_progress(void *context, const struct iec104_controlling_request *
 	struct centre_order *order;
 
 	if (request->id == station->poll) {
-		if (has_ended(request->state))
+		if (iec104_controlling_has_ended(request->state))
 			end_poll(station, request);
 		return;
 	}
@@ -307,7 +243,7 @@ static void on_progress(void *context, const struct iec104_controlling_request *
 	if (order == NULL)
 		return;
 	say_progress(station, request, order->id);
-	if (has_ended(request->state))
+	if (iec104_controlling_has_ended(request->state))
 		order->request = 0;
 }
 
@@ -482,7 +418,8 @@ static void become_up(struct centre_station *station)
 	station->up_ns = station->centre->now.monotonic_ns;
 	station->slow = false;
 	say_link(station, CENTRE_UP, 0, 0, 0);
-	begin_plan(station);
+	iec104_polls_begin(station->polls, station->plan->poll_count, station->up_ns);
+	station->due_ns = 0;
 }
 
 /* All there is to do on a connection. */
@@ -759,7 +696,7 @@ static void init_station(struct centre *centre, uint32_t i)
 
 	station->centre = centre;
 	station->plan = &config->stations[i];
-	station->tasks = &config->tasks[station->plan->first_task];
+	station->polls = &config->polls[station->plan->first_poll];
 	station->fd = -1;
 	station->window = CENTRE_NO_WINDOW;
 	station->settings = config->common;

@@ -29,7 +29,7 @@ struct centre_order {
 struct centre_station {
 	struct centre *centre;
 	const struct centre_plan *plan;
-	struct centre_task *tasks; /* plan->task_count */
+	struct iec104_poll *polls; /* plan->poll_count */
 	int fd;                    /* -1: not connected */
 	uint8_t link;              /* enum centre_link */
 	uint8_t window;            /* in which it has a place */

@@ -14,7 +14,10 @@
 #define GPS_RECEIVERS_MAX 8
 #define GPS_FENCES_MAX    64 /* of a receiver */
 
-/* The points of a receiver, in the order of its set; those of its fences are behind them. */
+/*
+ * The points of a receiver, in the order of its set; those of its fences are behind them. Before them is the position as a whole
+ * (MAP_POINT_POSITION), if it is configured.
+ */
 enum gps_point {
 	GPS_POINT_LATITUDE,
 	GPS_POINT_LONGITUDE,
@@ -34,7 +37,8 @@ struct gps_settings {
 	char device[MAP_FILE_SIZE];  /* of a serial port; empty: behind gpsd */
 	char gpsd[MAP_ADDRESS_SIZE]; /* its address */
 	uint16_t gpsd_port;
-	uint16_t set; /* its place among the sets */
+	uint16_t set;  /* its place among the sets */
+	uint8_t whole; /* points before GPS_POINT_LATITUDE: 1 with the position as a whole, else 0 */
 	uint32_t baud;
 	uint32_t first_fence, fence_count; /* among those of all receivers */
 	int64_t silence_ns;                /* that ends a burst */

@@ -35,6 +35,7 @@ enum {
 	GPS_PERIOD,
 	GPS_CA,
 	GPS_IOA,
+	GPS_POSITION_IOA,
 	GPS_TOPICAL,
 	GPS_MAX_SPEED,
 	GPS_SLACK,
@@ -55,6 +56,7 @@ static const struct config_rule receiver_rules[GPS_KEYS] = {
     [GPS_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 100, .high = 60000, .fallback = 1000},
     [GPS_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534},
     [GPS_IOA] = {"ioa", CONFIG_INTEGER, .low = 1, .high = 16777000, .fallback = 1},
+    [GPS_POSITION_IOA] = {"position_ioa", CONFIG_INTEGER, .low = 1, .high = 16777215},
     [GPS_TOPICAL] = {"topical_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 5},
     [GPS_MAX_SPEED] = {"max_speed_km_h", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 400},
     [GPS_SLACK] = {"slack_m", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 50},
@@ -221,6 +223,12 @@ static void add_points(struct config_loader *loader, const struct config_place *
 	const uint32_t ioa = (uint32_t)values[GPS_IOA].integer;
 	char name[MAP_NAME_SIZE];
 
+	if (values[GPS_POSITION_IOA].given) {
+		snprintf(name, sizeof(name), "%s.position", receiver->name);
+		config_add_point(loader, place, name, MAP_BITSTRING,
+				 (uint32_t)values[GPS_POSITION_IOA].integer)
+		    ->flags = MAP_POINT_POSITION;
+	}
 	for (uint32_t i = 0; i < GPS_POINTS; i++) {
 		snprintf(name, sizeof(name), "%s.%s", receiver->name, points[i].name);
 		config_add_point(loader, place, name, points[i].type, ioa + i);
@@ -249,6 +257,7 @@ static void read_receiver(struct config_loader *loader, const struct config_plac
 	read_times(loader, place, values, receiver);
 	read_fixes(values, receiver);
 	receiver->set = (uint16_t)loader->config->set_count;
+	receiver->whole = values[GPS_POSITION_IOA].given;
 	receiver->first_fence = map_record_count(loader->config, GPS_FENCES);
 	receiver->fence_count =
 	    values[GPS_FENCE_LIST].given ? (uint32_t)json_array_size(values[GPS_FENCE_LIST].json) : 0;
@@ -293,7 +302,7 @@ static bool begin(struct config_loader *loader, void *own, const json_t *root)
 	map_add_section(loader->config, GPS_RECEIVERS, sizeof(struct gps_settings), 0, settings);
 	map_add_section(loader->config, GPS_FENCES, sizeof(struct gps_fence), 0, all_fences);
 	loader->sets_max += receivers;
-	loader->points_max += receivers * GPS_POINTS + fences;
+	loader->points_max += receivers * (1 + GPS_POINTS) + fences;
 	return settings != NULL && all_fences != NULL;
 }
 

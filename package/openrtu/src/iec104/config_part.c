@@ -6,6 +6,7 @@
 
 #include "config/address.h"
 #include "iec104/config_readers.h"
+#include "iec104/geoposition.h"
 
 #define SECONDS_OF_2_DAYS 172800
 #define ORIGINATORS       256
@@ -36,6 +37,7 @@ enum {
 	IEC104_COMMAND_WITHOUT_CLOCK,
 	IEC104_CLOCK_MASTERS,
 	IEC104_OWN_CA,
+	IEC104_POSITION_TYPE,
 	IEC104_KEYS
 };
 static const struct config_rule iec104_rules[IEC104_KEYS] = {
@@ -53,6 +55,8 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_COMMAND_WITHOUT_CLOCK] = {"command_without_clock", CONFIG_BOOLEAN},
     [IEC104_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = IEC104_CLOCK_MASTERS_MAX},
     [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
+    [IEC104_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = IEC104_PRIVATE_FIRST,
+			      .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION},
 };
 
 /* IEC 60870-5-104, 5.5: w should not exceed two thirds of k; more than k would never be reached. */
@@ -139,6 +143,7 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	take_timeout(loader, place, values, IEC104_COMMAND_TIMEOUT, &all->command_timeout_s);
 	settings->command_without_clock = values[IEC104_COMMAND_WITHOUT_CLOCK].integer != 0;
 	settings->own_ca = (uint16_t)values[IEC104_OWN_CA].integer;
+	settings->position_type = (uint8_t)values[IEC104_POSITION_TYPE].integer;
 	if (!values[IEC104_ADDRESS].wrong)
 		config_read_address(&loader->report, &address,
 				    values[IEC104_ADDRESS].given ? values[IEC104_ADDRESS].text : "0.0.0.0",

@@ -21,25 +21,12 @@ void iec104_controlling_open(struct iec104_controlling *controlling,
 
 /* ---- progress ---------------------------------------------------------------------------- */
 
-static bool has_ended(const struct iec104_controlling_request *request)
-{
-	switch (request->state) {
-	case MAP_REFUSED_SELECTION:
-	case MAP_INTERRUPTED_SELECTION:
-	case MAP_REFUSED_COMMAND:
-	case MAP_EXECUTED_COMMAND:
-		return true;
-	default:
-		return false;
-	}
-}
-
 /* Tells of the request's new state. The place of one that has ended is free for what the listener asks next. */
 static void tell(struct iec104_controlling *controlling, struct iec104_controlling_request *request)
 {
 	struct iec104_controlling_request told = *request;
 
-	if (has_ended(request))
+	if (iec104_controlling_has_ended(request->state))
 		request->id = 0;
 	controlling->listener->progress(controlling->listener->context, &told);
 }

@@ -59,6 +59,13 @@ struct iec104_controlling_request {
 	int64_t deadline_ns;
 };
 
+/* No more is told of a request in this state. */
+static inline bool iec104_controlling_has_ended(uint8_t state)
+{
+	return state == MAP_REFUSED_SELECTION || state == MAP_INTERRUPTED_SELECTION ||
+	       state == MAP_REFUSED_COMMAND || state == MAP_EXECUTED_COMMAND;
+}
+
 /*
  * Who is told. From within a call requests may be made, executed and cancelled. asdu has type, cause, T and CA; what has T set
  * was sent for a test and is no process information.

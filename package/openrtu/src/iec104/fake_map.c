@@ -53,6 +53,15 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	return true;
 }
 
+bool map_read_together(const struct map *map, const uint32_t *together, size_t count, struct map_sample *out)
+{
+	bool whole = true;
+
+	for (size_t i = 0; i < count; i++)
+		whole = whole && map_read(map, together[i], &out[i]);
+	return whole;
+}
+
 bool map_total_read(const struct map *map, uint32_t point, struct map_sample *out)
 {
 	if (map->totals[point].time_ns == 0)
@@ -176,6 +185,15 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 	return true;
 }
 
+bool map_event_next_of(const struct map *map, struct map_cursor *cursor, uint32_t module,
+		       struct map_event *out)
+{
+	while (map_event_next(map, cursor, out))
+		if (out->kind == MAP_EVENT_CHANGE && map_owner(map, out->point) == module)
+			return true;
+	return false;
+}
+
 void map_publish(struct map *map, const struct map_update *updates, size_t count)
 {
 	for (size_t i = 0; i < count; i++) {
@@ -260,6 +278,12 @@ void fake_own_station(void)
 		fake.samples[i] = (struct map_sample){.quality = MAP_INVALID};
 }
 
+void fake_receiver(void)
+{
+	fake.config.set_count = DEVICES + 2;
+	fake.config.point_count = ALL;
+}
+
 void return_information(uint32_t point, int32_t value)
 {
 	publish(point, value);
@@ -280,7 +304,8 @@ void answer(uint32_t id, enum map_command_state state, enum map_command_result r
 void fake_begin(void)
 {
 	memset(&fake, 0, sizeof(fake));
-	fake.settings = (struct iec104_settings){.k = 12,
+	fake.settings = (struct iec104_settings){.position_type = 201,
+						 .k = 12,
 						 .w = 8,
 						 .t1_s = 15,
 						 .t2_s = 10,

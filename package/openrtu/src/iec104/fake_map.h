@@ -17,23 +17,34 @@
 
 #define POINTS   20
 #define DEVICES  2
-#define OWN      4    /* points of the gateway's own station, of one redundancy group and all others */
+#define OWN      4 /* points of the gateway's own station, of one redundancy group and all others */
+#define PLACE    4 /* points of a receiver: a position, latitude, longitude, altitude */
+#define ALL      (POINTS + OWN + PLACE)
 #define RINGS    3    /* rtud and two owners */
 #define EVENTS   4096 /* a power of two, as are the next two */
 #define REQUESTS 64
 #define ANSWERS  64
 
-enum { COIL4 = 3, HOLDING3 = 12, DOUBLE1 = 13, BITS = 15, NORMALIZED = 16, FLOAT = 17, COUNTER = 18 };
+enum {
+	COIL4 = 3,
+	HOLDING3 = 12,
+	DOUBLE1 = 13,
+	BITS = 15,
+	NORMALIZED = 16,
+	FLOAT = 17,
+	COUNTER = 18,
+	POSITION = POINTS + OWN
+};
 
-extern struct map_point points[POINTS + OWN];
-extern struct map_set devices[DEVICES + 1];
+extern struct map_point points[ALL];
+extern struct map_set devices[DEVICES + 2];
 
 struct map {
 	struct map_config config;
 	struct iec104_settings settings; /* its section */
-	struct map_sample samples[POINTS + OWN];
-	struct map_sample totals[POINTS + OWN]; /* of counters; time_ns 0: never frozen */
-	struct map_parameters parameters[POINTS + OWN];
+	struct map_sample samples[ALL];
+	struct map_sample totals[ALL]; /* of counters; time_ns 0: never frozen */
+	struct map_parameters parameters[ALL];
 	struct map_event events[EVENTS]; /* this and the next two: rings */
 	uint32_t event_count;
 	uint32_t event_capacity; /* how many are kept: a power of two, EVENTS at most */
@@ -46,7 +57,7 @@ struct map {
 	unsigned request_count;
 	struct map_answer answers[ANSWERS];
 	unsigned answer_count, answers_read;
-	struct map_command commands[POINTS + OWN];
+	struct map_command commands[ALL];
 	bool dead[3]; /* rtud and the two modules */
 	bool starting[3];
 	bool silent[3]; /* its heartbeat is missing */
@@ -66,6 +77,8 @@ extern int64_t now;
 void fake_begin(void);
 /* One redundancy group, and a station of the gateway's own, CA 900, which this process owns. */
 void fake_own_station(void);
+/* A receiver of positions, CA 7001, of the second module. */
+void fake_receiver(void);
 void put_event(enum map_event_kind kind, uint32_t point, struct map_sample sample);
 /* The owner publishes a value: readers see it, and an event is made. */
 void publish(uint32_t point, int32_t value);

@@ -4,7 +4,7 @@
 
 #define COMMAND MAP_POINT_COMMAND
 
-struct map_point points[POINTS + OWN] = {
+struct map_point points[ALL] = {
     /* CA 3067: the project report, figure 5.3 */
     {.set = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 1},
     {.set = 0, .type = MAP_SINGLE, .flags = COMMAND, .ioa = 2},
@@ -32,10 +32,16 @@ struct map_point points[POINTS + OWN] = {
     {.set = 2, .type = MAP_SINGLE, .ioa = 9},
     {.set = 2, .type = MAP_BITSTRING, .ioa = 101},
     {.set = 2, .type = MAP_BITSTRING, .ioa = 109},
+    /* CA 7001: a receiver of positions */
+    {.set = 3, .type = MAP_BITSTRING, .flags = MAP_POINT_POSITION, .ioa = 200, .group = 3},
+    {.set = 3, .type = MAP_ANGLE, .ioa = 1},
+    {.set = 3, .type = MAP_ANGLE, .ioa = 2},
+    {.set = 3, .type = MAP_FLOAT, .ioa = 3},
 };
 
-struct map_set devices[DEVICES + 1] = {
+struct map_set devices[DEVICES + 2] = {
     {.module = 1, .ca = 3067, .first_point = 0, .point_count = 13},
     {.module = 2, .ca = 4001, .first_point = 13, .point_count = 7},
     {.module = 0, .ca = 900, .first_point = 20, .point_count = OWN},
+    {.module = 2, .ca = 7001, .first_point = POSITION, .point_count = PLACE},
 };

@@ -128,6 +128,17 @@ bool iec104_advance_procedure(const struct iec104_station *station, struct iec10
 	return false;
 }
 
+/* The first one's points have other numbers: those of its station from the beginning. */
+void iec104_restart_procedure(const struct iec104_station *station, struct iec104_connection *connection)
+{
+	struct iec104_procedure *procedure = iec104_procedure_at(connection, 0);
+
+	procedure->next_parameter = station->config->sets[procedure->device].first_point;
+	if (procedure->phase == IEC104_DATA)
+		iec104_begin_sweep_of_station(station, connection, &procedure->sweep, procedure->device,
+					      interrogated);
+}
+
 static bool can_interrogate(const struct iec104_procedure *procedure)
 {
 	if (procedure->type == IEC104_C_CI_NA_1)

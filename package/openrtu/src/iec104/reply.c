@@ -105,7 +105,7 @@ bool iec104_answer_read(const struct iec104_station *station, struct iec104_conn
 	struct iec104_manner manner = {.cause = IEC104_REQUEST};
 	struct iec104_builder builder;
 	struct iec104_asdu read;
-	struct map_sample sample;
+	struct map_sample samples[IEC104_SAMPLES];
 	uint32_t point;
 	size_t size;
 	const uint8_t *asdu = first_reply(connection, &size);
@@ -113,20 +113,20 @@ bool iec104_answer_read(const struct iec104_station *station, struct iec104_conn
 	if (asdu == NULL || !is_read(asdu, size, &read))
 		return false;
 	point = map_find(station->map, read.ca, iec104_ioa_decode(read.objects));
-	if (!iec104_read_point(station, connection, point, false, &sample)) {
+	if (!iec104_read_point(station, connection, point, false, samples)) {
 		iec104_retry_soon(connection, now_ns);
 		return false;
 	}
 	if (iec104_event_waits(station, connection)) /* it may be older than the sample: it goes first */
 		return true;
-	if (!iec104_is_tellable(station, point, &sample)) {
+	if (!iec104_is_tellable(station, point, &samples[0])) {
 		refuse_read(connection, asdu, size, now_ns);
 		return true;
 	}
 	manner.originator = read.originator;
 	manner.test = read.test;
 	iec104_begin_asdu(station, &builder, point, &manner, false);
-	iec104_add_sample(station, &builder, point, &sample, false);
+	iec104_add_samples(station, &builder, point, samples, false);
 	iec104_send(connection, &builder, now_ns);
 	drop_first_reply(connection, size);
 	return true;

@@ -35,33 +35,33 @@ static uint8_t wire_cause(const struct map_event *event)
 	return IEC104_SPONTANEOUS;
 }
 
-/* Adds an event to the ASDU; the first one begins it. False: it does not belong into this one. */
-static bool add_event(const struct iec104_station *station, struct iec104_builder *builder,
-		      const struct map_event *first, const struct map_event *event)
+/* Goes into the ASDU of the first one. A position has one of its own. */
+static bool belongs(const struct iec104_station *station, const struct map_event *first,
+		    const struct map_event *event)
 {
-	const struct iec104_manner manner = {.cause = wire_cause(event), .tagged = true};
-
-	if (event == first)
-		iec104_begin_asdu(station, builder, event->point, &manner, false);
-	else if (event->kind != MAP_EVENT_CHANGE || event->cause != first->cause ||
-		 iec104_point(station, event->point)->set != iec104_point(station, first->point)->set ||
-		 iec104_monitor_type(iec104_point(station, event->point), true) !=
-		     iec104_monitor_type(iec104_point(station, first->point), true) ||
-		 !iec104_is_tellable(station, event->point, &event->sample))
-		return false;
-	return iec104_add_event(station, builder, event);
+	return event->kind == MAP_EVENT_CHANGE && event->cause == first->cause &&
+	       iec104_point(station, event->point)->set == iec104_point(station, first->point)->set &&
+	       iec104_type_of(station, event->point, true) == iec104_type_of(station, first->point, true) &&
+	       iec104_is_tellable(station, event->point, &event->sample) &&
+	       !iec104_is_position(station, event->point);
 }
 
 /* As many events as come one after another and go into one ASDU, in their order. */
 static void send_changes(const struct iec104_station *station, struct iec104_connection *connection,
 			 const struct map_event *first, int64_t now_ns)
 {
+	const struct iec104_manner manner = {.cause = wire_cause(first), .tagged = true};
 	struct map_cursor ahead = connection->cursor;
+	struct map_sample samples[IEC104_SAMPLES];
 	struct iec104_builder builder;
 	struct map_event event;
 
-	add_event(station, &builder, first, first);
-	while (map_event_next(station->map, &ahead, &event) && add_event(station, &builder, first, &event))
+	if (!iec104_complete_event(station, &ahead, first, samples))
+		return;
+	iec104_begin_asdu(station, &builder, first->point, &manner, false);
+	iec104_add_event(station, &builder, first, samples);
+	while (map_event_next(station->map, &ahead, &event) && belongs(station, first, &event) &&
+	       iec104_add_event(station, &builder, &event, &event.sample))
 		connection->cursor = ahead;
 	map_count(&station->stats->counters[IEC104_COUNT_EVENTS_SENT], iec104_asdu_count(&builder));
 	iec104_send(connection, &builder, now_ns);

@@ -236,6 +236,9 @@ void iec104_station_refuse(struct iec104_station *station, const char *name, int
 /* The connection is gone; logs why. Commands under way end at their devices, unanswered here; selections end. */
 void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection);
 
+/* The map has another configuration (map_renew), whose settings of the station are the same. */
+void iec104_station_renew(struct iec104_station *station, const struct map_config *before);
+
 /* Does all there is to do now: after octets were received or written, after a bell, at the deadline. */
 void iec104_station_run(struct iec104_station *station, int64_t now_ns);
 /* When iec104_station_run is due without any of these; INT64_MAX: never. */

@@ -7,6 +7,7 @@
 #ifndef OPENRTU_IEC104_STATION_PARTS_H
 #define OPENRTU_IEC104_STATION_PARTS_H
 
+#include "iec104/geoposition.h"
 #include "iec104/station.h"
 
 /* An ASDU that a connection has received. */
@@ -81,6 +82,25 @@ bool iec104_event_waits(const struct iec104_station *station, const struct iec10
 uint32_t iec104_events_end(const struct iec104_station *station, uint32_t module);
 bool iec104_events_were_sent(const struct iec104_connection *connection, uint32_t module, uint32_t end);
 
+/* ---- place.c ----------------------------------------------------------------------------- */
+
+/* Of a position its own, those of latitude, longitude and altitude; of any other point the first one only. */
+#define IEC104_SAMPLES 4
+
+/* The point is sent with those behind it as one object, of the private type. */
+static inline bool iec104_is_position(const struct iec104_station *station, uint32_t point)
+{
+	return (iec104_point(station, point)->flags & MAP_POINT_POSITION) != 0;
+}
+/* All of one fix. False as for map_read. */
+bool iec104_read_position(const struct iec104_station *station, uint32_t point,
+			  struct map_sample samples[IEC104_SAMPLES]);
+/* Those that were published with an event of any point, from the cursor behind it. False: a position that is not there whole. */
+bool iec104_complete_event(const struct iec104_station *station, const struct map_cursor *behind,
+			   const struct map_event *event, struct map_sample samples[IEC104_SAMPLES]);
+/* The element, without its time. */
+struct iec104_geoposition iec104_position_of(const struct map_sample samples[IEC104_SAMPLES]);
+
 /* ---- sweep.c ----------------------------------------------------------------------------- */
 
 typedef bool iec104_wanted(const struct iec104_station *station, const struct iec104_connection *connection,
@@ -122,19 +142,21 @@ enum iec104_progress iec104_send_points(const struct iec104_station *station,
  * with totals every counter.
  */
 bool iec104_read_point(const struct iec104_station *station, struct iec104_connection *connection,
-		       uint32_t point, bool totals, struct map_sample *sample);
+		       uint32_t point, bool totals, struct map_sample samples[IEC104_SAMPLES]);
+/* Its type identification. */
+uint8_t iec104_type_of(const struct iec104_station *station, uint32_t point, bool tagged);
 /* Begins an ASDU for this point and others of its station and type. */
 void iec104_begin_asdu(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
 		       const struct iec104_manner *manner, bool sequence);
 /* The sample can be sent as what it is: a type without quality is only of a good one. */
 bool iec104_is_tellable(const struct iec104_station *station, uint32_t point,
 			const struct map_sample *sample);
-/* Adds a tellable sample of a point, with its wall time if tagged and its type has a time tag. False: the ASDU is full. */
-bool iec104_add_sample(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
-		       const struct map_sample *sample, bool tagged);
-/* Adds an event of the ASDU's station and type, with the time it had. False: the ASDU is full. */
+/* Adds tellable samples of a point, with their wall time if tagged and its type has a time tag. False: the ASDU is full. */
+bool iec104_add_samples(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
+			const struct map_sample samples[IEC104_SAMPLES], bool tagged);
+/* Adds an event of the ASDU's station and type, with the time it had. samples: the event's own, of a position all. False: the ASDU is full. */
 bool iec104_add_event(const struct iec104_station *station, struct iec104_builder *builder,
-		      const struct map_event *event);
+		      const struct map_event *event, const struct map_sample *samples);
 void iec104_send(struct iec104_connection *connection, const struct iec104_builder *builder, int64_t now_ns);
 /* Comes back to a point that could not be read, without waiting for anything else. */
 void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns);
@@ -239,6 +261,7 @@ bool iec104_send_parameters(const struct iec104_station *station, struct iec104_
  * procedure's own, when its turn has come.
  */
 bool iec104_interrogate(struct iec104_station *station, const struct iec104_received *received);
+void iec104_restart_procedure(const struct iec104_station *station, struct iec104_connection *connection);
 bool iec104_advance_procedure(const struct iec104_station *station, struct iec104_connection *connection,
 			      int64_t now_ns);
 

@@ -17,17 +17,18 @@ void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns)
  * then, sees nothing and puts no event.
  */
 bool iec104_read_point(const struct iec104_station *station, struct iec104_connection *connection,
-		       uint32_t point, bool totals, struct map_sample *sample)
+		       uint32_t point, bool totals, struct map_sample samples[IEC104_SAMPLES])
 {
 	const struct map_point *object = iec104_point(station, point);
 	uint32_t owner = map_owner(station->map, point);
 
 	if (object->type == MAP_COUNTER && (totals || object->freeze_s != 0))
-		return map_total_read(station->map, point, sample);
+		return map_total_read(station->map, point, samples);
 
-	if (!map_read(station->map, point, sample))
+	if (!(iec104_is_position(station, point) ? iec104_read_position(station, point, samples)
+						 : map_read(station->map, point, samples)))
 		return false;
-	if ((sample->quality & MAP_INVALID) && !map_alive(station->map, owner))
+	if ((samples[0].quality & MAP_INVALID) && !map_alive(station->map, owner))
 		connection->silent_modules |= 1u << owner;
 	return true;
 }
@@ -45,14 +46,30 @@ static size_t encode(const struct map_point *object, const struct map_sample *sa
 	return object->flags & MAP_POINT_NO_QUALITY ? size - 1 : size;
 }
 
+static bool add_position(const struct iec104_station *station, struct iec104_builder *builder,
+			 const struct map_event *event, const struct map_sample *samples)
+{
+	const struct map_clock clock = map_clock_read(station->map);
+	struct iec104_geoposition position = iec104_position_of(samples);
+	uint8_t element[IEC104_GEOPOSITION_SIZE];
+
+	position.wall_ns = map_event_wall_ns(event, clock);
+	position.time_invalid = !map_event_time_is_set(event, clock);
+	iec104_geoposition_encode(element, &position, &station->config->settings.zone);
+	return iec104_asdu_add(builder, iec104_point(station, event->point)->ioa, element, sizeof(element));
+}
+
 bool iec104_add_event(const struct iec104_station *station, struct iec104_builder *builder,
-		      const struct map_event *event)
+		      const struct map_event *event, const struct map_sample *samples)
 {
 	const struct map_point *object = iec104_point(station, event->point);
 	struct map_clock clock = map_clock_read(station->map);
 	uint8_t element[IEC104_ELEMENT_MAX];
-	size_t size = encode(object, &event->sample, element);
+	size_t size;
 
+	if (iec104_is_position(station, event->point))
+		return add_position(station, builder, event, samples);
+	size = encode(object, &samples[0], element);
 	if (!(object->flags & MAP_POINT_NO_QUALITY)) { /* which has no time tag either */
 		iec104_time56_encode(element + size, map_event_wall_ns(event, clock),
 				     !map_event_time_is_set(event, clock), &station->config->settings.zone);
@@ -61,16 +78,16 @@ bool iec104_add_event(const struct iec104_station *station, struct iec104_builde
 	return iec104_asdu_add(builder, object->ioa, element, size);
 }
 
-bool iec104_add_sample(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
-		       const struct map_sample *sample, bool tagged)
+bool iec104_add_samples(const struct iec104_station *station, struct iec104_builder *builder, uint32_t point,
+			const struct map_sample samples[IEC104_SAMPLES], bool tagged)
 {
 	const struct map_point *object = iec104_point(station, point);
 	uint8_t element[IEC104_ELEMENT_MAX];
 
-	if (tagged)
+	if (tagged || iec104_is_position(station, point)) /* which has its time always */
 		return iec104_add_event(station, builder,
-					&(struct map_event){.point = point, .sample = *sample});
-	return iec104_asdu_add(builder, object->ioa, element, encode(object, sample, element));
+					&(struct map_event){.point = point, .sample = samples[0]}, samples);
+	return iec104_asdu_add(builder, object->ioa, element, encode(object, &samples[0], element));
 }
 
 void iec104_send(struct iec104_connection *connection, const struct iec104_builder *builder, int64_t now_ns)
@@ -78,10 +95,16 @@ void iec104_send(struct iec104_connection *connection, const struct iec104_build
 	iec104_session_send(&connection->session, builder->bytes, builder->size, now_ns);
 }
 
-/* What has one of these is one ASDU's. */
-static uint8_t untagged_type(const struct iec104_station *station, uint32_t point)
+uint8_t iec104_type_of(const struct iec104_station *station, uint32_t point, bool tagged)
 {
-	return iec104_monitor_type(iec104_point(station, point), false);
+	return iec104_is_position(station, point) ? station->settings->position_type
+						  : iec104_monitor_type(iec104_point(station, point), tagged);
+}
+
+/* What has one of these is one ASDU's: a type without time tag, all of which are below 32, or 0 of positions. */
+static unsigned kind_of(const struct iec104_station *station, uint32_t point)
+{
+	return iec104_is_position(station, point) ? 0 : iec104_type_of(station, point, false);
 }
 
 static void enter_device(const struct iec104_station *station, const struct iec104_connection *connection,
@@ -99,7 +122,7 @@ static void enter_device(const struct iec104_station *station, const struct iec1
 	sweep->next = device->first_point;
 	for (uint32_t i = 0; i < device->point_count; i++)
 		if (wanted(station, connection, device->first_point + i))
-			sweep->types |= 1u << untagged_type(station, device->first_point + i);
+			sweep->types |= 1u << kind_of(station, device->first_point + i);
 }
 
 void iec104_begin_sweep_of_station(const struct iec104_station *station,
@@ -128,10 +151,10 @@ static uint32_t find_point(const struct iec104_station *station, const struct ie
 		const struct map_set *device = &station->config->sets[sweep->device];
 
 		for (; sweep->types != 0; sweep->types &= sweep->types - 1) {
-			int type = __builtin_ctz(sweep->types);
+			unsigned kind = (unsigned)__builtin_ctz(sweep->types);
 
 			for (; sweep->next < device->first_point + device->point_count; sweep->next++)
-				if (untagged_type(station, sweep->next) == type &&
+				if (kind_of(station, sweep->next) == kind &&
 				    wanted(station, connection, sweep->next))
 					return sweep->next;
 			sweep->next = device->first_point;
@@ -149,8 +172,8 @@ static bool neighbour_follows(const struct iec104_station *station,
 	const struct map_point *here = iec104_point(station, point), *there = here + 1;
 
 	return point + 1 < station->config->point_count && there->set == here->set &&
-	       untagged_type(station, point + 1) == untagged_type(station, point) &&
-	       there->ioa == here->ioa + 1 && wanted(station, connection, point + 1);
+	       kind_of(station, point + 1) == kind_of(station, point) && there->ioa == here->ioa + 1 &&
+	       wanted(station, connection, point + 1);
 }
 
 /* IEC 60870-5-101, 7.3.1: only measured values may be cyclic, integrated totals only spontaneous. */
@@ -176,7 +199,7 @@ void iec104_begin_asdu(const struct iec104_station *station, struct iec104_build
 
 	iec104_asdu_begin(
 	    builder, &(struct iec104_asdu){
-			 .type = iec104_monitor_type(object, manner->tagged),
+			 .type = iec104_type_of(station, point, manner->tagged),
 			 .sequence = sequence,
 			 .cause = manner->cause == IEC104_CYCLIC ? periodic_cause(object) : manner->cause,
 			 .test = manner->test,
@@ -194,27 +217,27 @@ static bool fill_asdu(const struct iec104_station *station, struct iec104_connec
 		      const struct iec104_manner *manner)
 {
 	uint32_t device = sweep->device, point = sweep->next;
-	uint8_t type = untagged_type(station, point);
+	unsigned kind = kind_of(station, point);
 	bool sequence = !manner->tagged && neighbour_follows(station, connection, point, manner->wanted);
 
 	iec104_begin_asdu(station, builder, point, manner, sequence);
 	do {
-		struct map_sample sample;
+		struct map_sample samples[IEC104_SAMPLES];
 
-		if (!iec104_read_point(station, connection, point, manner->totals, &sample))
+		if (!iec104_read_point(station, connection, point, manner->totals, samples))
 			return false;
 		if (manner->invalid) {
-			sample.quality |= MAP_INVALID;
-			sample.time_ns = manner->invalid_since_ns;
+			samples[0].quality |= MAP_INVALID;
+			samples[0].time_ns = manner->invalid_since_ns;
 		}
-		if (!(manner->valid_only && (sample.quality & MAP_INVALID)) &&
-		    iec104_is_tellable(station, point, &sample) &&
-		    !iec104_add_sample(station, builder, point, &sample, manner->tagged))
+		if (!(manner->valid_only && (samples[0].quality & MAP_INVALID)) &&
+		    iec104_is_tellable(station, point, &samples[0]) &&
+		    !iec104_add_samples(station, builder, point, samples, manner->tagged))
 			return true;
 		sweep->next++;
 		point = find_point(station, connection, sweep, manner->wanted);
 	} while (
-	    point != MAP_NONE && sweep->device == device && untagged_type(station, point) == type &&
+	    point != MAP_NONE && sweep->device == device && kind_of(station, point) == kind &&
 	    (manner->tagged || sequence || !neighbour_follows(station, connection, point, manner->wanted)));
 	return true;
 }

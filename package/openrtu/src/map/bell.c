@@ -43,7 +43,7 @@ void bell_ring(const struct map *map, uint32_t module)
 
 void bell_ring_event_readers(const struct map *map)
 {
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
-		if (map->directory->modules[i].plan.flags & MAP_HEARS_EVENTS)
+	for (uint32_t i = 0; i < map_module_count(map); i++)
+		if (map->modules[i].plan.flags & MAP_HEARS_EVENTS)
 			bell_ring(map, i);
 }

@@ -25,7 +25,8 @@ static void ring_own_bell_for_the_rest(const struct map *map)
 
 static bool is_for_rtud(uint8_t action)
 {
-	return action == MAP_SET_CLOCK || action == MAP_RESTART;
+	return action == MAP_SET_CLOCK || action == MAP_RESTART || action == MAP_MODULE ||
+	       action == MAP_RELOAD;
 }
 
 /* ---- requester --------------------------------------------------------------------------- */
@@ -42,6 +43,9 @@ uint32_t map_request_post(struct map *map, struct map_request request)
 		request.id = atomic_fetch_add_explicit(&header->next_request, 1, memory_order_relaxed);
 	request.generation = atomic_load(&map->directory->modules[owner].generation);
 	request.requester = (uint16_t)map->self;
+	request.owner = (uint8_t)owner;
+	if (owner != MAP_RTUD) /* the same for both, whatever configuration they have: map_renew */
+		request.point = slot_of(map, request.point);
 	ring_put(&map->segments[map->self].requests, &request);
 	bell_ring(map, owner);
 	return request.id;
@@ -51,15 +55,18 @@ bool map_answer_next(struct map *map, struct map_answer *out)
 {
 	struct segment_header *header = map->segments[map->self].header;
 
-	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+	for (uint32_t i = 0; i < map_module_count(map); i++) {
 		uint32_t lost = 0;
 
 		while (!turn_is_over(map) &&
 		       ring_peek(&map->segments[i].answers, &header->answer_next[i], out, &lost)) {
 			header->answer_next[i]++;
 			map->taken++;
-			if (out->requester == map->self)
-				return true;
+			if (out->requester != map->self)
+				continue;
+			if (i != MAP_RTUD)
+				out->point = point_in(map, i, out->point);
+			return true;
 		}
 	}
 	ring_own_bell_for_the_rest(map);
@@ -72,31 +79,37 @@ static bool is_for(const struct map *map, const struct map_request *request)
 {
 	if (request->generation != atomic_load(&map->directory->modules[map->self].generation))
 		return false;
-	if (is_for_rtud(request->action))
-		return map->self == MAP_RTUD;
-	return request->point < map->config.point_count && map_owner(map, request->point) == map->self;
+	return request->owner == map->self && is_for_rtud(request->action) == (map->self == MAP_RTUD);
+}
+
+/* False: there is no such point. */
+static bool take_slot(const struct map *map, struct map_request *request)
+{
+	if (map->self != MAP_RTUD)
+		request->point = point_in(map, map->self, request->point);
+	return map->self == MAP_RTUD || request->point != MAP_NONE;
 }
 
 bool map_request_next(struct map *map, struct map_request *out)
 {
 	struct segment_header *header = map->segments[map->self].header;
 
-	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+	for (uint32_t i = 0; i < map_module_count(map); i++) {
 		uint32_t lost = 0;
 
-		if (!(map->directory->modules[i].plan.flags & MAP_MAY_REQUEST))
+		if (!(map->modules[i].plan.flags & MAP_MAY_REQUEST))
 			continue; /* what its ring holds all the same, it wrote gone wild */
 		while (!turn_is_over(map) &&
 		       ring_peek(&map->segments[i].requests, &header->request_next[i], out, &lost)) {
 			header->request_next[i]++;
 			map->taken++;
 			out->requester = (uint16_t)i; /* whose ring it is, whatever it says */
-			if (is_for(map, out))
+			if (is_for(map, out) && take_slot(map, out))
 				return true;
 		}
 		if (lost)
 			map_log(map, MAP_LOG_ERROR, "%u requests of %s were overwritten unread", lost,
-				map->directory->modules[i].plan.name);
+				map->modules[i].plan.name);
 	}
 	ring_own_bell_for_the_rest(map);
 	return false;
@@ -106,7 +119,7 @@ static void answer(struct map *map, const struct map_command *command, uint32_t 
 {
 	struct map_answer record = {
 	    .id = command->id,
-	    .point = point,
+	    .point = map->self == MAP_RTUD ? point : slot_of(map, point),
 	    .requester = command->requester,
 	    .state = command->state,
 	    .result = command->result,
@@ -394,7 +407,7 @@ static void recover_command(struct command_cell *cell)
 
 void commands_recover(struct map *map)
 {
-	for (uint32_t i = 0; i < map->directory->modules[map->self].command_count; i++)
+	for (uint32_t i = 0; i < map->modules[map->self].command_count; i++)
 		recover_command(&map->segments[map->self].commands[i]);
 }
 

@@ -6,7 +6,6 @@
 #include <string.h>
 
 /* Of map_label. */
-#define LABEL     (1u << 31)
 #define LABEL_BIT (1u << 23)
 
 void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE])
@@ -14,7 +13,7 @@ void map_point_name(const struct map_config *config, const struct map_point *poi
 	const struct map_set *set = &config->sets[point->set];
 	const uint32_t label = point->name;
 
-	if (!(label & LABEL))
+	if (!(label & MAP_LABEL))
 		snprintf(out, MAP_NAME_SIZE, "%s", &config->names[point->name]);
 	else if (label & LABEL_BIT)
 		snprintf(out, MAP_NAME_SIZE, "%s.%c%u.%u", set->prefix, (int)(label >> 24 & 0x7f),
@@ -57,8 +56,11 @@ void map_move_section(struct map_config *config, uint32_t id, void *records)
 uint32_t map_plan_module(struct map_config *config, const struct map_module_plan *module)
 {
 	for (uint32_t i = 0; i < config->module_count; i++)
-		if (strcmp(config->modules[i].name, module->name) == 0)
+		if (strcmp(config->modules[i].name, module->name) == 0) {
+			if (config->modules[i].kind[0] == '\0')
+				config->modules[i] = *module;
 			return i;
+		}
 	if (config->module_count == MAP_MODULES_MAX)
 		return UINT32_MAX;
 	config->modules[config->module_count] = *module;

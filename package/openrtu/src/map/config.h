@@ -43,6 +43,11 @@ enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 0,    /* may be commanded */
 	MAP_POINT_SELECT = 1u << 1,     /* a command needs a selection first */
 	MAP_POINT_NO_QUALITY = 1u << 2, /* normalized: sent without quality, and so only while good */
+	/*
+	 * A position as a whole, with the three points behind it, which are published with it: latitude, longitude (angles),
+	 * altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
+	 */
+	MAP_POINT_POSITION = 1u << 3,
 };
 
 /*
@@ -57,6 +62,7 @@ struct map_set {
 	char name[MAP_NAME_SIZE];
 	char prefix[MAP_PREFIX_SIZE]; /* of the names of points that have none: map_label */
 	bool never_read;              /* its points take commands, and have no values */
+	uint32_t latch;               /* place among its owner's sets; set by map_create */
 };
 
 /* One object, seen by every protocol. */
@@ -129,7 +135,10 @@ enum map_module_flag {
 	MAP_HEARS_EVENTS = 1u << 3,  /* its bell is rung when there are some */
 	MAP_KEEPS_QUEUES = 1u << 4,  /* the event queues lie in its segment: of one module in a map */
 	MAP_IS_LOCAL = 1u << 5,      /* asks for people on the spot, not for a control centre */
-	MAP_COORDINATES = 1u << 6,   /* scans: its bell is rung when a module asks it (map_synch_say) */
+	MAP_IS_GONE = 1u << 6, /* the configuration has it no more: it is there for the events that it left */
+	MAP_TAKES_PART =
+	    1u << 8, /* in the net: who coordinates it has mapped its segment, and knows its words */
+	MAP_COORDINATES = 1u << 7, /* scans: its bell is rung when a module asks it (map_synch_say) */
 };
 
 /* How many records each ring of a segment holds: a power of two; 1 where its module never writes one. */
@@ -168,6 +177,11 @@ struct map_section {
 struct map_config {
 	struct map_settings settings;
 	uint32_t set_count, point_count;
+	/*
+	 * Behind these: what the configuration has no more, so that events of it can still be told. Nothing finds them by an
+	 * address or a name.
+	 */
+	uint32_t gone_set_count, gone_point_count;
 	struct map_set *sets;
 	struct map_point *points;
 	char *names; /* given to points, each with its terminator; the first begins at 1 */
@@ -209,7 +223,7 @@ void map_move_section(struct map_config *config, uint32_t id, void *records);
 
 /*
  * Adds a module, unless there is one of this name, and returns its number; UINT32_MAX: there are MAP_MODULES_MAX. modules has
- * room for as many.
+ * room for as many. One that has a name and no kind keeps a number for the module of this name.
  */
 uint32_t map_plan_module(struct map_config *config, const struct map_module_plan *module);
 
@@ -217,9 +231,10 @@ uint32_t map_plan_module(struct map_config *config, const struct map_module_plan
  * What stands in map_point.name of a point without a name: its name is its set's prefix, a letter, a number, and ".7" of a bit
  * (below 0: none), as in "p1.5.i30" or "p1.5.h4.7".
  */
+#define MAP_LABEL (1u << 31)
 static inline uint32_t map_label(char letter, uint16_t number, int bit)
 {
-	return 1u << 31 | (uint32_t)letter << 24 | (bit < 0 ? 0 : 1u << 23 | (uint32_t)bit << 16) | number;
+	return MAP_LABEL | (uint32_t)letter << 24 | (bit < 0 ? 0 : 1u << 23 | (uint32_t)bit << 16) | number;
 }
 
 /* A point's name: what the file gave it, or its label in its set. */

@@ -13,21 +13,38 @@ static size_t section(struct layout *layout, size_t bytes)
 	return offset;
 }
 
-struct layout layout_of(const struct module_entry *entry, const struct map_config *config)
+static size_t table(struct config_layout *layout, size_t bytes)
+{
+	size_t offset = (layout->size + SECTION_ALIGNMENT - 1) & ~(size_t)(SECTION_ALIGNMENT - 1);
+
+	layout->size = offset + bytes;
+	return offset;
+}
+
+struct config_layout config_layout_of(const struct map_config *config)
+{
+	const size_t sets = (size_t)config->set_count + config->gone_set_count;
+	const size_t points = (size_t)config->point_count + config->gone_point_count;
+	struct config_layout layout = {.size = sizeof(struct config_header)};
+
+	layout.sets = table(&layout, sets * sizeof(struct map_set));
+	layout.points = table(&layout, points * sizeof(struct map_point));
+	layout.by_address = table(&layout, config->point_count * sizeof(uint32_t));
+	layout.owned = table(&layout, points * sizeof(uint32_t));
+	layout.names = table(&layout, config->names_size);
+	for (uint32_t i = 0; i < config->section_count; i++)
+		layout.sections[i] =
+		    table(&layout, (size_t)config->sections[i].count * config->sections[i].record_size);
+	return layout;
+}
+
+struct layout layout_of(const struct module_entry *entry)
 {
 	const struct map_rings rings = entry->plan.rings;
 	struct layout layout = {.size = sizeof(struct segment_header), .rings = rings};
 
-	if (entry->plan.flags & MAP_IS_SUPERVISOR) {
+	if (entry->plan.flags & MAP_IS_SUPERVISOR)
 		layout.directory = section(&layout, sizeof(struct directory));
-		layout.sets = section(&layout, config->set_count * sizeof(struct map_set));
-		layout.points = section(&layout, config->point_count * sizeof(struct map_point));
-		layout.by_address = section(&layout, config->point_count * sizeof(uint32_t));
-		layout.names = section(&layout, config->names_size);
-		for (uint32_t i = 0; i < config->section_count; i++)
-			layout.sections[i] = section(&layout, (size_t)config->sections[i].count *
-								  config->sections[i].record_size);
-	}
 	layout.requests = section(&layout, ring_size(rings.requests, sizeof(struct map_request)));
 	layout.answers = section(&layout, ring_size(rings.answers, sizeof(struct map_answer)));
 	layout.events = section(&layout, ring_size(rings.events, sizeof(struct map_event)));
@@ -38,7 +55,7 @@ struct layout layout_of(const struct module_entry *entry, const struct map_confi
 	layout.counters = section(&layout, entry->plan.counters * sizeof(struct counter_entry));
 	if (entry->point_count == 0)
 		return layout;
-	layout.latches = section(&layout, config->set_count * sizeof(map_latch));
+	layout.latches = section(&layout, entry->set_count * sizeof(map_latch));
 	layout.samples[0] = section(&layout, entry->point_count * sizeof(struct map_sample));
 	layout.samples[1] = section(&layout, entry->point_count * sizeof(struct map_sample));
 	layout.commands = section(&layout, entry->command_count * sizeof(struct command_cell));
@@ -82,6 +99,7 @@ uint32_t layout_fingerprint(void)
 	    sizeof(struct map_event),      sizeof(struct map_request),    sizeof(struct map_answer),
 	    sizeof(struct command_cell),   sizeof(struct map_log_line),   sizeof(struct queue_cell),
 	    sizeof(struct total_cell),     sizeof(struct parameter_cell), sizeof(struct counter_entry),
+	    sizeof(struct config_header),
 	};
 	uint32_t hash = 2166136261u; /* FNV-1a */
 

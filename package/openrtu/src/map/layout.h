@@ -2,7 +2,7 @@
 /*
  * How the segments lie in memory. Private to this room.
  *
- * Every offset follows from the configuration in rtud's segment, so each process computes it for itself and
+ * Every offset follows from the configuration, which rtud alone writes, so each process computes it for itself and
  * believes no other writer's segment about sizes.
  */
 #ifndef OPENRTU_MAP_LAYOUT_H
@@ -14,8 +14,9 @@
 #include "map/station.h"
 #include "map/type.h"
 
-#define MAP_MAGIC  0x5552544Fu /* "ORTU" */
-#define MAP_LAYOUT 9u          /* raise with every change of what lies in the segments */
+#define MAP_MAGIC    0x5552544Fu /* "ORTU" */
+#define CONFIG_MAGIC 0x4352544Fu /* "ORTC" */
+#define MAP_LAYOUT   11u         /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -30,7 +31,10 @@ struct segment_header {
 	_Atomic uint32_t forbidden;              /* map_note_forbidden, and one more; 0: none */
 	_Atomic uint32_t lost_events;            /* map_count_lost_events */
 	_Atomic uint32_t synch[MAP_SYNCH_WORDS]; /* map_synch_say */
-	uint32_t request_next[MAP_MODULES_MAX];  /* read so far of each module's requests */
+	uint32_t made;                           /* for the configuration of this epoch; by rtud */
+	_Atomic uint32_t ready;   /* the process that this segment was made for waits for its turn */
+	_Atomic uint32_t carried; /* rtud has filled it in with what the former segment held */
+	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
 };
 
@@ -76,13 +80,21 @@ struct counter_entry {
 	_Atomic uint32_t place; /* in words of that section, and one more; 0: there is none */
 };
 
-/* A module as rtud knows it. In rtud's segment. */
+/* A module as the configuration has it: what its segment looks like. */
 struct module_entry {
 	struct map_module_plan plan;
-	uint32_t point_count;
+	uint32_t set_count;
+	uint32_t point_count; /* with those that are gone */
+	uint32_t live_count;  /* without them */
 	uint32_t command_count;
 	uint32_t total_count;
 	uint32_t parameter_count;
+	uint32_t first_owned; /* its points, by their slots, from there on in the table of owned points */
+	uint32_t made;        /* the epoch for which its segment was made, which is in the file's name */
+};
+
+/* How a module is, as rtud knows it. In rtud's segment. */
+struct module_status {
 	_Atomic uint32_t state; /* enum map_module_state */
 	_Atomic uint32_t pid;
 	_Atomic uint32_t generation;
@@ -91,31 +103,46 @@ struct module_entry {
 	uint32_t restored;          /* events from the journal, which are the first of its ring */
 };
 
-/* A section of the configuration, of which rtud's segment has the records. */
+/* A section of the configuration, of which the file has the records. */
 struct section_entry {
 	uint32_t id, record_size, count;
 };
 
+/*
+ * The first bytes of a configuration's file, which nobody writes to once it is there. A changed configuration is another
+ * file, of the next epoch: who has mapped the former one may go on with it.
+ */
+struct config_header {
+	uint32_t magic, layout, fingerprint, size; /* as in segment_header */
+	uint32_t epoch;
+	uint32_t set_count, point_count, gone_set_count, gone_point_count, names_size, section_count;
+	uint32_t module_count;
+	struct map_settings settings;
+	struct section_entry sections[MAP_SECTIONS_MAX];
+	struct module_entry modules[MAP_MODULES_MAX];
+};
+
+/* Where the tables of a configuration's file begin. */
+struct config_layout {
+	size_t sets, points, by_address, owned, names;
+	size_t sections[MAP_SECTIONS_MAX];
+	size_t size;
+};
+
 /* What rtud's segment holds besides the sections that every segment has. */
 struct directory {
-	uint32_t module_count;
+	_Atomic uint32_t epoch;  /* of the configuration in force */
 	_Atomic uint32_t starts; /* map_starts */
 	map_latch clock_latch;
 	struct map_clock clock[2];
-	struct module_entry modules[MAP_MODULES_MAX];
-	struct map_settings settings;
-	uint32_t set_count, point_count, names_size;
-	struct section_entry sections[MAP_SECTIONS_MAX];
-	uint32_t section_count;
+	struct module_status modules[MAP_MODULES_MAX];
 };
 
 /* Where the sections of one segment begin; 0 where it has none. */
 struct layout {
-	size_t directory; /* rtud's only, first: it holds the counts that the rest follows from */
-	size_t sets, points, by_address, names;
-	size_t sections[MAP_SECTIONS_MAX];
+	size_t directory; /* rtud's only, first */
 	size_t requests, answers, events, log;
-	size_t latches; /* one a device of the configuration */
+	size_t latches; /* one a set of the module's */
 	size_t samples[2];
 	size_t commands, totals, parameters;
 	size_t queues;
@@ -157,8 +184,12 @@ struct map {
 	int directory_fd; /* of the map's folder; rtud holds its lock through it */
 	uint32_t self;
 	struct directory *directory;
-	struct map_config config; /* its arrays lie in rtud's segment */
+	const struct config_header *file;   /* of the configuration that is in use here */
+	const struct config_header *before; /* of the one before, until map_forget; NULL: none */
+	const struct module_entry *modules; /* the file's */
+	struct map_config config;           /* its arrays lie in the file */
 	const uint32_t *by_address;
+	const uint32_t *owned; /* points, by module and slot */
 	struct segment segments[MAP_MODULES_MAX];
 	struct reported *reported;
 	struct smoothed *smoothed;
@@ -171,9 +202,53 @@ struct map {
 };
 
 uint32_t layout_fingerprint(void);
-/* The sections of a module's segment; counts of the entry and of the configuration decide. */
-struct layout layout_of(const struct module_entry *entry, const struct map_config *config);
+/* The sections of a module's segment. */
+struct layout layout_of(const struct module_entry *entry);
+struct config_layout config_layout_of(const struct map_config *config);
 void segment_place(struct segment *segment, void *memory, const struct layout *layout);
+
+/* ---- map.c: files ------------------------------------------------------------------------ */
+
+#define FILE_NAME_SIZE (MAP_NAME_SIZE + 20)
+
+/* Their names in the map's folder. */
+void segment_file(char name[FILE_NAME_SIZE], const char *module, uint32_t made);
+void bell_file(char name[FILE_NAME_SIZE], const char *module);
+void config_file(char name[FILE_NAME_SIZE], uint32_t epoch);
+/* Writes the message and returns -1. */
+__attribute__((format(printf, 2, 3))) int map_fail(char *error, const char *format, ...);
+
+/* ---- create.c ---------------------------------------------------------------------------- */
+
+/*
+ * Creates the configuration's file of that epoch, and the segments and bells that are to be made for it: made says of each
+ * module for which epoch its segment was, or is to be.
+ */
+int config_create(int directory_fd, const struct map_config *config, uint32_t epoch, const uint32_t *made,
+		  uint32_t group, char *error);
+
+/* Removes the files of the map's folder, those whose names have the mark in them; NULL: all. */
+void map_sweep(int directory_fd, const char *mark);
+
+/* ------------------------------------------------------------------------------------------ */
+
+static inline uint32_t slot_of(const struct map *map, uint32_t point)
+{
+	return map->config.points[point].slot;
+}
+/* The point in a slot of its owner; MAP_NONE: it has no such slot. */
+static inline uint32_t point_in(const struct map *map, uint32_t module, uint32_t slot)
+{
+	const struct module_entry *entry = &map->modules[module];
+
+	return slot < entry->point_count ? map->owned[entry->first_owned + slot] : MAP_NONE;
+}
+static inline map_latch *latch_of(const struct map *map, uint32_t point)
+{
+	const struct map_set *set = &map->config.sets[map->config.points[point].set];
+
+	return &map->segments[set->module].latches[set->latch];
+}
 
 /* Rings the bell of a module; a full pipe has been heard already. */
 void bell_ring(const struct map *map, uint32_t module);

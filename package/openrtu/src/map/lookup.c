@@ -12,6 +12,11 @@ uint32_t map_self(const struct map *map)
 	return map->self;
 }
 
+uint32_t map_module_count(const struct map *map)
+{
+	return map->file->module_count;
+}
+
 uint32_t map_owner(const struct map *map, uint32_t point)
 {
 	return map->config.sets[map->config.points[point].set].module;

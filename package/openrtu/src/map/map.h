@@ -24,9 +24,12 @@
 
 #define MAP_NONE                    UINT32_MAX
 #define MAP_ERROR_SIZE              256
+#define MAP_PATH_SIZE               256 /* of the path in the section of who asks for MAP_RELOAD; empty: rtud's file */
+#define MAP_REPORT                  "rtud.report" /* in the map's folder: what came of it */
 #define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
 #define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points; configurable */
 #define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
+#define MAP_PAST_DAYS               400  /* what is older is no event's time */
 #define MAP_RTUD                    0    /* rtud's index in the module table */
 
 struct map;
@@ -64,7 +67,8 @@ enum map_module_state {
 	MAP_MODULE_STOPPED,  /* no process, on purpose */
 	MAP_MODULE_STARTING, /* forked, has not attached yet */
 	MAP_MODULE_RUNNING,
-	MAP_MODULE_DOWN, /* died or hangs; rtud restarts it */
+	MAP_MODULE_SWITCHING, /* its process is being exchanged, for a changed configuration */
+	MAP_MODULE_DOWN,      /* died or hangs; rtud restarts it */
 };
 
 struct map_module {
@@ -102,6 +106,20 @@ int map_create(struct map **map, const char *dir, const struct map_config *confi
  */
 int map_attach(struct map **map, const char *dir, const char *module, char *error);
 void map_detach(struct map *map);
+
+/*
+ * rtud has put another configuration into force (docs/reload.md). Who reads others' points takes it when he is ready for it,
+ * and until then sees what was not changed as before. Modules keep their numbers; points and sets get others.
+ */
+bool map_is_changed(const struct map *map);
+/*
+ * Takes it. before is what map_config said until now; what it refers to stays readable until map_forget, or the next time.
+ * 0, or -1 with a message in error (MAP_ERROR_SIZE bytes) and everything as it was.
+ */
+int map_renew(struct map *map, struct map_config *before, char *error);
+void map_forget(struct map *map);
+/* The number that a point of before has now, known by its addresses; MAP_NONE: it is gone. */
+uint32_t map_number_now(const struct map *map, const struct map_config *before, uint32_t point);
 
 const struct map_config *map_config(const struct map *map);
 uint32_t map_self(const struct map *map); /* own index in the module table, MAP_NONE for an observer */
@@ -218,6 +236,9 @@ void map_cursor_to_end(const struct map *map, struct map_cursor *cursor);
 uint32_t map_events_behind(const struct map *map, const struct map_cursor *cursor);
 /* The oldest event behind the cursor, over all modules, those restored from the journal first, and moves on. False: there is none now. */
 bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map_event *out);
+/* The same of one module alone. */
+bool map_event_next_of(const struct map *map, struct map_cursor *cursor, uint32_t module,
+		       struct map_event *out);
 
 /* ---- bells ------------------------------------------------------------------------------- */
 
@@ -273,7 +294,7 @@ enum map_command_state {
 enum map_command_result {
 	MAP_RESULT_NONE,
 	MAP_RESULT_DONE, /* the device confirmed it (a broadcast: it was sent); with MAP_EXECUTING: it goes on */
-	MAP_RESULT_EXCEPTION,    /* the device refused: detail is the Modbus exception code */
+	MAP_RESULT_EXCEPTION, /* the device refused: detail is the Modbus exception code, or an outstation's cause of transmission */
 	MAP_RESULT_TIMEOUT,      /* the device did not answer: it may or may not have acted */
 	MAP_RESULT_TOO_OLD,      /* not begun before its deadline */
 	MAP_RESULT_NOT_SELECTED, /* needs a selection by this requester, with this value */
@@ -293,7 +314,12 @@ enum map_action {
 	MAP_RESTART,   /* to rtud: stops all modules and starts them anew, soon after its answer */
 	MAP_FREEZE,    /* to an owner of counters: detail is enum map_freeze, value.u which counters */
 	MAP_PARAMETER, /* detail is enum map_parameter; value as the point has it, of MAP_CYCLIC 0 or 1 */
+	MAP_RELOAD, /* to rtud, by who acts on site: the file that his section names; detail 1: only to check it */
+	MAP_MODULE, /* to rtud, by a module that acts for people on site: point is a module, detail enum map_wish */
 };
+
+/* What rtud shall do with a module's process. One that is stopped stays so until it is started, or rtud is. */
+enum map_wish { MAP_WISH_STOP, MAP_WISH_START, MAP_WISH_RESTART };
 
 /* The parameters of a measured value, as KPA of the QPM numbers them (IEC 60870-5-101, 7.2.6.24), and its cyclic transmission. */
 enum map_parameter { MAP_THRESHOLD = 1, MAP_SMOOTHING, MAP_LOW_LIMIT, MAP_HIGH_LIMIT, MAP_CYCLIC };
@@ -307,18 +333,18 @@ enum map_freeze { MAP_FREEZE_ONLY = 1, MAP_FREEZE_AND_RESET = 2, MAP_RESET_ONLY 
 
 struct map_request {
 	uint32_t id;         /* given by map_request_post */
-	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK, MAP_RESTART */
+	uint32_t point;      /* MAP_NONE for MAP_SET_CLOCK, MAP_RESTART; a module for MAP_MODULE */
 	uint32_t generation; /* of the owner it was meant for; given by map_request_post */
 	uint16_t requester;  /* module index; given by map_request_post */
 	uint8_t action;      /* enum map_action */
-	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE, MAP_PARAMETER: see there */
+	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE, MAP_PARAMETER, MAP_MODULE: see there */
 	uint32_t
 	    session; /* who in the requester selected: connection and originator; compared, not understood */
 	union map_value value;
 	uint16_t pulse_ms; /* of a coil: the value for so long, then off; 0: persistent */
 	int8_t step;       /* -1 lower, 1 higher: by the point's step from its last value; value is 0 then */
-	uint8_t reserved;
-	int64_t time_ns;     /* when it was issued */
+	uint8_t owner;     /* whom it is for; given by map_request_post */
+	int64_t time_ns;   /* when it was issued */
 	int64_t deadline_ns; /* refused when not begun by then */
 	int64_t wall_ns;     /* MAP_SET_CLOCK: since 1970, UTC */
 };

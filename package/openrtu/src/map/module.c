@@ -8,11 +8,6 @@
 #include "map/supervise.h"
 #include "map/time_ns.h"
 
-uint32_t map_module_count(const struct map *map)
-{
-	return map->directory->module_count;
-}
-
 static uint32_t last_beat_ms(const struct map *map, uint32_t module)
 {
 	return atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
@@ -37,48 +32,53 @@ static bool beats(const struct map *map, uint32_t module)
 
 static bool attached(const struct map *map, uint32_t module)
 {
-	const struct module_entry *entry = &map->directory->modules[module];
+	const struct module_status *status = &map->directory->modules[module];
 
 	return atomic_load_explicit(&map->segments[module].header->generation, memory_order_acquire) ==
-	       atomic_load_explicit(&entry->generation, memory_order_acquire);
+	       atomic_load_explicit(&status->generation, memory_order_acquire);
+}
+
+static bool may_run(uint32_t state)
+{
+	return state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING || state == MAP_MODULE_SWITCHING;
 }
 
 bool map_alive(const struct map *map, uint32_t module)
 {
 	uint32_t state = atomic_load_explicit(&map->directory->modules[module].state, memory_order_acquire);
 
-	return (state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING) && attached(map, module) &&
-	       beats(map, module);
+	return may_run(state) && attached(map, module) && beats(map, module);
 }
 
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
 {
-	return map->directory->modules[module].plan.heartbeat_limit_ms;
+	return map->modules[module].plan.heartbeat_limit_ms;
 }
 
 uint32_t map_module_of_kind(const struct map *map, const char *kind)
 {
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
-		if (strcmp(map->directory->modules[i].plan.kind, kind) == 0)
+	for (uint32_t i = 0; i < map_module_count(map); i++)
+		if (strcmp(map->modules[i].plan.kind, kind) == 0)
 			return i;
 	return MAP_NONE;
 }
 
 void map_module(const struct map *map, uint32_t index, struct map_module *out)
 {
-	const struct module_entry *entry = &map->directory->modules[index];
+	const struct module_entry *entry = &map->modules[index];
+	const struct module_status *status = &map->directory->modules[index];
 
 	*out = (struct map_module){
 	    .flags = entry->plan.flags,
 	    .user = entry->plan.user,
-	    .state = (uint8_t)atomic_load(&entry->state),
+	    .state = (uint8_t)atomic_load(&status->state),
 	    .alive = map_alive(map, index),
-	    .pid = (int32_t)atomic_load(&entry->pid),
-	    .generation = atomic_load(&entry->generation),
-	    .restarts = atomic_load(&entry->restarts),
+	    .pid = (int32_t)atomic_load(&status->pid),
+	    .generation = atomic_load(&status->generation),
+	    .restarts = atomic_load(&status->restarts),
 	    .heartbeat_age_ms = heartbeat_age_ms(map, index),
-	    .point_count = entry->point_count,
-	    .started_ns = (int64_t)atomic_load(&entry->started_s) * NS_PER_S,
+	    .point_count = entry->live_count,
+	    .started_ns = (int64_t)atomic_load(&status->started_s) * NS_PER_S,
 	};
 	out->lost_events = atomic_load(&map->segments[index].header->lost_events);
 	memcpy(out->name, entry->plan.name, sizeof(out->name));
@@ -109,7 +109,7 @@ bool map_may_run(const struct map *map)
 {
 	uint32_t state = atomic_load(&map->directory->modules[map->self].state);
 
-	return (state == MAP_MODULE_STARTING || state == MAP_MODULE_RUNNING) && attached(map, map->self);
+	return may_run(state) && attached(map, map->self);
 }
 
 /* ---- supervision ------------------------------------------------------------------------- */
@@ -121,11 +121,11 @@ void map_modules_restarting(struct map *map)
 
 void map_module_starting(struct map *map, uint32_t module)
 {
-	struct module_entry *entry = &map->directory->modules[module];
+	struct module_status *status = &map->directory->modules[module];
 
-	atomic_fetch_add(&entry->generation, 1);
-	atomic_store(&entry->started_s, now_s());
-	atomic_store(&entry->state, MAP_MODULE_STARTING);
+	atomic_fetch_add(&status->generation, 1);
+	atomic_store(&status->started_s, now_s());
+	atomic_store(&status->state, MAP_MODULE_STARTING);
 }
 
 void map_module_started(struct map *map, uint32_t module, int32_t pid)
@@ -143,14 +143,24 @@ void map_module_running(struct map *map, uint32_t module)
 	atomic_store(&map->directory->modules[module].state, MAP_MODULE_RUNNING);
 }
 
+void map_module_switching(struct map *map, uint32_t module)
+{
+	atomic_store(&map->directory->modules[module].state, MAP_MODULE_SWITCHING);
+}
+
+bool map_module_has_taken_over(const struct map *map, uint32_t module)
+{
+	return attached(map, module) && atomic_load(&map->segments[module].header->carried) == 0;
+}
+
 void map_module_ended(struct map *map, uint32_t module, bool failed)
 {
-	struct module_entry *entry = &map->directory->modules[module];
+	struct module_status *status = &map->directory->modules[module];
 
-	atomic_store(&entry->state, failed ? MAP_MODULE_DOWN : MAP_MODULE_STOPPED);
-	atomic_store(&entry->pid, 0);
+	atomic_store(&status->state, failed ? MAP_MODULE_DOWN : MAP_MODULE_STOPPED);
+	atomic_store(&status->pid, 0);
 	if (failed)
-		atomic_fetch_add(&entry->restarts, 1);
+		atomic_fetch_add(&status->restarts, 1);
 }
 
 int map_module_forbidden(const struct map *map, uint32_t module)
@@ -228,12 +238,12 @@ bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, st
 
 void *map_section(const struct map *map, uint32_t module, size_t size)
 {
-	return map->directory->modules[module].plan.section_size == size ? map->segments[module].own : NULL;
+	return map->modules[module].plan.section_size == size ? map->segments[module].own : NULL;
 }
 
 bool map_name_counter(struct map *map, const _Atomic uint32_t *counter, const char *format, ...)
 {
-	const struct map_module_plan *plan = &map->directory->modules[map->self].plan;
+	const struct map_module_plan *plan = &map->modules[map->self].plan;
 	const struct segment *own = &map->segments[map->self];
 	struct counter_entry *entry;
 	va_list arguments;
@@ -250,7 +260,7 @@ bool map_name_counter(struct map *map, const _Atomic uint32_t *counter, const ch
 
 bool map_counter(const struct map *map, uint32_t module, uint32_t number, struct map_counter *out)
 {
-	const struct map_module_plan *plan = &map->directory->modules[module].plan;
+	const struct map_module_plan *plan = &map->modules[module].plan;
 	const _Atomic uint32_t *words = map->segments[module].own;
 	const struct counter_entry *entry;
 	uint32_t place;

@@ -35,8 +35,12 @@ int64_t map_begin_cycle(struct map *map)
 	return map->cycle_ns;
 }
 
-/* What was past when the cycle began needs no look at the clock. */
+/*
+ * What was past when the cycle began needs no look at the clock. An outstation's event may be of before this machine's start,
+ * where its clock was below 0.
+ */
 bool is_past(const struct map *map, int64_t time_ns)
 {
-	return time_ns >= 0 && (time_ns <= map->cycle_ns || time_ns <= map_now_ns());
+	return time_ns >= -MAP_PAST_DAYS * S_PER_DAY * NS_PER_S &&
+	       (time_ns <= map->cycle_ns || time_ns <= map_now_ns());
 }

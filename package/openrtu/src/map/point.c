@@ -18,7 +18,7 @@ bool map_read_together(const struct map *map, const uint32_t *points, size_t cou
 {
 	const uint32_t owner = map_owner(map, points[0]);
 	const struct segment *segment = &map->segments[owner];
-	map_latch *latch = &segment->latches[map->config.points[points[0]].set];
+	map_latch *latch = latch_of(map, points[0]);
 
 	for (int tries = 0; tries < LATCH_TRIES; tries++) {
 		bool alive = map_alive(map, owner); /* first, as in map_read */
@@ -40,7 +40,7 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	const struct map_point *config = &map->config.points[point];
 	uint32_t owner = map_owner(map, point);
 	const struct segment *segment = &map->segments[owner];
-	map_latch *latch = &segment->latches[config->set];
+	map_latch *latch = latch_of(map, point);
 
 	for (int tries = 0; tries < LATCH_TRIES; tries++) {
 		/* First: a generation that begins after the sample was read must not vouch for its predecessor's. */
@@ -60,7 +60,7 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 
 void event_put(struct map *map, const struct map_update *update)
 {
-	struct map_event event = {.point = update->point,
+	struct map_event event = {.point = slot_of(map, update->point), /* its number may change: map_renew */
 				  .kind = MAP_EVENT_CHANGE,
 				  .cause = update->cause,
 				  .sample = update->sample};
@@ -73,7 +73,7 @@ struct map_sample own_sample(const struct map *map, uint32_t point)
 	const struct map_point *config = &map->config.points[point];
 	const struct segment *own = &map->segments[map->self];
 
-	return own->samples[latch_whole_copy(&own->latches[config->set])][config->slot];
+	return own->samples[latch_whole_copy(latch_of(map, point))][config->slot];
 }
 
 /*
@@ -99,11 +99,11 @@ static void recover_device(struct map *map, const struct map_set *device, map_la
 
 void points_recover(struct map *map)
 {
-	for (uint32_t i = 0; i < map->config.set_count; i++) {
+	for (uint32_t i = 0; i < map->config.set_count + map->config.gone_set_count; i++) {
 		const struct map_set *device = &map->config.sets[i];
 
 		if (device->point_count && device->module == map->self)
-			recover_device(map, device, &map->segments[map->self].latches[i]);
+			recover_device(map, device, &map->segments[map->self].latches[device->latch]);
 	}
 }
 
@@ -111,7 +111,7 @@ void points_recover(struct map *map)
 
 void map_cursor_to_end(const struct map *map, struct map_cursor *cursor)
 {
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
+	for (uint32_t i = 0; i < map_module_count(map); i++)
 		cursor->next[i] = ring_head(&map->segments[i].events);
 	cursor->lost = 0;
 }
@@ -120,7 +120,7 @@ uint32_t map_events_behind(const struct map *map, const struct map_cursor *curso
 {
 	uint32_t behind = 0;
 
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
+	for (uint32_t i = 0; i < map_module_count(map); i++)
 		behind += ring_head(&map->segments[i].events) - cursor->next[i];
 	return behind;
 }
@@ -143,11 +143,10 @@ static bool event_makes_sense(const struct map *map, uint32_t writer, uint32_t n
 		return false;
 	switch (event->kind) {
 	case MAP_EVENT_CHANGE:
-		return event->point < map->config.point_count && map_owner(map, event->point) == writer &&
-		       event->cause <= MAP_RETURN_LOCAL;
+		return point_in(map, writer, event->point) != MAP_NONE && event->cause <= MAP_RETURN_LOCAL;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
-		return writer == MAP_RTUD && event->point < map->directory->module_count;
+		return writer == MAP_RTUD && event->point < map_module_count(map);
 	case MAP_EVENT_CLOCK:
 		return writer == MAP_RTUD;
 	default:
@@ -161,8 +160,11 @@ static bool peek_event(const struct map *map, struct map_cursor *cursor, uint32_
 	for (uint32_t skipped = 0; skipped <= map->segments[writer].events.capacity; skipped++) {
 		if (!ring_peek(&map->segments[writer].events, &cursor->next[writer], out, &cursor->lost))
 			return false;
-		if (event_makes_sense(map, writer, cursor->next[writer], out))
+		if (event_makes_sense(map, writer, cursor->next[writer], out)) {
+			if (out->kind == MAP_EVENT_CHANGE)
+				out->point = point_in(map, writer, out->point);
 			return true;
+		}
 		cursor->next[writer]++;
 	}
 	return false;
@@ -180,7 +182,7 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 	struct map_event first = {.kind = MAP_EVENT_CHANGE};
 	uint32_t oldest = MAP_NONE;
 
-	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+	for (uint32_t i = 0; i < map_module_count(map); i++) {
 		struct map_event event;
 
 		if (!peek_event(map, cursor, i, &event))
@@ -194,5 +196,14 @@ bool map_event_next(const struct map *map, struct map_cursor *cursor, struct map
 		return false;
 	*out = first;
 	cursor->next[oldest]++;
+	return true;
+}
+
+bool map_event_next_of(const struct map *map, struct map_cursor *cursor, uint32_t module,
+		       struct map_event *out)
+{
+	if (!peek_event(map, cursor, module, out))
+		return false;
+	cursor->next[module]++;
 	return true;
 }

@@ -119,7 +119,7 @@ void map_publish(struct map *map, const struct map_update *updates, size_t count
 
 	if (count == 0)
 		return;
-	latch = &own->latches[points[updates[0].point].set];
+	latch = latch_of(map, updates[0].point);
 	first = latch_flip(latch);
 	for (size_t i = 0; i < count; i++)
 		own->samples[first][points[updates[i].point].slot] = sample_of(map, &updates[i]);

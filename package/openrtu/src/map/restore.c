@@ -22,7 +22,7 @@ static bool has_part(const struct module_entry *entry)
 
 static bool open_segment(const struct map *map, uint32_t module, struct segment *out)
 {
-	struct layout layout = layout_of(&map->directory->modules[module], &map->config);
+	struct layout layout = layout_of(&map->modules[module]);
 	int fd = map_segment_open(map, module);
 	void *memory = MAP_FAILED;
 
@@ -38,8 +38,8 @@ static bool open_segment(const struct map *map, uint32_t module, struct segment 
 
 static bool open_segments(const struct map *map, struct restoration *restoration)
 {
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
-		if (has_part(&map->directory->modules[i]) && !open_segment(map, i, &restoration->segments[i]))
+	for (uint32_t i = 0; i < map_module_count(map); i++)
+		if (has_part(&map->modules[i]) && !open_segment(map, i, &restoration->segments[i]))
 			return false;
 	return true;
 }
@@ -56,6 +56,7 @@ static void put_event(const struct map *map, struct restoration *restoration,
 {
 	uint32_t owner = map_owner(map, kept->event.point);
 	const struct ring *ring = &restoration->segments[owner].events;
+	struct map_event event = kept->event;
 
 	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
 		if (!(kept->wanted & 1u << queue) || (restoration->placed[queue] & 1u << owner))
@@ -63,14 +64,15 @@ static void put_event(const struct map *map, struct restoration *restoration,
 		restoration->places[queue].cursor.next[owner] = ring_head(ring);
 		restoration->placed[queue] |= 1u << owner;
 	}
-	ring_put(ring, &kept->event);
+	event.point = slot_of(map, event.point);
+	ring_put(ring, &event);
 }
 
 /* Of what a queue has acknowledged, or of a group that is new, nothing is sent. */
 static void place_at_end(const struct map *map, struct restoration *restoration, uint32_t queue)
 {
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
-		if (has_part(&map->directory->modules[i]) && !(restoration->placed[queue] & 1u << i))
+	for (uint32_t i = 0; i < map_module_count(map); i++)
+		if (has_part(&map->modules[i]) && !(restoration->placed[queue] & 1u << i))
 			restoration->places[queue].cursor.next[i] =
 			    ring_head(&restoration->segments[i].events);
 }
@@ -87,7 +89,7 @@ static void put_queues(struct map *map, struct restoration *restoration, const s
 {
 	uint32_t station = MAP_RTUD;
 
-	while (!(map->directory->modules[station].plan.flags & MAP_KEEPS_QUEUES))
+	while (!(map->modules[station].plan.flags & MAP_KEEPS_QUEUES))
 		station++;
 	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
 		if (queue >= map->config.settings.queue_count && kept->addresses[queue][0] == '\0')
@@ -109,8 +111,8 @@ int map_restore(struct map *map, const struct map_kept *kept, char *error)
 		put_event(map, &restoration, &kept->events[i]);
 	if (opened)
 		put_queues(map, &restoration, kept);
-	for (uint32_t i = 0; opened && i < map->directory->module_count; i++)
-		if (has_part(&map->directory->modules[i]))
+	for (uint32_t i = 0; opened && i < map_module_count(map); i++)
+		if (has_part(&map->modules[i]))
 			map->directory->modules[i].restored = ring_head(&restoration.segments[i].events);
 	close_segments(&restoration);
 	return opened ? 0 : -1;

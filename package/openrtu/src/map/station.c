@@ -12,7 +12,7 @@ static const struct segment *segment_of_queues(const struct map *map)
 {
 	uint32_t module = 0;
 
-	while (!(map->directory->modules[module].plan.flags & MAP_KEEPS_QUEUES))
+	while (!(map->modules[module].plan.flags & MAP_KEEPS_QUEUES))
 		module++;
 	return &map->segments[module];
 }
@@ -27,7 +27,7 @@ static struct queue_cell *queue_cell(const struct map *map, unsigned slot)
 /* A place ahead of a ring's head cannot be: read as it stands, it would count as four thousand million events lost. */
 static void check_place(const struct map *map, struct map_queue_place *place)
 {
-	for (uint32_t i = 0; i < map->directory->module_count; i++) {
+	for (uint32_t i = 0; i < map_module_count(map); i++) {
 		uint32_t head = ring_head(&map->segments[i].events);
 
 		if ((int32_t)(head - place->cursor.next[i]) >= 0)

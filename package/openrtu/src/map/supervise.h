@@ -23,6 +23,10 @@ void map_module_running(struct map *map, uint32_t module);
 void map_module_ended(struct map *map, uint32_t module, bool failed);
 /* What the module says of itself: the number of the forbidden system call that ended it; -1: none did. */
 int map_module_forbidden(const struct map *map, uint32_t module);
+/* The module's process is being exchanged; its points are as valid as before. */
+void map_module_switching(struct map *map, uint32_t module);
+/* The process of this generation, or the one that goes on in it, has begun. */
+bool map_module_has_taken_over(const struct map *map, uint32_t module);
 /* Of all segments, in bytes: what each process maps. */
 size_t map_size(const struct map *map);
 /* Puts MAP_EVENT_MODULE_DOWN, MAP_EVENT_MODULE_UP or MAP_EVENT_CLOCK before all readers of events. */
@@ -57,6 +61,39 @@ void map_request_answer(struct map *map, const struct map_request *request, enum
  * Returns a descriptor that is closed on exec, or -1 with errno.
  */
 int map_segment_open(const struct map *map, uint32_t module);
+
+/* ---- a configuration that follows another while the modules run: change.c, map.c --------------- */
+
+/* As the configuration in use here plans the module. */
+const struct map_module_plan *map_plan_of(const struct map *map, uint32_t module);
+bool map_is_gone(const struct map *map, uint32_t module);
+/*
+ * Creates the files of the configuration that shall follow, in which modules have the numbers that they have; kept: modules
+ * that are the same in both, a bit each. Takes no part in what runs: a process beside rtud may call it.
+ * Returns 0, or -1 with a message in error.
+ */
+int map_prepare(const struct map *map, const struct map_config *config, uint32_t kept, uint32_t group,
+		char *error);
+/* The configuration that is in use here, or so many epochs later, to look at. */
+int map_attach_again(struct map **out, const struct map *map, uint32_t later, char *error);
+/* The module has a segment of its own in it, and so needs another process. */
+bool map_is_made_for(const struct map *next, uint32_t module);
+/* That process has attached, and waits until the configuration is in force. */
+bool map_module_is_ready(const struct map *next, uint32_t module);
+/* A command that the module carries out has not ended, or a pulse of it. */
+bool map_has_commands_under_way(const struct map *map, uint32_t module);
+/*
+ * Puts next into force, once the processes of all modules that it changes or has no more have ended: what they left passes
+ * over to the new segments. valid: modules whose points were, a bit each; seamless: modules that go on in the generation
+ * that they are in, with what was asked of them. -1 with a message in error: nothing has changed.
+ */
+int map_switch(const struct map *map, const struct map *next, uint32_t valid, uint32_t seamless, char *error);
+/* Removes the files that only the former configuration has. */
+void map_unlink_former(const struct map *map, const struct map *next);
+/* Removes the files of one that was prepared, or begun to be. */
+void map_abandon(const struct map *map);
+
+/* ------------------------------------------------------------------------------------------ */
 
 /* The folder's lock and the segments' files are kept by the process that created them; this removes the files. */
 void map_remove(struct map *map);

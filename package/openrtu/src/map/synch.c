@@ -5,8 +5,8 @@
 void map_synch_say(struct map *map, uint32_t number, uint32_t word)
 {
 	atomic_store_explicit(&map->segments[map->self].header->synch[number], word, memory_order_release);
-	for (uint32_t i = 0; i < map->directory->module_count; i++)
-		if (map->directory->modules[i].plan.flags & MAP_COORDINATES)
+	for (uint32_t i = 0; i < map_module_count(map); i++)
+		if (map->modules[i].plan.flags & MAP_COORDINATES)
 			bell_ring(map, i);
 }
 

@@ -87,6 +87,8 @@ static void test_a_module_cannot_truncate_its_segment(void **state)
 		snprintf(path, sizeof(path), "%s/%s.seg", stage->dir, module.name);
 		assert_int_equal(chmod(path, 0444), 0);
 	}
+	snprintf(path, sizeof(path), "%s/rtud+0.config", stage->dir);
+	assert_int_equal(chmod(path, 0444), 0);
 	child = fork();
 	if (child == 0)
 		_exit(attach_handed(stage, segment));

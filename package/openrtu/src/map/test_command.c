@@ -148,7 +148,6 @@ static void test_a_selection_ends_by_itself(void **state)
 	struct stage *stage = *state;
 	struct command_stage commands = start_commands(stage);
 
-	stage->rtud->directory->settings.select_timeout_s = 0;
 	commands.owner->config.settings.select_timeout_s = 0;
 	assert_false(post(&commands, request(3, MAP_SELECT, 1, 9)));
 	assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);

@@ -87,7 +87,7 @@ void map_totals_tick(struct map *map)
 /* A former generation may have died inside store. */
 void totals_recover(struct map *map)
 {
-	for (uint32_t i = 0; i < map->directory->modules[map->self].total_count; i++) {
+	for (uint32_t i = 0; i < map->modules[map->self].total_count; i++) {
 		struct total_cell *cell = &map->segments[map->self].totals[i];
 		unsigned whole = latch_whole_copy(&cell->latch);
 

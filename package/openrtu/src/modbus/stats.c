@@ -3,40 +3,77 @@
 
 #include "modbus/config.h"
 
-/* Each module has room for all lines, then for all devices: a number is a place. */
-size_t modbus_stats_size(const struct map_config *config)
+/* What lies before it in its module's section, or of all lines of that process. */
+struct place {
+	uint32_t lines, devices;
+};
+
+static struct place place_of(const struct map_config *config, uint16_t process, uint32_t end)
 {
-	return modbus_port_count(config) * sizeof(struct modbus_line_stats) +
-	       modbus_slave_count(config) * sizeof(struct modbus_device_stats);
+	const struct modbus_port *ports = modbus_ports(config);
+	struct place place = {0};
+
+	for (uint32_t i = 0; i < end; i++) {
+		if (ports[i].process != process)
+			continue;
+		place.lines++;
+		place.devices += ports[i].device_count;
+	}
+	return place;
+}
+
+/* The lines of its process, then all their devices: what other processes have changes nothing in it. */
+size_t modbus_stats_size(const struct map_config *config, uint16_t process)
+{
+	const struct place all = place_of(config, process, modbus_port_count(config));
+
+	return all.lines * sizeof(struct modbus_line_stats) +
+	       all.devices * sizeof(struct modbus_device_stats);
+}
+
+static bool sizes_are_known(const struct map *map)
+{
+	const struct map_config *config = map_config(map);
+	const struct modbus_port *ports = modbus_ports(config);
+
+	for (uint32_t i = 0; i < modbus_port_count(config); i++)
+		if (map_section(map, ports[i].module, modbus_stats_size(config, ports[i].process)) == NULL)
+			return false;
+	return true;
 }
 
 bool modbus_is_known(const struct map *map)
 {
 	const struct map_config *config = map_config(map);
-	const uint32_t module = map_module_of_kind(map, MODBUS_KIND);
 
 	return modbus_settings(config) != NULL && modbus_ports(config) != NULL &&
-	       modbus_slaves(config) != NULL && modbus_points(config) != NULL &&
-	       (module == MAP_NONE || map_section(map, module, modbus_stats_size(config)) != NULL);
+	       modbus_slaves(config) != NULL && modbus_points(config) != NULL && sizes_are_known(map);
+}
+
+static void *stats_of(const struct map *map, const struct modbus_port *port)
+{
+	return map_section(map, port->module, modbus_stats_size(map_config(map), port->process));
 }
 
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line)
 {
 	const struct map_config *config = map_config(map);
-	struct modbus_line_stats *lines =
-	    map_section(map, modbus_ports(config)[line].module, modbus_stats_size(config));
+	const struct modbus_port *port = &modbus_ports(config)[line];
+	struct modbus_line_stats *lines = stats_of(map, port);
 
-	return &lines[line];
+	return &lines[place_of(config, port->process, line).lines];
 }
 
 struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device)
 {
 	const struct map_config *config = map_config(map);
 	const uint32_t line = modbus_slaves(config)[device].port;
+	const struct modbus_port *port = &modbus_ports(config)[line];
+	struct modbus_line_stats *lines = stats_of(map, port);
 	struct modbus_device_stats *devices =
-	    (void *)(modbus_line_stats(map, line) - line + modbus_port_count(config));
+	    (void *)&lines[place_of(config, port->process, modbus_port_count(config)).lines];
 
-	return &devices[device];
+	return &devices[place_of(config, port->process, line).devices + device - port->first_device];
 }
 
 void modbus_name_counters(struct map *map, uint32_t line)

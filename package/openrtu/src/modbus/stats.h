@@ -78,7 +78,7 @@ void modbus_name_counters(struct map *map, uint32_t line);
 
 /* Whether this program was built for the records that the map has of Modbus. What reads them asks first. */
 bool modbus_is_known(const struct map *map);
-/* What each module of lines asks for. */
-size_t modbus_stats_size(const struct map_config *config);
+/* What the module of a process' lines asks for. */
+size_t modbus_stats_size(const struct map_config *config, uint16_t process);
 
 #endif

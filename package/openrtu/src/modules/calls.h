@@ -34,6 +34,11 @@ struct call_rule {
 		.call = SCMP_SYS(name), .count = 1, .arguments = { argument }                                \
 	}
 
+/* map_renew: the map's files are opened, and none is made. */
+#define RENEWAL_CALLS                                                                                        \
+	CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)), CALL(newfstatat), CALL(statx),       \
+	    CALL(fstatat64), CALL(fstat), CALL(fstat64)
+
 #define IOCTL(request) CALL_WITH(ioctl, MASKED(1, UINT32_MAX, request))
 #define TCP_SOCKET(family)                                                                                   \
 	{                                                                                                    \

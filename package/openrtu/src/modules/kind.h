@@ -45,6 +45,16 @@ struct kind {
 	void (*run)(const struct map_config *config, const char *module, struct kind_run *out);
 	/* Before any module is started, with the module's user and group (0: rtud's own). Left out: nothing. */
 	void (*begin)(struct map *map, uid_t user, gid_t group);
+	/*
+	 * Whether what only this kind knows of a module is the same in both configurations, whatever numbers the module's sets
+	 * and points have there. Left out: there is nothing.
+	 */
+	bool (*same)(const struct map_config *a, const struct map_config *b, uint32_t module,
+		     const char *name);
+	/* The module's point of others' number i, which it knows by its number; MAP_NONE: it has no more. Left out: none. */
+	uint32_t (*reads)(const struct map_config *config, const char *module, uint32_t i);
+	const char *
+	    fixed; /* the key of what only rtud's restart changes; NULL: its modules change while rtud runs */
 	const char *group; /* a further one of its processes, by name; NULL: none */
 };
 

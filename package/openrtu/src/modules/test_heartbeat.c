@@ -138,7 +138,7 @@ static void test_the_configured_limit_counts(void **state)
 	struct stage *stage = *state;
 	struct late late = late_of(stage);
 
-	stage->rtud->directory->modules[index_of(stage, FIRST)].plan.heartbeat_limit_ms = 400;
+	set_heartbeat_limit(stage, FIRST, 400);
 	beat_after(&late, 400);
 	assert_said_nothing(&late);
 	beat_after(&late, 401);

@@ -5,7 +5,7 @@
 
 #include "map/config.h"
 
-#define LAST_FREE_USER 14 /* gps has 15 */
+#define LAST_FREE_USER 13 /* gps has 15, iec104m 14 */
 
 static inline bool user_is_taken(const struct map_config *config, uint32_t user)
 {

@@ -21,7 +21,8 @@ enum {
 	TAKES_HISTOGRAM = 8,
 	TAKES_SUGGEST = 16,
 	TAKES_ONCE = 32,
-	TAKES_SVG = 64
+	TAKES_DRY_RUN = 64,
+	TAKES_SVG = 128
 };
 
 struct command {
@@ -64,6 +65,19 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
+    {"module", "NAME stop|start|restart", 2, 2, 0, "rtuctl", "stop, start or restart a module's process",
+     "A module that was stopped stays so until it is started, or rtud is; its points are invalid meanwhile. "
+     "The exit\n"
+     "code is 0 only when it came about.\n",
+     rtuctl_module},
+    {"reload", "[FILE] [--dry-run]", 0, 1, TAKES_DRY_RUN, "rtuctl",
+     "change the configuration while the gateway runs",
+     "Without FILE, rtud reads its own file again. The next start of rtud reads that one, whatever FILE was. "
+     "With "
+     "--dry-run\n"
+     "it only says what would change. What did not change does not notice; what breaks goes back by "
+     "itself.\n",
+     rtuctl_reload},
     {"counters", "[MODULE]", 0, 1, 0, NULL, "the counters of the modules, by name",
      "MODULE is a name as \"rtuctl modules\" has it. Counters count since the gateway started and wrap at "
      "2^32.\n",
@@ -190,12 +204,19 @@ static bool parse_count(const char *text, struct line *line)
 static int take_option(struct line *line, int argc, char **argv)
 {
 	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},   {"json", no_argument, NULL, 'j'},
-	    {"count", required_argument, NULL, 'c'}, {"select", no_argument, NULL, 's'},
-	    {"pulse", required_argument, NULL, 'p'}, {"histogram", no_argument, NULL, 'g'},
-	    {"suggest", no_argument, NULL, 'u'},     {"once", no_argument, NULL, 'o'},
-	    {"svg", required_argument, NULL, 'v'},   {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},     {NULL, 0, NULL, 0},
+	    {"map", required_argument, NULL, 'm'},
+	    {"json", no_argument, NULL, 'j'},
+	    {"count", required_argument, NULL, 'c'},
+	    {"select", no_argument, NULL, 's'},
+	    {"pulse", required_argument, NULL, 'p'},
+	    {"histogram", no_argument, NULL, 'g'},
+	    {"suggest", no_argument, NULL, 'u'},
+	    {"once", no_argument, NULL, 'o'},
+	    {"svg", required_argument, NULL, 'v'},
+	    {"dry-run", no_argument, NULL, 'd'},
+	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
+	    {NULL, 0, NULL, 0},
 	};
 
 	switch (getopt_long(argc, argv, "+", options, NULL)) {
@@ -226,6 +247,9 @@ static int take_option(struct line *line, int argc, char **argv)
 		return RTUCTL_DONE;
 	case 'v':
 		line->request.svg = optarg;
+		return RTUCTL_DONE;
+	case 'd':
+		line->request.dry_run = true;
 		return RTUCTL_DONE;
 	case 'h':
 		line->help = true;
@@ -271,6 +295,8 @@ static int check_line(const struct line *line)
 		return not_for(line->command, "--once");
 	if (line->request.svg != NULL && !(line->command->takes & TAKES_SVG))
 		return not_for(line->command, "--svg");
+	if (line->request.dry_run && !(line->command->takes & TAKES_DRY_RUN))
+		return not_for(line->command, "--dry-run");
 	if (line->request.json && line->command->takes & TAKES_ONCE)
 		return wrong_usage(line->command, "top prints no JSON, but points, lines and modules do", "");
 	if (line->request.suggest && line->request.histogram)

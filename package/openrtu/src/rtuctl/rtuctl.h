@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set and step attach as observers and write nothing.
+ * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set, step, module and reload attach as observers and write
+ * nothing.
  */
 #ifndef OPENRTU_RTUCTL_H
 #define OPENRTU_RTUCTL_H
@@ -30,6 +31,7 @@ struct rtuctl_request {
 	bool histogram;
 	bool suggest;
 	bool once;
+	bool dry_run;
 	const char *pulse; /* NULL: none */
 	const char *svg;   /* a file; NULL: none */
 };
@@ -42,6 +44,8 @@ rtuctl_command rtuctl_top;
 rtuctl_command rtuctl_show;
 rtuctl_command rtuctl_commands;
 rtuctl_command rtuctl_modules;
+rtuctl_command rtuctl_module;
+rtuctl_command rtuctl_reload;
 rtuctl_command rtuctl_counters;
 rtuctl_command rtuctl_clock;
 rtuctl_command rtuctl_lines;

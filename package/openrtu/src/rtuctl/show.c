@@ -216,6 +216,14 @@ static json_t *module_row(const struct map *map, uint32_t index)
 	return row;
 }
 
+static bool is_gone(const struct map *map, uint32_t index)
+{
+	struct map_module module;
+
+	map_module(map, index, &module);
+	return (module.flags & MAP_IS_GONE) != 0;
+}
+
 int rtuctl_modules(struct map *map, const struct rtuctl_request *request)
 {
 	char line[DATA_LINE_SIZE];
@@ -223,7 +231,8 @@ int rtuctl_modules(struct map *map, const struct rtuctl_request *request)
 
 	listing_begin(&listing, module_columns, COUNT(module_columns), request->json);
 	for (uint32_t i = 0; i < map_module_count(map); i++)
-		listing_add(&listing, module_row(map, i));
+		if (!is_gone(map, i))
+			listing_add(&listing, module_row(map, i));
 	listing_end(&listing);
 	if (!request->json && journal_stats_of(map) != NULL)
 		print_journal(map);

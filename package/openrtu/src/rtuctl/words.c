@@ -29,7 +29,7 @@ const char *words_type(enum map_type type)
 
 const char *words_module_state(enum map_module_state state)
 {
-	static const char *const words[] = {"stopped", "starting", "running", "down"};
+	static const char *const words[] = {"stopped", "starting", "running", "switching", "down"};
 
 	return word(words, COUNT(words), state);
 }

@@ -21,6 +21,10 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 			refuse(loader, iec104_keys[i],
 			       "rtu-iec104: remove the key, or build with -Diec104=true, in Buildroot "
 			       "BR2_PACKAGE_OPENRTU_IEC104");
+	if (!modules.iec104 && json_object_get(root, "outstations") != NULL)
+		refuse(loader, "outstations",
+		       "rtu-104m: remove the key, or build with -Diec104=true, in Buildroot "
+		       "BR2_PACKAGE_OPENRTU_IEC104");
 	if (!modules.tls && json_object_get(root, "tls") != NULL)
 		refuse(loader, "tls",
 		       "rtu-iec104-tls: remove the object, or build with -Dtls=true, in Buildroot "

@@ -22,6 +22,7 @@ static const struct {
     [MAP_COUNTER] = {"M_IT_NA_1", "M_IT_TB_1", ""},
 };
 #define NO_QUALITY "M_ME_ND_1"
+#define PRIVATE    "private"
 #define STEP       " C_RC_NA_1"
 
 /* Columns of the control centre, of the Modbus side, and all other keys of an object. */
@@ -84,6 +85,8 @@ static const char *type_of(const struct row *row, bool event)
 {
 	if (row->point->flags & MAP_POINT_NO_QUALITY)
 		return NO_QUALITY;
+	if (row->point->flags & MAP_POINT_POSITION)
+		return PRIVATE;
 	return event ? types[iec104_carrier_of(row->point)].event
 		     : types[iec104_carrier_of(row->point)].plain;
 }

@@ -14,6 +14,7 @@
 	KIND(modbus)                                                                                         \
 	KIND(journal)                                                                                        \
 	KIND(gps)                                                                                            \
+	KIND(iec104m)                                                                                        \
 	KIND(logic)                                                                                          \
 	KIND(foreign)                                                                                        \
 	KIND(synch)
@@ -51,6 +52,7 @@ static bool plan_rtuctl(struct map_config *config)
 	    .flags = MAP_MAY_REQUEST | MAP_IS_LOCAL,
 	    .rings = {.requests = 256, .answers = 1, .events = 1, .log = 1},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
+	    .section_size = MAP_PATH_SIZE,
 	};
 
 	return map_plan_module(config, &module) != MAP_NONE;
@@ -73,7 +75,6 @@ size_t kinds_parts(const struct config_part *parts[KINDS_MAX])
 
 bool kinds_plan(struct map_config *config)
 {
-	config->module_count = 0;
 	for (size_t i = 0; i < COUNT; i++)
 		if (!kinds[i]->plan(config))
 			return false;

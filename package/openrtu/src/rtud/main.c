@@ -35,7 +35,8 @@ static const char usage[] =
     "  --help           this text\n"
     "  --version        the version\n"
     "\n"
-    "It stays in the foreground, logs to stderr, stops at SIGTERM or SIGINT and ignores SIGHUP.\n"
+    "It stays in the foreground, logs to stderr, stops at SIGTERM or SIGINT, and reads FILE again at\n"
+    "SIGHUP.\n"
     "Exit code: 0 good, 1 errors were found or it could not start, 2 wrong usage, FILE is not readable as\n"
     "JSON or needs a module that is not in this build.\n";
 
@@ -147,13 +148,16 @@ static void open_standard_streams(void)
 
 static int run(const struct arguments *arguments)
 {
+	struct supervise_options options = arguments->supervise;
 	struct map_config config;
 	enum config_result result = config_load(arguments->file, modules, &config, stderr);
 	int code;
 
 	if (result != CONFIG_GOOD)
 		return result;
-	code = supervise(&config, &arguments->supervise);
+	options.file = arguments->file;
+	options.build = modules;
+	code = supervise(&config, &options);
 	config_free(&config);
 	return code;
 }

@@ -5,7 +5,6 @@
 #include <errno.h>
 #include <limits.h>
 #include <malloc.h>
-#include <pwd.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -27,6 +26,8 @@
 #include "rtud/kinds.h"
 #include "rtud/process.h"
 #include "rtud/programs.h"
+#include "rtud/reload.h"
+#include "rtud/start.h"
 #include "rtud/watchdog.h"
 
 #define TICK_MS          50 /* how often heartbeats are looked at and logs are printed */
@@ -38,42 +39,8 @@
 #define SLOW_RESTART_MS  5000  /* longest pause for a module that cannot run */
 #define LINES_A_TICK     16    /* of each module's log */
 #define LINES_AT_END     128
-#define STOP_MS          3000 /* a module that takes longer to stop is killed */
-#define RESET_DELAY_MS   500  /* until then whoever asked for a reset has been told */
+#define RESET_DELAY_MS   500 /* until then whoever asked for a reset has been told */
 #define RESET_PAUSE_MS   10000
-
-/* What a module may have: some times what each was seen to have, and more with the map. */
-#define MEMORY_BASE   (24u << 20) /* of address space; rtu-iec104-tls has been seen with 11 MiB */
-#define MEMORY_FACTOR 4
-#define FILES_BASE                                                                                           \
-	96u /* descriptors: a bell of each module, the station's connections and those that are to be */
-
-#define PROCESSES 64 /* and threads, that a program of others may have */
-
-struct child {
-	pid_t pid;     /* 0: none */
-	bool attached; /* this generation has */
-	bool silent;   /* heartbeat too old, said to all readers of events */
-	bool silence_logged;
-	int64_t silent_since_ns;   /* its last heartbeat */
-	int64_t silence_logged_ns; /* 0: never */
-	int64_t started_ns;
-	int64_t restart_at_ns;
-	uint32_t pause_ms; /* before the next start; grows while it ends young */
-};
-
-struct supervisor {
-	const struct supervise_options *options;
-	struct map *map;
-	struct child children[MAP_MODULES_MAX];
-	uint32_t log_position[MAP_MODULES_MAX];
-	int watchdog; /* descriptor; -1: none */
-	bool stopping;
-	bool filtered;         /* modules get filters of their system calls */
-	bool priority_refused; /* said in the log */
-	int64_t reset_at_ns;   /* all modules are restarted then; 0: no */
-	int64_t reset_ns;      /* when they were last */
-};
 
 /* ---- log --------------------------------------------------------------------------------- */
 
@@ -117,66 +84,6 @@ static bool is_started(const struct kind_run *run)
 	return run->program != NULL || run->path != NULL;
 }
 
-/* A module's user, of modules that have one of their own. */
-static uid_t user_of(const struct supervisor *supervisor, const struct map_module *module)
-{
-	return supervisor->options->uid_base ? supervisor->options->uid_base + module->user : 0;
-}
-
-/* The one that the configuration names goes before. False with errno: there is none, or it has rights. */
-static bool find_user(const struct supervisor *supervisor, const char *name, uid_t *uid)
-{
-	const struct passwd *user;
-
-	if (name == NULL || supervisor->options->uid_base == 0)
-		return true;
-	errno = ESRCH;
-	user = getpwnam(name);
-	if (user == NULL || user->pw_uid == 0)
-		return false;
-	*uid = user->pw_uid;
-	return true;
-}
-
-static pid_t start_process(const struct supervisor *supervisor, uint32_t index,
-			   const struct map_module *module)
-{
-	const struct supervise_options *options = supervisor->options;
-	const struct kind_run run = run_of(supervisor, module);
-	struct process_plan plan = {
-	    .folder = options->modules,
-	    .program = run.program,
-	    .path = run.path,
-	    .map = options->map,
-	    .module = module->name,
-	    .dev = options->dev,
-	    .segment = map_segment_open(supervisor->map, index),
-	    .group = kinds_find(module->kind)->group,
-	    .uid = user_of(supervisor, module),
-	    .gid = options->uid_base,
-	    .memory = OPENRTU_SANITIZED ? 0 : MEMORY_BASE + MEMORY_FACTOR * map_size(supervisor->map),
-	    .files = FILES_BASE + modbus_port_count(map_config(supervisor->map)),
-	    .filtered = supervisor->filtered && run.program != NULL,
-	};
-	pid_t pid;
-
-	if (run.memory && plan.memory)
-		plan.memory = run.memory;
-	if (run.path && plan.uid)
-		plan.processes = PROCESSES;
-	if (!find_user(supervisor, run.user, &plan.uid)) {
-		map_log(supervisor->map, MAP_LOG_ERROR, "the user %s of %s is not there, or is root",
-			run.user, module->name);
-		close(plan.segment);
-		return -1;
-	}
-	if (plan.segment < 0)
-		return -1;
-	pid = process_start(&plan);
-	close(plan.segment);
-	return pid;
-}
-
 static void start_module(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
 {
 	struct child *child = &supervisor->children[index];
@@ -185,7 +92,7 @@ static void start_module(struct supervisor *supervisor, uint32_t index, const st
 	child->attached = false;
 	child->silent = false;
 	child->started_ns = map_now_ns();
-	child->pid = start_process(supervisor, index, module);
+	child->pid = start_process(supervisor, supervisor->map, index, module);
 	if (child->pid < 0) {
 		const struct kind_run run = run_of(supervisor, module);
 
@@ -244,14 +151,19 @@ static void module_ended(struct supervisor *supervisor, uint32_t index, int stat
 {
 	struct child *child = &supervisor->children[index];
 	bool attached = map_module_attached(supervisor->map, index); /* maybe since the last look at it */
+	const bool asked = child->kill_at_ns != 0;
 	struct map_module module;
 
-	map_module_ended(supervisor->map, index, !supervisor->stopping);
+	map_module_ended(supervisor->map, index, !supervisor->stopping && !asked);
 	child->pid = 0;
+	child->kill_at_ns = 0;
 	if (supervisor->stopping)
 		return;
 	if (attached) /* also when it was silent: it may have woken and published before it died */
 		map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
+	child->restart_at_ns = 0;
+	if (asked)
+		return;
 	map_module(supervisor->map, index, &module);
 	log_end(supervisor, index, module.name, status);
 	plan_restart(child, attached, status);
@@ -262,10 +174,13 @@ static void reap(struct supervisor *supervisor)
 	pid_t pid;
 	int status;
 
-	while ((pid = waitpid(-1, &status, WNOHANG)) > 0)
+	while ((pid = waitpid(-1, &status, WNOHANG)) > 0) {
+		if (reload_reap(supervisor, pid, status))
+			continue;
 		for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
 			if (supervisor->children[i].pid == pid)
 				module_ended(supervisor, i, status);
+	}
 }
 
 /* Says once what it may not give. */
@@ -351,11 +266,17 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 	struct map_module module;
 	struct kind_run run;
 
+	if (map_is_gone(supervisor->map, index))
+		return;
 	map_module(supervisor->map, index, &module);
 	run = run_of(supervisor, &module);
 	if (!is_started(&run))
 		return;
-	if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
+	if (child->pid == 0 && (child->held || reload_holds(supervisor, index)))
+		return;
+	if (child->kill_at_ns != 0 && map_now_ns() > child->kill_at_ns) {
+		kill(child->pid, SIGKILL);
+	} else if (child->pid == 0 && map_now_ns() >= child->restart_at_ns) {
 		start_module(supervisor, index, &module);
 	} else if (child->pid && child->attached) {
 		watch_heartbeat(supervisor, index, &module);
@@ -379,7 +300,7 @@ static void watch_modules(struct supervisor *supervisor)
 static void take_reset(struct supervisor *supervisor, const struct map_request *request)
 {
 	int64_t now = map_now_ns();
-	bool soon = supervisor->reset_at_ns != 0 ||
+	bool soon = supervisor->reset_at_ns != 0 || supervisor->reload.phase != RELOAD_IDLE ||
 		    (supervisor->reset_ns != 0 && now - supervisor->reset_ns < RESET_PAUSE_MS * NS_PER_MS);
 	struct map_module requester;
 
@@ -391,6 +312,52 @@ static void take_reset(struct supervisor *supervisor, const struct map_request *
 		supervisor->reset_at_ns = now + RESET_DELAY_MS * NS_PER_MS;
 }
 
+static const char *const wishes[] = {
+    [MAP_WISH_STOP] = "stop", [MAP_WISH_START] = "start", [MAP_WISH_RESTART] = "restart"};
+
+/* False: it is none that rtud runs, or not this requester's to ask for. */
+static bool may_wish(const struct supervisor *supervisor, const struct map_request *request)
+{
+	struct map_module requester, module;
+	struct kind_run run;
+
+	map_module(supervisor->map, request->requester, &requester);
+	if (!(requester.flags & MAP_IS_LOCAL) || request->point >= map_module_count(supervisor->map) ||
+	    map_is_gone(supervisor->map, request->point) ||
+	    request->detail >= sizeof(wishes) / sizeof(wishes[0]))
+		return false;
+	map_module(supervisor->map, request->point, &module);
+	run = run_of(supervisor, &module);
+	return is_started(&run);
+}
+
+static void take_wish(struct supervisor *supervisor, const struct map_request *request)
+{
+	struct map_module requester, module;
+	struct child *child;
+
+	if (supervisor->reload.phase != RELOAD_IDLE) {
+		map_request_answer(supervisor->map, request, MAP_RESULT_INTERLOCK);
+		return;
+	}
+	if (!may_wish(supervisor, request)) {
+		map_request_answer(supervisor->map, request, MAP_RESULT_NOT_COMMANDABLE);
+		return;
+	}
+	map_module(supervisor->map, request->requester, &requester);
+	map_module(supervisor->map, request->point, &module);
+	map_log(supervisor->map, MAP_LOG_WARNING, "%s asked to %s %s", requester.name,
+		wishes[request->detail], module.name);
+	child = &supervisor->children[request->point];
+	child->held = request->detail == MAP_WISH_STOP;
+	child->restart_at_ns = 0;
+	if (request->detail != MAP_WISH_START)
+		start_end(child);
+	if (child->held && child->pid == 0)
+		map_module_ended(supervisor->map, request->point, false);
+	map_request_answer(supervisor->map, request, MAP_RESULT_DONE);
+}
+
 static void serve_requests(struct supervisor *supervisor)
 {
 	struct map_request request;
@@ -400,6 +367,10 @@ static void serve_requests(struct supervisor *supervisor)
 			clock_set(supervisor->map, &request);
 		else if (request.action == MAP_RESTART)
 			take_reset(supervisor, &request);
+		else if (request.action == MAP_MODULE)
+			take_wish(supervisor, &request);
+		else if (request.action == MAP_RELOAD)
+			reload_take(supervisor, &request);
 	}
 }
 
@@ -525,15 +496,14 @@ static int create_signals(void)
 }
 
 /* SIGHUP asks other services to read their files again; it also comes from a terminal that closes. */
-static bool asked_to_stop(struct map *map, int signals)
+static bool asked_to_stop(struct supervisor *supervisor, int signals)
 {
 	struct signalfd_siginfo info;
 	bool stop = false;
 
 	while (read(signals, &info, sizeof(info)) == (ssize_t)sizeof(info))
 		if (info.ssi_signo == SIGHUP)
-			map_log(map, MAP_LOG_WARNING,
-				"SIGHUP is ignored: rtud reads a changed configuration at the next start");
+			reload_again(supervisor);
 		else
 			stop |= info.ssi_signo != SIGCHLD;
 	return stop;
@@ -556,7 +526,7 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 		uint64_t ticks;
 
 		epoll_wait(epoll, events, 3, -1);
-		if (asked_to_stop(supervisor->map, signals))
+		if (asked_to_stop(supervisor, signals))
 			return;
 		if (read(tick, &ticks, sizeof(ticks)) == (ssize_t)sizeof(ticks)) {
 			if (map_bell_is_wild(supervisor->map))
@@ -569,6 +539,7 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 			hear_bell(supervisor, epoll, false);
 		reap(supervisor);
 		serve_requests(supervisor);
+		reload_step(supervisor);
 		reset_modules(supervisor);
 		watch_modules(supervisor);
 	}
@@ -630,7 +601,7 @@ static void begin_modules(const struct supervisor *supervisor)
 		map_module(supervisor->map, i, &module);
 		kind = kinds_find(module.kind);
 		if (kind->begin != NULL)
-			kind->begin(supervisor->map, user_of(supervisor, &module),
+			kind->begin(supervisor->map, start_user(supervisor, &module),
 				    supervisor->options->uid_base);
 	}
 }
@@ -673,6 +644,7 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	started = start_watchdog(&supervisor);
 	if (started)
 		loop(&supervisor, epoll, signals, tick);
+	reload_cancel(&supervisor);
 	stop_modules(&supervisor);
 	if (supervisor.watchdog >= 0)
 		watchdog_stop(supervisor.watchdog);

@@ -5,8 +5,11 @@
 #include <stdint.h>
 
 #include "map/config.h"
+#include "rtud/config.h"
 
 struct supervise_options {
+	const char *file; /* the configuration, read again when it has changed */
+	struct config_modules build;
 	const char *map;      /* folder of the map, on a tmpfs */
 	const char *modules;  /* folder of the module executables */
 	const char *dev;      /* folder of the serial devices */

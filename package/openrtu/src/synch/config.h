@@ -58,8 +58,10 @@ static inline void synch_bind(struct map_config *config, const char *name, uint3
 {
 	const uint32_t number = synch_participant_named(config, name);
 
-	if (number != UINT32_MAX)
-		synch_tables(config)->participants[number].module = (uint16_t)module;
+	if (number == UINT32_MAX)
+		return;
+	synch_tables(config)->participants[number].module = (uint16_t)module;
+	config->modules[module].flags |= MAP_TAKES_PART;
 }
 
 #endif

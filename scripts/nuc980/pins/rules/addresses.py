@@ -11,7 +11,7 @@ from nuc980.pins.chip import Peripheral
 from nuc980.pins.claims import BUSES, on_bus
 from nuc980.pins.findings import Claimant, Finding, at
 from nuc980.pins.rules.context import Context, grouped, listed, rule
-from nuc980.pins.rules.identity import address_of, names_of, unit_number
+from nuc980.pins.rules.identity import address_of, unit_number
 from nuc980.pins.tree import Node
 
 
@@ -77,7 +77,7 @@ def unit_address(context: Context) -> Iterator[Finding]:
     "where ranges says how. Devices elsewhere are in the tree, but never in the system.",
 )
 def no_bus(context: Context) -> Iterator[Finding]:
-    names = {name for one in context.chip.peripherals.values() for name in names_of(one)}
+    names = {name for one in context.chip.peripherals.values() for name in one.names}
     below = grouped(
         (node for node in context.tree.root.walk() if not names.isdisjoint(node.strings("compatible"))),
         lambda node: node.parent,

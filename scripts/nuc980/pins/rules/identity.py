@@ -13,14 +13,9 @@ COMPATIBLE, REG, UNIT_ADDRESS, ONE_EACH = 1, 3, 2, 1
 NUMBERS = ("port-number", "map-addr", "id")  # of an instance; bus_num is free to choose
 
 
-def names_of(peripheral: Peripheral) -> tuple[str, ...]:
-    """All compatible strings by which a vendor kernel may know a peripheral's own driver."""
-    return peripheral.compatible[0], *peripheral.compatible_66, *peripheral.compatible_other
-
-
 def has_driver_name(node: Node, peripheral: Peripheral) -> bool:
     """Whether a vendor kernel has a driver for the peripheral by one of the node's compatible strings."""
-    return not set(node.strings("compatible")).isdisjoint(names_of(peripheral))
+    return not set(node.strings("compatible")).isdisjoint(peripheral.names)
 
 
 def address_of(node: Node) -> int | None:
@@ -52,11 +47,11 @@ def identify(node: Node, chip: Chip) -> Peripheral | None:
 
 def _candidates(node: Node, chip: Chip) -> Iterator[Peripheral]:
     strings = set(node.strings("compatible"))
-    address, unit = address_of(node), unit_number(node)
+    address, unit, name = address_of(node), unit_number(node), node.base_name
     for peripheral in chip.peripherals.values():
-        by_name = address is None and node.base_name == peripheral.node and unit == peripheral.address
+        by_name = address is None and name == peripheral.node and unit == peripheral.address
         by_address = address is not None and address == peripheral.address
-        if by_address or by_name or not strings.isdisjoint(names_of(peripheral)):
+        if by_address or by_name or not strings.isdisjoint(peripheral.names):
             yield peripheral
 
 

@@ -61,10 +61,51 @@ static void run(const struct map_config *config, const char *module, struct kind
 	out->memory = (size_t)foreign->memory_mb * MIB;
 }
 
+static bool same_points(const struct map_config *a, const struct foreign_module *of_a,
+			const struct map_config *b, const struct foreign_module *of_b)
+{
+	const struct foreign_point *in_a = map_records(a, FOREIGN_POINTS, sizeof(*in_a));
+	const struct foreign_point *in_b = map_records(b, FOREIGN_POINTS, sizeof(*in_b));
+	const uint32_t count = of_a->set == FOREIGN_NO_SET ? 0 : a->sets[of_a->set].point_count;
+
+	for (uint32_t i = 0; i < count; i++) {
+		const struct foreign_point *point = &in_a[of_a->first_point + i];
+		const struct foreign_point *other = &in_b[of_b->first_point + i];
+
+		if (strcmp(foreign_text(a, point->unit), foreign_text(b, other->unit)) != 0 ||
+		    strcmp(foreign_text(a, point->description), foreign_text(b, other->description)) != 0 ||
+		    memcmp(&point->initial, &other->initial, sizeof(point->initial)) != 0)
+			return false;
+	}
+	return true;
+}
+
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	const struct foreign_module *of_a = foreign_find(a, name), *of_b = foreign_find(b, name);
+
+	(void)module;
+	return strcmp(of_a->program, of_b->program) == 0 && strcmp(of_a->user, of_b->user) == 0 &&
+	       of_a->period_ms == of_b->period_ms && of_a->memory_mb == of_b->memory_mb &&
+	       of_a->priority == of_b->priority && of_a->read_count == of_b->read_count &&
+	       strcmp(foreign_text(a, of_a->config), foreign_text(b, of_b->config)) == 0 &&
+	       same_points(a, of_a, b, of_b);
+}
+
+static uint32_t reads(const struct map_config *config, const char *module, uint32_t i)
+{
+	const struct foreign_module *foreign = foreign_find(config, module);
+	const uint32_t *points = map_records(config, FOREIGN_READS, sizeof(*points));
+
+	return i < foreign->read_count ? points[foreign->first_read + i] : MAP_NONE;
+}
+
 const struct kind foreign_kind = {
     .name = FOREIGN_KIND,
     .part = &foreign_part,
     .plan = plan,
     .priority = highest_priority,
     .run = run,
+    .same = same,
+    .reads = reads,
 };

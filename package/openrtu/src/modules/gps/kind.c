@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Receivers of positions: one module for all, if the configuration has "gps". */
-#include "modules/kind.h"
+#include <string.h>
+
 #include "gps/config.h"
 #include "gps/config_part.h"
 #include "gps/stats.h"
 #include "modules/calls.h"
+#include "modules/kind.h"
 
 #define USER               15   /* docs/architecture.md: from 15 down */
 #define HEARTBEAT_LIMIT_MS 1000 /* a receiver speaks once a second */
@@ -41,10 +43,29 @@ static bool plan(struct map_config *config)
 	return number != MAP_NONE;
 }
 
+/* What is not known of a fence's or a receiver's octets is no reason to keep the process. */
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	const uint32_t count = map_record_count(a, GPS_RECEIVERS), fences = map_record_count(a, GPS_FENCES);
+
+	(void)module, (void)name;
+	if (count != map_record_count(b, GPS_RECEIVERS) || fences != map_record_count(b, GPS_FENCES))
+		return false;
+	for (uint32_t i = 0; i < count; i++) {
+		struct gps_settings of_a = gps_receivers(a)[i], of_b = gps_receivers(b)[i];
+
+		of_a.set = of_b.set = 0;
+		if (memcmp(&of_a, &of_b, sizeof(of_a)) != 0)
+			return false;
+	}
+	return fences == 0 || memcmp(gps_fences(a), gps_fences(b), fences * sizeof(struct gps_fence)) == 0;
+}
+
 const struct kind gps_kind = {
     .name = GPS_KIND,
     .part = &gps_part,
     .plan = plan,
+    .same = same,
     .programs = &program,
     .program_count = 1,
     .group = "dialout", /* to which Debian and Buildroot give serial devices */

@@ -74,6 +74,14 @@ static uint32_t needs(enum gps_point point)
 	return fields[point];
 }
 
+/* What MAP_POINT_POSITION says beside the three points behind it. */
+static uint32_t fix_and_satellites(const struct gps_fix *fix)
+{
+	const uint32_t most = 15, satellites = fix->satellites < most ? fix->satellites : most;
+
+	return value_of(fix, GPS_POINT_FIX).u | satellites << 4;
+}
+
 /* quality: of the position. */
 static uint8_t quality_of(const struct gps_fix *fix, enum gps_point point, uint8_t quality)
 {
@@ -84,30 +92,42 @@ static uint8_t quality_of(const struct gps_fix *fix, enum gps_point point, uint8
 	return (fix->known & field) == 0 ? quality | MAP_INVALID : quality;
 }
 
+/* One of the set's points, by its place in it. */
+static struct map_update update_of(const struct publisher *publisher, const struct gps_fix *fix,
+				   uint8_t quality, uint32_t place)
+{
+	const uint32_t point = place - publisher->settings->whole, fence = point - GPS_POINTS;
+	struct map_update update = {.sample.quality = quality};
+
+	if (place < publisher->settings->whole) {
+		update.sample.value.u = fix_and_satellites(fix);
+		update.sample.quality = quality_of(fix, GPS_POINT_LATITUDE, quality);
+	} else if (point < GPS_POINTS) {
+		update.sample.value = value_of(fix, point);
+		update.sample.quality = quality_of(fix, point, quality);
+	} else {
+		update.sample.value.u = (fix->known & GPS_POSITION) != 0 &&
+					gps_fence_holds(&publisher->fences[fence],
+							(struct gps_place){fix->latitude, fix->longitude});
+	}
+	return update;
+}
+
 static void publish(struct publisher *publisher, const struct gps_fix *fix, int64_t now_ns,
 		    enum map_event_rule rule)
 {
+	const uint32_t fences = publisher->settings->whole + GPS_POINTS;
 	const uint8_t quality = gps_quality(fix, now_ns, publisher->settings->topical_ns);
 	const struct map_set *set = &map_config(publisher->map)->sets[publisher->settings->set];
 	const int64_t moment_ns = moment_of(publisher->map, fix);
-	struct map_update updates[GPS_POINTS + GPS_FENCES_MAX];
+	struct map_update updates[1 + GPS_POINTS + GPS_FENCES_MAX];
 
 	for (uint32_t i = 0; i < set->point_count; i++) {
-		updates[i] = (struct map_update){.point = set->first_point + i,
-						 .event_rule = (uint8_t)rule,
-						 .sample = {.time_ns = moment_ns}};
-		if (i < GPS_POINTS) {
-			updates[i].sample.value = value_of(fix, i);
-			updates[i].sample.quality = quality_of(fix, i, quality);
-			continue;
-		}
+		updates[i] = update_of(publisher, fix, quality, i);
+		updates[i].point = set->first_point + i;
+		updates[i].sample.time_ns = moment_ns;
 		/* In or out is an event by itself, whenever it is seen. */
-		updates[i].event_rule = MAP_EVENT_BY_CHANGE;
-		updates[i].sample.quality = quality;
-		updates[i].sample.value.u =
-		    (fix->known & GPS_POSITION) != 0 &&
-		    gps_fence_holds(&publisher->fences[i - GPS_POINTS],
-				    (struct gps_place){fix->latitude, fix->longitude});
+		updates[i].event_rule = i < fences ? (uint8_t)rule : MAP_EVENT_BY_CHANGE;
 	}
 	map_publish(publisher->map, updates, set->point_count);
 }
@@ -125,13 +145,23 @@ static void show(struct publisher *publisher)
 	latch_store(&stats->latch, stats->copies, &publisher->last, sizeof(publisher->last));
 }
 
+/*
+ * A fix is an event as a whole or not at all: what changes the quality of a part of the position does for all of it. The other points
+ * may be known or not from fix to fix.
+ */
+static bool is_due(const struct publisher *publisher, const struct gps_fix *fix)
+{
+	return publisher->is_stale || !publisher->has_sent ||
+	       ((publisher->sent.known ^ fix->known) & GPS_ALTITUDE) != 0 ||
+	       gps_due(&publisher->settings->rule, &publisher->sent, fix) != GPS_NOT_DUE;
+}
+
 void publisher_take(struct publisher *publisher, struct gps_fix *fix)
 {
 	bool due;
 
 	gps_track_judge(&publisher->track, &publisher->settings->limits, fix);
-	due = gps_due(&publisher->settings->rule, publisher->has_sent ? &publisher->sent : NULL, fix) !=
-	      GPS_NOT_DUE;
+	due = is_due(publisher, fix);
 	publish(publisher, fix, fix->arrival_ns, due ? MAP_EVENT_ALWAYS : MAP_EVENT_BY_QUALITY);
 	publisher->last = *fix;
 	publisher->has_last = true;
@@ -149,7 +179,7 @@ void publisher_run(struct publisher *publisher, int64_t now_ns)
 	if (now_ns < publisher_deadline(publisher))
 		return;
 	publisher->is_stale = true;
-	publish(publisher, &publisher->last, now_ns, MAP_EVENT_BY_QUALITY);
+	publish(publisher, &publisher->last, now_ns, MAP_EVENT_ALWAYS);
 }
 
 int64_t publisher_deadline(const struct publisher *publisher)

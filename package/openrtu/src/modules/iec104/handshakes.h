@@ -6,7 +6,8 @@
 #ifndef OPENRTU_MODULES_IEC104_HANDSHAKES_H
 #define OPENRTU_MODULES_IEC104_HANDSHAKES_H
 
-#include "modules/iec104/channel.h"
+#include "channel/channel.h"
+#include "iec104/station.h"
 
 #define HANDSHAKES_MAX 16
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The controlled station: one module, in the map of every build and configuration. */
+#include <string.h>
 #include <sys/socket.h>
 
 #include "iec104/config.h"
@@ -13,7 +14,7 @@
 
 static const struct call_rule plain_calls[] = {
     CALL(epoll_wait), CALL(epoll_pwait), CALL(epoll_ctl), CALL(accept4),
-    CALL(setsockopt), CALL(send),        CALL(sendto),
+    CALL(setsockopt), CALL(send),        CALL(sendto),    RENEWAL_CALLS,
 };
 
 static const struct call_rule tls_calls[] = {
@@ -22,13 +23,7 @@ static const struct call_rule tls_calls[] = {
     CALL(epoll_ctl),
     CALL(accept4),
     CALL(setsockopt),
-    /* The files of TLS, read anew when they change. */
-    CALL_WITH(openat, MASKED(2, O_ACCMODE | O_CREAT | O_TRUNC, O_RDONLY)),
-    CALL(newfstatat),
-    CALL(statx),
-    CALL(fstatat64),
-    CALL(fstat),
-    CALL(fstat64),
+    RENEWAL_CALLS, /* and the files of TLS, read anew when they change */
     CALL(lseek),
     CALL(_llseek),
     /* libcrypto: random numbers, and locks for threads that are not there. */
@@ -70,6 +65,15 @@ static bool plan(struct map_config *config)
 	return number != MAP_NONE;
 }
 
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	struct iec104_settings of_a = *iec104_settings(a), of_b = *iec104_settings(b);
+
+	(void)module, (void)name;
+	of_a.own_set = of_b.own_set = 0;
+	return memcmp(&of_a, &of_b, sizeof(of_a)) == 0;
+}
+
 const struct kind iec104_kind = {
     .name = IEC104_KIND,
     .part = &iec104_part,
@@ -77,4 +81,6 @@ const struct kind iec104_kind = {
     .programs = programs,
     .program_count = sizeof(programs) / sizeof(programs[0]),
     .choose = choose,
+    .same = same,
+    .fixed = "iec104",
 };

@@ -15,10 +15,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "channel/channel.h"
 #include "iec104/station.h"
 #include "map/map.h"
 #include "map/time_ns.h"
-#include "modules/iec104/channel.h"
 #include "modules/iec104/handshakes.h"
 #include "modules/iec104/peer.h"
 #include "modules/module.h"
@@ -157,57 +157,11 @@ static bool accept_one(void)
 	return true;
 }
 
-/* Takes what there is room for. True: something came. */
-static bool receive(uint32_t index)
-{
-	struct iec104_session *session = &station.connections[index].session;
-	size_t room;
-	uint8_t *place = iec104_session_space(session, &room);
-	ssize_t count;
-
-	if (room == 0)
-		return false;
-	count = channel_receive(&sockets[index].channel, place, room);
-	if (count > 0)
-		iec104_session_received(session, (size_t)count);
-	else if (count < 0)
-		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
-	return count > 0;
-}
-
-/* Writes what the connection takes. True: something went, so there may be room for more. */
-static bool transmit(uint32_t index)
-{
-	struct iec104_session *session = &station.connections[index].session;
-	size_t size;
-	const uint8_t *bytes = iec104_session_output(session, &size);
-	ssize_t count;
-
-	if (size == 0)
-		return false;
-	count = channel_transmit(&sockets[index].channel, bytes, size);
-	if (count > 0)
-		iec104_session_written(session, (size_t)count);
-	else if (count < 0)
-		iec104_session_close(session, IEC104_CLOSED_BY_PEER);
-	return count > 0;
-}
-
 /* Watches for input while there is space for it, and for output while some is left. */
 static void watch_connection(uint32_t index)
 {
-	struct iec104_session *session = &station.connections[index].session;
-	uint32_t interest = 0;
-	size_t size;
+	uint32_t interest = channel_interest(&sockets[index].channel, &station.connections[index].session);
 
-	iec104_session_space(session, &size);
-	if (size > 0)
-		interest |= EPOLLIN;
-	iec104_session_output(session, &size);
-	if (size > 0)
-		interest |= EPOLLOUT;
-	if (sockets[index].channel.wants != 0) /* first; input waits, and would wake the loop for nothing */
-		interest = sockets[index].channel.wants;
 	if (interest == sockets[index].interest)
 		return;
 	sockets[index].interest = interest;
@@ -246,10 +200,13 @@ static void serve(void)
 		moved = false;
 		iec104_station_run(&station, map_begin_cycle(map));
 		for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
+			struct channel *channel = &sockets[i].channel;
+			struct iec104_session *session = &station.connections[i].session;
+
 			if (!station.connections[i].open)
 				continue;
-			moved |= transmit(i);
-			moved |= channel_pending(&sockets[i].channel) && receive(i);
+			moved |= channel_transmit_session(channel, session);
+			moved |= channel_pending(channel) && channel_receive_session(channel, session);
 		}
 	} while (moved);
 	now_ns = map_now_ns();
@@ -294,7 +251,7 @@ static bool continue_handshake(uint32_t place)
 static void handle_connection(uint32_t index, uint32_t events)
 {
 	if (events & (EPOLLIN | sockets[index].channel.wants))
-		receive(index);
+		channel_receive_session(&sockets[index].channel, &station.connections[index].session);
 	else if (events & (EPOLLHUP | EPOLLERR))
 		iec104_session_close(&station.connections[index].session, IEC104_CLOSED_BY_PEER);
 }
@@ -341,6 +298,36 @@ static bool handle_all(const struct epoll_event *events, int count)
 	return wanted;
 }
 
+static void say(enum map_log_level level, const char *peer, const char *text)
+{
+	if (peer != NULL)
+		iec104_log(&station, level, peer, "%s", text);
+	else
+		map_log(map, level, "%s", text);
+}
+
+static struct channel_owner channels = {.say = say};
+
+/* Nothing is half done here: what has come is in the station, what it says in its octets. */
+static void follow_configuration(void)
+{
+	static int64_t again_ns;
+	struct map_config before;
+	char error[MAP_ERROR_SIZE];
+
+	if (!map_is_changed(map) || map_now_ns() < again_ns)
+		return;
+	if (map_renew(map, &before, error) < 0) {
+		map_log(map, MAP_LOG_ERROR, "cannot take the changed configuration: %s", error);
+		again_ns = map_now_ns() + NS_PER_S;
+		return;
+	}
+	iec104_station_renew(&station, &before);
+	channels.tls = &station.settings->tls;
+	channel_renew();
+	map_forget(map);
+}
+
 static void run(void)
 {
 	bool wanted = true;
@@ -351,6 +338,7 @@ static void run(void)
 
 		wanted = handle_all(events, count);
 		end_bell_rest();
+		follow_configuration();
 		channel_watch(map_now_ns());
 		serve();
 		handshakes_watch(&station, map_now_ns());
@@ -410,7 +398,8 @@ static int start(void)
 	if (sent_ns == NULL || places == NULL || poll_fd < 0 || (signal_fd = module_stop_fd()) < 0)
 		return fail("cannot start", strerror(errno));
 	iec104_station_init(&station, map, sent_ns, places);
-	if (!channel_start(&station) || open_listener(settings) < 0)
+	channels.tls = &settings->tls;
+	if (!channel_start(&channels) || open_listener(settings) < 0)
 		return -1;
 	watch(EPOLL_CTL_ADD, listen_fd, EPOLLIN, SOURCE_LISTENER);
 	watch(EPOLL_CTL_ADD, map_bell_fd(map), EPOLLIN, SOURCE_BELL);

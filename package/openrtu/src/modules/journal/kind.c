@@ -1,18 +1,21 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The journal: one module, if the configuration has "journal". */
 
-#include "modules/kind.h"
+#include <string.h>
+
 #include "journal/begin.h"
 #include "journal/config.h"
 #include "journal/config_part.h"
 #include "journal/stats.h"
 #include "modules/calls.h"
+#include "modules/kind.h"
 
 #define USER 2
 
 static const struct call_rule calls[] = {
-    CALL(poll),  CALL(ppoll_time64), CALL(ppoll),       CALL(openat),   CALL(pwrite64),  CALL(fdatasync),
-    CALL(fsync), CALL(ftruncate),    CALL(ftruncate64), CALL(renameat), CALL(renameat2), CALL(unlinkat),
+    CALL(poll),       CALL(ppoll_time64), CALL(ppoll),       CALL(openat),   CALL(pwrite64),  CALL(fdatasync),
+    CALL(fsync),      CALL(ftruncate),    CALL(ftruncate64), CALL(renameat), CALL(renameat2), CALL(unlinkat),
+    CALL(newfstatat), CALL(statx),        CALL(fstatat64),   CALL(fstat),    CALL(fstat64),
 };
 
 static const struct kind_program program = {
@@ -36,6 +39,12 @@ static bool plan(struct map_config *config)
 	return journal_settings(config) == NULL || map_plan_module(config, &module) != MAP_NONE;
 }
 
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	(void)module, (void)name;
+	return memcmp(journal_settings(a), journal_settings(b), sizeof(struct journal_settings)) == 0;
+}
+
 const struct kind journal_kind = {
     .name = JOURNAL_KIND,
     .part = &journal_part,
@@ -43,4 +52,6 @@ const struct kind journal_kind = {
     .programs = &program,
     .program_count = 1,
     .begin = journal_begin_again,
+    .same = same,
+    .fixed = "journal",
 };

@@ -92,6 +92,21 @@ static int pause_ms(int64_t next_ns)
 	return left_ms < 0 ? 0 : left_ms < TICK_MS ? (int)left_ms : TICK_MS;
 }
 
+/* Places in rings stay what they are. */
+static void follow_configuration(void)
+{
+	struct map_config before;
+	char error[MAP_ERROR_SIZE];
+
+	if (!map_is_changed(map))
+		return;
+	if (map_renew(map, &before, error) < 0)
+		map_log(map, MAP_LOG_ERROR, "cannot take the changed configuration: %s", error);
+	else
+		settings = journal_settings(map_config(map));
+	map_forget(map);
+}
+
 /* Until it is asked to stop: then what came last is written too. */
 static void run(int stop)
 {
@@ -103,6 +118,7 @@ static void run(int stop)
 
 	while (map_may_run(map)) {
 		map_heartbeat(map);
+		follow_configuration();
 		if (map_now_ns() >= next_ns) {
 			next_ns = map_now_ns() + interval_ns;
 			write_news();

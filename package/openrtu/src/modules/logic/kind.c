@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Programs of Structured Text: a module for each element of "logic". */
 #include <stdio.h>
+#include <string.h>
 
 #include "logic/config_part.h"
 #include "logic/stats.h"
@@ -48,10 +49,64 @@ static bool plan(struct map_config *config)
 	return true;
 }
 
+static const struct logic_instance *find(const struct map_config *config, const char *module)
+{
+	const struct logic_instance *instances = logic_instances(config);
+	uint32_t i = 0;
+
+	while (strcmp(instances[i].name, module + strlen("rtu-logic-")) != 0)
+		i++;
+	return &instances[i];
+}
+
+static uint32_t links_of(const struct map_config *config, const struct logic_instance *instance)
+{
+	const bool last = instance == &logic_instances(config)[map_record_count(config, LOGIC_INSTANCES) - 1];
+
+	return (last ? map_record_count(config, LOGIC_LINKS) : instance[1].first_link) - instance->first_link;
+}
+
+static bool same_initials(const struct map_config *a, const struct logic_instance *of_a,
+			  const struct map_config *b, const struct logic_instance *of_b)
+{
+	for (uint32_t i = 0; i < links_of(a, of_a); i++) {
+		const struct logic_link *in_a = &logic_links(a)[of_a->first_link + i];
+		const struct logic_link *in_b = &logic_links(b)[of_b->first_link + i];
+
+		if (in_a->has_initial != in_b->has_initial ||
+		    memcmp(&in_a->initial, &in_b->initial, sizeof(in_a->initial)) != 0)
+			return false;
+	}
+	return true;
+}
+
+static uint32_t reads(const struct map_config *config, const char *module, uint32_t i)
+{
+	const struct logic_instance *instance = find(config, module);
+
+	return i < links_of(config, instance) ? logic_links(config)[instance->first_link + i].point
+					      : MAP_NONE;
+}
+
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	const struct logic_instance *of_a = find(a, name), *of_b = find(b, name);
+
+	(void)module;
+	return of_a->period_ms == of_b->period_ms && of_a->budget == of_b->budget &&
+	       of_a->size == of_b->size && of_a->retained == of_b->retained &&
+	       of_a->set_points == of_b->set_points &&
+	       memcmp(logic_programs(a) + of_a->program, logic_programs(b) + of_b->program, of_a->size) ==
+		   0 &&
+	       links_of(a, of_a) == links_of(b, of_b) && same_initials(a, of_a, b, of_b);
+}
+
 const struct kind logic_kind = {
     .name = LOGIC_KIND,
     .part = &logic_part,
     .plan = plan,
     .programs = &program,
     .program_count = 1,
+    .same = same,
+    .reads = reads,
 };

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Modbus lines: a module for each process number among them. */
 #include <stdio.h>
+#include <string.h>
 
 #include "modbus/config.h"
 #include "modbus/config_part.h"
@@ -45,7 +46,6 @@ static bool plan(struct map_config *config)
 	    .flags = MAP_MAY_OWN,
 	    .rings = {.requests = 1, .answers = 256, .events = config->settings.event_ring, .log = 128},
 	    .heartbeat_limit_ms = limit_ms ? limit_ms : MAP_HEARTBEAT_LIMIT_MS,
-	    .section_size = (uint32_t)modbus_stats_size(config),
 	    .user = FIRST_USER,
 	};
 
@@ -54,6 +54,7 @@ static bool plan(struct map_config *config)
 		char line[MAP_NAME_SIZE];
 
 		snprintf(module.name, sizeof(module.name), "rtu-modbus-%u", modbus_ports(config)[i].process);
+		module.section_size = (uint32_t)modbus_stats_size(config, modbus_ports(config)[i].process);
 		module.counters = MODBUS_LINE_COUNTERS * lines_of(config, modbus_ports(config)[i].process);
 		number = map_plan_module(config, &module);
 		if (number == MAP_NONE)
@@ -68,6 +69,95 @@ static bool plan(struct map_config *config)
 	return true;
 }
 
+/* ---- what is the same in two configurations -------------------------------------------------- */
+
+static bool same_knots(const struct map_config *a, const struct modbus_point *of_a,
+		       const struct map_config *b, const struct modbus_point *of_b)
+{
+	return of_a->knot_count == of_b->knot_count &&
+	       (of_a->knot_count == 0 ||
+		memcmp(&modbus_knots(a)[of_a->first_knot], &modbus_knots(b)[of_b->first_knot],
+		       of_a->knot_count * sizeof(struct modbus_knot)) == 0);
+}
+
+static bool same_judges(const struct map_config *a, const struct modbus_point *of_a,
+			const struct map_config *b, const struct modbus_point *of_b)
+{
+	const struct modbus_judges *in_a = modbus_judges_of(a, of_a), *in_b = modbus_judges_of(b, of_b);
+
+	if (in_a == NULL || in_b == NULL)
+		return in_a == in_b;
+	return memcmp(in_a, in_b, sizeof(*in_a)) == 0;
+}
+
+static bool same_point(const struct map_config *a, uint32_t in_a, const struct map_config *b, uint32_t in_b)
+{
+	struct modbus_point of_a = modbus_points(a)[in_a], of_b = modbus_points(b)[in_b];
+
+	if (!same_knots(a, &of_a, b, &of_b) || !same_judges(a, &of_a, b, &of_b))
+		return false;
+	of_a.first_knot = of_b.first_knot = 0;
+	of_a.judges = of_b.judges = 0;
+	return memcmp(&of_a, &of_b, sizeof(of_a)) == 0; /* it has no padding */
+}
+
+_Static_assert(sizeof(struct modbus_point) == 32, "16 octets and two doubles");
+
+static bool same_slave(const struct map_config *a, uint32_t in_a, const struct map_config *b, uint32_t in_b)
+{
+	const struct modbus_slave *of_a = &modbus_slaves(a)[in_a], *of_b = &modbus_slaves(b)[in_b];
+
+	if (of_a->unit != of_b->unit || of_a->retries != of_b->retries ||
+	    of_a->response_timeout_ms != of_b->response_timeout_ms ||
+	    of_a->response_timeout_min_ms != of_b->response_timeout_min_ms ||
+	    of_a->max_bits != of_b->max_bits || of_a->max_registers != of_b->max_registers ||
+	    of_a->no_holes != of_b->no_holes || of_a->probe_max_s != of_b->probe_max_s ||
+	    of_a->reaction_us != of_b->reaction_us)
+		return false;
+	for (uint32_t i = 0; i < a->sets[in_a].point_count; i++)
+		if (!same_point(a, a->sets[in_a].first_point + i, b, b->sets[in_b].first_point + i))
+			return false;
+	return true;
+}
+
+static bool same_port(const struct map_config *a, const struct modbus_port *of_a, const struct map_config *b,
+		      const struct modbus_port *of_b)
+{
+	if (of_a->port != of_b->port || of_a->process != of_b->process ||
+	    of_a->device_count != of_b->device_count || of_a->stop_bits != of_b->stop_bits ||
+	    of_a->parity != of_b->parity || of_a->baud != of_b->baud || of_a->rs485 != of_b->rs485 ||
+	    of_a->before_ms != of_b->before_ms || of_a->after_ms != of_b->after_ms ||
+	    of_a->tcp_port != of_b->tcp_port || strcmp(of_a->device, of_b->device) != 0)
+		return false;
+	for (uint32_t i = 0; i < of_a->device_count; i++)
+		if (!same_slave(a, of_a->first_device + i, b, of_b->first_device + i))
+			return false;
+	return true;
+}
+
+static uint32_t next_port(const struct map_config *config, uint32_t module, uint32_t from)
+{
+	while (from < modbus_port_count(config) && modbus_ports(config)[from].module != module)
+		from++;
+	return from;
+}
+
+/* Their sets have been compared: there are as many of their points. */
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	uint32_t i = next_port(a, module, 0), j = next_port(b, module, 0);
+
+	(void)name;
+	if (modbus_settings(a)->priority != modbus_settings(b)->priority)
+		return false;
+	while (i < modbus_port_count(a) && j < modbus_port_count(b) &&
+	       same_port(a, &modbus_ports(a)[i], b, &modbus_ports(b)[j])) {
+		i = next_port(a, module, i + 1);
+		j = next_port(b, module, j + 1);
+	}
+	return i == modbus_port_count(a) && j == modbus_port_count(b);
+}
+
 const struct kind modbus_kind = {
     .name = MODBUS_KIND,
     .part = &modbus_part,
@@ -75,5 +165,6 @@ const struct kind modbus_kind = {
     .programs = &program,
     .program_count = 1,
     .priority = priority,
+    .same = same,
     .group = "dialout", /* to which Debian and Buildroot give serial devices */
 };

@@ -38,6 +38,12 @@ static int priority(const struct map_config *config)
 	return synch_tables(config) == NULL ? 0 : (int)synch_tables(config)->priority;
 }
 
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	(void)module, (void)name;
+	return memcmp(synch_tables(a), synch_tables(b), sizeof(struct synch_tables)) == 0;
+}
+
 const struct kind synch_kind = {
     .name = SYNCH_KIND,
     .part = &synch_part,
@@ -45,4 +51,6 @@ const struct kind synch_kind = {
     .programs = &program,
     .program_count = 1,
     .priority = priority,
+    .same = same,
+    .fixed = "net",
 };

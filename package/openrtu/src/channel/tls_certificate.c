@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/iec104/tls_certificate.h"
+#include "channel/tls_certificate.h"
 
 #include <openssl/err.h>
 #include <openssl/x509v3.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The files of "tls", as they lie on disk. */
-#ifndef OPENRTU_MODULES_IEC104_TLS_FILES_H
-#define OPENRTU_MODULES_IEC104_TLS_FILES_H
+#ifndef OPENRTU_CHANNEL_TLS_FILES_H
+#define OPENRTU_CHANNEL_TLS_FILES_H
 
 #include "iec104/config.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/iec104/tls_context.h"
+#include "channel/tls_context.h"
 
 #include <errno.h>
 #include <fcntl.h>

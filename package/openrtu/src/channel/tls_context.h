@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What IEC 62351-3 asks of a controlled station's TLS, set up in OpenSSL. */
-#ifndef OPENRTU_MODULES_IEC104_TLS_CONTEXT_H
-#define OPENRTU_MODULES_IEC104_TLS_CONTEXT_H
+#ifndef OPENRTU_CHANNEL_TLS_CONTEXT_H
+#define OPENRTU_CHANNEL_TLS_CONTEXT_H
 
 #include <openssl/ssl.h>
 

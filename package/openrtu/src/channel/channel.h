@@ -1,21 +1,30 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * What carries the octets of a connection: TCP as it is (channel_plain.c) or TLS on it (channel_tls.c). A program has
- * one of the two. No call waits.
+ * What carries the octets of a connection of IEC 60870-5-104, of either side: TCP as it is (plain.c) or TLS on it (tls.c). A
+ * program is built with one of the two. No call waits.
  */
-#ifndef OPENRTU_MODULES_IEC104_CHANNEL_H
-#define OPENRTU_MODULES_IEC104_CHANNEL_H
+#ifndef OPENRTU_CHANNEL_CHANNEL_H
+#define OPENRTU_CHANNEL_CHANNEL_H
 
 #include <sys/types.h>
 
-#include "iec104/station.h"
+#include "iec104/config.h"
+#include "iec104/session.h"
+#include "map/map.h"
+
+/* Whose channels these are; of the whole process. */
+struct channel_owner {
+	const struct iec104_tls *tls; /* of tls.c alone */
+	/* A line of the log; peer: of whose connection, NULL: of none. */
+	void (*say)(enum map_log_level level, const char *peer, const char *text);
+};
 
 struct channel {
 	int fd; /* non-blocking, for epoll */
 	uint32_t
 	    wants; /* EPOLLIN or EPOLLOUT: neither handshake nor receipt can go on before that; 0: nothing special */
 	char peer[IEC104_PEER_SIZE];
-	/* of channel_tls.c alone */
+	/* of tls.c alone */
 	void *tls;
 	bool stuck;       /* a record is not wholly written */
 	uint32_t reading; /* of the files by which the peer's certificate was looked at last */
@@ -29,8 +38,11 @@ enum channel_progress {
 	CHANNEL_REFUSED /* logged; to be closed */
 };
 
-/* Before the first channel; the station, initialised, is where it logs. False: said in the log and on stderr. */
-bool channel_start(struct iec104_station *station);
+/* Before the first channel. owner must outlive all of them. False: it has said why, also on stderr. */
+bool channel_start(const struct channel_owner *owner);
+
+/* The owner's settings of TLS are elsewhere now, and the same. */
+void channel_renew(void);
 
 /* To be called in each turn: what lies outside, as files, may have changed. now_ns: CLOCK_MONOTONIC. */
 void channel_watch(int64_t now_ns);
@@ -54,5 +66,14 @@ ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t s
 bool channel_keep(struct channel *channel, int64_t now_ns);
 
 void channel_close(struct channel *channel);
+
+/* ---- the octets of a session ------------------------------------------------------------- */
+
+/* Takes what there is room for. True: something came. An error closes the session. */
+bool channel_receive_session(struct channel *channel, struct iec104_session *session);
+/* Writes what the connection takes. True: something went, so there may be room for more. */
+bool channel_transmit_session(struct channel *channel, struct iec104_session *session);
+/* What epoll shall tell of: EPOLLIN while there is space for input, EPOLLOUT while output is left. */
+uint32_t channel_interest(const struct channel *channel, struct iec104_session *session);
 
 #endif

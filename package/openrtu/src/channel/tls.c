@@ -5,34 +5,49 @@
  *
  * A handshake is one call that OpenSSL goes on with: what a certificate was refused for is known in the same call.
  */
-#include "modules/iec104/channel.h"
+#include "channel/channel.h"
 
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <openssl/err.h>
 #include <signal.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "channel/tls_certificate.h"
+#include "channel/tls_context.h"
+#include "channel/tls_dates.h"
+#include "channel/tls_files.h"
 #include "map/time_ns.h"
-#include "modules/iec104/tls_certificate.h"
-#include "modules/iec104/tls_context.h"
-#include "modules/iec104/tls_dates.h"
-#include "modules/iec104/tls_files.h"
 
 #define FILES_NS (5 * NS_PER_S) /* how often the files are looked at */
 #define LOOK_NS  NS_PER_S       /* how often a connection is */
 
-static struct iec104_station *station;
+static const struct channel_owner *owner;
 static const struct iec104_tls *settings;
 static SSL_CTX *context;
 static uint32_t readings; /* of the files; each makes a context */
 static int64_t next_files_ns;
 
 /* ---- log --------------------------------------------------------------------------------- */
+
+static void say(enum map_log_level level, const char *peer, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+static void say(enum map_log_level level, const char *peer, const char *format, ...)
+{
+	char text[MAP_LOG_TEXT_SIZE];
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(text, sizeof(text), format, arguments);
+	va_end(arguments);
+	owner->say(level, peer, text);
+}
 
 static const char *handshake_refusal(unsigned long error)
 {
@@ -67,9 +82,9 @@ static void log_refusal(const struct channel *channel)
 	char why[TLS_WHY_SIZE];
 
 	if (tls_refusal(why))
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s", why);
+		say(MAP_LOG_WARNING, channel->peer, "refused, %s", why);
 	else
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "refused, %s", alert ? alert : "no TLS");
+		say(MAP_LOG_WARNING, channel->peer, "refused, %s", alert ? alert : "no TLS");
 }
 
 /* A peer's wish to begin anew on its own connection was turned down; the connection goes on. */
@@ -79,7 +94,7 @@ static void log_renegotiation(const SSL *tls, int where, int what)
 
 	if ((where & SSL_CB_WRITE_ALERT) == SSL_CB_WRITE_ALERT && channel != NULL &&
 	    (what & 0xff) == SSL_AD_NO_RENEGOTIATION)
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "renegotiation is refused");
+		say(MAP_LOG_WARNING, channel->peer, "renegotiation is refused");
 }
 
 static void log_handshake(const struct channel *channel)
@@ -87,8 +102,8 @@ static void log_handshake(const struct channel *channel)
 	char name[TLS_NAME_SIZE];
 
 	tls_common_name(SSL_get0_peer_certificate(channel->tls), name);
-	iec104_log(station, MAP_LOG_INFO, channel->peer, "%s%s, \"%s\"", SSL_get_version(channel->tls),
-		   SSL_session_reused(channel->tls) ? " resumed" : "", name);
+	say(MAP_LOG_INFO, channel->peer, "%s%s, \"%s\"", SSL_get_version(channel->tls),
+	    SSL_session_reused(channel->tls) ? " resumed" : "", name);
 }
 
 /* ---- start ------------------------------------------------------------------------------- */
@@ -100,7 +115,7 @@ static bool read_files(void)
 	SSL_CTX *fresh = tls_context_create(settings, tls_verify, error);
 
 	if (fresh == NULL) {
-		map_log(station->map, MAP_LOG_ERROR, "%s%s", context != NULL ? "not in force: " : "", error);
+		say(MAP_LOG_ERROR, NULL, "%s%s", context != NULL ? "not in force: " : "", error);
 		if (context == NULL) /* later, stderr may be a file, and none can be written */
 			fprintf(stderr, "rtu-iec104-tls: %s\n", error);
 		return false;
@@ -113,16 +128,22 @@ static bool read_files(void)
 	return true;
 }
 
-bool channel_start(struct iec104_station *of_station)
+void channel_renew(void)
 {
-	station = of_station;
-	settings = &of_station->settings->tls;
+	settings = owner->tls;
+	tls_certificate_start(settings);
+}
+
+bool channel_start(const struct channel_owner *of_channels)
+{
+	owner = of_channels;
+	settings = owner->tls;
 	signal(SIGPIPE, SIG_IGN); /* OpenSSL writes without MSG_NOSIGNAL */
 	tls_certificate_start(settings);
 	tls_files_changed(settings); /* before they are read: what changes meanwhile is seen later */
 	if (!read_files())
 		return false;
-	tls_dates_watch(station->map, context, map_now_ns());
+	tls_dates_watch(owner->say, context, map_now_ns());
 	return true;
 }
 
@@ -132,8 +153,8 @@ void channel_watch(int64_t now_ns)
 		return;
 	next_files_ns = now_ns + FILES_NS;
 	if (tls_files_changed(settings) && read_files())
-		map_log(station->map, MAP_LOG_INFO, "TLS, its files have changed and are in force");
-	tls_dates_watch(station->map, context, now_ns);
+		say(MAP_LOG_INFO, NULL, "TLS, its files have changed and are in force");
+	tls_dates_watch(owner->say, context, now_ns);
 }
 
 /* ---- the handshake ----------------------------------------------------------------------- */
@@ -202,7 +223,7 @@ static void log_fault(const struct channel *channel)
 	const char *reason = ERR_reason_error_string(ERR_peek_last_error());
 
 	if (reason != NULL)
-		iec104_log(station, MAP_LOG_WARNING, channel->peer, "TLS fails: %s", reason);
+		say(MAP_LOG_WARNING, channel->peer, "TLS fails: %s", reason);
 }
 
 /* What an operation that did not succeed means, and what it waits for: EPOLLIN or EPOLLOUT. */
@@ -290,7 +311,7 @@ static bool is_still_good(struct channel *channel)
 	if (tls_still_good(channel->tls, context))
 		return true;
 	tls_refusal(why);
-	iec104_log(station, MAP_LOG_WARNING, channel->peer, "no longer admitted: %s", why);
+	say(MAP_LOG_WARNING, channel->peer, "no longer admitted: %s", why);
 	return false;
 }
 
@@ -306,7 +327,7 @@ static bool renew_keys(struct channel *channel)
 	int result;
 
 	if (SSL_version(channel->tls) < TLS1_3_VERSION) {
-		iec104_log(station, MAP_LOG_INFO, channel->peer, "its keys are as old as renewal_s");
+		say(MAP_LOG_INFO, channel->peer, "its keys are as old as renewal_s");
 		return false;
 	}
 	if (channel->stuck || channel->wants != 0) /* what is half written goes first */
@@ -321,7 +342,7 @@ static bool renew_keys(struct channel *channel)
 		return false;
 	channel->wants = waits_for == EPOLLOUT ? EPOLLOUT : 0;
 	renew_next_time(channel);
-	iec104_log(station, MAP_LOG_INFO, channel->peer, "its keys are renewed");
+	say(MAP_LOG_INFO, channel->peer, "its keys are renewed");
 	return true;
 }
 

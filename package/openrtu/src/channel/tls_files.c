@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/iec104/tls_files.h"
+#include "channel/tls_files.h"
 
 #include <sys/stat.h>
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Whose certificate a master shows, whether it is good, and what it is refused for. */
-#ifndef OPENRTU_MODULES_IEC104_TLS_CERTIFICATE_H
-#define OPENRTU_MODULES_IEC104_TLS_CERTIFICATE_H
+#ifndef OPENRTU_CHANNEL_TLS_CERTIFICATE_H
+#define OPENRTU_CHANNEL_TLS_CERTIFICATE_H
 
 #include <openssl/ssl.h>
 

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/iec104/tls_dates.h"
+#include "channel/tls_dates.h"
 
+#include <stdarg.h>
+#include <stdio.h>
 #include <time.h>
 
+#include "channel/tls_certificate.h"
 #include "map/time_ns.h"
-#include "modules/iec104/tls_certificate.h"
 
 #define AHEAD_DAYS 30
 #define DAY_NS     (S_PER_DAY * NS_PER_S)
@@ -41,6 +43,20 @@ static bool is_over(const ASN1_TIME *end)
 	return end != NULL && X509_cmp_current_time(end) < 0;
 }
 
+static void log_line(tls_dates_say say, enum map_log_level level, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+static void log_line(tls_dates_say say, enum map_log_level level, const char *format, ...)
+{
+	char text[MAP_LOG_TEXT_SIZE];
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(text, sizeof(text), format, arguments);
+	va_end(arguments);
+	say(level, NULL, text);
+}
+
 /* ---- the own certificate ----------------------------------------------------------------- */
 
 static enum state state_of(const X509 *certificate, int *days)
@@ -58,7 +74,7 @@ static enum state state_of(const X509 *certificate, int *days)
 }
 
 /* The masters judge it, by their own clocks: ours may be wrong. */
-static void watch_own(struct map *map, const X509 *certificate, int64_t now_ns)
+static void watch_own(tls_dates_say say, const X509 *certificate, int64_t now_ns)
 {
 	char name[TLS_NAME_SIZE], until[TLS_DATE_SIZE];
 	int days = 0;
@@ -70,21 +86,21 @@ static void watch_own(struct map *map, const X509 *certificate, int64_t now_ns)
 	tls_date(X509_get0_notAfter(certificate), until);
 	switch (state) {
 	case CLOCK_NOT_SET:
-		map_log(map, MAP_LOG_WARNING,
-			"the system's clock was never set: every certificate is refused until it is");
+		log_line(say, MAP_LOG_WARNING,
+			 "the system's clock was never set: every certificate is refused until it is");
 		return;
 	case EXPIRED:
-		map_log(map, MAP_LOG_WARNING, "own certificate expired on %s: \"%s\"", until, name);
+		log_line(say, MAP_LOG_WARNING, "own certificate expired on %s: \"%s\"", until, name);
 		return;
 	case NOT_YET_VALID:
-		map_log(map, MAP_LOG_WARNING, "own certificate is not yet valid: \"%s\"", name);
+		log_line(say, MAP_LOG_WARNING, "own certificate is not yet valid: \"%s\"", name);
 		return;
 	case ENDS_SOON:
-		map_log(map, MAP_LOG_WARNING, "own certificate expires on %s, in %d days: \"%s\"", until,
-			days, name);
+		log_line(say, MAP_LOG_WARNING, "own certificate expires on %s, in %d days: \"%s\"", until,
+			 days, name);
 		return;
 	default:
-		map_log(map, MAP_LOG_INFO, "TLS, own certificate until %s: \"%s\"", until, name);
+		log_line(say, MAP_LOG_INFO, "TLS, own certificate until %s: \"%s\"", until, name);
 	}
 }
 
@@ -104,7 +120,7 @@ static const X509_CRL *outdated_list(const SSL_CTX *context)
 	return NULL;
 }
 
-static void watch_lists(struct map *map, const SSL_CTX *context, int64_t now_ns)
+static void watch_lists(tls_dates_say say, const SSL_CTX *context, int64_t now_ns)
 {
 	const X509_CRL *outdated = outdated_list(context);
 	char until[TLS_DATE_SIZE];
@@ -112,12 +128,12 @@ static void watch_lists(struct map *map, const SSL_CTX *context, int64_t now_ns)
 	if (!is_due(&lists, outdated != NULL ? EXPIRED : GOOD, now_ns) || outdated == NULL)
 		return;
 	tls_date(X509_CRL_get0_nextUpdate(outdated), until);
-	map_log(map, MAP_LOG_WARNING,
-		"a list in crl expired on %s: new connections are refused, existing ones stay", until);
+	log_line(say, MAP_LOG_WARNING,
+		 "a list in crl expired on %s: new connections are refused, existing ones stay", until);
 }
 
-void tls_dates_watch(struct map *map, const SSL_CTX *context, int64_t now_ns)
+void tls_dates_watch(tls_dates_say say, const SSL_CTX *context, int64_t now_ns)
 {
-	watch_own(map, SSL_CTX_get0_certificate(context), now_ns);
-	watch_lists(map, context, now_ns);
+	watch_own(say, SSL_CTX_get0_certificate(context), now_ns);
+	watch_lists(say, context, now_ns);
 }

@@ -1,16 +1,20 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* TCP as IEC 60870-5-104 has it: nobody is asked who he is. */
-#include "modules/iec104/channel.h"
+#include "channel/channel.h"
 
 #include <errno.h>
 #include <stdio.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-bool channel_start(struct iec104_station *station)
+bool channel_start(const struct channel_owner *owner)
 {
-	(void)station;
+	(void)owner;
 	return true;
+}
+
+void channel_renew(void)
+{
 }
 
 void channel_watch(int64_t now_ns)

@@ -1,0 +1,235 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A configuration that follows another: what passes over, what stays where it is, what is gone. */
+#include "map/test_stage.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define KEPT_LINES (~(1u << 3)) /* all modules but the first line's */
+
+/* The first line's points are 0..3, the second's 4..7. */
+struct change {
+	struct stage *stage;
+	struct map_set sets[4];
+	struct map_point points[POINTS + 4];
+	struct map_config config;
+	struct map *next;
+};
+
+/* The second line first; of the first line, point 1 is gone and another comes before the rest. */
+static void plan_change(struct change *change)
+{
+	const struct stage *stage = change->stage;
+	struct map_point *points = change->points;
+
+	change->sets[0] = stage->sets[1];
+	change->sets[0].first_point = 0;
+	change->sets[1] = stage->sets[0];
+	change->sets[1].first_point = 4;
+	memcpy(points, &stage->points[4], 4 * sizeof(*points));
+	for (int i = 0; i < 4; i++)
+		points[i].set = 0;
+	points[4] = (struct map_point){.set = 1, .type = MAP_SCALED, .ioa = 40100};
+	points[5] = stage->points[0];
+	points[6] = stage->points[2];
+	points[7] = stage->points[3];
+	for (int i = 4; i < 8; i++)
+		points[i].set = 1;
+	change->sets[2] = stage->sets[0]; /* what is gone */
+	change->sets[2].first_point = 8;
+	change->sets[2].point_count = 1;
+	points[8] = stage->points[1];
+	points[8].set = 2;
+	change->config = stage->config;
+	change->config.sets = change->sets;
+	change->config.points = points;
+	change->config.gone_set_count = change->config.gone_point_count = 1;
+}
+
+static void prepare(struct change *change)
+{
+	char error[MAP_ERROR_SIZE];
+
+	plan_change(change);
+	if (map_prepare(change->stage->rtud, &change->config, KEPT_LINES, 0, error) < 0 ||
+	    map_attach_again(&change->next, change->stage->rtud, 1, error) < 0)
+		fail_msg("%s", error);
+}
+
+static void put_into_force(const struct change *change, bool seamless)
+{
+	const uint32_t first = 1u << index_of(change->stage, FIRST);
+	char error[MAP_ERROR_SIZE];
+	struct map_config before;
+
+	assert_int_equal(map_switch(change->stage->rtud, change->next, first, seamless ? first : 0, error),
+			 0);
+	map_unlink_former(change->stage->rtud, change->next);
+	map_detach(change->next);
+	assert_true(map_is_changed(change->stage->rtud));
+	assert_int_equal(map_renew(change->stage->rtud, &before, error), 0);
+	assert_false(map_is_changed(change->stage->rtud));
+	map_forget(change->stage->rtud);
+}
+
+static struct map *attach(const struct stage *stage, const char *name)
+{
+	char error[MAP_ERROR_SIZE];
+	struct map *map;
+
+	if (map_attach(&map, stage->dir, name, error) < 0)
+		fail_msg("%s", error);
+	return map;
+}
+
+static void renew(struct map *map)
+{
+	char error[MAP_ERROR_SIZE];
+	struct map_config before;
+
+	assert_int_equal(map_renew(map, &before, error), 0);
+	map_forget(map);
+}
+
+static void assert_event(const struct map *map, struct map_cursor *cursor, uint32_t point, int32_t value,
+			 uint8_t quality)
+{
+	struct map_event event;
+
+	assert_true(map_event_next(map, cursor, &event));
+	assert_int_equal(event.kind, MAP_EVENT_CHANGE);
+	assert_int_equal(event.point, point);
+	assert_int_equal(event.sample.value.i, value);
+	assert_int_equal(event.sample.quality, quality);
+}
+
+static void publish(struct map *owner, uint32_t point, int32_t value)
+{
+	const struct map_update update = scaled(point, value, MAP_GOOD, map_now_ns());
+
+	map_publish(owner, &update, 1);
+	map_heartbeat(owner);
+}
+
+static void test_what_was_told_and_asked_passes_over(void **state)
+{
+	struct change change = {.stage = *state};
+	struct command_stage commands = start_commands(change.stage);
+	struct map_cursor cursor;
+	struct map_event event;
+	struct map_command command;
+
+	map_cursor_to_end(commands.requester, &cursor);
+	publish(commands.owner, 0, 10);
+	publish(commands.owner, 1, 11);
+	publish(commands.owner, 3, 13);
+	assert_false(post(&commands, request(3, MAP_SELECT, 1, 9)));
+	assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
+	prepare(&change);
+	map_request_post(commands.requester, request(3, MAP_EXECUTE, 1, 9)); /* nobody has taken it */
+	map_detach(commands.owner);
+	put_into_force(&change, true);
+	renew(commands.requester);
+	commands.owner = attach(change.stage, FIRST);
+	assert_event(commands.requester, &cursor, 5, 10, MAP_GOOD);
+	assert_event(commands.requester, &cursor, 8, 11, MAP_GOOD);
+	assert_event(commands.requester, &cursor, 7, 13, MAP_GOOD);
+	assert_event(commands.requester, &cursor, 8, 11, MAP_INVALID); /* before it is unknown */
+	publish(commands.owner, 5, 10);
+	assert_false(map_event_next(commands.requester, &cursor, &event)); /* it was told */
+	publish(commands.owner, 4, 14);
+	assert_event(commands.requester, &cursor, 4, 14, MAP_GOOD);
+	assert_sample(commands.requester, 7, 13, MAP_GOOD);
+	assert_sample(commands.requester, 6, 0, MAP_INVALID);
+	assert_int_equal(map_find(commands.requester, change.sets[1].ca, change.points[8].ioa), MAP_NONE);
+	assert_true(map_command_read(commands.requester, 7, &command));
+	assert_int_equal(command.state, MAP_ACCEPTED_SELECTION);
+	{
+		struct map_request taken;
+
+		assert_true(map_request_next(commands.owner, &taken));
+		assert_int_equal(taken.point, 7);
+		assert_true(map_command_request(commands.owner, &taken));
+	}
+	map_command_finish(commands.owner, 7, MAP_RESULT_DONE, 0);
+	end_commands(&commands);
+}
+
+static void test_who_did_not_change_goes_on_with_what_he_has(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map *owner = start(change.stage, SECOND), *reader = start(change.stage, "rtu-iec104");
+	struct map_cursor cursor;
+	struct map_request taken;
+
+	map_cursor_to_end(reader, &cursor);
+	publish(owner, 4, 1);
+	prepare(&change);
+	publish(owner, 5, 2);
+	put_into_force(&change, true);
+	publish(owner, 6, 3); /* by the number that it had */
+	renew(reader);
+	assert_event(reader, &cursor, 0, 1, MAP_GOOD);
+	assert_event(reader, &cursor, 1, 2, MAP_GOOD);
+	assert_event(reader, &cursor, 8, 0, MAP_INVALID); /* the first line's */
+	assert_event(reader, &cursor, 2, 3, MAP_GOOD);
+	assert_sample(reader, 1, 2, MAP_GOOD);
+	assert_int_not_equal(map_request_post(reader, request(1, MAP_EXECUTE, 1, 7)), 0);
+	assert_true(map_request_next(owner, &taken));
+	assert_int_equal(taken.point, 5);
+	assert_true(map_command_request(owner, &taken));
+	map_command_finish(owner, 5, MAP_RESULT_DONE, 0);
+	{
+		struct map_answer answer;
+
+		assert_true(map_answer_next(reader, &answer));
+		assert_int_equal(answer.point, 1);
+	}
+	map_detach(owner);
+	map_detach(reader);
+}
+
+static void test_another_generation_begins_as_after_a_crash(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map *owner = start(change.stage, FIRST);
+
+	publish(owner, 0, 10);
+	prepare(&change);
+	map_detach(owner);
+	map_module_starting(change.stage->rtud, index_of(change.stage, FIRST));
+	put_into_force(&change, false);
+	assert_sample(change.stage->rtud, 5, 10, MAP_INVALID);
+	owner = attach(change.stage, FIRST);
+	assert_sample(change.stage->rtud, 5, 10, MAP_INVALID);
+	publish(owner, 5, 10);
+	assert_sample(change.stage->rtud, 5, 10, MAP_GOOD);
+	map_detach(owner);
+}
+
+static void test_what_was_prepared_can_be_dropped(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map *owner = start(change.stage, FIRST);
+
+	prepare(&change);
+	map_detach(change.next);
+	map_abandon(change.stage->rtud);
+	publish(owner, 1, 11);
+	assert_false(map_is_changed(change.stage->rtud));
+	assert_sample(change.stage->rtud, 1, 11, MAP_GOOD);
+	map_detach(owner);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+	    TEST(test_what_was_told_and_asked_passes_over),
+	    TEST(test_who_did_not_change_goes_on_with_what_he_has),
+	    TEST(test_another_generation_begins_as_after_a_crash),
+	    TEST(test_what_was_prepared_can_be_dropped),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

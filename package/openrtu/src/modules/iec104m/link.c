@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/iec104m/link.h"
+
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/epoll.h>
+
+#include "map/time_ns.h"
+
+#define CONNECT_NS (10 * NS_PER_S)
+
+_Static_assert((int)EPOLLIN == POLLIN && (int)EPOLLOUT == POLLOUT, "channel_interest speaks of epoll");
+
+bool link_init(struct link *link, const struct iec104_outstation *outstation, unsigned number,
+	       const struct iec104_controlling_settings *settings,
+	       const struct iec104_controlling_listener *listener)
+{
+	*link = (struct link){.outstation = outstation,
+			      .settings = settings,
+			      .listener = listener,
+			      .address = outstation->addresses[number],
+			      .channel = {.fd = -1},
+			      .retry_ns = outstation->retry_ms * NS_PER_MS};
+	link->memory = (struct iec104_memory){.sent_ns = calloc(outstation->k, sizeof(int64_t)),
+					      .input = link->input,
+					      .output = link->output,
+					      .input_size = LINK_INPUT_SIZE,
+					      .output_size = LINK_OUTPUT_SIZE};
+	return link->memory.sent_ns != NULL;
+}
+
+static bool has_session(const struct link *link)
+{
+	return link->state >= LINK_OPEN;
+}
+
+/* A connection that lasted longer than its pause begins anew with the first one. */
+static void go_down(struct link *link, const char *reason, int64_t now_ns)
+{
+	if (has_session(link) && now_ns - link->open_ns >= link->retry_ns)
+		link->retry_ns = link->outstation->retry_ms * NS_PER_MS;
+	if (link->channel.fd >= 0)
+		channel_close(&link->channel);
+	link->channel.fd = -1;
+	link->state = LINK_DOWN;
+	link->failures++;
+	link->reason = reason;
+	link->due_ns = now_ns + link->retry_ns;
+	link->retry_ns = earlier(2 * link->retry_ns, link->outstation->retry_max_ms * NS_PER_MS);
+}
+
+static void open_session(struct link *link, struct iec104_moment now)
+{
+	const int fd = link->channel.fd;
+
+	channel_open(&link->channel, fd, link->address);
+	link->state = LINK_OPEN;
+	link->open_ns = now.monotonic_ns;
+	iec104_controlling_open(&link->controlling, link->settings, link->listener, &link->memory, now);
+}
+
+static void begin_connecting(struct link *link, int64_t now_ns)
+{
+	link->channel.fd = tcp_connect(link->address, link->outstation->port, link->error);
+	link->state = LINK_CONNECTING;
+	link->due_ns = now_ns + CONNECT_NS;
+	if (link->channel.fd < 0)
+		go_down(link, link->error, now_ns);
+}
+
+static void finish_connecting(struct link *link, struct iec104_moment now)
+{
+	switch (tcp_look(link->channel.fd, link->error)) {
+	case TCP_PENDING:
+		if (now.monotonic_ns >= link->due_ns)
+			go_down(link, "does not answer", now.monotonic_ns);
+		return;
+	case TCP_CONNECTED:
+		open_session(link, now);
+		return;
+	case TCP_FAILED:
+		go_down(link, link->error, now.monotonic_ns);
+	}
+}
+
+void link_start(struct link *link, struct iec104_moment now)
+{
+	link->state = LINK_STARTING;
+	iec104_session_start(&link->controlling.session, now.monotonic_ns);
+}
+
+void link_receive(struct link *link)
+{
+	if (has_session(link))
+		channel_receive_session(&link->channel, &link->controlling.session);
+}
+
+static void run_session(struct link *link, struct iec104_moment now)
+{
+	struct iec104_session *session = &link->controlling.session;
+
+	iec104_controlling_run(&link->controlling, now);
+	if (link->state == LINK_STARTING && session->started)
+		link->state = LINK_STARTED;
+	channel_transmit_session(&link->channel, session);
+	if (session->closing == IEC104_OPEN)
+		return;
+	iec104_controlling_run(&link->controlling, now); /* ends the requests */
+	go_down(link, iec104_closing_text(session->closing), now.monotonic_ns);
+}
+
+void link_run(struct link *link, struct iec104_moment now)
+{
+	if (link->state == LINK_DOWN && now.monotonic_ns >= link->due_ns)
+		begin_connecting(link, now.monotonic_ns);
+	if (link->state == LINK_CONNECTING)
+		finish_connecting(link, now);
+	if (has_session(link))
+		run_session(link, now);
+}
+
+int64_t link_deadline(const struct link *link)
+{
+	return has_session(link) ? iec104_controlling_deadline(&link->controlling) : link->due_ns;
+}
+
+short link_events(struct link *link)
+{
+	if (link->state == LINK_CONNECTING)
+		return POLLOUT;
+	return has_session(link) ? (short)channel_interest(&link->channel, &link->controlling.session) : 0;
+}
+
+void link_close(struct link *link)
+{
+	if (link->channel.fd >= 0)
+		channel_close(&link->channel);
+	link->channel.fd = -1;
+	link->state = LINK_DOWN;
+	free(link->memory.sent_ns);
+	link->memory.sent_ns = NULL;
+}

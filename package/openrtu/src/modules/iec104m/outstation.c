@@ -1,0 +1,304 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "modules/iec104m/outstation.h"
+
+#include <stdlib.h>
+
+#include "map/time_ns.h"
+
+#define POLLS_A_SET 3                 /* clock, interrogation, counters */
+#define FULL_NS     (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
+#define CLOCK_NS    (10 * NS_PER_S)   /* until the outstation's clock can be set, since ours is not */
+
+/* ---- what it says ------------------------------------------------------------------------ */
+
+static void on_information(void *context, const struct iec104_asdu *asdu,
+			   const struct iec104_information *information)
+{
+	struct outstation *outstation = context;
+	const struct values_entry *entry = values_find(&outstation->values, asdu->ca, information->ioa);
+	enum map_cause cause = MAP_SPONTANEOUS;
+
+	if (asdu->test || asdu->negative)
+		return;
+	if (information->content == IEC104_INITIALISATION) {
+		iec104_polls_renew(outstation->polls, outstation->poll_count, asdu->ca,
+				   outstation->now.monotonic_ns);
+		return;
+	}
+	if (entry != NULL)
+		cause = commands_cause(&outstation->commands, entry->point, asdu->cause);
+	values_take(&outstation->values, asdu, information, cause, outstation->now.monotonic_ns,
+		    outstation->clock);
+}
+
+/* Its points are those of the standard's types. */
+static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
+			const struct iec104_geoposition *position)
+{
+	(void)context, (void)asdu, (void)ioa, (void)position;
+}
+
+static void on_progress(void *context, const struct iec104_controlling_request *request)
+{
+	struct outstation *outstation = context;
+
+	values_publish(&outstation->values); /* what came before a command's end is seen before it */
+	if (request->id != outstation->poll)
+		commands_progress(&outstation->commands, &outstation->active->controlling, request,
+				  outstation->now);
+	else if (iec104_controlling_has_ended(request->state))
+		outstation->poll = 0;
+}
+
+static void on_looked_at(void *context, const struct iec104_asdu *asdu)
+{
+	struct outstation *outstation = context;
+
+	(void)asdu;
+	values_publish(&outstation->values);
+}
+
+/* ---- what it is asked -------------------------------------------------------------------- */
+
+static void add_poll(struct outstation *outstation, enum iec104_poll_kind kind, uint16_t ca, bool at_start,
+		     uint32_t period_s)
+{
+	if (at_start || period_s > 0)
+		outstation->polls[outstation->poll_count++] = (struct iec104_poll){
+		    .kind = (uint8_t)kind, .at_start = at_start, .ca = ca, .period_ns = period_s * NS_PER_S};
+}
+
+static void plan_polls(struct outstation *outstation)
+{
+	const struct iec104_outstation *config = outstation->config;
+	const struct iec104_outstation_set *sets =
+	    iec104_outstation_sets(map_config(outstation->map)) + config->first_set;
+
+	for (uint32_t i = 0; i < config->set_count; i++)
+		add_poll(outstation, IEC104_POLL_CLOCK, sets[i].ca, config->clock_s > 0, config->clock_s);
+	for (uint32_t i = 0; i < config->set_count; i++)
+		add_poll(outstation, IEC104_POLL_INTERROGATION, sets[i].ca, config->interrogates,
+			 config->interrogation_s);
+	for (uint32_t i = 0; i < config->set_count; i++)
+		add_poll(outstation, IEC104_POLL_COUNTERS, sets[i].ca, config->counters_s > 0,
+			 config->counters_s);
+}
+
+static bool is_started(const struct outstation *outstation)
+{
+	return outstation->active != NULL && outstation->active->state == LINK_STARTED;
+}
+
+static int64_t poll_due(const struct outstation *outstation)
+{
+	const struct iec104_poll *poll = iec104_polls_next(outstation->polls, outstation->poll_count);
+
+	if (!is_started(outstation) || outstation->poll != 0 || poll == NULL)
+		return INT64_MAX;
+	return later(poll->due_ns, outstation->poll_ns);
+}
+
+static void ask_next(struct outstation *outstation)
+{
+	const int64_t now_ns = outstation->now.monotonic_ns;
+	struct iec104_poll *poll;
+
+	if (now_ns < poll_due(outstation))
+		return;
+	poll = iec104_polls_next(outstation->polls, outstation->poll_count);
+	if (poll->kind == IEC104_POLL_CLOCK && !outstation->clock.set) { /* ours is no better than its own */
+		poll->due_ns = now_ns + CLOCK_NS;
+		return;
+	}
+	outstation->poll = iec104_poll_post(poll, &outstation->active->controlling, outstation->now);
+	if (outstation->poll != 0)
+		iec104_poll_put_off(poll, now_ns);
+	else
+		outstation->poll_ns = now_ns + FULL_NS;
+}
+
+/* ---- links ------------------------------------------------------------------------------- */
+
+static unsigned number_of(const struct outstation *outstation, const struct link *link)
+{
+	return (unsigned)(link - outstation->links) + 1;
+}
+
+static void note_start(struct outstation *outstation)
+{
+	const struct link *link = outstation->active;
+
+	map_log(outstation->map, MAP_LOG_INFO, "%s: data transfer on %s", outstation->config->name,
+		link->address);
+	outstation->valid = true;
+	outstation->failing = false;
+	outstation->valid_until_ns = INT64_MAX;
+	outstation->poll = 0;
+	outstation->poll_ns = 0;
+	iec104_polls_begin(outstation->polls, outstation->poll_count, outstation->now.monotonic_ns);
+	atomic_store(&outstation->stats->started, number_of(outstation, link));
+	map_count(&outstation->stats->starts, 1);
+}
+
+/* Said once, until there is data transfer again. */
+static void say_failure(struct outstation *outstation, const struct link *link)
+{
+	if (outstation->failing && link != outstation->active)
+		return;
+	map_log(outstation->map, MAP_LOG_WARNING, "%s: %s %s", outstation->config->name, link->address,
+		link->reason);
+	outstation->failing = true;
+}
+
+static void invalidate(struct outstation *outstation)
+{
+	outstation->valid = false;
+	outstation->valid_until_ns = INT64_MAX;
+	values_invalidate(&outstation->values, outstation->now.monotonic_ns);
+	map_log(outstation->map, MAP_LOG_WARNING, "%s: its points are invalid", outstation->config->name);
+}
+
+/* The points stay as they are while another link takes over, for t1 at most. */
+static void lose(struct outstation *outstation, struct link *link)
+{
+	const int64_t now_ns = outstation->now.monotonic_ns;
+
+	say_failure(outstation, link);
+	map_count(&outstation->stats->failures, 1);
+	if (link != outstation->active)
+		return;
+	outstation->active = NULL;
+	outstation->poll = 0;
+	atomic_store(&outstation->stats->started, 0);
+	if (outstation->valid && outstation->valid_until_ns == INT64_MAX)
+		outstation->valid_until_ns = now_ns + outstation->config->t1_s * NS_PER_S;
+}
+
+static void run_link(struct outstation *outstation, struct link *link)
+{
+	const uint32_t failures = link->failures;
+	const enum link_state before = link->state;
+	const uint32_t unknown = link->controlling.unknown_types;
+
+	link_run(link, outstation->now);
+	if (before >= LINK_OPEN)
+		map_count(&outstation->stats->unknown, link->controlling.unknown_types - unknown);
+	if (before != LINK_STARTED && link->state == LINK_STARTED)
+		note_start(outstation);
+	if (link->failures != failures)
+		lose(outstation, link);
+}
+
+/* The first that is open, the preferred one before the other. */
+static void choose_link(struct outstation *outstation)
+{
+	bool any = false;
+
+	for (unsigned i = 0; i < outstation->config->address_count && outstation->active == NULL; i++) {
+		if (outstation->links[i].state != LINK_OPEN)
+			continue;
+		outstation->active = &outstation->links[i];
+		link_start(outstation->active, outstation->now);
+	}
+	any = outstation->active != NULL;
+	if (outstation->valid && !is_started(outstation) &&
+	    (!any || outstation->now.monotonic_ns >= outstation->valid_until_ns))
+		invalidate(outstation);
+}
+
+void outstation_run(struct outstation *outstation, int64_t now_ns)
+{
+	outstation->clock = map_clock_read(outstation->map);
+	outstation->now = (struct iec104_moment){now_ns, map_wall_ns(outstation->clock, now_ns)};
+	for (unsigned i = 0; i < outstation->config->address_count; i++)
+		run_link(outstation, &outstation->links[i]);
+	choose_link(outstation);
+	ask_next(outstation);
+	if (outstation->active != NULL)
+		run_link(outstation, outstation->active); /* what was asked goes out */
+}
+
+int64_t outstation_deadline(const struct outstation *outstation)
+{
+	int64_t deadline_ns = earlier(poll_due(outstation), outstation->valid_until_ns);
+
+	for (unsigned i = 0; i < outstation->config->address_count; i++)
+		deadline_ns = earlier(deadline_ns, link_deadline(&outstation->links[i]));
+	return deadline_ns;
+}
+
+/* ---- commands ---------------------------------------------------------------------------- */
+
+bool outstation_has(const struct outstation *outstation, uint16_t set)
+{
+	const struct iec104_outstation_set *sets =
+	    iec104_outstation_sets(map_config(outstation->map)) + outstation->config->first_set;
+
+	for (uint32_t i = 0; i < outstation->config->set_count; i++)
+		if (sets[i].set == set)
+			return true;
+	return false;
+}
+
+void outstation_execute(struct outstation *outstation, const struct map_request *request, int64_t now_ns)
+{
+	outstation->now.monotonic_ns = now_ns;
+	commands_execute(&outstation->commands,
+			 is_started(outstation) ? &outstation->active->controlling : NULL, request,
+			 outstation->now);
+}
+
+/* ---- start ------------------------------------------------------------------------------- */
+
+static void set_up(struct outstation *outstation)
+{
+	const struct iec104_outstation *config = outstation->config;
+
+	outstation->settings = (struct iec104_controlling_settings){
+	    .times = {.k = config->k,
+		      .w = config->w,
+		      .t1_ns = config->t1_s * NS_PER_S,
+		      .t2_ns = config->t2_s * NS_PER_S,
+		      .t3_ns = config->t3_s * NS_PER_S},
+	    .zone = config->zone,
+	    .originator = config->originator,
+	    .requests_max = IEC104_CONTROLLING_REQUESTS_MAX,
+	    .confirmation_ns = config->confirmation_ms * NS_PER_MS,
+	    .selection_ns = config->confirmation_ms * NS_PER_MS,
+	    .termination_ns = config->terminates ? config->termination_ms * NS_PER_MS : 0,
+	    .interrogation_ns = config->interrogation_ms * NS_PER_MS,
+	};
+	outstation->listener = (struct iec104_controlling_listener){.context = outstation,
+								    .information = on_information,
+								    .position = on_position,
+								    .progress = on_progress,
+								    .looked_at = on_looked_at};
+}
+
+bool outstation_init(struct outstation *outstation, struct map *map, const struct iec104_outstation *config,
+		     struct iec104_outstation_stats *stats)
+{
+	bool good;
+
+	*outstation =
+	    (struct outstation){.map = map, .config = config, .stats = stats, .valid_until_ns = INT64_MAX};
+	set_up(outstation);
+	outstation->polls = calloc(POLLS_A_SET * config->set_count, sizeof(*outstation->polls));
+	good = outstation->polls != NULL && values_init(&outstation->values, map, config, stats);
+	for (unsigned i = 0; good && i < config->address_count; i++)
+		good =
+		    link_init(&outstation->links[i], config, i, &outstation->settings, &outstation->listener);
+	if (!good)
+		return false;
+	plan_polls(outstation);
+	commands_init(&outstation->commands, map, &outstation->values, stats);
+	return true;
+}
+
+void outstation_free(struct outstation *outstation)
+{
+	for (unsigned i = 0; i < outstation->config->address_count; i++)
+		link_close(&outstation->links[i]);
+	values_free(&outstation->values);
+	free(outstation->polls);
+}

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What an outstation says, as points of the map. */
+#ifndef OPENRTU_MODULES_IEC104M_VALUES_H
+#define OPENRTU_MODULES_IEC104M_VALUES_H
+
+#include "iec104/controlling.h"
+#include "iec104/outstation_stats.h"
+#include "iec104/outstations.h"
+
+#define VALUES_AT_ONCE IEC104_OBJECTS_MAX /* of an ASDU */
+
+/* An object of the outstation that is a point. */
+struct values_entry {
+	uint16_t ca;
+	uint32_t ioa;
+	uint32_t point;
+	uint32_t command_ioa;
+	bool select;
+	uint32_t batch; /* the last that it was in */
+};
+
+struct values {
+	struct map *map;
+	struct iec104_outstation_stats *stats;
+	struct values_entry *entries; /* by ca and ioa */
+	uint32_t count;
+	uint32_t batch;
+	uint32_t update_count;
+	struct map_update updates[VALUES_AT_ONCE]; /* of one set */
+};
+
+/* False: there is no memory. */
+bool values_init(struct values *values, struct map *map, const struct iec104_outstation *outstation,
+		 struct iec104_outstation_stats *stats);
+void values_free(struct values *values);
+
+/* NULL: it is none of the outstation's. */
+const struct values_entry *values_of_point(const struct values *values, uint32_t point);
+const struct values_entry *values_find(const struct values *values, uint16_t ca, uint32_t ioa);
+
+/*
+ * An object that came. cause: of its return information (enum map_cause). now_ns and the clock are the map's. It is published
+ * with the others of its ASDU by values_publish.
+ */
+void values_take(struct values *values, const struct iec104_asdu *asdu,
+		 const struct iec104_information *information, enum map_cause cause, int64_t now_ns,
+		 struct map_clock clock);
+void values_publish(struct values *values);
+
+/* Nobody knows them any more: all are invalid, with the values that they had. */
+void values_invalidate(struct values *values, int64_t now_ns);
+
+#endif

@@ -1,0 +1,343 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "rtud/change.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "map/supervise.h"
+#include "rtud/compare.h"
+#include "rtud/kinds.h"
+
+#define LINES_MAX 50 /* of points, in a report */
+
+struct change {
+	const struct map *map;
+	const struct map_config *before;
+	struct map_config *now;
+	uint32_t kept, exchanged, added, gone; /* modules, a bit each */
+	FILE *report;
+};
+
+/* ---- modules ----------------------------------------------------------------------------- */
+
+/* Each keeps its number. */
+static void keep_numbers(const struct change *change)
+{
+	struct map_config *now = change->now;
+
+	now->module_count = map_module_count(change->map);
+	for (uint32_t i = 0; i < now->module_count; i++) {
+		now->modules[i] = (struct map_module_plan){.user = 0};
+		memcpy(now->modules[i].name, map_plan_of(change->map, i)->name, MAP_NAME_SIZE);
+	}
+}
+
+static bool has_user(const struct map_config *config, uint32_t module, uint32_t user)
+{
+	for (uint32_t i = 0; i < config->module_count; i++)
+		if (i != module && config->modules[i].user == user)
+			return true;
+	return false;
+}
+
+/* A process keeps its user: the files that are another's by its number are its own. */
+static void give_users(const struct change *change)
+{
+	struct map_config *now = change->now;
+	const uint32_t known = map_module_count(change->map);
+
+	for (uint32_t i = 0; i < known; i++)
+		now->modules[i].user = map_plan_of(change->map, i)->user;
+	for (uint32_t i = known; i < now->module_count; i++)
+		while (now->modules[i].user != 0 && has_user(now, i, now->modules[i].user))
+			now->modules[i].user++;
+}
+
+static void sort_modules(struct change *change)
+{
+	struct map_config *now = change->now;
+
+	for (uint32_t i = 0; i < now->module_count; i++) {
+		const uint32_t bit = 1u << i;
+		const bool known = i < map_module_count(change->map);
+		const bool was_gone = known && map_is_gone(change->map, i);
+
+		if (now->modules[i].kind[0] == '\0') {
+			now->modules[i] = *map_plan_of(change->map, i);
+			now->modules[i].flags |= MAP_IS_GONE;
+			change->gone |= was_gone ? 0 : bit;
+			change->kept |= bit; /* its segment, for the events in it */
+		} else if (!known || was_gone) {
+			change->added |= bit;
+		} else if (compare_modules(change->map, now, i)) {
+			change->kept |= bit;
+		} else {
+			change->exchanged |= bit;
+		}
+	}
+	change->exchanged |= compare_readers(change->before, now, change->kept);
+	change->kept &= ~change->exchanged;
+}
+
+/* ---- what needs a restart of rtud -------------------------------------------------------- */
+
+static bool refuse(const struct change *change, const char *what, const char *why)
+{
+	fprintf(change->report, "%s %s: this needs a restart of rtud\n", what, why);
+	return false;
+}
+
+static bool settings_are_kept(const struct change *change)
+{
+	const char *key = compare_settings(&change->before->settings, &change->now->settings);
+
+	return key == NULL || refuse(change, key, "has changed");
+}
+
+/* Who asks others is known to them by a segment that they have mapped. */
+static bool may_be_exchanged(const struct change *change, uint32_t module)
+{
+	const struct map_module_plan *plan = &change->now->modules[module];
+	const struct kind *kind = kinds_find(plan->kind);
+	const bool known = module < map_module_count(change->map);
+	const uint32_t flags = plan->flags | (known ? map_plan_of(change->map, module)->flags : 0);
+
+	if (kind->fixed != NULL)
+		return refuse(change, kind->fixed, "has changed");
+	if (flags & MAP_MAY_REQUEST)
+		return refuse(change, plan->name, "has changed and may command others");
+	if (flags & MAP_TAKES_PART)
+		return refuse(change, plan->name, "has changed and others wait for it, or it for them");
+	return true;
+}
+
+static bool is_possible(const struct change *change)
+{
+	bool possible = settings_are_kept(change);
+
+	for (uint32_t i = 0; i < change->now->module_count; i++)
+		if ((change->exchanged | change->added | change->gone) & 1u << i)
+			possible &= may_be_exchanged(change, i);
+	return possible;
+}
+
+/* ---- what is gone -------------------------------------------------------------------------- */
+
+static bool make_room(struct map_config *config, uint32_t sets, uint32_t points)
+{
+	const size_t all_sets = (size_t)config->set_count + config->gone_set_count + sets;
+	const size_t all_points = (size_t)config->point_count + config->gone_point_count + points;
+	void *grown = realloc(config->sets, (all_sets + 1) * sizeof(*config->sets));
+
+	if (grown == NULL)
+		return false;
+	config->sets = grown;
+	grown = realloc(config->points, (all_points + 1) * sizeof(*config->points));
+	if (grown == NULL)
+		return false;
+	config->points = grown;
+	grown = realloc(config->names, config->names_size + (size_t)points * MAP_NAME_SIZE);
+	if (grown == NULL)
+		return false;
+	config->names = grown;
+	return true;
+}
+
+static void add_gone_point(const struct change *change, uint32_t point, uint32_t set)
+{
+	struct map_config *now = change->now;
+	struct map_point *gone = &now->points[now->point_count + now->gone_point_count++];
+	const char *name;
+
+	*gone = change->before->points[point];
+	gone->set = (uint16_t)set;
+	if (gone->name & MAP_LABEL)
+		return;
+	name = &change->before->names[gone->name];
+	gone->name = now->names_size;
+	memcpy(&now->names[now->names_size], name, strlen(name) + 1);
+	now->names_size += (uint32_t)strlen(name) + 1;
+}
+
+/* Of a module that is kept, all that it had is there, in the order that its segment has. */
+static bool is_told_once_more(const struct change *change, const struct map_set *set, uint32_t point)
+{
+	const bool live = point < change->before->point_count;
+
+	if (change->exchanged & 1u << set->module)
+		return live && !compare_has_point(change->before, change->now, point);
+	if (change->now->modules[set->module].flags & MAP_IS_GONE)
+		return true;
+	return (change->kept & 1u << set->module) && !live;
+}
+
+static bool add_gone_set(const struct change *change, uint32_t index)
+{
+	struct map_config *now = change->now;
+	const struct map_set *set = &change->before->sets[index];
+	const uint32_t place = now->set_count + now->gone_set_count;
+	const uint32_t first = now->point_count + now->gone_point_count;
+
+	if (!make_room(now, 1, set->point_count))
+		return false;
+	for (uint32_t i = set->first_point; i < set->first_point + set->point_count; i++)
+		if (is_told_once_more(change, set, i))
+			add_gone_point(change, i, place);
+	if (now->point_count + now->gone_point_count == first)
+		return true;
+	now->sets[place] = *set;
+	now->sets[place].first_point = first;
+	now->sets[place].point_count = now->point_count + now->gone_point_count - first;
+	now->gone_set_count++;
+	return true;
+}
+
+/* The live ones of before first, as its segments have them. */
+static bool add_gone_sets(const struct change *change)
+{
+	for (uint32_t i = 0; i < change->before->set_count + change->before->gone_set_count; i++)
+		if (!add_gone_set(change, i))
+			return false;
+	return true;
+}
+
+/* ---- the report ---------------------------------------------------------------------------- */
+
+static const char *fate_of(const struct change *change, uint32_t module)
+{
+	const uint32_t bit = 1u << module;
+
+	if (change->added & bit)
+		return "is added";
+	if (change->gone & bit)
+		return "is removed";
+	return change->exchanged & bit ? "gets a new process" : "is not touched";
+}
+
+static void print_point(const struct change *change, char sign, const struct map_config *config,
+			uint32_t point)
+{
+	char name[MAP_NAME_SIZE];
+
+	map_point_name(config, &config->points[point], name);
+	fprintf(change->report, "  %c %s, CA %u, IOA %u\n", sign, name,
+		config->sets[config->points[point].set].ca, config->points[point].ioa);
+}
+
+/* Points of one configuration that the other has not. */
+static void print_points(const struct change *change, char sign, const struct map_config *config,
+			 const struct map_config *other)
+{
+	uint32_t found = 0;
+
+	for (uint32_t i = 0; i < config->point_count; i++)
+		if (!compare_has_point(config, other, i) && found++ < LINES_MAX)
+			print_point(change, sign, config, i);
+	if (found > LINES_MAX)
+		fprintf(change->report, "  %c and %u more\n", sign, found - LINES_MAX);
+}
+
+static bool has_process(const struct map_module_plan *plan)
+{
+	const struct kind *kind = kinds_find(plan->kind);
+
+	return kind->programs != NULL || kind->run != NULL;
+}
+
+static void print_changes(const struct change *change)
+{
+	for (uint32_t i = 0; i < change->now->module_count; i++)
+		if (has_process(&change->now->modules[i]) &&
+		    (!(change->now->modules[i].flags & MAP_IS_GONE) || (change->gone & 1u << i)))
+			fprintf(change->report, "%s %s\n", change->now->modules[i].name, fate_of(change, i));
+	print_points(change, '-', change->before, change->now);
+	print_points(change, '+', change->now, change->before);
+}
+
+/* ------------------------------------------------------------------------------------------ */
+
+/* A kind writes the numbers of its modules into its records. */
+static bool copy_sections(const struct map_config *from, struct map_config *to)
+{
+	for (uint32_t i = 0; i < from->section_count; i++) {
+		const struct map_section *section = &from->sections[i];
+		const size_t size = (size_t)section->count * section->record_size;
+
+		to->sections[i].records = malloc(size + 1);
+		if (to->sections[i].records == NULL)
+			return false;
+		memcpy(to->sections[i].records, section->records, size);
+	}
+	return true;
+}
+
+/* What goes back into force has been checked, and is in memory. */
+static bool copy_config(const struct map *from, struct map_config *out)
+{
+	const struct map_config *config = map_config(from);
+
+	*out = *config;
+	out->gone_set_count = out->gone_point_count = 0;
+	out->sets = calloc(config->set_count + 1, sizeof(*out->sets));
+	out->points = calloc(config->point_count + 1, sizeof(*out->points));
+	out->names = calloc(config->names_size + 1, 1);
+	out->modules = calloc(MAP_MODULES_MAX, sizeof(*out->modules));
+	if (out->sets == NULL || out->points == NULL || out->names == NULL || out->modules == NULL)
+		return false;
+	memcpy(out->sets, config->sets, config->set_count * sizeof(*out->sets));
+	memcpy(out->points, config->points, config->point_count * sizeof(*out->points));
+	memcpy(out->names, config->names, config->names_size);
+	return copy_sections(config, out);
+}
+
+static bool load(const struct change_plan *plan, const struct map *before, struct map_config *out,
+		 FILE *report)
+{
+	if (plan->path == NULL)
+		return copy_config(before, out);
+	return config_load(plan->path, plan->modules, out, report) == CONFIG_GOOD;
+}
+
+static bool plan_modules(const struct change *change)
+{
+	keep_numbers(change);
+	if (!kinds_plan(change->now)) {
+		fprintf(change->report,
+			"too many processes: %d modules at most, those among them that were removed since "
+			"rtud was started\n",
+			MAP_MODULES_MAX);
+		return false;
+	}
+	give_users(change);
+	return true;
+}
+
+enum change_result change_prepare(const struct map *map, const struct map *before,
+				  const struct change_plan *plan, FILE *report)
+{
+	struct map_config now;
+	struct change change = {.map = map, .before = map_config(map), .now = &now, .report = report};
+	char error[MAP_ERROR_SIZE];
+
+	if (!load(plan, before, &now, report) || !plan_modules(&change))
+		return CHANGE_REFUSED;
+	sort_modules(&change);
+	if (!is_possible(&change))
+		return CHANGE_REFUSED;
+	if (!(change.added | change.exchanged | change.gone)) {
+		fputs("nothing changes\n", report);
+		return CHANGE_NONE;
+	}
+	print_changes(&change);
+	if (plan->dry)
+		return CHANGE_NONE;
+	if (!add_gone_sets(&change)) {
+		fputs("out of memory\n", report);
+		return CHANGE_REFUSED;
+	}
+	if (map_prepare(map, &now, change.kept, plan->group, error) == 0)
+		return CHANGE_READY;
+	map_abandon(map);
+	fprintf(report, "%s\n", error);
+	return CHANGE_REFUSED;
+}

@@ -1,0 +1,154 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "rtud/compare.h"
+
+#include <string.h>
+
+#include "map/supervise.h"
+#include "rtud/kinds.h"
+
+const char *compare_settings(const struct map_settings *a, const struct map_settings *b)
+{
+	if (a->clock != b->clock)
+		return "clock";
+	if (memcmp(&a->zone, &b->zone, sizeof(a->zone)) != 0)
+		return "timezone";
+	if (a->event_ring != b->event_ring)
+		return "event_ring";
+	if (a->select_timeout_s != b->select_timeout_s || a->command_timeout_s != b->command_timeout_s)
+		return "commands";
+	if (a->queue_count != b->queue_count)
+		return "iec104";
+	for (uint32_t i = 0; i < a->queue_count; i++)
+		if (strcmp(a->queues[i].name, b->queues[i].name) != 0 ||
+		    a->queues[i].limit != b->queues[i].limit)
+			return "iec104";
+	return NULL;
+}
+
+/* ---- points -------------------------------------------------------------------------------- */
+
+static bool same_name(const struct map_config *a, uint32_t in_a, const struct map_config *b, uint32_t in_b)
+{
+	char name[MAP_NAME_SIZE], other[MAP_NAME_SIZE];
+
+	map_point_name(a, &a->points[in_a], name);
+	map_point_name(b, &b->points[in_b], other);
+	return strcmp(name, other) == 0;
+}
+
+/* In bits: not-a-number is itself. */
+static bool same_float(float a, float b)
+{
+	return memcmp(&a, &b, sizeof(a)) == 0;
+}
+
+static bool same_point(const struct map_point *a, const struct map_point *b)
+{
+	return a->type == b->type && a->flags == b->flags && a->group == b->group &&
+	       a->counter_group == b->counter_group && a->short_pulse_ms == b->short_pulse_ms &&
+	       a->long_pulse_ms == b->long_pulse_ms && a->ioa == b->ioa &&
+	       a->send_period_ms == b->send_period_ms && a->freeze_s == b->freeze_s &&
+	       same_float(a->deadband, b->deadband) && same_float(a->step, b->step) &&
+	       same_float(a->min, b->min) && same_float(a->max, b->max);
+}
+
+static bool same_set(const struct map_config *a, const struct map_set *set, const struct map_config *b,
+		     const struct map_set *other)
+{
+	if (set->ca != other->ca || set->point_count != other->point_count ||
+	    set->never_read != other->never_read || strcmp(set->name, other->name) != 0 ||
+	    strcmp(set->prefix, other->prefix) != 0)
+		return false;
+	for (uint32_t i = 0; i < set->point_count; i++)
+		if (!same_point(&a->points[set->first_point + i], &b->points[other->first_point + i]) ||
+		    !same_name(a, set->first_point + i, b, other->first_point + i))
+			return false;
+	return true;
+}
+
+/* The module's first set from this place on; set_count: it has no more. */
+static uint32_t next_set(const struct map_config *config, uint32_t module, uint32_t from)
+{
+	while (from < config->set_count && config->sets[from].module != module)
+		from++;
+	return from;
+}
+
+static bool same_sets(const struct map_config *a, const struct map_config *b, uint32_t module)
+{
+	uint32_t i = next_set(a, module, 0), j = next_set(b, module, 0);
+
+	while (i < a->set_count && j < b->set_count && same_set(a, &a->sets[i], b, &b->sets[j])) {
+		i = next_set(a, module, i + 1);
+		j = next_set(b, module, j + 1);
+	}
+	return i == a->set_count && j == b->set_count;
+}
+
+bool compare_has_point(const struct map_config *config, const struct map_config *other, uint32_t point)
+{
+	const struct map_point *object = &config->points[point];
+	const struct map_set *set = &config->sets[object->set];
+
+	for (uint32_t i = 0; i < other->set_count; i++) {
+		const struct map_set *there = &other->sets[i];
+
+		if (there->ca != set->ca || there->module != set->module)
+			continue;
+		for (uint32_t j = there->first_point; j < there->first_point + there->point_count; j++)
+			if (other->points[j].ioa == object->ioa && other->points[j].type == object->type &&
+			    same_name(config, point, other, j))
+				return true;
+	}
+	return false;
+}
+
+/* ---- modules ------------------------------------------------------------------------------- */
+
+static bool same_plan(const struct map_module_plan *a, const struct map_module_plan *b)
+{
+	return strcmp(a->kind, b->kind) == 0 && a->flags == b->flags &&
+	       memcmp(&a->rings, &b->rings, sizeof(a->rings)) == 0 &&
+	       a->heartbeat_limit_ms == b->heartbeat_limit_ms && a->section_size == b->section_size &&
+	       a->counters == b->counters;
+}
+
+bool compare_modules(const struct map *map, const struct map_config *now, uint32_t module)
+{
+	const struct map_module_plan *plan = map_plan_of(map, module);
+	const struct kind *kind = kinds_find(plan->kind);
+
+	return same_plan(plan, &now->modules[module]) && same_sets(map_config(map), now, module) &&
+	       (kind->same == NULL || kind->same(map_config(map), now, module, plan->name));
+}
+
+static bool reads_the_same(const struct map_config *before, const struct map_config *now, uint32_t module,
+			   uint32_t kept)
+{
+	const struct map_module_plan *plan = &now->modules[module];
+	const struct kind *kind = kinds_find(plan->kind);
+
+	if (kind == NULL || kind->reads == NULL || (plan->flags & MAP_IS_GONE))
+		return true;
+	for (uint32_t i = 0;; i++) {
+		const uint32_t was = kind->reads(before, plan->name, i), is = kind->reads(now, plan->name, i);
+
+		if (was == MAP_NONE || is == MAP_NONE)
+			return was == is;
+		if (!same_name(before, was, now, is) || !(kept & 1u << now->sets[now->points[is].set].module))
+			return false;
+	}
+}
+
+uint32_t compare_readers(const struct map_config *before, const struct map_config *now, uint32_t kept)
+{
+	uint32_t moved = 0, last;
+
+	do {
+		last = moved;
+		for (uint32_t i = 0; i < now->module_count; i++)
+			if ((kept & ~moved & 1u << i) && !reads_the_same(before, now, i, kept & ~moved))
+				moved |= 1u << i;
+	} while (moved != last);
+	return moved;
+}
