@@ -66,6 +66,7 @@ REACH = [
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
+    ("docs/synch.md", "tests/test_synch.py"),
     ("docs/examples/logic/*", "tests/test_logic*.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),

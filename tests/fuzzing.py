@@ -28,6 +28,7 @@ TARGETS = {  # by the name of its corpus: the program
     "nmea": "gps/fuzz_nmea",
     "gpsd": "gps/fuzz_gpsd",
     "logic": "logic/fuzz_logic",
+    "synch": "synch/fuzz_synch",
 }
 INPUT_MAX = 4096
 
@@ -56,7 +57,7 @@ def run(target: str, build: Path, work: Path, *limits: str) -> subprocess.Comple
     corpus.mkdir(parents=True, exist_ok=True)
     options = [f"-max_len={INPUT_MAX}", "-timeout=20", "-print_final_stats=1", *limits]
     options.append(f"-artifact_prefix={work}/{target}-")
-    if target == "config":
+    if target in ("config", "synch"):
         options.append(f"-dict={write_dictionary(work)}")
     fuzzer = [build / TARGETS[target], *options, corpus, SEEDS / target]
     # A shell between: libFuzzer bounds its peak memory (ru_maxrss), which vfork and exec hand on from a

@@ -426,6 +426,10 @@ SITES = [
     Site("modbus", "modbus", ("modbus",)),
     Site("module", "modules[0]", ("module",)),
     Site("module_point", "modules[0].points[0]", ("module_point",)),
+    Site("net", "net", ("net",)),
+    Site("net_place", "net.places[0]", ("net_place",)),
+    Site("net_module", "net.modules[0]", ("net_module",)),
+    Site("net_point", "net.modules[0].points[0]", ("net_point",)),
     Site("port", "port[0]", ("port",)),
     Site("tcp_connection", "port[2]", ("tcp_connection",)),
     Site("tcp_slave", "port[2].slaves[0]", ("tcp_slave",)),
@@ -455,6 +459,8 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "journal.cycles": {"volume_mb": 1048576},
     "gps_receiver.device": {"gpsd": REMOVED},
     "gps_receiver.baud_rate": {"gpsd": REMOVED, "burst_octets": 40},
+    "start": {"synch": ["line3 -> mixer"]},
+    "net.modules": {"transitions": []},
     "gps_receiver.position_ioa": {"ioa": 1000},  # unlike those that are tried
     "retry_ms": {"retry_max_ms": 3600000},
     "retry_max_ms": {"retry_ms": 10},
@@ -521,8 +527,21 @@ def small_file() -> dict[str, Any]:
                 "program": "/pump.py",
                 "ca": 9,
                 "points": [{"name": "p", "type": "float", "ioa": 5}],
-            }
+            },
+            {"name": "mixer", "program": "/mixer.py"},
         ],
+        "net": {
+            "places": [{"name": "free"}],
+            "transitions": ["begin", "end", "half"],
+            "modules": [
+                {
+                    "name": "mixer",
+                    "scan_begin": "begin",
+                    "scan_end": "end",
+                    "points": [{"name": "at-half", "transition": "half"}],
+                }
+            ],
+        },
         "templates": {"meter": {}},
     }
     return {"port": ports, **others}
@@ -668,6 +687,10 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "modbus",
         "module",
         "module_point",
+        "net",
+        "net_place",
+        "net_module",
+        "net_point",
         "port",
         "tcp_connection",
         "rs485",

@@ -22,6 +22,7 @@ RUNS = {
     "nmea": 40_000,
     "gpsd": 100_000,
     "logic": 100_000,
+    "synch": 20_000,
 }
 SEED_SIZE_MAX = 1024
 SEEDS_MAX = 120

@@ -15,8 +15,17 @@ from test_version import VERSION
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
-MODULES = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal", "rtu-gps", "rtu-logic", "rtu-104m"}
-MODULES |= {"rtu-snmp"}
+MODULES = {
+    "rtu-modbus",
+    "rtu-iec104",
+    "rtu-iec104-tls",
+    "rtu-journal",
+    "rtu-gps",
+    "rtu-logic",
+    "rtu-104m",
+    "rtu-snmp",
+    "rtu-synch",
+}
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}

@@ -24,6 +24,7 @@ EVERYWHERE = {
     "rtuctl",
     "rtu-gps",
     "rtu-logic",
+    "rtu-synch",
     "relay.json",
     "sdm630.json",
     "sunspec.json",

@@ -263,6 +263,7 @@ ROOMS = [
     "rtuctl",
     "rtud",
     "snmp",
+    "synch",
 ]
 ROOMS += [
     "modules/gps",
@@ -271,6 +272,7 @@ ROOMS += [
     "modules/logic",
     "modules/modbus",
     "modules/snmp",
+    "modules/synch",
 ]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
@@ -280,7 +282,7 @@ DEFINITION = re.compile(
 )
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
-OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus", "snmp"]
+OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus", "snmp", "synch"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:

@@ -331,6 +331,18 @@ class Module:
             raise PointError(f'"{name}" is not among the "commands" of the module {self.name}')
         return Command(State(raw.state), Result(raw.result), raw.detail, bool(raw.ended))
 
+    def synch(self, point: str, *, wait: bool = True) -> bool:
+        """Fires a synchronisation point of the net within a scan, when the net lets it.
+
+        wait=False: now or not at all. Returns whether it has fired; with wait, False means that the module
+        shall end, or was taken for dead and the net has gone on without this scan.
+        Raises PointError if the net has no such point of this module.
+        """
+        result: int = self._library.openrtu_synch(self._handle, point.encode(), wait)
+        if result == -errno.ENOENT:
+            raise PointError(f'no synchronisation point "{point}" of {self.name} in the "net"')
+        return result == 1
+
     def log(self, text: str, level: Level = Level.INFO) -> None:
         """A line in the gateway's log; 111 octets of it are kept."""
         self._library.openrtu_log(self._handle, level, text.encode())

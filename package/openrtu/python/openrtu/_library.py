@@ -84,6 +84,7 @@ _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "openrtu_selection_refuse": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_int]),
     "openrtu_command": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double, ctypes.c_uint32]),
     "openrtu_command_read": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.POINTER(RawCommand)]),
+    "openrtu_synch": (ctypes.c_int, [_HANDLE, ctypes.c_char_p, ctypes.c_bool]),
     "openrtu_log": (None, [_HANDLE, ctypes.c_int, ctypes.c_char_p]),
     "openrtu_wall_ns": (ctypes.c_int64, [_HANDLE, ctypes.c_int64]),
     "openrtu_version": (ctypes.c_char_p, []),

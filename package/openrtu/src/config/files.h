@@ -14,6 +14,7 @@
 #define CONFIG_FILE_SIZE_MAX (4u * 1024u * 1024u)
 #define CONFIG_POINTS_MAX    65535
 #define CONFIG_FILES_MAX     32 /* the file itself and those that it includes */
+#define CONFIG_SCANNERS_MAX  96
 
 #define CONFIG_KEY_TEMPLATES "templates"
 #define CONFIG_KEY_INCLUDE   "include"
@@ -35,6 +36,13 @@ struct config_template {
 	bool wrong; /* that has been said */
 };
 
+/* What scans: config/scanners.h. */
+struct config_scanner {
+	char name[MAP_NAME_SIZE];
+	bool waits;
+	int priority; /* SCHED_FIFO, 0: none */
+};
+
 /* What a configuration is read from, what is wrong with it, and what becomes of it. */
 struct config_loader {
 	struct config_report report;
@@ -46,6 +54,8 @@ struct config_loader {
 	uint32_t template_count;
 	json_t *kept;                  /* array of what was put together of template and instance */
 	uint32_t sets_max, points_max; /* that the parts can add at most */
+	struct config_scanner scanners[CONFIG_SCANNERS_MAX];
+	uint32_t scanner_count;
 };
 
 /* An array of zeros, of at least one element, so that NULL means no memory. */

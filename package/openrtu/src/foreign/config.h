@@ -21,6 +21,7 @@ struct foreign_module {
 	char program[MAP_FILE_SIZE];  /* absolute path */
 	char user[FOREIGN_USER_SIZE]; /* of the system, empty: one that rtud gives it */
 	uint32_t period_ms;           /* between two scans */
+	uint32_t period_given;        /* 0: the file has none, and a net that lets it begin is all */
 	uint32_t heartbeat_limit_ms;
 	uint32_t memory_mb;   /* of address space, at most */
 	uint16_t priority;    /* SCHED_FIFO, 0: none */

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "config/names.h"
+#include "config/scanners.h"
 #include "config/sets.h"
 #include "foreign/config.h"
 #include "foreign/config_keys.h"
@@ -353,6 +354,7 @@ static void read_module(struct config_loader *loader, const struct config_place 
 	keep_value(module->program, sizeof(module->program), &values[MODULE_PROGRAM]);
 	keep_value(module->user, sizeof(module->user), &values[MODULE_USER]);
 	module->period_ms = (uint32_t)values[MODULE_PERIOD].integer;
+	module->period_given = values[MODULE_PERIOD].given;
 	module->priority = (uint16_t)values[MODULE_PRIORITY].integer;
 	module->memory_mb = (uint32_t)values[MODULE_MEMORY].integer;
 	module->heartbeat_limit_ms = heartbeat_limit_ms(&values[MODULE_HEARTBEAT_LIMIT], module->period_ms);
@@ -361,6 +363,7 @@ static void read_module(struct config_loader *loader, const struct config_place 
 	check_program(loader, place, &values[MODULE_PROGRAM]);
 	check_user(loader, place, own, module);
 	add_set(loader, place, own, module, values);
+	config_add_scanner(loader, module->name, true, module->priority);
 }
 
 /* ---- the part ---------------------------------------------------------------------------- */

@@ -8,6 +8,7 @@
 #include "lib/openrtu.h"
 #include "map/map.h"
 #include "modules/commanding.h"
+#include "modules/synched.h"
 
 /* What is requested of an own point: one selection and one command at a time. */
 struct asked {
@@ -26,6 +27,7 @@ struct openrtu {
 	struct map *map;
 	const struct foreign_module *module;
 	struct foreign_stats *stats;
+	struct synched synched;
 	int stop_fd; /* readable: it was asked to end */
 	bool stopped;
 	/* Its points: what it reads, then its own, then what it may command and does not read. */
@@ -104,5 +106,12 @@ void events_begin(struct openrtu *rtu);
 
 /* The values that own points have before anybody writes them, published. */
 void scan_publish_initial(struct openrtu *rtu);
+
+/* ---- synch.c ----------------------------------------------------------------------------- */
+
+/* Waits until the net lets a scan begin. False: the module shall end. */
+bool synch_begin_scan(struct openrtu *rtu);
+/* Tells the net that the scan has ended, and waits until that has fired. */
+void synch_end_scan(struct openrtu *rtu);
 
 #endif

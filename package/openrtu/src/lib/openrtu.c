@@ -150,6 +150,7 @@ static bool prepare(struct openrtu *rtu, const char *name)
 	requests_begin(rtu);
 	events_begin(rtu);
 	scan_publish_initial(rtu);
+	synched_begin(&rtu->synched, rtu->map, name);
 	prctl(PR_SET_NAME, name); /* or all scripts would be called as their interpreter */
 	return true;
 }

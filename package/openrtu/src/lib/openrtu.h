@@ -10,7 +10,7 @@
  *             openrtu_scan_end(rtu);       the outputs are published together
  *     }
  *
- * No call blocks but openrtu_wait(), and none allocates memory but openrtu_attach(). A handle is for one thread at a time.
+ * No call blocks but openrtu_wait(), and where the configuration has a net openrtu_scan_end() and openrtu_synch(); and none allocates memory but openrtu_attach(). A handle is for one thread at a time.
  * Calls that can fail return a negative number, a negative errno, unless they say otherwise.
  */
 #ifndef OPENRTU_H
@@ -205,6 +205,15 @@ bool openrtu_point_takes_commands(const struct openrtu *rtu, int point);
 int openrtu_command(struct openrtu *rtu, int point, double value, uint32_t flags);
 /* What had become of it when the scan began; inactive: there was none. -EINVAL, -EPERM as openrtu_command(). */
 int openrtu_command_read(const struct openrtu *rtu, int point, struct openrtu_command *out);
+
+/* ---- synchronisation --------------------------------------------------------------------- */
+
+/*
+ * Fires a synchronisation point of the module in the net of the configuration, within a scan. 1: it has fired. 0: it cannot fire
+ * now; with blocking, it is waited for instead. -ENOENT: the net has no such point of this module. -EINTR: the module shall end.
+ * -ECANCELED: the module was taken for dead, and the net has gone on without this scan.
+ */
+int openrtu_synch(struct openrtu *rtu, const char *point, bool blocking);
 
 /* ---- log and time ------------------------------------------------------------------------ */
 

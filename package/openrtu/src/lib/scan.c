@@ -24,11 +24,37 @@ static void say_missed(struct openrtu *rtu, int64_t now_ns)
 	rtu->missed_said_ns = now_ns;
 }
 
+/* A module that the net lets begin has one only if the file says so. */
+static bool has_period(const struct openrtu *rtu)
+{
+	return rtu->module->period_given || !synched_waits(&rtu->synched);
+}
+
+/* The periods that it has waited for others are no missed ones: the next is the first behind them. */
+static void skip_waited(struct openrtu *rtu)
+{
+	const int64_t period_ns = rtu->module->period_ms * NS_PER_MS;
+	const int64_t late_ns = map_now_ns() - rtu->next_ns;
+
+	if (late_ns > period_ns)
+		rtu->next_ns += late_ns / period_ns * period_ns;
+}
+
+static bool begin_scan(struct openrtu *rtu)
+{
+	if (!synched_waits(&rtu->synched))
+		return true;
+	if (!synch_begin_scan(rtu))
+		return false;
+	skip_waited(rtu);
+	return true;
+}
+
 static void plan_next(struct openrtu *rtu, int64_t now_ns)
 {
 	const int64_t period_ns = rtu->module->period_ms * NS_PER_MS;
 
-	if (rtu->next_ns == 0) {
+	if (rtu->next_ns == 0 || !has_period(rtu)) {
 		rtu->next_ns = now_ns;
 		return;
 	}
@@ -57,8 +83,11 @@ static bool sleep_until(const struct openrtu *rtu, int64_t now_ns, int64_t until
 bool openrtu_wait(struct openrtu *rtu)
 {
 	const int64_t beat_ns = rtu->module->heartbeat_limit_ms * NS_PER_MS / BEATS_A_LIMIT;
-	int64_t now_ns = map_now_ns();
+	int64_t now_ns;
 
+	if (rtu->synched.open) /* a scan that the program has left without its end */
+		synch_end_scan(rtu);
+	now_ns = map_now_ns();
 	plan_next(rtu, now_ns);
 	while (!rtu->stopped && map_may_run(rtu->map)) {
 		int64_t wake_ns = now_ns + beat_ns;
@@ -69,7 +98,7 @@ bool openrtu_wait(struct openrtu *rtu)
 			break;
 		now_ns = map_now_ns();
 		if (now_ns >= rtu->next_ns)
-			return true;
+			return begin_scan(rtu);
 	}
 	rtu->stopped = true;
 	return false;
@@ -205,6 +234,7 @@ void openrtu_scan_end(struct openrtu *rtu)
 	publish(rtu);
 	requests_settle(rtu);
 	map_heartbeat(rtu->map);
+	synch_end_scan(rtu);
 }
 
 /* Its value goes on, and whoever has seen it turn invalid sees that. */

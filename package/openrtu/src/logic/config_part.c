@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "config/names.h"
+#include "config/scanners.h"
 #include "logic/config_readers.h"
 
 static const struct config_rule file_rule = {LOGIC_KEY, CONFIG_ARRAY, .high = LOGIC_INSTANCES_MAX};
@@ -99,9 +100,11 @@ static void read_instance(struct config_loader *loader, struct logic_readings *r
 	config_read_keys(&loader->report, &place.instance, json, rules, LOGIC_KEYS, values);
 	reading->ca = (uint16_t)values[LOGIC_CA].integer;
 	reading->instance->period_ms = (uint32_t)values[LOGIC_PERIOD].integer;
+	reading->instance->period_given = values[LOGIC_PERIOD].given;
 	reading->instance->budget = (uint32_t)values[LOGIC_BUDGET_KEY].integer;
 	if (values[LOGIC_NAME].given)
 		read_name(loader, reading, values[LOGIC_NAME].text);
+	config_add_scanner(loader, reading->instance->name, true, 0);
 	if (!values[LOGIC_PROGRAM].given || !logic_read_program(loader, reading, values[LOGIC_PROGRAM].text))
 		return;
 	if (values[LOGIC_NAMES].given) {

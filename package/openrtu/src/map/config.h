@@ -139,6 +139,9 @@ enum map_module_flag {
 	MAP_IS_GONE = 1u << 6, /* the configuration has it no more: it is there for the events that it left */
 	MAP_REQUESTS_LISTED =
 	    1u << 7, /* with MAP_MAY_REQUEST: commands of the points in MAP_LISTED, nothing else */
+	MAP_COORDINATES = 1u << 8, /* scans: its bell is rung when a module asks it (map_synch_say) */
+	MAP_TAKES_PART =
+	    1u << 9, /* in the net: who coordinates it has mapped its segment, and knows its words */
 };
 
 /* How many records each ring of a segment holds: a power of two; 1 where its module never writes one. */

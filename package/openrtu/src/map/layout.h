@@ -16,7 +16,7 @@
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
 #define CONFIG_MAGIC 0x4352544Fu /* "ORTC" */
-#define MAP_LAYOUT   11u         /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   12u         /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -24,15 +24,16 @@ struct segment_header {
 	uint32_t layout;
 	uint32_t fingerprint; /* sizes of all records: catches another compiler's idea of them */
 	uint32_t size;
-	_Atomic uint32_t generation;   /* of the process that attached last */
-	_Atomic uint32_t heartbeat_ms; /* CLOCK_MONOTONIC, low 32 bits */
-	_Atomic uint32_t next_request; /* id of the next request */
-	uint32_t kept;                 /* map_kept_number */
-	_Atomic uint32_t forbidden;    /* map_note_forbidden, and one more; 0: none */
-	_Atomic uint32_t lost_events;  /* map_count_lost_events */
-	uint32_t made;                 /* for the configuration of this epoch; by rtud */
-	_Atomic uint32_t ready;        /* the process that this segment was made for waits for its turn */
-	_Atomic uint32_t carried;      /* rtud has filled it in with what the former segment held */
+	_Atomic uint32_t generation;             /* of the process that attached last */
+	_Atomic uint32_t heartbeat_ms;           /* CLOCK_MONOTONIC, low 32 bits */
+	_Atomic uint32_t next_request;           /* id of the next request */
+	uint32_t kept;                           /* map_kept_number */
+	_Atomic uint32_t forbidden;              /* map_note_forbidden, and one more; 0: none */
+	_Atomic uint32_t lost_events;            /* map_count_lost_events */
+	_Atomic uint32_t synch[MAP_SYNCH_WORDS]; /* map_synch_say */
+	uint32_t made;                           /* for the configuration of this epoch; by rtud */
+	_Atomic uint32_t ready;   /* the process that this segment was made for waits for its turn */
+	_Atomic uint32_t carried; /* rtud has filled it in with what the former segment held */
 	uint32_t request_next[MAP_MODULES_MAX]; /* read so far of each module's requests */
 	uint32_t answer_next[MAP_MODULES_MAX];
 };

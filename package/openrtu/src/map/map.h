@@ -257,6 +257,20 @@ bool map_bell_clear(struct map *map);
 bool map_bell_is_wild(const struct map *map);
 void map_bell_new_period(struct map *map);
 
+/* ---- synchronisation --------------------------------------------------------------------- */
+
+#define MAP_SYNCH_WORDS 32
+
+/*
+ * A word of the own segment for the module that coordinates scans (MAP_COORDINATES), which is rung. number: of the participant,
+ * below MAP_SYNCH_WORDS; what the word says is theirs. It stays there when the process ends.
+ */
+void map_synch_say(struct map *map, uint32_t number, uint32_t word);
+/* What a module has said last; 0: nothing yet. */
+uint32_t map_synch_said(const struct map *map, uint32_t module, uint32_t number);
+/* Its answer, which is in the section of the coordinator's own, is there. */
+void map_synch_ring(const struct map *map, uint32_t module);
+
 /* ---- commands ---------------------------------------------------------------------------- */
 
 /*

@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 
+#include "config/scanners.h"
 #include "map/map.h"
 #include "modbus/config_loader.h"
 
@@ -142,6 +143,12 @@ static void read_part(struct config_loader *files, void *own, const struct confi
 
 static bool finish(struct config_loader *files, void *own)
 {
+	char name[MAP_NAME_SIZE];
+
+	for (uint32_t i = 0; i < modbus_port_count(files->config); i++) {
+		snprintf(name, sizeof(name), "line%u", modbus_ports(files->config)[i].port);
+		config_add_scanner(files, name, false, modbus_settings(files->config)->priority);
+	}
 	return files->report.errors > 0 || modbus_check_periods(own);
 }
 

@@ -112,6 +112,7 @@ struct modbus_line_counters {
 	uint32_t stuck_s; /* seconds, one after the other, without silence */
 	uint32_t commands;
 	uint32_t scan_us;
+	uint32_t scans;                       /* in which something was answered */
 	struct modbus_histogram transactions; /* from the request to the end of its answer */
 };
 

@@ -143,8 +143,10 @@ static void next_turn(struct modbus_line *line)
 	line->turn = 0;
 	line->probed_in_vain = false;
 	/* Else nothing was answered in it. */
-	if (line->scan_begun && line->scan_ended_ns >= line->scan_began_ns)
+	if (line->scan_begun && line->scan_ended_ns >= line->scan_began_ns) {
 		line->counters.scan_us = (uint32_t)((line->scan_ended_ns - line->scan_began_ns) / NS_PER_US);
+		line->counters.scans++;
+	}
 	line->scan_begun = false;
 }
 

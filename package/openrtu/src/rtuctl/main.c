@@ -21,7 +21,8 @@ enum {
 	TAKES_HISTOGRAM = 8,
 	TAKES_SUGGEST = 16,
 	TAKES_ONCE = 32,
-	TAKES_DRY_RUN = 64
+	TAKES_DRY_RUN = 64,
+	TAKES_SVG = 128
 };
 
 struct command {
@@ -109,6 +110,14 @@ static const struct command commands[] = {
      "stands\n"
      "beside a satellite that is used. Counters count since the module started.\n",
      rtuctl_gps},
+    {"synch", "[TABLE] [--svg FILE]", 0, 1, TAKES_SVG, NULL, "the net: its marking, and who waits for what",
+     "TABLE is modules, places or transitions; without it, all of them. SINCE is how long a module has "
+     "waited\n"
+     "for its transition. DEATHS counts those in a scan, STOOD IN scans that were fired for a dead module, "
+     "LEFT\n"
+     "OUT ends of a line's scans that could not fire, LOST tokens for which a place had no room.\n"
+     "--svg draws the net into FILE: green transitions can fire, a yellow module waits, a red one is dead.\n",
+     rtuctl_synch},
     {"events", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the events that are still kept, oldest first",
      "With --count only the newest N.\n", rtuctl_events},
     {"log", "[--count N]", 0, 0, TAKES_COUNT, NULL, "the modules' log lines that are still kept",
@@ -272,19 +281,13 @@ static bool parse_count(const char *text, struct line *line)
 static int take_option(struct line *line, int argc, char **argv)
 {
 	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},
-	    {"json", no_argument, NULL, 'j'},
-	    {"count", required_argument, NULL, 'c'},
-	    {"select", no_argument, NULL, 's'},
-	    {"pulse", required_argument, NULL, 'p'},
-	    {"histogram", no_argument, NULL, 'g'},
-	    {"suggest", no_argument, NULL, 'u'},
-	    {"once", no_argument, NULL, 'o'},
-	    {"dry-run", no_argument, NULL, 'd'},
-	    {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},
-	    {"completion", no_argument, NULL, 'C'},
-	    {NULL, 0, NULL, 0},
+	    {"map", required_argument, NULL, 'm'},   {"json", no_argument, NULL, 'j'},
+	    {"count", required_argument, NULL, 'c'}, {"select", no_argument, NULL, 's'},
+	    {"pulse", required_argument, NULL, 'p'}, {"histogram", no_argument, NULL, 'g'},
+	    {"suggest", no_argument, NULL, 'u'},     {"once", no_argument, NULL, 'o'},
+	    {"svg", required_argument, NULL, 'v'},   {"dry-run", no_argument, NULL, 'd'},
+	    {"help", no_argument, NULL, 'h'},        {"version", no_argument, NULL, 'V'},
+	    {"completion", no_argument, NULL, 'C'},  {NULL, 0, NULL, 0},
 	};
 
 	switch (getopt_long(argc, argv, "+", options, NULL)) {
@@ -312,6 +315,9 @@ static int take_option(struct line *line, int argc, char **argv)
 		return RTUCTL_DONE;
 	case 'o':
 		line->request.once = true;
+		return RTUCTL_DONE;
+	case 'v':
+		line->request.svg = optarg;
 		return RTUCTL_DONE;
 	case 'd':
 		line->request.dry_run = true;
@@ -361,6 +367,8 @@ static int check_line(const struct line *line)
 		return not_for(line->command, "--suggest");
 	if (line->request.once && !(line->command->takes & TAKES_ONCE))
 		return not_for(line->command, "--once");
+	if (line->request.svg != NULL && !(line->command->takes & TAKES_SVG))
+		return not_for(line->command, "--svg");
 	if (line->request.dry_run && !(line->command->takes & TAKES_DRY_RUN))
 		return not_for(line->command, "--dry-run");
 	if (line->request.json && line->command->takes & TAKES_ONCE)

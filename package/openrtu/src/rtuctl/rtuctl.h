@@ -33,6 +33,7 @@ struct rtuctl_request {
 	bool once;
 	bool dry_run;
 	const char *pulse; /* NULL: none */
+	const char *svg;   /* a file; NULL: none */
 };
 
 /* One command: runs on an attached map and returns an exit code. */
@@ -52,6 +53,7 @@ rtuctl_command rtuctl_histogram; /* lines --histogram */
 rtuctl_command rtuctl_suggest;   /* lines --suggest */
 rtuctl_command rtuctl_gps;
 rtuctl_command rtuctl_iec104;
+rtuctl_command rtuctl_synch;
 rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;
 rtuctl_command rtuctl_log;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The controlled station: its connections, its event queues, what it has counted. */
-#include "rtuctl/rtuctl.h"
+#include "rtuctl/tables.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -11,7 +11,6 @@
 #include "iec104/counters.h"
 #include "map/station.h"
 #include "map/time_ns.h"
-#include "rtuctl/listing.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
@@ -114,64 +113,13 @@ static json_t *counter_rows(const struct map *map)
 	return rows;
 }
 
-static const struct table {
-	const char *name;
-	const struct listing_column *columns;
-	size_t column_count;
-	json_t *(*rows)(const struct map *map);
-} tables[] = {
+static const struct table tables[] = {
     {"connections", connection_columns, COUNT(connection_columns), connection_rows},
     {"queues", queue_columns, COUNT(queue_columns), queue_rows},
     {"counters", counter_columns, COUNT(counter_columns), counter_rows},
 };
 
-static void list(const struct map *map, const struct table *table, bool json)
-{
-	json_t *rows = table->rows(map), *row;
-	struct listing listing;
-	size_t i;
-
-	listing_begin(&listing, table->columns, table->column_count, json);
-	json_array_foreach(rows, i, row)
-	{
-		listing_add(&listing, json_incref(row));
-	}
-	listing_end(&listing);
-	json_decref(rows);
-}
-
-/* One row that has the rows of each table. */
-static void list_all_as_json(const struct map *map)
-{
-	json_t *all = json_object();
-	struct listing listing;
-
-	for (size_t i = 0; i < COUNT(tables); i++)
-		json_object_set_new(all, tables[i].name, tables[i].rows(map));
-	listing_begin(&listing, NULL, 0, true);
-	listing_add(&listing, all);
-	listing_end(&listing);
-}
-
 int rtuctl_iec104(struct map *map, const struct rtuctl_request *request)
 {
-	const char *wanted = request->arguments[0];
-	bool known = wanted == NULL;
-
-	if (wanted == NULL && request->json) {
-		list_all_as_json(map);
-		return RTUCTL_DONE;
-	}
-	for (size_t i = 0; i < COUNT(tables); i++) {
-		if (wanted != NULL && strcmp(wanted, tables[i].name) != 0)
-			continue;
-		known = true;
-		if (wanted == NULL && i > 0)
-			putchar('\n');
-		list(map, &tables[i], request->json);
-	}
-	if (known)
-		return RTUCTL_DONE;
-	fprintf(stderr, "rtuctl: no table %s: expected connections, queues or counters\n", wanted);
-	return RTUCTL_USAGE;
+	return tables_print(map, request, tables, COUNT(tables), "connections, queues or counters");
 }

@@ -106,6 +106,8 @@ static bool may_be_exchanged(const struct change *change, uint32_t module)
 		return refuse(change, kind->fixed, "has changed");
 	if (flags & MAP_MAY_REQUEST)
 		return refuse(change, plan->name, "has changed and may command others");
+	if (flags & MAP_TAKES_PART)
+		return refuse(change, plan->name, "has changed and others wait for it, or it for them");
 	return true;
 }
 

@@ -9,6 +9,7 @@
 #include "modbus/config.h"
 #include "modbus/limit.h"
 #include "rtud/config_parts.h"
+#include "synch/check.h"
 
 static enum config_result out_of_memory(struct rtud_loader *loader)
 {
@@ -127,7 +128,7 @@ int config_check(const char *path, struct config_modules modules, bool requests)
 		       modbus_slave_count(&config), config.point_count);
 		if (journal_settings(&config) != NULL)
 			print_wear(journal_settings(&config));
-		if (!modbus_limit_print(&config, requests, stdout)) {
+		if (!modbus_limit_print(&config, requests, stdout) || !synch_print(&config, stdout)) {
 			fputs("out of memory\n", stderr);
 			result = CONFIG_UNUSABLE;
 		}

@@ -17,7 +17,8 @@
 	KIND(iec104m)                                                                                        \
 	KIND(logic)                                                                                          \
 	KIND(snmp)                                                                                           \
-	KIND(foreign)
+	KIND(foreign)                                                                                        \
+	KIND(synch)
 
 #define DECLARE(name)  extern const struct kind name##_kind;
 #define POINT_TO(name) &name##_kind,

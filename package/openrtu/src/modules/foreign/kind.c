@@ -6,6 +6,7 @@
 #include "foreign/config_part.h"
 #include "foreign/stats.h"
 #include "modules/kind.h"
+#include "synch/config.h"
 
 #define FIRST_USER 21 /* behind those of our own kinds */
 #define MIB        (1024u * 1024u)
@@ -38,6 +39,7 @@ static bool plan(struct map_config *config)
 			return false;
 		if (owns)
 			config->sets[modules[i].set].module = (uint16_t)number;
+		synch_bind(config, modules[i].name, number);
 	}
 	return true;
 }

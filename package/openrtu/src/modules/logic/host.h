@@ -7,6 +7,7 @@
 #include "logic/stats.h"
 #include "map/map.h"
 #include "modules/commanding.h"
+#include "modules/synched.h"
 
 /* A point of the program. */
 struct host_point {
@@ -39,6 +40,7 @@ struct host {
 	struct map *map;
 	const struct logic_instance *instance;
 	struct logic_stats *stats;
+	struct synched synched;
 	struct logic logic;
 	struct host_point *points;     /* of each point of the program */
 	struct host_command *commands; /* of each COMMAND */

@@ -7,8 +7,9 @@
 #include "logic/stats.h"
 #include "modules/calls.h"
 #include "modules/kind.h"
+#include "modules/users.h"
+#include "synch/config.h"
 
-#define LAST_USER 13 /* gps has 15, iec104m 14 */
 /* A program never holds its module up for longer than its budget, which is some 500 ms on the board at most. */
 #define HEARTBEAT_LIMIT_MS 1000
 
@@ -19,24 +20,6 @@ static const struct kind_program program = {
     .calls = calls,
     .call_count = sizeof(calls) / sizeof(calls[0]),
 };
-
-static bool is_taken(const struct map_config *config, uint32_t user)
-{
-	for (uint32_t i = 0; i < config->module_count; i++)
-		if (config->modules[i].user == user)
-			return true;
-	return false;
-}
-
-/* The highest that no module has: all others count up, and a map has too few modules for the two to meet. */
-static uint32_t free_user(const struct map_config *config)
-{
-	uint32_t user = LAST_USER;
-
-	while (user > 1 && is_taken(config, user))
-		user--;
-	return user;
-}
 
 static bool plan(struct map_config *config)
 {
@@ -61,6 +44,7 @@ static bool plan(struct map_config *config)
 		if (instances[i].module == MAP_NONE)
 			return false;
 		config->sets[instances[i].set].module = (uint16_t)instances[i].module;
+		synch_bind(config, instances[i].name, instances[i].module);
 	}
 	return true;
 }

@@ -19,6 +19,9 @@
 
 static struct host host;
 
+/* What the net has been asked, and not answered yet. */
+static enum { ASKED_NOTHING, ASKED_BEGIN, ASKED_END } asked;
+
 /* What the log has said of faults. */
 static struct {
 	uint32_t counted;
@@ -85,6 +88,9 @@ static void scan(int64_t now_ns, const struct logic_times *times)
 static int64_t next_scan(int64_t due_ns, int64_t begun_ns)
 {
 	const int64_t period_ns = host.instance->period_ms * NS_PER_MS;
+
+	if (!host.instance->period_given && synched_waits(&host.synched))
+		return begun_ns;
 	int64_t now_ns = map_now_ns(), earliest_ns = now_ns + (now_ns - begun_ns);
 	int64_t periods = 1;
 
@@ -94,13 +100,53 @@ static int64_t next_scan(int64_t due_ns, int64_t begun_ns)
 	return due_ns + periods * period_ns;
 }
 
+/* ---- the net ----------------------------------------------------------------------------- */
+
+/* Nothing here waits: requests are served meanwhile. */
+static bool may_scan(void)
+{
+	if (asked == ASKED_NOTHING && synched_waits(&host.synched)) {
+		synched_ask_begin(&host.synched);
+		asked = ASKED_BEGIN;
+	}
+	if (asked == ASKED_BEGIN && synched_answer(&host.synched) != SYNCH_OPEN) {
+		asked = ASKED_NOTHING;
+		return true;
+	}
+	return asked == ASKED_NOTHING;
+}
+
+static void end_scan(void)
+{
+	if (synched_ask_end(&host.synched))
+		asked = ASKED_END;
+}
+
+static void hear_net(void)
+{
+	if (asked == ASKED_END && synched_answer(&host.synched) != SYNCH_OPEN)
+		asked = ASKED_NOTHING;
+}
+
+/* One that the net lets begin has a period only if the file says so; periods that it waits for others are not late. */
+static int64_t due_now(int64_t due_ns, int64_t now_ns)
+{
+	const int64_t period_ns = host.instance->period_ms * NS_PER_MS;
+
+	if (!synched_waits(&host.synched) || now_ns < due_ns + period_ns)
+		return due_ns;
+	return due_ns + (now_ns - due_ns) / period_ns * period_ns;
+}
+
 /* ---- the loop ---------------------------------------------------------------------------- */
 
 static int pause_ms(int64_t due_ns)
 {
 	int64_t left_ms = (due_ns - map_now_ns() + NS_PER_MS - 1) / NS_PER_MS;
 
-	return left_ms < 0 ? 0 : left_ms < BEAT_MS ? (int)left_ms : BEAT_MS;
+	if (left_ms <= 0)
+		return asked == ASKED_NOTHING ? 0 : BEAT_MS; /* an answer rings the bell */
+	return left_ms < BEAT_MS ? (int)left_ms : BEAT_MS;
 }
 
 static void run(int stop)
@@ -115,13 +161,15 @@ static void run(int stop)
 		map_heartbeat(host.map);
 		map_bell_clear(host.map);
 		now_ns = map_now_ns();
+		hear_net();
 		requests_take(&host, now_ns);
-		if (now_ns >= due_ns) {
+		if (now_ns >= due_ns && may_scan()) {
 			struct logic_times times = times_of(now_ns, begun_ns, last_ns);
 
 			scan(now_ns, &times);
 			last_ns = now_ns;
-			due_ns = next_scan(due_ns, now_ns);
+			due_ns = next_scan(due_now(due_ns, now_ns), now_ns);
+			end_scan();
 			map_heartbeat(host.map);
 		}
 		if (poll(waited, 2, pause_ms(due_ns)) > 0 && waited[0].revents != 0)
@@ -214,6 +262,7 @@ static bool start(void)
 	link_blocks();
 	kept_restore(&host);
 	name_counters();
+	synched_begin(&host.synched, host.map, host.instance->name);
 	return true;
 }
 

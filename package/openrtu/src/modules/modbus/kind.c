@@ -8,6 +8,7 @@
 #include "modbus/stats.h"
 #include "modules/calls.h"
 #include "modules/kind.h"
+#include "synch/config.h"
 
 #define FIRST_USER 3 /* those before are of modules that there is one of */
 
@@ -50,6 +51,7 @@ static bool plan(struct map_config *config)
 
 	for (uint32_t i = 0; i < modbus_port_count(config); i++) {
 		uint32_t before = config->module_count, number;
+		char line[MAP_NAME_SIZE];
 
 		snprintf(module.name, sizeof(module.name), "rtu-modbus-%u", modbus_ports(config)[i].process);
 		module.section_size = (uint32_t)modbus_stats_size(config, modbus_ports(config)[i].process);
@@ -59,6 +61,8 @@ static bool plan(struct map_config *config)
 			return false;
 		modbus_ports(config)[i].module = (uint16_t)number;
 		module.user += config->module_count - before;
+		snprintf(line, sizeof(line), "line%u", modbus_ports(config)[i].port);
+		synch_bind(config, line, number);
 	}
 	for (uint32_t i = 0; i < modbus_slave_count(config); i++)
 		config->sets[i].module = modbus_ports(config)[modbus_slaves(config)[i].port].module;

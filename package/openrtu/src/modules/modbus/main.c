@@ -26,16 +26,24 @@
 #include "modules/modbus/port.h"
 #include "modules/modbus/quality.h"
 #include "modules/module.h"
+#include "modules/synched.h"
 
 #define STOP_NS      (2 * NS_PER_S) /* rtud waits 3 s */
 #define HEARTBEAT_NS (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)
 #define EPOLL_EVENTS 16
+
+/* What the net is told of a line's scans, if it wants to know. */
+struct line_scans {
+	struct synched synched;
+	uint32_t told;
+};
 
 struct gateway {
 	struct map *map;
 	const struct map_config *config;
 	struct port *ports;           /* one for each line of this process */
 	struct line_results *results; /* of these lines */
+	struct line_scans *scans;
 	uint32_t port_count;
 	struct commands commands;
 	struct quality quality;
@@ -128,6 +136,7 @@ static void *allocate(size_t count, size_t size)
 static void set_up_port(struct gateway *gateway, uint32_t number, const char *directory)
 {
 	struct port *port = &gateway->ports[gateway->port_count];
+	char name[MAP_NAME_SIZE];
 	struct line_results *results = &gateway->results[gateway->port_count];
 
 	port_init(port, gateway->map, number, directory, gateway->epoll_fd);
@@ -143,6 +152,8 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 	if (!modbus_line_configure(&port->line, gateway->config, number))
 		out_of_memory();
 	modbus_name_counters(gateway->map, number);
+	snprintf(name, sizeof(name), "line%u", port->config->port);
+	synched_begin(&gateway->scans[gateway->port_count].synched, gateway->map, name);
 	gateway->port_count++;
 }
 
@@ -162,6 +173,7 @@ static void set_up_ports(struct gateway *gateway, const char *directory)
 		gateway->exponents[i] = convert_first_exponent(&modbus_points(config)[i]);
 	gateway->ports = allocate(modbus_port_count(config), sizeof(*gateway->ports));
 	gateway->results = allocate(modbus_port_count(config), sizeof(*gateway->results));
+	gateway->scans = allocate(modbus_port_count(config), sizeof(*gateway->scans));
 	for (uint32_t i = 0; i < modbus_port_count(config); i++)
 		if (modbus_ports(config)[i].module == map_self(gateway->map))
 			set_up_port(gateway, i, directory);
@@ -190,6 +202,7 @@ static void release_ports(struct gateway *gateway)
 		modbus_line_release(&gateway->ports[i].line);
 	free(gateway->ports);
 	free(gateway->results);
+	free(gateway->scans);
 	free(gateway->updates);
 	free(gateway->exponents);
 	free(gateway->quality.points);
@@ -287,6 +300,17 @@ static void beat(struct gateway *gateway, int64_t now_ns)
 		line_counters_show(&gateway->ports[i]);
 }
 
+/* Whoever scans behind this line may begin. */
+static void tell_scan(struct gateway *gateway, uint32_t port)
+{
+	struct line_scans *scans = &gateway->scans[port];
+
+	if (gateway->ports[port].line.counters.scans == scans->told)
+		return;
+	scans->told = gateway->ports[port].line.counters.scans;
+	synched_ended(&scans->synched);
+}
+
 static void take_turn(struct gateway *gateway)
 {
 	int64_t now_ns = map_now_ns();
@@ -294,8 +318,10 @@ static void take_turn(struct gateway *gateway)
 	beat(gateway, now_ns);
 	commands_run(&gateway->commands, now_ns);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
-		if (now_ns >= gateway->ports[i].deadline_ns)
+		if (now_ns >= gateway->ports[i].deadline_ns) {
 			port_serve(&gateway->ports[i], gateway->due_ns);
+			tell_scan(gateway, i);
+		}
 	arm_timer(gateway);
 	wait_and_take(gateway);
 }
