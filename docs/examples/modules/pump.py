@@ -6,5 +6,5 @@ with Module() as module:
     on = False
     for _ in module.scans():
         level = module["tank.level"]
-        on = level.value < (module.config["high"] if on else module.config["low"])
+        on = level.value < module.config["high" if on else "low"] if level.good else on
         module["pump"] = on  # as good as the level that it was computed from
