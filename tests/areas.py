@@ -95,7 +95,7 @@ REACH = [
     ("scripts/lab/vehicles.py", "lint test-centre"),
     ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
-    ("scripts/logic/*", "tests/test_logic*.py tests/test_docs_commands.py"),
+    ("scripts/logic/*", "tests/test_logic*.py tests/test_synch.py tests/test_docs_commands.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/openrtu-logic", "lint tests/test_logic.py"),
     ("scripts/lab/twin_show.py", "test-twin"),

@@ -399,6 +399,7 @@ SYMBOLS = [
     "scan_end",
     "selection_next",
     "selection_refuse",
+    "synch",
     "version",
     "wait",
     "wall_ns",

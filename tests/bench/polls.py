@@ -297,9 +297,9 @@ def main() -> int:
         return 1
     text = f"{head}\n\n{table(found)}\n\n{each_second}\n"
     arguments.output.mkdir(parents=True, exist_ok=True)
-    (arguments.output / "polls.md").write_text(text)
+    (arguments.output / "polls.txt").write_text(text)
     (arguments.output / "polls.svg").write_text(picture(found))
-    print(f"\n{text}\nAlso in {arguments.output}/polls.md; the picture: polls.svg.")
+    print(f"\n{text}\nAlso in {arguments.output}/polls.txt; the picture: polls.svg.")
     return 0
 
 

@@ -73,6 +73,7 @@ def test_users_are_those_of_the_buildroot_package(etc: Path) -> None:
         "openrtu": ("61200", "61200", "/bin/false"),
         "rtu-iec104": ("61201", "61200", "/bin/false"),
         "rtu-modbus": ("61203", "61200", "/bin/false"),
+        "rtu-snmp": ("61216", "61200", "/bin/false"),
         "rtu-gps": ("61215", "61200", "/bin/false"),
     }
     groups = (etc / "group").read_text()

@@ -241,12 +241,14 @@ void openrtu_scan_end(struct openrtu *rtu)
 static bool publish_retained(struct openrtu *rtu, uint32_t own)
 {
 	const uint32_t number = rtu->input_count + own;
-	const struct map_sample *sample = &rtu->samples[number];
+	struct map_sample sample = rtu->samples[number];
 
 	if (!(map_config(rtu->map)->points[rtu->points[number]].flags & MAP_POINT_RETAIN) ||
-	    sample->time_ns == 0)
+	    sample.time_ns == 0)
 		return false;
-	put(rtu, (int)number, *sample);
+	sample.time_ns =
+	    rtu->now_ns; /* it is true again from now on: its end as invalid has a time before this one */
+	put(rtu, (int)number, sample);
 	rtu->updates[own].event_rule = MAP_EVENT_ALWAYS;
 	rtu->updates[own].flags = MAP_UPDATE_KEEPS_VALUE; /* of a counter, it is the reading already */
 	return true;
