@@ -5,14 +5,15 @@ import * as live from "./live.js";
 import { quality, valueText } from "./quality.js";
 import { t, time } from "./words.js";
 
-const ACCEPTED = 2, INTERRUPTION = 4, INTERRUPTED = 5, EXECUTION = 6, EXECUTING = 7;
-const ENDED = [3, 5, 8, 9];
+// Of map_command_state, in package/openrtu/src/map/map.h.
+const SELECTION = 1, ACCEPTED = 2, INTERRUPTION = 4, INTERRUPTED = 5, EXECUTION = 6, EXECUTED = 9;
+const ENDED = [3, INTERRUPTED, 8, EXECUTED];
 const REFUSED = 2, TIMEOUT = 3, UNKNOWN_FATE = 9;
 const CHOICES = { single: [0, 1], double: [1, 2], step: [-1, 1] };
 
 // How it ended: {kind, head, more}
 export function fate(command) {
-  if (command.state === 9) return { kind: "good", head: t("fate_done"), more: t("fate_done_more") };
+  if (command.state === EXECUTED) return { kind: "good", head: t("fate_done"), more: t("fate_done_more") };
   if (command.result === UNKNOWN_FATE) return { kind: "old", head: t("fate_unknown"), more: t("fate_unknown_more") };
   if (command.result === TIMEOUT) return { kind: "old", head: t("fate_timeout"), more: t("fate_timeout_more") };
   if (command.result === REFUSED) return { kind: "bad", head: t("fate_refused"), more: t("fate_refused_more", { cause: command.cause }) };
@@ -22,7 +23,10 @@ export function fate(command) {
 
 export function stateText(command) {
   if (ENDED.includes(command.state)) return fate(command).head;
-  return t({ 1: "step_selecting", 2: "step_selected", 4: "step_cancelling" }[command.state] ?? "step_executing");
+  const steps = {
+    [SELECTION]: "step_selecting", [ACCEPTED]: "step_selected", [INTERRUPTION]: "step_cancelling", [EXECUTION]: "step_execution",
+  };
+  return t(steps[command.state] ?? "step_executing");
 }
 
 function outcome({ kind, head, more }) {
