@@ -553,3 +553,24 @@ def test_a_line_that_dies_leaves_no_command_open(site: Site) -> None:
     site.desk.gateway.kill("rtu-modbus-1")
     assert site.states_told(before, 2)[-1] == INTERRUPTED
     site.desk.wait_all_good(1010)
+
+
+# ---- a changed configuration ---------------------------------------------------------------------
+
+
+def test_the_configuration_does_not_change_below_the_agent(site: Site) -> None:
+    """It knows points by their numbers, which a change moves."""
+    config = json.loads(site.desk.gateway.config_file.read_text())
+    file = site.folder / "changed.json"
+
+    def reload() -> str:
+        file.write_text(json.dumps(config))
+        command = [*site.desk.gateway.rtuctl, "reload", "--dry-run", file]
+        return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True).stdout
+
+    assert "nothing changes" in reload()
+    config["snmp"]["rate"] -= 1
+    assert "snmp has changed: this needs a restart of rtud" in reload()
+    config["snmp"]["rate"] += 1
+    config["port"][0]["slaves"].pop()
+    assert "rtu-snmp does not follow a change: this needs a restart of rtud" in reload()

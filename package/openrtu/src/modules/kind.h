@@ -55,6 +55,7 @@ struct kind {
 	uint32_t (*reads)(const struct map_config *config, const char *module, uint32_t i);
 	const char *
 	    fixed; /* the key of what only rtud's restart changes; NULL: its modules change while rtud runs */
+	bool rigid;        /* while there is one of its modules, nothing changes: they do not follow */
 	const char *group; /* a further one of its processes, by name; NULL: none */
 	/*
 	 * Opens what its user may not, as a socket with a privileged port: in the new process, before that gives up rtud's

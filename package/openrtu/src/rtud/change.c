@@ -111,13 +111,24 @@ static bool may_be_exchanged(const struct change *change, uint32_t module)
 	return true;
 }
 
+static bool follows(const struct change *change, uint32_t module)
+{
+	const struct map_module_plan *plan = &change->now->modules[module];
+
+	return (plan->flags & MAP_IS_GONE) || !kinds_find(plan->kind)->rigid ||
+	       refuse(change, plan->name, "does not follow a change");
+}
+
 static bool is_possible(const struct change *change)
 {
+	const uint32_t changed = change->exchanged | change->added | change->gone;
 	bool possible = settings_are_kept(change);
 
 	for (uint32_t i = 0; i < change->now->module_count; i++)
-		if ((change->exchanged | change->added | change->gone) & 1u << i)
+		if (changed & 1u << i)
 			possible &= may_be_exchanged(change, i);
+		else if (changed != 0)
+			possible &= follows(change, i);
 	return possible;
 }
 

@@ -110,11 +110,10 @@ static void begin(struct map *map, uid_t user, gid_t group)
 		give_keys(map, settings->keys, user, group);
 }
 
-/* It keeps the events' numbers and the sinks' places by the numbers that points and sets have: no change leaves them so. */
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
-	(void)a, (void)b, (void)module, (void)name;
-	return false;
+	(void)module, (void)name;
+	return memcmp(snmp_settings(a), snmp_settings(b), sizeof(struct snmp_settings)) == 0;
 }
 
 const struct kind snmp_kind = {
@@ -127,4 +126,5 @@ const struct kind snmp_kind = {
     .open = open_socket,
     .same = same,
     .fixed = "snmp",
+    .rigid = true, /* its events' numbers and its sinks' places are by the numbers of points and sets */
 };
