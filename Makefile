@@ -18,6 +18,7 @@ LOGGED  := @scripts/logged.sh
 
 PACKAGES := build/packages.done
 VENV     := .venv/done
+TESTED   := .venv/tests.done
 SYSROOT  := build/arm-sysroot/done
 
 # A target's line ends with its group and what it does: `## Build: ...`.
@@ -34,7 +35,7 @@ help: ## Maintain: show this list
 
 # ---- what is needed ------------------------------------------------------------------------------
 
-setup: $(PACKAGES) $(VENV) ## Maintain: bring what is missing: Debian packages, Python packages into .venv
+setup: $(PACKAGES) $(TESTED) ## Maintain: bring what is missing: Debian packages, Python packages into .venv
 
 build/%.done: scripts/%.txt scripts/setup-packages.sh
 	@scripts/setup-packages.sh $<
@@ -42,6 +43,10 @@ build/%.done: scripts/%.txt scripts/setup-packages.sh
 
 $(VENV): requirements.txt scripts/setup-python.sh | $(PACKAGES)
 	@scripts/setup-python.sh $(@D) $<
+	@touch $@
+
+$(TESTED): requirements-tests.txt $(VENV)
+	$(LOGGED) python-tests $(PYTHON) -m pip install --disable-pip-version-check --requirement $<
 	@touch $@
 
 $(SYSROOT): scripts/setup-sysroot.sh | $(PACKAGES)
@@ -377,35 +382,35 @@ test-quick: $(VENV) ## Test: three minutes: lint, C unit tests, the quick half o
 # Nothing on the emulated board is quick, and each worker would read these files.
 .PHONY: .quick
 .quick: WORKERS := 4
-.quick: build $(VENV)
+.quick: build $(TESTED)
 	$(PYTEST) --ignore=tests/linux --ignore=tests/twin -m "not slow and not soak"
 
 # One area: all of it, or FILES='tests/…'.
 FILES :=
 AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
-test-station: build $(VENV) ## Test: the controlled station: IEC 104 and TLS
-test-lines: build $(VENV) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done $(VENV) ## Test: the gateway as a whole, its configuration, the tree
-test-bench: build $(VENV) ## Test: what make bench measures with
-test-pins: $(VENV) ## Test: nuc980-pins
-test-image: $(VENV) ## Test: the images' configuration and what makes them
-test-netboot: build qemu uboot $(VENV) ## Test: nuc980-netboot
-test-twin: qemu uboot $(VENV) ## Test: the emulated board alone
-test-centre: build centre-page build/packages-centre.done $(VENV) ## Test: the control centre, its page in a browser
+test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
+test-lines: build $(TESTED) ## Test: the Modbus lines
+test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-bench: build $(TESTED) ## Test: what make bench measures with
+test-pins: $(TESTED) ## Test: nuc980-pins
+test-image: $(TESTED) ## Test: the images' configuration and what makes them
+test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
+test-twin: qemu uboot $(TESTED) ## Test: the emulated board alone
+test-centre: build centre-page build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser
 test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre:
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(VENV) ## Test: Linux on the emulated board
+test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(TESTED) ## Test: Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
 
-test-sanitizers: build .asan $(VENV) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
+test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done $(VENV) ## Test: all of pytest but Linux on the emulated board
+test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
@@ -436,7 +441,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux image-debian build/swupdate/done $(VENV) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
+soak: build qemu uboot linux image-debian build/swupdate/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
