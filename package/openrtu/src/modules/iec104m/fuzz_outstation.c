@@ -131,11 +131,6 @@ void map_command_finish(struct map *map, uint32_t point, enum map_command_result
 
 /* ---- links without sockets ---------------------------------------------------------------- */
 
-static unsigned number_of(const struct link *link)
-{
-	return (unsigned)(link - outstation.links);
-}
-
 bool link_init(struct link *link, const struct iec104_outstation *of, unsigned number,
 	       const struct iec104_controlling_settings *settings,
 	       const struct iec104_controlling_listener *listener)
