@@ -22,6 +22,7 @@ SOURCES = ROOT / "package/openrtu/src"
 EVERYWHERE = {
     "rtud",
     "rtuctl",
+    "rtuctl.bash",
     "rtu-gps",
     "rtu-logic",
     "rtu-synch",
