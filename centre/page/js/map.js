@@ -268,6 +268,7 @@ export function showMap(main) {
   map.on("click", "marks", (event) => choose(event.features[0].properties.id));
   map.on("mouseenter", "marks", () => (map.getCanvas().style.cursor = "pointer"));
   map.on("mouseleave", "marks", () => (map.getCanvas().style.cursor = ""));
+  map.on("movestart", (event) => { if (event.originalEvent) shown = true; }); // the user's place is kept
   map.on("dragstart", () => { if (chosen.follow) { chosen.follow = false; update(); } });
   search.addEventListener("input", update);
   const themed = () => { ready = false; map.setStyle(style(), { diff: false }); map.once("style.load", dress); };
