@@ -25,6 +25,7 @@ TARGETS = {  # by the name of its corpus: the program
     "config": "rtud/fuzz_config",
     "centre": "centre/fuzz_centre",
     "journal": "journal/fuzz_journal",
+    "goose": "goose/fuzz_goose",
     "nmea": "gps/fuzz_nmea",
     "gpsd": "gps/fuzz_gpsd",
     "logic": "logic/fuzz_logic",

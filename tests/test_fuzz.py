@@ -19,6 +19,7 @@ RUNS = {
     "config": 3_000,
     "centre": 400_000,
     "journal": 1_700,
+    "goose": 300_000,
     "nmea": 40_000,
     "gpsd": 100_000,
     "logic": 100_000,

@@ -20,6 +20,7 @@ MODULES = {
     "rtu-iec104",
     "rtu-iec104-tls",
     "rtu-journal",
+    "rtu-goose",
     "rtu-gps",
     "rtu-logic",
     "rtu-104m",

@@ -252,6 +252,7 @@ ROOMS = [
     "channel",
     "config",
     "foreign",
+    "goose",
     "gps",
     "iec104",
     "journal",
@@ -266,6 +267,7 @@ ROOMS = [
     "synch",
 ]
 ROOMS += [
+    "modules/goose",
     "modules/gps",
     "modules/iec104",
     "modules/iec104m",
@@ -282,7 +284,7 @@ DEFINITION = re.compile(
 )
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
-OF_ONE_KIND = ["gps", "iec104", "journal", "logic", "modbus", "snmp", "synch"]
+OF_ONE_KIND = ["goose", "gps", "iec104", "journal", "logic", "modbus", "snmp", "synch"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:
