@@ -418,22 +418,26 @@ test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
 	$(PYTHON) tests/changed.py $(BASE)
 
-# The kernels and the image are built while the first parts run, in the time that their tests wait, and give way to them
-# (nice). What both need is built before, by one make.
-SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini
-ONLY_LINUX := linux linux-debug image-debian build/swupdate/done lab
-PARTS      := lint unit asan cross fuzzers test-sanitizers test-native test-linux
+# Two halves run beside each other, for each waits in the time in which the other computes: the gateway and the tools; the
+# kernels, the images and what runs on them. What both need is built before, by one make. Of the downloads and the
+# configuring, which wait as well, two run at a time.
+SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
+  build/gpsd/done build/mibs/done
+ONLY_LINUX := linux linux-debug build/swupdate/done $(SYSTEM_PARTS) build/root/gateway-tls.done
+PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
-test: $(VENV) ## Test: all but soak, an hour on two cores; then what it cost and what failed
+test: $(VENV) ## Test: all but soak; then what it cost and what failed
 	rm -rf build/times
-	mkdir -p build/log; failed=; $(MAKE) $(SHARED) || failed+=" build"; \
-	nice $(MAKE) $(ONLY_LINUX) > build/log/test-linux-build.log 2>&1 & linux=$$!; \
-	trap 'kill $$linux 2> /dev/null || true' EXIT; \
-	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
+	mkdir -p build/log; failed=; $(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; \
+	set -m; { nice -n 5 $(MAKE) --jobs 2 $(ONLY_LINUX) && nice -n 5 $(MAKE) image-debian lab && $(MAKE) test-linux; } \
+	  > build/log/test-linux.log 2>&1 & linux=$$!; set +m; \
+	trap 'kill -- -$$linux 2> /dev/null || true' EXIT; \
+	echo "test: test-linux, and what it needs, runs beside the other parts; log: build/log/test-linux.log"; \
 	for part in $(PARTS); do \
-	  [ $$part != test-linux ] || wait $$linux || tail -n 40 build/log/test-linux-build.log; \
 	  $(MAKE) $$part || failed+=" $$part"; \
 	done; \
+	echo "test: waits for test-linux"; \
+	wait $$linux || failed+=" test-linux"; cat build/log/test-linux.log; \
 	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
