@@ -378,7 +378,7 @@ WORKERS := 3
 PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
-test-quick: $(VENV) ## Test: four minutes: lint, C unit tests, the quick half of pytest
+test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in some minutes
 	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
 
 # Nothing on the emulated board is quick, and each worker would read these files.
