@@ -65,7 +65,7 @@ static const struct command commands[] = {
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
      "flash.\n",
      rtuctl_modules},
-    {"module", "NAME stop|start|restart", 2, 2, 0, "rtuctl", "stop, start or restart a module's process",
+    {"module", "MODULE stop|start|restart", 2, 2, 0, "rtuctl", "stop, start or restart a module's process",
      "A module that was stopped stays so until it is started, or rtud is; its points are invalid meanwhile. "
      "The exit\n"
      "code is 0 only when it came about.\n",
@@ -173,11 +173,15 @@ static const char *lister_of(const struct command *command, const char *word, si
 		const char *word, *lister;
 	} placeholders[] = {
 	    {"PATTERN", "points"}, {"NAME", "points"}, {"MODULE", "modules"}, {"RECEIVER", "gps"}};
+	const char *lister = NULL;
 
 	for (size_t i = 0; i < COUNT(placeholders); i++)
 		if (strlen(placeholders[i].word) == size && strncmp(placeholders[i].word, word, size) == 0)
-			return command->module != NULL ? "commands" : placeholders[i].lister;
-	return NULL;
+			lister = placeholders[i].lister;
+	/* Who sends commands names a point that takes them. */
+	if (command->module != NULL && lister != NULL && strcmp(lister, "points") == 0)
+		lister = "commands";
+	return lister;
 }
 
 /* What is no placeholder is to be typed as it stands there. */
