@@ -338,8 +338,14 @@ check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own
 $(IMAGES:%=build/%/images/manifest.json): build/%/images/manifest.json: build/%/.config FORCE
 	$(LOGGED) $* $(call buildroot,$*)
 
-$(IMAGES:%=build/%/.config): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+$(patsubst %,build/%/.config,$(filter-out %-development,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
+
+# What development needs besides. Never the image of a station: its name says so wherever it is shown.
+build/%-development/.config: configs/%_defconfig configs/parts/development.config $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+	@mkdir -p $(@D)
+	cat $(wordlist 1,2,$^) > $(@D)/$*-development_defconfig
+	$(call buildroot,$*-development) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-development_defconfig defconfig
 
 build/buildroot/Makefile: configs/kas.yml | $(VENV)
 	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \
