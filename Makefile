@@ -233,6 +233,7 @@ SYSTEM_PARTS := build/linux/done build/busybox/done build/chrony/done build/root
 
 # A site with certificates takes updates.
 SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update.pem),build/swupdate/done))
+SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update-server),build/curl/done))
 
 image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
 	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
@@ -250,6 +251,10 @@ build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/b
 
 build/swupdate/done: scripts/build-swupdate.sh board/nuc980/swupdate.config build/swupdate/debian.dsc | $(SYSROOT)
 	$(LOGGED) swupdate scripts/build-swupdate.sh build/swupdate/debian $(@D)
+	@touch $@
+
+build/curl/done: scripts/build-curl.sh build/curl/debian.dsc | $(SYSROOT)
+	$(LOGGED) curl scripts/build-curl.sh build/curl/debian $(@D)
 	@touch $@
 
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
@@ -408,7 +413,7 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(TESTED) ## Test: Linux on the emulated board
+test-linux: linux linux-debug image-debian build/swupdate/done build/curl/done lab qemu uboot $(TESTED) ## Test: Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
@@ -425,7 +430,7 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 # The kernels and the image are built while the first parts run, in the time that their tests wait, and give way to them
 # (nice). What both need is built before, by one make.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini
-ONLY_LINUX := linux linux-debug image-debian build/swupdate/done lab
+ONLY_LINUX := linux linux-debug image-debian build/swupdate/done build/curl/done lab
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native test-linux
 
 test: $(VENV) ## Test: all but soak, an hour on two cores; then what it cost and what failed
@@ -447,7 +452,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux image-debian build/swupdate/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
+soak: build qemu uboot linux image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------

@@ -137,6 +137,7 @@ REACH = [
     ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
     ("tests/peers/outstation.py", "tests/test_outstations.py tests/test_centre.py"),
     ("tests/peers/snmp.py", "tests/test_snmp.py"),
+    ("tests/peers/ddi.py", "tests/image/test_pull.py tests/linux/test_update_board.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
