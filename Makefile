@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -329,6 +329,9 @@ savedefconfig: build/$(IMAGE)/.config
 	$(BUILDROOT) $@ BR2_DEFCONFIG=$(CURDIR)/build/$(IMAGE)/saved
 	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
 	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
+
+newer: $(VENV) ## Maintain: newer patch releases of Linux, PREEMPT_RT and Buildroot (WRITE=1: move to them)
+	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
 
 sbom: build/$(IMAGE)/.config $(VENV)
 	$(BUILDROOT) --silent show-info > build/$(IMAGE)/show-info.json
