@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -235,6 +235,7 @@ SYSTEM_PARTS := build/linux/done build/busybox/done build/chrony/done build/root
 
 # A site with certificates takes updates.
 SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update.pem),build/swupdate/done))
+SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update-server),build/curl/done))
 
 image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
 	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
@@ -252,6 +253,10 @@ build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/b
 
 build/swupdate/done: scripts/build-swupdate.sh board/nuc980/swupdate.config build/swupdate/debian.dsc | $(SYSROOT)
 	$(LOGGED) swupdate scripts/build-swupdate.sh build/swupdate/debian $(@D)
+	@touch $@
+
+build/curl/done: scripts/build-curl.sh build/curl/debian.dsc | $(SYSROOT)
+	$(LOGGED) curl scripts/build-curl.sh build/curl/debian $(@D)
 	@touch $@
 
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
@@ -327,6 +332,9 @@ savedefconfig: build/$(IMAGE)/.config
 	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
 	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
 
+newer: $(VENV) ## Maintain: newer patch releases of Linux, PREEMPT_RT and Buildroot (WRITE=1: move to them)
+	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
+
 sbom: build/$(IMAGE)/.config $(VENV)
 	$(BUILDROOT) --silent show-info > build/$(IMAGE)/show-info.json
 	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name $(IMAGE) --project-version $(file < $(SRC)/VERSION) \
@@ -340,8 +348,14 @@ check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own
 $(IMAGES:%=build/%/images/manifest.json): build/%/images/manifest.json: build/%/.config FORCE
 	$(LOGGED) $* $(call buildroot,$*)
 
-$(IMAGES:%=build/%/.config): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+$(patsubst %,build/%/.config,$(filter-out %-development,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
+
+# What development needs besides. Never the image of a station: its name says so wherever it is shown.
+build/%-development/.config: configs/%_defconfig configs/parts/development.config $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+	@mkdir -p $(@D)
+	cat $(wordlist 1,2,$^) > $(@D)/$*-development_defconfig
+	$(call buildroot,$*-development) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-development_defconfig defconfig
 
 build/buildroot/Makefile: configs/kas.yml | $(VENV)
 	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \
@@ -404,7 +418,7 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(TESTED) ## Test: Linux on the emulated board
+test-linux: linux linux-debug image-debian build/swupdate/done build/curl/done lab qemu uboot $(TESTED) ## Test: Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
@@ -423,7 +437,7 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 # configuring, which wait as well, two run at a time.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/mibs/done
-ONLY_LINUX := linux linux-debug build/swupdate/done $(SYSTEM_PARTS) build/root/gateway-tls.done
+ONLY_LINUX := linux linux-debug build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
 test: $(VENV) ## Test: all but soak; then what it cost and what failed
@@ -447,7 +461,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux image-debian build/swupdate/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
+soak: build qemu uboot linux image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------

@@ -119,6 +119,7 @@ REACH = [
     ("scripts/build-*.sh", "test-linux"),
     ("scripts/debian-package.sh", "test-linux test-bench"),
     ("scripts/no-buildroot.sh", "test-image"),
+    ("scripts/release-files.sh", "test-image"),
     ("scripts/setup-sysroot.sh", "cross test-linux"),
     ("scripts/armel.ini", "cross test-linux"),
     # the board
@@ -139,6 +140,7 @@ REACH = [
     ("tests/peers/outstation.py", "tests/test_outstations.py tests/test_centre.py"),
     ("tests/peers/goose.py", "tests/test_goose.py"),
     ("tests/peers/snmp.py", "tests/test_snmp.py"),
+    ("tests/peers/ddi.py", "tests/image/test_pull.py tests/linux/test_update_board.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
