@@ -351,6 +351,25 @@ def test_pulse_under_way_ends_before_its_line_is_exchanged(site: Site) -> None:
     assert written(site, address, mark) == [1, 0]
 
 
+def test_who_watches_sees_what_comes(site: Site) -> None:
+    """`rtuctl watch` follows a changed line, whose segment is another, and an added one."""
+    command = [*site.gateway.rtuctl, "--json", "watch"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as watch:
+        assert watch.stdout
+        ioa, seen = 30001 + first_input(site, CHANGED_DEVICE), set()
+        assert site.reload(reduced(site.config, *SMALL, "2.20", "3.67"))[0] == 0
+        site.set_and_scan(CHANGED_DEVICE, "input_registers", ioa - 30001, [77])
+        while not {(CHANGED_CA, 77), (OWN_LINE_CA, None), (NEW_CA, None)} <= seen:
+            row = json.loads(watch.stdout.readline())
+            seen.add(
+                (
+                    row.get("ca"),
+                    row["value"] if (row.get("ca"), row.get("ioa")) == (CHANGED_CA, ioa) else None,
+                )
+            )
+        watch.terminate()
+
+
 # ---- what breaks ------------------------------------------------------------------------------------
 
 
