@@ -353,21 +353,27 @@ def test_pulse_under_way_ends_before_its_line_is_exchanged(site: Site) -> None:
 
 def test_who_watches_sees_what_comes(site: Site) -> None:
     """`rtuctl watch` follows a changed line, whose segment is another, and an added one."""
-    command = [*site.gateway.rtuctl, "--json", "watch"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as watch:
-        assert watch.stdout
-        ioa, seen = 30001 + first_input(site, CHANGED_DEVICE), set()
+    told = site.gateway.directory / "watched"
+    ioa = 30001 + first_input(site, CHANGED_DEVICE)
+    before = site.gateway.points()
+    (name,) = [n for n, row in before.items() if (row["ca"], row["ioa"]) == (CHANGED_CA, ioa)]
+
+    def is_told() -> bool:
+        rows = [
+            json.loads(line) for line in told.read_text().splitlines(keepends=True) if line.endswith("\n")
+        ]
+        news = {row["name"] for row in rows} - set(before)
+        return {"p3.67.c0", "meter.alarms"} <= news and any(
+            (row["name"], row.get("value")) == (name, 77) for row in rows
+        )
+
+    with told.open("w") as output:
+        watch = subprocess.Popen([*site.gateway.rtuctl, "--json", "watch"], stdout=output)
         assert site.reload(reduced(site.config, *SMALL, "2.20", "3.67"))[0] == 0
         site.set_and_scan(CHANGED_DEVICE, "input_registers", ioa - 30001, [77])
-        while not {(CHANGED_CA, 77), (OWN_LINE_CA, None), (NEW_CA, None)} <= seen:
-            row = json.loads(watch.stdout.readline())
-            seen.add(
-                (
-                    row.get("ca"),
-                    row["value"] if (row.get("ca"), row.get("ioa")) == (CHANGED_CA, ioa) else None,
-                )
-            )
+        site.gateway.wait_for(is_told, 30.0, "the changed line's event, and those of new points")
         watch.terminate()
+        watch.wait()
 
 
 # ---- what breaks ------------------------------------------------------------------------------------
