@@ -30,6 +30,7 @@ TARGETS = {  # by the name of its corpus: the program
     "gpsd": "gps/fuzz_gpsd",
     "logic": "logic/fuzz_logic",
     "synch": "synch/fuzz_synch",
+    "requests": "map/fuzz_requests",
 }
 INPUT_MAX = 4096
 

@@ -24,6 +24,7 @@ RUNS = {
     "gpsd": 100_000,
     "logic": 100_000,
     "synch": 20_000,
+    "requests": 12_000,
 }
 SEED_SIZE_MAX = 1024
 SEEDS_MAX = 120

@@ -29,7 +29,7 @@ from pysnmp.hlapi.v3arch.asyncio import (
     bulk_cmd,
 )
 
-from desk import Desk, chapter_5, desk_of
+from desk import Desk, chapter_5, desk_of, everything_read
 from lab.gateway import remove, run_directory
 from peers.snmp import (
     CENTRE,
@@ -558,19 +558,28 @@ def test_a_line_that_dies_leaves_no_command_open(site: Site) -> None:
 # ---- a changed configuration ---------------------------------------------------------------------
 
 
-def test_the_configuration_does_not_change_below_the_agent(site: Site) -> None:
-    """It knows points by their numbers, which a change moves."""
-    config = json.loads(site.desk.gateway.config_file.read_text())
-    file = site.folder / "changed.json"
+def test_the_agent_starts_again_with_a_changed_configuration(site: Site) -> None:
+    """It knows points by their numbers, which a change moves. Managers see a boot and another epoch."""
+    gateway, manager = site.desk.gateway, site.manager()
+    running = gateway.config_file.read_text()
 
-    def reload() -> str:
-        file.write_text(json.dumps(config))
-        command = [*site.desk.gateway.rtuctl, "reload", "--dry-run", file]
-        return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True).stdout
+    def reload(config: dict[str, Any]) -> str:
+        (site.folder / "changed.json").write_text(json.dumps(config))
+        return gateway.ctl("reload", str(site.folder / "changed.json"))
 
-    assert "nothing changes" in reload()
+    boots, epoch = manager.get("1.3.6.1.6.3.10.2.1.2.0", "rtuEventEpoch.0")
+    count = len(manager.walk("rtuPointName"))
+    config = json.loads(running)
+    assert "nothing changes" in reload(config)
     config["snmp"]["rate"] -= 1
-    assert "snmp has changed: this needs a restart of rtud" in reload()
-    config["snmp"]["rate"] += 1
+    assert "rtu-snmp is started again\n" in reload(config)
+    assert manager.get("1.3.6.1.6.3.10.2.1.2.0") == [boots + 1]
     config["port"][0]["slaves"].pop()
-    assert "rtu-snmp does not follow a change: this needs a restart of rtud" in reload()
+    assert "rtu-snmp is started again\n" in reload(config)
+    assert len(manager.walk("rtuPointName")) < count
+    assert "rtu-snmp is started again\n" in reload(json.loads(running))
+    site.desk.gateway.wait_for(lambda: everything_read(gateway), 60.0, "every device is read")
+    manager.wish(LAMP, EXECUTE, value=1)
+    site.wait_state(LAMP, EXECUTED)
+    assert manager.get("1.3.6.1.6.3.10.2.1.2.0") == [boots + 3]
+    assert manager.get("rtuEventEpoch.0") != [epoch]

@@ -271,11 +271,26 @@ static void carry_points(const struct carriage *carriage)
 			carry_point(carriage, i);
 }
 
-static int carry_module(const struct map *map, const struct map *next, uint32_t module, bool valid,
-			bool seamless)
+/* The new process finds them by their names. */
+static void carry_counters(const struct carriage *carriage)
 {
-	struct carriage carriage = {
-	    .map = map, .next = next, .module = module, .valid = valid, .time_ns = map_now_ns()};
+	const uint32_t room = carriage->next->modules[carriage->module].plan.counters;
+	struct map_counter counter;
+
+	for (uint32_t i = 0; i < room && map_counter(carriage->map, carriage->module, i, &counter); i++) {
+		memcpy(carriage->to.counters[i].name, counter.name, sizeof(counter.name));
+		carriage->to.counters[i].carried = counter.value;
+	}
+}
+
+static int carry_module(const struct map *map, const struct map *next, uint32_t module,
+			const struct map_switching *how)
+{
+	struct carriage carriage = {.map = map,
+				    .next = next,
+				    .module = module,
+				    .valid = (how->valid & 1u << module) != 0,
+				    .time_ns = map_now_ns()};
 
 	carriage.slots = find_slots(&carriage);
 	if (!carriage.slots)
@@ -287,7 +302,10 @@ static int carry_module(const struct map *map, const struct map *next, uint32_t 
 	carry_header(&carriage);
 	carry_rings(&carriage);
 	carry_points(&carriage);
-	atomic_store(&carriage.to.header->carried, seamless);
+	carry_counters(&carriage);
+	if (how->carry != NULL)
+		how->carry(map, next, module, map->segments[module].own, carriage.to.own);
+	atomic_store(&carriage.to.header->carried, (how->seamless & 1u << module) != 0);
 	munmap(carriage.to.header, carriage.to.size);
 	free(carriage.slots);
 	return 0;
@@ -313,19 +331,35 @@ static int end_module(const struct map *map, uint32_t module)
 	return 0;
 }
 
+/* Its process has ended, and the next one finds the same segment. */
+static int renew_section(const struct map *map, const struct map *next, uint32_t module,
+			 const struct map_switching *how)
+{
+	struct segment segment = {.header = NULL};
+
+	if (how->carry == NULL)
+		return 0;
+	if (open_segment(map, module, &segment) < 0)
+		return -1;
+	how->carry(map, next, module, segment.own, segment.own);
+	munmap(segment.header, segment.size);
+	return 0;
+}
+
 static bool is_carried(const struct map *map, const struct map *next, uint32_t module)
 {
 	return module < map_module_count(map) && map_is_made_for(next, module);
 }
 
-int map_switch(const struct map *map, const struct map *next, uint32_t valid, uint32_t seamless, char *error)
+int map_switch(const struct map *map, const struct map *next, const struct map_switching *how, char *error)
 {
 	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(next); i++) {
-		const uint32_t bit = 1u << i;
 		int result = 0;
 
 		if (is_carried(map, next, i))
-			result = carry_module(map, next, i, (valid & bit) != 0, (seamless & bit) != 0);
+			result = carry_module(map, next, i, how);
+		else if (how->again & 1u << i)
+			result = renew_section(map, next, i, how);
 		else if (map_is_gone(next, i) && !map_is_gone(map, i))
 			result = end_module(map, i);
 		if (result < 0)

@@ -78,6 +78,7 @@ struct queue_cell {
 struct counter_entry {
 	char name[MAP_COUNTER_SIZE];
 	_Atomic uint32_t place; /* in words of that section, and one more; 0: there is none */
+	uint32_t carried;       /* of a name without a place: what the former process had counted */
 };
 
 /* A module as the configuration has it: what its segment looks like. */

@@ -347,6 +347,10 @@ struct map_request {
 	int64_t time_ns;   /* when it was issued */
 	int64_t deadline_ns; /* refused when not begun by then */
 	int64_t wall_ns;     /* MAP_SET_CLOCK: since 1970, UTC */
+	/* The point's addresses, by which an owner of another configuration knows it; given by map_request_post. */
+	uint32_t ioa;
+	uint16_t ca;
+	uint8_t reserved[2];
 };
 
 struct map_answer {

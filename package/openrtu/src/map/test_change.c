@@ -63,8 +63,9 @@ static void put_into_force(const struct change *change, bool seamless)
 	char error[MAP_ERROR_SIZE];
 	struct map_config before;
 
-	assert_int_equal(map_switch(change->stage->rtud, change->next, first, seamless ? first : 0, error),
-			 0);
+	const struct map_switching how = {.valid = first, .seamless = seamless ? first : 0};
+
+	assert_int_equal(map_switch(change->stage->rtud, change->next, &how, error), 0);
 	map_unlink_former(change->stage->rtud, change->next);
 	map_detach(change->next);
 	assert_true(map_is_changed(change->stage->rtud));
@@ -156,6 +157,31 @@ static void test_what_was_told_and_asked_passes_over(void **state)
 	end_commands(&commands);
 }
 
+/* Asked by the numbers of the former configuration, in which slot 0 was another point's. */
+static void test_request_means_the_point_that_it_named(void **state)
+{
+	struct change change = {.stage = *state};
+	struct command_stage commands = start_commands(change.stage);
+	struct map_request taken;
+	struct map_answer answer;
+
+	publish(commands.owner, 0, 10);
+	prepare(&change);
+	map_request_post(commands.requester, request(0, MAP_EXECUTE, 1, 7));
+	map_request_post(commands.requester, request(1, MAP_EXECUTE, 1, 7));
+	map_detach(commands.owner);
+	put_into_force(&change, true);
+	commands.owner = attach(change.stage, FIRST);
+	assert_true(map_request_next(commands.owner, &taken));
+	assert_int_equal(taken.point, 5);
+	assert_false(map_request_next(commands.owner, &taken)); /* the other one is gone */
+	renew(commands.requester);
+	assert_true(map_answer_next(commands.requester, &answer));
+	assert_int_equal(answer.state, MAP_REFUSED_COMMAND);
+	assert_int_equal(answer.result, MAP_RESULT_NOT_COMMANDABLE);
+	end_commands(&commands);
+}
+
 static void test_who_did_not_change_goes_on_with_what_he_has(void **state)
 {
 	struct change change = {.stage = *state};
@@ -188,6 +214,37 @@ static void test_who_did_not_change_goes_on_with_what_he_has(void **state)
 	}
 	map_detach(owner);
 	map_detach(reader);
+}
+
+/* In another order, and at other places of its section. */
+static void test_counters_go_on_by_their_names(void **state)
+{
+	struct change change = {.stage = *state};
+	const uint32_t index = index_of(change.stage, FIRST);
+	struct map *owner = start(change.stage, FIRST);
+	_Atomic uint32_t *own = map_section(owner, index, 3 * sizeof(*own));
+	struct map_counter counter;
+
+	assert_true(map_name_counter(owner, &own[0], "frames"));
+	assert_true(map_name_counter(owner, &own[1], "errors"));
+	map_count(&own[0], 7);
+	map_count(&own[1], 2);
+	publish(owner, 0, 10);
+	prepare(&change);
+	map_detach(owner);
+	put_into_force(&change, true);
+	owner = attach(change.stage, FIRST);
+	own = map_section(owner, index, 3 * sizeof(*own));
+	assert_false(map_counter(change.stage->rtud, index, 0, &counter));
+	assert_true(map_name_counter(owner, &own[2], "errors"));
+	assert_true(map_name_counter(owner, &own[1], "frames"));
+	map_count(&own[1], 1);
+	assert_true(map_counter(change.stage->rtud, index, 0, &counter));
+	assert_string_equal(counter.name, "errors");
+	assert_int_equal(counter.value, 2);
+	assert_true(map_counter(change.stage->rtud, index, 1, &counter));
+	assert_int_equal(counter.value, 8);
+	map_detach(owner);
 }
 
 static void test_another_generation_begins_as_after_a_crash(void **state)
@@ -226,7 +283,9 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    TEST(test_what_was_told_and_asked_passes_over),
+	    TEST(test_request_means_the_point_that_it_named),
 	    TEST(test_who_did_not_change_goes_on_with_what_he_has),
+	    TEST(test_counters_go_on_by_their_names),
 	    TEST(test_another_generation_begins_as_after_a_crash),
 	    TEST(test_what_was_prepared_can_be_dropped),
 	};

@@ -146,6 +146,7 @@ bool config_read_file(struct rtud_loader *loader, const json_t *root)
 
 void config_end_file(struct rtud_loader *loader)
 {
+	config_index_free(&loader->files.index);
 	for (size_t i = 0; i < loader->part_count; i++) {
 		if (loader->own[i] != NULL && loader->parts[i]->end != NULL)
 			loader->parts[i]->end(loader->own[i]);
