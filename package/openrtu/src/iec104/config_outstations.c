@@ -9,10 +9,12 @@
 #include "config/names.h"
 #include "config/sets.h"
 #include "config/zone.h"
+#include "iec104/config_readers.h"
 #include "iec104/outstations.h"
 
 #define SECONDS_OF_2_DAYS 172800
 #define PORT_PLAIN        2404
+#define PORT_TLS          19998
 #define PERIOD_MAX_S      604800 /* a week */
 #define WAIT_MAX_MS       3600000
 #define CA_MAX            65534
@@ -21,12 +23,18 @@
 #define STEP_LOW          (-64)
 #define STEP_HIGH         63
 
-static const struct config_rule file_rule = {"outstations", CONFIG_ARRAY, .high = IEC104_OUTSTATIONS_MAX};
+enum { FILE_OUTSTATIONS, FILE_TLS, FILE_KEYS };
+static const struct config_rule file_rules[FILE_KEYS] = {
+    [FILE_OUTSTATIONS] = {"outstations", CONFIG_ARRAY, .high = IEC104_OUTSTATIONS_MAX},
+    [FILE_TLS] = {"outstations_tls", CONFIG_OBJECT},
+};
 
 enum {
 	OUTSTATION_NAME,
 	OUTSTATION_ADDRESSES,
 	OUTSTATION_PORT,
+	OUTSTATION_SECURE,
+	OUTSTATION_CERTIFICATE,
 	OUTSTATION_K,
 	OUTSTATION_W,
 	OUTSTATION_T1,
@@ -53,6 +61,8 @@ static const struct config_rule outstation_rules[OUTSTATION_KEYS] = {
     [OUTSTATION_ADDRESSES] = {"addresses", CONFIG_ARRAY, .required = true,
 			      .high = IEC104_OUTSTATION_LINKS_MAX},
     [OUTSTATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
+    [OUTSTATION_SECURE] = {"secure", CONFIG_BOOLEAN},
+    [OUTSTATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = IEC104_TLS_MASTER_SIZE - 1},
     [OUTSTATION_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
     [OUTSTATION_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
     [OUTSTATION_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
@@ -322,6 +332,32 @@ static void read_times(const struct config_value *values, struct iec104_outstati
 	outstation->clock_s = (uint32_t)values[OUTSTATION_CLOCK].integer;
 }
 
+static void read_security(struct config_loader *loader, const struct config_place *place,
+			  const struct config_value *values, struct iec104_outstation *outstation)
+{
+	const struct config_place secure = config_key_of(place, outstation_rules[OUTSTATION_SECURE].name);
+	const struct config_place certificate =
+	    config_key_of(place, outstation_rules[OUTSTATION_CERTIFICATE].name);
+
+	outstation->secure = values[OUTSTATION_SECURE].integer != 0;
+	if (outstation->secure && iec104_outstation_tls(loader->config) == NULL)
+		config_error(&loader->report, &secure,
+			     "needs the certificate of this gateway, expected an object %s in the file",
+			     file_rules[FILE_TLS].name);
+	if (outstation->secure && !values[OUTSTATION_PORT].given)
+		outstation->port = PORT_TLS;
+	if (!values[OUTSTATION_CERTIFICATE].given)
+		return;
+	if (!iec104_names_certificate(values[OUTSTATION_CERTIFICATE].text))
+		config_error(&loader->report, &certificate,
+			     "is neither a common name nor a SHA-256 fingerprint as AB:CD:...");
+	if (!outstation->secure)
+		config_error(&loader->report, &certificate,
+			     "is of an outstation with TLS, expected \"secure\": true beside it");
+	snprintf(outstation->certificate, sizeof(outstation->certificate), "%s",
+		 values[OUTSTATION_CERTIFICATE].text);
+}
+
 static void read_link(struct config_loader *loader, const struct config_place *place,
 		      const struct config_value *values, struct iec104_outstation *outstation)
 {
@@ -379,6 +415,7 @@ static void read_outstation(struct config_loader *loader, const struct config_pl
 	check_order(loader, place, values, OUTSTATION_RETRY, OUTSTATION_RETRY_MAX, true);
 	read_times(values, outstation);
 	read_link(loader, place, values, outstation);
+	read_security(loader, place, values, outstation);
 	outstation->first_set = map_record_count(loader->config, IEC104_OUTSTATION_SETS);
 	if (!values[OUTSTATION_SETS].given)
 		return;
@@ -404,7 +441,7 @@ static const json_t *elements(const json_t *object, const struct config_rule *ru
 
 /* What this part keeps from step to step. */
 struct own {
-	const json_t *outstations;
+	const json_t *outstations, *tls;
 	uint64_t points;
 };
 
@@ -443,15 +480,29 @@ static uint32_t count_sets(const json_t *outstations, struct own *own)
 	return sets;
 }
 
+/* One record. False: no memory. */
+static bool add_tls(struct config_loader *loader, const json_t *root)
+{
+	void *tls;
+
+	if (json_object_get(root, file_rules[FILE_TLS].name) == NULL)
+		return true;
+	tls = config_allocate(1, sizeof(struct iec104_tls));
+	map_add_section(loader->config, IEC104_OUTSTATION_TLS, sizeof(struct iec104_tls), 1, tls);
+	return tls != NULL;
+}
+
 static bool begin(struct config_loader *loader, void *own_part, const json_t *root)
 {
-	const json_t *array = elements(root, &file_rule);
+	const json_t *array = elements(root, &file_rules[FILE_OUTSTATIONS]);
 	const uint32_t count = (uint32_t)json_array_size(array);
 	struct own *own = own_part;
 	const uint32_t sets = count_sets(array, own);
 	const uint32_t points = (uint32_t)own->points;
 	void *outstations, *all_sets, *all_points;
 
+	if (!add_tls(loader, root))
+		return false;
 	if (count == 0 || own->points > IEC104_OUTSTATION_POINTS_MAX)
 		return true;
 	outstations = config_allocate(count, sizeof(struct iec104_outstation));
@@ -467,16 +518,20 @@ static bool begin(struct config_loader *loader, void *own_part, const json_t *ro
 	return outstations != NULL && all_sets != NULL && all_points != NULL;
 }
 
-static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
+static void read_part(struct config_loader *loader, void *own_part, const struct config_value *values)
 {
-	((struct own *)own)->outstations = values->given ? values->json : NULL;
+	struct own *own = own_part;
+
+	own->outstations = values[FILE_OUTSTATIONS].given ? values[FILE_OUTSTATIONS].json : NULL;
+	own->tls = values[FILE_TLS].given ? values[FILE_TLS].json : NULL;
 	(void)loader;
 }
 
 static bool finish(struct config_loader *loader, void *own_part)
 {
 	const struct config_place file = {.in = NULL};
-	const struct config_place array = config_key_of(&file, file_rule.name);
+	const struct config_place array = config_key_of(&file, file_rules[FILE_OUTSTATIONS].name);
+	const struct config_place tls = config_key_of(&file, file_rules[FILE_TLS].name);
 	const struct own *own = own_part;
 	const json_t *outstation;
 	size_t i;
@@ -486,6 +541,9 @@ static bool finish(struct config_loader *loader, void *own_part)
 			     (unsigned long long)own->points, IEC104_OUTSTATION_POINTS_MAX);
 		return true;
 	}
+	if (own->tls != NULL)
+		iec104_read_tls(&loader->report, &tls, own->tls, false,
+				iec104_outstation_tls(loader->config));
 	json_array_foreach(own->outstations, i, outstation)
 	{
 		const struct config_place place = config_element_of(&array, i);
@@ -496,8 +554,8 @@ static bool finish(struct config_loader *loader, void *own_part)
 }
 
 const struct config_part iec104_outstations_part = {
-    .keys = &file_rule,
-    .key_count = 1,
+    .keys = file_rules,
+    .key_count = FILE_KEYS,
     .own_size = sizeof(struct own),
     .begin = begin,
     .read = read_part,

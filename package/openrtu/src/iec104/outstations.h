@@ -3,11 +3,14 @@
 #ifndef OPENRTU_IEC104_OUTSTATIONS_H
 #define OPENRTU_IEC104_OUTSTATIONS_H
 
+#include "iec104/config.h"
 #include "map/config.h"
 
 #define IEC104_OUTSTATIONS       MAP_SECTION_ID('1', '0', '4', 'M')
 #define IEC104_OUTSTATION_SETS   MAP_SECTION_ID('1', '0', '4', 'S')
 #define IEC104_OUTSTATION_POINTS MAP_SECTION_ID('1', '0', '4', 'P')
+
+#define IEC104_OUTSTATION_TLS MAP_SECTION_ID('1', '0', '4', 'T')
 
 #define IEC104_OUTSTATIONS_MAX       32 /* two links each: a module has so many descriptors */
 #define IEC104_OUTSTATION_NAME_SIZE  16
@@ -32,6 +35,8 @@ struct iec104_outstation {
 	uint32_t interrogation_s, counters_s, clock_s; /* 0: never again, never, never */
 	uint32_t first_set, set_count;                 /* among those of all outstations */
 	struct map_zone zone;                          /* of its time tags */
+	bool secure;                                   /* with TLS */
+	char certificate[IEC104_TLS_MASTER_SIZE]; /* its common name or fingerprint; empty: any of the CA */
 };
 
 /* A common address of an outstation, which is a set of the map. */
@@ -62,6 +67,12 @@ static inline struct iec104_outstation_set *iec104_outstation_sets(const struct 
 static inline const struct iec104_outstation_point *iec104_outstation_points(const struct map_config *config)
 {
 	return map_records(config, IEC104_OUTSTATION_POINTS, sizeof(struct iec104_outstation_point));
+}
+
+/* Who the gateway is for outstations with TLS. NULL: there is none of these. */
+static inline struct iec104_tls *iec104_outstation_tls(const struct map_config *config)
+{
+	return map_records(config, IEC104_OUTSTATION_TLS, sizeof(struct iec104_tls));
 }
 
 #endif
