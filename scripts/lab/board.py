@@ -205,7 +205,7 @@ class Board(Rtu):
         return configuration()
 
     def put(self, config: dict[str, Any]) -> str:
-        path = "/tmp/other.json"
+        path = "/run/other.json"
         self._run(f"printf %s {shlex.quote(json.dumps(config))} > {path}")
         return path
 
