@@ -10,6 +10,7 @@
 #include "config/sets.h"
 #include "config/zone.h"
 #include "iec104/config_readers.h"
+#include "iec104/geoposition.h"
 #include "iec104/outstations.h"
 
 #define SECONDS_OF_2_DAYS 172800
@@ -19,6 +20,7 @@
 #define WAIT_MAX_MS       3600000
 #define CA_MAX            65534
 #define IOA_MAX           16777215
+#define IOA_BITS          24
 #define COUNT_MAX         1000
 #define STEP_LOW          (-64)
 #define STEP_HIGH         63
@@ -52,6 +54,7 @@ enum {
 	OUTSTATION_INTERROGATION,
 	OUTSTATION_COUNTERS,
 	OUTSTATION_CLOCK,
+	OUTSTATION_POSITION_TYPE,
 	OUTSTATION_SETS,
 	OUTSTATION_KEYS
 };
@@ -84,6 +87,8 @@ static const struct config_rule outstation_rules[OUTSTATION_KEYS] = {
     [OUTSTATION_INTERROGATION] = {"interrogation_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
     [OUTSTATION_COUNTERS] = {"counters_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
     [OUTSTATION_CLOCK] = {"clock_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
+    [OUTSTATION_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = IEC104_PRIVATE_FIRST,
+				  .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION},
     [OUTSTATION_SETS] = {"sets", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_SETS_MAX},
 };
 
@@ -94,9 +99,10 @@ static const struct config_rule set_rules[SET_KEYS] = {
     [SET_POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_POINTS_MAX},
 };
 
-/* Those that the standard has, in the order of enum map_type. */
+/* Those that the standard has, in the order of enum map_type, and a position. */
 static const char *const types[] = {"single", "double", "step",    "bitstring", "normalized",
-				    "scaled", "float",  "counter", NULL};
+				    "scaled", "float",  "counter", "position",  NULL};
+#define POSITION (MAP_COUNTER + 1)
 _Static_assert(MAP_SINGLE == 0 && MAP_BITSTRING == 3 && MAP_COUNTER == 7, "in the order of enum map_type");
 
 enum {
@@ -135,7 +141,7 @@ static void check_command(struct config_loader *loader, const struct config_plac
 	static const int needs_command[] = {POINT_COMMAND_IOA, POINT_SELECT, POINT_SHORT_PULSE,
 					    POINT_LONG_PULSE};
 	const bool pulses = values[POINT_SHORT_PULSE].given || values[POINT_LONG_PULSE].given;
-	const enum map_type type = (enum map_type)values[POINT_TYPE].integer;
+	const int64_t type = values[POINT_TYPE].integer;
 
 	for (size_t i = 0; i < sizeof(needs_command) / sizeof(needs_command[0]); i++) {
 		const struct config_place here = config_key_of(place, point_rules[needs_command[i]].name);
@@ -147,6 +153,8 @@ static void check_command(struct config_loader *loader, const struct config_plac
 	}
 	if (values[POINT_COMMAND].integer == 0 || values[POINT_TYPE].wrong)
 		return;
+	if (type == POSITION)
+		config_error(&loader->report, place, "is a position, for which there is no command");
 	if (type == MAP_COUNTER)
 		config_error(&loader->report, place, "is a counter, for which there is no command");
 	if (type == MAP_BITSTRING && values[POINT_SELECT].integer != 0)
@@ -207,6 +215,52 @@ static void set_command(const struct config_value *values, struct map_point *poi
 	point->max = STEP_HIGH;
 }
 
+/* As those of a receiver: the position as a whole, and behind it what masters take that do not know its type. */
+static void add_position(struct config_loader *loader, const struct config_place *place,
+			 const struct iec104_outstation_set *set, const struct config_value *values)
+{
+	static const struct {
+		const char *name;
+		enum map_type type;
+	} parts[IEC104_OUTSTATION_POSITION_POINTS] = {{"position", MAP_BITSTRING},
+						      {"latitude", MAP_ANGLE},
+						      {"longitude", MAP_ANGLE},
+						      {"altitude", MAP_FLOAT}};
+	const uint32_t ioa = (uint32_t)values[POINT_IOA].integer;
+	const uint32_t remote =
+	    values[POINT_REMOTE_IOA].given ? (uint32_t)values[POINT_REMOTE_IOA].integer : ioa;
+
+	check_remote_ioa(loader, place, set, remote);
+	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++) {
+		struct iec104_outstation_point *there;
+		struct map_point *point;
+		char whole[MAP_NAME_SIZE], name[MAP_NAME_SIZE];
+
+		name_point(values, loader->config->sets[set->set].name, ioa, 1, whole);
+		snprintf(name, sizeof(name), "%.28s.%s", whole, parts[i].name);
+		point = config_add_point(loader, place, name, parts[i].type, ioa + i);
+		point->group = (uint8_t)values[POINT_GROUP].integer;
+		if (i == 0)
+			point->flags |= MAP_POINT_POSITION;
+		there = map_next_record(loader->config, IEC104_OUTSTATION_POINTS);
+		*there = (struct iec104_outstation_point){.ioa = i << IOA_BITS | remote};
+	}
+}
+
+static void check_position(struct config_loader *loader, const struct config_place *place,
+			   const struct config_value *values)
+{
+	const struct config_place count = config_key_of(place, point_rules[POINT_COUNT].name);
+	const struct config_place ioa = config_key_of(place, point_rules[POINT_IOA].name);
+
+	if (values[POINT_TYPE].wrong || values[POINT_TYPE].integer != POSITION)
+		return;
+	if (values[POINT_COUNT].given)
+		config_error(&loader->report, &count, "is not for a position, which has four points");
+	if (values[POINT_IOA].integer > IOA_MAX - (IEC104_OUTSTATION_POSITION_POINTS - 1))
+		config_error(&loader->report, &ioa, "is too high for the four points of a position");
+}
+
 static void add_points(struct config_loader *loader, const struct config_place *place,
 		       const struct iec104_outstation_set *set, const struct config_value *values)
 {
@@ -249,7 +303,12 @@ static void read_point(struct config_loader *loader, const struct config_place *
 	if (values[POINT_NAME].given)
 		config_check_name(&loader->report, &name, values[POINT_NAME].text);
 	check_command(loader, place, values);
-	if (loader->report.errors == errors)
+	check_position(loader, place, values);
+	if (loader->report.errors != errors)
+		return;
+	if (values[POINT_TYPE].integer == POSITION)
+		add_position(loader, place, set, values);
+	else
 		add_points(loader, place, set, values);
 }
 
@@ -330,6 +389,7 @@ static void read_times(const struct config_value *values, struct iec104_outstati
 	outstation->interrogation_s = (uint32_t)values[OUTSTATION_INTERROGATION].integer;
 	outstation->counters_s = (uint32_t)values[OUTSTATION_COUNTERS].integer;
 	outstation->clock_s = (uint32_t)values[OUTSTATION_CLOCK].integer;
+	outstation->position_type = (uint8_t)values[OUTSTATION_POSITION_TYPE].integer;
 }
 
 static void read_security(struct config_loader *loader, const struct config_place *place,
@@ -455,7 +515,10 @@ static uint64_t count_points(const json_t *set)
 	{
 		json_int_t objects =
 		    json_integer_value(json_object_get(point, point_rules[POINT_COUNT].name));
+		const char *type = json_string_value(json_object_get(point, point_rules[POINT_TYPE].name));
 
+		if (type != NULL && strcmp(type, types[POSITION]) == 0)
+			objects = IEC104_OUTSTATION_POSITION_POINTS;
 		count += objects > 1 && objects <= COUNT_MAX ? (uint64_t)objects : 1;
 	}
 	return count;

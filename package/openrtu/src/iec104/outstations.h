@@ -28,8 +28,9 @@ struct iec104_outstation {
 	uint32_t t3_s;
 	uint8_t address_count;
 	uint8_t originator;
-	bool terminates;   /* it sends the termination of a command */
-	bool interrogates; /* it is interrogated when data transfer starts */
+	bool terminates;       /* it sends the termination of a command */
+	bool interrogates;     /* it is interrogated when data transfer starts */
+	uint8_t position_type; /* the private type of its positions */
 	uint32_t confirmation_ms, termination_ms, interrogation_ms;
 	uint32_t retry_ms, retry_max_ms; /* the first pause before another attempt, and the longest */
 	uint32_t interrogation_s, counters_s, clock_s; /* 0: never again, never, never */
@@ -46,9 +47,13 @@ struct iec104_outstation_set {
 	uint32_t first_point; /* among those of all outstations; their order is that of the set */
 };
 
+/* The points of a position: the whole (MAP_POINT_POSITION), latitude, longitude, altitude. */
+#define IEC104_OUTSTATION_POSITION_POINTS 4
+
 /* What a point is there. */
 struct iec104_outstation_point {
-	uint32_t ioa;
+	uint32_t
+	    ioa; /* of the points behind a position's first: its own, and 1 to 3 above the 24 bits of an address */
 	uint32_t command_ioa;
 	bool select; /* a command of it is selected there before */
 };

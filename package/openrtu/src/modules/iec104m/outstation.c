@@ -31,11 +31,14 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 		    outstation->clock);
 }
 
-/* Its points are those of the standard's types. */
 static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
 			const struct iec104_geoposition *position)
 {
-	(void)context, (void)asdu, (void)ioa, (void)position;
+	struct outstation *outstation = context;
+
+	if (!asdu->test && !asdu->negative)
+		values_take_position(&outstation->values, asdu, ioa, position, outstation->now.monotonic_ns,
+				     outstation->clock);
 }
 
 static void on_progress(void *context, const struct iec104_controlling_request *request)
@@ -262,6 +265,7 @@ static void set_up(struct outstation *outstation)
 		      .t3_ns = config->t3_s * NS_PER_S},
 	    .zone = config->zone,
 	    .originator = config->originator,
+	    .position_type = config->position_type,
 	    .requests_max = IEC104_CONTROLLING_REQUESTS_MAX,
 	    .confirmation_ns = config->confirmation_ms * NS_PER_MS,
 	    .selection_ns = config->confirmation_ms * NS_PER_MS,
