@@ -270,6 +270,26 @@ def test_position_is_one_event_of_four_points(gateway: Run, town: Outstation) ->
         assert told.body[:16] == b"\xc8\0\0" + second[:12] + b"\x80"
 
 
+def test_object_is_read_in_its_period(gateway: Run, town: Outstation) -> None:
+    """And what was read is the point's value; an interrogation alone has the rest."""
+    values = iter(range(100))
+
+    def answer(asked: Asked, octets: bytes) -> list[bytes]:
+        if asked.type != C_RD:
+            return town.usual(asked, octets)
+        return [asdu(11, asked.cause, THERE, (asked.ioa, bytes((next(values), 0, 0))))]
+
+    town.answer = answer
+    read = outstation(town.port)
+    level = read["sets"][0]["points"][NAMES.index("level")]
+    level |= {"read_ms": 100}
+    one = gateway(read)
+    wait_value(one, "level", 5)
+    reads = [asked for asked in town.asked if asked.type == C_RD]
+    assert {(asked.ca, asked.ioa, asked.cause) for asked in reads} == {(THERE, 6, 5)}
+    assert one.points("power")["power"]["value"] == 2.5
+
+
 def test_position_that_is_no_news_is_no_event(gateway: Run, town: Outstation) -> None:
     van = outstation(town.port, interrogation_s=1)
     van["sets"][0]["points"].append({"name": "van", "type": "position", "ioa": 200, "remote_ioa": 9})

@@ -15,6 +15,8 @@ from test_gps import CA, DEPOT, METRE, Drive, config
 from test_position_object import POSITION, is_near
 from test_station_queues import Link, empty
 
+pytestmark = pytest.mark.slow
+
 MAIN, SPARE, OTHER = "127.0.0.21", "127.0.0.22", "127.0.0.31"
 GROUPS = [{"name": "centre", "masters": [MAIN, SPARE]}, {"name": "dispatch", "masters": [OTHER]}]
 PLACES = [(DEPOT[0] + 60 * times * METRE, DEPOT[1] - 60 * times * METRE) for times in range(1, 4)]
@@ -91,7 +93,6 @@ def test_each_group_has_them_and_a_standby_takes_over(started: Any) -> None:
         assert positions(link) == seen
 
 
-@pytest.mark.slow
 def test_they_survive_a_power_cut_as_they_were(started: Any) -> None:
     drive = started(True)
     for name, source in (("centre", MAIN), ("dispatch", OTHER)):

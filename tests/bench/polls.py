@@ -25,7 +25,7 @@ from stopwatch import Spread, cpu_ns
 from bench import machine
 from lab.gateway import REPOSITORY, Gateway, GatewayError, default_build, free_port, remove, run_directory
 
-FLOOR, CENTRE, ASYNCIO, C104 = "C loop", "rtu-centre", "asyncio", "c104"
+FLOOR, CENTRE, UVLOOP, ASYNCIO, C104 = "C loop", "rtu-centre", "uvloop", "asyncio", "c104"
 TURN, TOGETHER = "turn", "together"
 PROCESSES_MAX = 100  # RTUs that are a process each
 GATEWAYS = 10
@@ -61,7 +61,7 @@ class Case:
 
 FULL = (
     *(Case(count, 100) for count in (10, 25, 50, 100)),
-    *(Case(100, 10, wait_ms) for wait_ms in (250, 2000)),
+    *(Case(100, 10, wait_ms) for wait_ms in (250, 500, 1000, 2000)),
     Case(GATEWAYS, 100, real=True),
     Case(1000, 20),
     Case(10_000, 5),
@@ -192,7 +192,7 @@ def row(case: Case, mode: str, name: str, port: int) -> Row:
 def contenders(case: Case, mode: str) -> Iterator[str]:
     yield from (FLOOR, CENTRE)
     if case.count <= 1000:
-        yield ASYNCIO
+        yield from (UVLOOP, ASYNCIO)
     if case.count <= C104_MAX and not case.real and mode == TURN:
         yield C104
 
@@ -236,7 +236,14 @@ def table(found: list[Row]) -> str:
 
 def picture(found: list[Row]) -> str:
     """The paper's figure 9: what a round takes by the number of RTUs, in turn."""
-    colours = {"paper": "#888", FLOOR: "#333", CENTRE: "#0a7d3c", ASYNCIO: "#c26a00", C104: "#b3261e"}
+    colours = {
+        "paper": "#888",
+        FLOOR: "#333",
+        CENTRE: "#0a7d3c",
+        UVLOOP: "#5b4bb5",
+        ASYNCIO: "#c26a00",
+        C104: "#b3261e",
+    }
     curves: dict[str, list[tuple[int, float]]] = {"paper": [(count, PAPER_MS * count) for count in (10, 100)]}
     for each in found:
         if each.mode == TURN and not each.case.real and not each.case.wait_ms and each.case.count <= 100:

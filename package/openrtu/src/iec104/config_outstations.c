@@ -112,6 +112,7 @@ enum {
 	POINT_REMOTE_IOA,
 	POINT_COUNT,
 	POINT_GROUP,
+	POINT_READ,
 	POINT_COMMAND,
 	POINT_COMMAND_IOA,
 	POINT_SELECT,
@@ -126,6 +127,7 @@ static const struct config_rule point_rules[POINT_KEYS] = {
     [POINT_REMOTE_IOA] = {"remote_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX},
     [POINT_COUNT] = {"count", CONFIG_INTEGER, .low = 1, .high = COUNT_MAX, .fallback = 1},
     [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
+    [POINT_READ] = {"read_ms", CONFIG_INTEGER, .low = 100, .high = WAIT_MAX_MS},
     [POINT_COMMAND] = {"command", CONFIG_BOOLEAN},
     [POINT_COMMAND_IOA] = {"command_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX},
     [POINT_SELECT] = {"select", CONFIG_BOOLEAN},
@@ -243,7 +245,9 @@ static void add_position(struct config_loader *loader, const struct config_place
 		if (i == 0)
 			point->flags |= MAP_POINT_POSITION;
 		there = map_next_record(loader->config, IEC104_OUTSTATION_POINTS);
-		*there = (struct iec104_outstation_point){.ioa = i << IOA_BITS | remote};
+		*there = (struct iec104_outstation_point){
+		    .ioa = i << IOA_BITS | remote,
+		    .read_ms = i == 0 ? (uint32_t)values[POINT_READ].integer : 0};
 	}
 }
 
@@ -288,6 +292,7 @@ static void add_points(struct config_loader *loader, const struct config_place *
 		there = map_next_record(loader->config, IEC104_OUTSTATION_POINTS);
 		*there = (struct iec104_outstation_point){.ioa = remote + i,
 							  .command_ioa = command + i,
+							  .read_ms = (uint32_t)values[POINT_READ].integer,
 							  .select = values[POINT_SELECT].integer != 0};
 	}
 }

@@ -55,7 +55,8 @@ struct iec104_outstation_point {
 	uint32_t
 	    ioa; /* of the points behind a position's first: its own, and 1 to 3 above the 24 bits of an address */
 	uint32_t command_ioa;
-	bool select; /* a command of it is selected there before */
+	uint32_t read_ms; /* how often it is read by itself, 0: never */
+	bool select;      /* a command of it is selected there before */
 };
 
 /* NULL: there is none. */

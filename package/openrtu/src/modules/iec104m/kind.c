@@ -73,7 +73,7 @@ static bool same_points(const struct map_config *a, const struct map_config *b)
 
 	for (uint32_t i = 0; i < map_record_count(a, IEC104_OUTSTATION_POINTS); i++)
 		if (in_a[i].ioa != in_b[i].ioa || in_a[i].command_ioa != in_b[i].command_ioa ||
-		    in_a[i].select != in_b[i].select)
+		    in_a[i].read_ms != in_b[i].read_ms || in_a[i].select != in_b[i].select)
 			return false;
 	return true;
 }

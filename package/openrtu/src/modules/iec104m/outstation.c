@@ -71,6 +71,32 @@ static void add_poll(struct outstation *outstation, enum iec104_poll_kind kind, 
 		    .kind = (uint8_t)kind, .at_start = at_start, .ca = ca, .period_ns = period_s * NS_PER_S};
 }
 
+static void add_reads(struct outstation *outstation, const struct iec104_outstation_set *set)
+{
+	const struct map_config *config = map_config(outstation->map);
+	const struct iec104_outstation_point *points = iec104_outstation_points(config) + set->first_point;
+
+	for (uint32_t i = 0; i < config->sets[set->set].point_count; i++)
+		if (points[i].read_ms > 0)
+			outstation->polls[outstation->poll_count++] =
+			    (struct iec104_poll){.kind = IEC104_POLL_READ,
+						 .ca = set->ca,
+						 .ioa = points[i].ioa,
+						 .period_ns = points[i].read_ms * NS_PER_MS};
+}
+
+static uint32_t count_polls(const struct outstation *outstation)
+{
+	const struct map_config *config = map_config(outstation->map);
+	const struct iec104_outstation_set *sets =
+	    iec104_outstation_sets(config) + outstation->config->first_set;
+	uint32_t polls = POLLS_A_SET * outstation->config->set_count;
+
+	for (uint32_t i = 0; i < outstation->config->set_count; i++)
+		polls += config->sets[sets[i].set].point_count;
+	return polls;
+}
+
 static void plan_polls(struct outstation *outstation)
 {
 	const struct iec104_outstation *config = outstation->config;
@@ -85,6 +111,8 @@ static void plan_polls(struct outstation *outstation)
 	for (uint32_t i = 0; i < config->set_count; i++)
 		add_poll(outstation, IEC104_POLL_COUNTERS, sets[i].ca, config->counters_s > 0,
 			 config->counters_s);
+	for (uint32_t i = 0; i < config->set_count; i++)
+		add_reads(outstation, &sets[i]);
 }
 
 static bool is_started(const struct outstation *outstation)
@@ -287,7 +315,7 @@ bool outstation_init(struct outstation *outstation, struct map *map, const struc
 	*outstation =
 	    (struct outstation){.map = map, .config = config, .stats = stats, .valid_until_ns = INT64_MAX};
 	set_up(outstation);
-	outstation->polls = calloc(POLLS_A_SET * config->set_count, sizeof(*outstation->polls));
+	outstation->polls = calloc(count_polls(outstation), sizeof(*outstation->polls));
 	good = outstation->polls != NULL && values_init(&outstation->values, map, config, stats);
 	for (unsigned i = 0; good && i < config->address_count; i++)
 		good =
