@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -244,19 +245,23 @@ def picture(found: list[Row]) -> str:
         ASYNCIO: "#c26a00",
         C104: "#b3261e",
     }
-    curves: dict[str, list[tuple[int, float]]] = {"paper": [(count, PAPER_MS * count) for count in (10, 100)]}
+    curves: dict[str, list[tuple[int, float]]] = {
+        "paper": [(count, PAPER_MS * count) for count in (10, 25, 50, 100)]
+    }
     for each in found:
         if each.mode == TURN and not each.case.real and not each.case.wait_ms and each.case.count <= 100:
             curves.setdefault(each.name, []).append(
                 (each.case.count, each.time.middle * each.case.count / 1000)
             )
-    most = max(ms for points in curves.values() for _, ms in points)
+    times = [ms for points in curves.values() for _, ms in points]
+    lowest = math.floor(math.log10(min(times)))
+    highest = max(lowest + 1, math.ceil(math.log10(max(times))))
 
     def x(count: int) -> float:
         return 60 + 4.4 * count
 
     def y(ms: float) -> float:
-        return 320 - 280 * ms / most
+        return 320 - 280 * (math.log10(ms) - lowest) / (highest - lowest)
 
     parts = [
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 640 370" font-family="sans-serif"',
@@ -264,22 +269,27 @@ def picture(found: list[Row]) -> str:
         "<!-- SPDX-License-Identifier: GPL-3.0-or-later; drawn by tests/bench/polls.py -->",
         "<title>Milliseconds of a round of polls, in turn, by the number of RTUs</title>",
         '<rect width="640" height="370" fill="#fff"/>',
-        f'<path d="M60 {y(0):.1f}H510M60 {y(0):.1f}V30" stroke="#000" fill="none"/>',
+        '<path d="M60 320H510M60 320V30" stroke="#000" fill="none"/>',
     ]
     for count in (10, 25, 50, 75, 100):
         parts.append(f'<text x="{x(count):.1f}" y="338" text-anchor="middle">{count}</text>')
-    for step in range(5):
-        ms = most * step / 4
-        parts.append(f'<text x="54" y="{y(ms) + 4:.1f}" text-anchor="end">{ms:.1f}</text>')
+    for power in range(lowest, highest + 1):
+        height = y(10.0**power)
+        parts.append(f'<path d="M60 {height:.1f}H510" stroke="#ddd"/>')
+        parts.append(f'<text x="54" y="{height + 4:.1f}" text-anchor="end">{10.0**power:g}</text>')
     parts.append('<text x="285" y="358" text-anchor="middle">RTUs, polled in turn</text>')
     parts.append('<text x="10" y="20">ms a round</text>')
-    heights = sorted((y(points[-1][1]), name) for name, points in curves.items())
-    at = 0.0
+    heights = sorted(((y(points[-1][1]), name) for name, points in curves.items()), reverse=True)
+    at = 340.0
     for height, name in heights:
-        at = max(height + 4, at + 16)
+        at = min(height + 4, at - 16)
         line = " ".join(f"{x(count):.1f},{y(ms):.1f}" for count, ms in curves[name])
         text = "the paper's sum" if name == "paper" else name
         parts.append(f'<polyline points="{line}" fill="none" stroke="{colours[name]}" stroke-width="2"/>')
+        parts += [
+            f'<circle cx="{x(count):.1f}" cy="{y(ms):.1f}" r="3" fill="{colours[name]}"/>'
+            for count, ms in curves[name]
+        ]
         parts.append(f'<text x="512" y="{at:.1f}" fill="{colours[name]}">{text}</text>')
     return "\n".join([*parts, "</svg>", ""])
 
