@@ -282,6 +282,24 @@ def test_our_own_station(desk: Desk, centre: Start) -> None:
     consumer.send(Ask.READ, id=9, ca=ca, ioa=999_999)
     state, result, _ = consumer.until_progress(9, State.REFUSED_COMMAND).progress
     assert (state, result) == (State.REFUSED_COMMAND, Result.EXCEPTION)
+    consumer.send(Ask.TEST, id=10, ca=ca, value=0xAA55)
+    assert consumer.until_progress(10, State.EXECUTED_COMMAND).progress[1] == Result.DONE
+    consumer.send(Ask.RESET, id=11, ca=ca, qualifier=99)  # there is none
+    assert consumer.until_progress(11, State.REFUSED_COMMAND).progress[1] == Result.EXCEPTION
+
+
+def test_reset_and_test_as_the_station_gets_them(centre: Start) -> None:
+    with Outstation() as below:
+        consumer = centre([station("a", below.port, interrogate_at_start=False)]).consumer()
+        consumer.until_link(0, Link.UP)
+        consumer.send(Ask.RESET, id=1, ca=CA, qualifier=1)
+        consumer.send(Ask.TEST, id=2, ca=CA, value=0xAA55)
+        for number in (1, 2):
+            assert consumer.until_progress(number, State.EXECUTED_COMMAND).progress[1] == Result.DONE
+        reset, test = below.asked
+    assert (reset.type, reset.cause, reset.ca, reset.ioa, reset.element) == (105, ACT, CA, 0, b"\1")
+    assert (test.type, test.cause, test.ca, test.ioa) == (107, ACT, CA, 0)
+    assert (test.element[:2], len(test.element)) == (b"\x55\xaa", 9)
 
 
 # ---- commands -----------------------------------------------------------------------------------
