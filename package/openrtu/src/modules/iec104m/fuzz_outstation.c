@@ -15,11 +15,10 @@
 #include "map/time_ns.h"
 #include "modules/iec104m/outstation.h"
 
-#define POINTS                                                                                               \
-	13 /* one of each type that the standard has; in another set a second single one and a position */
-#define OTHER     8 /* the first of that set */
-#define POSITION  9 /* the first of the position's four */
-#define FIRST     1 /* IOA of the first */
+#define POINTS    13 /* one of each type that the standard has, then those of another set */
+#define OTHER     8  /* the first of that set: a second single one */
+#define POSITION  9  /* the first of the position's four */
+#define FIRST     1  /* IOA of the first */
 #define CA        1
 #define WALL_NS   (1110965882 * NS_PER_S)
 #define LINKS     IEC104_OUTSTATION_LINKS_MAX
