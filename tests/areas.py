@@ -48,7 +48,7 @@ REACH = [
     ("docs/positioning.md", "tests/test_station_position.py"),
     ("docs/centre.md", "tests/test_centre.py"),
     ("docs/control-centre.md", "test-centre"),
-    ("docs/concentrator.md", "tests/test_outstations.py"),
+    ("docs/concentrator.md", "tests/test_outstations*.py"),
     ("docs/examples/concentrator.json", "lint tests/test_outstations.py"),
     ("docs/traps.md", "tests/test_station_traps.py"),
     ("docs/realtime.md", "tests/linux/test_realtime.py"),
@@ -137,7 +137,7 @@ REACH = [
     # the tests; a file of tests reaches itself
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
-    ("tests/peers/outstation.py", "tests/test_outstations.py tests/test_centre.py"),
+    ("tests/peers/outstation.py", "tests/test_outstations*.py tests/test_centre.py"),
     ("tests/peers/goose.py", "tests/test_goose.py"),
     ("tests/peers/snmp.py", "tests/test_snmp.py"),
     ("tests/peers/ddi.py", "tests/image/test_pull.py tests/linux/test_update_board.py"),

@@ -24,6 +24,7 @@ MODULES = {
     "rtu-gps",
     "rtu-logic",
     "rtu-104m",
+    "rtu-104m-tls",
     "rtu-snmp",
     "rtu-synch",
 }

@@ -2,6 +2,7 @@
 """Programs of Structured Text in a running gateway, between simulated devices and a controlling station."""
 
 import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from desk import Desk, gateway_on_lines
 from lab.gateway import Gateway, remove, run_directory
 from lab.master import Master
+from lab.raw_master import ACTIVATION_CON, ACTIVATION_TERM, TIME_TAGGED, RawMaster
 from logic.binary import encode
 from logic.compile import compile_text
 from logic.errors import Findings
@@ -26,6 +28,8 @@ BREAKER, PUMP = 0, 1  # coils
 EARTHED, SPIN = 0, 1  # discrete inputs
 LEVEL = 0  # input register
 WAIT_S = 60.0
+RETURN_REMOTE = 11
+VALUES = [b"\x50\0\0", b"\x46\0\0"]  # scaled 80 and 70
 
 FILLING = """PROGRAM filling
 VAR_EXTERNAL level, limit, half : INT; pump : BOOL; starts : DINT; END_VAR
@@ -209,6 +213,35 @@ def test_a_command_that_the_interlock_lets_through_is_the_devices_answer(desk: D
     answer = json.loads(desk.gateway.ctl("--json", "set", "order", "on", check=False))
     desk.lines.fault(DEVICE, "clear")
     assert (answer["state"], answer["result"]) == ("refused command", "exception")
+
+
+def causes_of(master: RawMaster, ca: int, ioa: int, kind: int, element: bytes) -> list[int]:
+    """Of what the station says of commands and events of this common address, to the command's end."""
+    master.request(kind, ca, ioa, element)
+    deadline, causes = time.monotonic() + WAIT_S, []
+    while causes[-1:] != [ACTIVATION_TERM]:
+        asdu = master.next_asdu(deadline)
+        if asdu.ca == ca and asdu.type in (kind, *TIME_TAGGED):
+            causes.append(asdu.cause)
+    return causes
+
+
+@pytest.mark.parametrize(
+    ("ca", "kind", "values"), [("interlock", 45, [b"\1", b"\0"]), ("filling", 49, VALUES)]
+)
+def test_return_information_is_told_between_confirmation_and_termination(
+    desk: Desk, ca: str, kind: int, values: list[bytes]
+) -> None:
+    """IEC 60870-5-5, 6.8: ACT_CON, return information, ACT_TERM. The owner confirms before it publishes."""
+    desk.set_and_scan(DEVICE, "discrete_inputs", EARTHED, [0])
+    wait_value(desk, "locked", "off")
+    with RawMaster(*desk.gateway.address) as master:
+        for value in values * 10:
+            assert causes_of(master, CA[ca], 1, kind, value) == [
+                ACTIVATION_CON,
+                RETURN_REMOTE,
+                ACTIVATION_TERM,
+            ]
 
 
 def test_nobody_knows_whether_it_is_earthed_so_it_stays_open(desk: Desk) -> None:

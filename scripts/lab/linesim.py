@@ -182,6 +182,10 @@ class LineSim:
             words += ["count", str(count)]
         self.command(" ".join(words))
 
+    def say(self, port: int, octets: bytes) -> None:
+        """Somebody who is no device of this line sends these octets."""
+        self.command(f"say {port} {' '.join(map(str, octets))}")
+
     def plug(self, port: int) -> None:
         self.command(f"plug {port}")
 

@@ -11,9 +11,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import datetime
+import functools
 import itertools
 import json
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -169,6 +171,10 @@ def table(reports: list[Report]) -> None:
         )
 
 
+def indented(text: str) -> str:
+    return "\n".join(f"     {line}".rstrip() for line in text.strip("\n").splitlines())
+
+
 def octets(frame: bytes) -> str:
     """A frame in the manner of the report's figures."""
     return "[" + " ".join(map(str, frame)) + "]"
@@ -295,18 +301,6 @@ def all_types(desk: Desk) -> None:
     check(not missing, f"no station sent the types {', '.join(sorted(missing))}")
 
 
-def position(desk: Desk) -> None:
-    """A vehicle drives: rtu-centre polls its position, one object of type 201, and sees it move"""
-    with contextlib.closing(drive.polled(desk.gateway.directory, desk.gateway.address)) as positions:
-        for latitude, longitude, altitude, quality in itertools.islice(positions, drive.FIXES):
-            say(
-                f"     rtu-centre   CA {drive.CA} IOA {drive.IOA}: {latitude:.7f} N {longitude:.7f} E,"
-                f" {altitude:.1f} m, {'good' if quality == 0 else f'quality {quality:#x}'}"
-            )
-            check(quality == 0, "the position is not good")
-            check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
-
-
 def modules_of_others(desk: Desk) -> None:
     """Modules that others write: Python switches a pump by a level, C smooths it, a command is judged"""
     pump, smooth, guard = MODULES
@@ -343,24 +337,20 @@ STEPS: tuple[Step, ...] = (
     all_types,
 )
 
-# ---- while the gateway runs, on this machine -------------------------------------------------------
+# ---- while the gateway runs -------------------------------------------------------------------------
 
 
-def without_newcomer(file: Path) -> Path:
-    """The gateway's configuration without that device, in a file beside it."""
-    config = json.loads(file.read_text())
+def without_newcomer(config: dict[str, Any]) -> dict[str, Any]:
     port, unit = map(int, NEWCOMER.split("."))
     for line in config["port"]:
         if line["value"] == port:
             line["slaves"] = [slave for slave in line["slaves"] if slave["id"] != unit]
-    path = file.with_name("without.json")
-    path.write_text(json.dumps(config))
-    return path
+    return config
 
 
-def reload(desk: Desk, file: Path) -> str:
-    """Returns what was said last."""
-    return desk.gateway.ctl("reload", str(file)).splitlines()[-1]
+def reload(desk: Desk, *file: str) -> None:
+    """Without a file, rtud's own."""
+    desk.gateway.ctl("reload", *file)
 
 
 def longest_pause_ms(desk: Desk, port: int, since: int) -> float:
@@ -370,20 +360,40 @@ def longest_pause_ms(desk: Desk, port: int, since: int) -> float:
 
 def reloaded(desk: Desk) -> None:
     """A device leaves the configuration and comes back; the master stays connected"""
-    assert isinstance(desk.gateway, Gateway)
-    file, station = desk.gateway.config_file, 5051
+    station = 5051
     here, frames = desk.gateway.query("iec104", "connections"), desk.lines.mark()
-    reload(desk, without_newcomer(file))
+    reload(desk, desk.gateway.put(without_newcomer(desk.gateway.configuration())))
     check(desk.master.is_refused(station), f"CA {station} is known without its device")
     say(f"     rtuctl       reload without device {NEWCOMER}: CA {station} is unknown")
     since = desk.master.mark()
-    reload(desk, file)
+    reload(desk)
     event(desk.master.wait(lambda r: r.ca == station and r.good, since, DEADLINE_S))
     say(f"     rtuctl       reload with device {NEWCOMER}: {len(interrogated(desk, station))} objects")
     now = desk.gateway.query("iec104", "connections")
     check([row["peer"] for row in now] == [row["peer"] for row in here], "a connection has ended")
     pause = longest_pause_ms(desk, 3, frames)
     say(f"     neighbour    port 3 was polled on, its longest pause was {pause:.0f} ms")
+
+
+def position(desk: Desk) -> None:
+    """A line becomes that of a GPS receiver: rtu-centre polls its position, type 201, and sees it move"""
+    reload(desk, desk.gateway.put(drive.instead_of_devices(desk.gateway.configuration())))
+    say(f"     rtuctl       reload with a receiver on {drive.DEVICE} instead of line {drive.PORT}'s devices")
+    with (
+        drive.Drive(functools.partial(desk.lines.say, drive.PORT)),
+        tempfile.TemporaryDirectory() as directory,
+        contextlib.closing(drive.polled(Path(directory), desk.gateway.address)) as positions,
+    ):
+        for latitude, longitude, altitude in itertools.islice(positions, drive.FIXES):
+            say(
+                f"     rtu-centre   CA {drive.CA} IOA {drive.IOA}: {latitude:.7f} N {longitude:.7f} E,"
+                f" {altitude:.1f} m, good"
+            )
+            check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
+        say(indented(desk.gateway.ctl("gps")))
+    reload(desk)
+    desk.gateway.wait_for(lambda: all_read(desk.gateway), DEADLINE_S, "the devices are read again")
+    say(f"     rtuctl       reload: line {drive.PORT} has its devices again, all points are good")
 
 
 NATIVE_STEPS: tuple[Step, ...] = (*STEPS, modules_of_others, reloaded, position)
@@ -514,7 +524,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     """Runs the show; raises what went wrong."""
     ports.check_free(port, f"make run-native{' KEEP=1' if keep else ''}")
     directory = run_directory()
-    config = listening_on(configuration() | {"gps": [drive.RECEIVER]}, port)
+    config = listening_on(configuration(), port)
     add_modules(config, directory, default_build())
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
@@ -522,7 +532,6 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
         config_file = directory / "linesim.json"
         config_file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, config_file, verdict)
-        stack.enter_context(drive.Drive(directory / "dev"))
         gateway = start_gateway(stack, directory, config, verdict)
         desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
         run_steps(desk, NATIVE_STEPS, verdict)

@@ -18,18 +18,7 @@ static const struct call_rule plain_calls[] = {
 };
 
 static const struct call_rule tls_calls[] = {
-    CALL(epoll_wait),
-    CALL(epoll_pwait),
-    CALL(epoll_ctl),
-    CALL(accept4),
-    CALL(setsockopt),
-    RENEWAL_CALLS, /* and the files of TLS, read anew when they change */
-    CALL(lseek),
-    CALL(_llseek),
-    /* libcrypto: random numbers, and locks for threads that are not there. */
-    CALL(getrandom),
-    CALL(futex_time64),
-    CALL(futex),
+    CALL(epoll_wait), CALL(epoll_pwait), CALL(epoll_ctl), CALL(accept4), CALL(setsockopt), TLS_CALLS,
 };
 
 static const struct kind_program programs[] = {
