@@ -11,21 +11,24 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from typing import Any, Protocol, TypeVar
 
 from centre import records
 from centre.errors import CentreError, RefusedError
 from centre.intake import Intake
+from centre.keep import Keeper
 from centre.model import Alarm, Changes, Command, Model, Point, Station
 from centre.records import ENDED, Ask, Result, State
-from centre.settings import Settings
+from centre.settings import Keep, Settings
 from centre.store import Store, audit
 
 Answer = TypeVar("Answer")
 log = logging.getLogger("centre")
 
 AGAIN_S = 1.0  # until the next attempt: to connect, to store
+KEEP_EVERY_S, KEEP_REST_S = 3600.0, 0.02  # between rounds, and between steps that are full
 PACKETS_MOST = 4  # in one transaction: no more can be in flight
 REQUEST_IDS = 1 << 48  # of what is no command
 
@@ -40,7 +43,9 @@ class Centre:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.store = Store(settings.database)
-        self.intake: Intake = self.store.transaction(lambda database: Intake(database, settings.stations))
+        self.intake: Intake = self.store.transaction(
+            lambda database: Intake(database, settings.stations, settings.areas)
+        )
         self.intake.stored()
         self.model = Model()  # the loop's own: the intake's belongs to the writer
         for kind in ("stations", "points", "alarms", "commands"):
@@ -104,6 +109,24 @@ class Centre:
         """The state of the centre itself has changed."""
         for watcher in self.watchers:
             watcher.changed(Changes(), set())
+
+    async def keep(self) -> None:
+        """Lets go of what is too old, for ever."""
+        while self.settings.keep != Keep():
+            keeper = Keeper(self.settings.keep, self.settings.gap_s)
+            steps: list[Callable[[sqlite3.Connection], bool]] = [keeper.old_rows]
+            for point in list(self.model.points.values()):
+                if point.is_position:
+                    steps.append(partial(keeper.track, point=point.id))
+            for step in steps:
+                try:
+                    while await self.store.write(step):
+                        await asyncio.sleep(KEEP_REST_S)
+                except sqlite3.Error as error:
+                    log.warning("what is too old stays for now: %s", error)
+                    break
+                await asyncio.sleep(0)
+            await asyncio.sleep(KEEP_EVERY_S)
 
     # ---- the collector -----------------------------------------------------------------------
 

@@ -9,7 +9,8 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import astuple, fields, replace
 
-from centre.model import Alarm, Changes, Command, Model, Point, Station
+from centre.areas import Area, Areas
+from centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
 from centre.records import (
     ENDED,
     INVALID,
@@ -48,18 +49,25 @@ class Intake:
     What a transaction changes lies in `changes` until it is stored: one that fails leaves nothing.
     """
 
-    def __init__(self, database: sqlite3.Connection, settings: dict[str, StationSettings]) -> None:
+    def __init__(
+        self,
+        database: sqlite3.Connection,
+        settings: dict[str, StationSettings],
+        areas: tuple[Area, ...] = (),
+    ) -> None:
         self.settings = settings
+        self.areas = areas
+        self.areas_of: dict[int, Areas] = {}  # by station
         self.model = Model()
         self.changes = Changes()
         self.by_name: dict[str, int] = {}
         self.places: dict[int, int] = {}  # a station's place in the collector's file: its id
         self.by_address: dict[tuple[int, int, int], int] = {}
-        self.open_alarms: dict[tuple[str, int, int | None], int] = {}
+        self.open_alarms: dict[AlarmKey, int] = {}
         self.invalid: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
         # Of the transaction under way: what the two tables above do not have yet.
         self.new_points: dict[tuple[int, int, int], int] = {}
-        self.new_alarms: dict[tuple[str, int, int | None], int] = {}
+        self.new_alarms: dict[AlarmKey, int] = {}
         self._load(database)
 
     # ---- at the start ------------------------------------------------------------------------
@@ -89,7 +97,15 @@ class Intake:
             alarm = Alarm(**dict(row))
             self.model.alarms[alarm.id] = alarm
             self.open_alarms[alarm.key] = alarm.id
+        self._forgotten_areas(database)
         self.stranded(database)
+
+    def _forgotten_areas(self, database: sqlite3.Connection) -> None:
+        """An alarm of an area that the file has no more would never end."""
+        known = {(area.alarm, area.name) for area in self.areas}
+        for alarm in self.model.alarms.values():
+            if alarm.area is not None and alarm.gone_ns is None and (alarm.kind, alarm.area) not in known:
+                self.put_alarm(database, replace(alarm, gone_ns=time.time_ns()))
 
     def stranded(self, database: sqlite3.Connection) -> None:
         """The collector is gone: what became of the commands that were not ended, nobody can say."""
@@ -202,7 +218,7 @@ class Intake:
             since_ns=record.received_ns if state != station.link else station.since_ns,
             sessions=station.sessions + (state == Link.UP),
         )
-        key = ("lost", station.id, None)
+        key: AlarmKey = ("lost", station.id, None, None)
         if state == Link.DOWN:
             self._raise(database, key, LOST_PRIORITY, record.received_ns)
         elif state == Link.UP:
@@ -265,7 +281,7 @@ class Intake:
         self.changes.events += stored.rowcount
         if at_ns < point.at_ns:
             return  # of the station's queue: where it was, not where it is
-        self.changes.points[point.id] = replace(
+        point = replace(
             point,
             content=Content.POSITION,
             quality=record.quality,
@@ -278,6 +294,9 @@ class Intake:
             altitude=altitude,
             detail=record.detail,
         )
+        self.changes.points[point.id] = point
+        if self.areas and not point.quality & INVALID:
+            self._area_alarms(database, point, latitude / 1e7, longitude / 1e7)
 
     # ---- alarms ------------------------------------------------------------------------------
 
@@ -291,9 +310,22 @@ class Intake:
             ("low", meaning.low is not None and point.value < meaning.low),
             ("state", meaning.state is not None and point.value == meaning.state),
         ):
-            key = (kind, point.station, point.id)
+            key: AlarmKey = (kind, point.station, point.id, None)
             if is_so:
                 self._raise(database, key, meaning.priority, point.at_ns, point)
+            else:
+                self._clear(database, key, point.at_ns)
+
+    def _area_alarms(
+        self, database: sqlite3.Connection, point: Point, latitude: float, longitude: float
+    ) -> None:
+        if point.station not in self.areas_of:
+            group = self._station(point.station).settings.group
+            self.areas_of[point.station] = Areas(self.areas, group)
+        for area, is_so in self.areas_of[point.station].alarms(latitude, longitude):
+            key: AlarmKey = (area.alarm, point.station, point.id, area.name)
+            if is_so:
+                self._raise(database, key, area.priority, point.at_ns, point)
             else:
                 self._clear(database, key, point.at_ns)
 
@@ -306,7 +338,7 @@ class Intake:
             invalid = set(self.invalid[station, ca])
             for point in points:
                 (invalid.add if point.quality & INVALID else invalid.discard)(point.id)
-            key = ("quality", station, ca)
+            key: AlarmKey = ("quality", station, ca, None)
             now_ns = max(point.received_ns for point in points)
             if invalid:
                 only_positions = all(point.is_position for point in points if point.id in invalid)
@@ -315,7 +347,7 @@ class Intake:
             else:
                 self._clear(database, key, now_ns)
 
-    def _alarm(self, key: tuple[str, int, int | None]) -> Alarm | None:
+    def _alarm(self, key: AlarmKey) -> Alarm | None:
         """The one that has not gone, or that nobody has acknowledged."""
         id_ = self.new_alarms.get(key) or self.open_alarms.get(key)
         alarm = None if id_ is None else self.changes.alarms.get(id_) or self.model.alarms[id_]
@@ -324,7 +356,7 @@ class Intake:
     def _raise(
         self,
         database: sqlite3.Connection,
-        key: tuple[str, int, int | None],
+        key: AlarmKey,
         priority: int,
         at_ns: int,
         point: Point | None = None,
@@ -335,19 +367,21 @@ class Intake:
             if alarm.gone_ns is not None:
                 self.put_alarm(database, replace(alarm, gone_ns=None))
             return
-        kind, station, place = key
+        kind, station, place, area = key
         ca = place if kind == "quality" else point and point.ca
         value = point.value if point else value
         row = database.execute(
-            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?)",
-            (kind, station, point and point.id, ca, priority, value, at_ns),
+            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns, area)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            (kind, station, point and point.id, ca, priority, value, at_ns, area),
         )
         id_ = row.lastrowid or 0
-        self.changes.alarms[id_] = Alarm(id_, kind, station, point and point.id, ca, priority, value, at_ns)
+        self.changes.alarms[id_] = Alarm(
+            id_, kind, station, point and point.id, ca, priority, value, at_ns, area=area
+        )
         self.new_alarms[key] = id_
 
-    def _clear(self, database: sqlite3.Connection, key: tuple[str, int, int | None], at_ns: int) -> None:
+    def _clear(self, database: sqlite3.Connection, key: AlarmKey, at_ns: int) -> None:
         alarm = self._alarm(key)
         if alarm and alarm.gone_ns is None:
             self.put_alarm(database, replace(alarm, gone_ns=at_ns))

@@ -12,6 +12,9 @@ from centre.settings import Meaning, StationSettings
 Json = dict[str, Any]
 NS_PER_MS = 1_000_000
 
+# Kind, station, point or common address, area: there is one open alarm of each.
+AlarmKey = tuple[str, int, int | None, str | None]
+
 
 def milliseconds(ns: int | None) -> int | None:
     """Of the page's clock; None for never."""
@@ -107,7 +110,8 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """Kinds: lost (a station), quality (points of a common address), high, low, state (a point)."""
+    """Kinds: lost (a station), quality (points of a common address), high, low, state (a point), inside and
+    outside (a vehicle and an area)."""
 
     id: int
     kind: str
@@ -121,6 +125,7 @@ class Alarm:
     acknowledged_ns: int | None = None
     acknowledged_by: str | None = None
     shelved_until_ns: int = 0
+    area: str | None = None
 
     @property
     def open(self) -> bool:
@@ -128,8 +133,8 @@ class Alarm:
         return self.gone_ns is None or self.acknowledged_ns is None
 
     @property
-    def key(self) -> tuple[str, int, int | None]:
-        return self.kind, self.station, self.ca if self.point is None else self.point
+    def key(self) -> AlarmKey:
+        return self.kind, self.station, self.ca if self.point is None else self.point, self.area
 
     def view(self) -> Json:
         return {
@@ -145,6 +150,7 @@ class Alarm:
             "acknowledged": milliseconds(self.acknowledged_ns),
             "by": self.acknowledged_by,
             "shelved": milliseconds(self.shelved_until_ns),
+            "area": self.area,
         }
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import jsonschema
 
+from centre.areas import Area
 from centre.errors import CentreError
 from centre.records import Content
 
@@ -45,6 +46,45 @@ STATION = {
     "points": {"type": "string"},
     "alarms": {"type": "object", "additionalProperties": ALARM},
 }
+PLACE = STATION["location"]
+AREA = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["name"],
+    "oneOf": [{"required": ["circle"]}, {"required": ["polygon"]}],
+    "properties": {
+        "name": {"type": "string", "minLength": 1, "maxLength": 64},
+        "circle": {
+            "type": "object",
+            "additionalProperties": False,
+            "required": ["middle", "radius_m"],
+            "properties": {"middle": PLACE, "radius_m": {"type": "number", "exclusiveMinimum": 0}},
+        },
+        "polygon": {"type": "array", "items": PLACE, "minItems": 3, "maxItems": 1000},
+        "alarm": {"enum": ["inside", "outside"]},
+        "group": {"type": "string", "maxLength": 64},
+        "priority": {"type": "integer", "minimum": 1, "maximum": 3},
+    },
+}
+DAYS = {"type": "number", "exclusiveMinimum": 0}
+KEEP = {
+    "type": "object",
+    "additionalProperties": False,
+    "properties": {
+        "events_days": DAYS,
+        "tracks_days": DAYS,
+        "alarms_days": DAYS,
+        "audit_days": DAYS,
+        "thin_m": {"type": "number", "exclusiveMinimum": 0},
+        "thin_after_days": {"type": "number", "minimum": 0},
+    },
+}
+TLS = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["certificate", "key"],
+    "properties": {"certificate": {"type": "string"}, "key": {"type": "string"}},
+}
 CENTRE = {
     "address": {"type": "string"},
     "port": {"type": "integer", "minimum": 1, "maximum": 65535},
@@ -52,6 +92,9 @@ CENTRE = {
     "gap_s": {"type": "number", "exclusiveMinimum": 0},
     "session_h": {"type": "number", "exclusiveMinimum": 0},
     "secure": {"type": "boolean"},
+    "tls": TLS,
+    "areas": {"type": "array", "items": AREA},
+    "keep": KEEP,
 }
 SCHEMA = {
     "type": "object",
@@ -112,6 +155,24 @@ class StationSettings:
 
 
 @dataclass(frozen=True)
+class Keep:
+    """How long what is stored is kept; None: for ever. Tracks are thinned by distance when they are old."""
+
+    events_days: float | None = None
+    tracks_days: float | None = None
+    alarms_days: float | None = None
+    audit_days: float | None = None
+    thin_m: float | None = None
+    thin_after_days: float = 7.0
+
+
+@dataclass(frozen=True)
+class Tls:
+    certificate: Path
+    key: Path
+
+
+@dataclass(frozen=True)
 class Settings:
     collector: Json  # rtu-centre's file
     socket: Path
@@ -122,6 +183,9 @@ class Settings:
     session_h: float = 12.0
     secure: bool = False
     stations: dict[str, StationSettings] = field(default_factory=dict)
+    tls: Tls | None = None
+    areas: tuple[Area, ...] = ()
+    keep: Keep = field(default_factory=Keep)
 
 
 def load(path: Path) -> Settings:
@@ -151,9 +215,34 @@ def load(path: Path) -> Settings:
         own.get("port", 8104),
         own.get("gap_s", 120.0),
         own.get("session_h", 12.0),
-        own.get("secure", False),
+        own.get("secure", "tls" in own),
         {station["name"]: _station(station, folder) for station in content["stations"]},
+        Tls(folder / own["tls"]["certificate"], folder / own["tls"]["key"]) if "tls" in own else None,
+        _areas(own.get("areas", [])),
+        Keep(**own.get("keep", {})),
     )
+
+
+def _areas(wanted: list[Json]) -> tuple[Area, ...]:
+    areas = []
+    for each in wanted:
+        circle = each.get("circle")
+        corners = [circle["middle"]] if circle else each["polygon"]
+        areas.append(
+            Area(
+                each["name"],
+                tuple((float(latitude), float(longitude)) for latitude, longitude in corners),
+                circle["radius_m"] if circle else 0.0,
+                each.get("alarm", ""),
+                each.get("group", ""),
+                each.get("priority", 2),
+            )
+        )
+    names = [area.name for area in areas]
+    for name in names:
+        if names.count(name) > 1:
+            raise CentreError(f"areas: {name} is there twice: an alarm is of one area, by its name")
+    return tuple(areas)
 
 
 def _station(station: Json, folder: Path) -> StationSettings:

@@ -29,5 +29,16 @@ def north(stations: Stations) -> Iterator[Station]:
 def site(programs: Path, north: Station, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """The centre of these tests, with that station."""
     folder = tmp_path_factory.mktemp("site")
-    with Site(programs, folder, [described(north, folder)]) as started:
+    areas = [
+        {"name": "island", "circle": {"middle": [10, 10], "radius_m": 5000}, "alarm": "inside"},
+        {"name": "land", "polygon": [[40, 15], [40, 25], [50, 25], [50, 15]], "alarm": "outside"},
+        {
+            "name": "elsewhere",
+            "circle": {"middle": [10, 10], "radius_m": 1},
+            "alarm": "outside",
+            "group": "gas",
+        },
+    ]
+    here = [described(north, folder, group="water")]
+    with Site(programs, folder, here, centre={"areas": areas}) as started:
         yield started

@@ -147,6 +147,38 @@ def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: S
     until(is_there, "a green marker at its place")
 
 
+def test_replay_shows_where_it_was(page: Page, site: Site, stations: Stations, north: Station) -> None:
+    """Half an hour ago it was elsewhere; when replay ends it is back."""
+    begin = now_ms() - 1_800_000
+    for second in range(10):
+        stations.say(north, 1, POSITION, position(begin + 1000 * second, 43.5 + second / 1000, 21.5))
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+    client = site.client("vera")
+    path = f"/api/tracks?from={begin}&to={begin + 10_000}"
+    until(
+        lambda: [len(each["properties"]["times"]) for each in client.get(path)["features"]] == [10],
+        "it is stored",
+    )
+    view(page, "map")
+    page.locator(".list button", has_text="north").click()
+    page.get_by_role("button", name="Replay").click()
+    slider = page.locator(".replay input[type=range]")
+    expect(slider).to_have_attribute("step", "1000")
+    slider.evaluate(
+        "(input, at) => { input.value = String(at); input.dispatchEvent(new Event('input')); }",
+        begin + 60_000,
+    )
+    expect(page.locator(".about dl")).to_contain_text("43.509000°")
+    slider.evaluate(
+        "(input, at) => { input.value = String(at); input.dispatchEvent(new Event('input')); }",
+        begin + 600_000,
+    )
+    expect(page.locator(".list li", has_text="north").locator(".state")).to_have_text("old")
+    page.locator(".replay").get_by_role("button", name="Close").click()
+    expect(page.locator(".about dl")).to_contain_text(f"{BELGRADE[0]:.6f}°")
+    expect(page.locator(".replay")).to_be_hidden()
+
+
 def test_command_by_keys_alone(page: Page, north: Station, stations: Stations) -> None:
     """From the view to the end of a command, without a pointer."""
     north.commanded.clear()

@@ -25,7 +25,8 @@ function pointName(id) {
 function words(alarm) {
   const point = names.get(alarm.point);
   const value = point ? `${valueText(point, alarm.value)} ${point.unit}`.trim() : number(alarm.value ?? 0);
-  return t(`alarm_${alarm.kind}`, { n: alarm.value, ca: alarm.ca, point: pointName(alarm.point), value });
+  const name = live.stations.get(alarm.station)?.name ?? "";
+  return t(`alarm_${alarm.kind}`, { n: alarm.value, ca: alarm.ca, point: pointName(alarm.point), value, area: alarm.area, name });
 }
 
 function beep() {
