@@ -28,6 +28,7 @@ from centre.settings import Meaning, StationSettings
 SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
 EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
 FUTURE_NS = 60 * 10**9  # a tag of later than that is a clock that is wrong
+CLOCK_NS = 60 * 10**9  # the difference of a clock is of this time and the one before
 LOST_PRIORITY, QUALITY_PRIORITY, POSITION_PRIORITY = 1, 2, 3
 POINT_COLUMNS = [
     *("content", "value", "quality", "cause", "at_ns", "received_ns", "tagged"),
@@ -58,6 +59,7 @@ class Intake:
         self.settings = settings
         self.areas = areas
         self.areas_of: dict[int, Areas] = {}  # by station
+        self.clocks: dict[int, tuple[int, int, int]] = {}  # by station: minute, most of it, most of the last
         self.model = Model()
         self.changes = Changes()
         self.by_name: dict[str, int] = {}
@@ -202,8 +204,24 @@ class Intake:
     def _heard(self, record: Record) -> None:
         station = self._station(self.places[record.station])
         self.changes.stations[station.id] = replace(
-            station, heard_ns=record.received_ns, records=station.records + 1
+            station,
+            heard_ns=record.received_ns,
+            records=station.records + 1,
+            clock_ns=self._clock(station, record),
         )
+
+    def _clock(self, station: Station, record: Record) -> int | None:
+        """How far its clock is ahead. An event that waited looks as if it were behind: the most counts."""
+        if not record.tagged or record.cause != SPONTANEOUS:
+            return station.clock_ns
+        minute, ahead = record.received_ns // CLOCK_NS, record.tag_ns - record.received_ns
+        of, most, before = self.clocks.get(station.id, (minute, ahead, ahead))
+        if minute == of:
+            most = max(most, ahead)
+        else:
+            most, before = ahead, most if minute == of + 1 else ahead
+        self.clocks[station.id] = minute, most, before
+        return max(most, before)
 
     def _link(self, database: sqlite3.Connection, record: Record) -> None:
         station = self._station(self.places[record.station])

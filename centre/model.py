@@ -33,6 +33,7 @@ class Station:
     heard_ns: int = 0
     sessions: int = 0
     records: int = 0
+    clock_ns: int | None = None  # ahead of ours, by what came with the least delay; not stored
 
     @property
     def up(self) -> bool:
@@ -51,6 +52,7 @@ class Station:
             "heard": milliseconds(self.heard_ns),
             "sessions": self.sessions,
             "records": self.records,
+            "clock": None if self.clock_ns is None else self.clock_ns // NS_PER_MS,
         }
 
 
@@ -166,6 +168,12 @@ class Command:
     cause: int
     begun_ns: int
     changed_ns: int
+    release: int = 0  # a second person executes it
+
+    @property
+    def held(self) -> bool:
+        """It waits here for the second person: its point knows no selection, and nothing was sent."""
+        return bool(self.release) and not self.selects
 
     def view(self) -> Json:
         return {
@@ -179,6 +187,7 @@ class Command:
             "cause": self.cause,
             "begun": milliseconds(self.begun_ns),
             "changed": milliseconds(self.changed_ns),
+            "release": bool(self.release),
         }
 
 

@@ -44,6 +44,7 @@ STATION = {
     },
     "group": {"type": "string", "maxLength": 64},
     "points": {"type": "string"},
+    "release": {"type": "boolean"},
     "alarms": {"type": "object", "additionalProperties": ALARM},
 }
 PLACE = STATION["location"]
@@ -152,6 +153,7 @@ class StationSettings:
     location: tuple[float, float] | None = None
     group: str = ""
     points: dict[tuple[int, int], Meaning] = field(default_factory=dict)  # by common address and IOA
+    release: bool = False  # a second person executes its commands
 
 
 @dataclass(frozen=True)
@@ -257,7 +259,9 @@ def _station(station: Json, folder: Path) -> StationSettings:
         if meaning.name in alarms:
             points[key] = Meaning(**{**vars(meaning), **alarms[meaning.name]})
     location = tuple(station["location"]) if "location" in station else None
-    return StationSettings(station["name"], location, station.get("group", ""), points)
+    return StationSettings(
+        station["name"], location, station.get("group", ""), points, station.get("release", False)
+    )
 
 
 def read_points(path: Path) -> dict[tuple[int, int], Meaning]:

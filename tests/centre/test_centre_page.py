@@ -36,7 +36,10 @@ def site(
     described_evil = described(
         evil, folder, EVIL, POINTS.replace("pump", EVIL), group=EVIL, location=[40.0, 20.0]
     )
-    with Site(programs, folder, [described(north, folder), described_evil], PAGE) as started:
+    guarded = stations.station()
+    gate = "ca,ioa,type,command_type,name\n1,3,M_SP_NA_1,C_SC_NA_1,gate\n"
+    described_gate = described(guarded, folder, "gate house", gate, release=True)
+    with Site(programs, folder, [described(north, folder), described_evil, described_gate], PAGE) as started:
         stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
         for ioa in (2, 3, 5):
             stations.say(north, ioa, M_SP_TB_1, single(now_ms(), False))
@@ -45,7 +48,8 @@ def site(
         client = started.client("vera")
         until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= 8, "the points")
         yield started
-    stations.do(evil.stop())
+    for station in (evil, guarded):
+        stations.do(station.stop())
 
 
 @pytest.fixture(scope="module")
@@ -204,6 +208,17 @@ def test_command_by_keys_alone(page: Page, north: Station, stations: Stations) -
     expect(page.locator("dialog")).to_have_count(0)
 
 
+def test_second_person_is_told_and_releases(page: Page, site: Site, stations: Stations) -> None:
+    """Olga, at the page, releases what Omar has selected."""
+    omar = site.client("omar")
+    guarded = next(each for each in omar.get("/api/points") if each["name"] == "gate")
+    sent = omar.post("/api/commands", {"point": guarded["id"], "value": 1})
+    page.get_by_text("omar waits for a release").click()
+    page.locator("td").get_by_role("button", name="Release").click()
+    until(lambda: omar.get(f"/api/commands/{sent['id']}")["state"] == 9, "it is executed")
+    expect(page.get_by_text("omar waits for a release")).to_be_hidden()
+
+
 @pytest.mark.parametrize(
     ("manner", "kind", "words"),
     [("refuse", "bad", "Refused by the station"), ("hang up", "old", "Fate unknown")],
@@ -220,7 +235,10 @@ def test_each_fate_looks_its_own(page: Page, north: Station, manner: str, kind: 
 
 def test_escape_leaves_no_selection(page: Page, site: Site, north: Station) -> None:
     client = site.client("olga")
-    until(lambda: client.get("/api/stations")[0]["link"] == 3, "connected")
+    until(
+        lambda: next(each["link"] for each in client.get("/api/stations") if each["name"] == "north") == 3,
+        "connected",
+    )
     open_command(page, "pump")
     page.locator("dialog .choices button").nth(0).click()
     page.locator("dialog button.main").click()
@@ -242,7 +260,10 @@ def test_absent_station_is_told_and_nothing_waits(
     assert outcome(page) == "Not sent"
     stations.do(north.listen())
     client = site.client("olga")
-    until(lambda: client.get("/api/stations")[0]["link"] == 3, "connected again")
+    until(
+        lambda: next(each["link"] for each in client.get("/api/stations") if each["name"] == "north") == 3,
+        "connected again",
+    )
     assert not north.commanded
 
 

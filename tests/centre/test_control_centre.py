@@ -28,12 +28,14 @@ def now_ms() -> int:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def filled(site: Site, stations: Stations, north: Station) -> None:
-    """The station has said something of each point."""
+def filled(site: Site, stations: Stations, north: Station, south: Station) -> None:
+    """Each station has said something of each point."""
     stations.say(north, 1, POSITION, position(now_ms(), 44.8, 20.5, 117))
     for ioa in (2, 3, 5):
         stations.say(north, ioa, M_SP_TB_1, single(now_ms(), False))
     stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.5))
+    for ioa in (2, 3):
+        stations.say(south, ioa, M_SP_TB_1, single(now_ms(), False))
     client = site.client("vera")
     until(lambda: all(point["at"] for point in client.get("/api/points")), "all points are known")
 
@@ -51,6 +53,10 @@ def manner(north: Station) -> Iterator[Station]:
 
 def point(client: Client, name: str) -> dict[str, Any]:
     return next(each for each in client.get("/api/points") if each["name"] == name)
+
+
+def link(client: Client, name: str) -> int:
+    return next(int(each["link"]) for each in client.get("/api/stations") if each["name"] == name)
 
 
 def value_of(client: Client, name: str) -> float:
@@ -178,7 +184,7 @@ def test_fate_is_unknown_when_the_connection_ends(operator: Client, manner: Stat
     ended = in_state(operator, command["id"], State.REFUSED_COMMAND)
     assert ended["result"] == Result.UNKNOWN_FATE
     manner.manner = "done"
-    until(lambda: operator.get("/api/stations")[0]["link"] == 3, "connected again")
+    until(lambda: link(operator, "north") == 3, "connected again")
 
 
 @pytest.mark.parametrize(
@@ -205,16 +211,69 @@ def test_nothing_waits_for_a_station_that_is_absent(
 ) -> None:
     north.commanded.clear()
     stations.do(north.stop())
-    until(lambda: operator.get("/api/stations")[0]["link"] == 4, "down")
+    until(lambda: link(operator, "north") == 4, "down")
     assert open_alarms(operator, "lost")
     with pytest.raises(AnswerError) as refused:
         operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})
     assert refused.value.code == "not_up"
     stations.do(north.listen())
-    until(lambda: operator.get("/api/stations")[0]["link"] == 3, "connected again")
+    until(lambda: link(operator, "north") == 3, "connected again")
     assert not north.commanded
     last = site.client("emil").get("/api/audit")
     assert any(row["action"] == "command refused" and row["user"] == "olga" for row in last)
+
+
+def test_second_person_releases_a_selection(site: Site, operator: Client, south: Station) -> None:
+    south.commanded.clear()
+    mine = point(operator, "south pump")
+    command = operator.post("/api/commands", {"point": mine["id"], "value": 1})
+    in_state(operator, command["id"], State.ACCEPTED_SELECTION)
+    path = f"/api/commands/{command['id']}"
+    with pytest.raises(AnswerError) as refused:
+        operator.post(f"{path}/execute")
+    assert refused.value.code == "second"
+    with pytest.raises(AnswerError) as refused:
+        site.client("vera").post(f"{path}/execute")
+    assert refused.value.code == "role"
+    assert not south.commanded
+    site.client("omar").post(f"{path}/execute")
+    in_state(operator, command["id"], State.EXECUTED_COMMAND)
+    assert south.commanded == [(2, 1)]
+    done = [(row["user"], row["action"]) for row in site.client("emil").get("/api/audit")[:9]]
+    assert {("omar", "release"), ("olga", "select")} <= set(done)
+
+
+def test_second_person_releases_what_knows_no_selection(site: Site, operator: Client, south: Station) -> None:
+    """Nothing is sent before; one that is cancelled is never sent."""
+    south.commanded.clear()
+    lamp = point(operator, "south lamp")["id"]
+    first = operator.post("/api/commands", {"point": lamp, "value": 1})
+    assert first["state"] == State.ACCEPTED_SELECTION
+    cancelled = operator.post(f"/api/commands/{first['id']}/cancel")
+    assert cancelled["state"] == State.INTERRUPTED_SELECTION
+    second = operator.post("/api/commands", {"point": lamp, "value": 0})
+    path = f"/api/commands/{second['id']}"
+    other = site.client("omar")
+    with pytest.raises(AnswerError):
+        operator.post(f"{path}/execute")
+    other.post(f"{path}/execute")
+    in_state(operator, second["id"], State.EXECUTED_COMMAND)
+    assert south.commanded == [(3, 0)]
+    with pytest.raises(AnswerError) as refused:
+        other.post(f"{path}/execute")
+    assert refused.value.code == "not_selected"
+
+
+def test_clock_of_a_station(stations: Stations, operator: Client, south: Station) -> None:
+    """An event that waited for long does not make it wrong."""
+    for ahead in (-7_200_000, 0, 90_000, -500):
+        stations.say(south, 4, M_ME_TF_1, measured(now_ms() + ahead, 1))
+
+    def clock() -> int:
+        return next(each["clock"] or 0 for each in operator.get("/api/stations") if each["name"] == "south")
+
+    until(lambda: clock() > 0, "an event that is ahead")
+    assert 0 <= 90_000 - clock() < 60_000  # of which the delay of a busy host is a part
 
 
 # ---- alarms --------------------------------------------------------------------------------------
