@@ -8,6 +8,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import astuple, fields, replace
+from operator import attrgetter
 
 from centre.areas import Area, Areas
 from centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
@@ -35,6 +36,11 @@ POINT_COLUMNS = [
     *("latitude", "longitude", "altitude", "detail"),
 ]
 STATION_COLUMNS = ["link", "reason", "error", "since_ns", "heard_ns", "sessions", "records"]
+UPDATE_POINT, UPDATE_STATION = (
+    f"UPDATE {table} SET {', '.join(f'{column} = ?' for column in columns)} WHERE id = ?"
+    for table, columns in (("points", POINT_COLUMNS), ("stations", STATION_COLUMNS))
+)
+OF_POINT, OF_STATION = attrgetter(*POINT_COLUMNS, "id"), attrgetter(*STATION_COLUMNS, "id")
 ALARM_COLUMNS = [column.name for column in fields(Alarm)]
 COMMAND_COLUMNS = [column.name for column in fields(Command)]
 
@@ -67,6 +73,8 @@ class Intake:
         self.by_address: dict[tuple[int, int, int], int] = {}
         self.open_alarms: dict[AlarmKey, int] = {}
         self.invalid: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
+        self.heard: dict[int, tuple[int, int]] = {}  # by station, in this transaction: when last, how often
+        self.places_of_tracks: list[tuple[int, ...]] = []  # rows
         # Of the transaction under way: what the two tables above do not have yet.
         self.new_points: dict[tuple[int, int, int], int] = {}
         self.new_alarms: dict[AlarmKey, int] = {}
@@ -131,6 +139,8 @@ class Intake:
         self.changes = Changes()
         self.new_points.clear()
         self.new_alarms.clear()
+        self.heard.clear()
+        self.places_of_tracks.clear()
 
     def stored(self) -> Changes:
         """The transaction is on the disk."""
@@ -167,24 +177,16 @@ class Intake:
                     self._information(database, record)
             elif record.kind == Kind.PROGRESS:
                 self._progress(database, record)
+        database.executemany(
+            "INSERT OR IGNORE INTO track VALUES (?, ?, ?, ?, ?, ?, ?)", self.places_of_tracks
+        )
+        self._store_heard()
         self._quality_alarms(database)
         self._store_last(database)
 
     def _store_last(self, database: sqlite3.Connection) -> None:
-        database.executemany(
-            f"UPDATE points SET {', '.join(f'{column} = ?' for column in POINT_COLUMNS)} WHERE id = ?",
-            [
-                (*(getattr(point, column) for column in POINT_COLUMNS), point.id)
-                for point in self.changes.points.values()
-            ],
-        )
-        database.executemany(
-            f"UPDATE stations SET {', '.join(f'{column} = ?' for column in STATION_COLUMNS)} WHERE id = ?",
-            [
-                (*(getattr(station, column) for column in STATION_COLUMNS), station.id)
-                for station in self.changes.stations.values()
-            ],
-        )
+        database.executemany(UPDATE_POINT, map(OF_POINT, self.changes.points.values()))
+        database.executemany(UPDATE_STATION, map(OF_STATION, self.changes.stations.values()))
 
     # ---- stations ----------------------------------------------------------------------------
 
@@ -202,26 +204,31 @@ class Intake:
         self.changes.stations[id_] = replace(station, place=record.station)
 
     def _heard(self, record: Record) -> None:
-        station = self._station(self.places[record.station])
-        self.changes.stations[station.id] = replace(
-            station,
-            heard_ns=record.received_ns,
-            records=station.records + 1,
-            clock_ns=self._clock(station, record),
-        )
+        """What it is of all records of a transaction is stored at its end."""
+        id_ = self.places[record.station]
+        self.heard[id_] = record.received_ns, self.heard[id_][1] + 1 if id_ in self.heard else 1
+        if record.tagged and record.cause == SPONTANEOUS:
+            self._see_clock(id_, record.received_ns // CLOCK_NS, record.tag_ns - record.received_ns)
 
-    def _clock(self, station: Station, record: Record) -> int | None:
+    def _see_clock(self, station: int, minute: int, ahead: int) -> None:
         """How far its clock is ahead. An event that waited looks as if it were behind: the most counts."""
-        if not record.tagged or record.cause != SPONTANEOUS:
-            return station.clock_ns
-        minute, ahead = record.received_ns // CLOCK_NS, record.tag_ns - record.received_ns
-        of, most, before = self.clocks.get(station.id, (minute, ahead, ahead))
+        of, most, before = self.clocks.get(station, (minute, ahead, ahead))
         if minute == of:
             most = max(most, ahead)
         else:
             most, before = ahead, most if minute == of + 1 else ahead
-        self.clocks[station.id] = minute, most, before
-        return max(most, before)
+        self.clocks[station] = minute, most, before
+
+    def _store_heard(self) -> None:
+        for id_, (heard_ns, count) in self.heard.items():
+            station = self._station(id_)
+            clock = max(self.clocks[id_][1:]) if id_ in self.clocks else None
+            self.changes.stations[id_] = Station(
+                station.id, station.settings, station.place,
+                station.link, station.reason, station.error, station.since_ns,
+                heard_ns, station.sessions, station.records + count, clock,
+            )  # fmt: skip
+        self.heard.clear()
 
     def _link(self, database: sqlite3.Connection, record: Record) -> None:
         station = self._station(self.places[record.station])
@@ -272,18 +279,12 @@ class Intake:
             )
             if not stored.rowcount:
                 return  # it came before, and its acknowledgement did not reach the station
-            self.changes.events += 1
-        point = replace(
-            point,
-            content=record.content,
-            value=value,
-            quality=record.quality,
-            cause=record.cause,
-            at_ns=at_ns,
-            received_ns=record.received_ns,
-            tagged=int(record.tagged),
-            detail=record.detail,
-        )
+        point = Point(
+            point.id, point.station, point.ca, point.ioa, point.meaning,
+            record.content, value, record.quality, record.cause,
+            at_ns, record.received_ns, int(record.tagged),
+            point.latitude, point.longitude, point.altitude, record.detail,
+        )  # fmt: skip
         self.changes.points[point.id] = point
         self._point_alarms(database, point)
 
@@ -292,26 +293,17 @@ class Intake:
         sane = record.tagged and record.tag_ns <= record.received_ns + FUTURE_NS
         at_ns = record.tag_ns if sane else record.received_ns
         latitude, longitude, altitude = record.position
-        stored = database.execute(
-            "INSERT OR IGNORE INTO track VALUES (?, ?, ?, ?, ?, ?, ?)",
-            (point.id, at_ns, latitude, longitude, altitude, record.quality, record.detail),
+        self.places_of_tracks.append(
+            (point.id, at_ns, latitude, longitude, altitude, record.quality, record.detail)
         )
-        self.changes.events += stored.rowcount
         if at_ns < point.at_ns:
             return  # of the station's queue: where it was, not where it is
-        point = replace(
-            point,
-            content=Content.POSITION,
-            quality=record.quality,
-            cause=record.cause,
-            at_ns=at_ns,
-            received_ns=record.received_ns,
-            tagged=int(sane),
-            latitude=latitude,
-            longitude=longitude,
-            altitude=altitude,
-            detail=record.detail,
-        )
+        # By place, not by dataclasses.replace: that would cost as much as all else that is done for a record.
+        point = Point(
+            point.id, point.station, point.ca, point.ioa, point.meaning,
+            Content.POSITION, point.value, record.quality, record.cause,
+            at_ns, record.received_ns, int(sane), latitude, longitude, altitude, record.detail,
+        )  # fmt: skip
         self.changes.points[point.id] = point
         if self.areas and not point.quality & INVALID:
             self._area_alarms(database, point, latitude / 1e7, longitude / 1e7)

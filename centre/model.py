@@ -220,7 +220,6 @@ class Changes:
     points: dict[int, Point] = field(default_factory=dict)
     alarms: dict[int, Alarm] = field(default_factory=dict)
     commands: dict[int, Command] = field(default_factory=dict)
-    events: int = 0
 
     @property
     def any(self) -> bool:
