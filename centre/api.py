@@ -116,6 +116,7 @@ async def me(asked: Asked) -> Json:
         "role": session.role,
         "csrf": session.csrf,
         "gap_s": asked.centre.settings.gap_s,
+        "tiles": asked.centre.settings.tiles is not None,
         **asked.centre.state(),
     }
 

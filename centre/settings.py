@@ -93,6 +93,7 @@ CENTRE = {
     "gap_s": {"type": "number", "exclusiveMinimum": 0},
     "session_h": {"type": "number", "exclusiveMinimum": 0},
     "secure": {"type": "boolean"},
+    "map": {"type": "string"},
     "tls": TLS,
     "areas": {"type": "array", "items": AREA},
     "keep": KEEP,
@@ -113,6 +114,7 @@ SCHEMA = {
         "centre": {"type": "object", "additionalProperties": False, "properties": CENTRE},
     },
 }
+PMTILES = b"PMTiles\x03"  # how a file begins
 TYPES = {"SC": "single", "DC": "double", "RC": "step", "BO": "bits"}
 SET_POINTS = {
     "NA": "normalized",
@@ -188,6 +190,7 @@ class Settings:
     tls: Tls | None = None
     areas: tuple[Area, ...] = ()
     keep: Keep = field(default_factory=Keep)
+    tiles: Path | None = None  # a map of one's own
 
 
 def load(path: Path) -> Settings:
@@ -222,7 +225,23 @@ def load(path: Path) -> Settings:
         Tls(folder / own["tls"]["certificate"], folder / own["tls"]["key"]) if "tls" in own else None,
         _areas(own.get("areas", [])),
         Keep(**own.get("keep", {})),
+        _tiles(own.get("map"), folder),
     )
+
+
+def _tiles(wanted: str | None, folder: Path) -> Path | None:
+    """What the file names must be there; map.pmtiles beside it is taken when it is."""
+    path = folder / (wanted or "map.pmtiles")
+    try:
+        with path.open("rb") as file:
+            begin = file.read(len(PMTILES))
+    except OSError as error:
+        if wanted:
+            raise CentreError(f"map: {path}: {error.strerror}") from error
+        return None
+    if begin != PMTILES:
+        raise CentreError(f"map: {path} is no PMTiles file of version 3: convert it with `pmtiles convert`")
+    return path
 
 
 def _areas(wanted: list[Json]) -> tuple[Area, ...]:

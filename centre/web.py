@@ -109,6 +109,7 @@ class Server:
         router.add_get("/api/stream", self.stream)
         for route in routes:
             router.add_route(route.method, route.path, self.answering(route))
+        router.add_get("/map/own.pmtiles", self.tiles)
         router.add_get("/{file:.*}", self.file)
 
     # ---- each request ------------------------------------------------------------------------
@@ -227,6 +228,14 @@ class Server:
         return socket
 
     # ---- the page ----------------------------------------------------------------------------
+
+    async def tiles(self, request: web.Request) -> web.StreamResponse:
+        """A map of one's own, of which the page asks ranges."""
+        await self.session(request)
+        path = self.centre.settings.tiles
+        if not path or not path.is_file():
+            raise web.HTTPNotFound(reason="there is no map of one's own")
+        return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """What was built, and nothing else."""

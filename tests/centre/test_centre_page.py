@@ -8,9 +8,12 @@ from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
+from pmtiles.tile import Compression, TileType, zxy_to_tileid
+from pmtiles.writer import write
 
 from browser import LIMIT_MS, chromium, log_in
 from control_room import PASSWORD, POINTS, Site, Stations, described, until
+from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 
 pytestmark = pytest.mark.slow
@@ -25,6 +28,30 @@ def now_ms() -> int:
     return time.time_ns() // 1_000_000
 
 
+def field(number: int, octets: bytes) -> bytes:
+    """Of protobuf, with a length below 128."""
+    return bytes([number << 3 | 2, len(octets)]) + octets
+
+
+def road() -> bytes:
+    """A vector tile of the whole world: a line of the layer roads along the equator."""
+    geometry = bytes([9, 0, 0x80, 0x20, 10, 0x80, 0x40, 0])  # move to (0, 2048), a line by (4096, 0)
+    feature = bytes([3 << 3, 2]) + field(4, geometry)
+    return field(3, field(1, b"roads") + field(2, feature) + bytes([5 << 3, 0x80, 0x20, 15 << 3, 2]))
+
+
+def own_map(path: Path) -> None:
+    """Written by the library of others; its attribution is an attack."""
+    header = {
+        "tile_type": TileType.MVT, "tile_compression": Compression.NONE, "center_zoom": 0,
+        "min_lon_e7": -1_800_000_000, "min_lat_e7": -850_000_000, "max_lon_e7": 1_800_000_000,
+        "max_lat_e7": 850_000_000, "center_lon_e7": 0, "center_lat_e7": 0,
+    }  # fmt: skip
+    with write(path) as writer:
+        writer.write_tile(zxy_to_tileid(0, 0, 0), road())
+        writer.finalize(header, {"vector_layers": [{"id": "roads"}], "attribution": f"{EVIL}Road Office"})
+
+
 @pytest.fixture(scope="module")
 def site(
     programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
@@ -32,6 +59,7 @@ def site(
     """A vehicle with points, and a station whose names are an attack."""
     assert PAGE.is_dir(), "the page is not built: make centre-page"
     folder = tmp_path_factory.mktemp("page")
+    own_map(folder / "map.pmtiles")
     evil = stations.station()
     described_evil = described(
         evil, folder, EVIL, POINTS.replace("pump", EVIL), group=EVIL, location=[40.0, 20.0]
@@ -149,6 +177,23 @@ def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: S
         return middle["count"] > 50 and all(abs(middle[axis] - wanted[axis]) <= 1 for axis in "xy")
 
     until(is_there, "a green marker at its place")
+
+
+def test_map_of_ones_own(page: Page, site: Site) -> None:
+    """It is drawn, by ranges of its file; and only for who has logged in."""
+    view(page, "map")
+    expect(page.locator(".maplibregl-ctrl-bottom-right")).to_contain_text("Road Office")
+    drawn = "Boolean(openrtuMap.getLayer('own-line-roads'))"
+    until(lambda: page.evaluate(drawn), "its layer")
+    page.evaluate("openrtuMap.jumpTo({center: [0, 0], zoom: 2})")
+    seen = "openrtuMap.queryRenderedFeatures({layers: ['own-line-roads']}).length"
+    until(lambda: page.evaluate(seen), "its road")
+    client = site.client("vera")
+    response, octets = client.raw("GET", "/map/own.pmtiles", Range="bytes=0-6")
+    assert (response.status, octets) == (206, b"PMTiles")
+    with pytest.raises(AnswerError) as refused:
+        site.client().raw("GET", "/map/own.pmtiles")
+    assert refused.value.status == 401
 
 
 def test_replay_shows_where_it_was(page: Page, site: Site, stations: Stations, north: Station) -> None:

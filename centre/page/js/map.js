@@ -5,6 +5,7 @@ import { fill, h, Rows, setText, SHAPES, state } from "./dom.js";
 import * as live from "./live.js";
 import { quality, stationState } from "./quality.js";
 import { Replay } from "./replay.js";
+import { readTiles, tileLayers } from "./tiles.js";
 import { age, t, time } from "./words.js";
 
 maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
@@ -50,7 +51,7 @@ function source(data) {
 
 const EMPTY = { type: "FeatureCollection", features: [] };
 
-function style() {
+function style(own) {
   const label = (size) => ({ "text-font": FONT, "text-size": size });
   const areaColour = ["case", ["==", ["get", "alarm"], ""], colour("muted"), colour("bad")];
   const halo = { "text-halo-color": colour("panel"), "text-halo-width": 1.6 };
@@ -58,7 +59,7 @@ function style() {
     version: 8,
     sources: {
       land: source("map/land.json"), borders: source("map/borders.json"), names: source("map/names.json"),
-      areas: source(EMPTY), track: source(EMPTY), marks: source(EMPTY),
+      ...(own ? { own: own.source } : {}), areas: source(EMPTY), track: source(EMPTY), marks: source(EMPTY),
     },
     layers: [
       { id: "sea", type: "background", paint: { "background-color": colour("sea") } },
@@ -67,6 +68,7 @@ function style() {
       { id: "names", type: "symbol", source: "names", minzoom: 2, maxzoom: 8,
         layout: { ...label(12), "text-field": ["get", "name"], "text-letter-spacing": 0.08, "text-max-width": 7 },
         paint: { "text-color": colour("muted"), "text-halo-color": colour("land"), "text-halo-width": 1, "text-opacity": 0.8 } },
+      ...(own ? tileLayers(own, colour, FONT) : []),
       { id: "areas", type: "fill", source: "areas", paint: { "fill-color": areaColour, "fill-opacity": 0.1 } },
       { id: "area-borders", type: "line", source: "areas", paint: { "line-color": areaColour, "line-width": 1.5, "line-dasharray": [3, 2] } },
       { id: "area-names", type: "symbol", source: "areas", layout: { ...label(12), "text-field": ["get", "label"] }, paint: { "text-color": areaColour, ...halo } },
@@ -306,17 +308,28 @@ export function showMap(main) {
   map.on("movestart", (event) => { if (event.originalEvent) shown = true; }); // the user's place is kept
   map.on("dragstart", () => { if (chosen.follow) { chosen.follow = false; update(); } });
   search.addEventListener("input", update);
-  const themed = () => { ready = false; map.setStyle(style(), { diff: false }); map.once("style.load", dress); };
+  let own = null; // the map of one's own
+  let gone = false;
+  const themed = () => { ready = false; map.setStyle(style(own), { diff: false }); map.once("style.load", dress); };
   addEventListener("theme", themed);
   const unwatch = live.watch(update);
   const tick = setInterval(update, 1000);
   live.look({ view: "map" });
+  if (live.session.tiles) {
+    readTiles(maplibre).then((said) => {
+      if (gone) return;
+      own = said;
+      if (said.attribution) map.addControl(new maplibre.AttributionControl({ customAttribution: said.attribution, compact: false }), "bottom-right");
+      themed();
+    }).catch((error) => console.warn(`map/own.pmtiles: ${error.message}`));
+  }
   live.ask("areas").then((said) => {
     areas = said.features.map(areaFeature);
     if (ready) map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
   }).catch(() => {});
   return () => {
     unwatch();
+    gone = true;
     replay.close();
     clearInterval(tick);
     removeEventListener("theme", themed);
