@@ -85,7 +85,7 @@ async function enter() {
 
 function frame() {
   leave();
-  const release = h("a", { class: "banner ask", href: "#alarms/commands", role: "alert", hidden: true });
+  const release = h("a", { class: "asks", href: "#alarms/commands", role: "alert", hidden: true });
   const banner = h("div", { class: "banner", role: "alert", hidden: true });
   const count = h("span", { class: "count", hidden: true });
   const clock = h("span", { class: "clock" });
