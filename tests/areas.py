@@ -91,7 +91,7 @@ REACH = [
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
-    ("centre/*", "lint test-centre"),
+    ("centre/*", "lint test-centre tests/bench/test_store.py"),
     ("scripts/lab/centre_*.py", "lint test-centre"),
     ("scripts/lab/vehicles.py", "lint test-centre"),
     ("scripts/lab/roads.py", "lint test-centre"),
