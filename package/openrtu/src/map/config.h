@@ -46,8 +46,8 @@ enum map_point_flag {
 	MAP_POINT_SELECT = 1u << 1,     /* a command needs a selection first */
 	MAP_POINT_NO_QUALITY = 1u << 2, /* normalized: sent without quality, and so only while good */
 	/*
-	 * A position as a whole, with the other points of MAP_POSITION_POINTS behind it, which are published with it: latitude, longitude (angles),
-	 * altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
+	 * A position as a whole, the first of MAP_POSITION_POINTS, which are published together: the others are latitude,
+	 * longitude (angles), altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
 	 */
 	MAP_POINT_POSITION = 1u << 3,
 	MAP_POINT_RETAIN = 1u << 4, /* its value and quality outlive the process of its owner */
