@@ -68,7 +68,7 @@ REACH = [
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
     ("docs/synch.md", "tests/test_synch.py"),
-    ("docs/examples/logic/*", "tests/test_logic*.py"),
+    ("docs/examples/logic/*", "tests/test_logic*.py tests/test_show.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
     ("*.md", TREE),
@@ -96,7 +96,10 @@ REACH = [
     ("scripts/lab/vehicles.py", "lint test-centre"),
     ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
-    ("scripts/logic/*", "tests/test_logic*.py tests/test_synch.py tests/test_docs_commands.py"),
+    (
+        "scripts/logic/*",
+        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py",
+    ),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/openrtu-logic", "lint tests/test_logic.py"),
     ("scripts/lab/twin_show.py", "test-twin"),

@@ -28,7 +28,7 @@ static void ring_own_bell_for_the_rest(const struct map *map)
 static bool is_for_rtud(uint8_t action)
 {
 	return action == MAP_SET_CLOCK || action == MAP_RESTART || action == MAP_MODULE ||
-	       action == MAP_RELOAD;
+	       action == MAP_RELOAD || action == MAP_FORCE;
 }
 
 /* ---- requester --------------------------------------------------------------------------- */
