@@ -406,6 +406,154 @@ def test_of_several_managers_one_acts(site: Site, races: int) -> None:
         assert by_user or confirmed or site.writes(mark) == 1
 
 
+# ---- totals, parameters, the clock, groups -------------------------------------------------------
+
+METERS, REGISTER = "2020", "2020.30009"
+FREEZE, FREEZE_AND_RESET = 1, 2
+VOLTAGES = ("2020.30001", "2020.30003")
+WRONG, LIMITS = struct.pack(">f", -1.0), (struct.pack(">f", 10.0), struct.pack(">f", 500.0))
+
+
+def freeze(site: Site, row: str, action: int, **more: int) -> None:
+    """Raises Refused. Waits for all that read the totals."""
+    manager = site.manager()
+    (spin,) = manager.get(f"rtuFreezeSpinLock.{row}")
+    assert isinstance(spin, int)
+    values: dict[str, int | bytes] = {f"rtuFreezeSpinLock.{row}": spin, f"rtuFreezeAction.{row}": action}
+    manager.set(values | {f"rtuFreeze{key.capitalize()}.{row}": value for key, value in more.items()})
+    site.desk.gateway.wait_for(
+        lambda: manager.get(f"rtuFreezeState.{row}") != [EXECUTING], 20.0, "the totals are frozen"
+    )
+    assert manager.get(f"rtuFreezeState.{row}", f"rtuFreezeResult.{row}") == [EXECUTED, DONE]
+
+
+def test_a_manager_freezes_what_a_counter_interrogation_reads(site: Site) -> None:
+    """And resets it: in both, and not in the meter."""
+    manager = site.manager()
+    site.desk.set_and_scan("2.20", "input_registers", 8, [19, 5])
+    (number,) = manager.get(f"rtuTotalFrozenNumber.{REGISTER}")
+    freeze(site, METERS, FREEZE)
+    frozen, again = manager.get(f"rtuTotalFrozen.{REGISTER}", f"rtuTotalFrozenNumber.{REGISTER}")
+    assert (frozen, again) == ((19 << 16) + 5, (number + 1) % 32)
+    by_station = {report.ioa: report.value for report in site.desk.master.interrogate_counters(2020)}
+    assert by_station[30009] == frozen
+    freeze(site, "65535", FREEZE_AND_RESET)
+    assert manager.get(f"rtuTotalValue.{REGISTER}", f"rtuTotalFrozen.{REGISTER}") == [0, frozen]
+    assert site.desk.lines.get("2.20", "input_registers", 9) == 5
+    for action, group, reason in ((4, 0, "wrongValue"), (0, 0, "wrongValue"), (1, 5, "wrongValue")):
+        with pytest.raises(Refused, match=reason):
+            freeze(site, METERS, action, group=group)
+
+
+def load(site: Site, user: User, values: dict[str, int | bytes]) -> None:
+    """Parameters with the spin locks of their rows. Raises Refused."""
+    manager = site.manager(user)
+    rows = {key.partition(".")[2] for key in values}
+    spins = {f"rtuParameterSpinLock.{row}": manager.get(f"rtuParameterSpinLock.{row}")[0] for row in rows}
+    manager.set(spins | values)
+
+
+def test_parameters_of_a_request_are_in_force_together_or_not_at_all(site: Site) -> None:
+    manager, before = site.manager(ENGINEER), site.last()
+    low, high = LIMITS
+    wanted: dict[str, int | bytes] = {f"rtuParameterLowLimit.{row}": low for row in VOLTAGES}
+    wanted |= {f"rtuParameterHighLimit.{row}": high for row in VOLTAGES}
+    for name, wrong, reason in (
+        ("rtuParameterThreshold", WRONG, "wrongValue"),
+        ("rtuParameterThreshold", struct.pack(">f", float("nan")), "wrongValue"),
+        ("rtuParameterHighLimit", struct.pack(">f", 9.0), "inconsistentValue"),
+        ("rtuParameterHighLimit", b"\0" * 3, "wrongLength"),
+        ("rtuParameterCyclic", 1, "inconsistentValue"),
+        ("rtuParameterLoaded", b"\0", "notWritable"),
+    ):
+        with pytest.raises(Refused, match=reason):
+            load(site, ENGINEER, wanted | {f"{name}.{VOLTAGES[1]}": wrong})
+    with pytest.raises(Refused, match="noAccess"):
+        load(site, CENTRE, wanted)
+    assert all(manager.get(f"rtuParameterLoaded.{row}") == [NO_BITS] for row in VOLTAGES)
+    load(site, ENGINEER, wanted)
+    told = site.received.wait_for("rtuParameterChanged", 2, before)
+    assert {each.value("rtuParameterHighLimit") for each in told} == {high}
+    for row in VOLTAGES:
+        state = manager.get(*(f"rtuParameter{name}.{row}" for name in ("LowLimit", "Loaded", "Result")))
+        assert state == [low, b"\x30", DONE]
+
+
+def test_limits_move_in_either_direction(site: Site) -> None:
+    """The owner takes one after the other; the low one is never above the high one."""
+    row = "2020.30005"
+    for low, high in ((100.0, 200.0), (300.0, 400.0), (1.0, 2.0)):
+        octets = [struct.pack(">f", low), struct.pack(">f", high)]
+        load(
+            site,
+            ENGINEER,
+            {f"rtuParameterLowLimit.{row}": octets[0], f"rtuParameterHighLimit.{row}": octets[1]},
+        )
+        wanted = [*octets, DONE]
+        names = [f"rtuParameter{name}.{row}" for name in ("LowLimit", "HighLimit", "Result")]
+        site.desk.gateway.wait_for(
+            lambda names=names, wanted=wanted: site.manager().get(*names) == wanted, 20.0, f"{low} to {high}"
+        )
+
+
+def set_clock(site: Site, time_ms: int, user: User = CENTRE, **more: int) -> None:
+    manager = site.manager(user)
+    (spin,) = manager.get("rtuClockSpinLock.0")
+    assert isinstance(spin, int)
+    values: dict[str, int | bytes] = {
+        "rtuClockSpinLock.0": spin,
+        "rtuClockSet.0": time_ms.to_bytes(8, "big"),
+    }
+    manager.set(values | {f"rtuClock{key.capitalize()}.0": value for key, value in more.items()})
+    site.desk.gateway.wait_for(lambda: manager.get("rtuClockResult.0") == [DONE], 20.0, "the clock is set")
+
+
+def clock_ms(site: Site) -> int:
+    (octets,) = site.manager().get("rtuClockTime.0")
+    assert isinstance(octets, bytes)
+    return int.from_bytes(octets, "big")
+
+
+def test_a_manager_sets_the_clock(site: Site) -> None:
+    """With what its message was under way; an old message finds another number, and a viewer is refused."""
+    before, hour = site.last(), 3_600_000
+    began = time.monotonic()
+    set_clock(site, hour, delay=5000)
+    shown = clock_ms(site) - hour
+    assert 5000 <= shown <= 5000 + (time.monotonic() - began) * 1000 + 1
+    assert site.received.wait_for("rtuClockChanged", 1, before)[0].value("rtuClockState") == 2
+    manager = site.manager()
+    (spin,) = manager.get("rtuClockSpinLock.0")
+    assert isinstance(spin, int)
+    old = {"rtuClockSpinLock.0": spin - 1, "rtuClockSet.0": hour.to_bytes(8, "big")}
+    with pytest.raises(Refused, match="inconsistentValue"):
+        manager.set(old)
+    with pytest.raises(Refused, match="noAccess"):
+        set_clock(site, hour, WATCH)
+    with pytest.raises(Refused, match="wrongValue"):
+        set_clock(site, hour, delay=60_001)
+    set_clock(site, int(time.time() * 1000))
+
+
+def test_a_group_is_interrogated_as_iec104_does(site: Site) -> None:
+    for group, ca in ((1, 1010), (2, 1010), (3, 2020)):
+        rows = site.manager().rows("snmpbulkwalk", "-Cr40", f"{oid('rtuGroupData')}.{group}")
+        packed = b"".join(rows.values())
+        seen = {int.from_bytes(packed[at : at + 3], "big") for at in range(0, len(packed), 12)}
+        assert seen == {report.ioa for report in site.desk.master.interrogate(ca, group)}
+
+
+def test_a_manager_sees_what_a_controlling_station_commands(site: Site) -> None:
+    before = site.last()
+    ca, ioa = map(int, LAMP.split("."))
+    assert site.desk.master.command(ca, ioa, "C_SC_NA_1", c104.SingleCmd(False))
+    told = site.received.wait_for("rtuCommandChanged", 2, before)
+    assert [each.value("rtuCommandState") for each in told] == [EXECUTING, EXECUTED]
+    assert {(each.value("rtuCommandOwner"), each.value("rtuCommandProtocol")) for each in told} == {
+        (b"rtu-iec104", 3)
+    }
+
+
 # ---- who may what --------------------------------------------------------------------------------
 
 

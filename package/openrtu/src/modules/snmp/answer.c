@@ -257,7 +257,7 @@ static int64_t number_of_octets(const netsnmp_variable_list *variable)
 {
 	uint64_t number = 0;
 
-	for (size_t i = 0; variable->val_len == 8 && i < 8; i++)
+	for (size_t i = 0; i < variable->val_len && i < sizeof(number); i++)
 		number = number << 8 | variable->val.string[i];
 	return (int64_t)number;
 }
