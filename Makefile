@@ -92,7 +92,7 @@ build/asan/build.ninja: | $(PACKAGES)
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
 build/fuzz/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Db_lundef=false -Db_sanitize=address,undefined \
+	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini

@@ -29,6 +29,7 @@ TARGETS = {  # by the name of its corpus: the program
     "gpsd": "gps/fuzz_gpsd",
     "logic": "logic/fuzz_logic",
     "synch": "synch/fuzz_synch",
+    "snmp": "modules/fuzz_snmp",
 }
 INPUT_MAX = 4096
 

@@ -23,6 +23,7 @@ RUNS = {
     "gpsd": 100_000,
     "logic": 100_000,
     "synch": 20_000,
+    "snmp": 4_000,
 }
 SEED_SIZE_MAX = 1024
 SEEDS_MAX = 120
