@@ -26,7 +26,7 @@ RUNS = {
     "snmp": 4_000,
 }
 SEED_SIZE_MAX = 1024
-SEEDS_MAX = 120
+SEEDS_MAX = 130
 
 
 @pytest.mark.slow
