@@ -31,10 +31,9 @@ from pysnmp.hlapi.v3arch.asyncio import (
 
 from desk import Desk, chapter_5, desk_of
 from lab.gateway import remove, run_directory
-from peers.snmp import (
+from lab.manager import (
     CENTRE,
     ENGINEER,
-    SINK_ENGINE,
     USERS,
     WATCH,
     Manager,
@@ -44,12 +43,12 @@ from peers.snmp import (
     User,
     columns,
     free_udp_port,
+    make_keys,
     oid,
     receiver,
 )
 
 ROOT = Path(__file__).resolve().parent.parent
-ENGINE = "80001f8805aabbccddeeff0011"
 BREAKER, LAMP = "1010.1", "1010.101"  # a double point with selection; a single one without
 OFF, ON = 2, 3  # of a double point
 (
@@ -116,16 +115,6 @@ def configuration(folder: Path, port: int, sink_port: int, **more: Any) -> dict[
     return chapter_5() | {
         "snmp": snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")} | more
     }
-
-
-def make_keys(config: dict[str, Any], folder: Path) -> None:
-    """As the engineer does."""
-    (folder / "gateway.json").write_text(json.dumps(config))
-    lines = [f"{user.name} {user.authentication} {user.encryption}" for user in USERS]
-    (folder / "passphrases").write_text("\n".join(lines))
-    command = [ROOT / "scripts/snmp-keys.py", folder / "gateway.json", folder / "keys", "--engine-id", ENGINE]
-    command += ["--passphrases", folder / "passphrases", "--sink", f"nms={SINK_ENGINE}"]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module")
