@@ -5,6 +5,7 @@ import asyncio
 import contextlib
 import json
 import os
+import signal
 import socket
 import struct
 import subprocess
@@ -690,6 +691,67 @@ def test_a_line_that_dies_leaves_no_command_open(site: Site) -> None:
     site.desk.gateway.kill("rtu-modbus-1")
     assert site.states_told(before, 2)[-1] == INTERRUPTED
     site.desk.wait_all_good(1010)
+
+
+# ---- kill -9 in each of the ten states -----------------------------------------------------------
+
+LINE = "rtu-modbus-1"
+WISHES = {SELECT: (BREAKER, INACTIVE), INTERRUPT: (BREAKER, ACCEPTED), EXECUTE: (LAMP, INACTIVE)}
+
+
+def reach(site: Site, state: int) -> str:
+    """The row of a command that has this state. Of a wish the line's process is stopped: it stays one."""
+    manager = site.manager()
+    if state in WISHES:
+        row, before = WISHES[state]
+        if before == ACCEPTED:
+            reach(site, ACCEPTED)
+        os.kill(site.desk.gateway.modules()[LINE]["pid"], signal.SIGSTOP)
+        value = {} if before == ACCEPTED else {"value": 2}
+        manager.wish(row, state, **value)
+        return row
+    row = LAMP if state in (EXECUTING, EXECUTED) else BREAKER
+    if state == EXECUTING:
+        site.desk.lines.fault("1.10", "mute")
+    if state in (ACCEPTED, INTERRUPTED):
+        manager.wish(row, SELECT, value=OFF)
+        site.wait_state(row, ACCEPTED)
+    if state == INTERRUPTED:
+        manager.wish(row, INTERRUPT)
+    elif state == REFUSED_SELECTION:
+        manager.wish(row, SELECT, value=OFF, issued=(int(time.time() * 1000) - 60_000).to_bytes(8, "big"))
+    elif state in (REFUSED, EXECUTING, EXECUTED):
+        manager.wish(row, EXECUTE, value=2)
+    site.wait_state(row, state)
+    return row
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", range(INACTIVE, EXECUTED + 1))
+@pytest.mark.parametrize("victim", ["rtu-snmp", LINE])
+def test_nothing_is_repeated_or_open_after_a_kill(site: Site, state: int, victim: str) -> None:
+    """The device is written to once at most; in the end the row is inactive."""
+    gateway, mark = site.desk.gateway, site.desk.lines.mark()
+    row = reach(site, state)
+    assert site.manager().state(row) == state
+    line, before = gateway.modules()[LINE]["pid"], gateway.modules()[victim]["restarts"]
+    gateway.kill(victim)
+    if victim != LINE and state in WISHES:
+        os.kill(line, signal.SIGCONT)
+    gateway.wait_for(lambda: gateway.modules()[victim]["restarts"] > before, 30.0, "it was restarted")
+    gateway.wait_for(lambda: gateway.modules()[victim]["alive"], 30.0, "it runs again")
+    if victim == LINE and state in (ACCEPTED, *WISHES, EXECUTING):
+        gateway.wait_for(
+            lambda: site.manager().get(f"rtuCommandResult.{row}") == [UNKNOWN_FATE],
+            10.0,
+            "its fate is unknown",
+        )
+    site.desk.lines.fault("1.10", "clear")
+    gateway.wait_for(lambda: site.is_released(row), 60.0, f"{row} is released")
+    site.desk.wait_all_good(1010)
+    writes = site.writes(mark)
+    executes = state in (EXECUTE, EXECUTING, EXECUTED)
+    assert writes <= 1 if executes else writes == 0
 
 
 # ---- a changed configuration ---------------------------------------------------------------------
