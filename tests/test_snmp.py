@@ -5,12 +5,15 @@ import asyncio
 import contextlib
 import json
 import os
+import re
 import signal
 import socket
 import struct
 import subprocess
 import threading
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,9 +34,10 @@ from pysnmp.hlapi.v3arch.asyncio import (
 )
 
 from desk import Desk, chapter_5, desk_of
-from lab.gateway import remove, run_directory
+from lab.gateway import free_port, remove, run_directory
 from lab.manager import (
     CENTRE,
+    ENGINE,
     ENGINEER,
     USERS,
     WATCH,
@@ -48,6 +52,7 @@ from lab.manager import (
     oid,
     receiver,
 )
+from lab.patience import Deadline
 
 ROOT = Path(__file__).resolve().parent.parent
 BREAKER, LAMP = "1010.1", "1010.101"  # a double point with selection; a single one without
@@ -591,20 +596,11 @@ def test_the_tables_of_users_and_views_are_not_there(site: Site) -> None:
 @pytest.mark.parametrize("most", [484, 1472, 65507])
 def test_an_answer_is_no_longer_than_its_asker_takes(site: Site, most: int) -> None:
     """However much is asked for: through a relay that measures."""
-    sizes: list[int] = []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as relay:
-        relay.bind(("127.0.0.1", 0))
-        relay.settimeout(0.1)
-        done = threading.Event()
-        thread = threading.Thread(target=pass_on, args=(relay, site.port, sizes, done))
-        thread.start()
-        try:
-            asked = asyncio.run(bulk(relay.getsockname()[1], most))
-        finally:
-            done.set()
-            thread.join()
+    messages: list[bytes] = []
+    with relayed(site.port, messages) as port:
+        asked = asyncio.run(bulk(port, most))
     assert len(asked) > 4
-    assert min(most, 1472) - 120 < max(sizes) <= min(most, 1472)
+    assert min(most, 1472) - 120 < max(map(len, messages)) <= min(most, 1472)
 
 
 async def bulk(port: int, most: int) -> list[Any]:
@@ -627,15 +623,31 @@ async def bulk(port: int, most: int) -> list[Any]:
     return list(rows)
 
 
-def pass_on(relay: socket.socket, port: int, sizes: list[int], done: threading.Event) -> None:
+@contextlib.contextmanager
+def relayed(port: int, messages: list[bytes]) -> Iterator[int]:
+    """A port before the agent's; what passes it is kept."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as relay:
+        relay.bind(("127.0.0.1", 0))
+        relay.settimeout(0.1)
+        done = threading.Event()
+        thread = threading.Thread(target=pass_on, args=(relay, port, messages, done))
+        thread.start()
+        try:
+            yield relay.getsockname()[1]
+        finally:
+            done.set()
+            thread.join()
+
+
+def pass_on(relay: socket.socket, port: int, messages: list[bytes], done: threading.Event) -> None:
     asker = None
     while not done.is_set():
         try:
             octets, source = relay.recvfrom(65535)
         except TimeoutError:
             continue
+        messages.append(octets)
         if source[1] == port:
-            sizes.append(len(octets))
             relay.sendto(octets, asker)
         else:
             asker = source
@@ -691,6 +703,57 @@ def test_a_line_that_dies_leaves_no_command_open(site: Site) -> None:
     site.desk.gateway.kill("rtu-modbus-1")
     assert site.states_told(before, 2)[-1] == INTERRUPTED
     site.desk.wait_all_good(1010)
+
+
+# ---- what others make of it ----------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_prometheus_graphs_it(site: Site, mibs: Path, exporter: Path, tmp_path: Path) -> None:
+    """Debian's exporter, with what its generator makes of our example."""
+    example = (ROOT / "docs/examples/snmp/generator.yml").read_text()
+    for shipped, ours in (
+        ("username: graphs", f"username: {WATCH.name}"),
+        (" password: changed-by-you", f" password: {WATCH.authentication}"),
+        ("changed-by-you-too", WATCH.encryption),
+    ):
+        assert example.count(f"{shipped}\n") == 1
+        example = example.replace(f"{shipped}\n", f"{ours}\n")
+    (tmp_path / "generator.yml").write_text(example)
+    paths = {"MIBDIRS": f"{mibs}:/usr/share/snmp/mibs:{ROOT / 'package/openrtu/src/snmp'}"}
+    generate = [exporter / "prometheus-snmp-generator", "generate"]
+    subprocess.run(generate, cwd=tmp_path, env=os.environ | paths, check=True, capture_output=True)
+    port = free_port()
+    command = [
+        exporter / "prometheus-snmp-exporter",
+        "--config.file=snmp.yml",
+        f"--web.listen-address=127.0.0.1:{port}",
+    ]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as server:
+        try:
+            page = f"http://127.0.0.1:{port}/snmp?target=127.0.0.1:{site.port}&module=openrtu"
+            text = fetched(page)
+        finally:
+            server.kill()
+    values = dict(re.findall(r'^rtuMeasuredValue\{.*rtuPointName="([^"]+)".*\} (\S+)$', text, re.MULTILINE))
+    for name, point in site.desk.gateway.points().items():
+        if point["type"] == "scaled" and point["quality"] == "good":
+            assert float(values[name]) == point["value"], name
+    assert re.search(r'^rtuCounterValue\{rtuCounterIndex="1",rtuCounterName="', text, re.MULTILINE)
+
+
+def fetched(page: str) -> str:
+    """Waits until somebody listens there."""
+    deadline = Deadline(30)
+    while True:
+        try:
+            with urllib.request.urlopen(page, timeout=30) as answer:
+                text = answer.read().decode()
+                assert isinstance(text, str)
+                return text
+        except urllib.error.URLError:
+            assert not deadline.over, page
+            time.sleep(0.05)
 
 
 # ---- kill -9 in each of the ten states -----------------------------------------------------------
