@@ -37,7 +37,6 @@ from desk import Desk, chapter_5, desk_of
 from lab.gateway import free_port, remove, run_directory
 from lab.manager import (
     CENTRE,
-    ENGINE,
     ENGINEER,
     USERS,
     WATCH,
