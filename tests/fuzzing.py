@@ -31,6 +31,7 @@ TARGETS = {  # by the name of its corpus: the program
     "logic": "logic/fuzz_logic",
     "synch": "synch/fuzz_synch",
     "requests": "map/fuzz_requests",
+    "snmp": "modules/fuzz_snmp",
 }
 INPUT_MAX = 4096
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import c104
 
-from lab import drive, kept, ports
+from lab import drive, kept, managed, ports
 from lab.errors import LabError
 from lab.gateway import (
     HEARTBEAT_LIMIT_MS,
@@ -464,7 +464,33 @@ def position(desk: Desk) -> None:
     say(f"     rtuctl       reload: line {drive.PORT} has its devices again, all points are good")
 
 
-NATIVE_STEPS: tuple[Step, ...] = (*STEPS, modules_of_others, logic, reloaded, position)
+def managed_by_snmp(desk: Desk) -> None:
+    """SNMPv3, at a second gateway: a manager interrogates, selects and executes; informs tell it"""
+    folder = desk.gateway.directory / "managed"
+    with managed.managed(folder, configuration(), CHAPTER_5 / "values.json") as site:
+        site.gateway.wait_for(lambda: all_read(site.gateway), DEADLINE_S, "every device has been read")
+        manager, row = site.manager, managed.BREAKER
+        qualities = [*manager.walk("rtuMeasuredQuality").values()]
+        good = sum(quality == b"\0" for quality in qualities)
+        say(f"     snmpbulkwalk rtuMeasuredQuality: {good} of {len(qualities)} measured values are good")
+        check(good > 0, "no measured value is good")
+        manager.wish(row, managed.SELECT, value=managed.ON)
+        say(f"     snmpset      rtuCommandState.{row} = selectionRequest, rtuCommandValue.{row} = on")
+        say(f"     snmptrapd    {site.told(managed.ACCEPTED)}")
+        manager.wish(row, managed.EXECUTE)
+        say(f"     snmpset      rtuCommandState.{row} = executionRequest")
+        say(f"     snmptrapd    {site.told(managed.EXECUTING)}")
+        say(f"     snmptrapd    {site.told(managed.EXECUTED)}, confirmed by the device")
+
+
+NATIVE_STEPS: tuple[Step, ...] = (
+    *STEPS,
+    modules_of_others,
+    logic,
+    reloaded,
+    position,
+    managed_by_snmp,
+)
 
 
 def received(frame: Frame, wanted: bytes) -> bool:

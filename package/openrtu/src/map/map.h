@@ -442,6 +442,8 @@ void map_command_refuse(struct map *map, const struct map_request *request, enum
 enum map_cause map_cause_of(const struct map *map, const struct map_request *request);
 /* The next answer to a request of this module. False: as for map_request_next. */
 bool map_answer_next(struct map *map, struct map_answer *out);
+/* The next answer to a request of any module, for who shows what all do instead of map_answer_next. Others' ring no bell here. */
+bool map_answer_of_any_next(struct map *map, struct map_answer *out);
 /*
  * The command side of a point. A selection whose time is over, or whose requester's process is another one by now, is
  * interrupted. False as for map_read.
