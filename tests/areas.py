@@ -61,6 +61,7 @@ REACH = [
     ("docs/figures/blocks.svg", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/snmp.md", "tests/test_snmp.py"),
+    ("docs/iec61850.md", "tests/test_iec61850.py"),
     ("docs/logic.md", "tests/test_logic.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),

@@ -24,6 +24,7 @@ MODULES = {
     "rtu-logic",
     "rtu-104m",
     "rtu-snmp",
+    "rtu-iec61850",
     "rtu-synch",
 }
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
