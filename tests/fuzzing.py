@@ -29,6 +29,9 @@ TARGETS = {  # by the name of its corpus: the program
     "gpsd": "gps/fuzz_gpsd",
     "logic": "logic/fuzz_logic",
     "synch": "synch/fuzz_synch",
+    "mms-association": "iec61850/fuzz_association",
+    "mms-service": "iec61850/fuzz_mms_service",
+    "mms-transport": "iec61850/fuzz_transport",
 }
 INPUT_MAX = 4096
 

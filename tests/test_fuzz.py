@@ -23,9 +23,12 @@ RUNS = {
     "gpsd": 100_000,
     "logic": 100_000,
     "synch": 20_000,
+    "mms-association": 40_000,
+    "mms-service": 60_000,
+    "mms-transport": 20_000,
 }
 SEED_SIZE_MAX = 1024
-SEEDS_MAX = 120
+SEEDS_MAX = 130
 
 
 @pytest.mark.slow

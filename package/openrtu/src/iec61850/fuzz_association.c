@@ -65,8 +65,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	input = (struct input){.at = data, .end = data + size};
 	open_association();
 	while (end == IEC61850_STAYS && input.at < input.end) {
-		const size_t left = (size_t)(input.end - input.at), wanted = (size_t)next_octet() << 3;
-		const size_t count = wanted < left ? wanted : left - 1;
+		const size_t wanted = (size_t)next_octet() << 3, left = (size_t)(input.end - input.at);
+		const size_t count = wanted < left ? wanted : left;
 
 		end = hand_over(input.at, count);
 		input.at += count;

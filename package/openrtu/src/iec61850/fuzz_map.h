@@ -61,8 +61,8 @@ static struct iec61850_server *fuzz_server(void)
 		return &server;
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
 		fuzz_points[i] = (struct map_point){.name = map_label('c', (uint16_t)i, -1),
-						    .set = i / MAP_TYPES,
-						    .type = i % MAP_TYPES,
+						    .set = (uint16_t)(i / MAP_TYPES),
+						    .type = (uint8_t)(i % MAP_TYPES),
 						    .flags = i % 2 ? MAP_POINT_COMMAND : 0,
 						    .ioa = 1 + i * 1000};
 	CHECK(iec61850_model_begin(&server.model, NULL));

@@ -273,11 +273,12 @@ static bool find_object(const struct iec61850_model *model, const struct part *n
 	return out->ln == IEC61850_GGIO1 && find_point(model, out->device, name, &out->number);
 }
 
-static const struct iec61850_node *find_node(struct iec61850_nodes in, const struct part *name)
+static const struct iec61850_node *find_node(const struct iec61850_node *in, unsigned count,
+					     const struct part *name)
 {
-	for (unsigned i = 0; i < in.count; i++)
-		if (is(name, in.nodes[i].name))
-			return &in.nodes[i];
+	for (unsigned i = 0; i < count; i++)
+		if (is(name, in[i].name))
+			return &in[i];
 	return NULL;
 }
 
@@ -322,7 +323,7 @@ bool iec61850_find(const struct iec61850_model *model, const struct iec61850_dev
 	if (inside.count == 0)
 		return false;
 	while (next_part(&rest, &part)) {
-		out->node = find_node(inside, &part);
+		out->node = find_node(inside.nodes, inside.count, &part);
 		if (out->node == NULL)
 			return false;
 		inside = (struct iec61850_nodes){out->node->children, out->node->count};

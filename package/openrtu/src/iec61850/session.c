@@ -47,7 +47,7 @@ bool iec61850_session_read(const uint8_t *octets, size_t size, struct iec61850_s
 	struct ber_reader reader = {octets, octets + size};
 	struct ber_element spdu;
 
-	*out = (struct iec61850_session){0};
+	*out = (struct iec61850_session){.user_data.value = octets, .called.value = octets};
 	if (size >= sizeof(give_tokens_and_data) && octets[0] == IEC61850_SPDU_DATA) {
 		out->kind = IEC61850_SPDU_DATA;
 		out->user_data.value = octets + sizeof(give_tokens_and_data);

@@ -195,7 +195,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put(writer, BOOLEAN, (const uint8_t[]){state->number != 0 ? 1 : 0}, 1);
 		return;
 	case IEC61850_DOUBLE:
-		put_bits(writer, (uint16_t)(state->number << 14), 2);
+		put_bits(writer, (uint16_t)((state->number & 3) << 14), 2);
 		return;
 	case IEC61850_ENUM:
 	case IEC61850_INTEGER:
