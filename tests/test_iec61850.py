@@ -154,6 +154,11 @@ def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
         client.ask(mms.element(mms.TYPE, mms.element(0xA0, mms.name("OpenRTUCA1010", "LLN0"))))
         client.ask(mms.element(mms.TYPE, mms.element(0xA0, mms.name("OpenRTUCA1010", "XCBR1"))))
         client.ask(bytes([0xBF, 0x48, 0]))
+        members(client, "LLN0$status")
+        enable(client, 0x7CC0, "dchg", "qchg", "gi")
+        client.write(DEVICE, (f"{BLOCK}$GI", YES))
+        while client.report()[7][1] != b"\0":
+            pass
         client.send(mms.tpkt(mms.data(bytes([mms.CONCLUDE, 0]))))
         client.mms()
     pcap = tmp_path / "mms.pcap"
@@ -198,7 +203,7 @@ def test_names_come_in_as_many_answers_as_they_need(site: Site) -> None:
         assert narrow.number - before > 3
         tag, ((_, _error),) = narrow.ask(mms.name_list(0, "OpenRTUCA1010", "GGIO1$ST$None"))
         assert tag == mms.ERROR
-        assert narrow.names(2, "OpenRTUCA1010") == []
+        assert narrow.names(2, "OpenRTUCA1010") == ["LLN0$measured", "LLN0$status"]
 
 
 def test_a_value_is_what_its_type_says(site: Site) -> None:
@@ -257,6 +262,149 @@ def test_what_is_not_there_is_said_so(site: Site) -> None:
         )
         tag, ((_, results),) = client.ask(write)
         assert (tag, mms.elements(results)) == (mms.RESPONSE, [denied])
+
+
+# ---- data sets and reports --------------------------------------------------------------------------
+
+DEVICE, BLOCK = "OpenRTUCA1010", "LLN0$RP$urcbStatus01"
+YES, NO = bytes.fromhex("8301ff"), bytes.fromhex("830100")
+TRIGGERS = {"dchg": 0x40, "qchg": 0x20, "integrity": 0x08, "gi": 0x04}
+TRANSIENT = (0x80, b"\2")  # temporarily unavailable
+
+
+def bits(value: int, count: int) -> bytes:
+    octets = (count + 7) // 8
+    return mms.element(0x84, bytes([8 * octets - count]), value.to_bytes(octets, "big"))
+
+
+def number(value: int) -> bytes:
+    return mms.element(0x86, value.to_bytes(5, "big").lstrip(b"\0") or b"\0")
+
+
+def enable(client: Client, options: int, *triggers: str, block: str = BLOCK, **more: int) -> None:
+    """more: BufTm, IntgPd."""
+    wanted = [(f"{block}${name}", number(value)) for name, value in more.items()]
+    chosen = bits(sum(TRIGGERS[trigger] for trigger in triggers), 6)
+    wanted += [(f"{block}$OptFlds", bits(options, 10)), (f"{block}$TrgOps", chosen), (f"{block}$RptEna", YES)]
+    assert client.write(DEVICE, *wanted) == [mms.DONE] * len(wanted)
+
+
+def members(client: Client, list_name: str) -> list[str]:
+    asked = mms.element(mms.LIST_ATTRIBUTES, mms.name(DEVICE, list_name))
+    tag, ((_, content),) = client.ask(asked)
+    assert tag == mms.RESPONSE
+    (_, deletable), (_, listed) = mms.elements(content)
+    assert deletable == b"\0"
+    found = []
+    for _, variable in mms.elements(listed):
+        ((_, named),) = mms.elements(variable)
+        ((_, specific),) = mms.elements(named)
+        (_, domain), (_, item) = mms.elements(specific)
+        assert domain.decode() == DEVICE
+        found.append(item.decode())
+    return found
+
+
+def included(report: list[tuple[int, bytes]], at: int) -> list[int]:
+    content = report[at][1]
+    return [i for i in range(8 * (len(content) - 1)) if content[1 + i // 8] & 0x80 >> i % 8]
+
+
+def test_a_data_set_is_read_as_a_whole(site: Site) -> None:
+    site.desk.wait_all_good(1010)
+    with site.client() as client:
+        for list_name, constraint in (("LLN0$status", "ST"), ("LLN0$measured", "MX")):
+            names = members(client, list_name)
+            wanted = [name for name in client.names(0, DEVICE) if name.count("$") == 2]
+            assert names == [
+                name
+                for name in wanted
+                if name.startswith(f"GGIO1${constraint}$") and not name.endswith("$Beh")
+            ]
+            asked = mms.element(mms.READ, mms.element(0xA1, mms.element(0xA1, mms.name(DEVICE, list_name))))
+            tag, ((_, content),) = client.ask(asked)
+            assert tag == mms.RESPONSE
+            ((_, results),) = mms.elements(content)
+            assert len(mms.elements(results)) == len(names)
+
+
+def test_a_change_is_reported_with_its_reason(site: Site) -> None:
+    """A breaker moves: a report has its member alone, where it is now, and why. Then all, when asked for."""
+    desk = site.desk
+    desk.wait_all_good(1010)
+    point = next(p for p in desk.gateway.points().values() if (p["ca"], p["ioa"]) == (1010, 1))
+    with site.client() as client:
+        at = members(client, "LLN0$status").index("GGIO1$ST$DPCSO1")
+        enable(client, 0x7880, "dchg", "qchg", "gi")
+        for position in ("off", "on") if point["value"] == "on" else ("on", "off"):
+            desk.gateway.ctl("set", point["name"], position, "--select")
+            report = client.report()
+            while included(report, 6) != [at]:
+                report = client.report()
+            reference, options, _, entry, data_set, _, _, value, reason = report
+            assert reference[1].decode() == f"{DEVICE}/{BLOCK}"
+            assert options[1] == b"\6\x78\x80" and len(entry[1]) == 6
+            assert data_set[1].decode() == f"{DEVICE}/LLN0$status"
+            assert mms.elements(value[1])[0] == (0x84, bytes([6, DOUBLES.index(position) << 6]))
+            assert reason[1][1] == TRIGGERS["dchg"]
+        assert client.write(DEVICE, (f"{BLOCK}$GI", YES)) == [mms.DONE]
+        count = len(members(client, "LLN0$status"))
+        while len(included(report := client.report(), 6)) != count:
+            pass
+        assert {content[1] for _, content in report[-count:]} == {TRIGGERS["gi"]}
+
+
+def test_a_dead_line_is_a_change_of_quality(site: Site) -> None:
+    site.desk.wait_all_good(1010)
+    with site.client() as client:
+        enable(client, 0x1000, "qchg", block="LLN0$RP$urcbMeasured02")
+        site.desk.gateway.kill("rtu-modbus-1")
+        report = client.report()
+        chosen = included(report, 2)
+        values = report[3 : 3 + len(chosen)]
+        assert chosen
+        for _, value in values:
+            assert mms.elements(value)[1][1][1] & 0xC0 == 0x40  # invalid
+    site.desk.wait_all_good(1010)
+
+
+def test_integrity_reports_come_by_themselves_in_segments(site: Site) -> None:
+    """A PDU of 1000 octets has not room for all: the segments together have each member once."""
+    with site.client(1000) as client:
+        count = len(members(client, "LLN0$status"))
+        enable(client, 0x4440, "integrity", IntgPd=300, BufTm=100)
+        seen: list[int] = []
+        for round_ in range(2):
+            for segment in range(100):
+                report = client.report()
+                assert int.from_bytes(report[2][1], "big") == round_
+                assert int.from_bytes(report[3][1], "big") == segment
+                seen += included(report, 5)
+                if report[4][1] == b"\0":
+                    break
+        assert seen == 2 * list(range(count))
+
+
+def test_a_block_is_one_clients(site: Site) -> None:
+    with site.client() as other:
+        with site.client() as client:
+            enable(client, 0x4000, "gi")
+            for attribute, value in (("RptEna", NO), ("Resv", YES), ("GI", YES), ("TrgOps", bits(4, 6))):
+                assert other.write(DEVICE, (f"{BLOCK}${attribute}", value)) == [TRANSIENT]
+            assert client.write(DEVICE, (f"{BLOCK}$TrgOps", bits(4, 6))) == [TRANSIENT]
+            assert client.write(DEVICE, (f"{BLOCK}$ConfRev", number(1)))[0][0] == 0x80
+        site.desk.gateway.wait_for(
+            lambda: other.write(DEVICE, (f"{BLOCK}$Resv", YES)) == [mms.DONE], 20, "the block is free"
+        )
+        wrong = [("RptEna", number(1)), ("OptFlds", YES), ("DatSet", mms.element(0x8A, b"x")), ("RptID", YES)]
+        for attribute, value in wrong:
+            assert other.write(DEVICE, (f"{BLOCK}${attribute}", value))[0][0] == 0x80
+        assert other.write(DEVICE, (f"{BLOCK}$RptID", mms.element(0x8A, b"mine"))) == [mms.DONE]
+        enable(other, 0, "gi")
+        assert other.write(DEVICE, (f"{BLOCK}$GI", YES)) == [mms.DONE]
+        assert other.report()[0] == (0x8A, b"mine")
+        assert other.write(DEVICE, (f"{BLOCK}$RptEna", NO)) == [mms.DONE]
+        assert other.write(DEVICE, (f"{BLOCK}$RptID", mms.element(0x8A))) == [mms.DONE]
 
 
 # ---- who means harm ---------------------------------------------------------------------------------

@@ -27,6 +27,8 @@ def python_of(value: Any) -> Any:
         return bool(lib.MmsValue_getBoolean(value))
     if kind == lib.MMS_INTEGER:
         return lib.MmsValue_toInt64(value)
+    if kind == lib.MMS_UNSIGNED:
+        return lib.MmsValue_toUint32(value)
     if kind == lib.MMS_FLOAT:
         return lib.MmsValue_toFloat(value)
     if kind == lib.MMS_BIT_STRING:

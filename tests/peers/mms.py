@@ -10,7 +10,8 @@ from typing import Self
 VISIBLE_STRING, INTEGER, SEQUENCE = 0x1A, 0x02, 0x30
 NAME_LIST, READ, WRITE, TYPE, LIST_ATTRIBUTES = 0xA1, 0xA4, 0xA5, 0xA6, 0xAC
 STATUS, IDENTIFY, CONCLUDE = 0x80, 0x82, 0x8B
-RESPONSE, ERROR, REJECT = 0xA1, 0xA2, 0xA4
+RESPONSE, ERROR, REPORT, REJECT = 0xA1, 0xA2, 0xA3, 0xA4
+DONE = (0x81, b"")  # of a Write
 CONNECT_TRANSPORT = bytes.fromhex("0300001611e00000000100c0010dc2020001c1020001")
 ACSE, MMS = bytes.fromhex("52010001"), bytes.fromhex("28ca220201")
 
@@ -119,6 +120,14 @@ def name_list(class_: int, domain: str | None = None, after: str | None = None) 
     return element(NAME_LIST, element(0xA0, element(0x80, bytes([class_]))), element(0xA1, scope), *more)
 
 
+def report_of(pdu: bytes) -> list[tuple[int, bytes]]:
+    """The elements of an information report."""
+    ((_, report),) = elements(pdu)
+    (_, variable), (_, results) = elements(report)
+    assert variable == element(0x80, b"RPT")
+    return elements(results)
+
+
 @dataclass
 class Client:
     """A TCP connection, and what a client says on it."""
@@ -128,6 +137,7 @@ class Client:
     timeout_s: float = 20.0
     socket: socket.socket = field(init=False)
     number: int = 0
+    reports: list[list[tuple[int, bytes]]] = field(default_factory=list)  # that came between answers
 
     def __post_init__(self) -> None:
         self.socket = socket.create_connection(("127.0.0.1", self.port), self.timeout_s)
@@ -185,10 +195,27 @@ class Client:
         """The kind of the answer, and what it has behind the number of the request."""
         self.number += 1
         self.send(tpkt(data(request(self.number, service))))
-        tag, pdu = self.mms()
+        while (told := self.mms())[0] == REPORT:
+            self.reports.append(report_of(told[1]))
+        tag, pdu = told
         (_, number), *rest = elements(pdu)
         assert int.from_bytes(number, "big") == self.number
         return tag, rest
+
+    def report(self) -> list[tuple[int, bytes]]:
+        """The next report's elements."""
+        if not self.reports:
+            tag, pdu = self.mms()
+            assert tag == REPORT
+            self.reports.append(report_of(pdu))
+        return self.reports.pop(0)
+
+    def write(self, domain: str, *items: tuple[str, bytes]) -> list[tuple[int, bytes]]:
+        listed = [element(SEQUENCE, element(0xA0, name(domain, item))) for item, _ in items]
+        values = [value for _, value in items]
+        tag, ((_, results),) = self.ask(element(WRITE, element(0xA0, *listed), element(0xA0, *values)))
+        assert tag == RESPONSE
+        return elements(results)
 
     def is_closed(self) -> bool:
         """Waits for it."""

@@ -2,6 +2,7 @@
 #include "iec61850/association.h"
 
 #include "iec61850/acse.h"
+#include "iec61850/report.h"
 #include "iec61850/session.h"
 
 #define ASSOCIATE_NS (10 * NS_PER_S) /* from the connection to the association */
@@ -79,6 +80,19 @@ static bool serve(struct iec61850_association *association, const struct iec6185
 	return true;
 }
 
+/* True: a report goes out. */
+static bool report(struct iec61850_association *association, struct iec61850_server *server, uint8_t *scratch)
+{
+	const size_t end = IEC61850_MESSAGE_SIZE(server->model.settings->max_pdu);
+	struct ber_writer writer = {.octets = scratch, .at = end, .floor = end - association->max_pdu};
+
+	if (!iec61850_report_put(server, &writer))
+		return false;
+	iec61850_count(server, IEC61850_COUNT_REPORTS);
+	envelop(association, &writer, end);
+	return true;
+}
+
 static enum iec61850_end take(struct iec61850_association *association, struct iec61850_server *server,
 			      uint8_t *scratch)
 {
@@ -110,12 +124,16 @@ enum iec61850_end iec61850_association_run(struct iec61850_association *associat
 	struct iec61850_transport *transport = &association->transport;
 	enum iec61850_end end = IEC61850_STAYS;
 
+	server->client = association;
+	server->now_ns = now_ns;
 	while (end == IEC61850_STAYS && iec61850_transport_is_free(transport)) {
 		association->moved_ns = now_ns;
 		if (association->leaving)
 			return IEC61850_RELEASED;
 		switch (iec61850_transport_next(transport)) {
 		case IEC61850_NOTHING:
+			if (association->associated && report(association, server, scratch))
+				break;
 			return association->associated || now_ns - association->opened_ns < ASSOCIATE_NS
 				   ? IEC61850_STAYS
 				   : IEC61850_SILENT_START;

@@ -50,12 +50,19 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	return point % 5 != 4;
 }
 
+uint32_t map_owner(const struct map *map, uint32_t point)
+{
+	(void)map;
+	return point % 2;
+}
+
 /* A server with these points, begun once. */
 static struct iec61850_server *fuzz_server(void)
 {
 	static struct iec61850_server server;
 	static struct iec61850_stats stats;
 	static uint8_t names[FUZZ_MAX_PDU];
+	static struct iec61850_chosen chosen[FUZZ_POINTS];
 
 	if (server.stats != NULL)
 		return &server;
@@ -68,6 +75,7 @@ static struct iec61850_server *fuzz_server(void)
 	CHECK(iec61850_model_begin(&server.model, NULL));
 	server.stats = &stats;
 	server.names = names;
+	server.chosen = chosen;
 	return &server;
 }
 

@@ -37,9 +37,9 @@ enum { OF_PDU = 0x85, UNKNOWN_PDU = 0, INVALID_PDU = 1 };
 
 /* ---- initiate ---------------------------------------------------------------------------- */
 
-/* Parameters CBB: str1, str2, vnam, vlis. Services: those of iec61850_serve, and conclude (18.2). */
+/* Parameters CBB: str1, str2, vnam, vlis. Services: those of iec61850_serve, information report, conclude (18.2). */
 static const uint8_t parameters[] = {5, 0xe1, 0x00};
-static const uint8_t services[] = {3, 0xee, 0x08, 0, 0, 0, 0, 0, 0, 0, 0x00, 0x10};
+static const uint8_t services[] = {3, 0xee, 0x08, 0, 0, 0, 0, 0, 0, 0, 0x01, 0x10};
 
 bool iec61850_initiate(const struct ber_element *request, uint32_t *max_pdu, struct ber_writer *writer)
 {
@@ -111,6 +111,36 @@ static enum iec61850_error access_attributes(const struct iec61850_server *serve
 	return IEC61850_NO_ERROR;
 }
 
+static enum iec61850_error list_attributes(const struct iec61850_server *server,
+					   const struct ber_element *request, struct ber_writer *writer)
+{
+	const size_t end = writer->at;
+	const struct iec61850_device *device;
+	const enum iec61850_set set = iec61850_variable_list(server, request, &device);
+	struct iec61850_object object;
+
+	if (set == IEC61850_SETS)
+		return IEC61850_NON_EXISTENT;
+	object = iec61850_before_first(device, set);
+	object.number = iec61850_object_count(device, object.ln);
+	while (!writer->full && iec61850_member_before(&server->model, &object)) {
+		const size_t member = writer->at;
+		char name[IEC61850_NAME_SIZE];
+
+		iec61850_object_name(&server->model, &object, name);
+		ber_put_text(writer, BER_VISIBLE_STRING, name);
+		iec61850_device_name(&server->model, device, name);
+		ber_put_text(writer, BER_VISIBLE_STRING, name);
+		ber_close(writer, 0xa1, member);
+		ber_close(writer, 0xa0, member);
+		ber_close(writer, BER_SEQUENCE, member);
+	}
+	ber_close(writer, 0xa1, end);
+	ber_put(writer, 0x80, (const uint8_t[]){0}, 1); /* cannot be deleted */
+	ber_close(writer, LIST_ATTRIBUTES, end);
+	return IEC61850_NO_ERROR;
+}
+
 /* ---- a request --------------------------------------------------------------------------- */
 
 static bool carry_out(struct iec61850_server *server, const struct ber_element *service,
@@ -136,7 +166,7 @@ static bool carry_out(struct iec61850_server *server, const struct ber_element *
 		*error = access_attributes(server, service, writer);
 		return true;
 	case LIST_ATTRIBUTES:
-		*error = IEC61850_NON_EXISTENT; /* there are no named variable lists yet */
+		*error = list_attributes(server, service, writer);
 		return true;
 	default:
 		return false;

@@ -9,12 +9,21 @@
 
 #define IEC61850_VARIABLES_MAX 1024 /* of one request */
 
+/* A member of a data set: its data object, and its place in the set. */
+struct iec61850_chosen {
+	uint32_t number, member;
+};
+
 struct iec61850_server {
 	struct iec61850_model model;
 	struct iec61850_stats *stats;
 	/* What one request needs, whosever it is. */
 	struct ber_element variables[IEC61850_VARIABLES_MAX];
-	uint8_t *names; /* max_pdu octets */
+	uint8_t *names;                 /* max_pdu octets */
+	struct iec61850_chosen *chosen; /* as many as there are points */
+	/* Whose turn it is, and when. */
+	const void *client;
+	int64_t now_ns;
 };
 
 static inline void iec61850_count(const struct iec61850_server *server, enum iec61850_counter counter)
@@ -50,6 +59,9 @@ enum iec61850_error {
 /* An ObjectName that is a domain's: the variable of it. False: it is another, or there is none of this name. */
 bool iec61850_variable(const struct iec61850_server *server, const struct ber_element *name,
 		       struct iec61850_object *out);
+/* The data set of an ObjectName. IEC61850_SETS: there is none. */
+enum iec61850_set iec61850_variable_list(const struct iec61850_server *server, const struct ber_element *name,
+					 const struct iec61850_device **device);
 enum iec61850_error iec61850_name_list(struct iec61850_server *server, const struct ber_element *request,
 				       struct ber_writer *writer);
 enum iec61850_error iec61850_read(struct iec61850_server *server, const struct ber_element *request,

@@ -37,6 +37,17 @@ static const struct iec61850_node plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0
 					     {"d", IEC61850_DESCRIPTION, NULL, 0},
 					     {"configRev", IEC61850_CONFIGURATION, NULL, 0}};
 static const struct iec61850_node name_space[] = {{"ldNs", IEC61850_NAME_SPACE, NULL, 0}};
+static const struct iec61850_node report_block[] = {{"RptID", IEC61850_RPT_ID, NULL, 0},
+						    {"RptEna", IEC61850_RPT_ENA, NULL, 0},
+						    {"Resv", IEC61850_RESV, NULL, 0},
+						    {"DatSet", IEC61850_DAT_SET, NULL, 0},
+						    {"ConfRev", IEC61850_CONF_REV, NULL, 0},
+						    {"OptFlds", IEC61850_OPT_FLDS, NULL, 0},
+						    {"BufTm", IEC61850_BUF_TM, NULL, 0},
+						    {"SqNum", IEC61850_SQ_NUM, NULL, 0},
+						    {"TrgOps", IEC61850_TRG_OPS, NULL, 0},
+						    {"IntgPd", IEC61850_INTG_PD, NULL, 0},
+						    {"GI", IEC61850_GI, NULL, 0}};
 static const struct iec61850_node physical_plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0}};
 
 enum cdc { SPS, INS, ENS, ENC, MV, BCR, SPC, DPC, INC, APC, LPL, DPL, CDCS };
@@ -79,7 +90,9 @@ static const struct {
 			 [IEC61850_LPHD1] = {"LPHD1", lphd1, COUNT(lphd1)},
 			 [IEC61850_GGIO1] = {"GGIO1", ggio1, COUNT(ggio1)}};
 
-static const char *const fc_names[IEC61850_FCS] = {"CF", "DC", "EX", "MX", "ST"};
+static const char *const block_names[IEC61850_BLOCKS] = {"urcbStatus01", "urcbStatus02", "urcbMeasured01",
+							 "urcbMeasured02"};
+static const char *const fc_names[IEC61850_FCS] = {"CF", "DC", "EX", "MX", "RP", "ST"};
 
 const char *iec61850_ln_name(enum iec61850_ln ln)
 {
@@ -124,18 +137,38 @@ static const struct map_point *point_at(const struct iec61850_model *model,
 
 static bool is_point(enum iec61850_ln ln, uint32_t number)
 {
-	return number >= nodes[ln].count;
+	return ln == IEC61850_GGIO1 && number >= nodes[ln].count;
+}
+
+struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, enum iec61850_ln ln,
+					 uint32_t number)
+{
+	return ln == IEC61850_LLN0 && number >= nodes[ln].count ? &device->blocks[number - nodes[ln].count]
+								: NULL;
 }
 
 uint32_t iec61850_object_count(const struct iec61850_device *device, enum iec61850_ln ln)
 {
-	return nodes[ln].count + (ln == IEC61850_GGIO1 ? device->count : 0);
+	switch (ln) {
+	case IEC61850_LLN0:
+		return nodes[ln].count + IEC61850_BLOCKS;
+	case IEC61850_GGIO1:
+		return nodes[ln].count + device->count;
+	default:
+		return nodes[ln].count;
+	}
 }
 
 struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 					const struct iec61850_device *device, enum iec61850_ln ln,
 					uint32_t number, enum iec61850_fc fc)
 {
+	const struct iec61850_block *block = iec61850_block_of(device, ln, number);
+
+	if (block != NULL)
+		return fc == IEC61850_RP && device->members[iec61850_set_of(device, block)] > 0
+			   ? (struct iec61850_nodes)NODES(report_block)
+			   : (struct iec61850_nodes){0};
 	return is_point(ln, number) ? classes[kind_of(point_at(model, device, number)).cdc][fc]
 				    : classes[nodes[ln].fixed[number].cdc][fc];
 }
@@ -188,6 +221,9 @@ void iec61850_object_name(const struct iec61850_model *model, const struct iec61
 		snprintf(out, IEC61850_NAME_SIZE, "%s", ln);
 	else if (object->number == IEC61850_WHOLE)
 		snprintf(out, IEC61850_NAME_SIZE, "%s$%s", ln, fc_names[object->fc]);
+	else if (iec61850_block_of(object->device, object->ln, object->number) != NULL)
+		snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%s", ln, fc_names[object->fc],
+			 block_names[object->number - nodes[object->ln].count]);
 	else if (!is_point(object->ln, object->number))
 		snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%s", ln, fc_names[object->fc],
 			 nodes[object->ln].fixed[object->number].name);
@@ -270,6 +306,11 @@ static bool find_object(const struct iec61850_model *model, const struct part *n
 			out->number = i;
 			return true;
 		}
+	for (uint32_t i = 0; out->ln == IEC61850_LLN0 && i < IEC61850_BLOCKS; i++)
+		if (is(name, block_names[i])) {
+			out->number = nodes[out->ln].count + i;
+			return true;
+		}
 	return out->ln == IEC61850_GGIO1 && find_point(model, out->device, name, &out->number);
 }
 
@@ -331,6 +372,67 @@ bool iec61850_find(const struct iec61850_model *model, const struct iec61850_dev
 	return true;
 }
 
+struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block)
+{
+	return (struct iec61850_object){.device = device,
+					.ln = IEC61850_LLN0,
+					.fc = IEC61850_RP,
+					.number = nodes[IEC61850_LLN0].count + block};
+}
+
+/* ---- data sets --------------------------------------------------------------------------- */
+
+static const struct {
+	const char *name;
+	enum iec61850_fc fc;
+} sets[IEC61850_SETS] = {
+    [IEC61850_STATUS] = {"LLN0$status", IEC61850_ST}, [IEC61850_MEASURED] = {"LLN0$measured", IEC61850_MX}};
+
+const char *iec61850_set_name(enum iec61850_set set)
+{
+	return sets[set].name;
+}
+
+enum iec61850_set iec61850_find_set(const struct iec61850_device *device, const uint8_t *name, size_t size)
+{
+	const struct part part = {name, size};
+
+	for (unsigned i = 0; i < IEC61850_SETS; i++)
+		if (is(&part, sets[i].name) && device->members[i] > 0)
+			return (enum iec61850_set)i;
+	return IEC61850_SETS;
+}
+
+struct iec61850_object iec61850_before_first(const struct iec61850_device *device, enum iec61850_set set)
+{
+	return (struct iec61850_object){.device = device,
+					.ln = IEC61850_GGIO1,
+					.fc = sets[set].fc,
+					.number = nodes[IEC61850_GGIO1].count - 1};
+}
+
+bool iec61850_next_member(const struct iec61850_model *model, struct iec61850_object *object)
+{
+	const uint32_t count = iec61850_object_count(object->device, object->ln);
+
+	while (++object->number < count)
+		if (iec61850_nodes_of(model, object->device, object->ln, object->number,
+				      (enum iec61850_fc)object->fc)
+			.count > 0)
+			return true;
+	return false;
+}
+
+bool iec61850_member_before(const struct iec61850_model *model, struct iec61850_object *object)
+{
+	while (object->number-- > nodes[object->ln].count)
+		if (iec61850_nodes_of(model, object->device, object->ln, object->number,
+				      (enum iec61850_fc)object->fc)
+			.count > 0)
+			return true;
+	return false;
+}
+
 /* ---- begin, end -------------------------------------------------------------------------- */
 
 static uint16_t ca_of(const struct map_config *config, uint32_t point)
@@ -364,6 +466,31 @@ static void make_devices(struct iec61850_model *model)
 	}
 }
 
+/* A control block has a reason for each member of its data set. */
+static void make_blocks(struct iec61850_model *model)
+{
+	uint8_t *reasons = model->reasons;
+
+	for (uint32_t i = 0; i < model->device_count; i++) {
+		struct iec61850_device *device = &model->devices[i];
+
+		device->blocks = &model->blocks[i * IEC61850_BLOCKS];
+		for (unsigned set = 0; set < IEC61850_SETS; set++) {
+			struct iec61850_object object = iec61850_before_first(device, (enum iec61850_set)set);
+
+			while (iec61850_next_member(model, &object))
+				model->places[iec61850_point_of(model, &object)] =
+				    (struct iec61850_place){i, device->members[set]++, (uint8_t)set};
+		}
+		for (unsigned j = 0; j < IEC61850_BLOCKS; j++) {
+			struct iec61850_block *block = &device->blocks[j];
+
+			block->reasons = reasons;
+			reasons += device->members[iec61850_set_of(device, block)];
+		}
+	}
+}
+
 /* FNV-1a over what the model is made of. */
 static uint32_t number_of_configuration(const struct iec61850_model *model)
 {
@@ -390,13 +517,20 @@ bool iec61850_model_begin(struct iec61850_model *model, const struct map *map)
 					 .started_ns = map_now_ns(),
 					 .points = calloc(config->point_count + 1, sizeof(*model->points)),
 					 .devices = calloc(config->set_count + 1, sizeof(*model->devices))};
-	if (model->points == NULL || model->devices == NULL)
+	model->blocks = calloc((size_t)config->set_count * IEC61850_BLOCKS + 1, sizeof(*model->blocks));
+	/* A point is a member of one data set at most. */
+	model->reasons = calloc((size_t)config->point_count * IEC61850_BLOCKS_A_SET + 1, 1);
+	model->places = calloc(config->point_count + 1, sizeof(*model->places));
+	model->image = calloc(config->point_count + 1, sizeof(*model->image));
+	if (model->points == NULL || model->devices == NULL || model->blocks == NULL ||
+	    model->reasons == NULL || model->places == NULL || model->image == NULL)
 		return false;
 	for (uint32_t i = 0; i < config->point_count; i++)
 		model->points[i] = i;
 	qsort_r(model->points, config->point_count, sizeof(*model->points), by_address,
 		(void *)(uintptr_t)config);
 	make_devices(model);
+	make_blocks(model);
 	model->revision = number_of_configuration(model);
 	return true;
 }
@@ -405,4 +539,8 @@ void iec61850_model_end(struct iec61850_model *model)
 {
 	free(model->points);
 	free(model->devices);
+	free(model->blocks);
+	free(model->reasons);
+	free(model->places);
+	free(model->image);
 }

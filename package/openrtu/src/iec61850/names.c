@@ -7,7 +7,7 @@
 
 enum { OBJECT_CLASS = 0xa0, BASIC_CLASS = 0x80, SCOPE = 0xa1, CONTINUE_AFTER = 0x82 };
 enum { OF_VMD = 0x80, OF_DOMAIN = 0x81, OF_ASSOCIATION = 0x82 };
-enum { NAMED_VARIABLE = 0, OBJECT_CLASS_MAX = 13, DOMAIN = 9 };
+enum { NAMED_VARIABLE = 0, NAMED_VARIABLE_LIST = 2, OBJECT_CLASS_MAX = 13, DOMAIN = 9 };
 
 #define FRAME 32 /* octets of the PDU around the names */
 
@@ -115,6 +115,13 @@ static bool add_variables(struct list *list, const struct iec61850_model *model,
 	return true;
 }
 
+static void add_sets(struct list *list, const struct iec61850_device *device)
+{
+	for (unsigned i = IEC61850_SETS; i-- > 0;) /* in the order of their names */
+		if (device->members[i] > 0)
+			add(list, iec61850_set_name((enum iec61850_set)i));
+}
+
 static void add_devices(struct list *list, const struct iec61850_model *model)
 {
 	for (uint32_t i = 0; i < model->device_count; i++) {
@@ -139,6 +146,8 @@ static enum iec61850_error fill(struct list *list, const struct iec61850_model *
 			return IEC61850_NON_EXISTENT;
 		if (class == NAMED_VARIABLE && !add_variables(list, model, device))
 			return IEC61850_UNDEFINED;
+		if (class == NAMED_VARIABLE_LIST)
+			add_sets(list, device);
 	} else if (!ber_find(scope, OF_VMD, &of) && !ber_find(scope, OF_ASSOCIATION, &of)) {
 		return IEC61850_INVALID_REQUEST;
 	} else if (class == DOMAIN && of.tag == OF_VMD) {

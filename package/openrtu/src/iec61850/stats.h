@@ -15,6 +15,8 @@ enum iec61850_counter {
 	IEC61850_COUNT_REQUESTS,
 	IEC61850_COUNT_ERRORS, /* requests that were answered by an error or a reject */
 	IEC61850_COUNT_READS,  /* variables */
+	IEC61850_COUNT_REPORTS,
+	IEC61850_COUNT_EVENTS_LOST,
 	IEC61850_COUNT_OF_COUNTERS
 };
 

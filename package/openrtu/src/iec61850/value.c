@@ -12,6 +12,7 @@ enum {
 	BOOLEAN = 0x83,
 	BIT_STRING = 0x84,
 	INTEGER = 0x85,
+	UNSIGNED = 0x86,
 	FLOATING_POINT = 0x87,
 	VISIBLE_STRING = 0x8a,
 	UTC_TIME = 0x91,
@@ -32,6 +33,8 @@ struct state {
 	uint16_t quality;
 	uint8_t time[8];
 	char text[MAP_NAME_SIZE];
+	const struct iec61850_object *object; /* of which it is */
+	const struct iec61850_block *block;   /* NULL: it is no control block */
 };
 
 /* ---- quality and time -------------------------------------------------------------------- */
@@ -99,13 +102,9 @@ static void set_text(const struct iec61850_model *model, uint32_t point, struct 
 			*c = '?';
 }
 
-static bool load_point(const struct iec61850_model *model, uint32_t number, struct state *out)
+static void set_sample(const struct iec61850_model *model, const struct map_point *point,
+		       struct map_sample sample, struct state *out)
 {
-	const struct map_point *point = &model->config->points[number];
-	struct map_sample sample;
-
-	if (!map_read(model->map, number, &sample))
-		return false;
 	switch (map_class_of(point)) {
 	case MAP_CLASS_STATE:
 	case MAP_CLASS_PATTERN:
@@ -124,6 +123,15 @@ static bool load_point(const struct iec61850_model *model, uint32_t number, stru
 	}
 	out->quality = iec61850_quality_of(sample.quality);
 	set_time(model, sample.time_ns, out);
+}
+
+static bool load_point(const struct iec61850_model *model, uint32_t number, struct state *out)
+{
+	struct map_sample sample;
+
+	if (!map_read(model->map, number, &sample))
+		return false;
+	set_sample(model, &model->config->points[number], sample, out);
 	return true;
 }
 
@@ -145,7 +153,11 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 {
 	const uint32_t point = iec61850_point_of(model, object);
 
-	*out = (struct state){.number = MODE_ON};
+	*out = (struct state){.number = MODE_ON,
+			      .object = object,
+			      .block = iec61850_block_of(object->device, object->ln, object->number)};
+	if (out->block != NULL)
+		return true;
 	if (point != MAP_NONE) {
 		set_text(model, point, out);
 		return load_point(model, point, out);
@@ -161,7 +173,7 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 
 /* ---- values ------------------------------------------------------------------------------ */
 
-static void put_bits(struct ber_writer *writer, uint16_t bits, unsigned count)
+void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count)
 {
 	const uint8_t octets[] = {(uint8_t)((8 - count % 8) % 8), (uint8_t)(bits >> 8), (uint8_t)bits};
 
@@ -177,6 +189,29 @@ static void put_float(struct ber_writer *writer, float value)
 	for (unsigned i = 0; i < 4; i++)
 		octets[1 + i] = (uint8_t)(bits >> (24 - 8 * i));
 	ber_put(writer, FLOATING_POINT, octets, sizeof(octets));
+}
+
+void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,
+			    const struct iec61850_device *device, const char *name)
+{
+	char text[IEC61850_REFERENCE_SIZE], ld[IEC61850_NAME_SIZE];
+
+	iec61850_device_name(model, device, ld);
+	snprintf(text, sizeof(text), "%s/%s", ld, name);
+	ber_put_text(writer, VISIBLE_STRING, text);
+}
+
+void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_model *model,
+			   const struct iec61850_object *object, const struct iec61850_block *block)
+{
+	char name[IEC61850_NAME_SIZE];
+
+	if (block->id[0] != '\0') {
+		ber_put_text(writer, VISIBLE_STRING, block->id);
+		return;
+	}
+	iec61850_object_name(model, object, name);
+	iec61850_put_reference(writer, model, object->device, name);
 }
 
 static void put_node(struct ber_writer *writer, const struct iec61850_model *model,
@@ -195,7 +230,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put(writer, BOOLEAN, (const uint8_t[]){state->number != 0 ? 1 : 0}, 1);
 		return;
 	case IEC61850_DOUBLE:
-		put_bits(writer, (uint16_t)((state->number & 3) << 14), 2);
+		iec61850_put_bits(writer, (uint16_t)((state->number & 3) << 14), 2);
 		return;
 	case IEC61850_ENUM:
 	case IEC61850_INTEGER:
@@ -212,7 +247,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put_integer(writer, INTEGER, STATUS_ONLY);
 		return;
 	case IEC61850_QUALITY:
-		put_bits(writer, state->quality, QUALITY_BITS);
+		iec61850_put_bits(writer, state->quality, QUALITY_BITS);
 		return;
 	case IEC61850_TIME:
 		ber_put(writer, UTC_TIME, state->time, sizeof(state->time));
@@ -233,7 +268,56 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 	case IEC61850_NAME_SPACE:
 		ber_put_text(writer, VISIBLE_STRING, "IEC 61850-7-4:2007B");
 		return;
+	case IEC61850_RPT_ID:
+		iec61850_put_block_id(writer, model, state->object, state->block);
+		return;
+	case IEC61850_DAT_SET:
+		iec61850_put_reference(
+		    writer, model, state->object->device,
+		    iec61850_set_name(iec61850_set_of(state->object->device, state->block)));
+		return;
+	case IEC61850_RPT_ENA:
+		ber_put(writer, BOOLEAN, (const uint8_t[]){state->block->enabled}, 1);
+		return;
+	case IEC61850_RESV:
+		ber_put(writer, BOOLEAN, (const uint8_t[]){state->block->owner != NULL}, 1);
+		return;
+	case IEC61850_GI:
+		ber_put(writer, BOOLEAN, (const uint8_t[]){0}, 1);
+		return;
+	case IEC61850_CONF_REV:
+		ber_put_integer(writer, UNSIGNED, model->revision);
+		return;
+	case IEC61850_OPT_FLDS:
+		iec61850_put_bits(writer, state->block->options, 10);
+		return;
+	case IEC61850_TRG_OPS:
+		iec61850_put_bits(writer, (uint16_t)(state->block->triggers << 8), 6);
+		return;
+	case IEC61850_BUF_TM:
+		ber_put_integer(writer, UNSIGNED, state->block->buffer_ms);
+		return;
+	case IEC61850_INTG_PD:
+		ber_put_integer(writer, UNSIGNED, state->block->integrity_ms);
+		return;
+	case IEC61850_SQ_NUM:
+		ber_put_integer(writer, UNSIGNED, state->block->number);
+		return;
 	}
+}
+
+void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
+			 const struct iec61850_object *object, const struct map_sample *sample)
+{
+	const struct iec61850_nodes inside = iec61850_nodes_of(model, object->device, object->ln,
+							       object->number, (enum iec61850_fc)object->fc);
+	const size_t end = writer->at;
+	struct state state = {.object = object};
+
+	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
+	for (unsigned i = inside.count; i-- > 0;)
+		put_node(writer, model, &inside.nodes[i], &state);
+	ber_close(writer, STRUCTURE, end);
 }
 
 static bool put_object(struct ber_writer *writer, const struct iec61850_model *model,
@@ -363,6 +447,29 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_CONFIGURATION:
 	case IEC61850_NAME_SPACE:
 		ber_put_integer(writer, VISIBLE_STRING, -TEXT_MAX);
+		return;
+	case IEC61850_RPT_ID:
+	case IEC61850_DAT_SET:
+		ber_put_integer(writer, VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
+		return;
+	case IEC61850_RPT_ENA:
+	case IEC61850_RESV:
+	case IEC61850_GI:
+		ber_put(writer, BOOLEAN, NULL, 0);
+		return;
+	case IEC61850_CONF_REV:
+	case IEC61850_BUF_TM:
+	case IEC61850_INTG_PD:
+		ber_put_integer(writer, UNSIGNED, 32);
+		return;
+	case IEC61850_SQ_NUM:
+		ber_put_integer(writer, UNSIGNED, 8);
+		return;
+	case IEC61850_OPT_FLDS:
+		ber_put_integer(writer, BIT_STRING, -10);
+		return;
+	case IEC61850_TRG_OPS:
+		ber_put_integer(writer, BIT_STRING, -6);
 		return;
 	}
 }

@@ -24,6 +24,16 @@ void iec61850_time_of(int64_t wall_ns, const struct map_clock *clock, uint8_t ou
 /* Puts a variable's value. False: it cannot be read now; what was put is of no use then. */
 bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *model,
 			const struct iec61850_object *object);
+/* The same of a point's data object with this sample. */
+void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
+			 const struct iec61850_object *object, const struct map_sample *sample);
+void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count);
+/* Puts the reference of a variable's logical device, /, and a name in it. */
+void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,
+			    const struct iec61850_device *device, const char *name);
+/* Puts a control block's RptID. */
+void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_model *model,
+			   const struct iec61850_object *object, const struct iec61850_block *block);
 /* Puts its type. */
 void iec61850_put_type(struct ber_writer *writer, const struct iec61850_model *model,
 		       const struct iec61850_object *object);

@@ -31,6 +31,7 @@ static bool plan(struct map_config *config)
 	const struct map_module_plan module = {
 	    .name = "rtu-iec61850",
 	    .kind = IEC61850_KIND,
+	    .flags = MAP_HEARS_EVENTS,
 	    .rings = {.requests = 1, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
 	    .section_size = sizeof(struct iec61850_stats),

@@ -11,17 +11,21 @@
 #include <unistd.h>
 
 #include "iec61850/association.h"
+#include "iec61850/report.h"
 #include "map/address.h"
 #include "modules/module.h"
 
 #define IDLE_MS            250
 #define CONNECTIONS_A_TURN 16
+#define EVENTS_A_TURN      256
+#define STUCK_MS           10 /* a report that is due waits for its client to read */
 #define KEEP_ALIVE_S                                                                                         \
 	30 /* of silence, then three questions 10 s apart: a client that is gone frees its place */
 
 static struct map *map;
 static struct iec61850_server server;
 static uint8_t *scratch;
+static struct map_cursor cursor;
 static struct connection {
 	struct iec61850_association association;
 	int fd; /* -1: it is free */
@@ -45,6 +49,7 @@ static void end(struct connection *connection, enum iec61850_end why)
 	if (connection->association.associated || why != IEC61850_RELEASED)
 		map_log(map, why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: %s",
 			connection->peer, texts[why]);
+	iec61850_blocks_release(&server, &connection->association);
 	close(connection->fd);
 	connection->fd = -1;
 }
@@ -60,7 +65,7 @@ static struct connection *find_place(int64_t now_ns)
 
 		if (connections[i].fd < 0)
 			return &connections[i];
-		if (idle_ns > longest_ns) {
+		if (idle_ns > longest_ns && !iec61850_blocks_owned(&server, &connections[i].association)) {
 			longest_ns = idle_ns;
 			idlest = &connections[i];
 		}
@@ -191,11 +196,44 @@ static short interest_of(struct connection *connection)
 	return iec61850_transport_is_free(transport) ? POLLIN : POLLOUT;
 }
 
+/* ---- events ------------------------------------------------------------------------------ */
+
+/* Each event is told before the next is taken, so that a client sees every change that it has time for. */
+static void take_events(int64_t now_ns)
+{
+	const uint32_t count = server.model.settings->associations;
+	struct map_event event;
+
+	for (int i = 0; i < EVENTS_A_TURN && map_event_next(map, &cursor, &event); i++) {
+		iec61850_report_event(&server, &event, now_ns);
+		for (uint32_t j = 0; j < count; j++)
+			if (connections[j].fd >= 0)
+				serve(&connections[j], 0, now_ns);
+	}
+	if (cursor.lost == 0)
+		return;
+	map_count(&server.stats->counters[IEC61850_COUNT_EVENTS_LOST], cursor.lost);
+	map_count_lost_events(map, cursor.lost);
+	cursor.lost = 0;
+	iec61850_report_all(&server, now_ns);
+}
+
+static int wait_ms(int64_t now_ns)
+{
+	const int64_t left_ns = iec61850_report_due_ns(&server) - now_ns;
+
+	if (map_events_behind(map, &cursor) > 0)
+		return 0;
+	if (left_ns <= 0)
+		return STUCK_MS;
+	return left_ns >= IDLE_MS * NS_PER_MS ? IDLE_MS : (int)((left_ns + NS_PER_MS - 1) / NS_PER_MS);
+}
+
 /* ---- the loop ---------------------------------------------------------------------------- */
 
 static void run(int stop, int listener)
 {
-	enum { STOP, LISTENER, FIRST };
+	enum { STOP, LISTENER, BELL, FIRST };
 	struct pollfd waits[FIRST + IEC61850_ASSOCIATIONS_MAX] = {
 	    [STOP] = {.fd = stop, .events = POLLIN}, [LISTENER] = {.fd = listener, .events = POLLIN}};
 	const uint32_t count = server.model.settings->associations;
@@ -207,9 +245,11 @@ static void run(int stop, int listener)
 			waits[FIRST + i] = (struct pollfd){
 			    .fd = connections[i].fd,
 			    .events = connections[i].fd < 0 ? 0 : interest_of(&connections[i])};
-		poll(waits, FIRST + count, IDLE_MS);
+		poll(waits, FIRST + count, wait_ms(map_now_ns()));
 		now_ns = map_begin_cycle(map);
 		map_heartbeat(map);
+		map_bell_clear(map);
+		take_events(now_ns);
 		for (uint32_t i = 0; i < count; i++)
 			if (connections[i].fd >= 0)
 				serve(&connections[i], waits[FIRST + i].revents, now_ns);
@@ -241,10 +281,14 @@ static bool start(void)
 
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
 	server.names = malloc(settings->max_pdu);
+	server.chosen = calloc(map_config(map)->point_count + 1, sizeof(*server.chosen));
 	for (uint32_t i = 0; i < settings->associations; i++)
 		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
-	if (begun && scratch != NULL && server.names != NULL)
+	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
+		map_cursor_to_end(map, &cursor);
+		iec61850_report_all(&server, map_now_ns());
 		return true;
+	}
 	map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(ENOMEM));
 	return false;
 }
@@ -256,6 +300,7 @@ static void name_counters(void)
 	    [IEC61850_COUNT_ASSOCIATIONS] = "associations", [IEC61850_COUNT_DROPPED] = "connections_dropped",
 	    [IEC61850_COUNT_DAMAGED] = "messages_damaged",  [IEC61850_COUNT_REQUESTS] = "requests",
 	    [IEC61850_COUNT_ERRORS] = "requests_refused",   [IEC61850_COUNT_READS] = "variables_read",
+	    [IEC61850_COUNT_REPORTS] = "reports",           [IEC61850_COUNT_EVENTS_LOST] = "events_lost",
 	};
 
 	for (unsigned i = 0; i < IEC61850_COUNT_OF_COUNTERS; i++)
