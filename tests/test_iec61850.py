@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from iec61850 import FC, IedConnection
+from iec61850 import FC, ClientReport, IedConnection, RcbWriteMask, ReportOptFlds, TriggerOptions
 
 from capture import PCAP_HEAD, Connection, packet_of, record_of
 from capture import Relay as Recorder
@@ -352,6 +352,33 @@ def test_a_change_is_reported_with_its_reason(site: Site) -> None:
         while len(included(report := client.report(), 6)) != count:
             pass
         assert {content[1] for _, content in report[-count:]} == {TRIGGERS["gi"]}
+
+
+def test_the_rust_client_takes_reports(site: Site) -> None:
+    reference = f"{DEVICE}/LLN0.RP.urcbMeasured01"
+
+    async def interrogate() -> ClientReport:
+        connection = await IedConnection.connect(f"127.0.0.1:{site.port}")
+        block = await connection.get_rcb_values(reference)
+        reports: asyncio.Queue[ClientReport] = asyncio.Queue()
+        await connection.install_report_handler(reference, reports.put_nowait, rpt_id=block.rpt_id)
+        block.resv = block.rpt_ena = True
+        block.trigger_options = TriggerOptions(data_change=True, general_interrogation=True)
+        block.opt_flds = ReportOptFlds(sequence_number=True, dataset_name=True, data_reference=True)
+        await connection.set_rcb_values(
+            block, RcbWriteMask.fields("resv", "trigger_options", "opt_flds", "rpt_ena")
+        )
+        await connection.trigger_gi(reference)
+        while reports.empty():
+            await connection.poll_reports(100)
+        await connection.disconnect()
+        return reports.get_nowait()
+
+    report = asyncio.run(asyncio.wait_for(interrogate(), 20))
+    with site.client() as client:
+        wanted = members(client, "LLN0$measured")
+    assert report.dataset_name == f"{DEVICE}/LLN0$measured"
+    assert [entry.ref for entry in report.entries] == [f"{DEVICE}/{name}" for name in wanted]
 
 
 def test_a_dead_line_is_a_change_of_quality(site: Site) -> None:
