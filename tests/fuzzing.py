@@ -32,6 +32,9 @@ TARGETS = {  # by the name of its corpus: the program
     "synch": "synch/fuzz_synch",
     "requests": "map/fuzz_requests",
     "snmp": "modules/fuzz_snmp",
+    "mms-association": "iec61850/fuzz_association",
+    "mms-service": "iec61850/fuzz_mms_service",
+    "mms-transport": "iec61850/fuzz_transport",
 }
 INPUT_MAX = 4096
 
