@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A new version on trial: confirmed when it is healthy, given up when it is not; with a third of the waits.
+
+Linux is started without U-Boot, with the arguments of a trial of slot B; each reset is the same start again.
+What U-Boot makes of the marks is in netboot/test_slots_twin.py.
+"""
+
+import json
+import shutil
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from desk import chapter_5
+from nuc980.netboot.slots.layout import BASE, TRIAL, Area
+from nuc980.netboot.slots.marks import BASE_WORD, TRIAL_WORD, page
+from nuc980.netboot.slots.script import partitions
+from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.nand import DATA, PAGE, NandImage
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = "usr/sbin/rtu-update"
+WAITS = {"HEALTHY_SECONDS=60": "HEALTHY_SECONDS=20", "PATIENCE_SECONDS=600": "PATIENCE_SECONDS=40"}
+HEALTHY_S = 60  # the script's own
+CRASHES_EVERY_S = 10
+# On a busy machine.
+GIVEN_UP_SECONDS = 900.0
+START_SECONDS = 300.0
+ERASED = b"\xff" * PAGE
+# The board's time leaps over its waits: nobody sits through them.
+LEAPING = ("-icount", "shift=3,sleep=off")
+
+
+@pytest.fixture(scope="module")
+def nand(folder: Path) -> NandImage:
+    """On trial, as far as Linux sees it: it erases the mark and does not read it."""
+    nand = NandImage.blank(folder / "nand")
+    nand.write(TRIAL.offset // DATA, page(TRIAL_WORD, "b").ljust(PAGE, b"\xff"))
+    return nand
+
+
+@pytest.fixture(scope="module")
+def kernel(kernel: Kernel) -> Kernel:
+    """That of the image, which takes partitions from its arguments, as U-Boot starts a trial."""
+    trial = "openrtu.slot=b openrtu.trial watchdog.open_timeout=180"
+    arguments = f"{kernel.arguments} {trial} {partitions()}"
+    return replace(kernel, image=ROOT / "build/system/uImage", root=None, arguments=arguments)
+
+
+@pytest.fixture(scope="module")
+def board_arguments(nand: NandImage) -> tuple[str, ...]:
+    return (*LEAPING, "-drive", f"if=mtd,format=raw,file={nand.path}")
+
+
+@pytest.fixture(scope="module")
+def extra_files(folder: Path) -> dict[str, Path | str]:
+    """Lines whose devices are all dead: nothing is wired to the board. The script with shorter waits."""
+    script = folder / "rtu-update"
+    shutil.copy(ROOT / "board/nuc980/rootfs-overlay" / SCRIPT, script)
+    text = script.read_text()
+    for long, short in WAITS.items():
+        assert f"\n{long}\n" in text
+        text = text.replace(long, short)
+    script.write_text(text)
+    return {"etc/openrtu/gateway.json": json.dumps(chapter_5()), SCRIPT: script}
+
+
+def held(nand: NandImage, area: Area) -> bytes:
+    return nand.read(area.offset // DATA)[:DATA]
+
+
+def given_up(linux: Linux, nand: NandImage, script: str) -> None:
+    """Runs the script; the board restarts itself, and has confirmed nothing."""
+    for copy in BASE:
+        nand.write(copy.offset // DATA, ERASED)
+    linux.machine.events("RESET")
+    linux.run(script, seconds=START_SECONDS)
+    deadline = time.monotonic() + GIVEN_UP_SECONDS
+    while not linux.machine.events("RESET"):
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+    assert all(nand.read(copy.offset // DATA) == ERASED for copy in BASE)
+
+
+def test_healthy_version_is_confirmed(linux: Linux, nand: NandImage) -> None:
+    """Devices that were dead before the update may stay so. An rtud that hangs would be reset before."""
+    confirmed = "grep -q 'what boots from now on' /var/log/messages"
+    linux.run(f"until {confirmed}; do sleep 1; done", seconds=GIVEN_UP_SECONDS)
+    assert [held(nand, copy) for copy in BASE] == [page(BASE_WORD, "b")] * 2
+    assert held(nand, TRIAL) == b"\xff" * DATA
+    assert int(linux.run("cat /sys/class/watchdog/watchdog0/timeout")) < HEALTHY_S
+
+
+def test_rtud_that_crashes_again_and_again(linux: Linux, nand: NandImage) -> None:
+    """It runs most of the time, but never as long as it must."""
+    crashes = f"(while sleep {CRASHES_EVERY_S}; do kill -SEGV $(pidof rtud); done) >/dev/null 2>&1 &"
+    given_up(linux, nand, f"{crashes} /etc/init.d/S90update start")
+
+
+def test_devices_that_do_not_come_back(linux: Linux, nand: NandImage) -> None:
+    linux.wait_for_shell()
+    given_up(linux, nand, "mkdir -p /data/update && echo device 1 10 >/data/update/before")
