@@ -254,7 +254,7 @@ def make_root(
 
 
 def asks_for_tls(site: Path) -> bool:
-    """Whether its gateway needs rtu-iec104-tls. What else is wrong with a configuration rtud says."""
+    """Whether its gateway needs OpenSSL. What else is wrong with a configuration rtud says."""
     file = site / "config.json"
     if not file.exists():
         return False
@@ -262,7 +262,7 @@ def asks_for_tls(site: Path) -> bool:
         configuration = json.loads(file.read_bytes())
     except ValueError as error:
         raise UnusableInput(f"{file} is not JSON: {error}") from error
-    return isinstance(configuration, dict) and "tls" in configuration
+    return isinstance(configuration, dict) and not configuration.keys().isdisjoint({"tls", "outstations_tls"})
 
 
 def main(words: Sequence[str] | None = None) -> int:
