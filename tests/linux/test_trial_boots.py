@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A new version on trial: confirmed when it is healthy, given up when it is not; with a third of the waits.
+"""A new version on trial: confirmed when it is healthy; with a third of the wait.
 
 Linux is started without U-Boot, with the arguments of a trial of slot B; each reset is the same start again.
 What U-Boot makes of the marks is in netboot/test_slots_twin.py.
@@ -7,7 +7,6 @@ What U-Boot makes of the marks is in netboot/test_slots_twin.py.
 
 import json
 import shutil
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,13 +21,10 @@ from nuc980.twin.nand import DATA, PAGE, NandImage
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = "usr/sbin/rtu-update"
-WAITS = {"HEALTHY_SECONDS=60": "HEALTHY_SECONDS=20", "PATIENCE_SECONDS=600": "PATIENCE_SECONDS=40"}
+WAITS = {"HEALTHY_SECONDS=60": "HEALTHY_SECONDS=20"}
 HEALTHY_S = 60  # the script's own
-CRASHES_EVERY_S = 10
 # On a busy machine.
-GIVEN_UP_SECONDS = 900.0
-START_SECONDS = 300.0
-ERASED = b"\xff" * PAGE
+CONFIRMED_SECONDS = 900.0
 # The board's time leaps over its waits: nobody sits through them.
 LEAPING = ("-icount", "shift=3,sleep=off")
 
@@ -71,34 +67,10 @@ def held(nand: NandImage, area: Area) -> bytes:
     return nand.read(area.offset // DATA)[:DATA]
 
 
-def given_up(linux: Linux, nand: NandImage, script: str) -> None:
-    """Runs the script; the board restarts itself, and has confirmed nothing."""
-    for copy in BASE:
-        nand.write(copy.offset // DATA, ERASED)
-    linux.machine.events("RESET")
-    linux.run(script, seconds=START_SECONDS)
-    deadline = time.monotonic() + GIVEN_UP_SECONDS
-    while not linux.machine.events("RESET"):
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
-    assert all(nand.read(copy.offset // DATA) == ERASED for copy in BASE)
-
-
 def test_healthy_version_is_confirmed(linux: Linux, nand: NandImage) -> None:
     """Devices that were dead before the update may stay so. An rtud that hangs would be reset before."""
     confirmed = "grep -q 'what boots from now on' /var/log/messages"
-    linux.run(f"until {confirmed}; do sleep 1; done", seconds=GIVEN_UP_SECONDS)
+    linux.run(f"until {confirmed}; do sleep 1; done", seconds=CONFIRMED_SECONDS)
     assert [held(nand, copy) for copy in BASE] == [page(BASE_WORD, "b")] * 2
     assert held(nand, TRIAL) == b"\xff" * DATA
     assert int(linux.run("cat /sys/class/watchdog/watchdog0/timeout")) < HEALTHY_S
-
-
-def test_rtud_that_crashes_again_and_again(linux: Linux, nand: NandImage) -> None:
-    """It runs most of the time, but never as long as it must."""
-    crashes = f"(while sleep {CRASHES_EVERY_S}; do kill -SEGV $(pidof rtud); done) >/dev/null 2>&1 &"
-    given_up(linux, nand, f"{crashes} /etc/init.d/S90update start")
-
-
-def test_devices_that_do_not_come_back(linux: Linux, nand: NandImage) -> None:
-    linux.wait_for_shell()
-    given_up(linux, nand, "mkdir -p /data/update && echo device 1 10 >/data/update/before")

@@ -255,8 +255,8 @@ def server(board: Ssh, folder: Path) -> Iterator[UpdateServer]:
     with UpdateServer(authority.server(host), host) as server:
         board.run("cat >/etc/openrtu/update-server", send=server.settings)
         board.run("cat >/etc/openrtu/update-server.pem", send=authority.certificate.read_text())
-        board.run(f"date -u -s @{int(time.time())}; mount -t tmpfs data /data; mkdir -p /root/bin")
-        board.run("cd /root/bin; cat >reboot; chmod +x reboot", send="#!/bin/sh\necho >/run/restarts\n")
+        board.run(f"date -u -s @{int(time.time())}; mount -t tmpfs data /data; mkdir -p /srv")
+        board.run("cd /srv; cat >reboot; chmod +x reboot", send="#!/bin/sh\necho >/run/restarts\n")
         yield server
         board.run("umount /data; mount -o remount,ro /")
 
@@ -265,7 +265,7 @@ def test_fetched_from_a_server(
     board: Ssh, nand: NandImage, server: UpdateServer, update: Update, small: bytes
 ) -> None:
     """First one that is signed by somebody else; then a right one, whose connection breaks off."""
-    pull = "PATH=/root/bin:$PATH rtu-pull once 2>&1; echo $?"
+    pull = "PATH=/srv:$PATH rtu-pull once 2>&1; echo $?"
     before = everything(nand)
     server.action, server.content = "7", update(signer=2)
     said = board.run(pull)
