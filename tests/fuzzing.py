@@ -25,10 +25,16 @@ TARGETS = {  # by the name of its corpus: the program
     "config": "rtud/fuzz_config",
     "centre": "centre/fuzz_centre",
     "journal": "journal/fuzz_journal",
+    "goose": "goose/fuzz_goose",
     "nmea": "gps/fuzz_nmea",
     "gpsd": "gps/fuzz_gpsd",
     "logic": "logic/fuzz_logic",
     "synch": "synch/fuzz_synch",
+    "requests": "map/fuzz_requests",
+    "snmp": "modules/fuzz_snmp",
+    "mms-association": "iec61850/fuzz_association",
+    "mms-service": "iec61850/fuzz_mms_service",
+    "mms-transport": "iec61850/fuzz_transport",
 }
 INPUT_MAX = 4096
 

@@ -19,13 +19,19 @@ RUNS = {
     "config": 3_000,
     "centre": 400_000,
     "journal": 1_700,
+    "goose": 300_000,
     "nmea": 40_000,
     "gpsd": 100_000,
     "logic": 100_000,
     "synch": 20_000,
+    "requests": 12_000,
+    "snmp": 4_000,
+    "mms-association": 40_000,
+    "mms-service": 60_000,
+    "mms-transport": 20_000,
 }
 SEED_SIZE_MAX = 1024
-SEEDS_MAX = 120
+SEEDS_MAX = 130
 
 
 @pytest.mark.slow

@@ -20,11 +20,13 @@ MODULES = {
     "rtu-iec104",
     "rtu-iec104-tls",
     "rtu-journal",
+    "rtu-goose",
     "rtu-gps",
     "rtu-logic",
     "rtu-104m",
     "rtu-104m-tls",
     "rtu-snmp",
+    "rtu-iec61850",
     "rtu-synch",
 }
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}

@@ -158,10 +158,21 @@ def test_start_scripts_are_programs() -> None:
 
 def test_table_can_be_read() -> None:
     table = read_table(TABLE)
-    least = set(table.packages(tls=False, update=False))
+    least = set(table.packages(tls=False, update=False, pull=False))
     assert "libc6" in least
-    assert set(table.packages(tls=True, update=False)) - least == {"libatomic1", "libssl3"}
-    assert set(table.packages(tls=False, update=True)) - least == {"libatomic1", "libconfig9", "libssl3"}
+    assert set(table.packages(tls=True, update=False, pull=False)) - least == {"libatomic1", "libssl3"}
+    assert set(table.packages(tls=False, update=True, pull=False)) - least == {
+        "libatomic1",
+        "libconfig9",
+        "libssl3",
+    }
+    assert set(table.packages(tls=False, update=False, pull=True)) - least == {
+        "jq",
+        "libatomic1",
+        "libjq1",
+        "libonig5",
+        "libssl3",
+    }
 
 
 @pytest.mark.parametrize("text", ["", "hostname = ", 'hostname = "a"\nlibraries = 3\n'])

@@ -14,9 +14,11 @@
 	KIND(modbus)                                                                                         \
 	KIND(journal)                                                                                        \
 	KIND(gps)                                                                                            \
+	KIND(goose)                                                                                          \
 	KIND(iec104m)                                                                                        \
 	KIND(logic)                                                                                          \
 	KIND(snmp)                                                                                           \
+	KIND(iec61850)                                                                                       \
 	KIND(foreign)                                                                                        \
 	KIND(synch)
 
