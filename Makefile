@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -87,13 +87,15 @@ fuzz: fuzzers $(VENV) ## Test: search with the fuzzers for FUZZ_SECONDS=60 each;
 build/native/build.ninja: | $(PACKAGES)
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true
 
+# -O1 and the lines alone in the debug information: half of the time that the compiler takes, and the same checks.
 build/asan/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Db_sanitize=address,undefined -Dc_args=-fno-sanitize-recover=all
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Db_sanitize=address,undefined \
+	  -Doptimization=1 -Dc_args='-fno-sanitize-recover=all -g1'
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
 build/fuzz/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Db_lundef=false -Db_sanitize=address,undefined \
-	  -Dc_args='-fno-sanitize-recover=all -Wno-missing-field-initializers'
+	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Db_lundef=false -Db_sanitize=address,undefined \
+	  -Dc_args='-fno-sanitize-recover=all -g1 -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
@@ -218,6 +220,11 @@ build/mibs/done: scripts/debian-package.sh | build/packages-twin.done
 	$(LOGGED) mibs scripts/debian-package.sh $(@D) erlang-snmp
 	@touch $@
 
+# What graphs a station that speaks SNMP; installed it would be a service.
+build/exporter/done: scripts/debian-package.sh | build/packages-twin.done
+	$(LOGGED) exporter scripts/debian-package.sh $(@D) prometheus-snmp-exporter
+	@touch $@
+
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	$(LOGGED) $*-source scripts/debian-source.sh $* $(@D)/debian
 
@@ -233,6 +240,7 @@ SYSTEM_PARTS := build/linux/done build/busybox/done build/chrony/done build/root
 
 # A site with certificates takes updates.
 SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update.pem),build/swupdate/done))
+SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update-server),build/curl/done))
 
 image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
 	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
@@ -250,6 +258,10 @@ build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/b
 
 build/swupdate/done: scripts/build-swupdate.sh board/nuc980/swupdate.config build/swupdate/debian.dsc | $(SYSROOT)
 	$(LOGGED) swupdate scripts/build-swupdate.sh build/swupdate/debian $(@D)
+	@touch $@
+
+build/curl/done: scripts/build-curl.sh build/curl/debian.dsc | $(SYSROOT)
+	$(LOGGED) curl scripts/build-curl.sh build/curl/debian $(@D)
 	@touch $@
 
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
@@ -325,6 +337,9 @@ savedefconfig: build/$(IMAGE)/.config
 	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
 	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
 
+newer: $(VENV) ## Maintain: newer patch releases of Linux, PREEMPT_RT and Buildroot (WRITE=1: move to them)
+	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
+
 sbom: build/$(IMAGE)/.config $(VENV)
 	$(BUILDROOT) --silent show-info > build/$(IMAGE)/show-info.json
 	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name $(IMAGE) --project-version $(file < $(SRC)/VERSION) \
@@ -338,8 +353,14 @@ check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own
 $(IMAGES:%=build/%/images/manifest.json): build/%/images/manifest.json: build/%/.config FORCE
 	$(LOGGED) $* $(call buildroot,$*)
 
-$(IMAGES:%=build/%/.config): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+$(patsubst %,build/%/.config,$(filter-out %-development,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
+
+# What development needs besides. Never the image of a station: its name says so wherever it is shown.
+build/%-development/.config: configs/%_defconfig configs/parts/development.config $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+	@mkdir -p $(@D)
+	cat $(wordlist 1,2,$^) > $(@D)/$*-development_defconfig
+	$(call buildroot,$*-development) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-development_defconfig defconfig
 
 build/buildroot/Makefile: configs/kas.yml | $(VENV)
 	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \
@@ -376,7 +397,7 @@ WORKERS := 3
 PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
-test-quick: $(VENV) ## Test: four minutes: lint, C unit tests, the quick half of pytest
+test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in some minutes
 	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
 
 # Nothing on the emulated board is quick, and each worker would read these files.
@@ -391,7 +412,7 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(TESTED) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: $(TESTED) ## Test: the images' configuration and what makes them
@@ -402,7 +423,7 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(TESTED) ## Test: Linux on the emulated board
+test-linux: linux linux-debug image-debian build/swupdate/done build/curl/done lab qemu uboot $(TESTED) ## Test: Linux on the emulated board
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
@@ -410,28 +431,32 @@ test-linux: linux linux-debug image-debian build/swupdate/done lab qemu uboot $(
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
 	$(PYTHON) tests/changed.py $(BASE)
 
-# The kernels and the image are built while the first parts run, in the time that their tests wait, and give way to them
-# (nice). What both need is built before, by one make.
-SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini
-ONLY_LINUX := linux linux-debug image-debian build/swupdate/done lab
-PARTS      := lint unit asan cross fuzzers test-sanitizers test-native test-linux
+# Two halves run beside each other, for each waits in the time in which the other computes: the gateway and the tools; the
+# kernels, the images and what runs on them. What both need is built before, by one make. Of the downloads and the
+# configuring, which wait as well, two run at a time.
+SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
+  build/gpsd/done build/mibs/done
+ONLY_LINUX := linux linux-debug build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
+PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
-test: $(VENV) ## Test: all but soak, an hour on two cores; then what it cost and what failed
+test: $(VENV) ## Test: all but soak; then what it cost and what failed
 	rm -rf build/times
-	mkdir -p build/log; failed=; $(MAKE) $(SHARED) || failed+=" build"; \
-	nice $(MAKE) $(ONLY_LINUX) > build/log/test-linux-build.log 2>&1 & linux=$$!; \
-	trap 'kill $$linux 2> /dev/null || true' EXIT; \
-	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
+	mkdir -p build/log; failed=; $(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; \
+	set -m; { nice -n 5 $(MAKE) --jobs 2 $(ONLY_LINUX) && nice -n 5 $(MAKE) image-debian lab && $(MAKE) test-linux; } \
+	  > build/log/test-linux.log 2>&1 & linux=$$!; set +m; \
+	trap 'kill -- -$$linux 2> /dev/null || true' EXIT; \
+	echo "test: test-linux, and what it needs, runs beside the other parts; log: build/log/test-linux.log"; \
 	for part in $(PARTS); do \
-	  [ $$part != test-linux ] || wait $$linux || tail -n 40 build/log/test-linux-build.log; \
 	  $(MAKE) $$part || failed+=" $$part"; \
 	done; \
+	echo "test: waits for test-linux"; \
+	wait $$linux || failed+=" test-linux"; cat build/log/test-linux.log; \
 	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
@@ -441,7 +466,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux image-debian build/swupdate/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
+soak: build qemu uboot linux image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
@@ -477,6 +502,7 @@ bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does 
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py

@@ -12,6 +12,7 @@ import getpass
 import json
 import logging
 import signal
+import ssl
 import sys
 from pathlib import Path
 
@@ -27,6 +28,20 @@ from centre.web import Server
 PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
 
 
+def tls_context(what: settings.Settings) -> ssl.SSLContext | None:
+    if not what.tls:
+        return None
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    try:
+        context.load_cert_chain(what.tls.certificate, what.tls.key)
+    except OSError as error:  # ssl.SSLError is one
+        raise CentreError(
+            f"tls: {what.tls.certificate} and {what.tls.key}: {error};"
+            " are they there, readable, in PEM and a pair?"
+        ) from error
+    return context
+
+
 async def serve(what: settings.Settings, page: Path) -> None:
     """Until it is told to end."""
     ended = asyncio.Event()
@@ -34,31 +49,38 @@ async def serve(what: settings.Settings, page: Path) -> None:
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
     centre = Centre(what)
     try:
+        secured = tls_context(what)
         runner = web.AppRunner(Server(centre, ROUTES, page).application, access_log=None)
         await runner.setup()
         try:
-            await web.TCPSite(runner, what.address, what.port, shutdown_timeout=1).start()
+            await web.TCPSite(
+                runner, what.address, what.port, shutdown_timeout=1, ssl_context=secured
+            ).start()
         except OSError as error:
             raise CentreError(f"{what.address} port {what.port}: {error.strerror}") from error
-        logging.getLogger("centre").info("serves http://%s:%s", what.address, what.port)
+        logging.getLogger("centre").info(
+            "serves http%s://%s:%s", "s" if secured else "", what.address, what.port
+        )
+        keeping = asyncio.create_task(centre.keep())
         collecting = asyncio.create_task(centre.collect())
         ending = asyncio.create_task(ended.wait())
         await asyncio.wait((collecting, ending), return_when=asyncio.FIRST_COMPLETED)
         if collecting.done():
             collecting.result()
-        collecting.cancel()
-        await asyncio.gather(collecting, return_exceptions=True)
+        for task in (collecting, keeping):
+            task.cancel()
+        await asyncio.gather(collecting, keeping, return_exceptions=True)
         await runner.cleanup()
     finally:
         centre.close()
 
 
-def add_user(what: settings.Settings, name: str, role: str) -> None:
+def add_user(what: settings.Settings, name: str, role: str, groups: list[str]) -> None:
     """Asks for the password at a terminal; takes a line of stdin otherwise."""
     password = getpass.getpass() if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
     store = Store(what.database)
     try:
-        store.transaction(lambda database: users.put(database, name, role, password, "command line"))
+        store.transaction(lambda database: users.put(database, name, role, password, "command line", groups))
     finally:
         store.close()
 
@@ -75,6 +97,9 @@ def main() -> int:
     user = verbs.add_parser("user", help="add a user, or give a new role and password")
     user.add_argument("name")
     user.add_argument("--role", choices=users.ROLES, default="viewer")
+    user.add_argument(
+        "--group", action="append", default=[], help="only stations of this group; may be repeated [all]"
+    )
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     try:
@@ -82,7 +107,7 @@ def main() -> int:
         if arguments.verb == "serve":
             asyncio.run(serve(what, arguments.page))
         elif arguments.verb == "user":
-            add_user(what, arguments.name, arguments.role)
+            add_user(what, arguments.name, arguments.role, arguments.group)
         else:
             print(json.dumps({**what.collector, "socket": str(what.socket)}, indent=1))
     except CentreError as error:

@@ -3,23 +3,31 @@
 
 from __future__ import annotations
 
+import json
+import logging
 import math
 import re
+import sqlite3
 import time
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from aiohttp import web
 
 from centre import formats, users
 from centre.errors import RefusedError
-from centre.formats import Place, Track, moment
+from centre.formats import Place, Writer, moment
 from centre.intake import COMMAND_COLUMNS
-from centre.model import Alarm, Command, Json
-from centre.store import audit
-from centre.web import Asked, Route
+from centre.model import NS_PER_MS, Alarm, Command, Json
+from centre.records import INVALID
+from centre.store import Row, audit
+from centre.web import HEADERS, Asked, Route
 
-ROWS_MOST = 100_000  # of an export
+log = logging.getLogger("centre")
+
 ROWS = 500  # of a page
+ROWS_AT_ONCE = 2000  # of a file: what is in memory
 DAY_S = 86400.0
 TOKEN_DAYS_MOST = 366
 INTEGER_MOST = 2**63 - 1
@@ -52,10 +60,44 @@ def _span(asked: Asked, seconds: float) -> tuple[int, int]:
     return begin * 1_000_000, end * 1_000_000
 
 
-def _file(content: bytes, kind: str, name: str) -> web.Response:
-    return web.Response(
-        body=content, content_type=kind, headers={"Content-Disposition": f'attachment; filename="{name}"'}
-    )
+async def _file(asked: Asked, pieces: AsyncIterator[str], kind: str, name: str) -> web.StreamResponse:
+    """As it comes from the database. What fails on the way ends the connection: half a file is no file."""
+    headers = {
+        **HEADERS,
+        "Cache-Control": "no-store",
+        "Content-Disposition": f'attachment; filename="{name}"',
+    }
+    response = web.StreamResponse(headers=headers)
+    response.content_type, response.charset = kind, "utf-8"
+    await response.prepare(asked.request)
+    try:
+        async for piece in pieces:
+            if piece:
+                await response.write(piece.encode())
+    except sqlite3.Error as error:
+        log.error("%s ends before its end: %s", name, error)
+        if asked.request.transport:
+            asked.request.transport.abort()
+    else:
+        await response.write_eof()
+    return response
+
+
+async def _rows(
+    asked: Asked, sql: str, key: str, begin: int, end: int, *values: Any
+) -> AsyncIterator[list[Row]]:
+    """Rows of a time by and by, oldest first. `sql` ends with a condition; `key` is unique for a time."""
+    after: tuple[int, int] = (begin - 1, INTEGER_MOST)
+    while True:
+        rows = await asked.centre.store.read(
+            f"{sql} AND (at_ns, {key}) > (?, ?) AND at_ns <= ? ORDER BY at_ns, {key} LIMIT ?",
+            *values, *after, end, ROWS_AT_ONCE,
+        )  # fmt: skip
+        if rows:
+            yield rows
+        if len(rows) < ROWS_AT_ONCE:
+            return
+        after = rows[-1]["at_ns"], rows[-1]["key"]
 
 
 async def _export(asked: Asked, what: str) -> None:
@@ -69,11 +111,36 @@ async def _export(asked: Asked, what: str) -> None:
 
 async def me(asked: Asked) -> Json:
     session = asked.session
-    return {"user": session.user, "role": session.role, "csrf": session.csrf, **asked.centre.state()}
+    return {
+        "user": session.user,
+        "role": session.role,
+        "csrf": session.csrf,
+        "gap_s": asked.centre.settings.gap_s,
+        "tiles": asked.centre.settings.tiles is not None,
+        **asked.centre.state(),
+    }
+
+
+async def areas(asked: Asked) -> Json:
+    """As GeoJSON; a circle is a place and a radius."""
+    groups = asked.session.groups
+    features = []
+    for area in asked.centre.settings.areas:
+        if groups and area.group and area.group not in groups:
+            continue
+        ring = [[longitude, latitude] for latitude, longitude in area.corners]
+        geometry: Json = (
+            {"type": "Point", "coordinates": ring[0]}
+            if area.radius_m
+            else {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+        )
+        properties = {"name": area.name, "alarm": area.alarm, "group": area.group, "radius_m": area.radius_m}
+        features.append({"type": "Feature", "properties": properties, "geometry": geometry})
+    return {"type": "FeatureCollection", "features": features}
 
 
 async def stations(asked: Asked) -> list[Json]:
-    return [station.view() for station in asked.centre.model.stations.values()]
+    return [station.view() for station in asked.stations().values()]
 
 
 async def points(asked: Asked) -> list[Json]:
@@ -81,83 +148,97 @@ async def points(asked: Asked) -> list[Json]:
     search = asked.query.get("search", "").casefold()
     return [
         point.view()
-        for point in list(asked.centre.model.points.values())
+        for point in asked.points()
         if (not station or point.station == station) and search in point.meaning.name.casefold()
     ]
 
 
 async def history(asked: Asked) -> Any:
-    point = asked.centre.point(_id(asked))
+    point = asked.point(_id(asked))
     begin, end = _span(asked, 3600)
-    as_file = asked.query.get("format") == "csv"
+    if asked.query.get("format") == "csv":
+        await _export(asked, f"history of {point.meaning.name}")
+        return await _file(
+            asked, _history_lines(asked, point.id, begin, end), "text/csv", f"point-{point.id}.csv"
+        )
     rows = await asked.centre.store.read(
         "SELECT at_ns / 1000000 AS at, value, quality, cause FROM history"
         " WHERE point = ? AND at_ns BETWEEN ? AND ? ORDER BY at_ns DESC LIMIT ?",
-        point.id, begin, end, ROWS_MOST if as_file else ROWS * 10,
+        point.id, begin, end, ROWS * 10,
     )  # fmt: skip
     rows.reverse()
-    if not as_file:
-        return rows
-    await _export(asked, f"history of {point.meaning.name}")
-    columns = ["time", "value", "quality", "cause"]
-    lines = ((moment(row["at"]), row["value"], row["quality"], row["cause"]) for row in rows)
-    return _file(formats.table(columns, lines), "text/csv", f"point-{point.id}.csv")
+    return rows
+
+
+async def _history_lines(asked: Asked, point: int, begin: int, end: int) -> AsyncIterator[str]:
+    yield formats.table([["time", "value", "quality", "cause"]])
+    sql = "SELECT at_ns, id AS key, value, quality, cause FROM history WHERE point = ?"
+    async for rows in _rows(asked, sql, "id", begin, end, point):
+        yield formats.table(
+            (moment(row["at_ns"] // NS_PER_MS), row["value"], row["quality"], row["cause"]) for row in rows
+        )
 
 
 async def events(asked: Asked) -> Any:
-    """Newest first."""
+    """Newest first; as a file, oldest first."""
     begin, end = _span(asked, DAY_S)
-    as_file = asked.query.get("format") == "csv"
     station = _asked(asked, "station", 0)
-    rows = await asked.centre.store.read(
+    seen = {id_ for id_ in asked.stations() if not station or id_ == station}
+    if asked.query.get("format") == "csv":
+        await _export(asked, "events")
+        return await _file(asked, _event_lines(asked, seen, begin, end), "text/csv", "events.csv")
+    return await asked.centre.store.read(
         "SELECT history.id, history.at_ns / 1000000 AS at, points.station, history.point, history.value,"
         " history.quality, history.cause FROM history JOIN points ON points.id = history.point"
-        " WHERE history.at_ns BETWEEN ? AND ? AND (? = 0 OR points.station = ?)"
+        " WHERE history.at_ns BETWEEN ? AND ? AND points.station IN (SELECT value FROM json_each(?))"
         " ORDER BY history.at_ns DESC LIMIT ?",
-        begin, end, station, station, ROWS_MOST if as_file else ROWS,
+        begin, end, json.dumps(list(seen)), ROWS,
     )  # fmt: skip
-    if not as_file:
-        return rows
-    await _export(asked, "events")
+
+
+async def _event_lines(asked: Asked, seen: set[int], begin: int, end: int) -> AsyncIterator[str]:
+    yield formats.table([["time", "station", "point", "value", "quality", "cause"]])
     model = asked.centre.model
-    lines = (
-        (
-            moment(row["at"]),
-            model.stations[row["station"]].settings.name,
-            model.points[row["point"]].meaning.name,
-            row["value"],
-            row["quality"],
-            row["cause"],
+    sql = "SELECT at_ns, id AS key, point, value, quality, cause FROM history WHERE TRUE"
+    async for rows in _rows(asked, sql, "id", begin, end):
+        of_rows = ((row, model.points[row["point"]]) for row in rows)
+        yield formats.table(
+            (
+                moment(row["at_ns"] // NS_PER_MS),
+                model.stations[point.station].settings.name,
+                point.meaning.name,
+                row["value"],
+                row["quality"],
+                row["cause"],
+            )
+            for row, point in of_rows
+            if point.station in seen
         )
-        for row in rows
-    )
-    columns = ["time", "station", "point", "value", "quality", "cause"]
-    return _file(formats.table(columns, lines), "text/csv", "events.csv")
 
 
 def _names(asked: Asked) -> dict[int, str]:
     """Of the points that are places: the station's, with the object's address where it has several."""
     model = asked.centre.model
-    places = [point for point in model.points.values() if point.is_position]
-    several = [point.station for point in places]
+    places = [point for point in asked.points() if point.is_position]
+    several = Counter(point.station for point in places)
     return {
         point.id: model.stations[point.station].settings.name
-        + (f" {point.ca}.{point.ioa}" if several.count(point.station) > 1 else "")
+        + (f" {point.ca}.{point.ioa}" if several[point.station] > 1 else "")
         for point in places
     }
 
 
 async def positions(asked: Asked) -> Any:
     """The last one of each, as in figure 7 of the positioning paper."""
-    names = _names(asked)
-    model = asked.centre.model
-    marks = []
-    for id_, name in names.items():
-        view = model.points[id_].view()
-        place = Place(view["at"] or 0, view["latitude"], view["longitude"], view["altitude"],
-                      view["quality"], view["fix"], view["satellites"])  # fmt: skip
-        marks.append((name, place))
-    return await _places(asked, "positions", marks, [])
+
+    async def pieces(writer: Writer) -> AsyncIterator[str]:
+        for id_, name in _names(asked).items():
+            view = asked.centre.model.points[id_].view()
+            place = Place(view["at"] or 0, view["latitude"], view["longitude"], view["altitude"],
+                          view["quality"], view["fix"], view["satellites"])  # fmt: skip
+            yield writer.mark(name, place)
+
+    return await _places(asked, "positions", pieces)
 
 
 async def tracks(asked: Asked) -> Any:
@@ -166,57 +247,100 @@ async def tracks(asked: Asked) -> Any:
     if chosen and chosen not in names:
         raise RefusedError(404, "unknown", f"point {chosen} is no place")
     begin, end = _span(asked, 3600)
-    found = []
-    for id_ in [chosen] if chosen else list(names):
-        rows = await asked.centre.store.read(
-            "SELECT * FROM track WHERE point = ? AND at_ns BETWEEN ? AND ? ORDER BY at_ns LIMIT ?",
-            id_, begin, end, ROWS_MOST,
-        )  # fmt: skip
-        places = (
-            Place(row["at_ns"] // 1_000_000, row["latitude"] / 1e7, row["longitude"] / 1e7,
-                  row["altitude"] / 10, row["quality"], row["detail"] & 15, row["detail"] >> 4)
-            for row in rows
-        )  # fmt: skip
-        found.append(Track(names[id_], formats.segments(places, asked.centre.settings.gap_s)))
-    return await _places(asked, "tracks", [], found)
+    step_ms = _asked(asked, "step", 0)
+    if not 0 <= step_ms <= asked.centre.settings.gap_s * 500:
+        raise RefusedError(400, "form", "step: from 0 to half of gap_s, in milliseconds")
+
+    async def pieces(writer: Writer) -> AsyncIterator[str]:
+        for id_ in [chosen] if chosen else list(names):
+            yield writer.track(names[id_], id_)
+            async for rows in _track(asked, id_, begin, end, step_ms * NS_PER_MS):
+                yield writer.places(
+                    Place(row["at_ns"] // NS_PER_MS, row["latitude"] / 1e7, row["longitude"] / 1e7,
+                          row["altitude"] / 10, row["quality"], row["detail"] & 15, row["detail"] >> 4)
+                    for row in rows
+                )  # fmt: skip
+            yield writer.end_track()
+
+    return await _places(asked, "tracks", pieces)
+
+
+async def _track(asked: Asked, point: int, begin: int, end: int, step_ns: int) -> AsyncIterator[list[Row]]:
+    """The places of a time by and by; with a step, the last one of each."""
+    sql = "SELECT *, point AS key FROM track WHERE point = ?"
+    last: Row | None = None
+    async for rows in _rows(asked, sql, "point", begin, end, point):
+        if not step_ns:
+            yield rows
+            continue
+        thinned = []
+        for row in rows:
+            # A place that is not valid cuts the track: it stays, and so does the one before it.
+            cut = last and (last["quality"] | row["quality"]) & INVALID
+            if last and (cut or last["at_ns"] // step_ns != row["at_ns"] // step_ns):
+                thinned.append(last)
+            last = row
+        yield thinned
+    if last:
+        yield [last]
 
 
 async def _places(
-    asked: Asked, what: str, marks: list[tuple[str, Place]], found: list[Track]
-) -> web.Response:
+    asked: Asked, what: str, pieces: Callable[[Writer], AsyncIterator[str]]
+) -> web.StreamResponse:
     form = asked.query.get("format", "geojson")
     if form not in formats.FORMATS:
         raise RefusedError(400, "form", f"{form} is no format: {', '.join(formats.FORMATS)}")
-    kind, write = formats.FORMATS[form]
+    writer = formats.FORMATS[form](asked.centre.settings.gap_s)
     if "format" in asked.query:
         await _export(asked, f"{what} as {form}")
-    return _file(write(marks, found), kind, f"{what}.{form}")
+
+    async def whole() -> AsyncIterator[str]:
+        yield writer.begin()
+        async for piece in pieces(writer):
+            yield piece
+        yield writer.end()
+
+    return await _file(asked, whole(), writer.kind, f"{what}.{form}")
 
 
 async def alarms(asked: Asked) -> list[Json]:
     """Open ones; with from or to, all of that time, newest first."""
     if not {"from", "to"} & asked.query.keys():
-        return [alarm.view() for alarm in asked.centre.model.alarms.values()]
+        return [alarm.view() for alarm in asked.centre.model.alarms.values() if asked.sees(alarm.station)]
     begin, end = _span(asked, DAY_S)
     rows = await asked.centre.store.read(
-        "SELECT * FROM alarms WHERE since_ns BETWEEN ? AND ? ORDER BY since_ns DESC LIMIT ?", begin, end, ROWS
-    )
+        "SELECT * FROM alarms WHERE since_ns BETWEEN ? AND ? AND station IN (SELECT value FROM json_each(?))"
+        " ORDER BY since_ns DESC LIMIT ?",
+        begin, end, json.dumps(list(asked.stations())), ROWS,
+    )  # fmt: skip
     return [Alarm(**row).view() for row in rows]
 
 
+def _alarm_id(asked: Asked) -> int:
+    """Of an alarm that is not there the centre says so itself."""
+    id_ = _id(asked)
+    alarm = asked.centre.model.alarms.get(id_)
+    if alarm and not asked.sees(alarm.station):
+        raise RefusedError(409, "gone", f"alarm {id_} is gone and acknowledged, or there is none")
+    return id_
+
+
 async def acknowledge(asked: Asked) -> Json:
-    return (await asked.centre.acknowledge(asked.session.user, _id(asked))).view()
+    return (await asked.centre.acknowledge(asked.session.user, _alarm_id(asked))).view()
 
 
 async def shelve(asked: Asked) -> Json:
-    return (await asked.centre.shelve(asked.session.user, _id(asked), asked.body["minutes"])).view()
+    return (await asked.centre.shelve(asked.session.user, _alarm_id(asked), asked.body["minutes"])).view()
 
 
 async def commands(asked: Asked) -> list[Json]:
     """Newest first."""
     rows = await asked.centre.store.read(
-        f"SELECT {', '.join(COMMAND_COLUMNS)} FROM commands ORDER BY id DESC LIMIT ?", ROWS
-    )
+        f"SELECT {', '.join(COMMAND_COLUMNS)} FROM commands WHERE point IN"
+        " (SELECT id FROM points WHERE station IN (SELECT value FROM json_each(?))) ORDER BY id DESC LIMIT ?",
+        json.dumps(list(asked.stations())), ROWS,
+    )  # fmt: skip
     return [Command(**row).view() for row in rows]
 
 
@@ -224,7 +348,7 @@ async def one_command(asked: Asked) -> Json:
     rows = await asked.centre.store.read(
         f"SELECT {', '.join(COMMAND_COLUMNS)} FROM commands WHERE id = ?", _id(asked)
     )
-    if not rows:
+    if not rows or not asked.sees(asked.centre.model.points[rows[0]["point"]].station):
         raise RefusedError(404, "unknown", f"there is no command {asked.path['id']}")
     return Command(**rows[0]).view()
 
@@ -233,7 +357,8 @@ async def command(asked: Asked) -> Json:
     value = asked.body["value"]
     if not math.isfinite(value):
         raise RefusedError(400, "form", "value: a finite number is needed")
-    return (await asked.centre.command(asked.session.user, asked.body["point"], value)).view()
+    point = asked.point(asked.body["point"])
+    return (await asked.centre.command(asked.session.user, point.id, value)).view()
 
 
 async def execute(asked: Asked) -> Json:
@@ -245,7 +370,8 @@ async def cancel(asked: Asked) -> Json:
 
 
 async def interrogate(asked: Asked) -> Json:
-    return {"common_addresses": await asked.centre.interrogate(asked.session.user, _id(asked))}
+    station = asked.station(_id(asked))
+    return {"common_addresses": await asked.centre.interrogate(asked.session.user, station.id)}
 
 
 async def audited(asked: Asked) -> list[Json]:
@@ -256,14 +382,17 @@ async def audited(asked: Asked) -> list[Json]:
 
 
 async def all_users(asked: Asked) -> list[Json]:
-    return await asked.centre.store.read("SELECT name, role FROM users ORDER BY name")
+    rows = await asked.centre.store.read("SELECT name, role, groups FROM users ORDER BY name")
+    return [{**row, "groups": row["groups"].split("\n") if row["groups"] else []} for row in rows]
 
 
 async def put_user(asked: Asked) -> Json:
     body = asked.body
     by = asked.session.user
     await asked.centre.store.write(
-        lambda database: users.put(database, body["name"], body["role"], body["password"], by)
+        lambda database: users.put(
+            database, body["name"], body["role"], body["password"], by, body.get("groups", [])
+        )
     )
     return {}
 
@@ -302,6 +431,7 @@ SPAN: dict[str, Json] = {"from": MILLISECONDS, "to": MILLISECONDS}
 STATION: dict[str, Json] = {"station": {"type": "integer", "description": "only of this one"}}
 CSV: dict[str, Json] = {"format": {"type": "string", "enum": ["csv"]}}
 FORMAT: dict[str, Json] = {"format": {"type": "string", "enum": list(formats.FORMATS)}}
+STEP = {"type": "integer", "description": "milliseconds: only the last place of each such time"}
 NAME = {"type": "string", "minLength": 1, "maxLength": users.NAME_MOST}
 NUMBER = {"type": "number"}
 
@@ -318,7 +448,8 @@ ROUTES = [
     Route("GET", "/api/positions", "viewer", "the last position of each vehicle", positions, FORMAT,
           answer="application/geo+json"),
     Route("GET", "/api/tracks", "viewer", "ways of vehicles; a gap begins a new segment", tracks,
-          {**SPAN, **FORMAT, "point": {"type": "integer"}}, answer="application/geo+json"),
+          {**SPAN, **FORMAT, "point": {"type": "integer"}, "step": STEP}, answer="application/geo+json"),
+    Route("GET", "/api/areas", "viewer", "the areas of the map", areas),
     Route("GET", "/api/alarms", "viewer", "open alarms, or all of a time", alarms, SPAN),
     Route("POST", "/api/alarms/{id}/acknowledge", "operator", "acknowledge an alarm", acknowledge),
     Route("POST", "/api/alarms/{id}/shelve", "operator", "put an alarm aside for minutes; 0 brings it back",
@@ -334,7 +465,8 @@ ROUTES = [
     Route("GET", "/api/users", "engineer", "all users", all_users),
     Route("POST", "/api/users", "engineer", "add a user, or give a new role and password", put_user,
           body=_object(["name", "role", "password"], name=NAME, role={"enum": list(users.ROLES)},
-                       password={"type": "string", "maxLength": 256})),
+                       password={"type": "string", "maxLength": 256},
+                       groups={"type": "array", "items": {"type": "string", "maxLength": 64}})),
     Route("DELETE", "/api/users/{name}", "engineer", "remove a user", remove_user),
     Route("POST", "/api/tokens", "viewer", "a token of one's own, for a program", token,
           body=_object(["label", "days"], label=NAME,

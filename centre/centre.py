@@ -11,21 +11,25 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from typing import Any, Protocol, TypeVar
 
 from centre import records
 from centre.errors import CentreError, RefusedError
 from centre.intake import Intake
+from centre.keep import Keeper
 from centre.model import Alarm, Changes, Command, Model, Point, Station
 from centre.records import ENDED, Ask, Result, State
-from centre.settings import Settings
+from centre.settings import Keep, Settings
 from centre.store import Store, audit
 
 Answer = TypeVar("Answer")
 log = logging.getLogger("centre")
 
 AGAIN_S = 1.0  # until the next attempt: to connect, to store
+KEEP_EVERY_S, KEEP_REST_S = 3600.0, 0.02  # between rounds, and between steps that are full
+RELEASE_S = 60.0  # a command that nothing was sent of waits so long for the second person
 PACKETS_MOST = 4  # in one transaction: no more can be in flight
 REQUEST_IDS = 1 << 48  # of what is no command
 
@@ -40,7 +44,9 @@ class Centre:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.store = Store(settings.database)
-        self.intake: Intake = self.store.transaction(lambda database: Intake(database, settings.stations))
+        self.intake: Intake = self.store.transaction(
+            lambda database: Intake(database, settings.stations, settings.areas)
+        )
         self.intake.stored()
         self.model = Model()  # the loop's own: the intake's belongs to the writer
         for kind in ("stations", "points", "alarms", "commands"):
@@ -49,6 +55,7 @@ class Centre:
         self.fault = ""  # why nothing can be stored now
         self._socket: socket.socket | None = None
         self._ids = count(REQUEST_IDS)
+        self._tasks: set[asyncio.Task[None]] = set()
 
     def close(self) -> None:
         self.store.close()
@@ -104,6 +111,24 @@ class Centre:
         """The state of the centre itself has changed."""
         for watcher in self.watchers:
             watcher.changed(Changes(), set())
+
+    async def keep(self) -> None:
+        """Lets go of what is too old, for ever."""
+        while self.settings.keep != Keep():
+            keeper = Keeper(self.settings.keep, self.settings.gap_s)
+            steps: list[Callable[[sqlite3.Connection], bool]] = [keeper.old_rows]
+            for point in list(self.model.points.values()):
+                if point.is_position:
+                    steps.append(partial(keeper.track, point=point.id))
+            for step in steps:
+                try:
+                    while await self.store.write(step):
+                        await asyncio.sleep(KEEP_REST_S)
+                except sqlite3.Error as error:
+                    log.warning("what is too old stays for now: %s", error)
+                    break
+                await asyncio.sleep(0)
+            await asyncio.sleep(KEEP_EVERY_S)
 
     # ---- the collector -----------------------------------------------------------------------
 
@@ -200,9 +225,24 @@ class Centre:
                 lambda database: audit(database, time.time_ns(), user, "command refused", text)
             )
             raise
+        release = station.settings.release
         state = State.SELECTION_REQUEST if meaning.selects else State.EXECUTION_REQUEST
+        if release and not meaning.selects:
+            state = State.ACCEPTED_SELECTION  # by the centre: nothing is sent until somebody releases it
         now_ns = time.time_ns()
-        new = Command(0, user, point.id, value, int(meaning.selects), state, Result.NONE, 0, now_ns, now_ns)
+        new = Command(
+            0,
+            user,
+            point.id,
+            value,
+            int(meaning.selects),
+            state,
+            Result.NONE,
+            0,
+            now_ns,
+            now_ns,
+            int(release),
+        )
 
         def add(database: sqlite3.Connection) -> Command:
             audit(
@@ -215,10 +255,26 @@ class Centre:
             return self.intake.add_command(database, new)
 
         command = await self.change(add)
-        await self._send_command(
-            command.id, records.command(*address, command.id, meaning.command, value, meaning.selects)
-        )
+        if command.held:
+            task = asyncio.create_task(self._expire(command.id))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+        else:
+            await self._send_command(
+                command.id, records.command(*address, command.id, meaning.command, value, meaning.selects)
+            )
         return command
+
+    async def _expire(self, id_: int) -> None:
+        """Nobody has released it. Of a selection at a station the station itself sees to that."""
+        await asyncio.sleep(RELEASE_S)
+
+        def end(database: sqlite3.Connection) -> None:
+            now = self.intake.model.commands.get(id_)
+            if now and now.state == State.ACCEPTED_SELECTION:
+                self.intake.end_command(database, id_, State.INTERRUPTED_SELECTION, Result.NONE)
+
+        await self._store(end)
 
     async def _send_command(self, id_: int, octets: bytes) -> None:
         try:
@@ -230,17 +286,24 @@ class Centre:
             raise
 
     async def follow(self, user: str, id_: int, execute: bool) -> Command:
-        """Executes or cancels what is selected. Only who selected may."""
+        """Executes or cancels what is selected. Only who selected may; to release it, only somebody else."""
         command = self.model.commands.get(id_)
         if not command or command.state != State.ACCEPTED_SELECTION:
             raise RefusedError(
                 409, "not_selected", f"command {id_} is not selected: it ended, or was executed"
             )
-        if command.user != user:
+        if command.release and execute and command.user == user:
+            raise RefusedError(403, "second", f"command {id_} is yours: a second person must release it")
+        if not command.release and command.user != user:
             raise RefusedError(403, "not_yours", f"command {id_} was selected by {command.user}")
         point = self.point(command.point)
-        action = "execute" if execute else "cancel"
+        station = self.station(point.station)
+        if execute:
+            self._check_up(station)
+        action = ("release" if command.release else "execute") if execute else "cancel"
         state = State.EXECUTION_REQUEST if execute else State.INTERRUPTION_REQUEST
+        if command.held and not execute:
+            state = State.INTERRUPTED_SELECTION
 
         def put(database: sqlite3.Connection) -> Command:
             now = self.intake.model.commands.get(id_)
@@ -253,8 +316,15 @@ class Centre:
 
         following = await self.change(put)
         kind = Ask.EXECUTE if execute else Ask.CANCEL
-        station = self.station(point.station)
-        await self._send_command(id_, records.request(kind, station.place, point.ca, id_))
+        if not command.held:
+            await self._send_command(id_, records.request(kind, station.place, point.ca, id_))
+        elif execute:
+            await self._send_command(
+                id_,
+                records.command(
+                    station.place, point.ca, point.ioa, id_, point.meaning.command, command.value, False
+                ),
+            )
         return following
 
     async def interrogate(self, user: str, station_id: int) -> list[int]:

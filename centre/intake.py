@@ -8,8 +8,10 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import astuple, fields, replace
+from operator import attrgetter
 
-from centre.model import Alarm, Changes, Command, Model, Point, Station
+from centre.areas import Area, Areas
+from centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
 from centre.records import (
     ENDED,
     INVALID,
@@ -27,12 +29,18 @@ from centre.settings import Meaning, StationSettings
 SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
 EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
 FUTURE_NS = 60 * 10**9  # a tag of later than that is a clock that is wrong
+CLOCK_NS = 60 * 10**9  # the difference of a clock is of this time and the one before
 LOST_PRIORITY, QUALITY_PRIORITY, POSITION_PRIORITY = 1, 2, 3
 POINT_COLUMNS = [
     *("content", "value", "quality", "cause", "at_ns", "received_ns", "tagged"),
     *("latitude", "longitude", "altitude", "detail"),
 ]
 STATION_COLUMNS = ["link", "reason", "error", "since_ns", "heard_ns", "sessions", "records"]
+UPDATE_POINT, UPDATE_STATION = (
+    f"UPDATE {table} SET {', '.join(f'{column} = ?' for column in columns)} WHERE id = ?"
+    for table, columns in (("points", POINT_COLUMNS), ("stations", STATION_COLUMNS))
+)
+OF_POINT, OF_STATION = attrgetter(*POINT_COLUMNS, "id"), attrgetter(*STATION_COLUMNS, "id")
 ALARM_COLUMNS = [column.name for column in fields(Alarm)]
 COMMAND_COLUMNS = [column.name for column in fields(Command)]
 
@@ -48,18 +56,28 @@ class Intake:
     What a transaction changes lies in `changes` until it is stored: one that fails leaves nothing.
     """
 
-    def __init__(self, database: sqlite3.Connection, settings: dict[str, StationSettings]) -> None:
+    def __init__(
+        self,
+        database: sqlite3.Connection,
+        settings: dict[str, StationSettings],
+        areas: tuple[Area, ...] = (),
+    ) -> None:
         self.settings = settings
+        self.areas = areas
+        self.areas_of: dict[int, Areas] = {}  # by station
+        self.clocks: dict[int, tuple[int, int, int]] = {}  # by station: minute, most of it, most of the last
         self.model = Model()
         self.changes = Changes()
         self.by_name: dict[str, int] = {}
         self.places: dict[int, int] = {}  # a station's place in the collector's file: its id
         self.by_address: dict[tuple[int, int, int], int] = {}
-        self.open_alarms: dict[tuple[str, int, int | None], int] = {}
+        self.open_alarms: dict[AlarmKey, int] = {}
         self.invalid: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
+        self.heard: dict[int, tuple[int, int]] = {}  # by station, in this transaction: when last, how often
+        self.places_of_tracks: list[tuple[int, ...]] = []  # rows
         # Of the transaction under way: what the two tables above do not have yet.
         self.new_points: dict[tuple[int, int, int], int] = {}
-        self.new_alarms: dict[tuple[str, int, int | None], int] = {}
+        self.new_alarms: dict[AlarmKey, int] = {}
         self._load(database)
 
     # ---- at the start ------------------------------------------------------------------------
@@ -89,7 +107,15 @@ class Intake:
             alarm = Alarm(**dict(row))
             self.model.alarms[alarm.id] = alarm
             self.open_alarms[alarm.key] = alarm.id
+        self._forgotten_areas(database)
         self.stranded(database)
+
+    def _forgotten_areas(self, database: sqlite3.Connection) -> None:
+        """An alarm of an area that the file has no more would never end."""
+        known = {(area.alarm, area.name) for area in self.areas}
+        for alarm in self.model.alarms.values():
+            if alarm.area is not None and alarm.gone_ns is None and (alarm.kind, alarm.area) not in known:
+                self.put_alarm(database, replace(alarm, gone_ns=time.time_ns()))
 
     def stranded(self, database: sqlite3.Connection) -> None:
         """The collector is gone: what became of the commands that were not ended, nobody can say."""
@@ -113,6 +139,8 @@ class Intake:
         self.changes = Changes()
         self.new_points.clear()
         self.new_alarms.clear()
+        self.heard.clear()
+        self.places_of_tracks.clear()
 
     def stored(self) -> Changes:
         """The transaction is on the disk."""
@@ -149,24 +177,16 @@ class Intake:
                     self._information(database, record)
             elif record.kind == Kind.PROGRESS:
                 self._progress(database, record)
+        database.executemany(
+            "INSERT OR IGNORE INTO track VALUES (?, ?, ?, ?, ?, ?, ?)", self.places_of_tracks
+        )
+        self._store_heard()
         self._quality_alarms(database)
         self._store_last(database)
 
     def _store_last(self, database: sqlite3.Connection) -> None:
-        database.executemany(
-            f"UPDATE points SET {', '.join(f'{column} = ?' for column in POINT_COLUMNS)} WHERE id = ?",
-            [
-                (*(getattr(point, column) for column in POINT_COLUMNS), point.id)
-                for point in self.changes.points.values()
-            ],
-        )
-        database.executemany(
-            f"UPDATE stations SET {', '.join(f'{column} = ?' for column in STATION_COLUMNS)} WHERE id = ?",
-            [
-                (*(getattr(station, column) for column in STATION_COLUMNS), station.id)
-                for station in self.changes.stations.values()
-            ],
-        )
+        database.executemany(UPDATE_POINT, map(OF_POINT, self.changes.points.values()))
+        database.executemany(UPDATE_STATION, map(OF_STATION, self.changes.stations.values()))
 
     # ---- stations ----------------------------------------------------------------------------
 
@@ -184,10 +204,31 @@ class Intake:
         self.changes.stations[id_] = replace(station, place=record.station)
 
     def _heard(self, record: Record) -> None:
-        station = self._station(self.places[record.station])
-        self.changes.stations[station.id] = replace(
-            station, heard_ns=record.received_ns, records=station.records + 1
-        )
+        """What it is of all records of a transaction is stored at its end."""
+        id_ = self.places[record.station]
+        self.heard[id_] = record.received_ns, self.heard[id_][1] + 1 if id_ in self.heard else 1
+        if record.tagged and record.cause == SPONTANEOUS:
+            self._see_clock(id_, record.received_ns // CLOCK_NS, record.tag_ns - record.received_ns)
+
+    def _see_clock(self, station: int, minute: int, ahead: int) -> None:
+        """How far its clock is ahead. An event that waited looks as if it were behind: the most counts."""
+        of, most, before = self.clocks.get(station, (minute, ahead, ahead))
+        if minute == of:
+            most = max(most, ahead)
+        else:
+            most, before = ahead, most if minute == of + 1 else ahead
+        self.clocks[station] = minute, most, before
+
+    def _store_heard(self) -> None:
+        for id_, (heard_ns, count) in self.heard.items():
+            station = self._station(id_)
+            clock = max(self.clocks[id_][1:]) if id_ in self.clocks else None
+            self.changes.stations[id_] = Station(
+                station.id, station.settings, station.place,
+                station.link, station.reason, station.error, station.since_ns,
+                heard_ns, station.sessions, station.records + count, clock,
+            )  # fmt: skip
+        self.heard.clear()
 
     def _link(self, database: sqlite3.Connection, record: Record) -> None:
         station = self._station(self.places[record.station])
@@ -202,7 +243,7 @@ class Intake:
             since_ns=record.received_ns if state != station.link else station.since_ns,
             sessions=station.sessions + (state == Link.UP),
         )
-        key = ("lost", station.id, None)
+        key: AlarmKey = ("lost", station.id, None, None)
         if state == Link.DOWN:
             self._raise(database, key, LOST_PRIORITY, record.received_ns)
         elif state == Link.UP:
@@ -238,18 +279,12 @@ class Intake:
             )
             if not stored.rowcount:
                 return  # it came before, and its acknowledgement did not reach the station
-            self.changes.events += 1
-        point = replace(
-            point,
-            content=record.content,
-            value=value,
-            quality=record.quality,
-            cause=record.cause,
-            at_ns=at_ns,
-            received_ns=record.received_ns,
-            tagged=int(record.tagged),
-            detail=record.detail,
-        )
+        point = Point(
+            point.id, point.station, point.ca, point.ioa, point.meaning,
+            record.content, value, record.quality, record.cause,
+            at_ns, record.received_ns, int(record.tagged),
+            point.latitude, point.longitude, point.altitude, record.detail,
+        )  # fmt: skip
         self.changes.points[point.id] = point
         self._point_alarms(database, point)
 
@@ -258,26 +293,20 @@ class Intake:
         sane = record.tagged and record.tag_ns <= record.received_ns + FUTURE_NS
         at_ns = record.tag_ns if sane else record.received_ns
         latitude, longitude, altitude = record.position
-        stored = database.execute(
-            "INSERT OR IGNORE INTO track VALUES (?, ?, ?, ?, ?, ?, ?)",
-            (point.id, at_ns, latitude, longitude, altitude, record.quality, record.detail),
+        self.places_of_tracks.append(
+            (point.id, at_ns, latitude, longitude, altitude, record.quality, record.detail)
         )
-        self.changes.events += stored.rowcount
         if at_ns < point.at_ns:
             return  # of the station's queue: where it was, not where it is
-        self.changes.points[point.id] = replace(
-            point,
-            content=Content.POSITION,
-            quality=record.quality,
-            cause=record.cause,
-            at_ns=at_ns,
-            received_ns=record.received_ns,
-            tagged=int(sane),
-            latitude=latitude,
-            longitude=longitude,
-            altitude=altitude,
-            detail=record.detail,
-        )
+        # By place, not by dataclasses.replace: that would cost as much as all else that is done for a record.
+        point = Point(
+            point.id, point.station, point.ca, point.ioa, point.meaning,
+            Content.POSITION, point.value, record.quality, record.cause,
+            at_ns, record.received_ns, int(sane), latitude, longitude, altitude, record.detail,
+        )  # fmt: skip
+        self.changes.points[point.id] = point
+        if self.areas and not point.quality & INVALID:
+            self._area_alarms(database, point, latitude / 1e7, longitude / 1e7)
 
     # ---- alarms ------------------------------------------------------------------------------
 
@@ -291,9 +320,22 @@ class Intake:
             ("low", meaning.low is not None and point.value < meaning.low),
             ("state", meaning.state is not None and point.value == meaning.state),
         ):
-            key = (kind, point.station, point.id)
+            key: AlarmKey = (kind, point.station, point.id, None)
             if is_so:
                 self._raise(database, key, meaning.priority, point.at_ns, point)
+            else:
+                self._clear(database, key, point.at_ns)
+
+    def _area_alarms(
+        self, database: sqlite3.Connection, point: Point, latitude: float, longitude: float
+    ) -> None:
+        if point.station not in self.areas_of:
+            group = self._station(point.station).settings.group
+            self.areas_of[point.station] = Areas(self.areas, group)
+        for area, is_so in self.areas_of[point.station].alarms(latitude, longitude):
+            key: AlarmKey = (area.alarm, point.station, point.id, area.name)
+            if is_so:
+                self._raise(database, key, area.priority, point.at_ns, point)
             else:
                 self._clear(database, key, point.at_ns)
 
@@ -306,7 +348,7 @@ class Intake:
             invalid = set(self.invalid[station, ca])
             for point in points:
                 (invalid.add if point.quality & INVALID else invalid.discard)(point.id)
-            key = ("quality", station, ca)
+            key: AlarmKey = ("quality", station, ca, None)
             now_ns = max(point.received_ns for point in points)
             if invalid:
                 only_positions = all(point.is_position for point in points if point.id in invalid)
@@ -315,7 +357,7 @@ class Intake:
             else:
                 self._clear(database, key, now_ns)
 
-    def _alarm(self, key: tuple[str, int, int | None]) -> Alarm | None:
+    def _alarm(self, key: AlarmKey) -> Alarm | None:
         """The one that has not gone, or that nobody has acknowledged."""
         id_ = self.new_alarms.get(key) or self.open_alarms.get(key)
         alarm = None if id_ is None else self.changes.alarms.get(id_) or self.model.alarms[id_]
@@ -324,7 +366,7 @@ class Intake:
     def _raise(
         self,
         database: sqlite3.Connection,
-        key: tuple[str, int, int | None],
+        key: AlarmKey,
         priority: int,
         at_ns: int,
         point: Point | None = None,
@@ -335,19 +377,21 @@ class Intake:
             if alarm.gone_ns is not None:
                 self.put_alarm(database, replace(alarm, gone_ns=None))
             return
-        kind, station, place = key
+        kind, station, place, area = key
         ca = place if kind == "quality" else point and point.ca
         value = point.value if point else value
         row = database.execute(
-            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?)",
-            (kind, station, point and point.id, ca, priority, value, at_ns),
+            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns, area)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            (kind, station, point and point.id, ca, priority, value, at_ns, area),
         )
         id_ = row.lastrowid or 0
-        self.changes.alarms[id_] = Alarm(id_, kind, station, point and point.id, ca, priority, value, at_ns)
+        self.changes.alarms[id_] = Alarm(
+            id_, kind, station, point and point.id, ca, priority, value, at_ns, area=area
+        )
         self.new_alarms[key] = id_
 
-    def _clear(self, database: sqlite3.Connection, key: tuple[str, int, int | None], at_ns: int) -> None:
+    def _clear(self, database: sqlite3.Connection, key: AlarmKey, at_ns: int) -> None:
         alarm = self._alarm(key)
         if alarm and alarm.gone_ns is None:
             self.put_alarm(database, replace(alarm, gone_ns=at_ns))

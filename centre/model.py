@@ -12,6 +12,9 @@ from centre.settings import Meaning, StationSettings
 Json = dict[str, Any]
 NS_PER_MS = 1_000_000
 
+# Kind, station, point or common address, area: there is one open alarm of each.
+AlarmKey = tuple[str, int, int | None, str | None]
+
 
 def milliseconds(ns: int | None) -> int | None:
     """Of the page's clock; None for never."""
@@ -30,6 +33,7 @@ class Station:
     heard_ns: int = 0
     sessions: int = 0
     records: int = 0
+    clock_ns: int | None = None  # ahead of ours, by what came with the least delay; not stored
 
     @property
     def up(self) -> bool:
@@ -48,6 +52,7 @@ class Station:
             "heard": milliseconds(self.heard_ns),
             "sessions": self.sessions,
             "records": self.records,
+            "clock": None if self.clock_ns is None else self.clock_ns // NS_PER_MS,
         }
 
 
@@ -107,7 +112,8 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """Kinds: lost (a station), quality (points of a common address), high, low, state (a point)."""
+    """Kinds: lost (a station), quality (points of a common address), high, low, state (a point), inside and
+    outside (a vehicle and an area)."""
 
     id: int
     kind: str
@@ -121,6 +127,7 @@ class Alarm:
     acknowledged_ns: int | None = None
     acknowledged_by: str | None = None
     shelved_until_ns: int = 0
+    area: str | None = None
 
     @property
     def open(self) -> bool:
@@ -128,8 +135,8 @@ class Alarm:
         return self.gone_ns is None or self.acknowledged_ns is None
 
     @property
-    def key(self) -> tuple[str, int, int | None]:
-        return self.kind, self.station, self.ca if self.point is None else self.point
+    def key(self) -> AlarmKey:
+        return self.kind, self.station, self.ca if self.point is None else self.point, self.area
 
     def view(self) -> Json:
         return {
@@ -145,6 +152,7 @@ class Alarm:
             "acknowledged": milliseconds(self.acknowledged_ns),
             "by": self.acknowledged_by,
             "shelved": milliseconds(self.shelved_until_ns),
+            "area": self.area,
         }
 
 
@@ -160,6 +168,12 @@ class Command:
     cause: int
     begun_ns: int
     changed_ns: int
+    release: int = 0  # a second person executes it
+
+    @property
+    def held(self) -> bool:
+        """It waits here for the second person: its point knows no selection, and nothing was sent."""
+        return bool(self.release) and not self.selects
 
     def view(self) -> Json:
         return {
@@ -173,6 +187,7 @@ class Command:
             "cause": self.cause,
             "begun": milliseconds(self.begun_ns),
             "changed": milliseconds(self.changed_ns),
+            "release": bool(self.release),
         }
 
 
@@ -205,7 +220,6 @@ class Changes:
     points: dict[int, Point] = field(default_factory=dict)
     alarms: dict[int, Alarm] = field(default_factory=dict)
     commands: dict[int, Command] = field(default_factory=dict)
-    events: int = 0
 
     @property
     def any(self) -> bool:

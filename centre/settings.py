@@ -15,6 +15,7 @@ from typing import Any
 
 import jsonschema
 
+from centre.areas import Area
 from centre.errors import CentreError
 from centre.records import Content
 
@@ -43,7 +44,47 @@ STATION = {
     },
     "group": {"type": "string", "maxLength": 64},
     "points": {"type": "string"},
+    "release": {"type": "boolean"},
     "alarms": {"type": "object", "additionalProperties": ALARM},
+}
+PLACE = STATION["location"]
+AREA = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["name"],
+    "oneOf": [{"required": ["circle"]}, {"required": ["polygon"]}],
+    "properties": {
+        "name": {"type": "string", "minLength": 1, "maxLength": 64},
+        "circle": {
+            "type": "object",
+            "additionalProperties": False,
+            "required": ["middle", "radius_m"],
+            "properties": {"middle": PLACE, "radius_m": {"type": "number", "exclusiveMinimum": 0}},
+        },
+        "polygon": {"type": "array", "items": PLACE, "minItems": 3, "maxItems": 1000},
+        "alarm": {"enum": ["inside", "outside"]},
+        "group": {"type": "string", "maxLength": 64},
+        "priority": {"type": "integer", "minimum": 1, "maximum": 3},
+    },
+}
+DAYS = {"type": "number", "exclusiveMinimum": 0}
+KEEP = {
+    "type": "object",
+    "additionalProperties": False,
+    "properties": {
+        "events_days": DAYS,
+        "tracks_days": DAYS,
+        "alarms_days": DAYS,
+        "audit_days": DAYS,
+        "thin_m": {"type": "number", "exclusiveMinimum": 0},
+        "thin_after_days": {"type": "number", "minimum": 0},
+    },
+}
+TLS = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["certificate", "key"],
+    "properties": {"certificate": {"type": "string"}, "key": {"type": "string"}},
 }
 CENTRE = {
     "address": {"type": "string"},
@@ -52,6 +93,10 @@ CENTRE = {
     "gap_s": {"type": "number", "exclusiveMinimum": 0},
     "session_h": {"type": "number", "exclusiveMinimum": 0},
     "secure": {"type": "boolean"},
+    "map": {"type": "string"},
+    "tls": TLS,
+    "areas": {"type": "array", "items": AREA},
+    "keep": KEEP,
 }
 SCHEMA = {
     "type": "object",
@@ -69,6 +114,7 @@ SCHEMA = {
         "centre": {"type": "object", "additionalProperties": False, "properties": CENTRE},
     },
 }
+PMTILES = b"PMTiles\x03"  # how a file begins
 TYPES = {"SC": "single", "DC": "double", "RC": "step", "BO": "bits"}
 SET_POINTS = {
     "NA": "normalized",
@@ -109,6 +155,25 @@ class StationSettings:
     location: tuple[float, float] | None = None
     group: str = ""
     points: dict[tuple[int, int], Meaning] = field(default_factory=dict)  # by common address and IOA
+    release: bool = False  # a second person executes its commands
+
+
+@dataclass(frozen=True)
+class Keep:
+    """How long what is stored is kept; None: for ever. Tracks are thinned by distance when they are old."""
+
+    events_days: float | None = None
+    tracks_days: float | None = None
+    alarms_days: float | None = None
+    audit_days: float | None = None
+    thin_m: float | None = None
+    thin_after_days: float = 7.0
+
+
+@dataclass(frozen=True)
+class Tls:
+    certificate: Path
+    key: Path
 
 
 @dataclass(frozen=True)
@@ -122,6 +187,10 @@ class Settings:
     session_h: float = 12.0
     secure: bool = False
     stations: dict[str, StationSettings] = field(default_factory=dict)
+    tls: Tls | None = None
+    areas: tuple[Area, ...] = ()
+    keep: Keep = field(default_factory=Keep)
+    tiles: Path | None = None  # a map of one's own
 
 
 def load(path: Path) -> Settings:
@@ -151,9 +220,50 @@ def load(path: Path) -> Settings:
         own.get("port", 8104),
         own.get("gap_s", 120.0),
         own.get("session_h", 12.0),
-        own.get("secure", False),
+        own.get("secure", "tls" in own),
         {station["name"]: _station(station, folder) for station in content["stations"]},
+        Tls(folder / own["tls"]["certificate"], folder / own["tls"]["key"]) if "tls" in own else None,
+        _areas(own.get("areas", [])),
+        Keep(**own.get("keep", {})),
+        _tiles(own.get("map"), folder),
     )
+
+
+def _tiles(wanted: str | None, folder: Path) -> Path | None:
+    """What the file names must be there; map.pmtiles beside it is taken when it is."""
+    path = folder / (wanted or "map.pmtiles")
+    try:
+        with path.open("rb") as file:
+            begin = file.read(len(PMTILES))
+    except OSError as error:
+        if wanted:
+            raise CentreError(f"map: {path}: {error.strerror}") from error
+        return None
+    if begin != PMTILES:
+        raise CentreError(f"map: {path} is no PMTiles file of version 3: convert it with `pmtiles convert`")
+    return path
+
+
+def _areas(wanted: list[Json]) -> tuple[Area, ...]:
+    areas = []
+    for each in wanted:
+        circle = each.get("circle")
+        corners = [circle["middle"]] if circle else each["polygon"]
+        areas.append(
+            Area(
+                each["name"],
+                tuple((float(latitude), float(longitude)) for latitude, longitude in corners),
+                circle["radius_m"] if circle else 0.0,
+                each.get("alarm", ""),
+                each.get("group", ""),
+                each.get("priority", 2),
+            )
+        )
+    names = [area.name for area in areas]
+    for name in names:
+        if names.count(name) > 1:
+            raise CentreError(f"areas: {name} is there twice: an alarm is of one area, by its name")
+    return tuple(areas)
 
 
 def _station(station: Json, folder: Path) -> StationSettings:
@@ -168,7 +278,9 @@ def _station(station: Json, folder: Path) -> StationSettings:
         if meaning.name in alarms:
             points[key] = Meaning(**{**vars(meaning), **alarms[meaning.name]})
     location = tuple(station["location"]) if "location" in station else None
-    return StationSettings(station["name"], location, station.get("group", ""), points)
+    return StationSettings(
+        station["name"], location, station.get("group", ""), points, station.get("release", False)
+    )
 
 
 def read_points(path: Path) -> dict[tuple[int, int], Meaning]:

@@ -119,6 +119,12 @@ MIGRATIONS = (
         detail TEXT NOT NULL
     );
     """,
+    """
+    ALTER TABLE alarms ADD COLUMN area TEXT;
+    ALTER TABLE users ADD COLUMN groups TEXT NOT NULL DEFAULT ''; -- of stations, one a line; none: all
+    CREATE TABLE thinned (point INTEGER PRIMARY KEY REFERENCES points, until_ns INTEGER NOT NULL);
+    """,
+    "ALTER TABLE commands ADD COLUMN release INTEGER NOT NULL DEFAULT 0;",
 )
 
 

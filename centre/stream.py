@@ -10,6 +10,7 @@ from aiohttp import WSMsgType, web
 
 from centre.centre import Centre
 from centre.model import Changes, Json, Point
+from centre.users import Session
 
 PERIOD_S = 1.0
 MESSAGE_MOST = 4096  # a page says which view it shows, and nothing else
@@ -19,33 +20,46 @@ VIEWS = ("map", "points", "alarms", "stations")
 class Stream:
     """A page that watches. What it has not been told is bounded, however slow it is: ids, no messages."""
 
-    def __init__(self, centre: Centre, socket: web.WebSocketResponse) -> None:
+    def __init__(self, centre: Centre, socket: web.WebSocketResponse, session: Session) -> None:
+        self.session = session
         self.centre = centre
         self.socket = socket
         self.view = ""
         self.station = 0
         self.whole = False
-        self.waiting: dict[str, set[int]] = {kind: set() for kind in ("stations", "points", "commands")}
+        self.waiting: dict[str, set[int]] = {kind: set() for kind in ("stations", "points")}
         self.alarms: dict[int, Json] = {}  # an alarm that ends is no longer in the model
-        self.ended: dict[int, Json] = {}  # commands, too
+        self.commands: dict[int, Json] = {}  # and neither is a command
         self.something = asyncio.Event()
 
+    def sees(self, station: int) -> bool:
+        known = self.centre.model.stations.get(station)
+        return known is not None and self.session.sees(known)
+
+    def sees_point(self, point: int) -> bool:
+        return self.sees(self.centre.model.points[point].station)
+
     def shows(self, point: Point) -> bool:
-        return (self.view == "map" and point.is_position) or (
-            self.view == "points" and point.station == self.station
-        )
+        return (
+            (self.view == "map" and point.is_position)
+            or (self.view == "points" and point.station == self.station)
+        ) and self.sees(point.station)
 
     def changed(self, changes: Changes, linked: set[int]) -> None:
         """Links, alarms and commands concern every view: they stand in the page's head."""
         if not self.view:
             return
-        self.waiting["stations"] |= changes.stations.keys() if self.view == "stations" else linked
+        told = changes.stations.keys() if self.view == "stations" else linked
+        self.waiting["stations"] |= {id_ for id_ in told if self.sees(id_)}
         self.waiting["points"] |= {id_ for id_, point in changes.points.items() if self.shows(point)}
-        self.waiting["commands"] |= changes.commands.keys()
-        self.ended |= {id_: command.view() for id_, command in changes.commands.items()}
-        self.alarms |= {id_: alarm.view() for id_, alarm in changes.alarms.items()}
+        self.commands |= {
+            id_: command.view() for id_, command in changes.commands.items() if self.sees_point(command.point)
+        }
+        self.alarms |= {
+            id_: alarm.view() for id_, alarm in changes.alarms.items() if self.sees(alarm.station)
+        }
         if (changes.stations and not linked and self.view != "stations") and not (
-            self.waiting["points"] or self.alarms or self.ended
+            self.waiting["points"] or self.alarms or self.commands
         ):
             return
         self.something.set()
@@ -66,20 +80,22 @@ class Stream:
         said: Json = self.centre.state()
         if self.whole:
             said["whole"] = True
-            stations = list(model.stations)
+            stations = [id_ for id_ in model.stations if self.sees(id_)]
             points = [id_ for id_, point in model.points.items() if self.shows(point)]
-            said["alarms"] = [alarm.view() for alarm in model.alarms.values()]
-            said["commands"] = [command.view() for command in model.commands.values()]
+            said["alarms"] = [alarm.view() for alarm in model.alarms.values() if self.sees(alarm.station)]
+            said["commands"] = [
+                command.view() for command in model.commands.values() if self.sees_point(command.point)
+            ]
         else:
             stations = list(self.waiting["stations"])
             points = list(self.waiting["points"])
             said["alarms"] = list(self.alarms.values())
-            said["commands"] = list(self.ended.values())
+            said["commands"] = list(self.commands.values())
         said["stations"] = [model.stations[id_].view() for id_ in stations]
         said["points"] = [model.points[id_].view() for id_ in points]
         self.whole = False
         self.alarms = {}
-        self.ended = {}
+        self.commands = {}
         for ids in self.waiting.values():
             ids.clear()
         return said

@@ -8,10 +8,12 @@ import hmac
 import secrets
 import sqlite3
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from centre.errors import RefusedError
-from centre.store import audit
+from centre.model import Station
+from centre.store import Row, audit
 
 ROLES = ("viewer", "operator", "engineer")  # each may do what the ones before may
 PASSWORD_LEAST = 10
@@ -26,6 +28,10 @@ class Session:
     role: str
     csrf: str
     label: str  # of a token; "" of a browser
+    groups: frozenset[str] = frozenset()  # whose stations alone are seen; none: all
+
+    def sees(self, station: Station) -> bool:
+        return not self.groups or station.settings.group in self.groups
 
     def may(self, role: str) -> bool:
         return ROLES.index(self.role) >= ROLES.index(role)
@@ -40,22 +46,30 @@ def _hash_secret(secret: str) -> bytes:
     return hashlib.sha256(secret.encode()).digest()
 
 
-def put(database: sqlite3.Connection, name: str, role: str, password: str, by: str) -> None:
+def put(
+    database: sqlite3.Connection, name: str, role: str, password: str, by: str, groups: Iterable[str] = ()
+) -> None:
     """Adds a user, or gives a new role and password, which ends all sessions of that user."""
+    wanted = sorted({*groups})
     if role not in ROLES:
         raise RefusedError(400, "role", f"{role} is no role: {', '.join(ROLES)}")
     if not name.strip() or len(name) > NAME_MOST:
         raise RefusedError(400, "name", f"a name has 1 to {NAME_MOST} characters")
     if len(password) < PASSWORD_LEAST:
         raise RefusedError(400, "password", f"a password has at least {PASSWORD_LEAST} characters")
+    if wanted and role == ROLES[-1]:
+        # Who manages users could give itself all stations.
+        raise RefusedError(400, "groups", f"the role {role} sees all stations: give no groups")
+    if any(not group or "\n" in group for group in wanted):
+        raise RefusedError(400, "groups", "a group is a word of the centre's file")
     salt = secrets.token_bytes(16)
     database.execute("DELETE FROM sessions WHERE user = ?", (name,))
     database.execute(
-        "INSERT INTO users (name, role, salt, hash) VALUES (?1, ?2, ?3, ?4)"
-        " ON CONFLICT (name) DO UPDATE SET role = ?2, salt = ?3, hash = ?4",
-        (name, role, salt, _hash(password, salt)),
+        "INSERT INTO users (name, role, salt, hash, groups) VALUES (?1, ?2, ?3, ?4, ?5)"
+        " ON CONFLICT (name) DO UPDATE SET role = ?2, salt = ?3, hash = ?4, groups = ?5",
+        (name, role, salt, _hash(password, salt), "\n".join(wanted)),
     )
-    audit(database, time.time_ns(), by, "user", f"{name}: {role}")
+    audit(database, time.time_ns(), by, "user", f"{name}: {role}{', of '.join(['', *wanted])}")
 
 
 def remove(database: sqlite3.Connection, name: str, by: str) -> None:
@@ -88,9 +102,14 @@ def end(database: sqlite3.Connection, secret: str) -> None:
 
 
 FIND = (
-    "SELECT users.name AS user, role, csrf, label FROM sessions JOIN users ON users.name = sessions.user"
-    " WHERE sessions.hash = ? AND expires_s > ?"
+    "SELECT users.name AS user, role, csrf, label, groups FROM sessions"
+    " JOIN users ON users.name = sessions.user WHERE sessions.hash = ? AND expires_s > ?"
 )
+
+
+def found(row: Row) -> Session:
+    """What FIND has found."""
+    return Session(**{**row, "groups": frozenset(row["groups"].split("\n")) - {""}})
 
 
 def find_values(secret: str) -> tuple[bytes, int]:

@@ -19,6 +19,7 @@ from aiohttp import web
 from centre import users
 from centre.centre import Centre
 from centre.errors import RefusedError
+from centre.model import Point, Station
 from centre.stream import MESSAGE_MOST, Stream
 from centre.users import Session
 
@@ -51,9 +52,34 @@ class Asked:
 
     centre: Centre
     session: Session
+    request: web.Request
     path: dict[str, str]
     query: dict[str, str]
     body: Json
+
+    # What the user sees. Whatever else there is, is not there for the user.
+
+    def stations(self) -> dict[int, Station]:
+        return {id_: each for id_, each in self.centre.model.stations.items() if self.session.sees(each)}
+
+    def sees(self, station: int) -> bool:
+        return self.session.sees(self.centre.model.stations[station])
+
+    def points(self) -> list[Point]:
+        stations = self.stations()
+        return [point for point in self.centre.model.points.values() if point.station in stations]
+
+    def station(self, id_: int) -> Station:
+        station = self.centre.station(id_)
+        if not self.session.sees(station):
+            raise RefusedError(404, "unknown", f"there is no station {id_}")
+        return station
+
+    def point(self, id_: int) -> Point:
+        point = self.centre.point(id_)
+        if not self.sees(point.station):
+            raise RefusedError(404, "unknown", f"there is no point {id_}")
+        return point
 
 
 @dataclass(frozen=True)
@@ -83,6 +109,7 @@ class Server:
         router.add_get("/api/stream", self.stream)
         for route in routes:
             router.add_route(route.method, route.path, self.answering(route))
+        router.add_get("/map/own.pmtiles", self.tiles)
         router.add_get("/{file:.*}", self.file)
 
     # ---- each request ------------------------------------------------------------------------
@@ -122,7 +149,7 @@ class Server:
                 query,
             )
             body = await read_body(request, route.body) if route.body else {}
-            asked = Asked(self.centre, session, dict(request.match_info), query, body)
+            asked = Asked(self.centre, session, request, dict(request.match_info), query, body)
             said = await route.handler(asked)
             return said if isinstance(said, web.StreamResponse) else web.json_response(said)
 
@@ -136,7 +163,7 @@ class Server:
         rows = await self.centre.store.read(users.FIND, *users.find_values(secret)) if secret else []
         if not rows or bool(rows[0]["label"]) != by_token:
             raise RefusedError(401, "session", "log in: there is no such session, or it has ended")
-        session = Session(**rows[0])
+        session = users.found(rows[0])
         if request.method != "GET" and not by_token and request.headers.get(CSRF) != session.csrf:
             raise RefusedError(403, "csrf", f"the header {CSRF} is missing or wrong: load the page again")
         return session
@@ -185,7 +212,7 @@ class Server:
 
     async def stream(self, request: web.Request) -> web.StreamResponse:
         """A browser lets any page open a WebSocket, with our cookie: the origin tells."""
-        await self.session(request)
+        session = await self.session(request)
         check_origin(request)
         socket = web.WebSocketResponse(heartbeat=20, max_msg_size=MESSAGE_MOST, compress=True)
         await socket.prepare(request)
@@ -197,10 +224,18 @@ class Server:
                 return False
             return True
 
-        await Stream(self.centre, socket).run(still_allowed)
+        await Stream(self.centre, socket, session).run(still_allowed)
         return socket
 
     # ---- the page ----------------------------------------------------------------------------
+
+    async def tiles(self, request: web.Request) -> web.StreamResponse:
+        """A map of one's own, of which the page asks ranges."""
+        await self.session(request)
+        path = self.centre.settings.tiles
+        if not path or not path.is_file():
+            raise web.HTTPNotFound(reason="there is no map of one's own")
+        return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """What was built, and nothing else."""

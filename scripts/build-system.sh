@@ -5,7 +5,7 @@
 #
 # FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
 # in it. SITE_SETTINGS in the environment names a folder with the settings of a site; with "update.pem" there the image
-# takes updates.
+# takes updates, with "update-server" it fetches them.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
@@ -18,8 +18,10 @@ parts=$folder.parts
 kernel=$build/linux-system
 update=
 [ ! -f "${SITE_SETTINGS:-}/update.pem" ] || update=yes
+pull=
+[ ! -f "${SITE_SETTINGS:-}/update-server" ] || pull=yes
 fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
-sources=(linux busybox chrony ${update:+swupdate})
+sources=(linux busybox chrony ${update:+swupdate} ${pull:+curl})
 umask 022
 
 image_tool() {
@@ -31,7 +33,7 @@ inputs() {
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,dtb/nuc980-gateway.dtb} \
-			${update:+"$build/swupdate/inputs"}
+			${update:+"$build/swupdate/inputs"} ${pull:+"$build/curl/inputs"}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
@@ -43,7 +45,8 @@ make_root() {
 	rm -rf "$parts"
 	mkdir -p "$parts/root"
 	image_tool rootfs make --packages "$build/root/packages" --busybox "$build/busybox" \
-		--chrony "$build/chrony" --gateway "$build/root/$gateway" ${update:+--swupdate "$build/swupdate"} "$parts/root"
+		--chrony "$build/chrony" --gateway "$build/root/$gateway" ${update:+--swupdate "$build/swupdate"} \
+		${pull:+--curl "$build/curl"} "$parts/root"
 	"$board/post-build.sh" "$parts/root"
 	image_tool cpio "$parts/root" "$parts/initramfs.cpio"
 	cat >"$parts/initramfs.fragment" <<-END
@@ -77,6 +80,7 @@ packages() {
 	local without=()
 	[ "$gateway" = gateway-tls ] || without+=(--without-tls)
 	[ -n "$update" ] || without+=(--without-update)
+	[ -n "$pull" ] || without+=(--without-pull)
 	image_tool rootfs packages "${without[@]}" | tr ' ' '\n' |
 		awk 'NR == FNR { taken[$1]; next } $1 in taken' - "$build/root/packages.versions"
 }

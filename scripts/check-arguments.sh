@@ -45,9 +45,9 @@ check_image() {
 	done
 }
 
-# check_configuration NAME ARGUMENT: an image that configs/ describes.
+# check_configuration NAME ARGUMENT: an image that configs/ describes, or one for development.
 check_configuration() {
-	[[ $1 =~ ^[a-z0-9_]+$ && -f configs/${1}_defconfig ]] || refuse "$2: there is no configs/${1}_defconfig; there are" \
+	[[ $1 =~ ^[a-z0-9_]+(-development)?$ && -f configs/${1%-development}_defconfig ]] || refuse "$2: there is no configs/${1}_defconfig; there are" \
 		"$(cd configs && some ./*_defconfig | sed 's|[.]/||g; s/_defconfig//g')"
 }
 

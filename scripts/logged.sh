@@ -44,7 +44,7 @@ watch() {
 			printf '\r\e[K     %4d s  %.60s' "$SECONDS" "$so_far"
 		elif ((SECONDS >= next)); then
 			so_far=$(progress)
-			printf '     %4d s%.60s\n' "$SECONDS" "${so_far:+  $so_far}"
+			printf '     %4d s  %s%.60s\n' "$SECONDS" "$name" "${so_far:+: $so_far}"
 			next=$((next + 10))
 		fi
 		sleep 1 >&- 2>&-

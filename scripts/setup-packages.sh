@@ -26,6 +26,11 @@ if [[ $EUID -ne 0 ]]; then
 	exit 2
 fi >&2
 
+# Of several lists that a make brings at once, one at a time: so it is with dpkg.
+mkdir -p build
+exec {lock}>build/packages.lock
+flock "$lock"
+
 # wireshark-common would ask who may capture packets
 export DEBIAN_FRONTEND=noninteractive
 # shellcheck disable=SC2016 # the inner shell's

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """rtu-centre between a consumer and stations: ours, lib60870's, hostile ones, a thousand simulated ones."""
 
+import asyncio
 import contextlib
 import datetime
 import json
@@ -8,6 +9,7 @@ import os
 import re
 import signal
 import socket
+import ssl
 import struct
 import subprocess
 import threading
@@ -280,6 +282,24 @@ def test_our_own_station(desk: Desk, centre: Start) -> None:
     consumer.send(Ask.READ, id=9, ca=ca, ioa=999_999)
     state, result, _ = consumer.until_progress(9, State.REFUSED_COMMAND).progress
     assert (state, result) == (State.REFUSED_COMMAND, Result.EXCEPTION)
+    consumer.send(Ask.TEST, id=10, ca=ca, value=0xAA55)
+    assert consumer.until_progress(10, State.EXECUTED_COMMAND).progress[1] == Result.DONE
+    consumer.send(Ask.RESET, id=11, ca=ca, qualifier=99)  # there is none
+    assert consumer.until_progress(11, State.REFUSED_COMMAND).progress[1] == Result.EXCEPTION
+
+
+def test_reset_and_test_as_the_station_gets_them(centre: Start) -> None:
+    with Outstation() as below:
+        consumer = centre([station("a", below.port, interrogate_at_start=False)]).consumer()
+        consumer.until_link(0, Link.UP)
+        consumer.send(Ask.RESET, id=1, ca=CA, qualifier=1)
+        consumer.send(Ask.TEST, id=2, ca=CA, value=0xAA55)
+        for number in (1, 2):
+            assert consumer.until_progress(number, State.EXECUTED_COMMAND).progress[1] == Result.DONE
+        reset, test = below.asked
+    assert (reset.type, reset.cause, reset.ca, reset.ioa, reset.element) == (105, ACT, CA, 0, b"\1")
+    assert (test.type, test.cause, test.ca, test.ioa) == (107, ACT, CA, 0)
+    assert (test.element[:2], len(test.element)) == (b"\x55\xaa", 9)
 
 
 # ---- commands -----------------------------------------------------------------------------------
@@ -467,6 +487,58 @@ def test_lib60870s_server_on_tls(centre: Start, pki: Pki) -> None:
         assert (seen.ioa, struct.unpack("<f", seen.rest[:4])) == (2, (1.5,))
     finally:
         server.stop()
+
+
+async def confirm(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """STARTDT, and nothing more."""
+    with contextlib.suppress(OSError, asyncio.IncompleteReadError):
+        await reader.readexactly(6)
+        writer.write(STARTDT_CON)
+        await reader.read()
+    writer.close()
+
+
+@contextlib.contextmanager
+def confirming(pki: Pki) -> Iterator[int]:
+    """A server of Python's ssl for any number of connections; its port."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(pki.station.certificate, pki.station.key)
+    context.load_verify_locations(pki.ours.certificate)
+    context.verify_mode = ssl.CERT_REQUIRED
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    serving = asyncio.start_server(confirm, "127.0.0.1", 0, ssl=context)
+    server = asyncio.run_coroutine_threadsafe(serving, loop).result(LIMIT_S)
+    try:
+        yield server.sockets[0].getsockname()[1]
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["1.2", "1.3"])
+def test_memory_of_a_connection_with_tls(centre: Start, pki: Pki, version: str) -> None:
+    """docs/centre.md says it: what a hundred more take, of the pages of the process alone."""
+    taken = {}
+    with confirming(pki) as port:
+        for count in (20, 120):
+            stations = [station(f"s{number}", port, secure=True) for number in range(count)]
+            defaults = {"interrogate_at_start": False}
+            running = centre(stations, defaults=defaults, **secured(pki, versions=[version]))
+            consumer = running.consumer()
+            up: set[int] = set()
+            while len(up) < count:
+                record = consumer.until(lambda each: each.kind == Kind.LINK and each.link[0] == Link.UP)
+                up.add(record.station)
+            rollup = Path(f"/proc/{running.process.pid}/smaps_rollup").read_text()
+            taken[count] = int(re.search(r"^Private_Dirty: +(\d+) kB", rollup, re.MULTILINE)[1])  # type: ignore[index]
+            consumer.close()
+            running.process.kill()
+    each = (taken[120] - taken[20]) / 100
+    print(f"TLS {version}: {each:.0f} KiB a connection")
+    assert 5 < each < 60
 
 
 def test_files_of_tls_that_are_not_there(programs: Path, tmp_path: Path, pki: Pki) -> None:

@@ -72,6 +72,9 @@ def test_each_command_of_the_help_is_completed(gateway: Gateway) -> None:
         (("lines", "--h"), ["--help", "--histogram"]),
         (("step", "pump", "h"), ["higher"]),
         (("counters", "miss"), ["missing"]),
+        (("module", "mis"), ["missing"]),
+        (("module", "pu"), []),
+        (("module", "missing", "st"), ["stop", "start"]),
         (("events", "--count", ""), []),
     ],
 )

@@ -417,9 +417,14 @@ SITES = [
     Site("journal", "journal", ("journal",)),
     Site("gps_receiver", "gps[0]", ("gps_receiver",)),
     Site("geofence", "gps[0].fences[0]", ("geofence",)),
+    Site("goose", "goose", ("goose",)),
+    Site("goose_publication", "goose.publish[0]", ("goose_publication",)),
+    Site("goose_subscription", "goose.subscribe[0]", ("goose_subscription",)),
+    Site("goose_point", "goose.subscribe[0].data[0]", ("goose_point",)),
     Site("snmp", "snmp", ("snmp",)),
     Site("snmp_user", "snmp.users[0]", ("snmp_user",)),
     Site("snmp_sink", "snmp.sinks[0]", ("snmp_sink",)),
+    Site("outstations_tls", "outstations_tls", ("outstations_tls",)),
     Site("iec61850", "iec61850", ("iec61850",)),
     Site("outstation", "outstations[0]", ("outstation",)),
     Site("outstation_set", "outstations[0].sets[0]", ("outstation_set",)),
@@ -466,6 +471,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "retry_ms": {"retry_max_ms": 3600000},
     "retry_max_ms": {"retry_ms": 10},
     "command_ioa": {"command": True},
+    "outstation.certificate": {"secure": True},
     "outstation_point.select": {"command": True},
     "outstation_point.short_pulse_ms": {"command": True},
     "outstation_point.long_pulse_ms": {"command": True},
@@ -508,17 +514,26 @@ def small_file() -> dict[str, Any]:
     groups = [{"name": "centre", "masters": ["192.0.2.1"]}]
     town = {"ca": 7003, "points": [{"type": "single", "ioa": 1000}]}
     fence = {"name": "depot", "centre": [44.8125, 20.4612], "radius_m": 200}
+    trip = {"name": "trip", "type": "float", "ioa": 70}
     others = {
         "iec104": {},
         "tls": tls,
         "journal": {},
         "gps": [{"name": "bus", "gpsd": "192.0.2.3", "ca": 7001, "fences": [fence]}],
+        "goose": {
+            "interface": "eth1",
+            "publish": [
+                {"name": "a", "control_block": "A", "data_set": "B", "app_id": 7, "points": ["speed"]}
+            ],
+            "subscribe": [{"name": "b", "control_block": "C", "app_id": 8, "ca": 7005, "data": [trip]}],
+        },
         "snmp": {
             "users": [{"name": "graphs", "role": "viewer"}, {"name": "centre", "role": "operator"}],
             "sinks": [{"name": "nms", "address": "192.0.2.4", "user": "centre"}],
         },
         "iec61850": {"address": "127.0.0.1"},
         "outstations": [{"name": "town", "addresses": ["192.0.2.4"], "sets": [town]}],
+        "outstations_tls": dict(tls),
         "modbus": {},
         "commands": {},
         "event_ring": 65536,
@@ -530,7 +545,12 @@ def small_file() -> dict[str, Any]:
                 "ca": 9,
                 "points": [{"name": "p", "type": "float", "ioa": 5}],
             },
-            {"name": "mixer", "program": "/mixer.py"},
+            {
+                "name": "mixer",
+                "program": "/mixer.py",
+                "ca": 11,
+                "points": [{"name": "speed", "type": "float", "ioa": 5}],
+            },
         ],
         "net": {
             "places": [{"name": "free"}],
@@ -681,11 +701,16 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "program_point",
         "gps_receiver",
         "geofence",
+        "goose",
+        "goose_publication",
+        "goose_subscription",
+        "goose_point",
         "snmp",
         "snmp_user",
         "snmp_sink",
         "iec61850",
         "outstation",
+        "outstations_tls",
         "outstation_set",
         "outstation_point",
         "redundancy_group",

@@ -687,7 +687,7 @@ def test_set_of_neighbours_is_all_or_nothing(sim: LineSim) -> None:
         ("fault 3.67 override 65536", "usage: fault"),
         ("stats all", "usage: stats"),
         ("trace maybe", "usage: trace"),
-        ("x" * 600, "at most 511 characters"),
+        ("x" * 2100, "at most 2047 characters"),
     ],
 )
 def test_wrong_commands_are_told_why(sim: LineSim, command: str, reason: str) -> None:

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 from zoneinfo import ZoneInfo
 
 import astral
 import astral.sun
 import pytest
-from scipy import signal
 
 from logic.cli import main
 from logic.compile import compile_text, library
@@ -33,6 +33,14 @@ STANDARD = {"SR", "RS", "R_TRIG", "F_TRIG", "CTU", "CTD", "CTUD", "TON", "TOF", 
 def machine(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if "OPENRTU_LOGIC_DESK" not in os.environ:
         monkeypatch.setenv("OPENRTU_LOGIC_DESK", str(programs / "logic/logic-desk"))
+
+
+@pytest.fixture(scope="module")
+def signal() -> ModuleType:
+    """Of scipy, for the worker alone that runs its tests: no other module takes so long to import."""
+    from scipy import signal
+
+    return signal
 
 
 Inputs = dict[str, Value | float | bool]
@@ -88,7 +96,7 @@ def test_rate_of_a_slope() -> None:
     assert found == pytest.approx([0.0] + [3.0] * 19)
 
 
-def test_biquad_is_that_of_scipy() -> None:
+def test_biquad_is_that_of_scipy(signal: ModuleType) -> None:
     b, a = signal.butter(2, 0.2)
     values = noise(200)
     call = f"IN := x, B0 := {b[0]!r}, B1 := {b[1]!r}, B2 := {b[2]!r}, A1 := {a[1]!r}, A2 := {a[2]!r}"
@@ -103,7 +111,7 @@ def test_biquad_is_that_of_scipy() -> None:
     ("band", "edges"), [("low", "1.5"), ("high", "1.5"), ("pass", "1,2"), ("stop", "1,2")]
 )
 def test_designed_filter_runs_as_scipy_computes_it(
-    kind: str, band: str, edges: str, capsys: pytest.CaptureFixture[str]
+    kind: str, band: str, edges: str, signal: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert (
         main(["filter", kind, band, "--order", "4", "--edges", edges, "--period", "100", "--name", "f4"]) == 0
@@ -214,7 +222,7 @@ def controlled(
     return pvs, outs
 
 
-def test_pid_settles_as_its_transfer_function_says() -> None:
+def test_pid_settles_as_its_transfer_function_says(signal: ModuleType) -> None:
     """PI with KP 2 and TI 5 s on 1 / (1 + 10 s): the closed loop is (10 s + 2) / (50 s^2 + 15 s + 2)."""
     pvs, _ = controlled("SP := sp, PV := pv, KP := 2.0, TI := T#5s, HIGH := 1000.0", 60)
     times = [0.1 * (n + 1) for n in range(600)]

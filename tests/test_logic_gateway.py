@@ -2,6 +2,8 @@
 """Programs of Structured Text in a running gateway, between simulated devices and a controlling station."""
 
 import json
+import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import pytest
 from desk import Desk, gateway_on_lines
 from lab.gateway import Gateway, remove, run_directory
 from lab.master import Master
+from lab.raw_master import ACTIVATION_CON, ACTIVATION_TERM, TIME_TAGGED, RawMaster
 from logic.binary import encode
 from logic.compile import compile_text
 from logic.errors import Findings
@@ -26,6 +29,8 @@ BREAKER, PUMP = 0, 1  # coils
 EARTHED, SPIN = 0, 1  # discrete inputs
 LEVEL = 0  # input register
 WAIT_S = 60.0
+RETURN_REMOTE = 11
+VALUES = [b"\x50\0\0", b"\x46\0\0"]  # scaled 80 and 70
 
 FILLING = """PROGRAM filling
 VAR_EXTERNAL level, limit, half : INT; pump : BOOL; starts : DINT; END_VAR
@@ -100,7 +105,7 @@ def configuration(folder: Path) -> dict[str, Any]:
         },
     ]
     port = {"value": 1, "active": 1, **pace, "slaves": [slave]}
-    return {"iec104": {"connections_per_address": 8}, "port": [port], "logic": programs}
+    return {"iec104": {"connections_per_address": 8}, "force_max_s": 600, "port": [port], "logic": programs}
 
 
 INITIAL = {
@@ -211,6 +216,35 @@ def test_a_command_that_the_interlock_lets_through_is_the_devices_answer(desk: D
     assert (answer["state"], answer["result"]) == ("refused command", "exception")
 
 
+def causes_of(master: RawMaster, ca: int, ioa: int, kind: int, element: bytes) -> list[int]:
+    """Of what the station says of commands and events of this common address, to the command's end."""
+    master.request(kind, ca, ioa, element)
+    deadline, causes = time.monotonic() + WAIT_S, []
+    while causes[-1:] != [ACTIVATION_TERM]:
+        asdu = master.next_asdu(deadline)
+        if asdu.ca == ca and asdu.type in (kind, *TIME_TAGGED):
+            causes.append(asdu.cause)
+    return causes
+
+
+@pytest.mark.parametrize(
+    ("ca", "kind", "values"), [("interlock", 45, [b"\1", b"\0"]), ("filling", 49, VALUES)]
+)
+def test_return_information_is_told_between_confirmation_and_termination(
+    desk: Desk, ca: str, kind: int, values: list[bytes]
+) -> None:
+    """IEC 60870-5-5, 6.8: ACT_CON, return information, ACT_TERM. The owner confirms before it publishes."""
+    desk.set_and_scan(DEVICE, "discrete_inputs", EARTHED, [0])
+    wait_value(desk, "locked", "off")
+    with RawMaster(*desk.gateway.address) as master:
+        for value in values * 10:
+            assert causes_of(master, CA[ca], 1, kind, value) == [
+                ACTIVATION_CON,
+                RETURN_REMOTE,
+                ACTIVATION_TERM,
+            ]
+
+
 def test_nobody_knows_whether_it_is_earthed_so_it_stays_open(desk: Desk) -> None:
     desk.set_and_scan(DEVICE, "discrete_inputs", EARTHED, [0])
     wait_value(desk, "locked", "off")
@@ -249,6 +283,27 @@ def test_what_is_computed_from_a_dead_device_is_invalid(desk: Desk) -> None:
     )
     desk.lines.fault(DEVICE, "clear")
     wait_value(desk, "half", 25)
+
+
+def test_the_text_is_seen_with_live_values_and_what_an_input_is_forced_to(desk: Desk) -> None:
+    def page() -> str:
+        command = [
+            ROOT / "scripts/openrtu-logic",
+            "watch",
+            INTERLOCK,
+            "--once",
+            "--name=earthed=bay1.earthed",
+        ]
+        command.append(f"--rtuctl={desk.gateway.build}/rtuctl/rtuctl --map {desk.gateway.map}")
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    beside = {line.split("|")[1].strip() for line in page().splitlines() if "locked := earthed;" in line}
+    assert beside == {"locked=on  earthed=on"}
+    desk.gateway.ctl("force", "bay1.earthed", "off")
+    wait_value(desk, "locked", "off", "substituted")
+    assert "locked=off (substituted)  earthed=off (substituted, forced)" in page()
+    desk.gateway.ctl("unforce", "bay1.earthed")
+    wait_value(desk, "locked", "on")
 
 
 # ---- faults ------------------------------------------------------------------------------------------

@@ -23,6 +23,7 @@ EVERYWHERE = {
     "rtud",
     "rtuctl",
     "rtuctl.bash",
+    "rtu-goose",
     "rtu-gps",
     "rtu-logic",
     "rtu-synch",

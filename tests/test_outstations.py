@@ -5,6 +5,7 @@ import contextlib
 import datetime
 import json
 import re
+import struct
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ import pytest
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
+from lab.raw_master import RawMaster
 from peers.outstation import (
     ACT_CON,
     CLOCK,
@@ -31,6 +33,7 @@ from peers.outstation import (
 )
 
 PAGE = Path(__file__).resolve().parent.parent / "docs/concentrator.md"
+C_RD = 102
 CA, THERE = 501, 47  # here, and at the outstation
 QUICK = {"retry_ms": 50, "retry_max_ms": 200, "t1": 3, "t2": 1, "t3": 4, "confirmation_ms": 30000}
 NAMES = ["breaker", "position", "tap", "bits", "share", "level", "power", "energy"]
@@ -227,6 +230,77 @@ def test_several_events_of_one_point_in_one_asdu(gateway: Run, town: Outstation)
         master.wait(lambda r: r.ioa == 107, since=mark, what="the last event")
         seen = [r.value for r in master.reports_since(mark) if r.ioa == 101]
     assert seen == [False, True] * 3
+
+
+def place(latitude: int, longitude: int, altitude_dm: int, quality: int = 0, satellites: int = 9) -> bytes:
+    """The element of type 201: docs/positioning.md."""
+    where = struct.pack("<ii", latitude, longitude) + altitude_dm.to_bytes(3, "little", signed=True)
+    return where + bytes((1 | satellites << 4, quality)) + time56(datetime.datetime.now(datetime.UTC))
+
+
+def test_position_is_one_event_of_four_points(gateway: Run, town: Outstation) -> None:
+    """And goes on as what it came as, also when it is invalid; an unknown altitude is invalid."""
+    van = outstation(town.port)
+    van["sets"][0]["points"].append(
+        {"name": "van", "type": "position", "ioa": 200, "remote_ioa": 9, "group": 1}
+    )
+    one = gateway(van)
+    wait_quality(one, "power", "good")
+    assert one.points("van.latitude")["van.latitude"]["quality"] == "invalid"
+    with RawMaster(*one.address) as master:
+        first, second = place(448125000, 204612000, 1372), place(448126055, -204611750, -8388608, quality=1)
+        for sent in (first, second):
+            master.request(C_RD, 9999, 1, b"")  # what came before is not looked at
+            town.say(201, THERE, (9, sent))
+            told = master.answer(201)
+            assert (told.cause, told.ca, told.body[:16]) == (3, CA, b"\xc8\0\0" + sent[:13])
+        points = one.points("van.*")
+        assert {name: point["quality"] for name, point in points.items()} == {
+            "van.position": "good",
+            "van.latitude": "good",
+            "van.longitude": "good",
+            "van.altitude": "invalid",
+        }
+        assert [points[f"van.{name}"]["value"] for name in ("latitude", "longitude")] == [
+            44.8126055,
+            -20.461175,
+        ]
+        town.die()
+        told = master.answer(201)
+        assert told.body[:16] == b"\xc8\0\0" + second[:12] + b"\x80"
+
+
+def test_object_is_read_in_its_period(gateway: Run, town: Outstation) -> None:
+    """And what was read is the point's value; an interrogation alone has the rest."""
+    values = iter(range(100))
+
+    def answer(asked: Asked, octets: bytes) -> list[bytes]:
+        if asked.type != C_RD:
+            return town.usual(asked, octets)
+        return [asdu(11, asked.cause, THERE, (asked.ioa, bytes((next(values), 0, 0))))]
+
+    town.answer = answer
+    read = outstation(town.port)
+    level = read["sets"][0]["points"][NAMES.index("level")]
+    level |= {"read_ms": 100}
+    one = gateway(read)
+    wait_value(one, "level", 5)
+    reads = [asked for asked in town.asked if asked.type == C_RD]
+    assert {(asked.ca, asked.ioa, asked.cause) for asked in reads} == {(THERE, 6, 5)}
+    assert one.points("power")["power"]["value"] == 2.5
+
+
+def test_position_that_is_no_news_is_no_event(gateway: Run, town: Outstation) -> None:
+    van = outstation(town.port, interrogation_s=1)
+    van["sets"][0]["points"].append({"name": "van", "type": "position", "ioa": 200, "remote_ioa": 9})
+    town.interrogated.append(asdu(201, INTERROGATED, THERE, (9, place(448125000, 204612000, 1372))))
+    one = gateway(van)
+    wait_quality(one, "van.latitude", "good")
+    before = counters(one)["town.objects"]
+    town.say(201, THERE, (6, place(1, 1, 0)), (77, place(1, 1, 0)))
+    one.wait_for(lambda: counters(one)["town.objects"] >= before + 20, 60.0, "it is interrogated again")
+    assert one.ctl("--json", "events").count('"van.') == 4
+    assert (counters(one)["town.mistyped"], counters(one)["town.unmapped"]) == (1, 1)
 
 
 def test_what_is_no_point_is_counted(gateway: Run, town: Outstation) -> None:
@@ -720,6 +794,9 @@ def test_mistakes_of_an_outstation(programs: Path, tmp_path: Path, change: dict[
         ({"ioa": 16777215, "count": 2}, "ioa: is too high for 2 objects"),
         ({"remote_ioa": 2}, "2 is the remote_ioa of another point"),
         ({"name": "x?"}, "name: has a space or one of"),
+        ({"type": "position", "count": 2}, "count: is not for a position, which has four points"),
+        ({"type": "position", "command": True}, "is a position, for which there is no command"),
+        ({"type": "position", "ioa": 16777213}, "ioa: is too high for the four points"),
         ({"count": 1001}, "count: 1001 is out of range"),
     ],
 )

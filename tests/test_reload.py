@@ -185,7 +185,8 @@ def test_file_with_errors_changes_nothing_and_is_explained(site: Site) -> None:
         ("timezone", "CET-1CEST,M3.5.0,M10.5.0/3"),
         ("event_ring", 128),
         ("commands", {"select_timeout": 7}),
-        ("iec104", {"k": 11}),
+        ("iec104.own_ca", {"own_ca": 9}),
+        ("redundancy_groups", [{"name": "a", "masters": ["192.0.2.1"]}]),
         ("journal", {}),
     ],
 )
@@ -193,7 +194,8 @@ def test_what_needs_a_restart_is_named(site: Site, key: str, value: Any) -> None
     config = reduced(site.config, *SMALL, "2.20")
     if key == "journal":
         value = {"path": str(site.gateway.directory / "journal")}
-    config[key] = (config.get(key, {}) | value) if isinstance(value, dict) else value
+    outer = key.partition(".")[0]
+    config[outer] = (config.get(outer, {}) | value) if isinstance(value, dict) else value
     before = pids(site)
     code, _, errors = site.reload(config)
     assert (code, f"{key} has changed: this needs a restart of rtud" in errors) == (1, True), errors
@@ -347,6 +349,31 @@ def test_pulse_under_way_ends_before_its_line_is_exchanged(site: Site) -> None:
     site.gateway.wait_for(lambda: pids(site)[CHANGED] != before[CHANGED], 30.0, "the line is exchanged")
     site.gateway.wait_for(lambda: everything_read(site.gateway), 30.0, "the new device is read")
     assert written(site, address, mark) == [1, 0]
+
+
+def test_who_watches_sees_what_comes(site: Site) -> None:
+    """`rtuctl watch` follows a changed line, whose segment is another, and an added one."""
+    told = site.gateway.directory / "watched"
+    ioa = 30001 + first_input(site, CHANGED_DEVICE)
+    before = site.gateway.points()
+    (name,) = [n for n, row in before.items() if (row["ca"], row["ioa"]) == (CHANGED_CA, ioa)]
+
+    def is_told() -> bool:
+        rows = [
+            json.loads(line) for line in told.read_text().splitlines(keepends=True) if line.endswith("\n")
+        ]
+        news = {row["name"] for row in rows} - set(before)
+        return {"p3.67.c0", "meter.alarms"} <= news and any(
+            (row["name"], row.get("value")) == (name, 77) for row in rows
+        )
+
+    with told.open("w") as output:
+        watch = subprocess.Popen([*site.gateway.rtuctl, "--json", "watch"], stdout=output)
+        assert site.reload(reduced(site.config, *SMALL, "2.20", "3.67"))[0] == 0
+        site.set_and_scan(CHANGED_DEVICE, "input_registers", ioa - 30001, [77])
+        site.gateway.wait_for(is_told, 30.0, "the changed line's event, and those of new points")
+        watch.terminate()
+        watch.wait()
 
 
 # ---- what breaks ------------------------------------------------------------------------------------

@@ -25,13 +25,14 @@ SHARED = [device for device, ca in DEVICES.items() if ca == CA]
 DOOR, LEVEL, TOTAL, LAMP, SETPOINT = 10001, 30001, 30003, 1, 40001
 MEASURED = (DOOR, LEVEL, LAMP, SETPOINT)  # what a general interrogation brings
 OF_GROUP = {1: DOOR, 2: LEVEL}
-C_SC, C_SE_NB, M_EI, C_IC, C_CI, C_RD, P_ME_NB, P_AC = 45, 49, 70, 100, 101, 102, 111, 113
+C_SC, C_SE_NB, M_EI, C_IC, C_CI, C_RD, P_AC = 45, 49, 70, 100, 101, 102, 113
+P_ME_NA, P_ME_NB, P_ME_NC = 110, 111, 112
 M_SP, M_ME_NB, M_IT = 1, 11, 15
 REQUEST, ACT, ACT_CON, DEACT, DEACT_CON, ACT_TERM, NEGATIVE = 5, 6, 7, 8, 9, 10, 0x40
 INITIALISED, CYCLIC, INTERROGATED, COUNTERS, UNKNOWN_IOA = 4, 1, 20, 37, 47
 FREEZE, FREEZE_RESET, RESET, GENERAL = 0x40, 0x80, 0xC0, 5
 THRESHOLD, HIGH_LIMIT = 1, 4
-SIZES = {M_SP: 1, M_ME_NB: 3, M_IT: 5, P_ME_NB: 3}
+SIZES = {M_SP: 1, M_ME_NB: 3, M_IT: 5, P_ME_NA: 3, P_ME_NB: 3, P_ME_NC: 5}
 BROADCAST = 65535
 RESPONSE_TIMEOUT_MS = 1500  # a busy host does not make a command fail
 
@@ -113,7 +114,7 @@ def procedure(
             ends.append(asdu.cause)
         elif asdu.cause == cause:
             assert (ends, asdu.ca, asdu.originator) == ([ACT_CON], CA, 3)
-            found += objects(asdu) if (asdu.type == P_ME_NB) == parameters else []
+            found += objects(asdu) if (asdu.type in (P_ME_NA, P_ME_NB, P_ME_NC)) == parameters else []
     assert ends == [ACT_CON, ACT_TERM]
     # Whatever else the station had to say of it would come before the answer to this.
     master.request(C_RD, CA, LEVEL, b"", cause=REQUEST)
@@ -345,6 +346,38 @@ def test_parameters_are_of_one_device_and_interrogated_of_all(desk: Desk, master
     )
     for device in SHARED:
         assert load(master, device, THRESHOLD, 0) == ACT_CON
+
+
+def test_parameters_of_the_other_types_are_of_one_device_as_well(programs: Path) -> None:
+    """Of normalized and float values, which the devices above do not have."""
+    config = configuration()
+    for slave in (slave for port in config["port"] for slave in port["slaves"]):
+        slave["input_registers"] = [{"address": 0, "type": "normalized"}, {"address": 2, "type": "float"}]
+    kinds = ((P_ME_NA, LEVEL, "<hB", P_ME_NC), (P_ME_NC, LEVEL + 2, "<fB", P_ME_NA))
+    with desk_of(config, programs) as desk, RawMaster(*desk.gateway.address) as master:
+
+        def threshold(kind: int, ioa: int, element: bytes) -> int:
+            master.request(kind, CA, ioa, element)
+            answer = master.answer(kind)
+            assert (answer.ca, answer.body) == (CA, ioa.to_bytes(3, "little") + element)
+            return answer.cause
+
+        wanted = []
+        for kind, at, layout, wrong in kinds:
+            for i, device in enumerate(SHARED):
+                ioa, element = at + offset(device), struct.pack(layout, 5 + i, THRESHOLD)
+                assert threshold(kind, ioa, element) == ACT_CON
+                wanted.append((ioa, element))
+                refused = struct.pack("<fB" if wrong == P_ME_NC else "<hB", 1, THRESHOLD)
+                assert threshold(wrong, ioa, refused) == UNKNOWN_IOA | NEGATIVE
+            assert threshold(kind, at + offset("1.6"), element) == UNKNOWN_IOA | NEGATIVE
+        assert sorted(procedure(master, C_IC, 20, INTERROGATED, parameters=True)) == sorted(wanted)
+        loaded = [
+            point["ca"]
+            for name, point in desk.gateway.points().items()
+            if desk.gateway.query("show", name).get("loaded")
+        ]
+        assert loaded == [CA] * len(wanted)
 
 
 def test_cyclic_transmission_is_stopped_of_one_device(master: RawMaster) -> None:

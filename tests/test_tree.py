@@ -252,6 +252,7 @@ ROOMS = [
     "channel",
     "config",
     "foreign",
+    "goose",
     "gps",
     "iec104",
     "iec61850",
@@ -267,6 +268,7 @@ ROOMS = [
     "synch",
 ]
 ROOMS += [
+    "modules/goose",
     "modules/gps",
     "modules/iec104",
     "modules/iec104m",
@@ -284,7 +286,7 @@ DEFINITION = re.compile(
 )
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
-OF_ONE_KIND = ["gps", "iec104", "iec61850", "journal", "logic", "modbus", "snmp", "synch"]
+OF_ONE_KIND = ["goose", "gps", "iec104", "iec61850", "journal", "logic", "modbus", "snmp", "synch"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:

@@ -11,7 +11,15 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
-MODULES = ("rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal", "rtu-logic", "rtu-synch")
+MODULES = (
+    "rtu-modbus",
+    "rtu-iec104",
+    "rtu-iec104-tls",
+    "rtu-104m-tls",
+    "rtu-journal",
+    "rtu-logic",
+    "rtu-synch",
+)
 
 
 def output_of(*command: str | Path) -> str:

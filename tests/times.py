@@ -49,7 +49,7 @@ class Times:
 
     def __init__(self) -> None:
         self._costs: dict[str, Cost] = defaultdict(Cost)
-        self._begun_s = time.monotonic()
+        self._begun_s = time.time()
         self._cpu_before_s = 0.0
 
     @pytest.hookimpl(wrapper=True)
@@ -74,14 +74,14 @@ class Times:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         if not self._costs:
             return
-        elapsed_s = time.monotonic() - self._begun_s
+        ended_s = time.time()
         terminalreporter.section("what the tests cost")
-        for line in table(self._costs, elapsed_s):
+        for line in table(self._costs, ended_s - self._begun_s):
             terminalreporter.write_line(line)
         if file := os.environ.get("OPENRTU_TIMES"):
             Path(file).parent.mkdir(parents=True, exist_ok=True)
             costs = {test: asdict(cost) for test, cost in self._costs.items()}
-            Path(file).write_text(json.dumps({"elapsed_s": elapsed_s, "costs": costs}))
+            Path(file).write_text(json.dumps({"begun_s": self._begun_s, "ended_s": ended_s, "costs": costs}))
 
 
 def table(costs: dict[str, Cost], elapsed_s: float) -> Iterable[str]:
@@ -102,10 +102,12 @@ def table(costs: dict[str, Cost], elapsed_s: float) -> Iterable[str]:
 
 def main(files: list[str]) -> int:
     costs: dict[str, Cost] = defaultdict(Cost)
-    elapsed_s = 0.0
-    for file in files:
-        run = json.loads(Path(file).read_text())
-        elapsed_s += run["elapsed_s"]
+    runs = [json.loads(Path(file).read_text()) for file in files]
+    # From the first's begin to the last's end: they run beside each other.
+    elapsed_s = max((run["ended_s"] for run in runs), default=0.0) - min(
+        (run["begun_s"] for run in runs), default=0.0
+    )
+    for run in runs:
         for test, cost in run["costs"].items():
             costs[test].add(Cost(**cost))
     print(*table(costs, elapsed_s), sep="\n")

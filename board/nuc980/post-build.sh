@@ -58,6 +58,19 @@ check_update() {
 		fail "$site: the folder's name is the site's in its updates, of letters, digits, '.', '_' and '-'"
 }
 
+# A board asks its own server only, over HTTPS, and shows a word that the server knows.
+check_update_server() {
+	[ -f "$site/update-server" ] || return 0
+	[ -f "$site/update.pem" ] || fail "$site/update-server: boards without update.pem take no updates (docs/update.md)"
+	grep -q '^-----BEGIN CERTIFICATE-----$' "$site/update-server.pem" 2>/dev/null ||
+		fail "$site/update-server: update-server.pem must have the certificate of who signs the server's"
+	! wrong=$(grep -vE '^(url https://[A-Za-z0-9.:[_-]+]?(/[A-Za-z0-9._~-]+)+|token (Gateway|Target)Token [A-Za-z0-9._~+/=-]+)$' \
+		"$site/update-server") ||
+		fail "$site/update-server: \"$wrong\" is neither \"url https://SERVER/TENANT/controller/v1\" nor \"token GatewayToken WORD\""
+	[ "$(cut -d ' ' -f 1 "$site/update-server" | sort | paste -sd ' ')" = "token url" ] ||
+		fail "$site/update-server: it must have a line with \"url\" and one with \"token\""
+}
+
 name_site() {
 	[ -f "$site/update.pem" ] || return 0
 	install -D -m 644 "$site/update.pem" "$target/etc/openrtu/update.pem"
@@ -68,13 +81,14 @@ check_site() {
 	[ -d "$site" ] || fail "SITE_SETTINGS: $site is not a folder"
 	for file in "$site"/*; do
 		case ${file##*/} in
-		config.json | interfaces | authorized_keys | ntp | root-password | macs | update.pem) ;;
+		config.json | interfaces | authorized_keys | ntp | root-password | macs | update.pem | update-server | update-server.pem) ;;
 		*) fail "$file is not a setting of a site: configs/README.md lists them" ;;
 		esac
 	done
 	check_ntp
 	check_root_password
 	check_update
+	check_update_server
 }
 
 [ -z "$site" ] || check_site
@@ -103,5 +117,7 @@ place ntp 644 etc/chrony/site.sources
 place interfaces 644 etc/network/interfaces
 place authorized_keys 600 root/.ssh/authorized_keys
 [ ! -d "$target/root/.ssh" ] || chmod 700 "$target/root/.ssh"
+place update-server 600 etc/openrtu/update-server
+place update-server.pem 644 etc/openrtu/update-server.pem
 set_root_password
 name_site

@@ -21,6 +21,13 @@ const TAKEN = {
   "uplot/LICENSE": "uplot.LICENSE.txt",
 };
 
+// A script of others that only sets a variable becomes a module.
+async function module(name, file, variable) {
+  const { version, license } = JSON.parse(await readFile(join(packages, name, "package.json"), "utf8"));
+  const script = (await readFile(join(packages, name, file), "utf8")).replace(/\/\/# sourceMappingURL=.*/, "");
+  await writeFile(join(out, "vendor", `${name}.mjs`), `/* ${name} ${version}, ${license} */\n${script}\nexport default ${variable};\n`);
+}
+
 function rounded(part) {
   return typeof part === "number" ? Math.round(part * DIGITS) / DIGITS : part.map(rounded);
 }
@@ -89,6 +96,7 @@ await Promise.all([
   write("land.json", landFeatures),
   write("borders.json", { type: "FeatureCollection", features: [{ type: "Feature", properties: {}, geometry: borders }] }),
   write("names.json", { type: "FeatureCollection", features: names }),
+  module("pmtiles", "dist/pmtiles.js", "pmtiles"),
   ...Object.entries(TAKEN).map(([from, to]) => cp(join(packages, from), join(out, "vendor", to))),
   ...["index.html", "style.css", "icon.svg", "js", "lang"].map((name) => cp(join(here, name), join(out, name), { recursive: true })),
 ]);

@@ -38,6 +38,7 @@ ifeq ($(BR2_PACKAGE_OPENRTU_IEC104),y)
 OPENRTU_CONF_OPTS += -Diec104=true
 define OPENRTU_IEC104_USER
 	rtu-iec104 61201 openrtu 61200 * - - - OpenRTU IEC 60870-5-104
+	rtu-104m 61214 openrtu 61200 * - - - OpenRTU outstations
 endef
 else
 OPENRTU_CONF_OPTS += -Diec104=false

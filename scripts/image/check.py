@@ -200,6 +200,20 @@ def survived(defconfig: Path, program: str, package: str, symbol: str) -> Iterat
         yield from lost
 
 
+def development(buildroot: Buildroot, output: Path) -> Iterator[str]:
+    """What development adds survives too; as the Makefile adds it."""
+    part = ROOT / "configs" / "parts" / "development.config"
+    both = output / "defconfig"
+    both.write_text((ROOT / "configs" / "nuc980_gateway_defconfig").read_text() + part.read_text())
+    done = buildroot.make(output, f"BR2_DEFCONFIG={both}", "defconfig")
+    if done.returncode:
+        yield f"{part.name}: make defconfig failed: {done.stderr.strip()}"
+        return
+    lost = list(lost_settings(settings(part), output / ".config"))
+    say(f"{part.name}: {len(settings(part)) - len(lost)} of {len(settings(part))} settings are in .config")
+    yield from lost
+
+
 def findings(buildroot: Buildroot) -> Iterator[str]:
     yield from style(buildroot)
     yield from symbols(buildroot)
@@ -216,6 +230,9 @@ def findings(buildroot: Buildroot) -> Iterator[str]:
             if value_of(defconfig, NEEDED["linux"]) == "y":
                 for program, package, symbol in FRAGMENTS:
                     yield from survived(defconfig, program, package, symbol)
+    output = BUILD / "check" / "development"
+    output.mkdir(parents=True, exist_ok=True)
+    yield from development(buildroot, output)
     yield from hashes(buildroot, known)
 
 

@@ -81,7 +81,7 @@ def fragments_of(root: Path, file: Path) -> list[Path]:
 
 def check_form(root: Path) -> list[str]:
     """No line that Kconfig would pass over in silence, such as `+CONFIG_…`."""
-    files = [*defconfigs(root), *fragments(root)]
+    files = [*defconfigs(root), *parts(root), *fragments(root)]
     return [line for file in files for line in _lines(file) if isinstance(line, str)]
 
 
@@ -115,7 +115,10 @@ def check_known(root: Path) -> list[str]:
     linux = {f"CONFIG_{name}" for name in symbols_in(root / "configs" / "linux-symbols.txt")}
     return [
         f"{each.place}: there is no symbol {each.symbol}"
-        for files, known in ((defconfigs(root), buildroot), (fragments(root), linux))
+        for files, known in (
+            ([*defconfigs(root), *parts(root)], buildroot),
+            (fragments(root), linux),
+        )
         for file in files
         for each in settings(file)
         if each.symbol not in known
@@ -174,6 +177,45 @@ def check_common_part(root: Path) -> list[str]:
         if not all(each.text in {other.text for other in others} for others in images)
         and not any(re.fullmatch(name, each.symbol) for name in allowed)
     ]
+
+
+NAMED_PARTS = re.compile(r"^# Parts: (.+)$", re.MULTILINE)
+
+
+def parts_of(file: Path) -> list[Path]:
+    """The parts that a defconfig names in its head."""
+    found = NAMED_PARTS.search(file.read_text(encoding="utf-8"))
+    return [file.parent / "parts" / f"{name}.config" for name in (found[1].split() if found else [])]
+
+
+def parts(root: Path) -> list[Path]:
+    return sorted((root / "configs" / "parts").glob("*.config"))
+
+
+def check_parts(root: Path) -> list[str]:
+    """A defconfig is the sum of its parts and of lines that no other has."""
+    found, shared, own = [], {}, {}
+    for file in defconfigs(root):
+        named = parts_of(file)
+        found += [f"{file.name}:2: there is no {part}" for part in named if not part.is_file()]
+        lines = {each.text: each for each in settings(file)}
+        of_parts = [each for part in named if part.is_file() for each in settings(part)]
+        found += [
+            f"{each.place}: {file.name} lacks {each.text}: PYTHONPATH=scripts python3 -m image.parts adds it"
+            for each in of_parts
+            if each.text not in lines
+        ]
+        shared |= {each.text: each for each in of_parts}
+        for text in lines.keys() - {each.text for each in of_parts}:
+            own.setdefault(text, []).append(lines[text])
+    for text, places in own.items():
+        if text in shared:
+            found.append(
+                f"{places[0].place}: {text} is of {shared[text].file.name}, which its head does not name"
+            )
+        elif len(places) > 1:
+            found.append(f"{places[0].place}: {text} is in {places[1].file.name} too: it belongs into a part")
+    return found
 
 
 # ---- docs/defconfig.md -------------------------------------------------------------------------------
@@ -384,6 +426,7 @@ CHECKS: list[Callable[[Path], list[str]]] = [
     check_named_files,
     check_links,
     check_common_part,
+    check_parts,
     check_explained,
     check_pinned,
     check_workflows,

@@ -39,13 +39,16 @@ class Table:
     library_packages: list[str]
     tls_packages: list[str]
     update_packages: list[str]
+    pull_programs: dict[str, list[str]]
+    pull_packages: list[str]
     more_libraries: list[str]
     folders: dict[str, int]
     links: dict[str, str]
 
-    def packages(self, tls: bool, update: bool) -> list[str]:
+    def packages(self, tls: bool, update: bool, pull: bool) -> list[str]:
         names = {*self.programs, *self.library_packages}
         names |= {*(self.tls_packages if tls else []), *(self.update_packages if update else [])}
+        names |= {*self.pull_programs, *self.pull_packages} if pull else set()
         return sorted(names)
 
 
@@ -59,6 +62,8 @@ def read_table(file: Path) -> Table:
             library_packages=table["libraries"]["packages"],
             tls_packages=table["tls"]["packages"],
             update_packages=table["update"]["packages"],
+            pull_programs=table["pull"]["programs"],
+            pull_packages=table["pull"]["libraries"]["packages"],
             more_libraries=table["libraries"]["also"],
             folders=table["folders"],
             links=table["links"],
@@ -216,6 +221,7 @@ def make_root(
     gateway: Path,
     root: Path,
     swupdate: Path | None = None,
+    curl: Path | None = None,
 ) -> None:
     """Fills `root`, which must be empty, with everything but a site's settings (post-build.sh)."""
     for path, permissions in table.folders.items():
@@ -230,7 +236,9 @@ def make_root(
     copy_tree(gateway, root)
     if swupdate:
         copy_tree(swupdate / "root", root)
-    for files in table.programs.values():
+    if curl:
+        copy_tree(curl / "root", root)
+    for files in (table.programs | (table.pull_programs if curl else {})).values():
         for file in files:
             copy(packages / file, root / file)
     for path, to in table.links.items():
@@ -246,7 +254,7 @@ def make_root(
 
 
 def asks_for_tls(site: Path) -> bool:
-    """Whether its gateway needs rtu-iec104-tls. What else is wrong with a configuration rtud says."""
+    """Whether its gateway needs OpenSSL. What else is wrong with a configuration rtud says."""
     file = site / "config.json"
     if not file.exists():
         return False
@@ -254,7 +262,7 @@ def asks_for_tls(site: Path) -> bool:
         configuration = json.loads(file.read_bytes())
     except ValueError as error:
         raise UnusableInput(f"{file} is not JSON: {error}") from error
-    return isinstance(configuration, dict) and "tls" in configuration
+    return isinstance(configuration, dict) and not configuration.keys().isdisjoint({"tls", "outstations_tls"})
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -263,6 +271,7 @@ def main(words: Sequence[str] | None = None) -> int:
     packages = commands.add_parser("packages", help="print the Debian packages that it takes files of")
     packages.add_argument("--without-tls", action="store_true", help="for a gateway without OpenSSL")
     packages.add_argument("--without-update", action="store_true", help="for an image without SWUpdate")
+    packages.add_argument("--without-pull", action="store_true", help="for an image that asks no server")
     gateway = commands.add_parser("gateway", help="print which gateway a site needs: gateway or gateway-tls")
     gateway.add_argument("site", type=Path, help="the folder with its settings")
     make = commands.add_parser("make", help="fill an empty folder")
@@ -271,12 +280,14 @@ def main(words: Sequence[str] | None = None) -> int:
     make.add_argument("--chrony", type=Path, required=True, metavar="DIR", help="of build-chrony.sh")
     make.add_argument("--gateway", type=Path, required=True, metavar="DIR", help="where it was installed to")
     make.add_argument("--swupdate", type=Path, metavar="DIR", help="of build-swupdate.sh")
+    make.add_argument("--curl", type=Path, metavar="DIR", help="of build-curl.sh")
     make.add_argument("root", type=Path, help="the folder")
     arguments = parser.parse_args(words)
     try:
         table = read_table(TABLE)
         if arguments.command == "packages":
-            print(*table.packages(not arguments.without_tls, not arguments.without_update))
+            without = arguments.without_tls, arguments.without_update, arguments.without_pull
+            print(*table.packages(*(not each for each in without)))
         elif arguments.command == "gateway":
             print("gateway-tls" if asks_for_tls(arguments.site) else "gateway")
         else:
@@ -288,6 +299,7 @@ def main(words: Sequence[str] | None = None) -> int:
                 arguments.gateway,
                 arguments.root,
                 arguments.swupdate,
+                arguments.curl,
             )
     except UnusableInput as error:
         print(f"rootfs: {error}", file=sys.stderr)

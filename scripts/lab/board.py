@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import subprocess
 from collections.abc import Callable, Mapping
@@ -199,6 +200,14 @@ class Board(Rtu):
 
     def ctl(self, *arguments: str) -> str:
         return self._run(shlex.join(["rtuctl", *arguments]))
+
+    def configuration(self) -> dict[str, Any]:
+        return configuration()
+
+    def put(self, config: dict[str, Any]) -> str:
+        path = "/run/other.json"
+        self._run(f"printf %s {shlex.quote(json.dumps(config))} > {path}")
+        return path
 
     def log(self, lines: int = 40) -> str:
         return self._run(f"tail -n {lines} /var/log/messages")

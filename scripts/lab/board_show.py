@@ -42,9 +42,11 @@ from lab.show import (
     check,
     check_none,
     event,
+    indented,
     interrogated,
     invalid,
     keep_up,
+    position,
     run_steps,
     running,
     say,
@@ -138,7 +140,7 @@ def whole_station(desk: BoardDesk) -> None:
     check_none(invalid(reports), "are not valid")
 
 
-BOARD_STEPS: tuple[Step, ...] = (kernel, modules, pins, *STEPS, killed, latency, whole_station)
+BOARD_STEPS: tuple[Step, ...] = (kernel, modules, pins, *STEPS, killed, position, latency, whole_station)
 
 
 # ---- the board
@@ -175,10 +177,6 @@ def start_board(
     for phase, seconds in progress.phases.items():
         say(f"     {seconds:8.1f}  {phase}")
     return board
-
-
-def indented(text: str) -> str:
-    return "\n".join(f"     {line}".rstrip() for line in text.strip().splitlines())
 
 
 def add_console(verdict: Verdict, console: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import ssl
 from typing import Any, Self
 
 LIMIT_S = 60.0  # for a hang only
@@ -22,8 +23,9 @@ class AnswerError(AssertionError):
 class Client:
     """Asks over HTTP, as a browser or, with a token, as a program."""
 
-    def __init__(self, port: int, token: str = "") -> None:
+    def __init__(self, port: int, token: str = "", tls: ssl.SSLContext | None = None) -> None:
         self.port = port
+        self.tls = tls
         self.headers: dict[str, str] = {"Authorization": f"Bearer {token}"} if token else {}
 
     def login(self, name: str, password: str) -> Self:
@@ -36,7 +38,12 @@ class Client:
     def raw(
         self, method: str, path: str, body: Any = None, **headers: str
     ) -> tuple[http.client.HTTPResponse, bytes]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT_S)
+        if self.tls:
+            connection: http.client.HTTPConnection = http.client.HTTPSConnection(
+                "127.0.0.1", self.port, timeout=LIMIT_S, context=self.tls
+            )
+        else:
+            connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT_S)
         said = {"Content-Type": "application/json"} if method != "GET" else {}
         content = json.dumps(body or {}) if method != "GET" else None
         connection.request(method, path, content, {**said, **self.headers, **headers})

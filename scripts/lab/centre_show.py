@@ -45,6 +45,10 @@ ALARMS = {
     "meter.door-open": {"state": 1, "priority": 3},
     "meter.voltage-l1": {"low": 220, "high": 240, "priority": 2},
 }
+AREAS = [
+    {"name": "Milano", "circle": {"middle": [45.464, 9.19], "radius_m": 20000}, "alarm": "inside"},
+    {"name": "Vojvodina", "polygon": [[44.8, 20.0], [45.2, 19.1], [46.1, 19.0], [46.1, 20.3], [44.8, 21.4]]},
+]
 
 
 class NotSeenError(LabError):
@@ -323,7 +327,9 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
             first = first or lines
         stack.callback(ended.set)
         file = directory / "centre.json"
-        file.write_text(json.dumps({"stations": stations, "retry_ms": 500, "centre": {"port": port}}))
+        file.write_text(
+            json.dumps({"stations": stations, "retry_ms": 500, "centre": {"port": port, "areas": AREAS}})
+        )
         client = start_centre(stack, file, directory, port, verdict)
         assert first
         for number, step in enumerate(STEPS, 1):

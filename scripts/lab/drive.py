@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A vehicle with a GPS receiver, and `rtu-centre`, which polls the position that the gateway makes of it."""
+"""A vehicle with a GPS receiver on a line of the gateway, and `rtu-centre`, which polls its position."""
 
 from __future__ import annotations
 
@@ -12,18 +12,25 @@ import struct
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from lab.errors import LabError
 from lab.gateway import default_build
 from lab.patience import Deadline
-from lab.receiver import Receiver, burst, sentence
+from lab.receiver import burst, sentence
 
-DEVICE = "gps1"
+PORT, DEVICE, BAUD_RATE = 6, "ttyS8", 9600
 CA, IOA = 9001, 200
-RECEIVER = {"name": "van", "device": DEVICE, "ca": CA, "position_ioa": IOA, "topical_s": 60}
+RECEIVER = {
+    "name": "van",
+    "device": DEVICE,
+    "baud_rate": BAUD_RATE,
+    "ca": CA,
+    "position_ioa": IOA,
+    "topical_s": 60,
+}
 FIXES = 3  # different ones, that the show waits for
 ANSWER_S = 60.0
 KNOTS = 27.0  # 50 km/h
@@ -35,8 +42,14 @@ LEG_S = 36
 # docs/centre.md: a packet's header, a record's begin, a position's end.
 HEADER = struct.Struct("<4sHHQ")
 PACKET_MAX = 65536
-POSITION = 4
+POSITION, QUALITY = 4, 34
 ACKNOWLEDGE = struct.Struct("<B7xQ16x")
+
+
+def instead_of_devices(config: dict[str, Any]) -> dict[str, Any]:
+    """The configuration with the receiver on that line."""
+    lines = [port for port in config["port"] if port["value"] != PORT]
+    return config | {"port": lines, "gps": [RECEIVER]}
 
 
 def places() -> Iterator[tuple[float, float]]:
@@ -50,8 +63,8 @@ def places() -> Iterator[tuple[float, float]]:
 class Drive:
     """The receiver says each second where the vehicle is."""
 
-    def __init__(self, devices: Path) -> None:
-        self.receiver = Receiver(devices / DEVICE)
+    def __init__(self, say: Callable[[bytes], None]) -> None:
+        self.say = say
         self.ended = threading.Event()
         self.thread = threading.Thread(target=self._go)
 
@@ -62,12 +75,11 @@ class Drive:
     def __exit__(self, *_: object) -> None:
         self.ended.set()
         self.thread.join()
-        self.receiver.unplug()
 
     def _go(self) -> None:
         for place in places():
             moment = datetime.datetime.now(datetime.UTC)
-            self.receiver.say(burst(moment, *place, speed_knots=KNOTS) + sentence("PGRME,4.1,M,6.2,M,7.4,M"))
+            self.say(burst(moment, *place, speed_knots=KNOTS) + sentence("PGRME,4.1,M,6.2,M,7.4,M"))
             if self.ended.wait(1.0):
                 return
 
@@ -103,15 +115,15 @@ def _records(consumer: socket.socket) -> Iterator[bytes]:
         consumer.send(ACKNOWLEDGE.pack(1, sequence))
 
 
-def polled(directory: Path, address: tuple[str, int]) -> Iterator[tuple[float, float, float, int]]:
-    """Positions, each another one: latitude, longitude, altitude in m, quality."""
+def polled(directory: Path, address: tuple[str, int]) -> Iterator[tuple[float, float, float]]:
+    """Good positions, each another one: latitude, longitude, altitude in m."""
     last = None
     with _centre(directory, address) as consumer:
         for record in _records(consumer):
-            if record[0] != POSITION:
-                continue
+            if record[0] != POSITION or record[QUALITY]:
+                continue  # the receiver has said nothing yet
             latitude, longitude, altitude = struct.unpack_from("<iii", record, 36)
             if (latitude, longitude) != last:
                 last = latitude, longitude
-                yield latitude / 1e7, longitude / 1e7, altitude / 10, record[34]
+                yield latitude / 1e7, longitude / 1e7, altitude / 10
     raise LabError("rtu-centre ended")

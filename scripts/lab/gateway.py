@@ -84,6 +84,14 @@ class Rtu(ABC):
         """What `rtuctl` prints. Raises GatewayError."""
 
     @abstractmethod
+    def configuration(self) -> dict[str, Any]:
+        """What its rtud was started with."""
+
+    @abstractmethod
+    def put(self, config: dict[str, Any]) -> str:
+        """Another configuration; returns the path that `rtuctl reload` takes."""
+
+    @abstractmethod
     def log(self, lines: int = 40) -> str:
         """The end of rtud's log."""
 
@@ -201,6 +209,17 @@ class Gateway(Rtu):
                 f"rtuctl {' '.join(arguments)}: {result.stderr.strip() or result.stdout.strip()}"
             )
         return result.stdout
+
+    def configuration(self) -> dict[str, Any]:
+        """Its file."""
+        config: dict[str, Any] = json.loads(self.config_file.read_text())
+        return config
+
+    def put(self, config: dict[str, Any]) -> str:
+        """Beside its own file."""
+        path = self.config_file.with_name("other.json")
+        path.write_text(json.dumps(config, indent=2))
+        return str(path)
 
     def log(self, lines: int = 40) -> str:
         """The end of rtud's log."""

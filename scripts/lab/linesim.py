@@ -182,6 +182,10 @@ class LineSim:
             words += ["count", str(count)]
         self.command(" ".join(words))
 
+    def say(self, port: int, octets: bytes) -> None:
+        """Somebody who is no device of this line sends these octets."""
+        self.command(f"say {port} {' '.join(map(str, octets))}")
+
     def plug(self, port: int) -> None:
         self.command(f"plug {port}")
 
@@ -257,6 +261,8 @@ class LineSim:
     def _read(self, connection: socket.socket) -> None:
         with connection.makefile(encoding="ascii") as lines, contextlib.suppress(OSError):
             for line in lines:
+                if not line.endswith("\n"):
+                    break  # it was ended while it wrote
                 if line.startswith("{"):
                     self._keep(json.loads(line))
                 else:

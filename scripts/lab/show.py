@@ -11,9 +11,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import datetime
+import functools
 import itertools
 import json
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -24,7 +26,7 @@ from typing import Any
 
 import c104
 
-from lab import drive, kept, ports
+from lab import drive, kept, managed, ports
 from lab.errors import LabError
 from lab.gateway import (
     HEARTBEAT_LIMIT_MS,
@@ -40,12 +42,17 @@ from lab.linesim import Frame, LineSim
 from lab.master import Master, Report
 from lab.modules import EXAMPLES, compiled, place, program
 from lab.verdict import Verdict, run
+from logic.cli import main as openrtu_logic
 
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67
 DEVICE = "3.67"
 LEVEL = ("input_registers", 2)  # of that device, for the modules of others
 MODULES = (921, 922, 923)  # their stations
+PROGRAMS = REPOSITORY / "docs/examples/logic"
+INTERLOCK, FILLING = 931, 932  # their stations
+ORDER = "order"  # has no value until somebody gives one
+BREAKER, PUMP, EARTHED = ("coils", 3), ("coils", 1), ("discrete_inputs", 0)  # of the device
 NEWCOMER = "5.51"
 
 # Figure 5.6, rows 1 to 13: what the interrogation of CA 3067 brought.
@@ -128,6 +135,36 @@ def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
     ]
 
 
+def add_logic(config: dict[str, Any], directory: Path) -> None:
+    """Two programs of Structured Text: an interlock before the breaker, and a sequence that pumps."""
+    points = {
+        "interlock": (INTERLOCK, [{"name": ORDER, "ioa": 1}, {"name": "locked", "ioa": 2}]),
+        "filling": (
+            FILLING,
+            [{"name": "limit", "ioa": 1, "value": 90}, {"name": "phase", "ioa": 2}],
+        ),
+    }
+    names = {
+        "interlock": {"breaker": f"p{DEVICE}.c{BREAKER[1]}", "earthed": f"p{DEVICE}.d{EARTHED[1]}"},
+        "filling": {"pump": f"p{DEVICE}.c{PUMP[1]}", "level": "tank.level"},
+    }
+    for name in points:
+        compiled_file = directory / f"{name}.rtul"
+        with contextlib.redirect_stdout(None):
+            code = openrtu_logic(["compile", str(PROGRAMS / f"{name}.st"), "-o", str(compiled_file)])
+        check(code == 0, f"{name}.st is not compiled")
+    config["logic"] = [
+        {
+            "name": name,
+            "program": f"{directory}/{name}.rtul",
+            "ca": ca,
+            "points": own,
+            "names": names[name],
+        }
+        for name, (ca, own) in points.items()
+    ]
+
+
 @dataclass
 class Desk:
     """A gateway on simulated lines, with a master: what the steps work on."""
@@ -167,6 +204,10 @@ def table(reports: list[Report]) -> None:
             f"     {report.ioa:07d}  {report.ca:5d} {shown(report.value):>8}  {report.type:<10}"
             f"  {report.cause:<23}  {report.quality}"
         )
+
+
+def indented(text: str) -> str:
+    return "\n".join(f"     {line}".rstrip() for line in text.strip("\n").splitlines())
 
 
 def octets(frame: bytes) -> str:
@@ -295,18 +336,6 @@ def all_types(desk: Desk) -> None:
     check(not missing, f"no station sent the types {', '.join(sorted(missing))}")
 
 
-def position(desk: Desk) -> None:
-    """A vehicle drives: rtu-centre polls its position, one object of type 201, and sees it move"""
-    with contextlib.closing(drive.polled(desk.gateway.directory, desk.gateway.address)) as positions:
-        for latitude, longitude, altitude, quality in itertools.islice(positions, drive.FIXES):
-            say(
-                f"     rtu-centre   CA {drive.CA} IOA {drive.IOA}: {latitude:.7f} N {longitude:.7f} E,"
-                f" {altitude:.1f} m, {'good' if quality == 0 else f'quality {quality:#x}'}"
-            )
-            check(quality == 0, "the position is not good")
-            check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
-
-
 def modules_of_others(desk: Desk) -> None:
     """Modules that others write: Python switches a pump by a level, C smooths it, a command is judged"""
     pump, smooth, guard = MODULES
@@ -332,6 +361,39 @@ def modules_of_others(desk: Desk) -> None:
         say(f"     master       pump-2 on at a level of {level}: {answer}, by the module")
 
 
+def logic(desk: Desk) -> None:
+    """Programs of Structured Text: an interlock refuses a command, a sequence starts a pump"""
+
+    def order(on: bool, earthed: bool) -> None:
+        confirmed = desk.master.command(INTERLOCK, 1, "C_SC_NA_1", c104.SingleCmd(on=on))
+        check(confirmed != (on and earthed), "the interlock decided otherwise")
+        answer = (
+            "activation confirmed, by the device" if confirmed else "negative confirmation, by the interlock"
+        )
+        line = "earthed" if earthed else "not earthed"
+        say(f"     master       breaker {'on' if on else 'off'}, the line is {line}: {answer}")
+
+    order(False, True)
+    order(True, True)
+    refused = "a command of order was refused: interlock"
+    desk.gateway.wait_for(lambda: refused in desk.gateway.log(), DEADLINE_S, refused)
+    say(f"     log          {refused}")
+    since = desk.master.mark()
+    desk.lines.set(DEVICE, *EARTHED, 0)
+    desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (INTERLOCK, 2, False), since, DEADLINE_S)
+    order(True, False)
+    desk.lines.set(DEVICE, *LEVEL, 70)
+    since = desk.master.mark()
+    limit = c104.ScaledCmd(target=c104.Int16(60))
+    check(desk.master.command(FILLING, 1, "C_SE_NB_1", limit), "the limit was not taken")
+    say("     master       limit of the sequence = 60, the level is 70: activation confirmed")
+    event(
+        desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (FILLING, 2, 2), since, DEADLINE_S), "it pumps"
+    )
+    check(desk.lines.get(DEVICE, *PUMP) == 1, "the pump does not run")
+    say(f"     device {DEVICE}  coil {PUMP[1]} = 1")
+
+
 Step = Callable[[Desk], None]
 STEPS: tuple[Step, ...] = (
     interrogate,
@@ -343,24 +405,20 @@ STEPS: tuple[Step, ...] = (
     all_types,
 )
 
-# ---- while the gateway runs, on this machine -------------------------------------------------------
+# ---- while the gateway runs -------------------------------------------------------------------------
 
 
-def without_newcomer(file: Path) -> Path:
-    """The gateway's configuration without that device, in a file beside it."""
-    config = json.loads(file.read_text())
+def without_newcomer(config: dict[str, Any]) -> dict[str, Any]:
     port, unit = map(int, NEWCOMER.split("."))
     for line in config["port"]:
         if line["value"] == port:
             line["slaves"] = [slave for slave in line["slaves"] if slave["id"] != unit]
-    path = file.with_name("without.json")
-    path.write_text(json.dumps(config))
-    return path
+    return config
 
 
-def reload(desk: Desk, file: Path) -> str:
-    """Returns what was said last."""
-    return desk.gateway.ctl("reload", str(file)).splitlines()[-1]
+def reload(desk: Desk, *file: str) -> None:
+    """Without a file, rtud's own."""
+    desk.gateway.ctl("reload", *file)
 
 
 def longest_pause_ms(desk: Desk, port: int, since: int) -> float:
@@ -370,14 +428,13 @@ def longest_pause_ms(desk: Desk, port: int, since: int) -> float:
 
 def reloaded(desk: Desk) -> None:
     """A device leaves the configuration and comes back; the master stays connected"""
-    assert isinstance(desk.gateway, Gateway)
-    file, station = desk.gateway.config_file, 5051
+    station = 5051
     here, frames = desk.gateway.query("iec104", "connections"), desk.lines.mark()
-    reload(desk, without_newcomer(file))
+    reload(desk, desk.gateway.put(without_newcomer(desk.gateway.configuration())))
     check(desk.master.is_refused(station), f"CA {station} is known without its device")
     say(f"     rtuctl       reload without device {NEWCOMER}: CA {station} is unknown")
     since = desk.master.mark()
-    reload(desk, file)
+    reload(desk)
     event(desk.master.wait(lambda r: r.ca == station and r.good, since, DEADLINE_S))
     say(f"     rtuctl       reload with device {NEWCOMER}: {len(interrogated(desk, station))} objects")
     now = desk.gateway.query("iec104", "connections")
@@ -386,7 +443,54 @@ def reloaded(desk: Desk) -> None:
     say(f"     neighbour    port 3 was polled on, its longest pause was {pause:.0f} ms")
 
 
-NATIVE_STEPS: tuple[Step, ...] = (*STEPS, modules_of_others, reloaded, position)
+def position(desk: Desk) -> None:
+    """A line becomes that of a GPS receiver: rtu-centre polls its position, type 201, and sees it move"""
+    reload(desk, desk.gateway.put(drive.instead_of_devices(desk.gateway.configuration())))
+    say(f"     rtuctl       reload with a receiver on {drive.DEVICE} instead of line {drive.PORT}'s devices")
+    with (
+        drive.Drive(functools.partial(desk.lines.say, drive.PORT)),
+        tempfile.TemporaryDirectory() as directory,
+        contextlib.closing(drive.polled(Path(directory), desk.gateway.address)) as positions,
+    ):
+        for latitude, longitude, altitude in itertools.islice(positions, drive.FIXES):
+            say(
+                f"     rtu-centre   CA {drive.CA} IOA {drive.IOA}: {latitude:.7f} N {longitude:.7f} E,"
+                f" {altitude:.1f} m, good"
+            )
+            check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
+        say(indented(desk.gateway.ctl("gps")))
+    reload(desk)
+    desk.gateway.wait_for(lambda: all_read(desk.gateway), DEADLINE_S, "the devices are read again")
+    say(f"     rtuctl       reload: line {drive.PORT} has its devices again, all points are good")
+
+
+def managed_by_snmp(desk: Desk) -> None:
+    """SNMPv3, at a second gateway: a manager interrogates, selects and executes; informs tell it"""
+    folder = desk.gateway.directory / "managed"
+    with managed.managed(folder, configuration(), CHAPTER_5 / "values.json") as site:
+        site.gateway.wait_for(lambda: all_read(site.gateway), DEADLINE_S, "every device has been read")
+        manager, row = site.manager, managed.BREAKER
+        qualities = [*manager.walk("rtuMeasuredQuality").values()]
+        good = sum(quality == b"\0" for quality in qualities)
+        say(f"     snmpbulkwalk rtuMeasuredQuality: {good} of {len(qualities)} measured values are good")
+        check(good > 0, "no measured value is good")
+        manager.wish(row, managed.SELECT, value=managed.ON)
+        say(f"     snmpset      rtuCommandState.{row} = selectionRequest, rtuCommandValue.{row} = on")
+        say(f"     snmptrapd    {site.told(managed.ACCEPTED)}")
+        manager.wish(row, managed.EXECUTE)
+        say(f"     snmpset      rtuCommandState.{row} = executionRequest")
+        say(f"     snmptrapd    {site.told(managed.EXECUTING)}")
+        say(f"     snmptrapd    {site.told(managed.EXECUTED)}, confirmed by the device")
+
+
+NATIVE_STEPS: tuple[Step, ...] = (
+    *STEPS,
+    modules_of_others,
+    logic,
+    reloaded,
+    position,
+    managed_by_snmp,
+)
 
 
 def received(frame: Frame, wanted: bytes) -> bool:
@@ -477,8 +581,12 @@ def start_master(stack: contextlib.ExitStack, gateway: Rtu, verdict: Verdict) ->
 
 
 def all_read(gateway: Rtu) -> bool:
-    """Every point is good, but those behind a broadcast address, which can only be written."""
-    return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])
+    """Every point is good, but those behind a broadcast address, and others that were never written."""
+    return all(
+        point["quality"] != "invalid"
+        for name, point in gateway.points().items()
+        if not point["broadcast"] and name != ORDER
+    )
 
 
 def run_steps(desk: Desk, steps: Sequence[Step], verdict: Verdict) -> None:
@@ -514,15 +622,15 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     """Runs the show; raises what went wrong."""
     ports.check_free(port, f"make run-native{' KEEP=1' if keep else ''}")
     directory = run_directory()
-    config = listening_on(configuration() | {"gps": [drive.RECEIVER]}, port)
+    config = listening_on(configuration(), port)
     add_modules(config, directory, default_build())
+    add_logic(config, directory)
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
         config_file = directory / "linesim.json"
         config_file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, config_file, verdict)
-        stack.enter_context(drive.Drive(directory / "dev"))
         gateway = start_gateway(stack, directory, config, verdict)
         desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
         run_steps(desk, NATIVE_STEPS, verdict)

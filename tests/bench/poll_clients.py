@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For polls.py: rounds of polls by c104 or asyncio, told as poll_rounds.c tells its own.
+"""For polls.py: rounds of polls by c104, asyncio or asyncio on uvloop, told as poll_rounds.c tells its own.
 
-poll_clients.py c104|asyncio turn|together COUNT ROUNDS WAIT_MS PORT
+poll_clients.py c104|asyncio|uvloop turn|together COUNT ROUNDS WAIT_MS PORT
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import sys
 import time
 
 import c104
+import uvloop
 
 STARTDT_ACT = bytes.fromhex("680407000000")
 POLL = bytes.fromhex("660105000100010000")  # C_RD_NA_1, CA 1, IOA 1
@@ -107,10 +108,11 @@ def by_c104(count: int, rounds: int, wait_s: float, port: int) -> None:
 def main() -> None:
     who, mode, count, rounds, wait_ms, port = sys.argv[1:]
     amounts = int(count), int(rounds), int(wait_ms) / 1000, int(port)
-    if who == "asyncio":
-        asyncio.run(by_asyncio(mode == "together", *amounts))
-    else:
+    if who == "c104":
         by_c104(*amounts)
+    else:
+        run = uvloop.run if who == "uvloop" else asyncio.run
+        run(by_asyncio(mode == "together", *amounts))
 
 
 main()

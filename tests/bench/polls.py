@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -25,7 +26,7 @@ from stopwatch import Spread, cpu_ns
 from bench import machine
 from lab.gateway import REPOSITORY, Gateway, GatewayError, default_build, free_port, remove, run_directory
 
-FLOOR, CENTRE, ASYNCIO, C104 = "C loop", "rtu-centre", "asyncio", "c104"
+FLOOR, CENTRE, UVLOOP, ASYNCIO, C104 = "C loop", "rtu-centre", "uvloop", "asyncio", "c104"
 TURN, TOGETHER = "turn", "together"
 PROCESSES_MAX = 100  # RTUs that are a process each
 GATEWAYS = 10
@@ -61,7 +62,7 @@ class Case:
 
 FULL = (
     *(Case(count, 100) for count in (10, 25, 50, 100)),
-    *(Case(100, 10, wait_ms) for wait_ms in (250, 2000)),
+    *(Case(100, 10, wait_ms) for wait_ms in (250, 500, 1000, 2000)),
     Case(GATEWAYS, 100, real=True),
     Case(1000, 20),
     Case(10_000, 5),
@@ -192,7 +193,7 @@ def row(case: Case, mode: str, name: str, port: int) -> Row:
 def contenders(case: Case, mode: str) -> Iterator[str]:
     yield from (FLOOR, CENTRE)
     if case.count <= 1000:
-        yield ASYNCIO
+        yield from (UVLOOP, ASYNCIO)
     if case.count <= C104_MAX and not case.real and mode == TURN:
         yield C104
 
@@ -236,20 +237,31 @@ def table(found: list[Row]) -> str:
 
 def picture(found: list[Row]) -> str:
     """The paper's figure 9: what a round takes by the number of RTUs, in turn."""
-    colours = {"paper": "#888", FLOOR: "#333", CENTRE: "#0a7d3c", ASYNCIO: "#c26a00", C104: "#b3261e"}
-    curves: dict[str, list[tuple[int, float]]] = {"paper": [(count, PAPER_MS * count) for count in (10, 100)]}
+    colours = {
+        "paper": "#888",
+        FLOOR: "#333",
+        CENTRE: "#0a7d3c",
+        UVLOOP: "#5b4bb5",
+        ASYNCIO: "#c26a00",
+        C104: "#b3261e",
+    }
+    curves: dict[str, list[tuple[int, float]]] = {
+        "paper": [(count, PAPER_MS * count) for count in (10, 25, 50, 100)]
+    }
     for each in found:
         if each.mode == TURN and not each.case.real and not each.case.wait_ms and each.case.count <= 100:
             curves.setdefault(each.name, []).append(
                 (each.case.count, each.time.middle * each.case.count / 1000)
             )
-    most = max(ms for points in curves.values() for _, ms in points)
+    times = [ms for points in curves.values() for _, ms in points]
+    lowest = math.floor(math.log10(min(times)))
+    highest = max(lowest + 1, math.ceil(math.log10(max(times))))
 
     def x(count: int) -> float:
         return 60 + 4.4 * count
 
     def y(ms: float) -> float:
-        return 320 - 280 * ms / most
+        return 320 - 280 * (math.log10(ms) - lowest) / (highest - lowest)
 
     parts = [
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 640 370" font-family="sans-serif"',
@@ -257,22 +269,27 @@ def picture(found: list[Row]) -> str:
         "<!-- SPDX-License-Identifier: GPL-3.0-or-later; drawn by tests/bench/polls.py -->",
         "<title>Milliseconds of a round of polls, in turn, by the number of RTUs</title>",
         '<rect width="640" height="370" fill="#fff"/>',
-        f'<path d="M60 {y(0):.1f}H510M60 {y(0):.1f}V30" stroke="#000" fill="none"/>',
+        '<path d="M60 320H510M60 320V30" stroke="#000" fill="none"/>',
     ]
     for count in (10, 25, 50, 75, 100):
         parts.append(f'<text x="{x(count):.1f}" y="338" text-anchor="middle">{count}</text>')
-    for step in range(5):
-        ms = most * step / 4
-        parts.append(f'<text x="54" y="{y(ms) + 4:.1f}" text-anchor="end">{ms:.1f}</text>')
+    for power in range(lowest, highest + 1):
+        height = y(10.0**power)
+        parts.append(f'<path d="M60 {height:.1f}H510" stroke="#ddd"/>')
+        parts.append(f'<text x="54" y="{height + 4:.1f}" text-anchor="end">{10.0**power:g}</text>')
     parts.append('<text x="285" y="358" text-anchor="middle">RTUs, polled in turn</text>')
     parts.append('<text x="10" y="20">ms a round</text>')
-    heights = sorted((y(points[-1][1]), name) for name, points in curves.items())
-    at = 0.0
+    heights = sorted(((y(points[-1][1]), name) for name, points in curves.items()), reverse=True)
+    at = 340.0
     for height, name in heights:
-        at = max(height + 4, at + 16)
+        at = min(height + 4, at - 16)
         line = " ".join(f"{x(count):.1f},{y(ms):.1f}" for count, ms in curves[name])
         text = "the paper's sum" if name == "paper" else name
         parts.append(f'<polyline points="{line}" fill="none" stroke="{colours[name]}" stroke-width="2"/>')
+        parts += [
+            f'<circle cx="{x(count):.1f}" cy="{y(ms):.1f}" r="3" fill="{colours[name]}"/>'
+            for count, ms in curves[name]
+        ]
         parts.append(f'<text x="512" y="{at:.1f}" fill="{colours[name]}">{text}</text>')
     return "\n".join([*parts, "</svg>", ""])
 

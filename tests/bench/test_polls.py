@@ -4,14 +4,14 @@
 import xml.etree.ElementTree as ET
 
 import pytest
-from polls import ASYNCIO, CENTRE, FLOOR, TOGETHER, TURN, Case, Row, picture, row, simulated, table
+from polls import ASYNCIO, CENTRE, FLOOR, TOGETHER, TURN, UVLOOP, Case, Row, picture, row, simulated, table
 from stopwatch import Spread
 
 FEW = Case(3, 2)
 
 
 @pytest.mark.parametrize("mode", [TURN, TOGETHER])
-@pytest.mark.parametrize("name", [FLOOR, CENTRE, ASYNCIO])
+@pytest.mark.parametrize("name", [FLOOR, CENTRE, UVLOOP, ASYNCIO])
 def test_each_polls_all(programs: None, name: str, mode: str) -> None:
     with simulated(FEW.count, "h") as port:
         found = row(FEW, mode, name, port)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from control_room import Site, Stations, described
+from control_room import POINTS, Site, Stations, described
 from lab.vehicles import Station
 
 
@@ -26,8 +26,37 @@ def north(stations: Stations) -> Iterator[Station]:
 
 
 @pytest.fixture(scope="module")
-def site(programs: Path, north: Station, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    """The centre of these tests, with that station."""
+def south(stations: Stations) -> Iterator[Station]:
+    """A second person releases its commands."""
+    made = stations.station()
+    yield made
+    stations.do(made.stop())
+
+
+@pytest.fixture(scope="module")
+def site(
+    programs: Path, north: Station, south: Station, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Site]:
+    """The centre of these tests, with these stations."""
     folder = tmp_path_factory.mktemp("site")
-    with Site(programs, folder, [described(north, folder)]) as started:
+    areas = [
+        {"name": "island", "circle": {"middle": [10, 10], "radius_m": 5000}, "alarm": "inside"},
+        {"name": "land", "polygon": [[40, 15], [40, 25], [50, 25], [50, 15]], "alarm": "outside"},
+        {
+            "name": "elsewhere",
+            "circle": {"middle": [10, 10], "radius_m": 1},
+            "alarm": "outside",
+            "group": "gas",
+        },
+    ]
+    points = "".join(
+        line.replace(",pump,", ",south pump,").replace(",lamp,", ",south lamp,") + "\n"
+        for line in POINTS.splitlines()
+        if not line.startswith(("1,1,", "1,4,", "1,5,"))
+    )
+    here = [
+        described(north, folder, group="water"),
+        described(south, folder, "south", points, group="water", release=True),
+    ]
+    with Site(programs, folder, here, centre={"areas": areas}) as started:
         yield started

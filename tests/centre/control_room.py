@@ -7,6 +7,7 @@ import asyncio
 import json
 import os
 import signal
+import ssl
 import subprocess
 import sys
 import threading
@@ -80,6 +81,7 @@ class Site:
         self.port = free_port()
         self.file = folder / "centre.json"
         self.page = page
+        self.tls: ssl.SSLContext | None = None  # with which it is asked
         content = {"retry_ms": 50, "retry_max_ms": 200, "stations": stations, **keys}
         content["centre"] = {"port": self.port, **keys.get("centre", {})}
         self.file.write_text(json.dumps(content))
@@ -130,7 +132,7 @@ class Site:
         return True
 
     def client(self, name: str = "") -> Client:
-        made = Client(self.port)
+        made = Client(self.port, tls=self.tls)
         return made.login(name, PASSWORD) if name else made
 
     def __enter__(self) -> Self:

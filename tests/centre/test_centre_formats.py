@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files of the control centre, read by a program of others (gpsbabel)."""
 
+import csv
 import doctest
+import io
+import itertools
 import json
 import subprocess
 from pathlib import Path
@@ -9,8 +12,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from centre import formats
-from centre.formats import FORMATS, GPX, Place, Track, geojson, gpx, segments, table
+from centre import areas, keep
+from centre.formats import FORMATS, GPX, WAY_MOST, Place, table
 
 WAY = [
     *(Place(1_700_000_000_000 + 1000 * i, 44.8 + i * 1e-4, 20.4, 117.0, 0, 1, 9) for i in range(5)),
@@ -19,23 +22,50 @@ WAY = [
     *(Place(1_700_000_600_000 + 1000 * i, 45.0 + i * 1e-4, 20.6, 117.0, 0, 1, 9) for i in range(3)),
 ]
 NAME = 'van <7> & "Niš"\x01'
-TRACK = Track(NAME, segments(WAY, 120))
+GAP_S = 120
 
 
-def test_a_gap_is_no_way() -> None:
-    """No fix ends a segment, and so does a time in which nothing came."""
-    assert [len(way) for way in TRACK.segments] == [5, 4, 3]
-    assert doctest.testmod(formats).failed == 0
+def written(form: str, way: list[Place] = WAY, piece: int = 3) -> str:
+    """A mark and a track, which comes in pieces as from the database."""
+    writer = FORMATS[form](GAP_S)
+    pieces = [writer.begin(), writer.mark(NAME, way[0]), writer.track(NAME, 7)]
+    pieces += [writer.places(way[begin : begin + piece]) for begin in range(0, len(way), piece)]
+    return "".join([*pieces, writer.end_track(), writer.end()])
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_pieces_do_not_matter(form: str) -> None:
+    assert {written(form, piece=piece) for piece in (1, 2, 5, 100)} == {written(form)}
 
 
 def test_gpx_has_what_figure_7_has() -> None:
-    root = ElementTree.fromstring(gpx([(NAME, WAY[0])], [TRACK]))
+    """No fix ends a segment, and so does a time in which nothing came."""
+    root = ElementTree.fromstring(written("gpx"))
     space = {"g": GPX}
     waypoint = root.find("g:wpt", space)
     assert waypoint is not None
     assert waypoint.attrib == {"lat": "44.8000000", "lon": "20.4000000"}
     assert [child.tag.partition("}")[2] for child in waypoint] == ["ele", "time", "name", "sat"]
-    assert len(root.findall("g:trk/g:trkseg", space)) == 3
+    assert [len(way) for way in root.findall("g:trk/g:trkseg", space)] == [5, 4, 3]
+
+
+def test_table_has_the_number_of_each_segment() -> None:
+    rows = list(csv.DictReader(io.StringIO(written("csv"))))
+    assert [row["segment"] for row in rows] == ["0", *"11111", *"2222", *"333"]
+    assert rows[0]["name"] == NAME
+    assert (rows[0]["latitude"], rows[0]["satellites"]) == ("44.8000000", "9")
+
+
+def test_south_and_west_are_no_formulas() -> None:
+    rows = list(csv.DictReader(io.StringIO(written("csv", [Place(0, -33.9, -58.1, -4)]))))
+    assert (rows[1]["latitude"], rows[1]["longitude"], rows[1]["altitude"]) == (
+        "-33.9000000", "-58.1000000", "-4.0",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("module", [areas, keep])
+def test_examples_of(module: object) -> None:
+    assert doctest.testmod(module).failed == 0
 
 
 @pytest.mark.slow
@@ -43,7 +73,7 @@ def test_gpx_has_what_figure_7_has() -> None:
 def test_gpsbabel_reads_each(tmp_path: Path, form: str) -> None:
     """As many places as there are in the track and its waypoint."""
     file = tmp_path / f"track.{form}"
-    file.write_bytes(FORMATS[form][1]([(NAME, WAY[0])], [TRACK]))
+    file.write_text(written(form))
     command = ["gpsbabel", "-w", "-r", "-t", "-i", form, "-f", file, "-o", "gpx", "-F", "-"]
     done = subprocess.run(command, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -53,13 +83,29 @@ def test_gpsbabel_reads_each(tmp_path: Path, form: str) -> None:
     assert {each.attrib["lat"][:4] for each in places} == {"44.8", "44.9", "45.0"}
 
 
+def lines(text: str) -> list[dict]:
+    return [each for each in json.loads(text)["features"] if "times" in each["properties"]]
+
+
 def test_geojson_is_as_rfc_7946_has_it() -> None:
-    features = json.loads(geojson([], [TRACK]))["features"]
+    features = lines(written("geojson"))
     assert [feature["geometry"]["type"] for feature in features] == ["LineString"] * 3
     assert features[0]["geometry"]["coordinates"][0] == [20.4, 44.8, 117.0]
-    assert len(features[0]["properties"]["times"]) == 5
+    assert [len(feature["properties"]["times"]) for feature in features] == [5, 4, 3]
+    (alone,) = lines(written("geojson", WAY[:1]))
+    assert alone["geometry"] == {"type": "Point", "coordinates": [20.4, 44.8, 117.0]}
+
+
+def test_long_way_goes_on_in_the_next_line() -> None:
+    """No piece is lost between them, and it is no gap."""
+    way = [Place(1000 * i, i / 1e6, 0, 0) for i in range(2 * WAY_MOST)]
+    features = lines(written("geojson", way))
+    assert [feature["properties"].get("goes_on", False) for feature in features] == [True, True, False]
+    for a, b in itertools.pairwise(features):
+        assert a["geometry"]["coordinates"][-1] == b["geometry"]["coordinates"][0]
+    assert sum(len(feature["properties"]["times"]) - 1 for feature in features) + 1 == len(way)
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1+2", "@SUM(A1)", "\tx"])
 def test_no_text_of_a_table_is_a_formula(text: str) -> None:
-    assert table(["name"], [[text]]).decode().splitlines()[1].strip('"').startswith("'")
+    assert table([[text]]).strip('"').startswith("'")

@@ -8,9 +8,12 @@ from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
+from pmtiles.tile import Compression, TileType, zxy_to_tileid
+from pmtiles.writer import write
 
 from browser import LIMIT_MS, chromium, log_in
 from control_room import PASSWORD, POINTS, Site, Stations, described, until
+from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 
 pytestmark = pytest.mark.slow
@@ -25,6 +28,30 @@ def now_ms() -> int:
     return time.time_ns() // 1_000_000
 
 
+def field(number: int, octets: bytes) -> bytes:
+    """Of protobuf, with a length below 128."""
+    return bytes([number << 3 | 2, len(octets)]) + octets
+
+
+def road() -> bytes:
+    """A vector tile of the whole world: a line of the layer roads along the equator."""
+    geometry = bytes([9, 0, 0x80, 0x20, 10, 0x80, 0x40, 0])  # move to (0, 2048), a line by (4096, 0)
+    feature = bytes([3 << 3, 2]) + field(4, geometry)
+    return field(3, field(1, b"roads") + field(2, feature) + bytes([5 << 3, 0x80, 0x20, 15 << 3, 2]))
+
+
+def own_map(path: Path) -> None:
+    """Written by the library of others; its attribution is an attack."""
+    header = {
+        "tile_type": TileType.MVT, "tile_compression": Compression.NONE, "center_zoom": 0,
+        "min_lon_e7": -1_800_000_000, "min_lat_e7": -850_000_000, "max_lon_e7": 1_800_000_000,
+        "max_lat_e7": 850_000_000, "center_lon_e7": 0, "center_lat_e7": 0,
+    }  # fmt: skip
+    with write(path) as writer:
+        writer.write_tile(zxy_to_tileid(0, 0, 0), road())
+        writer.finalize(header, {"vector_layers": [{"id": "roads"}], "attribution": f"{EVIL}Road Office"})
+
+
 @pytest.fixture(scope="module")
 def site(
     programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
@@ -32,11 +59,15 @@ def site(
     """A vehicle with points, and a station whose names are an attack."""
     assert PAGE.is_dir(), "the page is not built: make centre-page"
     folder = tmp_path_factory.mktemp("page")
+    own_map(folder / "map.pmtiles")
     evil = stations.station()
     described_evil = described(
         evil, folder, EVIL, POINTS.replace("pump", EVIL), group=EVIL, location=[40.0, 20.0]
     )
-    with Site(programs, folder, [described(north, folder), described_evil], PAGE) as started:
+    guarded = stations.station()
+    gate = "ca,ioa,type,command_type,name\n1,3,M_SP_NA_1,C_SC_NA_1,gate\n"
+    described_gate = described(guarded, folder, "gate house", gate, release=True)
+    with Site(programs, folder, [described(north, folder), described_evil, described_gate], PAGE) as started:
         stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
         for ioa in (2, 3, 5):
             stations.say(north, ioa, M_SP_TB_1, single(now_ms(), False))
@@ -45,7 +76,8 @@ def site(
         client = started.client("vera")
         until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= 8, "the points")
         yield started
-    stations.do(evil.stop())
+    for station in (evil, guarded):
+        stations.do(station.stop())
 
 
 @pytest.fixture(scope="module")
@@ -147,6 +179,55 @@ def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: S
     until(is_there, "a green marker at its place")
 
 
+def test_map_of_ones_own(page: Page, site: Site) -> None:
+    """It is drawn, by ranges of its file; and only for who has logged in."""
+    view(page, "map")
+    expect(page.locator(".maplibregl-ctrl-bottom-right")).to_contain_text("Road Office")
+    drawn = "Boolean(openrtuMap.getLayer('own-line-roads'))"
+    until(lambda: page.evaluate(drawn), "its layer")
+    page.evaluate("openrtuMap.jumpTo({center: [0, 0], zoom: 2})")
+    seen = "openrtuMap.queryRenderedFeatures({layers: ['own-line-roads']}).length"
+    until(lambda: page.evaluate(seen), "its road")
+    client = site.client("vera")
+    response, octets = client.raw("GET", "/map/own.pmtiles", Range="bytes=0-6")
+    assert (response.status, octets) == (206, b"PMTiles")
+    with pytest.raises(AnswerError) as refused:
+        site.client().raw("GET", "/map/own.pmtiles")
+    assert refused.value.status == 401
+
+
+def test_replay_shows_where_it_was(page: Page, site: Site, stations: Stations, north: Station) -> None:
+    """Half an hour ago it was elsewhere; when replay ends it is back."""
+    begin = now_ms() - 1_800_000
+    for second in range(10):
+        stations.say(north, 1, POSITION, position(begin + 1000 * second, 43.5 + second / 1000, 21.5))
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+    client = site.client("vera")
+    path = f"/api/tracks?from={begin}&to={begin + 10_000}"
+    until(
+        lambda: [len(each["properties"]["times"]) for each in client.get(path)["features"]] == [10],
+        "it is stored",
+    )
+    view(page, "map")
+    page.locator(".list button", has_text="north").click()
+    page.get_by_role("button", name="Replay").click()
+    slider = page.locator(".replay input[type=range]")
+    expect(slider).to_have_attribute("step", "1000")
+    slider.evaluate(
+        "(input, at) => { input.value = String(at); input.dispatchEvent(new Event('input')); }",
+        begin + 60_000,
+    )
+    expect(page.locator(".about dl")).to_contain_text("43.509000°")
+    slider.evaluate(
+        "(input, at) => { input.value = String(at); input.dispatchEvent(new Event('input')); }",
+        begin + 600_000,
+    )
+    expect(page.locator(".list li", has_text="north").locator(".state")).to_have_text("old")
+    page.locator(".replay").get_by_role("button", name="Close").click()
+    expect(page.locator(".about dl")).to_contain_text(f"{BELGRADE[0]:.6f}°")
+    expect(page.locator(".replay")).to_be_hidden()
+
+
 def test_command_by_keys_alone(page: Page, north: Station, stations: Stations) -> None:
     """From the view to the end of a command, without a pointer."""
     north.commanded.clear()
@@ -172,6 +253,17 @@ def test_command_by_keys_alone(page: Page, north: Station, stations: Stations) -
     expect(page.locator("dialog")).to_have_count(0)
 
 
+def test_second_person_is_told_and_releases(page: Page, site: Site, stations: Stations) -> None:
+    """Olga, at the page, releases what Omar has selected."""
+    omar = site.client("omar")
+    guarded = next(each for each in omar.get("/api/points") if each["name"] == "gate")
+    sent = omar.post("/api/commands", {"point": guarded["id"], "value": 1})
+    page.get_by_text("omar waits for a release").click()
+    page.locator("td").get_by_role("button", name="Release").click()
+    until(lambda: omar.get(f"/api/commands/{sent['id']}")["state"] == 9, "it is executed")
+    expect(page.get_by_text("omar waits for a release")).to_be_hidden()
+
+
 @pytest.mark.parametrize(
     ("manner", "kind", "words"),
     [("refuse", "bad", "Refused by the station"), ("hang up", "old", "Fate unknown")],
@@ -188,7 +280,10 @@ def test_each_fate_looks_its_own(page: Page, north: Station, manner: str, kind: 
 
 def test_escape_leaves_no_selection(page: Page, site: Site, north: Station) -> None:
     client = site.client("olga")
-    until(lambda: client.get("/api/stations")[0]["link"] == 3, "connected")
+    until(
+        lambda: next(each["link"] for each in client.get("/api/stations") if each["name"] == "north") == 3,
+        "connected",
+    )
     open_command(page, "pump")
     page.locator("dialog .choices button").nth(0).click()
     page.locator("dialog button.main").click()
@@ -210,7 +305,10 @@ def test_absent_station_is_told_and_nothing_waits(
     assert outcome(page) == "Not sent"
     stations.do(north.listen())
     client = site.client("olga")
-    until(lambda: client.get("/api/stations")[0]["link"] == 3, "connected again")
+    until(
+        lambda: next(each["link"] for each in client.get("/api/stations") if each["name"] == "north") == 3,
+        "connected again",
+    )
     assert not north.commanded
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The control centre over HTTP: values, commands, alarms, users. With a station that the tests command."""
 
+import asyncio
 import csv
 import io
 import json
@@ -10,11 +11,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import aiohttp
 import pytest
 
 from centre.api import ROUTES, document
 from centre.records import Result, State
-from control_room import USERS, Site, Stations, until
+from control_room import PASSWORD, USERS, Site, Stations, until
 from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 
@@ -26,12 +28,14 @@ def now_ms() -> int:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def filled(site: Site, stations: Stations, north: Station) -> None:
-    """The station has said something of each point."""
+def filled(site: Site, stations: Stations, north: Station, south: Station) -> None:
+    """Each station has said something of each point."""
     stations.say(north, 1, POSITION, position(now_ms(), 44.8, 20.5, 117))
     for ioa in (2, 3, 5):
         stations.say(north, ioa, M_SP_TB_1, single(now_ms(), False))
     stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.5))
+    for ioa in (2, 3):
+        stations.say(south, ioa, M_SP_TB_1, single(now_ms(), False))
     client = site.client("vera")
     until(lambda: all(point["at"] for point in client.get("/api/points")), "all points are known")
 
@@ -49,6 +53,10 @@ def manner(north: Station) -> Iterator[Station]:
 
 def point(client: Client, name: str) -> dict[str, Any]:
     return next(each for each in client.get("/api/points") if each["name"] == name)
+
+
+def link(client: Client, name: str) -> int:
+    return next(int(each["link"]) for each in client.get("/api/stations") if each["name"] == name)
 
 
 def value_of(client: Client, name: str) -> float:
@@ -176,7 +184,7 @@ def test_fate_is_unknown_when_the_connection_ends(operator: Client, manner: Stat
     ended = in_state(operator, command["id"], State.REFUSED_COMMAND)
     assert ended["result"] == Result.UNKNOWN_FATE
     manner.manner = "done"
-    until(lambda: operator.get("/api/stations")[0]["link"] == 3, "connected again")
+    until(lambda: link(operator, "north") == 3, "connected again")
 
 
 @pytest.mark.parametrize(
@@ -203,16 +211,69 @@ def test_nothing_waits_for_a_station_that_is_absent(
 ) -> None:
     north.commanded.clear()
     stations.do(north.stop())
-    until(lambda: operator.get("/api/stations")[0]["link"] == 4, "down")
+    until(lambda: link(operator, "north") == 4, "down")
     assert open_alarms(operator, "lost")
     with pytest.raises(AnswerError) as refused:
         operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})
     assert refused.value.code == "not_up"
     stations.do(north.listen())
-    until(lambda: operator.get("/api/stations")[0]["link"] == 3, "connected again")
+    until(lambda: link(operator, "north") == 3, "connected again")
     assert not north.commanded
     last = site.client("emil").get("/api/audit")
     assert any(row["action"] == "command refused" and row["user"] == "olga" for row in last)
+
+
+def test_second_person_releases_a_selection(site: Site, operator: Client, south: Station) -> None:
+    south.commanded.clear()
+    mine = point(operator, "south pump")
+    command = operator.post("/api/commands", {"point": mine["id"], "value": 1})
+    in_state(operator, command["id"], State.ACCEPTED_SELECTION)
+    path = f"/api/commands/{command['id']}"
+    with pytest.raises(AnswerError) as refused:
+        operator.post(f"{path}/execute")
+    assert refused.value.code == "second"
+    with pytest.raises(AnswerError) as refused:
+        site.client("vera").post(f"{path}/execute")
+    assert refused.value.code == "role"
+    assert not south.commanded
+    site.client("omar").post(f"{path}/execute")
+    in_state(operator, command["id"], State.EXECUTED_COMMAND)
+    assert south.commanded == [(2, 1)]
+    done = [(row["user"], row["action"]) for row in site.client("emil").get("/api/audit")[:9]]
+    assert {("omar", "release"), ("olga", "select")} <= set(done)
+
+
+def test_second_person_releases_what_knows_no_selection(site: Site, operator: Client, south: Station) -> None:
+    """Nothing is sent before; one that is cancelled is never sent."""
+    south.commanded.clear()
+    lamp = point(operator, "south lamp")["id"]
+    first = operator.post("/api/commands", {"point": lamp, "value": 1})
+    assert first["state"] == State.ACCEPTED_SELECTION
+    cancelled = operator.post(f"/api/commands/{first['id']}/cancel")
+    assert cancelled["state"] == State.INTERRUPTED_SELECTION
+    second = operator.post("/api/commands", {"point": lamp, "value": 0})
+    path = f"/api/commands/{second['id']}"
+    other = site.client("omar")
+    with pytest.raises(AnswerError):
+        operator.post(f"{path}/execute")
+    other.post(f"{path}/execute")
+    in_state(operator, second["id"], State.EXECUTED_COMMAND)
+    assert south.commanded == [(3, 0)]
+    with pytest.raises(AnswerError) as refused:
+        other.post(f"{path}/execute")
+    assert refused.value.code == "not_selected"
+
+
+def test_clock_of_a_station(stations: Stations, operator: Client, south: Station) -> None:
+    """An event that waited for long does not make it wrong."""
+    for ahead in (-7_200_000, 0, 90_000, -500):
+        stations.say(south, 4, M_ME_TF_1, measured(now_ms() + ahead, 1))
+
+    def clock() -> int:
+        return next(each["clock"] or 0 for each in operator.get("/api/stations") if each["name"] == "south")
+
+    until(lambda: clock() > 0, "an event that is ahead")
+    assert 0 <= 90_000 - clock() < 60_000  # of which the delay of a busy host is a part
 
 
 # ---- alarms --------------------------------------------------------------------------------------
@@ -256,6 +317,47 @@ def test_one_that_comes_and_goes_is_one_alarm(site: Site, stations: Stations, no
     assert not open_alarms(client, "state")
 
 
+def test_vehicle_in_an_area_and_out_of_one(site: Site, stations: Stations, north: Station) -> None:
+    """The area of another group is none of this one's."""
+    client = site.client("vera")
+    stations.say(north, 1, POSITION, position(now_ms(), 10.01, 10.01))
+    inside = until(lambda: open_alarms(client, "inside"), "it is on the island")
+    outside = open_alarms(client, "outside")
+    assert [alarm["area"] for alarm in inside + outside] == ["island", "land"]
+    stations.say(north, 1, POSITION, position(now_ms(), 10.03, 10.04, fix=0))  # nobody knows where it is
+    stations.say(north, 1, POSITION, position(now_ms(), 44.8, 20.5))
+    until(lambda: open_alarms(client, "inside")[0]["gone"], "it has left the island")
+    assert open_alarms(client, "outside")[0]["gone"]
+    for alarm in inside + outside:
+        site.client("olga").post(f"/api/alarms/{alarm['id']}/acknowledge")
+    names = [feature["properties"]["name"] for feature in client.get("/api/areas")["features"]]
+    assert names == ["island", "land", "elsewhere"]
+
+
+# ---- tracks --------------------------------------------------------------------------------------
+
+
+def test_track_with_one_place_of_each_step(site: Site, stations: Stations, north: Station) -> None:
+    """As replay asks for it. A place without a fix cuts it all the same."""
+    client, begin = site.client("vera"), now_ms() // 10_000 * 10_000 - 3_000_000
+    places = [position(begin + 1000 * i, 44 + i / 1000, 20, fix=int(i != 25)) for i in range(50)]
+    for place in places:
+        stations.say(north, 1, POSITION, place)
+    path = f"/api/tracks?from={begin}&to={begin + 50_000}"
+
+    def ways(**keys: int) -> list[list[str]]:
+        said = client.get(path + "".join(f"&{key}={value}" for key, value in keys.items()))
+        return [[text[17:19] for text in each["properties"]["times"]] for each in said["features"]]
+
+    until(lambda: sum(map(len, ways())) == 49, "all are stored")
+    assert [len(way) for way in ways()] == [25, 24]
+    assert [len(way) for way in ways(step=10_000)] == [3, 3]
+    _, octets = client.raw("GET", f"{path}&format=gpx&step=0")
+    assert octets.count(b"<trkpt") == 49
+    with pytest.raises(AnswerError):
+        ways(step=10**6)
+
+
 # ---- users ---------------------------------------------------------------------------------------
 
 
@@ -277,6 +379,89 @@ def test_nobody_does_what_the_role_does_not_allow(site: Site, user: str) -> None
             with pytest.raises(AnswerError) as refused:
                 client.raw(route.method, path)
             assert (refused.value.status, refused.value.code) == (403, "role"), route.path
+
+
+@pytest.fixture
+def stranger(site: Site) -> Iterator[Client]:
+    """An operator of the stations of another group."""
+    engineer = site.client("emil")
+    gas = {"name": "gary", "role": "operator", "password": PASSWORD, "groups": ["gas", "heat"]}
+    engineer.post("/api/users", gas)
+    assert (
+        next(each for each in engineer.get("/api/users") if each["name"] == "gary")["groups"] == gas["groups"]
+    )
+    yield site.client("gary")
+    engineer.raw("DELETE", "/api/users/gary")
+
+
+def test_station_of_another_group_is_not_there(
+    site: Site, stranger: Client, stations: Stations, north: Station
+) -> None:
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    operator = site.client("olga")
+    alarm = until(lambda: open_alarms(operator, "high"), "level is too high")[0]
+    pump = point(operator, "pump")
+    command = operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})["id"]
+    in_state(operator, command, State.EXECUTED_COMMAND)
+    for path in ("stations", "points", "events", "events?from=0", "alarms", "alarms?from=0", "commands"):
+        assert stranger.get(f"/api/{path}") == [], path
+        assert operator.get(f"/api/{path}") != [], path
+    for path in ("positions", "tracks?from=0"):
+        assert stranger.get(f"/api/{path}")["features"] == []
+        assert operator.get(f"/api/{path}")["features"] != []
+    assert len(stranger.raw("GET", "/api/events?from=0&format=csv")[1].splitlines()) == 1
+    assert [each["properties"]["name"] for each in stranger.get("/api/areas")["features"]] == [
+        "island", "land", "elsewhere",
+    ]  # fmt: skip
+    asks = [
+        ("GET", f"points/{pump['id']}/history"),
+        ("GET", f"tracks?point={point(operator, 'place')['id']}"),
+        ("GET", f"commands/{command}"),
+        ("POST", f"stations/{pump['station']}/interrogate"),
+        ("POST", f"commands/{command}/execute"),
+        ("POST", f"alarms/{alarm['id']}/acknowledge"),
+    ]
+    for method, path in asks:
+        with pytest.raises(AnswerError) as refused:
+            stranger.raw(method, f"/api/{path}")
+        assert refused.value.status in (404, 409), path
+    with pytest.raises(AnswerError) as refused:
+        stranger.post(f"/api/alarms/{alarm['id']}/shelve", {"minutes": 1})
+    assert refused.value.code == "gone"
+    with pytest.raises(AnswerError) as refused:
+        stranger.post("/api/commands", {"point": pump["id"], "value": 1})
+    assert refused.value.code == "unknown"
+    assert told(stranger, site.port, "stations") == {
+        "stations": [],
+        "points": [],
+        "alarms": [],
+        "commands": [],
+    }
+    assert told(operator, site.port, "stations")["stations"] != []
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    operator.post(f"/api/alarms/{alarm['id']}/acknowledge")
+
+
+def told(client: Client, port: int, view: str) -> dict[str, list[Any]]:
+    """What a page is told at first."""
+
+    async def listen() -> dict[str, Any]:
+        async with (
+            aiohttp.ClientSession(headers=client.headers) as session,
+            session.ws_connect(f"http://127.0.0.1:{port}/api/stream") as socket,
+        ):
+            await socket.send_json({"view": view})
+            return dict(await socket.receive_json())
+
+    said = asyncio.run(listen())
+    return {kind: said[kind] for kind in ("stations", "points", "alarms", "commands")}
+
+
+def test_who_manages_users_sees_all(site: Site) -> None:
+    scoped = {"name": "eva", "role": "engineer", "password": PASSWORD, "groups": ["gas"]}
+    with pytest.raises(AnswerError) as refused:
+        site.client("emil").post("/api/users", scoped)
+    assert refused.value.code == "groups"
 
 
 def test_another_sites_page_cannot_use_a_cookie(site: Site, operator: Client) -> None:

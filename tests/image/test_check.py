@@ -19,6 +19,8 @@ MAKEFILE = """\
 export BR2_VERSION := {version}
 %_defconfig:
 	sed '{lose}' $(BR2_EXTERNAL)/configs/$@ > $(O)/.config
+defconfig:
+	sed '{lose}' $(BR2_DEFCONFIG) > $(O)/.config
 savedefconfig:
 	sed '{save}' $(O)/.config > $(BR2_DEFCONFIG)
 show-info:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from image.checks import CHECKS, defconfigs, fragments, value_of
+from image.parts import completed
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ["Makefile", ".github", "board", "br2-external", "configs", "docs", "dts", "package", "patches"]
@@ -69,6 +70,14 @@ def replace(name: str, pattern: str, new: str) -> Plant:
         text, count = re.subn(pattern, new, file.read_text(encoding="utf-8"), count=1, flags=re.MULTILINE)
         assert count == 1, f"{name} has no {pattern}"
         file.write_text(text, encoding="utf-8")
+
+    return plant
+
+
+def in_two(text: str) -> Plant:
+    def plant(tree: Path) -> None:
+        for name in (GATEWAY, LTS):
+            append(name, text)(tree)
 
     return plant
 
@@ -147,6 +156,17 @@ FAULTS: list[tuple[str, Plant, str]] = [
     ("links", link_folder, "must be a folder"),
     ("common_part", append(GATEWAY, "BR2_PACKAGE_STRACE=y\n"), "BR2_PACKAGE_STRACE=y is not in every"),
     ("common_part", replace(GATEWAY, "^BR2_CCACHE=y\n", ""), "BR2_CCACHE=y is not in every"),
+    ("known", append("configs/parts/development.config", "BR2_PACKAGE_GBD=y\n"), "no symbol BR2_PACKAGE_GBD"),
+    ("form", append("configs/parts/system.config", "BR2_PACKAGE_GDB\n"), "malformed"),
+    (
+        "parts",
+        replace(GATEWAY, "^BR2_CCACHE=y\n", ""),
+        "common.config:6: nuc980_gateway_defconfig lacks BR2_CCACHE=y",
+    ),
+    ("parts", append("configs/parts/system.config", "BR2_PACKAGE_STRACE=y\n"), "lacks BR2_PACKAGE_STRACE=y"),
+    ("parts", replace(GATEWAY, "^# Parts: .*\n", ""), "which its head does not name"),
+    ("parts", replace(GATEWAY, "^(# Parts: .*)", r"\1 other"), "there is no"),
+    ("parts", in_two("BR2_PACKAGE_STRACE=y\n"), "it belongs into a part"),
     ("explained", append(GATEWAY, "BR2_PACKAGE_STRACE=y\n"), "does not explain BR2_PACKAGE_STRACE=y"),
     ("explained", replace(GATEWAY, "^BR2_CCACHE=y\n", ""), "explains BR2_CCACHE=y"),
     ("explained", replace(GATEWAY, "^BR2_CCACHE=y$", "# BR2_CCACHE is not set"), "explains BR2_CCACHE=y"),
@@ -216,3 +236,16 @@ def test_planted_fault_is_found(tree: Path, number: int) -> None:
 
 def test_every_check_has_its_fault() -> None:
     assert {name for name, _, _ in FAULTS} == set(BY_NAME)
+
+
+def test_parts_complete_the_defconfigs(tree: Path) -> None:
+    """A new line comes behind its neighbour, a new value in place of the old one."""
+    gateway = tree / GATEWAY
+    whole = gateway.read_text()
+    assert completed(gateway) == whole.splitlines()
+    replace(GATEWAY, "^BR2_CCACHE=y\n", "")(tree)
+    assert completed(gateway) == whole.splitlines()
+    replace("configs/parts/common.config", "^BR2_CCACHE=y$", "# BR2_CCACHE is not set")(tree)
+    assert "# BR2_CCACHE is not set" in completed(gateway)
+    gateway.write_text(whole)
+    assert "BR2_CCACHE=y" not in completed(gateway)

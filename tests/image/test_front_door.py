@@ -24,7 +24,9 @@ all:
 	printf '%s\\n' {" ".join(f"'{name} $({name})'" for name in SAID)} > $(O)/images/manifest.json
 %_defconfig:
 	mkdir -p $(O)
-	sed /^#.SPDX/d $(BR2_EXTERNAL)/configs/$@ > $(O)/.config
+	sed '/^#.SPDX/d; /^#.Parts/d' $(BR2_EXTERNAL)/configs/$@ > $(O)/.config
+defconfig:
+	cp $(BR2_DEFCONFIG) $(O)/.config
 savedefconfig:
 	cp $(O)/.config $(BR2_DEFCONFIG)
 include $(BR2_EXTERNAL)/external.mk
@@ -133,6 +135,19 @@ def test_changed_configuration_is_built_until_the_defconfig_is_newer(tree: Tree)
     os.utime(tree.folder / "configs" / "nuc980_gateway_defconfig", (soon, soon))
     assert tree.make_with_stand_in("image").returncode == 0
     assert "BR2_BY_MENUCONFIG=y" not in config.read_text()
+
+
+def test_image_for_development_is_beside_the_others(tree: Tree) -> None:
+    done = tree.make_with_stand_in("image-buildroot", "IMAGES=nuc980_gateway-development")
+    assert done.returncode == 0, done.stderr
+    assert [folder.name for folder in (tree.folder / "build").glob("nuc980*")] == [
+        "nuc980_gateway-development"
+    ]
+    config = tree.folder / "build/nuc980_gateway-development/.config"
+    assert config.read_text() == "".join(
+        (tree.folder / "configs" / name).read_text()
+        for name in ("nuc980_gateway_defconfig", "parts/development.config")
+    )
 
 
 @pytest.mark.parametrize("image", IMAGES)

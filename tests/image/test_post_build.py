@@ -139,3 +139,56 @@ def test_certificates_that_are_refused(target: Path, name: str, certificates: st
     done = build_site(target, name, certificates)
     assert done.returncode == 1
     assert why in done.stderr
+
+
+SERVER = "url https://updates.example:8443/DEFAULT/controller/v1\ntoken GatewayToken d1d2\n"
+
+
+def with_server(server: str = SERVER) -> dict[str, str]:
+    return {"update.pem": CERTIFICATE, "update-server.pem": CERTIFICATE, "update-server": server}
+
+
+def build_station(target: Path, files: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    site = target.parent / "station-7"
+    site.mkdir()
+    for name, text in files.items():
+        (site / name).write_text(text)
+    environment = {**os.environ, "SITE_SETTINGS": str(site)}
+    return subprocess.run([SCRIPT, target], env=environment, capture_output=True, text=True, check=False)
+
+
+def test_server_of_updates_is_placed_and_its_token_is_for_root(target: Path) -> None:
+    done = build_station(target, with_server())
+    assert (done.returncode, done.stderr) == (0, "")
+    placed = target / "etc/openrtu/update-server"
+    assert placed.read_text() == SERVER
+    assert placed.stat().st_mode & 0o777 == 0o600
+    assert (target / "etc/openrtu/update-server.pem").read_text() == CERTIFICATE
+
+
+@pytest.mark.parametrize("lacks", ["update.pem", "update-server.pem"])
+def test_server_of_updates_needs_certificates(target: Path, lacks: str) -> None:
+    done = build_station(target, {name: text for name, text in with_server().items() if name != lacks})
+    assert done.returncode == 1
+    assert f"{target.parent}/station-7/update-server: " in done.stderr
+    assert lacks in done.stderr
+
+
+@pytest.mark.parametrize(
+    "server",
+    [
+        "",
+        SERVER.replace("https", "http"),
+        SERVER.replace("/DEFAULT/controller/v1", ""),
+        SERVER.replace("d1d2", "d1 d2"),
+        SERVER.replace("GatewayToken", "Basic"),
+        SERVER.partition("\n")[2],
+        SERVER + SERVER,
+        SERVER + "id 7\n",
+        SERVER.replace("updates.", "user@updates."),
+    ],
+)
+def test_what_is_no_server_of_updates_is_refused(target: Path, server: str) -> None:
+    done = build_station(target, with_server(server))
+    assert done.returncode == 1
+    assert "station-7/update-server: " in done.stderr

@@ -72,6 +72,7 @@ def test_users_are_those_of_the_buildroot_package(etc: Path) -> None:
     assert {row[0]: (row[2], row[3], row[6]) for row in rows} == {
         "openrtu": ("61200", "61200", "/bin/false"),
         "rtu-iec104": ("61201", "61200", "/bin/false"),
+        "rtu-104m": ("61214", "61200", "/bin/false"),
         "rtu-modbus": ("61203", "61200", "/bin/false"),
         "rtu-snmp": ("61216", "61200", "/bin/false"),
         "rtu-gps": ("61215", "61200", "/bin/false"),
@@ -157,10 +158,21 @@ def test_start_scripts_are_programs() -> None:
 
 def test_table_can_be_read() -> None:
     table = read_table(TABLE)
-    least = set(table.packages(tls=False, update=False))
+    least = set(table.packages(tls=False, update=False, pull=False))
     assert "libc6" in least
-    assert set(table.packages(tls=True, update=False)) - least == {"libatomic1", "libssl3"}
-    assert set(table.packages(tls=False, update=True)) - least == {"libatomic1", "libconfig9", "libssl3"}
+    assert set(table.packages(tls=True, update=False, pull=False)) - least == {"libatomic1", "libssl3"}
+    assert set(table.packages(tls=False, update=True, pull=False)) - least == {
+        "libatomic1",
+        "libconfig9",
+        "libssl3",
+    }
+    assert set(table.packages(tls=False, update=False, pull=True)) - least == {
+        "jq",
+        "libatomic1",
+        "libjq1",
+        "libonig5",
+        "libssl3",
+    }
 
 
 @pytest.mark.parametrize("text", ["", "hostname = ", 'hostname = "a"\nlibraries = 3\n'])
@@ -174,7 +186,13 @@ def test_unusable_table_is_said(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "asks"), [('{"port": [], "tls": {}}', True), ('{"port": []}', False), ('["tls"]', False)]
+    ("text", "asks"),
+    [
+        ('{"outstations_tls": {}}', True),
+        ('{"port": [], "tls": {}}', True),
+        ('{"port": []}', False),
+        ('["tls"]', False),
+    ],
 )
 def test_site_with_tls_gets_openssl(tmp_path: Path, text: str, asks: bool) -> None:
     (tmp_path / "config.json").write_text(text)

@@ -15,8 +15,8 @@
 #include "trace.h"
 
 #define CLIENTS_MAX    8
-#define COMMAND_SIZE   512
-#define WORDS_MAX      64
+#define COMMAND_SIZE   2048
+#define WORDS_MAX      386 /* of what is said at once: a burst of a GPS receiver */
 #define SET_VALUES_MAX 32
 #define OUTPUT_SIZE    (8 * 1024 * 1024) /* what a client may leave unread before it is put out */
 #define DELAY_MAX_MS   60000

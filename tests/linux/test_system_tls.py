@@ -158,7 +158,7 @@ def test_plain_image_has_no_openssl() -> None:
     def names(parts: Path) -> set[str]:
         return {file.name for file in (parts / "root").rglob("*")}
 
-    only_with_tls = {"rtu-iec104-tls", "libssl.so.3", "libcrypto.so.3", "libatomic.so.1"}
+    only_with_tls = {"rtu-iec104-tls", "rtu-104m-tls", "libssl.so.3", "libcrypto.so.3", "libatomic.so.1"}
     assert only_with_tls <= names(IMAGE.with_name(f"{IMAGE.name}.parts"))
     assert not only_with_tls & names(ROOT / "build/system.parts")
     assert "libssl3 " in (ROOT / "build/system-site-tls.parts/versions").read_text()

@@ -24,6 +24,7 @@ commonName = supplied
 """
 DATE = "%Y%m%d%H%M%SZ"
 STATION_USER = 61201  # rtud's user for rtu-iec104, when it runs as root
+OUTSTATIONS_USER = 61214  # the same for rtu-104m
 
 
 def openssl(*arguments: str | Path, folder: Path | None = None) -> str:
@@ -32,11 +33,11 @@ def openssl(*arguments: str | Path, folder: Path | None = None) -> str:
     return run.stdout
 
 
-def give_to_station(key: Path) -> None:
-    """The station alone may read it."""
+def give_to_station(key: Path, user: int = STATION_USER) -> None:
+    """The station alone may read it, or another module."""
     key.chmod(0o400)
     if os.geteuid() == 0:
-        os.chown(key, STATION_USER, STATION_USER)
+        os.chown(key, user, user)
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,8 @@ class Ask(IntEnum):
     COUNTERS = 6
     READ = 7
     SET_CLOCK = 8
+    TEST = 9
+    RESET = 10
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ const PRIORITIES = { 1: ["bad", "high"], 2: ["old", "medium"], 3: ["none", "low"
 const SHELVED_MIN = 60;
 const CAUSES_OF_EVENTS = { 3: "spontaneous", 11: "remote", 12: "local", 20: "interrogated" };
 const INVALID = 128;
+const ACCEPTED = 2; // state of a command
 let sound = false;
 let names = new Map(); // points of all stations: alarms name them
 
@@ -25,7 +26,8 @@ function pointName(id) {
 function words(alarm) {
   const point = names.get(alarm.point);
   const value = point ? `${valueText(point, alarm.value)} ${point.unit}`.trim() : number(alarm.value ?? 0);
-  return t(`alarm_${alarm.kind}`, { n: alarm.value, ca: alarm.ca, point: pointName(alarm.point), value });
+  const name = live.stations.get(alarm.station)?.name ?? "";
+  return t(`alarm_${alarm.kind}`, { n: alarm.value, ca: alarm.ca, point: pointName(alarm.point), value, area: alarm.area, name });
 }
 
 function beep() {
@@ -139,6 +141,15 @@ function stationName(id) {
   return live.stations.get(id)?.name ?? "";
 }
 
+// A command of somebody else that waits for this user.
+function toRelease(command) {
+  if (command.state !== ACCEPTED || !command.release || command.user === live.session.user || !live.may("operator")) return [];
+  const said = h("span", { class: "error", role: "alert" });
+  const doing = (what) => live.ask(`commands/${command.id}/${what}`, {}).then(() => said.parentElement?.querySelectorAll("button").forEach((each) => each.remove()))
+    .catch((refused) => setText(said, t(refused.code) === refused.code ? refused.message : t(refused.code)));
+  return [h("button", { class: "small main", onclick: () => doing("execute") }, t("release")), h("button", { class: "small", onclick: () => doing("cancel") }, t("cancel")), said];
+}
+
 const TABS = {
   alarms: alarmTable,
   events: (place) => list(place, "events", ["time", "station", "name", "value", "quality", "cause"],
@@ -154,13 +165,13 @@ const TABS = {
       const point = names.get(command.point);
       const ended = [3, 5, 8, 9].includes(command.state);
       return [time(command.begun, true), command.user, stationName(point?.station), pointName(command.point), point ? valueText(point, command.value) : number(command.value),
-        state(ended ? fate(command).kind : "none", stateText(command))];
+        h("span", { class: "row" }, state(ended ? fate(command).kind : "none", stateText(command)), ...toRelease(command))];
     })),
   audit: (place) => list(place, "audit", ["time", "user_name", "action", "detail"], [],
     async () => (await live.ask("audit")).map((row) => [time(row.at, true), row.user, row.action, row.detail])),
 };
 
-export function showAlarms(main) {
+export function showAlarms(main, _number, tab) {
   const page = h("div", { class: "page" });
   const place = h("div");
   const shown = Object.keys(TABS).filter((name) => name !== "audit" || live.may("engineer"));
@@ -175,7 +186,7 @@ export function showAlarms(main) {
     end = TABS[name](place);
   }
   live.look({ view: "alarms" });
-  show("alarms");
+  show(shown.includes(tab) ? tab : "alarms");
   learnNames().catch(() => {});
   return () => end();
 }

@@ -92,7 +92,7 @@ export function commandDialogue(pointId) {
     if (command && (next.id !== command.id || next.changed < command.changed || next.state === command.state || ENDED.includes(command.state))) return;
     command = next;
     step(stateText(command), command.changed);
-    if (command.state === ACCEPTED) end.replaceChildren(h("div", { class: "muted" }, t("still_selected")));
+    if (command.state === ACCEPTED) end.replaceChildren(h("div", { class: "muted" }, t(command.release ? "wait_release" : "still_selected")));
     else if (ENDED.includes(command.state)) end.replaceChildren(outcome(fate(command)));
     else end.replaceChildren();
   }
@@ -107,7 +107,7 @@ export function commandDialogue(pointId) {
     for (const each of choice.children) each.disabled = Boolean(command);
     setText(cancel, t(selected ? "cancel" : "close"));
     setText(go, t(selected ? "execute" : first.selects && !command ? "select" : "send"));
-    go.hidden = Boolean(ended || running);
+    go.hidden = Boolean(ended || running || (selected && command.release));
     go.disabled = busy || value === null;
     cancel.disabled = busy;
   }

@@ -9,6 +9,7 @@ import { showStations } from "./stations.js";
 import { chosen, LANGUAGES, speak, t, time } from "./words.js";
 
 const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations };
+const ACCEPTED = 2; // state of a command
 let leave = () => {};
 
 function theme(name) {
@@ -84,6 +85,7 @@ async function enter() {
 
 function frame() {
   leave();
+  const release = h("a", { class: "asks", href: "#alarms/commands", role: "alert", hidden: true });
   const banner = h("div", { class: "banner", role: "alert", hidden: true });
   const count = h("span", { class: "count", hidden: true });
   const clock = h("span", { class: "clock" });
@@ -96,7 +98,7 @@ function frame() {
       h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("span", {}, "OpenRTU")),
       h("nav", {}, ...links),
       h("div", { class: "tools" }, clock, languages(frame), themeButton(), user)),
-    banner, main);
+    banner, release, main);
 
   let end = () => {};
   const go = () => {
@@ -107,10 +109,13 @@ function frame() {
     document.title = `${t(view)} · ${t("title")}`;
     main.className = `${view}-view`;
     main.replaceChildren();
-    end = VIEWS[view](main, Number(argument) || 0);
+    end = VIEWS[view](main, Number(argument) || 0, argument);
   };
   const state = () => {
     const { connected, collects, fault } = live.centre;
+    const waits = [...live.commands.values()].filter((command) => command.release && command.state === ACCEPTED && command.user !== live.session.user);
+    release.hidden = !waits.length || !live.may("operator");
+    setText(release, t("waits_release", { n: waits.length, by: waits[0]?.user }));
     const text = !connected ? t("disconnected") : fault ? t("store_fault", { fault }) : !collects ? t("no_collector") : "";
     setText(banner, text);
     banner.hidden = !text;

@@ -4,12 +4,15 @@ import * as maplibre from "../vendor/maplibre-gl.mjs";
 import { fill, h, Rows, setText, SHAPES, state } from "./dom.js";
 import * as live from "./live.js";
 import { quality, stationState } from "./quality.js";
+import { Replay } from "./replay.js";
+import { readTiles, tileLayers } from "./tiles.js";
 import { age, t, time } from "./words.js";
 
 maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
 
 const TRACK_MS = 5000; // a track is asked for again no more often
 const SIZE = 44; // of a symbol: two for each pixel
+const METRES_A_DEGREE = 111195;
 const FONT = ["sans-serif"];
 
 function colour(name) {
@@ -48,14 +51,15 @@ function source(data) {
 
 const EMPTY = { type: "FeatureCollection", features: [] };
 
-function style() {
+function style(own) {
   const label = (size) => ({ "text-font": FONT, "text-size": size });
+  const areaColour = ["case", ["==", ["get", "alarm"], ""], colour("muted"), colour("bad")];
   const halo = { "text-halo-color": colour("panel"), "text-halo-width": 1.6 };
   return {
     version: 8,
     sources: {
       land: source("map/land.json"), borders: source("map/borders.json"), names: source("map/names.json"),
-      track: source(EMPTY), marks: source(EMPTY),
+      ...(own ? { own: own.source } : {}), areas: source(EMPTY), track: source(EMPTY), marks: source(EMPTY),
     },
     layers: [
       { id: "sea", type: "background", paint: { "background-color": colour("sea") } },
@@ -64,6 +68,10 @@ function style() {
       { id: "names", type: "symbol", source: "names", minzoom: 2, maxzoom: 8,
         layout: { ...label(12), "text-field": ["get", "name"], "text-letter-spacing": 0.08, "text-max-width": 7 },
         paint: { "text-color": colour("muted"), "text-halo-color": colour("land"), "text-halo-width": 1, "text-opacity": 0.8 } },
+      ...(own ? tileLayers(own, colour, FONT) : []),
+      { id: "areas", type: "fill", source: "areas", paint: { "fill-color": areaColour, "fill-opacity": 0.1 } },
+      { id: "area-borders", type: "line", source: "areas", paint: { "line-color": areaColour, "line-width": 1.5, "line-dasharray": [3, 2] } },
+      { id: "area-names", type: "symbol", source: "areas", layout: { ...label(12), "text-field": ["get", "label"] }, paint: { "text-color": areaColour, ...halo } },
       { id: "track", type: "line", source: "track", layout: { "line-cap": "round", "line-join": "round" },
         paint: { "line-color": colour("accent"), "line-width": 3, "line-opacity": 0.85 } },
       { id: "marks", type: "symbol", source: "marks",
@@ -72,6 +80,23 @@ function style() {
         paint: { "text-color": colour("text"), ...halo } },
     ],
   };
+}
+
+// A circle is drawn as a ring; what makes an alarm is told by a word, too.
+function areaFeature({ properties, geometry }) {
+  const word = properties.alarm ? `\n${t(`area_${properties.alarm}`)}` : "";
+  let shape = geometry;
+  if (geometry.type === "Point") {
+    const [longitude, latitude] = geometry.coordinates;
+    const north = properties.radius_m / METRES_A_DEGREE;
+    const east = north / Math.max(0.01, Math.cos((latitude * Math.PI) / 180));
+    const ring = Array.from({ length: 65 }, (_, n) => {
+      const angle = (n * Math.PI) / 32;
+      return [longitude + east * Math.cos(angle), latitude + north * Math.sin(angle)];
+    });
+    shape = { type: "Polygon", coordinates: [ring] };
+  }
+  return { type: "Feature", properties: { ...properties, label: properties.name + word }, geometry: shape };
 }
 
 // Everything that has a place: {id, name, kind, word, at, lngLat, point?}
@@ -90,8 +115,8 @@ function places() {
   return found.sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
 }
 
-function feature(place) {
-  const label = place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(live.now() - place.at)}`;
+function feature(place, now) {
+  const label = place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(now - place.at)}`;
   return { type: "Feature", properties: { id: place.id, icon: `${place.kind}${place.fixed ? "-fixed" : ""}`, label },
     geometry: { type: "Point", coordinates: place.lngLat } };
 }
@@ -102,10 +127,12 @@ export function showMap(main) {
   const about = h("section", { class: "about", hidden: true });
   const list = h("ul", { class: "list" });
   const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
-  const all = h("button", { onclick: () => showAll() }, t("whole_map"));
+  const all = h("button", { class: "grow", onclick: () => showAll() }, t("whole_map"));
+  const replay = new Replay(() => update());
+  const again = h("button", { class: "grow", onclick: () => replay.open(Number(chosen.id.slice(1))) }, t("replay"));
   main.append(
-    h("div", { class: "side" }, h("div", { class: "top" }, search, all), list),
-    h("div", { class: "map" }, canvas, legend, about));
+    h("div", { class: "side" }, h("div", { class: "top" }, search, h("div", { class: "row" }, all, again)), list),
+    h("div", { class: "map" }, canvas, legend, about, replay.element));
 
   const map = new maplibre.Map({ container: canvas, style: style(), center: [15, 47], zoom: 3.2, attributionControl: false,
     dragRotate: false, pitchWithRotate: false, maxZoom: 17, renderWorldCopies: true });
@@ -117,6 +144,9 @@ export function showMap(main) {
 
   const drawn = new Map(); // by id: what the map has, as text
   const chosen = { id: "", follow: false, asked: 0, at: 0 };
+  const clock = () => (replay.active ? replay.at : live.now());
+  const found = () => (replay.active ? replay.places() : places());
+  let areas = [];
   let shown = false;
   let ready = false;
 
@@ -130,25 +160,26 @@ export function showMap(main) {
     }
     drawn.clear();
     ready = true;
-    draw(places());
+    map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
+    draw(found());
     chosen.asked = 0;
     track();
   }
 
   // Only what differs goes to the map: 10 000 markers that stand still cost nothing.
-  function draw(found) {
+  function draw(all) {
     if (!ready) return;
     const marks = map.getSource("marks");
     if (!drawn.size) {
-      const features = found.map(feature);
+      const features = all.map((place) => feature(place, clock()));
       features.forEach((each) => drawn.set(each.properties.id, JSON.stringify(each)));
       marks.setData({ type: "FeatureCollection", features });
       return;
     }
     const difference = { add: [], remove: [], update: [] };
     const here = new Set();
-    for (const place of found) {
-      const each = feature(place);
+    for (const place of all) {
+      const each = feature(place, clock());
       const text = JSON.stringify(each);
       here.add(place.id);
       const before = drawn.get(place.id);
@@ -163,14 +194,14 @@ export function showMap(main) {
   }
 
   function showAll() {
-    const found = places();
-    if (!found.length) return;
+    const all = found();
+    if (!all.length) return;
     const bounds = new maplibre.LngLatBounds();
-    found.forEach((place) => bounds.extend(place.lngLat));
+    all.forEach((place) => bounds.extend(place.lngLat));
     chosen.follow = false;
     map.fitBounds(bounds, { padding: { top: 60, bottom: 90, left: 60, right: 70 }, maxZoom: 12, animate: shown });
     shown = true;
-    showChosen(found);
+    showChosen(all);
   }
 
   // ---- the chosen one ----
@@ -184,7 +215,7 @@ export function showMap(main) {
       update(place) {
         setText(name, place.name);
         fill(word, place.kind + place.word, () => state(place.kind, place.word));
-        setText(more, place.at ? `${time(place.at)} · ${age(live.now() - place.at)}` : "–");
+        setText(more, place.at ? `${time(place.at)} · ${age(clock() - place.at)}` : "–");
         button.setAttribute("aria-pressed", String(chosen.id === id));
       },
     };
@@ -192,7 +223,7 @@ export function showMap(main) {
 
   function choose(id) {
     Object.assign(chosen, { id, follow: false, asked: 0 });
-    const place = places().find((each) => each.id === id);
+    const place = found().find((each) => each.id === id);
     if (place) map.easeTo({ center: place.lngLat, zoom: Math.max(map.getZoom(), 10), duration: 400 });
     about.dataset.of = "";
     update();
@@ -202,8 +233,8 @@ export function showMap(main) {
   const follow = h("button", { class: "small", onclick: () => { chosen.follow = !chosen.follow; update(); } });
   const trackText = h("span", { class: "muted" });
 
-  function showChosen(found) {
-    const place = found.find((each) => each.id === chosen.id);
+  function showChosen(all) {
+    const place = all.find((each) => each.id === chosen.id);
     about.hidden = !place;
     if (!place) return;
     if (about.dataset.of !== place.id) {
@@ -216,8 +247,8 @@ export function showMap(main) {
           : [h("a", { href: `#points/${place.id.slice(1)}` }, t("points_of", { station: place.name }))]));
     }
     const said = [[t("quality"), () => state(place.kind, place.word), place.kind + place.word], [t("time"), time(place.at)],
-      [t("age"), place.at ? age(live.now() - place.at) : "–"], [t("latitude"), `${place.lngLat[1].toFixed(6)}°`], [t("longitude"), `${place.lngLat[0].toFixed(6)}°`]];
-    if (place.point) said.push([t("altitude"), `${place.point.altitude.toFixed(0)} m`], [t("satellites"), String(place.point.satellites)]);
+      [t("age"), place.at ? age(clock() - place.at) : "–"], [t("latitude"), `${place.lngLat[1].toFixed(6)}°`], [t("longitude"), `${place.lngLat[0].toFixed(6)}°`]];
+    if (place.point && !replay.active) said.push([t("altitude"), `${place.point.altitude.toFixed(0)} m`], [t("satellites"), String(place.point.satellites)]);
     while (facts.children.length > 2 * said.length) facts.lastChild.remove();
     said.forEach(([name, value, key], number) => {
       if (facts.children.length <= 2 * number) facts.append(h("dt"), h("dd"));
@@ -237,6 +268,12 @@ export function showMap(main) {
   }
 
   async function track() {
+    if (ready && replay.active) {
+      Object.assign(chosen, { asked: 0 });
+      map.getSource("track").setData(replay.way(chosen.id));
+      setText(trackText, "");
+      return;
+    }
     const point = live.points.get(Number(chosen.id.slice(1)));
     if (!ready || !chosen.id.startsWith("p") || !point) {
       if (!chosen.id.startsWith("p")) clearTrack();
@@ -245,21 +282,21 @@ export function showMap(main) {
     if (Date.now() - chosen.asked < TRACK_MS || (chosen.asked && point.at === chosen.at)) return;
     Object.assign(chosen, { asked: Date.now(), at: point.at });
     const { id } = chosen;
-    const found = await live.ask(`tracks?point=${point.id}`).catch(() => null);
-    if (!found || chosen.id !== id) return;
-    map.getSource("track").setData(found);
-    const gaps = found.features.length - 1;
+    const ways = await live.ask(`tracks?point=${point.id}`).catch(() => null);
+    if (!ways || chosen.id !== id || replay.active) return;
+    map.getSource("track").setData(ways);
+    const gaps = ways.features.filter((each) => !each.properties.goes_on).length - 1;
     setText(trackText, gaps < 0 ? t("track_empty") : gaps ? `${t("track_hour")}, ${t("gaps", { n: gaps })}` : t("track_hour"));
   }
 
   function update() {
-    const found = places();
-    if (!shown && found.length && ready) showAll();
-    draw(found);
+    const all = found();
+    if (!shown && all.length && ready) showAll();
+    draw(all);
     const words = search.value.toLocaleLowerCase();
-    const fitting = found.filter((place) => place.name.toLocaleLowerCase().includes(words));
+    const fitting = all.filter((place) => place.name.toLocaleLowerCase().includes(words));
     rows.show(fitting.map((place) => [place.id, place]));
-    showChosen(found);
+    showChosen(all);
     track();
   }
 
@@ -271,13 +308,29 @@ export function showMap(main) {
   map.on("movestart", (event) => { if (event.originalEvent) shown = true; }); // the user's place is kept
   map.on("dragstart", () => { if (chosen.follow) { chosen.follow = false; update(); } });
   search.addEventListener("input", update);
-  const themed = () => { ready = false; map.setStyle(style(), { diff: false }); map.once("style.load", dress); };
+  let own = null; // the map of one's own
+  let gone = false;
+  const themed = () => { ready = false; map.setStyle(style(own), { diff: false }); map.once("style.load", dress); };
   addEventListener("theme", themed);
   const unwatch = live.watch(update);
   const tick = setInterval(update, 1000);
   live.look({ view: "map" });
+  if (live.session.tiles) {
+    readTiles(maplibre).then((said) => {
+      if (gone) return;
+      own = said;
+      if (said.attribution) map.addControl(new maplibre.AttributionControl({ customAttribution: said.attribution, compact: false }), "bottom-right");
+      themed();
+    }).catch((error) => console.warn(`map/own.pmtiles: ${error.message}`));
+  }
+  live.ask("areas").then((said) => {
+    areas = said.features.map(areaFeature);
+    if (ready) map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
+  }).catch(() => {});
   return () => {
     unwatch();
+    gone = true;
+    replay.close();
     clearInterval(tick);
     removeEventListener("theme", themed);
     map.remove();

@@ -11,6 +11,15 @@ const REASONS = ["", "not an APDU", "ASDU too short", "N(S) out of sequence", "N
   "too many requests", "taken over", "gave way", "not secure", "closed by the station", "closed by the centre", "t1: STARTDT", "started by the station"];
 const ERRORS = { 111: "connection refused", 110: "timed out", 113: "no route to host", 101: "network unreachable", 104: "connection reset" };
 
+const CLOCK_WRONG_MS = 5000;
+
+// Of a station's clock: what it is ahead, or behind with a sign.
+function ahead(ms) {
+  if (ms === null) return "–";
+  const size = Math.abs(ms);
+  return `${ms < 0 ? "−" : "+"}${size < 60000 ? `${(size / 1000).toFixed(1)} s` : age(size)}`;
+}
+
 function reason(station) {
   if (station.link === UP || !station.link) return "";
   return station.reason ? REASONS[station.reason] ?? String(station.reason) : ERRORS[station.error] ?? (station.error ? `errno ${station.error}` : "");
@@ -21,7 +30,7 @@ export function showStations(main) {
   const none = h("div");
   const said = h("p", { class: "error", role: "alert" });
   const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
-  const headings = [["station"], ["group", "clutter"], ["link"], ["since"], ["reason", "clutter"], ["heard"], ["records", "number clutter"], ["sessions", "number clutter"], [""]];
+  const headings = [["station"], ["group", "clutter"], ["link"], ["since"], ["reason", "clutter"], ["heard"], ["clock", "number clutter"], ["records", "number clutter"], ["sessions", "number clutter"], [""]];
   const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => h("th", { class: kind ?? "" }, key ? t(key) : "")))), body);
   main.append(h("div", { class: "page" }, h("section", { class: "card" },
     h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), said, search), h("div", { class: "scroll" }, table), none)));
@@ -37,9 +46,9 @@ export function showStations(main) {
 
   const rows = new Rows(body, (id) => {
     const name = h("a", { href: `#points/${id}` });
-    const [group, link, since, why, heard, records, sessions, act] = ["clutter", "", "time", "clutter muted", "time", "number clutter", "number clutter", "act"].map((kind) => h("td", { class: kind }));
+    const [group, link, since, why, heard, clock, records, sessions, act] = ["clutter", "", "time", "clutter muted", "time", "number clutter", "number clutter", "number clutter", "act"].map((kind) => h("td", { class: kind }));
     return {
-      element: h("tr", {}, h("td", {}, name), group, link, since, why, heard, records, sessions, act),
+      element: h("tr", {}, h("td", {}, name), group, link, since, why, heard, clock, records, sessions, act),
       update(station) {
         setText(name, station.name);
         setText(group, station.group);
@@ -48,6 +57,8 @@ export function showStations(main) {
         setText(since, station.since ? age(live.now() - station.since) : "–");
         setText(why, reason(station));
         setText(heard, station.heard ? `${time(station.heard)}` : "–");
+        const wrong = Math.abs(station.clock ?? 0) >= CLOCK_WRONG_MS;
+        fill(clock, `${station.clock}`, () => (wrong ? state("old", ahead(station.clock)) : [ahead(station.clock)]));
         setText(records, String(station.records));
         setText(sessions, String(station.sessions));
         const can = station.link === UP && live.may("operator");

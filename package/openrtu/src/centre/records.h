@@ -115,6 +115,8 @@ enum centre_request_kind {
 	CENTRE_COUNTERS,    /* qualifier: QCC */
 	CENTRE_READ,
 	CENTRE_SET_CLOCK,
+	CENTRE_TEST_COMMAND, /* value: the 16 bits that the station mirrors */
+	CENTRE_RESET,        /* qualifier: QRP */
 };
 
 enum centre_request_flag {

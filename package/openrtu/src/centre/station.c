@@ -673,6 +673,10 @@ static uint32_t post_order(struct centre_station *station, const struct centre_r
 							       now);
 	case CENTRE_READ:
 		return iec104_controlling_read(controlling, request->ca, request->ioa, now);
+	case CENTRE_TEST_COMMAND:
+		return iec104_controlling_test(controlling, request->ca, (uint16_t)request->value.u, now);
+	case CENTRE_RESET:
+		return iec104_controlling_reset(controlling, request->ca, request->qualifier, now);
 	default:
 		return iec104_controlling_set_clock(controlling, request->ca, now);
 	}

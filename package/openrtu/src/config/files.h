@@ -8,6 +8,7 @@
 
 #include <sys/types.h>
 
+#include "config/index.h"
 #include "config/keys.h"
 #include "map/config.h"
 
@@ -56,6 +57,7 @@ struct config_loader {
 	uint32_t sets_max, points_max; /* that the parts can add at most */
 	struct config_scanner scanners[CONFIG_SCANNERS_MAX];
 	uint32_t scanner_count;
+	struct config_index index; /* of the points */
 };
 
 /* An array of zeros, of at least one element, so that NULL means no memory. */

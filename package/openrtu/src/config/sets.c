@@ -21,25 +21,19 @@ struct map_set *config_add_set(struct config_loader *loader, const struct config
 	return set;
 }
 
-static void check_name(struct config_loader *loader, const struct config_place *place, const char *name)
+/* What the points before it have. Without memory for that, nothing is found, and the file is not good. */
+static void check_point(struct config_loader *loader, const struct config_place *place, const char *name,
+			uint32_t ioa)
 {
-	char other[MAP_NAME_SIZE];
+	const struct map_config *config = loader->config;
 
-	for (uint32_t i = 0; i < loader->config->point_count; i++) {
-		map_point_name(loader->config, &loader->config->points[i], other);
-		if (strcmp(other, name) == 0)
-			config_error(&loader->report, place,
-				     "needs the name \"%s\", but another point has it", name);
-	}
-}
-
-static void check_ioa(struct config_loader *loader, const struct config_place *place,
-		      const struct map_set *set, uint32_t ioa)
-{
-	for (uint32_t i = set->first_point; i < loader->config->point_count; i++)
-		if (loader->config->points[i].ioa == ioa)
-			config_error(&loader->report, place,
-				     "%u is the information object address of another of its points", ioa);
+	if (!config_index_renew(&loader->index, config))
+		config_out_of_memory(&loader->report);
+	if (config_index_name(&loader->index, config, name) != UINT32_MAX)
+		config_error(&loader->report, place, "needs the name \"%s\", but another point has it", name);
+	if (config_index_ioa(&loader->index, config, config->set_count - 1, ioa) != UINT32_MAX)
+		config_error(&loader->report, place,
+			     "%u is the information object address of another of its points", ioa);
 }
 
 struct map_point *config_add_point(struct config_loader *loader, const struct config_place *place,
@@ -49,8 +43,7 @@ struct map_point *config_add_point(struct config_loader *loader, const struct co
 	struct map_set *set = &config->sets[config->set_count - 1];
 	struct map_point *point = &config->points[config->point_count];
 
-	check_name(loader, place, name);
-	check_ioa(loader, place, set, ioa);
+	check_point(loader, place, name, ioa);
 	*point =
 	    (struct map_point){.set = (uint16_t)(config->set_count - 1), .type = (uint8_t)type, .ioa = ioa};
 	config_keep_name(config, point, name);

@@ -9,24 +9,34 @@
 #include "config/names.h"
 #include "config/sets.h"
 #include "config/zone.h"
+#include "iec104/config_readers.h"
+#include "iec104/geoposition.h"
 #include "iec104/outstations.h"
 
 #define SECONDS_OF_2_DAYS 172800
 #define PORT_PLAIN        2404
+#define PORT_TLS          19998
 #define PERIOD_MAX_S      604800 /* a week */
 #define WAIT_MAX_MS       3600000
 #define CA_MAX            65534
 #define IOA_MAX           16777215
+#define IOA_BITS          24
 #define COUNT_MAX         1000
 #define STEP_LOW          (-64)
 #define STEP_HIGH         63
 
-static const struct config_rule file_rule = {"outstations", CONFIG_ARRAY, .high = IEC104_OUTSTATIONS_MAX};
+enum { FILE_OUTSTATIONS, FILE_TLS, FILE_KEYS };
+static const struct config_rule file_rules[FILE_KEYS] = {
+    [FILE_OUTSTATIONS] = {"outstations", CONFIG_ARRAY, .high = IEC104_OUTSTATIONS_MAX},
+    [FILE_TLS] = {"outstations_tls", CONFIG_OBJECT},
+};
 
 enum {
 	OUTSTATION_NAME,
 	OUTSTATION_ADDRESSES,
 	OUTSTATION_PORT,
+	OUTSTATION_SECURE,
+	OUTSTATION_CERTIFICATE,
 	OUTSTATION_K,
 	OUTSTATION_W,
 	OUTSTATION_T1,
@@ -44,6 +54,7 @@ enum {
 	OUTSTATION_INTERROGATION,
 	OUTSTATION_COUNTERS,
 	OUTSTATION_CLOCK,
+	OUTSTATION_POSITION_TYPE,
 	OUTSTATION_SETS,
 	OUTSTATION_KEYS
 };
@@ -53,6 +64,8 @@ static const struct config_rule outstation_rules[OUTSTATION_KEYS] = {
     [OUTSTATION_ADDRESSES] = {"addresses", CONFIG_ARRAY, .required = true,
 			      .high = IEC104_OUTSTATION_LINKS_MAX},
     [OUTSTATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
+    [OUTSTATION_SECURE] = {"secure", CONFIG_BOOLEAN},
+    [OUTSTATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = IEC104_TLS_MASTER_SIZE - 1},
     [OUTSTATION_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
     [OUTSTATION_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
     [OUTSTATION_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
@@ -74,6 +87,8 @@ static const struct config_rule outstation_rules[OUTSTATION_KEYS] = {
     [OUTSTATION_INTERROGATION] = {"interrogation_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
     [OUTSTATION_COUNTERS] = {"counters_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
     [OUTSTATION_CLOCK] = {"clock_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
+    [OUTSTATION_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = IEC104_PRIVATE_FIRST,
+				  .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION},
     [OUTSTATION_SETS] = {"sets", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_SETS_MAX},
 };
 
@@ -84,9 +99,10 @@ static const struct config_rule set_rules[SET_KEYS] = {
     [SET_POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_POINTS_MAX},
 };
 
-/* Those that the standard has, in the order of enum map_type. */
+/* Those that the standard has, in the order of enum map_type, and a position. */
 static const char *const types[] = {"single", "double", "step",    "bitstring", "normalized",
-				    "scaled", "float",  "counter", NULL};
+				    "scaled", "float",  "counter", "position",  NULL};
+#define POSITION (MAP_COUNTER + 1)
 _Static_assert(MAP_SINGLE == 0 && MAP_BITSTRING == 3 && MAP_COUNTER == 7, "in the order of enum map_type");
 
 enum {
@@ -96,6 +112,7 @@ enum {
 	POINT_REMOTE_IOA,
 	POINT_COUNT,
 	POINT_GROUP,
+	POINT_READ,
 	POINT_COMMAND,
 	POINT_COMMAND_IOA,
 	POINT_SELECT,
@@ -110,6 +127,7 @@ static const struct config_rule point_rules[POINT_KEYS] = {
     [POINT_REMOTE_IOA] = {"remote_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX},
     [POINT_COUNT] = {"count", CONFIG_INTEGER, .low = 1, .high = COUNT_MAX, .fallback = 1},
     [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
+    [POINT_READ] = {"read_ms", CONFIG_INTEGER, .low = 100, .high = WAIT_MAX_MS},
     [POINT_COMMAND] = {"command", CONFIG_BOOLEAN},
     [POINT_COMMAND_IOA] = {"command_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX},
     [POINT_SELECT] = {"select", CONFIG_BOOLEAN},
@@ -125,7 +143,7 @@ static void check_command(struct config_loader *loader, const struct config_plac
 	static const int needs_command[] = {POINT_COMMAND_IOA, POINT_SELECT, POINT_SHORT_PULSE,
 					    POINT_LONG_PULSE};
 	const bool pulses = values[POINT_SHORT_PULSE].given || values[POINT_LONG_PULSE].given;
-	const enum map_type type = (enum map_type)values[POINT_TYPE].integer;
+	const int64_t type = values[POINT_TYPE].integer;
 
 	for (size_t i = 0; i < sizeof(needs_command) / sizeof(needs_command[0]); i++) {
 		const struct config_place here = config_key_of(place, point_rules[needs_command[i]].name);
@@ -137,6 +155,8 @@ static void check_command(struct config_loader *loader, const struct config_plac
 	}
 	if (values[POINT_COMMAND].integer == 0 || values[POINT_TYPE].wrong)
 		return;
+	if (type == POSITION)
+		config_error(&loader->report, place, "is a position, for which there is no command");
 	if (type == MAP_COUNTER)
 		config_error(&loader->report, place, "is a counter, for which there is no command");
 	if (type == MAP_BITSTRING && values[POINT_SELECT].integer != 0)
@@ -197,6 +217,54 @@ static void set_command(const struct config_value *values, struct map_point *poi
 	point->max = STEP_HIGH;
 }
 
+/* As those of a receiver: the position as a whole, and behind it what masters take that do not know its type. */
+static void add_position(struct config_loader *loader, const struct config_place *place,
+			 const struct iec104_outstation_set *set, const struct config_value *values)
+{
+	static const struct {
+		const char *name;
+		enum map_type type;
+	} parts[IEC104_OUTSTATION_POSITION_POINTS] = {{"position", MAP_BITSTRING},
+						      {"latitude", MAP_ANGLE},
+						      {"longitude", MAP_ANGLE},
+						      {"altitude", MAP_FLOAT}};
+	const uint32_t ioa = (uint32_t)values[POINT_IOA].integer;
+	const uint32_t remote =
+	    values[POINT_REMOTE_IOA].given ? (uint32_t)values[POINT_REMOTE_IOA].integer : ioa;
+
+	check_remote_ioa(loader, place, set, remote);
+	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++) {
+		struct iec104_outstation_point *there;
+		struct map_point *point;
+		char whole[MAP_NAME_SIZE], name[MAP_NAME_SIZE];
+
+		name_point(values, loader->config->sets[set->set].name, ioa, 1, whole);
+		snprintf(name, sizeof(name), "%.28s.%s", whole, parts[i].name);
+		point = config_add_point(loader, place, name, parts[i].type, ioa + i);
+		point->group = (uint8_t)values[POINT_GROUP].integer;
+		if (i == 0)
+			point->flags |= MAP_POINT_POSITION;
+		there = map_next_record(loader->config, IEC104_OUTSTATION_POINTS);
+		*there = (struct iec104_outstation_point){
+		    .ioa = i << IOA_BITS | remote,
+		    .read_ms = i == 0 ? (uint32_t)values[POINT_READ].integer : 0};
+	}
+}
+
+static void check_position(struct config_loader *loader, const struct config_place *place,
+			   const struct config_value *values)
+{
+	const struct config_place count = config_key_of(place, point_rules[POINT_COUNT].name);
+	const struct config_place ioa = config_key_of(place, point_rules[POINT_IOA].name);
+
+	if (values[POINT_TYPE].wrong || values[POINT_TYPE].integer != POSITION)
+		return;
+	if (values[POINT_COUNT].given)
+		config_error(&loader->report, &count, "is not for a position, which has four points");
+	if (values[POINT_IOA].integer > IOA_MAX - (IEC104_OUTSTATION_POSITION_POINTS - 1))
+		config_error(&loader->report, &ioa, "is too high for the four points of a position");
+}
+
 static void add_points(struct config_loader *loader, const struct config_place *place,
 		       const struct iec104_outstation_set *set, const struct config_value *values)
 {
@@ -224,6 +292,7 @@ static void add_points(struct config_loader *loader, const struct config_place *
 		there = map_next_record(loader->config, IEC104_OUTSTATION_POINTS);
 		*there = (struct iec104_outstation_point){.ioa = remote + i,
 							  .command_ioa = command + i,
+							  .read_ms = (uint32_t)values[POINT_READ].integer,
 							  .select = values[POINT_SELECT].integer != 0};
 	}
 }
@@ -239,7 +308,12 @@ static void read_point(struct config_loader *loader, const struct config_place *
 	if (values[POINT_NAME].given)
 		config_check_name(&loader->report, &name, values[POINT_NAME].text);
 	check_command(loader, place, values);
-	if (loader->report.errors == errors)
+	check_position(loader, place, values);
+	if (loader->report.errors != errors)
+		return;
+	if (values[POINT_TYPE].integer == POSITION)
+		add_position(loader, place, set, values);
+	else
 		add_points(loader, place, set, values);
 }
 
@@ -320,6 +394,33 @@ static void read_times(const struct config_value *values, struct iec104_outstati
 	outstation->interrogation_s = (uint32_t)values[OUTSTATION_INTERROGATION].integer;
 	outstation->counters_s = (uint32_t)values[OUTSTATION_COUNTERS].integer;
 	outstation->clock_s = (uint32_t)values[OUTSTATION_CLOCK].integer;
+	outstation->position_type = (uint8_t)values[OUTSTATION_POSITION_TYPE].integer;
+}
+
+static void read_security(struct config_loader *loader, const struct config_place *place,
+			  const struct config_value *values, struct iec104_outstation *outstation)
+{
+	const struct config_place secure = config_key_of(place, outstation_rules[OUTSTATION_SECURE].name);
+	const struct config_place certificate =
+	    config_key_of(place, outstation_rules[OUTSTATION_CERTIFICATE].name);
+
+	outstation->secure = values[OUTSTATION_SECURE].integer != 0;
+	if (outstation->secure && iec104_outstation_tls(loader->config) == NULL)
+		config_error(&loader->report, &secure,
+			     "needs the certificate of this gateway, expected an object %s in the file",
+			     file_rules[FILE_TLS].name);
+	if (outstation->secure && !values[OUTSTATION_PORT].given)
+		outstation->port = PORT_TLS;
+	if (!values[OUTSTATION_CERTIFICATE].given)
+		return;
+	if (!iec104_names_certificate(values[OUTSTATION_CERTIFICATE].text))
+		config_error(&loader->report, &certificate,
+			     "is neither a common name nor a SHA-256 fingerprint as AB:CD:...");
+	if (!outstation->secure)
+		config_error(&loader->report, &certificate,
+			     "is of an outstation with TLS, expected \"secure\": true beside it");
+	snprintf(outstation->certificate, sizeof(outstation->certificate), "%s",
+		 values[OUTSTATION_CERTIFICATE].text);
 }
 
 static void read_link(struct config_loader *loader, const struct config_place *place,
@@ -379,6 +480,7 @@ static void read_outstation(struct config_loader *loader, const struct config_pl
 	check_order(loader, place, values, OUTSTATION_RETRY, OUTSTATION_RETRY_MAX, true);
 	read_times(values, outstation);
 	read_link(loader, place, values, outstation);
+	read_security(loader, place, values, outstation);
 	outstation->first_set = map_record_count(loader->config, IEC104_OUTSTATION_SETS);
 	if (!values[OUTSTATION_SETS].given)
 		return;
@@ -404,7 +506,7 @@ static const json_t *elements(const json_t *object, const struct config_rule *ru
 
 /* What this part keeps from step to step. */
 struct own {
-	const json_t *outstations;
+	const json_t *outstations, *tls;
 	uint64_t points;
 };
 
@@ -418,7 +520,10 @@ static uint64_t count_points(const json_t *set)
 	{
 		json_int_t objects =
 		    json_integer_value(json_object_get(point, point_rules[POINT_COUNT].name));
+		const char *type = json_string_value(json_object_get(point, point_rules[POINT_TYPE].name));
 
+		if (type != NULL && strcmp(type, types[POSITION]) == 0)
+			objects = IEC104_OUTSTATION_POSITION_POINTS;
 		count += objects > 1 && objects <= COUNT_MAX ? (uint64_t)objects : 1;
 	}
 	return count;
@@ -443,15 +548,29 @@ static uint32_t count_sets(const json_t *outstations, struct own *own)
 	return sets;
 }
 
+/* One record. False: no memory. */
+static bool add_tls(struct config_loader *loader, const json_t *root)
+{
+	void *tls;
+
+	if (json_object_get(root, file_rules[FILE_TLS].name) == NULL)
+		return true;
+	tls = config_allocate(1, sizeof(struct iec104_tls));
+	map_add_section(loader->config, IEC104_OUTSTATION_TLS, sizeof(struct iec104_tls), 1, tls);
+	return tls != NULL;
+}
+
 static bool begin(struct config_loader *loader, void *own_part, const json_t *root)
 {
-	const json_t *array = elements(root, &file_rule);
+	const json_t *array = elements(root, &file_rules[FILE_OUTSTATIONS]);
 	const uint32_t count = (uint32_t)json_array_size(array);
 	struct own *own = own_part;
 	const uint32_t sets = count_sets(array, own);
 	const uint32_t points = (uint32_t)own->points;
 	void *outstations, *all_sets, *all_points;
 
+	if (!add_tls(loader, root))
+		return false;
 	if (count == 0 || own->points > IEC104_OUTSTATION_POINTS_MAX)
 		return true;
 	outstations = config_allocate(count, sizeof(struct iec104_outstation));
@@ -467,16 +586,20 @@ static bool begin(struct config_loader *loader, void *own_part, const json_t *ro
 	return outstations != NULL && all_sets != NULL && all_points != NULL;
 }
 
-static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
+static void read_part(struct config_loader *loader, void *own_part, const struct config_value *values)
 {
-	((struct own *)own)->outstations = values->given ? values->json : NULL;
+	struct own *own = own_part;
+
+	own->outstations = values[FILE_OUTSTATIONS].given ? values[FILE_OUTSTATIONS].json : NULL;
+	own->tls = values[FILE_TLS].given ? values[FILE_TLS].json : NULL;
 	(void)loader;
 }
 
 static bool finish(struct config_loader *loader, void *own_part)
 {
 	const struct config_place file = {.in = NULL};
-	const struct config_place array = config_key_of(&file, file_rule.name);
+	const struct config_place array = config_key_of(&file, file_rules[FILE_OUTSTATIONS].name);
+	const struct config_place tls = config_key_of(&file, file_rules[FILE_TLS].name);
 	const struct own *own = own_part;
 	const json_t *outstation;
 	size_t i;
@@ -486,6 +609,9 @@ static bool finish(struct config_loader *loader, void *own_part)
 			     (unsigned long long)own->points, IEC104_OUTSTATION_POINTS_MAX);
 		return true;
 	}
+	if (own->tls != NULL)
+		iec104_read_tls(&loader->report, &tls, own->tls, false,
+				iec104_outstation_tls(loader->config));
 	json_array_foreach(own->outstations, i, outstation)
 	{
 		const struct config_place place = config_element_of(&array, i);
@@ -496,8 +622,8 @@ static bool finish(struct config_loader *loader, void *own_part)
 }
 
 const struct config_part iec104_outstations_part = {
-    .keys = &file_rule,
-    .key_count = 1,
+    .keys = file_rules,
+    .key_count = FILE_KEYS,
     .own_size = sizeof(struct own),
     .begin = begin,
     .read = read_part,

@@ -79,7 +79,7 @@ static bool is_interrogation(uint8_t type)
 /* How long a confirmed execution may take; 0: it has ended. */
 static int64_t execution_ns(const struct iec104_controlling *controlling, uint8_t type)
 {
-	if (type == IEC104_C_CS_NA_1)
+	if (type == IEC104_C_CS_NA_1 || type == IEC104_C_TS_TA_1 || type == IEC104_C_RP_NA_1)
 		return 0;
 	return is_interrogation(type) ? controlling->settings->interrogation_ns
 				      : controlling->settings->termination_ns;
@@ -396,6 +396,29 @@ uint32_t iec104_controlling_set_clock(struct iec104_controlling *controlling, ui
 				      struct iec104_moment now)
 {
 	const struct iec104_controlling_request wanted = {.type = IEC104_C_CS_NA_1, .ca = ca, .tagged = true};
+
+	return post(controlling, &wanted, IEC104_ACTIVATION, now);
+}
+
+uint32_t iec104_controlling_test(struct iec104_controlling *controlling, uint16_t ca, uint16_t pattern,
+				 struct iec104_moment now)
+{
+	const struct iec104_controlling_request wanted = {
+	    .type = IEC104_C_TS_TA_1,
+	    .ca = ca,
+	    .element = {(uint8_t)pattern, (uint8_t)(pattern >> 8)},
+	    .element_size = 2,
+	    .tagged = true,
+	};
+
+	return post(controlling, &wanted, IEC104_ACTIVATION, now);
+}
+
+uint32_t iec104_controlling_reset(struct iec104_controlling *controlling, uint16_t ca, uint8_t qrp,
+				  struct iec104_moment now)
+{
+	const struct iec104_controlling_request wanted = {
+	    .type = IEC104_C_RP_NA_1, .ca = ca, .element = {qrp}, .element_size = 1};
 
 	return post(controlling, &wanted, IEC104_ACTIVATION, now);
 }

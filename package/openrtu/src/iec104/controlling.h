@@ -11,7 +11,7 @@
  *	cancel    interruption request -> interrupted selection
  *	the rest  execution request -> executing (ACT_CON) -> executed command (ACT_TERM) | refused command
  *
- * A clock synchronisation is executed with its confirmation, a read command with the value. Why a request ended is its result:
+ * A clock synchronisation, a test and a reset are executed with their confirmation, a read command with the value. Why a request ended is its result:
  * - MAP_RESULT_EXCEPTION: the station refused it; cause says how: 44..47, or the cause of the negative confirmation;
  * - MAP_RESULT_TIMEOUT: no confirmation, or no termination; a command may or may not have been carried out;
  * - MAP_RESULT_UNKNOWN_FATE: the connection ended meanwhile; the same holds.
@@ -46,7 +46,7 @@ struct iec104_moment {
 
 struct iec104_controlling_request {
 	uint32_t id;  /* 0: none */
-	uint8_t type; /* 45..51, 58..64, 100..103 */
+	uint8_t type; /* 45..51, 58..64, 100..103, 105, 107 */
 	uint16_t ca;
 	uint32_t ioa;                        /* 0 of interrogations and clock synchronisation */
 	struct iec104_command command;       /* of a command; its time is not kept */
@@ -124,6 +124,12 @@ uint32_t iec104_controlling_read(struct iec104_controlling *controlling, uint16_
 /* Clock synchronisation, to now.wall_ns. */
 uint32_t iec104_controlling_set_clock(struct iec104_controlling *controlling, uint16_t ca,
 				      struct iec104_moment now);
+/* Test command: the station mirrors these 16 bits. */
+uint32_t iec104_controlling_test(struct iec104_controlling *controlling, uint16_t ca, uint16_t pattern,
+				 struct iec104_moment now);
+/* Reset process; qrp after IEC 60870-5-101, 7.2.6.27: 1 the process, 2 the events that wait. */
+uint32_t iec104_controlling_reset(struct iec104_controlling *controlling, uint16_t ca, uint8_t qrp,
+				  struct iec104_moment now);
 /*
  * A selection (command->select) or a direct command. A tagged one has now.wall_ns. 0 also for a command that cannot be: of a
  * counter, a selected bit string, a step that is neither -1 nor 1.

@@ -78,6 +78,7 @@ const char *iec104_counter_name(enum iec104_counter counter)
 	    [IEC104_COUNT_TAKEN_OVER] = "closed_taken_over",
 	    [IEC104_COUNT_GAVE_WAY] = "closed_gave_way",
 	    [IEC104_COUNT_NOT_SECURE] = "closed_not_secure",
+	    [IEC104_COUNT_NOT_AS_BEFORE] = "closed_not_as_before",
 	    [IEC104_COUNT_CLOSED_BY_PEER] = "closed_by_peer",
 	    [IEC104_COUNT_CLOSED_BY_STATION] = "closed_by_station",
 	    [IEC104_COUNT_UNKNOWN_TYPE] = "refused_44_unknown_type",

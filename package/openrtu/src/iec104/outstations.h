@@ -3,11 +3,14 @@
 #ifndef OPENRTU_IEC104_OUTSTATIONS_H
 #define OPENRTU_IEC104_OUTSTATIONS_H
 
+#include "iec104/config.h"
 #include "map/config.h"
 
 #define IEC104_OUTSTATIONS       MAP_SECTION_ID('1', '0', '4', 'M')
 #define IEC104_OUTSTATION_SETS   MAP_SECTION_ID('1', '0', '4', 'S')
 #define IEC104_OUTSTATION_POINTS MAP_SECTION_ID('1', '0', '4', 'P')
+
+#define IEC104_OUTSTATION_TLS MAP_SECTION_ID('1', '0', '4', 'T')
 
 #define IEC104_OUTSTATIONS_MAX       32 /* two links each: a module has so many descriptors */
 #define IEC104_OUTSTATION_NAME_SIZE  16
@@ -25,13 +28,16 @@ struct iec104_outstation {
 	uint32_t t3_s;
 	uint8_t address_count;
 	uint8_t originator;
-	bool terminates;   /* it sends the termination of a command */
-	bool interrogates; /* it is interrogated when data transfer starts */
+	bool terminates;       /* it sends the termination of a command */
+	bool interrogates;     /* it is interrogated when data transfer starts */
+	uint8_t position_type; /* the private type of its positions */
 	uint32_t confirmation_ms, termination_ms, interrogation_ms;
 	uint32_t retry_ms, retry_max_ms; /* the first pause before another attempt, and the longest */
 	uint32_t interrogation_s, counters_s, clock_s; /* 0: never again, never, never */
 	uint32_t first_set, set_count;                 /* among those of all outstations */
 	struct map_zone zone;                          /* of its time tags */
+	bool secure;                                   /* with TLS */
+	char certificate[IEC104_TLS_MASTER_SIZE]; /* its common name or fingerprint; empty: any of the CA */
 };
 
 /* A common address of an outstation, which is a set of the map. */
@@ -41,11 +47,16 @@ struct iec104_outstation_set {
 	uint32_t first_point; /* among those of all outstations; their order is that of the set */
 };
 
+/* The points of a position: the whole (MAP_POINT_POSITION), latitude, longitude, altitude. */
+#define IEC104_OUTSTATION_POSITION_POINTS 4
+
 /* What a point is there. */
 struct iec104_outstation_point {
-	uint32_t ioa;
+	uint32_t
+	    ioa; /* of the points behind a position's first: its own, and 1 to 3 above the 24 bits of an address */
 	uint32_t command_ioa;
-	bool select; /* a command of it is selected there before */
+	uint32_t read_ms; /* how often it is read by itself, 0: never */
+	bool select;      /* a command of it is selected there before */
 };
 
 /* NULL: there is none. */
@@ -62,6 +73,12 @@ static inline struct iec104_outstation_set *iec104_outstation_sets(const struct 
 static inline const struct iec104_outstation_point *iec104_outstation_points(const struct map_config *config)
 {
 	return map_records(config, IEC104_OUTSTATION_POINTS, sizeof(struct iec104_outstation_point));
+}
+
+/* Who the gateway is for outstations with TLS. NULL: there is none of these. */
+static inline struct iec104_tls *iec104_outstation_tls(const struct map_config *config)
+{
+	return map_records(config, IEC104_OUTSTATION_TLS, sizeof(struct iec104_tls));
 }
 
 #endif

@@ -121,6 +121,8 @@ static void renew_requests(struct iec104_station *station, const struct map_conf
 void iec104_station_renew(struct iec104_station *station, const struct map_config *before)
 {
 	station->settings = iec104_settings(station->config);
+	station->times = iec104_times_of(station->settings);
+	iec104_note_new_stations(station, before);
 	station->points_asked = 0;
 	station->losses_changed = true;
 	renew_requests(station, before);

@@ -410,6 +410,8 @@ const char *iec104_closing_text(enum iec104_closing reason)
 	    [IEC104_TAKEN_OVER] = "another connection of its group was started",
 	    [IEC104_GAVE_WAY] = "data transfer was never started, and another one needs the place",
 	    [IEC104_NOT_SECURE] = "its keys or its certificate are no longer good",
+	    [IEC104_NOT_AS_BEFORE] =
+		"the changed configuration has its address in no list, or in another group",
 	    [IEC104_CLOSED_BY_PEER] = "closed by the peer",
 	    [IEC104_CLOSED_BY_STATION] = "station ends",
 	    [IEC104_T1_STARTDT] = "STARTDT act not confirmed in t1",

@@ -44,6 +44,7 @@ enum iec104_closing {
 	IEC104_TAKEN_OVER,        /* another connection of its redundancy group was started */
 	IEC104_GAVE_WAY,          /* never started, and its place was wanted */
 	IEC104_NOT_SECURE,        /* old keys, or a certificate no longer good */
+	IEC104_NOT_AS_BEFORE,     /* a changed configuration grants its peer something else */
 	IEC104_CLOSED_BY_PEER,    /* end of file or error of the connection */
 	IEC104_CLOSED_BY_STATION, /* the process ends */
 	/* Of a controlling station: */

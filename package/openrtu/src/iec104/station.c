@@ -5,6 +5,22 @@
 #include <stdio.h>
 #include <string.h>
 
+struct iec104_times iec104_times_of(const struct iec104_settings *settings)
+{
+	return (struct iec104_times){
+	    .k = settings->k,
+	    .w = settings->w,
+	    .t1_ns = settings->t1_s * NS_PER_S,
+	    .t2_ns = settings->t2_s * NS_PER_S,
+	    .t3_ns = settings->t3_s * NS_PER_S,
+	};
+}
+
+uint32_t iec104_group_of(const struct iec104_station *station, uint32_t party)
+{
+	return party < station->config->settings.queue_count ? party : MAP_NONE;
+}
+
 void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns,
 			 struct map_queue_place *places)
 {
@@ -25,6 +41,8 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	station->initialised = false;
 	station->points_asked = 0;
 	station->initialising_since_ns = 0;
+	station->new_stations = NULL;
+	station->new_to_tell = false;
 	station->sent_ns = sent_ns;
 	station->places = places;
 	station->stats = iec104_stats_of(map);
@@ -32,13 +50,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 		atomic_store(&station->stats->connections[i].open, 0);
 	iec104_find_queues(station);
 	station->losses_changed = true;
-	station->times = (struct iec104_times){
-	    .k = settings->k,
-	    .w = settings->w,
-	    .t1_ns = settings->t1_s * NS_PER_S,
-	    .t2_ns = settings->t2_s * NS_PER_S,
-	    .t3_ns = settings->t3_s * NS_PER_S,
-	};
+	station->times = iec104_times_of(settings);
 }
 
 /* ---- connections ------------------------------------------------------------------------- */
@@ -80,8 +92,7 @@ struct iec104_connection *iec104_station_connect(struct iec104_station *station,
 		connection->open = true;
 		connection->clock_master = peer->clock_master;
 		connection->party = peer->party;
-		connection->group =
-		    peer->party < station->config->settings.queue_count ? peer->party : MAP_NONE;
+		connection->group = iec104_group_of(station, peer->party);
 		connection->since_ns = now_ns;
 		connection->queue = MAP_NONE;
 		connection->serial = ++station->next_serial;

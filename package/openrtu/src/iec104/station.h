@@ -108,6 +108,7 @@ struct iec104_connection {
 	struct iec104_replies replies;
 
 	bool tells_initialised;    /* M_EI_NA_1 is being sent, */
+	bool tells_new;            /* of stations alone that a changed configuration has brought, */
 	uint32_t next_initialised; /* of this device next */
 
 	uint32_t party;           /* as in struct iec104_peer */
@@ -194,6 +195,9 @@ struct iec104_station {
 	bool initialised;      /* all devices were asked since the start; not looked at once it was told */
 	uint32_t points_asked; /* of the first so many it is known */
 	int64_t initialising_since_ns, initialisation_check_ns;
+	bool *
+	    new_stations; /* by device: a changed configuration has brought its station; NULL: it brought none */
+	bool new_to_tell; /* nobody has been told of these */
 
 	int64_t now_ns;        /* of the last call that had it */
 	int64_t log_paid_ns;   /* each line moves it on; far in the future, lines are left out */
@@ -236,7 +240,10 @@ void iec104_station_refuse(struct iec104_station *station, const char *name, int
 /* The connection is gone; logs why. Commands under way end at their devices, unanswered here; selections end. */
 void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection);
 
-/* The map has another configuration (map_renew), whose settings of the station are the same. */
+/* The redundancy group of a party (struct iec104_peer); MAP_NONE: none. */
+uint32_t iec104_group_of(const struct iec104_station *station, uint32_t party);
+
+/* The map has another configuration (map_renew), whose k and number of connections are the same. */
 void iec104_station_renew(struct iec104_station *station, const struct map_config *before);
 
 /* Does all there is to do now: after octets were received or written, after a bell, at the deadline. */

@@ -230,10 +230,16 @@ void iec104_conclude_freezes(struct iec104_station *station, int64_t now_ns);
 /* When iec104_conclude_freezes is due at the latest; INT64_MAX: none waits. */
 int64_t iec104_freeze_deadline(const struct iec104_station *station);
 
+/* ---- station.c --------------------------------------------------------------------------- */
+
+struct iec104_times iec104_times_of(const struct iec104_settings *settings);
+
 /* ---- initialisation.c -------------------------------------------------------------------- */
 
 /* Looks whether all devices have been asked, as long as that is to be told; then all connections are told. */
 void iec104_watch_initialisation(struct iec104_station *station, int64_t now_ns);
+/* The stations that a changed configuration brings are to be told of as well. */
+void iec104_note_new_stations(struct iec104_station *station, const struct map_config *before);
 /* A connection's data transfer begins: it is told, if nobody was there before. */
 void iec104_begin_initialised(struct iec104_station *station, struct iec104_connection *connection);
 bool iec104_send_initialised(const struct iec104_station *station, struct iec104_connection *connection,

@@ -28,7 +28,7 @@ static void ring_own_bell_for_the_rest(const struct map *map)
 static bool is_for_rtud(uint8_t action)
 {
 	return action == MAP_SET_CLOCK || action == MAP_RESTART || action == MAP_MODULE ||
-	       action == MAP_RELOAD;
+	       action == MAP_RELOAD || action == MAP_FORCE;
 }
 
 /* ---- requester --------------------------------------------------------------------------- */
@@ -46,14 +46,17 @@ uint32_t map_request_post(struct map *map, struct map_request request)
 	request.generation = atomic_load(&map->directory->modules[owner].generation);
 	request.requester = (uint16_t)map->self;
 	request.owner = (uint8_t)owner;
-	if (owner != MAP_RTUD) /* the same for both, whatever configuration they have: map_renew */
+	if (owner != MAP_RTUD) { /* whatever configurations the two have: map_renew */
+		request.ioa = map->config.points[request.point].ioa;
+		request.ca = map->config.sets[map->config.points[request.point].set].ca;
 		request.point = slot_of(map, request.point);
+	}
 	ring_put(&map->segments[map->self].requests, &request);
 	bell_ring(map, owner);
 	return request.id;
 }
 
-bool map_answer_next(struct map *map, struct map_answer *out)
+static bool next_answer(struct map *map, bool of_others, struct map_answer *out)
 {
 	struct segment_header *header = map->segments[map->self].header;
 
@@ -64,7 +67,7 @@ bool map_answer_next(struct map *map, struct map_answer *out)
 		       ring_peek(&map->segments[i].answers, &header->answer_next[i], out, &lost)) {
 			header->answer_next[i]++;
 			map->taken++;
-			if (out->requester != map->self)
+			if (out->requester != map->self && !of_others)
 				continue;
 			if (i != MAP_RTUD)
 				out->point = point_in(map, i, out->point);
@@ -73,6 +76,16 @@ bool map_answer_next(struct map *map, struct map_answer *out)
 	}
 	ring_own_bell_for_the_rest(map);
 	return false;
+}
+
+bool map_answer_next(struct map *map, struct map_answer *out)
+{
+	return next_answer(map, false, out);
+}
+
+bool map_answer_of_any_next(struct map *map, struct map_answer *out)
+{
+	return next_answer(map, true, out);
 }
 
 /* ---- owner ------------------------------------------------------------------------------- */
@@ -84,12 +97,45 @@ static bool is_for(const struct map *map, const struct map_request *request)
 	return request->owner == map->self && is_for_rtud(request->action) == (map->self == MAP_RTUD);
 }
 
-/* False: there is no such point. */
-static bool take_slot(const struct map *map, struct map_request *request)
+static bool is_at(const struct map *map, uint32_t point, const struct map_request *request)
 {
-	if (map->self != MAP_RTUD)
-		request->point = point_in(map, map->self, request->point);
-	return map->self == MAP_RTUD || request->point != MAP_NONE;
+	const struct map_point *object = &map->config.points[point];
+
+	return object->ioa == request->ioa && map->config.sets[object->set].ca == request->ca;
+}
+
+/* Who asked may have the configuration before this one: there the point's slot was another's. MAP_NONE: there is no such point. */
+static uint32_t find_asked(const struct map *map, const struct map_request *request)
+{
+	uint32_t point = point_in(map, map->self, request->point);
+
+	if (point != MAP_NONE && is_at(map, point, request))
+		return point;
+	point = map_find(map, request->ca, request->ioa);
+	return point != MAP_NONE && map_owner(map, point) == map->self ? point : MAP_NONE;
+}
+
+/* False: there is no such point, and who asked is told. */
+static bool take_point(struct map *map, struct map_request *request)
+{
+	const uint32_t point = map->self == MAP_RTUD ? request->point : find_asked(map, request);
+	const struct map_answer refusal = {
+	    .id = request->id,
+	    .point = request->point,
+	    .requester = request->requester,
+	    .state = request->action == MAP_SELECT ? MAP_REFUSED_SELECTION : MAP_REFUSED_COMMAND,
+	    .result = MAP_RESULT_NOT_COMMANDABLE,
+	    .action = request->action,
+	    .time_ns = map_now_ns(),
+	};
+
+	if (map->self == MAP_RTUD || point != MAP_NONE) {
+		request->point = point;
+		return true;
+	}
+	ring_put(&map->segments[map->self].answers, &refusal);
+	bell_ring(map, request->requester);
+	return false;
 }
 
 static bool is_listed(const struct map *map, const struct map_module_plan *plan, uint32_t point)
@@ -155,7 +201,7 @@ bool map_request_next(struct map *map, struct map_request *out)
 		if (!(map->modules[i].plan.flags & MAP_MAY_REQUEST))
 			continue; /* what its ring holds all the same, it wrote gone wild */
 		while (take_request(map, i, out, &lost))
-			if (is_for(map, out) && take_slot(map, out) && may_request(map, i, out))
+			if (is_for(map, out) && take_point(map, out) && may_request(map, i, out))
 				return true;
 		if (lost)
 			map_log(map, MAP_LOG_ERROR, "%u requests of %s were overwritten unread", lost,

@@ -100,11 +100,6 @@ void map_note_forbidden(struct map *map, int call)
 	atomic_store(&map->segments[map->self].header->forbidden, (uint32_t)(call + 1));
 }
 
-void map_heartbeat(struct map *map)
-{
-	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
-}
-
 bool map_may_run(const struct map *map)
 {
 	uint32_t state = atomic_load(&map->directory->modules[map->self].state);
@@ -241,20 +236,45 @@ void *map_section(const struct map *map, uint32_t module, size_t size)
 	return map->modules[module].plan.section_size == size ? map->segments[module].own : NULL;
 }
 
+/* What the former process had counted under the name of this entry; what stands there of another one moves to a free entry. */
+static uint32_t take_carried(struct counter_entry *entries, uint32_t count, const char *name)
+{
+	uint32_t value = 0, found = 0;
+
+	while (found < count && (entries[found].place != 0 || strcmp(entries[found].name, name) != 0))
+		found++;
+	if (found < count)
+		value = entries[found].carried;
+	else
+		for (found = 0; found < count && entries[found].name[0] != '\0';)
+			found++;
+	if (entries[0].place == 0 && found < count)
+		entries[found] = entries[0];
+	return value;
+}
+
 bool map_name_counter(struct map *map, const _Atomic uint32_t *counter, const char *format, ...)
 {
 	const struct map_module_plan *plan = &map->modules[map->self].plan;
 	const struct segment *own = &map->segments[map->self];
+	_Atomic uint32_t *words = own->own;
 	struct counter_entry *entry;
+	char name[MAP_COUNTER_SIZE];
 	va_list arguments;
+	uint32_t place;
 
 	if (map->named >= plan->counters)
 		return false;
-	entry = &own->counters[map->named++];
 	va_start(arguments, format);
-	vsnprintf(entry->name, sizeof(entry->name), format, arguments);
+	vsnprintf(name, sizeof(name), format, arguments);
 	va_end(arguments);
-	atomic_store(&entry->place, (uint32_t)(counter - (const _Atomic uint32_t *)own->own) + 1);
+	entry = &own->counters[map->named];
+	place = (uint32_t)(counter - words);
+	map_count(&words[place], take_carried(entry, plan->counters - map->named, name));
+	map->named++;
+	memcpy(entry->name, name, sizeof(name));
+	entry->carried = 0;
+	atomic_store(&entry->place, place + 1);
 	return true;
 }
 

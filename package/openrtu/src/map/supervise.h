@@ -27,6 +27,10 @@ int map_module_forbidden(const struct map *map, uint32_t module);
 void map_module_switching(struct map *map, uint32_t module);
 /* The process of this generation, or the one that goes on in it, has begun. */
 bool map_module_has_taken_over(const struct map *map, uint32_t module);
+/* The point shows that value from now on, whatever its owner says. False: MAP_FORCES_MAX points are forced already. */
+bool map_force(struct map *map, const struct map_force *force);
+/* False: it was not forced. */
+bool map_unforce(struct map *map, uint32_t point);
 /* Of all segments, in bytes: what each process maps. */
 size_t map_size(const struct map *map);
 /* Puts MAP_EVENT_MODULE_DOWN, MAP_EVENT_MODULE_UP or MAP_EVENT_CLOCK before all readers of events. */
@@ -82,12 +86,21 @@ bool map_is_made_for(const struct map *next, uint32_t module);
 bool map_module_is_ready(const struct map *next, uint32_t module);
 /* A command that the module carries out has not ended, or a pulse of it. */
 bool map_has_commands_under_way(const struct map *map, uint32_t module);
+/* Modules of a switch, a bit each, and what becomes of their own sections. */
+struct map_switching {
+	uint32_t valid;    /* their points were */
+	uint32_t seamless; /* they go on in the generation that they are in, with what was asked of them */
+	uint32_t again;    /* kept ones that start again in the new configuration */
+	/* Of a new segment or one of again: from is what the former process left, to the new one's; NULL: nothing passes over. */
+	void (*carry)(const struct map *map, const struct map *next, uint32_t module, const void *from,
+		      void *to);
+};
+
 /*
  * Puts next into force, once the processes of all modules that it changes or has no more have ended: what they left passes
- * over to the new segments. valid: modules whose points were, a bit each; seamless: modules that go on in the generation
- * that they are in, with what was asked of them. -1 with a message in error: nothing has changed.
+ * over to the new segments. -1 with a message in error: nothing has changed.
  */
-int map_switch(const struct map *map, const struct map *next, uint32_t valid, uint32_t seamless, char *error);
+int map_switch(const struct map *map, const struct map *next, const struct map_switching *how, char *error);
 /* Removes the files that only the former configuration has. */
 void map_unlink_former(const struct map *map, const struct map *next);
 /* Removes the files of one that was prepared, or begun to be. */

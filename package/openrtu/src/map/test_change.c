@@ -63,8 +63,9 @@ static void put_into_force(const struct change *change, bool seamless)
 	char error[MAP_ERROR_SIZE];
 	struct map_config before;
 
-	assert_int_equal(map_switch(change->stage->rtud, change->next, first, seamless ? first : 0, error),
-			 0);
+	const struct map_switching how = {.valid = first, .seamless = seamless ? first : 0};
+
+	assert_int_equal(map_switch(change->stage->rtud, change->next, &how, error), 0);
 	map_unlink_former(change->stage->rtud, change->next);
 	map_detach(change->next);
 	assert_true(map_is_changed(change->stage->rtud));
@@ -156,6 +157,31 @@ static void test_what_was_told_and_asked_passes_over(void **state)
 	end_commands(&commands);
 }
 
+/* Asked by the numbers of the former configuration, in which slot 0 was another point's. */
+static void test_request_means_the_point_that_it_named(void **state)
+{
+	struct change change = {.stage = *state};
+	struct command_stage commands = start_commands(change.stage);
+	struct map_request taken;
+	struct map_answer answer;
+
+	publish(commands.owner, 0, 10);
+	prepare(&change);
+	map_request_post(commands.requester, request(0, MAP_EXECUTE, 1, 7));
+	map_request_post(commands.requester, request(1, MAP_EXECUTE, 1, 7));
+	map_detach(commands.owner);
+	put_into_force(&change, true);
+	commands.owner = attach(change.stage, FIRST);
+	assert_true(map_request_next(commands.owner, &taken));
+	assert_int_equal(taken.point, 5);
+	assert_false(map_request_next(commands.owner, &taken)); /* the other one is gone */
+	renew(commands.requester);
+	assert_true(map_answer_next(commands.requester, &answer));
+	assert_int_equal(answer.state, MAP_REFUSED_COMMAND);
+	assert_int_equal(answer.result, MAP_RESULT_NOT_COMMANDABLE);
+	end_commands(&commands);
+}
+
 static void test_who_did_not_change_goes_on_with_what_he_has(void **state)
 {
 	struct change change = {.stage = *state};
@@ -190,6 +216,37 @@ static void test_who_did_not_change_goes_on_with_what_he_has(void **state)
 	map_detach(reader);
 }
 
+/* In another order, and at other places of its section. */
+static void test_counters_go_on_by_their_names(void **state)
+{
+	struct change change = {.stage = *state};
+	const uint32_t index = index_of(change.stage, FIRST);
+	struct map *owner = start(change.stage, FIRST);
+	_Atomic uint32_t *own = map_section(owner, index, 3 * sizeof(*own));
+	struct map_counter counter;
+
+	assert_true(map_name_counter(owner, &own[0], "frames"));
+	assert_true(map_name_counter(owner, &own[1], "errors"));
+	map_count(&own[0], 7);
+	map_count(&own[1], 2);
+	publish(owner, 0, 10);
+	prepare(&change);
+	map_detach(owner);
+	put_into_force(&change, true);
+	owner = attach(change.stage, FIRST);
+	own = map_section(owner, index, 3 * sizeof(*own));
+	assert_false(map_counter(change.stage->rtud, index, 0, &counter));
+	assert_true(map_name_counter(owner, &own[2], "errors"));
+	assert_true(map_name_counter(owner, &own[1], "frames"));
+	map_count(&own[1], 1);
+	assert_true(map_counter(change.stage->rtud, index, 0, &counter));
+	assert_string_equal(counter.name, "errors");
+	assert_int_equal(counter.value, 2);
+	assert_true(map_counter(change.stage->rtud, index, 1, &counter));
+	assert_int_equal(counter.value, 8);
+	map_detach(owner);
+}
+
 static void test_another_generation_begins_as_after_a_crash(void **state)
 {
 	struct change change = {.stage = *state};
@@ -222,12 +279,60 @@ static void test_what_was_prepared_can_be_dropped(void **state)
 	map_detach(owner);
 }
 
+static void force(const struct change *change, uint32_t point, int32_t value)
+{
+	const struct map_force force = {
+	    .point = point, .value.i = value, .since_ns = map_now_ns(), .until_ns = INT64_MAX};
+
+	assert_true(map_force(change->stage->rtud, &force));
+}
+
+static void test_what_is_forced_stays_so(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map *owner = start(change.stage, FIRST), *other = start(change.stage, SECOND);
+	struct map_force forces[MAP_FORCES_MAX];
+	struct map_sample below;
+
+	publish(owner, 1, 11); /* is gone afterwards */
+	publish(owner, 2, 12);
+	publish(other, 5, 15);
+	force(&change, 1, 71);
+	force(&change, 2, 72);
+	force(&change, 5, 75);
+	map_heartbeat(owner);
+	map_heartbeat(other);
+	prepare(&change);
+	map_detach(owner);
+	put_into_force(&change, true);
+	owner = attach(change.stage, FIRST);
+	map_heartbeat(other);
+	assert_sample(change.stage->rtud, 6, 72, MAP_SUBSTITUTED);
+	assert_sample(change.stage->rtud, 1, 75, MAP_SUBSTITUTED);
+	assert_sample(change.stage->rtud, 8, 11, MAP_INVALID);
+	assert_int_equal(map_forces(change.stage->rtud, forces), 2);
+	publish(owner, 6, 13);
+	assert_true(map_read_below(change.stage->rtud, 6, &below));
+	assert_int_equal(below.value.i, 13);
+	assert_true(map_unforce(change.stage->rtud, 6));
+	assert_true(map_unforce(change.stage->rtud, 1));
+	map_heartbeat(owner);
+	map_heartbeat(other);
+	assert_sample(change.stage->rtud, 6, 13, MAP_GOOD);
+	assert_sample(change.stage->rtud, 1, 15, MAP_GOOD);
+	map_detach(owner);
+	map_detach(other);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    TEST(test_what_was_told_and_asked_passes_over),
+	    TEST(test_request_means_the_point_that_it_named),
 	    TEST(test_who_did_not_change_goes_on_with_what_he_has),
+	    TEST(test_counters_go_on_by_their_names),
 	    TEST(test_another_generation_begins_as_after_a_crash),
+	    TEST(test_what_is_forced_stays_so),
 	    TEST(test_what_was_prepared_can_be_dropped),
 	};
 

@@ -39,6 +39,9 @@ struct call_rule {
 	CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)), CALL(newfstatat), CALL(statx),       \
 	    CALL(fstatat64), CALL(fstat), CALL(fstat64)
 
+/* The files of TLS, read anew when they change, and what libcrypto asks for: random numbers, locks for threads that are not there. */
+#define TLS_CALLS RENEWAL_CALLS, CALL(lseek), CALL(_llseek), CALL(getrandom), CALL(futex_time64), CALL(futex)
+
 #define IOCTL(request) CALL_WITH(ioctl, MASKED(1, UINT32_MAX, request))
 #define TCP_SOCKET(family)                                                                                   \
 	{                                                                                                    \

@@ -29,6 +29,14 @@ struct kind_run {
 	size_t memory;                      /* bytes of address space; 0: as rtud gives it */
 };
 
+/* What a module does when only that has changed which its kind alone knows of it. */
+enum kind_change {
+	KIND_UNCHANGED,
+	KIND_TAKES,        /* it takes the change as it runs (map_renew) */
+	KIND_STARTS_AGAIN, /* its process ends, and another one begins in the same segment */
+	KIND_EXCHANGED, /* another process, with a segment of its own, waits beside it and takes its place */
+};
+
 struct kind {
 	const char *name; /* as in the plans of its modules */
 	/* What of the configuration file is its own: config/part.h. Left out: nothing. */
@@ -51,11 +59,19 @@ struct kind {
 	 */
 	bool (*same)(const struct map_config *a, const struct map_config *b, uint32_t module,
 		     const char *name);
+	/* How far its modules follow what is not the same. Left out: they are exchanged. */
+	enum kind_change (*change)(const struct map_config *before, const struct map_config *now);
+	/*
+	 * What of a module's own section passes over to another process, when that has another configuration. In the same
+	 * segment, from is to. Left out: nothing, and there all.
+	 */
+	void (*carry)(const struct map_config *before, const void *from, const struct map_config *now,
+		      void *to, const char *module);
 	/* The module's point of others' number i, which it knows by its number; MAP_NONE: it has no more. Left out: none. */
 	uint32_t (*reads)(const struct map_config *config, const char *module, uint32_t i);
 	const char *
 	    fixed; /* the key of what only rtud's restart changes; NULL: its modules change while rtud runs */
-	bool rigid;        /* while there is one of its modules, nothing changes: they do not follow */
+	bool by_numbers; /* its modules keep numbers of points: whenever these may change, they start again */
 	const char *group; /* a further one of its processes, by name; NULL: none */
 	/*
 	 * Opens what its user may not, as a socket with a privileged port: in the new process, before that gives up rtud's

@@ -11,6 +11,7 @@
 #include <jansson.h>
 
 #include "rtuctl/listing.h"
+#include "rtuctl/renew.h"
 #include "rtuctl/words.h"
 
 #define LINES_A_LOOK 1024 /* of each module's log; more than it keeps */
@@ -169,6 +170,7 @@ int rtuctl_watch(struct map *map, const struct rtuctl_request *request)
 	map_cursor_to_end(map, &cursor);
 	follow_logs(map, positions, false, false);
 	while (map_alive(map, MAP_RTUD)) {
+		renew_map(map);
 		follow_logs(map, positions, true, request->json);
 		while (map_event_next(map, &cursor, &event)) {
 			if (!is_wanted(map, &event, request->arguments[0]))

@@ -24,7 +24,7 @@ static bool name_file(struct map *map, const char *file)
 			MAP_PATH_SIZE - 1);
 		return false;
 	}
-	snprintf(path, MAP_PATH_SIZE, "%s", full);
+	memcpy(path, full, strlen(full) + 1);
 	return true;
 }
 

@@ -15,6 +15,7 @@
 #include "modbus/stats.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rates.h"
+#include "rtuctl/renew.h"
 #include "rtuctl/terminal.h"
 #include "rtuctl/words.h"
 
@@ -29,7 +30,7 @@
 #define PLAIN  "\033[0m"
 
 struct top {
-	const struct map *map;
+	struct map *map;
 	const char *pattern;
 	struct rates rates;
 	uint32_t *shown; /* points that match, of them those that are not good when only_bad */
@@ -236,6 +237,7 @@ static size_t lines_of(const char *text)
 static void print_gateway(const struct top *top, FILE *out)
 {
 	print_head(top, out);
+	rtuctl_print_forces(top->map, out);
 	print_modules(top, out);
 	print_lines(top, out);
 }
@@ -315,14 +317,40 @@ static int left_ms(int64_t since_ns)
 	return passed_ms < PERIOD_MS ? (int)(PERIOD_MS - passed_ms) : 0;
 }
 
+static void begin_top(struct top *top)
+{
+	top->shown = calloc(map_config(top->map)->point_count + 1u, sizeof(*top->shown));
+	if (top->shown == NULL)
+		errx(RTUCTL_FAILED, "out of memory");
+	choose_points(top);
+	rates_begin(&top->rates, top->map);
+}
+
+static void end_top(struct top *top)
+{
+	rates_end(&top->rates);
+	free(top->shown);
+}
+
+/* Modules, lines and points may be others now. */
+static void follow(struct top *top)
+{
+	if (!renew_map(top->map))
+		return;
+	end_top(top);
+	begin_top(top);
+}
+
 static int show(struct top *top)
 {
 	enum terminal_key key = TERMINAL_NONE;
 
 	top->colours = getenv("NO_COLOR") == NULL;
 	while (key != TERMINAL_QUIT && map_alive(top->map, MAP_RTUD)) {
-		uint32_t page = draw(top);
+		uint32_t page;
 
+		follow(top);
+		page = draw(top);
 		key = terminal_key(left_ms(top->rates.at_ns));
 		obey(top, key, page);
 		if (left_ms(top->rates.at_ns) == 0)
@@ -354,18 +382,12 @@ int rtuctl_top(struct map *map, const struct rtuctl_request *request)
 	struct top top = {.map = map, .pattern = request->arguments[0]};
 	int result = RTUCTL_FAILED;
 
-	top.shown = calloc(map_config(map)->point_count + 1u, sizeof(*top.shown));
-	if (top.shown == NULL)
-		errx(RTUCTL_FAILED, "out of memory");
-	choose_points(&top);
-	if (top.pattern != NULL && top.matching == 0) {
+	begin_top(&top);
+	if (top.pattern != NULL && top.matching == 0)
 		fprintf(stderr, "rtuctl: no point matches \"%s\": \"rtuctl points\" lists them all\n",
 			top.pattern);
-	} else {
-		rates_begin(&top.rates, map);
+	else
 		result = !request->once && terminal_open() ? show(&top) : print_once(&top);
-		rates_end(&top.rates);
-	}
-	free(top.shown);
+	end_top(&top);
 	return result;
 }

@@ -15,6 +15,7 @@ struct change {
 	const struct map_config *before;
 	struct map_config *now;
 	uint32_t kept, exchanged, added, gone; /* modules, a bit each */
+	uint32_t taking, again; /* of the kept ones, those that take new settings, or start again with them */
 	FILE *report;
 };
 
@@ -53,6 +54,31 @@ static void give_users(const struct change *change)
 			now->modules[i].user++;
 }
 
+static bool has_moved(const struct change *change)
+{
+	return (change->added | change->exchanged | change->gone) != 0;
+}
+
+static uint32_t live_and_kept(const struct change *change)
+{
+	uint32_t live = 0;
+
+	for (uint32_t i = 0; i < change->now->module_count; i++)
+		live |= change->now->modules[i].flags & MAP_IS_GONE ? 0 : 1u << i;
+	return live & change->kept;
+}
+
+/* Those that the former process named find their place, whether the new one names them or not. */
+static void make_room_for_counters(const struct change *change)
+{
+	for (uint32_t i = 0; i < map_module_count(change->map); i++) {
+		struct map_module_plan *plan = &change->now->modules[i];
+
+		if ((change->exchanged & 1u << i) && plan->counters < map_plan_of(change->map, i)->counters)
+			plan->counters = map_plan_of(change->map, i)->counters;
+	}
+}
+
 static void sort_modules(struct change *change)
 {
 	struct map_config *now = change->now;
@@ -69,14 +95,16 @@ static void sort_modules(struct change *change)
 			change->kept |= bit; /* its segment, for the events in it */
 		} else if (!known || was_gone) {
 			change->added |= bit;
-		} else if (compare_modules(change->map, now, i)) {
-			change->kept |= bit;
 		} else {
-			change->exchanged |= bit;
+			const enum kind_change what = compare_modules(change->map, now, i);
+
+			*(what == KIND_EXCHANGED ? &change->exchanged : &change->kept) |= bit;
+			change->taking |= what == KIND_TAKES ? bit : 0;
 		}
 	}
-	change->exchanged |= compare_readers(change->before, now, change->kept);
+	change->exchanged |= compare_others(change->map, now, change->kept);
 	change->kept &= ~change->exchanged;
+	change->again = compare_again(change->map, now, live_and_kept(change), has_moved(change));
 }
 
 /* ---- what needs a restart of rtud -------------------------------------------------------- */
@@ -94,7 +122,7 @@ static bool settings_are_kept(const struct change *change)
 	return key == NULL || refuse(change, key, "has changed");
 }
 
-/* Who asks others is known to them by a segment that they have mapped. */
+/* Who asks others is known to them by a segment that they have mapped: whoever he may ask has to be exchanged with him. */
 static bool may_be_exchanged(const struct change *change, uint32_t module)
 {
 	const struct map_module_plan *plan = &change->now->modules[module];
@@ -104,19 +132,11 @@ static bool may_be_exchanged(const struct change *change, uint32_t module)
 
 	if (kind->fixed != NULL)
 		return refuse(change, kind->fixed, "has changed");
-	if (flags & MAP_MAY_REQUEST)
+	if ((flags & MAP_MAY_REQUEST) && kind->reads == NULL)
 		return refuse(change, plan->name, "has changed and may command others");
 	if (flags & MAP_TAKES_PART)
 		return refuse(change, plan->name, "has changed and others wait for it, or it for them");
 	return true;
-}
-
-static bool follows(const struct change *change, uint32_t module)
-{
-	const struct map_module_plan *plan = &change->now->modules[module];
-
-	return (plan->flags & MAP_IS_GONE) || !kinds_find(plan->kind)->rigid ||
-	       refuse(change, plan->name, "does not follow a change");
 }
 
 static bool is_possible(const struct change *change)
@@ -127,8 +147,6 @@ static bool is_possible(const struct change *change)
 	for (uint32_t i = 0; i < change->now->module_count; i++)
 		if (changed & 1u << i)
 			possible &= may_be_exchanged(change, i);
-		else if (changed != 0)
-			possible &= follows(change, i);
 	return possible;
 }
 
@@ -233,7 +251,11 @@ static const char *fate_of(const struct change *change, uint32_t module)
 		return "is added";
 	if (change->gone & bit)
 		return "is removed";
-	return change->exchanged & bit ? "gets a new process" : "is not touched";
+	if (change->exchanged & bit)
+		return "gets a new process";
+	if (change->again & bit)
+		return "is started again";
+	return change->taking & bit ? "takes the change as it runs" : "is not touched";
 }
 
 static void print_point(const struct change *change, char sign, const struct map_config *config,
@@ -346,7 +368,8 @@ enum change_result change_prepare(const struct map *map, const struct map *befor
 	sort_modules(&change);
 	if (!is_possible(&change))
 		return CHANGE_REFUSED;
-	if (!(change.added | change.exchanged | change.gone)) {
+	make_room_for_counters(&change);
+	if (!has_moved(&change) && !(change.taking | change.again)) {
 		fputs("nothing changes\n", report);
 		return CHANGE_NONE;
 	}

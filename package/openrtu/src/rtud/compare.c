@@ -14,14 +14,16 @@ const char *compare_settings(const struct map_settings *a, const struct map_sett
 		return "timezone";
 	if (a->event_ring != b->event_ring)
 		return "event_ring";
+	if (a->force_max_s != b->force_max_s)
+		return "force_max_s";
 	if (a->select_timeout_s != b->select_timeout_s || a->command_timeout_s != b->command_timeout_s)
 		return "commands";
 	if (a->queue_count != b->queue_count)
-		return "iec104";
+		return "redundancy_groups";
 	for (uint32_t i = 0; i < a->queue_count; i++)
 		if (strcmp(a->queues[i].name, b->queues[i].name) != 0 ||
 		    a->queues[i].limit != b->queues[i].limit)
-			return "iec104";
+			return "redundancy_groups";
 	return NULL;
 }
 
@@ -109,17 +111,39 @@ static bool same_plan(const struct map_module_plan *a, const struct map_module_p
 {
 	return strcmp(a->kind, b->kind) == 0 && a->flags == b->flags &&
 	       memcmp(&a->rings, &b->rings, sizeof(a->rings)) == 0 &&
-	       a->heartbeat_limit_ms == b->heartbeat_limit_ms && a->section_size == b->section_size &&
-	       a->counters == b->counters;
+	       a->heartbeat_limit_ms == b->heartbeat_limit_ms && a->section_size == b->section_size;
 }
 
-bool compare_modules(const struct map *map, const struct map_config *now, uint32_t module)
+enum kind_change compare_kept(const struct map *map, const struct map_config *now, uint32_t module)
 {
 	const struct map_module_plan *plan = map_plan_of(map, module);
 	const struct kind *kind = kinds_find(plan->kind);
 
-	return same_plan(plan, &now->modules[module]) && same_sets(map_config(map), now, module) &&
-	       (kind->same == NULL || kind->same(map_config(map), now, module, plan->name));
+	if (kind == NULL || kind->same == NULL || kind->same(map_config(map), now, module, plan->name))
+		return KIND_UNCHANGED;
+	return kind->change == NULL ? KIND_EXCHANGED : kind->change(map_config(map), now);
+}
+
+enum kind_change compare_modules(const struct map *map, const struct map_config *now, uint32_t module)
+{
+	if (!same_plan(map_plan_of(map, module), &now->modules[module]) ||
+	    !same_sets(map_config(map), now, module))
+		return KIND_EXCHANGED;
+	return compare_kept(map, now, module);
+}
+
+uint32_t compare_again(const struct map *map, const struct map_config *now, uint32_t kept, bool moved)
+{
+	uint32_t again = 0;
+
+	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(map); i++) {
+		const struct kind *kind = kinds_find(map_plan_of(map, i)->kind);
+
+		if ((kept & 1u << i) &&
+		    ((moved && kind->by_numbers) || compare_kept(map, now, i) == KIND_STARTS_AGAIN))
+			again |= 1u << i;
+	}
+	return again;
 }
 
 static bool reads_the_same(const struct map_config *before, const struct map_config *now, uint32_t module,
@@ -140,14 +164,41 @@ static bool reads_the_same(const struct map_config *before, const struct map_con
 	}
 }
 
-uint32_t compare_readers(const struct map_config *before, const struct map_config *now, uint32_t kept)
+/* Owners of what a module reads that may be commanded: it may be one who does. */
+static uint32_t asked_by(const struct map_config *config, const struct map_module_plan *plan)
+{
+	const struct kind *kind = kinds_find(plan->kind);
+	uint32_t owners = 0, point;
+
+	if (kind == NULL || kind->reads == NULL || !(plan->flags & MAP_MAY_REQUEST) ||
+	    (plan->flags & MAP_IS_GONE))
+		return 0;
+	for (uint32_t i = 0; (point = kind->reads(config, plan->name, i)) != MAP_NONE; i++)
+		if (config->points[point].flags & MAP_POINT_COMMAND)
+			owners |= 1u << config->sets[config->points[point].set].module;
+	return owners;
+}
+
+static uint32_t asked_by_changed(const struct map_config *now, uint32_t kept)
+{
+	uint32_t owners = 0;
+
+	for (uint32_t i = 0; i < now->module_count; i++)
+		if (!(kept & 1u << i))
+			owners |= asked_by(now, &now->modules[i]);
+	return owners;
+}
+
+uint32_t compare_others(const struct map *map, const struct map_config *now, uint32_t kept)
 {
 	uint32_t moved = 0, last;
 
 	do {
 		last = moved;
+		moved |= kept & asked_by_changed(now, kept & ~moved);
 		for (uint32_t i = 0; i < now->module_count; i++)
-			if ((kept & ~moved & 1u << i) && !reads_the_same(before, now, i, kept & ~moved))
+			if ((kept & ~moved & 1u << i) &&
+			    !reads_the_same(map_config(map), now, i, kept & ~moved))
 				moved |= 1u << i;
 	} while (moved != last);
 	return moved;

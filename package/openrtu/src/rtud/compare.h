@@ -4,13 +4,21 @@
 #define OPENRTU_RTUD_COMPARE_H
 
 #include "map/map.h"
+#include "modules/kind.h"
 
 /* The key of a setting of all modules that differs; NULL: none does. */
 const char *compare_settings(const struct map_settings *a, const struct map_settings *b);
-/* The module is planned in the same way, its sets and points are the same, and what its kind knows besides. */
-bool compare_modules(const struct map *map, const struct map_config *now, uint32_t module);
-/* Modules among the kept ones, a bit each, that refer to points of modules that are not kept: these have moved. */
-uint32_t compare_readers(const struct map_config *before, const struct map_config *now, uint32_t kept);
+/* What becomes of a module that both have: how it is planned, its sets and points, and what its kind knows besides. */
+enum kind_change compare_modules(const struct map *map, const struct map_config *now, uint32_t module);
+/* Of a module that keeps its segment: what its kind alone knows. */
+enum kind_change compare_kept(const struct map *map, const struct map_config *now, uint32_t module);
+/*
+ * Modules among the kept ones, a bit each, that have to be exchanged for the sake of others: who refers to points of modules
+ * that are not kept, since these have moved, and who carries out commands of such a module, whose segment he has mapped.
+ */
+uint32_t compare_others(const struct map *map, const struct map_config *now, uint32_t kept);
+/* Modules among the kept ones, a bit each, that start again. moved: numbers of points may have changed. */
+uint32_t compare_again(const struct map *map, const struct map_config *now, uint32_t kept, bool moved);
 /* The other configuration has the point too: by addresses, name, type and owner. */
 bool compare_has_point(const struct map_config *config, const struct map_config *other, uint32_t point);
 

@@ -29,6 +29,10 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 		refuse(loader, "tls",
 		       "rtu-iec104-tls: remove the object, or build with -Dtls=true, in Buildroot "
 		       "BR2_PACKAGE_OPENRTU_TLS");
+	if (!modules.tls && json_object_get(root, "outstations_tls") != NULL)
+		refuse(loader, "outstations_tls",
+		       "rtu-104m-tls: remove the object, or build with -Dtls=true, in Buildroot "
+		       "BR2_PACKAGE_OPENRTU_TLS");
 	if (!modules.snmp && json_object_get(root, "snmp") != NULL)
 		refuse(loader, "snmp",
 		       "rtu-snmp: remove the object, or build with -Dsnmp=true, in Buildroot "

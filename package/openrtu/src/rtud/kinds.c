@@ -14,6 +14,7 @@
 	KIND(modbus)                                                                                         \
 	KIND(journal)                                                                                        \
 	KIND(gps)                                                                                            \
+	KIND(goose)                                                                                          \
 	KIND(iec104m)                                                                                        \
 	KIND(logic)                                                                                          \
 	KIND(snmp)                                                                                           \

@@ -16,6 +16,8 @@
 #include "map/supervise.h"
 #include "map/time_ns.h"
 #include "rtud/change.h"
+#include "rtud/compare.h"
+#include "rtud/kinds.h"
 #include "rtud/process.h"
 #include "rtud/start.h"
 
@@ -111,13 +113,18 @@ static void finish(struct supervisor *supervisor, enum map_command_result result
 	*reload = (struct reload){.phase = RELOAD_IDLE};
 }
 
+static uint32_t ending(const struct reload *reload)
+{
+	return reload->exchanged | reload->gone | reload->again;
+}
+
 /* Those that were to be followed have ended: they are started again as what they were. */
 static void announce_ended(struct supervisor *supervisor)
 {
 	struct reload *reload = &supervisor->reload;
 
 	for (uint32_t i = 0; reload->phase == RELOAD_ENDING && i < map_module_count(supervisor->map); i++)
-		if ((reload->exchanged | reload->gone) & 1u << i)
+		if (ending(reload) & 1u << i)
 			map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, i);
 }
 
@@ -228,6 +235,7 @@ static void sort_modules(struct supervisor *supervisor)
 {
 	struct reload *reload = &supervisor->reload;
 	const uint32_t known = map_module_count(supervisor->map);
+	uint32_t kept = 0;
 
 	for (uint32_t i = 0; i < map_module_count(reload->next); i++) {
 		const bool was = i < known && !map_is_gone(supervisor->map, i);
@@ -236,7 +244,11 @@ static void sort_modules(struct supervisor *supervisor)
 			reload->gone |= was ? 1u << i : 0;
 		else if (map_is_made_for(reload->next, i))
 			*(was ? &reload->exchanged : &reload->added) |= 1u << i;
+		else
+			kept |= 1u << i;
 	}
+	reload->again = compare_again(supervisor->map, map_config(reload->next), kept,
+				      (reload->exchanged | reload->added | reload->gone) != 0);
 }
 
 static bool start_incoming(struct supervisor *supervisor, uint32_t index)
@@ -318,15 +330,13 @@ static void await_incoming(struct supervisor *supervisor)
 static void await_quiet(struct supervisor *supervisor)
 {
 	struct reload *reload = &supervisor->reload;
-	const uint32_t ending = reload->exchanged | reload->gone;
-
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		if ((ending & 1u << i) && map_now_ns() < reload->deadline_ns &&
+		if ((ending(reload) & 1u << i) && map_now_ns() < reload->deadline_ns &&
 		    map_has_commands_under_way(supervisor->map, i))
 			return;
 	reload->phase = RELOAD_ENDING;
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
-		if (!(ending & 1u << i))
+		if (!(ending(reload) & 1u << i))
 			continue;
 		if (map_alive(supervisor->map, i))
 			reload->valid |= 1u << i;
@@ -366,6 +376,25 @@ static void adopt(struct supervisor *supervisor, uint32_t index)
 	map_module_started(supervisor->map, index, child->pid);
 }
 
+/* The next look at the modules starts it. */
+static void start_again(struct supervisor *supervisor, uint32_t index)
+{
+	struct reload *reload = &supervisor->reload;
+	struct map_module module;
+	const struct kind *kind;
+
+	map_module(supervisor->map, index, &module);
+	kind = kinds_find(module.kind);
+	if (kind->begin != NULL)
+		kind->begin(supervisor->map, start_user(supervisor, &module), supervisor->options->uid_base);
+	map_module_ended(supervisor->map, index, false);
+	map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
+	supervisor->children[index].restart_at_ns = 0;
+	supervisor->children[index].attached = false;
+	if (supervisor->children[index].held)
+		reload->again &= ~(1u << index); /* nothing is to be proven */
+}
+
 static void begin_proof(struct supervisor *supervisor, uint32_t seamless)
 {
 	struct reload *reload = &supervisor->reload;
@@ -377,11 +406,13 @@ static void begin_proof(struct supervisor *supervisor, uint32_t seamless)
 			map_module_ended(supervisor->map, i, false);
 		if ((reload->gone | (reload->exchanged & ~seamless)) & bit)
 			map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, i);
+		if (reload->again & bit)
+			start_again(supervisor, i);
 		if (reload->incoming[i] != 0)
 			adopt(supervisor, i);
 	}
-	reload->exchanged |= reload->added;
-	reload->added = reload->gone = 0;
+	reload->exchanged |= reload->added | reload->again;
+	reload->added = reload->gone = reload->again = 0;
 	reload->broken = 0;
 	reload->phase = RELOAD_PROVING;
 	reload->switched_ns = map_now_ns();
@@ -397,22 +428,33 @@ static void begin_generations(struct supervisor *supervisor, uint32_t seamless)
 			map_module_starting(supervisor->map, i);
 }
 
+static void carry_section(const struct map *map, const struct map *next, uint32_t module, const void *from,
+			  void *to)
+{
+	const struct map_module_plan *plan = map_plan_of(next, module);
+	const struct kind *kind = kinds_find(plan->kind);
+
+	if (kind->carry != NULL && !map_is_gone(map, module))
+		kind->carry(map_config(map), from, map_config(next), to, plan->name);
+}
+
 static void put_into_force(struct supervisor *supervisor)
 {
 	struct reload *reload = &supervisor->reload;
 	struct map_config before;
 	char error[MAP_ERROR_SIZE];
-	uint32_t seamless;
+	struct map_switching how = {.again = reload->again, .carry = carry_section};
 
-	if (!have_ended(supervisor, reload->exchanged | reload->gone))
+	if (!have_ended(supervisor, ending(reload)))
 		return;
-	seamless = find_seamless(supervisor);
+	how.valid = reload->valid;
+	how.seamless = find_seamless(supervisor);
 	if (!reload->back && map_attach_again(&reload->former, supervisor->map, 0, error) < 0) {
 		give_up(supervisor, "rtud", error);
 		return;
 	}
-	begin_generations(supervisor, seamless);
-	if (map_switch(supervisor->map, reload->next, reload->valid, seamless, error) < 0) {
+	begin_generations(supervisor, how.seamless);
+	if (map_switch(supervisor->map, reload->next, &how, error) < 0) {
 		give_up(supervisor, "rtud", error);
 		return;
 	}
@@ -421,7 +463,7 @@ static void put_into_force(struct supervisor *supervisor)
 		abort(); /* what is mapped already cannot be mapped again: the watchdog or init starts rtud anew */
 	map_forget(supervisor->map);
 	drop_map(&reload->next);
-	begin_proof(supervisor, seamless);
+	begin_proof(supervisor, how.seamless);
 	start_allow_memory(supervisor);
 }
 
@@ -457,7 +499,7 @@ static void go_back(struct supervisor *supervisor, const char *module)
 	log_line(supervisor, MAP_LOG_ERROR, text);
 	add_to_report(supervisor, text);
 	reload->back = true;
-	reload->exchanged = reload->broken = reload->valid = 0;
+	reload->exchanged = reload->again = reload->broken = reload->valid = 0;
 	begin(supervisor);
 }
 
@@ -546,5 +588,5 @@ bool reload_holds(const struct supervisor *supervisor, uint32_t module)
 {
 	const struct reload *reload = &supervisor->reload;
 
-	return reload->phase == RELOAD_ENDING && ((reload->exchanged | reload->gone) & 1u << module);
+	return reload->phase == RELOAD_ENDING && (ending(reload) & 1u << module);
 }

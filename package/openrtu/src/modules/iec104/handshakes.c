@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "map/time_ns.h"
+#include "modules/iec104/peer.h"
 
 #define LIMIT_S 10
 
@@ -74,4 +75,11 @@ void handshakes_watch(struct iec104_station *station, int64_t now_ns)
 	for (unsigned i = 0; i < HANDSHAKES_MAX; i++)
 		if (handshakes[i].here && now_ns >= handshakes[i].until_ns)
 			send_away(station, &handshakes[i], "its handshake takes too long");
+}
+
+void handshakes_renew(struct iec104_station *station, const struct map_config *config)
+{
+	for (unsigned i = 0; i < HANDSHAKES_MAX; i++)
+		if (handshakes[i].here && !peer_look_again(config, &handshakes[i].peer))
+			send_away(station, &handshakes[i], "its address is not in \"masters\" any more");
 }

@@ -27,4 +27,7 @@ uint32_t handshakes_place_of(const struct handshake *handshake);
 /* Sends away the peers that take too long. */
 void handshakes_watch(struct iec104_station *station, int64_t now_ns);
 
+/* Sends away the peers that a changed configuration does not list, and looks again at what it grants the others. */
+void handshakes_renew(struct iec104_station *station, const struct map_config *config);
+
 #endif

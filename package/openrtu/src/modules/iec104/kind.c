@@ -18,18 +18,7 @@ static const struct call_rule plain_calls[] = {
 };
 
 static const struct call_rule tls_calls[] = {
-    CALL(epoll_wait),
-    CALL(epoll_pwait),
-    CALL(epoll_ctl),
-    CALL(accept4),
-    CALL(setsockopt),
-    RENEWAL_CALLS, /* and the files of TLS, read anew when they change */
-    CALL(lseek),
-    CALL(_llseek),
-    /* libcrypto: random numbers, and locks for threads that are not there. */
-    CALL(getrandom),
-    CALL(futex_time64),
-    CALL(futex),
+    CALL(epoll_wait), CALL(epoll_pwait), CALL(epoll_ctl), CALL(accept4), CALL(setsockopt), TLS_CALLS,
 };
 
 static const struct kind_program programs[] = {
@@ -74,6 +63,21 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(&of_a, &of_b, sizeof(of_a)) == 0;
 }
 
+/* What is looked at whenever it is needed. The listener, the memory for k, and TLS are what the process began with. */
+static enum kind_change change(const struct map_config *before, const struct map_config *now)
+{
+	struct iec104_settings looked_at = *iec104_settings(now);
+	const struct iec104_settings *was = iec104_settings(before);
+
+	memcpy(looked_at.address, was->address, sizeof(looked_at.address));
+	looked_at.port = was->port;
+	looked_at.k = was->k;
+	looked_at.max_connections = was->max_connections;
+	looked_at.tls = was->tls;
+	return memcmp(&looked_at, iec104_settings(now), sizeof(looked_at)) == 0 ? KIND_TAKES
+										: KIND_STARTS_AGAIN;
+}
+
 const struct kind iec104_kind = {
     .name = IEC104_KIND,
     .part = &iec104_part,
@@ -82,5 +86,6 @@ const struct kind iec104_kind = {
     .program_count = sizeof(programs) / sizeof(programs[0]),
     .choose = choose,
     .same = same,
-    .fixed = "iec104",
+    .change = change,
+    .fixed = "iec104.own_ca",
 };

@@ -308,6 +308,30 @@ static void say(enum map_log_level level, const char *peer, const char *text)
 
 static struct channel_owner channels = {.say = say};
 
+/* A master of another group has another queue: it connects anew. */
+static void look_again(struct iec104_connection *connection)
+{
+	struct iec104_peer peer;
+
+	memcpy(peer.address, connection->address, sizeof(peer.address));
+	if (peer_look_again(map_config(map), &peer) &&
+	    iec104_group_of(&station, peer.party) == connection->group) {
+		connection->party = peer.party;
+		connection->clock_master = peer.clock_master;
+	} else {
+		iec104_session_close(&connection->session, IEC104_NOT_AS_BEFORE);
+	}
+}
+
+static void look_at_peers(void)
+{
+	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)
+		if (station.connections[i].open)
+			look_again(&station.connections[i]);
+	end_closed();
+	handshakes_renew(&station, map_config(map));
+}
+
 /* Nothing is half done here: what has come is in the station, what it says in its octets. */
 static void follow_configuration(void)
 {
@@ -325,6 +349,7 @@ static void follow_configuration(void)
 	iec104_station_renew(&station, &before);
 	channels.tls = &station.settings->tls;
 	channel_renew();
+	look_at_peers();
 	map_forget(map);
 }
 

@@ -63,10 +63,25 @@ static void write_address(const struct in6_addr *address, char text[MAP_ADDRESS_
 		inet_ntop(AF_INET6, address, text, MAP_ADDRESS_SIZE);
 }
 
+static bool look_up(const struct in6_addr *address, const struct map_config *config, struct iec104_peer *out)
+{
+	const struct iec104_settings *settings = iec104_settings(config);
+
+	out->party = party_of(config, address);
+	out->clock_master = may_set_clock(settings, address);
+	return settings->master_count == 0 || is_among(address, settings->masters, settings->master_count);
+}
+
+bool peer_look_again(const struct map_config *config, struct iec104_peer *peer)
+{
+	struct in6_addr address;
+
+	return map_address_parse(peer->address, &address) && look_up(&address, config, peer);
+}
+
 bool peer_identify(const struct sockaddr_storage *from, const struct map_config *config,
 		   struct iec104_peer *out)
 {
-	const struct iec104_settings *settings = iec104_settings(config);
 	/* the port has the same place in both families */
 	unsigned port = ntohs(((const struct sockaddr_in *)from)->sin_port);
 	struct in6_addr address;
@@ -74,7 +89,5 @@ bool peer_identify(const struct sockaddr_storage *from, const struct map_config 
 	map_to_ipv6(from, &address);
 	write_address(&address, out->address);
 	snprintf(out->name, sizeof(out->name), "%s port %u", out->address, port);
-	out->party = party_of(config, &address);
-	out->clock_master = may_set_clock(settings, &address);
-	return settings->master_count == 0 || is_among(&address, settings->masters, settings->master_count);
+	return look_up(&address, config, out);
 }

@@ -11,4 +11,7 @@
 bool peer_identify(const struct sockaddr_storage *from, const struct map_config *config,
 		   struct iec104_peer *out);
 
+/* What a changed configuration grants a peer that was identified before. False: it may not be connected any more. */
+bool peer_look_again(const struct map_config *config, struct iec104_peer *peer);
+
 #endif

@@ -15,15 +15,18 @@
 #include "map/time_ns.h"
 #include "modules/iec104m/outstation.h"
 
-#define POINTS    9 /* one of each type that the standard has, and a second single one in another set */
-#define FIRST     1 /* IOA of the first */
+#define POINTS    13 /* one of each type that the standard has, then those of another set */
+#define OTHER     8  /* the first of that set: a second single one */
+#define POSITION  9  /* the first of the position's four */
+#define FIRST     1  /* IOA of the first */
 #define CA        1
 #define WALL_NS   (1110965882 * NS_PER_S)
 #define LINKS     IEC104_OUTSTATION_LINKS_MAX
 #define RETRY_NS  NS_PER_S
 #define TURNS_MAX 50
 
-static struct map_set sets[] = {{.point_count = POINTS - 1}, {.first_point = POINTS - 1, .point_count = 1}};
+static struct map_set sets[] = {{.point_count = OTHER},
+				{.first_point = OTHER, .point_count = POINTS - OTHER}};
 static struct map_point points[POINTS];
 static struct iec104_outstation config = {.name = "town",
 					  .addresses = {"1", "2"},
@@ -39,9 +42,10 @@ static struct iec104_outstation config = {.name = "town",
 					  .interrogation_ms = 60000,
 					  .counters_s = 30,
 					  .clock_s = 40,
+					  .position_type = IEC104_GEOPOSITION,
 					  .set_count = 2};
 static struct iec104_outstation_set there[] = {{.set = 0, .ca = CA},
-					       {.set = 1, .ca = CA + 1, .first_point = POINTS - 1}};
+					       {.set = 1, .ca = CA + 1, .first_point = OTHER}};
 static struct iec104_outstation_point objects[POINTS];
 static struct map_config configuration = {
     .set_count = 2, .point_count = POINTS, .sets = sets, .points = points};
@@ -63,11 +67,10 @@ const struct map_config *map_config(const struct map *map)
 	return &configuration;
 }
 
-bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
+struct map_sample map_own_sample(const struct map *map, uint32_t point)
 {
 	(void)map;
-	*out = samples[point];
-	return true;
+	return samples[point];
 }
 
 void map_publish(struct map *map, const struct map_update *updates, size_t count)
@@ -286,19 +289,21 @@ static void tell(struct link *link, uint8_t argument)
 {
 	static const uint8_t causes[] = {IEC104_SPONTANEOUS, IEC104_RETURN_REMOTE, IEC104_RETURN_LOCAL,
 					 IEC104_INTERROGATED, IEC104_COUNTERS_REQUESTED};
-	const unsigned place = argument % POINTS;
+	const unsigned place = argument % (POSITION + 1);
 	const bool tagged = next_octet() & 1;
-	const struct iec104_asdu header = {.type = iec104_monitor_type(&points[place], tagged),
-					   .cause = causes[next_octet() % sizeof(causes)],
-					   .ca = there[points[place].set].ca};
+	const struct iec104_asdu header = {
+	    .type = place == POSITION ? IEC104_GEOPOSITION : iec104_monitor_type(&points[place], tagged),
+	    .cause = causes[next_octet() % sizeof(causes)],
+	    .ca = there[points[place].set].ca};
 	struct iec104_builder builder;
-	uint8_t element[IEC104_ELEMENT_MAX];
+	uint8_t element[IEC104_GEOPOSITION_SIZE];
+	const size_t size = place == POSITION ? sizeof(element) : iec104_information_size(header.type);
 
 	iec104_asdu_begin(&builder, &header);
 	for (unsigned i = 1 + next_octet() % 4; i > 0; i--) {
 		for (unsigned octet = 0; octet < sizeof(element); octet++)
 			element[octet] = next_octet();
-		iec104_asdu_add(&builder, FIRST + place, element, iec104_information_size(header.type));
+		iec104_asdu_add(&builder, FIRST + place, element, size);
 	}
 	receive_asdu(link, builder.bytes, builder.size);
 }
@@ -325,7 +330,7 @@ static void answer_request(struct link *link, uint8_t argument)
 
 static void command(uint8_t argument)
 {
-	const struct map_request request = {.point = argument % POINTS,
+	const struct map_request request = {.point = argument % POSITION,
 					    .action = MAP_EXECUTE,
 					    .value.u = next_octet(),
 					    .step = (int8_t)(next_octet() % 3 - 1),
@@ -376,16 +381,26 @@ static void step(void)
 	run();
 }
 
+/* A type of each number; a position's points are behind. */
+static enum map_type type_of(unsigned point)
+{
+	static const enum map_type others[] = {MAP_SINGLE, MAP_BITSTRING, MAP_ANGLE, MAP_ANGLE, MAP_FLOAT};
+
+	return point < OTHER ? (enum map_type)point : others[point - OTHER];
+}
+
 static void set_up(void)
 {
 	for (unsigned i = 0; i < POINTS; i++) {
-		points[i] =
-		    (struct map_point){.set = i == POINTS - 1,
-				       .type = (uint8_t)(i == POINTS - 1 ? MAP_SINGLE : (enum map_type)i),
-				       .short_pulse_ms = 1,
-				       .long_pulse_ms = 2};
+		points[i] = (struct map_point){.set = i >= OTHER,
+					       .type = (uint8_t)type_of(i),
+					       .flags = i == POSITION ? MAP_POINT_POSITION : 0,
+					       .short_pulse_ms = 1,
+					       .long_pulse_ms = 2};
 		objects[i] = (struct iec104_outstation_point){
-		    .ioa = FIRST + i, .command_ioa = 100 + i, .select = i % 2 && i != MAP_BITSTRING};
+		    .ioa = i > POSITION ? (i - POSITION) << 24 | (FIRST + POSITION) : FIRST + i,
+		    .command_ioa = 100 + i,
+		    .select = i % 2 && i != MAP_BITSTRING};
 		samples[i] = (struct map_sample){.quality = MAP_INVALID};
 		executing[i] = false;
 	}

@@ -15,12 +15,14 @@ bool link_init(struct link *link, const struct iec104_outstation *outstation, un
 	       const struct iec104_controlling_settings *settings,
 	       const struct iec104_controlling_listener *listener)
 {
-	*link = (struct link){.outstation = outstation,
-			      .settings = settings,
-			      .listener = listener,
-			      .address = outstation->addresses[number],
-			      .channel = {.fd = -1},
-			      .retry_ns = outstation->retry_ms * NS_PER_MS};
+	*link = (struct link){
+	    .outstation = outstation,
+	    .settings = settings,
+	    .listener = listener,
+	    .address = outstation->addresses[number],
+	    .channel = {.fd = -1},
+	    .security = {.certificate = outstation->certificate[0] != '\0' ? outstation->certificate : NULL},
+	    .retry_ns = outstation->retry_ms * NS_PER_MS};
 	link->memory = (struct iec104_memory){.sent_ns = calloc(outstation->k, sizeof(int64_t)),
 					      .input = link->input,
 					      .output = link->output,
@@ -51,12 +53,24 @@ static void go_down(struct link *link, const char *reason, int64_t now_ns)
 
 static void open_session(struct link *link, struct iec104_moment now)
 {
-	const int fd = link->channel.fd;
-
-	channel_open(&link->channel, fd, link->address);
 	link->state = LINK_OPEN;
 	link->open_ns = now.monotonic_ns;
 	iec104_controlling_open(&link->controlling, link->settings, link->listener, &link->memory, now);
+}
+
+/* What has become of the channel. */
+static void settle(struct link *link, enum channel_progress progress, struct iec104_moment now)
+{
+	switch (progress) {
+	case CHANNEL_READY:
+		open_session(link, now);
+		return;
+	case CHANNEL_WAITS:
+		link->state = LINK_SECURING;
+		return;
+	case CHANNEL_REFUSED:
+		go_down(link, "made no secure connection", now.monotonic_ns);
+	}
 }
 
 static void begin_connecting(struct link *link, int64_t now_ns)
@@ -76,7 +90,10 @@ static void finish_connecting(struct link *link, struct iec104_moment now)
 			go_down(link, "does not answer", now.monotonic_ns);
 		return;
 	case TCP_CONNECTED:
-		open_session(link, now);
+		settle(link,
+		       channel_connect(&link->channel, link->channel.fd, link->address,
+				       link->outstation->secure, &link->security),
+		       now);
 		return;
 	case TCP_FAILED:
 		go_down(link, link->error, now.monotonic_ns);
@@ -87,6 +104,14 @@ void link_start(struct link *link, struct iec104_moment now)
 {
 	link->state = LINK_STARTING;
 	iec104_session_start(&link->controlling.session, now.monotonic_ns);
+}
+
+static void go_on_securing(struct link *link, struct iec104_moment now)
+{
+	if (now.monotonic_ns >= link->due_ns)
+		go_down(link, "does not answer", now.monotonic_ns);
+	else
+		settle(link, channel_handshake(&link->channel), now);
 }
 
 void link_receive(struct link *link)
@@ -102,6 +127,8 @@ static void run_session(struct link *link, struct iec104_moment now)
 	iec104_controlling_run(&link->controlling, now);
 	if (link->state == LINK_STARTING && session->started)
 		link->state = LINK_STARTED;
+	if (!channel_keep(&link->channel, now.monotonic_ns))
+		iec104_session_close(session, IEC104_NOT_SECURE);
 	channel_transmit_session(&link->channel, session);
 	if (session->closing == IEC104_OPEN)
 		return;
@@ -115,19 +142,30 @@ void link_run(struct link *link, struct iec104_moment now)
 		begin_connecting(link, now.monotonic_ns);
 	if (link->state == LINK_CONNECTING)
 		finish_connecting(link, now);
+	else if (link->state == LINK_SECURING)
+		go_on_securing(link, now);
+	/* TLS has octets that the socket has not any more, or waits for it to be writable. */
+	if (has_session(link) && (link->pending || link->channel.wants != 0))
+		link_receive(link);
 	if (has_session(link))
 		run_session(link, now);
+	link->pending = has_session(link) && channel_pending(&link->channel) &&
+			(channel_interest(&link->channel, &link->controlling.session) & EPOLLIN) != 0;
 }
 
 int64_t link_deadline(const struct link *link)
 {
-	return has_session(link) ? iec104_controlling_deadline(&link->controlling) : link->due_ns;
+	if (!has_session(link))
+		return link->due_ns;
+	return link->pending ? 0 : iec104_controlling_deadline(&link->controlling);
 }
 
 short link_events(struct link *link)
 {
 	if (link->state == LINK_CONNECTING)
 		return POLLOUT;
+	if (link->state == LINK_SECURING)
+		return (short)link->channel.wants;
 	return has_session(link) ? (short)channel_interest(&link->channel, &link->controlling.session) : 0;
 }
 
@@ -137,6 +175,7 @@ void link_close(struct link *link)
 		channel_close(&link->channel);
 	link->channel.fd = -1;
 	link->state = LINK_DOWN;
+	channel_forget(&link->security);
 	free(link->memory.sent_ns);
 	link->memory.sent_ns = NULL;
 }

@@ -14,7 +14,7 @@
 #define LINK_INPUT_SIZE  1024
 #define LINK_OUTPUT_SIZE 512
 
-enum link_state { LINK_DOWN, LINK_CONNECTING, LINK_OPEN, LINK_STARTING, LINK_STARTED };
+enum link_state { LINK_DOWN, LINK_CONNECTING, LINK_SECURING, LINK_OPEN, LINK_STARTING, LINK_STARTED };
 
 struct link {
 	const struct iec104_outstation *outstation;
@@ -23,9 +23,11 @@ struct link {
 	const char *address;
 	enum link_state state;
 	struct channel channel; /* its fd is -1: there is none */
-	int64_t due_ns;         /* down: the next attempt; connecting: the last moment for it */
+	struct channel_station security;
+	int64_t due_ns; /* down: the next attempt; connecting and securing: the last moment for it */
 	int64_t retry_ns;
 	int64_t open_ns;
+	bool pending;       /* octets have come that poll does not tell of */
 	uint32_t failures;  /* connections that ended or could not be made */
 	const char *reason; /* of the last */
 	char error[TCP_ERROR_SIZE];

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * rtu-104m: the controlling station of the gateway. Other stations of IEC 60870-5-104, each with one connection or two, in one
- * loop; their objects are points of the map. Nothing is allocated once it runs.
+ * rtu-104m and rtu-104m-tls: the controlling station of the gateway, on TCP, or also on TLS. Other stations of IEC 60870-5-104,
+ * each with one connection or two, in one loop; their objects are points of the map. Nothing is allocated once it runs, but by
+ * OpenSSL.
  */
 #include <errno.h>
 #include <poll.h>
@@ -67,6 +68,13 @@ static void receive(const struct pollfd waits[WAITS_MAX])
 			link_receive(link_at(i));
 }
 
+static void say(enum map_log_level level, const char *peer, const char *text)
+{
+	map_log(map, level, peer != NULL ? "%s: %s" : "%s%s", peer != NULL ? peer : "", text);
+}
+
+static struct channel_owner channels = {.controlling = true, .say = say};
+
 static int64_t serve(void)
 {
 	const int64_t now_ns = map_now_ns();
@@ -74,9 +82,11 @@ static int64_t serve(void)
 
 	map_heartbeat(map);
 	map_bell_clear(map);
+	channel_watch(now_ns);
 	take_requests(now_ns);
 	for (uint32_t i = 0; i < count; i++) {
 		outstation_run(&outstations[i], now_ns);
+		map_heartbeat(map); /* handshakes take their time */
 		deadline_ns = earlier(deadline_ns, outstation_deadline(&outstations[i]));
 	}
 	return deadline_ns;
@@ -148,6 +158,9 @@ int main(int argc, char **argv)
 		map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(errno));
 		return MODULE_FAILED;
 	}
+	channels.tls = iec104_outstation_tls(map_config(map));
+	if (channels.tls != NULL && !channel_start(&channels))
+		return MODULE_FAILED;
 	if (!module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	run(stop);

@@ -31,11 +31,14 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 		    outstation->clock);
 }
 
-/* Its points are those of the standard's types. */
 static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
 			const struct iec104_geoposition *position)
 {
-	(void)context, (void)asdu, (void)ioa, (void)position;
+	struct outstation *outstation = context;
+
+	if (!asdu->test && !asdu->negative)
+		values_take_position(&outstation->values, asdu, ioa, position, outstation->now.monotonic_ns,
+				     outstation->clock);
 }
 
 static void on_progress(void *context, const struct iec104_controlling_request *request)
@@ -68,6 +71,32 @@ static void add_poll(struct outstation *outstation, enum iec104_poll_kind kind, 
 		    .kind = (uint8_t)kind, .at_start = at_start, .ca = ca, .period_ns = period_s * NS_PER_S};
 }
 
+static void add_reads(struct outstation *outstation, const struct iec104_outstation_set *set)
+{
+	const struct map_config *config = map_config(outstation->map);
+	const struct iec104_outstation_point *points = iec104_outstation_points(config) + set->first_point;
+
+	for (uint32_t i = 0; i < config->sets[set->set].point_count; i++)
+		if (points[i].read_ms > 0)
+			outstation->polls[outstation->poll_count++] =
+			    (struct iec104_poll){.kind = IEC104_POLL_READ,
+						 .ca = set->ca,
+						 .ioa = points[i].ioa,
+						 .period_ns = points[i].read_ms * NS_PER_MS};
+}
+
+static uint32_t count_polls(const struct outstation *outstation)
+{
+	const struct map_config *config = map_config(outstation->map);
+	const struct iec104_outstation_set *sets =
+	    iec104_outstation_sets(config) + outstation->config->first_set;
+	uint32_t polls = POLLS_A_SET * outstation->config->set_count;
+
+	for (uint32_t i = 0; i < outstation->config->set_count; i++)
+		polls += config->sets[sets[i].set].point_count;
+	return polls;
+}
+
 static void plan_polls(struct outstation *outstation)
 {
 	const struct iec104_outstation *config = outstation->config;
@@ -82,6 +111,8 @@ static void plan_polls(struct outstation *outstation)
 	for (uint32_t i = 0; i < config->set_count; i++)
 		add_poll(outstation, IEC104_POLL_COUNTERS, sets[i].ca, config->counters_s > 0,
 			 config->counters_s);
+	for (uint32_t i = 0; i < config->set_count; i++)
+		add_reads(outstation, &sets[i]);
 }
 
 static bool is_started(const struct outstation *outstation)
@@ -262,6 +293,7 @@ static void set_up(struct outstation *outstation)
 		      .t3_ns = config->t3_s * NS_PER_S},
 	    .zone = config->zone,
 	    .originator = config->originator,
+	    .position_type = config->position_type,
 	    .requests_max = IEC104_CONTROLLING_REQUESTS_MAX,
 	    .confirmation_ns = config->confirmation_ms * NS_PER_MS,
 	    .selection_ns = config->confirmation_ms * NS_PER_MS,
@@ -283,7 +315,7 @@ bool outstation_init(struct outstation *outstation, struct map *map, const struc
 	*outstation =
 	    (struct outstation){.map = map, .config = config, .stats = stats, .valid_until_ns = INT64_MAX};
 	set_up(outstation);
-	outstation->polls = calloc(POLLS_A_SET * config->set_count, sizeof(*outstation->polls));
+	outstation->polls = calloc(count_polls(outstation), sizeof(*outstation->polls));
 	good = outstation->polls != NULL && values_init(&outstation->values, map, config, stats);
 	for (unsigned i = 0; good && i < config->address_count; i++)
 		good =

@@ -5,18 +5,26 @@
 
 #include "map/time_ns.h"
 
-#define QUALITY_MASK (MAP_OVERFLOW | MAP_BLOCKED | MAP_SUBSTITUTED | MAP_NOT_TOPICAL | MAP_INVALID)
-#define AHEAD_NS     (5 * NS_PER_S)                         /* clocks that are set differ by less */
-#define BEHIND_NS    (MAP_PAST_DAYS * S_PER_DAY * NS_PER_S) /* of what an outstation has kept for us */
+#define IOA_MASK      0xffffffu
+#define ALTITUDE_NONE (-8388608) /* with OV: it is not known */
+#define NIBBLE        0x0fu
+#define DM_PER_M      10.0f
+#define QUALITY_MASK  (MAP_OVERFLOW | MAP_BLOCKED | MAP_SUBSTITUTED | MAP_NOT_TOPICAL | MAP_INVALID)
+#define AHEAD_NS      (5 * NS_PER_S)                         /* clocks that are set differ by less */
+#define BEHIND_NS     (MAP_PAST_DAYS * S_PER_DAY * NS_PER_S) /* of what an outstation has kept for us */
 
 /* ---- which point ------------------------------------------------------------------------- */
 
+/* The points of a position stay together, in their order. */
 static int compare(const void *a, const void *b)
 {
 	const struct values_entry *one = a, *other = b;
+	const uint32_t of_one = one->ioa & IOA_MASK, of_other = other->ioa & IOA_MASK;
 
 	if (one->ca != other->ca)
 		return one->ca < other->ca ? -1 : 1;
+	if (of_one != of_other)
+		return of_one < of_other ? -1 : 1;
 	return (one->ioa > other->ioa) - (one->ioa < other->ioa);
 }
 
@@ -106,12 +114,12 @@ static int type_of(enum iec104_content content)
 }
 
 /* Its own time tag, if that can be; else when it came. */
-static int64_t moment_of(struct values *values, const struct iec104_information *information, int64_t now_ns,
+static int64_t moment_of(struct values *values, bool tagged, int64_t wall_ns, int64_t now_ns,
 			 struct map_clock clock)
 {
-	int64_t moment_ns = information->wall_ns - clock.offset_ns;
+	int64_t moment_ns = wall_ns - clock.offset_ns;
 
-	if (!information->tagged || information->time_invalid)
+	if (!tagged)
 		return now_ns;
 	if (moment_ns > now_ns + AHEAD_NS || moment_ns <= now_ns - BEHIND_NS) {
 		map_count(&values->stats->untimely, 1);
@@ -156,20 +164,77 @@ void values_take(struct values *values, const struct iec104_asdu *asdu,
 		map_count(&values->stats->unmapped, 1);
 		return;
 	}
-	if (type_of(information->content) != map_config(values->map)->points[entry->point].type) {
+	if (type_of(information->content) != map_config(values->map)->points[entry->point].type ||
+	    (map_config(values->map)->points[entry->point].flags & MAP_POINT_POSITION) != 0) {
 		map_count(&values->stats->mistyped, 1);
 		return;
 	}
 	make_room(values, entry);
 	entry->batch = values->batch;
-	values->updates[values->update_count++] =
-	    (struct map_update){.point = entry->point,
-				.cause = (uint8_t)cause,
-				.event_rule = (uint8_t)rule_of(asdu),
-				.sample = {.value = information->value,
-					   .quality = information->quality & QUALITY_MASK,
-					   .detail = information->detail,
-					   .time_ns = moment_of(values, information, now_ns, clock)}};
+	values->updates[values->update_count++] = (struct map_update){
+	    .point = entry->point,
+	    .cause = (uint8_t)cause,
+	    .event_rule = (uint8_t)rule_of(asdu),
+	    .sample = {.value = information->value,
+		       .quality = information->quality & QUALITY_MASK,
+		       .detail = information->detail,
+		       .time_ns = moment_of(values, information->tagged && !information->time_invalid,
+					    information->wall_ns, now_ns, clock)}};
+	map_count(&values->stats->objects, 1);
+}
+
+/* The samples of the points of a position. The altitude that is not known is invalid, and so is all but the altitude in range. */
+static void samples_of(const struct iec104_geoposition *position, int64_t time_ns,
+		       struct map_sample out[IEC104_OUTSTATION_POSITION_POINTS])
+{
+	const uint8_t quality = position->quality & QUALITY_MASK, exact = quality & (uint8_t)~MAP_OVERFLOW;
+	const bool unknown = position->altitude_dm == ALTITUDE_NONE && (quality & MAP_OVERFLOW) != 0;
+	const uint32_t fix = (position->fix & NIBBLE) | (position->satellites & NIBBLE) << 4;
+
+	out[0] = (struct map_sample){.value.u = fix, .quality = exact, .time_ns = time_ns};
+	out[1] = (struct map_sample){.value.i = position->latitude, .quality = exact, .time_ns = time_ns};
+	out[2] = (struct map_sample){.value.i = position->longitude, .quality = exact, .time_ns = time_ns};
+	out[3] = (struct map_sample){.value.f = (float)position->altitude_dm / DM_PER_M,
+				     .quality = unknown ? exact | MAP_INVALID : quality,
+				     .time_ns = time_ns};
+}
+
+/* A position is an event as a whole. */
+static bool is_news(const struct values *values, uint32_t point,
+		    const struct map_sample samples[IEC104_OUTSTATION_POSITION_POINTS])
+{
+	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++) {
+		struct map_sample last;
+
+		if (!map_read(values->map, point + i, &last) || last.quality != samples[i].quality ||
+		    last.value.u != samples[i].value.u)
+			return true;
+	}
+	return false;
+}
+
+void values_take_position(struct values *values, const struct iec104_asdu *asdu, uint32_t ioa,
+			  const struct iec104_geoposition *position, int64_t now_ns, struct map_clock clock)
+{
+	struct values_entry *entry = (struct values_entry *)values_find(values, asdu->ca, ioa);
+	struct map_sample samples[IEC104_OUTSTATION_POSITION_POINTS];
+	bool event;
+
+	if (entry == NULL ||
+	    (map_config(values->map)->points[entry->point].flags & MAP_POINT_POSITION) == 0) {
+		map_count(entry == NULL ? &values->stats->unmapped : &values->stats->mistyped, 1);
+		return;
+	}
+	samples_of(position, moment_of(values, !position->time_invalid, position->wall_ns, now_ns, clock),
+		   samples);
+	values_publish(values); /* what came before it; it is compared with what is there */
+	event = rule_of(asdu) == MAP_EVENT_ALWAYS || is_news(values, entry->point, samples);
+	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++)
+		values->updates[values->update_count++] = (struct map_update){
+		    .point = entry->point + i,
+		    .event_rule = (uint8_t)(event ? MAP_EVENT_ALWAYS : MAP_EVENT_BY_QUALITY),
+		    .sample = samples[i]};
+	values_publish(values);
 	map_count(&values->stats->objects, 1);
 }
 
@@ -184,9 +249,11 @@ void values_invalidate(struct values *values, int64_t now_ns)
 	values_publish(values);
 	for (uint32_t i = 0; i < values->count; i++) {
 		struct values_entry *entry = &values->entries[i];
-		struct map_sample last = {.quality = MAP_INVALID};
+		const struct map_sample last = map_own_sample(values->map, entry->point);
 
-		map_read(values->map, entry->point, &last);
+		if (values->update_count + IEC104_OUTSTATION_POSITION_POINTS > VALUES_AT_ONCE &&
+		    entry->ioa <= IOA_MASK)
+			values_publish(values); /* a position is not cut */
 		make_room(values, entry);
 		entry->batch = values->batch;
 		values->updates[values->update_count++] =

@@ -45,6 +45,9 @@ const struct values_entry *values_find(const struct values *values, uint16_t ca,
 void values_take(struct values *values, const struct iec104_asdu *asdu,
 		 const struct iec104_information *information, enum map_cause cause, int64_t now_ns,
 		 struct map_clock clock);
+/* A position, likewise; its points are published in one step. */
+void values_take_position(struct values *values, const struct iec104_asdu *asdu, uint32_t ioa,
+			  const struct iec104_geoposition *position, int64_t now_ns, struct map_clock clock);
 void values_publish(struct values *values);
 
 /* Nobody knows them any more: all are invalid, with the values that they had. */

@@ -7,6 +7,7 @@
 #include "logic/stats.h"
 #include "modules/calls.h"
 #include "modules/kind.h"
+#include "modules/logic/carry.h"
 #include "modules/users.h"
 #include "synch/config.h"
 
@@ -101,6 +102,12 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	       links_of(a, of_a) == links_of(b, of_b) && same_initials(a, of_a, b, of_b);
 }
 
+static void carry(const struct map_config *before, const void *from, const struct map_config *now, void *to,
+		  const char *module)
+{
+	logic_carry_kept(before, find(before, module), from, now, find(now, module), to);
+}
+
 const struct kind logic_kind = {
     .name = LOGIC_KIND,
     .part = &logic_part,
@@ -109,4 +116,5 @@ const struct kind logic_kind = {
     .program_count = 1,
     .same = same,
     .reads = reads,
+    .carry = carry,
 };

@@ -47,10 +47,10 @@ static void begin(struct host *host, const struct map_request *request, int64_t 
 		decided->begun_ns = now_ns;
 		return;
 	}
+	map_command_confirm(host->map, request->point); /* before its return information */
 	points_set(point, request->value, (uint8_t)map_cause_of(host->map, request));
 	points_publish_set(host, point);
 	kept_store(host);
-	map_command_confirm(host->map, request->point);
 	map_command_finish(host->map, request->point, MAP_RESULT_DONE, 0);
 }
 
@@ -79,14 +79,26 @@ void requests_before(struct host *host)
 	}
 }
 
+static void confirm(struct host *host, struct host_request *request)
+{
+	if (!request->confirmed)
+		map_command_confirm(host->map, request->point->point);
+	request->confirmed = true;
+}
+
+/* Before the outputs are published: the confirmation goes before the return information. */
 void requests_judge(struct host *host)
 {
 	for (uint16_t i = 0; i < host->logic.head->requests; i++) {
 		struct host_request *request = &host->requests[i];
 		uint8_t cause = (uint8_t)map_cause_of(host->map, &request->request);
+		enum logic_decision decision = logic_judge(&host->logic, &host->logic.requests[i]).decision;
 
 		if (request->phase != REQUEST_ACTIVE ||
-		    logic_judge(&host->logic, &host->logic.requests[i]).decision != LOGIC_EXECUTED)
+		    (decision != LOGIC_CONFIRMED && decision != LOGIC_EXECUTED))
+			continue;
+		confirm(host, request);
+		if (decision != LOGIC_EXECUTED)
 			continue;
 		if (host->logic.points[request->point - host->points].written)
 			request->point->cause = cause;
@@ -129,10 +141,7 @@ void requests_after(struct host *host, int64_t now_ns)
 
 		if (request->phase != REQUEST_ACTIVE)
 			continue;
-		if (verdict.decision == LOGIC_CONFIRMED && !request->confirmed) {
-			request->confirmed = true;
-			map_command_confirm(host->map, request->point->point);
-		} else if (verdict.decision == LOGIC_EXECUTED || verdict.decision == LOGIC_REFUSED) {
+		if (verdict.decision == LOGIC_EXECUTED || verdict.decision == LOGIC_REFUSED) {
 			finish(host, request, verdict.result);
 		} else if (is_too_late(host, request, block, now_ns)) {
 			finish(host, request, MAP_RESULT_TIMEOUT);

@@ -5,6 +5,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <stddef.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -116,6 +117,26 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(snmp_settings(a), snmp_settings(b), sizeof(struct snmp_settings)) == 0;
 }
 
+/* The agent keeps what its sessions were opened with. */
+static enum kind_change change(const struct map_config *before, const struct map_config *now)
+{
+	(void)before, (void)now;
+	return KIND_STARTS_AGAIN;
+}
+
+/*
+ * Its events name points by numbers that may be others' now, and their places at the sinks are those of former sinks: the numbers
+ * of events begin anew, as after a start of the gateway.
+ */
+static void carry(const struct map_config *before, const void *from, const struct map_config *now, void *to,
+		  const char *module)
+{
+	const size_t counters = offsetof(struct snmp_shared, confirmed);
+
+	(void)before, (void)from, (void)now, (void)module;
+	memset((uint8_t *)to + counters, 0, sizeof(struct snmp_shared) - counters);
+}
+
 const struct kind snmp_kind = {
     .name = SNMP_KIND,
     .part = &snmp_part,
@@ -125,6 +146,8 @@ const struct kind snmp_kind = {
     .begin = begin,
     .open = open_socket,
     .same = same,
+    .change = change,
+    .carry = carry,
     .fixed = "snmp",
-    .rigid = true, /* its events' numbers and its sinks' places are by the numbers of points and sets */
+    .by_numbers = true, /* of its events, and of what a manager has learned */
 };

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is too old goes, and old tracks are thinned by distance; in small steps: intake does not wait."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from centre.areas import distance_m
+from centre.records import ENDED, INVALID
+from centre.settings import Keep
+
+ROWS_AT_ONCE = 2000
+DAY_NS = 86400 * 10**9
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A place of a track, as far as thinning needs it."""
+
+    at_ns: int
+    latitude: int  # 1e-7 degree
+    longitude: int
+    quality: int
+
+    def near(self, other: Mark, metres: float) -> bool:
+        a, b = ((each.latitude / 1e7, each.longitude / 1e7) for each in (self, other))
+        return distance_m(a, b) < metres
+
+
+def superfluous(marks: Iterable[Mark], metres: float, gap_ns: int) -> Iterator[Mark]:
+    """Those that are nearer than this to the last that is kept.
+
+    The last one is kept, and so is each without which a gap would come, go or grow.
+
+    >>> way = [Mark(second * 10**9, second * 10, 0, 0) for second in range(5)]
+    >>> [mark.at_ns // 10**9 for mark in superfluous(way, 1, 60 * 10**9)]
+    [1, 2, 3]
+    >>> [mark.at_ns // 10**9 for mark in superfluous(way, 1, 2 * 10**9)]
+    [1, 3]
+    """
+    kept: Mark | None = None
+    here: Mark | None = None
+    for following in marks:
+        if here:
+            if (
+                kept
+                and kept.quality & INVALID == here.quality & INVALID == following.quality & INVALID
+                and following.at_ns - kept.at_ns <= gap_ns
+                and kept.near(here, metres)
+            ):
+                yield here
+            else:
+                kept = here
+        here = following
+
+
+def _delete(database: sqlite3.Connection, table: str, key: str, where: str, *values: int) -> int:
+    """So many rows at most; how many it was."""
+    return database.execute(
+        f"DELETE FROM {table} WHERE ({key}) IN"
+        f" (SELECT {key} FROM {table} WHERE {where} LIMIT {ROWS_AT_ONCE})",
+        values,
+    ).rowcount
+
+
+class Keeper:
+    """The work of a round, as steps: each is a transaction of its own and says whether it has more to do."""
+
+    def __init__(self, keep: Keep, gap_s: float, now_ns: int | None = None) -> None:
+        self.keep = keep
+        self.gap_ns = int(gap_s * 1e9)
+        self.now_ns = time.time_ns() if now_ns is None else now_ns
+
+    def _before(self, days: float) -> int:
+        return self.now_ns - int(days * DAY_NS)
+
+    def old_rows(self, database: sqlite3.Connection) -> bool:
+        """All but tracks."""
+        ended = ", ".join(str(int(state)) for state in ENDED)
+        tables = (
+            ("history", "id", "at_ns < ?", self.keep.events_days),
+            ("alarms", "id", "gone_ns < ?1 AND acknowledged_ns < ?1", self.keep.alarms_days),
+            ("audit", "id", "at_ns < ?", self.keep.audit_days),
+            ("commands", "id", f"changed_ns < ? AND state IN ({ended})", self.keep.audit_days),
+        )
+        return any(
+            [
+                _delete(database, table, key, where, self._before(days)) == ROWS_AT_ONCE
+                for table, key, where, days in tables
+                if days is not None
+            ]
+        )
+
+    def track(self, database: sqlite3.Connection, point: int) -> bool:
+        """Of one vehicle."""
+        more = False
+        if self.keep.tracks_days is not None:
+            before = self._before(self.keep.tracks_days)
+            more = (
+                _delete(database, "track", "point, at_ns", "point = ? AND at_ns < ?", point, before)
+                == ROWS_AT_ONCE
+            )
+        if self.keep.thin_m is not None:
+            more |= self._thin(database, point, self.keep.thin_m)
+        return more
+
+    def _thin(self, database: sqlite3.Connection, point: int, metres: float) -> bool:
+        """From the last place that an earlier step has kept."""
+        row = database.execute("SELECT until_ns FROM thinned WHERE point = ?", (point,)).fetchone()
+        begin, end = row[0] if row else 0, self._before(self.keep.thin_after_days)
+        marks = [
+            Mark(*each)
+            for each in database.execute(
+                "SELECT at_ns, latitude, longitude, quality FROM track"
+                " WHERE point = ? AND at_ns BETWEEN ? AND ? ORDER BY at_ns LIMIT ?",
+                (point, begin, end, ROWS_AT_ONCE),
+            )
+        ]
+        if len(marks) < 3:
+            return False
+        away = [(point, mark.at_ns) for mark in superfluous(marks, metres, self.gap_ns)]
+        database.executemany("DELETE FROM track WHERE point = ? AND at_ns = ?", away)
+        database.execute("REPLACE INTO thinned VALUES (?, ?)", (point, marks[-1].at_ns))
+        return len(marks) == ROWS_AT_ONCE

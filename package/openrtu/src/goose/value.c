@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "goose/value.h"
+
+#include "map/type.h"
+
+#define DOUBLE_SIZE    2
+#define PER_NORMALIZED 32768.0f
+
+/* Bit i of the standard, of which bit 0 is the first. */
+#define BIT(i) (1u << (GOOSE_QUALITY_SIZE - 1 - (i)))
+
+/* 6.2.1 and its table 5: the two bits of validity are 00 good, 01 invalid, 11 questionable. */
+enum quality_bits {
+	VALIDITY = BIT(0) | BIT(1),
+	INVALID = BIT(1),
+	QUESTIONABLE = BIT(0) | BIT(1),
+	OVERFLOW = BIT(2),
+	OLD_DATA = BIT(7),
+	SUBSTITUTED = BIT(10),
+	TEST = BIT(11),
+	OPERATOR_BLOCKED = BIT(12),
+};
+
+struct goose_item goose_value_out(enum map_type type, union map_value value)
+{
+	switch (type) {
+	case MAP_SINGLE:
+		return (struct goose_item){.kind = GOOSE_BOOLEAN, .bits = value.u};
+	case MAP_DOUBLE:
+		return (struct goose_item){.kind = GOOSE_BITS, .size = DOUBLE_SIZE, .bits = value.u};
+	case MAP_BITSTRING:
+		return (struct goose_item){.kind = GOOSE_UNSIGNED, .bits = value.u};
+	case MAP_FLOAT:
+		return (struct goose_item){.kind = GOOSE_FLOAT, .real = value.f};
+	case MAP_NORMALIZED:
+		return (struct goose_item){.kind = GOOSE_FLOAT, .real = (float)value.i / PER_NORMALIZED};
+	case MAP_STEP:
+	case MAP_SCALED:
+	case MAP_COUNTER:
+	case MAP_INTEGER:
+	case MAP_ANGLE:
+		break;
+	}
+	return (struct goose_item){.kind = GOOSE_INTEGER, .integer = value.i};
+}
+
+/* A whole number; an angle is counted in 1e-7 degree. */
+static bool whole_in(enum map_type type, double number, union map_value *out)
+{
+	return map_value_of(type, type == MAP_ANGLE ? number / MAP_ANGLE_PER_DEGREE : number, out);
+}
+
+static bool measured_in(enum map_type type, double number, union map_value *out)
+{
+	switch (type) {
+	case MAP_FLOAT:
+		return map_value_of(type, number, out);
+	case MAP_NORMALIZED:
+		return map_value_of(type, map_nearest(number * (double)PER_NORMALIZED), out);
+	default:
+		return false;
+	}
+}
+
+static bool is_counted(enum map_type type)
+{
+	return type == MAP_STEP || type == MAP_BITSTRING || type == MAP_SCALED || type == MAP_COUNTER ||
+	       type == MAP_INTEGER || type == MAP_ANGLE || type == MAP_FLOAT;
+}
+
+bool goose_value_in(enum map_type type, const struct goose_item *item, union map_value *out)
+{
+	switch ((enum goose_kind)item->kind) {
+	case GOOSE_BOOLEAN:
+		out->u = item->bits;
+		return type == MAP_SINGLE;
+	case GOOSE_BITS:
+		out->u = item->bits;
+		return (type == MAP_DOUBLE && item->size == DOUBLE_SIZE) || type == MAP_BITSTRING;
+	case GOOSE_UNSIGNED:
+		if (type == MAP_BITSTRING) {
+			out->u = item->bits;
+			return true;
+		}
+		return is_counted(type) && whole_in(type, item->bits, out);
+	case GOOSE_INTEGER:
+		return is_counted(type) && whole_in(type, item->integer, out);
+	case GOOSE_FLOAT:
+		return measured_in(type, (double)item->real, out);
+	case GOOSE_TIME:
+	case GOOSE_OTHER:
+		break;
+	}
+	return false;
+}
+
+struct goose_item goose_quality_out(uint8_t quality)
+{
+	struct goose_item item = {.kind = GOOSE_BITS, .size = GOOSE_QUALITY_SIZE};
+
+	if (quality & MAP_INVALID)
+		item.bits |= INVALID;
+	else if (quality & (MAP_NOT_TOPICAL | MAP_OVERFLOW))
+		item.bits |= QUESTIONABLE;
+	item.bits |= quality & MAP_NOT_TOPICAL ? OLD_DATA : 0;
+	item.bits |= quality & MAP_OVERFLOW ? OVERFLOW : 0;
+	item.bits |= quality & MAP_SUBSTITUTED ? SUBSTITUTED : 0;
+	item.bits |= quality & MAP_BLOCKED ? OPERATOR_BLOCKED : 0;
+	return item;
+}
+
+bool goose_quality_in(const struct goose_item *item, uint8_t *out)
+{
+	const uint32_t bits = item->bits;
+
+	if (item->kind != GOOSE_BITS || item->size != GOOSE_QUALITY_SIZE)
+		return false;
+	*out = 0;
+	if ((bits & VALIDITY) == INVALID || (bits & TEST))
+		*out |= MAP_INVALID;
+	if (bits & OVERFLOW)
+		*out |= MAP_OVERFLOW;
+	/* Questionable for any other reason, and the reserved validity: no more than the last that was known. */
+	if ((bits & OLD_DATA) || ((bits & BIT(0)) && !(bits & OVERFLOW)))
+		*out |= MAP_NOT_TOPICAL;
+	*out |= bits & SUBSTITUTED ? MAP_SUBSTITUTED : 0;
+	*out |= bits & OPERATOR_BLOCKED ? MAP_BLOCKED : 0;
+	return true;
+}

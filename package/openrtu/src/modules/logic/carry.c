@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A program takes another one's place: what both retain, and points that masters have set, pass over by name and type. */
+#include "modules/logic/carry.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "logic/stats.h"
+#include "logic/value.h"
+
+struct program {
+	const struct map_config *config;
+	const struct logic_instance *instance;
+	struct logic logic;
+	void *memory;
+};
+
+static bool load(struct program *program)
+{
+	const uint8_t *file = logic_programs(program->config) + program->instance->program;
+	const size_t size = logic_memory(file, program->instance->size);
+
+	program->memory = size == 0 ? NULL : malloc(size);
+	return program->memory != NULL &&
+	       logic_load(&program->logic, program->memory, file, program->instance->size) == NULL;
+}
+
+static const struct logic_link *link_of(const struct program *program, uint16_t point)
+{
+	return &logic_links(program->config)[program->instance->first_link + point];
+}
+
+static uint8_t type_of(const struct program *program, uint16_t point)
+{
+	return program->config->points[link_of(program, point)->point].type;
+}
+
+static bool is_set_point(const struct program *program, uint16_t point)
+{
+	return !program->logic.points[point].written &&
+	       program->config->points[link_of(program, point)->point].set == program->instance->set;
+}
+
+/* Behind the retained slots. NULL: none of these names and types. */
+static const struct logic_kept *find_set_point(const struct program *from, const struct logic_kept *kept,
+					       const char *name, uint8_t type)
+{
+	kept += from->instance->retained;
+	for (uint16_t i = 0; i < from->logic.head->points; i++) {
+		if (!is_set_point(from, i))
+			continue;
+		if (type_of(from, i) == type &&
+		    strcmp(logic_name(&from->logic, from->logic.points[i].name), name) == 0)
+			return kept;
+		kept++;
+	}
+	return NULL;
+}
+
+static struct logic_kept initial_of(const struct program *to, uint16_t point)
+{
+	const struct logic_link *link = link_of(to, point);
+	union map_value initial = {0};
+
+	if (!link->has_initial)
+		return (struct logic_kept){.quality = MAP_INVALID};
+	logic_map_value(type_of(to, point), to->logic.points[point].type, (double)link->initial, &initial);
+	return (struct logic_kept){.low = initial.u, .quality = MAP_GOOD};
+}
+
+static void take_slots(struct logic *logic, const struct logic_kept *kept)
+{
+	for (uint16_t i = 0; i < logic->head->retained; i++)
+		for (uint32_t slot = logic->retained[i].first, end = slot + logic->retained[i].slots;
+		     slot < end; slot++, kept++) {
+			logic->cells[slot].bits = (uint64_t)kept->high << 32 | kept->low;
+			logic->quality[slot] = (uint8_t)kept->quality;
+		}
+}
+
+static void keep_slots(const struct logic *logic, struct logic_kept *kept)
+{
+	for (uint16_t i = 0; i < logic->head->retained; i++)
+		for (uint32_t slot = logic->retained[i].first, end = slot + logic->retained[i].slots;
+		     slot < end; slot++)
+			*kept++ = (struct logic_kept){(uint32_t)logic->cells[slot].bits,
+						      (uint32_t)(logic->cells[slot].bits >> 32),
+						      logic->quality[slot]};
+}
+
+static void carry(struct program *from, const struct logic_kept *kept, struct program *to,
+		  struct logic_kept *out)
+{
+	take_slots(&from->logic, kept);
+	logic_carry(&to->logic, &from->logic);
+	keep_slots(&to->logic, out);
+	out += to->instance->retained;
+	for (uint16_t i = 0; i < to->logic.head->points; i++) {
+		const struct logic_kept *found;
+
+		if (!is_set_point(to, i))
+			continue;
+		found = find_set_point(from, kept, logic_name(&to->logic, to->logic.points[i].name),
+				       type_of(to, i));
+		*out++ = found != NULL ? *found : initial_of(to, i);
+	}
+}
+
+void logic_carry_kept(const struct map_config *before, const struct logic_instance *was, const void *from,
+		      const struct map_config *now, const struct logic_instance *is, void *to)
+{
+	struct program old = {.config = before, .instance = was}, new = {.config = now, .instance = is};
+	const struct logic_stats *left = from;
+	struct logic_stats *begun = to;
+	const uint32_t which = atomic_load_explicit(&left->kept, memory_order_acquire);
+
+	if (which != 0 && load(&old) && load(&new)) {
+		const struct logic_kept *first = (const void *)(left + 1);
+
+		carry(&old, first + (which == 1 ? 0 : logic_kept_count(was)), &new,
+		      (struct logic_kept *)(void *)(begun + 1));
+		atomic_store(&begun->kept, 1);
+	}
+	free(old.memory);
+	free(new.memory);
+}
