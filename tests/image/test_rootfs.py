@@ -76,6 +76,7 @@ def test_users_are_those_of_the_buildroot_package(etc: Path) -> None:
         "rtu-modbus": ("61203", "61200", "/bin/false"),
         "rtu-snmp": ("61216", "61200", "/bin/false"),
         "rtu-gps": ("61215", "61200", "/bin/false"),
+        "rtu-iec61850": ("61217", "61200", "/bin/false"),
     }
     groups = (etc / "group").read_text()
     assert groups == GROUPS.format(members="rtu-gps,rtu-modbus") + "openrtu:x:61200:\n"
