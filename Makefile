@@ -337,7 +337,7 @@ savedefconfig: build/$(IMAGE)/.config
 	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
 	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
 
-newer: $(VENV) ## Maintain: newer patch releases of Linux, PREEMPT_RT and Buildroot (WRITE=1: move to them)
+newer: $(VENV) ## Maintain: newer releases of Linux and Buildroot (WRITE=1: move to them)
 	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
 
 sbom: build/$(IMAGE)/.config $(VENV)

@@ -246,7 +246,7 @@ enum iec61850_outcome iec61850_serve(struct iec61850_server *server, const struc
 		return IEC61850_ANSWERED;
 	case CONCLUDE_REQUEST:
 		ber_put(writer, CONCLUDE_RESPONSE, NULL, 0);
-		return IEC61850_CONCLUDED;
+		return IEC61850_ANSWERED;
 	case UNCONFIRMED:
 	case REJECT:
 		return IEC61850_SILENT;

@@ -33,8 +33,7 @@ static inline void iec61850_count(const struct iec61850_server *server, enum iec
 
 enum iec61850_outcome {
 	IEC61850_ANSWERED,
-	IEC61850_SILENT,    /* nothing is to be said */
-	IEC61850_CONCLUDED, /* answered, and the client will say no more */
+	IEC61850_SILENT, /* nothing is to be said */
 };
 
 /* Answers an Initiate. The greatest PDU of the association is in max_pdu afterwards. False: it is none, or wants too little. */
@@ -51,7 +50,6 @@ enum iec61850_error {
 	IEC61850_UNDEFINED = 0x0201,       /* definition: object-undefined */
 	IEC61850_UNSUPPORTED = 0x0204,     /* definition: object-attribute-inconsistent */
 	IEC61850_TOO_LONG = 0x0301,        /* resource: memory-unavailable */
-	IEC61850_DENIED = 0x0703,          /* access: object-access-denied */
 	IEC61850_NON_EXISTENT = 0x0702,    /* access: object-non-existent */
 	IEC61850_INVALID_REQUEST = 0xffff, /* no error: the request is rejected */
 };

@@ -19,8 +19,8 @@
 #define CONNECTIONS_A_TURN 16
 #define EVENTS_A_TURN      256
 #define STUCK_MS           10 /* a report that is due waits for its client to read */
-#define KEEP_ALIVE_S                                                                                         \
-	30 /* of silence, then three questions 10 s apart: a client that is gone frees its place */
+/* Of silence, then three questions 10 s apart: a client that is gone frees its place. */
+#define KEEP_ALIVE_S 30
 
 static struct map *map;
 static struct iec61850_server server;
@@ -206,7 +206,7 @@ static void take_events(int64_t now_ns)
 
 	for (int i = 0; i < EVENTS_A_TURN && map_event_next(map, &cursor, &event); i++) {
 		iec61850_report_event(&server, &event, now_ns);
-		for (uint32_t j = 0; j < count; j++)
+		for (uint32_t j = 0; j < count && iec61850_report_due_ns(&server) <= now_ns; j++)
 			if (connections[j].fd >= 0)
 				serve(&connections[j], 0, now_ns);
 	}
