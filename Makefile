@@ -94,7 +94,7 @@ build/asan/build.ninja: | $(PACKAGES)
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
 build/fuzz/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Db_lundef=false -Db_sanitize=address,undefined \
+	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -g1 -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini
@@ -220,6 +220,11 @@ build/mibs/done: scripts/debian-package.sh | build/packages-twin.done
 	$(LOGGED) mibs scripts/debian-package.sh $(@D) erlang-snmp
 	@touch $@
 
+# What graphs a station that speaks SNMP; installed it would be a service.
+build/exporter/done: scripts/debian-package.sh | build/packages-twin.done
+	$(LOGGED) exporter scripts/debian-package.sh $(@D) prometheus-snmp-exporter
+	@touch $@
+
 build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 	$(LOGGED) $*-source scripts/debian-source.sh $* $(@D)/debian
 
@@ -332,7 +337,7 @@ savedefconfig: build/$(IMAGE)/.config
 	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
 	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
 
-newer: $(VENV) ## Maintain: newer patch releases of Linux, PREEMPT_RT and Buildroot (WRITE=1: move to them)
+newer: $(VENV) ## Maintain: newer releases of Linux and Buildroot (WRITE=1: move to them)
 	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
 
 sbom: build/$(IMAGE)/.config $(VENV)
@@ -407,7 +412,7 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(TESTED) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: $(TESTED) ## Test: the images' configuration and what makes them
@@ -426,7 +431,7 @@ test-linux: linux linux-debug image-debian build/swupdate/done build/curl/done l
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)

@@ -30,7 +30,7 @@ ON_BOARD = (  # the gateway there
     "tests/linux/test_after_2038.py tests/linux/test_data_volume.py tests/linux/test_debug_kernel.py "
     "tests/linux/test_gateway_*.py tests/linux/test_ntp.py "
     "tests/linux/test_realtime.py tests/linux/test_run.py tests/linux/test_system*.py "
-    "tests/linux/test_update_board.py tests/linux/test_watchdog_gateway.py"
+    "tests/linux/test_trial_boots.py tests/linux/test_update_board.py tests/linux/test_watchdog_gateway.py"
 )
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
@@ -62,13 +62,15 @@ REACH = [
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/goose.md", "tests/test_goose.py"),
     ("docs/snmp.md", "tests/test_snmp.py"),
+    ("docs/examples/snmp/*", "tests/test_snmp.py"),
+    ("docs/iec61850.md", "tests/test_iec61850.py"),
     ("docs/logic.md", "tests/test_logic.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
     ("docs/synch.md", "tests/test_synch.py"),
-    ("docs/examples/logic/*", "tests/test_logic*.py"),
+    ("docs/examples/logic/*", "tests/test_logic*.py tests/test_show.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
     ("*.md", TREE),
@@ -96,10 +98,15 @@ REACH = [
     ("scripts/lab/vehicles.py", "lint test-centre"),
     ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
-    ("scripts/logic/*", "tests/test_logic*.py tests/test_synch.py tests/test_docs_commands.py"),
+    (
+        "scripts/logic/*",
+        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py",
+    ),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/openrtu-logic", "lint tests/test_logic.py"),
     ("scripts/lab/twin_show.py", "test-twin"),
+    ("scripts/lab/manager.py", "lint tests/test_snmp.py tests/test_show.py"),
+    ("scripts/lab/managed.py", "lint tests/test_show.py"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),
@@ -139,7 +146,6 @@ REACH = [
     ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
     ("tests/peers/outstation.py", "tests/test_outstations*.py tests/test_centre.py"),
     ("tests/peers/goose.py", "tests/test_goose.py"),
-    ("tests/peers/snmp.py", "tests/test_snmp.py"),
     ("tests/peers/ddi.py", "tests/image/test_pull.py tests/linux/test_update_board.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),

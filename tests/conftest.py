@@ -146,6 +146,12 @@ def mibs() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def exporter() -> Path:
+    """The programs of Debian's prometheus-snmp-exporter, for slow tests."""
+    return built("OPENRTU_EXPORTER", "build/exporter") / "usr/bin"
+
+
 @pytest.fixture(scope="module")
 def desk(programs: Path) -> Iterator[Desk]:
     """The gateway of chapter 5 between simulated devices and a controlling station; one a module."""

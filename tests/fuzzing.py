@@ -31,6 +31,10 @@ TARGETS = {  # by the name of its corpus: the program
     "logic": "logic/fuzz_logic",
     "synch": "synch/fuzz_synch",
     "requests": "map/fuzz_requests",
+    "snmp": "modules/fuzz_snmp",
+    "mms-association": "iec61850/fuzz_association",
+    "mms-service": "iec61850/fuzz_mms_service",
+    "mms-transport": "iec61850/fuzz_transport",
 }
 INPUT_MAX = 4096
 

@@ -25,9 +25,13 @@ RUNS = {
     "logic": 100_000,
     "synch": 20_000,
     "requests": 12_000,
+    "snmp": 4_000,
+    "mms-association": 40_000,
+    "mms-service": 60_000,
+    "mms-transport": 20_000,
 }
 SEED_SIZE_MAX = 1024
-SEEDS_MAX = 120
+SEEDS_MAX = 130
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ MODULES = {
     "rtu-104m",
     "rtu-104m-tls",
     "rtu-snmp",
+    "rtu-iec61850",
     "rtu-synch",
 }
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}

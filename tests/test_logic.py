@@ -19,6 +19,7 @@ from logic.compile import compile_text
 from logic.desk import Desk, Scan, Value, desk_command
 from logic.errors import Findings
 from logic.table import ANSWERS
+from logic.watch import named, page
 from logic_reference import INPUTS, Random, Reference, text_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -162,6 +163,39 @@ def test_any_text_gets_an_answer() -> None:
         at, length = chance.randrange(len(good)), chance.randrange(12)
         inserted = "".join(chance.choice(":=;()[].#'0aIF\n") for _ in range(chance.randrange(4)))
         findings_of(good[:at] + inserted + good[at + length :])
+
+
+def test_what_watch_shows_beside_a_line() -> None:
+    text = (
+        "PROGRAM p\nVAR_EXTERNAL level, Full : INT; END_VAR (* level\nlevel *)\n"
+        "full := LEVEL + level; // other\nEND_PROGRAM\n"
+    )
+    program = compile_text(text, Findings())
+    names = named(text, program)
+    assert names == [[], ["level", "Full"], [], ["Full", "level"], []]
+    points = {
+        "tank/level": {"value": 5, "quality": "good", "forced": {"value": 5}},
+        "Full": {"value": None, "quality": "invalid", "forced": None},
+    }
+    seen = page(text, names, points, {"level": "tank/level"}).splitlines()
+    assert [line.partition("|")[2] for line in seen] == [
+        "",
+        " level=5 (forced)  Full=? (invalid)",
+        "",
+        " Full=? (invalid)  level=5 (forced)",
+        "",
+    ]
+
+
+def test_watch_says_how_to_reach_the_gateway(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "p.st"
+    file.write_text("PROGRAM p\nVAR_EXTERNAL a : INT; END_VAR\na := 1;\nEND_PROGRAM\n")
+    assert main(["watch", str(file), "--rtuctl", "/no/rtuctl"]) == 2
+    assert "--rtuctl 'ssh gateway rtuctl'" in capsys.readouterr().err
+    assert main(["watch", str(file), "--rtuctl", "echo no"]) == 2
+    assert "is it rtuctl" in capsys.readouterr().err
+    assert main(["watch", str(file), "--rtuctl", "false"]) == 2
+    assert "false ended with 1" in capsys.readouterr().err
 
 
 def test_operations_are_those_of_the_machine() -> None:
@@ -547,6 +581,10 @@ def test_a_damaged_program_is_refused_or_harmless(tmp_path: Path) -> None:
         ("pump.st", "16 checks, 0 failed; lines 9 of 9, branches 4 of 4\n"),
         ("tank.st", "7 checks, 0 failed; lines 8 of 8, branches 0 of 0\n"),
         ("interlock.st", "16 checks, 0 failed; lines 6 of 6, branches 2 of 2\n"),
+        (
+            "filling.st",
+            "14 checks, 0 failed; lines 15 of 15, branches 17 of 20\nnot covered: line 23, 29, 33\n",
+        ),
     ],
 )
 def test_the_examples_pass_their_tests(

@@ -2,6 +2,7 @@
 """Programs of Structured Text in a running gateway, between simulated devices and a controlling station."""
 
 import json
+import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -104,7 +105,7 @@ def configuration(folder: Path) -> dict[str, Any]:
         },
     ]
     port = {"value": 1, "active": 1, **pace, "slaves": [slave]}
-    return {"iec104": {"connections_per_address": 8}, "port": [port], "logic": programs}
+    return {"iec104": {"connections_per_address": 8}, "force_max_s": 600, "port": [port], "logic": programs}
 
 
 INITIAL = {
@@ -282,6 +283,27 @@ def test_what_is_computed_from_a_dead_device_is_invalid(desk: Desk) -> None:
     )
     desk.lines.fault(DEVICE, "clear")
     wait_value(desk, "half", 25)
+
+
+def test_the_text_is_seen_with_live_values_and_what_an_input_is_forced_to(desk: Desk) -> None:
+    def page() -> str:
+        command = [
+            ROOT / "scripts/openrtu-logic",
+            "watch",
+            INTERLOCK,
+            "--once",
+            "--name=earthed=bay1.earthed",
+        ]
+        command.append(f"--rtuctl={desk.gateway.build}/rtuctl/rtuctl --map {desk.gateway.map}")
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    beside = {line.split("|")[1].strip() for line in page().splitlines() if "locked := earthed;" in line}
+    assert beside == {"locked=on  earthed=on"}
+    desk.gateway.ctl("force", "bay1.earthed", "off")
+    wait_value(desk, "locked", "off", "substituted")
+    assert "locked=off (substituted)  earthed=off (substituted, forced)" in page()
+    desk.gateway.ctl("unforce", "bay1.earthed")
+    wait_value(desk, "locked", "on")
 
 
 # ---- faults ------------------------------------------------------------------------------------------

@@ -166,7 +166,7 @@ def test_another_program_goes_on_with_what_both_retain(plant: Plant) -> None:
     desk.set_and_scan(DEVICE, "input_registers", LEVEL, [50])  # neither of its commands is to be given
     plant.wait("half", 25)
     starts = desk.gateway.points("starts")["starts"]["value"]
-    requests = counter_of(desk.gateway, LINE, "p1.requests")
+    scans = counter_of(desk.gateway, "rtu-logic-filling", "scans")
     changed = copy.deepcopy(plant.config)
     changed["logic"][0]["program"] = compiled(TWICE, plant.folder, "twice")
     wait_idle(desk)
@@ -177,7 +177,7 @@ def test_another_program_goes_on_with_what_both_retain(plant: Plant) -> None:
     plant.wait("limit", 65)
     plant.wait("starts", starts)
     assert starts > 0
-    assert counter_of(desk.gateway, LINE, "p1.requests") >= requests
+    assert counter_of(desk.gateway, "rtu-logic-filling", "scans") >= scans
     reports = desk.master.reports_since(mark)
     assert {(r.ca, r.ioa) for r in reports} == {(PROGRAM_CA["filling"], 2)}, reports
     desk.set_and_scan(DEVICE, "input_registers", LEVEL, [66])  # it commands the line as before

@@ -45,7 +45,7 @@ def start(programs: Path) -> Iterator[Start]:
 
 def test_all_of_it_is_seen(start: Start) -> None:
     show = start("--port", str(free_port()))
-    out, err = show.communicate(timeout=60)
+    out, err = show.communicate(timeout=180)
     assert (show.returncode, err) == (0, "")
     assert out.count("\n\n") == len(NATIVE_STEPS) + 1
     assert "Modbus frame received: [67 5 0 3 255 0 115 24]" in out

@@ -5,11 +5,15 @@ import asyncio
 import contextlib
 import json
 import os
+import re
+import signal
 import socket
 import struct
 import subprocess
 import threading
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,11 +34,10 @@ from pysnmp.hlapi.v3arch.asyncio import (
 )
 
 from desk import Desk, chapter_5, desk_of, everything_read
-from lab.gateway import remove, run_directory
-from peers.snmp import (
+from lab.gateway import free_port, remove, run_directory
+from lab.manager import (
     CENTRE,
     ENGINEER,
-    SINK_ENGINE,
     USERS,
     WATCH,
     Manager,
@@ -44,12 +47,13 @@ from peers.snmp import (
     User,
     columns,
     free_udp_port,
+    make_keys,
     oid,
     receiver,
 )
+from lab.patience import Deadline
 
 ROOT = Path(__file__).resolve().parent.parent
-ENGINE = "80001f8805aabbccddeeff0011"
 BREAKER, LAMP = "1010.1", "1010.101"  # a double point with selection; a single one without
 OFF, ON = 2, 3  # of a double point
 (
@@ -116,16 +120,6 @@ def configuration(folder: Path, port: int, sink_port: int, **more: Any) -> dict[
     return chapter_5() | {
         "snmp": snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")} | more
     }
-
-
-def make_keys(config: dict[str, Any], folder: Path) -> None:
-    """As the engineer does."""
-    (folder / "gateway.json").write_text(json.dumps(config))
-    lines = [f"{user.name} {user.authentication} {user.encryption}" for user in USERS]
-    (folder / "passphrases").write_text("\n".join(lines))
-    command = [ROOT / "scripts/snmp-keys.py", folder / "gateway.json", folder / "keys", "--engine-id", ENGINE]
-    command += ["--passphrases", folder / "passphrases", "--sink", f"nms={SINK_ENGINE}"]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module")
@@ -406,6 +400,154 @@ def test_of_several_managers_one_acts(site: Site, races: int) -> None:
         assert by_user or confirmed or site.writes(mark) == 1
 
 
+# ---- totals, parameters, the clock, groups -------------------------------------------------------
+
+METERS, REGISTER = "2020", "2020.30009"
+FREEZE, FREEZE_AND_RESET = 1, 2
+VOLTAGES = ("2020.30001", "2020.30003")
+WRONG, LIMITS = struct.pack(">f", -1.0), (struct.pack(">f", 10.0), struct.pack(">f", 500.0))
+
+
+def freeze(site: Site, row: str, action: int, **more: int) -> None:
+    """Raises Refused. Waits for all that read the totals."""
+    manager = site.manager()
+    (spin,) = manager.get(f"rtuFreezeSpinLock.{row}")
+    assert isinstance(spin, int)
+    values: dict[str, int | bytes] = {f"rtuFreezeSpinLock.{row}": spin, f"rtuFreezeAction.{row}": action}
+    manager.set(values | {f"rtuFreeze{key.capitalize()}.{row}": value for key, value in more.items()})
+    site.desk.gateway.wait_for(
+        lambda: manager.get(f"rtuFreezeState.{row}") != [EXECUTING], 20.0, "the totals are frozen"
+    )
+    assert manager.get(f"rtuFreezeState.{row}", f"rtuFreezeResult.{row}") == [EXECUTED, DONE]
+
+
+def test_a_manager_freezes_what_a_counter_interrogation_reads(site: Site) -> None:
+    """And resets it: in both, and not in the meter."""
+    manager = site.manager()
+    site.desk.set_and_scan("2.20", "input_registers", 8, [19, 5])
+    (number,) = manager.get(f"rtuTotalFrozenNumber.{REGISTER}")
+    freeze(site, METERS, FREEZE)
+    frozen, again = manager.get(f"rtuTotalFrozen.{REGISTER}", f"rtuTotalFrozenNumber.{REGISTER}")
+    assert (frozen, again) == ((19 << 16) + 5, (number + 1) % 32)
+    by_station = {report.ioa: report.value for report in site.desk.master.interrogate_counters(2020)}
+    assert by_station[30009] == frozen
+    freeze(site, "65535", FREEZE_AND_RESET)
+    assert manager.get(f"rtuTotalValue.{REGISTER}", f"rtuTotalFrozen.{REGISTER}") == [0, frozen]
+    assert site.desk.lines.get("2.20", "input_registers", 9) == 5
+    for action, group, reason in ((4, 0, "wrongValue"), (0, 0, "wrongValue"), (1, 5, "wrongValue")):
+        with pytest.raises(Refused, match=reason):
+            freeze(site, METERS, action, group=group)
+
+
+def load(site: Site, user: User, values: dict[str, int | bytes]) -> None:
+    """Parameters with the spin locks of their rows. Raises Refused."""
+    manager = site.manager(user)
+    rows = {key.partition(".")[2] for key in values}
+    spins = {f"rtuParameterSpinLock.{row}": manager.get(f"rtuParameterSpinLock.{row}")[0] for row in rows}
+    manager.set(spins | values)
+
+
+def test_parameters_of_a_request_are_in_force_together_or_not_at_all(site: Site) -> None:
+    manager, before = site.manager(ENGINEER), site.last()
+    low, high = LIMITS
+    wanted: dict[str, int | bytes] = {f"rtuParameterLowLimit.{row}": low for row in VOLTAGES}
+    wanted |= {f"rtuParameterHighLimit.{row}": high for row in VOLTAGES}
+    for name, wrong, reason in (
+        ("rtuParameterThreshold", WRONG, "wrongValue"),
+        ("rtuParameterThreshold", struct.pack(">f", float("nan")), "wrongValue"),
+        ("rtuParameterHighLimit", struct.pack(">f", 9.0), "inconsistentValue"),
+        ("rtuParameterHighLimit", b"\0" * 3, "wrongLength"),
+        ("rtuParameterCyclic", 1, "inconsistentValue"),
+        ("rtuParameterLoaded", b"\0", "notWritable"),
+    ):
+        with pytest.raises(Refused, match=reason):
+            load(site, ENGINEER, wanted | {f"{name}.{VOLTAGES[1]}": wrong})
+    with pytest.raises(Refused, match="noAccess"):
+        load(site, CENTRE, wanted)
+    assert all(manager.get(f"rtuParameterLoaded.{row}") == [NO_BITS] for row in VOLTAGES)
+    load(site, ENGINEER, wanted)
+    told = site.received.wait_for("rtuParameterChanged", 2, before)
+    assert {each.value("rtuParameterHighLimit") for each in told} == {high}
+    for row in VOLTAGES:
+        state = manager.get(*(f"rtuParameter{name}.{row}" for name in ("LowLimit", "Loaded", "Result")))
+        assert state == [low, b"\x30", DONE]
+
+
+def test_limits_move_in_either_direction(site: Site) -> None:
+    """The owner takes one after the other; the low one is never above the high one."""
+    row = "2020.30005"
+    for low, high in ((100.0, 200.0), (300.0, 400.0), (1.0, 2.0)):
+        octets = [struct.pack(">f", low), struct.pack(">f", high)]
+        load(
+            site,
+            ENGINEER,
+            {f"rtuParameterLowLimit.{row}": octets[0], f"rtuParameterHighLimit.{row}": octets[1]},
+        )
+        wanted = [*octets, DONE]
+        names = [f"rtuParameter{name}.{row}" for name in ("LowLimit", "HighLimit", "Result")]
+        site.desk.gateway.wait_for(
+            lambda names=names, wanted=wanted: site.manager().get(*names) == wanted, 20.0, f"{low} to {high}"
+        )
+
+
+def set_clock(site: Site, time_ms: int, user: User = CENTRE, **more: int) -> None:
+    manager = site.manager(user)
+    (spin,) = manager.get("rtuClockSpinLock.0")
+    assert isinstance(spin, int)
+    values: dict[str, int | bytes] = {
+        "rtuClockSpinLock.0": spin,
+        "rtuClockSet.0": time_ms.to_bytes(8, "big"),
+    }
+    manager.set(values | {f"rtuClock{key.capitalize()}.0": value for key, value in more.items()})
+    site.desk.gateway.wait_for(lambda: manager.get("rtuClockResult.0") == [DONE], 20.0, "the clock is set")
+
+
+def clock_ms(site: Site) -> int:
+    (octets,) = site.manager().get("rtuClockTime.0")
+    assert isinstance(octets, bytes)
+    return int.from_bytes(octets, "big")
+
+
+def test_a_manager_sets_the_clock(site: Site) -> None:
+    """With what its message was under way; an old message finds another number, and a viewer is refused."""
+    before, hour = site.last(), 3_600_000
+    began = time.monotonic()
+    set_clock(site, hour, delay=5000)
+    shown = clock_ms(site) - hour
+    assert 5000 <= shown <= 5000 + (time.monotonic() - began) * 1000 + 1
+    assert site.received.wait_for("rtuClockChanged", 1, before)[0].value("rtuClockState") == 2
+    manager = site.manager()
+    (spin,) = manager.get("rtuClockSpinLock.0")
+    assert isinstance(spin, int)
+    old = {"rtuClockSpinLock.0": spin - 1, "rtuClockSet.0": hour.to_bytes(8, "big")}
+    with pytest.raises(Refused, match="inconsistentValue"):
+        manager.set(old)
+    with pytest.raises(Refused, match="noAccess"):
+        set_clock(site, hour, WATCH)
+    with pytest.raises(Refused, match="wrongValue"):
+        set_clock(site, hour, delay=60_001)
+    set_clock(site, int(time.time() * 1000))
+
+
+def test_a_group_is_interrogated_as_iec104_does(site: Site) -> None:
+    for group, ca in ((1, 1010), (2, 1010), (3, 2020)):
+        rows = site.manager().rows("snmpbulkwalk", "-Cr40", f"{oid('rtuGroupData')}.{group}")
+        packed = b"".join(rows.values())
+        seen = {int.from_bytes(packed[at : at + 3], "big") for at in range(0, len(packed), 12)}
+        assert seen == {report.ioa for report in site.desk.master.interrogate(ca, group)}
+
+
+def test_a_manager_sees_what_a_controlling_station_commands(site: Site) -> None:
+    before = site.last()
+    ca, ioa = map(int, LAMP.split("."))
+    assert site.desk.master.command(ca, ioa, "C_SC_NA_1", c104.SingleCmd(False))
+    told = site.received.wait_for("rtuCommandChanged", 2, before)
+    assert [each.value("rtuCommandState") for each in told] == [EXECUTING, EXECUTED]
+    assert {(each.value("rtuCommandOwner"), each.value("rtuCommandProtocol")) for each in told} == {
+        (b"rtu-iec104", 3)
+    }
+
+
 # ---- who may what --------------------------------------------------------------------------------
 
 
@@ -453,20 +595,11 @@ def test_the_tables_of_users_and_views_are_not_there(site: Site) -> None:
 @pytest.mark.parametrize("most", [484, 1472, 65507])
 def test_an_answer_is_no_longer_than_its_asker_takes(site: Site, most: int) -> None:
     """However much is asked for: through a relay that measures."""
-    sizes: list[int] = []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as relay:
-        relay.bind(("127.0.0.1", 0))
-        relay.settimeout(0.1)
-        done = threading.Event()
-        thread = threading.Thread(target=pass_on, args=(relay, site.port, sizes, done))
-        thread.start()
-        try:
-            asked = asyncio.run(bulk(relay.getsockname()[1], most))
-        finally:
-            done.set()
-            thread.join()
+    messages: list[bytes] = []
+    with relayed(site.port, messages) as port:
+        asked = asyncio.run(bulk(port, most))
     assert len(asked) > 4
-    assert min(most, 1472) - 120 < max(sizes) <= min(most, 1472)
+    assert min(most, 1472) - 120 < max(map(len, messages)) <= min(most, 1472)
 
 
 async def bulk(port: int, most: int) -> list[Any]:
@@ -489,15 +622,31 @@ async def bulk(port: int, most: int) -> list[Any]:
     return list(rows)
 
 
-def pass_on(relay: socket.socket, port: int, sizes: list[int], done: threading.Event) -> None:
+@contextlib.contextmanager
+def relayed(port: int, messages: list[bytes]) -> Iterator[int]:
+    """A port before the agent's; what passes it is kept."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as relay:
+        relay.bind(("127.0.0.1", 0))
+        relay.settimeout(0.1)
+        done = threading.Event()
+        thread = threading.Thread(target=pass_on, args=(relay, port, messages, done))
+        thread.start()
+        try:
+            yield relay.getsockname()[1]
+        finally:
+            done.set()
+            thread.join()
+
+
+def pass_on(relay: socket.socket, port: int, messages: list[bytes], done: threading.Event) -> None:
     asker = None
     while not done.is_set():
         try:
             octets, source = relay.recvfrom(65535)
         except TimeoutError:
             continue
+        messages.append(octets)
         if source[1] == port:
-            sizes.append(len(octets))
             relay.sendto(octets, asker)
         else:
             asker = source
@@ -553,6 +702,118 @@ def test_a_line_that_dies_leaves_no_command_open(site: Site) -> None:
     site.desk.gateway.kill("rtu-modbus-1")
     assert site.states_told(before, 2)[-1] == INTERRUPTED
     site.desk.wait_all_good(1010)
+
+
+# ---- what others make of it ----------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_prometheus_graphs_it(site: Site, mibs: Path, exporter: Path, tmp_path: Path) -> None:
+    """Debian's exporter, with what its generator makes of our example."""
+    example = (ROOT / "docs/examples/snmp/generator.yml").read_text()
+    for shipped, ours in (
+        ("username: graphs", f"username: {WATCH.name}"),
+        (" password: changed-by-you", f" password: {WATCH.authentication}"),
+        ("changed-by-you-too", WATCH.encryption),
+    ):
+        assert example.count(f"{shipped}\n") == 1
+        example = example.replace(f"{shipped}\n", f"{ours}\n")
+    (tmp_path / "generator.yml").write_text(example)
+    paths = {"MIBDIRS": f"{mibs}:/usr/share/snmp/mibs:{ROOT / 'package/openrtu/src/snmp'}"}
+    generate = [exporter / "prometheus-snmp-generator", "generate"]
+    subprocess.run(generate, cwd=tmp_path, env=os.environ | paths, check=True, capture_output=True)
+    port = free_port()
+    command = [
+        exporter / "prometheus-snmp-exporter",
+        "--config.file=snmp.yml",
+        f"--web.listen-address=127.0.0.1:{port}",
+    ]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as server:
+        try:
+            page = f"http://127.0.0.1:{port}/snmp?target=127.0.0.1:{site.port}&module=openrtu"
+            text = fetched(page)
+        finally:
+            server.kill()
+    values = dict(re.findall(r'^rtuMeasuredValue\{.*rtuPointName="([^"]+)".*\} (\S+)$', text, re.MULTILINE))
+    for name, point in site.desk.gateway.points().items():
+        if point["type"] == "scaled" and point["quality"] == "good":
+            assert float(values[name]) == point["value"], name
+    assert re.search(r'^rtuCounterValue\{rtuCounterIndex="1",rtuCounterName="', text, re.MULTILINE)
+
+
+def fetched(page: str) -> str:
+    """Waits until somebody listens there."""
+    deadline = Deadline(30)
+    while True:
+        try:
+            with urllib.request.urlopen(page, timeout=30) as answer:
+                text = answer.read().decode()
+                assert isinstance(text, str)
+                return text
+        except urllib.error.URLError:
+            assert not deadline.over, page
+            time.sleep(0.05)
+
+
+# ---- kill -9 in each of the ten states -----------------------------------------------------------
+
+LINE = "rtu-modbus-1"
+WISHES = {SELECT: (BREAKER, INACTIVE), INTERRUPT: (BREAKER, ACCEPTED), EXECUTE: (LAMP, INACTIVE)}
+
+
+def reach(site: Site, state: int) -> str:
+    """The row of a command that has this state. Of a wish the line's process is stopped: it stays one."""
+    manager = site.manager()
+    if state in WISHES:
+        row, before = WISHES[state]
+        if before == ACCEPTED:
+            reach(site, ACCEPTED)
+        os.kill(site.desk.gateway.modules()[LINE]["pid"], signal.SIGSTOP)
+        value = {} if before == ACCEPTED else {"value": 2}
+        manager.wish(row, state, **value)
+        return row
+    row = LAMP if state in (EXECUTING, EXECUTED) else BREAKER
+    if state == EXECUTING:
+        site.desk.lines.fault("1.10", "mute")
+    if state in (ACCEPTED, INTERRUPTED):
+        manager.wish(row, SELECT, value=OFF)
+        site.wait_state(row, ACCEPTED)
+    if state == INTERRUPTED:
+        manager.wish(row, INTERRUPT)
+    elif state == REFUSED_SELECTION:
+        manager.wish(row, SELECT, value=OFF, issued=(int(time.time() * 1000) - 60_000).to_bytes(8, "big"))
+    elif state in (REFUSED, EXECUTING, EXECUTED):
+        manager.wish(row, EXECUTE, value=2)
+    site.wait_state(row, state)
+    return row
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", range(INACTIVE, EXECUTED + 1))
+@pytest.mark.parametrize("victim", ["rtu-snmp", LINE])
+def test_nothing_is_repeated_or_open_after_a_kill(site: Site, state: int, victim: str) -> None:
+    """The device is written to once at most; in the end the row is inactive."""
+    gateway, mark = site.desk.gateway, site.desk.lines.mark()
+    row = reach(site, state)
+    assert site.manager().state(row) == state
+    line, before = gateway.modules()[LINE]["pid"], gateway.modules()[victim]["restarts"]
+    gateway.kill(victim)
+    if victim != LINE and state in WISHES:
+        os.kill(line, signal.SIGCONT)
+    gateway.wait_for(lambda: gateway.modules()[victim]["restarts"] > before, 30.0, "it was restarted")
+    gateway.wait_for(lambda: gateway.modules()[victim]["alive"], 30.0, "it runs again")
+    if victim == LINE and state in (ACCEPTED, *WISHES, EXECUTING):
+        gateway.wait_for(
+            lambda: site.manager().get(f"rtuCommandResult.{row}") == [UNKNOWN_FATE],
+            10.0,
+            "its fate is unknown",
+        )
+    site.desk.lines.fault("1.10", "clear")
+    gateway.wait_for(lambda: site.is_released(row), 60.0, f"{row} is released")
+    site.desk.wait_all_good(1010)
+    writes = site.writes(mark)
+    executes = state in (EXECUTE, EXECUTING, EXECUTED)
+    assert writes <= 1 if executes else writes == 0
 
 
 # ---- a changed configuration ---------------------------------------------------------------------

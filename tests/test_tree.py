@@ -255,6 +255,7 @@ ROOMS = [
     "goose",
     "gps",
     "iec104",
+    "iec61850",
     "journal",
     "lib",
     "logic",
@@ -271,6 +272,7 @@ ROOMS += [
     "modules/gps",
     "modules/iec104",
     "modules/iec104m",
+    "modules/iec61850",
     "modules/logic",
     "modules/modbus",
     "modules/snmp",
@@ -284,7 +286,7 @@ DEFINITION = re.compile(
 )
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
-OF_ONE_KIND = ["goose", "gps", "iec104", "journal", "logic", "modbus", "snmp", "synch"]
+OF_ONE_KIND = ["goose", "gps", "iec104", "iec61850", "journal", "logic", "modbus", "snmp", "synch"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:

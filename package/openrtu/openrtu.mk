@@ -30,6 +30,7 @@ define OPENRTU_USERS
 	$(OPENRTU_IEC104_USER)
 	$(OPENRTU_MODBUS_USER)
 	$(OPENRTU_SNMP_USER)
+	$(OPENRTU_IEC61850_USER)
 	rtu-gps 61215 openrtu 61200 * - - dialout OpenRTU positions
 endef
 
@@ -67,6 +68,15 @@ define OPENRTU_SNMP_USER
 endef
 else
 OPENRTU_CONF_OPTS += -Dsnmp=false
+endif
+
+ifeq ($(BR2_PACKAGE_OPENRTU_IEC61850),y)
+OPENRTU_CONF_OPTS += -Diec61850=true
+define OPENRTU_IEC61850_USER
+	rtu-iec61850 61217 openrtu 61200 * - - - OpenRTU IEC 61850
+endef
+else
+OPENRTU_CONF_OPTS += -Diec61850=false
 endif
 
 OPENRTU_CONF_OPTS += -Dlibrary=$(if $(BR2_PACKAGE_OPENRTU_LIBRARY),true,false)

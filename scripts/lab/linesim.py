@@ -261,6 +261,8 @@ class LineSim:
     def _read(self, connection: socket.socket) -> None:
         with connection.makefile(encoding="ascii") as lines, contextlib.suppress(OSError):
             for line in lines:
+                if not line.endswith("\n"):
+                    break  # it was ended while it wrote
                 if line.startswith("{"):
                     self._keep(json.loads(line))
                 else:

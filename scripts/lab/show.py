@@ -26,7 +26,7 @@ from typing import Any
 
 import c104
 
-from lab import drive, kept, ports
+from lab import drive, kept, managed, ports
 from lab.errors import LabError
 from lab.gateway import (
     HEARTBEAT_LIMIT_MS,
@@ -42,12 +42,17 @@ from lab.linesim import Frame, LineSim
 from lab.master import Master, Report
 from lab.modules import EXAMPLES, compiled, place, program
 from lab.verdict import Verdict, run
+from logic.cli import main as openrtu_logic
 
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67
 DEVICE = "3.67"
 LEVEL = ("input_registers", 2)  # of that device, for the modules of others
 MODULES = (921, 922, 923)  # their stations
+PROGRAMS = REPOSITORY / "docs/examples/logic"
+INTERLOCK, FILLING = 931, 932  # their stations
+ORDER = "order"  # has no value until somebody gives one
+BREAKER, PUMP, EARTHED = ("coils", 3), ("coils", 1), ("discrete_inputs", 0)  # of the device
 NEWCOMER = "5.51"
 
 # Figure 5.6, rows 1 to 13: what the interrogation of CA 3067 brought.
@@ -127,6 +132,36 @@ def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
             "config": settings,
         }
         for ca, (name, (path, keys)) in zip(MODULES, programs.items(), strict=True)
+    ]
+
+
+def add_logic(config: dict[str, Any], directory: Path) -> None:
+    """Two programs of Structured Text: an interlock before the breaker, and a sequence that pumps."""
+    points = {
+        "interlock": (INTERLOCK, [{"name": ORDER, "ioa": 1}, {"name": "locked", "ioa": 2}]),
+        "filling": (
+            FILLING,
+            [{"name": "limit", "ioa": 1, "value": 90}, {"name": "phase", "ioa": 2}],
+        ),
+    }
+    names = {
+        "interlock": {"breaker": f"p{DEVICE}.c{BREAKER[1]}", "earthed": f"p{DEVICE}.d{EARTHED[1]}"},
+        "filling": {"pump": f"p{DEVICE}.c{PUMP[1]}", "level": "tank.level"},
+    }
+    for name in points:
+        compiled_file = directory / f"{name}.rtul"
+        with contextlib.redirect_stdout(None):
+            code = openrtu_logic(["compile", str(PROGRAMS / f"{name}.st"), "-o", str(compiled_file)])
+        check(code == 0, f"{name}.st is not compiled")
+    config["logic"] = [
+        {
+            "name": name,
+            "program": f"{directory}/{name}.rtul",
+            "ca": ca,
+            "points": own,
+            "names": names[name],
+        }
+        for name, (ca, own) in points.items()
     ]
 
 
@@ -326,6 +361,39 @@ def modules_of_others(desk: Desk) -> None:
         say(f"     master       pump-2 on at a level of {level}: {answer}, by the module")
 
 
+def logic(desk: Desk) -> None:
+    """Programs of Structured Text: an interlock refuses a command, a sequence starts a pump"""
+
+    def order(on: bool, earthed: bool) -> None:
+        confirmed = desk.master.command(INTERLOCK, 1, "C_SC_NA_1", c104.SingleCmd(on=on))
+        check(confirmed != (on and earthed), "the interlock decided otherwise")
+        answer = (
+            "activation confirmed, by the device" if confirmed else "negative confirmation, by the interlock"
+        )
+        line = "earthed" if earthed else "not earthed"
+        say(f"     master       breaker {'on' if on else 'off'}, the line is {line}: {answer}")
+
+    order(False, True)
+    order(True, True)
+    refused = "a command of order was refused: interlock"
+    desk.gateway.wait_for(lambda: refused in desk.gateway.log(), DEADLINE_S, refused)
+    say(f"     log          {refused}")
+    since = desk.master.mark()
+    desk.lines.set(DEVICE, *EARTHED, 0)
+    desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (INTERLOCK, 2, False), since, DEADLINE_S)
+    order(True, False)
+    desk.lines.set(DEVICE, *LEVEL, 70)
+    since = desk.master.mark()
+    limit = c104.ScaledCmd(target=c104.Int16(60))
+    check(desk.master.command(FILLING, 1, "C_SE_NB_1", limit), "the limit was not taken")
+    say("     master       limit of the sequence = 60, the level is 70: activation confirmed")
+    event(
+        desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (FILLING, 2, 2), since, DEADLINE_S), "it pumps"
+    )
+    check(desk.lines.get(DEVICE, *PUMP) == 1, "the pump does not run")
+    say(f"     device {DEVICE}  coil {PUMP[1]} = 1")
+
+
 Step = Callable[[Desk], None]
 STEPS: tuple[Step, ...] = (
     interrogate,
@@ -396,7 +464,33 @@ def position(desk: Desk) -> None:
     say(f"     rtuctl       reload: line {drive.PORT} has its devices again, all points are good")
 
 
-NATIVE_STEPS: tuple[Step, ...] = (*STEPS, modules_of_others, reloaded, position)
+def managed_by_snmp(desk: Desk) -> None:
+    """SNMPv3, at a second gateway: a manager interrogates, selects and executes; informs tell it"""
+    folder = desk.gateway.directory / "managed"
+    with managed.managed(folder, configuration(), CHAPTER_5 / "values.json") as site:
+        site.gateway.wait_for(lambda: all_read(site.gateway), DEADLINE_S, "every device has been read")
+        manager, row = site.manager, managed.BREAKER
+        qualities = [*manager.walk("rtuMeasuredQuality").values()]
+        good = sum(quality == b"\0" for quality in qualities)
+        say(f"     snmpbulkwalk rtuMeasuredQuality: {good} of {len(qualities)} measured values are good")
+        check(good > 0, "no measured value is good")
+        manager.wish(row, managed.SELECT, value=managed.ON)
+        say(f"     snmpset      rtuCommandState.{row} = selectionRequest, rtuCommandValue.{row} = on")
+        say(f"     snmptrapd    {site.told(managed.ACCEPTED)}")
+        manager.wish(row, managed.EXECUTE)
+        say(f"     snmpset      rtuCommandState.{row} = executionRequest")
+        say(f"     snmptrapd    {site.told(managed.EXECUTING)}")
+        say(f"     snmptrapd    {site.told(managed.EXECUTED)}, confirmed by the device")
+
+
+NATIVE_STEPS: tuple[Step, ...] = (
+    *STEPS,
+    modules_of_others,
+    logic,
+    reloaded,
+    position,
+    managed_by_snmp,
+)
 
 
 def received(frame: Frame, wanted: bytes) -> bool:
@@ -487,8 +581,12 @@ def start_master(stack: contextlib.ExitStack, gateway: Rtu, verdict: Verdict) ->
 
 
 def all_read(gateway: Rtu) -> bool:
-    """Every point is good, but those behind a broadcast address, which can only be written."""
-    return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])
+    """Every point is good, but those behind a broadcast address, and others that were never written."""
+    return all(
+        point["quality"] != "invalid"
+        for name, point in gateway.points().items()
+        if not point["broadcast"] and name != ORDER
+    )
 
 
 def run_steps(desk: Desk, steps: Sequence[Step], verdict: Verdict) -> None:
@@ -526,6 +624,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     directory = run_directory()
     config = listening_on(configuration(), port)
     add_modules(config, directory, default_build())
+    add_logic(config, directory)
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)

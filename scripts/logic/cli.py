@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -18,6 +19,7 @@ from logic.errors import Findings, LogicError
 from logic.filters import BANDS, KINDS, Design, block
 from logic.plot import svg
 from logic.table import US, Step, compared, read_table, steps
+from logic.watch import watch
 from nuc980 import VERSION
 
 DONE, FOUND, UNUSABLE = 0, 1, 2
@@ -66,6 +68,24 @@ def _parser() -> argparse.ArgumentParser:
     command = add("test", "run the tests beside the program: NAME.test.csv, NAME.*.test.csv")
     _add_period(command)
     command.set_defaults(run=_test)
+    command = add("watch", "show the text of a running program with the values of its points beside it")
+    command.add_argument("--once", action="store_true", help="print it once, instead of each second")
+    command.add_argument(
+        "--rtuctl",
+        type=shlex.split,
+        default=["rtuctl"],
+        metavar="COMMAND",
+        help="how to reach the gateway's rtuctl, as 'ssh gateway rtuctl' [rtuctl]",
+    )
+    command.add_argument(
+        "--name",
+        type=_alias,
+        action="append",
+        default=[],
+        metavar="NAME=POINT",
+        help="what the configuration's key names says of a name of the program; may be repeated",
+    )
+    command.set_defaults(run=_watch)
     _add_filter(commands)
     return parser
 
@@ -101,6 +121,13 @@ def _milliseconds(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 3_600_000:
         raise argparse.ArgumentTypeError(f"{text} is not a number of milliseconds from 1 to 3600000")
     return int(text)
+
+
+def _alias(text: str) -> tuple[str, str]:
+    name, equals, point = text.partition("=")
+    if not (name and equals and point):
+        raise argparse.ArgumentTypeError(f"{text} is not NAME=POINT, as earthed=bay1.earthed")
+    return name, point
 
 
 def _compiled(parsed: argparse.Namespace) -> Program | None:
@@ -178,6 +205,18 @@ def _run(parsed: argparse.Namespace) -> int:
         if parsed.output:
             file.close()
     _report_faults(parsed, done[-1])
+    return DONE
+
+
+def _watch(parsed: argparse.Namespace) -> int:
+    if parsed.json:
+        raise LogicError("watch prints no JSON, but `rtuctl --json points` does")
+    if not parsed.rtuctl:
+        raise LogicError("--rtuctl is empty: it is a command, as 'ssh gateway rtuctl'")
+    program = _compiled(parsed)
+    if program is None:
+        return FOUND
+    watch(parsed.file.read_text(encoding="utf-8"), program, parsed.rtuctl, dict(parsed.name), parsed.once)
     return DONE
 
 

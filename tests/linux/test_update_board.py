@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from update_board import SITE, VERSION, files_of, held, install, make_signer
+from update_board import PULL, SITE, VERSION, files_of, held, install, make_signer
 
 from desk import CHAPTER_5
 from image.update import Signer, data_format, update_file
@@ -34,6 +34,7 @@ from nuc980.netboot.slots.script import partitions
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 from nuc980.twin.nand import DATA, PAGE, PAGES, NandImage
+from peers.ddi import Authority, UpdateServer
 
 ROOT = Path(__file__).resolve().parents[2]
 PAYLOAD = Path(__file__).parents[1] / "netboot/payload/Makefile"
@@ -83,7 +84,9 @@ def signers(folder: Path) -> list[Signer]:
 @pytest.fixture(scope="module")
 def extra_files(signers: list[Signer], ssh: Ssh, folder: Path) -> dict[str, Path | str]:
     certificates = "".join(signer.certificate.read_text() for signer in signers[:2])
-    return files_of(SITE, certificates, slow_lines(), ssh.key, folder)
+    return files_of(SITE, certificates, slow_lines(), ssh.key, folder) | {
+        path: file.resolve() for path, file in PULL.items()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -241,6 +244,41 @@ def test_kernel_that_does_not_fit_between_bad_blocks(
 
 def trial_of(nand: NandImage) -> bytes:
     return nand.read(TRIAL.offset // DATA)[:DATA]
+
+
+@pytest.fixture
+def server(board: Ssh, folder: Path) -> Iterator[UpdateServer]:
+    """A server of updates, as the board's site has it; the board notes its restarts instead of doing them."""
+    host = ETHERNET[0].host
+    authority = Authority(folder)
+    board.run("mount -o remount,rw /")
+    with UpdateServer(authority.server(host), host) as server:
+        board.run("cat >/etc/openrtu/update-server", send=server.settings)
+        board.run("cat >/etc/openrtu/update-server.pem", send=authority.certificate.read_text())
+        board.run(f"date -u -s @{int(time.time())}; mount -t tmpfs data /data; mkdir -p /srv")
+        board.run("cd /srv; cat >reboot; chmod +x reboot", send="#!/bin/sh\necho >/run/restarts\n")
+        yield server
+        board.run("umount /data; mount -o remount,ro /")
+
+
+def test_fetched_from_a_server(
+    board: Ssh, nand: NandImage, server: UpdateServer, update: Update, small: bytes
+) -> None:
+    """First one that is signed by somebody else; then a right one, whose connection breaks off."""
+    pull = "PATH=/srv:$PATH rtu-pull once 2>&1; echo $?"
+    before = everything(nand)
+    server.action, server.content = "7", update(signer=2)
+    said = board.run(pull)
+    assert server.results == [("7", "proceeding", "none"), ("7", "closed", "failure")], said
+    assert "not signed by a certificate of this board" in server.reports[-1]["status"]["details"][0]
+    assert everything(nand) == before
+    server.action, server.content, server.cuts = "8", update(), [100_000]
+    said = board.run(pull)
+    assert server.results[2:] == [("8", "proceeding", "none")], said
+    assert held(nand, PLACES["b"].kernel, len(small)) == small
+    assert trial_of(nand) == page(TRIAL_WORD, "b")
+    assert board.run("ls /run/restarts; sed -n 2p /data/update/action").splitlines()[0] == "/run/restarts"
+    assert [seen.rpartition(" ")[2] for seen in server.seen if "/file" in seen][1:] == ["0", "100000"]
 
 
 def test_written_around_bad_blocks_and_on_trial(

@@ -18,6 +18,15 @@ LIBRARIES = (
     "usr/lib/arm-linux-gnueabi/libcrypto.so.3",
     "usr/lib/arm-linux-gnueabi/libatomic.so.1",
 )
+# What an image has that asks a server of updates.
+PULL = {
+    "usr/bin/curl": ROOT / "build/curl/root/usr/bin/curl",
+    "usr/bin/jq": PACKAGES / "usr/bin/jq",
+    **{
+        f"usr/lib/arm-linux-gnueabi/{name}": PACKAGES / f"usr/lib/arm-linux-gnueabi/{name}"
+        for name in ("libjq.so.1", "libonig.so.5", "libssl.so.3")
+    },
+}
 VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
 SITE = "station-7"
 

@@ -138,6 +138,8 @@ class Outstation:
             if self.deaf:
                 continue
             data += more
+            if data[0] != 0x68:  # TLS, of which it knows nothing
+                return
             while len(data) >= 2 and len(data) >= 2 + data[1]:
                 yield data[: 2 + data[1]]
                 data = data[2 + data[1] :]

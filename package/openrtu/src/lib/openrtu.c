@@ -94,7 +94,10 @@ static void add_point(struct openrtu *rtu, uint32_t map_point)
 	rtu->command_of[number] = MAP_NONE;
 	map_point_name(config, &config->points[map_point], rtu->names[number]);
 	rtu->samples[number].quality = MAP_INVALID;
-	map_read(rtu->map, map_point, &rtu->samples[number]);
+	if (map_owner(rtu->map, map_point) == map_self(rtu->map))
+		rtu->samples[number] = map_own_sample(rtu->map, map_point);
+	else
+		map_read(rtu->map, map_point, &rtu->samples[number]);
 }
 
 /* A point that it reads and commands has one number. */

@@ -244,19 +244,47 @@ static void end_point(const struct segment *segment, uint32_t slot, int64_t time
 	ring_put(&segment->events, &event);
 }
 
+/* What its owner has published last, whether it is forced or not. */
+static struct map_sample owners_sample(const struct segment *segment, uint32_t slot, unsigned whole)
+{
+	const struct cover *cover = cover_in(segment, slot);
+
+	return cover != NULL ? cover->below[whole] : segment->samples[whole][slot];
+}
+
+static void carry_cover(const struct carriage *carriage, uint32_t slot, unsigned whole)
+{
+	const struct cover *from = cover_in(&carriage->map->segments[carriage->module], slot);
+	struct cover *to;
+
+	if (from == NULL)
+		return;
+	to = &carriage->to.covers[from - carriage->map->segments[carriage->module].covers];
+	*to = (struct cover){.since_ns = from->since_ns, .shown = from->shown};
+	to->below[0] = from->below[whole];
+	if (!carriage->valid)
+		to->below[0].quality |= MAP_INVALID;
+	to->below[1] = to->below[0];
+	atomic_store(&to->slot, carriage->slots[slot] + 1);
+}
+
 static void carry_point(const struct carriage *carriage, uint32_t slot)
 {
 	const struct map *map = carriage->map, *next = carriage->next;
 	const uint32_t before = point_in(map, carriage->module, slot);
 	const uint32_t to = carriage->slots[slot], now = point_in(next, carriage->module, to);
 	const struct segment *from = &map->segments[carriage->module];
-	struct map_sample sample = from->samples[latch_whole_copy(latch_of(map, before))][slot];
+	const unsigned whole = latch_whole_copy(latch_of(map, before));
+	const bool gone = now >= next->config.point_count;
+	struct map_sample sample = gone ? owners_sample(from, slot, whole) : from->samples[whole][slot];
 
 	if (!carriage->valid)
 		sample.quality |= MAP_INVALID;
 	carriage->to.samples[0][to] = carriage->to.samples[1][to] = sample;
 	carry_cells(carriage, &map->config.points[before], &next->config.points[now]);
-	if (before < map->config.point_count && now >= next->config.point_count)
+	if (!gone)
+		carry_cover(carriage, slot, whole);
+	if (before < map->config.point_count && gone)
 		end_point(&carriage->to, to, carriage->time_ns);
 }
 
@@ -324,7 +352,7 @@ static int end_module(const struct map *map, uint32_t module)
 
 		if (point >= map->config.point_count)
 			continue;
-		segment.samples[0][i] = segment.samples[latch_whole_copy(latch_of(map, point))][i];
+		segment.samples[0][i] = owners_sample(&segment, i, latch_whole_copy(latch_of(map, point)));
 		end_point(&segment, i, time_ns);
 	}
 	munmap(segment.header, segment.size);
@@ -351,6 +379,23 @@ static bool is_carried(const struct map *map, const struct map *next, uint32_t m
 	return module < map_module_count(map) && map_is_made_for(next, module);
 }
 
+static uint32_t renumber(const void *context, uint32_t module, uint32_t slot)
+{
+	struct carriage carriage = *(const struct carriage *)context;
+	const uint32_t point = point_in(carriage.map, module, slot);
+	uint32_t now;
+
+	carriage.module = module;
+	if (point == MAP_NONE || map_is_gone(carriage.next, module))
+		return MAP_NONE;
+	if (!is_carried(carriage.map, carriage.next, module))
+		return slot;
+	now = new_slot(&carriage, slot);
+	return now != MAP_NONE && point_in(carriage.next, module, now) < carriage.next->config.point_count
+		   ? now
+		   : MAP_NONE;
+}
+
 int map_switch(const struct map *map, const struct map *next, const struct map_switching *how, char *error)
 {
 	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(next); i++) {
@@ -366,6 +411,7 @@ int map_switch(const struct map *map, const struct map *next, const struct map_s
 			return map_fail(error, "cannot carry %s over: %s", next->modules[i].plan.name,
 					strerror(errno));
 	}
+	forces_renumber(map, renumber, &(const struct carriage){.map = map, .next = next});
 	atomic_store_explicit(&map->directory->epoch, next->file->epoch, memory_order_release);
 	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(map); i++)
 		bell_ring(map, i);

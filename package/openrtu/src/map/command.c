@@ -28,7 +28,7 @@ static void ring_own_bell_for_the_rest(const struct map *map)
 static bool is_for_rtud(uint8_t action)
 {
 	return action == MAP_SET_CLOCK || action == MAP_RESTART || action == MAP_MODULE ||
-	       action == MAP_RELOAD;
+	       action == MAP_RELOAD || action == MAP_FORCE;
 }
 
 /* ---- requester --------------------------------------------------------------------------- */
@@ -56,7 +56,7 @@ uint32_t map_request_post(struct map *map, struct map_request request)
 	return request.id;
 }
 
-bool map_answer_next(struct map *map, struct map_answer *out)
+static bool next_answer(struct map *map, bool of_others, struct map_answer *out)
 {
 	struct segment_header *header = map->segments[map->self].header;
 
@@ -67,7 +67,7 @@ bool map_answer_next(struct map *map, struct map_answer *out)
 		       ring_peek(&map->segments[i].answers, &header->answer_next[i], out, &lost)) {
 			header->answer_next[i]++;
 			map->taken++;
-			if (out->requester != map->self)
+			if (out->requester != map->self && !of_others)
 				continue;
 			if (i != MAP_RTUD)
 				out->point = point_in(map, i, out->point);
@@ -76,6 +76,16 @@ bool map_answer_next(struct map *map, struct map_answer *out)
 	}
 	ring_own_bell_for_the_rest(map);
 	return false;
+}
+
+bool map_answer_next(struct map *map, struct map_answer *out)
+{
+	return next_answer(map, false, out);
+}
+
+bool map_answer_of_any_next(struct map *map, struct map_answer *out)
+{
+	return next_answer(map, true, out);
 }
 
 /* ---- owner ------------------------------------------------------------------------------- */

@@ -39,13 +39,15 @@ enum map_type {
 #define MAP_TYPES            (MAP_ANGLE + 1)
 #define MAP_ANGLE_PER_DEGREE 10000000
 
+#define MAP_POSITION_POINTS 4
+
 enum map_point_flag {
 	MAP_POINT_COMMAND = 1u << 0,    /* may be commanded */
 	MAP_POINT_SELECT = 1u << 1,     /* a command needs a selection first */
 	MAP_POINT_NO_QUALITY = 1u << 2, /* normalized: sent without quality, and so only while good */
 	/*
-	 * A position as a whole, with the three points behind it, which are published with it: latitude, longitude (angles),
-	 * altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
+	 * A position as a whole, the first of MAP_POSITION_POINTS, which are published together: the others are latitude,
+	 * longitude (angles), altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
 	 */
 	MAP_POINT_POSITION = 1u << 3,
 	MAP_POINT_RETAIN = 1u << 4, /* its value and quality outlive the process of its owner */
@@ -124,6 +126,7 @@ struct map_settings {
 	uint8_t clock;              /* enum map_clock_mode */
 	uint8_t queue_count;
 	struct map_zone zone; /* of wall times that people and control centres see */
+	uint32_t force_max_s; /* so long a point may be forced at most; 0: not at all */
 	uint32_t event_ring;  /* each module keeps one event less; a power of two */
 	struct map_queue_plan queues[MAP_NAMED_QUEUES_MAX];
 };

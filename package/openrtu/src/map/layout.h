@@ -16,7 +16,7 @@
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
 #define CONFIG_MAGIC 0x4352544Fu /* "ORTC" */
-#define MAP_LAYOUT   12u         /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   13u         /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -72,6 +72,23 @@ struct queue_cell {
 	char name[MAP_ADDRESS_SIZE]; /* an address, or empty: free. A group's is in the configuration. */
 	uint16_t reserved;
 	struct map_queue_place places[2];
+};
+
+/* A point that rtud's table forces, as rtud has it. The owner's slot is what both know it by. */
+struct force_entry {
+	uint32_t module, slot;
+	union map_value value;
+	uint32_t reserved;
+	int64_t since_ns; /* which force it is */
+	int64_t until_ns; /* 0: the entry is unused */
+};
+
+/* What a forced point shows, and what its owner says meanwhile: two copies, by the latch of the point's set. */
+struct cover {
+	_Atomic uint32_t slot; /* and one more; 0: the cover is unused */
+	uint32_t reserved;
+	int64_t since_ns; /* of the entry that it is for */
+	struct map_sample shown, below[2];
 };
 
 /* A counter of the module's own section that has a name. */
@@ -136,6 +153,9 @@ struct directory {
 	_Atomic uint32_t starts; /* map_starts */
 	map_latch clock_latch;
 	struct map_clock clock[2];
+	map_latch forces_latch;
+	uint32_t reserved;
+	struct force_entry forces[2][MAP_FORCES_MAX];
 	struct module_status modules[MAP_MODULES_MAX];
 };
 
@@ -145,7 +165,7 @@ struct layout {
 	size_t requests, answers, events, log;
 	size_t latches; /* one a set of the module's */
 	size_t samples[2];
-	size_t commands, totals, parameters;
+	size_t commands, totals, parameters, covers;
 	size_t queues;
 	size_t own, counters;
 	size_t size;
@@ -161,6 +181,7 @@ struct segment {
 	struct command_cell *commands;
 	struct total_cell *totals;
 	struct parameter_cell *parameters;
+	struct cover *covers; /* MAP_FORCES_MAX; NULL: it owns no points */
 	struct queue_cell *queues;
 	void *own; /* map_section */
 	struct counter_entry *counters;
@@ -200,8 +221,10 @@ struct map {
 	int64_t ticked_s;                   /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;                     /* requests and answers since the bell was cleared */
 	uint32_t taken_of[MAP_MODULES_MAX]; /* of them, requests of a module with MAP_REQUESTS_LISTED */
-	uint32_t refused; /* a bit for each module of which the log has a request that it may not make */
-	uint32_t load;    /* what others have given this module to do in this period, in records */
+	uint32_t refused;     /* a bit for each module of which the log has a request that it may not make */
+	uint32_t covers;      /* own points that are forced */
+	uint32_t forces_seen; /* sequence of rtud's table that the covers follow */
+	uint32_t load;        /* what others have given this module to do in this period, in records */
 };
 
 uint32_t layout_fingerprint(void);
@@ -253,6 +276,15 @@ static inline map_latch *latch_of(const struct map *map, uint32_t point)
 	return &map->segments[set->module].latches[set->latch];
 }
 
+/* The cover of a slot of that segment; NULL: it is not forced. */
+static inline struct cover *cover_in(const struct segment *segment, uint32_t slot)
+{
+	for (unsigned i = 0; segment->covers != NULL && i < MAP_FORCES_MAX; i++)
+		if (atomic_load_explicit(&segment->covers[i].slot, memory_order_acquire) == slot + 1)
+			return &segment->covers[i];
+	return NULL;
+}
+
 /* Rings the bell of a module; a full pipe has been heard already. */
 void bell_ring(const struct map *map, uint32_t module);
 void bell_ring_event_readers(const struct map *map);
@@ -290,8 +322,21 @@ void total_count(struct map *map, uint32_t point, bool narrow, struct map_sample
 void parameter_smooth(struct map *map, uint32_t point, struct map_sample *sample);
 /* An update's flag within this room: the sample is what shall be published. */
 #define UPDATE_AS_IS (1u << 7)
-/* The owner's own last sample. */
-struct map_sample own_sample(const struct map *map, uint32_t point);
+/* What others read of an own point: of a forced one not what map_own_sample gives. */
+struct map_sample shown_sample(const struct map *map, uint32_t point);
+
+/* ---- force.c ----------------------------------------------------------------------------- */
+
+/* Own points show what rtud's table says, from now on. */
+void forces_follow(struct map *map);
+void forces_recover(struct map *map);
+/* rtud: the slots have other numbers in a configuration that follows; MAP_NONE: the point is gone. */
+void forces_renumber(const struct map *map,
+		     uint32_t (*renumber)(const void *context, uint32_t module, uint32_t slot),
+		     const void *context);
+
+/* ------------------------------------------------------------------------------------------ */
+
 /* Puts an event of an update, whatever the last one said. */
 void event_put(struct map *map, const struct map_update *update);
 

@@ -17,6 +17,11 @@ uint32_t map_module_count(const struct map *map)
 	return map->file->module_count;
 }
 
+uint32_t map_epoch(const struct map *map)
+{
+	return map->file->epoch;
+}
+
 uint32_t map_owner(const struct map *map, uint32_t point)
 {
 	return map->config.sets[map->config.points[point].set].module;

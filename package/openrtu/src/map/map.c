@@ -287,7 +287,7 @@ static int attach_bells(struct map *map, char *error)
 static void report_carried(struct map *map)
 {
 	for (uint32_t i = 0; i < map->modules[map->self].point_count; i++) {
-		const struct map_sample sample = own_sample(map, point_in(map, map->self, i));
+		const struct map_sample sample = shown_sample(map, point_in(map, map->self, i));
 
 		map->reported[i] = (struct reported){.value = sample.value,
 						     .quality = sample.quality,
@@ -320,6 +320,7 @@ static void begin_generation(struct map *map)
 		commands_recover(map);
 	}
 	totals_recover(map);
+	forces_recover(map);
 	atomic_store(&header->carried, 0);
 	map_heartbeat(map);
 	if (map->modules[map->self].plan.flags & MAP_IS_LOCAL)

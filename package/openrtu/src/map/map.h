@@ -31,6 +31,7 @@
 #define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
 #define MAP_PAST_DAYS               400  /* what is older is no event's time */
 #define MAP_RTUD                    0    /* rtud's index in the module table */
+#define MAP_FORCES_MAX              16   /* points that are forced at once */
 
 struct map;
 
@@ -140,6 +141,8 @@ void map_note_forbidden(struct map *map, int call);
 /* How old a module's heartbeat may be. */
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module);
 uint32_t map_owner(const struct map *map, uint32_t point);
+/* The number of the configuration that is in use here. */
+uint32_t map_epoch(const struct map *map);
 /* Finds a point by common address and IOA; MAP_NONE when there is none. O(log n). */
 uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa);
 
@@ -198,6 +201,25 @@ struct map_update {
  * it falls back further, the reading goes on from where it was, and is adjusted. An invalid sample changes no reading.
  */
 void map_publish(struct map *map, const struct map_update *updates, size_t count);
+
+/* What its owner has published last of an own point, whether it is forced or not. Owner only. */
+struct map_sample map_own_sample(const struct map *map, uint32_t point);
+
+/* ---- forced points ----------------------------------------------------------------------- */
+
+/* A point that shows a value of whoever acts on site, as substituted, until a moment. Its owner goes on below. */
+struct map_force {
+	uint32_t point;
+	union map_value value;
+	int64_t since_ns, until_ns;
+};
+
+/* The forces that there are. Returns how many. */
+unsigned map_forces(const struct map *map, struct map_force out[MAP_FORCES_MAX]);
+/* What the owner of a forced point says meanwhile. False: it is not forced, or cannot be read now. */
+bool map_read_below(const struct map *map, uint32_t point, struct map_sample *out);
+/* Why a point cannot be forced, as it goes on behind its name; NULL: it can. */
+const char *map_unforceable(const struct map_config *config, uint32_t point);
 
 /* ---- events ------------------------------------------------------------------------------ */
 
@@ -316,6 +338,7 @@ enum map_action {
 	MAP_PARAMETER, /* detail is enum map_parameter; value as the point has it, of MAP_CYCLIC 0 or 1 */
 	MAP_RELOAD, /* to rtud, by who acts on site: the file that his section names; detail 1: only to check it */
 	MAP_MODULE, /* to rtud, by a module that acts for people on site: point is a module, detail enum map_wish */
+	MAP_FORCE, /* to rtud, by such a module: point shows value for hold_ms; 0: it is no longer forced */
 };
 
 /* What rtud shall do with a module's process. One that is stopped stays so until it is started, or rtud is. */
@@ -339,7 +362,7 @@ struct map_request {
 	uint8_t action;      /* enum map_action */
 	uint8_t detail;      /* MAP_STEP: bit 0 transient; MAP_FREEZE, MAP_PARAMETER, MAP_MODULE: see there */
 	uint32_t
-	    session; /* who in the requester selected: connection and originator; compared, not understood */
+	    session; /* who in the requester selected: connection and originator; compared, not understood. MAP_FORCE: map_epoch */
 	union map_value value;
 	uint16_t pulse_ms; /* of a coil: the value for so long, then off; 0: persistent */
 	int8_t step;       /* -1 lower, 1 higher: by the point's step from its last value; value is 0 then */
@@ -347,6 +370,7 @@ struct map_request {
 	int64_t time_ns;   /* when it was issued */
 	int64_t deadline_ns; /* refused when not begun by then */
 	int64_t wall_ns;     /* MAP_SET_CLOCK: since 1970, UTC */
+	int64_t hold_ms;     /* MAP_FORCE */
 	/* The point's addresses, by which an owner of another configuration knows it; given by map_request_post. */
 	uint32_t ioa;
 	uint16_t ca;
@@ -418,6 +442,8 @@ void map_command_refuse(struct map *map, const struct map_request *request, enum
 enum map_cause map_cause_of(const struct map *map, const struct map_request *request);
 /* The next answer to a request of this module. False: as for map_request_next. */
 bool map_answer_next(struct map *map, struct map_answer *out);
+/* The next answer to a request of any module, for who shows what all do instead of map_answer_next. Others' ring no bell here. */
+bool map_answer_of_any_next(struct map *map, struct map_answer *out);
 /*
  * The command side of a point. A selection whose time is over, or whose requester's process is another one by now, is
  * interrupted. False as for map_read.

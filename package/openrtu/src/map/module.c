@@ -100,11 +100,6 @@ void map_note_forbidden(struct map *map, int call)
 	atomic_store(&map->segments[map->self].header->forbidden, (uint32_t)(call + 1));
 }
 
-void map_heartbeat(struct map *map)
-{
-	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
-}
-
 bool map_may_run(const struct map *map)
 {
 	uint32_t state = atomic_load(&map->directory->modules[map->self].state);

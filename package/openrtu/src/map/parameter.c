@@ -106,7 +106,7 @@ static bool is_smoothable(const struct map_sample *sample)
 
 static struct smoothed last_published(const struct map *map, uint32_t point)
 {
-	struct map_sample last = own_sample(map, point);
+	struct map_sample last = map_own_sample(map, point);
 	enum map_type type = (enum map_type)map->config.points[point].type;
 
 	return (struct smoothed){map_number(type, last.value), is_smoothable(&last) ? last.time_ns : 0};

@@ -68,18 +68,45 @@ void event_put(struct map *map, const struct map_update *update)
 	ring_put(&map->segments[map->self].events, &event);
 }
 
-struct map_sample own_sample(const struct map *map, uint32_t point)
+struct map_sample shown_sample(const struct map *map, uint32_t point)
 {
-	const struct map_point *config = &map->config.points[point];
 	const struct segment *own = &map->segments[map->self];
 
-	return own->samples[latch_whole_copy(latch_of(map, point))][config->slot];
+	return own->samples[latch_whole_copy(latch_of(map, point))][slot_of(map, point)];
+}
+
+struct map_sample map_own_sample(const struct map *map, uint32_t point)
+{
+	const struct cover *cover =
+	    map->covers == 0 ? NULL : cover_in(&map->segments[map->self], slot_of(map, point));
+
+	return cover != NULL ? cover->below[latch_whole_copy(latch_of(map, point))]
+			     : shown_sample(map, point);
 }
 
 /* What was never written has nothing to retain. */
 static bool is_retained(const struct map *map, uint32_t point, const struct map_sample *sample)
 {
 	return (map->config.points[point].flags & MAP_POINT_RETAIN) && sample->time_ns != 0;
+}
+
+static void invalidate(const struct map *map, uint32_t point, struct map_sample *sample)
+{
+	if (!is_retained(map, point, sample))
+		sample->quality |= MAP_INVALID;
+}
+
+/* What is shown is known, whatever the device says; what is below is as if it were shown. */
+static void recover_cover(const struct map *map, const struct map_set *device, struct cover *cover,
+			  unsigned whole)
+{
+	const uint32_t slot = atomic_load(&cover->slot) - 1; /* of an unused one, beyond all */
+	const uint32_t first = map->config.points[device->first_point].slot;
+
+	if (slot < first || slot - first >= device->point_count)
+		return;
+	invalidate(map, device->first_point + slot - first, &cover->below[whole]);
+	cover->below[!whole] = cover->below[whole];
 }
 
 /*
@@ -98,10 +125,11 @@ static void recover_device(struct map *map, const struct map_set *device, map_la
 	for (int copy = 0; copy < 2; copy++) {
 		unsigned filled = latch_flip(latch);
 
-		for (uint32_t i = first; i < first + device->point_count; i++)
-			if (!is_retained(map, device->first_point + i - first, &own->samples[filled][i]))
-				own->samples[filled][i].quality |= MAP_INVALID;
+		for (uint32_t i = 0; i < device->point_count; i++)
+			invalidate(map, device->first_point + i, &own->samples[filled][first + i]);
 	}
+	for (unsigned i = 0; i < MAP_FORCES_MAX; i++)
+		recover_cover(map, device, &own->covers[i], whole);
 }
 
 void points_recover(struct map *map)

@@ -71,7 +71,7 @@ static struct map_sample sample_of(struct map *map, const struct map_update *upd
 	if (update->flags & UPDATE_AS_IS)
 		return sample;
 	if (update->flags & MAP_UPDATE_KEEPS_VALUE) {
-		const struct map_sample last = own_sample(map, update->point);
+		const struct map_sample last = map_own_sample(map, update->point);
 
 		sample.value = last.value;
 		sample.detail = last.detail;
@@ -92,6 +92,33 @@ static struct map_sample sample_of(struct map *map, const struct map_update *upd
 	return sample;
 }
 
+/* NULL: it is not forced, as hardly any point is. */
+static struct cover *cover_of(const struct map *map, uint32_t point)
+{
+	return map->covers == 0 ? NULL : cover_in(&map->segments[map->self], slot_of(map, point));
+}
+
+static void fill(struct map *map, const struct map_update *update, unsigned copy)
+{
+	struct cover *cover = cover_of(map, update->point);
+	struct map_sample *shown = &map->segments[map->self].samples[copy][slot_of(map, update->point)];
+	struct map_sample sample = sample_of(map, update);
+
+	*shown = cover != NULL ? cover->shown : sample;
+	if (cover != NULL)
+		cover->below[copy] = sample;
+}
+
+static void fill_again(struct map *map, uint32_t point, unsigned from, unsigned to)
+{
+	const struct segment *own = &map->segments[map->self];
+	struct cover *cover = cover_of(map, point);
+
+	own->samples[to][slot_of(map, point)] = own->samples[from][slot_of(map, point)];
+	if (cover != NULL)
+		cover->below[to] = cover->below[from];
+}
+
 /* samples: what the updates left. */
 static bool put_events(struct map *map, const struct map_update *updates, size_t count,
 		       const struct map_sample *samples)
@@ -102,6 +129,8 @@ static bool put_events(struct map *map, const struct map_update *updates, size_t
 		struct map_update left = updates[i];
 
 		left.sample = samples[map->config.points[left.point].slot];
+		if (cover_of(map, left.point) != NULL)
+			left.event_rule = MAP_EVENT_BY_CHANGE; /* what is below is worth no event */
 		if (!is_event(map, &left))
 			continue;
 		event_put(map, &left);
@@ -113,7 +142,6 @@ static bool put_events(struct map *map, const struct map_update *updates, size_t
 void map_publish(struct map *map, const struct map_update *updates, size_t count)
 {
 	const struct segment *own = &map->segments[map->self];
-	const struct map_point *points = map->config.points;
 	unsigned first, second;
 	map_latch *latch;
 
@@ -122,11 +150,10 @@ void map_publish(struct map *map, const struct map_update *updates, size_t count
 	latch = latch_of(map, updates[0].point);
 	first = latch_flip(latch);
 	for (size_t i = 0; i < count; i++)
-		own->samples[first][points[updates[i].point].slot] = sample_of(map, &updates[i]);
+		fill(map, &updates[i], first);
 	second = latch_flip(latch);
 	for (size_t i = 0; i < count; i++)
-		own->samples[second][points[updates[i].point].slot] =
-		    own->samples[first][points[updates[i].point].slot];
+		fill_again(map, updates[i].point, first, second);
 	if (put_events(map, updates, count, own->samples[second]))
 		bell_ring_event_readers(map);
 }

@@ -42,7 +42,7 @@ void total_count(struct map *map, uint32_t point, bool narrow, struct map_sample
 {
 	struct total_cell *cell = total_own(map, point);
 	struct map_total total = total_current(cell);
-	struct map_sample last = own_sample(map, point);
+	struct map_sample last = map_own_sample(map, point);
 	uint8_t since = total.since;
 
 	if (sample->quality & MAP_INVALID)

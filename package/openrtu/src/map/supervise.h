@@ -27,6 +27,10 @@ int map_module_forbidden(const struct map *map, uint32_t module);
 void map_module_switching(struct map *map, uint32_t module);
 /* The process of this generation, or the one that goes on in it, has begun. */
 bool map_module_has_taken_over(const struct map *map, uint32_t module);
+/* The point shows that value from now on, whatever its owner says. False: MAP_FORCES_MAX points are forced already. */
+bool map_force(struct map *map, const struct map_force *force);
+/* False: it was not forced. */
+bool map_unforce(struct map *map, uint32_t point);
 /* Of all segments, in bytes: what each process maps. */
 size_t map_size(const struct map *map);
 /* Puts MAP_EVENT_MODULE_DOWN, MAP_EVENT_MODULE_UP or MAP_EVENT_CLOCK before all readers of events. */

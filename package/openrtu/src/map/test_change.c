@@ -279,6 +279,51 @@ static void test_what_was_prepared_can_be_dropped(void **state)
 	map_detach(owner);
 }
 
+static void force(const struct change *change, uint32_t point, int32_t value)
+{
+	const struct map_force force = {
+	    .point = point, .value.i = value, .since_ns = map_now_ns(), .until_ns = INT64_MAX};
+
+	assert_true(map_force(change->stage->rtud, &force));
+}
+
+static void test_what_is_forced_stays_so(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map *owner = start(change.stage, FIRST), *other = start(change.stage, SECOND);
+	struct map_force forces[MAP_FORCES_MAX];
+	struct map_sample below;
+
+	publish(owner, 1, 11); /* is gone afterwards */
+	publish(owner, 2, 12);
+	publish(other, 5, 15);
+	force(&change, 1, 71);
+	force(&change, 2, 72);
+	force(&change, 5, 75);
+	map_heartbeat(owner);
+	map_heartbeat(other);
+	prepare(&change);
+	map_detach(owner);
+	put_into_force(&change, true);
+	owner = attach(change.stage, FIRST);
+	map_heartbeat(other);
+	assert_sample(change.stage->rtud, 6, 72, MAP_SUBSTITUTED);
+	assert_sample(change.stage->rtud, 1, 75, MAP_SUBSTITUTED);
+	assert_sample(change.stage->rtud, 8, 11, MAP_INVALID);
+	assert_int_equal(map_forces(change.stage->rtud, forces), 2);
+	publish(owner, 6, 13);
+	assert_true(map_read_below(change.stage->rtud, 6, &below));
+	assert_int_equal(below.value.i, 13);
+	assert_true(map_unforce(change.stage->rtud, 6));
+	assert_true(map_unforce(change.stage->rtud, 1));
+	map_heartbeat(owner);
+	map_heartbeat(other);
+	assert_sample(change.stage->rtud, 6, 13, MAP_GOOD);
+	assert_sample(change.stage->rtud, 1, 15, MAP_GOOD);
+	map_detach(owner);
+	map_detach(other);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -287,6 +332,7 @@ int main(void)
 	    TEST(test_who_did_not_change_goes_on_with_what_he_has),
 	    TEST(test_counters_go_on_by_their_names),
 	    TEST(test_another_generation_begins_as_after_a_crash),
+	    TEST(test_what_is_forced_stays_so),
 	    TEST(test_what_was_prepared_can_be_dropped),
 	};
 

@@ -21,7 +21,8 @@ static void carry_out(struct map *map, uint32_t point, enum map_freeze mode)
 {
 	struct total_cell *cell = total_own(map, point);
 	struct map_total total = total_current(cell);
-	struct map_update update = {.point = point, .flags = UPDATE_AS_IS, .sample = own_sample(map, point)};
+	struct map_update update = {
+	    .point = point, .flags = UPDATE_AS_IS, .sample = map_own_sample(map, point)};
 
 	if (mode != MAP_RESET_ONLY)
 		freeze(&total, &update.sample);

@@ -22,7 +22,8 @@ enum {
 	TAKES_SUGGEST = 16,
 	TAKES_ONCE = 32,
 	TAKES_DRY_RUN = 64,
-	TAKES_SVG = 128
+	TAKES_SVG = 128,
+	TAKES_DURATION = 256
 };
 
 struct command {
@@ -132,6 +133,19 @@ static const struct command commands[] = {
      rtuctl_set},
     {"step", "NAME higher|lower [--select]", 2, 2, TAKES_SELECT, "rtuctl", "move a point's value by its step",
      "For points with a step in the configuration. --select selects before it executes.\n", rtuctl_step},
+    {"force", "NAME VALUE [--for TIME]", 2, 2, TAKES_DURATION, "rtuctl",
+     "let a point show a value, whatever its owner says",
+     "All who read the point see VALUE as substituted (SB), and its owner goes on below. It commands no "
+     "device. It\n"
+     "ends after TIME (90s, 10m, 2h; without --for after 10 minutes), with unforce, or with rtud. The\n"
+     "configuration has to allow it: force_max_s.\n",
+     rtuctl_force},
+    {"unforce", "NAME", 1, 1, 0, "rtuctl", "let a point show again what its owner says",
+     "\"rtuctl forces\" lists what is forced.\n", rtuctl_unforce},
+    {"forces", "", 0, 0, 0, NULL, "the points that are forced, and what is below",
+     "BELOW is what the point's owner says meanwhile, with its QUALITY; LEFT is when the force ends by "
+     "itself.\n",
+     rtuctl_forces},
 };
 
 struct line {
@@ -216,7 +230,7 @@ static void print_completion(void)
 	     "\tcase ${COMP_WORDS[COMP_CWORD - 1]} in\n"
 	     "\t--map) mapfile -t COMPREPLY < <(compgen -d -- \"$word\"); return ;;\n"
 	     "\t--pulse) mapfile -t COMPREPLY < <(compgen -W 'short long' -- \"$word\"); return ;;\n"
-	     "\t--count) return ;;\n"
+	     "\t--count | --for) return ;;\n"
 	     "\tesac\n"
 	     "\tfor ((i = 1; i < COMP_CWORD; i++)); do\n"
 	     "\t\tcase ${COMP_WORDS[i]} in\n"
@@ -285,13 +299,21 @@ static bool parse_count(const char *text, struct line *line)
 static int take_option(struct line *line, int argc, char **argv)
 {
 	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},   {"json", no_argument, NULL, 'j'},
-	    {"count", required_argument, NULL, 'c'}, {"select", no_argument, NULL, 's'},
-	    {"pulse", required_argument, NULL, 'p'}, {"histogram", no_argument, NULL, 'g'},
-	    {"suggest", no_argument, NULL, 'u'},     {"once", no_argument, NULL, 'o'},
-	    {"svg", required_argument, NULL, 'v'},   {"dry-run", no_argument, NULL, 'd'},
-	    {"help", no_argument, NULL, 'h'},        {"version", no_argument, NULL, 'V'},
-	    {"completion", no_argument, NULL, 'C'},  {NULL, 0, NULL, 0},
+	    {"map", required_argument, NULL, 'm'},
+	    {"json", no_argument, NULL, 'j'},
+	    {"count", required_argument, NULL, 'c'},
+	    {"select", no_argument, NULL, 's'},
+	    {"pulse", required_argument, NULL, 'p'},
+	    {"histogram", no_argument, NULL, 'g'},
+	    {"suggest", no_argument, NULL, 'u'},
+	    {"once", no_argument, NULL, 'o'},
+	    {"svg", required_argument, NULL, 'v'},
+	    {"dry-run", no_argument, NULL, 'd'},
+	    {"for", required_argument, NULL, 'f'},
+	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
+	    {"completion", no_argument, NULL, 'C'},
+	    {NULL, 0, NULL, 0},
 	};
 
 	switch (getopt_long(argc, argv, "+", options, NULL)) {
@@ -325,6 +347,9 @@ static int take_option(struct line *line, int argc, char **argv)
 		return RTUCTL_DONE;
 	case 'd':
 		line->request.dry_run = true;
+		return RTUCTL_DONE;
+	case 'f':
+		line->request.duration = optarg;
 		return RTUCTL_DONE;
 	case 'h':
 		line->help = true;
@@ -381,6 +406,8 @@ static int check_line(const struct line *line)
 		return wrong_usage(line->command, "lines takes --histogram or --suggest, not both", "");
 	if (line->request.pulse != NULL && !(line->command->takes & TAKES_PULSE))
 		return not_for(line->command, "--pulse");
+	if (line->request.duration != NULL && !(line->command->takes & TAKES_DURATION))
+		return not_for(line->command, "--for");
 	return RTUCTL_DONE;
 }
 

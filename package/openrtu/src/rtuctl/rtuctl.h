@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set, step, module and reload attach as observers and write
+ * The engineer's view of the point map, after LinuxCNC's halcmd. All commands but set, step, force, unforce, module and reload attach as observers and write
  * nothing.
  */
 #ifndef OPENRTU_RTUCTL_H
@@ -8,6 +8,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 #include <jansson.h>
 
@@ -32,8 +33,9 @@ struct rtuctl_request {
 	bool suggest;
 	bool once;
 	bool dry_run;
-	const char *pulse; /* NULL: none */
-	const char *svg;   /* a file; NULL: none */
+	const char *pulse;    /* NULL: none */
+	const char *duration; /* of a force; NULL: as usual */
+	const char *svg;      /* a file; NULL: none */
 };
 
 /* One command: runs on an attached map and returns an exit code. */
@@ -59,6 +61,9 @@ rtuctl_command rtuctl_events;
 rtuctl_command rtuctl_log;
 rtuctl_command rtuctl_set;
 rtuctl_command rtuctl_step;
+rtuctl_command rtuctl_force;
+rtuctl_command rtuctl_unforce;
+rtuctl_command rtuctl_forces;
 
 /* The point of that name; MAP_NONE: there is none. */
 uint32_t rtuctl_find_point(const struct map_config *config, const char *name);
@@ -66,6 +71,10 @@ uint32_t rtuctl_find_point(const struct map_config *config, const char *name);
 json_t *rtuctl_point_name(const struct map_config *config, uint32_t point);
 /* A point as a row of the list. A new reference. */
 json_t *rtuctl_point_row(const struct map *map, uint32_t index);
+/* What forces a point, as a row; null: nothing does. A new reference. */
+json_t *rtuctl_force_row(const struct map *map, uint32_t point);
+/* The forced points as a table, if there are some, with an empty line before or behind it. */
+void rtuctl_print_forces(const struct map *map, FILE *out);
 /* A device as a row of the list, and more. A new reference. */
 json_t *rtuctl_device_row(const struct map *map, uint32_t index);
 /* Microseconds as milliseconds. A new reference. */

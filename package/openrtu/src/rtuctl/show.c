@@ -92,6 +92,7 @@ json_t *rtuctl_point_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "ca", json_integer(set->ca));
 	json_object_set_new(row, "ioa", json_integer(point->ioa));
 	json_object_set_new(row, "broadcast", json_boolean(set->never_read));
+	json_object_set_new(row, "forced", rtuctl_force_row(map, index));
 	return row;
 }
 
@@ -106,6 +107,8 @@ int rtuctl_points(struct map *map, const struct rtuctl_request *request)
 		if (rtuctl_matches(config, i, pattern))
 			listing_add(&listing, rtuctl_point_row(map, i));
 	listing_end(&listing);
+	if (!request->json)
+		rtuctl_print_forces(map, stdout);
 	return found(&listing, "point", pattern);
 }
 

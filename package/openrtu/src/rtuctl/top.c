@@ -237,6 +237,7 @@ static size_t lines_of(const char *text)
 static void print_gateway(const struct top *top, FILE *out)
 {
 	print_head(top, out);
+	rtuctl_print_forces(top->map, out);
 	print_modules(top, out);
 	print_lines(top, out);
 }

@@ -14,6 +14,8 @@ const char *compare_settings(const struct map_settings *a, const struct map_sett
 		return "timezone";
 	if (a->event_ring != b->event_ring)
 		return "event_ring";
+	if (a->force_max_s != b->force_max_s)
+		return "force_max_s";
 	if (a->select_timeout_s != b->select_timeout_s || a->command_timeout_s != b->command_timeout_s)
 		return "commands";
 	if (a->queue_count != b->queue_count)

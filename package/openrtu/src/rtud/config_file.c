@@ -10,17 +10,28 @@
 #define KEYS_MAX          64 /* of the outermost object */
 #define SELECT_TIMEOUT_S  30
 #define COMMAND_TIMEOUT_S 10
+#define FORCE_MAX_S       604800 /* a week */
 
 static const char *const clocks[] = {
     [MAP_CLOCK_GATEWAY] = "gateway", [MAP_CLOCK_MASTERS] = "masters", [MAP_CLOCK_SYSTEM] = "system", NULL};
 
-enum { FILE_CLOCK, FILE_TIMEZONE, FILE_EVENT_RING, FILE_COMMANDS, FILE_INCLUDE, FILE_TEMPLATES, FILE_KEYS };
+enum {
+	FILE_CLOCK,
+	FILE_TIMEZONE,
+	FILE_EVENT_RING,
+	FILE_COMMANDS,
+	FILE_FORCE_MAX,
+	FILE_INCLUDE,
+	FILE_TEMPLATES,
+	FILE_KEYS
+};
 static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_CLOCK] = {"clock", CONFIG_CHOICE, .choices = clocks},
     [FILE_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63},
     [FILE_EVENT_RING] = {"event_ring", CONFIG_INTEGER, .low = EVENT_RING_LEAST, .high = 65536,
 			 .fallback = 4096},
     [FILE_COMMANDS] = {"commands", CONFIG_OBJECT},
+    [FILE_FORCE_MAX] = {"force_max_s", CONFIG_INTEGER, .low = 1, .high = FORCE_MAX_S},
     [FILE_INCLUDE] = {CONFIG_KEY_INCLUDE, CONFIG_ARRAY, .high = CONFIG_FILES_MAX},
     [FILE_TEMPLATES] = {CONFIG_KEY_TEMPLATES, CONFIG_OBJECT},
 };
@@ -127,6 +138,7 @@ bool config_read_file(struct rtud_loader *loader, const json_t *root)
 	if (!json_is_object(root))
 		return true;
 	files->config->settings.clock = (uint8_t)values[FILE_CLOCK].integer;
+	files->config->settings.force_max_s = (uint32_t)values[FILE_FORCE_MAX].integer;
 	read_event_ring(files, &file, &values[FILE_EVENT_RING]);
 	read_timezone(files, &file, &values[FILE_TIMEZONE]);
 	read_commands(files, &file, &values[FILE_COMMANDS]);

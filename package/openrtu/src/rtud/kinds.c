@@ -18,6 +18,7 @@
 	KIND(iec104m)                                                                                        \
 	KIND(logic)                                                                                          \
 	KIND(snmp)                                                                                           \
+	KIND(iec61850)                                                                                       \
 	KIND(foreign)                                                                                        \
 	KIND(synch)
 

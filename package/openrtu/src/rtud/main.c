@@ -12,8 +12,11 @@
 #define UID_BASE 61200 /* systemd's range of users that need no account, 61184..65519 */
 
 /* What meson's options of these names say. */
-static const struct config_modules modules = {
-    .iec104 = OPENRTU_IEC104, .modbus = OPENRTU_MODBUS, .snmp = OPENRTU_SNMP, .tls = OPENRTU_TLS};
+static const struct config_modules modules = {.iec104 = OPENRTU_IEC104,
+					      .iec61850 = OPENRTU_IEC61850,
+					      .modbus = OPENRTU_MODBUS,
+					      .snmp = OPENRTU_SNMP,
+					      .tls = OPENRTU_TLS};
 
 static const char usage[] =
     "usage: rtud [OPTION]... FILE\n"

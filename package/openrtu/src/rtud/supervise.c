@@ -23,6 +23,7 @@
 #include "rtud/clock.h"
 #include "rtud/config.h"
 #include "rtud/filter.h"
+#include "rtud/force.h"
 #include "rtud/kinds.h"
 #include "rtud/process.h"
 #include "rtud/programs.h"
@@ -290,6 +291,7 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 static void watch_modules(struct supervisor *supervisor)
 {
 	map_heartbeat(supervisor->map);
+	force_tick(supervisor->map);
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
 		watch_module(supervisor, i);
 }
@@ -371,6 +373,8 @@ static void serve_requests(struct supervisor *supervisor)
 			take_wish(supervisor, &request);
 		else if (request.action == MAP_RELOAD)
 			reload_take(supervisor, &request);
+		else if (request.action == MAP_FORCE)
+			force_take(supervisor->map, &request);
 	}
 }
 

@@ -12,6 +12,7 @@
 #include "snmp/shared.h"
 #include "snmp/sink.h"
 #include "snmp/tree.h"
+#include "snmp/write.h"
 
 /* Points by CA and IOA, as a table has them. */
 enum snmp_list {
@@ -23,6 +24,7 @@ enum snmp_list {
 	SNMP_MEASURED,
 	SNMP_TOTALS,
 	SNMP_COMMANDS,
+	SNMP_GROUPED, /* by interrogation group before that */
 	SNMP_LISTS
 };
 
@@ -48,12 +50,60 @@ struct snmp_command {
 	struct map_request request; /* as it was selected */
 };
 
+/* The counters of a station that can be frozen: a row of rtuFreezeTable. */
+struct snmp_freeze {
+	uint32_t spin;
+	uint16_t ca;    /* 65535: of all stations */
+	uint8_t action; /* enum map_freeze, as it was set last */
+	uint8_t group;
+	uint8_t state; /* enum map_command_state */
+	uint8_t result;
+};
+
+/* The freeze that is under way, of which there is one at a time. */
+struct snmp_freezing {
+	uint32_t row;
+	uint32_t waiting; /* for these owners, a bit each */
+	uint32_t ids[MAP_MODULES_MAX], generations[MAP_MODULES_MAX];
+	int64_t until_ns;
+};
+
+/* The parameters of a measured value: a row of rtuParameterTable. */
+struct snmp_parameter {
+	uint32_t spin;
+	uint32_t seen; /* a number of what was in force */
+	uint8_t result;
+};
+
+/* Parameters that were asked of an owner, of one row. */
+struct snmp_loading {
+	uint32_t row;
+	uint32_t first_id, last_id; /* 0: none */
+	uint32_t generation;
+	int64_t until_ns;
+};
+
 #define SNMP_IMAGE_POINTS 100 /* of a row of rtuImageTable, at most */
 
-/* Points packed: a row of rtuImageTable. */
+/* Points packed: a row of rtuImageTable, or of rtuGroupTable. */
 struct snmp_image {
-	uint32_t first; /* place in the list of all points */
+	uint32_t first; /* place in its list of points */
 	uint32_t count;
+};
+
+struct snmp_images {
+	struct snmp_image *images;
+	uint32_t count;
+};
+
+/* A setting of the clock. */
+struct snmp_clock_setting {
+	uint32_t spin;
+	uint32_t id; /* of the request that is open; 0: none */
+	int64_t set_ms;
+	int64_t delay_ms;
+	int64_t until_ns;
+	uint8_t result;
 };
 
 struct snmp_agent {
@@ -64,8 +114,14 @@ struct snmp_agent {
 	struct snmp_root roots[SNMP_ROOTS];
 	struct snmp_points lists[SNMP_LISTS];
 	struct snmp_command *commands; /* as the list of commands */
-	struct snmp_image *images;
-	uint32_t image_count;
+	struct snmp_freeze *freezes;
+	uint32_t freeze_count;
+	struct snmp_freezing freezing;
+	struct snmp_parameter *parameters; /* as the list of measured values */
+	struct snmp_loading loadings[SNMP_ROWS_SET_MAX];
+	int64_t compared_ns; /* the parameters were looked at last */
+	struct snmp_clock_setting clock_setting;
+	struct snmp_images images, group_images;
 	uint32_t tickets;       /* of selections */
 	uint32_t configuration; /* a number of its points */
 	int64_t started_ns;
@@ -77,7 +133,8 @@ struct snmp_agent {
 	/* What holds for a message. */
 	int64_t now_ns;
 	struct map_clock clock;
-	uint32_t sampled; /* the point that was read last, so that a row is of one moment */
+	bool is_clock_master; /* who sent the message */
+	uint32_t sampled;     /* the point that was read last, so that a row is of one moment */
 	bool sampled_good;
 	struct map_sample sample;
 };
@@ -166,10 +223,40 @@ enum snmp_command_column {
 	SNMP_COMMAND_LEFT,
 };
 
+enum snmp_protocol { SNMP_BY_NONE = 1, SNMP_BY_SNMP, SNMP_BY_IEC104, SNMP_BY_LOCAL, SNMP_BY_OTHER };
+
 void snmp_commands_begin(struct snmp_agent *agent);
-/* Takes the answers of the points' owners, and ends what has ended by itself. True: a command is ours. */
+/* Ends what has ended by itself. True: a command is ours. */
 bool snmp_commands_tick(struct snmp_agent *agent);
+void snmp_command_answered(struct snmp_agent *agent, const struct map_answer *answer);
+/* Tells what another module's command has become. */
+void snmp_command_of_others(struct snmp_agent *agent, const struct map_answer *answer);
+/* enum snmp_protocol of a requester. */
+uint8_t snmp_protocol_of(const struct map_module *module);
 const char *snmp_user_name(const struct snmp_agent *agent, uint8_t user);
+
+/* ---- freeze.c, parameters.c, clock.c: what a manager asks besides -------------------------- */
+
+/* False: there is no memory. */
+bool snmp_freezes_begin(struct snmp_agent *agent);
+bool snmp_freezes_tick(struct snmp_agent *agent);
+void snmp_freeze_answered(struct snmp_agent *agent, const struct map_answer *answer);
+bool snmp_parameters_begin(struct snmp_agent *agent);
+bool snmp_parameters_tick(struct snmp_agent *agent);
+void snmp_parameter_answered(struct snmp_agent *agent, const struct map_answer *answer);
+bool snmp_clock_tick(struct snmp_agent *agent);
+void snmp_clock_answered(struct snmp_agent *agent, const struct map_answer *answer);
+/* Takes the answers to all requests, and ends what has ended by itself. True: something is under way. */
+bool snmp_tick(struct snmp_agent *agent);
+
+#define SNMP_ANSWER_GRACE_NS                                                                                 \
+	(2 * NS_PER_S) /* behind a request's deadline its owner has answered, or never will */
+
+/* When a request that is posted now has been answered, or never will be. */
+static inline int64_t snmp_answer_ns(const struct snmp_agent *agent)
+{
+	return agent->now_ns + agent->config->settings.command_timeout_s * NS_PER_S + SNMP_ANSWER_GRACE_NS;
+}
 
 /* ---- tables ------------------------------------------------------------------------------ */
 
@@ -181,10 +268,9 @@ extern const struct snmp_table snmp_system_scalars[4], snmp_engine_scalars[4];
 extern const struct snmp_table snmp_station_scalars[5], snmp_device_table;
 extern const struct snmp_table snmp_point_table, snmp_value_tables[5];
 extern const struct snmp_table snmp_command_table, snmp_command_scalars[3];
-extern const struct snmp_table snmp_total_table;
-extern const struct snmp_table snmp_clock_scalars[2];
+extern const struct snmp_table snmp_total_table, snmp_freeze_table, snmp_parameter_table, snmp_clock_group;
 extern const struct snmp_table snmp_event_scalars[4], snmp_event_table, snmp_sink_table;
 extern const struct snmp_table snmp_module_table, snmp_counter_table, snmp_health_scalars[3];
-extern const struct snmp_table snmp_image_table;
+extern const struct snmp_table snmp_image_table, snmp_group_table;
 
 #endif

@@ -18,10 +18,11 @@ static const struct snmp_table *const station_tables[] = {
     &snmp_station_scalars[4], &snmp_device_table,       &snmp_point_table,        &snmp_value_tables[0],
     &snmp_value_tables[1],    &snmp_value_tables[2],    &snmp_value_tables[3],    &snmp_value_tables[4],
     &snmp_command_table,      &snmp_command_scalars[0], &snmp_command_scalars[1], &snmp_command_scalars[2],
-    &snmp_total_table,        &snmp_clock_scalars[0],   &snmp_clock_scalars[1],   &snmp_event_scalars[0],
-    &snmp_event_scalars[1],   &snmp_event_scalars[2],   &snmp_event_scalars[3],   &snmp_event_table,
-    &snmp_sink_table,         &snmp_module_table,       &snmp_counter_table,      &snmp_health_scalars[0],
-    &snmp_health_scalars[1],  &snmp_health_scalars[2],  &snmp_image_table,
+    &snmp_total_table,        &snmp_freeze_table,       &snmp_parameter_table,    &snmp_clock_group,
+    &snmp_event_scalars[0],   &snmp_event_scalars[1],   &snmp_event_scalars[2],   &snmp_event_scalars[3],
+    &snmp_event_table,        &snmp_sink_table,         &snmp_module_table,       &snmp_counter_table,
+    &snmp_health_scalars[0],  &snmp_health_scalars[1],  &snmp_health_scalars[2],  &snmp_image_table,
+    &snmp_group_table,
 };
 
 #define COUNT(tables) (sizeof(tables) / sizeof((tables)[0]))
@@ -64,6 +65,8 @@ static bool belongs(const struct map_point *point, enum snmp_list list)
 		return class == MAP_CLASS_TOTAL;
 	case SNMP_COMMANDS:
 		return (point->flags & MAP_POINT_COMMAND) != 0;
+	case SNMP_GROUPED:
+		return point->group != 0;
 	case SNMP_LISTS:
 		break;
 	}
@@ -79,6 +82,15 @@ static int by_address(const void *a, const void *b, void *context)
 	if (ca != other_ca)
 		return ca < other_ca ? -1 : 1;
 	return agent->config->points[one].ioa < agent->config->points[other].ioa ? -1 : 1;
+}
+
+static int by_group(const void *a, const void *b, void *context)
+{
+	const struct snmp_agent *agent = context;
+	const uint8_t one = agent->config->points[*(const uint32_t *)a].group,
+		      other = agent->config->points[*(const uint32_t *)b].group;
+
+	return one != other ? one - other : by_address(a, b, context);
 }
 
 static bool make_list(struct snmp_agent *agent, enum snmp_list number)
@@ -100,22 +112,31 @@ static bool make_list(struct snmp_agent *agent, enum snmp_list number)
 	}
 	if (number == SNMP_ALL)
 		qsort_r(list->points, count, sizeof(*list->points), by_address, agent);
+	if (number == SNMP_GROUPED)
+		qsort_r(list->points, count, sizeof(*list->points), by_group, agent);
 	return true;
 }
 
-/* As many points of one station as a row takes, in their order. */
-static bool make_images(struct snmp_agent *agent)
+static bool go_together(const struct snmp_agent *agent, enum snmp_list list, uint32_t one, uint32_t other)
 {
-	const struct snmp_points *all = &agent->lists[SNMP_ALL];
+	return snmp_ca(agent, one) == snmp_ca(agent, other) &&
+	       (list != SNMP_GROUPED ||
+		agent->config->points[one].group == agent->config->points[other].group);
+}
+
+/* As many points of one station, and of one group, as a row takes, in their order. */
+static bool make_images(const struct snmp_agent *agent, enum snmp_list list, struct snmp_images *images)
+{
+	const struct snmp_points *points = &agent->lists[list];
 	struct snmp_image *image = NULL;
 
-	agent->images = malloc((all->count + 1) * sizeof(*agent->images));
-	if (agent->images == NULL)
+	images->images = malloc((points->count + 1) * sizeof(*images->images));
+	if (images->images == NULL)
 		return false;
-	for (uint32_t i = 0; i < all->count; i++) {
+	for (uint32_t i = 0; i < points->count; i++) {
 		if (image == NULL || image->count == SNMP_IMAGE_POINTS ||
-		    snmp_ca(agent, all->points[image->first]) != snmp_ca(agent, all->points[i])) {
-			image = &agent->images[agent->image_count++];
+		    !go_together(agent, list, points->points[image->first], points->points[i])) {
+			image = &images->images[images->count++];
 			*image = (struct snmp_image){.first = i};
 		}
 		image->count++;
@@ -158,8 +179,11 @@ bool snmp_begin(struct snmp_agent *agent, struct map *map, struct snmp_shared *s
 		if (!make_list(agent, (enum snmp_list)i))
 			return false;
 	agent->commands = calloc(agent->lists[SNMP_COMMANDS].count + 1, sizeof(*agent->commands));
-	if (agent->commands == NULL || !make_images(agent))
+	if (agent->commands == NULL || !make_images(agent, SNMP_ALL, &agent->images) ||
+	    !make_images(agent, SNMP_GROUPED, &agent->group_images) || !snmp_freezes_begin(agent) ||
+	    !snmp_parameters_begin(agent))
 		return false;
+	agent->clock_setting.spin = snmp_first_spin(agent, 0);
 	agent->configuration = number_of_configuration(agent);
 	snmp_new_message(agent);
 	snmp_events_begin(agent);
@@ -173,5 +197,8 @@ void snmp_end(struct snmp_agent *agent)
 	for (unsigned i = 0; i < SNMP_LISTS; i++)
 		free(agent->lists[i].points);
 	free(agent->commands);
-	free(agent->images);
+	free(agent->freezes);
+	free(agent->parameters);
+	free(agent->images.images);
+	free(agent->group_images.images);
 }

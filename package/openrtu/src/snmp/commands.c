@@ -4,17 +4,13 @@
  * the point's owner keeps neither. All others are the map's, and shown as it has them when they are another protocol's.
  */
 #include "snmp/agent.h"
-#include "snmp/write.h"
 
 #include <stdio.h>
 
-#define SPIN_MAX        0x7fffffffu
-#define TICKET_MASK     0xffffffu
-#define ANSWER_GRACE_NS (2 * NS_PER_S) /* behind a request's deadline its owner has answered, or never will */
-#define NOT_ISSUED      INT64_MAX
+#define TICKET_MASK 0xffffffu
+#define NOT_ISSUED  INT64_MAX
 
 enum { PERSISTENT = 1, SHORT_PULSE, LONG_PULSE, REGULATE };
-enum { BY_NONE = 1, BY_SNMP, BY_IEC104, BY_LOCAL, BY_OTHER };
 
 static uint32_t point_of(const struct snmp_agent *agent, uint32_t row)
 {
@@ -28,12 +24,9 @@ const char *snmp_user_name(const struct snmp_agent *agent, uint8_t user)
 
 void snmp_commands_begin(struct snmp_agent *agent)
 {
-	const uint32_t seed = (uint32_t)agent->now_ns ^ (uint32_t)(agent->now_ns >> 32);
-
-	agent->tickets = seed;
-	/* Another number than the process before had: a SET that was held up does not fit any more. */
+	agent->tickets = (uint32_t)agent->now_ns ^ (uint32_t)(agent->now_ns >> 32);
 	for (uint32_t i = 0; i < agent->lists[SNMP_COMMANDS].count; i++)
-		agent->commands[i].spin = (seed * 2654435761u + i * 40503u) & SPIN_MAX;
+		agent->commands[i].spin = snmp_first_spin(agent, i);
 }
 
 /* ---- what is shown ----------------------------------------------------------------------- */
@@ -52,17 +45,17 @@ static bool is_under_way(enum map_command_state state)
 	return state == MAP_ACCEPTED_SELECTION || state == MAP_EXECUTING;
 }
 
-static uint8_t protocol_of(const struct map_module *module)
+uint8_t snmp_protocol_of(const struct map_module *module)
 {
 	if (module->flags & MAP_IS_LOCAL)
-		return BY_LOCAL;
-	return module->flags & MAP_KEEPS_QUEUES ? BY_IEC104 : BY_OTHER;
+		return SNMP_BY_LOCAL;
+	return module->flags & MAP_KEEPS_QUEUES ? SNMP_BY_IEC104 : SNMP_BY_OTHER;
 }
 
 /* What another has ended is inactive, and so is what a former process of this module has: nobody waits for it. */
 static struct shown shown_of_others(const struct snmp_agent *agent, uint32_t point)
 {
-	struct shown shown = {.protocol = BY_NONE};
+	struct shown shown = {.protocol = SNMP_BY_NONE};
 	struct map_command command;
 	struct map_module module;
 
@@ -76,10 +69,10 @@ static struct shown shown_of_others(const struct snmp_agent *agent, uint32_t poi
 			       .number = command.id,
 			       .time_ns = command.time_ns,
 			       .until_ns = command.until_ns,
-			       .protocol = protocol_of(&module)};
+			       .protocol = snmp_protocol_of(&module)};
 	snprintf(shown.owner, sizeof(shown.owner), "%s", module.name);
 	if (command.requester == map_self(agent->map)) { /* of a former process, which knew whose it was */
-		shown.protocol = BY_SNMP;
+		shown.protocol = SNMP_BY_SNMP;
 		snprintf(shown.owner, sizeof(shown.owner), "?");
 	}
 	return shown;
@@ -94,7 +87,7 @@ static struct shown shown_of(const struct snmp_agent *agent, uint32_t row)
 			      .number = command->number,
 			      .time_ns = command->time_ns,
 			      .until_ns = command->until_ns,
-			      .protocol = BY_SNMP};
+			      .protocol = SNMP_BY_SNMP};
 
 	if (command->state == MAP_INACTIVE)
 		return shown_of_others(agent, point_of(agent, row));
@@ -150,7 +143,8 @@ static bool read_command(struct snmp_agent *agent, uint32_t column, uint32_t row
 		snmp_put_text(out, shown.owner);
 		break;
 	case SNMP_COMMAND_PROTOCOL:
-		snmp_put_number(out, SNMP_INTEGER, shown.state == MAP_INACTIVE ? BY_NONE : shown.protocol);
+		snmp_put_number(out, SNMP_INTEGER,
+				shown.state == MAP_INACTIVE ? SNMP_BY_NONE : shown.protocol);
 		break;
 	case SNMP_COMMAND_TIME:
 		snmp_put_moment(agent, out, shown.time_ns);
@@ -166,7 +160,7 @@ static bool read_command(struct snmp_agent *agent, uint32_t column, uint32_t row
 
 static void advance_spin(struct snmp_command *command)
 {
-	command->spin = (command->spin + 1) & SPIN_MAX;
+	command->spin = snmp_next_spin(command->spin);
 }
 
 /* The station changes a command's state, and tells it. */
@@ -194,6 +188,14 @@ static void enter(struct snmp_agent *agent, uint32_t row, enum map_command_state
 					    .time_valid = agent->clock.set});
 }
 
+static uint32_t spin_of(const struct snmp_agent *agent, uint32_t point)
+{
+	for (uint32_t i = 0; i < agent->lists[SNMP_COMMANDS].count; i++)
+		if (point_of(agent, i) == point)
+			return agent->commands[i].spin;
+	return 0;
+}
+
 static void take_answer(struct snmp_agent *agent, uint32_t row, const struct map_answer *answer)
 {
 	struct snmp_command *command = &agent->commands[row];
@@ -207,15 +209,35 @@ static void take_answer(struct snmp_agent *agent, uint32_t row, const struct map
 		command->until_ns = agent->now_ns + agent->config->settings.select_timeout_s * NS_PER_S;
 }
 
-static void take_answers(struct snmp_agent *agent)
+void snmp_command_answered(struct snmp_agent *agent, const struct map_answer *answer)
 {
-	struct map_answer answer;
+	for (uint32_t i = 0; i < agent->lists[SNMP_COMMANDS].count; i++)
+		if (agent->commands[i].id != 0 && agent->commands[i].id == answer->id)
+			take_answer(agent, i, answer);
+}
 
-	while (map_answer_next(agent->map, &answer)) {
-		for (uint32_t i = 0; i < agent->lists[SNMP_COMMANDS].count; i++)
-			if (agent->commands[i].id != 0 && agent->commands[i].id == answer.id)
-				take_answer(agent, i, &answer);
-	}
+/* That the device has confirmed what goes on is no other state. */
+static bool is_state(const struct map_answer *answer)
+{
+	return answer->state != MAP_EXECUTING || answer->result == MAP_RESULT_NONE;
+}
+
+void snmp_command_of_others(struct snmp_agent *agent, const struct map_answer *answer)
+{
+	if (answer->point >= agent->config->point_count || !is_state(answer))
+		return;
+	snmp_event_add(agent,
+		       &(struct snmp_event){.kind = SNMP_EVENT_COMMAND,
+					    .point = answer->point,
+					    .value.u = answer->id,
+					    .spin = spin_of(agent, answer->point),
+					    .state = answer->state,
+					    .result = answer->result,
+					    .detail = answer->detail,
+					    .user = SNMP_NO_USER,
+					    .module = (uint8_t)answer->requester,
+					    .time_ms = map_wall_ns(agent->clock, answer->time_ns) / NS_PER_MS,
+					    .time_valid = agent->clock.set});
 }
 
 static bool owner_is_the_same(const struct snmp_agent *agent, uint32_t row)
@@ -310,7 +332,7 @@ static void look_after(struct snmp_agent *agent, uint32_t row)
 		return;
 	}
 	if (!owner_is_the_same(agent, row) ||
-	    (is_wish(command->state) && agent->now_ns > command->until_ns + ANSWER_GRACE_NS))
+	    (is_wish(command->state) && agent->now_ns > command->until_ns + SNMP_ANSWER_GRACE_NS))
 		lose(agent, row);
 	else if (command->state == MAP_ACCEPTED_SELECTION && selection_is_over(agent, row))
 		enter(agent, row, MAP_INTERRUPTED_SELECTION, MAP_RESULT_NONE, 0);
@@ -320,7 +342,6 @@ bool snmp_commands_tick(struct snmp_agent *agent)
 {
 	bool any = false;
 
-	take_answers(agent);
 	for (uint32_t i = 0; i < agent->lists[SNMP_COMMANDS].count; i++) {
 		look_after(agent, i);
 		any |= agent->commands[i].state != MAP_INACTIVE;
@@ -330,41 +351,14 @@ bool snmp_commands_tick(struct snmp_agent *agent)
 
 /* ---- the manager's side ------------------------------------------------------------------ */
 
-static bool has(const struct snmp_change *change, unsigned column)
-{
-	return (change->given & 1u << column) != 0;
-}
-
-static uint8_t blame(struct snmp_change *change, unsigned column, enum snmp_error error)
-{
-	change->fault = (uint8_t)column;
-	return (uint8_t)error;
-}
-
 static enum snmp_error check_syntax(struct snmp_change *change)
 {
-	for (unsigned column = SNMP_COMMAND_SPIN; column <= SNMP_COMMAND_QUALIFIER; column++)
-		if (has(change, column) && change->syntax[column] != SNMP_INTEGER)
-			return blame(change, column, SNMP_WRONG_TYPE);
-	if (!has(change, SNMP_COMMAND_ISSUED))
-		return SNMP_GOOD;
-	if (change->syntax[SNMP_COMMAND_ISSUED] != SNMP_OCTETS)
-		return blame(change, SNMP_COMMAND_ISSUED, SNMP_WRONG_TYPE);
-	return change->size[SNMP_COMMAND_ISSUED] == 8 ? SNMP_GOOD
-						      : blame(change, SNMP_COMMAND_ISSUED, SNMP_WRONG_LENGTH);
-}
+	enum snmp_error error = SNMP_GOOD;
 
-/* A request that is repeated because its answer was lost acts once. */
-static enum snmp_error check_spin(const struct snmp_command *command, struct snmp_change *change)
-{
-	if (has(change, SNMP_COMMAND_SPIN))
-		return change->number[SNMP_COMMAND_SPIN] == (int64_t)command->spin
-			   ? SNMP_GOOD
-			   : blame(change, SNMP_COMMAND_SPIN, SNMP_INCONSISTENT_VALUE);
-	for (unsigned column = SNMP_COMMAND_STATE; column <= SNMP_COMMAND_ISSUED; column++)
-		if (has(change, column))
-			return blame(change, column, SNMP_INCONSISTENT_VALUE);
-	return SNMP_INCONSISTENT_VALUE;
+	for (unsigned column = SNMP_COMMAND_SPIN; column <= SNMP_COMMAND_QUALIFIER && error == SNMP_GOOD;
+	     column++)
+		error = snmp_check_column(change, column, SNMP_INTEGER, 0);
+	return error == SNMP_GOOD ? snmp_check_column(change, SNMP_COMMAND_ISSUED, SNMP_OCTETS, 8) : error;
 }
 
 /* Which of its states may follow which by a manager's wish: figures 2 to 6 of the paper. */
@@ -449,23 +443,23 @@ static enum snmp_error make_request(const struct snmp_agent *agent, uint32_t row
 	const struct snmp_command *command = &agent->commands[row];
 	const struct map_point *point = &agent->config->points[point_of(agent, row)];
 	const int64_t qualifier =
-	    has(change, SNMP_COMMAND_QUALIFIER) ? change->number[SNMP_COMMAND_QUALIFIER] : PERSISTENT;
+	    snmp_sets(change, SNMP_COMMAND_QUALIFIER) ? change->number[SNMP_COMMAND_QUALIFIER] : PERSISTENT;
 
-	if (command->state == MAP_ACCEPTED_SELECTION && !has(change, SNMP_COMMAND_VALUE)) {
+	if (command->state == MAP_ACCEPTED_SELECTION && !snmp_sets(change, SNMP_COMMAND_VALUE)) {
 		*out = command->request;
-		return has(change, SNMP_COMMAND_QUALIFIER)
-			   ? blame(change, SNMP_COMMAND_QUALIFIER, SNMP_INCONSISTENT_VALUE)
+		return snmp_sets(change, SNMP_COMMAND_QUALIFIER)
+			   ? snmp_blame(change, SNMP_COMMAND_QUALIFIER, SNMP_INCONSISTENT_VALUE)
 			   : SNMP_GOOD;
 	}
 	*out = (struct map_request){.point = point_of(agent, row)};
-	if (!has(change, SNMP_COMMAND_VALUE))
-		return blame(change, SNMP_COMMAND_STATE, SNMP_INCONSISTENT_VALUE);
+	if (!snmp_sets(change, SNMP_COMMAND_VALUE))
+		return snmp_blame(change, SNMP_COMMAND_STATE, SNMP_INCONSISTENT_VALUE);
 	if (qualifier < PERSISTENT || qualifier > REGULATE)
-		return blame(change, SNMP_COMMAND_QUALIFIER, SNMP_WRONG_VALUE);
+		return snmp_blame(change, SNMP_COMMAND_QUALIFIER, SNMP_WRONG_VALUE);
 	if (!take_value(point, (uint8_t)qualifier, change->number[SNMP_COMMAND_VALUE], out))
-		return blame(change, SNMP_COMMAND_VALUE, SNMP_WRONG_VALUE);
+		return snmp_blame(change, SNMP_COMMAND_VALUE, SNMP_WRONG_VALUE);
 	if (!take_qualifier(point, (uint8_t)qualifier, out))
-		return blame(change, SNMP_COMMAND_QUALIFIER, SNMP_WRONG_VALUE);
+		return snmp_blame(change, SNMP_COMMAND_QUALIFIER, SNMP_WRONG_VALUE);
 	return SNMP_GOOD;
 }
 
@@ -476,16 +470,16 @@ static enum snmp_error check_issued(const struct snmp_agent *agent, struct snmp_
 	const int64_t now_ms = map_wall_ns(agent->clock, agent->now_ns) / NS_PER_MS;
 	const int64_t issued_ms = change->number[SNMP_COMMAND_ISSUED];
 
-	if (!has(change, SNMP_COMMAND_ISSUED) || issued_ms == -1)
+	if (!snmp_sets(change, SNMP_COMMAND_ISSUED) || issued_ms == -1)
 		return SNMP_GOOD;
 	if (!agent->clock.set)
-		return blame(change, SNMP_COMMAND_ISSUED, SNMP_INCONSISTENT_VALUE);
+		return snmp_blame(change, SNMP_COMMAND_ISSUED, SNMP_INCONSISTENT_VALUE);
 	return issued_ms >= 0 && issued_ms <= now_ms + limit_ms
 		   ? SNMP_GOOD
-		   : blame(change, SNMP_COMMAND_ISSUED, SNMP_WRONG_VALUE);
+		   : snmp_blame(change, SNMP_COMMAND_ISSUED, SNMP_WRONG_VALUE);
 }
 
-static uint8_t check_command(struct snmp_agent *agent, struct snmp_change *change)
+static enum snmp_error check_command(struct snmp_agent *agent, struct snmp_change *change)
 {
 	const uint32_t row = change->place.row;
 	const struct snmp_command *command = &agent->commands[row];
@@ -495,27 +489,27 @@ static uint8_t check_command(struct snmp_agent *agent, struct snmp_change *chang
 	int64_t wish;
 
 	if (error == SNMP_GOOD)
-		error = check_spin(command, change);
+		error = snmp_check_spin(change, command->spin);
 	if (error != SNMP_GOOD)
-		return (uint8_t)error;
-	if (!has(change, SNMP_COMMAND_STATE))
+		return error;
+	if (!snmp_sets(change, SNMP_COMMAND_STATE))
 		return change->given == 1u << SNMP_COMMAND_SPIN
 			   ? SNMP_GOOD
-			   : blame(change, SNMP_COMMAND_SPIN, SNMP_INCONSISTENT_VALUE);
+			   : snmp_blame(change, SNMP_COMMAND_SPIN, SNMP_INCONSISTENT_VALUE);
 	wish = change->number[SNMP_COMMAND_STATE];
 	if (!is_managers(wish))
-		return blame(change, SNMP_COMMAND_STATE, SNMP_WRONG_VALUE);
+		return snmp_blame(change, SNMP_COMMAND_STATE, SNMP_WRONG_VALUE);
 	if (!may_follow(state, wish) ||
 	    (state != MAP_INACTIVE && (command->state == MAP_INACTIVE || command->user != change->user)))
-		return blame(change, SNMP_COMMAND_STATE, SNMP_INCONSISTENT_VALUE);
+		return snmp_blame(change, SNMP_COMMAND_STATE, SNMP_INCONSISTENT_VALUE);
 	if (wish - 1 == MAP_INACTIVE)
 		return SNMP_GOOD;
 	if (!map_alive(agent->map, map_owner(agent->map, point_of(agent, row))))
-		return blame(change, SNMP_COMMAND_STATE, SNMP_RESOURCE_UNAVAILABLE);
+		return snmp_blame(change, SNMP_COMMAND_STATE, SNMP_RESOURCE_UNAVAILABLE);
 	if (wish - 1 == MAP_INTERRUPTION_REQUEST)
 		return SNMP_GOOD;
 	error = check_issued(agent, change);
-	return (uint8_t)(error == SNMP_GOOD ? make_request(agent, row, change, &request) : error);
+	return error == SNMP_GOOD ? make_request(agent, row, change, &request) : error;
 }
 
 static enum map_action action_of(int64_t wish)
@@ -533,7 +527,7 @@ static uint32_t session_of(struct snmp_agent *agent, uint8_t user)
 /* The time of issue as this machine's, when the message has one. */
 static int64_t issued_ns(const struct snmp_agent *agent, const struct snmp_change *change)
 {
-	if (!has(change, SNMP_COMMAND_ISSUED) || change->number[SNMP_COMMAND_ISSUED] == -1)
+	if (!snmp_sets(change, SNMP_COMMAND_ISSUED) || change->number[SNMP_COMMAND_ISSUED] == -1)
 		return agent->now_ns;
 	return change->number[SNMP_COMMAND_ISSUED] * NS_PER_MS - agent->clock.offset_ns;
 }
@@ -567,7 +561,7 @@ static void apply_command(struct snmp_agent *agent, const struct snmp_change *ch
 	const bool held = command->state == MAP_ACCEPTED_SELECTION;
 
 	advance_spin(command);
-	if (!has(change, SNMP_COMMAND_STATE))
+	if (!snmp_sets(change, SNMP_COMMAND_STATE))
 		return;
 	if (wish - 1 == MAP_INACTIVE) {
 		release(agent, row);
@@ -579,15 +573,16 @@ static void apply_command(struct snmp_agent *agent, const struct snmp_change *ch
 	request.time_ns = issued_ns(agent, change);
 	request.deadline_ns = request.time_ns + agent->config->settings.command_timeout_s * NS_PER_S;
 	command->user = change->user;
-	if (has(change, SNMP_COMMAND_VALUE)) {
+	if (snmp_sets(change, SNMP_COMMAND_VALUE)) {
 		command->shown = (int32_t)change->number[SNMP_COMMAND_VALUE];
-		command->qualifier = has(change, SNMP_COMMAND_QUALIFIER)
+		command->qualifier = snmp_sets(change, SNMP_COMMAND_QUALIFIER)
 					 ? (uint8_t)change->number[SNMP_COMMAND_QUALIFIER]
 					 : PERSISTENT;
 	}
-	command->issued_ms = has(change, SNMP_COMMAND_ISSUED) && change->number[SNMP_COMMAND_ISSUED] != -1
-				 ? change->number[SNMP_COMMAND_ISSUED]
-				 : NOT_ISSUED;
+	command->issued_ms =
+	    snmp_sets(change, SNMP_COMMAND_ISSUED) && change->number[SNMP_COMMAND_ISSUED] != -1
+		? change->number[SNMP_COMMAND_ISSUED]
+		: NOT_ISSUED;
 	post(agent, row, request, wish);
 }
 

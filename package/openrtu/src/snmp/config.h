@@ -37,13 +37,14 @@ struct snmp_sink {
 
 struct snmp_settings {
 	char address[MAP_ADDRESS_SIZE];
-	char managers[SNMP_MANAGERS_MAX][MAP_ADDRESS_SIZE]; /* who is answered; none: everybody */
+	char managers[SNMP_MANAGERS_MAX][MAP_ADDRESS_SIZE];      /* who is answered; none: everybody */
+	char clock_masters[SNMP_MANAGERS_MAX][MAP_ADDRESS_SIZE]; /* who may set the clock; none: everybody */
 	char station[MAP_NAME_SIZE];
 	char keys[MAP_FILE_SIZE];  /* localized keys */
 	char state[MAP_FILE_SIZE]; /* folder of the number of boots */
 	uint32_t base[SNMP_BASE_MAX];
 	uint32_t base_length;
-	uint32_t manager_count, user_count, sink_count;
+	uint32_t manager_count, clock_master_count, user_count, sink_count;
 	uint32_t max_message; /* octets */
 	uint32_t rate;        /* messages a second from one address */
 	uint32_t release_s;   /* after which a command's last state becomes inactive */

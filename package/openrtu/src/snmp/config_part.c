@@ -23,6 +23,7 @@ enum {
 	SNMP_KEYS_FILE,
 	SNMP_STATE,
 	SNMP_MANAGERS,
+	SNMP_CLOCK_MASTERS,
 	SNMP_MAX_MESSAGE,
 	SNMP_RATE,
 	SNMP_RELEASE,
@@ -38,6 +39,7 @@ static const struct config_rule snmp_rules[SNMP_KEYS] = {
     [SNMP_KEYS_FILE] = {"keys", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
     [SNMP_STATE] = {"state", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
     [SNMP_MANAGERS] = {"managers", CONFIG_ARRAY, .high = SNMP_MANAGERS_MAX},
+    [SNMP_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = SNMP_MANAGERS_MAX},
     [SNMP_MAX_MESSAGE] = {"max_message", CONFIG_INTEGER, .low = 484, .high = 65507, .fallback = 1472},
     [SNMP_RATE] = {"rate", CONFIG_INTEGER, .low = 1, .high = 100000, .fallback = 500},
     [SNMP_RELEASE] = {"release_time", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 60},
@@ -230,6 +232,7 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 {
 	const struct config_place address = config_key_of(place, snmp_rules[SNMP_ADDRESS].name);
 	const struct config_place managers = config_key_of(place, snmp_rules[SNMP_MANAGERS].name);
+	const struct config_place clock_masters = config_key_of(place, snmp_rules[SNMP_CLOCK_MASTERS].name);
 	const struct config_place users = config_key_of(place, snmp_rules[SNMP_USERS].name);
 	const struct config_place sinks = config_key_of(place, snmp_rules[SNMP_SINKS].name);
 	struct config_value values[SNMP_KEYS];
@@ -251,6 +254,10 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	if (values[SNMP_MANAGERS].given)
 		settings->manager_count = config_read_addresses(
 		    &loader->report, &managers, values[SNMP_MANAGERS].json, settings->managers);
+	if (values[SNMP_CLOCK_MASTERS].given)
+		settings->clock_master_count =
+		    config_read_addresses(&loader->report, &clock_masters, values[SNMP_CLOCK_MASTERS].json,
+					  settings->clock_masters);
 	if (values[SNMP_USERS].given)
 		read_users(loader, &users, values[SNMP_USERS].json, settings);
 	if (values[SNMP_SINKS].given)

@@ -8,23 +8,39 @@
 _Static_assert(SNMP_IMAGE_POINTS *POINT_SIZE <= SNMP_OCTETS_MAX, "a row is one value");
 
 enum { IMAGE_EVENT = 3, IMAGE_TIME, IMAGE_DATA };
+enum { GROUP_EVENT = 4, GROUP_TIME, GROUP_DATA };
 
 static uint32_t count_images(const struct snmp_agent *agent)
 {
-	return agent->image_count;
+	return agent->images.count;
 }
 
-static uint32_t point_of(const struct snmp_agent *agent, uint32_t row, uint32_t place)
+static uint32_t count_groups(const struct snmp_agent *agent)
 {
-	return agent->lists[SNMP_ALL].points[agent->images[row].first + place];
+	return agent->group_images.count;
+}
+
+static uint32_t first_of(const struct snmp_agent *agent, const struct snmp_images *images,
+			 enum snmp_list list, uint32_t row)
+{
+	return agent->lists[list].points[images->images[row].first];
 }
 
 static void index_image(const struct snmp_agent *agent, uint32_t row, uint32_t out[SNMP_INDEX_MAX])
 {
-	const uint32_t first = point_of(agent, row, 0);
+	const uint32_t first = first_of(agent, &agent->images, SNMP_ALL, row);
 
 	out[0] = snmp_ca(agent, first);
 	out[1] = agent->config->points[first].ioa;
+}
+
+static void index_group(const struct snmp_agent *agent, uint32_t row, uint32_t out[SNMP_INDEX_MAX])
+{
+	const uint32_t first = first_of(agent, &agent->group_images, SNMP_GROUPED, row);
+
+	out[0] = agent->config->points[first].group;
+	out[1] = snmp_ca(agent, first);
+	out[2] = agent->config->points[first].ioa;
 }
 
 static void put_big_endian(uint8_t *out, uint32_t number, unsigned size)
@@ -52,6 +68,16 @@ static void pack(struct snmp_agent *agent, uint32_t point, uint8_t out[POINT_SIZ
 	put_big_endian(out + 9, age_ms > 0xffffff ? 0xffffff : (uint32_t)age_ms, 3);
 }
 
+static void put_points(struct snmp_agent *agent, enum snmp_list list, const struct snmp_image *image,
+		       struct snmp_value *out)
+{
+	out->syntax = SNMP_OCTETS;
+	out->size = (uint16_t)(image->count * POINT_SIZE);
+	for (uint32_t i = 0; i < image->count; i++)
+		pack(agent, agent->lists[list].points[image->first + i],
+		     &out->octets[(size_t)i * POINT_SIZE]);
+}
+
 static bool read_image(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
 {
 	switch (column) {
@@ -62,12 +88,17 @@ static bool read_image(struct snmp_agent *agent, uint32_t column, uint32_t row, 
 		snmp_put_moment(agent, out, agent->now_ns);
 		return true;
 	default:
-		out->syntax = SNMP_OCTETS;
-		out->size = (uint16_t)(agent->images[row].count * POINT_SIZE);
-		for (uint32_t i = 0; i < agent->images[row].count; i++)
-			pack(agent, point_of(agent, row, i), &out->octets[(size_t)i * POINT_SIZE]);
+		put_points(agent, SNMP_ALL, &agent->images.images[row], out);
 		return true;
 	}
+}
+
+static bool read_group(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	if (column != GROUP_DATA)
+		return read_image(agent, column - GROUP_EVENT + IMAGE_EVENT, row, out);
+	put_points(agent, SNMP_GROUPED, &agent->group_images.images[row], out);
+	return true;
 }
 
 const struct snmp_table snmp_image_table = {.prefix = {1, 10, 1},
@@ -78,3 +109,12 @@ const struct snmp_table snmp_image_table = {.prefix = {1, 10, 1},
 					    .count = count_images,
 					    .index = index_image,
 					    .read = read_image};
+
+const struct snmp_table snmp_group_table = {.prefix = {1, 10, 2},
+					    .prefix_length = 3,
+					    .first = GROUP_EVENT,
+					    .last = GROUP_DATA,
+					    .indexes = 3,
+					    .count = count_groups,
+					    .index = index_group,
+					    .read = read_group};

@@ -12,7 +12,8 @@
 #include "map/map.h"
 #include "snmp/config.h"
 
-#define SNMP_EVENTS 8192 /* a power of two */
+#define SNMP_EVENTS  8192 /* a power of two */
+#define SNMP_NO_USER 0xffu
 
 enum snmp_counter {
 	SNMP_COUNT_MESSAGES,
@@ -51,8 +52,9 @@ struct snmp_event {
 	uint8_t cause; /* enum map_cause */
 	bool time_valid;
 	uint8_t state, result, detail; /* of a command */
-	uint8_t user;                  /* who commanded */
-	uint8_t reserved[3];
+	uint8_t user;                  /* who commanded; SNMP_NO_USER: module did */
+	uint8_t module;
+	uint8_t reserved[2];
 };
 
 /* How far the map's events have been numbered. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The station and its parts: rtuStation, rtuClock, rtuHealth, and what each agent has (RFC 3418, RFC 3411). */
+/* The station and its parts: rtuStation, rtuHealth, and what each agent has (RFC 3418, RFC 3411). */
 #include "snmp/agent.h"
 
 #include <string.h>
@@ -180,27 +180,6 @@ const struct snmp_table snmp_device_table = {.prefix = {1, 1, 7},
 					     .count = count_devices,
 					     .index = index_from_1,
 					     .read = read_device};
-
-/* ---- rtuClock ---------------------------------------------------------------------------- */
-
-static bool read_clock(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
-{
-	(void)column, (void)row;
-	snmp_put_moment(agent, out, agent->now_ns);
-	return true;
-}
-
-static bool read_clock_state(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
-{
-	const bool system =
-	    agent->clock.source == MAP_CLOCK_SYNCHRONISED || agent->clock.source == MAP_CLOCK_HELD;
-
-	(void)column, (void)row;
-	snmp_put_number(out, SNMP_INTEGER, !agent->clock.set ? 1 : system ? 3 : 2);
-	return true;
-}
-
-const struct snmp_table snmp_clock_scalars[2] = {SCALAR(7, 1, read_clock), SCALAR(7, 5, read_clock_state)};
 
 /* ---- rtuHealth --------------------------------------------------------------------------- */
 

@@ -13,6 +13,11 @@ static uint32_t rows_of(const struct snmp_agent *agent, const struct snmp_table 
 	return table->count == NULL ? 1 : table->count(agent);
 }
 
+static uint32_t entry_of(const struct snmp_table *table)
+{
+	return table->entry == 0 ? 1 : table->entry;
+}
+
 /* What an instance's name has between its root and its index. */
 static size_t object_ids(const struct snmp_table *table, uint32_t column, uint32_t out[SNMP_IDS_MAX])
 {
@@ -26,7 +31,7 @@ static size_t object_ids(const struct snmp_table *table, uint32_t column, uint32
 		out[length++] = 0;
 		return length;
 	}
-	out[length++] = 1;
+	out[length++] = entry_of(table);
 	out[length++] = column;
 	return length;
 }
@@ -156,9 +161,9 @@ static bool next_in(const struct snmp_agent *agent, const uint32_t *rest, size_t
 		return order >= 0 && next_in_columns(agent, table->first, NULL, 0, place);
 	if (order < 0)
 		return false;
-	if (table->last == 0 || rest[before] > 1)
+	if (table->last == 0 || rest[before] > entry_of(table))
 		return false; /* behind the only instance, or behind the table */
-	if (rest[before] < 1 || length == before + 1 || rest[before + 1] < table->first)
+	if (rest[before] < entry_of(table) || length == before + 1 || rest[before + 1] < table->first)
 		return next_in_columns(agent, table->first, NULL, 0, place);
 	if (rest[before + 1] > table->last)
 		return false;

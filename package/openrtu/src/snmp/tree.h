@@ -39,10 +39,30 @@ struct snmp_value {
 	};
 };
 
-/* A table, or a scalar: a table of one row without an index, and without columns. */
+/* The errors of RFC 3416, 3. */
+enum snmp_error {
+	SNMP_GOOD = 0,
+	SNMP_TOO_BIG = 1,
+	SNMP_GENERAL_ERROR = 5,
+	SNMP_NO_ACCESS = 6,
+	SNMP_WRONG_TYPE = 7,
+	SNMP_WRONG_LENGTH = 8,
+	SNMP_WRONG_VALUE = 10,
+	SNMP_NO_CREATION = 11,
+	SNMP_INCONSISTENT_VALUE = 12,
+	SNMP_RESOURCE_UNAVAILABLE = 13,
+	SNMP_AUTHORIZATION_ERROR = 16,
+	SNMP_NOT_WRITABLE = 17,
+};
+
+/*
+ * A table, or a scalar: a table of one row without an index, and without columns. Scalars that a request sets together are a
+ * table, too: their group is its entry, and its only row has the index 0.
+ */
 struct snmp_table {
 	uint8_t prefix[3]; /* below its root */
 	uint8_t prefix_length;
+	uint8_t entry;                                     /* below the prefix; 0: 1, as tables have it */
 	uint8_t first, last;                               /* columns that can be read; 0: a scalar */
 	uint8_t indexes;                                   /* numbers of its index */
 	uint8_t reader;                                    /* enum snmp_role that it needs to be read */
@@ -53,7 +73,7 @@ struct snmp_table {
 	/* False: there is no such instance. */
 	bool (*read)(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out);
 	/* Of one that can be written: whether a row takes what a request sets in it, and that it takes it. write.h */
-	uint8_t (*check)(struct snmp_agent *agent, struct snmp_change *change);
+	enum snmp_error (*check)(struct snmp_agent *agent, struct snmp_change *change);
 	void (*apply)(struct snmp_agent *agent, const struct snmp_change *change);
 };
 

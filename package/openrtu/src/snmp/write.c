@@ -56,6 +56,42 @@ static enum snmp_error gather(const struct snmp_agent *agent, uint8_t user,
 	return SNMP_GOOD;
 }
 
+enum snmp_error snmp_blame(struct snmp_change *change, unsigned column, enum snmp_error error)
+{
+	change->fault = (uint8_t)column;
+	return error;
+}
+
+enum snmp_error snmp_check_column(struct snmp_change *change, unsigned column, enum snmp_syntax syntax,
+				  uint16_t size)
+{
+	if (!snmp_sets(change, column))
+		return SNMP_GOOD;
+	if (change->syntax[column] != syntax)
+		return snmp_blame(change, column, SNMP_WRONG_TYPE);
+	return syntax != SNMP_OCTETS || change->size[column] == size
+		   ? SNMP_GOOD
+		   : snmp_blame(change, column, SNMP_WRONG_LENGTH);
+}
+
+uint32_t snmp_first_spin(const struct snmp_agent *agent, uint32_t row)
+{
+	const uint32_t seed = (uint32_t)agent->started_ns ^ (uint32_t)(agent->started_ns >> 32);
+
+	return (seed * 2654435761u + row * 40503u) & SNMP_SPIN_MAX;
+}
+
+enum snmp_error snmp_check_spin(struct snmp_change *change, uint32_t spin)
+{
+	unsigned first = SNMP_SPIN;
+
+	while (!snmp_sets(change, first))
+		first++;
+	if (first == SNMP_SPIN && change->number[SNMP_SPIN] == (int64_t)spin)
+		return SNMP_GOOD;
+	return snmp_blame(change, first, SNMP_INCONSISTENT_VALUE);
+}
+
 enum snmp_error snmp_set(struct snmp_agent *agent, uint8_t user, const struct snmp_assignment *assignments,
 			 size_t count, size_t *index)
 {

@@ -5,26 +5,12 @@
 
 #include "snmp/tree.h"
 
-/* The errors of RFC 3416, 3. */
-enum snmp_error {
-	SNMP_GOOD = 0,
-	SNMP_TOO_BIG = 1,
-	SNMP_GENERAL_ERROR = 5,
-	SNMP_NO_ACCESS = 6,
-	SNMP_WRONG_TYPE = 7,
-	SNMP_WRONG_LENGTH = 8,
-	SNMP_WRONG_VALUE = 10,
-	SNMP_NO_CREATION = 11,
-	SNMP_INCONSISTENT_VALUE = 12,
-	SNMP_RESOURCE_UNAVAILABLE = 13,
-	SNMP_AUTHORIZATION_ERROR = 16,
-	SNMP_NOT_WRITABLE = 17,
-};
-
+#define SNMP_SPIN            1 /* column of the TestAndIncr of what can be set */
+#define SNMP_SPIN_MAX        0x7fffffffu
 #define SNMP_ROWS_SET_MAX    16 /* in one request */
-#define SNMP_COLUMNS_SET_MAX 6  /* columns 1 to 5 */
+#define SNMP_COLUMNS_SET_MAX 7  /* columns 1 to 6 */
 
-/* A varbind of a SET. Octets are a number of 64 bits if there are eight of them. */
+/* A varbind of a SET. Octets are a number if there are four of them, or eight. */
 struct snmp_assignment {
 	const uint32_t *name;
 	size_t length;
@@ -44,6 +30,26 @@ struct snmp_change {
 	int64_t number[SNMP_COLUMNS_SET_MAX];
 	uint16_t place_in_request[SNMP_COLUMNS_SET_MAX];
 };
+
+static inline bool snmp_sets(const struct snmp_change *change, unsigned column)
+{
+	return (change->given & 1u << column) != 0;
+}
+
+/* The answer of a check that this column fails. */
+enum snmp_error snmp_blame(struct snmp_change *change, unsigned column, enum snmp_error error);
+/* Whether a column that is set has this syntax, and octets this size. */
+enum snmp_error snmp_check_column(struct snmp_change *change, unsigned column, enum snmp_syntax syntax,
+				  uint16_t size);
+/* A request that is repeated because its answer was lost acts once: column 1 is the row's TestAndIncr, and must be set. */
+enum snmp_error snmp_check_spin(struct snmp_change *change, uint32_t spin);
+/* Another number than the process before had: a SET that was held up does not fit any more. */
+uint32_t snmp_first_spin(const struct snmp_agent *agent, uint32_t row);
+/* The next value of one. */
+static inline uint32_t snmp_next_spin(uint32_t spin)
+{
+	return (spin + 1) & SNMP_SPIN_MAX;
+}
 
 /* *index: of the varbind that is wrong, from 1. */
 enum snmp_error snmp_set(struct snmp_agent *agent, uint8_t user, const struct snmp_assignment *assignments,

@@ -67,11 +67,10 @@ const struct map_config *map_config(const struct map *map)
 	return &configuration;
 }
 
-bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
+struct map_sample map_own_sample(const struct map *map, uint32_t point)
 {
 	(void)map;
-	*out = samples[point];
-	return true;
+	return samples[point];
 }
 
 void map_publish(struct map *map, const struct map_update *updates, size_t count)

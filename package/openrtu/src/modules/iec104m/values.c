@@ -249,12 +249,11 @@ void values_invalidate(struct values *values, int64_t now_ns)
 	values_publish(values);
 	for (uint32_t i = 0; i < values->count; i++) {
 		struct values_entry *entry = &values->entries[i];
-		struct map_sample last = {.quality = MAP_INVALID};
+		const struct map_sample last = map_own_sample(values->map, entry->point);
 
 		if (values->update_count + IEC104_OUTSTATION_POSITION_POINTS > VALUES_AT_ONCE &&
 		    entry->ioa <= IOA_MASK)
 			values_publish(values); /* a position is not cut */
-		map_read(values->map, entry->point, &last);
 		make_room(values, entry);
 		entry->batch = values->batch;
 		values->updates[values->update_count++] =

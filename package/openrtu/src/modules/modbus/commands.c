@@ -216,10 +216,10 @@ static void begin(struct commands *commands, const struct map_request *request)
 					  .phase = COMMANDS_WRITING,
 					  .cause = map_cause_of(commands->map, request),
 					  .pulse_ms = request->pulse_ms};
-	struct map_sample last = {.quality = MAP_INVALID};
+	/* Not what it is forced to: a step goes from where the device is. */
+	const struct map_sample last = map_own_sample(commands->map, request->point);
 	enum map_command_result result;
 
-	map_read(commands->map, request->point, &last);
 	result = operation_begin(point_of(commands, request->point), wire_of(commands, request->point),
 				 modbus_knots(map_config(commands->map)), commands->exponents[request->point],
 				 unit_of(commands, request->point), request, &last, &begun.operation);

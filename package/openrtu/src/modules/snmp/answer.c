@@ -257,7 +257,7 @@ static int64_t number_of_octets(const netsnmp_variable_list *variable)
 {
 	uint64_t number = 0;
 
-	for (size_t i = 0; variable->val_len == 8 && i < 8; i++)
+	for (size_t i = 0; i < variable->val_len && i < sizeof(number); i++)
 		number = number << 8 | variable->val.string[i];
 	return (int64_t)number;
 }
@@ -326,32 +326,43 @@ static enum snmp_error read_all(struct answering *answering, const netsnmp_pdu *
 	return SNMP_GOOD;
 }
 
-/* The varbinds of the answer take the place of the request's, which stay with an error and after a SET. */
+static bool asks_for_any(const netsnmp_pdu *pdu)
+{
+	return pdu->variables != NULL && (pdu->non_repeaters > 0 || pdu->max_repetitions > 0);
+}
+
+/* A GETBULK is answered with what has room, but with one varbind at least. */
+static enum snmp_error read_asked(struct answering *answering, const netsnmp_pdu *pdu)
+{
+	if (pdu->command != SNMP_MSG_GETBULK)
+		return read_all(answering, pdu);
+	get_bulk(answering, pdu);
+	return answering->first == NULL && asks_for_any(pdu) ? SNMP_TOO_BIG : SNMP_GOOD;
+}
+
+static long room_of(const struct snmp_agent *agent, const netsnmp_pdu *pdu)
+{
+	const long own = (long)agent->settings->max_message;
+	const long most = pdu->msgMaxSize > 0 && pdu->msgMaxSize < own ? pdu->msgMaxSize : own;
+
+	return most - answer_overhead(agent, pdu->securityNameLen);
+}
+
+/* The varbinds of the answer take the place of the request's, which stay after a SET. */
 static enum snmp_error answer(struct snmp_agent *agent, netsnmp_pdu *pdu, uint8_t user, size_t *index)
 {
-	const long most = pdu->msgMaxSize > 0 && pdu->msgMaxSize < (long)agent->settings->max_message
-			      ? pdu->msgMaxSize
-			      : (long)agent->settings->max_message;
 	struct answering answering = {.agent = agent,
 				      .role = (enum snmp_role)agent->settings->users[user].role,
-				      .left = most - answer_overhead(agent, pdu->securityNameLen)};
-	enum snmp_error error = SNMP_GOOD;
+				      .left = room_of(agent, pdu)};
+	enum snmp_error error;
 
-	answering.end = &answering.first;
 	if (pdu->command == SNMP_MSG_SET)
 		return set(agent, user, pdu, index);
-	if (pdu->command == SNMP_MSG_GETBULK)
-		get_bulk(&answering, pdu);
-	else
-		error = read_all(&answering, pdu);
-	if (error != SNMP_GOOD || pdu->command != SNMP_MSG_GETBULK || answering.first != NULL ||
-	    pdu->variables == NULL || (pdu->non_repeaters <= 0 && pdu->max_repetitions <= 0)) {
-		if (error != SNMP_GOOD) {
-			snmp_free_varbind(answering.first);
-			answering.first = NULL;
-		}
-	} else {
-		error = SNMP_TOO_BIG; /* not even one */
+	answering.end = &answering.first;
+	error = read_asked(&answering, pdu);
+	if (error != SNMP_GOOD) {
+		snmp_free_varbind(answering.first);
+		answering.first = NULL;
 	}
 	snmp_free_varbind(pdu->variables);
 	pdu->variables = answering.first;

@@ -76,7 +76,7 @@ static int serve(void)
 	wire_read(wire, MESSAGES_A_TURN);
 	snmp_new_message(&agent);
 	more = snmp_events_take(&agent);
-	busy = snmp_commands_tick(&agent);
+	busy = snmp_tick(&agent);
 	busy |= notify_run(&agent);
 	return more ? 0 : busy ? BUSY_MS : IDLE_MS;
 }

@@ -163,6 +163,21 @@ static bool add_change(struct note *note, uint32_t number)
 	return true;
 }
 
+static void put_owner(const struct snmp_agent *agent, const struct snmp_event *event,
+		      struct snmp_value *owner, struct snmp_value *protocol)
+{
+	struct map_module module;
+
+	if (event->user != SNMP_NO_USER) {
+		snmp_put_text(owner, snmp_user_name(agent, event->user));
+		snmp_put_number(protocol, SNMP_INTEGER, SNMP_BY_SNMP);
+		return;
+	}
+	map_module(agent->map, event->module, &module);
+	snmp_put_text(owner, module.name);
+	snmp_put_number(protocol, SNMP_INTEGER, snmp_protocol_of(&module));
+}
+
 /* The row as it was when the event happened: it may have gone on since. */
 static bool add_command(struct note *note, uint32_t number)
 {
@@ -171,17 +186,17 @@ static bool add_command(struct note *note, uint32_t number)
 	    1, 3, 1, 1, 0, snmp_ca(note->agent, event->point), note->agent->config->points[event->point].ioa};
 	const size_t length = sizeof(below) / sizeof(below[0]);
 	static const uint8_t columns[] = {SNMP_COMMAND_STATE,  SNMP_COMMAND_RESULT, SNMP_COMMAND_DETAIL,
-					  SNMP_COMMAND_NUMBER, SNMP_COMMAND_OWNER,  SNMP_COMMAND_SPIN,
-					  SNMP_COMMAND_TIME};
+					  SNMP_COMMAND_NUMBER, SNMP_COMMAND_OWNER,  SNMP_COMMAND_PROTOCOL,
+					  SNMP_COMMAND_SPIN,   SNMP_COMMAND_TIME};
 	struct snmp_value values[sizeof(columns)];
 
 	snmp_put_number(&values[0], SNMP_INTEGER, event->state + 1);
 	snmp_put_number(&values[1], SNMP_INTEGER, event->result + 1);
 	snmp_put_number(&values[2], SNMP_GAUGE, event->detail);
 	snmp_put_number(&values[3], SNMP_GAUGE, event->value.u);
-	snmp_put_text(&values[4], snmp_user_name(note->agent, event->user));
-	snmp_put_number(&values[5], SNMP_INTEGER, event->spin);
-	snmp_put_time(&values[6], event->time_ms);
+	put_owner(note->agent, event, &values[4], &values[5]);
+	snmp_put_number(&values[6], SNMP_INTEGER, event->spin);
+	snmp_put_time(&values[7], event->time_ms);
 	if (!add_event_column(note, SNMP_EVENT_KIND, number))
 		return false;
 	for (unsigned i = 0; i < sizeof(columns); i++) {
@@ -189,6 +204,16 @@ static bool add_command(struct note *note, uint32_t number)
 		if (!add_object(note, below, length, &values[i]))
 			return false;
 	}
+	return true;
+}
+
+/* Threshold, smoothing, limits, cyclic transmission, and which of them were loaded, as they are in force now. */
+static bool add_parameters(struct note *note, uint32_t point)
+{
+	for (uint32_t column = 2; column <= 7; column++)
+		if (!ADD_CURRENT(note, 1, 6, 1, 1, column, snmp_ca(note->agent, point),
+				 note->agent->config->points[point].ioa))
+			return false;
 	return true;
 }
 
@@ -208,13 +233,14 @@ static bool add_event(struct note *note, enum notification notification, uint32_
 		       ADD_CURRENT(note, 1, 9, 1, 1, 3, event->point + 1) &&
 		       ADD_CURRENT(note, 1, 9, 1, 1, 5, event->point + 1);
 	case NOTE_CLOCK_CHANGED:
-		return add_event_column(note, SNMP_EVENT_KIND, number) && ADD_CURRENT(note, 1, 7, 1, 0) &&
+		return add_event_column(note, SNMP_EVENT_KIND, number) && ADD_CURRENT(note, 1, 7, 2, 0) &&
 		       ADD_CURRENT(note, 1, 7, 5, 0);
 	case NOTE_STARTED:
 		return add_event_column(note, SNMP_EVENT_KIND, number) && ADD_CURRENT(note, 1, 1, 2, 0) &&
 		       ADD_CURRENT(note, 1, 1, 4, 0) && ADD_CURRENT(note, 1, 8, 3, 0);
-	case NOTE_CYCLIC_READY:
 	case NOTE_PARAMETER_CHANGED:
+		return add_event_column(note, SNMP_EVENT_KIND, number) && add_parameters(note, event->point);
+	case NOTE_CYCLIC_READY:
 	case NOTE_EVENTS_MISSED:
 		break;
 	}

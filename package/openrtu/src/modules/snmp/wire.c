@@ -56,27 +56,30 @@ static void address_of(const struct sockaddr_storage *from, struct in6_addr *out
 	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)from)->sin_addr, sizeof(struct in_addr));
 }
 
-static bool is_manager(const struct snmp_settings *settings, const struct in6_addr *address)
+/* Without a list all are among it. */
+static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
 {
-	struct in6_addr manager;
+	struct in6_addr listed;
 
-	for (uint32_t i = 0; i < settings->manager_count; i++)
-		if (map_address_parse(settings->managers[i], &manager) &&
-		    memcmp(&manager, address, sizeof(manager)) == 0)
+	for (uint32_t i = 0; i < count; i++)
+		if (map_address_parse(list[i], &listed) && memcmp(&listed, address, sizeof(listed)) == 0)
 			return true;
-	return settings->manager_count == 0;
+	return count == 0;
 }
 
 /* Before a message costs anything. */
 static bool is_welcome(struct wire *wire, const struct sockaddr_storage *from)
 {
+	const struct snmp_settings *settings = wire->agent->settings;
 	struct in6_addr address;
 
 	if (wire->peer_size != 0)
 		return true;
 	address_of(from, &address);
-	return is_manager(wire->agent->settings, &address) &&
-	       bucket_takes(&address, wire->agent->settings->rate, map_now_ns());
+	wire->agent->is_clock_master =
+	    is_among(&address, settings->clock_masters, settings->clock_master_count);
+	return is_among(&address, settings->managers, settings->manager_count) &&
+	       bucket_takes(&address, settings->rate, map_now_ns());
 }
 
 static int receive(netsnmp_transport *transport, void *buffer, int size, void **opaque, int *opaque_length)

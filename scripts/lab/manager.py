@@ -2,21 +2,25 @@
 """Managers of SNMPv3 that others wrote: Net-SNMP's commands and its receiver of notifications."""
 
 import contextlib
+import json
 import os
 import re
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from lab.patience import Deadline
 
 ROOT = Path(__file__).resolve().parents[2]
 MIB = ROOT / "package/openrtu/src/snmp/OPENRTU-MIB.txt"
 BASE = "1.3.6.1.4.1.8072.9999.9999.104"
+ENGINE = "80001f8805aabbccddeeff0011"
 SINK_ENGINE = "80001f880512345678"
 
 Value = int | bytes | str
@@ -173,6 +177,17 @@ class Manager:
 def environment(folder: Path) -> dict[str, str]:
     """Nothing of this machine's own Net-SNMP."""
     return {**os.environ, "SNMPCONFPATH": str(folder), "SNMP_PERSISTENT_DIR": str(folder), "MIBS": ""}
+
+
+def make_keys(config: dict[str, Any], folder: Path) -> None:
+    """As the engineer does, for a configuration with one sink."""
+    (folder / "gateway.json").write_text(json.dumps(config))
+    lines = [f"{user.name} {user.authentication} {user.encryption}" for user in USERS]
+    (folder / "passphrases").write_text("\n".join(lines))
+    command = [sys.executable, ROOT / "scripts/snmp-keys.py", folder / "gateway.json", folder / "keys"]
+    command += ["--engine-id", ENGINE, "--passphrases", folder / "passphrases"]
+    command += ["--sink", f"{config['snmp']['sinks'][0]['name']}={SINK_ENGINE}"]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 # ---- notifications -------------------------------------------------------------------------------

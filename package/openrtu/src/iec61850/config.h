@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What only IEC 61850 knows of the configuration: its section of it. */
+#ifndef OPENRTU_IEC61850_CONFIG_H
+#define OPENRTU_IEC61850_CONFIG_H
+
+#include "map/config.h"
+
+#define IEC61850_KIND     "iec61850"
+#define IEC61850_SETTINGS MAP_SECTION_ID('6', '8', '5', '0')
+
+#define IEC61850_ASSOCIATIONS_MAX 16
+#define IEC61850_CLIENTS_MAX      16
+#define IEC61850_PDU_MIN          1000
+#define IEC61850_PDU_MAX          65000
+#define IEC61850_IOA_MAX          9999999 /* a data object's name has 12 characters, 5 of them letters */
+
+struct iec61850_settings {
+	char address[MAP_ADDRESS_SIZE];
+	char clients[IEC61850_CLIENTS_MAX][MAP_ADDRESS_SIZE]; /* who may connect; none: everybody */
+	char ied[MAP_NAME_SIZE]; /* what the names of logical devices begin with */
+	uint32_t client_count;
+	uint32_t associations; /* at a time */
+	uint32_t max_pdu;      /* octets of an MMS PDU */
+	uint16_t port;
+};
+
+/* NULL: IEC 61850 is not configured. */
+static inline struct iec61850_settings *iec61850_settings(const struct map_config *config)
+{
+	return map_records(config, IEC61850_SETTINGS, sizeof(struct iec61850_settings));
+}
+
+#endif

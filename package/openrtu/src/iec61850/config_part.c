@@ -1,0 +1,106 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The object "iec61850": where the server listens, for whom, and what it is called. */
+#include "iec61850/config_part.h"
+
+#include <ctype.h>
+#include <stdlib.h>
+
+#include "config/address.h"
+#include "iec61850/config.h"
+
+#define PORT    102
+#define MAX_PDU 16000
+
+static const struct config_rule file_rule = {.name = "iec61850", .kind = CONFIG_OBJECT};
+
+enum { ADDRESS, PORT_KEY, IED, CLIENTS, ASSOCIATIONS, PDU, KEYS };
+static const struct config_rule rules[KEYS] = {
+    [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
+    [PORT_KEY] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT},
+    [IED] = {"ied", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [CLIENTS] = {"clients", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
+    [ASSOCIATIONS] = {"associations", CONFIG_INTEGER, .low = 1, .high = IEC61850_ASSOCIATIONS_MAX,
+		      .fallback = 8},
+    [PDU] = {"max_pdu", CONFIG_INTEGER, .low = IEC61850_PDU_MIN, .high = IEC61850_PDU_MAX,
+	     .fallback = MAX_PDU},
+};
+
+/* As an IED's name is (IEC 61850-6, tIEDName): a letter, then letters, digits and underscores. */
+static bool is_name(const char *text)
+{
+	if (!isalpha((unsigned char)*text))
+		return false;
+	while (*++text != '\0')
+		if (!isalnum((unsigned char)*text) && *text != '_')
+			return false;
+	return true;
+}
+
+static void read_ied(struct config_loader *loader, const struct config_place *place,
+		     const struct config_value *value, struct iec61850_settings *settings)
+{
+	const struct config_place here = config_key_of(place, rules[IED].name);
+
+	snprintf(settings->ied, sizeof(settings->ied), "%s", value->given ? value->text : "OpenRTU");
+	if (!value->wrong && !is_name(settings->ied))
+		config_error(&loader->report, &here,
+			     "\"%s\" is no name of an IED, expected a letter, then letters, digits and _",
+			     settings->ied);
+}
+
+static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place place = config_key_of(&file, file_rule.name);
+	const struct config_place address = config_key_of(&place, rules[ADDRESS].name);
+	const struct config_place clients = config_key_of(&place, rules[CLIENTS].name);
+	struct config_value keys[KEYS];
+	struct iec61850_settings *settings;
+
+	(void)own;
+	if (!values->given)
+		return;
+	settings = calloc(1, sizeof(*settings));
+	if (settings == NULL) {
+		config_out_of_memory(&loader->report);
+		return;
+	}
+	map_add_section(loader->config, IEC61850_SETTINGS, sizeof(*settings), 1, settings);
+	config_read_keys(&loader->report, &place, values->json, rules, KEYS, keys);
+	settings->port = (uint16_t)keys[PORT_KEY].integer;
+	settings->associations = (uint32_t)keys[ASSOCIATIONS].integer;
+	settings->max_pdu = (uint32_t)keys[PDU].integer;
+	read_ied(loader, &place, &keys[IED], settings);
+	if (keys[ADDRESS].given)
+		config_read_address(&loader->report, &address, keys[ADDRESS].text, settings->address);
+	if (keys[CLIENTS].given)
+		settings->client_count =
+		    config_read_addresses(&loader->report, &clients, keys[CLIENTS].json, settings->clients);
+}
+
+/* A name of a data object ends with the point's address, and is too short for the longest of them. */
+static bool check_points(struct config_loader *loader, void *own)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place place = config_key_of(&file, file_rule.name);
+	const struct map_config *config = loader->config;
+
+	(void)own;
+	if (iec61850_settings(config) == NULL)
+		return true;
+	for (uint32_t i = 0; i < config->point_count; i++) {
+		char name[MAP_NAME_SIZE];
+
+		if (config->points[i].ioa <= IEC61850_IOA_MAX)
+			continue;
+		map_point_name(config, &config->points[i], name);
+		config_error(
+		    &loader->report, &place,
+		    "\"%s\" has the IOA %u, which is no number of a data object; give it one of %u at most",
+		    name, (unsigned)config->points[i].ioa, IEC61850_IOA_MAX);
+	}
+	return true;
+}
+
+const struct config_part iec61850_part = {
+    .keys = &file_rule, .key_count = 1, .read = read_part, .link = check_points};

@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A small map for the fuzzers: two devices with a point of each type, which the input cannot change. */
+#ifndef OPENRTU_IEC61850_FUZZ_MAP_H
+#define OPENRTU_IEC61850_FUZZ_MAP_H
+
+#include <string.h>
+
+#include "fuzz.h"
+#include "iec61850/mms.h"
+
+#define FUZZ_POINTS  (2 * MAP_TYPES)
+#define FUZZ_MAX_PDU IEC61850_PDU_MIN
+
+static struct map_set fuzz_sets[] = {{.ca = 1, .point_count = MAP_TYPES, .prefix = "p1.1", .name = "one"},
+				     {.ca = 2, .point_count = MAP_TYPES, .prefix = "p1.2", .name = "two"}};
+static struct map_point fuzz_points[FUZZ_POINTS];
+static struct iec61850_settings fuzz_settings = {.ied = "RTU", .max_pdu = FUZZ_MAX_PDU, .associations = 1};
+static struct map_config fuzz_config = {.sets = fuzz_sets,
+					.points = fuzz_points,
+					.set_count = 2,
+					.point_count = FUZZ_POINTS,
+					.sections = {{.id = IEC61850_SETTINGS,
+						      .record_size = sizeof(fuzz_settings),
+						      .count = 1,
+						      .records = &fuzz_settings}},
+					.section_count = 1};
+
+const struct map_config *map_config(const struct map *map)
+{
+	(void)map;
+	return &fuzz_config;
+}
+
+int64_t map_now_ns(void)
+{
+	return NS_PER_S;
+}
+
+struct map_clock map_clock_read(const struct map *map)
+{
+	(void)map;
+	return (struct map_clock){.set = true, .source = MAP_CLOCK_SYNCHRONISED, .error_us = 1000};
+}
+
+bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
+{
+	(void)map;
+	CHECK(point < FUZZ_POINTS);
+	*out = (struct map_sample){.value.i = -7, .time_ns = NS_PER_S};
+	return point % 5 != 4;
+}
+
+uint32_t map_owner(const struct map *map, uint32_t point)
+{
+	(void)map;
+	return point % 2;
+}
+
+/* A server with these points, begun once. */
+static struct iec61850_server *fuzz_server(void)
+{
+	static struct iec61850_server server;
+	static struct iec61850_stats stats;
+	static uint8_t names[FUZZ_MAX_PDU];
+	static struct iec61850_chosen chosen[FUZZ_POINTS];
+
+	if (server.stats != NULL)
+		return &server;
+	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
+		fuzz_points[i] = (struct map_point){.name = map_label('c', (uint16_t)i, -1),
+						    .set = (uint16_t)(i / MAP_TYPES),
+						    .type = (uint8_t)(i % MAP_TYPES),
+						    .flags = i % 2 ? MAP_POINT_COMMAND : 0,
+						    .ioa = 1 + i * 1000};
+	CHECK(iec61850_model_begin(&server.model, NULL));
+	server.stats = &stats;
+	server.names = names;
+	server.chosen = chosen;
+	return &server;
+}
+
+#endif

@@ -1,0 +1,206 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The map as a server of IEC 61850 shows it. A common address, which is a device, is a logical device: IED + "CA" + number. In it
+ * LLN0, LPHD1, and GGIO1 with a data object for each point, whose name ends with the point's IOA. Nothing of it is stored
+ * but the order of the points: names are made and found as they are asked for.
+ */
+#ifndef OPENRTU_IEC61850_MODEL_H
+#define OPENRTU_IEC61850_MODEL_H
+
+#include "iec61850/config.h"
+#include "map/map.h"
+
+#define IEC61850_NAME_SIZE      65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
+#define IEC61850_REFERENCE_SIZE (2 * IEC61850_NAME_SIZE)
+
+/* Functional constraints (IEC 61850-7-2, table 18), in the order of their names. */
+enum iec61850_fc {
+	IEC61850_CF,
+	IEC61850_DC,
+	IEC61850_EX,
+	IEC61850_MX,
+	IEC61850_RP,
+	IEC61850_ST,
+	IEC61850_FCS,
+};
+
+enum iec61850_ln { IEC61850_LLN0, IEC61850_LPHD1, IEC61850_GGIO1, IEC61850_LNS };
+
+/* What a data attribute is: its type on the wire, and which part of a data object's state it shows. */
+enum iec61850_leaf {
+	IEC61850_STRUCTURE,
+	IEC61850_BOOLEAN,   /* number */
+	IEC61850_DOUBLE,    /* number: a bit string of two */
+	IEC61850_ENUM,      /* number, 8 bits */
+	IEC61850_INTEGER,   /* number, 32 bits */
+	IEC61850_TOTAL,     /* number, 64 bits */
+	IEC61850_FLOAT,     /* real */
+	IEC61850_UNIT,      /* of a counter's pulse: 1 */
+	IEC61850_CTL_MODEL, /* how it is controlled */
+	IEC61850_QUALITY,
+	IEC61850_TIME,
+	IEC61850_DESCRIPTION,
+	IEC61850_VENDOR,
+	IEC61850_REVISION,
+	IEC61850_CONFIGURATION,
+	IEC61850_NAME_SPACE,
+	/* Of a report control block: */
+	IEC61850_RPT_ID,
+	IEC61850_RPT_ENA,
+	IEC61850_RESV,
+	IEC61850_DAT_SET,
+	IEC61850_CONF_REV,
+	IEC61850_OPT_FLDS,
+	IEC61850_BUF_TM,
+	IEC61850_SQ_NUM,
+	IEC61850_TRG_OPS,
+	IEC61850_INTG_PD,
+	IEC61850_GI,
+};
+
+struct iec61850_node {
+	const char *name;
+	enum iec61850_leaf leaf;
+	const struct iec61850_node *children;
+	unsigned count;
+};
+
+/* The nodes of a data object under a functional constraint. */
+struct iec61850_nodes {
+	const struct iec61850_node *nodes;
+	unsigned count;
+};
+
+/* The data sets of a logical device: what its points have under ST, and under MX. */
+enum iec61850_set { IEC61850_STATUS, IEC61850_MEASURED, IEC61850_SETS };
+
+#define IEC61850_BLOCKS_A_SET 2
+#define IEC61850_BLOCKS       (IEC61850_SETS * IEC61850_BLOCKS_A_SET) /* of a logical device */
+#define IEC61850_RPT_ID_SIZE  130                                     /* VISIBLE STRING129 */
+
+/* TrgOps, and the reasons for inclusion; OptFlds (IEC 61850-8-1, tables 38 and 39): the first bit in the most significant place. */
+enum iec61850_trigger {
+	IEC61850_DATA_CHANGE = 0x40,
+	IEC61850_QUALITY_CHANGE = 0x20,
+	IEC61850_INTEGRITY = 0x08,
+	IEC61850_GENERAL = 0x04,
+	IEC61850_TRIGGERS = 0x7c,
+};
+enum iec61850_option {
+	IEC61850_SEQUENCE = 0x4000,
+	IEC61850_TIME_STAMP = 0x2000,
+	IEC61850_REASON = 0x1000,
+	IEC61850_SET_NAME = 0x0800,
+	IEC61850_REFERENCE = 0x0400,
+	IEC61850_CONF_REVISION = 0x0080,
+	IEC61850_SEGMENTATION = 0x0040,
+	IEC61850_OPTIONS = 0x7cc0, /* without those that belong to buffered blocks */
+};
+
+/* A report control block, unbuffered. */
+struct iec61850_block {
+	const void *owner;             /* the association that has it; NULL: none */
+	char id[IEC61850_RPT_ID_SIZE]; /* empty: its reference */
+	bool enabled, reserved;
+	uint8_t triggers;
+	uint8_t number;   /* SqNum of the next report */
+	uint16_t segment; /* SubSqNum of the next one */
+	uint16_t options;
+	uint32_t buffer_ms, integrity_ms;
+	int64_t due_ns;       /* of what is pending; 0: nothing is */
+	int64_t integrity_ns; /* of the next integrity report */
+	uint8_t *reasons;     /* of each member: why it is to be reported, 0: it is not */
+};
+
+struct iec61850_device {
+	uint16_t ca;
+	uint32_t first, count; /* of the model's points */
+	uint32_t members[IEC61850_SETS];
+	struct iec61850_block *blocks; /* IEC61850_BLOCKS */
+};
+
+/* Where a point is in the model. */
+struct iec61850_place {
+	uint32_t device, member; /* of its data set */
+	uint8_t set;             /* enum iec61850_set */
+};
+
+struct iec61850_model {
+	const struct map *map;
+	const struct map_config *config;
+	const struct iec61850_settings *settings;
+	uint32_t *points; /* sorted by common address and IOA */
+	struct iec61850_device *devices;
+	uint32_t device_count;
+	struct iec61850_block *blocks;
+	uint8_t *reasons;
+	struct iec61850_place *places;
+	struct map_sample *image; /* of each point, as the events have it that were taken */
+	uint32_t revision;        /* of the configuration, as configRev shows it */
+	int64_t started_ns;
+};
+
+#define IEC61850_WHOLE UINT32_MAX
+
+/* A named variable: a logical node, a functional constraint in it, a data object, or an attribute. */
+struct iec61850_object {
+	const struct iec61850_device *device;
+	enum iec61850_ln ln;
+	uint32_t fc;                      /* enum iec61850_fc; IEC61850_WHOLE: all */
+	uint32_t number;                  /* of the data object in its logical node; IEC61850_WHOLE: all */
+	const struct iec61850_node *node; /* NULL: all of the data object under fc */
+};
+
+/* False: no memory. The configuration and the map stay. */
+bool iec61850_model_begin(struct iec61850_model *model, const struct map *map);
+void iec61850_model_end(struct iec61850_model *model);
+
+/* ---- names ------------------------------------------------------------------------------- */
+
+void iec61850_device_name(const struct iec61850_model *model, const struct iec61850_device *device,
+			  char out[IEC61850_NAME_SIZE]);
+/* NULL: there is none of this name. */
+const struct iec61850_device *iec61850_find_device(const struct iec61850_model *model, const uint8_t *name,
+						   size_t size);
+/* Finds a variable as MMS names it, like GGIO1$MX$AnIn30001$mag$f. */
+bool iec61850_find(const struct iec61850_model *model, const struct iec61850_device *device,
+		   const uint8_t *name, size_t size, struct iec61850_object *out);
+const char *iec61850_ln_name(enum iec61850_ln ln);
+const char *iec61850_fc_name(uint32_t fc);
+void iec61850_object_name(const struct iec61850_model *model, const struct iec61850_object *object,
+			  char out[IEC61850_NAME_SIZE]);
+
+/* ---- structure --------------------------------------------------------------------------- */
+
+/* How many data objects a logical node has. */
+uint32_t iec61850_object_count(const struct iec61850_device *device, enum iec61850_ln ln);
+/* What a data object has under a functional constraint; nothing: count 0. */
+struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
+					const struct iec61850_device *device, enum iec61850_ln ln,
+					uint32_t number, enum iec61850_fc fc);
+/* Whether a logical node has anything under it. */
+bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,
+		  enum iec61850_ln ln, enum iec61850_fc fc);
+/* The report control block that a data object of LLN0 is; NULL: it is none. */
+struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, enum iec61850_ln ln,
+					 uint32_t number);
+/* The object of a logical device's control block. */
+struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block);
+static inline enum iec61850_set iec61850_set_of(const struct iec61850_device *device,
+						const struct iec61850_block *block)
+{
+	return (enum iec61850_set)((block - device->blocks) / IEC61850_BLOCKS_A_SET);
+}
+/* The name of a data set in its logical device, as LLN0$status. */
+const char *iec61850_set_name(enum iec61850_set set);
+/* The data set of this name. IEC61850_SETS: there is none, or it has no members. */
+enum iec61850_set iec61850_find_set(const struct iec61850_device *device, const uint8_t *name, size_t size);
+/* The member behind object, which begins as iec61850_before_first. False: there is none. */
+bool iec61850_next_member(const struct iec61850_model *model, struct iec61850_object *object);
+/* The one before; object begins behind the last data object. */
+bool iec61850_member_before(const struct iec61850_model *model, struct iec61850_object *object);
+struct iec61850_object iec61850_before_first(const struct iec61850_device *device, enum iec61850_set set);
+/* The point that a data object shows; MAP_NONE: it is the logical device's own. */
+uint32_t iec61850_point_of(const struct iec61850_model *model, const struct iec61850_object *object);
+
+#endif

@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Read and Write (ISO 9506-2, 14.7 and 14.8). What a client may set, it sets by control blocks and commands only. */
+#include <string.h>
+
+#include "iec61850/mms.h"
+#include "iec61850/report.h"
+#include "iec61850/value.h"
+
+enum { WITH_SPECIFICATION = 0x80, SPECIFICATION = 0xa1, VARIABLES = 0xa0, LIST_NAME = 0xa1 };
+enum { VARIABLE_NAME = 0xa0, ALTERNATE_ACCESS = 0xa5 };
+
+/* DataAccessError (14.4.3). */
+enum {
+	TEMPORARILY_UNAVAILABLE = 2,
+	OBJECT_ACCESS_UNSUPPORTED = 9,
+	OBJECT_NON_EXISTENT = 10,
+};
+
+enum { FAILURE = 0x80, SUCCESS = 0x81, DATA = 0xa0 }; /* FAILURE: of an AccessResult, or of a WriteResponse */
+
+/* The variables of a list, in the server's. -1: this is no list, or too long. */
+static int read_variables(struct iec61850_server *server, const struct ber_element *list)
+{
+	struct ber_reader reader = ber_inside(list);
+	int count = 0;
+
+	while (reader.at < reader.end) {
+		if (count == IEC61850_VARIABLES_MAX ||
+		    !ber_expect(&reader, BER_SEQUENCE, &server->variables[count]))
+			return -1;
+		count++;
+	}
+	return count;
+}
+
+/* 0, or why a variable cannot be read. */
+static int find(const struct iec61850_server *server, const struct ber_element *variable,
+		struct iec61850_object *out)
+{
+	struct ber_element name, part;
+
+	if (!ber_find(variable, VARIABLE_NAME, &name) || ber_find(variable, ALTERNATE_ACCESS, &part))
+		return OBJECT_ACCESS_UNSUPPORTED;
+	return iec61850_variable(server, &name, out) ? 0 : OBJECT_NON_EXISTENT;
+}
+
+static void put_result(struct iec61850_server *server, const struct ber_element *variable,
+		       struct ber_writer *writer)
+{
+	struct iec61850_object object;
+	const size_t end = writer->at;
+	int error = find(server, variable, &object);
+
+	iec61850_count(server, IEC61850_COUNT_READS);
+	if (error == 0 && !iec61850_put_value(writer, &server->model, &object)) {
+		writer->at = end;
+		error = TEMPORARILY_UNAVAILABLE;
+	}
+	if (error != 0)
+		ber_put_integer(writer, FAILURE, error);
+}
+
+static enum iec61850_error read_list(struct iec61850_server *server, const struct ber_element *name,
+				     struct ber_writer *writer)
+{
+	const size_t end = writer->at;
+	const struct iec61850_device *device;
+	const enum iec61850_set set = iec61850_variable_list(server, name, &device);
+	struct iec61850_object object;
+
+	if (set == IEC61850_SETS)
+		return IEC61850_NON_EXISTENT;
+	object = iec61850_before_first(device, set);
+	object.number = iec61850_object_count(device, object.ln);
+	while (!writer->full && iec61850_member_before(&server->model, &object)) {
+		const size_t member = writer->at;
+
+		iec61850_count(server, IEC61850_COUNT_READS);
+		if (!iec61850_put_value(writer, &server->model, &object)) {
+			writer->at = member;
+			ber_put_integer(writer, FAILURE, TEMPORARILY_UNAVAILABLE);
+		}
+	}
+	ber_close(writer, 0xa1, end);
+	ber_close(writer, 0xa4, end);
+	return IEC61850_NO_ERROR;
+}
+
+enum iec61850_error iec61850_read(struct iec61850_server *server, const struct ber_element *request,
+				  struct ber_writer *writer)
+{
+	const size_t end = writer->at;
+	struct ber_element with, specification, list;
+	int count;
+
+	if (!ber_find(request, SPECIFICATION, &specification))
+		return IEC61850_INVALID_REQUEST;
+	if (ber_find(&specification, LIST_NAME, &list))
+		return read_list(server, &list, writer);
+	if (!ber_find(&specification, VARIABLES, &list))
+		return IEC61850_INVALID_REQUEST;
+	count = read_variables(server, &list);
+	if (count < 0)
+		return IEC61850_INVALID_REQUEST;
+	while (count-- > 0 && !writer->full)
+		put_result(server, &server->variables[count], writer);
+	ber_close(writer, 0xa1, end);
+	if (ber_find(request, WITH_SPECIFICATION, &with) && with.size == 1 && with.value[0] != 0)
+		ber_put(writer, 0xa0, specification.value, specification.size);
+	ber_close(writer, 0xa4, end);
+	return IEC61850_NO_ERROR;
+}
+
+/* How many variables before this one have succeeded or not does not matter: each has its own answer. */
+static void write_one(struct iec61850_server *server, const struct ber_element *variable,
+		      const struct ber_element *data, struct ber_writer *writer)
+{
+	struct iec61850_object object;
+	int error = find(server, variable, &object);
+
+	if (error == 0)
+		error = iec61850_block_write(server, &object, data);
+	if (error != 0)
+		ber_put_integer(writer, FAILURE, error);
+	else
+		ber_put(writer, SUCCESS, NULL, 0);
+}
+
+/* The answers are written from the first on, since later writes may build on earlier ones: into the names, then as a whole. */
+enum iec61850_error iec61850_write(struct iec61850_server *server, const struct ber_element *request,
+				   struct ber_writer *writer)
+{
+	const size_t end = writer->at;
+	struct ber_reader reader = ber_inside(request);
+	struct ber_element list, data;
+	size_t size = 0;
+	int count;
+
+	if (!ber_expect(&reader, VARIABLES, &list) || !ber_expect(&reader, DATA, &data))
+		return IEC61850_INVALID_REQUEST;
+	count = read_variables(server, &list);
+	if (count < 0)
+		return IEC61850_INVALID_REQUEST;
+	reader = ber_inside(&data);
+	for (int i = 0; i < count; i++) {
+		uint8_t octets[8];
+		struct ber_writer one = {.octets = octets, .at = sizeof(octets)};
+
+		if (!ber_next(&reader, &data) || end - writer->floor < size + sizeof(octets))
+			return IEC61850_INVALID_REQUEST;
+		write_one(server, &server->variables[i], &data, &one);
+		memcpy(server->names + size, octets + one.at, sizeof(octets) - one.at);
+		size += sizeof(octets) - one.at;
+	}
+	ber_put_octets(writer, server->names, size);
+	ber_close(writer, 0xa5, end);
+	return IEC61850_NO_ERROR;
+}

@@ -1,0 +1,453 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec61850/report.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "iec61850/value.h"
+
+/* DataAccessError (ISO 9506-2, 14.4.3). */
+enum {
+	TEMPORARILY_UNAVAILABLE = 2,
+	OBJECT_ACCESS_DENIED = 3,
+	TYPE_INCONSISTENT = 7,
+	OBJECT_VALUE_INVALID = 11
+};
+/* Tags of Data. */
+enum {
+	BOOLEAN = 0x83,
+	BIT_STRING = 0x84,
+	INTEGER = 0x85,
+	UNSIGNED = 0x86,
+	VISIBLE_STRING = 0x8a,
+	BINARY_TIME = 0x8c
+};
+/* Tags of the PDU (ISO 9506-2, 14.14). */
+enum { UNCONFIRMED = 0xa3, INFORMATION_REPORT = 0xa0, LIST_NAME = 0xa1, VMD_SPECIFIC = 0x80, RESULTS = 0xa0 };
+
+#define DAYS_TO_1984 5113 /* from 1970: binary times count from there */
+
+/* ---- pending ----------------------------------------------------------------------------- */
+
+static void mark(struct iec61850_block *block, uint32_t member, unsigned reason, int64_t now_ns)
+{
+	reason &= block->triggers;
+	if (!block->enabled || reason == 0)
+		return;
+	block->reasons[member] |= (uint8_t)reason;
+	if (block->due_ns == 0)
+		block->due_ns = now_ns + block->buffer_ms * NS_PER_MS;
+}
+
+static void mark_all(const struct iec61850_device *device, struct iec61850_block *block, unsigned reason,
+		     int64_t now_ns)
+{
+	const uint32_t count = device->members[iec61850_set_of(device, block)];
+
+	for (uint32_t i = 0; i < count; i++)
+		mark(block, i, reason, now_ns);
+	if (block->due_ns != 0)
+		block->due_ns = now_ns; /* who asks for all does not wait */
+}
+
+static void note(struct iec61850_server *server, uint32_t point, const struct map_sample *sample,
+		 int64_t now_ns)
+{
+	const struct iec61850_model *model = &server->model;
+	const struct iec61850_place *place = &model->places[point];
+	const struct iec61850_device *device = &model->devices[place->device];
+	const unsigned reason =
+	    (sample->value.u != model->image[point].value.u ? IEC61850_DATA_CHANGE : 0) |
+	    (sample->quality != model->image[point].quality ? IEC61850_QUALITY_CHANGE : 0);
+
+	model->image[point] = *sample;
+	for (unsigned i = 0; reason != 0 && i < IEC61850_BLOCKS_A_SET; i++)
+		mark(&device->blocks[place->set * IEC61850_BLOCKS_A_SET + i], place->member, reason, now_ns);
+}
+
+static void note_owner(struct iec61850_server *server, uint32_t module, int64_t now_ns)
+{
+	struct map_sample sample;
+
+	for (uint32_t i = 0; i < server->model.config->point_count; i++)
+		if ((module == MAP_NONE || map_owner(server->model.map, i) == module) &&
+		    map_read(server->model.map, i, &sample))
+			note(server, i, &sample, now_ns);
+}
+
+void iec61850_report_all(struct iec61850_server *server, int64_t now_ns)
+{
+	note_owner(server, MAP_NONE, now_ns);
+}
+
+void iec61850_report_event(struct iec61850_server *server, const struct map_event *event, int64_t now_ns)
+{
+	switch ((enum map_event_kind)event->kind) {
+	case MAP_EVENT_CHANGE: /* those of an earlier start are buffered blocks' */
+		if (event->time == MAP_TIME_MONOTONIC && event->point < server->model.config->point_count)
+			note(server, event->point, &event->sample, now_ns);
+		return;
+	case MAP_EVENT_MODULE_DOWN:
+	case MAP_EVENT_MODULE_UP:
+		note_owner(server, event->point, now_ns);
+		return;
+	case MAP_EVENT_CLOCK:
+		return;
+	}
+}
+
+/* ---- control blocks ---------------------------------------------------------------------- */
+
+static void enable(const struct iec61850_device *device, struct iec61850_block *block, bool on,
+		   int64_t now_ns)
+{
+	memset(block->reasons, 0, device->members[iec61850_set_of(device, block)]);
+	block->enabled = on;
+	block->due_ns = 0;
+	block->number = 0;
+	block->segment = 0;
+	block->integrity_ns = now_ns + block->integrity_ms * NS_PER_MS;
+}
+
+static int write_number(const struct ber_element *data, uint32_t *out)
+{
+	int64_t value;
+
+	if ((data->tag != UNSIGNED && data->tag != INTEGER) || !ber_integer(data, &value))
+		return TYPE_INCONSISTENT;
+	if (value < 0 || value > UINT32_MAX)
+		return OBJECT_VALUE_INVALID;
+	*out = (uint32_t)value;
+	return 0;
+}
+
+/* In the most significant places of 16. */
+static int write_bits(const struct ber_element *data, size_t octets, uint16_t *out)
+{
+	if (data->tag != BIT_STRING || data->size != 1 + octets)
+		return TYPE_INCONSISTENT;
+	*out = (uint16_t)(data->value[1] << 8 | (octets > 1 ? data->value[2] : 0));
+	return 0;
+}
+
+static int write_id(const struct ber_element *data, struct iec61850_block *block)
+{
+	if (data->tag != VISIBLE_STRING)
+		return TYPE_INCONSISTENT;
+	if (data->size >= IEC61850_RPT_ID_SIZE || memchr(data->value, '\0', data->size) != NULL)
+		return OBJECT_VALUE_INVALID;
+	memcpy(block->id, data->value, data->size);
+	block->id[data->size] = '\0';
+	return 0;
+}
+
+/* The data set is fixed: its own name may be written. */
+static int write_set(struct iec61850_server *server, const struct iec61850_object *object,
+		     const struct ber_element *data, const struct iec61850_block *block)
+{
+	char device[IEC61850_NAME_SIZE], name[IEC61850_REFERENCE_SIZE];
+
+	iec61850_device_name(&server->model, object->device, device);
+	snprintf(name, sizeof(name), "%s/%s", device,
+		 iec61850_set_name(iec61850_set_of(object->device, block)));
+	if (data->tag != VISIBLE_STRING)
+		return TYPE_INCONSISTENT;
+	return ber_is(data, name, strlen(name)) ? 0 : OBJECT_VALUE_INVALID;
+}
+
+static int write_attribute(struct iec61850_server *server, const struct iec61850_object *object,
+			   const struct ber_element *data, struct iec61850_block *block)
+{
+	uint16_t bits = 0;
+	int error;
+
+	switch (object->node->leaf) {
+	case IEC61850_RPT_ID:
+		return write_id(data, block);
+	case IEC61850_DAT_SET:
+		return write_set(server, object, data, block);
+	case IEC61850_OPT_FLDS:
+		error = write_bits(data, 2, &bits);
+		block->options = error == 0 ? bits & IEC61850_OPTIONS : block->options;
+		return error;
+	case IEC61850_TRG_OPS:
+		error = write_bits(data, 1, &bits);
+		block->triggers = error == 0 ? (uint8_t)(bits >> 8) & IEC61850_TRIGGERS : block->triggers;
+		return error;
+	case IEC61850_BUF_TM:
+		return write_number(data, &block->buffer_ms);
+	case IEC61850_INTG_PD:
+		return write_number(data, &block->integrity_ms);
+	default:
+		return OBJECT_ACCESS_DENIED;
+	}
+}
+
+static int write_switch(struct iec61850_server *server, const struct iec61850_object *object, bool on,
+			struct iec61850_block *block)
+{
+	switch (object->node->leaf) {
+	case IEC61850_RPT_ENA:
+		enable(object->device, block, on, server->now_ns);
+		if (!on && !block->reserved)
+			block->owner = NULL;
+		return 0;
+	case IEC61850_GI:
+		if (!block->enabled)
+			return TEMPORARILY_UNAVAILABLE;
+		if (on)
+			mark_all(object->device, block, IEC61850_GENERAL, server->now_ns);
+		return 0;
+	default:
+		if (block->enabled)
+			return TEMPORARILY_UNAVAILABLE;
+		block->reserved = on;
+		if (!on)
+			block->owner = NULL;
+		return 0;
+	}
+}
+
+int iec61850_block_write(struct iec61850_server *server, const struct iec61850_object *object,
+			 const struct ber_element *data)
+{
+	struct iec61850_block *block = iec61850_block_of(object->device, object->ln, object->number);
+
+	if (block == NULL || object->node == NULL)
+		return OBJECT_ACCESS_DENIED;
+	if (block->owner != NULL && block->owner != server->client)
+		return TEMPORARILY_UNAVAILABLE;
+	block->owner = server->client;
+	switch (object->node->leaf) {
+	case IEC61850_RPT_ENA:
+	case IEC61850_RESV:
+	case IEC61850_GI:
+		if (data->tag != BOOLEAN || data->size != 1)
+			return TYPE_INCONSISTENT;
+		return write_switch(server, object, data->value[0] != 0, block);
+	default:
+		return block->enabled ? TEMPORARILY_UNAVAILABLE
+				      : write_attribute(server, object, data, block);
+	}
+}
+
+static uint32_t block_count(const struct iec61850_server *server)
+{
+	return server->model.device_count * IEC61850_BLOCKS;
+}
+
+void iec61850_blocks_release(struct iec61850_server *server, const void *client)
+{
+	for (uint32_t i = 0; i < block_count(server); i++) {
+		struct iec61850_block *block = &server->model.blocks[i];
+
+		if (block->owner == client) {
+			block->owner = NULL;
+			block->enabled = block->reserved = false;
+		}
+	}
+}
+
+bool iec61850_blocks_owned(const struct iec61850_server *server, const void *client)
+{
+	for (uint32_t i = 0; i < block_count(server); i++)
+		if (server->model.blocks[i].owner == client)
+			return true;
+	return false;
+}
+
+/* ---- reports ----------------------------------------------------------------------------- */
+
+/* Chooses the first members that are pending, limit at most. Returns how many; more: there are others. */
+static uint32_t choose(struct iec61850_server *server, const struct iec61850_device *device,
+		       const struct iec61850_block *block, uint32_t limit, bool *more)
+{
+	struct iec61850_object object = iec61850_before_first(device, iec61850_set_of(device, block));
+	uint32_t count = 0, member = 0;
+
+	*more = false;
+	for (; iec61850_next_member(&server->model, &object); member++) {
+		if (block->reasons[member] == 0)
+			continue;
+		if (count == limit) {
+			*more = true;
+			break;
+		}
+		server->chosen[count++] = (struct iec61850_chosen){object.number, member};
+	}
+	return count;
+}
+
+static void put_member(struct iec61850_server *server, struct ber_writer *writer,
+		       const struct iec61850_object *object, unsigned reason)
+{
+	const uint32_t point = iec61850_point_of(&server->model, object);
+	struct map_sample sample = server->model.image[point];
+
+	if (reason & (IEC61850_GENERAL | IEC61850_INTEGRITY))
+		map_read(server->model.map, point, &sample);
+	iec61850_put_sample(writer, &server->model, object, &sample);
+}
+
+/* What is said of the chosen members, from the last to the first: reasons, values, references, inclusion. */
+static void put_members(struct iec61850_server *server, struct ber_writer *writer,
+			const struct iec61850_device *device, const struct iec61850_block *block,
+			uint32_t count)
+{
+	const enum iec61850_set set = iec61850_set_of(device, block);
+	const size_t octets = (device->members[set] + 7) / 8;
+	struct iec61850_object object = iec61850_before_first(device, set);
+
+	for (uint32_t i = count; (block->options & IEC61850_REASON) && i-- > 0;)
+		iec61850_put_bits(writer, (uint16_t)(block->reasons[server->chosen[i].member] << 8), 6);
+	for (uint32_t i = count; i-- > 0 && !writer->full;) {
+		object.number = server->chosen[i].number;
+		put_member(server, writer, &object, block->reasons[server->chosen[i].member]);
+	}
+	for (uint32_t i = count; (block->options & IEC61850_REFERENCE) && i-- > 0 && !writer->full;) {
+		char name[IEC61850_NAME_SIZE];
+
+		object.number = server->chosen[i].number;
+		iec61850_object_name(&server->model, &object, name);
+		iec61850_put_reference(writer, &server->model, device, name);
+	}
+	if (writer->full || octets + 1 > writer->at - writer->floor) {
+		writer->full = true;
+		return;
+	}
+	memset(server->names, 0, octets + 1);
+	server->names[0] = (uint8_t)(8 * octets - device->members[set]);
+	for (uint32_t i = 0; i < count; i++)
+		server->names[1 + server->chosen[i].member / 8] |=
+		    (uint8_t)(0x80 >> server->chosen[i].member % 8);
+	ber_put(writer, BIT_STRING, server->names, octets + 1);
+}
+
+/* Milliseconds of the day, and days since 1984 (IEC 61850-8-1, 8.1.3.6). */
+static void put_time_of_entry(struct ber_writer *writer, const struct iec61850_server *server)
+{
+	const int64_t wall_ms = map_wall_ns(map_clock_read(server->model.map), server->now_ns) / NS_PER_MS;
+	const int64_t day_ms = S_PER_DAY * MS_PER_S, days = wall_ms / day_ms - DAYS_TO_1984;
+	const uint32_t ms = (uint32_t)(wall_ms % day_ms);
+	const uint8_t octets[] = {(uint8_t)(ms >> 24), (uint8_t)(ms >> 16),  (uint8_t)(ms >> 8),
+				  (uint8_t)ms,         (uint8_t)(days >> 8), (uint8_t)days};
+
+	ber_put(writer, BINARY_TIME, octets, sizeof(octets));
+}
+
+static void put_head(struct iec61850_server *server, struct ber_writer *writer,
+		     const struct iec61850_object *object, const struct iec61850_block *block, bool more)
+{
+	const struct iec61850_model *model = &server->model;
+
+	if (block->options & IEC61850_SEGMENTATION) {
+		ber_put(writer, BOOLEAN, (const uint8_t[]){more}, 1);
+		ber_put_integer(writer, UNSIGNED, block->segment);
+	}
+	if (block->options & IEC61850_CONF_REVISION)
+		ber_put_integer(writer, UNSIGNED, model->revision);
+	if (block->options & IEC61850_SET_NAME)
+		iec61850_put_reference(writer, model, object->device,
+				       iec61850_set_name(iec61850_set_of(object->device, block)));
+	if (block->options & IEC61850_TIME_STAMP)
+		put_time_of_entry(writer, server);
+	if (block->options & IEC61850_SEQUENCE)
+		ber_put_integer(writer, UNSIGNED, block->number);
+	iec61850_put_bits(writer, block->options, 10);
+	iec61850_put_block_id(writer, model, object, block);
+}
+
+static void put_report(struct iec61850_server *server, struct ber_writer *writer,
+		       const struct iec61850_object *object, const struct iec61850_block *block,
+		       uint32_t count, bool more)
+{
+	const size_t end = writer->at;
+	size_t name;
+
+	put_members(server, writer, object->device, block, count);
+	put_head(server, writer, object, block, more);
+	ber_close(writer, RESULTS, end);
+	name = writer->at;
+	ber_put_text(writer, VMD_SPECIFIC, "RPT");
+	ber_close(writer, LIST_NAME, name);
+	ber_close(writer, INFORMATION_REPORT, end);
+	ber_close(writer, UNCONFIRMED, end);
+}
+
+/* What did not fit is due at once, as a further segment or a report of its own. */
+static void sent(struct iec61850_server *server, struct iec61850_block *block, uint32_t count, bool more)
+{
+	for (uint32_t i = 0; i < count; i++)
+		block->reasons[server->chosen[i].member] = 0;
+	block->due_ns = more ? server->now_ns : 0;
+	if (more && (block->options & IEC61850_SEGMENTATION)) {
+		block->segment++;
+		return;
+	}
+	block->segment = 0;
+	block->number++;
+}
+
+static bool put_block(struct iec61850_server *server, struct ber_writer *writer,
+		      const struct iec61850_object *object, struct iec61850_block *block)
+{
+	const size_t end = writer->at;
+	uint32_t limit = server->model.config->point_count, count;
+	bool more;
+
+	while ((count = choose(server, object->device, block, limit, &more)) > 0) {
+		put_report(server, writer, object, block, count, more);
+		if (!writer->full) {
+			sent(server, block, count, more);
+			return true;
+		}
+		writer->at = end;
+		writer->full = false;
+		limit = count / 2;
+	}
+	enable(object->device, block, false, server->now_ns); /* not even one member fits */
+	return false;
+}
+
+static bool is_due(struct iec61850_server *server, const struct iec61850_device *device,
+		   struct iec61850_block *block)
+{
+	if (!block->enabled || block->owner != server->client)
+		return false;
+	if (block->integrity_ms > 0 && (block->triggers & IEC61850_INTEGRITY) &&
+	    block->integrity_ns <= server->now_ns) {
+		block->integrity_ns = server->now_ns + block->integrity_ms * NS_PER_MS;
+		mark_all(device, block, IEC61850_INTEGRITY, server->now_ns);
+	}
+	return block->due_ns != 0 && block->due_ns <= server->now_ns;
+}
+
+bool iec61850_report_put(struct iec61850_server *server, struct ber_writer *writer)
+{
+	for (uint32_t i = 0; i < block_count(server); i++) {
+		struct iec61850_block *block = &server->model.blocks[i];
+		const struct iec61850_device *device = &server->model.devices[i / IEC61850_BLOCKS];
+		const struct iec61850_object object = iec61850_block_object(device, i % IEC61850_BLOCKS);
+
+		if (is_due(server, device, block) && put_block(server, writer, &object, block))
+			return true;
+	}
+	return false;
+}
+
+int64_t iec61850_report_due_ns(const struct iec61850_server *server)
+{
+	int64_t due_ns = INT64_MAX;
+
+	for (uint32_t i = 0; i < block_count(server); i++) {
+		const struct iec61850_block *block = &server->model.blocks[i];
+
+		if (!block->enabled)
+			continue;
+		if (block->due_ns != 0 && block->due_ns < due_ns)
+			due_ns = block->due_ns;
+		if (block->integrity_ms > 0 && block->integrity_ns < due_ns)
+			due_ns = block->integrity_ns;
+	}
+	return due_ns;
+}

@@ -1,0 +1,538 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec61850/value.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "map/type.h"
+
+/* Tags of Data. Those of TypeSpecification are the same, but for a structure's parts. */
+enum {
+	STRUCTURE = 0xa2,
+	BOOLEAN = 0x83,
+	BIT_STRING = 0x84,
+	INTEGER = 0x85,
+	UNSIGNED = 0x86,
+	FLOATING_POINT = 0x87,
+	VISIBLE_STRING = 0x8a,
+	UTC_TIME = 0x91,
+};
+enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TYPE = 0xa7 };
+
+#define TEXT_MAX       255
+#define QUALITY_BITS   13
+#define EXPONENT_WIDTH 8 /* of a number of 32 bits after IEEE 754 */
+
+/* Values of Mod, Beh, Health and ctlModel (IEC 61850-7-3, 7-4). */
+enum { MODE_ON = 1, HEALTH_OK = 1, HEALTH_ALARM = 3, STATUS_ONLY = 0 };
+
+/* A data object as it is now. */
+struct state {
+	int64_t number;
+	float real;
+	uint16_t quality;
+	uint8_t time[8];
+	char text[MAP_NAME_SIZE];
+	const struct iec61850_object *object; /* of which it is */
+	const struct iec61850_block *block;   /* NULL: it is no control block */
+};
+
+/* ---- quality and time -------------------------------------------------------------------- */
+
+uint16_t iec61850_quality_of(uint8_t quality)
+{
+	uint16_t q = 0;
+
+	if (quality & MAP_INVALID)
+		q = IEC61850_Q_INVALID | IEC61850_Q_FAILURE;
+	else if (quality & (MAP_NOT_TOPICAL | MAP_OVERFLOW))
+		q = IEC61850_Q_QUESTIONABLE;
+	q |= quality & MAP_NOT_TOPICAL ? IEC61850_Q_OLD_DATA : 0;
+	q |= quality & MAP_OVERFLOW ? IEC61850_Q_OVERFLOW : 0;
+	q |= quality & MAP_SUBSTITUTED ? IEC61850_Q_SUBSTITUTED : 0;
+	q |= quality & MAP_BLOCKED ? IEC61850_Q_OPERATOR_BLOCKED : 0;
+	return q;
+}
+
+/* How many bits of the fraction of a second are right. */
+static uint8_t accuracy(uint32_t error_us)
+{
+	uint8_t bits = 0;
+
+	while (bits < 24 && (uint64_t)error_us << (bits + 1) <= US_PER_S)
+		bits++;
+	return bits;
+}
+
+void iec61850_time_of(int64_t wall_ns, const struct map_clock *clock, uint8_t out[8])
+{
+	enum { LEAP_SECONDS_KNOWN = 0x80, NOT_SYNCHRONISED = 0x20, UNSPECIFIED = 0x1f };
+	const bool positive = wall_ns > 0;
+	const uint32_t seconds = positive ? (uint32_t)(wall_ns / NS_PER_S) : 0;
+	const uint32_t fraction =
+	    positive ? (uint32_t)(((uint64_t)(wall_ns % NS_PER_S) << 24) / NS_PER_S) : 0;
+	uint8_t quality = UNSPECIFIED;
+
+	if (clock->set && clock->source == MAP_CLOCK_SYNCHRONISED)
+		quality = LEAP_SECONDS_KNOWN | accuracy(clock->error_us);
+	if (!clock->set || clock->source == MAP_CLOCK_HELD || !positive)
+		quality |= NOT_SYNCHRONISED;
+	for (unsigned i = 0; i < 4; i++)
+		out[i] = (uint8_t)(seconds >> (24 - 8 * i));
+	for (unsigned i = 0; i < 3; i++)
+		out[4 + i] = (uint8_t)(fraction >> (16 - 8 * i));
+	out[7] = quality;
+}
+
+/* ---- the state of a data object ---------------------------------------------------------- */
+
+static void set_time(const struct iec61850_model *model, int64_t time_ns, struct state *out)
+{
+	const struct map_clock clock = map_clock_read(model->map);
+
+	iec61850_time_of(time_ns == 0 ? 0 : map_wall_ns(clock, time_ns), &clock, out->time);
+}
+
+/* A name of a point may have letters that a VisibleString has not. */
+static void set_text(const struct iec61850_model *model, uint32_t point, struct state *out)
+{
+	map_point_name(model->config, &model->config->points[point], out->text);
+	for (char *c = out->text; *c != '\0'; c++)
+		if (*c < ' ' || *c > '~')
+			*c = '?';
+}
+
+static void set_sample(const struct iec61850_model *model, const struct map_point *point,
+		       struct map_sample sample, struct state *out)
+{
+	switch (map_class_of(point)) {
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_PATTERN:
+		out->number = (int32_t)sample.value.u; /* 32 bits, as an INT32 has them */
+		break;
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_TOTAL:
+		out->number = sample.value.i;
+		break;
+	case MAP_CLASS_MEASURED:
+		out->number = point->type == MAP_INTEGER ? sample.value.i : 0;
+		out->real = (float)map_number(point->type, sample.value);
+		if (point->type == MAP_NORMALIZED)
+			out->real /= 32768;
+		break;
+	}
+	out->quality = iec61850_quality_of(sample.quality);
+	set_time(model, sample.time_ns, out);
+}
+
+static bool load_point(const struct iec61850_model *model, uint32_t number, struct state *out)
+{
+	struct map_sample sample;
+
+	if (!map_read(model->map, number, &sample))
+		return false;
+	set_sample(model, &model->config->points[number], sample, out);
+	return true;
+}
+
+/* A device is well while one of its points is valid. The time is that of the point by which it was seen. */
+static bool load_health(const struct iec61850_model *model, const struct iec61850_device *device,
+			struct state *out)
+{
+	struct map_sample sample = {.quality = MAP_INVALID};
+
+	for (uint32_t i = 0; i < device->count && (sample.quality & MAP_INVALID); i++)
+		if (!map_read(model->map, model->points[device->first + i], &sample))
+			return false;
+	out->number = sample.quality & MAP_INVALID ? HEALTH_ALARM : HEALTH_OK;
+	set_time(model, sample.time_ns, out);
+	return true;
+}
+
+static bool load(const struct iec61850_model *model, const struct iec61850_object *object, struct state *out)
+{
+	const uint32_t point = iec61850_point_of(model, object);
+
+	*out = (struct state){.number = MODE_ON,
+			      .object = object,
+			      .block = iec61850_block_of(object->device, object->ln, object->number)};
+	if (out->block != NULL)
+		return true;
+	if (point != MAP_NONE) {
+		set_text(model, point, out);
+		return load_point(model, point, out);
+	}
+	snprintf(out->text, sizeof(out->text), "%s",
+		 model->config->sets[model->config->points[model->points[object->device->first]].set].name);
+	set_time(model, model->started_ns, out);
+	if ((object->ln == IEC61850_LLN0 && object->number == 1) ||
+	    (object->ln == IEC61850_LPHD1 && object->number == 0))
+		return load_health(model, object->device, out);
+	return true; /* Mod and Beh are on; Proxy is true, since another device is shown */
+}
+
+/* ---- values ------------------------------------------------------------------------------ */
+
+void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count)
+{
+	const uint8_t octets[] = {(uint8_t)((8 - count % 8) % 8), (uint8_t)(bits >> 8), (uint8_t)bits};
+
+	ber_put(writer, BIT_STRING, octets, 1 + (count + 7) / 8);
+}
+
+static void put_float(struct ber_writer *writer, float value)
+{
+	uint8_t octets[5] = {EXPONENT_WIDTH};
+	uint32_t bits;
+
+	memcpy(&bits, &value, sizeof(bits));
+	for (unsigned i = 0; i < 4; i++)
+		octets[1 + i] = (uint8_t)(bits >> (24 - 8 * i));
+	ber_put(writer, FLOATING_POINT, octets, sizeof(octets));
+}
+
+void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,
+			    const struct iec61850_device *device, const char *name)
+{
+	char text[IEC61850_REFERENCE_SIZE], ld[IEC61850_NAME_SIZE];
+
+	iec61850_device_name(model, device, ld);
+	snprintf(text, sizeof(text), "%s/%s", ld, name);
+	ber_put_text(writer, VISIBLE_STRING, text);
+}
+
+void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_model *model,
+			   const struct iec61850_object *object, const struct iec61850_block *block)
+{
+	char name[IEC61850_NAME_SIZE];
+
+	if (block->id[0] != '\0') {
+		ber_put_text(writer, VISIBLE_STRING, block->id);
+		return;
+	}
+	iec61850_object_name(model, object, name);
+	iec61850_put_reference(writer, model, object->device, name);
+}
+
+static void put_node(struct ber_writer *writer, const struct iec61850_model *model,
+		     const struct iec61850_node *node, const struct state *state)
+{
+	const size_t end = writer->at;
+	char number[11];
+
+	switch (node->leaf) {
+	case IEC61850_STRUCTURE:
+		for (unsigned i = node->count; i-- > 0;)
+			put_node(writer, model, &node->children[i], state);
+		ber_close(writer, STRUCTURE, end);
+		return;
+	case IEC61850_BOOLEAN:
+		ber_put(writer, BOOLEAN, (const uint8_t[]){state->number != 0 ? 1 : 0}, 1);
+		return;
+	case IEC61850_DOUBLE:
+		iec61850_put_bits(writer, (uint16_t)((state->number & 3) << 14), 2);
+		return;
+	case IEC61850_ENUM:
+	case IEC61850_INTEGER:
+	case IEC61850_TOTAL:
+		ber_put_integer(writer, INTEGER, state->number);
+		return;
+	case IEC61850_FLOAT:
+		put_float(writer, state->real);
+		return;
+	case IEC61850_UNIT:
+		put_float(writer, 1.0f);
+		return;
+	case IEC61850_CTL_MODEL:
+		ber_put_integer(writer, INTEGER, STATUS_ONLY);
+		return;
+	case IEC61850_QUALITY:
+		iec61850_put_bits(writer, state->quality, QUALITY_BITS);
+		return;
+	case IEC61850_TIME:
+		ber_put(writer, UTC_TIME, state->time, sizeof(state->time));
+		return;
+	case IEC61850_DESCRIPTION:
+		ber_put_text(writer, VISIBLE_STRING, state->text);
+		return;
+	case IEC61850_VENDOR:
+		ber_put_text(writer, VISIBLE_STRING, "OpenRTU");
+		return;
+	case IEC61850_REVISION:
+		ber_put_text(writer, VISIBLE_STRING, OPENRTU_VERSION);
+		return;
+	case IEC61850_CONFIGURATION:
+		snprintf(number, sizeof(number), "%08x", (unsigned)model->revision);
+		ber_put_text(writer, VISIBLE_STRING, number);
+		return;
+	case IEC61850_NAME_SPACE:
+		ber_put_text(writer, VISIBLE_STRING, "IEC 61850-7-4:2007B");
+		return;
+	case IEC61850_RPT_ID:
+		iec61850_put_block_id(writer, model, state->object, state->block);
+		return;
+	case IEC61850_DAT_SET:
+		iec61850_put_reference(
+		    writer, model, state->object->device,
+		    iec61850_set_name(iec61850_set_of(state->object->device, state->block)));
+		return;
+	case IEC61850_RPT_ENA:
+		ber_put(writer, BOOLEAN, (const uint8_t[]){state->block->enabled}, 1);
+		return;
+	case IEC61850_RESV:
+		ber_put(writer, BOOLEAN, (const uint8_t[]){state->block->owner != NULL}, 1);
+		return;
+	case IEC61850_GI:
+		ber_put(writer, BOOLEAN, (const uint8_t[]){0}, 1);
+		return;
+	case IEC61850_CONF_REV:
+		ber_put_integer(writer, UNSIGNED, model->revision);
+		return;
+	case IEC61850_OPT_FLDS:
+		iec61850_put_bits(writer, state->block->options, 10);
+		return;
+	case IEC61850_TRG_OPS:
+		iec61850_put_bits(writer, (uint16_t)(state->block->triggers << 8), 6);
+		return;
+	case IEC61850_BUF_TM:
+		ber_put_integer(writer, UNSIGNED, state->block->buffer_ms);
+		return;
+	case IEC61850_INTG_PD:
+		ber_put_integer(writer, UNSIGNED, state->block->integrity_ms);
+		return;
+	case IEC61850_SQ_NUM:
+		ber_put_integer(writer, UNSIGNED, state->block->number);
+		return;
+	}
+}
+
+void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
+			 const struct iec61850_object *object, const struct map_sample *sample)
+{
+	const struct iec61850_nodes inside = iec61850_nodes_of(model, object->device, object->ln,
+							       object->number, (enum iec61850_fc)object->fc);
+	const size_t end = writer->at;
+	struct state state = {.object = object};
+
+	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
+	for (unsigned i = inside.count; i-- > 0;)
+		put_node(writer, model, &inside.nodes[i], &state);
+	ber_close(writer, STRUCTURE, end);
+}
+
+static bool put_object(struct ber_writer *writer, const struct iec61850_model *model,
+		       const struct iec61850_object *object, struct iec61850_nodes inside)
+{
+	const size_t end = writer->at;
+	struct state state;
+
+	if (!load(model, object, &state))
+		return false;
+	if (object->node != NULL) {
+		put_node(writer, model, object->node, &state);
+		return true;
+	}
+	for (unsigned i = inside.count; i-- > 0;)
+		put_node(writer, model, &inside.nodes[i], &state);
+	ber_close(writer, STRUCTURE, end);
+	return true;
+}
+
+static struct iec61850_nodes inside_of(const struct iec61850_model *model,
+				       const struct iec61850_object *object)
+{
+	return iec61850_nodes_of(model, object->device, object->ln, object->number,
+				 (enum iec61850_fc)object->fc);
+}
+
+/* All data objects under a functional constraint. */
+static bool put_fc(struct ber_writer *writer, const struct iec61850_model *model,
+		   const struct iec61850_object *object)
+{
+	const size_t end = writer->at;
+	struct iec61850_object each = *object;
+
+	for (each.number = iec61850_object_count(object->device, object->ln); each.number-- > 0;) {
+		const struct iec61850_nodes inside = inside_of(model, &each);
+
+		if (inside.count > 0 && !writer->full && !put_object(writer, model, &each, inside))
+			return false;
+	}
+	ber_close(writer, STRUCTURE, end);
+	return true;
+}
+
+static bool put_ln(struct ber_writer *writer, const struct iec61850_model *model,
+		   const struct iec61850_object *object)
+{
+	const size_t end = writer->at;
+	struct iec61850_object each = *object;
+
+	for (each.fc = IEC61850_FCS; each.fc-- > 0;)
+		if (iec61850_has(model, object->device, object->ln, (enum iec61850_fc)each.fc) &&
+		    !put_fc(writer, model, &each))
+			return false;
+	ber_close(writer, STRUCTURE, end);
+	return true;
+}
+
+bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *model,
+			const struct iec61850_object *object)
+{
+	if (object->fc == IEC61850_WHOLE)
+		return put_ln(writer, model, object);
+	if (object->number == IEC61850_WHOLE)
+		return put_fc(writer, model, object);
+	return put_object(writer, model, object, inside_of(model, object));
+}
+
+/* ---- types ------------------------------------------------------------------------------- */
+
+/* Puts a name before the type that writer holds since end. */
+static void name_component(struct ber_writer *writer, const char *name, size_t end)
+{
+	ber_close(writer, COMPONENT_TYPE, end);
+	ber_put_text(writer, COMPONENT_NAME, name);
+	ber_close(writer, BER_SEQUENCE, end);
+}
+
+/* Puts a structure around the components that writer holds since end. */
+static void close_type(struct ber_writer *writer, size_t end)
+{
+	ber_close(writer, COMPONENTS, end);
+	ber_close(writer, STRUCTURE, end);
+}
+
+static void put_nodes_type(struct ber_writer *writer, struct iec61850_nodes inside);
+
+static void put_node_type(struct ber_writer *writer, const struct iec61850_node *node)
+{
+	const size_t end = writer->at;
+
+	switch (node->leaf) {
+	case IEC61850_STRUCTURE:
+		put_nodes_type(writer, (struct iec61850_nodes){node->children, node->count});
+		return;
+	case IEC61850_BOOLEAN:
+		ber_put(writer, BOOLEAN, NULL, 0);
+		return;
+	case IEC61850_DOUBLE:
+		ber_put_integer(writer, BIT_STRING, 2);
+		return;
+	case IEC61850_ENUM:
+	case IEC61850_CTL_MODEL:
+		ber_put_integer(writer, INTEGER, 8);
+		return;
+	case IEC61850_INTEGER:
+		ber_put_integer(writer, INTEGER, 32);
+		return;
+	case IEC61850_TOTAL:
+		ber_put_integer(writer, INTEGER, 64);
+		return;
+	case IEC61850_FLOAT:
+	case IEC61850_UNIT:
+		ber_put_integer(writer, BER_INTEGER, EXPONENT_WIDTH);
+		ber_put_integer(writer, BER_INTEGER, 32);
+		ber_close(writer, FLOAT_TYPE, end);
+		return;
+	case IEC61850_QUALITY:
+		ber_put_integer(writer, BIT_STRING, -QUALITY_BITS); /* below 0: at most so many */
+		return;
+	case IEC61850_TIME:
+		ber_put(writer, UTC_TIME, NULL, 0);
+		return;
+	case IEC61850_DESCRIPTION:
+	case IEC61850_VENDOR:
+	case IEC61850_REVISION:
+	case IEC61850_CONFIGURATION:
+	case IEC61850_NAME_SPACE:
+		ber_put_integer(writer, VISIBLE_STRING, -TEXT_MAX);
+		return;
+	case IEC61850_RPT_ID:
+	case IEC61850_DAT_SET:
+		ber_put_integer(writer, VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
+		return;
+	case IEC61850_RPT_ENA:
+	case IEC61850_RESV:
+	case IEC61850_GI:
+		ber_put(writer, BOOLEAN, NULL, 0);
+		return;
+	case IEC61850_CONF_REV:
+	case IEC61850_BUF_TM:
+	case IEC61850_INTG_PD:
+		ber_put_integer(writer, UNSIGNED, 32);
+		return;
+	case IEC61850_SQ_NUM:
+		ber_put_integer(writer, UNSIGNED, 8);
+		return;
+	case IEC61850_OPT_FLDS:
+		ber_put_integer(writer, BIT_STRING, -10);
+		return;
+	case IEC61850_TRG_OPS:
+		ber_put_integer(writer, BIT_STRING, -6);
+		return;
+	}
+}
+
+static void put_nodes_type(struct ber_writer *writer, struct iec61850_nodes inside)
+{
+	const size_t end = writer->at;
+
+	for (unsigned i = inside.count; i-- > 0;) {
+		const size_t component = writer->at;
+
+		put_node_type(writer, &inside.nodes[i]);
+		name_component(writer, inside.nodes[i].name, component);
+	}
+	close_type(writer, end);
+}
+
+static void put_fc_type(struct ber_writer *writer, const struct iec61850_model *model,
+			const struct iec61850_object *object)
+{
+	const size_t end = writer->at;
+	struct iec61850_object each = *object;
+
+	for (each.number = iec61850_object_count(object->device, object->ln); each.number-- > 0;) {
+		const struct iec61850_nodes inside = inside_of(model, &each);
+		const size_t component = writer->at;
+		char name[IEC61850_NAME_SIZE];
+
+		if (inside.count == 0 || writer->full)
+			continue;
+		put_nodes_type(writer, inside);
+		iec61850_object_name(model, &each, name);
+		name_component(writer, strrchr(name, '$') + 1, component);
+	}
+	close_type(writer, end);
+}
+
+static void put_ln_type(struct ber_writer *writer, const struct iec61850_model *model,
+			const struct iec61850_object *object)
+{
+	const size_t end = writer->at;
+	struct iec61850_object each = *object;
+
+	for (each.fc = IEC61850_FCS; each.fc-- > 0;) {
+		const size_t component = writer->at;
+
+		if (!iec61850_has(model, object->device, object->ln, (enum iec61850_fc)each.fc))
+			continue;
+		put_fc_type(writer, model, &each);
+		name_component(writer, iec61850_fc_name(each.fc), component);
+	}
+	close_type(writer, end);
+}
+
+void iec61850_put_type(struct ber_writer *writer, const struct iec61850_model *model,
+		       const struct iec61850_object *object)
+{
+	if (object->fc == IEC61850_WHOLE)
+		put_ln_type(writer, model, object);
+	else if (object->number == IEC61850_WHOLE)
+		put_fc_type(writer, model, object);
+	else if (object->node != NULL)
+		put_node_type(writer, object->node);
+	else
+		put_nodes_type(writer, inside_of(model, object));
+}

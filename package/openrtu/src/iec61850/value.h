@@ -1,0 +1,41 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Values and types of variables, as MMS Data and TypeSpecification (IEC 61850-8-1, clause 8; ISO 9506-2, 14.4). */
+#ifndef OPENRTU_IEC61850_VALUE_H
+#define OPENRTU_IEC61850_VALUE_H
+
+#include "iec61850/ber.h"
+#include "iec61850/model.h"
+
+/* Of q (IEC 61850-8-1, table 32), the first bit in the most significant place of 13. */
+enum iec61850_quality {
+	IEC61850_Q_INVALID = 0x4000,
+	IEC61850_Q_QUESTIONABLE = 0xc000,
+	IEC61850_Q_OVERFLOW = 0x2000,
+	IEC61850_Q_FAILURE = 0x0200,
+	IEC61850_Q_OLD_DATA = 0x0100,
+	IEC61850_Q_SUBSTITUTED = 0x0020,
+	IEC61850_Q_OPERATOR_BLOCKED = 0x0008,
+};
+
+uint16_t iec61850_quality_of(uint8_t quality);
+/* A UtcTime: seconds, a fraction of 24 bits, the quality of the clock (IEC 61850-8-1, 8.1.3.7). wall_ns 0: there is no time yet. */
+void iec61850_time_of(int64_t wall_ns, const struct map_clock *clock, uint8_t out[8]);
+
+/* Puts a variable's value. False: it cannot be read now; what was put is of no use then. */
+bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *model,
+			const struct iec61850_object *object);
+/* The same of a point's data object with this sample. */
+void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
+			 const struct iec61850_object *object, const struct map_sample *sample);
+void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count);
+/* Puts the reference of a variable's logical device, /, and a name in it. */
+void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,
+			    const struct iec61850_device *device, const char *name);
+/* Puts a control block's RptID. */
+void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_model *model,
+			   const struct iec61850_object *object, const struct iec61850_block *block);
+/* Puts its type. */
+void iec61850_put_type(struct ber_writer *writer, const struct iec61850_model *model,
+		       const struct iec61850_object *object);
+
+#endif

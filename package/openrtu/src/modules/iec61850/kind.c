@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The server of IEC 61850: one module, if the configuration has "iec61850". */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "iec61850/config.h"
+#include "iec61850/config_part.h"
+#include "iec61850/stats.h"
+#include "map/address.h"
+#include "modules/calls.h"
+#include "modules/kind.h"
+
+#define USER    17 /* behind rtu-snmp, before those of others */
+#define BACKLOG 64
+
+static const struct call_rule calls[] = {
+    CALL(poll), CALL(ppoll_time64), CALL(ppoll), CALL(accept4),  CALL(setsockopt),
+    CALL(send), CALL(sendto),       CALL(recv),  CALL(recvfrom),
+};
+
+static const struct kind_program program = {
+    .name = "rtu-iec61850",
+    .calls = calls,
+    .call_count = sizeof(calls) / sizeof(calls[0]),
+};
+
+static bool plan(struct map_config *config)
+{
+	const struct map_module_plan module = {
+	    .name = "rtu-iec61850",
+	    .kind = IEC61850_KIND,
+	    .flags = MAP_HEARS_EVENTS,
+	    .rings = {.requests = 1, .answers = 1, .events = 1, .log = 128},
+	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
+	    .section_size = sizeof(struct iec61850_stats),
+	    .counters = IEC61850_COUNT_OF_COUNTERS,
+	    .user = USER,
+	};
+
+	return iec61850_settings(config) == NULL || map_plan_module(config, &module) != MAP_NONE;
+}
+
+/* Port 102 is root's. */
+static int open_socket(const struct map_config *config)
+{
+	const struct iec61850_settings *settings = iec61850_settings(config);
+	const uint16_t port = htons(settings->port);
+	struct sockaddr_in6 six = {.sin6_family = AF_INET6, .sin6_port = port};
+	struct sockaddr_in four = {.sin_family = AF_INET, .sin_port = port};
+	const int on = 1;
+	bool is_four;
+	int fd, error;
+
+	if (!map_address_parse(settings->address, &six.sin6_addr))
+		return -1;
+	is_four = IN6_IS_ADDR_V4MAPPED(&six.sin6_addr);
+	memcpy(&four.sin_addr, &six.sin6_addr.s6_addr[12], sizeof(four.sin_addr));
+	fd = socket(is_four ? AF_INET : AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (fd < 0)
+		return -1;
+	setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
+	if (bind(fd, is_four ? (const struct sockaddr *)&four : (const struct sockaddr *)&six,
+		 is_four ? sizeof(four) : sizeof(six)) == 0 &&
+	    listen(fd, BACKLOG) == 0)
+		return fd;
+	error = errno;
+	close(fd);
+	errno = error;
+	return -1;
+}
+
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	(void)module, (void)name;
+	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
+}
+
+/* All points: its clients have browsed them, and have to do so anew when they are others. */
+static uint32_t reads(const struct map_config *config, const char *module, uint32_t i)
+{
+	(void)module;
+	return i < config->point_count ? i : MAP_NONE;
+}
+
+const struct kind iec61850_kind = {
+    .name = IEC61850_KIND,
+    .part = &iec61850_part,
+    .plan = plan,
+    .programs = &program,
+    .program_count = 1,
+    .open = open_socket,
+    .same = same,
+    .reads = reads,
+    .fixed = "iec61850",
+};

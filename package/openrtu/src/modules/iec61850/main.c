@@ -1,0 +1,328 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * rtu-iec61850: the server of IEC 61850 on TCP. One loop; all of the protocol is in iec61850/. All memory is taken at the start.
+ */
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "iec61850/association.h"
+#include "iec61850/report.h"
+#include "map/address.h"
+#include "modules/module.h"
+
+#define IDLE_MS            250
+#define CONNECTIONS_A_TURN 16
+#define EVENTS_A_TURN      256
+#define STUCK_MS           10 /* a report that is due waits for its client to read */
+/* Of silence, then three questions 10 s apart: a client that is gone frees its place. */
+#define KEEP_ALIVE_S 30
+
+static struct map *map;
+static struct iec61850_server server;
+static uint8_t *scratch;
+static struct map_cursor cursor;
+static struct connection {
+	struct iec61850_association association;
+	int fd; /* -1: it is free */
+	char peer[MAP_ADDRESS_SIZE];
+} connections[IEC61850_ASSOCIATIONS_MAX];
+
+/* ---- connections ------------------------------------------------------------------------- */
+
+static void end(struct connection *connection, enum iec61850_end why)
+{
+	static const char *const texts[] = {[IEC61850_STAYS] = "gave its place to another",
+					    [IEC61850_RELEASED] = "released",
+					    [IEC61850_DAMAGED] = "sent what is no message of MMS",
+					    [IEC61850_SILENT_START] = "has not associated",
+					    [IEC61850_STUCK] = "does not take what it asked for"};
+
+	if (why == IEC61850_DAMAGED)
+		iec61850_count(&server, IEC61850_COUNT_DAMAGED);
+	else if (why != IEC61850_RELEASED)
+		iec61850_count(&server, IEC61850_COUNT_DROPPED);
+	if (connection->association.associated || why != IEC61850_RELEASED)
+		map_log(map, why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: %s",
+			connection->peer, texts[why]);
+	iec61850_blocks_release(&server, &connection->association);
+	close(connection->fd);
+	connection->fd = -1;
+}
+
+/* A free place, if need be of who has asked nothing for the longest time. NULL: all are in use. */
+static struct connection *find_place(int64_t now_ns)
+{
+	struct connection *idlest = NULL;
+	int64_t longest_ns = 0;
+
+	for (uint32_t i = 0; i < server.model.settings->associations; i++) {
+		const int64_t idle_ns = iec61850_association_idle_ns(&connections[i].association, now_ns);
+
+		if (connections[i].fd < 0)
+			return &connections[i];
+		if (idle_ns > longest_ns && !iec61850_blocks_owned(&server, &connections[i].association)) {
+			longest_ns = idle_ns;
+			idlest = &connections[i];
+		}
+	}
+	if (idlest != NULL)
+		end(idlest, IEC61850_STAYS);
+	return idlest;
+}
+
+static bool is_client(const struct in6_addr *from)
+{
+	const struct iec61850_settings *settings = server.model.settings;
+
+	for (uint32_t i = 0; i < settings->client_count; i++) {
+		struct in6_addr client;
+
+		if (map_address_parse(settings->clients[i], &client) &&
+		    memcmp(&client, from, sizeof(client)) == 0)
+			return true;
+	}
+	return settings->client_count == 0;
+}
+
+static void set_options(int fd)
+{
+	const int on = 1, idle = KEEP_ALIVE_S, interval = 10, count = 3;
+
+	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+	setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof(on));
+	setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &idle, sizeof(idle));
+	setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &interval, sizeof(interval));
+	setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &count, sizeof(count));
+}
+
+/* The peer as an IPv6 socket sees it. */
+static struct in6_addr address_of(const struct sockaddr_storage *from)
+{
+	struct in6_addr address = {.s6_addr[10] = 0xff, .s6_addr[11] = 0xff};
+
+	if (from->ss_family == AF_INET6)
+		memcpy(&address, &((const struct sockaddr_in6 *)(const void *)from)->sin6_addr,
+		       sizeof(address));
+	else
+		memcpy(&address.s6_addr[12], &((const struct sockaddr_in *)(const void *)from)->sin_addr, 4);
+	return address;
+}
+
+/* False: none is waiting. */
+static bool accept_one(int listener, int64_t now_ns)
+{
+	struct sockaddr_storage from;
+	socklen_t size = sizeof(from);
+	const int fd = accept4(listener, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+	struct connection *place;
+	struct in6_addr peer;
+
+	if (fd < 0)
+		return errno == ECONNABORTED;
+	peer = address_of(&from);
+	iec61850_count(&server, IEC61850_COUNT_CONNECTIONS);
+	place = is_client(&peer) ? find_place(now_ns) : NULL;
+	if (place == NULL) {
+		iec61850_count(&server, IEC61850_COUNT_REFUSED);
+		close(fd);
+		return true;
+	}
+	set_options(fd);
+	place->fd = fd;
+	if (IN6_IS_ADDR_V4MAPPED(&peer))
+		inet_ntop(AF_INET, &peer.s6_addr[12], place->peer, sizeof(place->peer));
+	else
+		inet_ntop(AF_INET6, &peer, place->peer, sizeof(place->peer));
+	iec61850_association_open(&place->association, server.model.settings->max_pdu, now_ns);
+	return true;
+}
+
+/* ---- octets ------------------------------------------------------------------------------ */
+
+/* False: the peer is gone. */
+static bool receive(struct connection *connection)
+{
+	size_t size;
+	uint8_t *space = iec61850_transport_space(&connection->association.transport, &size);
+	ssize_t count;
+
+	if (size == 0)
+		return true;
+	count = recv(connection->fd, space, size, 0);
+	if (count > 0)
+		iec61850_transport_received(&connection->association.transport, (size_t)count);
+	return count > 0 || (count < 0 && (errno == EAGAIN || errno == EINTR));
+}
+
+/* True: some went. */
+static bool transmit(struct connection *connection, int64_t now_ns)
+{
+	size_t size;
+	const uint8_t *octets = iec61850_transport_output(&connection->association.transport, &size);
+	ssize_t count;
+
+	if (size == 0)
+		return false;
+	count = send(connection->fd, octets, size, MSG_NOSIGNAL);
+	if (count > 0)
+		iec61850_association_written(&connection->association, (size_t)count, now_ns);
+	return count > 0;
+}
+
+static void serve(struct connection *connection, short events, int64_t now_ns)
+{
+	enum iec61850_end why;
+
+	if ((events & (POLLIN | POLLHUP | POLLERR)) && !receive(connection)) {
+		end(connection, IEC61850_RELEASED);
+		return;
+	}
+	do {
+		why = iec61850_association_run(&connection->association, &server, scratch, now_ns);
+	} while (transmit(connection, now_ns) && why == IEC61850_STAYS);
+	if (why != IEC61850_STAYS)
+		end(connection, why);
+}
+
+static short interest_of(struct connection *connection)
+{
+	const struct iec61850_transport *transport = &connection->association.transport;
+
+	return iec61850_transport_is_free(transport) ? POLLIN : POLLOUT;
+}
+
+/* ---- events ------------------------------------------------------------------------------ */
+
+/* Each event is told before the next is taken, so that a client sees every change that it has time for. */
+static void take_events(int64_t now_ns)
+{
+	const uint32_t count = server.model.settings->associations;
+	struct map_event event;
+
+	for (int i = 0; i < EVENTS_A_TURN && map_event_next(map, &cursor, &event); i++) {
+		iec61850_report_event(&server, &event, now_ns);
+		for (uint32_t j = 0; j < count && iec61850_report_due_ns(&server) <= now_ns; j++)
+			if (connections[j].fd >= 0)
+				serve(&connections[j], 0, now_ns);
+	}
+	if (cursor.lost == 0)
+		return;
+	map_count(&server.stats->counters[IEC61850_COUNT_EVENTS_LOST], cursor.lost);
+	map_count_lost_events(map, cursor.lost);
+	cursor.lost = 0;
+	iec61850_report_all(&server, now_ns);
+}
+
+static int wait_ms(int64_t now_ns)
+{
+	const int64_t left_ns = iec61850_report_due_ns(&server) - now_ns;
+
+	if (map_events_behind(map, &cursor) > 0)
+		return 0;
+	if (left_ns <= 0)
+		return STUCK_MS;
+	return left_ns >= IDLE_MS * NS_PER_MS ? IDLE_MS : (int)((left_ns + NS_PER_MS - 1) / NS_PER_MS);
+}
+
+/* ---- the loop ---------------------------------------------------------------------------- */
+
+static void run(int stop, int listener)
+{
+	enum { STOP, LISTENER, BELL, FIRST };
+	struct pollfd waits[FIRST + IEC61850_ASSOCIATIONS_MAX] = {
+	    [STOP] = {.fd = stop, .events = POLLIN}, [LISTENER] = {.fd = listener, .events = POLLIN}};
+	const uint32_t count = server.model.settings->associations;
+
+	while (map_may_run(map) && (waits[STOP].revents & POLLIN) == 0) {
+		int64_t now_ns;
+
+		for (uint32_t i = 0; i < count; i++)
+			waits[FIRST + i] = (struct pollfd){
+			    .fd = connections[i].fd,
+			    .events = connections[i].fd < 0 ? 0 : interest_of(&connections[i])};
+		poll(waits, FIRST + count, wait_ms(map_now_ns()));
+		now_ns = map_begin_cycle(map);
+		map_heartbeat(map);
+		map_bell_clear(map);
+		take_events(now_ns);
+		for (uint32_t i = 0; i < count; i++)
+			if (connections[i].fd >= 0)
+				serve(&connections[i], waits[FIRST + i].revents, now_ns);
+		for (int i = 0; (waits[LISTENER].revents & POLLIN) && i < CONNECTIONS_A_TURN; i++)
+			if (!accept_one(listener, now_ns))
+				break;
+	}
+}
+
+/* ---- start ------------------------------------------------------------------------------- */
+
+static bool begin_connection(struct connection *connection, uint32_t max_pdu)
+{
+	struct iec61850_transport *transport = &connection->association.transport;
+
+	connection->fd = -1;
+	transport->message_size = IEC61850_MESSAGE_SIZE(max_pdu);
+	transport->output_size = IEC61850_OUTPUT_SIZE(max_pdu);
+	transport->input = malloc(IEC61850_INPUT_SIZE);
+	transport->message = malloc(transport->message_size);
+	transport->output = malloc(transport->output_size);
+	return transport->input != NULL && transport->message != NULL && transport->output != NULL;
+}
+
+static bool start(void)
+{
+	const struct iec61850_settings *settings = iec61850_settings(map_config(map));
+	bool begun = iec61850_model_begin(&server.model, map);
+
+	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
+	server.names = malloc(settings->max_pdu);
+	server.chosen = calloc(map_config(map)->point_count + 1, sizeof(*server.chosen));
+	for (uint32_t i = 0; i < settings->associations; i++)
+		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
+	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
+		map_cursor_to_end(map, &cursor);
+		iec61850_report_all(&server, map_now_ns());
+		return true;
+	}
+	map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(ENOMEM));
+	return false;
+}
+
+static void name_counters(void)
+{
+	static const char *const names[IEC61850_COUNT_OF_COUNTERS] = {
+	    [IEC61850_COUNT_CONNECTIONS] = "connections",   [IEC61850_COUNT_REFUSED] = "connections_refused",
+	    [IEC61850_COUNT_ASSOCIATIONS] = "associations", [IEC61850_COUNT_DROPPED] = "connections_dropped",
+	    [IEC61850_COUNT_DAMAGED] = "messages_damaged",  [IEC61850_COUNT_REQUESTS] = "requests",
+	    [IEC61850_COUNT_ERRORS] = "requests_refused",   [IEC61850_COUNT_READS] = "variables_read",
+	    [IEC61850_COUNT_REPORTS] = "reports",           [IEC61850_COUNT_EVENTS_LOST] = "events_lost",
+	};
+
+	for (unsigned i = 0; i < IEC61850_COUNT_OF_COUNTERS; i++)
+		map_name_counter(map, &server.stats->counters[i], "%s", names[i]);
+}
+
+int main(int argc, char **argv)
+{
+	struct options options;
+	int stop;
+
+	map = module_begin(argc, argv, &options);
+	server.stats = map_section(map, map_self(map), sizeof(*server.stats));
+	if (iec61850_settings(map_config(map)) == NULL || server.stats == NULL)
+		return module_is_of_another_build(map);
+	name_counters();
+	stop = module_stop_fd();
+	if (stop < 0 || !start() || !module_confine(map, &options, 0))
+		return MODULE_FAILED;
+	map_log(map, MAP_LOG_INFO, "listening on %s port %u", server.model.settings->address,
+		(unsigned)server.model.settings->port);
+	run(stop, options.socket_fd);
+	map_detach(map);
+	return MODULE_ENDED;
+}
