@@ -12,9 +12,8 @@ import pytest
 from centre import settings
 from centre.__main__ import tls_context
 from centre.errors import CentreError
-from control_room import ROOT, until
+from control_room import ROOT, free_port, until
 from lab.centre_client import AnswerError, Client
-from lab.gateway import free_port
 
 
 @pytest.fixture
