@@ -103,7 +103,7 @@ REACH = [
         "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py",
     ),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
-    ("scripts/openrtu-logic", "lint tests/test_logic.py"),
+    ("scripts/openrtu-logic", "lint tests/test_logic.py tests/test_logic_gateway.py"),
     ("scripts/lab/twin_show.py", "test-twin"),
     ("scripts/lab/manager.py", "lint tests/test_snmp.py tests/test_show.py"),
     ("scripts/lab/managed.py", "lint tests/test_show.py"),
