@@ -152,7 +152,9 @@ size_t goose_publisher_send(struct goose_publisher *publisher, const uint8_t sou
 
 static union map_value longest_value(enum map_type type)
 {
-	return type == MAP_BITSTRING ? (union map_value){.u = UINT32_MAX} : (union map_value){.i = INT32_MIN};
+	if (type == MAP_BITSTRING)
+		return (union map_value){.u = UINT32_MAX};
+	return (union map_value){.i = INT32_MIN};
 }
 
 size_t goose_longest(const struct goose_publication *publication, const uint32_t *members,

@@ -204,10 +204,9 @@ static bool is_news(const struct values *values, uint32_t point,
 		    const struct map_sample samples[IEC104_OUTSTATION_POSITION_POINTS])
 {
 	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++) {
-		struct map_sample last;
+		const struct map_sample last = map_own_sample(values->map, point + i);
 
-		if (!map_read(values->map, point + i, &last) || last.quality != samples[i].quality ||
-		    last.value.u != samples[i].value.u)
+		if (last.quality != samples[i].quality || last.value.u != samples[i].value.u)
 			return true;
 	}
 	return false;
