@@ -575,6 +575,8 @@ def around(site: Site) -> dict[str, Any]:
     ports = document["port"]
     if "synch" in site.properties():
         return document  # which names a line
+    if not site.place.startswith("iec61850"):
+        del document["iec61850"]  # whose names have no room for every IOA
     for number, port in enumerate(ports):
         if f"port[{number}]" not in site.place:
             ports[number] = {"value": port["value"], "active": 0}

@@ -25,6 +25,7 @@ EVERYWHERE = {
     "rtuctl.bash",
     "rtu-goose",
     "rtu-gps",
+    "rtu-iec61850",
     "rtu-logic",
     "rtu-synch",
     "relay.json",
@@ -170,7 +171,7 @@ TOUCHED = {
     ),
     "modules/meson.build": (
         "\nif cmocka.found()",
-        "\nexecutable('rtu-probe', 'probe/main.c', module_sources, dependencies: map_dep)\nif cmocka.found()",
+        "\nexecutable('rtu-probe', 'probe/main.c', dependencies: module_dep)\nif cmocka.found()",
     ),
 }
 
