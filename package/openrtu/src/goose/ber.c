@@ -77,7 +77,8 @@ void ber_put(struct ber_out *out, const void *octets, size_t size)
 		return;
 	}
 	out->at -= size;
-	memcpy(out->at, octets, size);
+	if (size > 0) /* an empty text may be nowhere */
+		memcpy(out->at, octets, size);
 }
 
 void ber_wrap(struct ber_out *out, uint8_t tag, const uint8_t *mark)

@@ -54,12 +54,11 @@ static int bell(void)
 	return map_bell_is_wild(map) ? -1 : map_bell_fd(map);
 }
 
-static int pause_for(int64_t deadline_ns, struct timespec *out)
+static struct timespec pause_until(int64_t deadline_ns)
 {
-	const int64_t left_ns = deadline_ns - map_now_ns();
+	const int64_t now_ns = map_now_ns(), left_ns = deadline_ns > now_ns ? deadline_ns - now_ns : 0;
 
-	*out = (struct timespec){.tv_sec = left_ns / NS_PER_S, .tv_nsec = left_ns % NS_PER_S};
-	return left_ns > 0;
+	return (struct timespec){.tv_sec = left_ns / NS_PER_S, .tv_nsec = (long)(left_ns % NS_PER_S)};
 }
 
 static void run(int stop)
@@ -71,10 +70,8 @@ static void run(int stop)
 	};
 
 	while (map_may_run(map) && (waits[0].revents & POLLIN) == 0 && !wire.gone) {
-		struct timespec pause;
+		const struct timespec pause = pause_until(serve());
 
-		if (!pause_for(serve(), &pause))
-			pause = (struct timespec){.tv_sec = 0};
 		waits[1].fd = bell();
 		ppoll(waits, sizeof(waits) / sizeof(waits[0]), &pause, NULL);
 	}
