@@ -316,6 +316,24 @@ def test_other_data_than_agreed_is_invalid(bay: Bay, speaker: Peer, wrong: list[
     assert bay.counter("relay.mismatched") > before
 
 
+# ---- a changed configuration ----------------------------------------------------------------------
+
+
+def test_changed_publication_goes_on(bay: Bay, hearer: Peer) -> None:
+    """A data set without its times, in another revision: the copy, which expects them, is invalid."""
+    gateway = bay.gateway
+    before = json.loads(gateway.config_file.read_text())
+    after = json.loads(gateway.config_file.read_text())
+    after["goose"]["publish"][0] |= {"time": False, "conf_rev": 8}
+    gateway.ctl("reload", gateway.put(after))
+    heard = hearer.wait(lambda m: m["revision"] == 8, "the other revision")
+    assert len(re.findall(r"[^,{}]+", heard["values"])) == 8
+    bay.wait_quality("copy.tap", "invalid")
+    gateway.ctl("reload", gateway.put(before))
+    hearer.wait(lambda m: m["revision"] == 7, "the former revision")
+    bay.wait_point("copy.tap", 7)
+
+
 # ---- hostile ---------------------------------------------------------------------------------------
 
 

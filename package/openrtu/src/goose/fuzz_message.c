@@ -47,7 +47,7 @@ static void take(const struct goose_message *message)
 	memcpy(subscription.stream.control, message->control.at, message->control.size);
 	subscription.stream.app_id = message->address.app_id;
 	subscription.stream.conf_rev = message->conf_rev;
-	goose_subscriber_init(&subscriber, &subscription);
+	goose_subscriber_init(&subscriber, &subscription, 0);
 	first = goose_subscriber_take(&subscriber, message, 1);
 	CHECK(first != GOOSE_REPEATED && first != GOOSE_OUT_OF_ORDER);
 	CHECK(first != GOOSE_TAKEN || goose_subscriber_take(&subscriber, message, 1) == GOOSE_OUT_OF_ORDER);

@@ -7,9 +7,10 @@
 
 #define ALIVE_MOST_MS 600000 /* of what is longer, as of a mistake: a dead publisher shall be seen */
 
-void goose_subscriber_init(struct goose_subscriber *subscriber, const struct goose_subscription *subscription)
+void goose_subscriber_init(struct goose_subscriber *subscriber, const struct goose_subscription *subscription,
+			   int64_t until_ns)
 {
-	*subscriber = (struct goose_subscriber){.subscription = subscription};
+	*subscriber = (struct goose_subscriber){.subscription = subscription, .until_ns = until_ns};
 }
 
 static bool is_text(struct goose_text text, const char *wanted)
@@ -38,14 +39,14 @@ static bool is_older(const struct goose_subscriber *subscriber, const struct goo
 {
 	const int32_t states = (int32_t)(message->state - subscriber->state);
 
-	if (subscriber->until_ns == 0)
+	if (!subscriber->has_taken)
 		return false;
 	return states < 0 || (states == 0 && (int32_t)(message->sequence - subscriber->sequence) <= 0);
 }
 
 static void count_missed(struct goose_subscriber *subscriber, const struct goose_message *message)
 {
-	if (subscriber->until_ns == 0)
+	if (!subscriber->has_taken)
 		return;
 	if (message->state == subscriber->state)
 		subscriber->missed += message->sequence - subscriber->sequence - 1;
@@ -69,8 +70,9 @@ enum goose_verdict goose_subscriber_take(struct goose_subscriber *subscriber,
 	}
 	if (is_older(subscriber, message))
 		return GOOSE_OUT_OF_ORDER;
-	is_new = subscriber->until_ns == 0 || message->state != subscriber->state;
+	is_new = !subscriber->has_taken || message->state != subscriber->state;
 	count_missed(subscriber, message);
+	subscriber->has_taken = true;
 	subscriber->state = message->state;
 	subscriber->sequence = message->sequence;
 	subscriber->time = message->time;
@@ -84,6 +86,7 @@ bool goose_subscriber_expires(struct goose_subscriber *subscriber, int64_t now_n
 	if (now_ns < goose_subscriber_deadline(subscriber))
 		return false;
 	subscriber->until_ns = 0;
+	subscriber->has_taken = false;
 	return true;
 }
 

@@ -18,14 +18,16 @@ enum goose_verdict {
 
 struct goose_subscriber {
 	const struct goose_subscription *subscription;
-	uint32_t state, sequence; /* of the last message that was taken */
+	bool has_taken;           /* a message, since something holds */
+	uint32_t state, sequence; /* of the last one */
 	uint32_t missed;          /* messages: gaps in sqNum, and states that were never seen */
 	int64_t until_ns;         /* what was taken holds; 0: nothing holds */
 	struct goose_time time;   /* of the state */
 };
 
-void goose_subscriber_init(struct goose_subscriber *subscriber,
-			   const struct goose_subscription *subscription);
+/* until_ns: what a former process has taken may hold for so long; 0: there is none. */
+void goose_subscriber_init(struct goose_subscriber *subscriber, const struct goose_subscription *subscription,
+			   int64_t until_ns);
 
 /* A message that is sound. now_ns: when it came. */
 enum goose_verdict goose_subscriber_take(struct goose_subscriber *subscriber,

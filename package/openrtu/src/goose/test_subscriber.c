@@ -22,7 +22,7 @@ static struct goose_message message;
 static int begin(void **state)
 {
 	(void)state;
-	goose_subscriber_init(&subscriber, &subscription);
+	goose_subscriber_init(&subscriber, &subscription, 0);
 	message = (struct goose_message){
 	    .address = {.destination = {1, 0x0c, 0xcd, 1, 0, 1}, .app_id = 9},
 	    .control = {"L/LLN0$GO$a", 11},
@@ -128,6 +128,22 @@ static void test_a_time_without_end_ends(void **state)
 	assert_true(goose_subscriber_expires(&subscriber, 600 * NS_PER_S));
 }
 
+/* Of a former process: until its own first message, or the end of the time. */
+static void test_what_another_process_took_ends(void **state)
+{
+	(void)state;
+	goose_subscriber_init(&subscriber, &subscription, 50 * MS);
+	assert_true(goose_subscriber_expires(&subscriber, 50 * MS));
+	goose_subscriber_init(&subscriber, &subscription, 50 * MS);
+	assert_int_equal(take(UINT32_MAX, 9, 1 * MS), GOOSE_TAKEN);
+	assert_int_equal(subscriber.missed, 0);
+	assert_false(goose_subscriber_expires(&subscriber, 100 * MS));
+	goose_subscriber_init(&subscriber, &subscription, 50 * MS);
+	message.conf_rev = 3;
+	assert_int_equal(take(1, 0, 2 * MS), GOOSE_MISMATCHED);
+	assert_true(goose_subscriber_expires(&subscriber, 2 * MS));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -138,6 +154,7 @@ int main(void)
 	    cmocka_unit_test_setup(test_another_revision_ends_what_holds, begin),
 	    cmocka_unit_test_setup(test_messages_of_others, begin),
 	    cmocka_unit_test_setup(test_a_time_without_end_ends, begin),
+	    cmocka_unit_test_setup(test_what_another_process_took_ends, begin),
 	};
 
 	return cmocka_run_group_tests_name("goose subscriber", tests, NULL, NULL);

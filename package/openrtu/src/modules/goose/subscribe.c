@@ -5,6 +5,7 @@
 #include "goose/value.h"
 #include "map/time_ns.h"
 
+#define TAKEN_OVER_NS   (2 * NS_PER_S) /* after a reload: until a message of this process holds */
 #define TIME_TRUSTED_NS (5 * NS_PER_S) /* of a new state, before its first message came */
 
 static struct map *map;
@@ -169,7 +170,8 @@ void subscribe_run(int64_t now_ns)
 	for (uint32_t i = 0; i < count; i++) {
 		if (!goose_subscriber_expires(&subscribers[i], now_ns))
 			continue;
-		map_count(&stats->subscribed[i].expired, 1);
+		if (atomic_load(&stats->subscribed[i].holds))
+			map_count(&stats->subscribed[i].expired, 1);
 		end_state(i, now_ns);
 	}
 }
@@ -207,7 +209,7 @@ bool subscribe_begin(struct map *of_map, struct goose_stats *of_stats)
 	for (uint32_t i = 0; i < count; i++) {
 		const struct goose_subscription *subscription = &goose_subscriptions(config)[i];
 
-		goose_subscriber_init(&subscribers[i], subscription);
+		goose_subscriber_init(&subscribers[i], subscription, map_now_ns() + TAKEN_OVER_NS);
 		atomic_store(&stats->subscribed[i].holds, 0);
 		name_counters(subscription->stream.name, &stats->subscribed[i]);
 	}
