@@ -178,6 +178,17 @@ def test_killed_module_has_no_position(drive: Drive) -> None:
     assert drive.point("latitude")["quality"] == "good"
 
 
+def test_position_that_a_reload_took_over_gets_old(drive: Drive) -> None:
+    drive.say(DEPOT)
+    pid = drive.gateway.modules()["rtu-gps"]["pid"]
+    changed = json.loads(drive.gateway.config_file.read_text())
+    changed["gps"][0]["distance_m"] = 70
+    drive.gateway.ctl("reload", drive.gateway.put(changed))
+    assert drive.gateway.modules()["rtu-gps"]["pid"] != pid
+    drive.wait_point("latitude", lambda point: point["quality"] == "not topical", "an old position")
+    assert drive.point("latitude")["value"] == DEPOT[0]
+
+
 def test_the_sky_is_drawn(drive: Drive) -> None:
     drive.say(DEPOT)
     picture = drive.gateway.ctl("gps", "bus").splitlines()

@@ -403,6 +403,32 @@ def test_lib60870s_server(gateway: Run) -> None:
         server.stop()
 
 
+# ---- a changed configuration --------------------------------------------------------------------
+
+
+def test_what_another_process_took_over_ends_without_its_outstation(gateway: Run, town: Outstation) -> None:
+    one = gateway(outstation(town.port))
+    wait_quality(one, "power", "good")
+    changed = json.loads(one.config_file.read_text())
+    changed["outstations"][0]["k"] = 11
+    one.ctl("reload", one.put(changed))
+    one.wait_for(lambda: counters(one)["town.started"] > 0, LIMIT_S, "data transfer again")
+    assert one.points("power")["power"]["quality"] == "good"
+    pid = one.modules()["rtu-104m"]["pid"]
+    town.die()
+    wait_quality(one, "power", "invalid")
+    assert one.modules()["rtu-104m"]["pid"] == pid
+
+
+def test_outstation_that_is_gone_with_the_former_process(gateway: Run, town: Outstation) -> None:
+    one = gateway(outstation(town.port))
+    wait_quality(one, "power", "good")
+    changed = json.loads(one.config_file.read_text())
+    changed["outstations"][0]["port"] = free_port()  # where nobody is
+    one.ctl("reload", one.put(changed))
+    wait_quality(one, "power", "invalid")
+
+
 # ---- commands -----------------------------------------------------------------------------------
 
 

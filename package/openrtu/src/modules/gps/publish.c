@@ -12,6 +12,7 @@ void publisher_init(struct publisher *publisher, struct map *map, const struct g
 		    struct gps_stats *stats)
 {
 	const struct gps_fence *fences = gps_fences(map_config(map));
+	const struct map_set *set = &map_config(map)->sets[settings->set];
 
 	*publisher = (struct publisher){
 	    .map = map,
@@ -19,6 +20,9 @@ void publisher_init(struct publisher *publisher, struct map *map, const struct g
 	    .fences = fences == NULL ? NULL : &fences[settings->first_fence],
 	    .stats = stats,
 	};
+	for (uint32_t i = 0; i < set->point_count; i++)
+		if ((map_own_sample(map, set->first_point + i).quality & MAP_INVALID) == 0)
+			publisher->taken_over_ns = map_now_ns();
 }
 
 /* ---- one fix as samples ------------------------------------------------------------------ */
@@ -174,17 +178,42 @@ void publisher_take(struct publisher *publisher, struct gps_fix *fix)
 	show(publisher);
 }
 
+/* The fix is a former process's: its values stay. */
+static void age(struct publisher *publisher, int64_t now_ns)
+{
+	const struct map_set *set = &map_config(publisher->map)->sets[publisher->settings->set];
+	struct map_update updates[1 + GPS_POINTS + GPS_FENCES_MAX];
+
+	for (uint32_t i = 0; i < set->point_count; i++) {
+		const uint32_t point = set->first_point + i;
+		const uint8_t quality = map_own_sample(publisher->map, point).quality;
+
+		updates[i] = (struct map_update){
+		    .point = point,
+		    .flags = MAP_UPDATE_KEEPS_VALUE,
+		    .event_rule = MAP_EVENT_BY_QUALITY,
+		    .sample = {.quality = quality | MAP_NOT_TOPICAL, .time_ns = now_ns},
+		};
+	}
+	map_publish(publisher->map, updates, set->point_count);
+}
+
 void publisher_run(struct publisher *publisher, int64_t now_ns)
 {
 	if (now_ns < publisher_deadline(publisher))
 		return;
 	publisher->is_stale = true;
-	publish(publisher, &publisher->last, now_ns, MAP_EVENT_ALWAYS);
+	if (publisher->has_last)
+		publish(publisher, &publisher->last, now_ns, MAP_EVENT_ALWAYS);
+	else
+		age(publisher, now_ns);
 }
 
 int64_t publisher_deadline(const struct publisher *publisher)
 {
-	if (!publisher->has_last || publisher->is_stale)
+	const int64_t known_ns = publisher->has_last ? publisher->last.arrival_ns : publisher->taken_over_ns;
+
+	if (known_ns == 0 || publisher->is_stale)
 		return INT64_MAX;
-	return publisher->last.arrival_ns + publisher->settings->topical_ns + 1;
+	return known_ns + publisher->settings->topical_ns + 1;
 }

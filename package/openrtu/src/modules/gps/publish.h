@@ -15,6 +15,8 @@ struct publisher {
 	bool has_sent, has_last, is_stale;
 	struct gps_fix sent; /* the last that was an event */
 	struct gps_fix last;
+	int64_t
+	    taken_over_ns; /* when this process began, with a position that a former one had; 0: without */
 };
 
 /* Everything it refers to must outlive it. */

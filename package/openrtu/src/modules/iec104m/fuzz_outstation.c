@@ -417,7 +417,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	input = (struct input){.at = data, .end = data + size};
 	set_up();
-	CHECK(outstation_init(&outstation, NULL, &config, &stats));
+	CHECK(outstation_init(&outstation, NULL, &config, &stats, 1));
 	while (input.at < input.end)
 		step();
 	for (unsigned i = 0; i < LINKS; i++)

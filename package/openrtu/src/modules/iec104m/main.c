@@ -133,7 +133,7 @@ static bool set_up(const struct iec104_outstation *configs, struct iec104_outsta
 {
 	outstations = calloc(count, sizeof(*outstations));
 	for (uint32_t i = 0; outstations != NULL && i < count; i++) {
-		if (!outstation_init(&outstations[i], map, &configs[i], &stats[i]))
+		if (!outstation_init(&outstations[i], map, &configs[i], &stats[i], map_now_ns()))
 			return false;
 		name_counters(&configs[i], &stats[i]);
 	}

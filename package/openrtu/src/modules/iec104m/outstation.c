@@ -162,6 +162,7 @@ static void note_start(struct outstation *outstation)
 	map_log(outstation->map, MAP_LOG_INFO, "%s: data transfer on %s", outstation->config->name,
 		link->address);
 	outstation->valid = true;
+	outstation->taken_over = false;
 	outstation->failing = false;
 	outstation->valid_until_ns = INT64_MAX;
 	outstation->poll = 0;
@@ -183,7 +184,7 @@ static void say_failure(struct outstation *outstation, const struct link *link)
 
 static void invalidate(struct outstation *outstation)
 {
-	outstation->valid = false;
+	outstation->valid = outstation->taken_over = false;
 	outstation->valid_until_ns = INT64_MAX;
 	values_invalidate(&outstation->values, outstation->now.monotonic_ns);
 	map_log(outstation->map, MAP_LOG_WARNING, "%s: its points are invalid", outstation->config->name);
@@ -233,7 +234,7 @@ static void choose_link(struct outstation *outstation)
 	}
 	any = outstation->active != NULL;
 	if (outstation->valid && !is_started(outstation) &&
-	    (!any || outstation->now.monotonic_ns >= outstation->valid_until_ns))
+	    ((!any && !outstation->taken_over) || outstation->now.monotonic_ns >= outstation->valid_until_ns))
 		invalidate(outstation);
 }
 
@@ -308,7 +309,7 @@ static void set_up(struct outstation *outstation)
 }
 
 bool outstation_init(struct outstation *outstation, struct map *map, const struct iec104_outstation *config,
-		     struct iec104_outstation_stats *stats)
+		     struct iec104_outstation_stats *stats, int64_t now_ns)
 {
 	bool good;
 
@@ -323,6 +324,10 @@ bool outstation_init(struct outstation *outstation, struct map *map, const struc
 	if (!good)
 		return false;
 	plan_polls(outstation);
+	if (values_hold(&outstation->values)) {
+		outstation->valid = outstation->taken_over = true;
+		outstation->valid_until_ns = now_ns + config->t1_s * NS_PER_S;
+	}
 	commands_init(&outstation->commands, map, &outstation->values, stats);
 	return true;
 }

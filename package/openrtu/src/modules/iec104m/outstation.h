@@ -21,6 +21,7 @@ struct outstation {
 	uint32_t poll;   /* the request that is one; 0: none is under way */
 	int64_t poll_ns; /* the next at the earliest */
 	bool valid;      /* its points may be good: they are so from the start to the loss of all links */
+	bool taken_over; /* they are a former process's, and there was no data transfer yet */
 	bool failing;    /* that has been said */
 	int64_t valid_until_ns; /* without data transfer, while another link takes over */
 	struct iec104_moment now;
@@ -29,9 +30,9 @@ struct outstation {
 	struct commands commands;
 };
 
-/* False: there is no memory. */
+/* now_ns: from now on, what a former process leaves holds for t1 without data transfer. False: there is no memory. */
 bool outstation_init(struct outstation *outstation, struct map *map, const struct iec104_outstation *config,
-		     struct iec104_outstation_stats *stats);
+		     struct iec104_outstation_stats *stats, int64_t now_ns);
 void outstation_free(struct outstation *outstation);
 
 /* All there is to do now. */

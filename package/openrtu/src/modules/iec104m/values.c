@@ -65,6 +65,14 @@ void values_free(struct values *values)
 	free(values->entries);
 }
 
+bool values_hold(const struct values *values)
+{
+	for (uint32_t i = 0; i < values->count; i++)
+		if ((map_own_sample(values->map, values->entries[i].point).quality & MAP_INVALID) == 0)
+			return true;
+	return false;
+}
+
 const struct values_entry *values_find(const struct values *values, uint16_t ca, uint32_t ioa)
 {
 	const struct values_entry wanted = {.ca = ca, .ioa = ioa};

@@ -34,6 +34,9 @@ bool values_init(struct values *values, struct map *map, const struct iec104_out
 		 struct iec104_outstation_stats *stats);
 void values_free(struct values *values);
 
+/* True: some point is not invalid, as those that a former process leaves when a configuration changes. */
+bool values_hold(const struct values *values);
+
 /* NULL: it is none of the outstation's. */
 const struct values_entry *values_of_point(const struct values *values, uint32_t point);
 const struct values_entry *values_find(const struct values *values, uint16_t ca, uint32_t ioa);
