@@ -373,6 +373,13 @@ def logic(desk: Desk) -> None:
         line = "earthed" if earthed else "not earthed"
         say(f"     master       breaker {'on' if on else 'off'}, the line is {line}: {answer}")
 
+    # The step before left a level at which the sequence pumps.
+    desk.lines.set(DEVICE, *LEVEL, 50)
+    desk.gateway.wait_for(
+        lambda: desk.gateway.points("phase")["phase"]["value"] == 0,
+        DEADLINE_S,
+        "the sequence is at its start",
+    )
     order(False, True)
     order(True, True)
     refused = "a command of order was refused: interlock"
