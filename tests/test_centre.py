@@ -33,7 +33,7 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "centre.md"
 LIMIT_S = 60.0  # for a hang only
 K = 12  # of centre-rtus
 POSITION = (522190650, 210108517, 0)
-WITHOUT_CONFIRMATION = 14  # enum iec104_closing: STARTDT act not confirmed in t1
+WITHOUT_CONFIRMATION = 15  # enum iec104_closing: STARTDT act not confirmed in t1
 
 
 def station(name: str, port: int, address: str = "127.0.0.1", **keys: object) -> dict[str, object]:
@@ -610,11 +610,11 @@ GARBAGE = b"GET / HTTP/1.1\r\n\r\n"
 HOSTILE = {
     "garbage": (GARBAGE, 1),
     "data before STARTDT con": (bytes.fromhex("680e0000000001010300010001000001"), 5),
-    "STARTDT act": (bytes.fromhex("680407000000"), 15),
+    "STARTDT act": (bytes.fromhex("680407000000"), 16),
     "a frame is missing": (STARTDT_CON + bytes.fromhex("680e0200000001010300010001000001"), 3),
     "acknowledges what was never sent": (STARTDT_CON + bytes.fromhex("68040100fe00"), 4),
     "an ASDU that is too short": (STARTDT_CON + bytes.fromhex("680a00000000010203000100"), 2),
-    "half a frame": (STARTDT_CON + b"\x68\x0e\x00", 12),
+    "half a frame": (STARTDT_CON + b"\x68\x0e\x00", 13),
 }
 
 

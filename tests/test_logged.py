@@ -66,7 +66,7 @@ def test_long_step_shows_how_far_it_is(tmp_path: Path, terminal: bool) -> None:
     if not terminal:
         assert re.fullmatch(
             r"   \* step: started; log: build/log/step\.log\n"
-            r" +1\d s  7 of 9 objects\n"
+            r" +1\d s  step: 7 of 9 objects\n"
             r"   \* step: done, 7 of 9 objects, 1\d s\n",
             logged(tmp_path, shell).stdout,
         )

@@ -8,7 +8,7 @@ import { age, t, time } from "./words.js";
 
 // enum iec104_closing, and the errno of a connection that was never made.
 const REASONS = ["", "not an APDU", "ASDU too short", "N(S) out of sequence", "N(R) never sent", "I frame while stopped", "t1: I frame", "t1: TESTFR",
-  "too many requests", "taken over", "gave way", "not secure", "closed by the station", "closed by the centre", "t1: STARTDT", "started by the station"];
+  "too many requests", "taken over", "gave way", "not secure", "no longer allowed", "closed by the station", "closed by the centre", "t1: STARTDT", "started by the station"];
 const ERRORS = { 111: "connection refused", 110: "timed out", 113: "no route to host", 101: "network unreachable", 104: "connection reset" };
 
 const CLOCK_WRONG_MS = 5000;

@@ -329,6 +329,12 @@ static bool read_text(struct ber_in content, struct goose_text *out)
 
 #define BIT(tag) (1u << ((tag)&0x1f))
 
+/* 0: of a tag that is none of ours. */
+static uint32_t bit_of(uint8_t tag)
+{
+	return (tag >= TAG_CONTROL && tag <= TAG_ENTRIES) || tag == TAG_DATA ? BIT(tag) : 0;
+}
+
 static bool read_field(const struct ber_element *element, struct goose_message *out, uint32_t *entries,
 		       struct ber_in *data)
 {
@@ -373,10 +379,10 @@ static bool read_pdu(struct ber_in pdu, struct goose_message *out, struct goose_
 	uint32_t found = 0, entries = 0;
 
 	while (ber_size(pdu) > 0) {
-		if (!ber_next(&pdu, &field) || (found & BIT(field.tag)) != 0 ||
+		if (!ber_next(&pdu, &field) || (found & bit_of(field.tag)) != 0 ||
 		    !read_field(&field, out, &entries, &data))
 			return false;
-		found |= BIT(field.tag);
+		found |= bit_of(field.tag);
 	}
 	return (found & needed) == needed && read_data(data, out, items) && out->entries == entries;
 }

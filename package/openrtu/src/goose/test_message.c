@@ -108,6 +108,19 @@ static void test_octets_of_the_smallest(void **state)
 	assert_memory_equal(frame, wanted, sizeof(wanted));
 }
 
+/* Of a later edition, beside ours; never instead of one. */
+static void test_another_tag_is_no_control_block(void **state)
+{
+	const size_t size = goose_encode(&sent, frame);
+	uint8_t *control = memmem(frame, size, sent.control.at, sent.control.size);
+
+	(void)state;
+	assert_non_null(control);
+	assert_int_equal(control[-2], 0x80);
+	control[-2] = 0xa0;
+	assert_false(goose_decode(frame, size, &read, read_items));
+}
+
 static void test_every_cut_is_refused(void **state)
 {
 	const size_t size = goose_encode(&sent, frame);
@@ -185,6 +198,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(test_a_message_there_and_back),
 	    cmocka_unit_test(test_octets_of_the_smallest),
+	    cmocka_unit_test(test_another_tag_is_no_control_block),
 	    cmocka_unit_test(test_every_cut_is_refused),
 	    cmocka_unit_test(test_octets_behind_the_message_are_the_mediums),
 	    cmocka_unit_test(test_a_structure_is_its_leaves),
