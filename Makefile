@@ -437,9 +437,9 @@ test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
 	$(PYTHON) tests/changed.py $(BASE)
 
-# Two halves run beside each other, for each waits in the time in which the other computes: the gateway and the tools; the
-# kernels, the images and what runs on them. What both need is built before, by one make. Of the downloads and the
-# configuring, which wait as well, two run at a time.
+# The kernels and the images are built while the first parts run, in the time that their tests wait, and give way to them
+# (nice). What both need is built before, by one make. Of the downloads and the configuring, which wait as well, two run at a
+# time. The tests themselves run one part after another: two cores with more than three workers make tests late.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/mibs/done
 ONLY_LINUX := linux linux-debug build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
@@ -448,15 +448,15 @@ PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 test: $(VENV) ## Test: all but soak; then what it cost and what failed
 	rm -rf build/times
 	mkdir -p build/log; failed=; $(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; \
-	set -m; { nice -n 5 $(MAKE) --jobs 2 $(ONLY_LINUX) && nice -n 5 $(MAKE) image-debian lab && $(MAKE) test-linux; } \
-	  > build/log/test-linux.log 2>&1 & linux=$$!; set +m; \
+	set -m; { nice $(MAKE) --jobs 2 $(ONLY_LINUX) && nice $(MAKE) image-debian lab; } \
+	  > build/log/test-linux-build.log 2>&1 & linux=$$!; set +m; \
 	trap 'kill -- -$$linux 2> /dev/null || true' EXIT; \
-	echo "test: test-linux, and what it needs, runs beside the other parts; log: build/log/test-linux.log"; \
+	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
 	for part in $(PARTS); do \
 	  $(MAKE) $$part || failed+=" $$part"; \
 	done; \
-	echo "test: waits for test-linux"; \
-	wait $$linux || failed+=" test-linux"; cat build/log/test-linux.log; \
+	wait $$linux || tail -n 40 build/log/test-linux-build.log; \
+	$(MAKE) test-linux || failed+=" test-linux"; \
 	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
