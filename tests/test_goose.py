@@ -21,10 +21,7 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.modules import place, program
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(os.geteuid() != 0, reason="a socket on an interface's frames is root's"),
-]
+pytestmark = pytest.mark.slow
 
 FIXTURES = Path(__file__).resolve().parent / "fixtures/goose"
 INTERFACE = "lo"
@@ -153,6 +150,8 @@ class Bay:
 
 @pytest.fixture(scope="module")
 def running(programs: Path) -> Iterator[Bay]:
+    if os.geteuid() != 0:
+        pytest.skip("a socket on an interface's frames is root's")
     directory = run_directory()
     try:
         place(directory, programs)

@@ -208,23 +208,12 @@ static void read_subscription(struct config_loader *loader, const struct config_
 
 /* ---- what is published ---------------------------------------------------------------------- */
 
-static uint32_t find_point(const struct map_config *config, const char *name)
-{
-	char other[MAP_NAME_SIZE];
-
-	for (uint32_t i = 0; i < config->point_count; i++) {
-		map_point_name(config, &config->points[i], other);
-		if (strcmp(other, name) == 0)
-			return i;
-	}
-	return MAP_NONE;
-}
-
 static void add_member(struct config_loader *loader, const struct config_place *place, struct own *own,
 		       const json_t *json)
 {
 	const char *name = json_string_value(json);
-	const uint32_t point = name == NULL ? MAP_NONE : find_point(loader->config, name);
+	const uint32_t point =
+	    name == NULL ? MAP_NONE : config_index_name(&loader->index, loader->config, name);
 
 	if (point == MAP_NONE)
 		config_error(&loader->report, place, "is the name of no point");
@@ -380,6 +369,8 @@ static bool link_points(struct config_loader *loader, void *own_memory)
 	const json_t *publication;
 	size_t i;
 
+	if (!config_index_renew(&loader->index, loader->config))
+		return false;
 	json_array_foreach(own->publish, i, publication)
 	{
 		const struct config_place place = config_element_of(&array, i);

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "goose/ber.h"
+#include "ber/ber.h"
 #include "map/time_ns.h"
 
 #define VLAN_TYPE     0x8100
@@ -50,9 +50,8 @@ enum data_tag {
 
 /* ---- out --------------------------------------------------------------------------------- */
 
-static void put_time(struct ber_out *out, uint8_t tag, struct goose_time time)
+static void put_time(struct ber_writer *writer, uint8_t tag, struct goose_time time)
 {
-	const uint8_t *mark = out->at;
 	const uint32_t seconds = (uint32_t)(time.utc_ns / NS_PER_S);
 	const uint32_t fraction = (uint32_t)(time.utc_ns % NS_PER_S * PER_SECOND / NS_PER_S);
 	const uint8_t octets[TIME_SIZE] = {
@@ -60,129 +59,122 @@ static void put_time(struct ber_out *out, uint8_t tag, struct goose_time time)
 	    (uint8_t)(fraction >> 16), (uint8_t)(fraction >> 8), (uint8_t)fraction,       time.quality,
 	};
 
-	ber_put(out, octets, sizeof(octets));
-	ber_wrap(out, tag, mark);
+	ber_put(writer, tag, octets, sizeof(octets));
 }
 
-static void put_bits(struct ber_out *out, uint32_t bits, uint8_t size)
+static void put_bits(struct ber_writer *writer, uint32_t bits, uint8_t size)
 {
-	const uint8_t *mark = out->at;
+	const size_t end = writer->at;
 	const uint8_t octet_count = (uint8_t)((size + 7) / 8), unused = (uint8_t)(octet_count * 8 - size);
 	const uint64_t padded = (uint64_t)bits << unused;
 
 	for (uint8_t i = 0; i < octet_count; i++) {
 		const uint8_t octet = (uint8_t)(padded >> 8 * i);
 
-		ber_put(out, &octet, 1);
+		ber_put_octets(writer, &octet, 1);
 	}
-	ber_put(out, &unused, 1);
-	ber_wrap(out, DATA_BITS, mark);
+	ber_put_octets(writer, &unused, 1);
+	ber_close(writer, DATA_BITS, end);
 }
 
-static void put_float(struct ber_out *out, float real)
+static void put_float(struct ber_writer *writer, float real)
 {
-	const uint8_t *mark = out->at;
 	uint32_t bits;
 
 	memcpy(&bits, &real, sizeof(bits));
-	ber_put(out,
+	ber_put(writer, DATA_FLOAT,
 		(const uint8_t[FLOAT_SIZE]){EXPONENT, (uint8_t)(bits >> 24), (uint8_t)(bits >> 16),
 					    (uint8_t)(bits >> 8), (uint8_t)bits},
 		FLOAT_SIZE);
-	ber_wrap(out, DATA_FLOAT, mark);
 }
 
-static void put_item(struct ber_out *out, const struct goose_item *item)
+static void put_boolean(struct ber_writer *writer, uint8_t tag, bool value)
+{
+	ber_put(writer, tag, (const uint8_t[]){value ? 0xff : 0}, 1);
+}
+
+static void put_item(struct ber_writer *writer, const struct goose_item *item)
 {
 	switch ((enum goose_kind)item->kind) {
 	case GOOSE_BOOLEAN:
-		ber_put_boolean(out, DATA_BOOLEAN, item->bits != 0);
+		put_boolean(writer, DATA_BOOLEAN, item->bits != 0);
 		break;
 	case GOOSE_BITS:
-		put_bits(out, item->bits, item->size);
+		put_bits(writer, item->bits, item->size);
 		break;
 	case GOOSE_INTEGER:
-		ber_put_integer(out, DATA_INTEGER, item->integer);
+		ber_put_integer(writer, DATA_INTEGER, item->integer);
 		break;
 	case GOOSE_UNSIGNED:
-		ber_put_unsigned(out, DATA_UNSIGNED, item->bits);
+		ber_put_integer(writer, DATA_UNSIGNED, item->bits);
 		break;
 	case GOOSE_FLOAT:
-		put_float(out, item->real);
+		put_float(writer, item->real);
 		break;
 	case GOOSE_TIME:
-		put_time(out, DATA_TIME, item->time);
+		put_time(writer, DATA_TIME, item->time);
 		break;
 	case GOOSE_OTHER:
 		break;
 	}
 }
 
-static void put_text(struct ber_out *out, uint8_t tag, struct goose_text text)
+static void put_pdu(struct ber_writer *writer, const struct goose_message *message)
 {
-	const uint8_t *mark = out->at;
-
-	ber_put(out, text.at, text.size);
-	ber_wrap(out, tag, mark);
-}
-
-static void put_pdu(struct ber_out *out, const struct goose_message *message)
-{
-	const uint8_t *mark = out->at;
+	const size_t end = writer->at;
 
 	for (uint32_t i = message->item_count; i > 0; i--)
-		put_item(out, &message->items[i - 1]);
-	ber_wrap(out, TAG_DATA, mark);
-	ber_put_unsigned(out, TAG_ENTRIES, message->entries);
-	ber_put_boolean(out, TAG_COMMISSIONING, message->needs_commissioning);
-	ber_put_unsigned(out, TAG_CONF_REV, message->conf_rev);
-	ber_put_boolean(out, TAG_SIMULATION, message->simulation);
-	ber_put_unsigned(out, TAG_SEQUENCE, message->sequence);
-	ber_put_unsigned(out, TAG_STATE, message->state);
-	put_time(out, TAG_TIME, message->time);
-	put_text(out, TAG_ID, message->id);
-	put_text(out, TAG_DATA_SET, message->data_set);
-	ber_put_unsigned(out, TAG_ALIVE, message->alive_ms);
-	put_text(out, TAG_CONTROL, message->control);
-	ber_wrap(out, TAG_PDU, mark);
+		put_item(writer, &message->items[i - 1]);
+	ber_close(writer, TAG_DATA, end);
+	ber_put_integer(writer, TAG_ENTRIES, message->entries);
+	put_boolean(writer, TAG_COMMISSIONING, message->needs_commissioning);
+	ber_put_integer(writer, TAG_CONF_REV, message->conf_rev);
+	put_boolean(writer, TAG_SIMULATION, message->simulation);
+	ber_put_integer(writer, TAG_SEQUENCE, message->sequence);
+	ber_put_integer(writer, TAG_STATE, message->state);
+	put_time(writer, TAG_TIME, message->time);
+	ber_put(writer, TAG_ID, message->id.at, message->id.size);
+	ber_put(writer, TAG_DATA_SET, message->data_set.at, message->data_set.size);
+	ber_put_integer(writer, TAG_ALIVE, message->alive_ms);
+	ber_put(writer, TAG_CONTROL, message->control.at, message->control.size);
+	ber_close(writer, TAG_PDU, end);
 }
 
-static void put_16(struct ber_out *out, uint16_t number)
+static void put_16(struct ber_writer *writer, uint16_t number)
 {
-	ber_put(out, (const uint8_t[]){(uint8_t)(number >> 8), (uint8_t)number}, 2);
+	ber_put_octets(writer, (const uint8_t[]){(uint8_t)(number >> 8), (uint8_t)number}, 2);
 }
 
-static void put_header(struct ber_out *out, const struct goose_message *message)
+static void put_header(struct ber_writer *writer, const struct goose_message *message)
 {
 	const struct goose_address *address = &message->address;
 
-	put_16(out, GOOSE_ETHERTYPE);
+	put_16(writer, GOOSE_ETHERTYPE);
 	if (address->tagged) {
-		put_16(out, (uint16_t)(address->vlan_priority << 13 | address->vlan));
-		put_16(out, VLAN_TYPE);
+		put_16(writer, (uint16_t)(address->vlan_priority << 13 | address->vlan));
+		put_16(writer, VLAN_TYPE);
 	}
-	ber_put(out, address->source, sizeof(address->source));
-	ber_put(out, address->destination, sizeof(address->destination));
+	ber_put_octets(writer, address->source, sizeof(address->source));
+	ber_put_octets(writer, address->destination, sizeof(address->destination));
 }
 
 size_t goose_encode(const struct goose_message *message, uint8_t frame[GOOSE_FRAME_MAX])
 {
 	const size_t most = GOOSE_FRAME_MAX - (message->address.tagged ? 0 : TAG_SIZE);
-	uint8_t *const end = frame + most;
-	struct ber_out out = {.start = frame, .at = end};
+	struct ber_writer writer = {.octets = frame, .at = most};
 	size_t size;
 
-	put_pdu(&out, message);
-	size = (size_t)(end - out.at) + OWN_SIZE;
-	put_16(&out, 0);
-	put_16(&out, message->simulation ? SIMULATED : 0);
-	put_16(&out, (uint16_t)size);
-	put_16(&out, message->address.app_id);
-	put_header(&out, message);
-	if (out.full)
+	put_pdu(&writer, message);
+	size = most - writer.at + OWN_SIZE;
+	put_16(&writer, 0);
+	put_16(&writer, message->simulation ? SIMULATED : 0);
+	put_16(&writer, (uint16_t)size);
+	put_16(&writer, message->address.app_id);
+	put_header(&writer, message);
+	if (writer.full)
 		return 0;
-	size = (size_t)(end - out.at);
-	memmove(frame, out.at, size);
+	size = most - writer.at;
+	memmove(frame, frame + writer.at, size);
 	return size;
 }
 
@@ -198,57 +190,76 @@ static uint32_t read_32(const uint8_t *octets)
 	return (uint32_t)read_16(octets) << 16 | read_16(octets + 2);
 }
 
-static bool read_time(struct ber_in content, struct goose_time *out)
+static bool read_time(const struct ber_element *element, struct goose_time *out)
 {
-	uint32_t fraction;
+	const uint8_t *octets = element->value;
 
-	if (ber_size(content) != TIME_SIZE)
+	if (element->size != TIME_SIZE)
 		return false;
-	fraction = (uint32_t)content.at[4] << 16 | read_16(content.at + 5);
-	out->utc_ns = read_32(content.at) * NS_PER_S + fraction * NS_PER_S / PER_SECOND;
-	out->quality = content.at[7];
+	out->utc_ns = read_32(octets) * NS_PER_S +
+		      ((int64_t)octets[4] << 16 | read_16(octets + 5)) * NS_PER_S / PER_SECOND;
+	out->quality = octets[7];
 	return true;
 }
 
-static bool read_boolean(struct ber_in content, bool *out)
+static bool read_boolean(const struct ber_element *element, bool *out)
 {
-	if (ber_size(content) != 1)
+	if (element->size != 1)
 		return false;
-	*out = *content.at != 0;
+	*out = element->value[0] != 0;
 	return true;
+}
+
+/* Publishers are known that leave out the 0 before a highest bit that is no sign. */
+static bool read_unsigned(const struct ber_element *element, uint32_t *out)
+{
+	uint64_t number = 0;
+
+	if (element->size == 0 || element->size > 5)
+		return false;
+	for (size_t i = 0; i < element->size; i++)
+		number = number << 8 | element->value[i];
+	*out = (uint32_t)number;
+	return number <= UINT32_MAX;
+}
+
+static bool read_integer(const struct ber_element *element, int32_t *out)
+{
+	int64_t number;
+
+	if (!ber_integer(element, &number))
+		return false;
+	*out = (int32_t)number;
+	return number >= INT32_MIN && number <= INT32_MAX;
 }
 
 /* Longer strings of bits are nothing that a point holds. */
-static bool read_bits(struct ber_in content, struct goose_item *out)
+static bool read_bits(const struct ber_element *element, struct goose_item *out)
 {
-	size_t octets = ber_size(content), unused;
+	const uint8_t unused = element->size == 0 ? UINT8_MAX : element->value[0];
 	uint64_t bits = 0;
+	size_t size;
 
-	if (octets < 1)
+	if (unused > 7 || (element->size == 1 && unused != 0))
 		return false;
-	unused = *content.at++;
-	if (unused > 7 || (octets == 1 && unused != 0))
-		return false;
-	if ((octets - 1) * 8 - unused > BITS_MAX) {
-		out->kind = GOOSE_OTHER;
+	size = (element->size - 1) * 8 - unused;
+	if (size > BITS_MAX)
 		return true;
-	}
-	out->kind = GOOSE_BITS;
-	out->size = (uint8_t)((octets - 1) * 8 - unused);
-	while (content.at < content.end)
-		bits = bits << 8 | *content.at++;
-	out->bits = (uint32_t)(bits >> unused);
+	for (size_t i = 1; i < element->size; i++)
+		bits = bits << 8 | element->value[i];
+	*out = (struct goose_item){
+	    .kind = GOOSE_BITS, .size = (uint8_t)size, .bits = (uint32_t)(bits >> unused)};
 	return true;
 }
 
 /* A double is nothing that a point holds. */
-static bool read_float(struct ber_in content, struct goose_item *out)
+static bool read_float(const struct ber_element *element, struct goose_item *out)
 {
 	uint32_t bits;
 
-	if (ber_size(content) != FLOAT_SIZE || content.at[0] != EXPONENT)
-		return ber_size(content) > 1;
-	bits = read_32(content.at + 1);
+	if (element->size != FLOAT_SIZE || element->value[0] != EXPONENT)
+		return element->size > 1;
+	bits = read_32(element->value + 1);
 	memcpy(&out->real, &bits, sizeof(bits));
 	out->kind = GOOSE_FLOAT;
 	return true;
@@ -257,13 +268,11 @@ static bool read_float(struct ber_in content, struct goose_item *out)
 /* One of 64 bits may be sound and too great. */
 static bool read_number(const struct ber_element *element, struct goose_item *out)
 {
-	const size_t size = ber_size(element->content);
-
-	if (size == 0 || size > NUMBER_OCTETS + 1)
+	if (element->size == 0 || element->size > NUMBER_OCTETS + 1)
 		return false;
-	if (element->tag == DATA_INTEGER && ber_integer(element->content, &out->integer))
+	if (element->tag == DATA_INTEGER && read_integer(element, &out->integer))
 		out->kind = GOOSE_INTEGER;
-	else if (element->tag == DATA_UNSIGNED && ber_unsigned(element->content, &out->bits))
+	else if (element->tag == DATA_UNSIGNED && read_unsigned(element, &out->bits))
 		out->kind = GOOSE_UNSIGNED;
 	return true;
 }
@@ -275,34 +284,34 @@ static bool read_leaf(const struct ber_element *element, struct goose_item *out)
 	*out = (struct goose_item){.kind = GOOSE_OTHER};
 	switch (element->tag) {
 	case DATA_BOOLEAN:
-		if (!read_boolean(element->content, &value))
+		if (!read_boolean(element, &value))
 			return false;
 		*out = (struct goose_item){.kind = GOOSE_BOOLEAN, .bits = value};
 		return true;
 	case DATA_BITS:
-		return read_bits(element->content, out);
+		return read_bits(element, out);
 	case DATA_INTEGER:
 	case DATA_UNSIGNED:
 		return read_number(element, out);
 	case DATA_FLOAT:
-		return read_float(element->content, out);
+		return read_float(element, out);
 	case DATA_TIME:
 		out->kind = GOOSE_TIME;
-		return read_time(element->content, &out->time);
+		return read_time(element, &out->time);
 	default:
 		return true;
 	}
 }
 
 /* A structure is its leaves. Each level is one of the stack's places, so that no message makes it grow. */
-static bool read_data(struct ber_in content, struct goose_message *out, struct goose_item *items)
+static bool read_data(const struct ber_element *data, struct goose_message *out, struct goose_item *items)
 {
-	struct ber_in levels[DEPTH_MAX] = {content};
+	struct ber_reader levels[DEPTH_MAX] = {ber_inside(data)};
 	struct ber_element element;
 	size_t depth = 0;
 
 	for (;;) {
-		if (ber_size(levels[depth]) == 0) {
+		if (levels[depth].at == levels[depth].end) {
 			if (depth-- == 0)
 				return true;
 			continue;
@@ -313,7 +322,7 @@ static bool read_data(struct ber_in content, struct goose_message *out, struct g
 		if (element.tag == DATA_STRUCTURE || element.tag == DATA_ARRAY) {
 			if (++depth == DEPTH_MAX)
 				return false;
-			levels[depth] = element.content;
+			levels[depth] = ber_inside(&element);
 		} else if (out->item_count == GOOSE_ITEMS_MAX ||
 			   !read_leaf(&element, &items[out->item_count++])) {
 			return false;
@@ -321,70 +330,70 @@ static bool read_data(struct ber_in content, struct goose_message *out, struct g
 	}
 }
 
-static bool read_text(struct ber_in content, struct goose_text *out)
+static bool read_text(const struct ber_element *element, struct goose_text *out)
 {
-	*out = (struct goose_text){(const char *)content.at, ber_size(content)};
+	*out = (struct goose_text){(const char *)element->value, element->size};
 	return out->size < GOOSE_REFERENCE_SIZE;
 }
 
 #define BIT(tag) (1u << ((tag)&0x1f))
 
 /* 0: of a tag that is none of ours. */
-static uint32_t bit_of(uint8_t tag)
+static uint32_t bit_of(uint32_t tag)
 {
 	return (tag >= TAG_CONTROL && tag <= TAG_ENTRIES) || tag == TAG_DATA ? BIT(tag) : 0;
 }
 
 static bool read_field(const struct ber_element *element, struct goose_message *out, uint32_t *entries,
-		       struct ber_in *data)
+		       struct ber_element *data)
 {
 	switch (element->tag) {
 	case TAG_CONTROL:
-		return read_text(element->content, &out->control);
+		return read_text(element, &out->control);
 	case TAG_ALIVE:
-		return ber_unsigned(element->content, &out->alive_ms);
+		return read_unsigned(element, &out->alive_ms);
 	case TAG_DATA_SET:
-		return read_text(element->content, &out->data_set);
+		return read_text(element, &out->data_set);
 	case TAG_ID:
-		return read_text(element->content, &out->id);
+		return read_text(element, &out->id);
 	case TAG_TIME:
-		return read_time(element->content, &out->time);
+		return read_time(element, &out->time);
 	case TAG_STATE:
-		return ber_unsigned(element->content, &out->state);
+		return read_unsigned(element, &out->state);
 	case TAG_SEQUENCE:
-		return ber_unsigned(element->content, &out->sequence);
+		return read_unsigned(element, &out->sequence);
 	case TAG_SIMULATION:
-		return read_boolean(element->content, &out->simulation);
+		return read_boolean(element, &out->simulation);
 	case TAG_CONF_REV:
-		return ber_unsigned(element->content, &out->conf_rev);
+		return read_unsigned(element, &out->conf_rev);
 	case TAG_COMMISSIONING:
-		return read_boolean(element->content, &out->needs_commissioning);
+		return read_boolean(element, &out->needs_commissioning);
 	case TAG_ENTRIES:
-		return ber_unsigned(element->content, entries);
+		return read_unsigned(element, entries);
 	case TAG_DATA:
-		*data = element->content;
+		*data = *element;
 		return true;
 	default:
 		return true; /* of a later edition */
 	}
 }
 
-static bool read_pdu(struct ber_in pdu, struct goose_message *out, struct goose_item *items)
+static bool read_pdu(const struct ber_element *pdu, struct goose_message *out, struct goose_item *items)
 {
 	const uint32_t needed = BIT(TAG_CONTROL) | BIT(TAG_ALIVE) | BIT(TAG_DATA_SET) | BIT(TAG_TIME) |
 				BIT(TAG_STATE) | BIT(TAG_SEQUENCE) | BIT(TAG_CONF_REV) | BIT(TAG_ENTRIES) |
 				BIT(TAG_DATA);
-	struct ber_in data = {NULL, NULL};
-	struct ber_element field;
+	struct ber_reader fields = ber_inside(pdu);
+	struct ber_element field, data = {.size = 0};
 	uint32_t found = 0, entries = 0;
 
-	while (ber_size(pdu) > 0) {
-		if (!ber_next(&pdu, &field) || (found & bit_of(field.tag)) != 0 ||
+	while (fields.at < fields.end) {
+		if (!ber_next(&fields, &field) || (found & bit_of(field.tag)) != 0 ||
 		    !read_field(&field, out, &entries, &data))
 			return false;
 		found |= bit_of(field.tag);
 	}
-	return (found & needed) == needed && read_data(data, out, items) && out->entries == entries;
+	return (found & needed) == needed && read_data(&data, out, items) && out->entries == entries;
 }
 
 bool goose_decode(const uint8_t *frame, size_t size, struct goose_message *out,
@@ -392,7 +401,7 @@ bool goose_decode(const uint8_t *frame, size_t size, struct goose_message *out,
 {
 	size_t header = HEADER_SIZE;
 	struct ber_element pdu;
-	struct ber_in in;
+	struct ber_reader in;
 	uint16_t length;
 
 	*out = (struct goose_message){.items = items};
@@ -412,8 +421,8 @@ bool goose_decode(const uint8_t *frame, size_t size, struct goose_message *out,
 	length = read_16(frame + header + 2);
 	if (length < OWN_SIZE || length > size - header)
 		return false;
-	in = (struct ber_in){frame + header + OWN_SIZE, frame + header + length};
-	if (!ber_next(&in, &pdu) || pdu.tag != TAG_PDU || !read_pdu(pdu.content, out, items))
+	in = (struct ber_reader){frame + header + OWN_SIZE, frame + header + length};
+	if (!ber_next(&in, &pdu) || pdu.tag != TAG_PDU || !read_pdu(&pdu, out, items))
 		return false;
 	out->simulation |= (read_16(frame + header + 4) & SIMULATED) != 0;
 	return true;

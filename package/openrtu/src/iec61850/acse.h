@@ -3,7 +3,7 @@
 #ifndef OPENRTU_IEC61850_ACSE_H
 #define OPENRTU_IEC61850_ACSE_H
 
-#include "iec61850/ber.h"
+#include "ber/ber.h"
 
 /* Reads an AARQ: what it carries for MMS. acse: what presentation carries. */
 bool iec61850_acse_request(const struct ber_element *acse, struct ber_element *mms);

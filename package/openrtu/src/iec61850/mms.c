@@ -115,21 +115,17 @@ static enum iec61850_error list_attributes(const struct iec61850_server *server,
 					   const struct ber_element *request, struct ber_writer *writer)
 {
 	const size_t end = writer->at;
-	const struct iec61850_device *device;
-	const enum iec61850_set set = iec61850_variable_list(server, request, &device);
 	struct iec61850_object object;
 
-	if (set == IEC61850_SETS)
+	if (!iec61850_variable_list(server, request, &object))
 		return IEC61850_NON_EXISTENT;
-	object = iec61850_before_first(device, set);
-	object.number = iec61850_object_count(device, object.ln);
 	while (!writer->full && iec61850_member_before(&server->model, &object)) {
 		const size_t member = writer->at;
 		char name[IEC61850_NAME_SIZE];
 
 		iec61850_object_name(&server->model, &object, name);
 		ber_put_text(writer, BER_VISIBLE_STRING, name);
-		iec61850_device_name(&server->model, device, name);
+		iec61850_device_name(&server->model, object.device, name);
 		ber_put_text(writer, BER_VISIBLE_STRING, name);
 		ber_close(writer, 0xa1, member);
 		ber_close(writer, 0xa0, member);

@@ -3,7 +3,7 @@
 #ifndef OPENRTU_IEC61850_MMS_H
 #define OPENRTU_IEC61850_MMS_H
 
-#include "iec61850/ber.h"
+#include "ber/ber.h"
 #include "iec61850/model.h"
 #include "iec61850/stats.h"
 
@@ -57,9 +57,9 @@ enum iec61850_error {
 /* An ObjectName that is a domain's: the variable of it. False: it is another, or there is none of this name. */
 bool iec61850_variable(const struct iec61850_server *server, const struct ber_element *name,
 		       struct iec61850_object *out);
-/* The data set of an ObjectName. IEC61850_SETS: there is none. */
-enum iec61850_set iec61850_variable_list(const struct iec61850_server *server, const struct ber_element *name,
-					 const struct iec61850_device **device);
+/* The data set of an ObjectName: behind_last is for iec61850_member_before. False: there is none of this name. */
+bool iec61850_variable_list(const struct iec61850_server *server, const struct ber_element *name,
+			    struct iec61850_object *behind_last);
 enum iec61850_error iec61850_name_list(struct iec61850_server *server, const struct ber_element *request,
 				       struct ber_writer *writer);
 enum iec61850_error iec61850_read(struct iec61850_server *server, const struct ber_element *request,

@@ -3,7 +3,7 @@
 #ifndef OPENRTU_IEC61850_PRESENTATION_H
 #define OPENRTU_IEC61850_PRESENTATION_H
 
-#include "iec61850/ber.h"
+#include "ber/ber.h"
 
 #define IEC61850_CONTEXTS_MAX              8
 #define IEC61850_PRESENTATION_SELECTOR_MAX 16

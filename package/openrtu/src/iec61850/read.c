@@ -64,14 +64,10 @@ static enum iec61850_error read_list(struct iec61850_server *server, const struc
 				     struct ber_writer *writer)
 {
 	const size_t end = writer->at;
-	const struct iec61850_device *device;
-	const enum iec61850_set set = iec61850_variable_list(server, name, &device);
 	struct iec61850_object object;
 
-	if (set == IEC61850_SETS)
+	if (!iec61850_variable_list(server, name, &object))
 		return IEC61850_NON_EXISTENT;
-	object = iec61850_before_first(device, set);
-	object.number = iec61850_object_count(device, object.ln);
 	while (!writer->full && iec61850_member_before(&server->model, &object)) {
 		const size_t member = writer->at;
 

@@ -3,7 +3,7 @@
 #ifndef OPENRTU_IEC61850_SESSION_H
 #define OPENRTU_IEC61850_SESSION_H
 
-#include "iec61850/ber.h"
+#include "ber/ber.h"
 
 enum iec61850_spdu {
 	IEC61850_SPDU_DATA = 1, /* GIVE TOKENS and DATA TRANSFER, which has the same number */

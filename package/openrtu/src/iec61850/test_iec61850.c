@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "iec61850/ber.h"
+#include "ber/ber.h"
 #include "iec61850/value.h"
 
 static void integers_take_as_few_octets_as_they_need(void **state)

@@ -3,7 +3,7 @@
 #ifndef OPENRTU_IEC61850_VALUE_H
 #define OPENRTU_IEC61850_VALUE_H
 
-#include "iec61850/ber.h"
+#include "ber/ber.h"
 #include "iec61850/model.h"
 
 /* Of q (IEC 61850-8-1, table 32), the first bit in the most significant place of 13. */

@@ -1,47 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Which points of the gateway the points of the programs are, and what does not go together. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "logic/config_readers.h"
 #include "logic/value.h"
 #include "map/type.h"
-
-struct named {
-	char name[MAP_NAME_SIZE];
-	uint32_t point;
-};
-
-static int by_name(const void *left, const void *right)
-{
-	const struct named *a = left, *b = right;
-
-	return strcmp(a->name, b->name);
-}
-
-/* All points by their names. NULL: no memory. */
-static struct named *sort_names(const struct map_config *config)
-{
-	struct named *names = calloc((size_t)config->point_count + 1, sizeof(*names));
-
-	for (uint32_t i = 0; names != NULL && i < config->point_count; i++) {
-		map_point_name(config, &config->points[i], names[i].name);
-		names[i].point = i;
-	}
-	if (names != NULL)
-		qsort(names, config->point_count, sizeof(*names), by_name);
-	return names;
-}
-
-static uint32_t find(const struct map_config *config, const struct named *names, const char *name)
-{
-	struct named wanted = {.point = MAP_NONE};
-	const struct named *found;
-
-	snprintf(wanted.name, sizeof(wanted.name), "%s", name);
-	found = bsearch(&wanted, names, config->point_count, sizeof(*names), by_name);
-	return found == NULL ? MAP_NONE : found->point;
-}
 
 /* ---- links ------------------------------------------------------------------------------- */
 
@@ -93,14 +56,14 @@ static void check_own(struct config_loader *loader, const struct logic_reading *
 }
 
 static void link_point(struct config_loader *loader, const struct logic_reading *reading,
-		       const struct logic_point *point, const struct named *names, struct logic_link *out)
+		       const struct logic_point *point, struct logic_link *out)
 {
 	const struct map_config *config = loader->config;
 	const struct map_set *set = &config->sets[reading->instance->set];
 	const char *name = name_of(reading, point);
 	struct logic_place place;
 
-	out->point = find(config, names, name);
+	out->point = config_index_name(&loader->index, config, name);
 	if (out->point == MAP_NONE) {
 		config_error(&loader->report, logic_place_key(&place, reading, "program"),
 			     "names the point \"%s\", which there is not: \"points\" has its own, \"names\" "
@@ -126,8 +89,7 @@ static uint32_t count_links(const struct logic_readings *readings)
 	return count;
 }
 
-static void link_all(struct config_loader *loader, struct logic_readings *readings, const struct named *names,
-		     struct logic_link *links)
+static void link_all(struct config_loader *loader, struct logic_readings *readings, struct logic_link *links)
 {
 	uint32_t next = 0;
 
@@ -136,7 +98,7 @@ static void link_all(struct config_loader *loader, struct logic_readings *readin
 
 		reading->instance->first_link = next;
 		for (uint16_t j = 0; j < reading->logic.head->points; j++)
-			link_point(loader, reading, &reading->logic.points[j], names, &links[next++]);
+			link_point(loader, reading, &reading->logic.points[j], &links[next++]);
 	}
 }
 
@@ -144,11 +106,10 @@ bool logic_link(struct config_loader *loader, struct logic_readings *readings)
 {
 	uint32_t count = count_links(readings);
 	struct logic_link *links = config_allocate(count, sizeof(*links));
-	struct named *names = sort_names(loader->config);
+	const bool ready = config_index_renew(&loader->index, loader->config);
 
 	map_add_section(loader->config, LOGIC_LINKS, sizeof(*links), count, links);
-	if (links != NULL && names != NULL)
-		link_all(loader, readings, names, links);
-	free(names);
-	return links != NULL && names != NULL;
+	if (links != NULL && ready)
+		link_all(loader, readings, links);
+	return links != NULL && ready;
 }

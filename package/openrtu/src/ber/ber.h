@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The basic encoding rules (ISO/IEC 8825-1), as presentation, ACSE and MMS use them. Nothing is copied or allocated. */
-#ifndef OPENRTU_IEC61850_BER_H
-#define OPENRTU_IEC61850_BER_H
+/* The basic encoding rules (ISO/IEC 8825-1), as the layers of MMS and GOOSE use them. Nothing is copied or allocated. */
+#ifndef OPENRTU_BER_BER_H
+#define OPENRTU_BER_BER_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "iec61850/ber.h"
+#include "ber/ber.h"
 
 #include <string.h>
 
