@@ -361,12 +361,21 @@ async def command(asked: Asked) -> Json:
     return (await asked.centre.command(asked.session.user, point.id, value)).view()
 
 
+async def _follow(asked: Asked, execute: bool) -> Json:
+    """A second person may be anybody, of those who see the station."""
+    id_ = _id(asked)
+    command = asked.centre.model.commands.get(id_)
+    if command:
+        asked.point(command.point)
+    return (await asked.centre.follow(asked.session.user, id_, execute)).view()
+
+
 async def execute(asked: Asked) -> Json:
-    return (await asked.centre.follow(asked.session.user, _id(asked), True)).view()
+    return await _follow(asked, True)
 
 
 async def cancel(asked: Asked) -> Json:
-    return (await asked.centre.follow(asked.session.user, _id(asked), False)).view()
+    return await _follow(asked, False)
 
 
 async def interrogate(asked: Asked) -> Json:

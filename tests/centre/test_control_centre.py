@@ -394,6 +394,20 @@ def stranger(site: Site) -> Iterator[Client]:
     engineer.raw("DELETE", "/api/users/gary")
 
 
+def test_second_person_of_another_group_releases_nothing(
+    operator: Client, stranger: Client, south: Station
+) -> None:
+    south.commanded.clear()
+    command = operator.post("/api/commands", {"point": point(operator, "south pump")["id"], "value": 1})
+    in_state(operator, command["id"], State.ACCEPTED_SELECTION)
+    for deed in ("execute", "cancel"):
+        with pytest.raises(AnswerError) as refused:
+            stranger.post(f"/api/commands/{command['id']}/{deed}")
+        assert refused.value.code == "unknown"
+    assert not south.commanded
+    operator.post(f"/api/commands/{command['id']}/cancel")
+
+
 def test_station_of_another_group_is_not_there(
     site: Site, stranger: Client, stations: Stations, north: Station
 ) -> None:

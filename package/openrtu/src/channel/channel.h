@@ -22,8 +22,8 @@ struct channel_owner {
 
 /* How a controlling station knows a controlled one, from connection to connection. Begins with zeros. */
 struct channel_station {
-	const char
-	    *certificate; /* its common name or fingerprint; NULL: whoever has a certificate from the CA */
+	/* Its common name or fingerprint; NULL: whoever has a certificate from the CA. */
+	const char *certificate;
 	void *session;    /* by which the next connection is resumed; channel_forget frees it */
 	uint32_t reading; /* of the files with which it began */
 };

@@ -52,8 +52,8 @@ struct iec104_outstation_set {
 
 /* What a point is there. */
 struct iec104_outstation_point {
-	uint32_t
-	    ioa; /* of the points behind a position's first: its own, and 1 to 3 above the 24 bits of an address */
+	/* Of the points behind a position's first: its own, and 1 to 3 above the 24 bits of an address. */
+	uint32_t ioa;
 	uint32_t command_ioa;
 	uint32_t read_ms; /* how often it is read by itself, 0: never */
 	bool select;      /* a command of it is selected there before */

@@ -195,8 +195,8 @@ struct iec104_station {
 	bool initialised;      /* all devices were asked since the start; not looked at once it was told */
 	uint32_t points_asked; /* of the first so many it is known */
 	int64_t initialising_since_ns, initialisation_check_ns;
-	bool *
-	    new_stations; /* by device: a changed configuration has brought its station; NULL: it brought none */
+	/* By device: a changed configuration has brought its station; NULL: it brought none. */
+	bool *new_stations;
 	bool new_to_tell; /* nobody has been told of these */
 
 	int64_t now_ns;        /* of the last call that had it */

@@ -2,7 +2,6 @@
 /*
  * rtu-iec61850: the server of IEC 61850 on TCP. One loop; all of the protocol is in iec61850/. All memory is taken at the start.
  */
-#include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -78,15 +77,9 @@ static struct connection *find_place(int64_t now_ns)
 static bool is_client(const struct in6_addr *from)
 {
 	const struct iec61850_settings *settings = server.model.settings;
+	const uint32_t count = settings->client_count;
 
-	for (uint32_t i = 0; i < settings->client_count; i++) {
-		struct in6_addr client;
-
-		if (map_address_parse(settings->clients[i], &client) &&
-		    memcmp(&client, from, sizeof(client)) == 0)
-			return true;
-	}
-	return settings->client_count == 0;
+	return count == 0 || map_address_place(settings->clients, count, from) < count;
 }
 
 static void set_options(int fd)
@@ -100,19 +93,6 @@ static void set_options(int fd)
 	setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &count, sizeof(count));
 }
 
-/* The peer as an IPv6 socket sees it. */
-static struct in6_addr address_of(const struct sockaddr_storage *from)
-{
-	struct in6_addr address = {.s6_addr[10] = 0xff, .s6_addr[11] = 0xff};
-
-	if (from->ss_family == AF_INET6)
-		memcpy(&address, &((const struct sockaddr_in6 *)(const void *)from)->sin6_addr,
-		       sizeof(address));
-	else
-		memcpy(&address.s6_addr[12], &((const struct sockaddr_in *)(const void *)from)->sin_addr, 4);
-	return address;
-}
-
 /* False: none is waiting. */
 static bool accept_one(int listener, int64_t now_ns)
 {
@@ -124,7 +104,7 @@ static bool accept_one(int listener, int64_t now_ns)
 
 	if (fd < 0)
 		return errno == ECONNABORTED;
-	peer = address_of(&from);
+	peer = map_address_of(&from);
 	iec61850_count(&server, IEC61850_COUNT_CONNECTIONS);
 	place = is_client(&peer) ? find_place(now_ns) : NULL;
 	if (place == NULL) {
@@ -134,10 +114,7 @@ static bool accept_one(int listener, int64_t now_ns)
 	}
 	set_options(fd);
 	place->fd = fd;
-	if (IN6_IS_ADDR_V4MAPPED(&peer))
-		inet_ntop(AF_INET, &peer.s6_addr[12], place->peer, sizeof(place->peer));
-	else
-		inet_ntop(AF_INET6, &peer, place->peer, sizeof(place->peer));
+	map_address_text(&peer, place->peer);
 	iec61850_association_open(&place->association, server.model.settings->max_pdu, now_ns);
 	return true;
 }

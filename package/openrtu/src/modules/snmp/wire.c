@@ -45,26 +45,10 @@ static void turn_round(struct origin *origin, struct msghdr *header)
 	memcpy(CMSG_DATA(control), &four, sizeof(four));
 }
 
-static void address_of(const struct sockaddr_storage *from, struct in6_addr *out)
-{
-	if (from->ss_family == AF_INET6) {
-		*out = ((const struct sockaddr_in6 *)from)->sin6_addr;
-		return;
-	}
-	memset(out, 0, sizeof(*out));
-	out->s6_addr[10] = out->s6_addr[11] = 0xff;
-	memcpy(&out->s6_addr[12], &((const struct sockaddr_in *)from)->sin_addr, sizeof(struct in_addr));
-}
-
 /* Without a list all are among it. */
 static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDRESS_SIZE], uint32_t count)
 {
-	struct in6_addr listed;
-
-	for (uint32_t i = 0; i < count; i++)
-		if (map_address_parse(list[i], &listed) && memcmp(&listed, address, sizeof(listed)) == 0)
-			return true;
-	return count == 0;
+	return count == 0 || map_address_place(list, count, address) < count;
 }
 
 /* Before a message costs anything. */
@@ -75,7 +59,7 @@ static bool is_welcome(struct wire *wire, const struct sockaddr_storage *from)
 
 	if (wire->peer_size != 0)
 		return true;
-	address_of(from, &address);
+	address = map_address_of(from);
 	wire->agent->is_clock_master =
 	    is_among(&address, settings->clock_masters, settings->clock_master_count);
 	return is_among(&address, settings->managers, settings->manager_count) &&
