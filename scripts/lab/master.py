@@ -302,6 +302,8 @@ class Master(Monitor):
     def __init__(self, address: str, port: int) -> None:
         super().__init__(address, port)
         self._operator = c104.Client(tick_rate_ms=50, command_timeout_ms=1_000)
+        # c104 itself would add each point that reports: between remove_point and add_point of `command`, too.
+        self._operator.on_new_point(callable=self._no_point_of_the_operator)
         self.commands = self._operator.add_connection(ip=address, port=port, init=c104.Init.NONE)
         self.commands.on_receive_raw(callable=self._on_receive_raw)
 
@@ -315,9 +317,15 @@ class Master(Monitor):
         super().__exit__()
         self._operator.stop()
 
+    def _no_point_of_the_operator(
+        self, client: c104.Client, station: c104.Station, io_address: int, point_type: c104.Type
+    ) -> None:
+        """The operator's points are commands; what reports is the monitor's."""
+
     def command(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
         """Sends a direct command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively."""
-        station = self.commands.get_station(ca) or self.commands.add_station(common_address=ca)
+        self.commands.add_station(common_address=ca)  # None where it is there already
+        station = self.commands.get_station(ca)
         if station.get_point(ioa):
             station.remove_point(ioa)
         point = station.add_point(io_address=ioa, type=getattr(c104.Type, type_name))
