@@ -48,10 +48,10 @@ half := level / 2;
 END_PROGRAM
 """
 ENDLESS = """PROGRAM endless
-VAR_EXTERNAL spin : BOOL; out : INT; END_VAR
+VAR_EXTERNAL spin : BOOL; out : INT; END_VAR VAR n, m : DINT; END_VAR
 out := 7;
 WHILE spin DO
-  out := 7;
+  out := 7; n := n MOD 99991 + 1; m := n;
 END_WHILE;
 END_PROGRAM
 """
@@ -304,6 +304,41 @@ def test_the_text_is_seen_with_live_values_and_what_an_input_is_forced_to(desk: 
     assert "locked=off (substituted)  earthed=off (substituted, forced)" in page()
     desk.gateway.ctl("unforce", "bay1.earthed")
     wait_value(desk, "locked", "on")
+
+
+def watched(desk: Desk, text: str, program: str, tmp_path: Path) -> str:
+    file = tmp_path / "watched.st"
+    file.write_text(text)
+    rtuctl = f"--rtuctl={desk.gateway.build}/rtuctl/rtuctl --map {desk.gateway.map}"
+    command = [ROOT / "scripts/openrtu-logic", "watch", file, "--once", f"--program={program}", rtuctl]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_inner_variables_of_the_running_program_are_seen(desk: Desk, tmp_path: Path) -> None:
+    seen = watched(desk, FILLING, "filling", tmp_path)
+    starts = shown(desk, "starts")[0]
+    assert f"count={starts}" in seen and "above.Q=FALSE  above.ET=T#0s  level=50  limit=80" in seen
+    assert "start.STATE=0" in seen
+    other = watched(desk, FILLING.replace("level < 20", "level < 21"), "filling", tmp_path)
+    assert other.startswith("Only points are shown: filling runs another text") and "level=50" in other
+    assert "there is no such program" in watched(desk, FILLING, "filing", tmp_path)
+
+
+def test_variables_are_those_of_one_moment(desk: Desk) -> None:
+    """A look at a program that is half of its time in a scan waits for its end: n and m are the same then."""
+    program = compile_text(ENDLESS, Findings())
+    encode(program)
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [1])
+    wait_value(desk, "out", None, "invalid")
+    seen = set()
+    for _ in range(30):
+        (row,) = desk.gateway.query("logic", "endless")
+        n, m = (row["cells"][program.debug.variables[name].number].split(":")[0] for name in "NM")
+        assert n == m
+        seen.add(n)
+    assert len(seen) > 1
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [0])
+    wait_value(desk, "out", 7)
 
 
 # ---- faults ------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from logic.errors import Findings, LogicError
 from logic.filters import BANDS, KINDS, Design, block
 from logic.plot import svg
 from logic.table import US, Step, compared, read_table, steps
-from logic.watch import watch
+from logic.watch import View, watch
 from nuc980 import VERSION
 
 DONE, FOUND, UNUSABLE = 0, 1, 2
@@ -68,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
     command = add("test", "run the tests beside the program: NAME.test.csv, NAME.*.test.csv")
     _add_period(command)
     command.set_defaults(run=_test)
-    command = add("watch", "show the text of a running program with the values of its points beside it")
+    command = add("watch", "show the text of a running program with its values beside it")
     command.add_argument("--once", action="store_true", help="print it once, instead of each second")
     command.add_argument(
         "--rtuctl",
@@ -84,6 +84,15 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar="NAME=POINT",
         help="what the configuration's key names says of a name of the program; may be repeated",
+    )
+    command.add_argument(
+        "--program", metavar="NAME", help="its name in the configuration [that of FILE, without .st]"
+    )
+    command.add_argument(
+        "--instance",
+        default="",
+        metavar="PATH",
+        help="which instance to show in the text of a function block, as motor.start [the first one]",
     )
     command.set_defaults(run=_watch)
     _add_filter(commands)
@@ -216,7 +225,15 @@ def _watch(parsed: argparse.Namespace) -> int:
     program = _compiled(parsed)
     if program is None:
         return FOUND
-    watch(parsed.file.read_text(encoding="utf-8"), program, parsed.rtuctl, dict(parsed.name), parsed.once)
+    view = View(
+        parsed.file.read_text(encoding="utf-8"),
+        program,
+        parsed.rtuctl,
+        parsed.program or parsed.file.stem,
+        dict(parsed.name),
+        parsed.instance,
+    )
+    watch(view, parsed.once)
     return DONE
 
 
