@@ -100,10 +100,14 @@ REACH = [
     # the tools
     (
         "scripts/logic/*",
-        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py",
+        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py"
+        " tests/test_event_journal.py",
     ),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
-    ("scripts/openrtu-logic", "lint tests/test_logic.py tests/test_logic_gateway.py"),
+    (
+        "scripts/openrtu-logic",
+        "lint tests/test_logic.py tests/test_logic_gateway.py tests/test_event_journal.py",
+    ),
     ("scripts/lab/twin_show.py", "test-twin"),
     ("scripts/lab/manager.py", "lint tests/test_snmp.py tests/test_show.py"),
     ("scripts/lab/managed.py", "lint tests/test_show.py"),
