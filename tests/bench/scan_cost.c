@@ -57,7 +57,8 @@ int main(int argc, char **argv)
 {
 	FILE *file = argc == 3 ? fopen(argv[1], "rb") : NULL;
 	uint8_t *octets = malloc(FILE_MAX);
-	size_t size = file && octets ? fread(octets, 1, FILE_MAX, file) : 0, needed = logic_memory(octets, size);
+	size_t size = file && octets ? fread(octets, 1, FILE_MAX, file) : 0,
+	       needed = logic_memory(octets, size);
 	void *memory = malloc(needed + 1);
 	struct logic logic;
 	const char *refusal = needed ? logic_load(&logic, memory, octets, size) : "no program";

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-`make bench`: a scan of 1 000 statements in rtu-logic's machine, beside the same program in C and in Python: its CPU on
-this machine, its instructions on ARM; its memory; the jitter of a scan each 10 ms beside six busy lines.
+`make bench`: a scan of 1 000 statements in rtu-logic's machine, beside the same program in C and in Python: the
+CPU here, the instructions on ARM, the memory; and the jitter of a scan each 10 ms beside six busy lines.
 What the rows mean: docs/bench.md. No time is asserted.
 Exit codes: 0 done, 1 something did not work, 2 not built.
 """
@@ -9,12 +9,11 @@ Exit codes: 0 done, 1 something did not work, 2 not built.
 from __future__ import annotations
 
 import argparse
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -258,15 +257,18 @@ class Run:
     total: int
 
 
-def built(directory: Path) -> dict[str, Path]:
-    """Both programs for both machines."""
+COMPILERS = {"native": NATIVE, "arm": ARM}
+
+
+def built(directory: Path, machines: Sequence[str] = tuple(COMPILERS)) -> dict[str, Path]:
+    """Both programs, for each machine."""
     (directory / "statements.rtul").write_bytes(compiled(text()))
     (directory / "plain.c").write_text(c_text())
     programs = {}
-    for name, compiler in (("native", NATIVE), ("arm", ARM)):
+    for name in machines:
         for what, sources in (("machine", [DRIVER, *MACHINE]), ("plain", [directory / "plain.c"])):
             programs[f"{what} {name}"] = directory / f"{what}-{name}"
-            command = [*compiler, *OPTIONS, *sources, "-o", programs[f"{what} {name}"]]
+            command = [*COMPILERS[name], *OPTIONS, *sources, "-o", programs[f"{what} {name}"]]
             subprocess.run(command, check=True)
     return programs
 
@@ -298,7 +300,7 @@ def counted(program: Path, scans: int) -> Run:
         return run_of(words, output.read(), count)
 
 
-def instructions(program: Path, scans: int = 20) -> float:
+def instructions(program: Path, scans: int = 2) -> float:
     """Of a scan, without the start of the process and the verification of the program."""
     return (counted(program, 2 * scans).cost - counted(program, scans).cost) / scans
 
@@ -322,6 +324,10 @@ def agree(runs: list[Run]) -> None:
 # ---- jitter ------------------------------------------------------------------------------------------
 
 
+def scanned(gateway: Gateway) -> int:
+    return int(gateway.points("scans")["scans"]["value"] or 0)
+
+
 def jitter(seconds: float, busy: bool) -> dict[str, float]:
     """What a program with a scan each 10 ms has seen of its own scans."""
     directory = run_directory()
@@ -333,11 +339,22 @@ def jitter(seconds: float, busy: bool) -> dict[str, float]:
             {"name": name, "ioa": ioa, "type": "float" if name.endswith("est") else "integer"}
             for ioa, name in enumerate(names, 1)
         ]
-        own = {"name": "jitter", "program": str(program), "period_ms": PERIOD_MS, "ca": 7000, "points": points}
-        config = lines.configuration(lines.alike(115200)) if busy else {"port": []}
-        config |= {"logic": [own], "iec104": {"port": 0}} if False else {"logic": [own]}
-        with lines.devices(lines.alike(115200), directory), Gateway(config, directory) as gateway:
-            time.sleep(seconds)
+        own = {
+            "name": "jitter",
+            "program": str(program),
+            "period_ms": PERIOD_MS,
+            "ca": 7000,
+            "points": points,
+        }
+        config = lines.configuration(lines.alike(115200))
+        config |= {} if busy else {"port": []}
+        with (
+            lines.devices(lines.alike(115200), directory),
+            Gateway(config | {"logic": [own]}, directory) as gateway,
+        ):
+            gateway.wait_for(lambda: scanned(gateway) > 0, 60.0, "the program scans")
+            wanted = seconds * 1000 / PERIOD_MS
+            gateway.wait_for(lambda: scanned(gateway) >= wanted, 20 * seconds, f"{wanted:.0f} scans are done")
             found = gateway.points()
             return {name: float(found[name]["value"] or 0) for name in names}
     finally:
@@ -390,9 +407,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Measures a scan of 1 000 statements.")
     parser.add_argument("--quick", action="store_true", help="a try of some thirty seconds")
     amounts = QUICK if parser.parse_args().quick else FULL
-    missing = [file for file in (default_build() / "rtud" / "rtud", lines.default_program()) if not file.exists()]
-    if missing:
-        print(f"not built: {', '.join(map(str, missing))}; type `make bench`, which builds it", file=sys.stderr)
+    rtud = default_build() / "rtud" / "rtud"
+    if not rtud.exists():
+        print(f"not built: {rtud}; type `make bench`, which builds it", file=sys.stderr)
         return 2
     head = f"{machine()}. Median (minimum..maximum) of {amounts.turns} turns of {amounts.scans} scans."
     try:
@@ -401,7 +418,7 @@ def main() -> int:
     except (BenchError, GatewayError, OSError, subprocess.CalledProcessError) as error:
         print(f"the bench ended early: {error}", file=sys.stderr)
         return 1
-    print(f"\n{head}\n\n| 1 000 statements | rtu-logic | C | Python | / C | / Python |\n|---|---|---|---|---|---|")
+    print(f"\n{head}\n\n| 1 000 statements | rtu-logic | C | Python | / C | / Python |\n{'|---' * 6}|")
     for what, cells in found:
         print(f"| {what} | {' | '.join(cells)} |")
     return 0
