@@ -6,6 +6,8 @@ import os
 import random
 import re
 import statistics
+import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -491,6 +493,22 @@ def test_the_page_has_each_block() -> None:
     page = (ROOT / "docs/blocks.md").read_text()
     for unit in library():
         assert f"`{unit.name}" in page or unit.name in STANDARD, unit.name
+
+
+def test_each_plot_is_what_its_block_does(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, ROOT / "scripts/block-plots.py", "--into", tmp_path],
+        env=os.environ | {"PYTHONPATH": str(ROOT / "scripts")},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    kept = {file.name: file.read_text() for file in (ROOT / "docs/figures/blocks").iterdir()}
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == kept
+    page = (ROOT / "docs/blocks.md").read_text()
+    assert set(re.findall(r"\(figures/blocks/(.*?)\)", page)) == set(kept)
+    assert max(map(len, kept.values())) < 8192
 
 
 def test_the_picture_is_what_the_example_does(tmp_path: Path) -> None:
