@@ -188,6 +188,10 @@ def test_levels() -> None:
     rows = [{"x": v} for v in (0.0, 11.0, 35.0, 29.5, 28.0, 19.5, -5.0)]
     found = ran("LEVELS", "IN := x, WIDTH := 1.0, L1 := 10.0, L2 := 20.0, L3 := 30.0", "LEVEL:INT", rows)
     assert numbers(found) == [0, 1, 3, 3, 2, 2, 0]
+    ten = ", ".join(f"L{n} := {n}.0" for n in range(1, 11))
+    rows = [{"x": v} for v in (0.5, 4.5, 11.0, 9.95, 9.85, 2.0, 0.8)]
+    found = ran("LEVELS", f"IN := x, WIDTH := 0.1, {ten}", "LEVEL:INT", rows)
+    assert numbers(found) == [0, 4, 10, 10, 9, 2, 0]
 
 
 def test_alarm_waits_and_is_acknowledged() -> None:

@@ -2,6 +2,7 @@
 """Programs of Structured Text on the desk, with inputs that were recorded: a journal, a value change dump."""
 
 import json
+import os
 import struct
 import zlib
 from pathlib import Path
@@ -33,7 +34,8 @@ POINTS = [("tank/level", 1, "float"), ("q0", 2, "double"), ("door", 3, "single")
 
 @pytest.fixture(autouse=True)
 def desk(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OPENRTU_LOGIC_DESK", str(programs / "logic/logic-desk"))
+    if "OPENRTU_LOGIC_DESK" not in os.environ:
+        monkeypatch.setenv("OPENRTU_LOGIC_DESK", str(programs / "logic/logic-desk"))
     monkeypatch.setattr(recorded, "EVENTS", programs / "journal/journal-events")
 
 
