@@ -72,9 +72,13 @@ asan: .asan ## Test: the C unit tests under AddressSanitizer and UBSan
 .asan: build/asan/build.ninja
 	$(LOGGED) asan ninja -C build/asan
 
-cross: build/arm/build.ninja ## Test: the C unit tests as ARMv5 code, under qemu-arm
+# What a program does there, it does here: the plots of all blocks are the same.
+cross: build/arm/build.ninja $(VENV) ## Test: the C unit tests and programs of logic, as ARMv5 code under qemu-arm
 	$(LOGGED) arm ninja -C build/arm
 	$(LOGGED) arm-unit $(MESON_TEST) -C build/arm
+	$(LOGGED) arm-logic env OPENRTU_BUILD=build/arm \
+	  OPENRTU_LOGIC_DESK='qemu-arm -cpu arm926 -L $(dir $(SYSROOT)) build/arm/logic/logic-desk' \
+	  $(PYTHON) -m pytest -q tests/test_logic_blocks.py -k each_plot
 
 fuzzers: build/fuzz/build.ninja ## Test: build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
 	$(LOGGED) fuzzers ninja -C build/fuzz fuzzers

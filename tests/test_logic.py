@@ -157,11 +157,16 @@ def test_what_remembers_nothing_holds_nothing_that_does(text: str, expected: str
 
 def test_any_text_gets_an_answer() -> None:
     """The compiler, with damaged text: findings, never an exception."""
-    good = (ROOT / "docs/examples/logic/pump.st").read_text()
+    texts = [file.read_text() for file in sorted((ROOT / "docs/examples/logic").glob("*.st"))]
+    words = re.findall(r"\w+#\S+|\w+|[^\w\s]+", " ".join(texts))
+    words += ["T#1d99999999999999h", "1E999", str(1 << 64)]
     chance = random.Random(3)
     for _ in range(150):
+        good = chance.choice(texts)
         at, length = chance.randrange(len(good)), chance.randrange(12)
         inserted = "".join(chance.choice(":=;()[].#'0aIF\n") for _ in range(chance.randrange(4)))
+        if chance.random() < 0.5:
+            inserted = f" {chance.choice(words)} {chance.choice(words)} "
         findings_of(good[:at] + inserted + good[at + length :])
 
 
