@@ -388,7 +388,8 @@ lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellche
 	$(PYTHON) -m ruff format --check .
 	@echo clang-format --dry-run -Werror
 	@clang-format --dry-run -Werror $(C_FILES)
-	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
+	@mkdir -p build/cppcheck
+	cppcheck --quiet -j 2 --cppcheck-build-dir=build/cppcheck --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
 	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
 	shellcheck --external-sources $(SHELL_FILES)
 
