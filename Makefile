@@ -395,7 +395,7 @@ lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellche
 
 # Many of these wait for a line, a timer or a guest: some at a time fill two cores. A file's tests share what they start.
 WORKERS := 3
-PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
 test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in some minutes
