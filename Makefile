@@ -448,17 +448,20 @@ PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
 test: $(VENV) ## Test: all but soak; then what it cost and what failed
 	rm -rf build/times
-	mkdir -p build/log; failed=; $(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; \
+	mkdir -p build/log; failed=; parts=; begun=0; \
+	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
+	$(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; ended build; \
 	set -m; { nice $(MAKE) --jobs 2 $(ONLY_LINUX) && nice $(MAKE) image-debian lab; } \
 	  > build/log/test-linux-build.log 2>&1 & linux=$$!; set +m; \
 	trap 'kill -- -$$linux 2> /dev/null || true' EXIT; \
 	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
 	for part in $(PARTS); do \
-	  $(MAKE) $$part || failed+=" $$part"; \
+	  $(MAKE) $$part || failed+=" $$part"; ended $$part; \
 	done; \
-	wait $$linux || tail -n 40 build/log/test-linux-build.log; \
-	$(MAKE) test-linux || failed+=" test-linux"; \
+	wait $$linux || tail -n 40 build/log/test-linux-build.log; ended "rest of test-linux's builds"; \
+	$(MAKE) test-linux || failed+=" test-linux"; ended test-linux; \
 	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
+	echo "the parts:$$parts"; \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
 BUSY := 8
