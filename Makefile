@@ -73,7 +73,7 @@ asan: .asan ## Test: the C unit tests under AddressSanitizer and UBSan
 	$(LOGGED) asan ninja -C build/asan
 
 cross: build/arm/build.ninja ## Test: the C unit tests as ARMv5 code, under qemu-arm
-	$(LOGGED) arm ninja -C build/arm
+	$(LOGGED) arm ninja -C build/arm meson-test-prereq logic/logic-desk
 	$(LOGGED) arm-unit $(MESON_TEST) -C build/arm
 
 fuzzers: build/fuzz/build.ninja ## Test: build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
