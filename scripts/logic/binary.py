@@ -8,7 +8,7 @@ import zlib
 from dataclasses import dataclass, field
 
 from logic.errors import LogicError
-from logic.types import CODES
+from logic.types import machine_type
 
 VERSION = 2  # LOGIC_VERSION
 NO_SLOT = 0xFFFF
@@ -93,9 +93,13 @@ class Slot:
 
 @dataclass(eq=False)
 class Array:
-    slots: list[Slot]
+    slots: list[Slot]  # each as far from the one before
     type: str
     low: int
+
+    @property
+    def stride(self) -> int:
+        return self.slots[1].number - self.slots[0].number if len(self.slots) > 1 else 1
 
 
 @dataclass(eq=False)
@@ -106,6 +110,7 @@ class Instruction:
         object
     ]  # slots, arrays, routines, numbers, and of jumps the instruction's number in its routine
     line: int
+    covers: list[Slot] = field(default_factory=list)  # the variables that a BLOCK writes
 
 
 @dataclass(eq=False)
@@ -186,11 +191,17 @@ def encode(program: Program) -> bytes:
     own_name = name(program.name)
     initial = {slot: bits for (_, bits), slot in program.constants.items()} | program.initial
     sections = [
-        filled(bytes(CODES[slot.type] for slot in everything)),
+        filled(bytes(machine_type(slot.type) for slot in everything)),
         b"".join(struct.pack("<HHQ", slot.number, 0, bits) for slot, bits in initial.items()),
         b"".join(
             struct.pack(
-                "<HHHBBi", array.slots[0].number, len(array.slots), 1, CODES[array.type], 0, array.low
+                "<HHHBBi",
+                array.slots[0].number,
+                len(array.slots),
+                array.stride,
+                machine_type(array.type),
+                0,
+                array.low,
             )
             for array in program.arrays
         ),
@@ -200,7 +211,7 @@ def encode(program: Program) -> bytes:
                 "<HHBBH",
                 point.slot.number,
                 point.time.number if point.time else NO_SLOT,
-                CODES[point.type],
+                machine_type(point.type),
                 point.written,
                 name(point.name),
             )
@@ -215,7 +226,7 @@ def encode(program: Program) -> bytes:
             for request in program.requests
         ),
         b"".join(
-            struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), CODES[slots[0].type], 0)
+            struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), machine_type(slots[0].type), 0)
             for kept, slots in program.retained
         ),
         b"".join(
@@ -264,4 +275,6 @@ def code_of(instruction: Instruction, program: Program, start: int) -> bytes:
     if instruction.operation in ("JUMP", "IF", "ELSIF", "CLEAN"):
         numbers[0 if instruction.operation == "JUMP" else 1] += start
     numbers += [0] * (3 - len(numbers))
-    return struct.pack("<BBHHH", OPERATIONS.index(instruction.operation), CODES[instruction.type], *numbers)
+    return struct.pack(
+        "<BBHHH", OPERATIONS.index(instruction.operation), machine_type(instruction.type), *numbers
+    )
