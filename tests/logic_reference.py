@@ -82,6 +82,7 @@ class Random:
     random: random.Random
     loops: int = 0
     depth: int = 0
+    messages: int = 0
 
     def place(self, wanted: str, depth: int) -> tuple:
         """A member or an element of this type: its indices are expressions."""
@@ -245,12 +246,20 @@ class Random:
             if which < 0.76:
                 kind = self.random.choice(["PAIR", "UNIT"])
                 return ("copy", self.place(kind, 1), self.place(kind, 1))
-            if which < 0.8:
+            if which < 0.78:
+                return self.message()
+            if which < 0.81:
                 return ("turn", self.place("PAIR", 1))
             name = self.random.choice(list(OUTPUTS))
             return ("assign", name, self.expression(OUTPUTS[name]))
         finally:
             self.depth -= 1
+
+    def message(self) -> tuple:
+        self.messages += 1
+        kinds = self.random.choices([*OUTPUTS.values(), "MODE"], k=self.random.randint(0, 3))
+        values = [(kind, self.expression(kind, 2)) for kind in kinds]
+        return ("say", self.messages, [one for one in values if not is_constant(one[1])])
 
     def expression_small(self) -> tuple:
         """The end of a loop: not far away, sometimes of doubtful quality."""
@@ -309,6 +318,9 @@ def lines(statements: list[tuple]) -> list[str]:
                 found.append(f"{name} := {shown(value)};")
             case ("store" | "copy", place, value):
                 found.append(f"{shown(place)} := {shown(value)};")
+            case ("say", number, values):
+                said = "".join(f", {shown(value)}" for _, value in values)
+                found.append(f"MESSAGE('{number}{' {}' * len(values)}'{said});")
             case ("turn", place):
                 found.append(f"b(q := {shown(place)});")
             case ("leave", word):
@@ -388,6 +400,8 @@ def written(statements: list[tuple]) -> set[object]:
         match statement:
             case ("assign", name, _):
                 found.add(name)
+            case ("say", number, values):
+                found |= {("said", number, place) for place in range(len(values))}
             case ("store" | "copy", place, _) | ("turn", place):
                 found |= touched(place)
             case ("if", branches, otherwise) | ("case", _, branches, otherwise):
@@ -414,6 +428,13 @@ def fits_tail(key: Key, place: tuple, tail: Key) -> bool:
     return not tail or key[len(place[2]) + 1 :] == tail
 
 
+def said(kind: str, tagged: Tagged) -> str:
+    value, quality = tagged
+    texts = {"BOOL": str(bool(value)).upper(), "REAL": f"{value:.7g}", "LREAL": f"{value:.15g}"}
+    text = f"16#{value:X}" if kind == "WORD" else texts.get(kind, str(value))
+    return text + ("!" if quality & 0xC1 else "")
+
+
 def single(value: float) -> float:
     try:
         return struct.unpack("f", struct.pack("f", value))[0]
@@ -426,11 +447,13 @@ class Reference:
         self.values: dict[object, Tagged] = {name: (zero(kind), 0) for name, kind in OUTPUTS.items()}
         self.values |= {name: (0, 0) for name in ("n1", "n2", "n3")}
         self.values |= {key: (initial(key), 0) for key, _ in ELEMENTS}
+        self.said: dict[int, list[str]] = {}  # of this scan: the types of each message's values
         self.faults = 0
         self.doubts: list[int] = []
 
     def scan(self, statements: list[tuple], inputs: dict[str, Tagged]) -> dict[str, Tagged]:
         self.values |= inputs
+        self.said.clear()
         self.run(statements)
         values = flags = 0
         for key, _ in ELEMENTS:
@@ -441,7 +464,8 @@ class Reference:
 
     def doubt(self, names: set[object], quality: int) -> None:
         for name in names:
-            self.values[name] = (self.values[name][0], self.values[name][1] | quality)
+            value, its = self.values.get(name, (0, 0))  # of a message: not said yet
+            self.values[name] = (value, its | quality)
 
     def reached(self, place: tuple) -> tuple[Key, int, bool]:
         """The place with its indices computed, their quality, and whether all are inside."""
@@ -492,6 +516,11 @@ class Reference:
                     to, of = self.reached(place), self.reached(source)
                     for tail, _ in paths(kind_at(place)):
                         self.put(place, to, self.read((*of[0], *tail), *of[1:]), tail)
+                case ("say", number, values):
+                    for place, (_, value) in enumerate(values):
+                        self.values[("said", number, place)] = self.value(value)
+                    if number in self.said or len(self.said) < 8:
+                        self.said[number] = [kind for kind, _ in values]
                 case ("turn", place):
                     pair = dict(zip(PAIR, self.copied(place), strict=True))
                     n, quality = pair["n"]
@@ -512,6 +541,14 @@ class Reference:
                     self.branch([(lambda hit=hit: hit, body) for hit, body in hits], otherwise)
                 case ("for", name, first, last, step, body):
                     self.loop(name, first, self.value(last), step, body)
+
+    def messages(self) -> list[str]:
+        """The values as they are when the scan ends: what a condition doubts is marked."""
+        lines = []
+        for number, kinds in self.said.items():
+            values = [self.values[("said", number, place)] for place in range(len(kinds))]
+            lines.append(" ".join([str(number), *(said(*pair) for pair in zip(kinds, values, strict=True))]))
+        return lines
 
     def branch(self, branches: list, otherwise: list[tuple]) -> None:
         everything = [one for _, body in branches for one in body] + otherwise

@@ -235,6 +235,18 @@ UNIT = "TYPE unit : STRUCT n : INT; v : ARRAY[1..3] OF REAL; END_STRUCT; END_TYP
             "expected ')' or ',' after the values that are repeated, found ';'",
         ),
         ("", "x : (A, B);", "", "expected the name of a type, found '('; declare it in TYPE … END_TYPE"),
+        ("", "x : STRING;", "", "there are no variables of STRING; MESSAGE('…', value) has a text"),
+        ("", "x : INT;", "x := 'a';", "2:6: error: a text stands in MESSAGE('…', value, …) only"),
+        ("", "x : INT;", "MESSAGE('a {}');", "2:9: error: 1 {} in the text, 0 values; 8 at most"),
+        ("", "x : INT;", "MESSAGE('a', x);", "2:9: error: 0 {} in the text, 1 values; 8 at most"),
+        ("", "x : INT;", f"MESSAGE('{'{}' * 9}'{', x' * 9});", "9 {} in the text, 9 values; 8 at most"),
+        ("", "x : INT;", "MESSAGE(x);", "expected MESSAGE('a text with {}', a value for each {})"),
+        ("", "x : INT;", "MESSAGE('a {}', 5);", "2:17: error: a constant can stand in the text itself"),
+        ("", "x : INT;", "MESSAGE('a {}', y);", "2:17: error: unknown name Y"),
+        ("", "x : DT;", "MESSAGE('a {}', x);", "a message has no DATE_AND_TIME; the log has the time"),
+        ("", "x : INT;", "MESSAGE('a$Nb');", "a text has printable characters, $' and $$; it is one line"),
+        ("", "x : INT;", f"MESSAGE('{'ü' * 56}');", "112 octets are too many; a line of the log has 111"),
+        ("", "x : INT;", "MESSAGE('a", '2:9: error: a text without its end "\'" in this line'),
         ("", "x : REEL;", "", "1:19: error: unknown type REEL; did you mean REAL?"),
     ],
 )
@@ -442,6 +454,30 @@ VAR i : DINT; a : ARRAY[1..5] OF DINT; limit : clip; twice : doubled; END_VAR"""
         "sum": 9,
         "small": 3,
     }
+
+
+def test_messages() -> None:
+    """Of each MESSAGE one in a scan, as it was said last; at most eight."""
+    declared = """VAR_EXTERNAL x : INT; r : REAL; w : WORD; END_VAR
+VAR i : INT; t : TIME := T#90s; END_VAR"""
+    body = """IF x > 3 THEN MESSAGE('it$'s {}, {}!', x, r); END_IF;
+FOR i := 1 TO 3 DO MESSAGE('{} of {} {}', i, w, t); END_FOR;"""
+    given = ({"x": Value(4, 0x40), "r": Value(0.5), "w": Value(10)}, {"x": Value(3), "w": Value(0)})
+    first, second = scans(body, declared, *given)
+    assert first.messages == ((4, "it's 4!, 0.5!!"), (5, "3 of 16#A 90 s"))
+    assert second.messages == ((5, "3 of 16#0 90 s"),)
+    (scan,) = scans("\n".join(f"MESSAGE('{n}');" for n in range(9)), declared)
+    assert [text for _, text in scan.messages] == list("01234567")
+
+
+def test_run_prints_what_a_program_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, table = tmp_path / "p.st", tmp_path / "p.csv"
+    file.write_text(
+        "PROGRAM p\nVAR_EXTERNAL x : INT; END_VAR\nIF x > 1 THEN MESSAGE('x is {}', x); END_IF;\nEND_PROGRAM"
+    )
+    table.write_text("time,x\n0,1\n1,2\n")
+    assert main(["run", str(file), str(table), "--period", "1000"]) == 0
+    assert capsys.readouterr().err == f"{file}:3: at 1 s: x is 2\n"
 
 
 def test_enumerations() -> None:
@@ -740,6 +776,8 @@ def test_random_programs_do_what_a_second_interpreter_does() -> None:
                 expected = reference.scan(tree, inputs)
                 found = {name: (value.value, value.quality) for name, value in scan.outputs.items()}
                 assert found == expected, f"seed {seed}, scan {n}\n{text_of(tree)}"
+                said = [text for _, text in scan.messages]
+                assert said == reference.messages(), f"seed {seed}, scan {n}\n{text_of(tree)}"
                 assert sum(scan.faults) == reference.faults, f"seed {seed}, scan {n}\n{text_of(tree)}"
                 doubtful += sum(quality != 0 for _, quality in expected.values())
         faults += reference.faults
@@ -787,7 +825,7 @@ def test_a_damaged_program_is_refused_or_harmless(tmp_path: Path) -> None:
         ("pump.st", "16 checks, 0 failed; lines 9 of 9, branches 4 of 4\n"),
         ("tank.st", "7 checks, 0 failed; lines 8 of 8, branches 0 of 0\n"),
         ("interlock.st", "16 checks, 0 failed; lines 6 of 6, branches 2 of 2\n"),
-        ("pumps.st", "13 checks, 0 failed; lines 14 of 14, branches 16 of 16\n"),
+        ("pumps.st", "14 checks, 0 failed; lines 16 of 16, branches 18 of 18\n"),
         (
             "filling.st",
             "14 checks, 0 failed; lines 15 of 15, branches 17 of 20\nnot covered: line 27, 33, 37\n",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from logic.errors import LogicError
@@ -79,6 +80,7 @@ OPERATIONS = [
     "QUALITY",
     "GOOD",
     "AS_GOOD",
+    "MESSAGE",
 ]
 
 
@@ -108,7 +110,7 @@ class Instruction:
     type: str
     operands: list[
         object
-    ]  # slots, arrays, routines, numbers, and of jumps the instruction's number in its routine
+    ]  # slots, arrays, routines, texts, numbers, and of jumps the instruction's number in its routine
     line: int
     covers: list[Slot] = field(default_factory=list)  # the variables that a BLOCK writes
 
@@ -184,6 +186,10 @@ def encode(program: Program) -> bytes:
 
     def name(text: str) -> int:
         if text not in places:
+            if len(names) > 0xFFFF:
+                raise LogicError(
+                    "the names of points and the texts of messages are longer than 65 536 octets"
+                )
             places[text] = len(names)
             names.extend(text.encode() + b"\0")
         return places[text]
@@ -230,7 +236,7 @@ def encode(program: Program) -> bytes:
             for kept, slots in program.retained
         ),
         b"".join(
-            code_of(instruction, program, starts[id(routine)])
+            code_of(instruction, program, starts[id(routine)], name)
             for routine in program.routines
             for instruction in routine.code
         ),
@@ -261,13 +267,15 @@ def filled(octets: bytes) -> bytes:
     return octets + bytes(-len(octets) % 4)
 
 
-def code_of(instruction: Instruction, program: Program, start: int) -> bytes:
+def code_of(instruction: Instruction, program: Program, start: int, name: Callable[[str], int]) -> bytes:
     numbers = []
     for operand in instruction.operands:
         if isinstance(operand, Slot):
             numbers.append(operand.number)
         elif isinstance(operand, Array):
             numbers.append(program.arrays.index(operand))
+        elif isinstance(operand, str):
+            numbers.append(name(operand))
         elif isinstance(operand, Routine):
             numbers.append(program.routines.index(operand))
         else:

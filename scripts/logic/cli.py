@@ -204,6 +204,9 @@ def _run(parsed: argparse.Namespace) -> int:
             writer.writerow([f"{step.time_us / US:g}", *(step.scan.outputs[name].shown() for name in names)])
         if parsed.output:
             file.close()
+    for step in done:
+        for line, text in step.scan.messages:
+            print(f"{parsed.file}:{line}: at {step.time_us / US:g} s: {text}", file=sys.stderr)
     _report_faults(parsed, done[-1])
     return DONE
 

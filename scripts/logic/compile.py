@@ -27,6 +27,7 @@ from logic.syntax import (
     Name,
     Repeat,
     Statement,
+    Text,
     Unit,
     While,
 )
@@ -43,6 +44,8 @@ FORGOTTEN = {
 }
 # The variables of the blocks that the machine's host serves, in the order of format.h.
 COMMAND_PARTS = ("EXECUTE", "VALUE", "SELECT", "STATE", "RESULT")
+MESSAGE_VALUES = 8  # LOGIC_MESSAGE_VALUES
+MESSAGE_OCTETS = 111  # MAP_LOG_TEXT_SIZE, without the end
 REQUEST_PARTS = ("ACTIVE", "VALUE", "REFUSE", "STATE", "RESULT")
 
 
@@ -413,6 +416,9 @@ class Compiler(Declarations):
 
     def call_block(self, call: Call) -> None:
         bound = self.body.scope.names.get(call.name)
+        if bound is None and call.name == "MESSAGE":
+            self.message(call)
+            return
         if bound is None and self.is_function(call.name):
             raise SourceError(call.place, f"the result of {call.name} is not used")
         bound = self.bound(Name(call.place, call.name))
@@ -436,6 +442,36 @@ class Compiler(Declarations):
             instance.routine = self.unit(instance.unit, instance.scope)
         self.body.emit("CALL", "BOOL", instance.routine)
         self.fetch(instance.scope, arguments)
+
+    def message(self, call: Call) -> None:
+        """The machine notes that it was said; the host makes the text, of the values in these variables."""
+        text = call.arguments[0].value if call.arguments else None
+        if not isinstance(text, Text) or any(one.name for one in call.arguments):
+            raise SourceError(call.place, "expected MESSAGE('a text with {}', a value for each {})")
+        given = call.arguments[1:]
+        places = text.text.count("{}")
+        if places != len(given) or places > MESSAGE_VALUES:
+            raise SourceError(
+                text.place, f"{places} {{}} in the text, {len(given)} values; {MESSAGE_VALUES} at most"
+            )
+        octets = len(text.text.encode())
+        if octets > MESSAGE_OCTETS:
+            raise SourceError(
+                text.place, f"{octets} octets are too many; a line of the log has {MESSAGE_OCTETS}"
+            )
+        values: list[Slot] = []
+        for argument in given:
+            value = self.any_value(argument.value)
+            if isinstance(value, Literal):
+                raise SourceError(argument.place, "a constant can stand in the text itself")
+            if value.type == "DATE_AND_TIME":
+                raise SourceError(argument.place, "a message has no DATE_AND_TIME; the log has the time")
+            values.append(value)
+        slots = [self.program.add(Slot(value.type, True)) for value in values]
+        for slot, value in zip(slots, values, strict=True):
+            self.body.emit("MOVE", slot.type, slot, value)
+        first = slots[0] if slots else self.body.doubt
+        self.body.emit("MESSAGE", "BOOL", text.text, first, len(slots))
 
     def served_point(self, call: Call, instance: Instance, arguments: list[Argument]) -> Point:
         block = instance.unit.name

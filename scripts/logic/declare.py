@@ -80,6 +80,8 @@ class Declarations(Values):
             block = self.units.get(name)
             if block is not None and block.kind == "FUNCTION_BLOCK":
                 raise SourceError(place, f"an instance of {name} must be a plain variable")
+            if name in ("STRING", "WSTRING"):
+                raise SourceError(place, f"there are no variables of {name}; MESSAGE('…', value) has a text")
             raise SourceError(place, f"unknown type {name}{close}")
         if name in self.open_types:
             raise SourceError(place, f"{name} contains itself")

@@ -35,6 +35,7 @@ from logic.syntax import (
     Repeat,
     Spelled,
     Statement,
+    Text,
     Unary,
     Unit,
     Variable,
@@ -50,6 +51,7 @@ TOKEN = re.compile(
       |(?P<based>(?:2|8|16)\#[0-9A-F_]+)
       |(?P<real>[0-9][0-9_]*\.[0-9][0-9_]*(?:E[+-]?[0-9]+)?)
       |(?P<integer>[0-9][0-9_]*)
+      |(?P<text>'(?:[^'$\n]|\$[^\n])*')
       |(?P<word>[A-Z_]\w*)
       |(?P<sign>:=|=>|<>|<=|>=|\*\*|\.\.|\((?!\*)|[-+*/&=<>)\[\],;:.])""",
     re.VERBOSE | re.IGNORECASE | re.DOTALL,
@@ -137,13 +139,16 @@ def tokens_of(text: str, findings: Findings) -> list[Token]:
         place = Place(line, at - start + 1)
         found = TOKEN.match(text, at)
         if found is None:
-            what = (
-                "a comment '(*' without its end '*)'"
-                if text.startswith("(*", at)
-                else f"unknown character {text[at]!r}"
-            )
-            findings.error(place, what)
-            at = len(text) if text.startswith("(*", at) else at + 1
+            if text.startswith("(*", at):
+                findings.error(place, "a comment '(*' without its end '*)'")
+                at = len(text)
+            elif text[at] == "'":
+                findings.error(place, 'a text without its end "\'" in this line')
+                end = text.find("\n", at)
+                at = len(text) if end < 0 else end
+            else:
+                findings.error(place, f"unknown character {text[at]!r}")
+                at += 1
             continue
         if found.lastgroup != "space":
             tokens.append(Token(place, str(found.lastgroup), found[0]))
@@ -505,6 +510,8 @@ class Parser:
             return inner
         if self.accept("TRUE", "FALSE"):
             return Literal(token.place, "BOOL", token.word == "TRUE")
+        if token.kind == "text":
+            return Text(self.take().place, unescaped(token))
         if token.kind == "typed" and token.text.upper().partition("#")[0] not in TYPES:
             kind, _, value = self.take().text.upper().partition("#")
             return Enumerated(token.place, kind, value)
@@ -568,6 +575,14 @@ def literal(token: Token) -> Literal:
     except (KeyError, ValueError):
         raise SourceError(token.place, f"{token.text} is no {kind}") from None
     return Literal(token.place, kind, whole(token, digits.replace("_", "")))
+
+
+def unescaped(token: Token) -> str:
+    """$' is ', $$ is $: what a line of the log can have."""
+    text = re.sub(r"\$(.)", lambda found: found[1] if found[1] in "'$" else "\0", token.text[1:-1])
+    if not text.isprintable():
+        raise SourceError(token.place, "a text has printable characters, $' and $$; it is one line")
+    return text
 
 
 def whole(token: Token, text: str) -> int:

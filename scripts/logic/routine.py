@@ -128,7 +128,7 @@ def writes(instruction: Instruction) -> list[Slot]:
         return instruction.covers
     if operation == "CALL":
         return list(operands[0].writes)
-    if operation in ("JUMP", "IF", "ELSIF", "CLEAN", "RETURN", "SPREAD"):
+    if operation in ("JUMP", "IF", "ELSIF", "CLEAN", "RETURN", "SPREAD", "MESSAGE"):
         # IF writes a temporary; what SPREAD covers was written before.
         return []
     return [operands[0]] if operands[0].variable else []

@@ -77,7 +77,15 @@ class Call:
     arguments: tuple[Argument, ...]
 
 
-Expression = Literal | Name | Enumerated | Unary | Binary | Call
+@dataclass(frozen=True)
+class Text:
+    """'…', of a MESSAGE."""
+
+    place: Place
+    text: str
+
+
+Expression = Literal | Name | Enumerated | Text | Unary | Binary | Call
 
 
 @dataclass(frozen=True)

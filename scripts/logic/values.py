@@ -34,6 +34,7 @@ from logic.syntax import (
     Literal,
     Member,
     Name,
+    Text,
     Unary,
     Unit,
 )
@@ -401,6 +402,8 @@ class Values:
                 return self.name(expression)
             case Enumerated():
                 return self.enumerated(expression)
+            case Text():
+                raise SourceError(expression.place, "a text stands in MESSAGE('…', value, …) only")
             case Unary():
                 return self.unary(expression)
             case Binary():
