@@ -431,6 +431,8 @@ def fits_tail(key: Key, place: tuple, tail: Key) -> bool:
 def said(kind: str, tagged: Tagged) -> str:
     value, quality = tagged
     texts = {"BOOL": str(bool(value)).upper(), "REAL": f"{value:.7g}", "LREAL": f"{value:.15g}"}
+    if kind == "MODE":
+        texts["MODE"] = next((name for name, number in MODES.items() if number == value), str(value))
     text = f"16#{value:X}" if kind == "WORD" else texts.get(kind, str(value))
     return text + ("!" if quality & 0xC1 else "")
 

@@ -18,7 +18,9 @@ from logic.cli import main
 from logic.compile import compile_text
 from logic.desk import Desk, Scan, Value, desk_command
 from logic.errors import Findings
+from logic.parser import KEYWORDS
 from logic.table import ANSWERS
+from logic.types import TYPES
 from logic.watch import named, page
 from logic_reference import INPUTS, Random, Reference, text_of
 
@@ -328,6 +330,45 @@ def test_operations_are_those_of_the_machine() -> None:
     assert re.findall(r"^\tOP\((\w+),", text, re.MULTILINE) == OPERATIONS
 
 
+def coloured(line: str, patterns: list[dict[str, str]]) -> dict[str, str]:
+    """What an editor makes of a line: of the patterns the one that begins first, then the first one."""
+    found, at = {}, 0
+    while hits := [(hit, one) for one in patterns if (hit := re.search(one["match"], line[at:]))]:
+        hit, pattern = min(hits, key=lambda pair: pair[0].start())
+        found[hit[0]] = pattern["name"].removesuffix(".structured-text")
+        at += hit.end()
+    return found
+
+
+def test_an_editor_colours_what_the_compiler_knows(tmp_path: Path) -> None:
+    assert main(["editor", str(tmp_path / "st")]) == 0
+    package = json.loads((tmp_path / "st/package.json").read_text())
+    path = package["contributes"]["grammars"][0]["path"]
+    patterns = json.loads((tmp_path / "st" / path).read_text())["patterns"]
+    patterns = [{**one, "match": one.get("match") or one["begin"]} for one in patterns]
+    for word in KEYWORDS | {*TYPES}:
+        (scope,) = coloured(word.lower(), patterns).values()
+        assert scope.startswith(("keyword", "storage", "constant.language")), word
+    line = (
+        "IF t.q AND forty <> 4 THEN x := mode#RUN; w := 16#FF; r := LOG(INT_TO_REAL(log)); u : TON; END_IF;"
+    )
+    assert coloured(line, patterns) == {
+        **dict.fromkeys(["IF", "THEN", "END_IF"], "keyword.control"),
+        **dict.fromkeys(["4", "16#FF"], "constant.numeric"),
+        **dict.fromkeys(["<>", ":="], "keyword.operator"),
+        **dict.fromkeys(["LOG", "INT_TO_REAL"], "support.function"),
+        "AND": "keyword.operator.word",
+        "mode#RUN": "constant.other.enumeration",
+        "TON": "support.class",
+    }
+    for text, scope in (
+        ("// IF", "comment.line"),
+        ("(* IF", "comment.block"),
+        ("'IF", "string.quoted.single"),
+    ):
+        assert next(iter(coloured(text, patterns).values())) == scope
+
+
 # ---- values ------------------------------------------------------------------------------------------
 
 CONFORMITY = [
@@ -466,6 +507,8 @@ FOR i := 1 TO 3 DO MESSAGE('{} of {} {}', i, w, t); END_FOR;"""
     first, second = scans(body, declared, *given)
     assert first.messages == ((4, "it's 4!, 0.5!!"), (5, "3 of 16#A 90 s"))
     assert second.messages == ((5, "3 of 16#0 90 s"),)
+    (scan,) = scans("MESSAGE('{}{} {}', m, i, m);", f"{declared} VAR m : mode := TRIP; END_VAR", units=MODE)
+    assert scan.messages == ((4, "TRIP0 TRIP"),)
     (scan,) = scans("\n".join(f"MESSAGE('{n}');" for n in range(9)), declared)
     assert [text for _, text in scan.messages] == list("01234567")
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from logic import grammar
 from logic.binary import Program, encode
 from logic.compile import compile_text
 from logic.desk import Desk
@@ -87,6 +88,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.set_defaults(run=_watch)
     _add_filter(commands)
+    command = commands.add_parser(
+        "editor",
+        help="write an extension that colours Structured Text in an editor",
+        description="Write an extension with a TextMate grammar, as Visual Studio Code loads it.",
+    )
+    command.add_argument(
+        "directory", type=Path, metavar="DIRECTORY", help="as ~/.vscode/extensions/openrtu-st"
+    )
+    command.set_defaults(run=_editor)
     return parser
 
 
@@ -220,6 +230,12 @@ def _watch(parsed: argparse.Namespace) -> int:
     if program is None:
         return FOUND
     watch(parsed.file.read_text(encoding="utf-8"), program, parsed.rtuctl, dict(parsed.name), parsed.once)
+    return DONE
+
+
+def _editor(parsed: argparse.Namespace) -> int:
+    for file in grammar.write(parsed.directory):
+        print(file)
     return DONE
 
 

@@ -467,11 +467,22 @@ class Compiler(Declarations):
             if value.type == "DATE_AND_TIME":
                 raise SourceError(argument.place, "a message has no DATE_AND_TIME; the log has the time")
             values.append(value)
+        pieces = text.text.split("{}")
+        said = pieces[0] + "".join(
+            self.placed(value) + piece for value, piece in zip(values, pieces[1:], strict=True)
+        )
         slots = [self.program.add(Slot(value.type, True)) for value in values]
         for slot, value in zip(slots, values, strict=True):
             self.body.emit("MOVE", slot.type, slot, value)
         first = slots[0] if slots else self.body.doubt
-        self.body.emit("MESSAGE", "BOOL", text.text, first, len(slots))
+        self.body.emit("MESSAGE", "BOOL", said, first, len(slots))
+
+    def placed(self, value: Slot) -> str:
+        """Where a value stands in a text; logic/message.c reads the names of an enumeration there."""
+        kind = self.types.get(value.type)
+        if not isinstance(kind, Enumeration):
+            return "{}"
+        return f"\x01{','.join(f'{number}={name}' for name, number in kind.values.items())}\x02"
 
     def served_point(self, call: Call, instance: Instance, arguments: list[Argument]) -> Point:
         block = instance.unit.name

@@ -1,8 +1,13 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* What a program says: its text, with a value in place of each {}. The text is the file's, so nothing is known of it. */
+/*
+ * What a program says: its text, with a value in place of each {}, and of each "\x01NUMBER=NAME,NUMBER=NAME\x02" the value's
+ * name. The text is the file's, so nothing is known of it.
+ */
 #include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "logic/logic.h"
 
@@ -11,11 +16,15 @@ struct text {
 	size_t left; /* with the octet for the end */
 };
 
+#define NAMES "\x01"
+#define END   "\x02"
+
+/* A line of a log has no control characters. */
 static void put_octet(struct text *text, char octet)
 {
 	if (text->left < 2)
 		return;
-	*text->at++ = octet;
+	*text->at++ = (unsigned char)octet < ' ' || octet == 0x7f ? '?' : octet;
 	*text->at = '\0';
 	text->left--;
 }
@@ -65,6 +74,30 @@ static void put_value(struct text *text, enum logic_type type, union logic_cell 
 		put_octet(text, '!');
 }
 
+/* The name of the value, or the value; returns what is behind the names. */
+static const char *put_name(struct text *text, const char *names, union logic_cell cell, uint8_t quality)
+{
+	const char *end = names + strcspn(names, END);
+	bool found = false;
+
+	while (names < end && !found) {
+		size_t length = strcspn(names, "," END);
+		char *equals;
+
+		if (strtoll(names, &equals, 10) == cell.i && *equals == '=') {
+			for (found = true; equals + 1 < names + length; equals++)
+				put_octet(text, equals[1]);
+			break;
+		}
+		names += length + (names + length < end);
+	}
+	if (!found)
+		put(text, "%" PRId64, cell.i);
+	if (quality & LOGIC_NOT_GOOD)
+		put_octet(text, '!');
+	return end + (*end != '\0');
+}
+
 void logic_message(const struct logic *logic, unsigned message, char *out, size_t size)
 {
 	const struct logic_instruction *at = &logic->code[logic->said[message]];
@@ -72,16 +105,19 @@ void logic_message(const struct logic *logic, unsigned message, char *out, size_
 	uint16_t value = 0;
 
 	*out = '\0';
-	for (const char *from = logic_name(logic, at->a); *from != '\0'; from++) {
+	for (const char *from = logic_name(logic, at->a); *from != '\0';) {
 		uint16_t slot = (uint16_t)(at->b + value);
 
-		if (from[0] != '{' || from[1] != '}' || value == at->c) {
-			put_octet(&text, (unsigned char)*from < ' ' || *from == 0x7f ? '?' : *from);
-			continue;
+		if (value < at->c && *from == *NAMES) {
+			from = put_name(&text, from + 1, logic->cells[slot], logic->quality[slot]);
+			value++;
+		} else if (value < at->c && from[0] == '{' && from[1] == '}') {
+			put_value(&text, (enum logic_type)logic->types[slot], logic->cells[slot],
+				  logic->quality[slot]);
+			from += 2;
+			value++;
+		} else {
+			put_octet(&text, *from++);
 		}
-		put_value(&text, (enum logic_type)logic->types[slot], logic->cells[slot],
-			  logic->quality[slot]);
-		value++;
-		from++;
 	}
 }

@@ -65,6 +65,36 @@ static void test_a_text_that_does_not_fit_its_values(void **state)
 	assert_string_equal(said("", IN, 1), "");
 }
 
+static void test_a_value_has_a_name(void **state)
+{
+	(void)state;
+	assert_string_equal(said("\x01"
+				 "1=A,-7=B\x02.",
+				 IN, 1),
+			    "B.");
+	assert_string_equal(said("\x01"
+				 "8=A,9=B\x02{}",
+				 OUT, 1),
+			    "A!{}");
+	assert_string_equal(said("\x01"
+				 "1=A\x02 {}",
+				 IN, 2),
+			    "-7 8!");
+	assert_string_equal(said("\x01"
+				 "-7=A",
+				 IN, 1),
+			    "A"); /* no end */
+	assert_string_equal(said("\x01"
+				 "-7,,=\x02x",
+				 IN, 1),
+			    "-7x");
+	assert_string_equal(said("\x01"
+				 "-7=\x1b,\x02x",
+				 IN, 1),
+			    "?x");
+	assert_string_equal(said("\x01", IN, 1), "-7");
+}
+
 static void test_what_finds_no_room_is_cut(void **state)
 {
 	char out[4];
@@ -98,6 +128,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(test_values_stand_in_the_text),
 	    cmocka_unit_test(test_a_text_that_does_not_fit_its_values),
+	    cmocka_unit_test(test_a_value_has_a_name),
 	    cmocka_unit_test(test_what_finds_no_room_is_cut),
 	    cmocka_unit_test(test_what_the_verifier_refuses),
 	};
