@@ -15,7 +15,7 @@ import pytest
 
 from logic.binary import OPERATIONS, encode
 from logic.cli import main
-from logic.compile import compile_text
+from logic.compile import MESSAGE_OCTETS, MESSAGE_VALUES, compile_text
 from logic.desk import Desk, Scan, Value, desk_command
 from logic.errors import Findings
 from logic.parser import KEYWORDS
@@ -328,6 +328,9 @@ def test_watch_says_how_to_reach_the_gateway(tmp_path: Path, capsys: pytest.Capt
 def test_operations_are_those_of_the_machine() -> None:
     text = (ROOT / "package/openrtu/src/logic/format.h").read_text()
     assert re.findall(r"^\tOP\((\w+),", text, re.MULTILINE) == OPERATIONS
+    assert f"#define LOGIC_MESSAGE_VALUES {MESSAGE_VALUES}\n" in text
+    text = (ROOT / "package/openrtu/src/map/map.h").read_text()
+    assert f"#define MAP_LOG_TEXT_SIZE {MESSAGE_OCTETS + 1}\n" in text
 
 
 def coloured(line: str, patterns: list[dict[str, str]]) -> dict[str, str]:
@@ -837,18 +840,19 @@ def given(kind: str, chance: random.Random) -> bool | int | float:
 
 
 @pytest.mark.slow
-def test_a_damaged_program_is_refused_or_harmless(tmp_path: Path) -> None:
+@pytest.mark.parametrize("example", ["pump.st", "pumps.st"])
+def test_a_damaged_program_is_refused_or_harmless(example: str, tmp_path: Path) -> None:
     """With a right CRC, so that the verifier alone decides; whatever it accepts then runs and ends."""
-    good = encode(compile_text((ROOT / "docs/examples/logic/pump.st").read_text(), Findings()))
+    good = encode(compile_text((ROOT / "docs/examples/logic" / example).read_text(), Findings()))
     chance = random.Random(1)
     codes, file = [], tmp_path / "damaged"
-    for _ in range(400):
+    for _ in range(200):
         octets = bytearray(good)
         for _ in range(chance.randint(1, 3)):
             octets[chance.randrange(16, len(octets))] = chance.choice([0, 1, 255, chance.randrange(256)])
         octets[12:16] = struct.pack("<I", zlib.crc32(octets[16:]))
         file.write_bytes(octets)
-        lines = "scan 0 0 0 20000 0:0:0\n" * 3 + "coverage\n"
+        lines = "scan 0 0 0 20000 42b40000:0:0 1:0:0 1:0:0\nsaid\n" * 3 + "coverage\n"
         done = subprocess.run(
             [*desk_command(), file], input=lines, capture_output=True, text=True, check=False
         )

@@ -44,9 +44,9 @@ FORGOTTEN = {
 }
 # The variables of the blocks that the machine's host serves, in the order of format.h.
 COMMAND_PARTS = ("EXECUTE", "VALUE", "SELECT", "STATE", "RESULT")
+REQUEST_PARTS = ("ACTIVE", "VALUE", "REFUSE", "STATE", "RESULT")
 MESSAGE_VALUES = 8  # LOGIC_MESSAGE_VALUES
 MESSAGE_OCTETS = 111  # MAP_LOG_TEXT_SIZE, without the end
-REQUEST_PARTS = ("ACTIVE", "VALUE", "REFUSE", "STATE", "RESULT")
 
 
 def compile_text(text: str, findings: Findings, name: str = "program") -> Program:
