@@ -359,6 +359,27 @@ def test_watch_shows_variables_of_blocks_and_of_the_instance_that_was_asked_for(
     assert "runs=TRUE" in first
 
 
+def test_watch_shows_members_elements_and_names_of_values() -> None:
+    text = """TYPE mode : (LOCAL, REMOTE := 5); END_TYPE
+TYPE bay : STRUCT at : mode; limits : ARRAY[0..1] OF INT; END_STRUCT; END_TYPE
+PROGRAM p
+VAR_EXTERNAL go : BOOL; END_VAR
+VAR bays : ARRAY[1..2, 3..4] OF bay; i : INT := 2; END_VAR
+bays[i, 3].at := mode#REMOTE; bays[1, 4].limits[1] := 7; go := bays[i, 4].at = mode#LOCAL;
+END_PROGRAM
+"""
+    program = compile_text(text, Findings())
+    values = {path: Value(0) for path in program.debug.variables}
+    assert len(set(map(id, program.debug.variables.values()))) == len(values) == 4 * 3 + 2
+    values |= {"I": Value(2), "BAYS[2,3].AT": Value(5), "BAYS[1,4].LIMITS[1]": Value(7)}
+    kinds = {path: slot.type for path, slot in program.debug.variables.items()}
+    inside = Inside(values, kinds, enumerations=program.debug.enumerations)
+    beside = page(text, named(text, program), {}, {}, inside).splitlines()[5].partition("|")[2]
+    assert "[2,3].AT=MODE#REMOTE" in beside
+    assert "bays[1, 4].limits[1]=7" in beside
+    assert "[2,4].AT=MODE#LOCAL" in beside
+
+
 def test_watch_says_how_to_reach_the_gateway(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "p.st"
     file.write_text("PROGRAM p\nVAR_EXTERNAL a : INT; END_VAR\na := 1;\nEND_PROGRAM\n")

@@ -149,6 +149,7 @@ class Debug:
 
     variables: dict[str, Slot] = field(default_factory=dict)
     outputs: dict[str, list[str]] = field(default_factory=dict)  # of each instance of a block
+    enumerations: dict[str, dict[int, str]] = field(default_factory=dict)  # of its values
     # Of each unit of the text its first line, and the paths that what it names begins with.
     units: list[tuple[int, list[str]]] = field(default_factory=list)
 

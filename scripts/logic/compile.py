@@ -97,6 +97,11 @@ class Compiler(Declarations):
             self.program.points.sort(key=lambda point: point.name)
             functions = [scope for scope, _ in self.functions.values() if not scope.unit.library]
             self.program.debug = debug_of(scope, functions, own)
+            self.program.debug.enumerations = {
+                kind.name: {number: name for name, number in kind.values.items()}
+                for kind in self.types.values()
+                if isinstance(kind, Enumeration)
+            }
         return self.program
 
     # ---- units and their variables -----------------------------------------------------------------
