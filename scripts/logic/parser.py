@@ -277,7 +277,8 @@ class Parser:
             except SourceError as error:
                 self.findings.error(error.place, error.text)
                 self.recover("END_TYPE")
-                if self.next.word in ("END_STRUCT", "END_VAR"):
+                # recover() stops before each END_…: what stays there would be met for ever.
+                if self.next.word.startswith("END_") and self.next.word != "END_TYPE":
                     self.take()
                     self.accept(";")
         self.expect("END_TYPE", "at the end of TYPE")
