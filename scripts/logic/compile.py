@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from logic.binary import Command, Point, Program, Request, Routine, Slot
+from logic.debug import debug_of
 from logic.declare import Declarations
 from logic.errors import Findings, Place, SourceError
 from logic.layout import Enumeration, Stored, is_single, name_of
@@ -94,6 +95,13 @@ class Compiler(Declarations):
             scope = self.scope_of(unit, "")
             self.unit(unit, scope)
             self.program.points.sort(key=lambda point: point.name)
+            functions = [scope for scope, _ in self.functions.values() if not scope.unit.library]
+            self.program.debug = debug_of(scope, functions, own)
+            self.program.debug.enumerations = {
+                kind.name: {number: name for name, number in kind.values.items()}
+                for kind in self.types.values()
+                if isinstance(kind, Enumeration)
+            }
         return self.program
 
     # ---- units and their variables -----------------------------------------------------------------

@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from math import prod
+from operator import mul
 
 from logic.binary import Array, Slot
 from logic.syntax import Initial
@@ -117,6 +119,24 @@ def leaves_of(kind: Type, path: str = "", bounds: tuple[Bounds, ...] = ()) -> It
             yield from leaves_of(member, f"{path}.{name}", bounds)
     else:
         yield path, Leaf(kind, bounds)
+
+
+def elements_of(stored: Stored) -> Iterator[tuple[str, Slot]]:
+    """The elementary variables, by what stands behind the variable's name: `[3].HIGH`, `[1,2]`."""
+
+    def below(kind: Type, shown: str, path: str, index: tuple[int, ...]) -> Iterator[tuple[str, Slot]]:
+        if isinstance(kind, ArrayOf):
+            for place in product(*(range(low, high + 1) for low, high in kind.bounds)):
+                moved = tuple(at - low for at, (low, _) in zip(place, kind.bounds, strict=True))
+                yield from below(kind.element, f"{shown}[{','.join(map(str, place))}]", path, index + moved)
+        elif isinstance(kind, Structure):
+            for name, member in kind.members.items():
+                yield from below(member, f"{shown}.{name}", f"{path}.{name}", index)
+        else:
+            leaf = stored.leaves[path]
+            yield shown, leaf.slots[sum(map(mul, index, leaf.steps))]
+
+    return below(stored.type, "", "", ())
 
 
 def size_of(kind: Type) -> int:
