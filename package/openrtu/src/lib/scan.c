@@ -237,6 +237,15 @@ void openrtu_scan_end(struct openrtu *rtu)
 	synch_end_scan(rtu);
 }
 
+/* What the journal has restored, or the former process of this generation left, nobody has seen turn invalid. */
+static bool was_seen_invalid(const struct openrtu *rtu)
+{
+	struct map_module self;
+
+	map_module(rtu->map, map_self(rtu->map), &self);
+	return self.generation > 1;
+}
+
 /* Its value goes on, and whoever has seen it turn invalid sees that. */
 static bool publish_retained(struct openrtu *rtu, uint32_t own)
 {
@@ -246,8 +255,8 @@ static bool publish_retained(struct openrtu *rtu, uint32_t own)
 	if (!(map_config(rtu->map)->points[rtu->points[number]].flags & MAP_POINT_RETAIN) ||
 	    sample.time_ns == 0)
 		return false;
-	sample.time_ns =
-	    rtu->now_ns; /* it is true again from now on: its end as invalid has a time before this one */
+	if (was_seen_invalid(rtu))
+		sample.time_ns = rtu->now_ns; /* its end as invalid has a time before this one */
 	put(rtu, (int)number, sample);
 	rtu->updates[own].event_rule = MAP_EVENT_ALWAYS;
 	rtu->updates[own].flags = MAP_UPDATE_KEEPS_VALUE; /* of a counter, it is the reading already */

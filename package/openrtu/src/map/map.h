@@ -161,6 +161,9 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out);
 /* The same of several points of one set, as one publishing has left them. */
 bool map_read_together(const struct map *map, const uint32_t *points, size_t count, struct map_sample *out);
 
+/* What the owner of a point has said last, whether it lives or not, and whether the point is forced or not. False: as map_read. */
+bool map_read_own(const struct map *map, uint32_t point, struct map_sample *out);
+
 /* Why a value is sent (IEC 60870-5-101, 7.2.3: causes 3, 11 and 12). */
 enum map_cause {
 	MAP_SPONTANEOUS,
