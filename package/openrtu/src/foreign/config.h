@@ -12,6 +12,8 @@
 #define FOREIGN_READS   MAP_SECTION_ID('F', 'R', 'D', 'S') /* uint32_t, points of others */
 #define FOREIGN_TEXTS   MAP_SECTION_ID('F', 'T', 'X', 'T') /* char, texts with their terminators */
 
+#define FOREIGN_COUNTERS 2 /* of its scans, that have names */
+
 #define FOREIGN_KIND      "foreign"
 #define FOREIGN_USER_SIZE 32
 #define FOREIGN_NO_SET    UINT16_MAX

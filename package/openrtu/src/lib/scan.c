@@ -63,7 +63,7 @@ static void plan_next(struct openrtu *rtu, int64_t now_ns)
 		int64_t missed = (now_ns - rtu->next_ns) / period_ns + 1;
 
 		rtu->missed += (uint32_t)missed;
-		map_count(&rtu->stats->missed, (uint32_t)missed);
+		map_count(&rtu->scans->missed, (uint32_t)missed);
 		rtu->next_ns += missed * period_ns;
 	}
 	say_missed(rtu, now_ns);
@@ -97,8 +97,11 @@ bool openrtu_wait(struct openrtu *rtu)
 		if (sleep_until(rtu, now_ns, wake_ns < rtu->next_ns ? wake_ns : rtu->next_ns))
 			break;
 		now_ns = map_now_ns();
-		if (now_ns >= rtu->next_ns)
-			return begin_scan(rtu);
+		if (now_ns < rtu->next_ns)
+			continue;
+		if (has_period(rtu))
+			map_histogram_add(&rtu->scans->wakeups, now_ns - rtu->next_ns);
+		return begin_scan(rtu);
 	}
 	rtu->stopped = true;
 	return false;
@@ -137,7 +140,7 @@ void openrtu_scan_begin(struct openrtu *rtu)
 	map_heartbeat(rtu->map);
 	rtu->now_ns = map_begin_cycle(rtu->map);
 	rtu->seen = MAP_GOOD;
-	map_count(&rtu->stats->scans, 1);
+	map_count(&rtu->scans->count, 1);
 	rtu->events_taken = 0;
 	requests_take(rtu);
 	commands_take(rtu);
@@ -233,6 +236,7 @@ void openrtu_scan_end(struct openrtu *rtu)
 {
 	publish(rtu);
 	requests_settle(rtu);
+	map_histogram_add(&rtu->scans->durations, map_now_ns() - rtu->now_ns);
 	map_heartbeat(rtu->map);
 	synch_end_scan(rtu);
 }

@@ -11,9 +11,7 @@
 
 /* Since the gateway started. */
 struct logic_stats {
-	_Atomic uint32_t scans;
-	_Atomic uint32_t late; /* periods that passed without a scan */
-	_Atomic uint32_t longest_us;
+	struct map_scans scans;
 	_Atomic uint32_t last_fault, last_line; /* 0: there was none */
 	_Atomic uint32_t faults[LOGIC_FAULTS];
 	_Atomic uint32_t kept; /* which of the two copies behind it is whole: 1 or 2; 0: none yet */

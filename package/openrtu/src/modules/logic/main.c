@@ -66,8 +66,6 @@ static struct logic_times times_of(int64_t now_ns, int64_t begun_ns, int64_t las
 
 static void scan(int64_t now_ns, const struct logic_times *times)
 {
-	uint32_t took_us;
-
 	points_freeze(&host);
 	commands_before(&host, now_ns);
 	requests_before(&host);
@@ -78,10 +76,8 @@ static void scan(int64_t now_ns, const struct logic_times *times)
 	commands_after(&host, now_ns);
 	kept_store(&host);
 	report_faults(now_ns);
-	took_us = (uint32_t)((map_now_ns() - now_ns) / NS_PER_US);
-	map_count(&host.stats->scans, 1);
-	if (took_us > atomic_load(&host.stats->longest_us))
-		atomic_store(&host.stats->longest_us, took_us);
+	map_histogram_add(&host.stats->scans.durations, map_now_ns() - now_ns);
+	map_count(&host.stats->scans.count, 1);
 }
 
 /* Each period; a program that takes longer than half of it leaves as much to others. */
@@ -96,7 +92,7 @@ static int64_t next_scan(int64_t due_ns, int64_t begun_ns)
 
 	if (due_ns + period_ns < earliest_ns)
 		periods = (earliest_ns - due_ns + period_ns - 1) / period_ns;
-	map_count(&host.stats->late, (uint32_t)(periods - 1));
+	map_count(&host.stats->scans.missed, (uint32_t)(periods - 1));
 	return due_ns + periods * period_ns;
 }
 
@@ -166,6 +162,8 @@ static void run(int stop)
 		if (now_ns >= due_ns && may_scan()) {
 			struct logic_times times = times_of(now_ns, begun_ns, last_ns);
 
+			if (!synched_waits(&host.synched)) /* or it waited for others */
+				map_histogram_add(&host.stats->scans.wakeups, now_ns - due_ns);
 			scan(now_ns, &times);
 			last_ns = now_ns;
 			due_ns = next_scan(due_now(due_ns, now_ns), now_ns);
@@ -234,8 +232,8 @@ static void name_counters(void)
 	    [LOGIC_BUDGET] = "faults_budget",
 	};
 
-	map_name_counter(host.map, &host.stats->scans, "scans");
-	map_name_counter(host.map, &host.stats->late, "late_periods");
+	map_name_counter(host.map, &host.stats->scans.count, "scans");
+	map_name_counter(host.map, &host.stats->scans.missed, "late_periods");
 	for (unsigned i = 0; i < LOGIC_FAULTS; i++)
 		map_name_counter(host.map, &host.stats->faults[i], "%s", names[i]);
 }
