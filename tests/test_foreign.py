@@ -320,6 +320,14 @@ def test_module_counts_its_scans(plant: Plant) -> None:
     plant.gateway.wait_for(lambda: plant.scans("pump") > before, PATIENCE_S, "the pump scans")
 
 
+def test_unit_and_description_are_shown(plant: Plant) -> None:
+    assert plant.gateway.query("show", "tank.level")["unit"] == "%"
+    shown = plant.gateway.query("show", "pump")
+    assert (shown["description"], shown["retain"]) == ("It shall run", False)
+    assert "unit" not in shown
+    assert re.search(r"^description +It shall run$", plant.gateway.ctl("show", "pump"), re.MULTILINE)
+
+
 def test_histogram_shows_how_punctual_modules_are(plant: Plant) -> None:
     """In Python and C: each scan is in it once."""
     rows = {row["name"]: row for row in plant.gateway.query("modules", "--histogram")}

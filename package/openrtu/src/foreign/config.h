@@ -65,4 +65,17 @@ static inline const char *foreign_text(const struct map_config *config, uint32_t
 	return (const char *)map_records(config, FOREIGN_TEXTS, sizeof(char)) + place;
 }
 
+/* What the file says of a point beside what the map knows; NULL: it is no point of such a module. */
+static inline const struct foreign_point *foreign_point_of(const struct map_config *config, uint32_t point)
+{
+	const struct foreign_point *points = map_records(config, FOREIGN_POINTS, sizeof(*points));
+	const struct foreign_module *modules = foreign_modules(config);
+	const uint16_t set = config->points[point].set;
+
+	for (uint32_t i = 0; modules != NULL && points != NULL && i < foreign_count(config); i++)
+		if (modules[i].set == set)
+			return &points[modules[i].first_point + point - config->sets[set].first_point];
+	return NULL;
+}
+
 #endif
