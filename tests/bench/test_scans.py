@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the bench of scans asks a gateway for."""
+"""The bench of scans: what it compares is the same program, of 1 000 statements, in at most 64 KiB."""
 
-import json
-import subprocess
 from pathlib import Path
 
 import pytest
-from scans import configuration, readings_of
+import scans
+from scans import agree, built, in_python, timed
+
+MEMORY_MAX = 64 << 10
 
 
-@pytest.mark.parametrize("points", [500, 5000])
-def test_map_has_as_many_points_as_the_row_says(programs: Path, tmp_path: Path, points: int) -> None:
-    file = tmp_path / "gateway.json"
-    file.write_text(json.dumps(configuration(points, "/bin/true", net=True)))
-    listed = subprocess.run(
-        [programs / "rtud/rtud", "--points", file], capture_output=True, text=True, check=True
-    )
-    assert len(listed.stdout.splitlines()) == 1 + points  # the heading
-    assert sum(",in-" in line or line.startswith("in-") for line in listed.stdout.splitlines()) == 100
+@pytest.mark.slow
+def test_what_is_compared_is_the_same_program(tmp_path: Path) -> None:
+    programs = built(tmp_path, ["native"])
+    ours = timed(programs["machine native"], 230)
+    agree([ours, timed(programs["plain native"], 230), in_python(230)])
+    assert ours.memory <= MEMORY_MAX
+    with pytest.raises(scans.BenchError, match="are not the same"):
+        agree([ours, in_python(231)])
 
 
-def test_readings_are_told_from_what_else_is_in_the_log() -> None:
-    log = "rtud info: BENCH scan 1\nBENCH scan 2500\nBENCH attach 1000\nBENCH scan 500\nBENCH scan\n"
-    assert readings_of(log) == {"scan": [2.5, 0.5], "attach": [1.0]}
+def test_it_has_1000_statements() -> None:
+    assert scans.PART.count(":=") - 2 + 3 == 20  # without IN and PT; the call, IF and CASE
+    assert scans.PARTS * 20 == 1000

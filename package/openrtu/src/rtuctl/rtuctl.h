@@ -55,6 +55,7 @@ rtuctl_command rtuctl_histogram;      /* lines --histogram */
 rtuctl_command rtuctl_scan_histogram; /* modules --histogram */
 rtuctl_command rtuctl_suggest;        /* lines --suggest */
 rtuctl_command rtuctl_gps;
+rtuctl_command rtuctl_logic;
 rtuctl_command rtuctl_iec104;
 rtuctl_command rtuctl_synch;
 rtuctl_command rtuctl_watch;
