@@ -44,7 +44,7 @@ REACH = [
     ("docs/limit.md", "tests/test_config.py"),
     ("docs/interoperability.md", "tests/test_interoperability.py"),
     ("docs/faults.md", "tests/test_line_faults.py"),
-    ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_station_tls*.py"),
+    ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_retained.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
     ("docs/centre.md", "tests/test_centre.py"),
     ("docs/control-centre.md", "test-centre"),

@@ -320,6 +320,29 @@ def test_module_counts_its_scans(plant: Plant) -> None:
     plant.gateway.wait_for(lambda: plant.scans("pump") > before, PATIENCE_S, "the pump scans")
 
 
+def test_unit_and_description_are_shown(plant: Plant) -> None:
+    assert plant.gateway.query("show", "tank.level")["unit"] == "%"
+    shown = plant.gateway.query("show", "pump")
+    assert (shown["description"], shown["retain"]) == ("It shall run", False)
+    assert "unit" not in shown
+    assert re.search(r"^description +It shall run$", plant.gateway.ctl("show", "pump"), re.MULTILINE)
+
+
+def test_histogram_shows_how_punctual_modules_are(plant: Plant) -> None:
+    """In Python and C: each scan is in it once."""
+    rows = {row["name"]: row for row in plant.gateway.query("modules", "--histogram")}
+    assert set(rows) == {"tank", "pump", "smooth", "wild", "witness"}
+    for name in ("tank", "pump", "smooth"):
+        row = rows[name]
+        for key in ("wakeups", "scans"):
+            counts = row[key]["counts"]
+            assert 0 <= row["count"] - sum(counts) <= 1, (name, key)  # one may be under way
+            assert row[key]["longest_us"] > 0
+    table = plant.gateway.ctl("modules", "--histogram").splitlines()
+    title = next(at for at, text in enumerate(table) if text.startswith("pump: longest wake-up "))
+    assert table[title + 1].split() == ["BELOW", "US", "WAKE-UPS", "SCANS"]
+
+
 @AS_ROOT
 def test_module_runs_without_rights(plant: Plant) -> None:
     users = set()

@@ -183,4 +183,4 @@ def test_histogram_shows_what_was_measured_and_what_it_is_worth(substation: Subs
 
 def test_histogram_belongs_to_lines_alone(substation: Substation) -> None:
     with pytest.raises(GatewayError, match="takes no --histogram"):
-        substation.gateway.ctl("modules", "--histogram")
+        substation.gateway.ctl("counters", "--histogram")

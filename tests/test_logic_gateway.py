@@ -359,6 +359,9 @@ def test_an_endless_loop_invalidates_the_outputs_and_names_the_line(desk: Desk) 
         for counter in desk.gateway.query("counters", "rtu-logic-endless")
     }
     assert counted["faults_budget"] > 0 and counted["scans"] >= counted["faults_budget"]
+    rows = {row["name"]: row for row in desk.gateway.query("modules", "--histogram")}
+    assert sum(rows["rtu-logic-endless"]["wakeups"]["counts"]) >= counted["scans"]
+    assert rows["rtu-logic-endless"]["scans"]["longest_us"] > 0
     wait_value(desk, "half", 25)  # others go on
     desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [0])
     wait_value(desk, "out", 7)

@@ -133,6 +133,7 @@ def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
         }
         for ca, (name, (path, keys)) in zip(MODULES, programs.items(), strict=True)
     ]
+    config["synch"] = ["line3 -> filter"]
 
 
 def add_logic(config: dict[str, Any], directory: Path) -> None:
@@ -348,6 +349,10 @@ def modules_of_others(desk: Desk) -> None:
         desk.master.wait(lambda r: r.ca == smooth and r.value > 49 and r.good, since, DEADLINE_S),
         "filtered in C",
     )
+    fired = {row["name"]: row["firings"] for row in desk.gateway.query("synch")[0]["transitions"]}
+    scans, ends = fired["filter.scan_begin"], fired["line3.scan_end"]
+    check(0 < scans <= ends + 1, f"the net has not led the filter: {fired}")
+    say(f"     rtu-synch    line3 -> filter: {scans} scans of the filter behind {ends} of line 3")
     for level, takes in ((50, True), (95, False)):
         since = desk.master.mark()
         if level != 50:

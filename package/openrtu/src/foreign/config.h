@@ -12,6 +12,8 @@
 #define FOREIGN_READS   MAP_SECTION_ID('F', 'R', 'D', 'S') /* uint32_t, points of others */
 #define FOREIGN_TEXTS   MAP_SECTION_ID('F', 'T', 'X', 'T') /* char, texts with their terminators */
 
+#define FOREIGN_COUNTERS 2 /* of its scans, that have names */
+
 #define FOREIGN_KIND      "foreign"
 #define FOREIGN_USER_SIZE 32
 #define FOREIGN_NO_SET    UINT16_MAX
@@ -61,6 +63,19 @@ static inline const struct foreign_module *foreign_find(const struct map_config 
 static inline const char *foreign_text(const struct map_config *config, uint32_t place)
 {
 	return (const char *)map_records(config, FOREIGN_TEXTS, sizeof(char)) + place;
+}
+
+/* What the file says of a point beside what the map knows; NULL: it is no point of such a module. */
+static inline const struct foreign_point *foreign_point_of(const struct map_config *config, uint32_t point)
+{
+	const struct foreign_point *points = map_records(config, FOREIGN_POINTS, sizeof(*points));
+	const struct foreign_module *modules = foreign_modules(config);
+	const uint16_t set = config->points[point].set;
+
+	for (uint32_t i = 0; modules != NULL && points != NULL && i < foreign_count(config); i++)
+		if (modules[i].set == set)
+			return &points[modules[i].first_point + point - config->sets[set].first_point];
+	return NULL;
 }
 
 #endif

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "config/commands.h"
 #include "config/names.h"
 #include "config/scanners.h"
 #include "config/sets.h"
@@ -213,24 +214,11 @@ static void check_keys(struct config_loader *loader, const struct config_place *
 {
 	for (unsigned key = 0; key < POINT_KEYS; key++) {
 		const struct config_place here = config_key_of(place, foreign_point_rules[key].name);
-		const bool of_commands =
-		    key == POINT_SELECT || key == POINT_SHORT_PULSE || key == POINT_LONG_PULSE;
 
-		if (!values[key].given)
-			continue;
-		if (point_key_types[key] != 0 && !(point_key_types[key] & BIT(type)))
+		if (values[key].given && point_key_types[key] != 0 && !(point_key_types[key] & BIT(type)))
 			config_error(&loader->report, &here, "has no meaning for type %s",
 				     map_types[type].name);
-		else if (of_commands && !values[POINT_COMMAND].integer)
-			config_error(&loader->report, &here, "needs \"command\": true");
 	}
-}
-
-static uint8_t flags_of(const struct config_value *values)
-{
-	return (uint8_t)((values[POINT_COMMAND].integer ? MAP_POINT_COMMAND : 0) |
-			 (values[POINT_SELECT].integer ? MAP_POINT_SELECT : 0) |
-			 (values[POINT_RETAIN].integer ? MAP_POINT_RETAIN : 0));
 }
 
 static void add_point(struct config_loader *loader, const struct config_place *place, struct own *own,
@@ -238,16 +226,18 @@ static void add_point(struct config_loader *loader, const struct config_place *p
 {
 	const enum map_type type = (enum map_type)values[POINT_TYPE].integer;
 	const struct config_place name = config_key_of(place, CONFIG_KEY_NAME);
+	const struct config_commands commands = {&values[POINT_COMMAND], &values[POINT_SELECT],
+						 &values[POINT_SHORT_PULSE], &values[POINT_LONG_PULSE]};
 	struct map_point *point = config_add_point(loader, place, values[POINT_NAME].text, type,
 						   (uint32_t)values[POINT_IOA].integer);
 
+	config_check_commands(&loader->report, place, &commands);
 	check_keys(loader, place, type, values);
 	config_check_name(&loader->report, &name, values[POINT_NAME].text);
 	point->group = (uint8_t)values[POINT_GROUP].integer;
 	point->deadband = (float)values[POINT_DEADBAND].number;
-	point->flags |= flags_of(values);
-	point->short_pulse_ms = (uint16_t)values[POINT_SHORT_PULSE].integer;
-	point->long_pulse_ms = (uint16_t)values[POINT_LONG_PULSE].integer;
+	point->flags |= values[POINT_RETAIN].integer ? MAP_POINT_RETAIN : 0;
+	config_set_commands(&commands, point);
 	point->counter_group = (uint8_t)values[POINT_COUNTER_GROUP].integer;
 	point->freeze_s = (uint32_t)values[POINT_FREEZE].integer;
 	own->points[own->point_count++] = (struct foreign_point){

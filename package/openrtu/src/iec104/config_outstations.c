@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "config/address.h"
+#include "config/commands.h"
 #include "config/names.h"
 #include "config/sets.h"
 #include "config/zone.h"
@@ -137,22 +138,23 @@ static const struct config_rule point_rules[POINT_KEYS] = {
 
 /* ---- points ------------------------------------------------------------------------------ */
 
+static struct config_commands commands_of(const struct config_value *values)
+{
+	return (struct config_commands){&values[POINT_COMMAND], &values[POINT_SELECT],
+					&values[POINT_SHORT_PULSE], &values[POINT_LONG_PULSE]};
+}
+
 static void check_command(struct config_loader *loader, const struct config_place *place,
 			  const struct config_value *values)
 {
-	static const int needs_command[] = {POINT_COMMAND_IOA, POINT_SELECT, POINT_SHORT_PULSE,
-					    POINT_LONG_PULSE};
+	const struct config_place ioa = config_key_of(place, point_rules[POINT_COMMAND_IOA].name);
+	const struct config_commands commands = commands_of(values);
 	const bool pulses = values[POINT_SHORT_PULSE].given || values[POINT_LONG_PULSE].given;
 	const int64_t type = values[POINT_TYPE].integer;
 
-	for (size_t i = 0; i < sizeof(needs_command) / sizeof(needs_command[0]); i++) {
-		const struct config_place here = config_key_of(place, point_rules[needs_command[i]].name);
-
-		if (values[needs_command[i]].given && values[POINT_COMMAND].integer == 0)
-			config_error(&loader->report, &here,
-				     "is of a point that takes commands, expected "
-				     "\"command\": true beside it");
-	}
+	config_check_commands(&loader->report, place, &commands);
+	if (values[POINT_COMMAND_IOA].given && values[POINT_COMMAND].integer == 0)
+		config_error(&loader->report, &ioa, CONFIG_NEEDS_COMMAND);
 	if (values[POINT_COMMAND].integer == 0 || values[POINT_TYPE].wrong)
 		return;
 	if (type == POSITION)
@@ -203,14 +205,10 @@ static void name_point(const struct config_value *values, const char *set, uint3
 
 static void set_command(const struct config_value *values, struct map_point *point)
 {
-	if (values[POINT_COMMAND].integer == 0)
-		return;
-	point->flags |= MAP_POINT_COMMAND;
-	if (values[POINT_SELECT].integer != 0)
-		point->flags |= MAP_POINT_SELECT;
-	point->short_pulse_ms = (uint16_t)values[POINT_SHORT_PULSE].integer;
-	point->long_pulse_ms = (uint16_t)values[POINT_LONG_PULSE].integer;
-	if (point->type != MAP_STEP)
+	const struct config_commands commands = commands_of(values);
+
+	config_set_commands(&commands, point);
+	if (!(point->flags & MAP_POINT_COMMAND) || point->type != MAP_STEP)
 		return;
 	point->step = 1; /* it is commanded by regulating steps */
 	point->min = STEP_LOW;

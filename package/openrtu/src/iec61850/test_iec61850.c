@@ -10,7 +10,7 @@
 #include "ber/ber.h"
 #include "iec61850/value.h"
 
-static void integers_take_as_few_octets_as_they_need(void **state)
+static void test_integers_take_as_few_octets_as_they_need(void **state)
 {
 	static const struct {
 		int64_t value;
@@ -35,7 +35,7 @@ static void integers_take_as_few_octets_as_they_need(void **state)
 	}
 }
 
-static void lengths_have_every_form(void **state)
+static void test_lengths_have_every_form(void **state)
 {
 	static const size_t sizes[] = {0, 127, 128, 255, 256, 65535, 65536};
 	static uint8_t octets[65536 + 8];
@@ -58,7 +58,7 @@ static void lengths_have_every_form(void **state)
 	}
 }
 
-static void what_has_no_room_is_full(void **state)
+static void test_what_has_no_room_is_full(void **state)
 {
 	uint8_t octets[8] = {0};
 	struct ber_writer writer = {.octets = octets, .at = sizeof(octets), .floor = 4};
@@ -71,7 +71,7 @@ static void what_has_no_room_is_full(void **state)
 	assert_int_equal(writer.at, 4);
 }
 
-static void quality_says_why(void **state)
+static void test_quality_says_why(void **state)
 {
 	(void)state;
 	assert_int_equal(iec61850_quality_of(MAP_GOOD), 0);
@@ -84,7 +84,7 @@ static void quality_says_why(void **state)
 			 IEC61850_Q_INVALID | IEC61850_Q_FAILURE | IEC61850_Q_OLD_DATA);
 }
 
-static void time_says_how_good_the_clock_is(void **state)
+static void test_time_says_how_good_the_clock_is(void **state)
 {
 	static const uint8_t half[] = {0x65, 0x00, 0x00, 0x01, 0x80, 0x00, 0x00};
 	const int64_t moment_ns = 0x65000001LL * NS_PER_S + NS_PER_S / 2;
@@ -106,11 +106,11 @@ static void time_says_how_good_the_clock_is(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(integers_take_as_few_octets_as_they_need),
-	    cmocka_unit_test(lengths_have_every_form),
-	    cmocka_unit_test(what_has_no_room_is_full),
-	    cmocka_unit_test(quality_says_why),
-	    cmocka_unit_test(time_says_how_good_the_clock_is),
+	    cmocka_unit_test(test_integers_take_as_few_octets_as_they_need),
+	    cmocka_unit_test(test_lengths_have_every_form),
+	    cmocka_unit_test(test_what_has_no_room_is_full),
+	    cmocka_unit_test(test_quality_says_why),
+	    cmocka_unit_test(test_time_says_how_good_the_clock_is),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

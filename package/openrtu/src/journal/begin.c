@@ -79,7 +79,15 @@ static void report(struct map *map, const struct map_kept *kept, const struct jo
 		map_log(map, MAP_LOG_WARNING,
 			"%u events of the journal belong to points that are no longer configured",
 			findings->unknown);
+	if (findings->dropped != 0)
+		map_log(map, MAP_LOG_WARNING,
+			"%u retained points of the journal are no longer configured as retained, or have "
+			"another type",
+			findings->dropped);
 	map_log(map, MAP_LOG_INFO, "%u events restored from the journal", kept->event_count);
+	if (kept->sample_count != 0)
+		map_log(map, MAP_LOG_INFO, "%u retained points restored from the journal, as not topical",
+			kept->sample_count);
 }
 
 static void restore(struct map *map, const uint8_t *bytes, size_t size)
@@ -93,6 +101,7 @@ static void restore(struct map *map, const uint8_t *bytes, size_t size)
 	else
 		report(map, &kept, &findings);
 	free(kept.events);
+	free(kept.samples);
 }
 
 void journal_begin_again(struct map *map, uid_t owner, gid_t group)

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "journal/config.h"
+#include "journal/record.h"
 #include "journal/wear.h"
 
 static const struct config_rule file_rule = {.name = "journal", .kind = CONFIG_OBJECT};
@@ -76,4 +77,25 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 		read_settings(loader, &place, values->json);
 }
 
-const struct config_part journal_part = {.keys = &file_rule, .key_count = 1, .read = read_part};
+/* Each record has all retained points, and at least a quarter of it is for events. */
+static bool check_room(struct config_loader *loader, void *own)
+{
+	const struct config_place file = {.in = NULL};
+	const struct config_place place = config_key_of(&file, file_rule.name);
+	const struct journal_settings *journal = journal_settings(loader->config);
+	uint32_t points = 0;
+
+	(void)own;
+	for (uint32_t i = 0; i < loader->config->point_count; i++)
+		points += (loader->config->points[i].flags & MAP_POINT_RETAIN) != 0;
+	if (journal != NULL && points != 0 &&
+	    JOURNAL_QUEUES_SIZE + points * JOURNAL_EVENT_SIZE > journal_record_max(journal) / 4 * 3)
+		config_error(&loader->report, &place,
+			     "has no room for %u retained points in a record of size_kb / 4: increase "
+			     "size_kb, or retain fewer",
+			     points);
+	return true;
+}
+
+const struct config_part journal_part = {
+    .keys = &file_rule, .key_count = 1, .read = read_part, .link = check_room};

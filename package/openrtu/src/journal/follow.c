@@ -155,6 +155,30 @@ static void add_events(struct journal_follower *follower, struct map_cursor *cur
 	}
 }
 
+/* ---- retained points --------------------------------------------------------------------- */
+
+/* One that was never written says nothing; nor does one whose writer overtakes every try to read it, as only a wild one does. */
+static void keep_point(struct journal_follower *follower, uint32_t point, struct map_clock clock)
+{
+	struct map_event now = {.point = point, .time = MAP_TIME_MONOTONIC};
+	struct journal_event entry;
+
+	if (!map_read_own(follower->map, point, &now.sample) || now.sample.time_ns == 0)
+		return;
+	entry = translate(follower->map, &now, 0, clock);
+	journal_keep(&follower->record, &entry);
+}
+
+/* All of them, whose number the configuration bounds: so the last record alone says what they were. */
+static void keep_points(struct journal_follower *follower, struct map_clock clock)
+{
+	const struct map_config *config = map_config(follower->map);
+
+	for (uint32_t i = 0; i < config->point_count; i++)
+		if (config->points[i].flags & MAP_POINT_RETAIN)
+			keep_point(follower, i, clock);
+}
+
 /* ---- records ----------------------------------------------------------------------------- */
 
 static bool clock_moved(struct map_clock written, struct map_clock now)
@@ -193,11 +217,14 @@ bool journal_make(struct journal_follower *follower, bool anew)
 	cursor = begin_at(follower, now, first, modules);
 	follower->left_out = 0;
 	journal_begin(&follower->record, now->number, modules, now->queues, now->queue_count);
+	keep_points(follower, clock);
+	now->said = follower->record.said;
 	if (first)
 		follower->left_out =
 		    skip_oldest(follower->map, &cursor, follower->record.size - follower->record.used);
 	add_events(follower, &cursor, clock);
-	if (!first && follower->record.events == 0 && same_wishes(&follower->written, now, modules))
+	if (!first && follower->record.events == follower->record.points &&
+	    now->said == follower->written.said && same_wishes(&follower->written, now, modules))
 		return false;
 	memcpy(now->heads, cursor.next, sizeof(now->heads));
 	journal_end(&follower->record);

@@ -15,6 +15,7 @@
 #include "map/test_modules.h"
 
 #define POINTS   4
+#define RETAINED 2 /* the first of them */
 #define FILE_MAX 8192
 
 static char directory[] = "/dev/shm/fuzz_journal.XXXXXX";
@@ -40,7 +41,8 @@ static void make_map(void)
 	char error[MAP_ERROR_SIZE];
 
 	for (uint16_t i = 0; i < POINTS; i++)
-		points[i] = (struct map_point){.type = MAP_SCALED, .ioa = i + 1u};
+		points[i] = (struct map_point){
+		    .type = MAP_SCALED, .ioa = i + 1u, .flags = i < RETAINED ? MAP_POINT_RETAIN : 0};
 	CHECK(mkdtemp(directory) != NULL);
 	plan_modules(&config, modules, NULL);
 	CHECK(map_create(&map, directory, &config, 0, error) == 0);
@@ -92,6 +94,19 @@ static void check_kept(const struct map_kept *kept, const struct journal_finding
 	}
 }
 
+static void check_samples(const struct map_kept *kept, size_t size)
+{
+	CHECK(kept->sample_count <= size / JOURNAL_EVENT_SIZE);
+	for (uint32_t i = 0; i < kept->sample_count; i++) {
+		const struct map_kept_sample *found = &kept->samples[i];
+		struct map_sample sample;
+
+		CHECK(found->point < RETAINED && found->sample.quality & MAP_NOT_TOPICAL);
+		CHECK(found->sample.value.i >= INT16_MIN && found->sample.value.i <= INT16_MAX);
+		CHECK(map_read_own(map, found->point, &sample)); /* its time is past */
+	}
+}
+
 static void check_queues(void)
 {
 	for (uint32_t slot = 0; slot < MAP_QUEUES; slot++) {
@@ -122,7 +137,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	CHECK(journal_restore(map, file, file_size, &kept, &findings));
 	check_kept(&kept, &findings, file_size);
 	CHECK(map_restore(map, &kept, error) == 0);
+	check_samples(&kept, file_size);
 	check_queues();
 	free(kept.events);
+	free(kept.samples);
 	return 0;
 }

@@ -5,6 +5,8 @@
 
 static const uint8_t magic[4] = {'O', 'R', 'J', '1'}; /* the digit: raise with every change of the format */
 
+#define WITHOUT_TIME 19u /* octets of an event before what its time is */
+
 /* ---- octets ------------------------------------------------------------------------------ */
 
 static uint8_t *put(uint8_t *at, uint64_t number, unsigned octets)
@@ -72,7 +74,8 @@ void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t mo
 	for (uint32_t i = 0; i < queue_count; i++)
 		at = put_queue(at, &queues[i], modules);
 	builder->used = (size_t)(at - builder->bytes);
-	builder->events = 0;
+	builder->events = builder->points = 0;
+	builder->said = UINT32_MAX;
 }
 
 bool journal_add(struct journal_builder *builder, const struct journal_event *event)
@@ -94,6 +97,20 @@ bool journal_add(struct journal_builder *builder, const struct journal_event *ev
 	put(at, (uint64_t)event->wall_ns, 8);
 	builder->used += JOURNAL_EVENT_SIZE;
 	builder->events++;
+	return true;
+}
+
+bool journal_keep(struct journal_builder *builder, const struct journal_event *point)
+{
+	const uint8_t *at = builder->bytes + builder->used;
+	struct journal_event entry = *point;
+
+	entry.number = 0;
+	entry.cause = JOURNAL_RETAINED;
+	if (!journal_add(builder, &entry))
+		return false;
+	builder->points++;
+	builder->said = crc_add(builder->said, at, WITHOUT_TIME);
 	return true;
 }
 

@@ -10,6 +10,9 @@
  *	event	CA 2, module 1, type 1, IOA 4, number in its module's ring 4, value 4, quality 1, detail 1, cause 1,
  *		enum map_event_time 1, nanoseconds since 1970 8
  *
+ * Every record also holds what each retained point was, as an event with JOURNAL_RETAINED in the place of the cause: a
+ * version before there were such points drops it as no event that can be, and reads the rest.
+ *
  * A point is what it is to a controlling station, CA, IOA and type: a changed configuration keeps what is still there.
  */
 #ifndef OPENRTU_JOURNAL_RECORD_H
@@ -27,6 +30,7 @@
 #define JOURNAL_HEAD_SIZE    16u
 #define JOURNAL_EVENT_SIZE   28u
 #define JOURNAL_RECORD_LEAST 8u
+#define JOURNAL_RETAINED     0x80u
 /* Of a record without events; less than a quarter of the smallest file. */
 #define JOURNAL_QUEUES_SIZE                                                                                  \
 	(JOURNAL_HEAD_SIZE + JOURNAL_RECORD_LEAST +                                                          \
@@ -57,13 +61,16 @@ struct journal_event {
 struct journal_builder {
 	uint8_t *bytes;
 	size_t size, used;
-	uint32_t events;
+	uint32_t events, points; /* points: of these, what retained points were */
+	uint32_t said;           /* a CRC of what they were, without times */
 };
 
 void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t modules,
 		   const struct journal_queue *queues, uint32_t queue_count);
 /* False: there is no room for another. */
 bool journal_add(struct journal_builder *builder, const struct journal_event *event);
+/* What a retained point was; number and cause are not looked at. Before all events. False: as above. */
+bool journal_keep(struct journal_builder *builder, const struct journal_event *point);
 /* Afterwards bytes[0..used) is a record. */
 void journal_end(struct journal_builder *builder);
 

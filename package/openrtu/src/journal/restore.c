@@ -5,6 +5,8 @@
 #include <string.h>
 
 #include "journal/record.h"
+#include "map/time_ns.h"
+#include "map/type.h"
 
 #define LATEST_NS (INT64_MAX / 2) /* in 2116; CP56Time2a ends with 2099 */
 
@@ -109,6 +111,8 @@ static void take_events(const struct map *map, const struct journal_record *reco
 		const struct journal_event event = journal_event(record, i);
 		struct map_kept_event *out = &kept->events[kept->event_count];
 
+		if (event.cause == JOURNAL_RETAINED)
+			continue;
 		if (event.module >= record->modules || !translate(map, &event, &out->event)) {
 			findings->unknown++;
 			continue;
@@ -116,6 +120,86 @@ static void take_events(const struct map *map, const struct journal_record *reco
 		out->wanted = who_wants(readers, &event);
 		kept->event_count += out->wanted != 0;
 	}
+}
+
+/* ---- retained points --------------------------------------------------------------------- */
+
+static double number_of(enum map_type type, uint32_t bits)
+{
+	const union map_value value = {.u = bits};
+
+	switch (map_types[type].form) {
+	case MAP_FORM_SINGLE:
+	case MAP_FORM_DOUBLE:
+	case MAP_FORM_UNSIGNED:
+		return value.u;
+	case MAP_FORM_FLOAT:
+		return (double)value.f;
+	case MAP_FORM_SIGNED:
+	case MAP_FORM_FRACTION:
+	case MAP_FORM_DEGREES:
+		break;
+	}
+	return value.i;
+}
+
+static bool can_hold(enum map_type type, uint32_t bits)
+{
+	const double number = number_of(type, bits);
+
+	return number >= map_types[type].low && number <= map_types[type].high; /* nor a NaN */
+}
+
+/*
+ * When it was, on the monotonic clock of now, which began later: before it was 0. Where one of the two wall clocks was not
+ * set, or they contradict each other, all that is known is that it was before now.
+ */
+static int64_t time_of(const struct map *map, const struct journal_event *point)
+{
+	const int64_t now_ns = map_now_ns(), wall_ns = map_wall_ns(map_clock_read(map), now_ns);
+
+	if (point->time != MAP_TIME_WALL || point->wall_ns > wall_ns ||
+	    point->wall_ns < wall_ns - (MAP_PAST_DAYS - 1) * S_PER_DAY * NS_PER_S)
+		return now_ns;
+	return now_ns - (wall_ns - point->wall_ns);
+}
+
+/* Nobody has said it since the power was cut: it is not topical (IEC 60870-5-101, 7.2.6.3). False: it is not retained now. */
+static bool translate_point(const struct map *map, const struct journal_event *point,
+			    struct map_kept_sample *out)
+{
+	const uint32_t number = map_find(map, point->ca, point->ioa);
+	const struct map_point *now = number == MAP_NONE ? NULL : &map_config(map)->points[number];
+
+	if (now == NULL || now->type != point->type || !(now->flags & MAP_POINT_RETAIN) ||
+	    !can_hold((enum map_type)point->type, point->value))
+		return false;
+	*out = (struct map_kept_sample){.point = number,
+					.sample = {.value.u = point->value,
+						   .quality = point->quality | MAP_NOT_TOPICAL,
+						   .detail = point->detail,
+						   .time_ns = time_of(map, point)}};
+	return true;
+}
+
+/* As the last record has them. */
+static bool take_points(const struct map *map, const struct journal_record *record, struct map_kept *kept,
+			struct journal_findings *findings)
+{
+	kept->samples = calloc(record->event_count + 1u, sizeof(*kept->samples));
+	if (kept->samples == NULL)
+		return false;
+	for (uint32_t i = 0; i < record->event_count; i++) {
+		const struct journal_event point = journal_event(record, i);
+
+		if (point.cause != JOURNAL_RETAINED)
+			continue;
+		if (translate_point(map, &point, &kept->samples[kept->sample_count]))
+			kept->sample_count++;
+		else
+			findings->dropped++;
+	}
+	return true;
 }
 
 /* ---- the file ---------------------------------------------------------------------------- */
@@ -150,7 +234,7 @@ bool journal_restore(const struct map *map, const uint8_t *bytes, size_t size, s
 	*findings = (struct journal_findings){.records = 0};
 	events = count_events(bytes, size, findings, &record);
 	kept->events = calloc(events + 1u, sizeof(*kept->events));
-	if (kept->events == NULL)
+	if (kept->events == NULL || !take_points(map, &record, kept, findings))
 		return false;
 	take_queues(map, &record, &readers, kept); /* as the last record has them */
 	for (uint32_t i = 0; i < findings->records; i++, bytes += record.size) {

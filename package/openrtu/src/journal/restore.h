@@ -8,11 +8,13 @@ struct journal_findings {
 	uint32_t records; /* that are whole, one behind the other from the beginning */
 	size_t unread;    /* bytes behind them: torn by the power cut, or broken */
 	uint32_t unknown; /* events of points that are not configured, or otherwise */
+	uint32_t dropped; /* retained points that are not retained now, or otherwise */
 };
 
 /*
  * Reads a journal's file, which may be anything, for the configuration of this map. Gives what its whole records say:
- * the events that a queue of now has not acknowledged, and the queues. The caller frees kept->events. False: out of memory.
+ * the events that a queue of now has not acknowledged, the queues, and the points that were retained and are. The caller frees
+ * kept->events and kept->samples. False: out of memory.
  */
 bool journal_restore(const struct map *map, const uint8_t *bytes, size_t size, struct map_kept *kept,
 		     struct journal_findings *findings);

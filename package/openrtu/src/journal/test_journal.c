@@ -112,6 +112,7 @@ static struct journal_findings cut_power(struct scene *scene)
 	if (map_restore(scene->stage->rtud, &kept, error) < 0)
 		fail_msg("%s", error);
 	free(kept.events);
+	free(kept.samples);
 	scene->first = start(scene->stage, FIRST);
 	scene->second = start(scene->stage, SECOND);
 	scene->station = start(scene->stage, STATION);
@@ -359,6 +360,7 @@ static void test_lines_of_one_process_keep_the_order(void **state)
 	assert_true(journal_restore(scene.stage->rtud, scene.file, scene.size, &kept, &findings));
 	assert_int_equal(map_restore(scene.stage->rtud, &kept, error), 0);
 	free(kept.events);
+	free(kept.samples);
 	scene.station = start(scene.stage, STATION);
 	assert_waits(&scene, CENTRE, 2, 6);
 	map_detach(scene.station);
@@ -429,6 +431,7 @@ static void assert_says(const struct scene *scene, const uint8_t *bytes, size_t 
 		assert_int_equal(kept.events[i].wanted, 1u << CENTRE);
 	}
 	free(kept.events);
+	free(kept.samples);
 }
 
 static uint32_t whole_records(const size_t ends[3], size_t size)
@@ -517,6 +520,7 @@ static void test_records_that_lie(void **state)
 	assert_int_equal(findings.unknown, 5);
 	assert_int_equal(kept.event_count, 1);
 	free(kept.events);
+	free(kept.samples);
 
 	for (unsigned i = 0; i < MAP_QUEUES;
 	     i++) { /* more addresses than there is room for beside the group */
@@ -532,6 +536,220 @@ static void test_records_that_lie(void **state)
 	assert_string_equal(kept.addresses[1], "192.0.2.1"); /* 192.0.2.0 was unused longest */
 	assert_string_equal(kept.addresses[MAP_QUEUES - 1], "192.0.2.31");
 	free(kept.events);
+	free(kept.samples);
+	end(&scene);
+}
+
+/* ---- retained points --------------------------------------------------------------------- */
+
+#define KEPT  2 /* of the first line, as is OTHER; the rest is not retained */
+#define OTHER 3
+
+static void begin_retained(struct scene *scene, void **state)
+{
+	struct stage *stage = *state;
+
+	stage->points[KEPT].flags |= MAP_POINT_RETAIN;
+	stage->points[OTHER].flags |= MAP_POINT_RETAIN;
+	begin(scene, state);
+}
+
+static void write_point(struct scene *scene, uint32_t point, int32_t value, uint8_t quality, int64_t time_ns)
+{
+	struct map_update update = scaled(point, value, quality, time_ns);
+
+	update.event_rule = MAP_EVENT_BY_QUALITY;
+	map_publish(scene->first, &update, 1);
+}
+
+static struct map_sample read_own(const struct scene *scene, uint32_t point)
+{
+	struct map_sample sample;
+
+	assert_true(map_read_own(scene->stage->rtud, point, &sample));
+	return sample;
+}
+
+static void assert_kept(const struct scene *scene, int32_t value, uint8_t quality)
+{
+	assert_sample(scene->stage->rtud, KEPT, value, quality);
+	assert_int_equal(read_own(scene, OTHER).time_ns, 0); /* it was never written */
+	assert_int_equal(read_own(scene, 0).time_ns, 0);     /* it is not retained */
+}
+
+static void test_a_retained_point_outlives_the_power(void **state)
+{
+	const int64_t written_ns = map_now_ns() - 3 * S;
+	struct journal_findings findings;
+	struct map_sample sample;
+	struct scene scene;
+
+	begin_retained(&scene, state);
+	write_point(&scene, KEPT, 41, MAP_BLOCKED, written_ns);
+	write_point(&scene, 0, 5, MAP_GOOD, written_ns);
+	assert_true(write_news(&scene));
+	write_point(&scene, KEPT, 41, MAP_BLOCKED, map_now_ns());
+	assert_false(write_news(&scene)); /* the same again is worth no record */
+	findings = cut_power(&scene);
+	assert_int_equal(findings.dropped, 0);
+	assert_kept(&scene, 41, MAP_BLOCKED | MAP_NOT_TOPICAL);
+	assert_true(write_news(&scene)); /* and is in the file again, before anybody has written it */
+	cut_power(&scene);
+	assert_kept(&scene, 41, MAP_BLOCKED | MAP_NOT_TOPICAL);
+	sample = read_own(&scene, KEPT);
+	assert_true(sample.time_ns <= map_now_ns()); /* neither clock was set */
+	write_point(&scene, KEPT, 42, MAP_GOOD, map_now_ns());
+	assert_true(write_news(&scene));
+	write_point(&scene, KEPT, 43, MAP_GOOD, map_now_ns());
+	assert_true(write_news(&scene));
+	assert_int_equal(scene.follower.record.events, 1); /* though it is no event */
+	cut_power(&scene);
+	assert_kept(&scene, 43, MAP_NOT_TOPICAL);
+	end(&scene);
+}
+
+/* By the wall clock, which both sides have set; after an hour without power. */
+static void test_a_retained_point_has_its_old_time(void **state)
+{
+	static const struct {
+		int64_t later_ns;
+		bool dated;
+	} cases[] = {{3600 * S, true}, {-60 * S, false}, {MAP_PAST_DAYS * 86400 * S, false}};
+	const int64_t written_ns = map_now_ns() - 3 * S;
+	struct scene scene;
+
+	begin_retained(&scene, state);
+	write_point(&scene, KEPT, -7, MAP_GOOD, written_ns);
+	assert_true(write_news(&scene));
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct journal_findings findings;
+		struct map_kept kept;
+		int64_t age_ns;
+
+		set_clock(&scene, WALL_NS + cases[i].later_ns, true);
+		assert_true(journal_restore(scene.stage->rtud, scene.file, scene.size, &kept, &findings));
+		assert_int_equal(kept.sample_count, 1);
+		age_ns = map_now_ns() - kept.samples[0].sample.time_ns;
+		if (cases[i].dated)
+			assert_in_range(age_ns, cases[i].later_ns + 3 * S, cases[i].later_ns + 60 * S);
+		else
+			assert_in_range(age_ns, 0, 60 * S);
+		free(kept.events);
+		free(kept.samples);
+	}
+	end(&scene);
+}
+
+/* A forced value is nobody's but the force's, and who is dead has said what it has said. */
+static void test_what_is_kept_is_what_its_owner_said(void **state)
+{
+	const struct map_force force = {
+	    .point = KEPT, .value.i = 99, .since_ns = 1, .until_ns = map_now_ns() + 3600 * S};
+	struct scene scene;
+
+	begin_retained(&scene, state);
+	write_point(&scene, KEPT, 8, MAP_GOOD, map_now_ns());
+	assert_true(map_force(scene.stage->rtud, &force));
+	map_heartbeat(scene.first);
+	assert_sample(scene.stage->rtud, KEPT, 99, MAP_SUBSTITUTED);
+	map_module_ended(scene.stage->rtud, map_self(scene.first), true);
+	assert_true(write_news(&scene));
+	cut_power(&scene);
+	assert_kept(&scene, 8, MAP_NOT_TOPICAL);
+	end(&scene);
+}
+
+/* Of what is retained now and has the type that it had. */
+static void test_a_changed_configuration_keeps_what_is_the_same(void **state)
+{
+	struct scene scene;
+
+	begin_retained(&scene, state);
+	write_point(&scene, KEPT, 8, MAP_GOOD, map_now_ns());
+	write_point(&scene, OTHER, 9, MAP_GOOD, map_now_ns());
+	assert_true(write_news(&scene));
+	scene.stage->points[OTHER].type = MAP_FLOAT;
+	assert_int_equal(cut_power(&scene).dropped, 1);
+	assert_kept(&scene, 8, MAP_NOT_TOPICAL);
+	scene.stage->points[KEPT].flags = 0;
+	assert_int_equal(cut_power(&scene).dropped, 2);
+	assert_int_equal(read_own(&scene, KEPT).time_ns, 0);
+	scene.stage->points[KEPT].flags = MAP_POINT_RETAIN;
+	scene.stage->points[KEPT].ioa += 100;
+	assert_int_equal(cut_power(&scene).dropped, 2);
+	end(&scene);
+}
+
+static unsigned points_said(const struct scene *scene, size_t size)
+{
+	struct journal_findings findings;
+	struct map_kept kept;
+	unsigned count;
+
+	assert_true(journal_restore(scene->stage->rtud, scene->file, size, &kept, &findings));
+	count = kept.sample_count;
+	free(kept.events);
+	free(kept.samples);
+	return count;
+}
+
+/* Nor does a record of another version, of which a bit of the head is another, say anything. */
+static void test_a_retained_point_in_a_torn_file(void **state)
+{
+	struct scene scene;
+	size_t whole;
+
+	begin_retained(&scene, state);
+	write_point(&scene, KEPT, 8, MAP_GOOD, map_now_ns());
+	assert_true(write_news(&scene));
+	whole = scene.size;
+	write_point(&scene, OTHER, 9, MAP_GOOD, map_now_ns());
+	assert_true(write_news(&scene));
+	for (size_t size = 0; size <= scene.size; size++)
+		assert_int_equal(points_said(&scene, size), size == scene.size ? 2 : size >= whole);
+	for (size_t i = 0; i < whole; i++) {
+		scene.file[i] ^= 1;
+		assert_int_equal(points_said(&scene, scene.size), 0);
+		scene.file[i] ^= 1;
+	}
+	end(&scene);
+}
+
+static void test_retained_points_that_lie(void **state)
+{
+	struct scene scene;
+	struct journal_findings findings;
+	struct map_kept kept;
+	struct journal_event lies[6];
+	const struct journal_queue queue = {.kind = JOURNAL_GROUP};
+
+	begin_retained(&scene, state);
+	for (unsigned i = 0; i < 6; i++)
+		lies[i] = (struct journal_event){.ca = scene.stage->sets[0].ca,
+						 .type = MAP_SCALED,
+						 .ioa = scene.stage->points[KEPT].ioa,
+						 .time = MAP_TIME_WALL,
+						 .value = 3};
+	lies[0].value = 40000; /* beyond a scaled value */
+	lies[1].type = 200;
+	lies[2].time = 77; /* and what has no time that can be, was some time */
+	lies[3].wall_ns = INT64_MIN;
+	lies[4].wall_ns = INT64_MAX;
+	journal_begin(&scene.follower.record, 0, 5, &queue, 1);
+	for (unsigned i = 0; i < 6; i++)
+		assert_true(journal_keep(&scene.follower.record, &lies[i]));
+	journal_end(&scene.follower.record);
+	assert_true(
+	    journal_restore(scene.stage->rtud, scene.memory, scene.follower.record.used, &kept, &findings));
+	assert_int_equal(findings.dropped, 2);
+	assert_int_equal(findings.unknown + kept.event_count, 0);
+	assert_int_equal(kept.sample_count, 4);
+	for (unsigned i = 0; i < 4; i++) {
+		assert_int_equal(kept.samples[i].sample.value.i, 3);
+		assert_in_range(map_now_ns() - kept.samples[i].sample.time_ns, 0, 60 * S);
+	}
+	free(kept.events);
+	free(kept.samples);
 	end(&scene);
 }
 
@@ -555,6 +773,12 @@ int main(void)
 	    TEST(test_a_file_with_any_bit_flipped),
 	    TEST(test_records_in_another_order),
 	    TEST(test_records_that_lie),
+	    TEST(test_a_retained_point_outlives_the_power),
+	    TEST(test_a_retained_point_has_its_old_time),
+	    TEST(test_what_is_kept_is_what_its_owner_said),
+	    TEST(test_a_changed_configuration_keeps_what_is_the_same),
+	    TEST(test_a_retained_point_in_a_torn_file),
+	    TEST(test_retained_points_that_lie),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

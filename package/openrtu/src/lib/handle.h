@@ -4,7 +4,6 @@
 #define OPENRTU_LIB_HANDLE_H
 
 #include "foreign/config.h"
-#include "foreign/stats.h"
 #include "lib/openrtu.h"
 #include "map/map.h"
 #include "modules/commanding.h"
@@ -26,7 +25,7 @@ struct asked {
 struct openrtu {
 	struct map *map;
 	const struct foreign_module *module;
-	struct foreign_stats *stats;
+	struct map_scans *scans; /* its own section */
 	struct synched synched;
 	int stop_fd; /* readable: it was asked to end */
 	bool stopped;

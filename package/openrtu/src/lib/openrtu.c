@@ -132,8 +132,8 @@ static bool prepare(struct openrtu *rtu, const char *name)
 
 	rtu->stop_fd = -1;
 	rtu->module = foreign_find(config, name);
-	rtu->stats = map_section(rtu->map, map_self(rtu->map), sizeof(*rtu->stats));
-	if (rtu->module == NULL || rtu->stats == NULL) {
+	rtu->scans = map_section(rtu->map, map_self(rtu->map), sizeof(*rtu->scans));
+	if (rtu->module == NULL || rtu->scans == NULL) {
 		fail("the map's \"modules\" are of another version: restart rtud, and build with its "
 		     "libopenrtu");
 		return false;
@@ -147,8 +147,8 @@ static bool prepare(struct openrtu *rtu, const char *name)
 		fail("cannot begin: %s", strerror(errno));
 		return false;
 	}
-	map_name_counter(rtu->map, &rtu->stats->scans, "scans");
-	map_name_counter(rtu->map, &rtu->stats->missed, "missed periods");
+	map_name_counter(rtu->map, &rtu->scans->count, "scans");
+	map_name_counter(rtu->map, &rtu->scans->missed, "missed periods");
 	find_points(rtu);
 	requests_begin(rtu);
 	events_begin(rtu);

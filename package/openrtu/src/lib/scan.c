@@ -63,7 +63,7 @@ static void plan_next(struct openrtu *rtu, int64_t now_ns)
 		int64_t missed = (now_ns - rtu->next_ns) / period_ns + 1;
 
 		rtu->missed += (uint32_t)missed;
-		map_count(&rtu->stats->missed, (uint32_t)missed);
+		map_count(&rtu->scans->missed, (uint32_t)missed);
 		rtu->next_ns += missed * period_ns;
 	}
 	say_missed(rtu, now_ns);
@@ -97,8 +97,11 @@ bool openrtu_wait(struct openrtu *rtu)
 		if (sleep_until(rtu, now_ns, wake_ns < rtu->next_ns ? wake_ns : rtu->next_ns))
 			break;
 		now_ns = map_now_ns();
-		if (now_ns >= rtu->next_ns)
-			return begin_scan(rtu);
+		if (now_ns < rtu->next_ns)
+			continue;
+		if (has_period(rtu))
+			map_histogram_add(&rtu->scans->wakeups, now_ns - rtu->next_ns);
+		return begin_scan(rtu);
 	}
 	rtu->stopped = true;
 	return false;
@@ -137,7 +140,7 @@ void openrtu_scan_begin(struct openrtu *rtu)
 	map_heartbeat(rtu->map);
 	rtu->now_ns = map_begin_cycle(rtu->map);
 	rtu->seen = MAP_GOOD;
-	map_count(&rtu->stats->scans, 1);
+	map_count(&rtu->scans->count, 1);
 	rtu->events_taken = 0;
 	requests_take(rtu);
 	commands_take(rtu);
@@ -233,8 +236,18 @@ void openrtu_scan_end(struct openrtu *rtu)
 {
 	publish(rtu);
 	requests_settle(rtu);
+	map_histogram_add(&rtu->scans->durations, map_now_ns() - rtu->now_ns);
 	map_heartbeat(rtu->map);
 	synch_end_scan(rtu);
+}
+
+/* What the journal has restored, or the former process of this generation left, nobody has seen turn invalid. */
+static bool was_seen_invalid(const struct openrtu *rtu)
+{
+	struct map_module self;
+
+	map_module(rtu->map, map_self(rtu->map), &self);
+	return self.generation > 1;
 }
 
 /* Its value goes on, and whoever has seen it turn invalid sees that. */
@@ -246,8 +259,8 @@ static bool publish_retained(struct openrtu *rtu, uint32_t own)
 	if (!(map_config(rtu->map)->points[rtu->points[number]].flags & MAP_POINT_RETAIN) ||
 	    sample.time_ns == 0)
 		return false;
-	sample.time_ns =
-	    rtu->now_ns; /* it is true again from now on: its end as invalid has a time before this one */
+	if (was_seen_invalid(rtu))
+		sample.time_ns = rtu->now_ns; /* its end as invalid has a time before this one */
 	put(rtu, (int)number, sample);
 	rtu->updates[own].event_rule = MAP_EVENT_ALWAYS;
 	rtu->updates[own].flags = MAP_UPDATE_KEEPS_VALUE; /* of a counter, it is the reading already */

@@ -14,10 +14,8 @@
 
 /* Since the gateway started. */
 struct logic_stats {
-	_Atomic uint32_t scans;
-	_Atomic uint32_t late; /* periods that passed without a scan */
-	_Atomic uint32_t longest_us;
-	_Atomic uint32_t last_fault, last_line; /* 0: there was none */
+	_Alignas(union logic_cell) struct map_scans scans; /* which others find at its beginning */
+	_Atomic uint32_t last_fault, last_line;            /* 0: there was none */
 	_Atomic uint32_t faults[LOGIC_FAULTS];
 	_Atomic uint32_t kept; /* which of the two copies behind it is whole: 1 or 2; 0: none yet */
 	_Atomic uint32_t turn; /* of the memory behind the copies; odd: a scan is changing it */

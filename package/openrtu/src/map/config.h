@@ -145,6 +145,7 @@ enum map_module_flag {
 	MAP_COORDINATES = 1u << 8, /* scans: its bell is rung when a module asks it (map_synch_say) */
 	MAP_TAKES_PART =
 	    1u << 9, /* in the net: who coordinates it has mapped its segment, and knows its words */
+	MAP_SHOWS_SCANS = 1u << 10, /* its own section begins with a struct map_scans */
 };
 
 /* How many records each ring of a segment holds: a power of two; 1 where its module never writes one. */

@@ -173,6 +173,23 @@ bool map_read_below(const struct map *map, uint32_t point, struct map_sample *ou
 	return false;
 }
 
+bool map_read_own(const struct map *map, uint32_t point, struct map_sample *out)
+{
+	const struct segment *segment = &map->segments[map_owner(map, point)];
+	map_latch *latch = latch_of(map, point);
+
+	if (map_read_below(map, point, out))
+		return true;
+	for (int tries = 0; tries < LATCH_TRIES; tries++) {
+		uint32_t sequence = latch_read_begin(latch);
+
+		*out = segment->samples[sequence & 1][slot_of(map, point)];
+		if (latch_read_done(latch, sequence))
+			return is_past(map, out->time_ns);
+	}
+	return false;
+}
+
 /* ---- owner ------------------------------------------------------------------------------- */
 
 static struct cover *unused_cover(const struct segment *own)

@@ -161,6 +161,9 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out);
 /* The same of several points of one set, as one publishing has left them. */
 bool map_read_together(const struct map *map, const uint32_t *points, size_t count, struct map_sample *out);
 
+/* What the owner of a point has said last, whether it lives or not, and whether the point is forced or not. False: as map_read. */
+bool map_read_own(const struct map *map, uint32_t point, struct map_sample *out);
+
 /* Why a value is sent (IEC 60870-5-101, 7.2.3: causes 3, 11 and 12). */
 enum map_cause {
 	MAP_SPONTANEOUS,
@@ -584,6 +587,29 @@ struct map_histogram {
 	_Atomic uint32_t counts[MAP_BUCKETS];
 	_Atomic uint32_t longest_us;
 };
+
+static inline uint32_t map_bucket_of(int64_t us)
+{
+	uint32_t bucket = 0;
+
+	while (bucket < MAP_BUCKETS - 1 && us >= INT64_C(1) << bucket)
+		bucket++;
+	return bucket;
+}
+
+/* Adds a duration to a histogram that this process alone writes. */
+void map_histogram_add(struct map_histogram *histogram, int64_t duration_ns);
+
+/* How punctual a module is that scans. */
+struct map_scans {
+	struct map_histogram wakeups;   /* how late it woke at the beginning of a period */
+	struct map_histogram durations; /* of a scan, from its inputs to its outputs */
+	_Atomic uint32_t count;         /* scans */
+	_Atomic uint32_t missed;        /* periods that passed without one */
+};
+
+/* Of a module whose plan says MAP_SHOWS_SCANS; NULL: of another. */
+const struct map_scans *map_scans_of(const struct map *map, uint32_t module);
 
 /* Adds to a counter that this process alone writes; a plain store, since ARMv5 has no atomic addition. */
 static inline void map_count(_Atomic uint32_t *counter, uint32_t by)

@@ -236,6 +236,24 @@ void *map_section(const struct map *map, uint32_t module, size_t size)
 	return map->modules[module].plan.section_size == size ? map->segments[module].own : NULL;
 }
 
+const struct map_scans *map_scans_of(const struct map *map, uint32_t module)
+{
+	const struct map_module_plan *plan = &map->modules[module].plan;
+
+	if (!(plan->flags & MAP_SHOWS_SCANS) || plan->section_size < sizeof(struct map_scans))
+		return NULL;
+	return map->segments[module].own;
+}
+
+void map_histogram_add(struct map_histogram *histogram, int64_t duration_ns)
+{
+	const int64_t us = duration_ns > 0 ? duration_ns / NS_PER_US : 0;
+
+	map_count(&histogram->counts[map_bucket_of(us)], 1);
+	if (us > histogram->longest_us)
+		atomic_store(&histogram->longest_us, us < UINT32_MAX ? (uint32_t)us : UINT32_MAX);
+}
+
 /* What the former process had counted under the name of this entry; what stands there of another one moves to a free entry. */
 static uint32_t take_carried(struct counter_entry *entries, uint32_t count, const char *name)
 {

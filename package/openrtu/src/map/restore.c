@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* What the journal held goes back into the map: events into their owners' rings, queues to their places. */
+/* What the journal held goes back into the map: events into their owners' rings, queues and points to their places. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -100,6 +100,16 @@ static void put_queues(struct map *map, struct restoration *restoration, const s
 	}
 }
 
+/* Nobody writes the segment yet: the latch stays as it is, and its owner's first process makes of it what it can. */
+static void put_sample(const struct map *map, const struct restoration *restoration,
+		       const struct map_kept_sample *kept)
+{
+	const struct segment *segment = &restoration->segments[map_owner(map, kept->point)];
+
+	for (int copy = 0; copy < 2; copy++)
+		segment->samples[copy][slot_of(map, kept->point)] = kept->sample;
+}
+
 int map_restore(struct map *map, const struct map_kept *kept, char *error)
 {
 	struct restoration restoration = {0};
@@ -109,6 +119,8 @@ int map_restore(struct map *map, const struct map_kept *kept, char *error)
 		snprintf(error, MAP_ERROR_SIZE, "cannot open the map's segments: %s", strerror(errno));
 	for (uint32_t i = 0; opened && i < kept->event_count; i++)
 		put_event(map, &restoration, &kept->events[i]);
+	for (uint32_t i = 0; opened && i < kept->sample_count; i++)
+		put_sample(map, &restoration, &kept->samples[i]);
 	if (opened)
 		put_queues(map, &restoration, kept);
 	for (uint32_t i = 0; opened && i < map_module_count(map); i++)

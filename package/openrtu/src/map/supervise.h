@@ -42,16 +42,24 @@ struct map_kept_event {
 	uint32_t wanted; /* a bit for each queue that has not acknowledged it */
 };
 
+/* A retained point of before a power cut: its value, and a time of now's clock. */
+struct map_kept_sample {
+	uint32_t point;
+	struct map_sample sample;
+};
+
 /* What the journal held. Queues of addresses lie behind the groups', the one unused longest first. */
 struct map_kept {
 	struct map_kept_event *events; /* oldest first */
 	uint32_t event_count;
+	struct map_kept_sample *samples;
+	uint32_t sample_count;
 	char addresses[MAP_QUEUES][MAP_ADDRESS_SIZE]; /* empty: a group's, or none */
 };
 
 /*
- * Puts events back into their owners' rings and queues to the places they had. After map_create, before any module is
- * started. Returns 0, or -1 with a message in error.
+ * Puts events back into their owners' rings, queues to the places they had, and retained points to where the owner's first
+ * process finds them as if a former one had left them. After map_create, before any module is started. Returns 0, or -1 with a message in error.
  */
 int map_restore(struct map *map, const struct map_kept *kept, char *error);
 

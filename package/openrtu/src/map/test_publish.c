@@ -241,6 +241,36 @@ static void test_named_counters(void **state)
 	map_detach(owner);
 }
 
+static void test_durations_are_counted(void **state)
+{
+	struct map_histogram histogram = {.longest_us = 0};
+
+	(void)state;
+	map_histogram_add(&histogram, 3000);
+	map_histogram_add(&histogram, -5);
+	assert_int_equal(histogram.longest_us, 3);
+	map_histogram_add(&histogram, INT64_MAX);
+	assert_int_equal(histogram.counts[2], 1);
+	assert_int_equal(histogram.counts[0], 1);
+	assert_int_equal(histogram.counts[MAP_BUCKETS - 1], 1);
+	assert_int_equal(histogram.longest_us, UINT32_MAX);
+}
+
+/* Nor of one whose plan says that it has some, and has no room for them. */
+static void test_a_module_without_scans(void **state)
+{
+	struct stage *stage = *state;
+	const uint32_t index = index_of(stage, FIRST);
+	struct config_header *file = (void *)(uintptr_t)stage->rtud->file;
+	struct map_module_plan *plan = &file->modules[index].plan;
+
+	assert_null(map_scans_of(stage->rtud, index));
+	plan->flags |= MAP_SHOWS_SCANS;
+	assert_null(map_scans_of(stage->rtud, index));
+	plan->section_size = sizeof(struct map_scans);
+	assert_non_null(map_scans_of(stage->rtud, index));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -254,6 +284,8 @@ int main(void)
 	    TEST(test_events_of_several_modules_come_in_order_of_time),
 	    TEST(test_lost_events_are_counted),
 	    TEST(test_named_counters),
+	    cmocka_unit_test(test_durations_are_counted),
+	    TEST(test_a_module_without_scans),
 	    TEST(test_the_log_is_read_line_by_line),
 	};
 

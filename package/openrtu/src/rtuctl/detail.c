@@ -8,6 +8,7 @@
 
 #include <jansson.h>
 
+#include "foreign/config.h"
 #include "map/type.h"
 #include "modbus/config.h"
 #include "rtuctl/listing.h"
@@ -97,6 +98,20 @@ static json_t *scale_register(const struct modbus_point *point)
 								 : json_null();
 }
 
+/* What people are told of it: those of a module of others may have it. */
+static void add_meaning(const struct map_config *config, uint32_t point, json_t *row)
+{
+	const struct foreign_point *own = foreign_point_of(config, point);
+
+	if (own == NULL)
+		return;
+	if (own->unit != 0)
+		json_object_set_new(row, "unit", json_string(foreign_text(config, own->unit)));
+	if (own->description != 0)
+		json_object_set_new(row, "description", json_string(foreign_text(config, own->description)));
+	json_object_set_new(row, "retain", json_boolean(config->points[point].flags & MAP_POINT_RETAIN));
+}
+
 static void print_row(json_t *row)
 {
 	const char *key;
@@ -129,6 +144,7 @@ int rtuctl_show(struct map *map, const struct rtuctl_request *request)
 	json_object_set_new(row, "period_ms", period(wire));
 	json_object_set_new(row, "scale_register", scale_register(wire));
 	add_details(map, point, row);
+	add_meaning(map_config(map), point, row);
 	if (request->json)
 		listing_print_json(row);
 	else

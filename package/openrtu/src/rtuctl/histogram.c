@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* How punctual the lines are, after LinuxCNC's latency-histogram. */
+/* How punctual the lines are, and the modules that scan, after LinuxCNC's latency-histogram. */
 #include <stdio.h>
 #include <sys/utsname.h>
 
@@ -15,6 +15,12 @@ static const struct listing_column columns[] = {
     {"below_us", "BELOW US", LISTING_RIGHT},
     {"wakeups", "WAKE-UPS", LISTING_RIGHT},
     {"transactions", "TRANSACTIONS", LISTING_RIGHT},
+};
+
+static const struct listing_column scan_columns[] = {
+    {"below_us", "BELOW US", LISTING_RIGHT},
+    {"wakeups", "WAKE-UPS", LISTING_RIGHT},
+    {"scans", "SCANS", LISTING_RIGHT},
 };
 
 static bool is_realtime(void)
@@ -45,18 +51,20 @@ static json_t *bound_of(uint32_t bucket)
 	return bucket == MAP_BUCKETS - 1 ? json_string("more") : json_integer(1 << bucket);
 }
 
-static void print_buckets(const struct modbus_line_stats *stats)
+/* Of two histograms, under the keys of the second and the third of these columns. */
+static void print_buckets(const struct listing_column *titles, const struct map_histogram *a,
+			  const struct map_histogram *b)
 {
 	struct listing listing;
 
-	listing_begin(&listing, columns, COUNT(columns), false);
+	listing_begin(&listing, titles, COUNT(columns), false);
 	for (uint32_t i = 0; i < MAP_BUCKETS; i++) {
-		uint32_t wakeups = stats->wakeups.counts[i], transactions = stats->transactions.counts[i];
+		uint32_t in_a = a->counts[i], in_b = b->counts[i];
 
-		if (wakeups > 0 || transactions > 0)
+		if (in_a > 0 || in_b > 0)
 			listing_add(&listing,
-				    json_pack("{s:o, s:I, s:I}", "below_us", bound_of(i), "wakeups",
-					      (json_int_t)wakeups, "transactions", (json_int_t)transactions));
+				    json_pack("{s:o, s:I, s:I}", "below_us", bound_of(i), titles[1].key,
+					      (json_int_t)in_a, titles[2].key, (json_int_t)in_b));
 	}
 	listing_end(&listing);
 }
@@ -71,7 +79,7 @@ static void print_line(const struct map *map, uint32_t index)
 	printf("%sport %u: longest wake-up %u us late, longest transaction %u us\n", index > 0 ? "\n" : "",
 	       modbus_ports(map_config(map))[index].port, (unsigned)stats->wakeups.longest_us,
 	       (unsigned)stats->transactions.longest_us);
-	print_buckets(stats);
+	print_buckets(columns, &stats->wakeups, &stats->transactions);
 	realtime_words(&grant, words);
 	printf("%s: %s\n", module.name, words);
 	printf("verdict: %s\n", verdict(map, &grant, stats));
@@ -120,5 +128,50 @@ int rtuctl_histogram(struct map *map, const struct rtuctl_request *request)
 	}
 	if (request->json)
 		listing_end(&listing);
+	return RTUCTL_DONE;
+}
+
+/* ---- modules that scan ------------------------------------------------------------------- */
+
+static void print_scans(const char *name, const struct map_scans *scans, bool first)
+{
+	printf("%s%s: longest wake-up %u us late, longest scan %u us; periods missed: %u of %u\n",
+	       first ? "" : "\n", name, (unsigned)scans->wakeups.longest_us,
+	       (unsigned)scans->durations.longest_us, (unsigned)scans->missed,
+	       (unsigned)scans->missed + (unsigned)scans->count);
+	print_buckets(scan_columns, &scans->wakeups, &scans->durations);
+}
+
+static json_t *scans_json(const char *name, const struct map_scans *scans)
+{
+	return json_pack("{s:s, s:o, s:o, s:I, s:I}", "name", name, "wakeups",
+			 histogram_json(&scans->wakeups), "scans", histogram_json(&scans->durations), "count",
+			 (json_int_t)scans->count, "missed", (json_int_t)scans->missed);
+}
+
+int rtuctl_scan_histogram(struct map *map, const struct rtuctl_request *request)
+{
+	struct listing listing;
+	struct map_module module;
+	bool first = true;
+
+	if (request->json)
+		listing_begin(&listing, scan_columns, COUNT(scan_columns), true);
+	for (uint32_t i = 0; i < map_module_count(map); i++) {
+		const struct map_scans *scans = map_scans_of(map, i);
+
+		map_module(map, i, &module);
+		if (scans == NULL || (module.flags & MAP_IS_GONE))
+			continue;
+		if (request->json)
+			listing_add(&listing, scans_json(module.name, scans));
+		else
+			print_scans(module.name, scans, first);
+		first = false;
+	}
+	if (request->json)
+		listing_end(&listing);
+	else if (first)
+		puts("no module scans: neither a program of \"logic\" nor one of \"modules\"");
 	return RTUCTL_DONE;
 }

@@ -62,9 +62,11 @@ static const struct command commands[] = {
     {"commands", "[PATTERN]", 0, 1, 0, NULL, "points that can be commanded, with the state of their command",
      "STATE is the state of the command: selection or execution. RESULT is the device's answer.\n",
      rtuctl_commands},
-    {"modules", "", 0, 0, 0, NULL, "the processes around the map",
+    {"modules", "[--histogram]", 0, 0, TAKES_HISTOGRAM, NULL, "the processes around the map",
      "RESTARTS counts restarts after a failure. On a board the last line says whether /data is in the "
-     "flash.\n",
+     "flash.\n"
+     "--histogram shows how late modules that scan woke at the beginning of a period, how long their scans\n"
+     "took, and how many periods passed without one.\n",
      rtuctl_modules},
     {"module", "MODULE stop|start|restart", 2, 2, 0, "rtuctl", "stop, start or restart a module's process",
      "A module that was stopped stays so until it is started, or rtud is; its points are invalid meanwhile. "

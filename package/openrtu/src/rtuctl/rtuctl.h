@@ -51,8 +51,9 @@ rtuctl_command rtuctl_reload;
 rtuctl_command rtuctl_counters;
 rtuctl_command rtuctl_clock;
 rtuctl_command rtuctl_lines;
-rtuctl_command rtuctl_histogram; /* lines --histogram */
-rtuctl_command rtuctl_suggest;   /* lines --suggest */
+rtuctl_command rtuctl_histogram;      /* lines --histogram */
+rtuctl_command rtuctl_scan_histogram; /* modules --histogram */
+rtuctl_command rtuctl_suggest;        /* lines --suggest */
 rtuctl_command rtuctl_gps;
 rtuctl_command rtuctl_logic;
 rtuctl_command rtuctl_iec104;

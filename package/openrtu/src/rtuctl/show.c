@@ -232,6 +232,8 @@ int rtuctl_modules(struct map *map, const struct rtuctl_request *request)
 	char line[DATA_LINE_SIZE];
 	struct listing listing;
 
+	if (request->histogram)
+		return rtuctl_scan_histogram(map, request);
 	listing_begin(&listing, module_columns, COUNT(module_columns), request->json);
 	for (uint32_t i = 0; i < map_module_count(map); i++)
 		if (!is_gone(map, i))

@@ -280,6 +280,10 @@ static void test_modules(void **state)
 	assert_contains("rtu-modbus-1  modbus      running  yes");
 	assert_contains("rtu-iec104    iec104      stopped  no");
 	assert_null(strstr(output, "data:"));
+	assert_int_equal(RUN("modules", "--histogram"), 0);
+	assert_contains("no module scans: ");
+	assert_int_equal(RUN("--json", "modules", "--histogram"), 0);
+	assert_string_equal(output, "[]\n");
 }
 
 static void test_counters_of_any_module(void **state)

@@ -4,7 +4,6 @@
 
 #include "foreign/config.h"
 #include "foreign/config_part.h"
-#include "foreign/stats.h"
 #include "modules/kind.h"
 #include "synch/config.h"
 
@@ -20,13 +19,13 @@ static bool plan(struct map_config *config)
 		const bool commands = modules[i].command_count > 0;
 		struct map_module_plan module = {
 		    .kind = FOREIGN_KIND,
-		    .flags =
-			(owns ? MAP_MAY_OWN : 0) | (commands ? MAP_MAY_REQUEST | MAP_REQUESTS_LISTED : 0),
+		    .flags = MAP_SHOWS_SCANS | (owns ? MAP_MAY_OWN : 0) |
+			     (commands ? MAP_MAY_REQUEST | MAP_REQUESTS_LISTED : 0),
 		    .first_listed = modules[i].first_command,
 		    .listed_count = modules[i].command_count,
 		    .rings = {.requests = commands ? 64 : 1, .answers = owns ? 64 : 1, .log = 128},
 		    .heartbeat_limit_ms = modules[i].heartbeat_limit_ms,
-		    .section_size = sizeof(struct foreign_stats),
+		    .section_size = sizeof(struct map_scans),
 		    .counters = FOREIGN_COUNTERS,
 		    .user = FIRST_USER + i,
 		};

@@ -13,7 +13,7 @@ static uint32_t begun;
 
 static void die_in(uint32_t phase)
 {
-	const uint32_t scans = host == NULL ? 0 : atomic_load(&host->stats->scans);
+	const uint32_t scans = host == NULL ? 0 : atomic_load(&host->stats->scans.count);
 
 	if (scans >= begun + LIFE && begun / LIFE % PHASES == phase)
 		__builtin_trap();
@@ -27,7 +27,7 @@ bool __wrap_logic_scan(struct logic *logic, const struct logic_times *times, uin
 void __wrap_points_freeze(struct host *whose)
 {
 	if (host == NULL)
-		begun = atomic_load(&whose->stats->scans);
+		begun = atomic_load(&whose->stats->scans.count);
 	host = whose;
 	die_in(0);
 	__real_points_freeze(whose);

@@ -29,7 +29,7 @@ static bool plan(struct map_config *config)
 	for (uint32_t i = 0; i < map_record_count(config, LOGIC_INSTANCES); i++) {
 		struct map_module_plan module = {
 		    .kind = LOGIC_KIND,
-		    .flags = MAP_MAY_OWN | MAP_MAY_REQUEST,
+		    .flags = MAP_SHOWS_SCANS | MAP_MAY_OWN | MAP_MAY_REQUEST,
 		    .rings = {.requests = 64,
 			      .answers = 256,
 			      .events = config->settings.event_ring,

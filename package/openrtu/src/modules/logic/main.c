@@ -82,8 +82,6 @@ static void end_turn(void)
 
 static void scan(int64_t now_ns, const struct logic_times *times)
 {
-	uint32_t took_us;
-
 	begin_turn();
 	points_freeze(&host);
 	commands_before(&host, now_ns);
@@ -97,10 +95,8 @@ static void scan(int64_t now_ns, const struct logic_times *times)
 	end_turn();
 	report_faults(now_ns);
 	messages_say(&host, now_ns);
-	took_us = (uint32_t)((map_now_ns() - now_ns) / NS_PER_US);
-	map_count(&host.stats->scans, 1);
-	if (took_us > atomic_load(&host.stats->longest_us))
-		atomic_store(&host.stats->longest_us, took_us);
+	map_histogram_add(&host.stats->scans.durations, map_now_ns() - now_ns);
+	map_count(&host.stats->scans.count, 1);
 }
 
 /* Each period; a program that takes longer than half of it leaves as much to others. */
@@ -115,7 +111,7 @@ static int64_t next_scan(int64_t due_ns, int64_t begun_ns)
 
 	if (due_ns + period_ns < earliest_ns)
 		periods = (earliest_ns - due_ns + period_ns - 1) / period_ns;
-	map_count(&host.stats->late, (uint32_t)(periods - 1));
+	map_count(&host.stats->scans.missed, (uint32_t)(periods - 1));
 	return due_ns + periods * period_ns;
 }
 
@@ -185,6 +181,8 @@ static void run(int stop)
 		if (now_ns >= due_ns && may_scan()) {
 			struct logic_times times = times_of(now_ns, begun_ns, last_ns);
 
+			if (!synched_waits(&host.synched)) /* or it waited for others */
+				map_histogram_add(&host.stats->scans.wakeups, now_ns - due_ns);
 			scan(now_ns, &times);
 			last_ns = now_ns;
 			due_ns = next_scan(due_now(due_ns, now_ns), now_ns);
@@ -250,8 +248,8 @@ static void name_counters(void)
 	    [LOGIC_BUDGET] = "faults_budget",
 	};
 
-	map_name_counter(host.map, &host.stats->scans, "scans");
-	map_name_counter(host.map, &host.stats->late, "late_periods");
+	map_name_counter(host.map, &host.stats->scans.count, "scans");
+	map_name_counter(host.map, &host.stats->scans.missed, "late_periods");
 	for (unsigned i = 0; i < LOGIC_FAULTS; i++)
 		map_name_counter(host.map, &host.stats->faults[i], "%s", names[i]);
 }

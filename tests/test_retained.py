@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Retained points over a power cut: all processes killed at once, the map gone, the file as synchronised."""
+
+import json
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.modules import place, program
+from lab.raw_master import RawMaster
+from test_event_journal import cut_power
+from test_foreign_commands import ACT_CON, C_CS, cp56
+
+FIXTURES = Path(__file__).resolve().parent / "fixtures/foreign"
+PATIENCE_S = 60.0
+SLACK_S = 0.7  # rtuctl's answer may wait for the processor
+
+
+@pytest.fixture
+def directory() -> Iterator[Path]:
+    directory = run_directory()
+    yield directory
+    remove(directory)
+
+
+def configuration(directory: Path) -> dict[str, Any]:
+    """A module that takes commands of two points, and retains one."""
+    (directory / "drive.json").write_text("{}")
+    point = {"type": "scaled", "command": True, "initial": 0}
+    drive = {
+        "name": "drive",
+        "program": program(directory, "drive", FIXTURES / "drive.py"),
+        "period_ms": 20,
+        "heartbeat_limit_ms": 2000,
+        "ca": 922,
+        "points": [
+            point | {"name": "setpoint", "ioa": 1, "retain": True},
+            point | {"name": "scratch", "ioa": 2},
+        ],
+        "config": {"file": str(directory / "drive.json")},
+    }
+    journal = {"path": str(directory / "journal"), "interval_s": 1, "volume_mb": 1048576}
+    return listening_on({"port": [], "modules": [drive], "journal": journal}, free_port())
+
+
+def found(gateway: Gateway, name: str) -> tuple[Any, str]:
+    point = gateway.points(name)[name]
+    return point["value"], point["quality"]
+
+
+def wait_found(gateway: Gateway, name: str, value: Any, quality: str) -> dict[str, Any]:
+    gateway.wait_for(
+        lambda: found(gateway, name) == (value, quality), PATIENCE_S, f"{name} is {value}, {quality}"
+    )
+    point: dict[str, Any] = gateway.points(name)[name]
+    return point
+
+
+def wait_record(gateway: Gateway, file: Path, value: int) -> None:
+    """Until the last record says it: the type, the IOA, 0 in place of a number, the value."""
+    entry = b"\x05" + (1).to_bytes(4, "little") + bytes(4) + value.to_bytes(4, "little")
+    gateway.wait_for(
+        lambda: file.exists() and entry in file.read_bytes(), PATIENCE_S, f"the journal has {value}"
+    )
+
+
+def set_clock(gateway: Gateway) -> None:
+    """Or no time that the file has would be believed."""
+    with RawMaster(*gateway.address) as master:
+        master.request(C_CS, 922, 0, cp56())
+        assert master.answer(C_CS).cause == ACT_CON
+
+
+def moment(point: dict[str, Any]) -> float:
+    return time.monotonic() - float(point["age_s"])
+
+
+def test_more_than_a_record_can_hold_are_an_error(programs: Path, tmp_path: Path) -> None:
+    config = configuration(tmp_path)
+    config["journal"]["size_kb"] = 64
+    points = config["modules"][0]["points"]
+    points += [{"name": f"p-{n}", "type": "float", "ioa": 10 + n, "retain": True} for n in range(400)]
+    file = tmp_path / "gateway.json"
+    file.write_text(json.dumps(config))
+    done = subprocess.run([programs / "rtud/rtud", "--check", file], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "journal: has no room for 401 retained points" in done.stderr
+    del points[100:]
+    file.write_text(json.dumps(config))
+    subprocess.run([programs / "rtud/rtud", "--check", file], capture_output=True, check=True)
+
+
+@pytest.mark.slow
+def test_setpoint_outlives_the_power(programs: Path, directory: Path) -> None:
+    """With its old time, as not topical, until its module says it again; from the records that are whole."""
+    place(directory, programs)
+    config = configuration(directory)
+    with Gateway(config, directory, programs) as gateway:
+        wait_found(gateway, "setpoint", 0, "good")
+        set_clock(gateway)
+        gateway.ctl("set", "setpoint", "31")
+        gateway.ctl("set", "scratch", "32")
+        before = moment(wait_found(gateway, "setpoint", 31, "good"))
+        file = directory / "journal/events"
+        wait_record(gateway, file, 31)
+        cut_power(gateway)
+
+        with file.open("ab") as torn:
+            torn.write(file.read_bytes()[:50])
+        time.sleep(max(0.0, before + 2 * SLACK_S - time.monotonic()))  # a new time would be another one
+        gateway.start()
+        after = wait_found(gateway, "setpoint", 31, "not topical")
+        wait_found(gateway, "scratch", 0, "good")
+        assert abs(moment(after) - before) < SLACK_S
+        assert "1 retained points restored from the journal" in gateway.log(1000)
+        assert "the journal's last 50 bytes are incomplete" in gateway.log(1000)
+
+        gateway.ctl("set", "setpoint", "-5")
+        wait_found(gateway, "setpoint", -5, "good")
