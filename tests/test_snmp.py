@@ -21,6 +21,11 @@ from typing import Any
 
 import c104
 import pytest
+from pysmi.codegen import JsonCodeGen
+from pysmi.compiler import MibCompiler
+from pysmi.parser import SmiV2Parser
+from pysmi.reader import FileReader
+from pysmi.writer import CallbackWriter
 from pysnmp.hlapi.v3arch.asyncio import (
     USM_AUTH_HMAC192_SHA256,
     USM_PRIV_CFB128_AES,
@@ -113,11 +118,25 @@ class Site:
         return sum(f.kind == "received" and f.unit == unit and f.bytes[1] in (5, 6, 15, 16) for f in frames)
 
 
+METER_POWER, ALARMS, POWER_FACTOR = "2020.30015", "2020.30013", "2020.30007"
+PERIOD_MS = 400
+
+
+def with_units(config: dict[str, Any]) -> dict[str, Any]:
+    """Two points of a meter are sent of themselves; one has a unit, one other decimals than usual."""
+    meter = config["port"][1]["slaves"][0]["input_registers"]
+    by_address = {object_["address"]: object_ for object_ in meter}
+    by_address[14] |= {"cyclic_ms": PERIOD_MS, "unit": "kW"}
+    by_address[12]["background_ms"] = 86_400_000
+    by_address[6]["decimals"] = 5
+    return config
+
+
 def configuration(folder: Path, port: int, sink_port: int, **more: Any) -> dict[str, Any]:
     users = [{"name": user.name, "role": role} for user, role in USERS.items()]
     sink = {"name": "nms", "address": "127.0.0.1", "port": sink_port, "user": CENTRE.name, "timeout_ms": 500}
     snmp = {"address": "127.0.0.1", "port": port, "users": users, "sinks": [sink], "rate": 100000}
-    return chapter_5() | {
+    return with_units(chapter_5()) | {
         "snmp": snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")} | more
     }
 
@@ -166,6 +185,23 @@ def test_the_mib_is_sound(mibs: Path) -> None:
         assert found.strip() == f".{number}"
 
 
+@pytest.mark.slow  # as the one before
+def test_the_mib_is_the_same_for_another_reader(mibs: Path) -> None:
+    """pysmi, which pysnmp's users compile MIBs with."""
+    compiled: dict[str, str] = {}
+    writer = CallbackWriter(lambda name, text, _: compiled.update({name: text}))
+    compiler = MibCompiler(SmiV2Parser(tempdir=""), JsonCodeGen(), writer)
+    for folder in (ROOT / "package/openrtu/src/snmp", mibs, "/usr/share/snmp/mibs"):
+        compiler.add_sources(FileReader(str(folder)))
+    assert set(compiler.compile("OPENRTU-MIB").values()) == {"compiled"}
+    objects = json.loads(compiled["OPENRTU-MIB"])
+    assert {
+        name: each["oid"]
+        for name, each in objects.items()
+        if each.get("maxaccess", "not-accessible") != "not-accessible"
+    } == columns()
+
+
 def test_each_object_of_the_mib_is_there_and_nothing_else(site: Site) -> None:
     """For the operator, who may read all."""
     seen = {key.partition(".")[0] for key in site.manager().rows("snmpbulkwalk", "-Cr40", oid("openRtuMIB"))}
@@ -181,7 +217,7 @@ VALUES = {
     "bitstring": ("rtuBitstring", int),
     "normalized": ("rtuMeasured", lambda value: round(value * 32768)),
     "scaled": ("rtuMeasured", int),
-    "float": ("rtuMeasured", lambda value: round(value * 1000)),
+    "float": ("rtuMeasured", None),
     "counter": ("rtuTotal", int),
 }
 BITS = {"invalid": 0x80, "not topical": 0x40, "substituted": 0x20, "blocked": 0x10, "overflow": 0x01}
@@ -202,8 +238,97 @@ def test_every_point_is_as_rtuctl_says(site: Site) -> None:
         values, qualities = columns_of[base]
         quality = sum(BITS[word] for word in point["quality"].split(",") if word != "good")
         assert qualities[index] == bytes([quality]), name
-        if not quality:
+        if not quality and shown is not None:
             assert values[index] == shown(point["value"]), name
+
+
+def test_a_float_has_the_decimals_that_it_is_given(site: Site) -> None:
+    manager = site.manager(WATCH)
+    values, decimals = manager.walk("rtuMeasuredValue"), manager.walk("rtuMeasuredPrecision")
+    assert decimals[POWER_FACTOR] == 5
+    for point in site.desk.gateway.points().values():
+        index = f"{point['ca']}.{point['ioa']}"
+        if point["type"] == "float" and point["quality"] == "good":
+            assert decimals[index] == (5 if index == POWER_FACTOR else 3)
+            assert values[index] == round(point["value"] * 10 ** decimals[index])
+
+
+def test_a_point_has_a_unit_and_limits(site: Site) -> None:
+    manager = site.manager(WATCH)
+    units = manager.walk("rtuPointUnit")
+    assert {index: unit for index, unit in units.items() if unit} == {METER_POWER: b"kW"}
+    ends = [manager.walk(f"rtuPoint{end}") for end in ("Low", "High")]
+    limits = {index: tuple(struct.unpack(">f", each[index])[0] for each in ends) for index in units}
+    assert limits["1010.30003"] == (-32768, 32767)  # scaled
+    assert limits[BREAKER] == (0, 3)
+
+
+# ---- initialisation, cyclic data, polling --------------------------------------------------------
+
+
+def test_the_station_tells_its_start_and_each_end_of_initialisation(site: Site) -> None:
+    (started,) = site.received.wait_for("rtuStarted")
+    assert started.value("rtuStationStarts") == 1
+    assert [each.numbers for each in site.received.wait_for("1.3.6.1.6.3.1.1.5.1")] == [
+        [started.numbers[0] - 1]
+    ]
+    stations = {point["ca"] for point in site.desk.gateway.points().values()}
+    told = site.received.wait_for("rtuStationInitialised", len(stations))
+    causes = {each.value("rtuEventCommonAddress"): each.value("rtuEventValue") for each in told}
+    assert causes == dict.fromkeys(stations, 0)
+    assert len(told) == len(stations)
+    assert site.manager().walk("rtuInitialised") == dict.fromkeys(map(str, sorted(stations)), 1)
+
+
+def test_cyclic_data_waits_for_each_manager_until_it_has_taken_it(site: Site) -> None:
+    """It is told when it waits, and not again until somebody has taken it. Nobody takes another's."""
+    manager, other = site.manager(), site.manager(ENGINEER)
+    mine, others = (list(USERS).index(user) + 1 for user in (CENTRE, ENGINEER))
+    base = oid("rtuCyclicFloat")
+
+    def taken(number: int) -> None:
+        manager.set({f"rtuPollCyclicTaken.{mine}": ("u", number)})
+
+    def waiting(row: int) -> int:
+        (number,) = manager.get(f"rtuPollCyclicWaiting.{row}")
+        assert isinstance(number, int)
+        return number
+
+    site.desk.gateway.wait_for(lambda: waiting(mine) > 0, 20.0, "cyclic data waits")
+    before = site.last()
+    rows = manager.rows("snmpbulkwalk", "-Cr40", base)
+    turns = {row.split(".", 2)[2]: (int(row.split(".")[1]), value) for row, value in rows.items()}
+    turn, value = turns[METER_POWER]
+    assert manager.get(f"rtuMeasuredFloat.{METER_POWER}") == [value]
+    taken(turn)
+    told = site.received.wait_for("rtuCyclicReady", 1, before)
+    assert int(told[0].value("rtuCyclicLast")) > turn
+    site.desk.gateway.wait_for(lambda: waiting(mine) > 0, 20.0, "it waits again")
+    (newer,) = manager.rows("snmpgetnext", f"{base}.{turn}.65535.16777215")
+    assert int(newer.split(".")[1]) > turn
+    (last,) = manager.get("rtuCyclicLast.0")
+    assert isinstance(last, int)
+    site.desk.gateway.wait_for(lambda: manager.get("rtuCyclicLast.0")[0] > last + 1, 20.0, "two more turns")
+    assert len(site.received.wait_for("rtuCyclicReady", 1, before)) == 1
+    assert waiting(others) >= waiting(mine) > 0
+    for number, user, reason in ((last + 1000, manager, "wrongValue"), (1, other, "noAccess")):
+        with pytest.raises(Refused, match=reason):
+            user.set({f"rtuPollCyclicTaken.{mine}": ("u", number)})
+    with pytest.raises(Refused, match="wrongType"):
+        manager.set({f"rtuPollCyclicTaken.{mine}": 1})
+
+
+def test_class_1_is_polled_by_number(site: Site) -> None:
+    manager, row = site.manager(), list(USERS).index(CENTRE) + 1
+    last = site.last()
+    manager.set({f"rtuPollEventTaken.{row}": ("u", last)})
+    site.desk.set_and_scan("6.247", "coils", 0, [0])
+    site.desk.set_and_scan("6.247", "coils", 0, [1])
+    waiting, newest = manager.get(f"rtuPollEventsWaiting.{row}", "rtuEventLast.0")
+    assert isinstance(newest, int) and newest > last
+    assert waiting == newest - last
+    (first,) = manager.rows("snmpgetnext", f"{oid('rtuEventKind')}.{last}")
+    assert first == f"rtuEventKind.{last + 1}"
 
 
 def test_a_float_is_told_whole(site: Site) -> None:
@@ -820,7 +945,7 @@ def test_nothing_is_repeated_or_open_after_a_kill(site: Site, state: int, victim
 
 
 def test_the_agent_starts_again_with_a_changed_configuration(site: Site) -> None:
-    """It knows points by their numbers, which a change moves. Managers see a boot and another epoch."""
+    """It knows points by their numbers, which a change moves. Events go on, with the addresses they had."""
     gateway, manager = site.desk.gateway, site.manager()
     running = gateway.config_file.read_text()
 
@@ -828,7 +953,18 @@ def test_the_agent_starts_again_with_a_changed_configuration(site: Site) -> None
         (site.folder / "changed.json").write_text(json.dumps(config))
         return gateway.ctl("reload", str(site.folder / "changed.json"))
 
-    boots, epoch = manager.get("1.3.6.1.6.3.10.2.1.2.0", "rtuEventEpoch.0")
+    def told() -> list[dict[str, Any]]:
+        names = ("CommonAddress", "ObjectAddress", "Type", "Value", "Kind")
+        return [
+            {index: value for index, value in manager.walk(f"rtuEvent{name}").items() if int(index) <= last}
+            for name in names
+        ]
+
+    site.desk.set_and_scan("1.10", "discrete_inputs", 4, [0])
+    site.desk.set_and_scan("1.10", "discrete_inputs", 4, [1])
+    boots, epoch, last = manager.get("1.3.6.1.6.3.10.2.1.2.0", "rtuEventEpoch.0", "rtuEventLast.0")
+    before = told()
+    assert 1010 in before[0].values()
     count = len(manager.walk("rtuPointName"))
     config = json.loads(running)
     assert "nothing changes" in reload(config)
@@ -838,9 +974,16 @@ def test_the_agent_starts_again_with_a_changed_configuration(site: Site) -> None
     config["port"][0]["slaves"].pop()
     assert "rtu-snmp is started again\n" in reload(config)
     assert len(manager.walk("rtuPointName")) < count
+    assert told() == before
     assert "rtu-snmp is started again\n" in reload(json.loads(running))
     site.desk.gateway.wait_for(lambda: everything_read(gateway), 60.0, "every device is read")
     manager.wish(LAMP, EXECUTE, value=1)
     site.wait_state(LAMP, EXECUTED)
     assert manager.get("1.3.6.1.6.3.10.2.1.2.0") == [boots + 3]
-    assert manager.get("rtuEventEpoch.0") != [epoch]
+    assert (manager.get("rtuEventEpoch.0"), told()) == ([epoch], before)
+    (came,) = site.received.wait_for("rtuStationInitialised", 1, int(last))
+    assert (came.value("rtuEventCommonAddress"), came.value("rtuEventValue")) == (1010, 129)
+    assert len(site.received.wait_for("rtuStarted", 2, int(last))) == 2
+    newest = site.last()
+    gateway.wait_for(lambda: newest in site.received.numbers(), 20.0, "the sink has all events")
+    assert sorted(set(site.received.numbers())) == list(range(1, max(site.received.numbers()) + 1))

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -146,10 +146,12 @@ class Manager:
         rows = self.rows("snmpbulkwalk", "-Cr40", oid(name))
         return {key.removeprefix(f"{name}."): value for key, value in rows.items()}
 
-    def set(self, values: dict[str, int | bytes]) -> None:
+    def set(self, values: Mapping[str, int | bytes | tuple[str, int]]) -> None:
+        """A pair is Net-SNMP's letter of another type, and the value."""
         words = []
         for name, value in values.items():
-            text = ["x", value.hex()] if isinstance(value, bytes) else ["i", str(value)]
+            letter, number = value if isinstance(value, tuple) else ("i", value)
+            text = ["x", number.hex()] if isinstance(number, bytes) else [letter, str(number)]
             words += [oid(name), *text]
         self.run("snmpset", *words)
 

@@ -66,6 +66,14 @@ static bool start(const struct options *options, struct snmp_shared *shared)
 	return true;
 }
 
+/* Until periods of cyclic data end. */
+static int wait_ms(int most_ms)
+{
+	const int64_t left_ms = (agent.cyclic.due_ns - agent.now_ns) / NS_PER_MS + 1;
+
+	return left_ms < most_ms ? (int)left_ms : most_ms;
+}
+
 /* Returns how long it may sleep. */
 static int serve(void)
 {
@@ -78,7 +86,7 @@ static int serve(void)
 	more = snmp_events_take(&agent);
 	busy = snmp_tick(&agent);
 	busy |= notify_run(&agent);
-	return more ? 0 : busy ? BUSY_MS : IDLE_MS;
+	return more ? 0 : wait_ms(busy ? BUSY_MS : IDLE_MS);
 }
 
 static void run(int stop)
