@@ -217,6 +217,19 @@ class Receiver:
 
     port: int
     log: Path
+    command: list[str]
+    environment: dict[str, str]
+    process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        with self.log.open("ab") as output:
+            self.process = subprocess.Popen(self.command, env=self.environment, stdout=output, stderr=output)
+
+    def stop(self) -> None:
+        """It confirms nothing any more."""
+        assert self.process is not None
+        self.process.kill()
+        self.process.wait()
 
     def notifications(self) -> list[Notification]:
         found = []
@@ -256,10 +269,9 @@ def receiver(port: int, folder: Path) -> Iterator[Receiver]:
     log = folder / "received"
     command = ["snmptrapd", "-C", "-c", str(folder / "receiver.conf"), "-f", "-Lo", "-n", "-m", ""]
     command += ["-Onqx", "-F", "%v\n", f"udp:127.0.0.1:{port}"]
-    with log.open("ab") as output:
-        process = subprocess.Popen(command, env=environment(folder), stdout=output, stderr=output)
+    received = Receiver(port, log, command, environment(folder))
+    received.start()
     try:
-        yield Receiver(port, log)
+        yield received
     finally:
-        process.kill()
-        process.wait()
+        received.stop()

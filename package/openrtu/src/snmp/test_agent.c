@@ -266,6 +266,49 @@ static void test_a_silent_sink_is_probed_and_loses_nothing(void **state)
 	end(&fixture);
 }
 
+/* What is due is sent as rtu-snmp does; nobody answers. */
+static void run_unanswered(struct fixture *fixture)
+{
+	struct snmp_flight *flight = NULL;
+	enum snmp_sending what;
+
+	while ((what = snmp_sink_next(&fixture->agent, 0, &flight)) == SNMP_SEND_EVENTS) {
+		snmp_sink_sent(&fixture->agent, 0, flight, flight->first);
+		snmp_sink_unanswered(&fixture->agent, 0, flight, fixture->agent.now_ns + NS_PER_S);
+	}
+	if (what == SNMP_SEND_PROBE) {
+		snmp_sink_probed(&fixture->agent, 0);
+		snmp_sink_unanswered(&fixture->agent, 0, NULL, 0);
+	}
+}
+
+/* 60 s of virtual time at 100 events a second. */
+static void test_a_sink_that_is_away_for_a_minute_misses_nothing(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_flight *flight;
+	uint32_t wanted = 1;
+
+	start_agent(&fixture);
+	for (unsigned i = 0; i < 6000; i++) {
+		fixture.agent.now_ns += NS_PER_S / 100;
+		add_events(&fixture, 1);
+		run_unanswered(&fixture);
+	}
+	assert_true(fixture.agent.sinks[0].silent);
+	fixture.agent.now_ns += 61 * NS_PER_S;
+	assert_int_equal(snmp_sink_next(&fixture.agent, 0, &flight), SNMP_SEND_PROBE);
+	snmp_sink_probed(&fixture.agent, 0);
+	snmp_sink_answered(&fixture.agent, 0, NULL);
+	for (; (flight = send_one(&fixture)) != NULL; wanted++) {
+		assert_int_equal(flight->first, wanted);
+		snmp_sink_answered(&fixture.agent, 0, flight);
+	}
+	assert_int_equal(wanted, fixture.agent.position.last + 1);
+	assert_int_equal(fixture.shared->sink_lost[0], 0);
+	end(&fixture);
+}
+
 static void test_what_left_the_table_is_counted(void **state)
 {
 	struct fixture fixture = begin(state);
@@ -303,6 +346,7 @@ int main(void)
 	    TEST(test_keys_are_taken_whole_or_not_at_all),
 	    TEST(test_a_window_is_confirmed_in_order),
 	    TEST(test_a_silent_sink_is_probed_and_loses_nothing),
+	    TEST(test_a_sink_that_is_away_for_a_minute_misses_nothing),
 	    TEST(test_what_left_the_table_is_counted),
 	    TEST(test_another_process_goes_on_with_the_numbers),
 	};

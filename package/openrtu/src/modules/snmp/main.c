@@ -56,7 +56,8 @@ static bool start(const struct options *options, struct snmp_shared *shared)
 	agent.boots = boots;
 	agent.engine_id_size = keyring.engine.size;
 	memcpy(agent.engine_id, keyring.engine.octets, keyring.engine.size);
-	wire_init(&agent, &keyring);
+	if (!wire_init(&agent, &keyring))
+		return false;
 	wire = wire_listen(&agent, options->socket_fd, answer_request, &agent);
 	if (wire == NULL || !notify_begin(&agent, &keyring)) {
 		map_log(map, MAP_LOG_ERROR, "cannot open its sessions: %s", strerror(errno));
