@@ -511,6 +511,7 @@ bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does 
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/managers.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py

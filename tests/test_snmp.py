@@ -532,7 +532,7 @@ def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
 def test_of_several_managers_one_acts(site: Site, quick: Quick, races: int) -> None:
     """Two users of SNMP and a controlling station of IEC 60870-5-104 at a time: one write on the line."""
     ca, ioa = map(int, LAMP.split("."))
-    row = [f"rtuCommandSpinLock.{LAMP}", f"rtuCommandState.{LAMP}"]
+    row = [f"rtuCommand{name}.{LAMP}" for name in ("SpinLock", "State", "Result")]
 
     async def state_of(*wanted: int) -> list[int]:
         deadline = Deadline(20)
@@ -543,20 +543,20 @@ def test_of_several_managers_one_acts(site: Site, quick: Quick, races: int) -> N
 
     async def race() -> None:
         mark = site.desk.lines.mark()
-        spin, _ = await state_of(INACTIVE)
+        spin, *_ = await state_of(INACTIVE)
         confirming = asyncio.to_thread(site.desk.master.command, ca, ioa, "C_SC_NA_1", c104.SingleCmd(True))
         wishes = [quick.wish(user, LAMP, spin, EXECUTE, 2) for user in (CENTRE, ENGINEER)]
         first, second, confirmed = await asyncio.gather(*wishes, confirming)
         assert not (first and second)
         by_user = False
         if first or second:
-            spin, state = await state_of(REFUSED, EXECUTED)
-            by_user = state == EXECUTED
+            spin, state, result = await state_of(REFUSED, EXECUTED)
+            by_user = state == EXECUTED or result == TIMEOUT
             assert await quick.wish(CENTRE if first else ENGINEER, LAMP, spin, INACTIVE)
         await state_of(INACTIVE)
         # That of the controlling station came first, was refused, or came when the other had ended.
         assert max(by_user, confirmed) <= site.writes(mark) <= by_user + 1
-        assert by_user or confirmed or site.writes(mark) == 1
+        assert site.writes(mark) >= 1
 
     for _ in range(races):
         quick.loop.run_until_complete(race())

@@ -55,7 +55,7 @@ def management(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Management]
 def snmp(sink_port: int) -> dict[str, Any]:
     users = [{"name": user.name, "role": role} for user, role in USERS.items()]
     sink = {"name": "nms", "address": ETHERNET[0].host, "port": sink_port, "user": CENTRE.name}
-    return {"users": users, "sinks": [sink], "keys": "/keys/snmp.keys", "state": "/data/snmp"}
+    return {"users": users, "sinks": [sink], "keys": "/data/tls/snmp.keys", "state": "/data/snmp"}
 
 
 def configuration(sink_port: int) -> str:
@@ -86,9 +86,10 @@ def linux(boot: Any, pki: Pki, port: int, management: Management) -> Linux:
     kernel = Kernel(IMAGE / "uImage", IMAGE / "nuc980-gateway.dtb")
     linux: Linux = boot(*network, *INSTRUCTION_TIME, kernel=kernel, files=files)
     linux.run("mkdir /data/tls && cp /keys/* /data/tls && chown 61201 /data/tls/station.key")
-    linux.run("chmod 400 /data/tls/station.key")
-    wait = f"until netstat -lnt | grep -q ':{STATION_PORT} '; do sleep 0.1; done"
-    linux.run(f'timeout {WAITS_S} sh -c "{wait}"', 2 * WAITS_S)
+    linux.run("chown 61216 /data/tls/snmp.keys; chmod 400 /data/tls/station.key /data/tls/snmp.keys")
+    for listens in (f"-lnt | grep -q ':{STATION_PORT} '", f"-lnu | grep -q ':{SNMP_PORT} '"):
+        wait = f"until netstat {listens}; do sleep 0.1; done"
+        linux.run(f'timeout {WAITS_S} sh -c "{wait}"', 2 * WAITS_S)
     return linux
 
 
