@@ -528,7 +528,7 @@ def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
     site.wait_state(BREAKER, INACTIVE)
 
 
-@pytest.mark.parametrize("races", [25, pytest.param(1000, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("races", [10, pytest.param(1000, marks=pytest.mark.soak)])
 def test_of_several_managers_one_acts(site: Site, quick: Quick, races: int) -> None:
     """Two users of SNMP and a controlling station of IEC 60870-5-104 at a time: one write on the line."""
     ca, ioa = map(int, LAMP.split("."))

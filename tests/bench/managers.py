@@ -40,7 +40,7 @@ from lab.manager import CENTRE, USERS, Manager, environment, free_udp_port, make
 
 # Coils, discrete inputs, input registers (the source of events needs 256), holding registers.
 SIZES = {1000: (200, 200, 300, 300), 5000: (1500, 1500, 1000, 1000)}
-ROUNDS, QUICK_ROUNDS = 5, 1
+ROUNDS, QUICK_ROUNDS = 3, 1
 REPETITIONS = 12  # rows of three columns that fit into a message of 1 472 octets
 EVENTS, RATES = 4000, (1000, 2000, 4000)
 COLUMNS = ("Value", "Quality", "Time")

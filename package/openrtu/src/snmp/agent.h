@@ -132,6 +132,7 @@ struct snmp_agent {
 	struct snmp_root roots[SNMP_ROOTS];
 	struct snmp_points lists[SNMP_LISTS];
 	struct snmp_command *commands; /* as the list of commands */
+	bool commanded;                /* one of them may be ours */
 	struct snmp_freeze *freezes;
 	uint32_t freeze_count;
 	struct snmp_freezing freezing;

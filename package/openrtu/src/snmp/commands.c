@@ -339,10 +339,12 @@ bool snmp_commands_tick(struct snmp_agent *agent)
 {
 	bool any = false;
 
-	for (uint32_t i = 0; i < agent->lists[SNMP_COMMANDS].count; i++) {
+	/* Between the messages of an interrogation nobody commands. */
+	for (uint32_t i = 0; agent->commanded && i < agent->lists[SNMP_COMMANDS].count; i++) {
 		look_after(agent, i);
 		any |= agent->commands[i].state != MAP_INACTIVE;
 	}
+	agent->commanded = any;
 	return any;
 }
 
@@ -540,6 +542,7 @@ static void post(struct snmp_agent *agent, uint32_t row, struct map_request requ
 	command->generation = owner.generation;
 	command->request = request;
 	command->state = (uint8_t)(wish - 1);
+	agent->commanded = true;
 	command->result = command->detail = 0;
 	command->time_ns = agent->now_ns;
 	command->until_ns = request.deadline_ns > agent->now_ns ? request.deadline_ns : agent->now_ns;
