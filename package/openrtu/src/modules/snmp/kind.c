@@ -20,9 +20,9 @@
 #define USER 16 /* behind those that programs of rtu-logic take, before those of others */
 
 static const struct call_rule calls[] = {
-    CALL(poll),      CALL(ppoll_time64), CALL(ppoll),  CALL(recvmsg),
-    CALL(sendmsg),   CALL(recvfrom),     CALL(sendto), CALL(times), /* libnetsnmp: ticks */
-    CALL(getrandom), CALL(futex_time64), CALL(futex),               /* libcrypto */
+    CALL(poll),      CALL(ppoll_time64), CALL(ppoll), CALL(recvmsg), CALL(sendmsg),
+    CALL(recvfrom),  CALL(sendto),       CALL(recv),  CALL(times), /* libnetsnmp: ticks */
+    CALL(getrandom), CALL(futex_time64), CALL(futex),              /* libcrypto */
 };
 
 static const struct kind_program program = {
