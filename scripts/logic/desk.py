@@ -50,17 +50,25 @@ class Scan:
     faults: tuple[int, ...]
     last_fault: str
     last_line: int
+    messages: tuple[tuple[int, str], ...] = ()  # of a line
 
 
 def desk_command() -> list[str]:
     """OPENRTU_LOGIC_DESK names another machine, with what runs it, as `qemu-arm -L … logic-desk`."""
     if words := os.environ.get("OPENRTU_LOGIC_DESK", "").split():
         return words
-    if not BUILT.exists():
-        raise LogicError(
-            "logic-desk, the virtual machine, is not built: type `make build`, or set OPENRTU_LOGIC_DESK"
-        )
-    return [str(BUILT)]
+    return [built(BUILT, "logic-desk, the virtual machine,")]
+
+
+def built(program: Path, what: str) -> str:
+    """The path of a program of the desk."""
+    if not program.exists():
+        raise LogicError(f"{what} is not built: type `make build`, or set OPENRTU_LOGIC_DESK")
+    return str(program)
+
+
+def says(program: Program) -> bool:
+    return any(instruction.operation == "MESSAGE" for instruction in program.instructions)
 
 
 class Desk:
@@ -68,6 +76,7 @@ class Desk:
 
     def __init__(self, program: Program, budget: int = BUDGET) -> None:
         self.program = program
+        self._says = says(program)
         self.budget = budget
         self.inputs = [point for point in program.points if not point.written]
         self.outputs = [point for point in program.points if point.written]
@@ -138,7 +147,15 @@ class Desk:
             decision, result = (int(part, 16) for part in word.split(":"))
             verdicts.append((DECISIONS[decision], result))
         counts = [int(word) for word in fields[-len(FAULTS) - 2 :]]
-        return Scan(outputs, commands, verdicts, tuple(counts[:-2]), FAULTS[counts[-2]], counts[-1])
+        faults, last_fault, last_line = tuple(counts[:-2]), FAULTS[counts[-2]], counts[-1]
+        return Scan(outputs, commands, verdicts, faults, last_fault, last_line, self._messages())
+
+    def _messages(self) -> tuple[tuple[int, str], ...]:
+        if not self._says:
+            return ()
+        *said, _ = self._ask("said").split()
+        pairs = (word.split(":") for word in said)
+        return tuple((int(line), bytes.fromhex(text).decode(errors="replace")) for line, text in pairs)
 
     def reload(self, program: Program) -> int:
         """Replaces the program; returns how many retained variables the new one takes over."""
@@ -147,6 +164,7 @@ class Desk:
             file.flush()
             carried = int(self._ask(f"reload {file.name}"))
         self.program = program
+        self._says = says(program)
         self.inputs = [point for point in program.points if not point.written]
         self.outputs = [point for point in program.points if point.written]
         return carried
