@@ -33,7 +33,8 @@ static int answer(netsnmp_mib_handler *handler, netsnmp_handler_registration *re
 		if (row == NULL || request->processed)
 			continue;
 		if (table->colnum == VALUE)
-			snmp_set_var_typed_value(request->requestvb, ASN_INTEGER, &row->value, sizeof(row->value));
+			snmp_set_var_typed_value(request->requestvb, ASN_INTEGER, &row->value,
+						 sizeof(row->value));
 		else if (table->colnum == QUALITY)
 			snmp_set_var_typed_value(request->requestvb, ASN_OCTET_STR, row->quality,
 						 sizeof(row->quality));
@@ -66,9 +67,9 @@ static void add_table(unsigned rows)
 		netsnmp_tdata_row_add_index(place, ASN_UNSIGNED, &ioa, sizeof(ioa));
 		netsnmp_tdata_add_row(table, place);
 	}
-	netsnmp_tdata_register(netsnmp_create_handler_registration("points", answer, name, OID_LENGTH(name),
-								   HANDLER_CAN_RONLY),
-			       table, info);
+	netsnmp_tdata_register(
+	    netsnmp_create_handler_registration("points", answer, name, OID_LENGTH(name), HANDLER_CAN_RONLY),
+	    table, info);
 }
 
 static void configure(const char *line)
