@@ -268,6 +268,11 @@ build/curl/done: scripts/build-curl.sh build/curl/debian.dsc | $(SYSROOT)
 	$(LOGGED) curl scripts/build-curl.sh build/curl/debian $(@D)
 	@touch $@
 
+# Into the sysroot, so once more when that is another.
+build/net-snmp/done: scripts/build-net-snmp.sh build/net-snmp/debian.dsc $(SYSROOT)
+	$(LOGGED) net-snmp scripts/build-net-snmp.sh build/net-snmp/debian $(@D)
+	@touch $@
+
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
 	$(LOGGED) chrony scripts/build-chrony.sh build/chrony/debian $(@D)
 	@touch $@
@@ -279,7 +284,7 @@ build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | b
 	@touch $@
 
 build/root/gateway.done: build/arm-release/build.ninja
-build/root/gateway-tls.done: build/arm-release-tls/build.ninja
+build/root/gateway-tls.done: build/arm-release-tls/build.ninja build/net-snmp/done
 build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f)
 	$(LOGGED) $(notdir $(@:.done=)) ninja -C $(patsubst build/root/gateway%.done,build/arm-release%,$@)
 	@rm -rf $(@:.done=)
@@ -287,8 +292,10 @@ build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f
 	  meson install -C $(patsubst build/root/gateway%.done,build/arm-release%,$@) --strip --no-rebuild --quiet
 	@touch $@
 
+build/arm-release-tls/build.ninja: | build/net-snmp/done
 build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false -Dtls=$(if $(findstring -tls,$@),true,false) \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false \
+	  $(foreach option,tls snmp,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
 	  --cross-file $< --cross-file scripts/armel.ini
 
 build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
@@ -514,6 +521,7 @@ bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does 
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/module_scans.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/managers.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py

@@ -253,8 +253,8 @@ def make_root(
 # ---- what a site asks for ------------------------------------------------------------------------
 
 
-def asks_for_tls(site: Path) -> bool:
-    """Whether its gateway needs OpenSSL. What else is wrong with a configuration rtud says."""
+def needs_openssl(site: Path) -> bool:
+    """Whether its gateway does, for TLS or SNMPv3. What else is wrong with a configuration rtud says."""
     file = site / "config.json"
     if not file.exists():
         return False
@@ -262,7 +262,9 @@ def asks_for_tls(site: Path) -> bool:
         configuration = json.loads(file.read_bytes())
     except ValueError as error:
         raise UnusableInput(f"{file} is not JSON: {error}") from error
-    return isinstance(configuration, dict) and not configuration.keys().isdisjoint({"tls", "outstations_tls"})
+    return isinstance(configuration, dict) and not configuration.keys().isdisjoint(
+        {"tls", "outstations_tls", "snmp"}
+    )
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -289,7 +291,7 @@ def main(words: Sequence[str] | None = None) -> int:
             without = arguments.without_tls, arguments.without_update, arguments.without_pull
             print(*table.packages(*(not each for each in without)))
         elif arguments.command == "gateway":
-            print("gateway-tls" if asks_for_tls(arguments.site) else "gateway")
+            print("gateway-tls" if needs_openssl(arguments.site) else "gateway")
         else:
             make_root(
                 table,

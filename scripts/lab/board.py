@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 from lab import show
@@ -45,9 +46,12 @@ class Network:
     def address(self) -> str:
         return self.board.partition("/")[0]
 
-    def arguments(self, forwards: Mapping[int, int]) -> list[str]:
+    def arguments(
+        self, forwards: Mapping[int, int], datagrams: Mapping[int, int] = MappingProxyType({})
+    ) -> list[str]:
         """QEMU's, with ports of this machine's 127.0.0.1 that lead to ports of the board."""
         ways = [f"hostfwd=tcp:127.0.0.1:{here}-{self.address}:{there}" for here, there in forwards.items()]
+        ways += [f"hostfwd=udp:127.0.0.1:{here}-{self.address}:{there}" for here, there in datagrams.items()]
         prefix = self.board.partition("/")[2]
         return [
             "-nic",

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -146,10 +146,12 @@ class Manager:
         rows = self.rows("snmpbulkwalk", "-Cr40", oid(name))
         return {key.removeprefix(f"{name}."): value for key, value in rows.items()}
 
-    def set(self, values: dict[str, int | bytes]) -> None:
+    def set(self, values: Mapping[str, int | bytes | tuple[str, int]]) -> None:
+        """A pair is Net-SNMP's letter of another type, and the value."""
         words = []
         for name, value in values.items():
-            text = ["x", value.hex()] if isinstance(value, bytes) else ["i", str(value)]
+            letter, number = value if isinstance(value, tuple) else ("i", value)
+            text = ["x", number.hex()] if isinstance(number, bytes) else [letter, str(number)]
             words += [oid(name), *text]
         self.run("snmpset", *words)
 
@@ -215,6 +217,19 @@ class Receiver:
 
     port: int
     log: Path
+    command: list[str]
+    environment: dict[str, str]
+    process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        with self.log.open("ab") as output:
+            self.process = subprocess.Popen(self.command, env=self.environment, stdout=output, stderr=output)
+
+    def stop(self) -> None:
+        """It confirms nothing any more."""
+        assert self.process is not None
+        self.process.kill()
+        self.process.wait()
 
     def notifications(self) -> list[Notification]:
         found = []
@@ -254,10 +269,9 @@ def receiver(port: int, folder: Path) -> Iterator[Receiver]:
     log = folder / "received"
     command = ["snmptrapd", "-C", "-c", str(folder / "receiver.conf"), "-f", "-Lo", "-n", "-m", ""]
     command += ["-Onqx", "-F", "%v\n", f"udp:127.0.0.1:{port}"]
-    with log.open("ab") as output:
-        process = subprocess.Popen(command, env=environment(folder), stdout=output, stderr=output)
+    received = Receiver(port, log, command, environment(folder))
+    received.start()
     try:
-        yield Receiver(port, log)
+        yield received
     finally:
-        process.kill()
-        process.wait()
+        received.stop()

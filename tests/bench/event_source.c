@@ -85,6 +85,7 @@ int main(int argc, char **argv)
 	static const struct option options[] = {{"map", required_argument, NULL, 'm'},
 						{"module", required_argument, NULL, 'n'},
 						{"dev", required_argument, NULL, 'd'},
+						{"filter", required_argument, NULL, 'f'},
 						{0}};
 	const char *directory = NULL, *module = NULL;
 	char error[MAP_ERROR_SIZE];

@@ -15,8 +15,8 @@ from image.rootfs import (
     UnusableInput,
     add_libraries,
     add_users,
-    asks_for_tls,
     copy_tree,
+    needs_openssl,
     read_table,
     users_of,
 )
@@ -191,21 +191,22 @@ def test_unusable_table_is_said(tmp_path: Path, text: str) -> None:
     [
         ('{"outstations_tls": {}}', True),
         ('{"port": [], "tls": {}}', True),
+        ('{"snmp": {}}', True),
         ('{"port": []}', False),
         ('["tls"]', False),
     ],
 )
 def test_site_with_tls_gets_openssl(tmp_path: Path, text: str, asks: bool) -> None:
     (tmp_path / "config.json").write_text(text)
-    assert asks_for_tls(tmp_path) == asks
+    assert needs_openssl(tmp_path) == asks
 
 
 def test_site_without_a_configuration_asks_for_nothing(tmp_path: Path) -> None:
-    assert not asks_for_tls(tmp_path)
+    assert not needs_openssl(tmp_path)
 
 
 @pytest.mark.parametrize("content", [b'{"port": [', b"\xff\xfe"])
 def test_site_whose_configuration_is_no_json_is_said(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "config.json").write_bytes(content)
     with pytest.raises(UnusableInput, match="is not JSON"):
-        asks_for_tls(tmp_path)
+        needs_openssl(tmp_path)

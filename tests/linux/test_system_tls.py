@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image of `make image-debian` for a site with TLS (site-tls): who may connect, and its costs."""
+"""The image of `make image-debian` with TLS (site-tls) and SNMPv3: who may connect, and the costs."""
 
 import json
 import re
 import socket
 import ssl
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ import pytest
 from image.manifest import read_limits
 from lab.board import ETHERNET
 from lab.gateway import TESTFR_ACT, TESTFR_CON
+from lab.manager import CENTRE, USERS, Manager, Receiver, free_udp_port, make_keys, receiver
 from lab.raw_master import RawMaster
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
@@ -27,37 +30,66 @@ STATION, POINTS, STATION_PORT = 1001, 5000, 19998
 WAITS_S = 60.0
 AVAILABLE_KIB = 32 * 1024
 HANDSHAKES = 10
+SNMP_PORT = 161
+SNMP_PSS_KIB = 6 * 1024
 
 
-def configuration() -> str:
+@dataclass(frozen=True)
+class Management:
+    """A manager of SNMPv3 and a receiver of notifications, on this machine."""
+
+    manager: Manager
+    received: Receiver
+    keys: Path
+
+
+@pytest.fixture(scope="module")
+def management(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Management]:
+    folder = tmp_path_factory.mktemp("management")
+    sink_port = free_udp_port()
+    make_keys({"snmp": snmp(sink_port)}, folder)
+    with receiver(sink_port, folder / "receiver") as received:
+        yield Management(Manager(free_udp_port(), folder, timeout_s=60), received, folder / "keys")
+
+
+def snmp(sink_port: int) -> dict[str, Any]:
+    users = [{"name": user.name, "role": role} for user, role in USERS.items()]
+    sink = {"name": "nms", "address": ETHERNET[0].host, "port": sink_port, "user": CENTRE.name}
+    return {"users": users, "sinks": [sink], "keys": "/data/tls/snmp.keys", "state": "/data/snmp"}
+
+
+def configuration(sink_port: int) -> str:
     """The site's, with points whose device does not answer."""
     device = {"id": 1, "input_registers": [{"address": address} for address in range(POINTS)]}
     line = {"value": 1, "active": 1, "baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     # In memory here: no flash wears out.
     journal = {"path": "/data/journal", "interval_s": 1, "volume_mb": 1048576}
     port = [line | {"slaves": [device]}]
-    return json.dumps(json.loads(SITE.read_text()) | {"port": port, "journal": journal})
+    more = {"port": port, "journal": journal, "snmp": snmp(sink_port)}
+    return json.dumps(json.loads(SITE.read_text()) | more)
 
 
 @pytest.fixture(scope="module")
-def linux(boot: Any, pki: Pki, port: int) -> Linux:
+def linux(boot: Any, pki: Pki, port: int, management: Management) -> Linux:
     """The uImage as it is; over it the points, and the files that an engineer puts into /data."""
     if not (IMAGE / "uImage").exists():
         pytest.fail(f"{IMAGE}/uImage is missing: make image-debian SITE=tests/linux/site-tls", pytrace=False)
     files: dict[str, Path | str] = {
-        "/etc/openrtu/gateway.json": configuration(),
+        "/etc/openrtu/gateway.json": configuration(management.received.port),
+        "/keys/snmp.keys": management.keys,
         "/keys/station.pem": pki.station.certificate,
         "/keys/station.key": pki.station.key,
         "/keys/ca.pem": pki.ours.certificate,
         "/keys/crl.pem": pki.ours.revoke(),
     }
-    network = ETHERNET[0].arguments({port: STATION_PORT})
+    network = ETHERNET[0].arguments({port: STATION_PORT}, {management.manager.port: SNMP_PORT})
     kernel = Kernel(IMAGE / "uImage", IMAGE / "nuc980-gateway.dtb")
     linux: Linux = boot(*network, *INSTRUCTION_TIME, kernel=kernel, files=files)
     linux.run("mkdir /data/tls && cp /keys/* /data/tls && chown 61201 /data/tls/station.key")
-    linux.run("chmod 400 /data/tls/station.key")
-    wait = f"until netstat -lnt | grep -q ':{STATION_PORT} '; do sleep 0.1; done"
-    linux.run(f'timeout {WAITS_S} sh -c "{wait}"', 2 * WAITS_S)
+    linux.run("chown 61216 /data/tls/snmp.keys; chmod 400 /data/tls/station.key /data/tls/snmp.keys")
+    for listens in (f"-lnt | grep -q ':{STATION_PORT} '", f"-lnu | grep -q ':{SNMP_PORT} '"):
+        wait = f"until netstat {listens}; do sleep 0.1; done"
+        linux.run(f'timeout {WAITS_S} sh -c "{wait}"', 2 * WAITS_S)
     return linux
 
 
@@ -83,9 +115,9 @@ def greeted(port: int, context: ssl.SSLContext) -> bool:
             return False
 
 
-def processor_seconds(linux: Linux) -> float:
-    """The module's, of the board's time."""
-    stat = linux.run("cat /proc/$(pidof rtu-iec104)/stat").rpartition(")")[2].split()
+def processor_seconds(linux: Linux, module: str = "rtu-iec104") -> float:
+    """A module's, of the board's time, in which each instruction takes the same (INSTRUCTION_TIME)."""
+    stat = linux.run(f"cat /proc/$(pidof {module})/stat").rpartition(")")[2].split()
     return (int(stat[11]) + int(stat[12])) / 100
 
 
@@ -104,13 +136,28 @@ def test_interrogation(on_time: Linux, pki: Pki, port: int, version: str) -> Non
     assert f'TLSv{version}, "centre 1"' in log(on_time)
 
 
+def test_a_manager_interrogates_by_snmp(on_time: Linux, management: Management) -> None:
+    """From outside, over the emulated Ethernet; and the station tells its start."""
+    before = processor_seconds(on_time, "rtu-snmp")
+    image = management.manager.walk("rtuImageData")
+    seconds = processor_seconds(on_time, "rtu-snmp") - before
+    assert sum(len(data) for data in image.values()) == 12 * POINTS
+    assert management.manager.get("rtuStationPoints.0") == [POINTS]
+    assert management.received.wait_for("rtuStarted")
+    pss = int(re.findall(r"(\d+) kB", on_time.run("grep ^Pss: /proc/$(pidof rtu-snmp)/smaps_rollup"))[0])
+    print(
+        f"rtu-snmp with {POINTS} points: {pss} KiB; interrogated by image: {seconds:.2f} s of CPU on the twin"
+    )
+    assert pss <= SNMP_PSS_KIB
+
+
 def test_modules_have_their_filters_and_make_no_other_call(on_time: Linux, pki: Pki, port: int) -> None:
     """What TLS and the journal ask of this kernel and glibc; the plain gateway has a test of its own."""
     assert greeted(port, pki.client())
     on_time.run("cp /data/tls/crl.pem /data/tls/again.pem && mv /data/tls/again.pem /data/tls/crl.pem")
     wait = "until rtuctl log | grep -q 'TLS, its files have changed and are in force'; do sleep 0.2; done"
     on_time.run(f'timeout {WAITS_S} sh -c "{wait}"', 2 * WAITS_S)
-    for program in ("rtu-iec104", "rtu-modbus", "rtu-journal"):
+    for program in ("rtu-iec104", "rtu-modbus", "rtu-journal", "rtu-snmp"):
         status = on_time.run(f"cat /proc/$(pidof {program})/status")
         assert re.search(r"^Seccomp:\s+2$", status, re.MULTILINE), program
         assert re.search(r"^CapBnd:\s+0+$", status, re.MULTILINE), program
@@ -158,8 +205,16 @@ def test_plain_image_has_no_openssl() -> None:
     def names(parts: Path) -> set[str]:
         return {file.name for file in (parts / "root").rglob("*")}
 
-    only_with_tls = {"rtu-iec104-tls", "rtu-104m-tls", "libssl.so.3", "libcrypto.so.3", "libatomic.so.1"}
+    only_with_tls = {
+        "rtu-iec104-tls",
+        "rtu-104m-tls",
+        "rtu-snmp",
+        "libssl.so.3",
+        "libcrypto.so.3",
+        "libatomic.so.1",
+    }
     assert only_with_tls <= names(IMAGE.with_name(f"{IMAGE.name}.parts"))
     assert not only_with_tls & names(ROOT / "build/system.parts")
+    assert "net-snmp " in (ROOT / "build/system-site-tls.parts/versions").read_text()
     assert "libssl3 " in (ROOT / "build/system-site-tls.parts/versions").read_text()
     assert "libssl3 " not in (ROOT / "build/system.parts/versions").read_text()

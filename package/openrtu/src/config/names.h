@@ -10,6 +10,8 @@
 
 /* Gives the point a name of its own; there is room for one each. */
 void config_keep_name(struct map_config *config, struct map_point *point, const char *name);
+/* Gives the point a unit: the 256th of a configuration is none. */
+void config_keep_unit(struct map_config *config, struct map_point *point, const char *unit);
 /* Reports what no name of a point may have. place: of the name, or of what is put before it. */
 void config_check_name(struct config_report *report, const struct config_place *place, const char *name);
 

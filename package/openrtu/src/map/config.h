@@ -78,6 +78,8 @@ struct map_point {
 	uint8_t counter_group;   /* 1..4, 0: none */
 	uint16_t short_pulse_ms; /* of a command, 0: none */
 	uint16_t long_pulse_ms;
+	uint8_t unit;            /* place among MAP_UNITS and 1; 0: none */
+	uint8_t decimals;        /* that people see of a float, and 1; 0: they were not given */
 	uint32_t ioa;            /* information object address, 1..16777215 */
 	uint32_t send_period_ms; /* of cyclic transmission or background scan, 0: none */
 	uint32_t freeze_s;       /* a counter's period of local freezes, 0: none */
@@ -182,6 +184,13 @@ struct map_section {
 /* The points that modules with MAP_REQUESTS_LISTED may command: uint32_t, in ascending order for each module. */
 #define MAP_LISTED MAP_SECTION_ID('M', 'L', 'S', 'T')
 
+/* The units of points, each once. */
+#define MAP_UNITS     MAP_SECTION_ID('U', 'N', 'I', 'T')
+#define MAP_UNITS_MAX UINT8_MAX
+struct map_unit {
+	char text[16];
+};
+
 /*
  * The whole configuration. The arrays belong to whoever filled it, or lie in the map.
  */
@@ -213,6 +222,14 @@ static inline void *map_records(const struct map_config *config, uint32_t id, si
 		if (config->sections[i].id == id && config->sections[i].record_size == record_size)
 			return config->sections[i].records;
 	return NULL;
+}
+
+/* "": the point has none. */
+static inline const char *map_unit_of(const struct map_config *config, const struct map_point *point)
+{
+	const struct map_unit *units = map_records(config, MAP_UNITS, sizeof(*units));
+
+	return units == NULL || point->unit == 0 ? "" : units[point->unit - 1].text;
 }
 
 /* How many records a section has; 0: there is none. */

@@ -22,6 +22,7 @@ static const uint32_t first_ioa[] = {1, 10001, 30001, 40001};
 
 /* The types that give a key a meaning; 0: all do. */
 static const unsigned object_key_types[OBJECT_KEYS] = {
+    [OBJECT_DECIMALS] = BIT(MAP_FLOAT),
     [OBJECT_SIGNED] = BIT(MAP_NORMALIZED) | BIT(MAP_SCALED),
     [OBJECT_FORMAT] = OF_MEASURED | BIT(MAP_COUNTER) | BIT(MAP_BITSTRING),
     [OBJECT_BIT] = OF_BITS,
@@ -318,6 +319,10 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	entry.point = object_point(values, type, table);
 	entry.wire = object_wire(values, type, table);
 	entry.point.set = (uint16_t)(loader->config->set_count - 1);
+	if (values[OBJECT_UNIT].given)
+		config_keep_unit(loader->config, &entry.point, values[OBJECT_UNIT].text);
+	if (values[OBJECT_DECIMALS].given)
+		entry.point.decimals = (uint8_t)(values[OBJECT_DECIMALS].integer + 1);
 	if (!modbus_object_scale(loader, place, values, &entry.wire))
 		return;
 	if (!values[OBJECT_PERIOD].given)

@@ -180,6 +180,7 @@ static void add_gone_point(const struct change *change, uint32_t point, uint32_t
 
 	*gone = change->before->points[point];
 	gone->set = (uint16_t)set;
+	gone->unit = 0; /* its configuration's */
 	if (gone->name & MAP_LABEL)
 		return;
 	name = &change->before->names[gone->name];

@@ -108,8 +108,10 @@ bool config_begin_file(struct rtud_loader *loader, const json_t *root)
 {
 	struct config_loader *files = &loader->files;
 	struct map_config *config = files->config;
-	bool begun = true;
+	struct map_unit *units = config_allocate(MAP_UNITS_MAX, sizeof(*units));
+	bool begun = units != NULL;
 
+	map_add_section(config, MAP_UNITS, sizeof(*units), 0, units);
 	loader->part_count = kinds_parts(loader->parts);
 	for (size_t i = 0; begun && i < loader->part_count; i++) {
 		loader->own[i] = config_allocate((uint32_t)loader->parts[i]->own_size, 1);

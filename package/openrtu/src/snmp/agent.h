@@ -24,6 +24,7 @@ enum snmp_list {
 	SNMP_MEASURED,
 	SNMP_TOTALS,
 	SNMP_COMMANDS,
+	SNMP_CYCLIC,
 	SNMP_GROUPED, /* by interrogation group before that */
 	SNMP_LISTS
 };
@@ -83,6 +84,23 @@ struct snmp_loading {
 	int64_t until_ns;
 };
 
+/* The points of a common address. */
+struct snmp_station {
+	uint16_t ca;
+	uint32_t first, count; /* in the list of all */
+	uint32_t asked;        /* of them, from the first on, while it is not initialised */
+};
+
+/* Points that are sent cyclically, or as a background scan: places in their list. */
+struct snmp_cyclic {
+	uint32_t *turns; /* by place: the last turn that it came in, 0: none yet */
+	uint32_t *order; /* places in the order of turn and address */
+	uint32_t *spare; /* for another order */
+	uint32_t never;  /* places in order that came in no turn */
+	int64_t from_ns; /* periods that end behind this are of the next turn */
+	int64_t due_ns;  /* when the first of them ends */
+};
+
 #define SNMP_IMAGE_POINTS 100 /* of a row of rtuImageTable, at most */
 
 /* Points packed: a row of rtuImageTable, or of rtuGroupTable. */
@@ -114,6 +132,7 @@ struct snmp_agent {
 	struct snmp_root roots[SNMP_ROOTS];
 	struct snmp_points lists[SNMP_LISTS];
 	struct snmp_command *commands; /* as the list of commands */
+	bool commanded;                /* one of them may be ours */
 	struct snmp_freeze *freezes;
 	uint32_t freeze_count;
 	struct snmp_freezing freezing;
@@ -121,6 +140,9 @@ struct snmp_agent {
 	struct snmp_loading loadings[SNMP_ROWS_SET_MAX];
 	int64_t compared_ns; /* the parameters were looked at last */
 	struct snmp_clock_setting clock_setting;
+	struct snmp_station *stations;
+	uint32_t station_count, initialised_count;
+	struct snmp_cyclic cyclic;
 	struct snmp_images images, group_images;
 	uint32_t tickets;       /* of selections */
 	uint32_t configuration; /* a number of its points */
@@ -172,9 +194,11 @@ void snmp_put_float(struct snmp_value *out, float number);
 /* RtuInformationType. */
 int64_t snmp_type_number(enum map_type type);
 /* A value as rtuSingleValue, … rtuTotalValue have it. */
-int64_t snmp_shown_value(enum map_type type, union map_value value);
+int64_t snmp_shown_value(enum map_type type, unsigned decimals, union map_value value);
 /* Decimals in rtuMeasuredValue. */
-int64_t snmp_precision(enum map_type type);
+unsigned snmp_decimals(const struct map_point *point);
+/* What they multiply a float with. */
+double snmp_scale(unsigned decimals);
 float snmp_float_of(enum map_type type, union map_value value);
 
 /* ---- events.c ---------------------------------------------------------------------------- */
@@ -185,6 +209,13 @@ void snmp_events_begin(struct snmp_agent *agent);
 bool snmp_events_take(struct snmp_agent *agent);
 /* Numbers an event of the agent's own. */
 void snmp_event_add(struct snmp_agent *agent, const struct snmp_event *event);
+/* ... that happens now. */
+void snmp_event_add_now(struct snmp_agent *agent, struct snmp_event event);
+/* The fields of an event that say which point it is of. */
+#define SNMP_OF_POINT(agent, point_)                                                                         \
+	.ca = snmp_ca(agent, point_), .ioa = (agent)->config->points[point_].ioa & 0xffffffu,                \
+	.type = (agent)->config->points[point_].type & 0xfu,                                                 \
+	.decimals = snmp_decimals(&(agent)->config->points[point_]) & 0xfu
 /* Number of the oldest event that is kept; behind the last one: there is none. */
 uint32_t snmp_event_first(const struct snmp_agent *agent);
 /* The event of a number between first and last. */
@@ -246,6 +277,15 @@ bool snmp_parameters_tick(struct snmp_agent *agent);
 void snmp_parameter_answered(struct snmp_agent *agent, const struct map_answer *answer);
 bool snmp_clock_tick(struct snmp_agent *agent);
 void snmp_clock_answered(struct snmp_agent *agent, const struct map_answer *answer);
+/* ---- initialised.c, cyclic.c: what the station does by itself -------------------------------- */
+
+/* False: there is no memory. */
+bool snmp_stations_begin(struct snmp_agent *agent);
+void snmp_stations_tick(struct snmp_agent *agent);
+bool snmp_cyclic_begin(struct snmp_agent *agent);
+void snmp_cyclic_end(struct snmp_agent *agent);
+void snmp_cyclic_tick(struct snmp_agent *agent);
+
 /* Takes the answers to all requests, and ends what has ended by itself. True: something is under way. */
 bool snmp_tick(struct snmp_agent *agent);
 
@@ -265,10 +305,11 @@ void snmp_point_index(const struct snmp_agent *agent, enum snmp_list list, uint3
 		      uint32_t out[SNMP_INDEX_MAX]);
 
 extern const struct snmp_table snmp_system_scalars[4], snmp_engine_scalars[4];
-extern const struct snmp_table snmp_station_scalars[5], snmp_device_table;
+extern const struct snmp_table snmp_station_scalars[5], snmp_device_table, snmp_initialised_table;
 extern const struct snmp_table snmp_point_table, snmp_value_tables[5];
 extern const struct snmp_table snmp_command_table, snmp_command_scalars[3];
 extern const struct snmp_table snmp_total_table, snmp_freeze_table, snmp_parameter_table, snmp_clock_group;
+extern const struct snmp_table snmp_cyclic_last, snmp_cyclic_table, snmp_poll_table;
 extern const struct snmp_table snmp_event_scalars[4], snmp_event_table, snmp_sink_table;
 extern const struct snmp_table snmp_module_table, snmp_counter_table, snmp_health_scalars[3];
 extern const struct snmp_table snmp_image_table, snmp_group_table;

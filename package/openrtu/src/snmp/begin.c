@@ -15,10 +15,11 @@ static const struct snmp_table *const engine_tables[] = {&snmp_engine_scalars[0]
 
 static const struct snmp_table *const station_tables[] = {
     &snmp_station_scalars[0], &snmp_station_scalars[1], &snmp_station_scalars[2], &snmp_station_scalars[3],
-    &snmp_station_scalars[4], &snmp_device_table,       &snmp_point_table,        &snmp_value_tables[0],
-    &snmp_value_tables[1],    &snmp_value_tables[2],    &snmp_value_tables[3],    &snmp_value_tables[4],
-    &snmp_command_table,      &snmp_command_scalars[0], &snmp_command_scalars[1], &snmp_command_scalars[2],
-    &snmp_total_table,        &snmp_freeze_table,       &snmp_parameter_table,    &snmp_clock_group,
+    &snmp_station_scalars[4], &snmp_device_table,       &snmp_initialised_table,  &snmp_point_table,
+    &snmp_value_tables[0],    &snmp_value_tables[1],    &snmp_value_tables[2],    &snmp_value_tables[3],
+    &snmp_value_tables[4],    &snmp_command_table,      &snmp_command_scalars[0], &snmp_command_scalars[1],
+    &snmp_command_scalars[2], &snmp_total_table,        &snmp_freeze_table,       &snmp_cyclic_last,
+    &snmp_cyclic_table,       &snmp_poll_table,         &snmp_parameter_table,    &snmp_clock_group,
     &snmp_event_scalars[0],   &snmp_event_scalars[1],   &snmp_event_scalars[2],   &snmp_event_scalars[3],
     &snmp_event_table,        &snmp_sink_table,         &snmp_module_table,       &snmp_counter_table,
     &snmp_health_scalars[0],  &snmp_health_scalars[1],  &snmp_health_scalars[2],  &snmp_image_table,
@@ -65,6 +66,8 @@ static bool belongs(const struct map_point *point, enum snmp_list list)
 		return class == MAP_CLASS_TOTAL;
 	case SNMP_COMMANDS:
 		return (point->flags & MAP_POINT_COMMAND) != 0;
+	case SNMP_CYCLIC:
+		return point->send_period_ms != 0;
 	case SNMP_GROUPED:
 		return point->group != 0;
 	case SNMP_LISTS:
@@ -144,7 +147,15 @@ static bool make_images(const struct snmp_agent *agent, enum snmp_list list, str
 	return true;
 }
 
-/* FNV-1a over what a manager keeps of the points. */
+/* FNV-1a. */
+static uint32_t add(uint32_t hash, const void *octets, size_t size)
+{
+	for (size_t i = 0; i < size; i++)
+		hash = (hash ^ ((const uint8_t *)octets)[i]) * 16777619u;
+	return hash;
+}
+
+/* Over what a manager keeps of the points. */
 static uint32_t number_of_configuration(const struct snmp_agent *agent)
 {
 	uint32_t hash = 2166136261u;
@@ -152,14 +163,16 @@ static uint32_t number_of_configuration(const struct snmp_agent *agent)
 	for (uint32_t i = 0; i < agent->config->point_count; i++) {
 		const struct map_point *point = &agent->config->points[i];
 		char name[MAP_NAME_SIZE] = "";
-		const uint32_t words[] = {snmp_ca(agent, i), point->ioa, point->type, point->flags,
-					  point->group};
+		const uint32_t words[] = {snmp_ca(agent, i), point->ioa,   point->type,
+					  point->flags,      point->group, snmp_decimals(point)};
+		const float limits[] = {point->min, point->max};
 
 		map_point_name(agent->config, point, name);
-		for (size_t j = 0; j < sizeof(words); j++)
-			hash = (hash ^ ((const uint8_t *)words)[j]) * 16777619u;
-		for (const char *c = name; *c != '\0'; c++)
-			hash = (hash ^ (uint8_t)*c) * 16777619u;
+		hash = add(hash, words, sizeof(words));
+		hash = add(hash, limits, sizeof(limits));
+		hash = add(hash, name, strlen(name));
+		hash =
+		    add(hash, map_unit_of(agent->config, point), strlen(map_unit_of(agent->config, point)));
 	}
 	return hash;
 }
@@ -181,7 +194,7 @@ bool snmp_begin(struct snmp_agent *agent, struct map *map, struct snmp_shared *s
 	agent->commands = calloc(agent->lists[SNMP_COMMANDS].count + 1, sizeof(*agent->commands));
 	if (agent->commands == NULL || !make_images(agent, SNMP_ALL, &agent->images) ||
 	    !make_images(agent, SNMP_GROUPED, &agent->group_images) || !snmp_freezes_begin(agent) ||
-	    !snmp_parameters_begin(agent))
+	    !snmp_parameters_begin(agent) || !snmp_stations_begin(agent) || !snmp_cyclic_begin(agent))
 		return false;
 	agent->clock_setting.spin = snmp_first_spin(agent, 0);
 	agent->configuration = number_of_configuration(agent);
@@ -199,6 +212,8 @@ void snmp_end(struct snmp_agent *agent)
 	free(agent->commands);
 	free(agent->freezes);
 	free(agent->parameters);
+	free(agent->stations);
+	snmp_cyclic_end(agent);
 	free(agent->images.images);
 	free(agent->group_images.images);
 }

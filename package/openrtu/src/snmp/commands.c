@@ -175,17 +175,14 @@ static void enter(struct snmp_agent *agent, uint32_t row, enum map_command_state
 	command->time_ns = agent->now_ns;
 	command->id = state == MAP_EXECUTING ? command->id : 0;
 	advance_spin(command);
-	snmp_event_add(agent,
-		       &(struct snmp_event){.kind = SNMP_EVENT_COMMAND,
-					    .point = point_of(agent, row),
-					    .value.u = command->number,
-					    .spin = command->spin,
-					    .state = command->state,
-					    .result = result,
-					    .detail = detail,
-					    .user = command->user,
-					    .time_ms = map_wall_ns(agent->clock, agent->now_ns) / NS_PER_MS,
-					    .time_valid = agent->clock.set});
+	snmp_event_add_now(agent, (struct snmp_event){.kind = SNMP_EVENT_COMMAND,
+						      SNMP_OF_POINT(agent, point_of(agent, row)),
+						      .value.u = command->number,
+						      .spin = command->spin,
+						      .state = command->state,
+						      .result = result,
+						      .detail = detail,
+						      .user = command->user});
 }
 
 static uint32_t spin_of(const struct snmp_agent *agent, uint32_t point)
@@ -228,7 +225,7 @@ void snmp_command_of_others(struct snmp_agent *agent, const struct map_answer *a
 		return;
 	snmp_event_add(agent,
 		       &(struct snmp_event){.kind = SNMP_EVENT_COMMAND,
-					    .point = answer->point,
+					    SNMP_OF_POINT(agent, answer->point),
 					    .value.u = answer->id,
 					    .spin = spin_of(agent, answer->point),
 					    .state = answer->state,
@@ -342,10 +339,12 @@ bool snmp_commands_tick(struct snmp_agent *agent)
 {
 	bool any = false;
 
-	for (uint32_t i = 0; i < agent->lists[SNMP_COMMANDS].count; i++) {
+	/* Between the messages of an interrogation nobody commands. */
+	for (uint32_t i = 0; agent->commanded && i < agent->lists[SNMP_COMMANDS].count; i++) {
 		look_after(agent, i);
 		any |= agent->commands[i].state != MAP_INACTIVE;
 	}
+	agent->commanded = any;
 	return any;
 }
 
@@ -402,7 +401,8 @@ static bool take_value(const struct map_point *point, uint8_t qualifier, int64_t
 		request->value.i = (int32_t)value;
 		return true;
 	case MAP_FLOAT:
-		return map_value_of(MAP_FLOAT, (double)value / 1000.0, &request->value);
+		return map_value_of(MAP_FLOAT, (double)value / snmp_scale(snmp_decimals(point)),
+				    &request->value);
 	case MAP_ANGLE:
 		return map_value_of(MAP_ANGLE, (double)value / MAP_ANGLE_PER_DEGREE, &request->value);
 	case MAP_STEP:
@@ -542,6 +542,7 @@ static void post(struct snmp_agent *agent, uint32_t row, struct map_request requ
 	command->generation = owner.generation;
 	command->request = request;
 	command->state = (uint8_t)(wish - 1);
+	agent->commanded = true;
 	command->result = command->detail = 0;
 	command->time_ns = agent->now_ns;
 	command->until_ns = request.deadline_ns > agent->now_ns ? request.deadline_ns : agent->now_ns;

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #define EVENTS_A_TURN 64
-#define NO_CA         65535
 
 /* ---- numbering --------------------------------------------------------------------------- */
 
@@ -38,18 +37,31 @@ void snmp_event_add(struct snmp_agent *agent, const struct snmp_event *event)
 	keep(agent);
 }
 
+void snmp_event_add_now(struct snmp_agent *agent, struct snmp_event event)
+{
+	event.time_ms = map_wall_ns(agent->clock, agent->now_ns) / NS_PER_MS;
+	event.time_valid = agent->clock.set;
+	snmp_event_add(agent, &event);
+}
+
+/* Of the station, or of other points in it: a manager that keeps them reads them again. */
 static void announce_start(struct snmp_agent *agent)
 {
 	const uint32_t starts = map_starts(agent->map);
+	struct snmp_shared *shared = agent->shared;
+	const bool started = shared->starts != starts;
 
-	if (agent->shared->starts == starts)
+	if (started) {
+		shared->starts = starts;
+		shared->changed = false;
+		memset(shared->initialised, 0, sizeof(shared->initialised));
+		snmp_event_add_now(agent,
+				   (struct snmp_event){.kind = SNMP_EVENT_COLD_START, .ca = SNMP_NO_CA});
+	}
+	if (!started && shared->configuration == agent->configuration)
 		return;
-	agent->shared->starts = starts;
-	snmp_event_add(agent,
-		       &(struct snmp_event){.kind = SNMP_EVENT_STARTED,
-					    .point = MAP_NONE,
-					    .time_ms = map_wall_ns(agent->clock, agent->now_ns) / NS_PER_MS,
-					    .time_valid = agent->clock.set});
+	shared->configuration = agent->configuration;
+	snmp_event_add_now(agent, (struct snmp_event){.kind = SNMP_EVENT_STARTED, .ca = SNMP_NO_CA});
 }
 
 void snmp_events_begin(struct snmp_agent *agent)
@@ -94,16 +106,18 @@ static enum snmp_event_kind kind_of(const struct snmp_agent *agent, const struct
 static void number(struct snmp_agent *agent, const struct map_event *event)
 {
 	const enum snmp_event_kind kind = kind_of(agent, event);
+	struct snmp_event numbered = {.ca = SNMP_NO_CA, .module = (uint8_t)event->point};
 
-	put(agent,
-	    &(struct snmp_event){.kind = (uint8_t)kind,
-				 .point = event->point,
-				 .value = event->sample.value,
-				 .quality = event->sample.quality,
-				 .counter_detail = kind == SNMP_EVENT_FROZEN ? event->sample.detail : 0,
-				 .cause = event->cause,
-				 .time_ms = map_event_wall_ns(event, agent->clock) / NS_PER_MS,
-				 .time_valid = map_event_time_is_set(event, agent->clock)});
+	if (event->kind == MAP_EVENT_CHANGE)
+		numbered =
+		    (struct snmp_event){SNMP_OF_POINT(agent, event->point), .value = event->sample.value,
+					.quality = event->sample.quality, .cause = event->cause};
+	if (kind == SNMP_EVENT_FROZEN)
+		numbered.counter_detail = event->sample.detail;
+	numbered.kind = (uint8_t)kind;
+	numbered.time_ms = map_event_wall_ns(event, agent->clock) / NS_PER_MS;
+	numbered.time_valid = map_event_time_is_set(event, agent->clock);
+	put(agent, &numbered);
 }
 
 bool snmp_events_take(struct snmp_agent *agent)
@@ -151,27 +165,30 @@ const struct snmp_table snmp_event_scalars[4] = {
 
 /* ---- rtuEventTable ----------------------------------------------------------------------- */
 
-static bool is_of_point(const struct snmp_event *event)
+static bool has_number(const struct snmp_event *event)
 {
-	return event->kind == SNMP_EVENT_CHANGE || event->kind == SNMP_EVENT_FROZEN ||
-	       event->kind == SNMP_EVENT_COMMAND || event->kind == SNMP_EVENT_PARAMETER;
+	return (event->kind == SNMP_EVENT_CHANGE || event->kind == SNMP_EVENT_FROZEN) &&
+	       map_types[event->type].class == MAP_CLASS_MEASURED;
 }
 
-static int64_t shown_value(const struct snmp_event *event, enum map_type type)
+static int64_t shown_value(const struct snmp_event *event)
 {
 	switch ((enum snmp_event_kind)event->kind) {
 	case SNMP_EVENT_COMMAND:
 		return event->state + 1;
 	case SNMP_EVENT_MODULE_DOWN:
 	case SNMP_EVENT_MODULE_UP:
-		return (int64_t)event->point + 1;
+		return event->module + 1;
 	case SNMP_EVENT_CHANGE:
 	case SNMP_EVENT_FROZEN:
-		return (int32_t)snmp_shown_value(type, event->value);
+		return (int32_t)snmp_shown_value((enum map_type)event->type, event->decimals, event->value);
+	case SNMP_EVENT_CYCLIC:
+	case SNMP_EVENT_INITIALISED:
+		return event->value.i;
 	case SNMP_EVENT_CLOCK:
 	case SNMP_EVENT_PARAMETER:
 	case SNMP_EVENT_STARTED:
-	case SNMP_EVENT_CYCLIC:
+	case SNMP_EVENT_COLD_START:
 		break;
 	}
 	return 0;
@@ -181,31 +198,26 @@ void snmp_event_read(const struct snmp_agent *agent, uint32_t column, uint32_t n
 		     struct snmp_value *out)
 {
 	const struct snmp_event *event = snmp_event_at(agent, number_);
-	const bool of_point = is_of_point(event);
-	const struct map_point *point = of_point ? &agent->config->points[event->point] : NULL;
-	const enum map_type type = of_point ? point->type : MAP_SINGLE;
+	const enum map_type type = (enum map_type)event->type;
 
 	switch ((enum snmp_event_column)column) {
 	case SNMP_EVENT_KIND:
 		snmp_put_number(out, SNMP_INTEGER, event->kind);
 		break;
 	case SNMP_EVENT_CA:
-		snmp_put_number(out, SNMP_GAUGE, of_point ? snmp_ca(agent, event->point) : NO_CA);
+		snmp_put_number(out, SNMP_GAUGE, event->ca);
 		break;
 	case SNMP_EVENT_IOA:
-		snmp_put_number(out, SNMP_GAUGE, of_point ? point->ioa : 0);
+		snmp_put_number(out, SNMP_GAUGE, event->ioa);
 		break;
 	case SNMP_EVENT_TYPE:
 		snmp_put_number(out, SNMP_INTEGER, snmp_type_number(type));
 		break;
 	case SNMP_EVENT_VALUE:
-		snmp_put_number(out, SNMP_INTEGER, shown_value(event, type));
+		snmp_put_number(out, SNMP_INTEGER, shown_value(event));
 		break;
 	case SNMP_EVENT_FLOAT:
-		snmp_put_float(out, of_point && event->kind != SNMP_EVENT_COMMAND &&
-					    map_class_of(point) == MAP_CLASS_MEASURED
-					? snmp_float_of(type, event->value)
-					: 0);
+		snmp_put_float(out, has_number(event) ? snmp_float_of(type, event->value) : 0);
 		break;
 	case SNMP_EVENT_QUALITY:
 		snmp_put_quality(out, event->quality, event->counter_detail);

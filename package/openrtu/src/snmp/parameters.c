@@ -256,11 +256,8 @@ static void tell_changes(struct snmp_agent *agent)
 		if (agent->parameters[i].seen == number)
 			continue;
 		agent->parameters[i].seen = number;
-		snmp_event_add(agent, &(struct snmp_event){
-					  .kind = SNMP_EVENT_PARAMETER,
-					  .point = point_of(agent, i),
-					  .time_ms = map_wall_ns(agent->clock, agent->now_ns) / NS_PER_MS,
-					  .time_valid = agent->clock.set});
+		snmp_event_add_now(agent, (struct snmp_event){.kind = SNMP_EVENT_PARAMETER,
+							      SNMP_OF_POINT(agent, point_of(agent, i))});
 	}
 }
 

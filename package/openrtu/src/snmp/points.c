@@ -31,7 +31,27 @@ ROWS(totals, SNMP_TOTALS)
 
 /* ---- what does not change ---------------------------------------------------------------- */
 
-enum { POINT_NAME = 3, POINT_TYPE, POINT_GROUP, POINT_COMMANDABLE, POINT_SELECT };
+enum {
+	POINT_NAME = 3,
+	POINT_TYPE,
+	POINT_GROUP,
+	POINT_COMMANDABLE,
+	POINT_SELECT,
+	POINT_UNIT,
+	POINT_LOW,
+	POINT_HIGH
+};
+
+/* What is configured for commands, or what its type has, as rtuMeasuredFloat has it. */
+static float limit_of(const struct map_point *point, bool high)
+{
+	const struct map_type_row *type = &map_types[point->type];
+	const double end = high ? type->high : type->low;
+
+	if (point->min < point->max)
+		return high ? point->max : point->min;
+	return (float)(point->type == MAP_ANGLE ? end / MAP_ANGLE_PER_DEGREE : end);
+}
 
 static bool read_point(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
 {
@@ -55,6 +75,13 @@ static bool read_point(struct snmp_agent *agent, uint32_t column, uint32_t row, 
 	case POINT_SELECT:
 		snmp_put_truth(out, (point->flags & MAP_POINT_SELECT) != 0);
 		return true;
+	case POINT_UNIT:
+		snmp_put_text(out, map_unit_of(agent->config, point));
+		return true;
+	case POINT_LOW:
+	case POINT_HIGH:
+		snmp_put_float(out, limit_of(point, column == POINT_HIGH));
+		return true;
 	default:
 		return false;
 	}
@@ -63,7 +90,7 @@ static bool read_point(struct snmp_agent *agent, uint32_t column, uint32_t row, 
 const struct snmp_table snmp_point_table = {.prefix = {1, 2, 1},
 					    .prefix_length = 3,
 					    .first = POINT_NAME,
-					    .last = POINT_SELECT,
+					    .last = POINT_HIGH,
 					    .indexes = 2,
 					    .count = count_all,
 					    .index = index_all,
@@ -77,7 +104,8 @@ static bool read_field(struct snmp_agent *agent, enum field field, enum snmp_lis
 		       struct snmp_value *out)
 {
 	const uint32_t point = agent->lists[list].points[row];
-	const enum map_type type = agent->config->points[point].type;
+	const struct map_point *object = &agent->config->points[point];
+	const enum map_type type = object->type;
 	struct map_sample sample;
 
 	if (!snmp_sample(agent, point, &sample))
@@ -85,13 +113,13 @@ static bool read_field(struct snmp_agent *agent, enum field field, enum snmp_lis
 	switch (field) {
 	case FIELD_VALUE:
 		snmp_put_number(out, list == SNMP_BITSTRINGS ? SNMP_GAUGE : SNMP_INTEGER,
-				snmp_shown_value(type, sample.value));
+				snmp_shown_value(type, snmp_decimals(object), sample.value));
 		break;
 	case FIELD_TRANSIENT:
 		snmp_put_truth(out, (sample.detail & 1) != 0);
 		break;
 	case FIELD_PRECISION:
-		snmp_put_number(out, SNMP_INTEGER, snmp_precision(type));
+		snmp_put_number(out, SNMP_INTEGER, snmp_decimals(object));
 		break;
 	case FIELD_FLOAT:
 		snmp_put_float(out, snmp_float_of(type, sample.value));

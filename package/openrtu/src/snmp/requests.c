@@ -43,6 +43,8 @@ bool snmp_tick(struct snmp_agent *agent)
 
 	while (map_answer_of_any_next(agent->map, &answer))
 		take(agent, &answer);
+	snmp_stations_tick(agent);
+	snmp_cyclic_tick(agent);
 	busy = snmp_commands_tick(agent);
 	busy |= snmp_freezes_tick(agent);
 	busy |= snmp_parameters_tick(agent);

@@ -40,11 +40,18 @@ enum snmp_event_kind {
 	SNMP_EVENT_PARAMETER,
 	SNMP_EVENT_STARTED,
 	SNMP_EVENT_CYCLIC,
+	SNMP_EVENT_INITIALISED, /* a station */
+	SNMP_EVENT_COLD_START,
 };
 
+#define SNMP_NO_CA 65535
+
+/* It says of a point what a manager must know, since the configuration may have another one at its number by now. */
 struct snmp_event {
 	int64_t time_ms;       /* since 1970, UTC */
-	uint32_t point;        /* or a module's number; MAP_NONE: neither */
+	uint32_t ioa : 24;     /* 0: of no point */
+	uint32_t type : 4;     /* enum map_type of the point */
+	uint32_t decimals : 4; /* snmp_decimals of it */
 	union map_value value; /* of a command its number */
 	uint32_t spin;         /* of a command, its spin lock */
 	uint8_t kind;          /* enum snmp_event_kind */
@@ -53,9 +60,10 @@ struct snmp_event {
 	bool time_valid;
 	uint8_t state, result, detail; /* of a command */
 	uint8_t user;                  /* who commanded; SNMP_NO_USER: module did */
-	uint8_t module;
-	uint8_t reserved[2];
+	uint8_t module;                /* that one, or the one that went down or up */
+	uint16_t ca;                   /* SNMP_NO_CA: of no station */
 };
+_Static_assert(sizeof(struct snmp_event) == 32, "of 8 192 events");
 
 /* How far the map's events have been numbered. */
 struct snmp_position {
@@ -69,7 +77,12 @@ struct snmp_shared {
 	_Atomic uint32_t sink_lost[SNMP_SINKS_MAX];
 	_Atomic uint32_t
 	    epoch; /* another one for each time that the numbers begin anew; 0: they have not begun */
-	_Atomic uint32_t starts; /* of the station, as announced */
+	_Atomic uint32_t starts;                   /* of the station, as announced */
+	_Atomic uint32_t configuration;            /* a number of its points, as announced */
+	_Atomic uint32_t turn;                     /* of cyclic data, that ended last */
+	_Atomic uint32_t taken[SNMP_USERS_MAX][2]; /* by a user who polls, of class 1 and 2 */
+	uint8_t initialised[SNMP_NO_CA / 8 + 1];   /* stations whose initialisation has been told to end */
+	bool changed;                              /* those that it has not are of a changed configuration */
 	map_latch latch;
 	struct snmp_position copies[2];
 	struct snmp_event events[SNMP_EVENTS]; /* number n is at n modulo SNMP_EVENTS */

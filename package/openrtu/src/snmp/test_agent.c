@@ -197,7 +197,7 @@ static void add_events(struct fixture *fixture, unsigned count)
 {
 	while (count-- > 0)
 		snmp_event_add(&fixture->agent,
-			       &(struct snmp_event){.kind = SNMP_EVENT_CLOCK, .point = MAP_NONE});
+			       &(struct snmp_event){.kind = SNMP_EVENT_CLOCK, .ca = SNMP_NO_CA});
 }
 
 /* Sends one event a message. NULL: nothing is due. */
@@ -256,12 +256,55 @@ static void test_a_silent_sink_is_probed_and_loses_nothing(void **state)
 			snmp_sink_unanswered(&fixture.agent, 0, NULL, fixture.agent.now_ns);
 	}
 	snmp_sink_answered(&fixture.agent, 0, NULL);
-	for (uint32_t number = 1; number <= 7; number++) { /* rtuStarted is the first */
+	for (uint32_t number = 1; number <= 8; number++) { /* coldStart and rtuStarted are first */
 		flight = send_one(&fixture);
 		assert_int_equal(flight->first, number);
 		snmp_sink_answered(&fixture.agent, 0, flight);
 	}
 	assert_null(send_one(&fixture));
+	assert_int_equal(fixture.shared->sink_lost[0], 0);
+	end(&fixture);
+}
+
+/* What is due is sent as rtu-snmp does; nobody answers. */
+static void run_unanswered(struct fixture *fixture)
+{
+	struct snmp_flight *flight = NULL;
+	enum snmp_sending what;
+
+	while ((what = snmp_sink_next(&fixture->agent, 0, &flight)) == SNMP_SEND_EVENTS) {
+		snmp_sink_sent(&fixture->agent, 0, flight, flight->first);
+		snmp_sink_unanswered(&fixture->agent, 0, flight, fixture->agent.now_ns + NS_PER_S);
+	}
+	if (what == SNMP_SEND_PROBE) {
+		snmp_sink_probed(&fixture->agent, 0);
+		snmp_sink_unanswered(&fixture->agent, 0, NULL, 0);
+	}
+}
+
+/* 60 s of virtual time at 100 events a second. */
+static void test_a_sink_that_is_away_for_a_minute_misses_nothing(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_flight *flight;
+	uint32_t wanted = 1;
+
+	start_agent(&fixture);
+	for (unsigned i = 0; i < 6000; i++) {
+		fixture.agent.now_ns += NS_PER_S / 100;
+		add_events(&fixture, 1);
+		run_unanswered(&fixture);
+	}
+	assert_true(fixture.agent.sinks[0].silent);
+	fixture.agent.now_ns += 61 * NS_PER_S;
+	assert_int_equal(snmp_sink_next(&fixture.agent, 0, &flight), SNMP_SEND_PROBE);
+	snmp_sink_probed(&fixture.agent, 0);
+	snmp_sink_answered(&fixture.agent, 0, NULL);
+	for (; (flight = send_one(&fixture)) != NULL; wanted++) {
+		assert_int_equal(flight->first, wanted);
+		snmp_sink_answered(&fixture.agent, 0, flight);
+	}
+	assert_int_equal(wanted, fixture.agent.position.last + 1);
 	assert_int_equal(fixture.shared->sink_lost[0], 0);
 	end(&fixture);
 }
@@ -272,7 +315,7 @@ static void test_what_left_the_table_is_counted(void **state)
 	struct snmp_flight *flight;
 
 	start_agent(&fixture);
-	add_events(&fixture, SNMP_EVENTS + 9); /* beside rtuStarted */
+	add_events(&fixture, SNMP_EVENTS + 8); /* beside coldStart and rtuStarted */
 	flight = send_one(&fixture);
 	assert_int_equal(flight->first, 11);
 	assert_int_equal(fixture.shared->sink_lost[0], 10);
@@ -289,7 +332,7 @@ static void test_another_process_goes_on_with_the_numbers(void **state)
 	add_events(&fixture, 4);
 	snmp_sink_answered(&fixture.agent, 0, send_one(&fixture));
 	assert_true(snmp_begin(&next, fixture.map, fixture.shared));
-	assert_int_equal(next.position.last, 5);
+	assert_int_equal(next.position.last, 6);
 	assert_int_equal(next.sinks[0].next, 2);
 	snmp_end(&next);
 	end(&fixture);
@@ -303,6 +346,7 @@ int main(void)
 	    TEST(test_keys_are_taken_whole_or_not_at_all),
 	    TEST(test_a_window_is_confirmed_in_order),
 	    TEST(test_a_silent_sink_is_probed_and_loses_nothing),
+	    TEST(test_a_sink_that_is_away_for_a_minute_misses_nothing),
 	    TEST(test_what_left_the_table_is_counted),
 	    TEST(test_another_process_goes_on_with_the_numbers),
 	};

@@ -65,22 +65,32 @@ int64_t snmp_type_number(enum map_type type)
 	return (int64_t)type + 1;
 }
 
-int64_t snmp_precision(enum map_type type)
+unsigned snmp_decimals(const struct map_point *point)
 {
-	return type == MAP_FLOAT ? FLOAT_DECIMALS : type == MAP_ANGLE ? ANGLE_DECIMALS : 0;
+	if (point->type != MAP_FLOAT)
+		return point->type == MAP_ANGLE ? ANGLE_DECIMALS : 0;
+	return point->decimals == 0 ? FLOAT_DECIMALS : point->decimals - 1u;
 }
 
-static int64_t scaled_float(float value)
+double snmp_scale(unsigned decimals)
 {
-	const double number = (double)value * 1000.0;
+	double scale = 1;
 
-	_Static_assert(FLOAT_DECIMALS == 3, "a thousand");
+	while (decimals-- > 0)
+		scale *= 10;
+	return scale;
+}
+
+static int64_t scaled_float(float value, unsigned decimals)
+{
+	const double number = (double)value * snmp_scale(decimals);
+
 	if (number != number)
 		return 0;
 	return number >= INT32_MAX ? INT32_MAX : number <= INT32_MIN ? INT32_MIN : map_round(number);
 }
 
-int64_t snmp_shown_value(enum map_type type, union map_value value)
+int64_t snmp_shown_value(enum map_type type, unsigned decimals, union map_value value)
 {
 	switch (type) {
 	case MAP_SINGLE:
@@ -89,7 +99,7 @@ int64_t snmp_shown_value(enum map_type type, union map_value value)
 	case MAP_BITSTRING:
 		return value.u;
 	case MAP_FLOAT:
-		return scaled_float(value.f);
+		return scaled_float(value.f, decimals);
 	case MAP_STEP:
 	case MAP_NORMALIZED:
 	case MAP_SCALED:

@@ -116,7 +116,8 @@ static void begin(void)
 	agent.boots = 1;
 	agent.engine_id_size = ring.engine.size;
 	memcpy(agent.engine_id, ring.engine.octets, ring.engine.size);
-	wire_init(&agent, &ring);
+	if (!wire_init(&agent, &ring))
+		abort();
 	wire = wire_listen(&agent, sockets[1], answer_request, &agent);
 	CHECK(wire != NULL);
 	snmp_end(&agent);

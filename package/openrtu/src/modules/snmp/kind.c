@@ -20,9 +20,9 @@
 #define USER 16 /* behind those that programs of rtu-logic take, before those of others */
 
 static const struct call_rule calls[] = {
-    CALL(poll),      CALL(ppoll_time64), CALL(ppoll),  CALL(recvmsg),
-    CALL(sendmsg),   CALL(recvfrom),     CALL(sendto), CALL(times), /* libnetsnmp: ticks */
-    CALL(getrandom), CALL(futex_time64), CALL(futex),               /* libcrypto */
+    CALL(poll),      CALL(ppoll_time64), CALL(ppoll), CALL(recvmsg), CALL(sendmsg),
+    CALL(recvfrom),  CALL(sendto),       CALL(recv),  CALL(times), /* libnetsnmp: ticks */
+    CALL(getrandom), CALL(futex_time64), CALL(futex),              /* libcrypto */
 };
 
 static const struct kind_program program = {
@@ -111,10 +111,23 @@ static void begin(struct map *map, uid_t user, gid_t group)
 		give_keys(map, settings->keys, user, group);
 }
 
+/* What only SNMP shows of points. */
+static bool same_units(const struct map_config *a, const struct map_config *b)
+{
+	if (a->point_count != b->point_count)
+		return false;
+	for (uint32_t i = 0; i < a->point_count; i++)
+		if (a->points[i].decimals != b->points[i].decimals ||
+		    strcmp(map_unit_of(a, &a->points[i]), map_unit_of(b, &b->points[i])) != 0)
+			return false;
+	return true;
+}
+
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
 	(void)module, (void)name;
-	return memcmp(snmp_settings(a), snmp_settings(b), sizeof(struct snmp_settings)) == 0;
+	return memcmp(snmp_settings(a), snmp_settings(b), sizeof(struct snmp_settings)) == 0 &&
+	       same_units(a, b);
 }
 
 /* The agent keeps what its sessions were opened with. */
@@ -124,17 +137,74 @@ static enum kind_change change(const struct map_config *before, const struct map
 	return KIND_STARTS_AGAIN;
 }
 
-/*
- * Its events name points by numbers that may be others' now, and their places at the sinks are those of former sinks: the numbers
- * of events begin anew, as after a start of the gateway.
- */
+/* ---- what passes over to a changed configuration ----------------------------------------- */
+
+/* SNMP_NO_USER: there is none of this name any more. */
+static uint8_t user_now(const struct snmp_settings *before, uint8_t user, const struct snmp_settings *now)
+{
+	for (uint8_t i = 0; user < before->user_count && i < now->user_count; i++)
+		if (strcmp(now->users[i].name, before->users[user].name) == 0)
+			return i;
+	return SNMP_NO_USER;
+}
+
+static void carry_users(const struct snmp_settings *before, const struct snmp_shared *from,
+			const struct snmp_settings *now, struct snmp_shared *to)
+{
+	for (uint32_t i = 0; i < SNMP_EVENTS; i++)
+		if (to->events[i].kind == SNMP_EVENT_COMMAND && to->events[i].user != SNMP_NO_USER)
+			to->events[i].user = user_now(before, to->events[i].user, now);
+	memset(to->taken, 0, sizeof(to->taken));
+	for (uint8_t i = 0; i < before->user_count; i++) {
+		const uint8_t user = user_now(before, i, now);
+
+		for (unsigned class = 0; user != SNMP_NO_USER && class < 2; class ++)
+			to->taken[user][class] = from->taken[i][class];
+	}
+}
+
+/* A sink of another name is told what happens from now on. */
+static void carry_sinks(const struct snmp_settings *before, struct snmp_shared *from,
+			const struct snmp_settings *now, struct snmp_shared *to)
+{
+	const uint32_t last = from->copies[latch_whole_copy(&from->latch)].last;
+
+	for (uint32_t i = 0; i < now->sink_count; i++) {
+		uint32_t j = 0;
+
+		while (j < before->sink_count && strcmp(now->sinks[i].name, before->sinks[j].name) != 0)
+			j++;
+		to->confirmed[i] = j < before->sink_count ? from->confirmed[j] : last;
+		to->sink_lost[i] = j < before->sink_count ? from->sink_lost[j] : 0;
+	}
+}
+
+/* A station that the configuration has no more is a new one if it comes back. */
+static void carry_stations(const struct map_config *now, const struct snmp_shared *from,
+			   struct snmp_shared *to)
+{
+	memset(to->initialised, 0, sizeof(to->initialised));
+	for (uint32_t i = 0; i < now->set_count; i++) {
+		const uint16_t ca = now->sets[i].ca;
+
+		to->initialised[ca / 8] |= from->initialised[ca / 8] & (uint8_t)(1u << ca % 8);
+	}
+	to->changed = true;
+}
+
+/* The numbers of events go on, and each sink and each user who polls is where it was. The new process has its own counters. */
 static void carry(const struct map_config *before, const void *from, const struct map_config *now, void *to,
 		  const char *module)
 {
+	static struct snmp_shared former;
 	const size_t counters = offsetof(struct snmp_shared, confirmed);
 
-	(void)before, (void)from, (void)now, (void)module;
-	memset((uint8_t *)to + counters, 0, sizeof(struct snmp_shared) - counters);
+	(void)module;
+	memcpy(&former, from, sizeof(former));
+	memcpy((uint8_t *)to + counters, (const uint8_t *)&former + counters, sizeof(former) - counters);
+	carry_users(snmp_settings(before), &former, snmp_settings(now), to);
+	carry_sinks(snmp_settings(before), &former, snmp_settings(now), to);
+	carry_stations(now, &former, to);
 }
 
 const struct kind snmp_kind = {
@@ -149,5 +219,5 @@ const struct kind snmp_kind = {
     .change = change,
     .carry = carry,
     .fixed = "snmp",
-    .by_numbers = true, /* of its events, and of what a manager has learned */
+    .by_numbers = true, /* of its lists */
 };

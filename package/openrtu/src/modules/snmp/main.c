@@ -56,7 +56,8 @@ static bool start(const struct options *options, struct snmp_shared *shared)
 	agent.boots = boots;
 	agent.engine_id_size = keyring.engine.size;
 	memcpy(agent.engine_id, keyring.engine.octets, keyring.engine.size);
-	wire_init(&agent, &keyring);
+	if (!wire_init(&agent, &keyring))
+		return false;
 	wire = wire_listen(&agent, options->socket_fd, answer_request, &agent);
 	if (wire == NULL || !notify_begin(&agent, &keyring)) {
 		map_log(map, MAP_LOG_ERROR, "cannot open its sessions: %s", strerror(errno));
@@ -64,6 +65,14 @@ static bool start(const struct options *options, struct snmp_shared *shared)
 	}
 	name_counters(shared);
 	return true;
+}
+
+/* Until periods of cyclic data end. */
+static int wait_ms(int most_ms)
+{
+	const int64_t left_ms = (agent.cyclic.due_ns - agent.now_ns) / NS_PER_MS + 1;
+
+	return left_ms < most_ms ? (int)left_ms : most_ms;
 }
 
 /* Returns how long it may sleep. */
@@ -78,7 +87,7 @@ static int serve(void)
 	more = snmp_events_take(&agent);
 	busy = snmp_tick(&agent);
 	busy |= notify_run(&agent);
-	return more ? 0 : busy ? BUSY_MS : IDLE_MS;
+	return more ? 0 : wait_ms(busy ? BUSY_MS : IDLE_MS);
 }
 
 static void run(int stop)

@@ -21,6 +21,8 @@ enum notification {
 	NOTE_MODULE_CHANGED,
 	NOTE_EVENTS_MISSED,
 	NOTE_CLOCK_CHANGED,
+	NOTE_INITIALISED,
+	NOTE_COLD_START, /* of SNMPv2-MIB */
 };
 
 /* What the library gives back with an answer. */
@@ -82,23 +84,35 @@ static bool add_object(struct note *note, const uint32_t *below, size_t length,
 	return add(note, name, settings->base_length + length, value);
 }
 
+static void put_notification(const struct snmp_settings *settings, enum notification notification,
+			     struct snmp_value *out)
+{
+	static const uint32_t cold_start[] = {1, 3, 6, 1, 6, 3, 1, 1, 5, 1};
+
+	out->syntax = SNMP_OID;
+	if (notification == NOTE_COLD_START) {
+		out->size = sizeof(cold_start) / sizeof(cold_start[0]);
+		memcpy(out->ids, cold_start, sizeof(cold_start));
+		return;
+	}
+	out->size = (uint16_t)(settings->base_length + 2);
+	memcpy(out->ids, settings->base, settings->base_length * sizeof(out->ids[0]));
+	out->ids[settings->base_length] = 0;
+	out->ids[settings->base_length + 1] = notification;
+}
+
 /* RFC 3416, 4.2.6: each begins with sysUpTime.0 and snmpTrapOID.0. */
 static bool add_head(struct note *note, enum notification notification)
 {
 	static const uint32_t uptime[] = {1, 3, 6, 1, 2, 1, 1, 3, 0},
 			      trap_oid[] = {1, 3, 6, 1, 6, 3, 1, 1, 4, 1, 0};
-	const struct snmp_settings *settings = note->agent->settings;
 	struct snmp_value value;
 
 	snmp_put_number(&value, SNMP_TICKS,
 			(uint32_t)((note->agent->now_ns - note->agent->started_ns) / (10 * NS_PER_MS)));
 	if (!add(note, uptime, sizeof(uptime) / sizeof(uptime[0]), &value))
 		return false;
-	value.syntax = SNMP_OID;
-	value.size = (uint16_t)(settings->base_length + 2);
-	memcpy(value.ids, settings->base, settings->base_length * sizeof(value.ids[0]));
-	value.ids[settings->base_length] = 0;
-	value.ids[settings->base_length + 1] = notification;
+	put_notification(note->agent->settings, notification, &value);
 	return add(note, trap_oid, sizeof(trap_oid) / sizeof(trap_oid[0]), &value);
 }
 
@@ -149,6 +163,10 @@ static enum notification notification_of(const struct snmp_event *event)
 		return NOTE_PARAMETER_CHANGED;
 	case SNMP_EVENT_CYCLIC:
 		return NOTE_CYCLIC_READY;
+	case SNMP_EVENT_INITIALISED:
+		return NOTE_INITIALISED;
+	case SNMP_EVENT_COLD_START:
+		return NOTE_COLD_START;
 	case SNMP_EVENT_STARTED:
 		break;
 	}
@@ -182,8 +200,7 @@ static void put_owner(const struct snmp_agent *agent, const struct snmp_event *e
 static bool add_command(struct note *note, uint32_t number)
 {
 	const struct snmp_event *event = snmp_event_at(note->agent, number);
-	uint32_t below[] = {
-	    1, 3, 1, 1, 0, snmp_ca(note->agent, event->point), note->agent->config->points[event->point].ioa};
+	uint32_t below[] = {1, 3, 1, 1, 0, event->ca, event->ioa};
 	const size_t length = sizeof(below) / sizeof(below[0]);
 	static const uint8_t columns[] = {SNMP_COMMAND_STATE,  SNMP_COMMAND_RESULT, SNMP_COMMAND_DETAIL,
 					  SNMP_COMMAND_NUMBER, SNMP_COMMAND_OWNER,  SNMP_COMMAND_PROTOCOL,
@@ -208,11 +225,10 @@ static bool add_command(struct note *note, uint32_t number)
 }
 
 /* Threshold, smoothing, limits, cyclic transmission, and which of them were loaded, as they are in force now. */
-static bool add_parameters(struct note *note, uint32_t point)
+static bool add_parameters(struct note *note, const struct snmp_event *event)
 {
 	for (uint32_t column = 2; column <= 7; column++)
-		if (!ADD_CURRENT(note, 1, 6, 1, 1, column, snmp_ca(note->agent, point),
-				 note->agent->config->points[point].ioa))
+		if (!ADD_CURRENT(note, 1, 6, 1, 1, column, event->ca, event->ioa))
 			return false;
 	return true;
 }
@@ -229,9 +245,9 @@ static bool add_event(struct note *note, enum notification notification, uint32_
 		return add_command(note, number);
 	case NOTE_MODULE_CHANGED:
 		return add_event_column(note, SNMP_EVENT_KIND, number) &&
-		       ADD_CURRENT(note, 1, 9, 1, 1, 2, event->point + 1) &&
-		       ADD_CURRENT(note, 1, 9, 1, 1, 3, event->point + 1) &&
-		       ADD_CURRENT(note, 1, 9, 1, 1, 5, event->point + 1);
+		       ADD_CURRENT(note, 1, 9, 1, 1, 2, event->module + 1u) &&
+		       ADD_CURRENT(note, 1, 9, 1, 1, 3, event->module + 1u) &&
+		       ADD_CURRENT(note, 1, 9, 1, 1, 5, event->module + 1u);
 	case NOTE_CLOCK_CHANGED:
 		return add_event_column(note, SNMP_EVENT_KIND, number) && ADD_CURRENT(note, 1, 7, 2, 0) &&
 		       ADD_CURRENT(note, 1, 7, 5, 0);
@@ -239,8 +255,14 @@ static bool add_event(struct note *note, enum notification notification, uint32_
 		return add_event_column(note, SNMP_EVENT_KIND, number) && ADD_CURRENT(note, 1, 1, 2, 0) &&
 		       ADD_CURRENT(note, 1, 1, 4, 0) && ADD_CURRENT(note, 1, 8, 3, 0);
 	case NOTE_PARAMETER_CHANGED:
-		return add_event_column(note, SNMP_EVENT_KIND, number) && add_parameters(note, event->point);
+		return add_event_column(note, SNMP_EVENT_KIND, number) && add_parameters(note, event);
 	case NOTE_CYCLIC_READY:
+		return add_event_column(note, SNMP_EVENT_KIND, number) && ADD_CURRENT(note, 1, 5, 1, 0);
+	case NOTE_INITIALISED:
+		return add_event_column(note, SNMP_EVENT_KIND, number) &&
+		       add_event_column(note, SNMP_EVENT_CA, number) &&
+		       add_event_column(note, SNMP_EVENT_VALUE, number);
+	case NOTE_COLD_START:
 	case NOTE_EVENTS_MISSED:
 		break;
 	}

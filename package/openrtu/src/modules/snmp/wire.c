@@ -279,7 +279,28 @@ int wire_fd(const struct wire *wire)
 
 /* ---- the library ------------------------------------------------------------------------- */
 
-static void add_user(const char *name, const struct snmp_engine_id *engine, const struct snmp_keys *keys)
+/* It need not have these: they are a draft. */
+#ifdef NETSNMP_DRAFT_BLUMENTHAL_AES_04
+#define OF_DRAFT(protocol)                                                                                   \
+	{                                                                                                    \
+		protocol, OID_LENGTH(protocol)                                                               \
+	}
+#else
+#define OF_DRAFT(protocol)                                                                                   \
+	{                                                                                                    \
+		NULL, 0                                                                                      \
+	}
+#endif
+
+static const struct {
+	const oid *name;
+	size_t length;
+} privs[SNMP_PRIVS] = {{usmAESPrivProtocol, OID_LENGTH(usmAESPrivProtocol)},
+		       OF_DRAFT(usmAES192PrivProtocol),
+		       OF_DRAFT(usmAES256PrivProtocol)};
+
+/* False: the library has not got this encryption, or there is no memory. */
+static bool add_user(const char *name, const struct snmp_engine_id *engine, const struct snmp_keys *keys)
 {
 	static const struct {
 		const oid *name;
@@ -287,16 +308,10 @@ static void add_user(const char *name, const struct snmp_engine_id *engine, cons
 	} auths[SNMP_AUTHS] = {{usmHMAC192SHA256AuthProtocol, OID_LENGTH(usmHMAC192SHA256AuthProtocol)},
 			       {usmHMAC256SHA384AuthProtocol, OID_LENGTH(usmHMAC256SHA384AuthProtocol)},
 			       {usmHMAC384SHA512AuthProtocol, OID_LENGTH(usmHMAC384SHA512AuthProtocol)}};
-	static const struct {
-		const oid *name;
-		size_t length;
-	} privs[SNMP_PRIVS] = {{usmAESPrivProtocol, OID_LENGTH(usmAESPrivProtocol)},
-			       {usmAES192PrivProtocol, OID_LENGTH(usmAES192PrivProtocol)},
-			       {usmAES256PrivProtocol, OID_LENGTH(usmAES256PrivProtocol)}};
-	struct usmUser *user = usm_create_user();
+	struct usmUser *user = privs[keys->priv].name == NULL ? NULL : usm_create_user();
 
 	if (user == NULL)
-		return;
+		return false;
 	free(user->authProtocol);
 	free(user->privProtocol);
 	user->name = strdup(name);
@@ -314,6 +329,20 @@ static void add_user(const char *name, const struct snmp_engine_id *engine, cons
 	user->userStatus = RS_ACTIVE;
 	user->userStorageType = ST_READONLY;
 	usm_add_user(user);
+	return true;
+}
+
+static bool add_users(const struct snmp_agent *agent, const struct snmp_keyring *ring)
+{
+	bool good = true;
+
+	for (uint32_t i = 0; i < agent->settings->user_count; i++)
+		good &= add_user(agent->settings->users[i].name, &ring->engine, &ring->users[i]);
+	for (uint32_t i = 0; i < agent->settings->sink_count; i++)
+		if (agent->settings->sinks[i].inform)
+			good &= add_user(agent->settings->users[agent->settings->sinks[i].user].name,
+					 &ring->sink_engines[i], &ring->sinks[i]);
+	return good;
 }
 
 /* Nothing of the machine's Net-SNMP: neither its files nor what they say, and no MIB. */
@@ -343,15 +372,15 @@ static void set_boots(const struct snmp_keyring *ring, uint32_t boots)
 		       TRUE);
 }
 
-void wire_init(struct snmp_agent *agent, const struct snmp_keyring *ring)
+bool wire_init(struct snmp_agent *agent, const struct snmp_keyring *ring)
 {
 	keep_to_itself();
 	init_snmp("rtu-snmp");
 	set_boots(ring, agent->boots);
-	for (uint32_t i = 0; i < agent->settings->user_count; i++)
-		add_user(agent->settings->users[i].name, &ring->engine, &ring->users[i]);
-	for (uint32_t i = 0; i < agent->settings->sink_count; i++)
-		if (agent->settings->sinks[i].inform)
-			add_user(agent->settings->users[agent->settings->sinks[i].user].name,
-				 &ring->sink_engines[i], &ring->sinks[i]);
+	if (add_users(agent, ring))
+		return true;
+	map_log(agent->map, MAP_LOG_ERROR,
+		"this build's Net-SNMP cannot take all keys of %s: make them anew with AES-128",
+		agent->settings->keys);
+	return false;
 }

@@ -20,7 +20,8 @@ typedef void (*wire_handler)(void *context, void *session, netsnmp_pdu *pdu);
 
 struct wire;
 
-void wire_init(struct snmp_agent *agent, const struct snmp_keyring *ring);
+/* False: it cannot take all keys, and that has been logged. */
+bool wire_init(struct snmp_agent *agent, const struct snmp_keyring *ring);
 /* A session that answers on a socket. NULL: no memory. */
 struct wire *wire_listen(struct snmp_agent *agent, int fd, wire_handler handler, void *context);
 /* A session that notifies a sink from a socket. NULL: no memory. */

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""
+`make bench`: what a manager of SNMPv3 costs the station, beside a controlling station and beside Net-SNMP's
+own table helper with as many rows. What the rows mean: docs/bench.md. No time is asserted.
+Exit codes: 0 done, 1 something did not work, 2 wrong usage or not built.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import station_contenders
+from bare_client import BenchError, Client, interrogate
+from pysnmp.hlapi.v3arch.asyncio import (
+    USM_AUTH_HMAC192_SHA256,
+    USM_PRIV_CFB128_AES,
+    ContextData,
+    SnmpEngine,
+    UdpTransportTarget,
+    UsmUserData,
+    bulk_cmd,
+)
+from pysnmp.proto.rfc1902 import Null, ObjectName
+from station_contenders import PROCESS_CLOCK, event_source, set_point_for
+from stopwatch import Spread
+from stopwatch import _memory as memory_of
+
+from bench import machine
+from lab.gateway import Gateway, GatewayError, default_build, free_port, remove, run_directory
+from lab.manager import CENTRE, USERS, Manager, environment, free_udp_port, make_keys, oid, receiver
+
+# Coils, discrete inputs, input registers (the source of events needs 256), holding registers.
+SIZES = {1000: (200, 200, 300, 300), 5000: (1500, 1500, 1000, 1000)}
+ROUNDS, QUICK_ROUNDS = 3, 1
+REPETITIONS = 12  # rows of three columns that fit into a message of 1 472 octets
+EVENTS, RATES = 4000, (1000, 2000, 4000)
+COLUMNS = ("Value", "Quality", "Time")
+TABLES = [[oid(f"rtu{base}{column}") for column in COLUMNS] for base in ("Single", "Measured")]
+IMAGE = [[oid(f"rtuImage{column}") for column in ("Event", "Data")]]
+
+
+def cpu_ms(pid: int) -> float:
+    return time.clock_gettime_ns(~pid << 3 | PROCESS_CLOCK) / 1e6
+
+
+# ---- the manager ---------------------------------------------------------------------------------
+
+
+class Asker:
+    """pysnmp, with one engine for all."""
+
+    def __init__(self, port: int) -> None:
+        self.loop = asyncio.new_event_loop()
+        self.engine = SnmpEngine()
+        self.port = port
+        self.user = UsmUserData(
+            CENTRE.name,
+            CENTRE.authentication,
+            CENTRE.encryption,
+            authProtocol=USM_AUTH_HMAC192_SHA256,
+            privProtocol=USM_PRIV_CFB128_AES,
+        )
+
+    async def _walk(self, columns: list[str]) -> tuple[int, int]:
+        """GETBULK over columns until the first one ends. Returns the instances of it, and the requests."""
+        target = await UdpTransportTarget.create(("127.0.0.1", self.port), timeout=10, retries=0)
+        first, names, rows, requests = columns[0], columns, 0, 0
+        while True:
+            pairs = [(ObjectName(name), Null("")) for name in names]
+            failure, status, _, found = await bulk_cmd(
+                self.engine, self.user, target, ContextData(), 0, REPETITIONS, *pairs, lookupMib=False
+            )
+            if failure or status:
+                raise BenchError(f"a GETBULK failed: {failure or status}")
+            requests += 1
+            whole = [str(name) for name, _ in found[: len(found) // len(columns) * len(columns)]]
+            here = [name for name in whole[:: len(columns)] if name.startswith(f"{first}.")]
+            rows += len(here)
+            if len(here) < len(whole) // len(columns) or not whole:
+                return rows, requests
+            names = whole[-len(columns) :]
+
+    def close(self) -> None:
+        self.engine.close_dispatcher()
+        self.loop.run_until_complete(asyncio.sleep(0))
+        self.loop.close()
+
+    def interrogate(self, tables: list[list[str]]) -> tuple[int, int]:
+        found = [self.loop.run_until_complete(self._walk(columns)) for columns in tables]
+        return sum(rows for rows, _ in found), sum(requests for _, requests in found)
+
+
+# ---- the contenders ------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def ours(points: int, folder: Path, sink_port: int) -> Iterator[tuple[Gateway, int]]:
+    """rtud, rtu-iec104 and rtu-snmp, with the source of events as rtu-modbus; the agent's port."""
+    port = free_udp_port()
+    sizes = dict(zip(station_contenders.SIZE, SIZES[points], strict=True))
+    tables = {table: [{"address": address} for address in range(size)] for table, size in sizes.items()}
+    config = station_contenders.configuration(free_port(), event_ring=16384)
+    config["port"][0]["slaves"][0] |= tables  # type: ignore[index]
+    users = [{"name": user.name, "role": role} for user, role in USERS.items()]
+    sink = {"name": "nms", "address": "127.0.0.1", "port": sink_port, "user": CENTRE.name, "window": 16}
+    snmp = {"address": "127.0.0.1", "port": port, "users": users, "sinks": [sink], "rate": 100000}
+    config["snmp"] = snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")}
+    make_keys(config, folder)
+    build = folder / "build"
+    (build / "modules").mkdir(parents=True)
+    for name in ("rtud", "rtuctl", "modules/rtu-iec104", "modules/rtu-snmp"):
+        (build / name).symlink_to(default_build().resolve() / name)
+    (build / "modules/rtu-modbus").symlink_to(event_source().resolve())
+    with Gateway(config, folder, build) as gateway:
+        gateway.wait_for(lambda: next(iter(gateway.points().values()))["quality"] == "good", 10, "good")
+        gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["alive"], 10, "the agent runs")
+        yield gateway, port
+
+
+@contextlib.contextmanager
+def theirs(rows: int, folder: Path) -> Iterator[tuple[int, int]]:
+    """The contender's process and port."""
+    port = free_udp_port()
+    command = [event_source().with_name("default_agent"), str(port), str(rows)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(folder)
+    )
+    try:
+        assert process.stdout is not None
+        if process.stdout.readline() != b"ready\n":
+            raise BenchError(f"{command} did not start")
+        yield process.pid, port
+    finally:
+        process.kill()
+        process.wait()
+
+
+# ---- what is measured ----------------------------------------------------------------------------
+
+
+def cost(pid: int, ask: Callable[[], object], rounds: int) -> Spread:
+    ask()
+    found = []
+    for _ in range(rounds):
+        begun = cpu_ms(pid)
+        ask()
+        found.append(cpu_ms(pid) - begun)
+    return Spread("ms", found)
+
+
+def expect(found: int, wanted: int) -> None:
+    if found != wanted:
+        raise BenchError(f"an interrogation brought {found} rows of {wanted}")
+
+
+def interrogations(points: int, rounds: int) -> Iterator[tuple[str, Any]]:
+    folder = run_directory()
+    try:
+        with ours(points, folder, free_udp_port()) as (gateway, port):
+            asker, pids = Asker(port), gateway.modules()
+            agent, station = (pids[name]["pid"] for name in ("rtu-snmp", "rtu-iec104"))
+            rows, requests = asker.interrogate(TABLES)
+            expect(rows, points)
+            tables = cost(agent, lambda: asker.interrogate(TABLES), rounds)
+            yield f"GI of {points} by tables, {requests} requests", tables
+            _, requests = asker.interrogate(IMAGE)
+            image = cost(agent, lambda: asker.interrogate(IMAGE), rounds)
+            yield f"GI of {points} by image, {requests} requests", image
+            client = Client(gateway.address)
+            yield (
+                f"GI of {points} by IEC 60870-5-104",
+                cost(station, lambda: interrogate(client, points), rounds),
+            )
+            client.socket.close()
+            asker.close()
+            yield f"memory of rtu-snmp with {points}", memory_of(agent)
+        with theirs(points, folder) as (agent, port):
+            asker = Asker(port)
+            entry = [f"{oid('rtuMeasuredTable')}.1.{column}" for column in (1, 2, 3)]
+            rows, requests = asker.interrogate([entry])
+            expect(rows, points)
+            other = cost(agent, lambda: asker.interrogate([entry]), rounds)
+            asker.close()
+            yield f"GI of {points}, Net-SNMP's table helper, {requests} requests", other
+            yield "of that: ours by tables, by image", f"{ratio(tables, other)}, {ratio(image, other)}"
+    finally:
+        remove(folder)
+
+
+def ratio(one: Spread, other: Spread) -> str:
+    return f"1/{other.middle / one.middle:.1f}"
+
+
+def informs(rates: tuple[int, ...]) -> Iterator[tuple[str, Any]]:
+    """Events of one second, until the sink has confirmed all."""
+    folder = run_directory()
+    sink_port = free_udp_port()
+    try:
+        with (
+            tempfile.TemporaryDirectory() as received,
+            receiver(sink_port, Path(received)),
+            ours(station_contenders.POINTS, folder, sink_port) as (gateway, port),
+        ):
+            manager = Manager(port, folder)
+            for rate in rates:
+                (before,) = manager.get("rtuEventLast.0")
+                assert isinstance(before, int)
+                begun = time.monotonic()
+                set_point_for(gateway.address)(rate)
+                wanted = before + min(rate, EVENTS)
+                gateway.wait_for(lambda wanted=wanted: confirmed(manager) >= wanted, 60, "confirmed")
+                seconds = time.monotonic() - begun
+                (lost,) = manager.get("rtuSinkLost.1")
+                told = confirmed(manager) - before
+                yield (
+                    f"{rate} events in a second",
+                    f"all told after {seconds:.2f} s, {told / seconds:.0f}/s, {lost} lost",
+                )
+    finally:
+        remove(folder)
+
+
+def confirmed(manager: Manager) -> int:
+    (number,) = manager.get("rtuSinkConfirmed.1")
+    assert isinstance(number, int)
+    return number
+
+
+# ------------------------------------------------------------------------------------------------
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Measures what managers of SNMPv3 cost.")
+    parser.add_argument("--quick", action="store_true", help="a try of some ten seconds")
+    quick = parser.parse_args().quick
+    sizes, rounds = ([1000], QUICK_ROUNDS) if quick else (list(SIZES), ROUNDS)
+    needed = (default_build() / "modules/rtu-snmp", event_source().with_name("default_agent"))
+    missing = [file for file in needed if not file.exists()]
+    if missing:
+        print(
+            f"not built: {', '.join(map(str, missing))}; type `make bench`, which builds it", file=sys.stderr
+        )
+        return 2
+    what = "SNMPv3 authPriv, SHA-256 and AES-128: CPU of the agent, median (minimum..maximum)"
+    head = f"{machine()}. {what} of {rounds}."
+    try:
+        print(f"\n{head}\n\n| of SNMPv3 | |\n|---|---|")
+        for points in sizes:
+            for text, value in interrogations(points, rounds):
+                print(f"| {text} | {value} |", flush=True)
+        for text, value in informs(RATES[:1] if quick else RATES):
+            print(f"| {text} | {value} |", flush=True)
+    except (BenchError, GatewayError, OSError, subprocess.SubprocessError) as error:
+        print(f"the bench ended early: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
