@@ -16,12 +16,14 @@
 
 struct iec61850_settings {
 	char address[MAP_ADDRESS_SIZE];
-	char clients[IEC61850_CLIENTS_MAX][MAP_ADDRESS_SIZE]; /* who may connect; none: everybody */
+	char clients[IEC61850_CLIENTS_MAX][MAP_ADDRESS_SIZE];     /* who may connect; none: everybody */
+	char controllers[IEC61850_CLIENTS_MAX][MAP_ADDRESS_SIZE]; /* who may command; none: nobody */
 	char ied[MAP_NAME_SIZE]; /* what the names of logical devices begin with */
-	uint32_t client_count;
+	uint32_t client_count, controller_count;
 	uint32_t associations; /* at a time */
 	uint32_t max_pdu;      /* octets of an MMS PDU */
 	uint16_t port;
+	bool normal_security; /* of commands: without a CommandTermination */
 };
 
 /* NULL: IEC 61850 is not configured. */

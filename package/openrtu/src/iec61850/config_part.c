@@ -13,12 +13,15 @@
 
 static const struct config_rule file_rule = {.name = "iec61850", .kind = CONFIG_OBJECT};
 
-enum { ADDRESS, PORT_KEY, IED, CLIENTS, ASSOCIATIONS, PDU, KEYS };
+enum { ADDRESS, PORT_KEY, IED, CLIENTS, CONTROLLERS, SECURITY, ASSOCIATIONS, PDU, KEYS };
+static const char *const securities[] = {"enhanced", "normal", NULL};
 static const struct config_rule rules[KEYS] = {
     [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
     [PORT_KEY] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT},
     [IED] = {"ied", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [CLIENTS] = {"clients", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
+    [CONTROLLERS] = {"controllers", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
+    [SECURITY] = {"control_security", CONFIG_CHOICE, .choices = securities},
     [ASSOCIATIONS] = {"associations", CONFIG_INTEGER, .low = 1, .high = IEC61850_ASSOCIATIONS_MAX,
 		      .fallback = 8},
     [PDU] = {"max_pdu", CONFIG_INTEGER, .low = IEC61850_PDU_MIN, .high = IEC61850_PDU_MAX,
@@ -54,6 +57,7 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	const struct config_place place = config_key_of(&file, file_rule.name);
 	const struct config_place address = config_key_of(&place, rules[ADDRESS].name);
 	const struct config_place clients = config_key_of(&place, rules[CLIENTS].name);
+	const struct config_place controllers = config_key_of(&place, rules[CONTROLLERS].name);
 	struct config_value keys[KEYS];
 	struct iec61850_settings *settings;
 
@@ -76,6 +80,10 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	if (keys[CLIENTS].given)
 		settings->client_count =
 		    config_read_addresses(&loader->report, &clients, keys[CLIENTS].json, settings->clients);
+	if (keys[CONTROLLERS].given)
+		settings->controller_count = config_read_addresses(
+		    &loader->report, &controllers, keys[CONTROLLERS].json, settings->controllers);
+	settings->normal_security = keys[SECURITY].integer == 1;
 }
 
 /* A name of a data object ends with the point's address, and is too short for the longest of them. */

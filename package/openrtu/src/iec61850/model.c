@@ -31,6 +31,42 @@ static const struct iec61850_node bcr[] = {
     {"actVal", IEC61850_TOTAL, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
 static const struct iec61850_node described[] = {{"d", IEC61850_DESCRIPTION, NULL, 0}};
 static const struct iec61850_node controlled[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}};
+
+/* The services of a command (8-1, 20.5 and annex E): which there are, the model says. */
+static const struct iec61850_node origin[] = {{"orCat", IEC61850_ENUM, NULL, 0},
+					      {"orIdent", IEC61850_OR_IDENT, NULL, 0}};
+#define SERVICE(name, leaf, children)                                                                        \
+	{                                                                                                    \
+		name, leaf, children, COUNT(children)                                                        \
+	}
+#define CANCELLING(...)                                                                                      \
+	{__VA_ARGS__}, {"origin", IEC61850_STRUCTURE, origin, COUNT(origin)},                                \
+	    {"ctlNum", IEC61850_CTL_NUM, NULL, 0}, {"T", IEC61850_TIME, NULL, 0},                            \
+	{                                                                                                    \
+		"Test", IEC61850_BOOLEAN, NULL, 0                                                            \
+	}
+#define OPERATING(...)                                                                                       \
+	CANCELLING(__VA_ARGS__),                                                                             \
+	{                                                                                                    \
+		"Check", IEC61850_CHECK, NULL, 0                                                             \
+	}
+#define CONTROLS(value, ...)                                                                                 \
+	static const struct iec61850_node value##_operate[] = {OPERATING(__VA_ARGS__)};                      \
+	static const struct iec61850_node value##_cancel[] = {CANCELLING(__VA_ARGS__)};                      \
+	static const struct iec61850_node value##_direct[] = {                                               \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate)};                                                \
+	static const struct iec61850_node value##_sbo[] = {                                                  \
+	    {"SBO", IEC61850_SBO, NULL, 0},                                                                  \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
+	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)};                                             \
+	static const struct iec61850_node value##_sbow[] = {                                                 \
+	    SERVICE("SBOw", IEC61850_SBOW, value##_operate),                                                 \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
+	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)}
+
+CONTROLS(binary, "ctlVal", IEC61850_BOOLEAN, NULL, 0);
+CONTROLS(integer, "ctlVal", IEC61850_INTEGER, NULL, 0);
+CONTROLS(set_point, "ctlVal", IEC61850_STRUCTURE, analogue, COUNT(analogue));
 static const struct iec61850_node pulses[] = {{"pulsQty", IEC61850_UNIT, NULL, 0}};
 static const struct iec61850_node plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0},
 					     {"swRev", IEC61850_REVISION, NULL, 0},
@@ -71,6 +107,16 @@ static const struct iec61850_nodes classes[CDCS][IEC61850_FCS] = {
     [DPL] = {[IEC61850_DC] = NODES(physical_plate)},
 };
 
+#define MODELS(value)                                                                                        \
+	{                                                                                                    \
+		[IEC61850_DIRECT_NORMAL] = NODES(value##_direct),                                            \
+		[IEC61850_SBO_NORMAL] = NODES(value##_sbo),                                                  \
+		[IEC61850_DIRECT_ENHANCED] = NODES(value##_direct),                                          \
+		[IEC61850_SBO_ENHANCED] = NODES(value##_sbow)                                                \
+	}
+static const struct iec61850_nodes services[CDCS][IEC61850_CTL_MODELS] = {
+    [SPC] = MODELS(binary), [DPC] = MODELS(binary), [INC] = MODELS(integer), [APC] = MODELS(set_point)};
+
 /* ---- logical nodes (IEC 61850-7-4) ------------------------------------------------------- */
 
 struct fixed {
@@ -92,7 +138,7 @@ static const struct {
 
 static const char *const block_names[IEC61850_BLOCKS] = {"urcbStatus01", "urcbStatus02", "urcbMeasured01",
 							 "urcbMeasured02"};
-static const char *const fc_names[IEC61850_FCS] = {"CF", "DC", "EX", "MX", "RP", "ST"};
+static const char *const fc_names[IEC61850_FCS] = {"CF", "CO", "DC", "EX", "MX", "RP", "ST"};
 
 const char *iec61850_ln_name(enum iec61850_ln ln)
 {
@@ -159,6 +205,26 @@ uint32_t iec61850_object_count(const struct iec61850_device *device, enum iec618
 	}
 }
 
+enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
+{
+	const struct iec61850_settings *settings = model->settings;
+	const uint8_t flags = model->config->points[point].flags;
+
+	if (settings->controller_count == 0 || !(flags & MAP_POINT_COMMAND))
+		return IEC61850_STATUS_ONLY;
+	if (flags & MAP_POINT_SELECT)
+		return settings->normal_security ? IEC61850_SBO_NORMAL : IEC61850_SBO_ENHANCED;
+	return settings->normal_security ? IEC61850_DIRECT_NORMAL : IEC61850_DIRECT_ENHANCED;
+}
+
+static struct iec61850_nodes nodes_of_point(const struct iec61850_model *model, uint32_t number,
+					    enum iec61850_fc fc)
+{
+	const enum cdc cdc = kind_of(&model->config->points[number]).cdc;
+
+	return fc == IEC61850_CO ? services[cdc][iec61850_ctl_model(model, number)] : classes[cdc][fc];
+}
+
 struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 					const struct iec61850_device *device, enum iec61850_ln ln,
 					uint32_t number, enum iec61850_fc fc)
@@ -169,8 +235,9 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 		return fc == IEC61850_RP && device->members[iec61850_set_of(device, block)] > 0
 			   ? (struct iec61850_nodes)NODES(report_block)
 			   : (struct iec61850_nodes){0};
-	return is_point(ln, number) ? classes[kind_of(point_at(model, device, number)).cdc][fc]
-				    : classes[nodes[ln].fixed[number].cdc][fc];
+	if (is_point(ln, number))
+		return nodes_of_point(model, model->points[device->first + number - nodes[ln].count], fc);
+	return classes[nodes[ln].fixed[number].cdc][fc];
 }
 
 bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,

@@ -11,17 +11,29 @@
 #include "map/map.h"
 
 #define IEC61850_NAME_SIZE      65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
+#define IEC61850_OR_IDENT_SIZE  64
 #define IEC61850_REFERENCE_SIZE (2 * IEC61850_NAME_SIZE)
 
 /* Functional constraints (IEC 61850-7-2, table 18), in the order of their names. */
 enum iec61850_fc {
 	IEC61850_CF,
+	IEC61850_CO,
 	IEC61850_DC,
 	IEC61850_EX,
 	IEC61850_MX,
 	IEC61850_RP,
 	IEC61850_ST,
 	IEC61850_FCS,
+};
+
+/* How a data object is controlled (IEC 61850-7-3, CtlModelKind). */
+enum iec61850_ctl_model {
+	IEC61850_STATUS_ONLY,
+	IEC61850_DIRECT_NORMAL,
+	IEC61850_SBO_NORMAL,
+	IEC61850_DIRECT_ENHANCED,
+	IEC61850_SBO_ENHANCED,
+	IEC61850_CTL_MODELS,
 };
 
 enum iec61850_ln { IEC61850_LLN0, IEC61850_LPHD1, IEC61850_GGIO1, IEC61850_LNS };
@@ -44,6 +56,14 @@ enum iec61850_leaf {
 	IEC61850_REVISION,
 	IEC61850_CONFIGURATION,
 	IEC61850_NAME_SPACE,
+	/* Of a command: what is read of them means nothing. */
+	IEC61850_SBO,
+	IEC61850_SBOW, /* this and the next two: structures */
+	IEC61850_OPER,
+	IEC61850_CANCEL,
+	IEC61850_OR_IDENT,
+	IEC61850_CTL_NUM,
+	IEC61850_CHECK,
 	/* Of a report control block: */
 	IEC61850_RPT_ID,
 	IEC61850_RPT_ENA,
@@ -181,6 +201,8 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 /* Whether a logical node has anything under it. */
 bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,
 		  enum iec61850_ln ln, enum iec61850_fc fc);
+/* How a point is controlled: as the configuration has it, if anybody may. */
+enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
 /* The report control block that a data object of LLN0 is; NULL: it is none. */
 struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, enum iec61850_ln ln,
 					 uint32_t number);

@@ -14,6 +14,7 @@ enum {
 	INTEGER = 0x85,
 	UNSIGNED = 0x86,
 	FLOATING_POINT = 0x87,
+	OCTET_STRING = 0x89,
 	VISIBLE_STRING = 0x8a,
 	UTC_TIME = 0x91,
 };
@@ -23,8 +24,8 @@ enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TY
 #define QUALITY_BITS   13
 #define EXPONENT_WIDTH 8 /* of a number of 32 bits after IEEE 754 */
 
-/* Values of Mod, Beh, Health and ctlModel (IEC 61850-7-3, 7-4). */
-enum { MODE_ON = 1, HEALTH_OK = 1, HEALTH_ALARM = 3, STATUS_ONLY = 0 };
+/* Values of Mod, Beh, Health (IEC 61850-7-3, 7-4). */
+enum { MODE_ON = 1, HEALTH_OK = 1, HEALTH_ALARM = 3 };
 
 /* A data object as it is now. */
 struct state {
@@ -158,6 +159,10 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 			      .block = iec61850_block_of(object->device, object->ln, object->number)};
 	if (out->block != NULL)
 		return true;
+	if (object->fc == IEC61850_CO) {
+		out->number = 0;
+		return true;
+	}
 	if (point != MAP_NONE) {
 		set_text(model, point, out);
 		return load_point(model, point, out);
@@ -214,6 +219,15 @@ void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_mode
 	iec61850_put_reference(writer, model, object->device, name);
 }
 
+/* Mod, the other one that has a ctlModel, only shows. */
+static enum iec61850_ctl_model control_model(const struct iec61850_model *model,
+					     const struct iec61850_object *object)
+{
+	const uint32_t point = iec61850_point_of(model, object);
+
+	return point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point);
+}
+
 static void put_node(struct ber_writer *writer, const struct iec61850_model *model,
 		     const struct iec61850_node *node, const struct state *state)
 {
@@ -222,6 +236,9 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
+	case IEC61850_SBOW:
+	case IEC61850_OPER:
+	case IEC61850_CANCEL:
 		for (unsigned i = node->count; i-- > 0;)
 			put_node(writer, model, &node->children[i], state);
 		ber_close(writer, STRUCTURE, end);
@@ -244,7 +261,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		put_float(writer, 1.0f);
 		return;
 	case IEC61850_CTL_MODEL:
-		ber_put_integer(writer, INTEGER, STATUS_ONLY);
+		ber_put_integer(writer, INTEGER, control_model(model, state->object));
 		return;
 	case IEC61850_QUALITY:
 		iec61850_put_bits(writer, state->quality, QUALITY_BITS);
@@ -267,6 +284,18 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		return;
 	case IEC61850_NAME_SPACE:
 		ber_put_text(writer, VISIBLE_STRING, "IEC 61850-7-4:2007B");
+		return;
+	case IEC61850_SBO:
+		ber_put(writer, VISIBLE_STRING, NULL, 0);
+		return;
+	case IEC61850_OR_IDENT:
+		ber_put(writer, OCTET_STRING, NULL, 0);
+		return;
+	case IEC61850_CTL_NUM:
+		ber_put_integer(writer, UNSIGNED, 0);
+		return;
+	case IEC61850_CHECK:
+		iec61850_put_bits(writer, 0, 2);
 		return;
 	case IEC61850_RPT_ID:
 		iec61850_put_block_id(writer, model, state->object, state->block);
@@ -411,6 +440,9 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
+	case IEC61850_SBOW:
+	case IEC61850_OPER:
+	case IEC61850_CANCEL:
 		put_nodes_type(writer, (struct iec61850_nodes){node->children, node->count});
 		return;
 	case IEC61850_BOOLEAN:
@@ -448,6 +480,16 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_NAME_SPACE:
 		ber_put_integer(writer, VISIBLE_STRING, -TEXT_MAX);
 		return;
+	case IEC61850_OR_IDENT:
+		ber_put_integer(writer, OCTET_STRING, -IEC61850_OR_IDENT_SIZE);
+		return;
+	case IEC61850_CTL_NUM:
+		ber_put_integer(writer, UNSIGNED, 8);
+		return;
+	case IEC61850_CHECK:
+		ber_put_integer(writer, BIT_STRING, -2);
+		return;
+	case IEC61850_SBO:
 	case IEC61850_RPT_ID:
 	case IEC61850_DAT_SET:
 		ber_put_integer(writer, VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));

@@ -12,8 +12,9 @@
 #include "modules/calls.h"
 #include "modules/kind.h"
 
-#define USER    17 /* behind rtu-snmp, before those of others */
-#define BACKLOG 64
+#define USER     17 /* behind rtu-snmp, before those of others */
+#define BACKLOG  64
+#define REQUESTS 256
 
 static const struct call_rule calls[] = {
     CALL(poll), CALL(ppoll_time64), CALL(ppoll), CALL(accept4),  CALL(setsockopt),
@@ -28,18 +29,20 @@ static const struct kind_program program = {
 
 static bool plan(struct map_config *config)
 {
+	const struct iec61850_settings *settings = iec61850_settings(config);
+	const bool commands = settings != NULL && settings->controller_count > 0;
 	const struct map_module_plan module = {
 	    .name = "rtu-iec61850",
 	    .kind = IEC61850_KIND,
-	    .flags = MAP_HEARS_EVENTS,
-	    .rings = {.requests = 1, .answers = 1, .events = 1, .log = 128},
+	    .flags = MAP_HEARS_EVENTS | (commands ? MAP_MAY_REQUEST : 0u),
+	    .rings = {.requests = commands ? REQUESTS : 1, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
 	    .section_size = sizeof(struct iec61850_stats),
 	    .counters = IEC61850_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};
 
-	return iec61850_settings(config) == NULL || map_plan_module(config, &module) != MAP_NONE;
+	return settings == NULL || map_plan_module(config, &module) != MAP_NONE;
 }
 
 /* Port 102 is root's. */

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "iec61850/association.h"
+#include "iec61850/control.h"
 #include "iec61850/report.h"
 #include "map/address.h"
 #include "modules/module.h"
@@ -25,6 +26,7 @@ static struct map *map;
 static struct iec61850_server server;
 static uint8_t *scratch;
 static struct map_cursor cursor;
+static uint32_t sessions;
 static struct connection {
 	struct iec61850_association association;
 	int fd; /* -1: it is free */
@@ -49,6 +51,7 @@ static void end(struct connection *connection, enum iec61850_end why)
 		map_log(map, why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: %s",
 			connection->peer, texts[why]);
 	iec61850_blocks_release(&server, &connection->association);
+	iec61850_controls_release(&server, &connection->association);
 	close(connection->fd);
 	connection->fd = -1;
 }
@@ -80,6 +83,14 @@ static bool is_client(const struct in6_addr *from)
 	const uint32_t count = settings->client_count;
 
 	return count == 0 || map_address_place(settings->clients, count, from) < count;
+}
+
+static bool is_controller(const struct in6_addr *from)
+{
+	const struct iec61850_settings *settings = server.model.settings;
+	const uint32_t count = settings->controller_count;
+
+	return map_address_place(settings->controllers, count, from) < count;
 }
 
 static void set_options(int fd)
@@ -116,6 +127,8 @@ static bool accept_one(int listener, int64_t now_ns)
 	place->fd = fd;
 	map_address_text(&peer, place->peer);
 	iec61850_association_open(&place->association, server.model.settings->max_pdu, now_ns);
+	place->association.session = ++sessions;
+	place->association.may_control = is_controller(&peer);
 	return true;
 }
 
@@ -195,6 +208,15 @@ static void take_events(int64_t now_ns)
 	iec61850_report_all(&server, now_ns);
 }
 
+/* Before the events: what a command has read back is there when its end is. */
+static void take_answers(void)
+{
+	struct map_answer answer;
+
+	while (map_answer_next(map, &answer))
+		iec61850_control_answer(&server, &answer);
+}
+
 static int wait_ms(int64_t now_ns)
 {
 	const int64_t left_ns = iec61850_report_due_ns(&server) - now_ns;
@@ -212,7 +234,9 @@ static void run(int stop, int listener)
 {
 	enum { STOP, LISTENER, BELL, FIRST };
 	struct pollfd waits[FIRST + IEC61850_ASSOCIATIONS_MAX] = {
-	    [STOP] = {.fd = stop, .events = POLLIN}, [LISTENER] = {.fd = listener, .events = POLLIN}};
+	    [STOP] = {.fd = stop, .events = POLLIN},
+	    [LISTENER] = {.fd = listener, .events = POLLIN},
+	    [BELL] = {.fd = map_bell_fd(map), .events = POLLIN}};
 	const uint32_t count = server.model.settings->associations;
 
 	while (map_may_run(map) && (waits[STOP].revents & POLLIN) == 0) {
@@ -223,9 +247,11 @@ static void run(int stop, int listener)
 			    .fd = connections[i].fd,
 			    .events = connections[i].fd < 0 ? 0 : interest_of(&connections[i])};
 		poll(waits, FIRST + count, wait_ms(map_now_ns()));
-		now_ns = map_begin_cycle(map);
+		now_ns = server.now_ns = map_begin_cycle(map);
 		map_heartbeat(map);
 		map_bell_clear(map);
+		take_answers();
+		iec61850_controls_tick(&server);
 		take_events(now_ns);
 		for (uint32_t i = 0; i < count; i++)
 			if (connections[i].fd >= 0)
@@ -256,6 +282,7 @@ static bool start(void)
 	const struct iec61850_settings *settings = iec61850_settings(map_config(map));
 	bool begun = iec61850_model_begin(&server.model, map);
 
+	server.map = map;
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
 	server.names = malloc(settings->max_pdu);
 	server.chosen = calloc(map_config(map)->point_count + 1, sizeof(*server.chosen));
@@ -273,11 +300,18 @@ static bool start(void)
 static void name_counters(void)
 {
 	static const char *const names[IEC61850_COUNT_OF_COUNTERS] = {
-	    [IEC61850_COUNT_CONNECTIONS] = "connections",   [IEC61850_COUNT_REFUSED] = "connections_refused",
-	    [IEC61850_COUNT_ASSOCIATIONS] = "associations", [IEC61850_COUNT_DROPPED] = "connections_dropped",
-	    [IEC61850_COUNT_DAMAGED] = "messages_damaged",  [IEC61850_COUNT_REQUESTS] = "requests",
-	    [IEC61850_COUNT_ERRORS] = "requests_refused",   [IEC61850_COUNT_READS] = "variables_read",
-	    [IEC61850_COUNT_REPORTS] = "reports",           [IEC61850_COUNT_EVENTS_LOST] = "events_lost",
+	    [IEC61850_COUNT_CONNECTIONS] = "connections",
+	    [IEC61850_COUNT_REFUSED] = "connections_refused",
+	    [IEC61850_COUNT_ASSOCIATIONS] = "associations",
+	    [IEC61850_COUNT_DROPPED] = "connections_dropped",
+	    [IEC61850_COUNT_DAMAGED] = "messages_damaged",
+	    [IEC61850_COUNT_REQUESTS] = "requests",
+	    [IEC61850_COUNT_ERRORS] = "requests_refused",
+	    [IEC61850_COUNT_READS] = "variables_read",
+	    [IEC61850_COUNT_REPORTS] = "reports",
+	    [IEC61850_COUNT_EVENTS_LOST] = "events_lost",
+	    [IEC61850_COUNT_COMMANDS] = "commands",
+	    [IEC61850_COUNT_COMMANDS_REFUSED] = "commands_refused",
 	};
 
 	for (unsigned i = 0; i < IEC61850_COUNT_OF_COUNTERS; i++)
