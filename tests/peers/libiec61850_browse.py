@@ -10,6 +10,8 @@ from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
+from peers.libiec61850 import check, connected
+
 
 def texts_of(linked: Any) -> list[str]:
     found, each = [], lib.LinkedList_getNext(linked)
@@ -39,11 +41,6 @@ def python_of(value: Any) -> Any:
     return lib.MmsValue_getUtcTimeInMs(value)
 
 
-def check(error: int, what: str) -> None:
-    if error != lib.IED_ERROR_OK:
-        sys.exit(f"{what}: error {error}")
-
-
 def browse(connection: Any) -> dict[str, Any]:
     linked, error = lib.IedConnection_getLogicalDeviceList(connection)
     check(error, "logical devices")
@@ -68,8 +65,7 @@ def browse(connection: Any) -> dict[str, Any]:
 
 
 def main() -> None:
-    connection = lib.IedConnection_create()
-    check(lib.IedConnection_connect(connection, "127.0.0.1", int(sys.argv[1]))[1], "connection")
+    connection = connected(int(sys.argv[1]))
     print(json.dumps(browse(connection)))
     lib.IedConnection_close(connection)
     lib.IedConnection_destroy(connection)

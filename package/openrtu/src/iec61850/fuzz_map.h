@@ -14,7 +14,8 @@
 static struct map_set fuzz_sets[] = {{.ca = 1, .point_count = MAP_TYPES, .prefix = "p1.1", .name = "one"},
 				     {.ca = 2, .point_count = MAP_TYPES, .prefix = "p1.2", .name = "two"}};
 static struct map_point fuzz_points[FUZZ_POINTS];
-static struct iec61850_settings fuzz_settings = {.ied = "RTU", .max_pdu = FUZZ_MAX_PDU, .associations = 1};
+static struct iec61850_settings fuzz_settings = {
+    .ied = "RTU", .max_pdu = FUZZ_MAX_PDU, .associations = 1, .controller_count = 1};
 static struct map_config fuzz_config = {.sets = fuzz_sets,
 					.points = fuzz_points,
 					.set_count = 2,
@@ -50,6 +51,36 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	return point % 5 != 4;
 }
 
+/* An owner that answers nothing by itself: who fuzzes does. */
+uint32_t map_request_post(struct map *map, struct map_request request)
+{
+	static uint32_t number;
+
+	(void)map;
+	CHECK(request.point < FUZZ_POINTS);
+	return ++number % 7;
+}
+
+bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
+{
+	(void)map;
+	CHECK(point < FUZZ_POINTS);
+	*out = (struct map_command){.state = (uint8_t)(point % 10)};
+	return true;
+}
+
+void map_module(const struct map *map, uint32_t index, struct map_module *out)
+{
+	(void)map, (void)index;
+	*out = (struct map_module){.state = MAP_MODULE_RUNNING, .alive = true};
+}
+
+uint32_t map_self(const struct map *map)
+{
+	(void)map;
+	return 0;
+}
+
 uint32_t map_owner(const struct map *map, uint32_t point)
 {
 	(void)map;
@@ -67,11 +98,12 @@ static struct iec61850_server *fuzz_server(void)
 	if (server.stats != NULL)
 		return &server;
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
-		fuzz_points[i] = (struct map_point){.name = map_label('c', (uint16_t)i, -1),
-						    .set = (uint16_t)(i / MAP_TYPES),
-						    .type = (uint8_t)(i % MAP_TYPES),
-						    .flags = i % 2 ? MAP_POINT_COMMAND : 0,
-						    .ioa = 1 + i * 1000};
+		fuzz_points[i] = (struct map_point){
+		    .name = map_label('c', (uint16_t)i, -1),
+		    .set = (uint16_t)(i / MAP_TYPES),
+		    .type = (uint8_t)(i % MAP_TYPES),
+		    .flags = i % 2 ? MAP_POINT_COMMAND | (i % 4 == 3 ? MAP_POINT_SELECT : 0u) : 0u,
+		    .ioa = 1 + i * 1000};
 	CHECK(iec61850_model_begin(&server.model, NULL));
 	server.stats = &stats;
 	server.names = names;
