@@ -37,6 +37,10 @@ def python_of(value: Any) -> Any:
         return lib.MmsValue_getBitStringAsIntegerBigEndian(value)
     if kind == lib.MMS_VISIBLE_STRING:
         return lib.MmsValue_toString(value)
+    if kind == lib.MMS_OCTET_STRING:
+        return lib.MmsValue_getOctetStringSize(value)
+    if kind == lib.MMS_BINARY_TIME:
+        return lib.MmsValue_getBinaryTimeAsUtcMs(value)
     assert kind == lib.MMS_UTC_TIME, kind
     return lib.MmsValue_getUtcTimeInMs(value)
 

@@ -8,12 +8,13 @@
 #include "config/address.h"
 #include "iec61850/config.h"
 
-#define PORT    102
-#define MAX_PDU 16000
+#define PORT          102
+#define MAX_PDU       16000
+#define REPORT_BUFFER 2048
 
 static const struct config_rule file_rule = {.name = "iec61850", .kind = CONFIG_OBJECT};
 
-enum { ADDRESS, PORT_KEY, IED, CLIENTS, CONTROLLERS, SECURITY, ASSOCIATIONS, PDU, KEYS };
+enum { ADDRESS, PORT_KEY, IED, CLIENTS, CONTROLLERS, SECURITY, ASSOCIATIONS, PDU, BUFFER, KEYS };
 static const char *const securities[] = {"enhanced", "normal", NULL};
 static const struct config_rule rules[KEYS] = {
     [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
@@ -26,6 +27,8 @@ static const struct config_rule rules[KEYS] = {
 		      .fallback = 8},
     [PDU] = {"max_pdu", CONFIG_INTEGER, .low = IEC61850_PDU_MIN, .high = IEC61850_PDU_MAX,
 	     .fallback = MAX_PDU},
+    [BUFFER] = {"report_buffer", CONFIG_INTEGER, .low = IEC61850_BUFFER_MIN, .high = IEC61850_BUFFER_MAX,
+		.fallback = REPORT_BUFFER},
 };
 
 /* As an IED's name is (IEC 61850-6, tIEDName): a letter, then letters, digits and underscores. */
@@ -51,6 +54,15 @@ static void read_ied(struct config_loader *loader, const struct config_place *pl
 			     settings->ied);
 }
 
+static uint32_t power_above(uint32_t number)
+{
+	uint32_t power = IEC61850_BUFFER_MIN;
+
+	while (power < number)
+		power *= 2;
+	return power;
+}
+
 static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
 {
 	const struct config_place file = {.in = NULL};
@@ -74,6 +86,7 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	settings->port = (uint16_t)keys[PORT_KEY].integer;
 	settings->associations = (uint32_t)keys[ASSOCIATIONS].integer;
 	settings->max_pdu = (uint32_t)keys[PDU].integer;
+	settings->report_buffer = power_above((uint32_t)keys[BUFFER].integer);
 	read_ied(loader, &place, &keys[IED], settings);
 	if (keys[ADDRESS].given)
 		config_read_address(&loader->report, &address, keys[ADDRESS].text, settings->address);

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "fuzz.h"
-#include "iec61850/mms.h"
+#include "iec61850/report.h"
 
 #define FUZZ_POINTS  (2 * MAP_TYPES)
 #define FUZZ_MAX_PDU IEC61850_PDU_MIN
@@ -14,8 +14,11 @@
 static struct map_set fuzz_sets[] = {{.ca = 1, .point_count = MAP_TYPES, .prefix = "p1.1", .name = "one"},
 				     {.ca = 2, .point_count = MAP_TYPES, .prefix = "p1.2", .name = "two"}};
 static struct map_point fuzz_points[FUZZ_POINTS];
-static struct iec61850_settings fuzz_settings = {
-    .ied = "RTU", .max_pdu = FUZZ_MAX_PDU, .associations = 1, .controller_count = 1};
+static struct iec61850_settings fuzz_settings = {.ied = "RTU",
+						 .max_pdu = FUZZ_MAX_PDU,
+						 .associations = 1,
+						 .controller_count = 1,
+						 .report_buffer = IEC61850_BUFFER_MIN};
 static struct map_config fuzz_config = {.sets = fuzz_sets,
 					.points = fuzz_points,
 					.set_count = 2,
@@ -87,11 +90,24 @@ uint32_t map_owner(const struct map *map, uint32_t point)
 	return point % 2;
 }
 
+/* The buffered reports begin anew, with a change of each point. */
+static void fuzz_changes(struct iec61850_server *server)
+{
+	struct map_cursor cursor = {0};
+
+	if (server->model.buffer.kept != NULL)
+		server->model.buffer.kept->start = 0;
+	iec61850_report_begin(server, server->stats, &cursor, 1);
+	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
+		iec61850_buffer_add(&server->model.buffer, i, IEC61850_DATA_CHANGE,
+				    &(struct map_sample){.value.i = -7, .time_ns = NS_PER_S});
+}
+
 /* A server with these points, begun once. */
 static struct iec61850_server *fuzz_server(void)
 {
 	static struct iec61850_server server;
-	static struct iec61850_stats stats;
+	static _Alignas(8) uint8_t section[1 << 16];
 	static uint8_t names[FUZZ_MAX_PDU];
 	static struct iec61850_chosen chosen[FUZZ_POINTS];
 
@@ -105,9 +121,11 @@ static struct iec61850_server *fuzz_server(void)
 		    .flags = i % 2 ? MAP_POINT_COMMAND | (i % 4 == 3 ? MAP_POINT_SELECT : 0u) : 0u,
 		    .ioa = 1 + i * 1000};
 	CHECK(iec61850_model_begin(&server.model, NULL));
-	server.stats = &stats;
+	server.stats = (void *)section;
 	server.names = names;
 	server.chosen = chosen;
+	CHECK(iec61850_section_size(&fuzz_config) <= sizeof(section));
+	fuzz_changes(&server);
 	return &server;
 }
 

@@ -16,7 +16,7 @@ static void check_whole(const struct ber_writer *writer)
 	CHECK(!writer->full && ber_next(&reader, &answer) && reader.at == reader.end);
 }
 
-/* Ends what the client has begun: with an answer of any kind, then with its going. */
+/* Ends what the client has begun: with an answer of any kind, with the reports that it wants, then with its going. */
 static void end_commands(struct iec61850_server *server, uint8_t how)
 {
 	for (unsigned i = 0; i < IEC61850_CONTROLS; i++) {
@@ -29,10 +29,11 @@ static void end_commands(struct iec61850_server *server, uint8_t how)
 	for (;;) {
 		struct ber_writer writer = {.octets = octets, .at = sizeof(octets)};
 
-		if (!iec61850_control_put(server, &writer))
+		if (!iec61850_control_put(server, &writer) && !iec61850_report_put(server, &writer))
 			break;
 		check_whole(&writer);
 	}
+	iec61850_blocks_release(server, server->client);
 	iec61850_controls_release(server, server->client);
 	memset(server->controls, 0, sizeof(server->controls));
 }
@@ -43,6 +44,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	struct ber_writer writer = {.octets = octets, .at = sizeof(octets)};
 	struct iec61850_server *server = fuzz_server();
 
+	fuzz_changes(server);
+	server->now_ns = NS_PER_S;
 	server->client = octets;
 	server->may_control = true;
 	if (iec61850_serve(server, &pdu, &writer) == IEC61850_SILENT)

@@ -7,7 +7,7 @@
 
 #include "iec61850/config.h"
 #include "iec61850/config_part.h"
-#include "iec61850/stats.h"
+#include "iec61850/kept.h"
 #include "map/address.h"
 #include "modules/calls.h"
 #include "modules/kind.h"
@@ -37,7 +37,7 @@ static bool plan(struct map_config *config)
 	    .flags = MAP_HEARS_EVENTS | (commands ? MAP_MAY_REQUEST : 0u),
 	    .rings = {.requests = commands ? REQUESTS : 1, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
-	    .section_size = sizeof(struct iec61850_stats),
+	    .section_size = settings == NULL ? 0 : (uint32_t)iec61850_section_size(config),
 	    .counters = IEC61850_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};

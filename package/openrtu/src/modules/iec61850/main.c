@@ -196,16 +196,20 @@ static void take_events(int64_t now_ns)
 
 	for (int i = 0; i < EVENTS_A_TURN && map_event_next(map, &cursor, &event); i++) {
 		iec61850_report_event(&server, &event, now_ns);
+		iec61850_report_settle(&server, &cursor);
 		for (uint32_t j = 0; j < count && iec61850_report_due_ns(&server) <= now_ns; j++)
 			if (connections[j].fd >= 0)
 				serve(&connections[j], 0, now_ns);
 	}
+	if (map_events_behind(map, &cursor) == 0)
+		server.catching_up = false;
 	if (cursor.lost == 0)
 		return;
 	map_count(&server.stats->counters[IEC61850_COUNT_EVENTS_LOST], cursor.lost);
 	map_count_lost_events(map, cursor.lost);
 	cursor.lost = 0;
 	iec61850_report_all(&server, now_ns);
+	iec61850_report_settle(&server, &cursor);
 }
 
 /* Before the events: what a command has read back is there when its end is. */
@@ -277,6 +281,12 @@ static bool begin_connection(struct connection *connection, uint32_t max_pdu)
 	return transport->input != NULL && transport->message != NULL && transport->output != NULL;
 }
 
+/* Another one for each start of the gateway: its clock, or what runs since it was switched on. */
+static uint32_t start_number(void)
+{
+	return (uint32_t)(map_wall_ns(map_clock_read(map), map_now_ns()) / NS_PER_MS);
+}
+
 static bool start(void)
 {
 	const struct iec61850_settings *settings = iec61850_settings(map_config(map));
@@ -290,7 +300,7 @@ static bool start(void)
 		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
 	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
 		map_cursor_to_end(map, &cursor);
-		iec61850_report_all(&server, map_now_ns());
+		iec61850_report_begin(&server, server.stats, &cursor, start_number());
 		return true;
 	}
 	map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(ENOMEM));
@@ -324,8 +334,9 @@ int main(int argc, char **argv)
 	int stop;
 
 	map = module_begin(argc, argv, &options);
-	server.stats = map_section(map, map_self(map), sizeof(*server.stats));
-	if (iec61850_settings(map_config(map)) == NULL || server.stats == NULL)
+	if (iec61850_settings(map_config(map)) != NULL)
+		server.stats = map_section(map, map_self(map), iec61850_section_size(map_config(map)));
+	if (server.stats == NULL)
 		return module_is_of_another_build(map);
 	name_counters();
 	stop = module_stop_fd();
