@@ -3,6 +3,7 @@
 
 import asyncio
 import json
+import os
 import socket
 import struct
 import subprocess
@@ -25,6 +26,7 @@ from peers.mms import Client
 ASSOCIATIONS = 8
 DOUBLES = ("intermediate", "off", "on", "indeterminate")
 TESTS = Path(__file__).resolve().parent
+PATHS = os.environ | {"PYTHONPATH": str(TESTS.parent / "scripts")}
 
 
 @dataclass
@@ -67,7 +69,9 @@ def site(programs: Path) -> Iterator[Site]:
 def browsed(port: int) -> dict[str, Any]:
     """What libiec61850's client finds."""
     command = [sys.executable, "-m", "peers.libiec61850_browse", str(port)]
-    run = subprocess.run(command, cwd=TESTS, capture_output=True, text=True, timeout=120, check=False)
+    run = subprocess.run(
+        command, cwd=TESTS, env=PATHS, capture_output=True, text=True, timeout=120, check=False
+    )
     assert run.returncode == 0, run.stderr + run.stdout
     found: dict[str, Any] = json.loads(run.stdout)
     return found

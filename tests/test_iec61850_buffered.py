@@ -2,6 +2,7 @@
 """Buffered reports of IEC 61850: each change once, in order, whatever becomes of client and module."""
 
 import asyncio
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -246,6 +247,24 @@ def test_a_dead_line_is_kept_and_asked_for(plant: Plant) -> None:
         *_, key, included, _, _ = client.report()[: -2 * (INPUTS - 1)]
         assert (key[1], included[1][1:]) == (entries[-1].key, b"\xff\xff\xf0")
         put(client, RptEna=NO, TrgOps=element(0x84, b"\2\x60"))
+
+
+@pytest.mark.slow
+def test_other_points_begin_anew(plant: Plant) -> None:
+    """Two inputs leave the configuration and come back: what a client knew of the points is no more true."""
+    plant.change()
+    running = plant.gateway.configuration()
+    fewer = json.loads(json.dumps(running))
+    del fewer["port"][0]["slaves"][0]["discrete_inputs"][-2:]
+    with Client(plant.port) as client:
+        begin(client)
+        key = taken(client, INPUTS)[-1].key
+        plant.gateway.ctl("reload", plant.gateway.put(fewer))
+        assert client.is_closed()
+    plant.gateway.ctl("reload", plant.gateway.put(running))
+    plant.wait_all_good(CA)
+    with Client(plant.port) as client:
+        assert client.write(DOMAIN, (f"{BLOCK}$EntryID", element(0x89, key))) == [INVALID]
 
 
 def test_the_rust_client_takes_buffered_reports(plant: Plant) -> None:

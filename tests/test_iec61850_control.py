@@ -2,8 +2,6 @@
 """Commands by IEC 61850: all control models, devices that answer or do not, other protocols in between."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +12,12 @@ import pytest
 from desk import Substation, gateway_on_lines
 from lab.gateway import free_port
 from lab.linesim import Frame
+from lab.operator import operate
 from lab.raw_master import RawMaster
 from peers import mms
 from peers.mms import CHECK, Client, command, element
 
 CA, DEVICE, DOMAIN = 1005, "1.5", "OpenRTUCA1005"
-TESTS = Path(__file__).resolve().parent
 LAMP, BREAKER, LEVEL, LEVELS = "SPCSO1", "DPCSO3", "AnOut40001", "GGIO1$MX$AnOut40001$mxVal$f"
 ON, OFF = bytes.fromhex("8301ff"), bytes.fromhex("830100")
 DENIED, DONE, MISFIT = (0x80, b"\3"), mms.DONE, (0x80, b"\7")
@@ -111,18 +109,7 @@ def ended(client: Client, what: str) -> int:
 
 
 def foreign(plant: Plant, what: str, value: str, *actions: str) -> dict[str, Any]:
-    asked = [str(plant.port), f"{DOMAIN}/GGIO1.{what}", value, *actions]
-    run = subprocess.run(
-        [sys.executable, "-m", "peers.libiec61850_control", *asked],
-        cwd=TESTS,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr + run.stdout
-    said: dict[str, Any] = json.loads(run.stdout)
-    return said
+    return operate(plant.port, f"{DOMAIN}/GGIO1.{what}", value, *actions)
 
 
 WELL = {"done": True, "error": 0, "cause": 0}

@@ -10,7 +10,7 @@ from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
-from peers.libiec61850 import check, connected
+from lab.libiec61850 import check, connected
 
 
 def texts_of(linked: Any) -> list[str]:

@@ -16,7 +16,7 @@ bool iec61850_buffer_begin(struct iec61850_buffer *buffer, void *section, const 
 	*buffer = (struct iec61850_buffer){
 	    .kept = (void *)(octets + IEC61850_KEPT_AT),
 	    .blocks = (void *)(octets + IEC61850_BLOCKS_AT),
-	    .entries = (void *)(octets + iec61850_entries_at(config)),
+	    .entries = (void *)(octets + IEC61850_ENTRIES_AT),
 	    .size = iec61850_settings(config)->report_buffer,
 	    .next = 1,
 	};
@@ -26,8 +26,8 @@ bool iec61850_buffer_begin(struct iec61850_buffer *buffer, void *section, const 
 	}
 	buffer->kept->start = 0; /* until all of it is as it begins */
 	memset(buffer->entries, 0, buffer->size * sizeof(*buffer->entries));
-	memset(buffer->blocks, 0, iec61850_kept_blocks(config) * sizeof(*buffer->blocks));
-	for (uint32_t i = 0; i < iec61850_kept_blocks(config); i++)
+	memset(buffer->blocks, 0, IEC61850_KEPT_ALL * sizeof(*buffer->blocks));
+	for (uint32_t i = 0; i < IEC61850_KEPT_ALL; i++)
 		buffer->blocks[i].next = buffer->blocks[i].floor = buffer->next;
 	buffer->kept->revision = revision;
 	buffer->kept->start = start != 0 ? start : 1;

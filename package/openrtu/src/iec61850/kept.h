@@ -11,8 +11,11 @@
 #include "iec61850/stats.h"
 #include "map/map.h"
 
-#define IEC61850_RPT_ID_SIZE     130 /* VISIBLE STRING129 */
-#define IEC61850_KEPT_BLOCKS     4   /* of a logical device */
+#define IEC61850_RPT_ID_SIZE 130 /* VISIBLE STRING129 */
+#define IEC61850_KEPT_BLOCKS 4   /* of a logical device */
+#define IEC61850_KEPT_DEVICES                                                                                \
+	128 /* that have buffered blocks: the section keeps its size when devices come and go */
+#define IEC61850_KEPT_ALL        (IEC61850_KEPT_DEVICES * IEC61850_KEPT_BLOCKS)
 #define IEC61850_ENTRY_ID_OCTETS 8
 
 /* A change. */
@@ -62,22 +65,13 @@ struct iec61850_buffer {
 #define IEC61850_KEPT_AT       IEC61850_ALIGNED(sizeof(struct iec61850_stats))
 #define IEC61850_BLOCKS_AT     (IEC61850_KEPT_AT + IEC61850_ALIGNED(sizeof(struct iec61850_kept)))
 
-/* For as many devices as there may be. */
-static inline uint32_t iec61850_kept_blocks(const struct map_config *config)
-{
-	return config->set_count * IEC61850_KEPT_BLOCKS;
-}
-
-static inline size_t iec61850_entries_at(const struct map_config *config)
-{
-	return IEC61850_BLOCKS_AT +
-	       IEC61850_ALIGNED(iec61850_kept_blocks(config) * sizeof(struct iec61850_kept_block));
-}
+#define IEC61850_ENTRIES_AT                                                                                  \
+	(IEC61850_BLOCKS_AT + IEC61850_ALIGNED(IEC61850_KEPT_ALL * sizeof(struct iec61850_kept_block)))
 
 /* Octets of the section. config has "iec61850". */
 static inline size_t iec61850_section_size(const struct map_config *config)
 {
-	return iec61850_entries_at(config) +
+	return IEC61850_ENTRIES_AT +
 	       (size_t)iec61850_settings(config)->report_buffer * sizeof(struct iec61850_entry);
 }
 

@@ -244,13 +244,15 @@ static struct iec61850_nodes nodes_of_point(const struct iec61850_model *model, 
 	return fc == IEC61850_CO ? services[cdc][iec61850_ctl_model(model, number)] : classes[cdc][fc];
 }
 
-static struct iec61850_nodes nodes_of_block(const struct iec61850_device *device,
+static struct iec61850_nodes nodes_of_block(const struct iec61850_model *model,
+					    const struct iec61850_device *device,
 					    const struct iec61850_block *block, enum iec61850_fc fc)
 {
 	const bool buffered = is_buffered(device, block);
 
 	if (fc != (buffered ? IEC61850_BR : IEC61850_RP) ||
-	    device->members[iec61850_set_of(device, block)] == 0)
+	    device->members[iec61850_set_of(device, block)] == 0 ||
+	    (buffered && device - model->devices >= IEC61850_KEPT_DEVICES))
 		return (struct iec61850_nodes){0};
 	return buffered ? (struct iec61850_nodes)NODES(buffered_block)
 			: (struct iec61850_nodes)NODES(report_block);
@@ -263,7 +265,7 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 	const struct iec61850_block *block = iec61850_block_of(device, ln, number);
 
 	if (block != NULL)
-		return nodes_of_block(device, block, fc);
+		return nodes_of_block(model, device, block, fc);
 	if (is_point(ln, number))
 		return nodes_of_point(model, model->points[device->first + number - nodes[ln].count], fc);
 	return classes[nodes[ln].fixed[number].cdc][fc];

@@ -164,7 +164,7 @@ void iec61850_report_begin(struct iec61850_server *server, void *section, struct
 	struct iec61850_buffer *buffer = &model->buffer;
 
 	server->catching_up = iec61850_buffer_begin(buffer, section, model->config, numbering(model), start);
-	for (uint32_t i = 0; i < model->device_count; i++)
+	for (uint32_t i = 0; i < model->device_count && i < IEC61850_KEPT_DEVICES; i++)
 		for (uint32_t j = 0; j < IEC61850_KEPT_BLOCKS; j++)
 			load_block(&model->devices[i].blocks[IEC61850_UNBUFFERED + j],
 				   &buffer->blocks[i * IEC61850_KEPT_BLOCKS + j], server->catching_up);

@@ -80,13 +80,6 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
 }
 
-/* All points: its clients have browsed them, and have to do so anew when they are others. */
-static uint32_t reads(const struct map_config *config, const char *module, uint32_t i)
-{
-	(void)module;
-	return i < config->point_count ? i : MAP_NONE;
-}
-
 const struct kind iec61850_kind = {
     .name = IEC61850_KIND,
     .part = &iec61850_part,
@@ -95,6 +88,6 @@ const struct kind iec61850_kind = {
     .program_count = 1,
     .open = open_socket,
     .same = same,
-    .reads = reads,
     .fixed = "iec61850",
+    .by_numbers = true, /* clients have browsed the points, and have to do so anew when they are others */
 };

@@ -1,19 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
 libiec61850's client commands: port, data object, value, then what to do: select, operate, cancel.
-Prints the control model, what became of each, and the termination, as JSON, as libiec61850_browse does.
+Prints the control model, what became of each, and the termination, as JSON.
 """
 
 import json
+import os
+import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
-from peers.libiec61850 import connected
+from lab.errors import LabError
+from lab.libiec61850 import connected
 
 TERMINATION_S = 10
+
+
+class OperatorError(LabError):
+    """The client has not come so far as to ask."""
 
 
 class Termination(lib.CommandTermHandler):  # type: ignore[misc]
@@ -52,6 +60,17 @@ def act(control: Any, action: str, value: Any) -> bool:
     if lib.ControlObjectClient_getControlModel(control) == lib.CONTROL_MODEL_SBO_ENHANCED:
         return bool(lib.ControlObjectClient_selectWithValue(control, value))
     return bool(lib.ControlObjectClient_select(control))
+
+
+def operate(port: int, reference: str, value: str, *actions: str) -> dict[str, Any]:
+    """What a process of this file prints."""
+    command = [sys.executable, "-m", "lab.operator", str(port), reference, value, *actions]
+    paths = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[1])}
+    run = subprocess.run(command, env=paths, capture_output=True, text=True, timeout=120, check=False)
+    if run.returncode != 0:
+        raise OperatorError(f"libiec61850's client: {run.stderr.strip() or run.stdout.strip()}")
+    said: dict[str, Any] = json.loads(run.stdout)
+    return said
 
 
 def main() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the processes with libiec61850's client have in common."""
+"""libiec61850's client: its calls hold Python's lock, so it runs in a process of its own."""
 
 import sys
 from typing import Any
