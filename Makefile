@@ -388,13 +388,14 @@ lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellche
 	$(PYTHON) -m ruff format --check .
 	@echo clang-format --dry-run -Werror
 	@clang-format --dry-run -Werror $(C_FILES)
-	cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
+	@mkdir -p build/cppcheck
+	cppcheck --quiet -j 2 --cppcheck-build-dir=build/cppcheck --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
 	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
 	shellcheck --external-sources $(SHELL_FILES)
 
 # Many of these wait for a line, a timer or a guest: some at a time fill two cores. A file's tests share what they start.
 WORKERS := 3
-PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
 test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in some minutes
@@ -447,17 +448,20 @@ PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
 test: $(VENV) ## Test: all but soak; then what it cost and what failed
 	rm -rf build/times
-	mkdir -p build/log; failed=; $(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; \
+	mkdir -p build/log; failed=; parts=; begun=0; \
+	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
+	$(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; ended build; \
 	set -m; { nice $(MAKE) --jobs 2 $(ONLY_LINUX) && nice $(MAKE) image-debian lab; } \
 	  > build/log/test-linux-build.log 2>&1 & linux=$$!; set +m; \
 	trap 'kill -- -$$linux 2> /dev/null || true' EXIT; \
 	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
 	for part in $(PARTS); do \
-	  $(MAKE) $$part || failed+=" $$part"; \
+	  $(MAKE) $$part || failed+=" $$part"; ended $$part; \
 	done; \
-	wait $$linux || tail -n 40 build/log/test-linux-build.log; \
-	$(MAKE) test-linux || failed+=" test-linux"; \
+	wait $$linux || tail -n 40 build/log/test-linux-build.log; ended "rest of test-linux's builds"; \
+	$(MAKE) test-linux || failed+=" test-linux"; ended test-linux; \
 	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
+	echo "the parts:$$parts"; \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
 BUSY := 8

@@ -58,6 +58,7 @@ def test_wrong_frame_of_the_master_that_is_answered_by_closing(tmp_path: Path) -
     assert [(f.by_station, f.allowed) for f in findings] == [(False, True)]
 
 
+@pytest.mark.slow
 def test_wrong_frame_of_the_master_that_is_refused(tmp_path: Path) -> None:
     request = bytes.fromhex("68 0f 00 00 00 00 2d 01 06 00 fb 0b 04 00 00 01 aa")
     refusal = bytes.fromhex("68 0e 00 00 02 00 2d 01 47 00 fb 0b 04 00 00 01")

@@ -593,6 +593,7 @@ def test_one_link_is_started_and_the_other_takes_over(
     assert consumer.until_link(0, Link.STANDBY).detail != up.detail
 
 
+@pytest.mark.slow
 def test_link_that_hangs_is_left_by_test_and_time_out(
     centre: Start, pair: tuple[Outstation, Outstation]
 ) -> None:
@@ -667,6 +668,7 @@ def test_dead_station_is_tried_less_and_less_often(centre: Start) -> None:
     assert {(reason, os.strerror(error)) for _, reason, error, _ in pauses} == {(0, "Connection refused")}
 
 
+@pytest.mark.slow
 def test_the_slowness_of_some_does_not_reach_the_others(programs: Path, centre: Start) -> None:
     """1 000 stations, of which 100 are dead, 50 mute and 50 slow, by windows that hold fewer than these."""
     count, kinds, polls = 1000, "hhhhhhhhdshhhhhhhhdm", 5
@@ -719,6 +721,7 @@ def test_consumer_that_does_not_acknowledge_stops_the_stations(programs: Path, c
         assert seen == list(range(len(seen)))
 
 
+@pytest.mark.slow
 def test_consumer_that_is_slower_than_the_stations(programs: Path, centre: Start) -> None:
     """They have more to say than there is room for: reading stops and goes on, and nothing is lost."""
     count, events = 400, 60

@@ -150,6 +150,7 @@ def test_a_thousand_kills_of_the_station(substation: Substation) -> None:
         kill_station(substation, SOAK_KILLS)
 
 
+@pytest.mark.slow
 def test_one_kill_of_each_module(substation: Substation) -> None:
     for name in STATIONS:
         kill_lines(substation, name, 1)
@@ -183,6 +184,7 @@ def wait_logged(gateway: Gateway, pattern: str) -> re.Match[str]:
     return match
 
 
+@pytest.mark.slow
 def test_hung_line_process_is_killed_and_restarted(programs: Path) -> None:
     with gateway_on_lines(chapter_5() | {"modbus": AS_ON_A_BOARD}, programs) as (_, gateway):
         pid, _ = kill(gateway, "rtu-modbus-2", signal.SIGSTOP)

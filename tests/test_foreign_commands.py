@@ -279,6 +279,7 @@ def test_point_without_command_takes_none(plant: Plant, master: RawMaster) -> No
     assert master.answer(C_SC).cause & 0x3F == 47
 
 
+@pytest.mark.slow
 def test_command_of_a_module_that_died_is_of_unknown_fate(plant: Plant) -> None:
     """Killed while it executes, and the pulse that it has begun is nobody's."""
     plant.say("valve", deaf=True)
@@ -421,6 +422,7 @@ def test_counter_is_frozen_and_reset(plant: Plant, master: RawMaster) -> None:
     assert plant.gateway.points("valve.count")["valve.count"]["value"] < count + second[0][1]
 
 
+@pytest.mark.slow
 def test_counter_is_frozen_by_the_clock(plant: Plant, master: RawMaster) -> None:
     address = (COUNT + 1).to_bytes(3, "little")
     sequences: list[int] = []

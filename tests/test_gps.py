@@ -99,6 +99,7 @@ def test_position_reaches_the_control_centre(drive: Drive) -> None:
     assert (drive.point("latitude")["value"], drive.point("longitude")["value"]) == DEPOT
 
 
+@pytest.mark.slow
 def test_quality_says_what_is_known(drive: Drive) -> None:
     assert drive.point("latitude")["quality"] == "invalid"
     drive.say(DEPOT)

@@ -549,6 +549,7 @@ def given(kind: str, chance: random.Random) -> bool | int | float:
     return struct.unpack("f", struct.pack("f", value))[0] if kind == "REAL" else value
 
 
+@pytest.mark.slow
 def test_a_damaged_program_is_refused_or_harmless(tmp_path: Path) -> None:
     """With a right CRC, so that the verifier alone decides; whatever it accepts then runs and ends."""
     good = encode(compile_text((ROOT / "docs/examples/logic/pump.st").read_text(), Findings()))

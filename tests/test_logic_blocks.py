@@ -96,6 +96,7 @@ def test_rate_of_a_slope() -> None:
     assert found == pytest.approx([0.0] + [3.0] * 19)
 
 
+@pytest.mark.slow
 def test_biquad_is_that_of_scipy(signal: ModuleType) -> None:
     b, a = signal.butter(2, 0.2)
     values = noise(200)

@@ -192,6 +192,7 @@ def test_every_table_and_type_arrives(peer: Peer) -> None:
         assert (report.type, report.cause, report.quality) == (kind, "SPONTANEOUS", "good")
 
 
+@pytest.mark.slow
 def test_2000_bits_and_125_registers_come_in_one_answer(peer: Peer) -> None:
     bits = random.Random(2000).choices([0, 1], k=len(MANY_BITS))
     words = random.Random(125).choices(range(65536), k=len(MANY_REGISTERS))
@@ -225,6 +226,7 @@ def test_refused_read_is_taken_apart(peer: Peer, function: int, first: int, coun
     assert f"{unit}: exception 2 to function {function}, address {MISSING}" in peer.gateway.log(200)
 
 
+@pytest.mark.slow
 def test_missing_objects_are_invalid_and_their_neighbours_good(peer: Peer) -> None:
     assert peer.invalid() == MISSING_POINTS
     invalid = {ioa for ioa, report in peer.interrogate().items() if not report.good}

@@ -284,6 +284,7 @@ def test_what_is_no_modbus_closes_the_connection(programs: Path) -> None:
 # ---- late and wrong answers ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_late_answer_is_never_another_registers_value(programs: Path) -> None:
     """Each third request is answered behind the next one's time-out; all these answers look alike."""
     held: list[bytes] = []

@@ -290,6 +290,7 @@ def test_object_is_read_in_its_period(gateway: Run, town: Outstation) -> None:
     assert one.points("power")["power"]["value"] == 2.5
 
 
+@pytest.mark.slow
 def test_position_that_is_no_news_is_no_event(gateway: Run, town: Outstation) -> None:
     van = outstation(town.port, interrogation_s=1)
     van["sets"][0]["points"].append({"name": "van", "type": "position", "ioa": 200, "remote_ioa": 9})
@@ -420,6 +421,7 @@ def test_what_another_process_took_over_ends_without_its_outstation(gateway: Run
     assert one.modules()["rtu-104m"]["pid"] == pid
 
 
+@pytest.mark.slow
 def test_outstation_that_is_gone_with_the_former_process(gateway: Run, town: Outstation) -> None:
     one = gateway(outstation(town.port))
     wait_quality(one, "power", "good")

@@ -280,6 +280,7 @@ def test_cut_at_every_octet(replay: Path) -> None:
     assert check_places(replayed(replay, heads + tails), places) > len(octets)
 
 
+@pytest.mark.slow
 def test_each_octet_damaged_and_lost(replay: Path) -> None:
     octets, places = drive()
     damaged = [

@@ -264,6 +264,7 @@ def test_changed_line_goes_on_where_it_was(site: Site, master: Master) -> None:
     assert {r.ioa for r in master.reports_since(mark) if r.ca == NEW_CA and r.cause == "SPONTANEOUS"} == news
 
 
+@pytest.mark.slow
 def test_removed_device_is_invalid_and_then_unknown(site: Site, master: Master) -> None:
     everything = reduced(site.config, *SMALL, "3.67", "2.20")
     assert site.reload(everything)[0] == 0
@@ -328,6 +329,7 @@ def written(site: Site, address: int, since: int) -> list[int]:
     ]
 
 
+@pytest.mark.slow
 def test_pulse_under_way_ends_before_its_line_is_exchanged(site: Site) -> None:
     """Nothing is written twice, and whoever commanded is told."""
     config, address = pulsed(site.config), coil(site.config)["address"]

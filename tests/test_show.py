@@ -53,6 +53,7 @@ def test_all_of_it_is_seen(start: Start) -> None:
     assert f"All {len(NATIVE_STEPS)} steps succeeded." in out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_who_ends_it_ends_all_that_it_started(start: Start, number: int) -> None:
     show = start("--port", str(free_port()))
@@ -100,6 +101,7 @@ def test_port_that_is_none_is_wrong_usage(start: Start, port: str) -> None:
     assert f"{port} is not a TCP port" in err
 
 
+@pytest.mark.slow
 def test_failed_show_says_three_lines_and_the_rest_in_a_file(start: Start) -> None:
     show = start("--port", str(free_port()))
     assert show.stdout is not None

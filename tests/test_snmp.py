@@ -166,6 +166,7 @@ def test_the_mib_is_sound(mibs: Path) -> None:
         assert found.strip() == f".{number}"
 
 
+@pytest.mark.slow
 def test_each_object_of_the_mib_is_there_and_nothing_else(site: Site) -> None:
     """For the operator, who may read all."""
     seen = {key.partition(".")[0] for key in site.manager().rows("snmpbulkwalk", "-Cr40", oid("openRtuMIB"))}
@@ -249,6 +250,7 @@ def test_select_and_execute(site: Site) -> None:
     assert site.desk.lines.get("1.10", "coils", 0) == 0 or site.desk.lines.get("1.10", "coils", 1) == 1
 
 
+@pytest.mark.slow
 def test_an_interrupted_selection(site: Site) -> None:
     """Figure 3."""
     manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
@@ -355,6 +357,7 @@ def test_another_user_has_no_part_in_a_selection(site: Site) -> None:
     site.wait_state(BREAKER, INTERRUPTED)
 
 
+@pytest.mark.slow
 def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
     """In rtuctl, too."""
     manager, before = site.manager(), site.last()
@@ -365,6 +368,7 @@ def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
     site.wait_state(BREAKER, INACTIVE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("races", [10, pytest.param(1000, marks=pytest.mark.soak)])
 def test_of_several_managers_one_acts(site: Site, races: int) -> None:
     """Two users of SNMP and a controlling station of IEC 60870-5-104 at a time: one write on the line."""
@@ -447,6 +451,7 @@ def load(site: Site, user: User, values: dict[str, int | bytes]) -> None:
     manager.set(spins | values)
 
 
+@pytest.mark.slow
 def test_parameters_of_a_request_are_in_force_together_or_not_at_all(site: Site) -> None:
     manager, before = site.manager(ENGINEER), site.last()
     low, high = LIMITS
@@ -694,6 +699,7 @@ def test_a_killed_agent_goes_on(site: Site) -> None:
     assert numbers == list(range(1, numbers[-1] + 1))
 
 
+@pytest.mark.slow
 def test_a_line_that_dies_leaves_no_command_open(site: Site) -> None:
     """Its fate is unknown, and nothing is repeated."""
     manager, before = site.manager(), site.last()
@@ -819,6 +825,7 @@ def test_nothing_is_repeated_or_open_after_a_kill(site: Site, state: int, victim
 # ---- a changed configuration ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_agent_starts_again_with_a_changed_configuration(site: Site) -> None:
     """It knows points by their numbers, which a change moves. Managers see a boot and another epoch."""
     gateway, manager = site.desk.gateway, site.manager()

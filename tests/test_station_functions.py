@@ -317,6 +317,7 @@ def reported_levels(desk: Desk, master: RawMaster, values: list[int]) -> list[in
                 return found
 
 
+@pytest.mark.slow
 def test_threshold_and_limits(desk: Desk, master: RawMaster) -> None:
     assert load_scaled(master, THRESHOLD, 10) == ACT_CON
     assert reported_levels(desk, master, [2000, 2005, 2010, 2011, 2003]) == [2000, 2011]
@@ -571,6 +572,7 @@ def test_waiting_events_are_dropped(desk: Desk) -> None:
 # ---- tshark -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_tshark_finds_nothing_malformed(desk: Desk, master: RawMaster, tmp_path: Path) -> None:
     """One of each of these types, as an independent dissector reads them."""
     kinds = [C_CI, M_IT, M_IT_TB, P_ME_NB, P_AC, C_RP, M_SP]
@@ -606,6 +608,7 @@ def apdu(asdu: Asdu) -> bytes:
 # ---- background scan --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_background_scan(desk: Desk, master: RawMaster) -> None:
     arrived = []
     while len(arrived) < 3:

@@ -87,6 +87,7 @@ def test_tshark_says_what_has_a_wrong_size(octets: bytes, tmp_path: Path) -> Non
     assert (ioa, wrong) == ("", "1")
 
 
+@pytest.mark.slow
 def test_another_type_of_the_private_range(tmp_path: Path) -> None:
     apdu = i_frame(bytes((150,)) + IDENTIFIER[1:] + bytes((1, 0, 0)) + WARSAW)
     assert dissected(apdu, tmp_path)[0][0] == ""

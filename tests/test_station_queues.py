@@ -422,6 +422,7 @@ def own_objects(master: RawMaster) -> list[tuple[int, bytes]]:
     return found
 
 
+@pytest.mark.slow
 def test_losses_are_points_of_the_gateway_itself(programs: Path) -> None:
     """Another control centre is told when it begins and when it is over."""
     config = configuration()
@@ -561,6 +562,7 @@ def test_rtuctl_shows_what_was_on_the_wire(substation: Substation) -> None:
     assert set(every) == {"connections", "queues", "counters"}
 
 
+@pytest.mark.slow
 def test_waiting_costs_no_time(substation: Substation) -> None:
     """Events that wait for an acknowledgement, and a group that nobody has started."""
     gateway = substation.gateway

@@ -83,6 +83,7 @@ def test_each_apdu_has_a_record(gateway: TlsGateway, version: str) -> None:
         assert len(master.interrogate(STATION).objects) == POINTS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "bits"), [("ec", 256), ("rsa", 2048)])
 def test_documented_certificates(programs: Path, kind: str, bits: int) -> None:
     """By the page's own commands. RSA is for masters that refuse short keys, as lib60870 in C does."""
@@ -130,6 +131,7 @@ def tunnel(gateway: TlsGateway, context: ssl.SSLContext) -> Iterator[int]:
         assert not thread.is_alive()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_lib60870_through_tls(gateway: TlsGateway, pki: Pki, version: str) -> None:
     """In a tunnel: the TLS of c104 2.2.1 itself ends each handshake for want of a host name (-0x5d80)."""
@@ -312,6 +314,7 @@ def test_session_is_resumed(gateway: TlsGateway, pki: Pki, version: str) -> None
     gateway.wait_log(rf'TLSv{version} resumed, "centre 1"$')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_session_is_not_resumed_when_it_is_too_old(pki: Pki, programs: Path, version: str) -> None:
     context = pki.client(version=version)
@@ -537,6 +540,7 @@ def test_key_with_a_passphrase(pki: Pki, programs: Path) -> None:
         gateway.wait_log("the key .*: [a-z]")
 
 
+@pytest.mark.slow
 def test_own_certificate_that_has_expired_is_said(pki: Pki, programs: Path) -> None:
     """The masters refuse it; the station's clock may be the one that is wrong."""
     station = pki.ours.issue_for_station("substation 13", days=-1)

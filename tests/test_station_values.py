@@ -207,6 +207,7 @@ def test_value_that_a_device_does_not_give_now_is_old(desk: Desk, master: RawMas
     desk.wait_all_good(RELAY_CA)
 
 
+@pytest.mark.slow
 def test_value_that_a_device_refuses_is_invalid(desk: Desk, master: RawMaster) -> None:
     """Whatever it says before; and what is invalid does not become old."""
     desk.lines.fault(RELAY, "exception", 6, READ_REGISTERS)

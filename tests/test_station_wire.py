@@ -193,6 +193,7 @@ def test_impossible_time_is_refused(master: RawMaster, octets: bytes) -> None:
     assert master.answer(C_CS).cause & NEGATIVE
 
 
+@pytest.mark.slow
 def test_only_listed_masters_set_the_clock(programs: Path) -> None:
     config = chapter_5()
     config["iec104"]["clock_masters"] = ["192.0.2.1"]
@@ -325,6 +326,7 @@ def allow_descriptors(pid: int, count: int) -> None:
     subprocess.run([*user, "prlimit", f"--pid={pid}", f"--nofile={count}:{count}"], check=True)
 
 
+@pytest.mark.slow
 def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) -> None:
     """What cannot be accepted must not wake the station again and again, and is accepted when it can be."""
     config = chapter_5()

@@ -484,6 +484,7 @@ def assert_ever_rarer(times: list[float]) -> None:
         assert gap > FIRST_PAUSE_S * 2**number - 0.002, gaps  # each time is cut off at a millisecond
 
 
+@pytest.mark.slow
 def test_station_whose_port_is_taken_tries_ever_more_rarely(gateway: Gateway) -> None:
     with contextlib.ExitStack() as stack:
         taken = stack.enter_context(socket.create_server(gateway.address))

@@ -81,6 +81,7 @@ def test_licence_is_the_folders() -> None:
     assert wrong == {}
 
 
+@pytest.mark.slow
 def test_table_is_only_for_files_without_comments() -> None:
     in_table = [path for path in LICENSED if table_licence(path)]
     assert [path for path in in_table if (path.suffix or path.name) not in NO_COMMENT] == []
@@ -120,6 +121,7 @@ ELSEWHERE = re.compile(r"\bissue #?\d+|\b(?:seed|report) 0\d\d\b|\bshared/\w", r
 MADE_BY_A_TEST = Path("tests/test_changed.py")  # its pages are of a tree that it makes
 
 
+@pytest.mark.slow
 def test_no_reference_leads_out_of_the_tree() -> None:
     pages = {page.name for page in PAGES}
     found = []

@@ -166,6 +166,7 @@ def test_broadcast_interrogation_asks_the_station_once(bench: Bench) -> None:
     assert len(ioas) == len(set(ioas)) > OFFSET // 100
 
 
+@pytest.mark.slow
 def test_a_counter_of_one_register_goes_round(bench: Bench) -> None:
     device, since = bench.devices[1], bench.master.mark()
     for value in (30000, 60000, 24464, 54464, 18928):
@@ -198,5 +199,6 @@ def test_commands_go_the_same_way_back(bench: Bench, case: Any) -> None:
     bench.gateway.wait_for(lambda: device.get(table, address, len(after)) == after, 10.0, f"{after}")
 
 
+@pytest.mark.slow
 def test_a_set_point_beyond_the_table_is_refused(bench: Bench) -> None:
     assert not bench.master.command(CA, 35, "C_SE_NC_1", c104.ShortCmd(51.0))

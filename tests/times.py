@@ -20,6 +20,7 @@ import pytest
 from areas import area_of
 
 SLOWEST = 10
+ALONE = "-alone.json"  # the end of the name of alone.py's second run
 CPU = "cpu_s"
 
 
@@ -100,6 +101,21 @@ def table(costs: dict[str, Cost], elapsed_s: float) -> Iterable[str]:
         yield f"{cost.seconds:>8.1f} s {cost.cpu_s:>8.1f} CPU s  {test}"
 
 
+def failed_tests(file: Path) -> list[str]:
+    """Of the run that left this file; none if it left none."""
+    if not file.exists():
+        return []
+    return [test for test, cost in json.loads(file.read_text())["costs"].items() if cost["failed"]]
+
+
+def passed_alone(file: Path) -> Iterable[str]:
+    """Of alone.py's second run; nothing if it left none."""
+    if file.exists():
+        for test, cost in json.loads(file.read_text())["costs"].items():
+            if not cost["failed"]:
+                yield f"passed only alone: {test}"
+
+
 def main(files: list[str]) -> int:
     costs: dict[str, Cost] = defaultdict(Cost)
     runs = [json.loads(Path(file).read_text()) for file in files]
@@ -111,6 +127,9 @@ def main(files: list[str]) -> int:
         for test, cost in run["costs"].items():
             costs[test].add(Cost(**cost))
     print(*table(costs, elapsed_s), sep="\n")
+    for file in files:
+        if file.endswith(ALONE):
+            print(*passed_alone(Path(file)), sep="\n")
     return 0
 
 

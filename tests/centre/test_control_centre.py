@@ -563,6 +563,7 @@ def test_no_file_but_the_page(site: Site, path: str) -> None:
     assert refused.value.status in (403, 404)
 
 
+@pytest.mark.slow
 def test_what_the_command_line_is_told_wrong(site: Site, tmp_path: Path) -> None:
     file = tmp_path / "wrong.json"
     file.write_text(json.dumps({"stations": [{"name": "a", "address": "::1", "location": [95, 0]}]}))

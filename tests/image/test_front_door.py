@@ -94,6 +94,7 @@ def tree(tmp_path: Path) -> Tree:
     return Tree(tmp_path)
 
 
+@pytest.mark.slow
 def test_image_builds_both(tree: Tree) -> None:
     site = tree.folder / "a site"
     site.mkdir()
@@ -177,6 +178,7 @@ def git(folder: Path, *words: str) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) -> None:
     (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_INFO)
     generator = tree.buildroot / "utils/generate-cyclonedx"
@@ -192,6 +194,7 @@ def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) 
     assert ":linux_kernel:5.10.140:" in bill["components"][0]["cpe"]
 
 
+@pytest.mark.slow
 def test_checkout_brings_the_pinned_commit(tree: Tree) -> None:
     git(tree.buildroot, "init", "--quiet")
     git(tree.buildroot, "add", "Makefile")
@@ -265,6 +268,7 @@ def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words:
     assert not (tree.folder / "build").exists()
 
 
+@pytest.mark.slow
 def test_netboot_boots_what_is_asked_for(tree: Tree) -> None:
     images = tree.folder / "build/nuc980_netboot/images"
     site = tree.folder / "site"

@@ -122,6 +122,7 @@ def test_nothing_to_do(board: Board, server: UpdateServer) -> None:
     assert not board.installed
 
 
+@pytest.mark.slow
 def test_installed_and_reported_once_it_is_confirmed(board: Board, server: UpdateServer) -> None:
     offer(server)
     assert board.pull().returncode == 0

@@ -41,6 +41,7 @@ def content(tmp_path: Path, signer: Signer) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_same_input_same_bytes(signer: Signer) -> None:
     one, other = (update_file(KERNEL, TREE, "1.2.3", "station-7", signer) for _ in range(2))
     assert one == other

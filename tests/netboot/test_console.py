@@ -598,6 +598,7 @@ def wrong_deeds(to: Noise, back: Noise, seed: int, editing: bool = True) -> list
 
 # The same lines each time: one in many thousand has two faults that fit together (a key for the last line of
 # the history, and an Enter).
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(NOISES, NOISES, st.integers(0, 1 << 32))
 def test_noise_makes_no_other_command_run(to: Noise, back: Noise, seed: int) -> None:

@@ -125,6 +125,7 @@ def flash(tmp_path: Path, *options: str) -> list[str]:
     return ["flash", "--dry-run", "--ubi", str(image), "--site", str(site), *NETWORK, *options]
 
 
+@pytest.mark.slow
 def test_dry_run_is_a_summary_of_all_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(flash(tmp_path)) == 0
     summary = capsys.readouterr().out
@@ -141,6 +142,7 @@ def test_dry_run_is_a_summary_of_all_lines(tmp_path: Path, capsys: pytest.Captur
     assert set(once) <= set(lines)
 
 
+@pytest.mark.slow
 def test_hours_are_told_before_they_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As many as the bytes of the place need at the line's speed; a quarter at four times the speed."""
 

@@ -839,6 +839,7 @@ ANYTHING = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(storm=st.lists(st.tuples(ANYTHING, st.booleans(), st.sampled_from([BOARD, STRANGER])), max_size=12))
 def test_transfer_survives_anything(fuzzed: FileService, storm: list[tuple[bytes, bool, str]]) -> None:

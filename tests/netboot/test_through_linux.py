@@ -142,6 +142,7 @@ def test_options_belong_together(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_it_is_offered_where_the_line_takes_hours(
     images: list[str], dtb: Path, tmp_path: Path, site: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -121,6 +121,7 @@ def test_unusable_input_is_told_and_no_traceback(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_map_draws_picture_and_page(tmp_path: Path, bad: Path) -> None:
     for name in ("table.svg", "table.html"):
         assert run("map", "-o", name, cwd=tmp_path).returncode == DONE
@@ -170,6 +171,7 @@ def test_diff(good: Path, bad: Path) -> None:
     assert {line.split()[0] for line in different.stdout.splitlines()} == {f"PF{pin}" for pin in range(7)}
 
 
+@pytest.mark.slow
 def test_imported_table_checks_its_tree(tmp_path: Path, good: Path) -> None:
     table = tmp_path / "mine.yml"
     assert run("import", good, "-o", table).returncode == DONE
@@ -179,6 +181,7 @@ def test_imported_table_checks_its_tree(tmp_path: Path, good: Path) -> None:
     assert "exists already and is not overwritten" in again.stderr
 
 
+@pytest.mark.slow
 def test_accepted_finding_comes_with_its_reason(tmp_path: Path, good: Path, bad: Path) -> None:
     table = tmp_path / "mine.yml"
     run("import", good, "-o", table)

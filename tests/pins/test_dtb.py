@@ -202,11 +202,13 @@ def test_nesting_just_allowed() -> None:
     assert sum(1 for _ in tree.root.walk()) == 64
 
 
+@pytest.mark.slow
 def test_many_children_are_read_in_linear_time() -> None:
     children = b"".join(begin(b"%06d" % i) + cells(END) for i in range(40_000))
     assert len(parse_dtb(blob(begin(b"") + children + cells(END, FINISH)), FILE).root.children) == 40_000
 
 
+@pytest.mark.slow
 def test_many_labels_are_read_in_linear_time() -> None:
     names = b"".join(b"%05d\0" % i for i in range(30_000))
     labels = b"".join(prop(6 * i, b"/a\0") for i in range(30_000)) + prop(0, b"/a\0" * 10_000)

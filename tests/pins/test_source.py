@@ -241,6 +241,7 @@ def test_a_pipe_is_refused_before_it_is_opened(write: Callable[[str, str], Path]
     assert "is not a regular file" in refusal(Path("x.dts"))
 
 
+@pytest.mark.slow
 def test_memory_has_an_end(write: Callable[[str, str], Path]) -> None:
     file = write("x.dts", '/dts-v1/;\n#include "/dev/zero"\n')
     assert "cpp says\n  cc1: out of memory" in refusal(file).replace("  \n", "")

@@ -224,17 +224,17 @@ static void run_link(struct outstation *outstation, struct link *link)
 /* The first that is open, the preferred one before the other. */
 static void choose_link(struct outstation *outstation)
 {
-	bool any = false;
-
 	for (unsigned i = 0; i < outstation->config->address_count && outstation->active == NULL; i++) {
-		if (outstation->links[i].state != LINK_OPEN)
+		struct link *link = &outstation->links[i];
+
+		if (link->state != LINK_OPEN)
 			continue;
-		outstation->active = &outstation->links[i];
-		link_start(outstation->active, outstation->now);
+		outstation->active = link;
+		link_start(link, outstation->now);
 	}
-	any = outstation->active != NULL;
 	if (outstation->valid && !is_started(outstation) &&
-	    ((!any && !outstation->taken_over) || outstation->now.monotonic_ns >= outstation->valid_until_ns))
+	    ((outstation->active == NULL && !outstation->taken_over) ||
+	     outstation->now.monotonic_ns >= outstation->valid_until_ns))
 		invalidate(outstation);
 }
 

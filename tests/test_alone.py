@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`make test` runs once more what failed beside other tests, and says so."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+TESTS = """
+from pathlib import Path
+import pytest
+
+def test_that_passes():
+    pass
+
+@pytest.mark.parametrize("number", range({fail_once}))
+def test_that_fails_once(number):
+    mark = Path(__file__).with_name(f"ran-{{number}}")
+    first = not mark.exists()
+    mark.touch()
+    assert not first
+
+def test_that_may_fail():
+    assert not {fails}
+"""
+
+
+def run(folder: Path, fail_once: int, fails: bool) -> subprocess.CompletedProcess[str]:
+    """On tests of which some fail the first time and one fails always, if wanted."""
+    file = folder / "test_some.py"
+    file.write_text(TESTS.format(fail_once=fail_once, fails=fails))
+    (folder / "conftest.py").write_text(
+        "from times import Times\ndef pytest_configure(config):\n    config.pluginmanager.register(Times())\n"
+    )
+    return subprocess.run(
+        [sys.executable, ROOT / "tests/alone.py", "-n", "0", "--rootdir", folder, file],
+        env=os.environ | {"OPENRTU_TIMES": str(folder / "some.json"), "PYTHONPATH": str(ROOT / "tests")},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+def test_what_passes_is_run_once(tmp_path: Path) -> None:
+    ran = run(tmp_path, fail_once=0, fails=False)
+    assert ran.returncode == 0
+    assert "alone" not in ran.stdout
+
+
+def test_what_passes_alone_is_named(tmp_path: Path) -> None:
+    ran = run(tmp_path, fail_once=2, fails=False)
+    assert ran.returncode == 0
+    assert "passed only alone: test_some.py::test_that_fails_once[0]" in ran.stdout
+    assert "passed only alone: test_some.py::test_that_fails_once[1]" in ran.stdout
+    assert "test_that_passes" not in ran.stdout.split("once more, alone: 2")[1]
+
+
+@pytest.mark.slow
+def test_what_fails_again_fails(tmp_path: Path) -> None:
+    ran = run(tmp_path, fail_once=1, fails=True)
+    assert ran.returncode == 1
+    assert "passed only alone: test_some.py::test_that_fails_once[0]" in ran.stdout
+    assert "passed only alone: test_some.py::test_that_may_fail" not in ran.stdout
+
+
+@pytest.mark.slow
+def test_many_are_no_accident(tmp_path: Path) -> None:
+    ran = run(tmp_path, fail_once=4, fails=False)
+    assert ran.returncode == 1
+    assert "alone" not in ran.stdout
