@@ -64,7 +64,7 @@ class Plant(Substation):
         def read() -> bool:
             return all(point["value"] == wanted for point in self.gateway.points().values())
 
-        self.gateway.wait_for(read, 20.0, f"all inputs are {wanted}")
+        self.gateway.wait_for(read, 60.0, f"all inputs are {wanted}")
 
     def restart(self, change: bool = False) -> None:
         """Kills the module. change: while it does not run."""
@@ -77,7 +77,7 @@ class Plant(Substation):
             module = self.gateway.modules()["rtu-iec61850"]
             return module["state"] == "running" and module["pid"] not in (0, before)
 
-        self.gateway.wait_for(runs, 20.0, "it runs again")
+        self.gateway.wait_for(runs, 60.0, "it runs again")
 
 
 @pytest.fixture(scope="module")

@@ -79,7 +79,7 @@ def plant(running: Plant) -> Iterator[Plant]:
     """The device as it is switched on, and no command."""
     running.lines.set(DEVICE, "coils", 0, 0)
     running.lines.set(DEVICE, "coils", 2, 1, 0)
-    running.gateway.wait_for(running.is_free, 20.0, "no command is under way")
+    running.gateway.wait_for(running.is_free, 60.0, "no command is under way")
     yield running
     running.lines.fault(DEVICE, "clear")
     running.wait_all_good(CA)
@@ -176,7 +176,7 @@ def test_a_selection_of_one_protocol_blocks_the_others(plant: Plant) -> None:
         assert cause(client, BREAKER, "SBOw") == LOCKED
         master.request(C_DC, CA, 3, bytes([2]))
         assert master.answer(C_DC).cause == ACT_CON
-        plant.gateway.wait_for(plant.is_free, 20.0, "the station has ended its command")
+        plant.gateway.wait_for(plant.is_free, 60.0, "the station has ended its command")
         assert act(client, "SBOw", BREAKER) == DONE
         for _ in range(2):
             master.request(C_DC, CA, 3, bytes([SELECT | 2]))
@@ -187,7 +187,7 @@ def test_a_selection_of_one_protocol_blocks_the_others(plant: Plant) -> None:
         assert cause(other, BREAKER, "SBOw") == LOCKED
         assert act(client, "Cancel", BREAKER) == DONE
         assert act(other, "SBOw", BREAKER) == DONE
-    plant.gateway.wait_for(plant.is_free, 20.0, "a client that went has left no selection")
+    plant.gateway.wait_for(plant.is_free, 60.0, "a client that went has left no selection")
     assert "interrupted selection" not in plant.states()  # it did not have to end by itself
 
 
@@ -195,7 +195,7 @@ def test_a_selection_of_one_protocol_blocks_the_others(plant: Plant) -> None:
 def test_a_selection_ends_by_itself(plant: Plant) -> None:
     with plant.client() as client:
         assert act(client, "SBOw", BREAKER) == DONE
-        plant.gateway.wait_for(plant.is_free, 20.0, "the selection is over")
+        plant.gateway.wait_for(plant.is_free, 60.0, "the selection is over")
         assert act(client, "Oper", BREAKER) == DENIED
         assert cause(client, BREAKER) == NOT_SELECTED
 
@@ -315,10 +315,10 @@ def test_normal_security_has_no_termination(plant: Plant) -> None:
             assert act(other, "Oper", BREAKER) == DENIED
             assert cause(other, BREAKER) == LOCKED
         assert act(client, "Oper", BREAKER) == DONE
-        plant.gateway.wait_for(plant.is_free, 20.0, "the breaker was read back")
+        plant.gateway.wait_for(plant.is_free, 60.0, "the breaker was read back")
         assert act(client, "Oper", BREAKER) == DENIED
         assert cause(client, BREAKER) == NOT_SELECTED
         assert client.information == []
     said = foreign(plant, BREAKER, "false", "select", "operate")
     assert said == {"model": 2, "select": WELL, "operate": WELL, "terminations": []}
-    plant.gateway.wait_for(lambda: (plant.coil(2), plant.coil(3)) == (1, 0), 20.0, "the breaker is off")
+    plant.gateway.wait_for(lambda: (plant.coil(2), plant.coil(3)) == (1, 0), 60.0, "the breaker is off")

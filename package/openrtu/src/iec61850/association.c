@@ -81,16 +81,18 @@ static bool serve(struct iec61850_association *association, const struct iec6185
 	return true;
 }
 
-/* True: what the client has not asked for just now goes out. A value that a command has changed is told before the command's end. */
+/* True: what waited goes out: an answer first, then reports, since the value that a command has changed is told before its end. */
 static bool tell(struct iec61850_association *association, struct iec61850_server *server, uint8_t *scratch)
 {
 	const size_t end = IEC61850_MESSAGE_SIZE(server->model.settings->max_pdu);
 	struct ber_writer writer = {.octets = scratch, .at = end, .floor = end - association->max_pdu};
 
-	if (iec61850_report_put(server, &writer))
-		iec61850_count(server, IEC61850_COUNT_REPORTS);
-	else if (!iec61850_control_put(server, &writer))
-		return false;
+	if (!iec61850_control_put(server, &writer, false)) {
+		if (iec61850_report_put(server, &writer))
+			iec61850_count(server, IEC61850_COUNT_REPORTS);
+		else if (!iec61850_control_put(server, &writer, true))
+			return false;
+	}
 	envelop(association, &writer, end);
 	return true;
 }

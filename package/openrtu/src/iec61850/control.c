@@ -199,6 +199,8 @@ static void accept_selection(struct iec61850_server *server, struct iec61850_con
 	if (control->client == NULL) { /* it went meanwhile */
 		control->phase = IEC61850_CONTROL_OVER;
 		release(server, control);
+	} else if (control->phase != IEC61850_SELECTING && control->phase != IEC61850_RESELECTING) {
+		refuse(server, control, NO_CAUSE); /* an owner gone wild */
 	} else if (control->phase == IEC61850_RESELECTING) {
 		post(server, control, MAP_EXECUTE, IEC61850_OPERATING);
 	} else {
@@ -212,12 +214,20 @@ static void conclude(struct iec61850_server *server, struct iec61850_control *co
 {
 	switch (answer->state) {
 	case MAP_EXECUTED_COMMAND:
-		confirm(control); /* that and the end may be told at once */
+		confirm(control);                           /* that and the end may be told at once */
+		if (control->phase != IEC61850_EXECUTING) { /* an owner gone wild */
+			refuse(server, control, NO_CAUSE);
+			break;
+		}
 		if (is_enhanced(server, control))
 			owe(control, OWES_TERMINATION);
 		control->phase = IEC61850_CONTROL_OVER;
 		break;
 	case MAP_INTERRUPTED_SELECTION:
+		if (control->phase != IEC61850_CANCELLING) {
+			refuse(server, control, NO_CAUSE);
+			break;
+		}
 		control->phase = IEC61850_CONTROL_OVER;
 		accept(control);
 		break;
@@ -579,12 +589,13 @@ static void put_next(struct iec61850_server *server, struct ber_writer *writer,
 	}
 }
 
-bool iec61850_control_put(struct iec61850_server *server, struct ber_writer *writer)
+bool iec61850_control_put(struct iec61850_server *server, struct ber_writer *writer, bool ends)
 {
 	for (unsigned i = 0; i < IEC61850_CONTROLS; i++) {
 		struct iec61850_control *control = &server->controls[i];
 
-		if (control->owes == 0 || control->client != server->client)
+		if (control->client != server->client || control->owes == 0 ||
+		    (control->owes == OWES_TERMINATION && !ends))
 			continue;
 		put_next(server, writer, control);
 		return true;

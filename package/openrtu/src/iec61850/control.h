@@ -25,8 +25,8 @@ void iec61850_control_answer(struct iec61850_server *server, const struct map_an
 void iec61850_controls_tick(struct iec61850_server *server);
 /* A client is gone: what it has selected is free. What is under way goes on, and nobody is told. */
 void iec61850_controls_release(struct iec61850_server *server, const void *client);
-/* Puts the next PDU that server->client waits for. False: there is none. */
-bool iec61850_control_put(struct iec61850_server *server, struct ber_writer *writer);
+/* Puts the next PDU that server->client waits for; of ends: a CommandTermination too. False: there is none. */
+bool iec61850_control_put(struct iec61850_server *server, struct ber_writer *writer, bool ends);
 
 /* ---- for its files ------------------------------------------------------------------------- */
 

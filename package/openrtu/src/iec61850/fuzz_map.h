@@ -107,7 +107,7 @@ static void fuzz_changes(struct iec61850_server *server)
 static struct iec61850_server *fuzz_server(void)
 {
 	static struct iec61850_server server;
-	static _Alignas(8) uint8_t section[1 << 16];
+	static _Alignas(8) uint8_t section[1 << 18];
 	static uint8_t names[FUZZ_MAX_PDU];
 	static struct iec61850_chosen chosen[FUZZ_POINTS];
 

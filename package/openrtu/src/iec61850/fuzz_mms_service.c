@@ -29,7 +29,7 @@ static void end_commands(struct iec61850_server *server, uint8_t how)
 	for (;;) {
 		struct ber_writer writer = {.octets = octets, .at = sizeof(octets)};
 
-		if (!iec61850_control_put(server, &writer) && !iec61850_report_put(server, &writer))
+		if (!iec61850_control_put(server, &writer, true) && !iec61850_report_put(server, &writer))
 			break;
 		check_whole(&writer);
 	}
