@@ -48,8 +48,8 @@ static void mark_all(const struct iec61850_device *device, struct iec61850_block
 		block->due_ns = now_ns; /* who asks for all does not wait */
 }
 
-/* What a former process had not taken yet may be in the image already: it is a change all the same. */
-static void note(struct iec61850_server *server, uint32_t point, const struct map_sample *sample,
+/* again: of an event that a former process had not taken, which the image may have already: it is a change all the same. */
+static void note(struct iec61850_server *server, uint32_t point, const struct map_sample *sample, bool again,
 		 int64_t now_ns)
 {
 	const struct iec61850_model *model = &server->model;
@@ -60,7 +60,7 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 	    (sample->quality != model->image[point].quality ? IEC61850_QUALITY_CHANGE : 0);
 
 	model->image[point] = *sample;
-	if (reason != 0 || server->catching_up)
+	if (reason != 0 || again)
 		iec61850_buffer_add(&server->model.buffer, point,
 				    reason != 0 ? reason : (unsigned)IEC61850_DATA_CHANGE, sample);
 	for (unsigned i = 0; reason != 0 && i < IEC61850_BLOCKS_A_SET; i++)
@@ -74,7 +74,7 @@ static void note_owner(struct iec61850_server *server, uint32_t module, int64_t 
 	for (uint32_t i = 0; i < server->model.config->point_count; i++)
 		if ((module == MAP_NONE || map_owner(server->model.map, i) == module) &&
 		    map_read(server->model.map, i, &sample))
-			note(server, i, &sample, now_ns);
+			note(server, i, &sample, false, now_ns);
 }
 
 void iec61850_report_all(struct iec61850_server *server, int64_t now_ns)
@@ -87,7 +87,7 @@ void iec61850_report_event(struct iec61850_server *server, const struct map_even
 	switch ((enum map_event_kind)event->kind) {
 	case MAP_EVENT_CHANGE: /* those of an earlier start are buffered blocks' */
 		if (event->time == MAP_TIME_MONOTONIC && event->point < server->model.config->point_count)
-			note(server, event->point, &event->sample, now_ns);
+			note(server, event->point, &event->sample, server->catching_up, now_ns);
 		return;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
