@@ -64,7 +64,7 @@ REACH = [
     ("docs/goose.md", "tests/test_goose.py"),
     ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
-    ("docs/iec61850.md", "tests/test_iec61850.py"),
+    ("docs/iec61850.md", "tests/test_iec61850*.py"),
     ("docs/logic.md", "tests/test_logic.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),

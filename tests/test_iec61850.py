@@ -3,6 +3,7 @@
 
 import asyncio
 import json
+import os
 import socket
 import struct
 import subprocess
@@ -25,6 +26,7 @@ from peers.mms import Client
 ASSOCIATIONS = 8
 DOUBLES = ("intermediate", "off", "on", "indeterminate")
 TESTS = Path(__file__).resolve().parent
+PATHS = os.environ | {"PYTHONPATH": str(TESTS.parent / "scripts")}
 
 
 @dataclass
@@ -51,7 +53,13 @@ class Site:
 def site(programs: Path) -> Iterator[Site]:
     port = free_port()
     config = chapter_5() | {
-        "iec61850": {"address": "127.0.0.1", "port": port, "associations": ASSOCIATIONS, "max_pdu": 2000}
+        "iec61850": {
+            "address": "127.0.0.1",
+            "port": port,
+            "associations": ASSOCIATIONS,
+            "max_pdu": 2000,
+            "controllers": ["127.0.0.1"],
+        }
     }
     with desk_of(config, programs) as desk:
         record: list[Connection] = []
@@ -67,7 +75,9 @@ def site(programs: Path) -> Iterator[Site]:
 def browsed(port: int) -> dict[str, Any]:
     """What libiec61850's client finds."""
     command = [sys.executable, "-m", "peers.libiec61850_browse", str(port)]
-    run = subprocess.run(command, cwd=TESTS, capture_output=True, text=True, timeout=120, check=False)
+    run = subprocess.run(
+        command, cwd=TESTS, env=PATHS, capture_output=True, text=True, timeout=120, check=False
+    )
     assert run.returncode == 0, run.stderr + run.stdout
     found: dict[str, Any] = json.loads(run.stdout)
     return found
@@ -143,6 +153,16 @@ def test_the_rust_client_browses_and_reads(site: Site) -> None:
     assert DOUBLES[seen["breaker"][0] >> 6] == points[seen["name"]]["value"]  # the bit string's octet
 
 
+def command_once(client: Client) -> None:
+    """A selection, its end, what is refused then, and a command to its termination."""
+    cancel = mms.command(YES)
+    for what, service in (("DPCSO1", "SBOw"), ("DPCSO1", "Cancel"), ("DPCSO1", "Oper"), ("SPCSO101", "Oper")):
+        parts = cancel if service == "Cancel" else [*cancel, mms.CHECK]
+        client.write(DEVICE, (f"GGIO1$CO${what}${service}", mms.element(0xA2, *parts)))
+    assert client.termination()[0] == ["LastApplError"]
+    assert client.termination()[0] == ["GGIO1$CO$SPCSO101$Oper"]
+
+
 @pytest.mark.slow
 def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
     browsed(site.recorder.address[1])
@@ -159,8 +179,13 @@ def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
         client.write(DEVICE, (f"{BLOCK}$GI", YES))
         while client.report()[7][1] != b"\0":
             pass
+        command_once(client)
+        assert client.write(DEVICE, ("LLN0$BR$brcbStatus01$RptEna", YES)) == [mms.DONE]
+        client.report()
+        assert client.write(DEVICE, ("LLN0$BR$brcbStatus01$RptEna", NO)) == [mms.DONE]
         client.send(mms.tpkt(mms.data(bytes([mms.CONCLUDE, 0]))))
-        client.mms()
+        while client.mms()[0] == mms.REPORT:
+            pass
     pcap = tmp_path / "mms.pcap"
     count = 0
     with pcap.open("wb") as file:

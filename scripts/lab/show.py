@@ -26,7 +26,7 @@ from typing import Any
 
 import c104
 
-from lab import drive, kept, managed, ports
+from lab import drive, kept, managed, operator, ports
 from lab.errors import LabError
 from lab.gateway import (
     HEARTBEAT_LIMIT_MS,
@@ -34,6 +34,7 @@ from lab.gateway import (
     Gateway,
     Rtu,
     default_build,
+    free_port,
     listening_on,
     remove,
     run_directory,
@@ -54,6 +55,7 @@ INTERLOCK, FILLING = 931, 932  # their stations
 ORDER = "order"  # has no value until somebody gives one
 BREAKER, PUMP, EARTHED = ("coils", 3), ("coils", 1), ("discrete_inputs", 0)  # of the device
 NEWCOMER = "5.51"
+SWITCH, SBO_ENHANCED = "OpenRTUCA1010/GGIO1.DPCSO1", 4  # with selection; its ctlModel
 
 # Figure 5.6, rows 1 to 13: what the interrogation of CA 3067 brought.
 FIGURE_5_3: dict[int, int] = {
@@ -134,6 +136,12 @@ def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
         for ca, (name, (path, keys)) in zip(MODULES, programs.items(), strict=True)
     ]
     config["synch"] = ["line3 -> filter"]
+
+
+def add_iec61850(config: dict[str, Any]) -> None:
+    """A server of IEC 61850 for clients of this machine, which may command."""
+    address = "127.0.0.1"
+    config["iec61850"] = {"address": address, "port": free_port(), "controllers": [address]}
 
 
 def add_logic(config: dict[str, Any], directory: Path) -> None:
@@ -476,6 +484,20 @@ def position(desk: Desk) -> None:
     say(f"     rtuctl       reload: line {drive.PORT} has its devices again, all points are good")
 
 
+def operated_by_iec61850(desk: Desk) -> None:
+    """IEC 61850: a client of libiec61850 operates a breaker, select before operate, enhanced security"""
+    port = desk.gateway.configuration()["iec61850"]["port"]
+    since = desk.master.mark()
+    said = operator.operate(port, SWITCH, "false", "select", "operate")
+    check(said["model"] == SBO_ENHANCED, f"ctlModel is {said['model']}")
+    for service, words in (("select", "SBOw"), ("operate", "Oper, confirmed by the device")):
+        check(said[service]["done"], f"{service} was refused: {said[service]}")
+        say(f"     libiec61850  {SWITCH}: {words}")
+    check([each["cause"] for each in said["terminations"]] == [0], "no positive CommandTermination")
+    say("     libiec61850  CommandTermination, behind the value that was read back")
+    event(desk.master.wait(lambda r: (r.ca, r.ioa) == (1010, 1), since, DEADLINE_S))
+
+
 def managed_by_snmp(desk: Desk) -> None:
     """SNMPv3, at a second gateway: a manager interrogates, selects and executes; informs tell it"""
     folder = desk.gateway.directory / "managed"
@@ -501,6 +523,7 @@ NATIVE_STEPS: tuple[Step, ...] = (
     logic,
     reloaded,
     position,
+    operated_by_iec61850,
     managed_by_snmp,
 )
 
@@ -636,6 +659,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     directory = run_directory()
     config = listening_on(configuration(), port)
     add_modules(config, directory, default_build())
+    add_iec61850(config)
     add_logic(config, directory)
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():

@@ -10,6 +10,8 @@ from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
+from lab.libiec61850 import check, connected
+
 
 def texts_of(linked: Any) -> list[str]:
     found, each = [], lib.LinkedList_getNext(linked)
@@ -35,13 +37,12 @@ def python_of(value: Any) -> Any:
         return lib.MmsValue_getBitStringAsIntegerBigEndian(value)
     if kind == lib.MMS_VISIBLE_STRING:
         return lib.MmsValue_toString(value)
+    if kind == lib.MMS_OCTET_STRING:
+        return lib.MmsValue_getOctetStringSize(value)
+    if kind == lib.MMS_BINARY_TIME:
+        return lib.MmsValue_getBinaryTimeAsUtcMs(value)
     assert kind == lib.MMS_UTC_TIME, kind
     return lib.MmsValue_getUtcTimeInMs(value)
-
-
-def check(error: int, what: str) -> None:
-    if error != lib.IED_ERROR_OK:
-        sys.exit(f"{what}: error {error}")
 
 
 def browse(connection: Any) -> dict[str, Any]:
@@ -68,8 +69,7 @@ def browse(connection: Any) -> dict[str, Any]:
 
 
 def main() -> None:
-    connection = lib.IedConnection_create()
-    check(lib.IedConnection_connect(connection, "127.0.0.1", int(sys.argv[1]))[1], "connection")
+    connection = connected(int(sys.argv[1]))
     print(json.dumps(browse(connection)))
     lib.IedConnection_close(connection)
     lib.IedConnection_destroy(connection)

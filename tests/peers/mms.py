@@ -128,6 +128,27 @@ def report_of(pdu: bytes) -> list[tuple[int, bytes]]:
     return elements(results)
 
 
+def variable_names(listed: bytes) -> list[str]:
+    """Of an information report: those of the VMD as they are, of a domain what is in it."""
+    found = []
+    for _, specification in elements(listed):
+        ((_, named),) = elements(specification)
+        ((tag, content),) = elements(named)
+        found.append((content if tag == 0x80 else elements(content)[1][1]).decode())
+    return found
+
+
+# What a command carries besides its value.
+def command(value: bytes, number: int = 1, who: bytes = b"tests", test: bool = False) -> list[bytes]:
+    """ctlVal, origin, ctlNum, T, Test: of a Cancel. Others have Check behind."""
+    origin = element(0xA2, element(0x85, b"\2"), element(0x89, who))
+    flag = element(0x83, b"\xff" if test else b"\0")
+    return [value, origin, element(0x86, bytes([number])), element(0x91, bytes(8)), flag]
+
+
+CHECK = bytes.fromhex("84020600")
+
+
 @dataclass
 class Client:
     """A TCP connection, and what a client says on it."""
@@ -138,9 +159,12 @@ class Client:
     socket: socket.socket = field(init=False)
     number: int = 0
     reports: list[list[tuple[int, bytes]]] = field(default_factory=list)  # that came between answers
+    # LastApplError, CommandTermination: names and values.
+    information: list[tuple[list[str], list[tuple[int, bytes]]]] = field(default_factory=list)
+    source: str = "127.0.0.1"
 
     def __post_init__(self) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", self.port), self.timeout_s)
+        self.socket = socket.create_connection(("127.0.0.1", self.port), self.timeout_s, (self.source, 0))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def __enter__(self) -> Self:
@@ -196,18 +220,35 @@ class Client:
         self.number += 1
         self.send(tpkt(data(request(self.number, service))))
         while (told := self.mms())[0] == REPORT:
-            self.reports.append(report_of(told[1]))
+            self.keep(told[1])
         tag, pdu = told
         (_, number), *rest = elements(pdu)
         assert int.from_bytes(number, "big") == self.number
         return tag, rest
 
-    def report(self) -> list[tuple[int, bytes]]:
-        """The next report's elements."""
-        if not self.reports:
+    def keep(self, pdu: bytes) -> None:
+        """What comes without being asked for."""
+        ((_, told),) = elements(pdu)
+        (tag, variables), (_, results) = elements(told)
+        if tag == 0xA1:
+            self.reports.append(report_of(pdu))
+        else:
+            self.information.append((variable_names(variables), elements(results)))
+
+    def termination(self) -> tuple[list[str], list[tuple[int, bytes]]]:
+        """The next LastApplError or CommandTermination."""
+        while not self.information:
             tag, pdu = self.mms()
             assert tag == REPORT
-            self.reports.append(report_of(pdu))
+            self.keep(pdu)
+        return self.information.pop(0)
+
+    def report(self) -> list[tuple[int, bytes]]:
+        """The next report's elements."""
+        while not self.reports:
+            tag, pdu = self.mms()
+            assert tag == REPORT
+            self.keep(pdu)
         return self.reports.pop(0)
 
     def write(self, domain: str, *items: tuple[str, bytes]) -> list[tuple[int, bytes]]:

@@ -2,6 +2,7 @@
 #include "iec61850/association.h"
 
 #include "iec61850/acse.h"
+#include "iec61850/control.h"
 #include "iec61850/report.h"
 #include "iec61850/session.h"
 
@@ -80,15 +81,18 @@ static bool serve(struct iec61850_association *association, const struct iec6185
 	return true;
 }
 
-/* True: a report goes out. */
-static bool report(struct iec61850_association *association, struct iec61850_server *server, uint8_t *scratch)
+/* True: what waited goes out: an answer first, then reports, since the value that a command has changed is told before its end. */
+static bool tell(struct iec61850_association *association, struct iec61850_server *server, uint8_t *scratch)
 {
 	const size_t end = IEC61850_MESSAGE_SIZE(server->model.settings->max_pdu);
 	struct ber_writer writer = {.octets = scratch, .at = end, .floor = end - association->max_pdu};
 
-	if (!iec61850_report_put(server, &writer))
-		return false;
-	iec61850_count(server, IEC61850_COUNT_REPORTS);
+	if (!iec61850_control_put(server, &writer, false)) {
+		if (iec61850_report_put(server, &writer))
+			iec61850_count(server, IEC61850_COUNT_REPORTS);
+		else if (!iec61850_control_put(server, &writer, true))
+			return false;
+	}
 	envelop(association, &writer, end);
 	return true;
 }
@@ -125,6 +129,8 @@ enum iec61850_end iec61850_association_run(struct iec61850_association *associat
 	enum iec61850_end end = IEC61850_STAYS;
 
 	server->client = association;
+	server->session = association->session;
+	server->may_control = association->may_control;
 	server->now_ns = now_ns;
 	while (end == IEC61850_STAYS && iec61850_transport_is_free(transport)) {
 		association->moved_ns = now_ns;
@@ -132,7 +138,7 @@ enum iec61850_end iec61850_association_run(struct iec61850_association *associat
 			return IEC61850_RELEASED;
 		switch (iec61850_transport_next(transport)) {
 		case IEC61850_NOTHING:
-			if (association->associated && report(association, server, scratch))
+			if (association->associated && tell(association, server, scratch))
 				break;
 			return association->associated || now_ns - association->opened_ns < ASSOCIATE_NS
 				   ? IEC61850_STAYS

@@ -20,7 +20,9 @@ struct iec61850_association {
 	struct iec61850_transport transport;
 	struct iec61850_contexts contexts;
 	uint32_t max_pdu;
+	uint32_t session; /* as the server's: of this association alone */
 	bool associated, leaving;
+	bool may_control;
 	int64_t opened_ns;
 	int64_t heard_ns; /* the last request */
 	int64_t moved_ns; /* the output was empty, or some of it went */

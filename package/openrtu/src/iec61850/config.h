@@ -12,16 +12,21 @@
 #define IEC61850_CLIENTS_MAX      16
 #define IEC61850_PDU_MIN          1000
 #define IEC61850_PDU_MAX          65000
+#define IEC61850_BUFFER_MIN       64
+#define IEC61850_BUFFER_MAX       65536
 #define IEC61850_IOA_MAX          9999999 /* a data object's name has 12 characters, 5 of them letters */
 
 struct iec61850_settings {
 	char address[MAP_ADDRESS_SIZE];
-	char clients[IEC61850_CLIENTS_MAX][MAP_ADDRESS_SIZE]; /* who may connect; none: everybody */
+	char clients[IEC61850_CLIENTS_MAX][MAP_ADDRESS_SIZE];     /* who may connect; none: everybody */
+	char controllers[IEC61850_CLIENTS_MAX][MAP_ADDRESS_SIZE]; /* who may command; none: nobody */
 	char ied[MAP_NAME_SIZE]; /* what the names of logical devices begin with */
-	uint32_t client_count;
-	uint32_t associations; /* at a time */
-	uint32_t max_pdu;      /* octets of an MMS PDU */
+	uint32_t client_count, controller_count;
+	uint32_t associations;  /* at a time */
+	uint32_t max_pdu;       /* octets of an MMS PDU */
+	uint32_t report_buffer; /* changes that are kept for buffered reports: a power of two */
 	uint16_t port;
+	bool normal_security; /* of commands: without a CommandTermination */
 };
 
 /* NULL: IEC 61850 is not configured. */

@@ -8,21 +8,27 @@
 #include "config/address.h"
 #include "iec61850/config.h"
 
-#define PORT    102
-#define MAX_PDU 16000
+#define PORT          102
+#define MAX_PDU       16000
+#define REPORT_BUFFER 2048
 
 static const struct config_rule file_rule = {.name = "iec61850", .kind = CONFIG_OBJECT};
 
-enum { ADDRESS, PORT_KEY, IED, CLIENTS, ASSOCIATIONS, PDU, KEYS };
+enum { ADDRESS, PORT_KEY, IED, CLIENTS, CONTROLLERS, SECURITY, ASSOCIATIONS, PDU, BUFFER, KEYS };
+static const char *const securities[] = {"enhanced", "normal", NULL};
 static const struct config_rule rules[KEYS] = {
     [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
     [PORT_KEY] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT},
     [IED] = {"ied", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [CLIENTS] = {"clients", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
+    [CONTROLLERS] = {"controllers", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
+    [SECURITY] = {"control_security", CONFIG_CHOICE, .choices = securities},
     [ASSOCIATIONS] = {"associations", CONFIG_INTEGER, .low = 1, .high = IEC61850_ASSOCIATIONS_MAX,
 		      .fallback = 8},
     [PDU] = {"max_pdu", CONFIG_INTEGER, .low = IEC61850_PDU_MIN, .high = IEC61850_PDU_MAX,
 	     .fallback = MAX_PDU},
+    [BUFFER] = {"report_buffer", CONFIG_INTEGER, .low = IEC61850_BUFFER_MIN, .high = IEC61850_BUFFER_MAX,
+		.fallback = REPORT_BUFFER},
 };
 
 /* As an IED's name is (IEC 61850-6, tIEDName): a letter, then letters, digits and underscores. */
@@ -48,12 +54,22 @@ static void read_ied(struct config_loader *loader, const struct config_place *pl
 			     settings->ied);
 }
 
+static uint32_t power_above(uint32_t number)
+{
+	uint32_t power = IEC61850_BUFFER_MIN;
+
+	while (power < number)
+		power *= 2;
+	return power;
+}
+
 static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place place = config_key_of(&file, file_rule.name);
 	const struct config_place address = config_key_of(&place, rules[ADDRESS].name);
 	const struct config_place clients = config_key_of(&place, rules[CLIENTS].name);
+	const struct config_place controllers = config_key_of(&place, rules[CONTROLLERS].name);
 	struct config_value keys[KEYS];
 	struct iec61850_settings *settings;
 
@@ -70,12 +86,17 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	settings->port = (uint16_t)keys[PORT_KEY].integer;
 	settings->associations = (uint32_t)keys[ASSOCIATIONS].integer;
 	settings->max_pdu = (uint32_t)keys[PDU].integer;
+	settings->report_buffer = power_above((uint32_t)keys[BUFFER].integer);
 	read_ied(loader, &place, &keys[IED], settings);
 	if (keys[ADDRESS].given)
 		config_read_address(&loader->report, &address, keys[ADDRESS].text, settings->address);
 	if (keys[CLIENTS].given)
 		settings->client_count =
 		    config_read_addresses(&loader->report, &clients, keys[CLIENTS].json, settings->clients);
+	if (keys[CONTROLLERS].given)
+		settings->controller_count = config_read_addresses(
+		    &loader->report, &controllers, keys[CONTROLLERS].json, settings->controllers);
+	settings->normal_security = keys[SECURITY].integer == 1;
 }
 
 /* A name of a data object ends with the point's address, and is too short for the longest of them. */

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "fuzz.h"
-#include "iec61850/mms.h"
+#include "iec61850/report.h"
 
 #define FUZZ_POINTS  (2 * MAP_TYPES)
 #define FUZZ_MAX_PDU IEC61850_PDU_MIN
@@ -14,7 +14,11 @@
 static struct map_set fuzz_sets[] = {{.ca = 1, .point_count = MAP_TYPES, .prefix = "p1.1", .name = "one"},
 				     {.ca = 2, .point_count = MAP_TYPES, .prefix = "p1.2", .name = "two"}};
 static struct map_point fuzz_points[FUZZ_POINTS];
-static struct iec61850_settings fuzz_settings = {.ied = "RTU", .max_pdu = FUZZ_MAX_PDU, .associations = 1};
+static struct iec61850_settings fuzz_settings = {.ied = "RTU",
+						 .max_pdu = FUZZ_MAX_PDU,
+						 .associations = 1,
+						 .controller_count = 1,
+						 .report_buffer = IEC61850_BUFFER_MIN};
 static struct map_config fuzz_config = {.sets = fuzz_sets,
 					.points = fuzz_points,
 					.set_count = 2,
@@ -50,32 +54,78 @@ bool map_read(const struct map *map, uint32_t point, struct map_sample *out)
 	return point % 5 != 4;
 }
 
+/* An owner that answers nothing by itself: who fuzzes does. */
+uint32_t map_request_post(struct map *map, struct map_request request)
+{
+	static uint32_t number;
+
+	(void)map;
+	CHECK(request.point < FUZZ_POINTS);
+	return ++number % 7;
+}
+
+bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
+{
+	(void)map;
+	CHECK(point < FUZZ_POINTS);
+	*out = (struct map_command){.state = (uint8_t)(point % 10)};
+	return true;
+}
+
+void map_module(const struct map *map, uint32_t index, struct map_module *out)
+{
+	(void)map, (void)index;
+	*out = (struct map_module){.state = MAP_MODULE_RUNNING, .alive = true};
+}
+
+uint32_t map_self(const struct map *map)
+{
+	(void)map;
+	return 0;
+}
+
 uint32_t map_owner(const struct map *map, uint32_t point)
 {
 	(void)map;
 	return point % 2;
 }
 
+/* The buffered reports begin anew, with a change of each point. */
+static void fuzz_changes(struct iec61850_server *server)
+{
+	struct map_cursor cursor = {0};
+
+	if (server->model.buffer.kept != NULL)
+		server->model.buffer.kept->start = 0;
+	iec61850_report_begin(server, server->stats, &cursor, 1);
+	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
+		iec61850_buffer_add(&server->model.buffer, i, IEC61850_DATA_CHANGE,
+				    &(struct map_sample){.value.i = -7, .time_ns = NS_PER_S});
+}
+
 /* A server with these points, begun once. */
 static struct iec61850_server *fuzz_server(void)
 {
 	static struct iec61850_server server;
-	static struct iec61850_stats stats;
+	static _Alignas(8) uint8_t section[1 << 18];
 	static uint8_t names[FUZZ_MAX_PDU];
 	static struct iec61850_chosen chosen[FUZZ_POINTS];
 
 	if (server.stats != NULL)
 		return &server;
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
-		fuzz_points[i] = (struct map_point){.name = map_label('c', (uint16_t)i, -1),
-						    .set = (uint16_t)(i / MAP_TYPES),
-						    .type = (uint8_t)(i % MAP_TYPES),
-						    .flags = i % 2 ? MAP_POINT_COMMAND : 0,
-						    .ioa = 1 + i * 1000};
+		fuzz_points[i] = (struct map_point){
+		    .name = map_label('c', (uint16_t)i, -1),
+		    .set = (uint16_t)(i / MAP_TYPES),
+		    .type = (uint8_t)(i % MAP_TYPES),
+		    .flags = i % 2 ? MAP_POINT_COMMAND | (i % 4 == 3 ? MAP_POINT_SELECT : 0u) : 0u,
+		    .ioa = 1 + i * 1000};
 	CHECK(iec61850_model_begin(&server.model, NULL));
-	server.stats = &stats;
+	server.stats = (void *)section;
 	server.names = names;
 	server.chosen = chosen;
+	CHECK(iec61850_section_size(&fuzz_config) <= sizeof(section));
+	fuzz_changes(&server);
 	return &server;
 }
 

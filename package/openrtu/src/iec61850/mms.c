@@ -191,8 +191,8 @@ static void put_error(struct ber_writer *writer, int64_t invoke_id, enum iec6185
 }
 
 /* a0 0e  02 01 01  82 00: an invoke identifier, then the service. Modifiers were not agreed on. */
-static void serve_request(struct iec61850_server *server, const struct ber_element *request,
-			  struct ber_writer *writer)
+static enum iec61850_outcome serve_request(struct iec61850_server *server, const struct ber_element *request,
+					   struct ber_writer *writer)
 {
 	enum iec61850_error error = IEC61850_NO_ERROR;
 	struct ber_reader reader = ber_inside(request);
@@ -205,15 +205,20 @@ static void serve_request(struct iec61850_server *server, const struct ber_eleme
 	    invoke_id > INVOKE_ID_MAX || !ber_next(&reader, &service)) {
 		put_reject(writer, NULL, OF_PDU, INVALID_PDU);
 		iec61850_count(server, IEC61850_COUNT_ERRORS);
-		return;
+		return IEC61850_ANSWERED;
 	}
+	server->invoke_id = invoke_id;
 	known = carry_out(server, &service, writer, &error);
+	if (error == IEC61850_LATER) {
+		writer->at = end;
+		return IEC61850_SILENT;
+	}
 	ber_put_integer(writer, BER_INTEGER, invoke_id);
 	ber_close(writer, CONFIRMED_RESPONSE, end);
 	if (writer->full)
 		error = IEC61850_TOO_LONG;
 	if (known && error == IEC61850_NO_ERROR)
-		return;
+		return IEC61850_ANSWERED;
 	writer->at = end;
 	writer->full = false;
 	iec61850_count(server, IEC61850_COUNT_ERRORS);
@@ -223,6 +228,7 @@ static void serve_request(struct iec61850_server *server, const struct ber_eleme
 		put_reject(writer, &invoke_id, OF_REQUEST, INVALID_ARGUMENT);
 	else
 		put_error(writer, invoke_id, error);
+	return IEC61850_ANSWERED;
 }
 
 enum iec61850_outcome iec61850_serve(struct iec61850_server *server, const struct ber_element *octets,
@@ -238,8 +244,7 @@ enum iec61850_outcome iec61850_serve(struct iec61850_server *server, const struc
 	}
 	switch (pdu.tag) {
 	case CONFIRMED_REQUEST:
-		serve_request(server, &pdu, writer);
-		return IEC61850_ANSWERED;
+		return serve_request(server, &pdu, writer);
 	case CONCLUDE_REQUEST:
 		ber_put(writer, CONCLUDE_RESPONSE, NULL, 0);
 		return IEC61850_ANSWERED;

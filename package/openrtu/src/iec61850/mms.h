@@ -9,20 +9,68 @@
 
 #define IEC61850_VARIABLES_MAX 1024 /* of one request */
 
+#define IEC61850_CONTROLS_EACH 8 /* commands of one client at a time */
+#define IEC61850_CONTROLS      (IEC61850_ASSOCIATIONS_MAX * IEC61850_CONTROLS_EACH)
+#define IEC61850_WISH_SIZE     160 /* octets of a command's parameters: 112 in their shortest form */
+
 /* A member of a data set: its data object, and its place in the set. */
 struct iec61850_chosen {
 	uint32_t number, member;
 };
 
+/* What a service of a command says. */
+struct iec61850_wish {
+	union map_value value;
+	bool out_of_range; /* the point has no such value */
+	bool test;
+	uint8_t number;   /* ctlNum */
+	uint8_t category; /* orCat */
+	uint8_t identity_size;
+	uint8_t identity[IEC61850_OR_IDENT_SIZE]; /* orIdent */
+	uint16_t octet_count;
+	uint8_t octets[IEC61850_WISH_SIZE]; /* its elements, as they came */
+};
+
+enum iec61850_phase {
+	IEC61850_CONTROL_OVER,
+	IEC61850_SELECTING,
+	IEC61850_SELECTED,
+	IEC61850_RESELECTING, /* with the value that a selection by SBO had not */
+	IEC61850_OPERATING,   /* the device has not confirmed it yet */
+	IEC61850_EXECUTING,   /* it has */
+	IEC61850_CANCELLING,
+};
+
+/* A command of a client, from its selection to its end: iec61850/control.h. */
+struct iec61850_control {
+	const void *client; /* NULL: it has gone */
+	int64_t invoke_id;  /* of the service that is to be answered */
+	struct iec61850_object object;
+	struct iec61850_wish wish;
+	struct map_request request;
+	uint32_t generation; /* of the point's owner */
+	uint8_t phase;       /* enum iec61850_phase */
+	uint8_t owes;        /* what is to be said, in bits */
+	uint8_t cause;       /* AddCause; 0: it was not refused */
+	bool accepted;       /* the service that is to be answered was */
+};
+
 struct iec61850_server {
 	struct iec61850_model model;
+	struct map *map;
 	struct iec61850_stats *stats;
 	/* What one request needs, whosever it is. */
 	struct ber_element variables[IEC61850_VARIABLES_MAX];
 	uint8_t *names;                 /* max_pdu octets */
 	struct iec61850_chosen *chosen; /* as many as there are points */
-	/* Whose turn it is, and when. */
+	struct iec61850_control controls[IEC61850_CONTROLS];
+	/* Whose turn it is, what it asks, and when. */
 	const void *client;
+	uint32_t session; /* of it, as selections are told apart */
+	bool may_control;
+	bool catching_up;                   /* with the events of a former process */
+	const struct iec61850_entry *entry; /* that is being told; NULL: none */
+	int64_t invoke_id;
 	int64_t now_ns;
 };
 
@@ -47,6 +95,7 @@ enum iec61850_outcome iec61850_serve(struct iec61850_server *server, const struc
 /* Classes and codes of errors (ISO 9506-2, 7.4.3). */
 enum iec61850_error {
 	IEC61850_NO_ERROR,
+	IEC61850_LATER,                    /* no error: the answer comes by itself */
 	IEC61850_UNDEFINED = 0x0201,       /* definition: object-undefined */
 	IEC61850_UNSUPPORTED = 0x0204,     /* definition: object-attribute-inconsistent */
 	IEC61850_TOO_LONG = 0x0301,        /* resource: memory-unavailable */

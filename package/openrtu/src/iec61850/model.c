@@ -31,6 +31,42 @@ static const struct iec61850_node bcr[] = {
     {"actVal", IEC61850_TOTAL, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
 static const struct iec61850_node described[] = {{"d", IEC61850_DESCRIPTION, NULL, 0}};
 static const struct iec61850_node controlled[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}};
+
+/* The services of a command (8-1, 20.5 and annex E): which there are, the model says. */
+static const struct iec61850_node origin[] = {{"orCat", IEC61850_ENUM, NULL, 0},
+					      {"orIdent", IEC61850_OR_IDENT, NULL, 0}};
+#define SERVICE(name, leaf, children)                                                                        \
+	{                                                                                                    \
+		name, leaf, children, COUNT(children)                                                        \
+	}
+#define CANCELLING(...)                                                                                      \
+	{__VA_ARGS__}, {"origin", IEC61850_STRUCTURE, origin, COUNT(origin)},                                \
+	    {"ctlNum", IEC61850_CTL_NUM, NULL, 0}, {"T", IEC61850_TIME, NULL, 0},                            \
+	{                                                                                                    \
+		"Test", IEC61850_BOOLEAN, NULL, 0                                                            \
+	}
+#define OPERATING(...)                                                                                       \
+	CANCELLING(__VA_ARGS__),                                                                             \
+	{                                                                                                    \
+		"Check", IEC61850_CHECK, NULL, 0                                                             \
+	}
+#define CONTROLS(value, ...)                                                                                 \
+	static const struct iec61850_node value##_operate[] = {OPERATING(__VA_ARGS__)};                      \
+	static const struct iec61850_node value##_cancel[] = {CANCELLING(__VA_ARGS__)};                      \
+	static const struct iec61850_node value##_direct[] = {                                               \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate)};                                                \
+	static const struct iec61850_node value##_sbo[] = {                                                  \
+	    {"SBO", IEC61850_SBO, NULL, 0},                                                                  \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
+	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)};                                             \
+	static const struct iec61850_node value##_sbow[] = {                                                 \
+	    SERVICE("SBOw", IEC61850_SBOW, value##_operate),                                                 \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
+	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)}
+
+CONTROLS(binary, "ctlVal", IEC61850_BOOLEAN, NULL, 0);
+CONTROLS(integer, "ctlVal", IEC61850_INTEGER, NULL, 0);
+CONTROLS(set_point, "ctlVal", IEC61850_STRUCTURE, analogue, COUNT(analogue));
 static const struct iec61850_node pulses[] = {{"pulsQty", IEC61850_UNIT, NULL, 0}};
 static const struct iec61850_node plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0},
 					     {"swRev", IEC61850_REVISION, NULL, 0},
@@ -48,6 +84,19 @@ static const struct iec61850_node report_block[] = {{"RptID", IEC61850_RPT_ID, N
 						    {"TrgOps", IEC61850_TRG_OPS, NULL, 0},
 						    {"IntgPd", IEC61850_INTG_PD, NULL, 0},
 						    {"GI", IEC61850_GI, NULL, 0}};
+static const struct iec61850_node buffered_block[] = {{"RptID", IEC61850_RPT_ID, NULL, 0},
+						      {"RptEna", IEC61850_RPT_ENA, NULL, 0},
+						      {"DatSet", IEC61850_DAT_SET, NULL, 0},
+						      {"ConfRev", IEC61850_CONF_REV, NULL, 0},
+						      {"OptFlds", IEC61850_OPT_FLDS, NULL, 0},
+						      {"BufTm", IEC61850_BUF_TM, NULL, 0},
+						      {"SqNum", IEC61850_LONG_SQ_NUM, NULL, 0},
+						      {"TrgOps", IEC61850_TRG_OPS, NULL, 0},
+						      {"IntgPd", IEC61850_INTG_PD, NULL, 0},
+						      {"GI", IEC61850_GI, NULL, 0},
+						      {"PurgeBuf", IEC61850_PURGE_BUF, NULL, 0},
+						      {"EntryID", IEC61850_ENTRY_ID, NULL, 0},
+						      {"TimeofEntry", IEC61850_TIME_OF_ENTRY, NULL, 0}};
 static const struct iec61850_node physical_plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0}};
 
 enum cdc { SPS, INS, ENS, ENC, MV, BCR, SPC, DPC, INC, APC, LPL, DPL, CDCS };
@@ -71,6 +120,16 @@ static const struct iec61850_nodes classes[CDCS][IEC61850_FCS] = {
     [DPL] = {[IEC61850_DC] = NODES(physical_plate)},
 };
 
+#define MODELS(value)                                                                                        \
+	{                                                                                                    \
+		[IEC61850_DIRECT_NORMAL] = NODES(value##_direct),                                            \
+		[IEC61850_SBO_NORMAL] = NODES(value##_sbo),                                                  \
+		[IEC61850_DIRECT_ENHANCED] = NODES(value##_direct),                                          \
+		[IEC61850_SBO_ENHANCED] = NODES(value##_sbow)                                                \
+	}
+static const struct iec61850_nodes services[CDCS][IEC61850_CTL_MODELS] = {
+    [SPC] = MODELS(binary), [DPC] = MODELS(binary), [INC] = MODELS(integer), [APC] = MODELS(set_point)};
+
 /* ---- logical nodes (IEC 61850-7-4) ------------------------------------------------------- */
 
 struct fixed {
@@ -90,9 +149,10 @@ static const struct {
 			 [IEC61850_LPHD1] = {"LPHD1", lphd1, COUNT(lphd1)},
 			 [IEC61850_GGIO1] = {"GGIO1", ggio1, COUNT(ggio1)}};
 
-static const char *const block_names[IEC61850_BLOCKS] = {"urcbStatus01", "urcbStatus02", "urcbMeasured01",
-							 "urcbMeasured02"};
-static const char *const fc_names[IEC61850_FCS] = {"CF", "DC", "EX", "MX", "RP", "ST"};
+static const char *const block_names[IEC61850_BLOCKS] = {"urcbStatus01",   "urcbStatus02",  "urcbMeasured01",
+							 "urcbMeasured02", "brcbStatus01",  "brcbStatus02",
+							 "brcbMeasured01", "brcbMeasured02"};
+static const char *const fc_names[IEC61850_FCS] = {"BR", "CF", "CO", "DC", "EX", "MX", "RP", "ST"};
 
 const char *iec61850_ln_name(enum iec61850_ln ln)
 {
@@ -159,6 +219,45 @@ uint32_t iec61850_object_count(const struct iec61850_device *device, enum iec618
 	}
 }
 
+static bool is_buffered(const struct iec61850_device *device, const struct iec61850_block *block)
+{
+	return block - device->blocks >= IEC61850_UNBUFFERED;
+}
+
+enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
+{
+	const struct iec61850_settings *settings = model->settings;
+	const uint8_t flags = model->config->points[point].flags;
+
+	if (settings->controller_count == 0 || !(flags & MAP_POINT_COMMAND))
+		return IEC61850_STATUS_ONLY;
+	if (flags & MAP_POINT_SELECT)
+		return settings->normal_security ? IEC61850_SBO_NORMAL : IEC61850_SBO_ENHANCED;
+	return settings->normal_security ? IEC61850_DIRECT_NORMAL : IEC61850_DIRECT_ENHANCED;
+}
+
+static struct iec61850_nodes nodes_of_point(const struct iec61850_model *model, uint32_t number,
+					    enum iec61850_fc fc)
+{
+	const enum cdc cdc = kind_of(&model->config->points[number]).cdc;
+
+	return fc == IEC61850_CO ? services[cdc][iec61850_ctl_model(model, number)] : classes[cdc][fc];
+}
+
+static struct iec61850_nodes nodes_of_block(const struct iec61850_model *model,
+					    const struct iec61850_device *device,
+					    const struct iec61850_block *block, enum iec61850_fc fc)
+{
+	const bool buffered = is_buffered(device, block);
+
+	if (fc != (buffered ? IEC61850_BR : IEC61850_RP) ||
+	    device->members[iec61850_set_of(device, block)] == 0 ||
+	    (buffered && device - model->devices >= IEC61850_KEPT_DEVICES))
+		return (struct iec61850_nodes){0};
+	return buffered ? (struct iec61850_nodes)NODES(buffered_block)
+			: (struct iec61850_nodes)NODES(report_block);
+}
+
 struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 					const struct iec61850_device *device, enum iec61850_ln ln,
 					uint32_t number, enum iec61850_fc fc)
@@ -166,11 +265,10 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 	const struct iec61850_block *block = iec61850_block_of(device, ln, number);
 
 	if (block != NULL)
-		return fc == IEC61850_RP && device->members[iec61850_set_of(device, block)] > 0
-			   ? (struct iec61850_nodes)NODES(report_block)
-			   : (struct iec61850_nodes){0};
-	return is_point(ln, number) ? classes[kind_of(point_at(model, device, number)).cdc][fc]
-				    : classes[nodes[ln].fixed[number].cdc][fc];
+		return nodes_of_block(model, device, block, fc);
+	if (is_point(ln, number))
+		return nodes_of_point(model, model->points[device->first + number - nodes[ln].count], fc);
+	return classes[nodes[ln].fixed[number].cdc][fc];
 }
 
 bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,
@@ -376,7 +474,7 @@ struct iec61850_object iec61850_block_object(const struct iec61850_device *devic
 {
 	return (struct iec61850_object){.device = device,
 					.ln = IEC61850_LLN0,
-					.fc = IEC61850_RP,
+					.fc = block < IEC61850_UNBUFFERED ? IEC61850_RP : IEC61850_BR,
 					.number = nodes[IEC61850_LLN0].count + block};
 }
 
@@ -479,8 +577,8 @@ static void make_blocks(struct iec61850_model *model)
 			struct iec61850_object object = iec61850_before_first(device, (enum iec61850_set)set);
 
 			while (iec61850_next_member(model, &object))
-				model->places[iec61850_point_of(model, &object)] =
-				    (struct iec61850_place){i, device->members[set]++, (uint8_t)set};
+				model->places[iec61850_point_of(model, &object)] = (struct iec61850_place){
+				    i, device->members[set]++, object.number, (uint8_t)set};
 		}
 		for (unsigned j = 0; j < IEC61850_BLOCKS; j++) {
 			struct iec61850_block *block = &device->blocks[j];
@@ -519,7 +617,7 @@ bool iec61850_model_begin(struct iec61850_model *model, const struct map *map)
 					 .devices = calloc(config->set_count + 1, sizeof(*model->devices))};
 	model->blocks = calloc((size_t)config->set_count * IEC61850_BLOCKS + 1, sizeof(*model->blocks));
 	/* A point is a member of one data set at most. */
-	model->reasons = calloc((size_t)config->point_count * IEC61850_BLOCKS_A_SET + 1, 1);
+	model->reasons = calloc((size_t)config->point_count * IEC61850_BLOCKS / IEC61850_SETS + 1, 1);
 	model->places = calloc(config->point_count + 1, sizeof(*model->places));
 	model->image = calloc(config->point_count + 1, sizeof(*model->image));
 	if (model->points == NULL || model->devices == NULL || model->blocks == NULL ||

@@ -8,20 +8,34 @@
 #define OPENRTU_IEC61850_MODEL_H
 
 #include "iec61850/config.h"
+#include "iec61850/kept.h"
 #include "map/map.h"
 
 #define IEC61850_NAME_SIZE      65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
+#define IEC61850_OR_IDENT_SIZE  64
 #define IEC61850_REFERENCE_SIZE (2 * IEC61850_NAME_SIZE)
 
 /* Functional constraints (IEC 61850-7-2, table 18), in the order of their names. */
 enum iec61850_fc {
+	IEC61850_BR,
 	IEC61850_CF,
+	IEC61850_CO,
 	IEC61850_DC,
 	IEC61850_EX,
 	IEC61850_MX,
 	IEC61850_RP,
 	IEC61850_ST,
 	IEC61850_FCS,
+};
+
+/* How a data object is controlled (IEC 61850-7-3, CtlModelKind). */
+enum iec61850_ctl_model {
+	IEC61850_STATUS_ONLY,
+	IEC61850_DIRECT_NORMAL,
+	IEC61850_SBO_NORMAL,
+	IEC61850_DIRECT_ENHANCED,
+	IEC61850_SBO_ENHANCED,
+	IEC61850_CTL_MODELS,
 };
 
 enum iec61850_ln { IEC61850_LLN0, IEC61850_LPHD1, IEC61850_GGIO1, IEC61850_LNS };
@@ -44,6 +58,14 @@ enum iec61850_leaf {
 	IEC61850_REVISION,
 	IEC61850_CONFIGURATION,
 	IEC61850_NAME_SPACE,
+	/* Of a command: what is read of them means nothing. */
+	IEC61850_SBO,
+	IEC61850_SBOW, /* this and the next two: structures */
+	IEC61850_OPER,
+	IEC61850_CANCEL,
+	IEC61850_OR_IDENT,
+	IEC61850_CTL_NUM,
+	IEC61850_CHECK,
 	/* Of a report control block: */
 	IEC61850_RPT_ID,
 	IEC61850_RPT_ENA,
@@ -56,6 +78,11 @@ enum iec61850_leaf {
 	IEC61850_TRG_OPS,
 	IEC61850_INTG_PD,
 	IEC61850_GI,
+	/* Of a buffered one besides: */
+	IEC61850_LONG_SQ_NUM,
+	IEC61850_PURGE_BUF,
+	IEC61850_ENTRY_ID,
+	IEC61850_TIME_OF_ENTRY,
 };
 
 struct iec61850_node {
@@ -75,8 +102,9 @@ struct iec61850_nodes {
 enum iec61850_set { IEC61850_STATUS, IEC61850_MEASURED, IEC61850_SETS };
 
 #define IEC61850_BLOCKS_A_SET 2
-#define IEC61850_BLOCKS       (IEC61850_SETS * IEC61850_BLOCKS_A_SET) /* of a logical device */
-#define IEC61850_RPT_ID_SIZE  130                                     /* VISIBLE STRING129 */
+#define IEC61850_UNBUFFERED                                                                                  \
+	(IEC61850_SETS * IEC61850_BLOCKS_A_SET) /* of a logical device; as many buffered ones behind */
+#define IEC61850_BLOCKS (IEC61850_UNBUFFERED + IEC61850_KEPT_BLOCKS)
 
 /* TrgOps, and the reasons for inclusion; OptFlds (IEC 61850-8-1, tables 38 and 39): the first bit in the most significant place. */
 enum iec61850_trigger {
@@ -92,24 +120,28 @@ enum iec61850_option {
 	IEC61850_REASON = 0x1000,
 	IEC61850_SET_NAME = 0x0800,
 	IEC61850_REFERENCE = 0x0400,
+	IEC61850_OVERFLOW = 0x0200,
+	IEC61850_ENTRY = 0x0100,
 	IEC61850_CONF_REVISION = 0x0080,
 	IEC61850_SEGMENTATION = 0x0040,
-	IEC61850_OPTIONS = 0x7cc0, /* without those that belong to buffered blocks */
+	IEC61850_OPTIONS = 0x7cc0, /* of an unbuffered block */
+	IEC61850_ALL_OPTIONS = 0x7fc0,
 };
 
-/* A report control block, unbuffered. */
+/* A report control block. */
 struct iec61850_block {
 	const void *owner;             /* the association that has it; NULL: none */
 	char id[IEC61850_RPT_ID_SIZE]; /* empty: its reference */
 	bool enabled, reserved;
 	uint8_t triggers;
-	uint8_t number;   /* SqNum of the next report */
+	uint16_t number;  /* SqNum of the next report */
 	uint16_t segment; /* SubSqNum of the next one */
 	uint16_t options;
 	uint32_t buffer_ms, integrity_ms;
-	int64_t due_ns;       /* of what is pending; 0: nothing is */
-	int64_t integrity_ns; /* of the next integrity report */
-	uint8_t *reasons;     /* of each member: why it is to be reported, 0: it is not */
+	int64_t due_ns;                   /* of what is pending; 0: nothing is */
+	int64_t integrity_ns;             /* of the next integrity report */
+	struct iec61850_kept_block *kept; /* of a buffered one */
+	uint8_t *reasons;                 /* of each member: why it is to be reported, 0: it is not */
 };
 
 struct iec61850_device {
@@ -122,6 +154,7 @@ struct iec61850_device {
 /* Where a point is in the model. */
 struct iec61850_place {
 	uint32_t device, member; /* of its data set */
+	uint32_t number;         /* of its data object */
 	uint8_t set;             /* enum iec61850_set */
 };
 
@@ -136,7 +169,8 @@ struct iec61850_model {
 	uint8_t *reasons;
 	struct iec61850_place *places;
 	struct map_sample *image; /* of each point, as the events have it that were taken */
-	uint32_t revision;        /* of the configuration, as configRev shows it */
+	struct iec61850_buffer buffer;
+	uint32_t revision; /* of the configuration, as configRev shows it */
 	int64_t started_ns;
 };
 
@@ -181,6 +215,8 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 /* Whether a logical node has anything under it. */
 bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,
 		  enum iec61850_ln ln, enum iec61850_fc fc);
+/* How a point is controlled: as the configuration has it, if anybody may. */
+enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
 /* The report control block that a data object of LLN0 is; NULL: it is none. */
 struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, enum iec61850_ln ln,
 					 uint32_t number);
@@ -189,7 +225,7 @@ struct iec61850_object iec61850_block_object(const struct iec61850_device *devic
 static inline enum iec61850_set iec61850_set_of(const struct iec61850_device *device,
 						const struct iec61850_block *block)
 {
-	return (enum iec61850_set)((block - device->blocks) / IEC61850_BLOCKS_A_SET);
+	return (enum iec61850_set)((block - device->blocks) % IEC61850_UNBUFFERED / IEC61850_BLOCKS_A_SET);
 }
 /* The name of a data set in its logical device, as LLN0$status. */
 const char *iec61850_set_name(enum iec61850_set set);

@@ -2,6 +2,7 @@
 /* Read and Write (ISO 9506-2, 14.7 and 14.8). What a client may set, it sets by control blocks and commands only. */
 #include <string.h>
 
+#include "iec61850/control.h"
 #include "iec61850/mms.h"
 #include "iec61850/report.h"
 #include "iec61850/value.h"
@@ -82,12 +83,20 @@ static enum iec61850_error read_list(struct iec61850_server *server, const struc
 	return IEC61850_NO_ERROR;
 }
 
+/* A Read of one variable that is SBO selects (7-2, 20.3.2). */
+static bool selects(const struct iec61850_server *server, const struct ber_element *variable,
+		    struct iec61850_object *out)
+{
+	return find(server, variable, out) == 0 && out->node != NULL && out->node->leaf == IEC61850_SBO;
+}
+
 enum iec61850_error iec61850_read(struct iec61850_server *server, const struct ber_element *request,
 				  struct ber_writer *writer)
 {
 	const size_t end = writer->at;
 	struct ber_element with, specification, list;
-	int count;
+	struct iec61850_object object;
+	int count, error;
 
 	if (!ber_find(request, SPECIFICATION, &specification))
 		return IEC61850_INVALID_REQUEST;
@@ -98,6 +107,12 @@ enum iec61850_error iec61850_read(struct iec61850_server *server, const struct b
 	count = read_variables(server, &list);
 	if (count < 0)
 		return IEC61850_INVALID_REQUEST;
+	if (count == 1 && selects(server, &server->variables[0], &object)) {
+		const enum iec61850_error later = iec61850_control_select(server, &object, &error);
+
+		if (later != IEC61850_NO_ERROR)
+			return later;
+	}
 	while (count-- > 0 && !writer->full)
 		put_result(server, &server->variables[count], writer);
 	ber_close(writer, 0xa1, end);
@@ -114,12 +129,33 @@ static void write_one(struct iec61850_server *server, const struct ber_element *
 	struct iec61850_object object;
 	int error = find(server, variable, &object);
 
+	if (error == 0 && object.fc == IEC61850_CO)
+		error = OBJECT_ACCESS_UNSUPPORTED; /* a command is a Write of its own */
 	if (error == 0)
 		error = iec61850_block_write(server, &object, data);
 	if (error != 0)
 		ber_put_integer(writer, FAILURE, error);
 	else
 		ber_put(writer, SUCCESS, NULL, 0);
+}
+
+/* A service of a command: its answer comes when the device's has, but for what is no such service. */
+static enum iec61850_error write_control(struct iec61850_server *server, const struct iec61850_object *object,
+					 struct ber_reader *reader, struct ber_writer *writer)
+{
+	const size_t end = writer->at;
+	enum iec61850_error later;
+	struct ber_element data;
+	int error;
+
+	if (!ber_next(reader, &data))
+		return IEC61850_INVALID_REQUEST;
+	later = iec61850_control_write(server, object, &data, &error);
+	if (later != IEC61850_NO_ERROR)
+		return later;
+	ber_put_integer(writer, FAILURE, error);
+	ber_close(writer, 0xa5, end);
+	return IEC61850_NO_ERROR;
 }
 
 /* The answers are written from the first on, since later writes may build on earlier ones: into the names, then as a whole. */
@@ -129,6 +165,7 @@ enum iec61850_error iec61850_write(struct iec61850_server *server, const struct 
 	const size_t end = writer->at;
 	struct ber_reader reader = ber_inside(request);
 	struct ber_element list, data;
+	struct iec61850_object object;
 	size_t size = 0;
 	int count;
 
@@ -138,6 +175,8 @@ enum iec61850_error iec61850_write(struct iec61850_server *server, const struct 
 	if (count < 0)
 		return IEC61850_INVALID_REQUEST;
 	reader = ber_inside(&data);
+	if (count == 1 && find(server, &server->variables[0], &object) == 0 && object.fc == IEC61850_CO)
+		return write_control(server, &object, &reader, writer);
 	for (int i = 0; i < count; i++) {
 		uint8_t octets[8];
 		struct ber_writer one = {.octets = octets, .at = sizeof(octets)};

@@ -11,7 +11,7 @@ enum {
 	TEMPORARILY_UNAVAILABLE = 2,
 	OBJECT_ACCESS_DENIED = 3,
 	TYPE_INCONSISTENT = 7,
-	OBJECT_VALUE_INVALID = 11
+	OBJECT_VALUE_INVALID = 11,
 };
 /* Tags of Data. */
 enum {
@@ -19,13 +19,11 @@ enum {
 	BIT_STRING = 0x84,
 	INTEGER = 0x85,
 	UNSIGNED = 0x86,
-	VISIBLE_STRING = 0x8a,
-	BINARY_TIME = 0x8c
+	OCTET_STRING = 0x89,
+	VISIBLE_STRING = 0x8a
 };
 /* Tags of the PDU (ISO 9506-2, 14.14). */
 enum { UNCONFIRMED = 0xa3, INFORMATION_REPORT = 0xa0, LIST_NAME = 0xa1, VMD_SPECIFIC = 0x80, RESULTS = 0xa0 };
-
-#define DAYS_TO_1984 5113 /* from 1970: binary times count from there */
 
 /* ---- pending ----------------------------------------------------------------------------- */
 
@@ -50,7 +48,8 @@ static void mark_all(const struct iec61850_device *device, struct iec61850_block
 		block->due_ns = now_ns; /* who asks for all does not wait */
 }
 
-static void note(struct iec61850_server *server, uint32_t point, const struct map_sample *sample,
+/* again: of an event that a former process had not taken, which the image may have already: it is a change all the same. */
+static void note(struct iec61850_server *server, uint32_t point, const struct map_sample *sample, bool again,
 		 int64_t now_ns)
 {
 	const struct iec61850_model *model = &server->model;
@@ -61,6 +60,9 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 	    (sample->quality != model->image[point].quality ? IEC61850_QUALITY_CHANGE : 0);
 
 	model->image[point] = *sample;
+	if (reason != 0 || again)
+		iec61850_buffer_add(&server->model.buffer, point,
+				    reason != 0 ? reason : (unsigned)IEC61850_DATA_CHANGE, sample);
 	for (unsigned i = 0; reason != 0 && i < IEC61850_BLOCKS_A_SET; i++)
 		mark(&device->blocks[place->set * IEC61850_BLOCKS_A_SET + i], place->member, reason, now_ns);
 }
@@ -72,7 +74,7 @@ static void note_owner(struct iec61850_server *server, uint32_t module, int64_t 
 	for (uint32_t i = 0; i < server->model.config->point_count; i++)
 		if ((module == MAP_NONE || map_owner(server->model.map, i) == module) &&
 		    map_read(server->model.map, i, &sample))
-			note(server, i, &sample, now_ns);
+			note(server, i, &sample, false, now_ns);
 }
 
 void iec61850_report_all(struct iec61850_server *server, int64_t now_ns)
@@ -85,7 +87,7 @@ void iec61850_report_event(struct iec61850_server *server, const struct map_even
 	switch ((enum map_event_kind)event->kind) {
 	case MAP_EVENT_CHANGE: /* those of an earlier start are buffered blocks' */
 		if (event->time == MAP_TIME_MONOTONIC && event->point < server->model.config->point_count)
-			note(server, event->point, &event->sample, now_ns);
+			note(server, event->point, &event->sample, server->catching_up, now_ns);
 		return;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
@@ -94,6 +96,83 @@ void iec61850_report_event(struct iec61850_server *server, const struct map_even
 	case MAP_EVENT_CLOCK:
 		return;
 	}
+}
+
+void iec61850_report_settle(struct iec61850_server *server, const struct map_cursor *cursor)
+{
+	iec61850_buffer_settle(&server->model.buffer, cursor);
+}
+
+/* ---- what outlives the process ----------------------------------------------------------- */
+
+/* Of the points as they are numbered: entries are of such numbers. */
+static uint32_t numbering(const struct iec61850_model *model)
+{
+	uint32_t hash = model->revision;
+
+	for (uint32_t i = 0; i < model->config->point_count; i++)
+		hash = (hash ^ model->points[i]) * 16777619u;
+	return hash;
+}
+
+static void load_block(struct iec61850_block *block, struct iec61850_kept_block *kept, bool known)
+{
+	block->kept = kept;
+	if (!known) {
+		kept->triggers = IEC61850_DATA_CHANGE | IEC61850_QUALITY_CHANGE;
+		kept->options = IEC61850_SEQUENCE | IEC61850_TIME_STAMP | IEC61850_REASON |
+				IEC61850_OVERFLOW | IEC61850_ENTRY;
+	}
+	block->triggers = kept->triggers;
+	block->options = kept->options;
+	block->buffer_ms = kept->buffer_ms;
+	block->integrity_ms = kept->integrity_ms;
+	kept->id[sizeof(kept->id) - 1] = '\0';
+	memcpy(block->id, kept->id, sizeof(block->id));
+}
+
+static void save_block(const struct iec61850_block *block)
+{
+	struct iec61850_kept_block *kept = block->kept;
+
+	kept->triggers = block->triggers;
+	kept->options = block->options;
+	kept->buffer_ms = block->buffer_ms;
+	kept->integrity_ms = block->integrity_ms;
+	memcpy(kept->id, block->id, sizeof(kept->id));
+}
+
+/* The image as the last entries have it: what happens next is a change from there. */
+static void take_image(struct iec61850_model *model)
+{
+	const struct iec61850_buffer *buffer = &model->buffer;
+
+	for (uint32_t i = 0; i < model->config->point_count; i++)
+		map_read(model->map, i, &model->image[i]);
+	for (uint32_t number = iec61850_buffer_oldest(buffer); number != buffer->next; number++) {
+		const struct iec61850_entry *entry = iec61850_buffer_entry(buffer, number);
+
+		if (entry != NULL && entry->point < model->config->point_count)
+			model->image[entry->point] = entry->sample;
+	}
+}
+
+void iec61850_report_begin(struct iec61850_server *server, void *section, struct map_cursor *cursor,
+			   uint32_t start)
+{
+	struct iec61850_model *model = &server->model;
+	struct iec61850_buffer *buffer = &model->buffer;
+
+	server->catching_up = iec61850_buffer_begin(buffer, section, model->config, numbering(model), start);
+	for (uint32_t i = 0; i < model->device_count && i < IEC61850_KEPT_DEVICES; i++)
+		for (uint32_t j = 0; j < IEC61850_KEPT_BLOCKS; j++)
+			load_block(&model->devices[i].blocks[IEC61850_UNBUFFERED + j],
+				   &buffer->blocks[i * IEC61850_KEPT_BLOCKS + j], server->catching_up);
+	take_image(model);
+	if (server->catching_up)
+		*cursor = iec61850_buffer_cursor(buffer);
+	else
+		iec61850_buffer_settle(buffer, cursor);
 }
 
 /* ---- control blocks ---------------------------------------------------------------------- */
@@ -107,6 +186,50 @@ static void enable(const struct iec61850_device *device, struct iec61850_block *
 	block->number = 0;
 	block->segment = 0;
 	block->integrity_ns = now_ns + block->integrity_ms * NS_PER_MS;
+}
+
+/* What a block would have told is no more (7-2, 17.2.2.14). */
+static void purge(struct iec61850_server *server, struct iec61850_block *block)
+{
+	block->kept->floor = block->kept->next = server->model.buffer.next;
+	block->kept->overflow = false;
+}
+
+/* The number of the first entry that a block may still tell. */
+static uint32_t first_of(const struct iec61850_server *server, const struct iec61850_block *block)
+{
+	const uint32_t oldest = iec61850_buffer_oldest(&server->model.buffer);
+
+	return (int32_t)(block->kept->floor - oldest) > 0 ? block->kept->floor : oldest;
+}
+
+static uint32_t word_of(const uint8_t *octets)
+{
+	return (uint32_t)octets[0] << 24 | (uint32_t)octets[1] << 16 | (uint32_t)octets[2] << 8 | octets[3];
+}
+
+/* Reports go on behind this entry; behind none: with the first that is there (7-2, 17.2.3.2.4.2). */
+static int write_entry(const struct iec61850_server *server, const struct ber_element *data,
+		       struct iec61850_block *block)
+{
+	const uint32_t first = first_of(server, block), next = server->model.buffer.next;
+	uint32_t start, number;
+
+	if (data->tag != OCTET_STRING || data->size != IEC61850_ENTRY_ID_OCTETS)
+		return TYPE_INCONSISTENT;
+	start = word_of(data->value);
+	number = word_of(data->value + 4);
+	if (start == 0 && number == 0) {
+		block->kept->overflow = first != block->kept->floor;
+		block->kept->next = first;
+		return 0;
+	}
+	if (start != server->model.buffer.kept->start || (int32_t)(number + 1 - first) < 0 ||
+	    (int32_t)(next - number) <= 0)
+		return OBJECT_VALUE_INVALID;
+	block->kept->overflow = false;
+	block->kept->next = number + 1;
+	return 0;
 }
 
 static int write_number(const struct ber_element *data, uint32_t *out)
@@ -168,7 +291,9 @@ static int write_attribute(struct iec61850_server *server, const struct iec61850
 		return write_set(server, object, data, block);
 	case IEC61850_OPT_FLDS:
 		error = write_bits(data, 2, &bits);
-		block->options = error == 0 ? bits & IEC61850_OPTIONS : block->options;
+		if (error == 0)
+			block->options =
+			    bits & (block->kept != NULL ? IEC61850_ALL_OPTIONS : IEC61850_OPTIONS);
 		return error;
 	case IEC61850_TRG_OPS:
 		error = write_bits(data, 1, &bits);
@@ -178,9 +303,27 @@ static int write_attribute(struct iec61850_server *server, const struct iec61850
 		return write_number(data, &block->buffer_ms);
 	case IEC61850_INTG_PD:
 		return write_number(data, &block->integrity_ms);
+	case IEC61850_ENTRY_ID:
+		return write_entry(server, data, block);
 	default:
 		return OBJECT_ACCESS_DENIED;
 	}
+}
+
+/* Of a buffered block: another setting purges what was kept for the former one. */
+static int write_kept(struct iec61850_server *server, const struct iec61850_object *object,
+		      const struct ber_element *data, struct iec61850_block *block)
+{
+	const struct iec61850_block before = *block;
+	const int error = write_attribute(server, object, data, block);
+
+	if (block->kept == NULL || error != 0)
+		return error;
+	if (before.triggers != block->triggers || before.buffer_ms != block->buffer_ms ||
+	    before.integrity_ms != block->integrity_ms || strcmp(before.id, block->id) != 0)
+		purge(server, block);
+	save_block(block);
+	return 0;
 }
 
 static int write_switch(struct iec61850_server *server, const struct iec61850_object *object, bool on,
@@ -197,6 +340,12 @@ static int write_switch(struct iec61850_server *server, const struct iec61850_ob
 			return TEMPORARILY_UNAVAILABLE;
 		if (on)
 			mark_all(object->device, block, IEC61850_GENERAL, server->now_ns);
+		return 0;
+	case IEC61850_PURGE_BUF:
+		if (block->enabled)
+			return TEMPORARILY_UNAVAILABLE;
+		if (on)
+			purge(server, block);
 		return 0;
 	default:
 		if (block->enabled)
@@ -222,12 +371,12 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 	case IEC61850_RPT_ENA:
 	case IEC61850_RESV:
 	case IEC61850_GI:
+	case IEC61850_PURGE_BUF:
 		if (data->tag != BOOLEAN || data->size != 1)
 			return TYPE_INCONSISTENT;
 		return write_switch(server, object, data->value[0] != 0, block);
 	default:
-		return block->enabled ? TEMPORARILY_UNAVAILABLE
-				      : write_attribute(server, object, data, block);
+		return block->enabled ? TEMPORARILY_UNAVAILABLE : write_kept(server, object, data, block);
 	}
 }
 
@@ -282,7 +431,7 @@ static void put_member(struct iec61850_server *server, struct ber_writer *writer
 		       const struct iec61850_object *object, unsigned reason)
 {
 	const uint32_t point = iec61850_point_of(&server->model, object);
-	struct map_sample sample = server->model.image[point];
+	struct map_sample sample = server->entry != NULL ? server->entry->sample : server->model.image[point];
 
 	if (reason & (IEC61850_GENERAL | IEC61850_INTEGRITY))
 		map_read(server->model.map, point, &sample);
@@ -323,16 +472,11 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 	ber_put(writer, BIT_STRING, server->names, octets + 1);
 }
 
-/* Milliseconds of the day, and days since 1984 (IEC 61850-8-1, 8.1.3.6). */
+/* Of an entry it is when it happened. */
 static void put_time_of_entry(struct ber_writer *writer, const struct iec61850_server *server)
 {
-	const int64_t wall_ms = map_wall_ns(map_clock_read(server->model.map), server->now_ns) / NS_PER_MS;
-	const int64_t day_ms = S_PER_DAY * MS_PER_S, days = wall_ms / day_ms - DAYS_TO_1984;
-	const uint32_t ms = (uint32_t)(wall_ms % day_ms);
-	const uint8_t octets[] = {(uint8_t)(ms >> 24), (uint8_t)(ms >> 16),  (uint8_t)(ms >> 8),
-				  (uint8_t)ms,         (uint8_t)(days >> 8), (uint8_t)days};
-
-	ber_put(writer, BINARY_TIME, octets, sizeof(octets));
+	iec61850_put_binary_time(writer, &server->model,
+				 server->entry != NULL ? server->entry->sample.time_ns : server->now_ns);
 }
 
 static void put_head(struct iec61850_server *server, struct ber_writer *writer,
@@ -346,13 +490,19 @@ static void put_head(struct iec61850_server *server, struct ber_writer *writer,
 	}
 	if (block->options & IEC61850_CONF_REVISION)
 		ber_put_integer(writer, UNSIGNED, model->revision);
+	if (block->options & IEC61850_ENTRY)
+		iec61850_put_entry_id(writer, model,
+				      server->entry != NULL ? server->entry->number : block->kept->next - 1);
+	if (block->options & IEC61850_OVERFLOW)
+		ber_put(writer, BOOLEAN, (const uint8_t[]){block->kept->overflow}, 1);
 	if (block->options & IEC61850_SET_NAME)
 		iec61850_put_reference(writer, model, object->device,
 				       iec61850_set_name(iec61850_set_of(object->device, block)));
 	if (block->options & IEC61850_TIME_STAMP)
 		put_time_of_entry(writer, server);
 	if (block->options & IEC61850_SEQUENCE)
-		ber_put_integer(writer, UNSIGNED, block->number);
+		ber_put_integer(writer, UNSIGNED,
+				block->kept != NULL ? block->number : (uint8_t)block->number);
 	iec61850_put_bits(writer, block->options, 10);
 	iec61850_put_block_id(writer, model, object, block);
 }
@@ -379,6 +529,8 @@ static void sent(struct iec61850_server *server, struct iec61850_block *block, u
 {
 	for (uint32_t i = 0; i < count; i++)
 		block->reasons[server->chosen[i].member] = 0;
+	if (block->kept != NULL)
+		block->kept->overflow = false;
 	block->due_ns = more ? server->now_ns : 0;
 	if (more && (block->options & IEC61850_SEGMENTATION)) {
 		block->segment++;
@@ -409,6 +561,65 @@ static bool put_block(struct iec61850_server *server, struct ber_writer *writer,
 	return false;
 }
 
+/* Whether an entry is a report of this block. */
+static bool tells(const struct iec61850_server *server, const struct iec61850_device *device,
+		  const struct iec61850_block *block, const struct iec61850_entry *entry)
+{
+	const struct iec61850_place *place = &server->model.places[entry->point];
+
+	return (entry->reason & block->triggers) != 0 && &server->model.devices[place->device] == device &&
+	       place->set == iec61850_set_of(device, block);
+}
+
+static bool put_one(struct iec61850_server *server, struct ber_writer *writer,
+		    const struct iec61850_object *object, struct iec61850_block *block,
+		    const struct iec61850_entry *entry)
+{
+	const struct iec61850_place *place = &server->model.places[entry->point];
+	const uint8_t pending = block->reasons[place->member];
+
+	server->chosen[0] = (struct iec61850_chosen){place->number, place->member};
+	server->entry = entry;
+	block->reasons[place->member] = (uint8_t)(entry->reason & block->triggers);
+	put_report(server, writer, object, block, 1, false);
+	block->reasons[place->member] = pending;
+	server->entry = NULL;
+	if (writer->full) { /* not even one member fits */
+		enable(object->device, block, false, server->now_ns);
+		return false;
+	}
+	block->number++;
+	return true;
+}
+
+/* The next report of what is kept for a block. */
+static bool put_kept(struct iec61850_server *server, struct ber_writer *writer,
+		     const struct iec61850_object *object, struct iec61850_block *block)
+{
+	struct iec61850_kept_block *kept = block->kept;
+	const struct iec61850_buffer *buffer = &server->model.buffer;
+
+	if (kept->next != buffer->next && iec61850_buffer_entry(buffer, kept->next) == NULL) {
+		kept->next = iec61850_buffer_oldest(buffer);
+		kept->overflow = true;
+	}
+	while (kept->next != buffer->next) {
+		const struct iec61850_entry *entry = iec61850_buffer_entry(buffer, kept->next);
+
+		if (entry != NULL && entry->point < server->model.config->point_count &&
+		    tells(server, object->device, block, entry)) {
+			if (!put_one(server, writer, object, block, entry))
+				return false;
+			kept->told_ns = entry->sample.time_ns;
+			kept->overflow = false;
+			kept->next++;
+			return true;
+		}
+		kept->next++;
+	}
+	return false;
+}
+
 static bool is_due(struct iec61850_server *server, const struct iec61850_device *device,
 		   struct iec61850_block *block)
 {
@@ -429,6 +640,10 @@ bool iec61850_report_put(struct iec61850_server *server, struct ber_writer *writ
 		const struct iec61850_device *device = &server->model.devices[i / IEC61850_BLOCKS];
 		const struct iec61850_object object = iec61850_block_object(device, i % IEC61850_BLOCKS);
 
+		/* What is kept comes before what is asked for now, which is newer. */
+		if (block->kept != NULL && block->enabled && block->owner == server->client &&
+		    put_kept(server, writer, &object, block))
+			return true;
 		if (is_due(server, device, block) && put_block(server, writer, &object, block))
 			return true;
 	}
@@ -444,6 +659,8 @@ int64_t iec61850_report_due_ns(const struct iec61850_server *server)
 
 		if (!block->enabled)
 			continue;
+		if (block->kept != NULL && block->kept->next != server->model.buffer.next)
+			return 0;
 		if (block->due_ns != 0 && block->due_ns < due_ns)
 			due_ns = block->due_ns;
 		if (block->integrity_ms > 0 && block->integrity_ns < due_ns)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * Reports of unbuffered report control blocks (IEC 61850-7-2, clause 17; 8-1, clause 17). A block belongs to the association that
- * reserved it. What a client has not taken when a point changes again is told by its newest value.
+ * Reports (IEC 61850-7-2, clause 17; 8-1, clause 17). A block belongs to the association that reserved it. What the client of an
+ * unbuffered block has not taken when a point changes again is told by its newest value; a buffered block tells each change.
  */
 #ifndef OPENRTU_IEC61850_REPORT_H
 #define OPENRTU_IEC61850_REPORT_H
@@ -14,7 +14,15 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 /* A client is gone: its blocks are free. */
 void iec61850_blocks_release(struct iec61850_server *server, const void *client);
 bool iec61850_blocks_owned(const struct iec61850_server *server, const void *client);
-/* Takes the image of all points; what differs from the former one is pending. At the start, and when events were lost. */
+/*
+ * At the start: what a former process of the module has kept in section goes on, from the place in cursor, which is set then. Without
+ * one, all begins where cursor is, with start in the EntryIDs.
+ */
+void iec61850_report_begin(struct iec61850_server *server, void *section, struct map_cursor *cursor,
+			   uint32_t start);
+/* The events before this place were told to iec61850_report_event. */
+void iec61850_report_settle(struct iec61850_server *server, const struct map_cursor *cursor);
+/* Takes the image of all points; what differs from the former one is pending. When events were lost. */
 void iec61850_report_all(struct iec61850_server *server, int64_t now_ns);
 /* What has happened. */
 void iec61850_report_event(struct iec61850_server *server, const struct map_event *event, int64_t now_ns);

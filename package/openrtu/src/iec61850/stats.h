@@ -17,6 +17,8 @@ enum iec61850_counter {
 	IEC61850_COUNT_READS,  /* variables */
 	IEC61850_COUNT_REPORTS,
 	IEC61850_COUNT_EVENTS_LOST,
+	IEC61850_COUNT_COMMANDS,         /* executions that were asked for */
+	IEC61850_COUNT_COMMANDS_REFUSED, /* services of commands that were refused, or failed */
 	IEC61850_COUNT_OF_COUNTERS
 };
 

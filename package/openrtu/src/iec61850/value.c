@@ -14,17 +14,20 @@ enum {
 	INTEGER = 0x85,
 	UNSIGNED = 0x86,
 	FLOATING_POINT = 0x87,
+	OCTET_STRING = 0x89,
 	VISIBLE_STRING = 0x8a,
+	BINARY_TIME = 0x8c,
 	UTC_TIME = 0x91,
 };
 enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TYPE = 0xa7 };
 
+#define DAYS_TO_1984   5113 /* from 1970: binary times count from there */
 #define TEXT_MAX       255
 #define QUALITY_BITS   13
 #define EXPONENT_WIDTH 8 /* of a number of 32 bits after IEEE 754 */
 
-/* Values of Mod, Beh, Health and ctlModel (IEC 61850-7-3, 7-4). */
-enum { MODE_ON = 1, HEALTH_OK = 1, HEALTH_ALARM = 3, STATUS_ONLY = 0 };
+/* Values of Mod, Beh, Health (IEC 61850-7-3, 7-4). */
+enum { MODE_ON = 1, HEALTH_OK = 1, HEALTH_ALARM = 3 };
 
 /* A data object as it is now. */
 struct state {
@@ -158,6 +161,10 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 			      .block = iec61850_block_of(object->device, object->ln, object->number)};
 	if (out->block != NULL)
 		return true;
+	if (object->fc == IEC61850_CO) {
+		out->number = 0;
+		return true;
+	}
 	if (point != MAP_NONE) {
 		set_text(model, point, out);
 		return load_point(model, point, out);
@@ -201,6 +208,29 @@ void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_mod
 	ber_put_text(writer, VISIBLE_STRING, text);
 }
 
+void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_model *model, int64_t time_ns)
+{
+	const int64_t wall_ms = map_wall_ns(map_clock_read(model->map), time_ns) / NS_PER_MS;
+	const int64_t day_ms = S_PER_DAY * MS_PER_S, days = wall_ms / day_ms - DAYS_TO_1984;
+	const uint32_t ms = (uint32_t)(wall_ms % day_ms);
+	const uint8_t octets[] = {(uint8_t)(ms >> 24), (uint8_t)(ms >> 16),  (uint8_t)(ms >> 8),
+				  (uint8_t)ms,         (uint8_t)(days >> 8), (uint8_t)days};
+
+	ber_put(writer, BINARY_TIME, octets, sizeof(octets));
+}
+
+void iec61850_put_entry_id(struct ber_writer *writer, const struct iec61850_model *model, uint32_t number)
+{
+	const uint32_t start = number != 0 ? model->buffer.kept->start : 0;
+	uint8_t octets[IEC61850_ENTRY_ID_OCTETS];
+
+	for (unsigned i = 0; i < 4; i++) {
+		octets[i] = (uint8_t)(start >> (24 - 8 * i));
+		octets[4 + i] = (uint8_t)(number >> (24 - 8 * i));
+	}
+	ber_put(writer, OCTET_STRING, octets, sizeof(octets));
+}
+
 void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_model *model,
 			   const struct iec61850_object *object, const struct iec61850_block *block)
 {
@@ -214,6 +244,15 @@ void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_mode
 	iec61850_put_reference(writer, model, object->device, name);
 }
 
+/* Mod, the other one that has a ctlModel, only shows. */
+static enum iec61850_ctl_model control_model(const struct iec61850_model *model,
+					     const struct iec61850_object *object)
+{
+	const uint32_t point = iec61850_point_of(model, object);
+
+	return point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point);
+}
+
 static void put_node(struct ber_writer *writer, const struct iec61850_model *model,
 		     const struct iec61850_node *node, const struct state *state)
 {
@@ -222,6 +261,9 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
+	case IEC61850_SBOW:
+	case IEC61850_OPER:
+	case IEC61850_CANCEL:
 		for (unsigned i = node->count; i-- > 0;)
 			put_node(writer, model, &node->children[i], state);
 		ber_close(writer, STRUCTURE, end);
@@ -244,7 +286,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		put_float(writer, 1.0f);
 		return;
 	case IEC61850_CTL_MODEL:
-		ber_put_integer(writer, INTEGER, STATUS_ONLY);
+		ber_put_integer(writer, INTEGER, control_model(model, state->object));
 		return;
 	case IEC61850_QUALITY:
 		iec61850_put_bits(writer, state->quality, QUALITY_BITS);
@@ -268,6 +310,18 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 	case IEC61850_NAME_SPACE:
 		ber_put_text(writer, VISIBLE_STRING, "IEC 61850-7-4:2007B");
 		return;
+	case IEC61850_SBO:
+		ber_put(writer, VISIBLE_STRING, NULL, 0);
+		return;
+	case IEC61850_OR_IDENT:
+		ber_put(writer, OCTET_STRING, NULL, 0);
+		return;
+	case IEC61850_CTL_NUM:
+		ber_put_integer(writer, UNSIGNED, 0);
+		return;
+	case IEC61850_CHECK:
+		iec61850_put_bits(writer, 0, 2);
+		return;
 	case IEC61850_RPT_ID:
 		iec61850_put_block_id(writer, model, state->object, state->block);
 		return;
@@ -283,6 +337,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put(writer, BOOLEAN, (const uint8_t[]){state->block->owner != NULL}, 1);
 		return;
 	case IEC61850_GI:
+	case IEC61850_PURGE_BUF:
 		ber_put(writer, BOOLEAN, (const uint8_t[]){0}, 1);
 		return;
 	case IEC61850_CONF_REV:
@@ -301,7 +356,16 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put_integer(writer, UNSIGNED, state->block->integrity_ms);
 		return;
 	case IEC61850_SQ_NUM:
+		ber_put_integer(writer, UNSIGNED, (uint8_t)state->block->number);
+		return;
+	case IEC61850_LONG_SQ_NUM:
 		ber_put_integer(writer, UNSIGNED, state->block->number);
+		return;
+	case IEC61850_ENTRY_ID:
+		iec61850_put_entry_id(writer, model, state->block->kept->next - 1);
+		return;
+	case IEC61850_TIME_OF_ENTRY:
+		iec61850_put_binary_time(writer, model, state->block->kept->told_ns);
 		return;
 	}
 }
@@ -411,6 +475,9 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
+	case IEC61850_SBOW:
+	case IEC61850_OPER:
+	case IEC61850_CANCEL:
 		put_nodes_type(writer, (struct iec61850_nodes){node->children, node->count});
 		return;
 	case IEC61850_BOOLEAN:
@@ -448,6 +515,16 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_NAME_SPACE:
 		ber_put_integer(writer, VISIBLE_STRING, -TEXT_MAX);
 		return;
+	case IEC61850_OR_IDENT:
+		ber_put_integer(writer, OCTET_STRING, -IEC61850_OR_IDENT_SIZE);
+		return;
+	case IEC61850_CTL_NUM:
+		ber_put_integer(writer, UNSIGNED, 8);
+		return;
+	case IEC61850_CHECK:
+		ber_put_integer(writer, BIT_STRING, -2);
+		return;
+	case IEC61850_SBO:
 	case IEC61850_RPT_ID:
 	case IEC61850_DAT_SET:
 		ber_put_integer(writer, VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
@@ -455,12 +532,22 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_RPT_ENA:
 	case IEC61850_RESV:
 	case IEC61850_GI:
+	case IEC61850_PURGE_BUF:
 		ber_put(writer, BOOLEAN, NULL, 0);
 		return;
 	case IEC61850_CONF_REV:
 	case IEC61850_BUF_TM:
 	case IEC61850_INTG_PD:
 		ber_put_integer(writer, UNSIGNED, 32);
+		return;
+	case IEC61850_LONG_SQ_NUM:
+		ber_put_integer(writer, UNSIGNED, 16);
+		return;
+	case IEC61850_ENTRY_ID:
+		ber_put_integer(writer, OCTET_STRING, IEC61850_ENTRY_ID_OCTETS);
+		return;
+	case IEC61850_TIME_OF_ENTRY:
+		ber_put(writer, BINARY_TIME, (const uint8_t[]){1}, 1);
 		return;
 	case IEC61850_SQ_NUM:
 		ber_put_integer(writer, UNSIGNED, 8);

@@ -31,6 +31,10 @@ void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count)
 /* Puts the reference of a variable's logical device, /, and a name in it. */
 void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,
 			    const struct iec61850_device *device, const char *name);
+/* Milliseconds of the day, and days since 1984 (IEC 61850-8-1, 8.1.3.6). */
+void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_model *model, int64_t time_ns);
+/* number: of an entry; 0: of none. */
+void iec61850_put_entry_id(struct ber_writer *writer, const struct iec61850_model *model, uint32_t number);
 /* Puts a control block's RptID. */
 void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_model *model,
 			   const struct iec61850_object *object, const struct iec61850_block *block);

@@ -7,13 +7,14 @@
 
 #include "iec61850/config.h"
 #include "iec61850/config_part.h"
-#include "iec61850/stats.h"
+#include "iec61850/kept.h"
 #include "map/address.h"
 #include "modules/calls.h"
 #include "modules/kind.h"
 
-#define USER    17 /* behind rtu-snmp, before those of others */
-#define BACKLOG 64
+#define USER     17 /* behind rtu-snmp, before those of others */
+#define BACKLOG  64
+#define REQUESTS 256
 
 static const struct call_rule calls[] = {
     CALL(poll), CALL(ppoll_time64), CALL(ppoll), CALL(accept4),  CALL(setsockopt),
@@ -28,18 +29,20 @@ static const struct kind_program program = {
 
 static bool plan(struct map_config *config)
 {
+	const struct iec61850_settings *settings = iec61850_settings(config);
+	const bool commands = settings != NULL && settings->controller_count > 0;
 	const struct map_module_plan module = {
 	    .name = "rtu-iec61850",
 	    .kind = IEC61850_KIND,
-	    .flags = MAP_HEARS_EVENTS,
-	    .rings = {.requests = 1, .answers = 1, .events = 1, .log = 128},
+	    .flags = MAP_HEARS_EVENTS | (commands ? MAP_MAY_REQUEST : 0u),
+	    .rings = {.requests = commands ? REQUESTS : 1, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
-	    .section_size = sizeof(struct iec61850_stats),
+	    .section_size = settings == NULL ? 0 : (uint32_t)iec61850_section_size(config),
 	    .counters = IEC61850_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};
 
-	return iec61850_settings(config) == NULL || map_plan_module(config, &module) != MAP_NONE;
+	return settings == NULL || map_plan_module(config, &module) != MAP_NONE;
 }
 
 /* Port 102 is root's. */
@@ -77,13 +80,6 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
 }
 
-/* All points: its clients have browsed them, and have to do so anew when they are others. */
-static uint32_t reads(const struct map_config *config, const char *module, uint32_t i)
-{
-	(void)module;
-	return i < config->point_count ? i : MAP_NONE;
-}
-
 const struct kind iec61850_kind = {
     .name = IEC61850_KIND,
     .part = &iec61850_part,
@@ -92,6 +88,6 @@ const struct kind iec61850_kind = {
     .program_count = 1,
     .open = open_socket,
     .same = same,
-    .reads = reads,
     .fixed = "iec61850",
+    .by_numbers = true, /* clients have browsed the points, and have to do so anew when they are others */
 };

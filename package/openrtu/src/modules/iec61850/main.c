@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "iec61850/association.h"
+#include "iec61850/control.h"
 #include "iec61850/report.h"
 #include "map/address.h"
 #include "modules/module.h"
@@ -25,6 +26,7 @@ static struct map *map;
 static struct iec61850_server server;
 static uint8_t *scratch;
 static struct map_cursor cursor;
+static uint32_t sessions;
 static struct connection {
 	struct iec61850_association association;
 	int fd; /* -1: it is free */
@@ -49,6 +51,7 @@ static void end(struct connection *connection, enum iec61850_end why)
 		map_log(map, why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: %s",
 			connection->peer, texts[why]);
 	iec61850_blocks_release(&server, &connection->association);
+	iec61850_controls_release(&server, &connection->association);
 	close(connection->fd);
 	connection->fd = -1;
 }
@@ -80,6 +83,14 @@ static bool is_client(const struct in6_addr *from)
 	const uint32_t count = settings->client_count;
 
 	return count == 0 || map_address_place(settings->clients, count, from) < count;
+}
+
+static bool is_controller(const struct in6_addr *from)
+{
+	const struct iec61850_settings *settings = server.model.settings;
+	const uint32_t count = settings->controller_count;
+
+	return map_address_place(settings->controllers, count, from) < count;
 }
 
 static void set_options(int fd)
@@ -116,6 +127,8 @@ static bool accept_one(int listener, int64_t now_ns)
 	place->fd = fd;
 	map_address_text(&peer, place->peer);
 	iec61850_association_open(&place->association, server.model.settings->max_pdu, now_ns);
+	place->association.session = ++sessions;
+	place->association.may_control = is_controller(&peer);
 	return true;
 }
 
@@ -183,16 +196,29 @@ static void take_events(int64_t now_ns)
 
 	for (int i = 0; i < EVENTS_A_TURN && map_event_next(map, &cursor, &event); i++) {
 		iec61850_report_event(&server, &event, now_ns);
+		iec61850_report_settle(&server, &cursor);
 		for (uint32_t j = 0; j < count && iec61850_report_due_ns(&server) <= now_ns; j++)
 			if (connections[j].fd >= 0)
 				serve(&connections[j], 0, now_ns);
 	}
+	if (map_events_behind(map, &cursor) == 0)
+		server.catching_up = false;
 	if (cursor.lost == 0)
 		return;
 	map_count(&server.stats->counters[IEC61850_COUNT_EVENTS_LOST], cursor.lost);
 	map_count_lost_events(map, cursor.lost);
 	cursor.lost = 0;
 	iec61850_report_all(&server, now_ns);
+	iec61850_report_settle(&server, &cursor);
+}
+
+/* Before the events: what a command has read back is there when its end is. */
+static void take_answers(void)
+{
+	struct map_answer answer;
+
+	while (map_answer_next(map, &answer))
+		iec61850_control_answer(&server, &answer);
 }
 
 static int wait_ms(int64_t now_ns)
@@ -212,7 +238,9 @@ static void run(int stop, int listener)
 {
 	enum { STOP, LISTENER, BELL, FIRST };
 	struct pollfd waits[FIRST + IEC61850_ASSOCIATIONS_MAX] = {
-	    [STOP] = {.fd = stop, .events = POLLIN}, [LISTENER] = {.fd = listener, .events = POLLIN}};
+	    [STOP] = {.fd = stop, .events = POLLIN},
+	    [LISTENER] = {.fd = listener, .events = POLLIN},
+	    [BELL] = {.fd = map_bell_fd(map), .events = POLLIN}};
 	const uint32_t count = server.model.settings->associations;
 
 	while (map_may_run(map) && (waits[STOP].revents & POLLIN) == 0) {
@@ -223,9 +251,11 @@ static void run(int stop, int listener)
 			    .fd = connections[i].fd,
 			    .events = connections[i].fd < 0 ? 0 : interest_of(&connections[i])};
 		poll(waits, FIRST + count, wait_ms(map_now_ns()));
-		now_ns = map_begin_cycle(map);
+		now_ns = server.now_ns = map_begin_cycle(map);
 		map_heartbeat(map);
 		map_bell_clear(map);
+		take_answers();
+		iec61850_controls_tick(&server);
 		take_events(now_ns);
 		for (uint32_t i = 0; i < count; i++)
 			if (connections[i].fd >= 0)
@@ -251,11 +281,18 @@ static bool begin_connection(struct connection *connection, uint32_t max_pdu)
 	return transport->input != NULL && transport->message != NULL && transport->output != NULL;
 }
 
+/* Another one for each start of the gateway: its clock, or what runs since it was switched on. */
+static uint32_t start_number(void)
+{
+	return (uint32_t)(map_wall_ns(map_clock_read(map), map_now_ns()) / NS_PER_MS);
+}
+
 static bool start(void)
 {
 	const struct iec61850_settings *settings = iec61850_settings(map_config(map));
 	bool begun = iec61850_model_begin(&server.model, map);
 
+	server.map = map;
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
 	server.names = malloc(settings->max_pdu);
 	server.chosen = calloc(map_config(map)->point_count + 1, sizeof(*server.chosen));
@@ -263,7 +300,7 @@ static bool start(void)
 		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
 	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
 		map_cursor_to_end(map, &cursor);
-		iec61850_report_all(&server, map_now_ns());
+		iec61850_report_begin(&server, server.stats, &cursor, start_number());
 		return true;
 	}
 	map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(ENOMEM));
@@ -273,11 +310,18 @@ static bool start(void)
 static void name_counters(void)
 {
 	static const char *const names[IEC61850_COUNT_OF_COUNTERS] = {
-	    [IEC61850_COUNT_CONNECTIONS] = "connections",   [IEC61850_COUNT_REFUSED] = "connections_refused",
-	    [IEC61850_COUNT_ASSOCIATIONS] = "associations", [IEC61850_COUNT_DROPPED] = "connections_dropped",
-	    [IEC61850_COUNT_DAMAGED] = "messages_damaged",  [IEC61850_COUNT_REQUESTS] = "requests",
-	    [IEC61850_COUNT_ERRORS] = "requests_refused",   [IEC61850_COUNT_READS] = "variables_read",
-	    [IEC61850_COUNT_REPORTS] = "reports",           [IEC61850_COUNT_EVENTS_LOST] = "events_lost",
+	    [IEC61850_COUNT_CONNECTIONS] = "connections",
+	    [IEC61850_COUNT_REFUSED] = "connections_refused",
+	    [IEC61850_COUNT_ASSOCIATIONS] = "associations",
+	    [IEC61850_COUNT_DROPPED] = "connections_dropped",
+	    [IEC61850_COUNT_DAMAGED] = "messages_damaged",
+	    [IEC61850_COUNT_REQUESTS] = "requests",
+	    [IEC61850_COUNT_ERRORS] = "requests_refused",
+	    [IEC61850_COUNT_READS] = "variables_read",
+	    [IEC61850_COUNT_REPORTS] = "reports",
+	    [IEC61850_COUNT_EVENTS_LOST] = "events_lost",
+	    [IEC61850_COUNT_COMMANDS] = "commands",
+	    [IEC61850_COUNT_COMMANDS_REFUSED] = "commands_refused",
 	};
 
 	for (unsigned i = 0; i < IEC61850_COUNT_OF_COUNTERS; i++)
@@ -290,8 +334,9 @@ int main(int argc, char **argv)
 	int stop;
 
 	map = module_begin(argc, argv, &options);
-	server.stats = map_section(map, map_self(map), sizeof(*server.stats));
-	if (iec61850_settings(map_config(map)) == NULL || server.stats == NULL)
+	if (iec61850_settings(map_config(map)) != NULL)
+		server.stats = map_section(map, map_self(map), iec61850_section_size(map_config(map)));
+	if (server.stats == NULL)
 		return module_is_of_another_build(map);
 	name_counters();
 	stop = module_stop_fd();

@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The parameters of a command's services: ctlVal, origin, ctlNum, T, Test, Check (IEC 61850-8-1, 20.6). */
+#include <math.h>
+#include <string.h>
+
+#include "iec61850/control.h"
+#include "map/type.h"
+
+/* Tags of Data. */
+enum {
+	STRUCTURE = 0xa2,
+	BOOLEAN = 0x83,
+	BIT_STRING = 0x84,
+	INTEGER = 0x85,
+	UNSIGNED = 0x86,
+	FLOATING_POINT = 0x87,
+	OCTET_STRING = 0x89,
+	UTC_TIME = 0x91
+};
+enum { TYPE_INCONSISTENT = 7, OBJECT_VALUE_INVALID = 11 }; /* DataAccessError */
+
+enum { OFF = 1, ON = 2 };                /* of a double point */
+enum { STEP_LOW = -64, STEP_HIGH = 63 }; /* of a step position */
+enum { CATEGORY_MAX = 8 };               /* orCat: process */
+
+static bool read_boolean(struct ber_reader *reader, bool *out)
+{
+	struct ber_element element;
+
+	if (!ber_expect(reader, BOOLEAN, &element) || element.size != 1)
+		return false;
+	*out = element.value[0] != 0;
+	return true;
+}
+
+static bool read_float(struct ber_reader *reader, float *out)
+{
+	enum { EXPONENT_WIDTH = 8 };
+	struct ber_element structure, element;
+	struct ber_reader inside;
+	uint32_t bits;
+
+	if (!ber_expect(reader, STRUCTURE, &structure))
+		return false;
+	inside = ber_inside(&structure);
+	if (!ber_expect(&inside, FLOATING_POINT, &element) || inside.at != inside.end || element.size != 5 ||
+	    element.value[0] != EXPONENT_WIDTH)
+		return false;
+	bits = (uint32_t)element.value[1] << 24 | (uint32_t)element.value[2] << 16 |
+	       (uint32_t)element.value[3] << 8 | element.value[4];
+	memcpy(out, &bits, sizeof(bits));
+	return true;
+}
+
+/* What a set-point is to the point. False: it cannot be. */
+static bool take_real(const struct map_point *point, double number, union map_value *out)
+{
+	if (!isfinite(number))
+		return false;
+	return map_value_of(point->type, point->type == MAP_NORMALIZED ? number * 32768 : number, out);
+}
+
+static bool take_number(const struct map_point *point, int64_t number, union map_value *out)
+{
+	if (number < INT32_MIN || number > INT32_MAX)
+		return false;
+	out->i = (int32_t)number;
+	return point->type != MAP_STEP || (number >= STEP_LOW && number <= STEP_HIGH);
+}
+
+static bool read_value(const struct map_point *point, struct ber_reader *reader, struct iec61850_wish *out)
+{
+	struct ber_element element;
+	int64_t number;
+	float real;
+	bool on;
+
+	switch ((enum map_type)point->type) {
+	case MAP_SINGLE:
+	case MAP_DOUBLE:
+		if (!read_boolean(reader, &on))
+			return false;
+		out->value.u = point->type == MAP_DOUBLE ? (on ? ON : OFF) : on;
+		return true;
+	case MAP_STEP:
+	case MAP_BITSTRING:
+	case MAP_INTEGER:
+		if (!ber_expect(reader, INTEGER, &element) || !ber_integer(&element, &number))
+			return false;
+		out->out_of_range = !take_number(point, number, &out->value);
+		return true;
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_FLOAT:
+	case MAP_ANGLE:
+		if (!read_float(reader, &real))
+			return false;
+		out->out_of_range = !take_real(point, (double)real, &out->value);
+		return true;
+	case MAP_COUNTER:
+		break;
+	}
+	return false;
+}
+
+static bool read_unsigned(struct ber_reader *reader, int64_t limit, uint8_t *out)
+{
+	struct ber_element element;
+	int64_t number;
+
+	if (!ber_next(reader, &element) || (element.tag != INTEGER && element.tag != UNSIGNED) ||
+	    !ber_integer(&element, &number) || number < 0 || number > limit)
+		return false;
+	*out = (uint8_t)number;
+	return true;
+}
+
+static bool read_origin(struct ber_reader *reader, struct iec61850_wish *out)
+{
+	struct ber_element origin, identity;
+	struct ber_reader inside;
+
+	if (!ber_expect(reader, STRUCTURE, &origin))
+		return false;
+	inside = ber_inside(&origin);
+	if (!read_unsigned(&inside, CATEGORY_MAX, &out->category) ||
+	    !ber_expect(&inside, OCTET_STRING, &identity) || inside.at != inside.end ||
+	    identity.size > sizeof(out->identity))
+		return false;
+	memcpy(out->identity, identity.value, identity.size);
+	out->identity_size = (uint8_t)identity.size;
+	return true;
+}
+
+int iec61850_wish_read(const struct map_point *point, const struct iec61850_node *node,
+		       const struct ber_element *data, struct iec61850_wish *out)
+{
+	struct ber_reader reader = ber_inside(data);
+	struct ber_element element;
+
+	*out = (struct iec61850_wish){.octet_count = (uint16_t)data->size};
+	if (data->tag != STRUCTURE)
+		return TYPE_INCONSISTENT;
+	if (data->size > sizeof(out->octets))
+		return OBJECT_VALUE_INVALID;
+	memcpy(out->octets, data->value, data->size);
+	if (!read_value(point, &reader, out) || !read_origin(&reader, out) ||
+	    !read_unsigned(&reader, UINT8_MAX, &out->number) || !ber_expect(&reader, UTC_TIME, &element) ||
+	    element.size != 8 || !read_boolean(&reader, &out->test))
+		return TYPE_INCONSISTENT;
+	if (node->leaf != IEC61850_CANCEL &&
+	    (!ber_expect(&reader, BIT_STRING, &element) || element.size != 2))
+		return TYPE_INCONSISTENT;
+	return reader.at == reader.end ? 0 : TYPE_INCONSISTENT;
+}
+
+bool iec61850_wish_is_same(const struct iec61850_wish *a, const struct iec61850_wish *b)
+{
+	return a->value.u == b->value.u && a->number == b->number && a->category == b->category &&
+	       a->test == b->test && a->identity_size == b->identity_size &&
+	       memcmp(a->identity, b->identity, a->identity_size) == 0;
+}

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Buffered reports of IEC 61850: each change once, in order, whatever becomes of client and module."""
+
+import asyncio
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from iec61850 import ClientReport, IedConnection, RcbWriteMask
+
+from desk import Substation, gateway_on_lines
+from lab.gateway import free_port
+from peers import mms
+from peers.mms import DONE, Client, element
+
+CA, DEVICE, DOMAIN, BLOCK = 1005, "1.5", "OpenRTUCA1005", "LLN0$BR$brcbStatus01"
+INPUTS, KEPT = 20, 128
+YES, NO, NOTHING = bytes.fromhex("8301ff"), bytes.fromhex("830100"), bytes(8)
+INVALID, BUSY = (0x80, b"\x0b"), (0x80, b"\2")
+
+
+def configuration(port: int) -> dict[str, Any]:
+    slave = {"id": 5, "discrete_inputs": [{"address": i} for i in range(INPUTS)]}
+    pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    return {
+        "iec61850": {"address": "127.0.0.1", "port": port, "report_buffer": KEPT},
+        "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}],
+    }
+
+
+@dataclass
+class Entry:
+    """A report of one change."""
+
+    number: int  # SqNum
+    lost: bool  # BufOvfl
+    key: bytes  # EntryID
+    member: int
+    on: bool
+    good: bool
+    reason: int
+
+    @property
+    def place(self) -> int:
+        return int.from_bytes(self.key[4:], "big")
+
+
+@dataclass
+class Plant(Substation):
+    """The gateway, its one device, and the port of its server."""
+
+    port: int
+    on: bool = False
+
+    def change(self) -> None:
+        """All inputs together, and the gateway has read them."""
+        self.on = not self.on
+        self.lines.set(DEVICE, "discrete_inputs", 0, *[int(self.on)] * INPUTS)
+        wanted = ["off", "on"][self.on]
+
+        def read() -> bool:
+            return all(point["value"] == wanted for point in self.gateway.points().values())
+
+        self.gateway.wait_for(read, 60.0, f"all inputs are {wanted}")
+
+    def restart(self, change: bool = False) -> None:
+        """Kills the module. change: while it does not run."""
+        before = self.gateway.modules()["rtu-iec61850"]["pid"]
+        self.gateway.kill("rtu-iec61850")
+        if change:
+            self.change()
+
+        def runs() -> bool:
+            module = self.gateway.modules()["rtu-iec61850"]
+            return module["state"] == "running" and module["pid"] not in (0, before)
+
+        self.gateway.wait_for(runs, 60.0, "it runs again")
+
+
+@pytest.fixture(scope="module")
+def running(programs: Path) -> Iterator[Plant]:
+    port = free_port()
+    with gateway_on_lines(configuration(port), programs, initial={}) as (lines, gateway):
+        plant = Plant(lines, gateway, port)
+        plant.wait_all_good(CA)
+        yield plant
+
+
+@pytest.fixture
+def plant(running: Plant) -> Plant:
+    """Nothing is kept for the block."""
+    with Client(running.port) as client:
+        put(client, PurgeBuf=YES)
+    return running
+
+
+def put(client: Client, **attributes: bytes) -> None:
+    for name, value in attributes.items():
+        assert client.write(DOMAIN, (f"{BLOCK}${name}", value)) == [DONE], name
+
+
+def begin(client: Client, key: bytes | None = None) -> None:
+    """Reports go on, behind this entry."""
+    if key is not None:
+        put(client, EntryID=element(0x89, key))
+    put(client, RptEna=YES)
+
+
+def taken(client: Client, count: int) -> list[Entry]:
+    found = []
+    for _ in range(count):
+        name, options, number, _, lost, key, included, value, reason = client.report()
+        assert (name[1], options[1]) == (f"{DOMAIN}/{BLOCK}".encode(), b"\6\x73\0")
+        (member,) = [i for i in range(INPUTS) if included[1][1 + i // 8] & 0x80 >> i % 8]
+        state, quality, _ = mms.elements(value[1])
+        found.append(
+            Entry(
+                int.from_bytes(number[1], "big"),
+                lost[1] != b"\0",
+                key[1],
+                member,
+                state[1] != b"\0",
+                quality[1][1] & 0xC0 == 0,
+                reason[1][1],
+            )
+        )
+    return found
+
+
+def nothing_more(client: Client) -> bool:
+    client.values((DOMAIN, "LLN0$ST$Beh$stVal"))
+    return client.reports == []
+
+
+def check_order(entries: list[Entry], first: bool) -> None:
+    """No entry is missing or there twice; each input goes on and off in turn."""
+    assert [entry.place - entries[0].place for entry in entries] == list(range(len(entries)))
+    for member in range(INPUTS):
+        states = [entry.on for entry in entries if entry.member == member]
+        assert states == [first ^ bool(i % 2) for i in range(len(states))]
+
+
+def test_what_happens_without_a_client_is_kept(plant: Plant) -> None:
+    first = not plant.on
+    plant.change()
+    plant.change()
+    with Client(plant.port) as client:
+        begin(client)
+        entries = taken(client, 2 * INPUTS)
+        check_order(entries, first)
+        assert [entry.number for entry in entries] == list(range(2 * INPUTS))
+        assert not any(entry.lost for entry in entries)
+        assert {entry.reason for entry in entries} == {0x40}
+        assert nothing_more(client)
+        plant.change()
+        live = taken(client, INPUTS)
+        check_order(entries + live, first)
+        assert client.values((DOMAIN, f"{BLOCK}$EntryID")) == [(0x89, live[-1].key)]
+    with Client(plant.port) as client:  # what was told is not told again, but for who asks
+        begin(client)
+        assert nothing_more(client)
+        put(client, RptEna=NO)
+        begin(client, entries[4].key)
+        again = taken(client, 3 * INPUTS - 5)
+        assert [entry.key for entry in again] == [entry.key for entry in (entries + live)[5:]]
+        put(client, RptEna=NO)
+        begin(client, NOTHING)
+        assert [entry.key for entry in taken(client, 3 * INPUTS)] == [entry.key for entry in entries + live]
+        assert nothing_more(client)
+
+
+@pytest.mark.slow
+def test_kills_lose_and_repeat_nothing(plant: Plant) -> None:
+    """The module dies between changes, and while it tells them; the client goes on behind what it has."""
+    first = not plant.on
+    entries: list[Entry] = []
+    for round_ in range(3):
+        plant.change()
+        with Client(plant.port) as client:
+            begin(client, entries[-1].key if entries else None)
+            entries += taken(client, 7 + round_)
+            plant.restart()
+            assert client.is_closed()
+        plant.restart(change=True)
+    with Client(plant.port) as client:
+        begin(client, entries[-1].key)
+        entries += taken(client, 6 * INPUTS - len(entries))
+        assert nothing_more(client)
+    check_order(entries, first)
+    assert not any(entry.lost for entry in entries)
+
+
+def test_an_overflow_is_told_once(plant: Plant) -> None:
+    plant.change()
+    with Client(plant.port) as client:
+        begin(client)
+        old = taken(client, INPUTS)[0]
+    for _ in range(1 + KEPT // INPUTS):
+        plant.change()
+    with Client(plant.port) as client:
+        assert client.write(DOMAIN, (f"{BLOCK}$EntryID", element(0x89, old.key))) == [INVALID]
+        begin(client)
+        entries = taken(client, KEPT)
+        assert [entry.lost for entry in entries] == [True] + (KEPT - 1) * [False]
+        assert nothing_more(client)
+
+
+def test_a_purge_and_other_settings_empty_the_block(plant: Plant) -> None:
+    def bits(value: int) -> bytes:
+        return element(0x84, bytes([2, value]))
+
+    with Client(plant.port) as client:
+        plant.change()
+        put(client, TrgOps=bits(0x60), BufTm=bytes.fromhex("860100"))  # as they are
+        begin(client)
+        key = taken(client, INPUTS)[-1].key
+        for attribute, value in (("PurgeBuf", YES), ("EntryID", element(0x89, key)), ("TrgOps", bits(0x40))):
+            assert client.write(DOMAIN, (f"{BLOCK}${attribute}", value)) == [BUSY]
+        put(client, RptEna=NO)
+        for name, value in (("PurgeBuf", YES), ("TrgOps", bits(0x20)), ("TrgOps", bits(0x60))):
+            plant.change()
+            put(client, **{name: value})
+            begin(client)
+            assert nothing_more(client)
+            put(client, RptEna=NO)
+        ahead = key[:4] + b"\x7f\xff\xff\xff"
+        for wrong in (key, b"\1" + key[1:], ahead):
+            assert client.write(DOMAIN, (f"{BLOCK}$EntryID", element(0x89, wrong))) == [INVALID]
+        for wrong in (key[:7], key + b"\0"):
+            assert client.write(DOMAIN, (f"{BLOCK}$EntryID", element(0x89, wrong)))[0][0] == 0x80
+
+
+def test_a_dead_line_is_kept_and_asked_for(plant: Plant) -> None:
+    """What is not valid any more is a change of quality. GI comes behind what is kept, and has all."""
+    with Client(plant.port) as client:
+        put(client, TrgOps=element(0x84, b"\2\x64"))
+        plant.gateway.kill("rtu-modbus-1")
+        plant.wait_all_good(CA)
+        begin(client)
+        entries = taken(client, 2 * INPUTS)
+        assert [entry.good for entry in entries] == INPUTS * [False] + INPUTS * [True]
+        assert {entry.reason for entry in entries[:INPUTS]} == {0x20}
+        put(client, GI=YES)
+        *_, key, included, _, _ = client.report()[: -2 * (INPUTS - 1)]
+        assert (key[1], included[1][1:]) == (entries[-1].key, b"\xff\xff\xf0")
+        put(client, RptEna=NO, TrgOps=element(0x84, b"\2\x60"))
+
+
+@pytest.mark.slow
+def test_other_points_begin_anew(plant: Plant) -> None:
+    """Two inputs leave the configuration and come back: what a client knew of the points is no more true."""
+    plant.change()
+    running = plant.gateway.configuration()
+    fewer = json.loads(json.dumps(running))
+    del fewer["port"][0]["slaves"][0]["discrete_inputs"][-2:]
+    with Client(plant.port) as client:
+        begin(client)
+        key = taken(client, INPUTS)[-1].key
+        plant.gateway.ctl("reload", plant.gateway.put(fewer))
+        assert client.is_closed()
+    plant.gateway.ctl("reload", plant.gateway.put(running))
+    plant.wait_all_good(CA)
+    with Client(plant.port) as client:
+        assert client.write(DOMAIN, (f"{BLOCK}$EntryID", element(0x89, key))) == [INVALID]
+
+
+def test_the_rust_client_takes_buffered_reports(plant: Plant) -> None:
+    reference = f"{DOMAIN}/LLN0.BR.brcbStatus02"
+    plant.change()
+
+    async def reports_of(count: int) -> list[ClientReport]:
+        connection = await IedConnection.connect(f"127.0.0.1:{plant.port}")
+        block = await connection.get_rcb_values(reference)
+        reports: asyncio.Queue[ClientReport] = asyncio.Queue()
+        await connection.install_report_handler(reference, reports.put_nowait, rpt_id=block.rpt_id)
+        block.rpt_ena = True
+        await connection.set_rcb_values(block, RcbWriteMask.fields("rpt_ena"))
+        while reports.qsize() < count:
+            await connection.poll_reports(100)
+        await connection.disconnect()
+        return [reports.get_nowait() for _ in range(count)]
+
+    reports = asyncio.run(asyncio.wait_for(reports_of(INPUTS), 20))
+    keys = [bytes(report.entry_id) for report in reports]
+    numbers = [int.from_bytes(key[4:], "big") for key in keys]
+    assert numbers == list(range(numbers[0], numbers[0] + INPUTS))
