@@ -501,8 +501,9 @@ endif
 twin: qemu uboot $(VENV) ## See it: the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	@$(LAB).twin_show
 
-bench-polls: build $(VENV) ## Maintain: of the bench the polls of positions and their octets alone: figure 9
+bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions and their octets alone: figure 9
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/octets.py
 
 bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py

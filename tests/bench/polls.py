@@ -207,8 +207,13 @@ def rows(cases: tuple[Case, ...]) -> Iterator[Row]:
         for mode in (TURN,) if case.wait_ms else (TURN, TOGETHER):  # the paper polls in turn
             for name in contenders(case, mode):
                 kind = "f" if name == C104 else "h"  # which it knows
-                with gateways(case.count) if case.real else simulated(case.count, kind) as port:
-                    yield row(case, mode, name, port)
+                try:
+                    with gateways(case.count) if case.real else simulated(case.count, kind) as port:
+                        yield row(case, mode, name, port)
+                except PollError as error:
+                    if name != C104:  # its connections do not all start on a busy machine
+                        raise
+                    print(f"  {case.rtus}, {mode}, {name}: left out: {error}", flush=True)
 
 
 def polled_each_second(count: int, seconds: int) -> str:
