@@ -73,7 +73,7 @@ asan: .asan ## Test: the C unit tests under AddressSanitizer and UBSan
 	$(LOGGED) asan ninja -C build/asan
 
 cross: build/arm/build.ninja ## Test: the C unit tests as ARMv5 code, under qemu-arm
-	$(LOGGED) arm ninja -C build/arm
+	$(LOGGED) arm ninja -C build/arm meson-test-prereq logic/logic-desk
 	$(LOGGED) arm-unit $(MESON_TEST) -C build/arm
 
 fuzzers: build/fuzz/build.ninja ## Test: build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
@@ -511,6 +511,7 @@ bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does 
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
 	$(MAKE) bench-polls
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py

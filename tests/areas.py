@@ -59,6 +59,7 @@ REACH = [
     ("docs/device-tree.md", "tests/pins/test_cli.py"),
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/blocks.svg", "tests/test_logic_blocks.py"),
+    ("docs/figures/blocks/*", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/goose.md", "tests/test_goose.py"),
     ("docs/snmp.md", "tests/test_snmp.py"),
@@ -100,10 +101,15 @@ REACH = [
     # the tools
     (
         "scripts/logic/*",
-        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py",
+        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py"
+        " tests/test_event_journal.py",
     ),
+    ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
-    ("scripts/openrtu-logic", "lint tests/test_logic.py tests/test_logic_gateway.py"),
+    (
+        "scripts/openrtu-logic",
+        "lint tests/test_logic.py tests/test_logic_gateway.py tests/test_event_journal.py",
+    ),
     ("scripts/lab/twin_show.py", "test-twin"),
     ("scripts/lab/manager.py", "lint tests/test_snmp.py tests/test_show.py"),
     ("scripts/lab/managed.py", "lint tests/test_show.py"),

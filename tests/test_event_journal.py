@@ -3,6 +3,7 @@
 
 import contextlib
 import datetime
+import itertools
 import json
 import os
 import random
@@ -32,6 +33,7 @@ from test_station_queues import (
     wait_queue,
 )
 
+ROOT = Path(__file__).resolve().parent.parent
 INTERVAL_S = 1
 SEED, KILLS = 8, 12
 
@@ -159,13 +161,30 @@ def test_unacknowledged_events_survive_a_power_cut(substation: Substation, name:
         assert [found.value for found in take_all(link)] == [106]
 
 
+def run_on_the_desk(events: Path, points: Path, programs: Path) -> list[int]:
+    """What a program that reads the counted register makes of the journal: each value that it has had."""
+    (counted,) = (p["name"] for p in json.loads(points.read_text()) if (p["ca"], p["ioa"]) == (STATION, IOA))
+    file = points.with_suffix(".st")
+    file.write_text("PROGRAM p VAR_EXTERNAL a, b : DINT; END_VAR b := a; END_PROGRAM")
+    words = ["run", file, events, "--json", "--period=1", f"--points={points}", f"--name=a={counted}"]
+    machine = {"OPENRTU_LOGIC_DESK": str(programs / "logic/logic-desk")}
+    done = subprocess.run(
+        [ROOT / "scripts/openrtu-logic", *words], env=os.environ | machine, capture_output=True, check=True
+    )
+    values = [step["outputs"]["b"]["value"] for step in json.loads(done.stdout)]
+    return [value for value, _ in itertools.groupby(values)]
+
+
 def test_an_orderly_stop_loses_nothing(programs: Path, journal: Path) -> None:
     """Also of what came since the last record."""
     with substation_of(configuration(journal, interval_s=3600), programs) as substation:
         gateway = substation.gateway
         empty(gateway, "Control centre", MAIN)
         count_up(substation, range(200, 205))
+        points = journal.parent / "points.json"
+        points.write_text(json.dumps(gateway.query("points")))
         assert gateway.stop() == 0
+        assert run_on_the_desk(journal / "events", points, programs) == [*range(200, 205)]
         start_again(substation)
         with Link(gateway, MAIN).start() as link:
             assert [found.value for found in counted(link, 5)] == list(range(200, 205))

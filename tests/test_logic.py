@@ -19,7 +19,7 @@ from logic.compile import compile_text
 from logic.desk import Desk, Scan, Value, desk_command
 from logic.errors import Findings
 from logic.table import ANSWERS
-from logic.watch import named, page
+from logic.watch import Inside, Sight, named, page
 from logic_reference import INPUTS, Random, Reference, text_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -172,12 +172,13 @@ def test_what_watch_shows_beside_a_line() -> None:
     )
     program = compile_text(text, Findings())
     names = named(text, program)
-    assert names == [[], ["level", "Full"], [], ["Full", "level"], []]
+    level, full = Sight("level"), Sight("Full")
+    assert names == [[], [level, full], [], [full, level], []]
     points = {
         "tank/level": {"value": 5, "quality": "good", "forced": {"value": 5}},
         "Full": {"value": None, "quality": "invalid", "forced": None},
     }
-    seen = page(text, names, points, {"level": "tank/level"}).splitlines()
+    seen = page(text, names, points, {"level": "tank/level"}, Inside({}, {})).splitlines()
     assert [line.partition("|")[2] for line in seen] == [
         "",
         " level=5 (forced)  Full=? (invalid)",
@@ -185,6 +186,50 @@ def test_what_watch_shows_beside_a_line() -> None:
         " Full=? (invalid)  level=5 (forced)",
         "",
     ]
+
+
+MOTOR = """FUNCTION_BLOCK motor
+VAR_INPUT on : BOOL; END_VAR
+VAR_OUTPUT runs : BOOL; END_VAR
+VAR wait : TON; tries : ARRAY[1..3] OF INT; i : INT := 2; END_VAR
+wait(IN := on, PT := T#1s);
+tries[i] := tries[i] + 1; runs := wait.Q;
+END_FUNCTION_BLOCK
+FUNCTION unused : INT VAR_INPUT runs : INT; END_VAR unused := runs; END_FUNCTION
+PROGRAM p
+VAR_EXTERNAL go, out : BOOL; END_VAR
+VAR left, right : motor; mask : BYTE; on : BOOL; END_VAR
+left(on := go);
+right(on := NOT on, (* on *) runs => out);
+mask := BYTE#16#1F;
+END_PROGRAM
+"""
+
+
+def test_watch_shows_variables_of_blocks_and_of_the_instance_that_was_asked_for() -> None:
+    findings = Findings()
+    program = compile_text(MOTOR, findings)
+    assert not findings.failed
+    values = {path: Value(0) for path in program.debug.variables}
+    values |= {
+        "LEFT.RUNS": Value(True),
+        "RIGHT.TRIES[2]": Value(7, 0x81),
+        "RIGHT.I": Value(2),
+        "RIGHT.WAIT.ET": Value(1_250_000),
+        "MASK": Value(31),
+    }
+    kinds = {path: slot.type for path, slot in program.debug.variables.items()}
+    sights = named(MOTOR, program, "right")
+    seen = page(MOTOR, sights, {}, {}, Inside(values, kinds)).splitlines()
+    beside = [line.partition("|")[2].strip() for line in seen]
+    assert beside[4] == "wait.Q=FALSE  wait.ET=T#1.25s  on=FALSE"
+    assert beside[5] == "tries[i][2]=7 (invalid, overflow)  runs=FALSE  wait.Q=FALSE"
+    assert beside[11] == "left.RUNS=TRUE  go=? (no such point)"
+    assert beside[12] == "right.RUNS=FALSE  on=FALSE  out=? (no such point)"
+    assert beside[13] == "mask=16#1F"
+    first = page(MOTOR, named(MOTOR, program), {}, {}, Inside(values, kinds, "it is another one"))
+    assert first.startswith("Only points are shown: it is another one\n")
+    assert "runs=TRUE" in first
 
 
 def test_watch_says_how_to_reach_the_gateway(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

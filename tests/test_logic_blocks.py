@@ -6,6 +6,8 @@ import os
 import random
 import re
 import statistics
+import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -187,6 +189,10 @@ def test_levels() -> None:
     rows = [{"x": v} for v in (0.0, 11.0, 35.0, 29.5, 28.0, 19.5, -5.0)]
     found = ran("LEVELS", "IN := x, WIDTH := 1.0, L1 := 10.0, L2 := 20.0, L3 := 30.0", "LEVEL:INT", rows)
     assert numbers(found) == [0, 1, 3, 3, 2, 2, 0]
+    ten = ", ".join(f"L{n} := {n}.0" for n in range(1, 11))
+    rows = [{"x": v} for v in (0.5, 4.5, 11.0, 9.95, 9.85, 2.0, 0.8)]
+    found = ran("LEVELS", f"IN := x, WIDTH := 0.1, {ten}", "LEVEL:INT", rows)
+    assert numbers(found) == [0, 4, 10, 10, 9, 2, 0]
 
 
 def test_alarm_waits_and_is_acknowledged() -> None:
@@ -492,6 +498,22 @@ def test_the_page_has_each_block() -> None:
     page = (ROOT / "docs/blocks.md").read_text()
     for unit in library():
         assert f"`{unit.name}" in page or unit.name in STANDARD, unit.name
+
+
+def test_each_plot_is_what_its_block_does(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, ROOT / "scripts/block-plots.py", "--into", tmp_path],
+        env=os.environ | {"PYTHONPATH": str(ROOT / "scripts")},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    kept = {file.name: file.read_text() for file in (ROOT / "docs/figures/blocks").iterdir()}
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == kept
+    page = (ROOT / "docs/blocks.md").read_text()
+    assert set(re.findall(r"\(figures/blocks/(.*?)\)", page)) == set(kept)
+    assert max(map(len, kept.values())) < 8192
 
 
 def test_the_picture_is_what_the_example_does(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import c104
 import pytest
 
 from desk import Desk, gateway_on_lines
-from lab.gateway import Gateway, remove, run_directory
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
 from lab.raw_master import ACTIVATION_CON, ACTIVATION_TERM, TIME_TAGGED, RawMaster
 from logic.binary import encode
@@ -48,10 +48,10 @@ half := level / 2;
 END_PROGRAM
 """
 ENDLESS = """PROGRAM endless
-VAR_EXTERNAL spin : BOOL; out : INT; END_VAR
+VAR_EXTERNAL spin : BOOL; out : INT; END_VAR VAR n, m : DINT; END_VAR
 out := 7;
 WHILE spin DO
-  out := 7;
+  out := 7; n := n MOD 99991 + 1; m := n;
 END_WHILE;
 END_PROGRAM
 """
@@ -306,6 +306,41 @@ def test_the_text_is_seen_with_live_values_and_what_an_input_is_forced_to(desk: 
     wait_value(desk, "locked", "on")
 
 
+def watched(desk: Desk, text: str, program: str, tmp_path: Path) -> str:
+    file = tmp_path / "watched.st"
+    file.write_text(text)
+    rtuctl = f"--rtuctl={desk.gateway.build}/rtuctl/rtuctl --map {desk.gateway.map}"
+    command = [ROOT / "scripts/openrtu-logic", "watch", file, "--once", f"--program={program}", rtuctl]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_inner_variables_of_the_running_program_are_seen(desk: Desk, tmp_path: Path) -> None:
+    seen = watched(desk, FILLING, "filling", tmp_path)
+    starts = shown(desk, "starts")[0]
+    assert f"count={starts}" in seen and "above.Q=FALSE  above.ET=T#0s  level=50  limit=" in seen
+    assert "start.STATE=0" in seen
+    other = watched(desk, FILLING.replace("level < 20", "level < 21"), "filling", tmp_path)
+    assert other.startswith("Only points are shown: filling runs another text") and "level=50" in other
+    assert "there is no such program" in watched(desk, FILLING, "filing", tmp_path)
+
+
+def test_variables_are_those_of_one_moment(desk: Desk) -> None:
+    """A look at a program that is half of its time in a scan waits for its end: n and m are the same then."""
+    program = compile_text(ENDLESS, Findings())
+    encode(program)
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [1])
+    wait_value(desk, "out", None, "invalid")
+    seen = set()
+    for _ in range(30):
+        (row,) = desk.gateway.query("logic", "endless")
+        n, m = (row["cells"][program.debug.variables[name].number].split(":")[0] for name in "NM")
+        assert n == m
+        seen.add(n)
+    assert len(seen) > 1
+    desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [0])
+    wait_value(desk, "out", 7)
+
+
 # ---- faults ------------------------------------------------------------------------------------------
 
 
@@ -345,3 +380,64 @@ def test_what_is_retained_and_what_a_master_set_outlive_the_process(desk: Desk) 
     kill(desk, "rtu-logic-filling")
     wait_value(desk, "limit", 65)
     wait_value(desk, "starts", starts)
+
+
+# ---- each phase of a scan ----------------------------------------------------------------------------
+
+COUNTS = """PROGRAM counts
+VAR_EXTERNAL n, limit, over : DINT; END_VAR VAR RETAIN a, b : DINT; END_VAR
+a := a + 1; n := a; over := a - limit; b := b + 1;
+END_PROGRAM
+"""
+PHASES, LIFE = 9, 60  # modules/logic/dies.c
+
+
+def test_a_death_in_any_phase_of_a_scan_loses_no_more_than_that_scan(programs: Path) -> None:
+    """What was published never goes back, what is retained is of one scan, what a master set stays."""
+    directory = run_directory()
+    build = directory / "build"
+    (build / "modules").mkdir(parents=True)
+    for name in ("rtud", "rtuctl"):
+        (build / name).symlink_to(programs / name)
+    for name in ("rtu-modbus", "rtu-iec104"):
+        (build / "modules" / name).symlink_to(programs / "modules" / name)
+    (build / "modules/rtu-logic").symlink_to(programs / "modules/rtu-logic-dies")
+    names = enumerate(("n", "limit", "over"), 1)
+    points = [{"name": name, "ioa": ioa, "type": "integer"} for ioa, name in names]
+    program = {
+        "name": "counts",
+        "program": compiled(COUNTS, directory, "counts"),
+        "period_ms": 20,
+        "ca": 7000,
+        "points": points,
+    }
+    table = compile_text(COUNTS, Findings())
+    encode(table)
+    places = [table.debug.variables[name].number for name in "AB"]
+    try:
+        with Gateway(
+            listening_on({"port": [], "logic": [program]}, free_port()), directory, build
+        ) as gateway:
+            gateway.killed += ("rtu-logic-counts",)
+            gateway.wait_for(lambda: "limit" in gateway.points(), WAIT_S, "it runs")
+            gateway.ctl("set", "limit", "5")
+            newest = 0
+
+            def died_in_all() -> bool:
+                nonlocal newest
+                point = gateway.points("n")["n"]
+                if point["quality"] == "good":
+                    assert point["value"] >= newest
+                    newest = point["value"]
+                return gateway.modules()["rtu-logic-counts"]["restarts"] > PHASES
+
+            gateway.wait_for(died_in_all, WAIT_S, "it has died in each phase")
+            (row,) = gateway.query("logic", "counts")
+            assert row["scans"] >= PHASES * LIFE
+            a, b = (int(row["cells"][place].split(":")[0], 16) for place in places)
+            assert a == b and a >= newest and a >= row["scans"] - 1
+            gateway.wait_for(lambda: gateway.points("over")["over"]["quality"] == "good", WAIT_S, "good")
+            found = gateway.points()
+            assert found["limit"]["value"] == 5
+    finally:
+        remove(directory)

@@ -48,10 +48,12 @@ NO_TLS = (
     "BR2_PACKAGE_OPENRTU_TLS\n"
 )
 
+CHEAP = ("-Dtests=disabled", "-Doptimization=0", "-Ddebug=false")  # a third of the compiler's time
+
 
 def built(folder: Path, *options: str) -> Path:
     for command in (
-        ["meson", "setup", folder, SOURCES, "-Dtests=disabled", *options],
+        ["meson", "setup", folder, SOURCES, *CHEAP, *options],
         ["meson", "install", "-C", folder, "--destdir", folder / "installed"],
     ):
         run = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -9,6 +9,7 @@ import struct
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -272,7 +273,7 @@ def test_position_is_one_event_of_four_points(gateway: Run, town: Outstation) ->
 
 def test_object_is_read_in_its_period(gateway: Run, town: Outstation) -> None:
     """And what was read is the point's value; an interrogation alone has the rest."""
-    values = iter(range(100))
+    values = chain(range(5), repeat(5))  # whoever looks late sees the last, too
 
     def answer(asked: Asked, octets: bytes) -> list[bytes]:
         if asked.type != C_RD:

@@ -137,6 +137,16 @@ class Request:
 
 
 @dataclass
+class Debug:
+    """What no file has: the names of the machine's memory, for the tool that has the text."""
+
+    variables: dict[str, Slot] = field(default_factory=dict)
+    outputs: dict[str, list[str]] = field(default_factory=dict)  # of each instance of a block
+    # Of each unit of the text its first line, and the paths that what it names begins with.
+    units: list[tuple[int, list[str]]] = field(default_factory=list)
+
+
+@dataclass
 class Program:
     name: str
     constants: dict[tuple[str, int], Slot] = field(default_factory=dict)
@@ -149,6 +159,7 @@ class Program:
     requests: list[Request] = field(default_factory=list)
     retained: list[tuple[str, list[Slot]]] = field(default_factory=list)
     clocks: dict[str, Slot] = field(default_factory=dict)  # UPTIME, SCAN_TIME, NOW
+    debug: Debug = field(default_factory=Debug)
 
     def add(self, slot: Slot) -> Slot:
         """A new one, with its place among those that are no constants."""

@@ -18,11 +18,13 @@ from logic.desk import Desk
 from logic.errors import Findings, LogicError
 from logic.filters import BANDS, KINDS, Design, block
 from logic.plot import svg
+from logic.recorded import MAGIC, Recording, read_journal, read_vcd, vcd
 from logic.table import US, Step, compared, read_table, steps
-from logic.watch import watch
+from logic.watch import View, watch
 from nuc980 import VERSION
 
 DONE, FOUND, UNUSABLE = 0, 1, 2
+DUMP = ".vcd"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,15 +62,23 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("-o", "--output", type=Path, help="default: FILE with .rtul")
     command.set_defaults(run=_compile)
     command = add("run", "run on the desk: a table of inputs over virtual time")
-    command.add_argument("inputs", type=Path, metavar="INPUTS", help="the table, .csv")
-    command.add_argument("-o", "--output", type=Path, help="the outputs' table (default: standard output)")
+    command.add_argument(
+        "inputs", type=Path, metavar="INPUTS", help="a table, a dump (.vcd), or a gateway's journal"
+    )
+    command.add_argument(
+        "-o", "--output", type=Path, help="the outputs' table, or dump (.vcd) (default: standard output)"
+    )
+    command.add_argument(
+        "--points", type=Path, metavar="FILE", help="of a journal: what `rtuctl --json points` prints"
+    )
+    _add_name(command)
     command.add_argument("--plot", type=Path, metavar="SVG", help="draw inputs and outputs")
     _add_period(command)
     command.set_defaults(run=_run)
     command = add("test", "run the tests beside the program: NAME.test.csv, NAME.*.test.csv")
     _add_period(command)
     command.set_defaults(run=_test)
-    command = add("watch", "show the text of a running program with the values of its points beside it")
+    command = add("watch", "show the text of a running program with its values beside it")
     command.add_argument("--once", action="store_true", help="print it once, instead of each second")
     command.add_argument(
         "--rtuctl",
@@ -77,6 +87,22 @@ def _parser() -> argparse.ArgumentParser:
         metavar="COMMAND",
         help="how to reach the gateway's rtuctl, as 'ssh gateway rtuctl' [rtuctl]",
     )
+    _add_name(command)
+    command.add_argument(
+        "--program", metavar="NAME", help="its name in the configuration [that of FILE, without .st]"
+    )
+    command.add_argument(
+        "--instance",
+        default="",
+        metavar="PATH",
+        help="which instance to show in the text of a function block, as motor.start [the first one]",
+    )
+    command.set_defaults(run=_watch)
+    _add_filter(commands)
+    return parser
+
+
+def _add_name(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--name",
         type=_alias,
@@ -85,9 +111,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME=POINT",
         help="what the configuration's key names says of a name of the program; may be repeated",
     )
-    command.set_defaults(run=_watch)
-    _add_filter(commands)
-    return parser
 
 
 def _add_filter(commands: argparse._SubParsersAction) -> None:
@@ -188,14 +211,18 @@ def _run(parsed: argparse.Namespace) -> int:
     program = _compiled(parsed)
     if program is None:
         return FOUND
-    rows = read_table(parsed.inputs, program)
+    recording = _inputs(parsed, program)
     with Desk(program) as desk:
-        done = list(steps(desk, rows, parsed.period * 1000))
+        done = list(steps(desk, recording.rows, parsed.period * 1000, recording.start_us))
     names = [point.name for point in desk.outputs]
     if parsed.plot:
         parsed.plot.write_text(_picture(desk, done), encoding="utf-8")
     if parsed.json:
         print(json.dumps([_record(step) for step in done]))
+    elif parsed.output and parsed.output.suffix == DUMP:
+        outputs = [(point.name, point.type) for point in desk.outputs]
+        lines = vcd(outputs, ((step.time_us, step.scan.outputs) for step in done))
+        parsed.output.write_text("\n".join([*lines, ""]), encoding="utf-8")
     else:
         file = parsed.output.open("w", newline="", encoding="utf-8") if parsed.output else sys.stdout
         writer = csv.writer(file, lineterminator="\n")
@@ -208,6 +235,17 @@ def _run(parsed: argparse.Namespace) -> int:
     return DONE
 
 
+def _inputs(parsed: argparse.Namespace, program: Program) -> Recording:
+    if parsed.inputs.suffix == DUMP:
+        return read_vcd(parsed.inputs, program)
+    with parsed.inputs.open("rb") as file:
+        if file.read(len(MAGIC)) == MAGIC:
+            return read_journal(parsed.inputs, program, parsed.points, dict(parsed.name))
+    if parsed.points:
+        raise LogicError(f"--points is for a journal, but {parsed.inputs} is none")
+    return Recording(read_table(parsed.inputs, program))
+
+
 def _watch(parsed: argparse.Namespace) -> int:
     if parsed.json:
         raise LogicError("watch prints no JSON, but `rtuctl --json points` does")
@@ -216,7 +254,15 @@ def _watch(parsed: argparse.Namespace) -> int:
     program = _compiled(parsed)
     if program is None:
         return FOUND
-    watch(parsed.file.read_text(encoding="utf-8"), program, parsed.rtuctl, dict(parsed.name), parsed.once)
+    view = View(
+        parsed.file.read_text(encoding="utf-8"),
+        program,
+        parsed.rtuctl,
+        parsed.program or parsed.file.stem,
+        dict(parsed.name),
+        parsed.instance,
+    )
+    watch(view, parsed.once)
     return DONE
 
 

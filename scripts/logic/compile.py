@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from logic.binary import Array, Command, Point, Program, Request, Routine, Slot
+from logic.debug import debug_of
 from logic.errors import Findings, Place, SourceError
 from logic.parser import parse
 from logic.routine import Body, Bound, Instance, Loop, Scope, writes
@@ -96,6 +97,8 @@ class Compiler(Values):
             scope = self.scope_of(unit, "")
             self.unit(unit, scope)
             self.program.points.sort(key=lambda point: point.name)
+            functions = [scope for scope, _ in self.functions.values() if not scope.unit.library]
+            self.program.debug = debug_of(scope, functions, own)
         return self.program
 
     # ---- units and their variables -----------------------------------------------------------------

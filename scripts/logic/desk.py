@@ -56,11 +56,14 @@ def desk_command() -> list[str]:
     """OPENRTU_LOGIC_DESK names another machine, with what runs it, as `qemu-arm -L … logic-desk`."""
     if words := os.environ.get("OPENRTU_LOGIC_DESK", "").split():
         return words
-    if not BUILT.exists():
-        raise LogicError(
-            "logic-desk, the virtual machine, is not built: type `make build`, or set OPENRTU_LOGIC_DESK"
-        )
-    return [str(BUILT)]
+    return [built(BUILT, "logic-desk, the virtual machine,")]
+
+
+def built(program: Path, what: str) -> str:
+    """The path of a program of the desk."""
+    if not program.exists():
+        raise LogicError(f"{what} is not built: type `make build`, or set OPENRTU_LOGIC_DESK")
+    return str(program)
 
 
 class Desk:

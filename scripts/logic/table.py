@@ -146,7 +146,7 @@ def read_table(path: Path, program: Program) -> list[Row]:
     return rows
 
 
-def steps(desk: Desk, rows: list[Row], period_us: int) -> Iterator[Step]:
+def steps(desk: Desk, rows: list[Row], period_us: int, start_us: int = START_US) -> Iterator[Step]:
     """A scan each period, from 0 to the last row; a row counts from the first scan that is not before it."""
     values: dict[str, Value] = {}
     answers = [(0, 0)] * len(desk.program.commands)
@@ -160,7 +160,7 @@ def steps(desk: Desk, rows: list[Row], period_us: int) -> Iterator[Step]:
         while pending and pending[0].time_us <= time_us:
             begun = pending.pop(0)
             values |= {
-                name: Value(value.value, value.quality, START_US + time_us)
+                name: Value(value.value, value.quality, start_us + time_us)
                 for name, value in begun.inputs.items()
             }
             devices |= begun.answers
@@ -171,7 +171,7 @@ def steps(desk: Desk, rows: list[Row], period_us: int) -> Iterator[Step]:
                     f"line {begun.line} of the table: two rows within one period of {period_us / US:g} s"
                 )
         active = [requests.get(request.name) for request in desk.program.requests]
-        scan = desk.scan(time_us, period_us if time_us else 0, START_US + time_us, values, answers, active)
+        scan = desk.scan(time_us, period_us if time_us else 0, start_us + time_us, values, answers, active)
         for request, (decision, result) in zip(desk.program.requests, scan.verdicts, strict=True):
             if request.name in requests and decision in ("executed", "refused"):
                 del requests[request.name]

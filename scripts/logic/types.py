@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import struct
+from datetime import datetime, timedelta
 
 TYPES = [
     "BOOL",
@@ -41,6 +42,7 @@ RANGES = {
     "TIME": (-(1 << 63), (1 << 63) - 1),
     "DATE_AND_TIME": (-(1 << 63), (1 << 63) - 1),
 }
+DT_MAX = 253_402_300_799_999_999  # the end of the year 9999, in microseconds
 REAL_MAX = 3.4028234663852886e38
 
 
@@ -57,6 +59,22 @@ def widens(narrow: str, wide: str) -> bool:
 def common(left: str, right: str) -> str | None:
     """The narrowest type that both widen to."""
     return next((name for name in TYPES if widens(left, name) and widens(right, name)), None)
+
+
+def literal(kind: str, value: float) -> str:
+    """A value as the text of a program has it: `TRUE`, `T#1.5s`, `16#FF`."""
+    if kind == "BOOL":
+        return str(bool(value)).upper()
+    if kind in BITS:
+        return f"16#{int(value):X}"
+    if kind == "TIME":
+        return f"T#{value / 1e6:.10g}s"
+    if kind == "DATE_AND_TIME":
+        moment = datetime(1970, 1, 1) + timedelta(microseconds=min(max(value, 0), DT_MAX))
+        return f"DT#{moment:%Y-%m-%d-%H:%M:%S}"
+    if kind in REALS:
+        return f"{value:.7g}" if kind == "REAL" else f"{value:.10g}"
+    return str(value)
 
 
 def pack(kind: str, value: float) -> int:

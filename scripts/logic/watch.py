@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A running program's text, with the values of its points beside the lines that name them."""
+"""A running program's text, with the values of its points and variables beside the lines that name them."""
 
 from __future__ import annotations
 
@@ -9,31 +9,90 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from logic.binary import Program
+from logic.binary import Program, encode
+from logic.desk import Value
 from logic.errors import LogicError
+from logic.types import literal, unpack
 
 PERIOD_S = 1.0
 PATIENCE_S = 10.0
 WIDTH_MAX = 90  # of the text; what is longer pushes its values to the right
 HOME, CLEAR_LINE, CLEAR_BELOW = "\033[H", "\033[K", "\033[J"
-SILENT = re.compile(r"\(\*.*?\*\)|//[^\n]*|'[^'\n]*'", re.DOTALL)  # comments and strings name no point
+SILENT = re.compile(r"\(\*.*?\*\)|//[^\n]*|'[^'\n]*'", re.DOTALL)  # comments and strings name no variable
+# A variable with its elements and members, a literal with a type, or a parenthesis.
+WORD = re.compile(r"\w+#[\w.#:-]+|(?<![\w.])[A-Za-z_]\w*(?:\.[A-Za-z_]\w*|\[[^\[\]]*\])*|[()]")
+INDEX = re.compile(r"\[([^\[\]]*)\]")
+FORMAL = re.compile(r"\s*(:=|=>)")
+FLAGS = {0x80: "invalid", 0x40: "not topical", 0x20: "substituted", 0x10: "blocked", 0x01: "overflow"}
 
 
-def named(text: str, program: Program) -> list[list[str]]:
-    """Of each line, the points that it names, in their order."""
-    known = {point.name.casefold(): point.name for point in program.points}
+@dataclass(frozen=True)
+class Sight:
+    """What a line names: a point, or a variable of the program with its path in the debug table."""
+
+    name: str
+    path: str | None = None  # None: a point
+    prefix: str = ""  # of the paths of its unit, where an index is looked up
+
+
+@dataclass(frozen=True)
+class Inside:
+    """The variables of a running program between two scans; or why they are not known."""
+
+    values: dict[str, Value]
+    kinds: dict[str, str]
+    reason: str = ""
+
+
+def named(text: str, program: Program, instance: str = "") -> list[list[Sight]]:
+    """Of each line, what it names, in its order. Instance: of a block, in the text of the block."""
     heard = SILENT.sub(lambda found: re.sub(r"[^\n]", " ", found.group()), text)
-    words = (re.findall(r"[A-Za-z_]\w*", line) for line in heard.splitlines())
-    return [list(dict.fromkeys(known[w.casefold()] for w in line if w.casefold() in known)) for line in words]
+    points = {point.name.upper(): point.name for point in program.points}
+    lines, depth = [], 0
+    for number, line in enumerate(heard.splitlines(), 1):
+        prefix = prefix_at(program, number, instance)
+        sights: list[Sight] = []
+        for found in WORD.finditer(line):
+            word = found.group()
+            depth += {"(": 1, ")": -1}.get(word, 0)
+            formal = FORMAL.match(line, found.end())
+            if (depth > 0 and formal is not None) or prefix is None:
+                continue  # the name of a block's input: it is not the caller's
+            sights += sights_of(word, prefix, points, program)
+        lines.append(list(dict.fromkeys(sights)))
+    return lines
 
 
-def ask(command: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """All points of the gateway, as rtuctl has them."""
+def prefix_at(program: Program, line: int, instance: str) -> str | None:
+    """Of the paths of what a line names; None: nobody uses the unit that it is of."""
+    places = next((places for first, places in reversed(program.debug.units) if first <= line), [])
+    wanted = f"{instance.upper()}."
+    return wanted if wanted in places else next(iter(places), None)
+
+
+def sights_of(word: str, prefix: str, points: dict[str, str], program: Program) -> list[Sight]:
+    """A block is shown by its outputs."""
+    path = prefix + re.sub(r"\s", "", word.upper())
+    if prefix == "" and path in points:
+        return [Sight(points[path])]
+    if path in program.debug.outputs:
+        outputs = program.debug.outputs[path]
+        return [Sight(f"{word}.{output}", f"{path}.{output}", prefix) for output in outputs]
+    array, bracket, _ = path.partition("[")
+    known = path in program.debug.variables or (
+        bracket and any(one.startswith(array + bracket) for one in program.debug.variables)
+    )
+    return [Sight(word, path, prefix)] if known else []
+
+
+def ask(command: Sequence[str], *words: str) -> list[dict[str, Any]]:
+    """What rtuctl says in rows."""
     try:
         done = subprocess.run(
-            [*command, "--json", "points"], capture_output=True, text=True, check=False, timeout=PATIENCE_S
+            [*command, "--json", *words], capture_output=True, text=True, check=False, timeout=PATIENCE_S
         )
         rows = json.loads(done.stdout) if done.returncode == 0 else None
     except OSError as error:
@@ -46,11 +105,28 @@ def ask(command: Sequence[str]) -> dict[str, dict[str, Any]]:
         raise LogicError(f"{command[0]} prints no points: is it rtuctl, or a way to it?") from None
     if rows is None:
         raise LogicError(done.stderr.strip() or f"{command[0]} ended with {done.returncode}")
-    return {row["name"]: row for row in rows}
+    return rows
+
+
+def look_inside(command: Sequence[str], program: Program, running: str) -> Inside:
+    """The variables, if the gateway runs this very text."""
+    octets = encode(program)
+    kinds = {path: slot.type for path, slot in program.debug.variables.items()}
+    try:
+        (row,) = ask(command, "logic", running)
+    except LogicError as error:
+        return Inside({}, kinds, f"{error}; --program NAME says which one it is")
+    if int(row["file"], 16) != int.from_bytes(octets[12:16], "little"):
+        return Inside({}, kinds, f"{running} runs another text than this one: compile it, and rtuctl reload")
+    values = {}
+    for path, slot in program.debug.variables.items():
+        bits, quality = (int(part, 16) for part in row["cells"][slot.number].split(":"))
+        values[path] = Value(unpack(slot.type, bits), quality)
+    return Inside(values, kinds)
 
 
 def shown(name: str, point: dict[str, Any] | None) -> str:
-    """One value: `level=50`, `level=50 (invalid)`."""
+    """A point: `level=50`, `level=50 (invalid)`."""
     if point is None:
         return f"{name}=? (no such point)"
     value = "?" if point["value"] is None else point["value"]
@@ -59,32 +135,76 @@ def shown(name: str, point: dict[str, Any] | None) -> str:
     return f"{name}={value}" + (f" ({', '.join(notes)})" if notes else "")
 
 
+def shown_inside(sight: Sight, inside: Inside) -> str | None:
+    """A variable: `timer.ET=T#1.5s`. An index may be a variable; None: it is more than that."""
+    path = INDEX.sub(lambda found: f"[{index_of(found[1], sight.prefix, inside)}]", sight.path)
+    value = inside.values.get(path)
+    if value is None:
+        return None
+    name = sight.name if path == sight.path else f"{sight.name}{path[path.index('[') :]}"
+    notes = [word for flag, word in FLAGS.items() if value.quality & flag]
+    return f"{name}={literal(inside.kinds[path], value.value)}" + (f" ({', '.join(notes)})" if notes else "")
+
+
+def index_of(text: str, prefix: str, inside: Inside) -> str:
+    """Numbers and variables between brackets, as numbers; `?` for what is neither."""
+    numbers = []
+    for part in (one.strip() for one in text.split(",")):
+        found = inside.values.get(prefix + part)
+        numbers.append(part if re.fullmatch(r"-?\d+", part) else str(found.value) if found else "?")
+    return ",".join(numbers)
+
+
 def page(
-    text: str, names: list[list[str]], points: dict[str, dict[str, Any]], aliases: dict[str, str]
+    text: str,
+    sights: list[list[Sight]],
+    points: dict[str, dict[str, Any]],
+    aliases: dict[str, str],
+    inside: Inside,
 ) -> str:
     """The text with what is true now."""
     lines = text.expandtabs(4).splitlines()
     width = min(max(map(len, lines), default=0), WIDTH_MAX)
-    shows = [
-        "  ".join(shown(name, points.get(aliases.get(name, name))) for name in mentioned)
-        for mentioned in names
-    ]
-    return "\n".join(
-        f"{number:4} {line:{width}}  | {values}" if values else f"{number:4} {line}"
-        for number, (line, values) in enumerate(zip(lines, shows, strict=True), 1)
-    )
+    printed = [f"Only points are shown: {inside.reason}"] if inside.reason else []
+    for number, (line, seen) in enumerate(zip(lines, sights, strict=True), 1):
+        values = [
+            shown(sight.name, points.get(aliases.get(sight.name, sight.name)))
+            if sight.path is None
+            else shown_inside(sight, inside)
+            for sight in seen
+        ]
+        beside = "  ".join(value for value in values if value is not None)
+        printed.append(f"{number:4} {line:{width}}  | {beside}" if beside else f"{number:4} {line}")
+    return "\n".join(printed)
 
 
-def watch(text: str, program: Program, command: Sequence[str], aliases: dict[str, str], once: bool) -> None:
+@dataclass(frozen=True)
+class View:
+    """What is watched, and how it is reached."""
+
+    text: str
+    program: Program
+    command: Sequence[str]
+    running: str  # the program's name in the gateway's configuration
+    aliases: dict[str, str]
+    instance: str = ""
+
+    def drawn(self, sights: list[list[Sight]]) -> str:
+        points = {row["name"]: row for row in ask(self.command, "points")}
+        inside = look_inside(self.command, self.program, self.running)
+        return page(self.text, sights, points, self.aliases, inside)
+
+
+def watch(view: View, once: bool) -> None:
     """Prints the page once, or again and again until Ctrl-C."""
-    names = named(text, program)
+    sights = named(view.text, view.program, view.instance)
     if once or not sys.stdout.isatty():
-        print(page(text, names, ask(command), aliases))
+        print(view.drawn(sights))
         return
     print(HOME + CLEAR_BELOW, end="")
     try:
         while True:
-            drawn = page(text, names, ask(command), aliases)
+            drawn = view.drawn(sights)
             print(
                 HOME + drawn.replace("\n", CLEAR_LINE + "\n") + CLEAR_LINE + "\n" + CLEAR_BELOW,
                 end="",

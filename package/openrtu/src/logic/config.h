@@ -22,6 +22,7 @@ struct logic_instance {
 	uint32_t period_given;         /* 0: the file has none, and a net that lets it begin is all */
 	uint32_t budget;               /* instructions of a scan */
 	uint32_t program, size;        /* its octets in LOGIC_PROGRAMS */
+	uint32_t memory;               /* octets of its machine */
 	uint32_t first_link;           /* of as many as the program has points, in their order */
 	uint32_t retained, set_points; /* slots; own points that the program does not write */
 };

@@ -84,6 +84,7 @@ static const char *load(struct logic_reading *reading)
 
 	if (memory == 0)
 		return "it is no compiled program, or of another version";
+	reading->instance->memory = (uint32_t)memory;
 	reading->memory = malloc(memory);
 	if (reading->memory == NULL)
 		return "out of memory";

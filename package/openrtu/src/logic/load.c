@@ -54,7 +54,7 @@ size_t logic_memory(const void *file, size_t size)
 	if (memcmp(head.magic, LOGIC_MAGIC, sizeof(head.magic)) != 0 || head.version != LOGIC_VERSION ||
 	    head.size != size || sizeof(head) + sections_size(&head) != size)
 		return 0;
-	return head.slots * (sizeof(union logic_cell) + 1) + filled(size);
+	return logic_quality_place(&head) + head.slots;
 }
 
 static bool is_float(uint8_t type)
@@ -314,7 +314,7 @@ const char *logic_load(struct logic *logic, void *memory, const void *file, size
 		return "the program is damaged: its CRC does not match";
 	logic->cells = memory;
 	at = memcpy((uint8_t *)memory + head.slots * sizeof(union logic_cell), file, size);
-	logic->quality = (uint8_t *)memory + head.slots * sizeof(union logic_cell) + filled(size);
+	logic->quality = (uint8_t *)memory + logic_quality_place(&head);
 	memset(logic->cells, 0, head.slots * sizeof(union logic_cell));
 	memset(logic->quality, 0, head.slots);
 #define SECTION(octets) (at += (octets), at - (octets))

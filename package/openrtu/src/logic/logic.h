@@ -83,6 +83,12 @@ enum { LOGIC_RUN = 1, LOGIC_WENT_ON = 2, LOGIC_JUMPED = 4 };
 /* The memory that logic_load() needs for the file, or 0 if the file's head is none. */
 size_t logic_memory(const void *file, size_t size);
 
+/* Where the qualities are in it; the cells are at its beginning. */
+static inline size_t logic_quality_place(const struct logic_head *head)
+{
+	return head->slots * sizeof(union logic_cell) + ((head->size + 3) & ~(size_t)3);
+}
+
 /*
  * Verifies the file and makes a machine of it in the memory, which is of logic_memory() octets and aligned as malloc()
  * does. The file is not needed afterwards. Returns NULL, or why the file is refused.

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* What a program shows of itself, and what it retains: the section of its own in its module's segment. */
+/*
+ * What a program shows of itself, and what it retains: the section of its own in its module's segment. The machine's memory
+ * lies in it, so that whoever reads variables costs the program nothing.
+ */
 #ifndef OPENRTU_LOGIC_STATS_H
 #define OPENRTU_LOGIC_STATS_H
 
@@ -17,7 +20,9 @@ struct logic_stats {
 	_Atomic uint32_t last_fault, last_line; /* 0: there was none */
 	_Atomic uint32_t faults[LOGIC_FAULTS];
 	_Atomic uint32_t kept; /* which of the two copies behind it is whole: 1 or 2; 0: none yet */
+	_Atomic uint32_t turn; /* of the memory behind the copies; odd: a scan is changing it */
 };
+_Static_assert(sizeof(struct logic_stats) % sizeof(union logic_cell) == 0, "the cells are aligned");
 
 /* A retained variable, or a point that masters set. */
 struct logic_kept {
@@ -30,9 +35,20 @@ static inline uint32_t logic_kept_count(const struct logic_instance *instance)
 	return instance->retained + instance->set_points;
 }
 
-static inline size_t logic_section_size(const struct logic_instance *instance)
+static inline size_t logic_memory_place(const struct logic_instance *instance)
 {
 	return sizeof(struct logic_stats) + 2 * sizeof(struct logic_kept) * logic_kept_count(instance);
+}
+
+static inline size_t logic_section_size(const struct logic_instance *instance)
+{
+	return logic_memory_place(instance) + instance->memory;
+}
+
+/* Of the machine: for logic_load(). The cells of all slots, then the file, then their qualities. */
+static inline void *logic_memory_of(struct logic_stats *stats, const struct logic_instance *instance)
+{
+	return (uint8_t *)stats + logic_memory_place(instance);
 }
 
 /* The instance of a module; NULL: it is of another kind. */

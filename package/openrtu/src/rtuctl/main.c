@@ -111,6 +111,11 @@ static const struct command commands[] = {
      "stands\n"
      "beside a satellite that is used. Counters count since the module started.\n",
      rtuctl_gps},
+    {"logic", "[PROGRAM]", 0, 1, 0, NULL, "programs of Structured Text: scans, faults, variables",
+     "FILE is the CRC-32 of the compiled program. LATE counts periods without a scan. Counters count since "
+     "the gateway\n"
+     "started. With PROGRAM, --json has its variables as well, for openrtu-logic watch.\n",
+     rtuctl_logic},
     {"synch", "[TABLE] [--svg FILE]", 0, 1, TAKES_SVG, NULL, "the net: its marking, and who waits for what",
      "TABLE is modules, places or transitions; without it, all of them. SINCE is how long a module has "
      "waited\n"
@@ -185,8 +190,11 @@ static const char *lister_of(const struct command *command, const char *word, si
 {
 	static const struct {
 		const char *word, *lister;
-	} placeholders[] = {
-	    {"PATTERN", "points"}, {"NAME", "points"}, {"MODULE", "modules"}, {"RECEIVER", "gps"}};
+	} placeholders[] = {{"PATTERN", "points"},
+			    {"NAME", "points"},
+			    {"MODULE", "modules"},
+			    {"RECEIVER", "gps"},
+			    {"PROGRAM", "logic"}};
 	const char *lister = NULL;
 
 	for (size_t i = 0; i < COUNT(placeholders); i++)

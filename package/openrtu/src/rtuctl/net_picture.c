@@ -183,7 +183,7 @@ static void draw_transition(const struct picture *picture, uint32_t number, bool
 
 static void draw_tokens(const struct picture *picture, struct spot at, unsigned tokens)
 {
-	char number[8];
+	char number[sizeof("4294967295")];
 
 	if (tokens > DOTS_MAX) {
 		snprintf(number, sizeof(number), "%u", tokens);

@@ -54,6 +54,7 @@ rtuctl_command rtuctl_lines;
 rtuctl_command rtuctl_histogram; /* lines --histogram */
 rtuctl_command rtuctl_suggest;   /* lines --suggest */
 rtuctl_command rtuctl_gps;
+rtuctl_command rtuctl_logic;
 rtuctl_command rtuctl_iec104;
 rtuctl_command rtuctl_synch;
 rtuctl_command rtuctl_watch;

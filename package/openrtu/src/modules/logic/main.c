@@ -64,10 +64,27 @@ static struct logic_times times_of(int64_t now_ns, int64_t begun_ns, int64_t las
 	};
 }
 
+/* While the turn is odd, whoever watches the variables waits. It stays odd where a process is killed in a scan. */
+static void begin_turn(void)
+{
+	uint32_t turn = atomic_load_explicit(&host.stats->turn, memory_order_relaxed) | 1;
+
+	atomic_store_explicit(&host.stats->turn, turn, memory_order_relaxed);
+	atomic_thread_fence(memory_order_release);
+}
+
+static void end_turn(void)
+{
+	uint32_t turn = atomic_load_explicit(&host.stats->turn, memory_order_relaxed) + 1;
+
+	atomic_store_explicit(&host.stats->turn, turn, memory_order_release);
+}
+
 static void scan(int64_t now_ns, const struct logic_times *times)
 {
 	uint32_t took_us;
 
+	begin_turn();
 	points_freeze(&host);
 	commands_before(&host, now_ns);
 	requests_before(&host);
@@ -77,6 +94,7 @@ static void scan(int64_t now_ns, const struct logic_times *times)
 	requests_after(&host, now_ns);
 	commands_after(&host, now_ns);
 	kept_store(&host);
+	end_turn();
 	report_faults(now_ns);
 	took_us = (uint32_t)((map_now_ns() - now_ns) / NS_PER_US);
 	map_count(&host.stats->scans, 1);
@@ -182,12 +200,9 @@ static void run(int stop)
 static bool load_program(const struct map_config *config)
 {
 	const uint8_t *program = logic_programs(config) + host.instance->program;
-	size_t size = logic_memory(program, host.instance->size);
-	void *memory = size == 0 ? NULL : malloc(size);
-	const char *refusal = "out of memory";
+	const char *refusal =
+	    logic_load(&host.logic, logic_memory_of(host.stats, host.instance), program, host.instance->size);
 
-	if (memory != NULL)
-		refusal = logic_load(&host.logic, memory, program, host.instance->size);
 	if (refusal != NULL)
 		map_log(host.map, MAP_LOG_ERROR, "cannot load the program: %s", refusal);
 	return refusal == NULL;
@@ -256,11 +271,13 @@ static bool start(void)
 {
 	const struct map_config *config = map_config(host.map);
 
+	begin_turn();
 	if (!load_program(config) || !allocate())
 		return false;
 	link_points(config);
 	link_blocks();
 	kept_restore(&host);
+	end_turn();
 	name_counters();
 	synched_begin(&host.synched, host.map, host.instance->name);
 	return true;

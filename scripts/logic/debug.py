@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which slot of the machine's memory is which variable of the text, for a view of a running program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from logic.binary import Array, Debug, Slot
+from logic.routine import Instance, Scope
+from logic.syntax import Unit
+
+
+def debug_of(program: Scope, functions: Iterable[Scope], units: Iterable[Unit]) -> Debug:
+    """Paths are in capitals, as `A`, `TIMER.ET`, `TABLE[3]`; those of a function begin with its name."""
+    debug = Debug()
+    places: dict[str, list[str]] = {program.unit.name: [""]}
+    add_scope(debug, places, program, "")
+    for scope in functions:
+        places[scope.unit.name] = [f"{scope.unit.name}."]
+        add_scope(debug, places, scope, f"{scope.unit.name}.")
+    debug.units = sorted((unit.place.line, places.get(unit.name, [])) for unit in units)
+    return debug
+
+
+def add_scope(debug: Debug, places: dict[str, list[str]], scope: Scope, path: str) -> None:
+    for name, bound in scope.names.items():
+        match bound.what:
+            case Slot():
+                debug.variables[path + name] = bound.what
+            case Array():
+                for number, slot in enumerate(bound.what.slots, bound.what.low):
+                    debug.variables[f"{path}{name}[{number}]"] = slot
+            case Instance():
+                inner = bound.what.scope
+                places.setdefault(inner.unit.name, []).append(f"{path}{name}.")
+                debug.outputs[path + name] = [
+                    variable.name for variable in inner.unit.variables if variable.section == "VAR_OUTPUT"
+                ]
+                add_scope(debug, places, inner, f"{path}{name}.")
