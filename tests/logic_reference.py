@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import random
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 INVALID, OVERFLOW = 0x80, 0x01
 RANGES = {"INT": (-32768, 32767), "DINT": (-(1 << 31), (1 << 31) - 1), "WORD": (0, 65535)}
@@ -23,8 +23,52 @@ OUTPUTS = {
     "r_out": "REAL",
     "w_out": "WORD",
 }
-LOW, HIGH = -2, 5  # of the array
+MODES = {"OFF": 0, "RUN": 3, "TRIP": 4}
+TYPES = """TYPE
+mode : (OFF, RUN := 3, TRIP);
+pair : STRUCT n : INT; d : DINT := 7; END_STRUCT
+unit : STRUCT m : mode := RUN; p : pair := (n := 4); v : ARRAY[0..2] OF INT := [1, 2(5)]; END_STRUCT
+END_TYPE
+FUNCTION half : DINT VAR_INPUT q : pair; END_VAR half := q.d / 2; END_FUNCTION
+FUNCTION_BLOCK turn VAR_IN_OUT q : pair; END_VAR q.n := q.n MOD 7 + 1; END_FUNCTION_BLOCK"""
+DECLARED = """VAR a : ARRAY[-2..5] OF INT; n1, n2, n3 : INT; m : ARRAY[1..3, -1..1] OF INT := [3(2), 4, 5];
+s, t : unit; u : ARRAY[2..3, 0..1] OF unit; b : turn; END_VAR"""
+# The dimensions and the type behind each variable: indices, or members.
+PAIR = {"n": "INT", "d": "DINT"}
+UNIT = {"m": "MODE", "p": PAIR, "v": [(0, 2), "INT"]}
+PLACES = {
+    "a": [(-2, 5), "INT"],
+    "m": [(1, 3), (-1, 1), "INT"],
+    "s": UNIT,
+    "t": UNIT,
+    "u": [(2, 3), (0, 1), UNIT],
+}
 Tagged = tuple  # value, quality
+Key = tuple  # the name of a variable, members, indices
+
+
+def paths(kind: object, key: Key = ()) -> list[tuple[Key, str]]:
+    """Of each value within: what leads to it, and its type."""
+    if isinstance(kind, str):
+        return [(key, kind)]
+    if isinstance(kind, dict):
+        return [one for name, inner in kind.items() for one in paths(inner, (*key, name))]
+    (low, high), *rest = kind
+    inner = rest[0] if len(rest) == 1 else rest
+    return [one for index in range(low, high + 1) for one in paths(inner, (*key, index))]
+
+
+ELEMENTS = [((name, *key), its) for name, kind in PLACES.items() for key, its in paths(kind)]
+PRIME = 1_000_003
+
+
+def initial(key: Key) -> int:
+    members = [step for step in key if isinstance(step, str)]
+    if key[0] == "m":
+        return [2, 2, 2, 4, 5, 0, 0, 0, 0][(key[1] - 1) * 3 + key[2] + 1]
+    if "v" in members:
+        return [1, 5, 5][key[-1]]
+    return {"m": 3, "n": 4, "d": 7}.get(members[-1], 0) if key[0] != "a" else 0
 
 
 class Leave(Exception):
@@ -38,14 +82,50 @@ class Random:
     random: random.Random
     loops: int = 0
     depth: int = 0
-    used: list[str] = field(default_factory=list)
+    messages: int = 0
+
+    def place(self, wanted: str, depth: int) -> tuple:
+        """A member or an element of this type: its indices are expressions."""
+        while True:
+            found = self.walk(self.random.choice(list(PLACES)), wanted, depth)
+            if found is not None:
+                return found
+
+    def walk(self, name: str, wanted: str, depth: int) -> tuple | None:
+        kind, steps = PLACES[name], []
+        while True:
+            if wanted == {id(PAIR): "PAIR", id(UNIT): "UNIT"}.get(id(kind), kind):
+                return ("place", name, tuple(steps))
+            if isinstance(kind, str):
+                return None
+            if isinstance(kind, dict):
+                step = self.random.choice(list(kind))
+                steps.append(step)
+                kind = kind[step]
+                continue
+            (low, high), *rest = kind
+            steps.append((low, high, self.index(low, high, depth)))
+            kind = rest[0] if len(rest) == 1 else rest
+
+    def index(self, low: int, high: int, depth: int) -> tuple:
+        """Often inside; a constant one always is: another one is a mistake that the compiler finds."""
+        if self.random.random() < 0.3:
+            return ("literal", "INT", self.random.randint(low, high))
+        found = self.expression("INT", depth + 2)
+        if self.random.random() < 0.5:
+            found = ("binary", "MOD", "INT", found, ("literal", "INT", 3))
+        return ("binary", "+", "INT", ("name", "i_in", "INT"), found) if is_constant(found) else found
 
     def expression(self, kind: str, depth: int = 0) -> tuple:
         pick = self.random.choice
         names = [name for name, its in (INPUTS | OUTPUTS).items() if its == kind]
+        if kind == "MODE" or (kind in ("INT", "DINT") and depth < 4 and self.random.random() < 0.15):
+            if kind == "MODE" and (depth > 3 or self.random.random() < 0.4):
+                return ("literal", kind, pick(list(MODES)))
+            if kind == "DINT" and self.random.random() < 0.3:
+                return ("half", self.place("PAIR", depth))
+            return self.place(kind, depth)
         if depth > 3 or self.random.random() < 0.25:
-            if kind == "INT" and self.random.random() < 0.3:
-                return ("element", self.expression("INT", depth + 2))
             return (
                 ("name", pick(names), kind)
                 if self.random.random() < 0.7
@@ -62,6 +142,13 @@ class Random:
                     of,
                     self.expression(of, depth + 1),
                     self.expression(of, depth + 1),
+                )
+            if which < 0.55:
+                return (
+                    "binary",
+                    pick(["=", "<>"]),
+                    "MODE",
+                    *(self.expression("MODE", depth + 1) for _ in "ab"),
                 )
             if which < 0.6:
                 return ("good", pick(list(INPUTS)))
@@ -121,6 +208,10 @@ class Random:
                     (self.expression("BOOL"), self.block(2)) for _ in range(self.random.randint(1, 2))
                 ]
                 return ("if", branches, self.block(2) if self.random.random() < 0.5 else [])
+            if self.depth < 4 and which < 0.23:
+                first, *others = self.random.sample(list(MODES), 3)
+                branches = [([first], self.block(2)), (others, self.block(2))]
+                return ("case", self.expression("MODE"), branches[: self.random.randint(1, 2)], self.block(1))
             if self.depth < 4 and which < 0.3:
                 labels = self.random.sample(range(-3, 8), 4)
                 branches = [(labels[:2], self.block(2)), (labels[2:], self.block(2))]
@@ -149,26 +240,61 @@ class Random:
                     [(self.expression("BOOL"), [("leave", self.random.choice(["EXIT", "CONTINUE"]))])],
                     [],
                 )
-            if which < 0.6:
-                return ("store", self.expression("INT", 2), self.expression("INT"))
+            if which < 0.68:
+                kind = self.random.choice(["INT", "INT", "DINT", "MODE"])
+                return ("store", self.place(kind, 1), self.expression(kind))
+            if which < 0.76:
+                kind = self.random.choice(["PAIR", "UNIT"])
+                return ("copy", self.place(kind, 1), self.place(kind, 1))
+            if which < 0.78:
+                return self.message()
+            if which < 0.81:
+                return ("turn", self.place("PAIR", 1))
             name = self.random.choice(list(OUTPUTS))
             return ("assign", name, self.expression(OUTPUTS[name]))
         finally:
             self.depth -= 1
+
+    def message(self) -> tuple:
+        self.messages += 1
+        kinds = self.random.choices([*OUTPUTS.values(), "MODE"], k=self.random.randint(0, 3))
+        values = [(kind, self.expression(kind, 2)) for kind in kinds]
+        return ("say", self.messages, [one for one in values if not is_constant(one[1])])
 
     def expression_small(self) -> tuple:
         """The end of a loop: not far away, sometimes of doubtful quality."""
         return ("binary", "MOD", "INT", self.expression("INT", 2), ("literal", "INT", 7))
 
 
+def is_constant(node: tuple) -> bool:
+    """What the compiler may compute itself."""
+    match node:
+        case ("literal", *_):
+            return True
+        case ("unary", _, _, operand):
+            return is_constant(operand)
+        case ("binary", _, _, left, right):
+            return is_constant(left) and is_constant(right)
+    return False
+
+
+def shown_place(name: str, steps: tuple) -> str:
+    text = name
+    for step in steps:
+        text += f".{step}" if isinstance(step, str) else f"[{shown(step[2])}]"
+    return text.replace("][", ", ") if name == "m" else text
+
+
 def shown(node: tuple) -> str:
     match node:
+        case ("place", name, steps):
+            return shown_place(name, steps)
+        case ("half", operand):
+            return f"half({shown(operand)})"
         case ("name", name, _):
             return name
         case ("literal", kind, value):
             return str(value).upper() if kind == "BOOL" else f"{kind}#{value}"
-        case ("element", index):
-            return f"a[{shown(index)}]"
         case ("good", name):
             return f"IS_GOOD({name})"
         case ("unary", "ABS", _, operand):
@@ -190,8 +316,13 @@ def lines(statements: list[tuple]) -> list[str]:
         match statement:
             case ("assign", name, value):
                 found.append(f"{name} := {shown(value)};")
-            case ("store", index, value):
-                found.append(f"a[{shown(index)}] := {shown(value)};")
+            case ("store" | "copy", place, value):
+                found.append(f"{shown(place)} := {shown(value)};")
+            case ("say", number, values):
+                said = "".join(f", {shown(value)}" for _, value in values)
+                found.append(f"MESSAGE('{number}{' {}' * len(values)}'{said});")
+            case ("turn", place):
+                found.append(f"b(q := {shown(place)});")
             case ("leave", word):
                 found.append(f"{word};")
             case ("if", branches, otherwise):
@@ -208,27 +339,71 @@ def lines(statements: list[tuple]) -> list[str]:
     return found
 
 
+def seen(key: Key, kind: str) -> list[str]:
+    """All elements and members are in two sums, whatever the statements did to them."""
+    name = "".join(f".{step}" if isinstance(step, str) else f"[{step}]" for step in key)[1:]
+    name = name.replace("][", ", ")
+    return [
+        f"values := (values * 31 + {kind}_TO_LINT(AS_GOOD({name}))) MOD {PRIME};",
+        f"flags := (flags * 31 + BYTE_TO_LINT(QUALITY({name}))) MOD {PRIME};",
+    ]
+
+
 def text_of(statements: list[tuple]) -> str:
     points = "; ".join(f"{name} : {kind}" for name, kind in (INPUTS | OUTPUTS).items())
     return "\n".join(
         [
-            f"PROGRAM random\nVAR_EXTERNAL {points}; END_VAR",
-            f"VAR a : ARRAY[{LOW}..{HIGH}] OF INT; n1, n2, n3 : INT; END_VAR",
+            f"{TYPES}\nPROGRAM random\nVAR_EXTERNAL {points}; values, flags : LINT; END_VAR",
+            DECLARED,
             *[f"{name} := {name};" for name in OUTPUTS],  # so all of them are outputs
             *lines(statements),
+            "values := 0; flags := 0;",
+            *(line for key, kind in ELEMENTS for line in seen(key, kind)),
             "END_PROGRAM",
         ]
     )
 
 
-def written(statements: list[tuple]) -> set[str]:
-    found: set[str] = set()
+def kind_at(place: tuple) -> object:
+    kind = PLACES[place[1]]
+    for step in place[2]:
+        kind = kind[step] if isinstance(step, str) else kind[1] if len(kind) == 2 else kind[1:]
+    return kind
+
+
+def touched(place: tuple) -> set[Key]:
+    """
+    What an assignment may write, the index being what it may be.
+
+    With several indices that are no constants, each element behind the constant ones before them.
+    """
+    _, name, steps = place
+    indices = [step for step in steps if not isinstance(step, str)]
+    varied = [number for number, step in enumerate(indices) if step[2][0] != "literal"]
+    fixed = len(indices) if len(varied) < 2 else varied[0]
+    keys: list[Key] = [(name,)]
+    number = 0
+    for step in steps:
+        if isinstance(step, str):
+            keys = [(*key, step) for key in keys]
+            continue
+        low, high, index = step
+        held = index[0] == "literal" and number < fixed
+        keys = [(*key, i) for key in keys for i in ([index[2]] if held else range(low, high + 1))]
+        number += 1
+    return {(*key, *tail) for key in keys for tail, _ in paths(kind_at(place))}
+
+
+def written(statements: list[tuple]) -> set[object]:
+    found: set[object] = set()
     for statement in statements:
         match statement:
             case ("assign", name, _):
                 found.add(name)
-            case ("store", _, _):
-                found.add("a")
+            case ("say", number, values):
+                found |= {("said", number, place) for place in range(len(values))}
+            case ("store" | "copy", place, _) | ("turn", place):
+                found |= touched(place)
             case ("if", branches, otherwise) | ("case", _, branches, otherwise):
                 found |= written(otherwise).union(*(written(body) for _, body in branches))
             case ("for", name, _, _, _, body):
@@ -248,6 +423,20 @@ def decides(statements: list[tuple]) -> bool:
     return False
 
 
+def fits_tail(key: Key, place: tuple, tail: Key) -> bool:
+    """Whether this is the same value of an element as the tail's."""
+    return not tail or key[len(place[2]) + 1 :] == tail
+
+
+def said(kind: str, tagged: Tagged) -> str:
+    value, quality = tagged
+    texts = {"BOOL": str(bool(value)).upper(), "REAL": f"{value:.7g}", "LREAL": f"{value:.15g}"}
+    if kind == "MODE":
+        texts["MODE"] = next((name for name, number in MODES.items() if number == value), str(value))
+    text = f"16#{value:X}" if kind == "WORD" else texts.get(kind, str(value))
+    return text + ("!" if quality & 0xC1 else "")
+
+
 def single(value: float) -> float:
     try:
         return struct.unpack("f", struct.pack("f", value))[0]
@@ -257,48 +446,111 @@ def single(value: float) -> float:
 
 class Reference:
     def __init__(self) -> None:
-        self.values: dict[str, Tagged] = {name: (zero(kind), 0) for name, kind in OUTPUTS.items()}
+        self.values: dict[object, Tagged] = {name: (zero(kind), 0) for name, kind in OUTPUTS.items()}
         self.values |= {name: (0, 0) for name in ("n1", "n2", "n3")}
-        self.array: list[Tagged] = [(0, 0)] * (HIGH - LOW + 1)
+        self.values |= {key: (initial(key), 0) for key, _ in ELEMENTS}
+        self.said: dict[int, list[str]] = {}  # of this scan: the types of each message's values
         self.faults = 0
         self.doubts: list[int] = []
 
     def scan(self, statements: list[tuple], inputs: dict[str, Tagged]) -> dict[str, Tagged]:
         self.values |= inputs
+        self.said.clear()
         self.run(statements)
-        return {name: self.values[name] for name in OUTPUTS}
+        values = flags = 0
+        for key, _ in ELEMENTS:
+            values = int(math.fmod(values * 31 + self.values[key][0], PRIME))
+            flags = (flags * 31 + self.values[key][1]) % PRIME
+        sums = {"values": (values, 0), "flags": (flags, 0)}
+        return {name: self.values[name] for name in OUTPUTS} | sums
 
-    def doubt(self, names: set[str], quality: int) -> None:
+    def doubt(self, names: set[object], quality: int) -> None:
         for name in names:
-            if name == "a":
-                self.array = [(value, old | quality) for value, old in self.array]
-            else:
-                self.values[name] = (self.values[name][0], self.values[name][1] | quality)
+            value, its = self.values.get(name, (0, 0))  # of a message: not said yet
+            self.values[name] = (value, its | quality)
+
+    def reached(self, place: tuple) -> tuple[Key, int, bool]:
+        """The place with its indices computed, their quality, and whether all are inside."""
+        key, quality, inside = [place[1]], 0, True
+        for step in place[2]:
+            if isinstance(step, str):
+                key.append(step)
+                continue
+            index, its = self.value(step[2])
+            key.append(index)
+            quality |= its
+            inside &= step[0] <= index <= step[1]
+        return tuple(key), quality, inside
+
+    def read(self, key: Key, quality: int, inside: bool) -> Tagged:
+        if inside:
+            return (self.values[key][0], self.values[key][1] | quality)
+        self.faults += 1
+        return (0, quality | INVALID)
+
+    def write(self, key: Key, quality: int, inside: bool, new: Tagged, might: set[object]) -> None:
+        if inside:
+            self.values[key] = new
+        else:
+            self.faults += 1
+            quality |= INVALID
+        self.doubt(might, quality)
+
+    def copied(self, place: tuple) -> list[Tagged]:
+        key, quality, inside = self.reached(place)
+        return [self.read((*key, *tail), quality, inside) for tail, _ in paths(kind_at(place))]
+
+    def put(self, place: tuple, reached: tuple[Key, int, bool], new: Tagged, tail: Key) -> None:
+        """One value of a place: the element's others are not in doubt by it."""
+        key, quality, inside = reached
+        might = {one for one in touched(place) if fits_tail(one, place, tail)}
+        self.write((*key, *tail), quality, inside, new, might)
 
     def run(self, statements: list[tuple]) -> None:
         for statement in statements:
             match statement:
                 case ("assign", name, value):
                     self.values[name] = self.value(value)
-                case ("store", index, value):
-                    new, at = self.value(value), self.value(index)
-                    doubt = at[1]
-                    if LOW <= at[0] <= HIGH:
-                        self.array[at[0] - LOW] = new
-                    else:
-                        self.faults += 1
-                        doubt |= INVALID
-                    self.doubt({"a"}, doubt)
+                case ("store", place, value):
+                    new = self.value(value)
+                    self.put(place, self.reached(place), new, ())
+                case ("copy", place, source):
+                    to, of = self.reached(place), self.reached(source)
+                    for tail, _ in paths(kind_at(place)):
+                        self.put(place, to, self.read((*of[0], *tail), *of[1:]), tail)
+                case ("say", number, values):
+                    for place, (_, value) in enumerate(values):
+                        self.values[("said", number, place)] = self.value(value)
+                    if number in self.said or len(self.said) < 8:
+                        self.said[number] = [kind for kind, _ in values]
+                case ("turn", place):
+                    pair = dict(zip(PAIR, self.copied(place), strict=True))
+                    n, quality = pair["n"]
+                    pair["n"] = (int(math.fmod(n, 7)) + 1, quality)
+                    reached = self.reached(place)
+                    for name, value in pair.items():
+                        self.put(place, reached, value, (name,))
                 case ("leave", word):
                     raise Leave(word)
                 case ("if", branches, otherwise):
                     self.branch([(lambda c=c: self.value(c), body) for c, body in branches], otherwise)
                 case ("case", selector, branches, otherwise):
                     value, quality = self.value(selector)
-                    hits = [((value in labels, quality), body) for labels, body in branches]
+                    hits = [
+                        ((value in [MODES.get(label, label) for label in labels], quality), body)
+                        for labels, body in branches
+                    ]
                     self.branch([(lambda hit=hit: hit, body) for hit, body in hits], otherwise)
                 case ("for", name, first, last, step, body):
                     self.loop(name, first, self.value(last), step, body)
+
+    def messages(self) -> list[str]:
+        """The values as they are when the scan ends: what a condition doubts is marked."""
+        lines = []
+        for number, kinds in self.said.items():
+            values = [self.values[("said", number, place)] for place in range(len(kinds))]
+            lines.append(" ".join([str(number), *(said(*pair) for pair in zip(kinds, values, strict=True))]))
+        return lines
 
     def branch(self, branches: list, otherwise: list[tuple]) -> None:
         everything = [one for _, body in branches for one in body] + otherwise
@@ -332,13 +584,12 @@ class Reference:
             case ("name", name, _):
                 return self.values[name]
             case ("literal", kind, value):
-                return (single(value) if kind == "REAL" else value, 0)
-            case ("element", index):
-                at, quality = self.value(index)
-                if LOW <= at <= HIGH:
-                    return (self.array[at - LOW][0], self.array[at - LOW][1] | quality)
-                self.faults += 1
-                return (0, quality | INVALID)
+                return (single(value) if kind == "REAL" else MODES.get(value, value), 0)
+            case ("place", *_):
+                return self.read(*self.reached(node))
+            case ("half", place):
+                _, (d, quality) = self.copied(place)
+                return (int(d / 2), quality)
             case ("good", name):
                 return ((self.values[name][1] & 0xC1) == 0, 0)
             case ("unary", operator, kind, operand):

@@ -2,6 +2,7 @@
 """Programs of Structured Text in a running gateway, between simulated devices and a controlling station."""
 
 import json
+import re
 import subprocess
 import time
 from collections.abc import Iterator
@@ -42,6 +43,7 @@ stop(POINT := pump, EXECUTE := level < 20, VALUE := 0.0, SELECT := TRUE);
 rises(CLK := start.STATE = 9);
 IF rises.Q THEN
   count := count + 1;
+  MESSAGE('start {} of the pump at {}', count, level);
 END_IF;
 starts := count;
 half := level / 2;
@@ -49,7 +51,7 @@ END_PROGRAM
 """
 ENDLESS = """PROGRAM endless
 VAR_EXTERNAL spin : BOOL; out : INT; END_VAR VAR n, m : DINT; END_VAR
-out := 7;
+out := 7; MESSAGE('out is {}', out);
 WHILE spin DO
   out := 7; n := n MOD 99991 + 1; m := n;
 END_WHILE;
@@ -269,6 +271,8 @@ def test_a_sequence_starts_a_pump_at_the_limit_that_a_master_set(desk: Desk) -> 
     wait_value(desk, "limit", 70)
     wait_value(desk, "pump", "on")
     wait_value(desk, "starts", before + 1)
+    said = f"rtu-logic-filling info: start {before + 1} of the pump at 75\n"
+    desk.gateway.wait_for(lambda: said in desk.gateway.log(), WAIT_S, said)
     desk.set_and_scan(DEVICE, "input_registers", LEVEL, [10])
     wait_value(desk, "pump", "off")
     assert desk.lines.get(DEVICE, "coils", PUMP) == 0
@@ -441,3 +445,12 @@ def test_a_death_in_any_phase_of_a_scan_loses_no_more_than_that_scan(programs: P
             assert found["limit"]["value"] == 5
     finally:
         remove(directory)
+
+
+def test_a_program_that_says_the_same_in_each_scan_does_not_fill_the_log(desk: Desk) -> None:
+    """Ten lines in ten seconds; the fixture's gateway has run for longer, or does so soon."""
+    left_out = re.compile(r"rtu-logic-endless warning: (\d+) messages of the program were left out\n")
+    desk.gateway.wait_for(lambda: left_out.search(desk.gateway.log()), WAIT_S, "the messages left out")
+    said = desk.gateway.log()
+    begun = 1 + 3 + len(left_out.findall(said))  # three more processes: those that were killed
+    assert 0 < said.count("rtu-logic-endless info: out is 7") <= 10 * begun

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from logic.errors import LogicError
-from logic.types import CODES
+from logic.types import machine_type
 
 VERSION = 2  # LOGIC_VERSION
 NO_SLOT = 0xFFFF
@@ -79,6 +80,7 @@ OPERATIONS = [
     "QUALITY",
     "GOOD",
     "AS_GOOD",
+    "MESSAGE",
 ]
 
 
@@ -93,9 +95,13 @@ class Slot:
 
 @dataclass(eq=False)
 class Array:
-    slots: list[Slot]
+    slots: list[Slot]  # each as far from the one before
     type: str
     low: int
+
+    @property
+    def stride(self) -> int:
+        return self.slots[1].number - self.slots[0].number if len(self.slots) > 1 else 1
 
 
 @dataclass(eq=False)
@@ -104,8 +110,9 @@ class Instruction:
     type: str
     operands: list[
         object
-    ]  # slots, arrays, routines, numbers, and of jumps the instruction's number in its routine
+    ]  # slots, arrays, routines, texts, numbers, and of jumps the instruction's number in its routine
     line: int
+    covers: list[Slot] = field(default_factory=list)  # the variables that a BLOCK writes
 
 
 @dataclass(eq=False)
@@ -142,6 +149,7 @@ class Debug:
 
     variables: dict[str, Slot] = field(default_factory=dict)
     outputs: dict[str, list[str]] = field(default_factory=dict)  # of each instance of a block
+    enumerations: dict[str, dict[int, str]] = field(default_factory=dict)  # of its values
     # Of each unit of the text its first line, and the paths that what it names begins with.
     units: list[tuple[int, list[str]]] = field(default_factory=list)
 
@@ -190,6 +198,10 @@ def encode(program: Program) -> bytes:
 
     def name(text: str) -> int:
         if text not in places:
+            if len(names) > 0xFFFF:
+                raise LogicError(
+                    "the names of points and the texts of messages are longer than 65 536 octets"
+                )
             places[text] = len(names)
             names.extend(text.encode() + b"\0")
         return places[text]
@@ -197,11 +209,17 @@ def encode(program: Program) -> bytes:
     own_name = name(program.name)
     initial = {slot: bits for (_, bits), slot in program.constants.items()} | program.initial
     sections = [
-        filled(bytes(CODES[slot.type] for slot in everything)),
+        filled(bytes(machine_type(slot.type) for slot in everything)),
         b"".join(struct.pack("<HHQ", slot.number, 0, bits) for slot, bits in initial.items()),
         b"".join(
             struct.pack(
-                "<HHHBBi", array.slots[0].number, len(array.slots), 1, CODES[array.type], 0, array.low
+                "<HHHBBi",
+                array.slots[0].number,
+                len(array.slots),
+                array.stride,
+                machine_type(array.type),
+                0,
+                array.low,
             )
             for array in program.arrays
         ),
@@ -211,7 +229,7 @@ def encode(program: Program) -> bytes:
                 "<HHBBH",
                 point.slot.number,
                 point.time.number if point.time else NO_SLOT,
-                CODES[point.type],
+                machine_type(point.type),
                 point.written,
                 name(point.name),
             )
@@ -226,11 +244,11 @@ def encode(program: Program) -> bytes:
             for request in program.requests
         ),
         b"".join(
-            struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), CODES[slots[0].type], 0)
+            struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), machine_type(slots[0].type), 0)
             for kept, slots in program.retained
         ),
         b"".join(
-            code_of(instruction, program, starts[id(routine)])
+            code_of(instruction, program, starts[id(routine)], name)
             for routine in program.routines
             for instruction in routine.code
         ),
@@ -261,13 +279,15 @@ def filled(octets: bytes) -> bytes:
     return octets + bytes(-len(octets) % 4)
 
 
-def code_of(instruction: Instruction, program: Program, start: int) -> bytes:
+def code_of(instruction: Instruction, program: Program, start: int, name: Callable[[str], int]) -> bytes:
     numbers = []
     for operand in instruction.operands:
         if isinstance(operand, Slot):
             numbers.append(operand.number)
         elif isinstance(operand, Array):
             numbers.append(program.arrays.index(operand))
+        elif isinstance(operand, str):
+            numbers.append(name(operand))
         elif isinstance(operand, Routine):
             numbers.append(program.routines.index(operand))
         else:
@@ -275,4 +295,6 @@ def code_of(instruction: Instruction, program: Program, start: int) -> bytes:
     if instruction.operation in ("JUMP", "IF", "ELSIF", "CLEAN"):
         numbers[0 if instruction.operation == "JUMP" else 1] += start
     numbers += [0] * (3 - len(numbers))
-    return struct.pack("<BBHHH", OPERATIONS.index(instruction.operation), CODES[instruction.type], *numbers)
+    return struct.pack(
+        "<BBHHH", OPERATIONS.index(instruction.operation), machine_type(instruction.type), *numbers
+    )

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from logic import grammar
 from logic.binary import Program, encode
 from logic.compile import compile_text
 from logic.desk import Desk
@@ -99,6 +100,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.set_defaults(run=_watch)
     _add_filter(commands)
+    command = commands.add_parser(
+        "editor",
+        help="write an extension that colours Structured Text in an editor",
+        description="Write an extension with a TextMate grammar, as Visual Studio Code loads it.",
+    )
+    command.add_argument(
+        "directory", type=Path, metavar="DIRECTORY", help="as ~/.vscode/extensions/openrtu-st"
+    )
+    command.set_defaults(run=_editor)
     return parser
 
 
@@ -231,6 +241,9 @@ def _run(parsed: argparse.Namespace) -> int:
             writer.writerow([f"{step.time_us / US:g}", *(step.scan.outputs[name].shown() for name in names)])
         if parsed.output:
             file.close()
+    for step in done:
+        for line, text in step.scan.messages:
+            print(f"{parsed.file}:{line}: at {step.time_us / US:g} s: {text}", file=sys.stderr)
     _report_faults(parsed, done[-1])
     return DONE
 
@@ -263,6 +276,12 @@ def _watch(parsed: argparse.Namespace) -> int:
         parsed.instance,
     )
     watch(view, parsed.once)
+    return DONE
+
+
+def _editor(parsed: argparse.Namespace) -> int:
+    for file in grammar.write(parsed.directory):
+        print(file)
     return DONE
 
 

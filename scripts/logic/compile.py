@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
-from logic.binary import Array, Command, Point, Program, Request, Routine, Slot
+from logic.binary import Command, Point, Program, Request, Routine, Slot
 from logic.debug import debug_of
+from logic.declare import Declarations
 from logic.errors import Findings, Place, SourceError
+from logic.layout import Enumeration, Stored, is_single, name_of
 from logic.parser import parse
 from logic.routine import Body, Bound, Instance, Loop, Scope, writes
 from logic.syntax import (
@@ -17,6 +19,7 @@ from logic.syntax import (
     Assign,
     Call,
     Case,
+    Declared,
     Expression,
     For,
     If,
@@ -25,12 +28,12 @@ from logic.syntax import (
     Name,
     Repeat,
     Statement,
+    Text,
     Unit,
-    Variable,
     While,
 )
-from logic.types import ALIASES, BITS, INTEGERS, TYPES, pack
-from logic.values import BUILT_IN, Values
+from logic.types import BITS, INTEGERS
+from logic.values import BUILT_IN, Reference
 
 # The standard's function blocks, and those of docs/blocks.md.
 BLOCKS = Path(__file__).with_name("blocks")
@@ -43,11 +46,14 @@ FORGOTTEN = {
 # The variables of the blocks that the machine's host serves, in the order of format.h.
 COMMAND_PARTS = ("EXECUTE", "VALUE", "SELECT", "STATE", "RESULT")
 REQUEST_PARTS = ("ACTIVE", "VALUE", "REFUSE", "STATE", "RESULT")
+MESSAGE_VALUES = 8  # LOGIC_MESSAGE_VALUES
+MESSAGE_OCTETS = 111  # MAP_LOG_TEXT_SIZE, without the end
 
 
 def compile_text(text: str, findings: Findings, name: str = "program") -> Program:
     """Compiles; the program is of use only if the findings have no error."""
-    return Compiler([*library(), *parse(text, findings)], findings).program_of(name)
+    units, types = parse(text, findings)
+    return Compiler([*library(), *units], types, findings).program_of(name)
 
 
 @cache
@@ -57,7 +63,7 @@ def library() -> tuple[Unit, ...]:
     units = [
         unit
         for file in sorted(BLOCKS.glob("*.st"))
-        for unit in parse(file.read_text(encoding="utf-8"), findings)
+        for unit in parse(file.read_text(encoding="utf-8"), findings)[0]
     ]
     assert not findings.failed, findings.sorted()
     for unit in units:
@@ -65,18 +71,10 @@ def library() -> tuple[Unit, ...]:
     return tuple(units)
 
 
-class Compiler(Values):
-    def __init__(self, units: list[Unit], findings: Findings) -> None:
-        super().__init__(findings)
+class Compiler(Declarations):
+    def __init__(self, units: Sequence[Unit], types: Sequence[Declared], findings: Findings) -> None:
+        super().__init__(units, types, findings)
         self.functions: dict[str, tuple[Scope, Routine | None]] = {}
-        self.open_blocks: list[str] = []
-        for unit in units:
-            there = self.units.get(unit.name)
-            if there is not None and there.library:
-                findings.error(unit.place, f"{unit.name} is a block of the library; give yours another name")
-            elif there is not None:
-                findings.error(unit.place, f"{unit.name} is defined twice")
-            self.units[unit.name] = unit
 
     def program_of(self, name: str) -> Program:
         own = [unit for unit in self.units.values() if not unit.library]
@@ -99,6 +97,11 @@ class Compiler(Values):
             self.program.points.sort(key=lambda point: point.name)
             functions = [scope for scope, _ in self.functions.values() if not scope.unit.library]
             self.program.debug = debug_of(scope, functions, own)
+            self.program.debug.enumerations = {
+                kind.name: {number: name for name, number in kind.values.items()}
+                for kind in self.types.values()
+                if isinstance(kind, Enumeration)
+            }
         return self.program
 
     # ---- units and their variables -----------------------------------------------------------------
@@ -140,12 +143,13 @@ class Compiler(Values):
             if isinstance(bound.what, Slot):
                 initial = self.program.initial.get(bound.what, 0)
                 self.body.emit("MOVE", bound.what.type, bound.what, self.cell(bound.what.type, initial))
-            elif isinstance(bound.what, Array):
-                fresh = [self.program.add(Slot(bound.what.type, True)) for _ in bound.what.slots]
-                for slot, own in zip(fresh, bound.what.slots, strict=True):
-                    if own in self.program.initial:
-                        self.program.initial[slot] = self.program.initial[own]
-                self.body.emit("BLOCK", "BOOL", bound.what.slots[0], fresh[0], len(fresh))
+            elif isinstance(bound.what, Stored):
+                own = bound.what.slots
+                fresh = [self.program.add(Slot(slot.type, True)) for slot in own]
+                for slot, source in zip(fresh, own, strict=True):
+                    if source in self.program.initial:
+                        self.program.initial[slot] = self.program.initial[source]
+                self.body.block(own, fresh[0])
 
     def report_unused(self, scope: Scope) -> None:
         """Only of a text without mistakes: a mistake hides the uses in its statement."""
@@ -159,7 +163,7 @@ class Compiler(Values):
         """A point that two statements of the same list assign: the first one does nothing."""
         seen: dict[str, Place] = {}
         for statement in unit.body:
-            if not isinstance(statement, Assign) or statement.target.index is not None:
+            if not isinstance(statement, Assign) or statement.target.path:
                 continue
             bound = self.body.scope.names.get(statement.target.name)
             if bound is None or bound.variable.section != "VAR_EXTERNAL":
@@ -170,89 +174,6 @@ class Compiler(Values):
                     statement.place, f"{bound.variable.spelling} is written twice: here and in line {first}"
                 )
             seen[statement.target.name] = statement.place
-
-    def scope_of(self, unit: Unit, path: str) -> Scope:
-        scope = Scope(unit)
-        outer, self.scope = self.scope, scope
-        if unit.result is not None:
-            result = Variable(unit.place, unit.name, "VAR_OUTPUT", unit.result, spelling=unit.name)
-            self.declare(scope, result, path)
-            scope.names[unit.name].read = True
-        for variable in unit.variables:
-            try:
-                self.declare(scope, variable, path)
-            except SourceError as error:
-                self.findings.error(error.place, error.text)
-        self.scope = outer
-        return scope
-
-    def declare(self, scope: Scope, variable: Variable, path: str) -> None:
-        if variable.name in scope.names:
-            raise SourceError(variable.place, f"{variable.spelling} is declared twice")
-        if variable.section == "VAR_EXTERNAL" and scope.unit.kind != "PROGRAM":
-            raise SourceError(variable.place, "points belong to the PROGRAM; pass them as inputs")
-        kind = ALIASES.get(variable.type, variable.type)
-        block = self.units.get(kind)
-        if block is not None and block.kind == "FUNCTION_BLOCK":
-            scope.names[variable.name] = Bound(variable, self.instance(scope, variable, block, path))
-            return
-        if kind not in TYPES:
-            raise SourceError(
-                variable.place, f"unknown type {variable.type}{self.meant(kind, [*TYPES, *self.units])}"
-            )
-        if variable.constant:
-            if len(variable.initial) != 1 or variable.bounds:
-                raise SourceError(variable.place, f"the constant {variable.spelling} needs one value")
-            value = self.constant(variable.initial[0], kind)
-            scope.names[variable.name] = Bound(variable, Literal(variable.place, kind, value))
-            return
-        values = [self.constant(value, kind) for value in variable.initial]
-        low, count = self.extent(variable)
-        if len(values) > count:
-            raise SourceError(variable.place, f"{len(values)} initial values for {count} elements")
-        slots = [self.program.add(Slot(kind, True)) for _ in range(count)]
-        self.program.initial |= {slot: pack(kind, value) for slot, value in zip(slots, values, strict=False)}
-        if variable.retain and (scope.unit.kind == "FUNCTION" or variable.section == "VAR_TEMP"):
-            raise SourceError(variable.place, "a FUNCTION and VAR_TEMP cannot retain a value")
-        if variable.retain:
-            self.program.retained.append((f"{path}{variable.name}", slots))
-        bound = Bound(variable, slots[0])
-        if variable.bounds:
-            bound.what = Array(slots, kind, low)
-            self.program.arrays.append(bound.what)
-        if variable.section == "VAR_EXTERNAL":
-            if variable.bounds or variable.initial:
-                raise SourceError(
-                    variable.place,
-                    f"the point {variable.spelling} cannot be an array or have an initial value",
-                )
-            bound.point = Point(variable.spelling, kind, slots[0])
-            self.program.points.append(bound.point)
-        scope.names[variable.name] = bound
-
-    def extent(self, variable: Variable) -> tuple[int, int]:
-        if variable.bounds is None:
-            return 0, 1
-        if variable.section in ("VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT"):
-            raise SourceError(variable.place, "an array cannot be passed yet; pass its elements")
-        low, high = (int(self.constant(bound, "DINT")) for bound in variable.bounds)
-        if not low <= high < low + 30000:
-            raise SourceError(variable.place, f"an array from {low} to {high}: it needs 1 to 30000 elements")
-        return low, high - low + 1
-
-    def instance(self, scope: Scope, variable: Variable, block: Unit, path: str) -> Instance:
-        if variable.bounds or variable.initial or variable.constant or variable.section == "VAR_EXTERNAL":
-            raise SourceError(variable.place, f"an instance of {block.name} must be a plain variable")
-        if scope.unit.kind == "FUNCTION" or variable.section == "VAR_TEMP":
-            raise SourceError(
-                variable.place, f"{block.name} keeps a state, but a FUNCTION and VAR_TEMP keep none"
-            )
-        if block is scope.unit or block.name in self.open_blocks:
-            raise SourceError(variable.place, f"{block.name} contains itself")
-        self.open_blocks.append(block.name)
-        inner = self.scope_of(block, f"{path}{variable.name}.")
-        self.open_blocks.pop()
-        return Instance(block, inner)
 
     # ---- statements --------------------------------------------------------------------------------
 
@@ -288,36 +209,21 @@ class Compiler(Values):
                 self.leave(statement)
 
     def assign(self, statement: Assign) -> None:
-        bound = self.writable(statement.target)
-        if isinstance(bound.what, Array):
-            if statement.target.index is None:
-                raise SourceError(statement.place, f"{bound.variable.spelling} is an array; name an element")
-            value = self.value(statement.value, bound.what.type)
-            self.body.emit("STORE", bound.what.type, value, bound.what, self.index(statement.target.index))
+        target = self.writable(statement.target)
+        if is_single(target.type):
+            self.store(target, self.value(statement.value, name_of(target.type)))
         else:
-            self.move(bound.what, self.value(statement.value, bound.what.type))
+            self.copy(target, self.source(statement.value, target.type, statement.value.place))
 
-    def move(self, target: Slot, value: Slot) -> None:
-        """The last instruction writes there at once where it has just made the value."""
-        code = self.body.routine.code
-        made = ("MOVE", "JUMP", "IF", "ELSIF", "CLEAN", "SPREAD", "CALL", "RETURN", "STORE", "BLOCK")
-        if (
-            code
-            and value in self.body.live
-            and code[-1].operation not in made
-            and code[-1].operands[0] is value
-        ):
-            code[-1].operands[0] = target
-        else:
-            self.body.emit("MOVE", target.type, target, value)
-
-    def writable(self, target: Name) -> Bound:
+    def writable(self, target: Name) -> Reference:
         bound = self.bound(target)
-        if target.member:
-            raise SourceError(target.place, f"only the block itself writes {target.name}.{target.member}")
         if isinstance(bound.what, Instance):
             raise SourceError(target.place, f"{target.name} is a block; call it: {target.name}(…)")
-        if isinstance(bound.what, Literal):
+        if bound.variable is not self.body.scope.names[target.name].variable:
+            raise SourceError(
+                target.place, f"only the block itself writes {target.name}.{bound.variable.name}"
+            )
+        if isinstance(bound.what, Literal) or bound.variable.constant:
             raise SourceError(target.place, f"{bound.variable.spelling} is a constant")
         if bound.variable.section == "VAR_INPUT":
             raise SourceError(
@@ -326,7 +232,7 @@ class Compiler(Values):
         bound.written = True
         if bound.point:
             bound.point.written = True
-        return bound
+        return self.reference(target)
 
     def if_(
         self, branches: Sequence[tuple[Expression, Sequence[Statement]]], otherwise: Sequence[Statement]
@@ -381,8 +287,10 @@ class Compiler(Values):
 
     def case(self, statement: Case) -> None:
         selector = self.any_value(statement.selector)
-        if (selector.type or "DINT") not in INTEGERS + BITS:
-            raise SourceError(statement.selector.place, "the selector of CASE must be an integer")
+        if (selector.type or "DINT") not in (*INTEGERS, *BITS, *self.types):
+            raise SourceError(
+                statement.selector.place, "the selector of CASE must be an integer or an enumeration"
+            )
         selector = self.become(selector, selector.type or "DINT", statement.selector.place)
         taken: dict[int, Place] = {}
 
@@ -399,6 +307,13 @@ class Compiler(Values):
                     yield result, statements
 
         self.branches(conditions(), statement.otherwise)
+        kind = self.types.get(selector.type)
+        if isinstance(kind, Enumeration) and not statement.otherwise:
+            lacking = [name for name, number in kind.values.items() if number not in taken]
+            if lacking:
+                self.findings.warn(
+                    statement.place, f"this CASE has neither ELSE nor {', '.join(lacking)} of {kind.name}"
+                )
 
     def label(
         self, selector: Slot, low: Expression, high: Expression | None, taken: dict[int, Place]
@@ -408,8 +323,12 @@ class Compiler(Values):
         if last < first:
             raise SourceError(low.place, f"the range {first}..{last} is empty")
         again = [value for value in taken if first <= value <= last]
+        kind = self.types.get(selector.type)
+        if isinstance(kind, Enumeration) and high:
+            raise SourceError(low.place, f"{kind.name} has no ranges; write its values with ',' between them")
         if again:
-            self.findings.warn(low.place, f"{again[0]} is already a case in line {taken[again[0]].line}")
+            shown = kind.shown(first) if isinstance(kind, Enumeration) else again[0]
+            self.findings.warn(low.place, f"{shown} is already a case in line {taken[again[0]].line}")
         taken[first] = low.place
         hit = self.body.temporary("BOOL")
         if high is None:
@@ -423,7 +342,7 @@ class Compiler(Values):
 
     def for_(self, statement: For) -> None:
         """Counted beside the variable: its type may end with the last value."""
-        variable = self.writable(statement.variable).what
+        variable = self.writable(statement.variable).bound.what
         if not isinstance(variable, Slot) or variable.type not in INTEGERS:
             raise SourceError(statement.variable.place, "the variable of FOR must be an integer")
         step = int(self.constant(statement.step, "LINT")) if statement.step else 1
@@ -505,6 +424,9 @@ class Compiler(Values):
 
     def call_block(self, call: Call) -> None:
         bound = self.body.scope.names.get(call.name)
+        if bound is None and call.name == "MESSAGE":
+            self.message(call)
+            return
         if bound is None and self.is_function(call.name):
             raise SourceError(call.place, f"the result of {call.name} is not used")
         bound = self.bound(Name(call.place, call.name))
@@ -529,6 +451,47 @@ class Compiler(Values):
         self.body.emit("CALL", "BOOL", instance.routine)
         self.fetch(instance.scope, arguments)
 
+    def message(self, call: Call) -> None:
+        """The machine notes that it was said; the host makes the text, of the values in these variables."""
+        text = call.arguments[0].value if call.arguments else None
+        if not isinstance(text, Text) or any(one.name for one in call.arguments):
+            raise SourceError(call.place, "expected MESSAGE('a text with {}', a value for each {})")
+        given = call.arguments[1:]
+        places = text.text.count("{}")
+        if places != len(given) or places > MESSAGE_VALUES:
+            raise SourceError(
+                text.place, f"{places} {{}} in the text, {len(given)} values; {MESSAGE_VALUES} at most"
+            )
+        octets = len(text.text.encode())
+        if octets > MESSAGE_OCTETS:
+            raise SourceError(
+                text.place, f"{octets} octets are too many; a line of the log has {MESSAGE_OCTETS}"
+            )
+        values: list[Slot] = []
+        for argument in given:
+            value = self.any_value(argument.value)
+            if isinstance(value, Literal):
+                raise SourceError(argument.place, "a constant can stand in the text itself")
+            if value.type == "DATE_AND_TIME":
+                raise SourceError(argument.place, "a message has no DATE_AND_TIME; the log has the time")
+            values.append(value)
+        pieces = text.text.split("{}")
+        said = pieces[0] + "".join(
+            self.placed(value) + piece for value, piece in zip(values, pieces[1:], strict=True)
+        )
+        slots = [self.program.add(Slot(value.type, True)) for value in values]
+        for slot, value in zip(slots, values, strict=True):
+            self.body.emit("MOVE", slot.type, slot, value)
+        first = slots[0] if slots else self.body.doubt
+        self.body.emit("MESSAGE", "BOOL", said, first, len(slots))
+
+    def placed(self, value: Slot) -> str:
+        """Where a value stands in a text; logic/message.c reads the names of an enumeration there."""
+        kind = self.types.get(value.type)
+        if not isinstance(kind, Enumeration):
+            return "{}"
+        return f"\x01{','.join(f'{number}={name}' for name, number in kind.values.items())}\x02"
+
     def served_point(self, call: Call, instance: Instance, arguments: list[Argument]) -> Point:
         block = instance.unit.name
         points = [one for one in arguments if one.name == "POINT"]
@@ -549,13 +512,16 @@ class Compiler(Values):
         """Values into the inputs. They are all computed before the first is written."""
         inputs = [v for v in scope.unit.variables if v.section in ("VAR_INPUT", "VAR_IN_OUT")]
         given: set[str] = set()
-        values = []
+        values: list[tuple[Slot, Slot]] = []
+        copies: list[tuple[Reference, Reference]] = []
         for number, argument in enumerate(arguments):
             name = argument.name
             if name is None:
                 if number >= len(inputs):
                     raise SourceError(argument.place, f"{call.name} has {len(inputs)} inputs")
                 name = inputs[number].name
+            if name in scope.broken:
+                raise scope.broken[name]
             target = scope.names.get(name)
             sections = ("VAR_OUTPUT",) if argument.output else ("VAR_INPUT", "VAR_IN_OUT")
             if target is None or target.variable.section not in sections:
@@ -568,7 +534,13 @@ class Compiler(Values):
                 raise SourceError(argument.place, f"{name} is given twice")
             given.add(name)
             target.read = True
-            if not argument.output:
+            if argument.output:
+                continue
+            if isinstance(target.what, Stored):
+                source = self.source(argument.value, target.what.type, argument.place)
+                self.settle(source)
+                copies.append((whole(target, argument.place), source))
+            else:
                 values.append((target.what, self.value(argument.value, target.what.type)))
         missing = [
             v.name
@@ -577,11 +549,13 @@ class Compiler(Values):
         ]
         if missing:
             raise SourceError(call.place, f"{call.name} lacks {', '.join(missing)}")
-        if len(values) == 1:
+        if len(values) == 1 and not copies:
             self.move(*values[0])
         else:
             for target, value in values:
                 self.body.emit("MOVE", target.type, target, value)
+        for target, source in copies:
+            self.copy(target, source)
 
     def fetch(self, scope: Scope, arguments: Sequence[Argument]) -> None:
         """Outputs, and what the caller lent (VAR_IN_OUT is copied in and out), to the caller's variables."""
@@ -592,20 +566,16 @@ class Compiler(Values):
                 continue
             if not isinstance(argument.value, Name):
                 raise SourceError(argument.place, f"{source.variable.name} needs a variable to write to")
-            bound = self.writable(argument.value)
-            kind = bound.what.type
-            if kind != source.what.type:
+            target, of = self.writable(argument.value), whole(source, argument.place)
+            if name_of(target.type) != name_of(of.type):
                 raise SourceError(
-                    argument.place, f"{source.variable.name} is {source.what.type}, the variable {kind}"
+                    argument.place,
+                    f"{source.variable.name} is {name_of(of.type)}, the variable {name_of(target.type)}",
                 )
-            if isinstance(bound.what, Array):
-                if argument.value.index is None:
-                    raise SourceError(
-                        argument.place, f"{bound.variable.spelling} is an array; name an element"
-                    )
-                self.body.emit("STORE", kind, source.what, bound.what, self.index(argument.value.index))
+            if is_single(target.type):
+                self.store(target, source.what)
             else:
-                self.body.emit("MOVE", kind, bound.what, source.what)
+                self.copy(target, of)
 
     def is_function(self, name: str) -> bool:
         unit = self.units.get(name)
@@ -623,6 +593,8 @@ class Compiler(Values):
 
     def call_function(self, call: Call, unit: Unit) -> Slot:
         scope, routine = self.function(unit, call.place)
+        if unit.name in scope.broken:
+            raise scope.broken[unit.name]
         self.hand_over(scope, call.arguments, call)
         result = scope.names[unit.name].what
         self.body.emit("CALL", "BOOL", routine)
@@ -630,6 +602,10 @@ class Compiler(Values):
         copy = self.body.temporary(result.type)
         self.body.emit("MOVE", result.type, copy, result)
         return copy
+
+
+def whole(bound: Bound, place: Place) -> Reference:
+    return Reference(bound, place, bound.variable.spelling, bound.what.type)
 
 
 def parts_of(instance: Instance, parts: Sequence[str]) -> list[Slot]:

@@ -11,7 +11,7 @@ from logic.syntax import (
     Literal,
     Unary,
 )
-from logic.types import BITS, INTEGERS, RANGES, REAL_MAX, REALS, common, widens
+from logic.types import BITS, INTEGERS, NUMBERS, RANGES, REAL_MAX, REALS, TYPES, common, widens
 
 ARITHMETIC = {"+": "ADD", "-": "SUB", "*": "MUL", "/": "DIV", "MOD": "MOD"}
 COMPARED = {
@@ -29,6 +29,12 @@ def fitted(literal: Literal, kind: str, place: Place) -> bool | int | float:
     value = literal.value
     if literal.type is not None and literal.type != kind and not widens(literal.type, kind):
         raise SourceError(place, f"expected {kind}, found {literal.type}")
+    if kind not in TYPES:
+        if literal.type is None:
+            raise SourceError(
+                place, f"expected {kind}, found {value}; write {kind}#… with a name of its values"
+            )
+        return value
     if isinstance(value, bool) != (kind == "BOOL") or (
         literal.type is None and kind in ("TIME", "DATE_AND_TIME")
     ):
@@ -54,7 +60,7 @@ def fold_one(expression: Unary, operand: Literal | None) -> Literal | None:
     if expression.operator == "NOT":
         value = not operand.value if operand.type == "BOOL" else None
     else:
-        value = -operand.value if operand.type not in ("BOOL", "DATE_AND_TIME") else None
+        value = -operand.value if operand.type in (None, "TIME", *NUMBERS) else None
     return None if value is None else checked(expression.place, operand.type, value)
 
 

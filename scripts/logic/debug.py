@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from logic.binary import Array, Debug, Slot
+from logic.binary import Debug, Slot
+from logic.layout import Stored, elements_of
 from logic.routine import Instance, Scope
 from logic.syntax import Unit
 
 
 def debug_of(program: Scope, functions: Iterable[Scope], units: Iterable[Unit]) -> Debug:
-    """Paths are in capitals, as `A`, `TIMER.ET`, `TABLE[3]`; those of a function begin with its name."""
+    """Paths are in capitals, as `A`, `TIMER.ET`, `TABLE[3].HIGH`; those of a function begin with its name."""
     debug = Debug()
     places: dict[str, list[str]] = {program.unit.name: [""]}
     add_scope(debug, places, program, "")
@@ -27,9 +28,9 @@ def add_scope(debug: Debug, places: dict[str, list[str]], scope: Scope, path: st
         match bound.what:
             case Slot():
                 debug.variables[path + name] = bound.what
-            case Array():
-                for number, slot in enumerate(bound.what.slots, bound.what.low):
-                    debug.variables[f"{path}{name}[{number}]"] = slot
+            case Stored():
+                for element, slot in elements_of(bound.what):
+                    debug.variables[path + name + element] = slot
             case Instance():
                 inner = bound.what.scope
                 places.setdefault(inner.unit.name, []).append(f"{path}{name}.")

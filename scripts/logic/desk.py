@@ -50,6 +50,7 @@ class Scan:
     faults: tuple[int, ...]
     last_fault: str
     last_line: int
+    messages: tuple[tuple[int, str], ...] = ()  # of a line
 
 
 def desk_command() -> list[str]:
@@ -66,11 +67,16 @@ def built(program: Path, what: str) -> str:
     return str(program)
 
 
+def says(program: Program) -> bool:
+    return any(instruction.operation == "MESSAGE" for instruction in program.instructions)
+
+
 class Desk:
     """Runs one program, scan by scan, in virtual time."""
 
     def __init__(self, program: Program, budget: int = BUDGET) -> None:
         self.program = program
+        self._says = says(program)
         self.budget = budget
         self.inputs = [point for point in program.points if not point.written]
         self.outputs = [point for point in program.points if point.written]
@@ -141,7 +147,15 @@ class Desk:
             decision, result = (int(part, 16) for part in word.split(":"))
             verdicts.append((DECISIONS[decision], result))
         counts = [int(word) for word in fields[-len(FAULTS) - 2 :]]
-        return Scan(outputs, commands, verdicts, tuple(counts[:-2]), FAULTS[counts[-2]], counts[-1])
+        faults, last_fault, last_line = tuple(counts[:-2]), FAULTS[counts[-2]], counts[-1]
+        return Scan(outputs, commands, verdicts, faults, last_fault, last_line, self._messages())
+
+    def _messages(self) -> tuple[tuple[int, str], ...]:
+        if not self._says:
+            return ()
+        *said, _ = self._ask("said").split()
+        pairs = (word.split(":") for word in said)
+        return tuple((int(line), bytes.fromhex(text).decode(errors="replace")) for line, text in pairs)
 
     def reload(self, program: Program) -> int:
         """Replaces the program; returns how many retained variables the new one takes over."""
@@ -150,6 +164,7 @@ class Desk:
             file.flush()
             carried = int(self._ask(f"reload {file.name}"))
         self.program = program
+        self._says = says(program)
         self.inputs = [point for point in program.points if not point.written]
         self.outputs = [point for point in program.points if point.written]
         return carried

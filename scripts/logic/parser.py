@@ -18,14 +18,24 @@ from logic.syntax import (
     Binary,
     Call,
     Case,
+    Choice,
+    Declared,
+    Enumerated,
     Expression,
+    Filled,
     For,
     If,
+    Indexed,
+    Initial,
     Leave,
+    Listed,
     Literal,
+    Member,
     Name,
     Repeat,
+    Spelled,
     Statement,
+    Text,
     Unary,
     Unit,
     Variable,
@@ -37,16 +47,18 @@ TOKEN = re.compile(
     r"""(?P<space>\s+|//[^\n]*|\(\*.*?\*\))
       |(?P<time>(?:TIME|T)\#-?[0-9][0-9_.a-z]*)
       |(?P<date>(?:DATE_AND_TIME|DT)\#[0-9:.\-]+)
-      |(?P<typed>[A-Z_]\w*\#[-+]?[0-9A-Z_#.]+)
+      |(?P<typed>[A-Z_]\w*\#[-+]?(?:[0-9][0-9A-Z_#]*(?:\.[0-9][0-9_]*(?:E[+-]?[0-9]+)?)?|[A-Z_]\w*))
       |(?P<based>(?:2|8|16)\#[0-9A-F_]+)
       |(?P<real>[0-9][0-9_]*\.[0-9][0-9_]*(?:E[+-]?[0-9]+)?)
       |(?P<integer>[0-9][0-9_]*)
+      |(?P<text>'(?:[^'$\n]|\$[^\n])*')
       |(?P<word>[A-Z_]\w*)
       |(?P<sign>:=|=>|<>|<=|>=|\*\*|\.\.|\((?!\*)|[-+*/&=<>)\[\],;:.])""",
     re.VERBOSE | re.IGNORECASE | re.DOTALL,
 )
 UNITS = {"d": 86_400_000_000, "h": 3_600_000_000, "m": 60_000_000, "s": 1_000_000, "ms": 1000, "us": 1}
 SECTIONS = ("VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR_EXTERNAL", "VAR_TEMP")
+BEGINNINGS = ("PROGRAM", "FUNCTION", "FUNCTION_BLOCK", "TYPE")
 KEYWORDS = {
     *SECTIONS,
     *[
@@ -88,6 +100,10 @@ KEYWORDS = {
         "TRUE",
         "FALSE",
         "ARRAY",
+        "TYPE",
+        "END_TYPE",
+        "STRUCT",
+        "END_STRUCT",
     ],
 }
 BINARY = [
@@ -123,13 +139,16 @@ def tokens_of(text: str, findings: Findings) -> list[Token]:
         place = Place(line, at - start + 1)
         found = TOKEN.match(text, at)
         if found is None:
-            what = (
-                "a comment '(*' without its end '*)'"
-                if text.startswith("(*", at)
-                else f"unknown character {text[at]!r}"
-            )
-            findings.error(place, what)
-            at = len(text) if text.startswith("(*", at) else at + 1
+            if text.startswith("(*", at):
+                findings.error(place, "a comment '(*' without its end '*)'")
+                at = len(text)
+            elif text[at] == "'":
+                findings.error(place, 'a text without its end "\'" in this line')
+                end = text.find("\n", at)
+                at = len(text) if end < 0 else end
+            else:
+                findings.error(place, f"unknown character {text[at]!r}")
+                at += 1
             continue
         if found.lastgroup != "space":
             tokens.append(Token(place, str(found.lastgroup), found[0]))
@@ -142,9 +161,10 @@ def tokens_of(text: str, findings: Findings) -> list[Token]:
     return tokens
 
 
-def parse(text: str, findings: Findings) -> list[Unit]:
-    """All units of the text; what could not be read is among the findings."""
-    return Parser(tokens_of(text, findings), findings).units()
+def parse(text: str, findings: Findings) -> tuple[list[Unit], list[Declared]]:
+    """All units and types of the text; what could not be read is among the findings."""
+    parser = Parser(tokens_of(text, findings), findings)
+    return parser.units(), parser.types
 
 
 class Parser:
@@ -152,6 +172,7 @@ class Parser:
         self.tokens = tokens
         self.findings = findings
         self.at = 0
+        self.types: list[Declared] = []
 
     @property
     def next(self) -> Token:
@@ -185,14 +206,13 @@ class Parser:
         units = []
         while self.next.kind != "end":
             try:
-                units.append(self.unit())
+                if self.accept("TYPE"):
+                    self.type_section()
+                else:
+                    units.append(self.unit())
             except SourceError as error:
                 self.findings.error(error.place, error.text)
-                while self.next.kind != "end" and self.next.word not in (
-                    "PROGRAM",
-                    "FUNCTION",
-                    "FUNCTION_BLOCK",
-                ):
+                while self.next.kind != "end" and self.next.word not in BEGINNINGS:
                     self.take()
         return units
 
@@ -200,12 +220,13 @@ class Parser:
         head = self.accept("PROGRAM", "FUNCTION", "FUNCTION_BLOCK")
         if head is None:
             raise SourceError(
-                self.next.place, f"expected PROGRAM, FUNCTION or FUNCTION_BLOCK, found {self.next.shown}"
+                self.next.place,
+                f"expected PROGRAM, FUNCTION, FUNCTION_BLOCK or TYPE, found {self.next.shown}",
             )
         unit = Unit(head.place, head.word, self.name(f"the name of the {head.word}").text.upper())
         if head.word == "FUNCTION":
             self.expect(":", "and the type of the function's result")
-            unit.result = self.name("the type of the function's result").text.upper()
+            unit.result = self.spelled()
         while self.next.word in SECTIONS:
             self.section(unit.variables)
         end = f"END_{head.word}"
@@ -219,47 +240,123 @@ class Parser:
         while qualifier := self.accept("CONSTANT", "RETAIN"):
             constant |= qualifier.word == "CONSTANT"
             retain |= qualifier.word == "RETAIN"
-        while self.next.word != "END_VAR" and self.next.kind != "end":
+        self.variables(variables, section, "END_VAR", constant, retain)
+
+    def variables(
+        self, found: list[Variable], section: str, end: str, constant: bool = False, retain: bool = False
+    ) -> None:
+        while self.next.word != end and self.next.kind != "end":
             try:
-                variables.extend(self.variable(section, constant, retain))
+                found.extend(self.variable(section, end, constant, retain))
             except SourceError as error:
                 self.findings.error(error.place, error.text)
-                self.recover("END_VAR")
+                self.recover(end)
                 if self.next.word.startswith("END_"):
                     break
-        self.expect("END_VAR", f"at the end of {section}")
+        self.expect(end, f"at the end of {section}")
 
-    def variable(self, section: str, constant: bool, retain: bool) -> list[Variable]:
-        names = [self.name("the name of a variable, or END_VAR")]
+    def variable(self, section: str, end: str, constant: bool, retain: bool) -> list[Variable]:
+        names = [self.name(f"the name of a variable, or {end}")]
         while self.accept(","):
             names.append(self.name("the name of a variable"))
         self.expect(":", "and a type after the name")
-        bounds = None
-        if self.accept("ARRAY"):
-            self.expect("[", "after ARRAY")
-            first = self.expression()
-            self.expect("..", "between the bounds")
-            bounds = (first, self.expression())
-            self.expect("]", "after the bounds; an array has one dimension")
-            self.expect("OF", "after the bounds")
-        kind = self.name("a type").text.upper()
-        initial: tuple[Expression, ...] = ()
-        if self.accept(":="):
-            if self.accept("["):
-                values = [self.expression()]
-                while self.accept(","):
-                    values.append(self.expression())
-                self.expect("]", "after the initial values")
-                initial = tuple(values)
-            else:
-                initial = (self.expression(),)
+        kind = self.spelled()
+        initial = self.initial() if self.accept(":=") else None
         self.expect(";", "after the declaration")
         return [
-            Variable(
-                name.place, name.text.upper(), section, kind, bounds, initial, constant, retain, name.text
-            )
+            Variable(name.place, name.text.upper(), section, kind, initial, constant, retain, name.text)
             for name in names
         ]
+
+    # ---- types -------------------------------------------------------------------------------------
+
+    def type_section(self) -> None:
+        while self.next.word != "END_TYPE" and self.next.word not in BEGINNINGS and self.next.kind != "end":
+            try:
+                self.types.append(self.declared())
+            except SourceError as error:
+                self.findings.error(error.place, error.text)
+                self.recover("END_TYPE")
+                if self.next.word in ("END_STRUCT", "END_VAR"):
+                    self.take()
+                    self.accept(";")
+        self.expect("END_TYPE", "at the end of TYPE")
+        self.accept(";")
+
+    def declared(self) -> Declared:
+        name = self.name("the name of a type, or END_TYPE")
+        self.expect(":", f"after {name.text}, the name of the type")
+        what: tuple[Choice, ...] | tuple[Variable, ...] | Spelled
+        if self.accept("STRUCT"):
+            members: list[Variable] = []
+            self.variables(members, "STRUCT", "END_STRUCT")
+            self.accept(";")
+            return Declared(name.place, name.text.upper(), tuple(members), spelling=name.text)
+        what = self.choices() if self.accept("(") else self.spelled()
+        initial = self.initial() if self.accept(":=") else None
+        self.expect(";", "after the declaration of the type")
+        return Declared(name.place, name.text.upper(), what, initial, name.text)
+
+    def choices(self) -> tuple[Choice, ...]:
+        found: list[Choice] = []
+        while not found or self.accept(","):
+            name = self.name("the name of a value")
+            number = self.expression() if self.accept(":=") else None
+            found.append(Choice(name.place, name.text.upper(), name.text, number))
+        self.expect(")", "or ',' after a value of the enumeration")
+        return tuple(found)
+
+    def spelled(self) -> Spelled:
+        """A type; ARRAY OF ARRAY is an array with the dimensions of both."""
+        place, bounds = self.next.place, []
+        while self.accept("ARRAY"):
+            self.expect("[", "after ARRAY")
+            before = len(bounds)
+            while len(bounds) == before or self.accept(","):
+                first = self.expression()
+                self.expect("..", "between the bounds")
+                bounds.append((first, self.expression()))
+            self.expect("]", "or ',' after the bounds")
+            self.expect("OF", "after the bounds")
+        if self.next.word in ("(", "STRUCT"):
+            raise SourceError(
+                self.next.place,
+                f"expected the name of a type, found {self.next.shown}; declare it in TYPE … END_TYPE",
+            )
+        return Spelled(place, self.name("a type").text.upper(), tuple(bounds))
+
+    def initial(self) -> Initial:
+        place, after = self.next.place, self.tokens[min(self.at + 2, len(self.tokens) - 1)].word
+        if self.accept("["):
+            groups: list[tuple[int, tuple[Initial, ...]]] = []
+            while not groups or self.accept(","):
+                groups.append(self.group())
+            self.expect("]", "or ',' after the initial values")
+            return Listed(place, tuple(groups))
+        if self.next.word == "(" and after == ":=":
+            self.take()
+            members: list[tuple[Member, Initial]] = []
+            while not members or self.accept(","):
+                name = self.name("the name of a member")
+                self.expect(":=", f"and a value after the member {name.text}")
+                members.append((Member(name.place, name.text.upper()), self.initial()))
+            self.expect(")", "or ',' after the value of a member")
+            return Filled(place, tuple(members))
+        return self.expression()
+
+    def group(self) -> tuple[int, tuple[Initial, ...]]:
+        """One initial value, or 3(0): three of them."""
+        after = self.tokens[min(self.at + 1, len(self.tokens) - 1)].word
+        if self.next.kind != "integer" or after != "(":
+            return 1, (self.initial(),)
+        token = self.take()
+        count = whole(token, token.text.replace("_", ""))
+        self.take()
+        repeated = [self.initial()]
+        while self.accept(","):
+            repeated.append(self.initial())
+        self.expect(")", "or ',' after the values that are repeated")
+        return count, tuple(repeated)
 
     def recover(self, *ends: str) -> None:
         """Behind the next ';', or before what ends the list."""
@@ -276,7 +373,7 @@ class Parser:
         while (
             self.next.kind != "end" and self.next.word not in ends and not self.next.word.startswith("END_")
         ):
-            if self.next.word in ("PROGRAM", "FUNCTION", "FUNCTION_BLOCK"):
+            if self.next.word in BEGINNINGS:
                 break
             before = self.at
             try:
@@ -413,18 +510,35 @@ class Parser:
             return inner
         if self.accept("TRUE", "FALSE"):
             return Literal(token.place, "BOOL", token.word == "TRUE")
+        if token.kind == "text":
+            return Text(self.take().place, unescaped(token))
+        if token.kind == "typed" and token.text.upper().partition("#")[0] not in TYPES:
+            kind, _, value = self.take().text.upper().partition("#")
+            return Enumerated(token.place, kind, value)
         if token.kind in ("integer", "based", "real", "time", "date", "typed"):
             return literal(self.take())
         name = self.name(what).text.upper()
         if self.accept("("):
             return Call(token.place, name, self.arguments())
-        if self.accept("["):
-            index = self.expression()
-            self.expect("]", f"after the index of {token.text}; an array has one dimension")
-            return Name(token.place, name, index)
-        if self.accept("."):
-            return Name(token.place, name, None, self.name(f"an output of {token.text}").text.upper())
-        return Name(token.place, name)
+        return Name(token.place, name, self.path(token.text))
+
+    def path(self, shown: str) -> tuple[Indexed | Member, ...]:
+        """What follows a variable's name: indices, members."""
+        found: list[Indexed | Member] = []
+        while True:
+            place = self.next.place
+            if self.accept("["):
+                indices = [self.expression()]
+                while self.accept(","):
+                    indices.append(self.expression())
+                self.expect("]", f"or ',' after the index of {shown}")
+                found.append(Indexed(place, tuple(indices)))
+            elif self.accept("."):
+                name = self.name(f"a member or an output of {shown}")
+                found.append(Member(name.place, name.text.upper()))
+                shown = name.text
+            else:
+                return tuple(found)
 
     def arguments(self) -> tuple[Argument, ...]:
         found: list[Argument] = []
@@ -453,8 +567,6 @@ def literal(token: Token) -> Literal:
     if token.kind != "typed":
         return Literal(token.place, None, whole(token, text))
     kind, _, digits = token.text.upper().partition("#")
-    if kind not in TYPES:
-        raise SourceError(token.place, f"{kind} of {token.text} is not a type")
     try:
         if kind == "BOOL":
             return Literal(token.place, kind, {"0": False, "1": True, "FALSE": False, "TRUE": True}[digits])
@@ -463,6 +575,14 @@ def literal(token: Token) -> Literal:
     except (KeyError, ValueError):
         raise SourceError(token.place, f"{token.text} is no {kind}") from None
     return Literal(token.place, kind, whole(token, digits.replace("_", "")))
+
+
+def unescaped(token: Token) -> str:
+    """$' is ', $$ is $: what a line of the log can have."""
+    text = re.sub(r"\$(.)", lambda found: found[1] if found[1] in "'$" else "\0", token.text[1:-1])
+    if not text.isprintable():
+        raise SourceError(token.place, "a text has printable characters, $' and $$; it is one line")
+    return text
 
 
 def whole(token: Token, text: str) -> int:

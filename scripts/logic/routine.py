@@ -8,11 +8,13 @@ decides, each statement with branches ends with SPREAD over what its branches wr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from logic.binary import Array, Instruction, Point, Program, Routine, Slot
+from logic.binary import Instruction, Point, Program, Routine, Slot
+from logic.errors import SourceError
+from logic.layout import Stored
 from logic.syntax import (
     Literal,
     Unit,
@@ -34,7 +36,7 @@ class Bound:
     """What a name stands for."""
 
     variable: Variable
-    what: Slot | Array | Instance | Literal
+    what: Slot | Stored | Instance | Literal
     point: Point | None = None
     read: bool = False
     written: bool = False
@@ -44,6 +46,7 @@ class Bound:
 class Scope:
     unit: Unit
     names: dict[str, Bound] = field(default_factory=dict)
+    broken: dict[str, SourceError] = field(default_factory=dict)  # what is wrong with a declaration
 
 
 @dataclass
@@ -71,6 +74,12 @@ class Body:
         """The number of the new instruction, for a jump to be patched."""
         self.routine.code.append(Instruction(operation, kind, list(operands), self.line))
         return self.here - 1
+
+    def block(self, target: Sequence[Slot], source: Slot) -> None:
+        """Copies as many as the target has, from the source on."""
+        operation, kind = ("MOVE", target[0].type) if len(target) == 1 else ("BLOCK", "BOOL")
+        operands = [target[0], source, *([] if len(target) == 1 else [len(target)])]
+        self.routine.code.append(Instruction(operation, kind, operands, self.line, list(target)))
 
     @property
     def here(self) -> int:
@@ -115,9 +124,11 @@ def writes(instruction: Instruction) -> list[Slot]:
     operation, operands = instruction.operation, instruction.operands
     if operation == "STORE":
         return operands[1].slots
+    if operation == "BLOCK":
+        return instruction.covers
     if operation == "CALL":
         return list(operands[0].writes)
-    if operation in ("JUMP", "IF", "ELSIF", "CLEAN", "RETURN", "SPREAD", "BLOCK"):
-        # IF writes a temporary; what SPREAD covers was written before; BLOCK's target is in the same list.
+    if operation in ("JUMP", "IF", "ELSIF", "CLEAN", "RETURN", "SPREAD", "MESSAGE"):
+        # IF writes a temporary; what SPREAD covers was written before.
         return []
     return [operands[0]] if operands[0].variable else []

@@ -16,11 +16,35 @@ class Literal:
 
 
 @dataclass(frozen=True)
+class Indexed:
+    """Of an array: [i, j]."""
+
+    place: Place
+    indices: tuple[Expression, ...]
+
+
+@dataclass(frozen=True)
+class Member:
+    """Of a structure, or of a block's instance: .name."""
+
+    place: Place
+    name: str
+
+
+@dataclass(frozen=True)
 class Name:
     place: Place
     name: str
-    index: Expression | None = None  # of an array's element
-    member: str | None = None  # of a block's instance
+    path: tuple[Indexed | Member, ...] = ()
+
+
+@dataclass(frozen=True)
+class Enumerated:
+    """A value of an enumeration, with its type: MODE#AUTO."""
+
+    place: Place
+    type: str
+    name: str
 
 
 @dataclass(frozen=True)
@@ -53,7 +77,43 @@ class Call:
     arguments: tuple[Argument, ...]
 
 
-Expression = Literal | Name | Unary | Binary | Call
+@dataclass(frozen=True)
+class Text:
+    """'…', of a MESSAGE."""
+
+    place: Place
+    text: str
+
+
+Expression = Literal | Name | Enumerated | Text | Unary | Binary | Call
+
+
+@dataclass(frozen=True)
+class Listed:
+    """Initial values of an array; each group as often as its count says: [1, 3(0)]."""
+
+    place: Place
+    groups: tuple[tuple[int, tuple[Initial, ...]], ...]
+
+
+@dataclass(frozen=True)
+class Filled:
+    """Initial values of a structure: (x := 1, y := 2)."""
+
+    place: Place
+    members: tuple[tuple[Member, Initial], ...]
+
+
+Initial = Expression | Listed | Filled
+
+
+@dataclass(frozen=True)
+class Spelled:
+    """A type where it is used: its name, behind the bounds if it is an array of that."""
+
+    place: Place
+    name: str
+    bounds: tuple[tuple[Expression, Expression], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -115,13 +175,33 @@ Statement = Assign | Call | If | Case | For | While | Repeat | Leave
 class Variable:
     place: Place
     name: str
-    section: str  # VAR, VAR_INPUT, …
-    type: str
-    bounds: tuple[Expression, Expression] | None = None  # of an array
-    initial: tuple[Expression, ...] = ()
+    section: str  # VAR, VAR_INPUT, …; STRUCT of a structure's member
+    type: Spelled
+    initial: Initial | None = None
     constant: bool = False
     retain: bool = False
     spelling: str = ""  # as it was typed: a point's name has small letters
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A value of an enumeration where it is declared."""
+
+    place: Place
+    name: str
+    spelling: str
+    number: Expression | None
+
+
+@dataclass(frozen=True)
+class Declared:
+    """Of TYPE: an enumeration, a structure, or another name of a type."""
+
+    place: Place
+    name: str
+    what: tuple[Choice, ...] | tuple[Variable, ...] | Spelled
+    initial: Initial | None = None
+    spelling: str = ""
 
 
 @dataclass
@@ -131,7 +211,7 @@ class Unit:
     place: Place
     kind: str
     name: str
-    result: str | None = None
+    result: Spelled | None = None
     variables: list[Variable] = field(default_factory=list)
     body: tuple[Statement, ...] = ()
     library: bool = False

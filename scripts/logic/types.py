@@ -56,8 +56,15 @@ def widens(narrow: str, wide: str) -> bool:
     return narrow in INTEGERS and wide in exact and RANGES[narrow][1] <= exact[wide]
 
 
+def machine_type(kind: str) -> int:
+    """The machine's number of a type. What is none of its own is an enumeration."""
+    return CODES.get(kind, CODES["DINT"])
+
+
 def common(left: str, right: str) -> str | None:
     """The narrowest type that both widen to."""
+    if left == right:
+        return left
     return next((name for name in TYPES if widens(left, name) and widens(right, name)), None)
 
 

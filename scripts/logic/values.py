@@ -4,19 +4,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from itertools import product
+from typing import TypeGuard
 
 from logic.binary import FUNCTIONS, Array, Program, Slot
 from logic.constants import ARITHMETIC, COMPARED, fitted, fold, fold_one
 from logic.errors import Findings, Place, SourceError
+from logic.layout import (
+    ArrayOf,
+    Bounds,
+    Enumeration,
+    Leaf,
+    Stored,
+    Structure,
+    Type,
+    is_single,
+    name_of,
+    size_of,
+)
 from logic.routine import Body, Bound, Instance, Scope
 from logic.syntax import (
     Binary,
     Call,
+    Enumerated,
     Expression,
+    Indexed,
     Literal,
+    Member,
     Name,
+    Text,
     Unary,
     Unit,
 )
@@ -35,6 +53,23 @@ BUILT_IN = {
 }
 
 
+# A copy at an index that is no constant is one of value after value.
+COPY_MAX = 256
+
+
+@dataclass
+class Reference:
+    """A variable, a member of it, an element: what a name and the path behind it denote."""
+
+    bound: Bound
+    place: Place
+    shown: str
+    type: Type
+    path: str = ""  # of the members
+    indices: list[tuple[Expression, Bounds]] = field(default_factory=list)
+    at: list[int | Slot] | None = None  # the values of the indices, once they are computed
+
+
 class Values:
     """Expressions: their types, and the instructions that compute them."""
 
@@ -42,6 +77,7 @@ class Values:
         self.findings = findings
         self.program = Program("")
         self.units: dict[str, Unit] = {}
+        self.types: dict[str, Type] = {}  # that the text declares
         self.scope: Scope | None = None  # in which constants are looked up
         self.body: Body | None = None
 
@@ -52,24 +88,92 @@ class Values:
     # ---- names and values --------------------------------------------------------------------------
 
     def bound(self, name: Name) -> Bound:
+        """The variable of a name; of a block's instance its output."""
+        return self.head(name)[0]
+
+    def head(self, name: Name) -> tuple[Bound, tuple[Indexed | Member, ...]]:
+        """The variable of a name, and what of the path leads on from there."""
         scope = self.body.scope
         bound = scope.names.get(name.name)
+        if bound is None and name.name in scope.broken:
+            raise scope.broken[name.name]  # once more: a finding counts once
         if bound is None:
+            choices = [*scope.names, *(value for one in self.enumerations for value in one.values)]
+            raise SourceError(name.place, f"unknown name {name.name}{self.meant(name.name, choices)}")
+        if not isinstance(bound.what, Instance) or not name.path:
+            return bound, name.path
+        step = name.path[0]
+        if isinstance(step, Indexed):
+            raise SourceError(step.place, f"{name.name} is a block, not an array")
+        bound.read = True
+        inner = bound.what.scope.names.get(step.name)
+        if inner is None or inner.variable.section not in ("VAR_OUTPUT", "VAR_INPUT"):
+            outputs = [v.name for v in bound.what.unit.variables if v.section == "VAR_OUTPUT"]
             raise SourceError(
-                name.place, f"unknown name {name.name}{self.meant(name.name, list(scope.names))}"
+                step.place, f"{name.name} has no output {step.name}{self.meant(step.name, outputs)}"
             )
-        if name.member:
-            if not isinstance(bound.what, Instance):
-                raise SourceError(name.place, f"{name.name} is not a block and has no {name.member}")
-            bound.read = True
-            inner = bound.what.scope.names.get(name.member)
-            if inner is None or inner.variable.section not in ("VAR_OUTPUT", "VAR_INPUT"):
-                outputs = [v.name for v in bound.what.unit.variables if v.section == "VAR_OUTPUT"]
-                raise SourceError(
-                    name.place, f"{name.name} has no output {name.member}{self.meant(name.member, outputs)}"
-                )
-            return inner
-        return bound
+        return inner, name.path[1:]
+
+    def reference(self, name: Name) -> Reference:
+        bound, path = self.head(name)
+        if isinstance(bound.what, Instance):
+            raise SourceError(name.place, f"{name.name} is a block; name one of its outputs")
+        kind: Type = bound.what.type or ""
+        kind = self.types.get(kind, kind) if isinstance(kind, str) else kind
+        found = Reference(bound, name.place, bound.variable.spelling, kind)
+        for step in path:
+            if isinstance(step, Indexed):
+                self.step_into(found, step)
+                continue
+            if not isinstance(found.type, Structure):
+                what = "an array; name an element" if isinstance(found.type, ArrayOf) else "no structure"
+                raise SourceError(step.place, f"{found.shown} is {what} before .{step.name}")
+            if step.name not in found.type.members:
+                close = self.meant(step.name, list(found.type.members))
+                raise SourceError(step.place, f"{found.type.name} has no member {step.name}{close}")
+            found.type = found.type.members[step.name]
+            found.path += f".{step.name}"
+            found.shown += f".{step.name}"
+        return found
+
+    @staticmethod
+    def step_into(found: Reference, step: Indexed) -> None:
+        if not isinstance(found.type, ArrayOf):
+            raise SourceError(step.place, f"{found.shown} is not an array")
+        bounds = found.type.bounds
+        if len(step.indices) > len(bounds):
+            raise SourceError(
+                step.place,
+                f"{found.shown} has {len(bounds)} dimension{'s' if len(bounds) > 1 else ''}, "
+                f"found {len(step.indices)} indices",
+            )
+        found.indices += zip(step.indices, bounds, strict=False)
+        rest = bounds[len(step.indices) :]
+        found.type = replace(found.type, bounds=rest) if rest else found.type.element
+        found.shown += "[…]"
+
+    @property
+    def enumerations(self) -> list[Enumeration]:
+        return [kind for name, kind in self.types.items() if is_enumeration(kind) and kind.name == name]
+
+    def enumerated(self, expression: Name | Enumerated) -> Literal | None:
+        """A value of an enumeration: MODE#AUTO, or AUTO where only one enumeration has it."""
+        if isinstance(expression, Enumerated):
+            kind = self.types.get(expression.type)
+            if not is_enumeration(kind):
+                close = self.meant(expression.type, [*TYPES, *self.types])
+                raise SourceError(expression.place, f"{expression.type} is not a type with values{close}")
+            if expression.name not in kind.values:
+                close = self.meant(expression.name, list(kind.values))
+                raise SourceError(expression.place, f"{kind.name} has no value {expression.name}{close}")
+            return Literal(expression.place, kind.name, kind.values[expression.name])
+        having = [kind for kind in self.enumerations if expression.name in kind.values]
+        if len(having) > 1:
+            choices = " or ".join(f"{kind.name}#{expression.name}" for kind in having)
+            raise SourceError(expression.place, f"{expression.name} is of several types; write {choices}")
+        return (
+            Literal(expression.place, having[0].name, having[0].values[expression.name]) if having else None
+        )
 
     @staticmethod
     def meant(name: str, choices: list[str]) -> str:
@@ -92,7 +196,9 @@ class Values:
             return value
         if not widens(value.type, kind):
             how = (
-                f"; {value.type}_TO_{kind}(…) converts it" if value.type != "BOOL" and kind != "BOOL" else ""
+                f"; {value.type}_TO_{kind}(…) converts it"
+                if value.type != "BOOL" and kind in NUMBERS + BITS
+                else ""
             )
             raise SourceError(place, f"expected {kind}, found {value.type}{how}")
         return self.converted(value, kind)
@@ -121,6 +227,172 @@ class Values:
             raise SourceError(expression.place, f"expected an integer as index, found {value.type}")
         return value
 
+    # ---- members and elements ----------------------------------------------------------------------
+
+    def settle(self, reference: Reference) -> list[int | Slot]:
+        """Computes the indices, once."""
+        if reference.at is None:
+            reference.at = [self.settled(index, bounds) for index, bounds in reference.indices]
+            varied = [slot for slot in reference.at if isinstance(slot, Slot)]
+            if len(varied) > 1 and any(slot.type == "LINT" for slot in varied):
+                raise SourceError(  # what is computed of them shall not overflow
+                    reference.place, "one of several indices cannot be a LINT; LINT_TO_DINT(…) converts it"
+                )
+        return reference.at
+
+    def settled(self, index: Expression, bounds: Bounds) -> int | Slot:
+        folded = self.folded(index)
+        if folded is not None:
+            value = int(fitted(folded, "LINT", index.place))
+            if not bounds[0] <= value <= bounds[1]:
+                raise SourceError(index.place, f"the index {value} is outside of {bounds[0]}..{bounds[1]}")
+            return value
+        return self.index(index)
+
+    def element(self, leaf: Leaf, at: Sequence[int | Slot]) -> Slot | tuple[Array, Slot]:
+        """One of the leaf's variables, or an array and an index, which the machine checks."""
+        steps = list(zip(at, leaf.bounds, leaf.steps, strict=True))
+        first = sum((index - low) * step for index, (low, _), step in steps if isinstance(index, int))
+        varied = [number for number, index in enumerate(at) if isinstance(index, Slot)]
+        if not varied:
+            return leaf.slots[first]
+        begin = varied[0]
+        index, (low, high), step = steps[begin]
+        if len(varied) == 1:
+            return self.array(leaf, first, high - low + 1, step, low), index
+        first = sum((index - low) * step for index, (low, _), step in steps[:begin])
+        count = step * (high - low + 1)
+        return self.array(leaf, first, count, 1, 1), self.computed(steps[begin:])
+
+    def array(self, leaf: Leaf, first: int, count: int, step: int, low: int) -> Array:
+        key = (first, count, step, low)
+        if key not in leaf.arrays:
+            slots = leaf.slots[first : first + count * step : step]
+            leaf.arrays[key] = Array(slots, name_of(leaf.kind), low)
+            self.program.arrays.append(leaf.arrays[key])
+        return leaf.arrays[key]
+
+    def computed(self, steps: Sequence[tuple[int | Slot, Bounds, int]]) -> Slot:
+        """
+        One index of several, counted from 1.
+
+        Where another than the first is wrong it becomes 0, which is outside as well: one fault.
+        """
+        first, total, right = 1, None, None
+        for number, (index, (low, high), step) in enumerate(steps):
+            if isinstance(index, int):
+                first += (index - low) * step
+                continue
+            first -= low * step
+            wide = self.converted(index, "LINT")
+            if number:
+                for pair in ((self.literal("LINT", low), wide), (wide, self.literal("LINT", high))):
+                    hit = self.joined("LE", "LINT", *pair, "BOOL")
+                    right = hit if right is None else self.joined("AND", "BOOL", right, hit)
+            if step > 1:
+                wide = self.joined("MUL", "LINT", wide, self.literal("LINT", step))
+            total = wide if total is None else self.joined("ADD", "LINT", total, wide)
+        if first:
+            total = self.joined("ADD", "LINT", total, self.literal("LINT", first))
+        return self.joined("MUL", "LINT", total, self.converted(right, "LINT"))
+
+    def joined(self, operation: str, kind: str, left: Slot, right: Slot, result: str | None = None) -> Slot:
+        slot = self.body.temporary(result or kind)
+        self.body.emit(operation, kind, slot, left, right)
+        return slot
+
+    def load(self, reference: Reference) -> Slot | Literal:
+        what = reference.bound.what
+        if not isinstance(what, Stored):
+            return what
+        if not is_single(reference.type):
+            how = (
+                "an array; name an element"
+                if isinstance(reference.type, ArrayOf)
+                else "a structure; name a member"
+            )
+            raise SourceError(reference.place, f"{reference.shown} is {how}")
+        return self.load_from(what.leaves[reference.path], self.settle(reference))
+
+    def load_from(self, leaf: Leaf, at: Sequence[int | Slot]) -> Slot:
+        found = self.element(leaf, at)
+        if isinstance(found, Slot):
+            return found
+        result = self.body.temporary(name_of(leaf.kind))
+        self.body.emit("LOAD", result.type, result, *found)
+        return result
+
+    def store(self, reference: Reference, value: Slot) -> None:
+        """Of the reference's type, which is a single one."""
+        what = reference.bound.what
+        if isinstance(what, Stored):
+            self.store_to(what.leaves[reference.path], self.settle(reference), value)
+        else:
+            self.move(what, value)
+
+    def store_to(self, leaf: Leaf, at: Sequence[int | Slot], value: Slot) -> None:
+        found = self.element(leaf, at)
+        if isinstance(found, Slot):
+            self.move(found, value)
+        else:
+            self.body.emit("STORE", value.type, value, *found)
+
+    def source(self, expression: Expression, kind: Type, place: Place) -> Reference:
+        """A variable of this structure or array, to be copied."""
+        if not isinstance(expression, Name):
+            raise SourceError(place, f"expected a variable of {name_of(kind)}")
+        found = self.reference(expression)
+        if found.type != kind:
+            raise SourceError(place, f"expected {name_of(kind)}, found {name_of(found.type) or 'a number'}")
+        found.bound.read = True
+        return found
+
+    def copy(self, target: Reference, source: Reference) -> None:
+        """A structure or an array. At an index that is no constant each of its values is assigned."""
+        to, of = self.settle(target), self.settle(source)
+        pairs = list(
+            zip(target.bound.what.below(target.path), source.bound.what.below(source.path), strict=True)
+        )
+        if all(isinstance(index, int) for index in (*to, *of)):
+            self.copy_runs([(inner(leaf, to), inner(other, of)) for leaf, other in pairs])
+            return
+        if size_of(target.type) > COPY_MAX:
+            raise SourceError(
+                target.place, f"{size_of(target.type)} values are too many for a copy; copy them in a loop"
+            )
+        for leaf, other in pairs:
+            tails = list(product(*(range(low, high + 1) for low, high in leaf.bounds[len(to) :])))
+            for tail in tails:
+                with self.body.temporaries():
+                    self.store_to(leaf, [*to, *tail], self.load_from(other, [*of, *tail]))
+
+    def copy_runs(self, runs: Sequence[tuple[list[Slot], list[Slot]]]) -> None:
+        """Leaves that lie behind each other at once."""
+        whole_target: list[Slot] = []
+        whole_source: list[Slot] = []
+        for target, source in runs:
+            if whole_target and not (follows(whole_target, target) and follows(whole_source, source)):
+                self.body.block(whole_target, whole_source[0])
+                whole_target, whole_source = [], []
+            whole_target, whole_source = whole_target + target, whole_source + source
+        self.body.block(whole_target, whole_source[0])
+
+    def move(self, target: Slot, value: Slot) -> None:
+        """The last instruction writes there at once where it has just made the value."""
+        code = self.body.routine.code
+        made = ("MOVE", "JUMP", "IF", "ELSIF", "CLEAN", "SPREAD", "CALL", "RETURN", "STORE", "BLOCK")
+        if (
+            code
+            and value in self.body.live
+            and code[-1].operation not in made
+            and code[-1].operands[0] is value
+        ):
+            code[-1].operands[0] = target
+        else:
+            self.body.emit("MOVE", target.type, target, value)
+
+    # ---- expressions -------------------------------------------------------------------------------
+
     def any_value(self, expression: Expression, wanted: str | None = None) -> Slot | Literal:
         """wanted: what SEL, MIN, MAX and LIMIT make of numbers alone, which have no type of their own."""
         match expression:
@@ -128,6 +400,10 @@ class Values:
                 return expression
             case Name():
                 return self.name(expression)
+            case Enumerated():
+                return self.enumerated(expression)
+            case Text():
+                raise SourceError(expression.place, "a text stands in MESSAGE('…', value, …) only")
             case Unary():
                 return self.unary(expression)
             case Binary():
@@ -136,20 +412,13 @@ class Values:
                 return self.call(expression, wanted)
 
     def name(self, name: Name) -> Slot | Literal:
-        bound = self.bound(name)
-        bound.read = True
-        if isinstance(bound.what, Array):
-            if name.index is None:
-                raise SourceError(name.place, f"{bound.variable.spelling} is an array; name an element")
-            index = self.index(name.index)
-            result = self.body.temporary(bound.what.type)
-            self.body.emit("LOAD", bound.what.type, result, bound.what, index)
-            return result
-        if name.index is not None:
-            raise SourceError(name.place, f"{bound.variable.spelling} is not an array")
-        if isinstance(bound.what, Instance):
-            raise SourceError(name.place, f"{name.name} is a block; name one of its outputs")
-        return bound.what
+        if not name.path and name.name not in self.body.scope.names:
+            value = self.enumerated(name)
+            if value is not None:
+                return value
+        reference = self.reference(name)
+        reference.bound.read = True
+        return self.load(reference)
 
     def unary(self, expression: Unary) -> Slot | Literal:
         folded = self.folded(expression)
@@ -221,8 +490,8 @@ class Values:
             self.findings.warn(
                 place, f"two {left.type} are rarely equal; compare ABS(a - b) with a tolerance"
             )
-        if left.type == "BOOL" and operator not in ("=", "<>"):
-            raise SourceError(place, f"{operator} needs numbers, found BOOL")
+        if (left.type == "BOOL" or left.type in self.types) and operator not in ("=", "<>"):
+            raise SourceError(place, f"{operator} needs numbers, found {left.type}")
         operation, swapped = COMPARED[operator]
         if swapped:
             left, right = right, left
@@ -299,12 +568,16 @@ class Values:
         match expression:
             case Literal():
                 return expression
-            case Name(index=None, member=None):
+            case Name(path=()):
                 bound = self.scope.names.get(expression.name)
-                if bound is not None and isinstance(bound.what, Literal):
+                if bound is None:
+                    return self.enumerated(expression)
+                if isinstance(bound.what, Literal):
                     bound.read = True
                     return bound.what
                 return None
+            case Enumerated():
+                return self.enumerated(expression)
             case Unary():
                 return fold_one(expression, self.folded(expression.operand))
             case Binary():
@@ -380,6 +653,9 @@ class Values:
 
     def conversion(self, call: Call, source: str, target: str) -> Slot:
         """By value, rounded; bits keep their low ones; TIME is counted in milliseconds."""
+        if is_enumeration(self.types.get(source)) and target in INTEGERS:
+            self.count(call, 1)
+            return self.converted(self.value(call.arguments[0].value, source), target)
         if source not in TYPES or target not in TYPES or "DATE_AND_TIME" in (source, target):
             raise SourceError(call.place, f"{call.name} is not a conversion of the language")
         self.count(call, 1)
@@ -506,6 +782,22 @@ class Values:
         body.patch(end)
         body.emit("SPREAD", "BOOL", result, doubt, 1)
         return result
+
+
+def is_enumeration(kind: Type | None) -> TypeGuard[Enumeration]:
+    return isinstance(kind, Enumeration)
+
+
+def inner(leaf: Leaf, at: Sequence[int]) -> list[Slot]:
+    """What an element of the first dimensions holds."""
+    first = sum(
+        (index - low) * step for index, (low, _), step in zip(at, leaf.bounds, leaf.steps, strict=False)
+    )
+    return leaf.slots[first : first + (leaf.steps[len(at) - 1] if at else leaf.size)]
+
+
+def follows(before: Sequence[Slot], after: Sequence[Slot]) -> bool:
+    return before[-1].number + 1 == after[0].number
 
 
 def one_of(kinds: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from logic.binary import Program, encode
@@ -45,6 +45,13 @@ class Inside:
     values: dict[str, Value]
     kinds: dict[str, str]
     reason: str = ""
+    enumerations: dict[str, dict[int, str]] = field(default_factory=dict)
+
+    def text(self, path: str) -> str:
+        """A value as the text of a program has it: `T#1.5s`, `MODE#REMOTE`."""
+        kind, value = self.kinds[path], self.values[path].value
+        names = self.enumerations.get(kind, {})
+        return f"{kind}#{names[int(value)]}" if value in names else literal(kind, value)
 
 
 def named(text: str, program: Program, instance: str = "") -> list[list[Sight]]:
@@ -122,7 +129,7 @@ def look_inside(command: Sequence[str], program: Program, running: str) -> Insid
     for path, slot in program.debug.variables.items():
         bits, quality = (int(part, 16) for part in row["cells"][slot.number].split(":"))
         values[path] = Value(unpack(slot.type, bits), quality)
-    return Inside(values, kinds)
+    return Inside(values, kinds, enumerations=program.debug.enumerations)
 
 
 def shown(name: str, point: dict[str, Any] | None) -> str:
@@ -143,7 +150,7 @@ def shown_inside(sight: Sight, inside: Inside) -> str | None:
         return None
     name = sight.name if path == sight.path else f"{sight.name}{path[path.index('[') :]}"
     notes = [word for flag, word in FLAGS.items() if value.quality & flag]
-    return f"{name}={literal(inside.kinds[path], value.value)}" + (f" ({', '.join(notes)})" if notes else "")
+    return f"{name}={inside.text(path)}" + (f" ({', '.join(notes)})" if notes else "")
 
 
 def index_of(text: str, prefix: str, inside: Inside) -> str:

@@ -124,7 +124,8 @@ enum logic_type {
  * class: - none; . any; n a number, a time; o all but REAL and LREAL; w BOOL or bits; s bits
  * operand: t T slot of the instruction's type; b B slot of BOOL; i slot that is not REAL or LREAL; Q of BYTE;
  *   f F of REAL; d D of LREAL; * + any slot; x array to read; X array to write; j instruction of the
- *   routine; k routine before this one; m function; n number of slots; - 0
+ *   routine; k routine before this one; m function; n number of slots; v the same, 0 as well;
+ *   l place among the names; - 0
  */
 #define LOGIC_OPERATIONS(OP)                                                                                 \
 	OP(MOVE, ".", "Tt-")  /* a := b */                                                                   \
@@ -189,7 +190,11 @@ enum logic_type {
 	OP(RETURN, "-", "---")                                                                               \
 	OP(QUALITY, "-", "Q*-")                                                                              \
 	OP(GOOD, "-", "B*-")                                                                                 \
-	OP(AS_GOOD, ".", "Tt-")
+	OP(AS_GOOD, ".", "Tt-")                                                                              \
+	OP(MESSAGE, "-", "l*v") /* says the text a with the values of c slots from b */
+
+/* A MESSAGE has at most so many values. */
+#define LOGIC_MESSAGE_VALUES 8
 
 enum logic_operation {
 #define LOGIC_NAME(name, type, operands) LOGIC_##name,

@@ -46,6 +46,19 @@ static void check_values(const struct logic *logic)
 	}
 }
 
+static void check_messages(const struct logic *logic)
+{
+	char text[20];
+
+	CHECK(logic->messages <= LOGIC_SAID);
+	for (unsigned i = 0; i < logic->messages; i++) {
+		logic_message(logic, i, text, sizeof(text));
+		CHECK(strlen(text) < sizeof(text));
+		for (const char *at = text; *at != '\0'; at++)
+			CHECK((unsigned char)*at >= ' ' && *at != 0x7f);
+	}
+}
+
 static void run(struct logic *logic, unsigned scans, const uint8_t *given)
 {
 	for (unsigned n = 0; n < scans; n++) {
@@ -59,6 +72,7 @@ static void run(struct logic *logic, unsigned scans, const uint8_t *given)
 		}
 		logic_scan(logic, &times, BUDGET);
 		check_values(logic);
+		check_messages(logic);
 		CHECK(logic->last_fault < LOGIC_FAULTS);
 	}
 }

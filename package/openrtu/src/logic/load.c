@@ -143,14 +143,20 @@ static bool operand_fits(const struct logic *logic, uint16_t routine, uint8_t ty
 		return value < LOGIC_FUNCTIONS;
 	case 'n':
 		return value > 0;
+	case 'v':
+		return value <= LOGIC_MESSAGE_VALUES;
+	case 'l':
+		return value < logic->head->names;
 	default:
 		return value == 0;
 	}
 }
 
-/* Of BLOCK and SPREAD: c slots, of pairwise the same types for BLOCK. */
+/* Of BLOCK, SPREAD and MESSAGE: c slots, of pairwise the same types for BLOCK. */
 static bool ranges_fit(const struct logic *logic, const struct logic_instruction *at)
 {
+	if (at->operation == LOGIC_MESSAGE)
+		return at->c <= logic->head->slots - at->b;
 	if (at->operation != LOGIC_BLOCK && at->operation != LOGIC_SPREAD)
 		return true;
 	if (at->c > logic->head->slots - at->a)

@@ -32,6 +32,9 @@ union logic_cell {
 	uint64_t bits;
 };
 
+/* Different messages of one scan. */
+#define LOGIC_SAID 8
+
 struct logic_range {
 	int64_t low, high;
 };
@@ -70,6 +73,9 @@ struct logic {
 	uint32_t faults[LOGIC_FAULTS];
 	uint16_t last_line; /* of the last fault */
 	uint8_t last_fault;
+	uint8_t messages;          /* of the last scan */
+	uint16_t said[LOGIC_SAID]; /* their instructions */
+	uint32_t unsaid;           /* that found no room */
 };
 
 enum { LOGIC_RUN = 1, LOGIC_WENT_ON = 2, LOGIC_JUMPED = 4 };
@@ -131,6 +137,12 @@ struct logic_verdict logic_judge(const struct logic *logic, const struct logic_r
 
 /* In words, as "division by zero". */
 const char *logic_fault_name(enum logic_fault fault);
+
+/*
+ * After a scan: the text of one of its messages, with the values as they were when it was said last. What does not find
+ * room is cut; size is at least 1.
+ */
+void logic_message(const struct logic *logic, unsigned message, char *out, size_t size);
 
 /* Copies the retained variables that both have, by name, type and size, with their qualities; returns how many. */
 unsigned logic_carry(struct logic *to, const struct logic *from);

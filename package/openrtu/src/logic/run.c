@@ -157,6 +157,18 @@ static void spread(struct logic *logic, const struct logic_instruction *at)
 		logic->quality[at->a + i] |= logic->quality[at->b];
 }
 
+/* Said once in a scan: its slots have the values of the last time. */
+static void say(struct logic *logic, uint16_t instruction)
+{
+	for (unsigned i = 0; i < logic->messages; i++)
+		if (logic->said[i] == instruction)
+			return;
+	if (logic->messages < LOGIC_SAID)
+		logic->said[logic->messages++] = instruction;
+	else
+		logic->unsaid++;
+}
+
 /* What a scan that did not end would have left is not known. */
 static void doubt_all(struct logic *logic)
 {
@@ -455,6 +467,9 @@ static bool run(struct logic *logic, uint32_t budget)
 			A = B;
 			QUALITY_A = 0;
 			break;
+		case LOGIC_MESSAGE:
+			say(logic, (uint16_t)(at - code));
+			break;
 		case LOGIC_OPERATION_COUNT:
 			return true;
 		}
@@ -477,6 +492,8 @@ bool logic_scan(struct logic *logic, const struct logic_times *times, uint32_t b
 	set_time(logic, logic->head->uptime, times->uptime_us);
 	set_time(logic, logic->head->elapsed, times->elapsed_us);
 	set_time(logic, logic->head->now, times->now_us);
+	logic->messages = 0;
+	logic->unsaid = 0;
 	return run(logic, budget);
 }
 

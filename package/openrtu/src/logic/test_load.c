@@ -79,8 +79,10 @@ static void test_tables(void **state)
 	REFUSED("an array is too long", array.elements, 0);
 	REFUSED("an array is too long", array.stride, 0);
 	REFUSED("an array is too long", array.elements, SLOTS);
+	REFUSED("an array is too long", array.stride, SLOTS);
 	REFUSED("an array has elements of several types", array.elements, 4);
-	REFUSED("a point has no variable", points[0].slot, FIVE); /* a constant */
+	REFUSED("an array has elements of several types", array.stride, 2); /* over the elements' end */
+	REFUSED("a point has no variable", points[0].slot, FIVE);           /* a constant */
 	REFUSED("a point has no variable", points[0].type, LOGIC_INT);
 	REFUSED("a point has no variable", points[0].time, UPTIME); /* a TIME, not a DT */
 	REFUSED("a point has no variable", points[0].name, sizeof(program.names));

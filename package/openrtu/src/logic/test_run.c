@@ -68,6 +68,26 @@ static void test_faults_are_counted_with_their_line(void **state)
 	assert_int_equal(logic.quality[ELEMENTS], LOGIC_INVALID);
 }
 
+/* A member of structures: only its own elements are written, and in doubt. */
+static void test_an_array_with_gaps(void **state)
+{
+	struct program program = sound_program;
+
+	(void)state;
+	program.array.elements = 2;
+	program.array.stride = 2;
+	seal(&program, sizeof(program));
+	assert_null(logic_load(&logic, &memory, &program, sizeof(program)));
+	assert_true(scan(2, LOGIC_NOT_TOPICAL, false));
+	assert_int_equal(logic.cells[ELEMENTS + 2].i, 2);
+	assert_int_equal(logic.cells[ELEMENTS + 1].i, 0);
+	assert_int_equal(logic.quality[ELEMENTS], LOGIC_NOT_TOPICAL);
+	assert_int_equal(logic.quality[ELEMENTS + 1], 0);
+	assert_true(scan(3, 0, false));
+	assert_int_equal(logic.faults[LOGIC_BOUNDS], 1);
+	assert_int_equal(logic.quality[ELEMENTS + 2], LOGIC_INVALID | LOGIC_NOT_TOPICAL);
+}
+
 static void test_what_is_no_value_of_the_type_is_invalid(void **state)
 {
 	(void)state;
@@ -111,6 +131,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(test_a_scan),
 	    cmocka_unit_test(test_faults_are_counted_with_their_line),
+	    cmocka_unit_test(test_an_array_with_gaps),
 	    cmocka_unit_test(test_what_is_no_value_of_the_type_is_invalid),
 	    cmocka_unit_test(test_the_budget_ends_a_scan),
 	    cmocka_unit_test(test_retained_variables_go_on),

@@ -127,7 +127,7 @@ static struct logic_instruction draw_instruction(void)
 	struct logic_instruction drawn;
 
 	do
-		drawn.operation = (uint8_t)below(LOGIC_OPERATION_COUNT);
+		drawn.operation = (uint8_t)below(LOGIC_MESSAGE); /* the last one, which leaves no bits */
 	while (!is_straight(drawn.operation));
 	drawn.type = (uint8_t)type_for(shapes[drawn.operation].class);
 	drawn.a = operand(shapes[drawn.operation].operands[0], drawn.type);

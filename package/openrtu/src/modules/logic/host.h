@@ -81,6 +81,11 @@ void requests_judge(struct host *host);
 /* Ends what has been decided: its return information is out. */
 void requests_after(struct host *host, int64_t now_ns);
 
+/* ---- messages.c -------------------------------------------------------------------------- */
+
+/* What the program has said in this scan. */
+void messages_say(const struct host *host, int64_t now_ns);
+
 /* ---- kept.c ------------------------------------------------------------------------------ */
 
 /* Takes over what the process before has kept. */

@@ -96,6 +96,7 @@ static void scan(int64_t now_ns, const struct logic_times *times)
 	kept_store(&host);
 	end_turn();
 	report_faults(now_ns);
+	messages_say(&host, now_ns);
 	took_us = (uint32_t)((map_now_ns() - now_ns) / NS_PER_US);
 	map_count(&host.stats->scans, 1);
 	if (took_us > atomic_load(&host.stats->longest_us))

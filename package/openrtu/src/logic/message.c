@@ -1,0 +1,123 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * What a program says: its text, with a value in place of each {}, and of each "\x01NUMBER=NAME,NUMBER=NAME\x02" the value's
+ * name. The text is the file's, so nothing is known of it.
+ */
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "logic/logic.h"
+
+struct text {
+	char *at;
+	size_t left; /* with the octet for the end */
+};
+
+#define NAMES "\x01"
+#define END   "\x02"
+
+/* A line of a log has no control characters. */
+static void put_octet(struct text *text, char octet)
+{
+	if (text->left < 2)
+		return;
+	*text->at++ = (unsigned char)octet < ' ' || octet == 0x7f ? '?' : octet;
+	*text->at = '\0';
+	text->left--;
+}
+
+static void put(struct text *text, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static void put(struct text *text, const char *format, ...)
+{
+	va_list arguments;
+	int octets;
+
+	va_start(arguments, format);
+	octets = vsnprintf(text->at, text->left, format, arguments);
+	va_end(arguments);
+	if (octets < 0)
+		return;
+	if ((size_t)octets >= text->left)
+		octets = (int)text->left - 1;
+	text->at += octets;
+	text->left -= (size_t)octets;
+}
+
+static void put_value(struct text *text, enum logic_type type, union logic_cell cell, uint8_t quality)
+{
+	switch (type) {
+	case LOGIC_BOOL:
+		put(text, "%s", cell.i ? "TRUE" : "FALSE");
+		break;
+	case LOGIC_BYTE:
+	case LOGIC_WORD:
+	case LOGIC_DWORD:
+		put(text, "16#%" PRIX64, cell.bits);
+		break;
+	case LOGIC_REAL:
+		put(text, "%.7g", (double)cell.r);
+		break;
+	case LOGIC_LREAL:
+		put(text, "%.15g", cell.d);
+		break;
+	case LOGIC_TIME:
+		put(text, "%.15g s", (double)cell.i / 1e6);
+		break;
+	default:
+		put(text, "%" PRId64, cell.i);
+	}
+	if (quality & LOGIC_NOT_GOOD)
+		put_octet(text, '!');
+}
+
+/* The name of the value, or the value; returns what is behind the names. */
+static const char *put_name(struct text *text, const char *names, union logic_cell cell, uint8_t quality)
+{
+	const char *end = names + strcspn(names, END);
+	bool found = false;
+
+	while (names < end && !found) {
+		size_t length = strcspn(names, "," END);
+		char *equals;
+
+		if (strtoll(names, &equals, 10) == cell.i && *equals == '=') {
+			for (found = true; equals + 1 < names + length; equals++)
+				put_octet(text, equals[1]);
+			break;
+		}
+		names += length + (names + length < end);
+	}
+	if (!found)
+		put(text, "%" PRId64, cell.i);
+	if (quality & LOGIC_NOT_GOOD)
+		put_octet(text, '!');
+	return end + (*end != '\0');
+}
+
+void logic_message(const struct logic *logic, unsigned message, char *out, size_t size)
+{
+	const struct logic_instruction *at = &logic->code[logic->said[message]];
+	struct text text = {out, size};
+	uint16_t value = 0;
+
+	*out = '\0';
+	for (const char *from = logic_name(logic, at->a); *from != '\0';) {
+		uint16_t slot = (uint16_t)(at->b + value);
+
+		if (value < at->c && *from == *NAMES) {
+			from = put_name(&text, from + 1, logic->cells[slot], logic->quality[slot]);
+			value++;
+		} else if (value < at->c && from[0] == '{' && from[1] == '}') {
+			put_value(&text, (enum logic_type)logic->types[slot], logic->cells[slot],
+				  logic->quality[slot]);
+			from += 2;
+			value++;
+		} else {
+			put_octet(&text, *from++);
+		}
+	}
+}
