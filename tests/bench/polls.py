@@ -277,7 +277,7 @@ def picture(found: list[Row]) -> str:
     parts = [
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 640 370" font-family="sans-serif"',
         '  font-size="13">',
-        "<!-- SPDX-License-Identifier: GPL-3.0-or-later; drawn by tests/bench/polls.py -->",
+        "<!-- SPDX-License-Identifier: GPL-3.0-or-later -->",
         "<title>Milliseconds of a round of polls, in turn, by the number of RTUs</title>",
         '<rect width="640" height="370" fill="#fff"/>',
         '<path d="M60 320H510M60 320V30" stroke="#000" fill="none"/>',
