@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -512,11 +512,15 @@ endif
 twin: qemu uboot $(VENV) ## See it: the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	@$(LAB).twin_show
 
+bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions and their octets alone: figure 9
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/octets.py
+
 bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
-	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
+	$(MAKE) bench-polls
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py

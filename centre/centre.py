@@ -53,7 +53,7 @@ class Centre:
             getattr(self.model, kind).update(getattr(self.intake.model, kind))
         self.watchers: set[Watcher] = set()
         self.fault = ""  # why nothing can be stored now
-        self._socket: socket.socket | None = None
+        self._sockets: dict[int, socket.socket] = {}  # by shard of rtu-centre
         self._ids = count(REQUEST_IDS)
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -62,7 +62,7 @@ class Centre:
 
     @property
     def collects(self) -> bool:
-        return self._socket is not None
+        return len(self._sockets) == len(self.settings.sockets)
 
     # ---- the database ------------------------------------------------------------------------
 
@@ -134,23 +134,33 @@ class Centre:
 
     async def collect(self) -> None:
         """Takes what rtu-centre hands over, for ever."""
+        async with asyncio.TaskGroup() as shards:
+            for shard in range(len(self.settings.sockets)):
+                shards.create_task(self._collect(shard))
+
+    async def _collect(self, shard: int) -> None:
         said = ""
         while True:
             try:
-                await self._session()
+                await self._session(shard)
             except (OSError, CentreError) as error:
                 if str(error) != said:
                     said = str(error)
-                    log.warning("rtu-centre at %s: %s; trying again", self.settings.socket, error)
+                    log.warning("rtu-centre at %s: %s; trying again", self.settings.sockets[shard], error)
             await asyncio.sleep(AGAIN_S)
 
-    async def _session(self) -> None:
+    async def _session(self, shard: int) -> None:
         loop = asyncio.get_running_loop()
+        path = self.settings.sockets[shard]
+
+        def polled(station: Station) -> bool:
+            return self.settings.shard(station.place) == shard
+
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as connection:
             connection.setblocking(False)
-            await loop.sock_connect(connection, str(self.settings.socket))
-            log.info("rtu-centre is connected")
-            self._socket = connection
+            await loop.sock_connect(connection, str(path))
+            log.info("rtu-centre at %s is connected", path)
+            self._sockets[shard] = connection
             self._tell()
             try:
                 while octets := await loop.sock_recv(connection, records.PACKET_MAX):
@@ -161,8 +171,8 @@ class Centre:
                     await self._store(lambda database, batch=batch: self.intake.take(database, batch))
                     await loop.sock_sendall(connection, records.acknowledgement(sequence))
             finally:
-                self._socket = None
-                await self._store(self.intake.stranded)
+                del self._sockets[shard]
+                await self._store(lambda database: self.intake.stranded(database, polled))
                 self._tell()
         raise CentreError("it has ended, or has another consumer")
 
@@ -174,11 +184,16 @@ class Centre:
                 found.append(octets)
         return found
 
-    async def _send(self, octets: bytes) -> None:
-        if self._socket is None:
+    def _socket_of(self, station: Station) -> socket.socket:
+        connection = self._sockets.get(self.settings.shard(station.place))
+        if connection is None:
             raise RefusedError(503, "no_collector", "rtu-centre does not run: nothing can be sent")
+        return connection
+
+    async def _send(self, station: Station, octets: bytes) -> None:
+        connection = self._socket_of(station)
         try:
-            await asyncio.get_running_loop().sock_sendall(self._socket, octets)
+            await asyncio.get_running_loop().sock_sendall(connection, octets)
         except OSError as error:
             raise RefusedError(503, "no_collector", f"rtu-centre does not take it: {error}") from error
 
@@ -195,8 +210,7 @@ class Centre:
         return self.model.stations[id_]
 
     def _check_up(self, station: Station) -> None:
-        if not self.collects:
-            raise RefusedError(503, "no_collector", "rtu-centre does not run: nothing can be sent")
+        self._socket_of(station)
         if not station.up:
             raise RefusedError(409, "not_up", f"{station.settings.name} is not connected: nothing was sent")
 
@@ -261,7 +275,9 @@ class Centre:
             task.add_done_callback(self._tasks.discard)
         else:
             await self._send_command(
-                command.id, records.command(*address, command.id, meaning.command, value, meaning.selects)
+                station,
+                command.id,
+                records.command(*address, command.id, meaning.command, value, meaning.selects),
             )
         return command
 
@@ -276,9 +292,9 @@ class Centre:
 
         await self._store(end)
 
-    async def _send_command(self, id_: int, octets: bytes) -> None:
+    async def _send_command(self, station: Station, id_: int, octets: bytes) -> None:
         try:
-            await self._send(octets)
+            await self._send(station, octets)
         except RefusedError:
             await self.change(
                 lambda database: self.intake.end_command(database, id_, State.REFUSED_COMMAND, Result.NOT_UP)
@@ -317,9 +333,10 @@ class Centre:
         following = await self.change(put)
         kind = Ask.EXECUTE if execute else Ask.CANCEL
         if not command.held:
-            await self._send_command(id_, records.request(kind, station.place, point.ca, id_))
+            await self._send_command(station, id_, records.request(kind, station.place, point.ca, id_))
         elif execute:
             await self._send_command(
+                station,
                 id_,
                 records.command(
                     station.place, point.ca, point.ioa, id_, point.meaning.command, command.value, False
@@ -336,7 +353,9 @@ class Centre:
             lambda database: audit(database, time.time_ns(), user, "interrogate", station.settings.name)
         )
         for ca in addresses:
-            await self._send(records.request(Ask.INTERROGATE, station.place, ca, next(self._ids), 20))
+            await self._send(
+                station, records.request(Ask.INTERROGATE, station.place, ca, next(self._ids), 20)
+            )
         return addresses
 
     async def acknowledge(self, user: str, id_: int) -> Alarm:

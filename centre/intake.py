@@ -6,7 +6,7 @@ from __future__ import annotations
 import sqlite3
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import astuple, fields, replace
 from operator import attrgetter
 
@@ -117,12 +117,17 @@ class Intake:
             if alarm.area is not None and alarm.gone_ns is None and (alarm.kind, alarm.area) not in known:
                 self.put_alarm(database, replace(alarm, gone_ns=time.time_ns()))
 
-    def stranded(self, database: sqlite3.Connection) -> None:
-        """The collector is gone: what became of the commands that were not ended, nobody can say."""
+    def stranded(
+        self, database: sqlite3.Connection, of: Callable[[Station], bool] = lambda station: True
+    ) -> None:
+        """Their collector is gone: what became of the commands that were not ended, nobody can say."""
+        gone = {station.id for station in self.model.stations.values() if of(station)}
         rows = database.execute(
             f"SELECT * FROM commands WHERE state NOT IN ({', '.join(str(int(state)) for state in ENDED)})"
         )
         for command in [Command(**dict(row)) for row in rows]:
+            if self.model.points[command.point].station not in gone:
+                continue
             sent = command.state in (State.EXECUTION_REQUEST, State.EXECUTING)
             state = State.REFUSED_COMMAND if sent else State.INTERRUPTED_SELECTION
             self.put_command(
@@ -130,7 +135,7 @@ class Intake:
                 replace(command, state=state, result=Result.UNKNOWN_FATE, changed_ns=time.time_ns()),
             )
         for station in self.model.stations.values():
-            if station.link:
+            if station.link and station.id in gone:
                 self.changes.stations[station.id] = replace(station, link=0, since_ns=time.time_ns())
 
     # ---- a transaction -----------------------------------------------------------------------

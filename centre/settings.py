@@ -103,6 +103,7 @@ SCHEMA = {
     "required": ["stations"],
     "properties": {
         "socket": {"type": "string"},
+        "shards": {"type": "integer", "minimum": 1, "maximum": 64},
         "stations": {
             "type": "array",
             "items": {
@@ -191,6 +192,18 @@ class Settings:
     areas: tuple[Area, ...] = ()
     keep: Keep = field(default_factory=Keep)
     tiles: Path | None = None  # a map of one's own
+    shards: int = 1
+
+    @property
+    def sockets(self) -> list[Path]:
+        """Of rtu-centre's shards: docs/centre.md, "A shard a core"."""
+        if self.shards == 1:
+            return [self.socket]
+        return [self.socket.with_name(f"{self.socket.name}.{shard}") for shard in range(self.shards)]
+
+    def shard(self, place: int) -> int:
+        """Whose station is at this place of the file."""
+        return place % self.shards
 
 
 def load(path: Path) -> Settings:
@@ -226,6 +239,7 @@ def load(path: Path) -> Settings:
         _areas(own.get("areas", [])),
         Keep(**own.get("keep", {})),
         _tiles(own.get("map"), folder),
+        content.get("shards", 1),
     )
 
 

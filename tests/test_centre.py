@@ -160,6 +160,7 @@ def test_check_says_what_stations_take(programs: Path, tmp_path: Path) -> None:
         ({"stations": [station("a", 1)], "w": 13}, 1, "w: 13 is too much, expected at most k (12)"),
         ({"stations": [station("a", 1)], "t2": 15}, 1, "t2: 15 is too much, expected less than t1 (15)"),
         ({"stations": [station("a", 1)], "batches": 5, "batch_records": 10}, 1, "batches: 5 of 10 records"),
+        ({"stations": [station("a", 1)], "shards": 2}, 1, "shards: 2 are more than the stations (1)"),
         ({"stations": [station("a", 1)], "pols_at_once": 5}, 1, 'did you mean "polls_at_once"?'),
         (
             {"stations": [{"name": "a", "address": "::1"}], "defaults": {"name": "b"}},
@@ -834,3 +835,81 @@ def test_socket_left_over_is_taken_and_a_live_one_is_not(
     assert "cannot be bound: Address already in use" in done.stderr
     assert running.stop() == 0
     assert not running.socket.exists()
+
+
+# ---- shards -------------------------------------------------------------------------------------
+
+SHARDS = 3
+
+
+@contextlib.contextmanager
+def sharded(programs: Path, centre: Start) -> Iterator[tuple[Centre, list[Consumer]]]:
+    """Two stations of each shard, and a consumer that has their first positions."""
+    reads = [{"common_address": CA, "ioa": 1, "period_ms": 20}]
+    with simulated(programs, 2 * SHARDS, "h") as port:
+        stations = [station(str(i), port, address(i), reads=reads) for i in range(2 * SHARDS)]
+        running = centre(stations, shards=SHARDS)
+        consumers = [Consumer(socket_of(running, shard)) for shard in range(SHARDS)]
+        for shard, consumer in enumerate(consumers):
+            all_polled(consumer, shard)
+        yield running, consumers
+        for consumer in consumers:
+            consumer.close()
+
+
+def socket_of(running: Centre, shard: int) -> Path:
+    return running.socket.with_name(f"{running.socket.name}.{shard}")
+
+
+def all_polled(consumer: Consumer, shard: int, more: int = 1) -> None:
+    """So many more positions of each of its stations, and nothing of another."""
+    places = {shard, shard + SHARDS}
+    wanted = {place: consumer.counts[place, Kind.POSITION] + more for place in places}
+    while any(consumer.counts[place, Kind.POSITION] < count for place, count in wanted.items()):
+        assert {record.station for record in consumer.packet()} <= places
+    assert consumer.stations == {place: str(place) for place in places}
+
+
+def shards_of(running: Centre) -> list[int]:
+    """Their processes, as they were started."""
+    pid = running.process.pid
+    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_killed_shard_takes_no_other_with_it(programs: Path, centre: Start) -> None:
+    with sharded(programs, centre) as (running, consumers):
+        os.kill(shards_of(running)[1], signal.SIGKILL)
+        running.said("shard 1 was ended by signal 9")
+        with pytest.raises((EOFError, ConnectionError)):
+            while True:
+                consumers[1].packet()
+        for shard in (0, 2):
+            all_polled(consumers[shard], shard, more=5)
+            assert max(record.connection for record in consumers[shard].packet()) == 1
+        consumers[1].close()
+        consumers[1] = Consumer(socket_of(running, 1))  # its socket was there all the time
+        all_polled(consumers[1], 1)
+        assert running.stop() == 0
+        assert not any(socket_of(running, shard).exists() for shard in range(SHARDS))
+
+
+def test_shard_takes_requests_of_its_stations_only(programs: Path, centre: Start) -> None:
+    with sharded(programs, centre) as (_, consumers):
+        for place, result in (
+            (1, Result.DONE),
+            (4, Result.DONE),
+            (0, Result.NOT_KNOWN),
+            (7, Result.NOT_KNOWN),
+        ):
+            consumers[1].send(Ask.INTERROGATE, place, id=100 + place, ca=CA, qualifier=20)
+            ends = State.EXECUTED_COMMAND, State.REFUSED_COMMAND
+            assert consumers[1].until_progress(100 + place, *ends).progress[1] == result
+
+
+def test_shards_end_with_the_process_that_keeps_them(programs: Path, centre: Start) -> None:
+    with sharded(programs, centre) as (running, consumers):
+        running.process.kill()
+        for consumer in consumers:
+            with pytest.raises((EOFError, ConnectionError)):
+                while True:
+                    consumer.packet()

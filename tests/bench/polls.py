@@ -62,7 +62,7 @@ class Case:
 
 FULL = (
     *(Case(count, 100) for count in (10, 25, 50, 100)),
-    *(Case(100, 10, wait_ms) for wait_ms in (250, 500, 1000, 2000)),
+    *(Case(100, 5, wait_ms) for wait_ms in (250, 500, 1000, 2000)),
     Case(GATEWAYS, 100, real=True),
     Case(1000, 20),
     Case(10_000, 5),
@@ -103,8 +103,10 @@ def simulated(count: int, kind: str) -> Iterator[int]:
         assert process.stdout
         if process.stdout.readline() != "ready\n":
             raise PollError("centre-rtus did not start: is the limit of open files high enough?")
-        yield port
-        process.stdin.close()
+        try:
+            yield port
+        finally:
+            process.stdin.close()
 
 
 @contextlib.contextmanager
@@ -162,9 +164,11 @@ def centre(case: Case, port: int, folder: Path, period_ms: int = 0) -> Iterator[
             raise PollError("rtu-centre does not take its consumer")
         rest = threading.Thread(target=process.stderr.read)  # what it says must not fill the pipe
         rest.start()
-        yield process.pid, path
-        process.terminate()
-        rest.join()
+        try:
+            yield process.pid, path
+        finally:
+            process.terminate()
+            rest.join()
 
 
 def row(case: Case, mode: str, name: str, port: int) -> Row:
@@ -200,11 +204,16 @@ def contenders(case: Case, mode: str) -> Iterator[str]:
 
 def rows(cases: tuple[Case, ...]) -> Iterator[Row]:
     for case in cases:
-        for mode in (TURN, TOGETHER):
+        for mode in (TURN,) if case.wait_ms else (TURN, TOGETHER):  # the paper polls in turn
             for name in contenders(case, mode):
                 kind = "f" if name == C104 else "h"  # which it knows
-                with gateways(case.count) if case.real else simulated(case.count, kind) as port:
-                    yield row(case, mode, name, port)
+                try:
+                    with gateways(case.count) if case.real else simulated(case.count, kind) as port:
+                        yield row(case, mode, name, port)
+                except PollError as error:
+                    if name != C104:  # its connections do not all start on a busy machine
+                        raise
+                    print(f"  {case.rtus}, {mode}, {name}: left out: {error}", flush=True)
 
 
 def polled_each_second(count: int, seconds: int) -> str:
@@ -217,9 +226,11 @@ def polled_each_second(count: int, seconds: int) -> str:
     ):
         command = [ROUNDS, "count", str(count), str(seconds), path]
         positions, used_us = measured(command, case, pid)
+    each_us = used_us / positions[0]
     return (
         f"rtu-centre polls {count} RTUs at 1 Hz for {seconds} s: {positions[0] / seconds:.0f} positions"
-        f" a second handed on, {used_us / seconds / 10_000:.1f} % of a core"
+        f" a second handed on, {used_us / seconds / 10_000:.1f} % of a core; {each_us:.1f} µs of CPU each,"
+        f" so {count * each_us / 10_000:.1f} % of a core for all {count} each second"
     )
 
 
@@ -266,7 +277,7 @@ def picture(found: list[Row]) -> str:
     parts = [
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 640 370" font-family="sans-serif"',
         '  font-size="13">',
-        "<!-- SPDX-License-Identifier: GPL-3.0-or-later; drawn by tests/bench/polls.py -->",
+        "<!-- SPDX-License-Identifier: GPL-3.0-or-later -->",
         "<title>Milliseconds of a round of polls, in turn, by the number of RTUs</title>",
         '<rect width="640" height="370" fill="#fff"/>',
         '<path d="M60 320H510M60 320V30" stroke="#000" fill="none"/>',

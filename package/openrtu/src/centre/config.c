@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "centre/config.h"
 
+#include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -42,6 +43,7 @@ enum {
 	FILE_BATCHES,
 	FILE_BATCH_RECORDS,
 	FILE_IN_FLIGHT,
+	FILE_SHARDS,
 	FILE_TLS,
 	FILE_DEFAULTS,
 	FILE_STATIONS,
@@ -74,6 +76,7 @@ static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_BATCH_RECORDS] = {"batch_records", CONFIG_INTEGER, .low = 1, .high = CENTRE_BATCH_MAX,
 			    .fallback = 512},
     [FILE_IN_FLIGHT] = {"batches_in_flight", CONFIG_INTEGER, .low = 1, .high = 1024, .fallback = 4},
+    [FILE_SHARDS] = {"shards", CONFIG_INTEGER, .low = 1, .high = CENTRE_SHARDS_MAX, .fallback = 1},
     [FILE_TLS] = {"tls", CONFIG_OBJECT},
     [FILE_DEFAULTS] = {"defaults", CONFIG_OBJECT},
     [FILE_STATIONS] = {"stations", CONFIG_ARRAY, .required = true, .high = CENTRE_STATIONS_MAX},
@@ -350,6 +353,15 @@ static uint32_t polls_of(const json_t *stations)
 	return (uint32_t)count;
 }
 
+/* The second links are behind the first ones. */
+static void number_links(struct centre_config *config)
+{
+	config->link_count = config->station_count;
+	for (uint32_t station = 0; station < config->station_count; station++)
+		if (config->stations[station].address_count > 1)
+			config->stations[station].second = config->link_count++;
+}
+
 static void read_stations(struct config_report *report, const struct config_place *file,
 			  const struct config_value *values, struct centre_config *config)
 {
@@ -375,10 +387,7 @@ static void read_stations(struct config_report *report, const struct config_plac
 		read_station(&reading, json);
 		config->station_count++;
 	}
-	config->link_count = config->station_count;
-	for (uint32_t station = 0; station < config->station_count; station++)
-		if (config->stations[station].address_count > 1)
-			config->stations[station].second = config->link_count++;
+	number_links(config);
 	report_same_names(report, &array, config);
 }
 
@@ -411,6 +420,17 @@ static void check_room(struct config_report *report, const struct config_place *
 		    "%u of %u records, %u of them in flight, are too few, expected %zu records that are "
 		    "not in flight",
 		    config->batches, config->batch_records, config->batches_in_flight, least);
+}
+
+/* Each shard has a station. */
+static void check_shards(struct config_report *report, const struct config_place *file,
+			 const struct centre_config *config)
+{
+	const struct config_place here = config_key_of(file, file_rules[FILE_SHARDS].name);
+
+	if (config->shards > config->station_count)
+		config_error(report, &here, "%" PRIu32 " are more than the stations (%" PRIu32 ")",
+			     config->shards, config->station_count);
 }
 
 static void read_timezone(struct config_report *report, const struct config_place *file,
@@ -462,6 +482,7 @@ static void take_values(const struct config_value *values, struct centre_config 
 	config->batches = (uint32_t)values[FILE_BATCHES].integer;
 	config->batch_records = (uint32_t)values[FILE_BATCH_RECORDS].integer;
 	config->batches_in_flight = (uint32_t)values[FILE_IN_FLIGHT].integer;
+	config->shards = (uint32_t)values[FILE_SHARDS].integer;
 }
 
 static void read_file(struct config_report *report, const json_t *root, struct centre_config *config)
@@ -480,6 +501,8 @@ static void read_file(struct config_report *report, const json_t *root, struct c
 	if (report->errors == 0)
 		check_room(report, &file, config);
 	read_stations(report, &file, values, config);
+	if (report->errors == 0)
+		check_shards(report, &file, config);
 }
 
 enum centre_config_result centre_config_load(const char *path, struct centre_config *config, FILE *messages)
@@ -495,6 +518,32 @@ enum centre_config_result centre_config_load(const char *path, struct centre_con
 	}
 	config_free_files(&loader);
 	return result;
+}
+
+void centre_config_take_shard(struct centre_config *config, uint32_t shard)
+{
+	uint32_t count = 0;
+
+	for (uint32_t place = 0; place < config->station_count; place++) {
+		if (place % config->shards == shard)
+			config->stations[count++] = config->stations[place];
+		else
+			free(config->stations[place].certificate);
+	}
+	config->shard = shard;
+	config->station_count = count;
+	number_links(config);
+}
+
+uint32_t centre_config_place(const struct centre_config *config, uint32_t station)
+{
+	return station * config->shards + config->shard;
+}
+
+bool centre_config_station(const struct centre_config *config, uint32_t place, uint32_t *station)
+{
+	*station = place / config->shards;
+	return place % config->shards == config->shard && *station < config->station_count;
 }
 
 void centre_config_free(struct centre_config *config)

@@ -12,7 +12,8 @@
 
 #define CENTRE_SOCKET_SIZE  108 /* sun_path */
 #define CENTRE_STATIONS_MAX 65535
-#define CENTRE_LINKS_MAX    2 /* to a station */
+#define CENTRE_LINKS_MAX    2  /* to a station */
+#define CENTRE_SHARDS_MAX   64 /* processes */
 
 struct centre_plan {
 	char name[CENTRE_NAME_SIZE];
@@ -37,6 +38,8 @@ struct centre_config {
 	int64_t retry_ns, retry_max_ns;       /* the first pause before another attempt, and the longest */
 	uint16_t receive_octets, send_octets; /* buffers of a connection */
 	uint32_t batches, batch_records, batches_in_flight;
+	uint32_t shards; /* processes: station i of the file is one of shard i % shards */
+	uint32_t shard;  /* that this process is, once its stations are taken */
 	struct centre_plan *stations;
 	uint32_t station_count;
 	uint32_t link_count; /* the first of each station, then the second ones */
@@ -51,6 +54,11 @@ enum centre_config_result { CENTRE_CONFIG_GOOD, CENTRE_CONFIG_WRONG, CENTRE_CONF
 
 /* Reads the file; says all that is wrong with it. centre_config_free frees it after each. */
 enum centre_config_result centre_config_load(const char *path, struct centre_config *config, FILE *messages);
+/* Leaves the stations of this shard alone. */
+void centre_config_take_shard(struct centre_config *config, uint32_t shard);
+/* Where a station of the shard is in the file; and which of the shard is at that place, false: another shard's. */
+uint32_t centre_config_place(const struct centre_config *config, uint32_t station);
+bool centre_config_station(const struct centre_config *config, uint32_t place, uint32_t *station);
 void centre_config_free(struct centre_config *config);
 
 #endif

@@ -9,6 +9,7 @@
 
 #include "centre/consumer.h"
 #include "centre/loop.h"
+#include "centre/shards.h"
 
 #define FILES_BESIDE 16 /* open files beside the connections */
 
@@ -20,7 +21,8 @@ static const char usage[] =
     "Unix\n"
     "socket. --check reports every error in FILE instead, or what the stations take.\n"
     "\n"
-    "  --socket PATH    the socket, in the place of the one that FILE names\n"
+    "  --socket PATH    the socket, in the place of the one that FILE names; with several shards PATH.0, "
+    "PATH.1 ...\n"
     "  --help           this text\n"
     "  --version        the version\n"
     "\n"
@@ -73,10 +75,13 @@ static int check(const struct centre_config *config)
 	size_t octets = centre_octets_of_station(config);
 
 	printf("stations: %" PRIu32 "; polls of them: %" PRIu32
-	       "; memory: %zu octets a connection and %zu for %" PRIu32 " records\n",
+	       "; memory: %zu octets a connection and %zu for %" PRIu32 " records",
 	       config->station_count, config->poll_count, octets,
 	       (size_t)config->batches * config->batch_records * sizeof(struct centre_record),
 	       config->batches * config->batch_records);
+	if (config->shards > 1)
+		printf(" of each of %" PRIu32 " shards", config->shards);
+	puts("");
 	return 0;
 }
 
@@ -106,38 +111,104 @@ static void say(enum map_log_level level, const char *peer, const char *text)
 	fprintf(stderr, "rtu-centre: %s%s%s\n", peer != NULL ? peer : "", peer != NULL ? ": " : "", text);
 }
 
-static int run(const struct centre_config *config, const char *path)
+/* What the shards begin with. */
+struct start {
+	struct centre_config *config;
+	char paths[CENTRE_SHARDS_MAX][CENTRE_SOCKET_SIZE];
+	int listeners[CENTRE_SHARDS_MAX]; /* -1: none */
+};
+
+/* One path is taken as it is, of several each has its number. False: said on stderr. */
+static bool name_sockets(struct start *start, const char *path)
+{
+	for (uint32_t i = 0; i < start->config->shards; i++) {
+		char number[16] = "";
+		int size;
+
+		if (start->config->shards > 1)
+			snprintf(number, sizeof(number), ".%" PRIu32, i);
+		size = snprintf(start->paths[i], CENTRE_SOCKET_SIZE, "%s%s", path, number);
+		if (size >= CENTRE_SOCKET_SIZE) {
+			fprintf(stderr, "rtu-centre: %s%s: longer than %d characters\n", path, number,
+				CENTRE_SOCKET_SIZE - 1);
+			return false;
+		}
+	}
+	return true;
+}
+
+/*
+ * The sockets outlive the shards: a consumer may connect to one that is about to begin again. False: said on stderr.
+ */
+static bool listen_on_all(struct start *start)
+{
+	for (uint32_t i = 0; i < start->config->shards; i++) {
+		start->listeners[i] = centre_consumer_listen(start->paths[i]);
+		if (start->listeners[i] < 0)
+			return false;
+	}
+	return true;
+}
+
+static void close_all(const struct start *start, bool unlinks)
+{
+	for (uint32_t i = 0; i < start->config->shards; i++) {
+		if (start->listeners[i] < 0)
+			continue;
+		close(start->listeners[i]);
+		if (unlinks)
+			unlink(start->paths[i]);
+	}
+}
+
+/* In its process, where the configuration becomes its own. */
+static int run_shard(void *context, uint32_t shard)
 {
 	static struct channel_owner owner = {.controlling = true, .say = say};
 	static struct centre centre;
-	int listener, code = 1;
+	struct start *start = context;
+	struct centre_config *config = start->config;
+	int listener = start->listeners[shard], code = 1;
 
-	if (path[0] == '\0') {
-		fprintf(stderr, "rtu-centre: there is no socket: give \"socket\" in the file, or --socket\n");
-		return 2;
+	start->listeners[shard] = -1;
+	if (config->shards > 1) {
+		close_all(start, false);
+		centre_config_take_shard(config, shard);
 	}
-	if (strlen(path) >= CENTRE_SOCKET_SIZE) {
-		fprintf(stderr, "rtu-centre: %s: longer than %d characters\n", path, CENTRE_SOCKET_SIZE - 1);
-		return 2;
-	}
-	prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
 	if (!allow_files(config->link_count))
 		return 1;
 	owner.tls = &config->tls;
 	if (config->secure && !channel_start(&owner))
 		return 1;
-	listener = centre_consumer_listen(path);
-	if (listener < 0)
-		return 1;
 	if (centre_stations_init(&centre, config)) {
-		code = centre_loop(&centre, listener, path);
+		code = centre_loop(&centre, listener, start->paths[shard]);
 	} else {
 		fprintf(stderr, "rtu-centre: no memory for %" PRIu32 " stations: %s\n", config->station_count,
 			strerror(errno));
 	}
 	centre_stations_free(&centre);
-	close(listener);
-	unlink(path);
+	start->listeners[shard] = listener;
+	return code;
+}
+
+static int run(struct centre_config *config, const char *path)
+{
+	static struct start start;
+	int code = 1;
+
+	start.config = config;
+	memset(start.listeners, -1, sizeof(start.listeners));
+	if (path[0] == '\0') {
+		fprintf(stderr, "rtu-centre: there is no socket: give \"socket\" in the file, or --socket\n");
+		return 2;
+	}
+	if (!name_sockets(&start, path))
+		return 2;
+	prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+	if (listen_on_all(&start))
+		code = config->shards > 1 ? centre_shards_keep(config->shards, run_shard, &start)
+					  : run_shard(&start, 0);
+	close_all(&start, true);
 	return code;
 }
 

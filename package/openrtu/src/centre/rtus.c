@@ -38,11 +38,14 @@
 #define READY_MAX    256
 #define STDIN_EVENT  UINT32_MAX
 #define LISTENER_BIT 0x80000000u
+#define ALL_EVENT    (UINT32_MAX - 1) /* the listener of all */
 #define NET_SIZE     250
+#define FIRST_HOST   0x7f010000u /* 127.1.0.0 */
 #define OUTPUT_SIZE  1024
 #define LATITUDE     522190650
 #define LONGITUDE    210108517
-#define BACKLOG      16
+#define BACKLOG      1024
+#define FILES_BESIDE 16 /* open files beside listeners and connections */
 
 struct rtu {
 	char kind;
@@ -62,6 +65,7 @@ static const struct map_zone zone;
 static _Atomic uint32_t counters[IEC104_COUNT_OF_COUNTERS];
 static struct rtu *rtus;
 static uint32_t first, count;
+static int listener_of_all = -1;
 static int64_t delay_ns;
 static int epoll_fd;
 
@@ -236,17 +240,16 @@ static void watch(int fd, uint32_t event)
 	epoll_ctl(epoll_fd, EPOLL_CTL_ADD, fd, &wanted);
 }
 
-static void admit(struct rtu *rtu, uint32_t place)
+/* fd: its new connection. */
+static void admit(struct rtu *rtu, uint32_t place, int fd)
 {
 	const struct iec104_memory memory = {.sent_ns = rtu->sent_ns,
 					     .input = rtu->input,
 					     .output = rtu->output,
 					     .input_size = sizeof(rtu->input),
 					     .output_size = sizeof(rtu->output)};
-	int fd = accept4(rtu->listener, NULL, NULL, SOCK_CLOEXEC), on = 1;
+	int on = 1;
 
-	if (fd < 0)
-		return;
 	if (rtu->fd >= 0)
 		hang_up(rtu); /* the newer connection is the one that is meant */
 	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
@@ -255,9 +258,35 @@ static void admit(struct rtu *rtu, uint32_t place)
 	watch(fd, place);
 }
 
-static int listen_at(uint32_t number, uint16_t port)
+static void admit_at(uint32_t place)
 {
-	const uint32_t host = 0x7f010000u + (number / NET_SIZE << 8) + 1 + number % NET_SIZE;
+	int fd = accept4(rtus[place].listener, NULL, NULL, SOCK_CLOEXEC);
+
+	if (fd >= 0)
+		admit(&rtus[place], place, fd);
+}
+
+/* By the address that it came to. */
+static void admit_any(void)
+{
+	struct sockaddr_in address = {.sin_family = AF_INET};
+	socklen_t size = sizeof(address);
+	int fd = accept4(listener_of_all, NULL, NULL, SOCK_CLOEXEC);
+	uint32_t host, place;
+
+	if (fd < 0)
+		return;
+	getsockname(fd, (struct sockaddr *)&address, &size);
+	host = ntohl(address.sin_addr.s_addr);
+	place = (host - FIRST_HOST) / 256 * NET_SIZE + host % 256 - 1;
+	if (place < count)
+		admit(&rtus[place], place, fd);
+	else
+		close(fd);
+}
+
+static int listen_at(uint32_t host, uint16_t port)
+{
 	const struct sockaddr_in address = {
 	    .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(host)};
 	int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), on = 1;
@@ -309,8 +338,10 @@ static void serve(void)
 			if (event == STDIN_EVENT) {
 				if (read(STDIN_FILENO, &octet, 1) <= 0)
 					return;
+			} else if (event == ALL_EVENT) {
+				admit_any();
 			} else if ((event & LISTENER_BIT) != 0) {
-				admit(&rtus[event & ~LISTENER_BIT], event & ~LISTENER_BIT);
+				admit_at(event & ~LISTENER_BIT);
 			} else if (rtus[event].fd >= 0) {
 				receive(&rtus[event]);
 			}
@@ -321,6 +352,8 @@ static void serve(void)
 
 static void begin(uint16_t port, const char *kinds)
 {
+	uint32_t number;
+
 	epoll_fd = epoll_create1(EPOLL_CLOEXEC);
 	rtus = calloc(count, sizeof(*rtus));
 	if (epoll_fd < 0 || rtus == NULL)
@@ -328,9 +361,11 @@ static void begin(uint16_t port, const char *kinds)
 	for (uint32_t i = 0; i < count; i++) {
 		rtus[i].kind = kinds[(first + i) % strlen(kinds)];
 		rtus[i].fd = -1;
-		if (rtus[i].kind == 'd')
+		if (rtus[i].kind == 'd' || listener_of_all >= 0)
 			continue;
-		rtus[i].listener = listen_at(first + i, port);
+		number = first + i;
+		rtus[i].listener =
+		    listen_at(FIRST_HOST + number / NET_SIZE * 256 + 1 + number % NET_SIZE, port);
 		watch(rtus[i].listener, LISTENER_BIT | i);
 	}
 }
@@ -361,7 +396,7 @@ static void serve_each(uint16_t port, const char *kinds, uint32_t all)
 
 int main(int argc, char **argv)
 {
-	struct rlimit files;
+	struct rlimit files = {0};
 	uint16_t port;
 
 	if (argc != 6 || argv[3][0] == '\0')
@@ -377,7 +412,16 @@ int main(int argc, char **argv)
 		serve_each(port, argv[3], count);
 		return 0;
 	}
+	if (strchr(argv[3], 'd') == NULL) /* one listener serves all, and a file an RTU is enough */
+		listener_of_all = listen_at(INADDR_ANY, port);
+	if (files.rlim_cur < (rlim_t)count * (listener_of_all < 0 ? 2 : 1) + FILES_BESIDE) {
+		fprintf(stderr, "centre-rtus: %ju open files are too few: raise the limit (ulimit -Hn)\n",
+			(uintmax_t)files.rlim_cur);
+		return 1;
+	}
 	begin(port, argv[3]);
+	if (listener_of_all >= 0)
+		watch(listener_of_all, ALL_EVENT);
 	watch(STDIN_FILENO, STDIN_EVENT);
 	puts("ready");
 	fflush(stdout);

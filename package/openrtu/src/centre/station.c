@@ -30,7 +30,8 @@ bool centre_has_room(const struct centre *centre)
 	       (size_t)centre->config->receive_octets + CENTRE_RECORDS_BESIDE;
 }
 
-static struct centre_record *add(struct centre *centre, uint32_t station, enum centre_kind kind)
+/* Of a place in the file. */
+static struct centre_record *add(struct centre *centre, uint32_t place, enum centre_kind kind)
 {
 	struct centre_record *record = &centre->nowhere;
 
@@ -40,13 +41,14 @@ static struct centre_record *add(struct centre *centre, uint32_t station, enum c
 		record = centre_batches_add(&centre->batches);
 	}
 	record->kind = (uint8_t)kind;
-	record->station = station;
+	record->station = place;
 	return record;
 }
 
 static struct centre_record *say(struct centre_station *station, enum centre_kind kind)
 {
-	struct centre_record *record = add(station->centre, station->number, kind);
+	struct centre_record *record =
+	    add(station->centre, centre_config_place(station->centre->config, station->number), kind);
 
 	record->connection = station->connection;
 	record->received_ns = station->centre->now.wall_ns;
@@ -599,9 +601,13 @@ bool centre_admit_next(struct centre *centre)
 
 void centre_station_release(struct centre *centre, const struct centre_record *record)
 {
-	struct centre_station *station = &centre->stations[record->station];
+	struct centre_station *station;
 	struct iec104_session *session;
+	uint32_t number;
 
+	if (!centre_config_station(centre->config, record->station, &number))
+		return; /* never: this process wrote the record */
+	station = &centre->stations[number];
 	if (record->connection != station->connection && station->partner != NULL)
 		station = station->partner;
 	session = &station->controlling.session;
@@ -709,13 +715,14 @@ static uint8_t try_order(struct centre_station *station, const struct centre_req
 void centre_station_order(struct centre *centre, const struct centre_request *request)
 {
 	struct centre_station *station;
+	uint32_t number;
 	uint8_t result;
 
-	if (request->station >= centre->config->station_count) {
+	if (!centre_config_station(centre->config, request->station, &number)) {
 		say_not_sent(centre, request, CENTRE_NOT_KNOWN);
 		return;
 	}
-	station = &centre->stations[request->station];
+	station = &centre->stations[number];
 	if (station->partner != NULL && station->partner->link == CENTRE_UP)
 		station = station->partner;
 	result = try_order(station, request);
@@ -736,7 +743,7 @@ bool centre_tell_next(struct centre *centre)
 
 	if (centre->told == centre->config->station_count)
 		return false;
-	record = add(centre, centre->told, CENTRE_STATION);
+	record = add(centre, centre_config_place(centre->config, centre->told), CENTRE_STATION);
 	memcpy(record->name, centre->config->stations[centre->told].name, CENTRE_NAME_SIZE);
 	centre->told++;
 	return true;
