@@ -5,7 +5,7 @@ import json
 import re
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -387,6 +387,41 @@ def test_what_is_retained_and_what_a_master_set_outlive_the_process(desk: Desk) 
     kill(desk, "rtu-logic-filling")
     wait_value(desk, "limit", 65)
     wait_value(desk, "starts", starts)
+
+
+def reload(desk: Desk, name: str) -> None:
+    """A changed period is a changed module."""
+    config = json.loads(desk.gateway.config_file.read_text())
+    program = next(one for one in config["logic"] if f"rtu-logic-{one['name']}" == name)
+    program["period_ms"] += 1
+    desk.gateway.config_file.write_text(json.dumps(config))
+    assert f"{name} gets a new process\n" in desk.gateway.ctl("reload", str(desk.gateway.config_file))
+
+
+def wait_scans(desk: Desk, name: str) -> None:
+    def count() -> int:
+        return desk.gateway.query("logic", name)[0]["scans"]
+
+    before = count()
+    desk.gateway.wait_for(lambda: count() >= before + 3, WAIT_S, f"{name} has scanned three times")
+
+
+@pytest.mark.parametrize("exchange", [kill, reload])
+def test_a_new_process_does_not_repeat_a_command(desk: Desk, exchange: Callable[[Desk, str], None]) -> None:
+    """EXECUTE of `stop` is true all the time; somebody at the plant has switched the pump on meanwhile."""
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [10])
+    wait_value(desk, "half", 5)
+    wait_scans(desk, "filling")
+    wait_idle(desk)
+    desk.set_and_scan(DEVICE, "coils", PUMP, [1])
+    exchange(desk, "rtu-logic-filling")
+    wait_scans(desk, "filling")
+    wait_idle(desk)
+    assert desk.lines.get(DEVICE, "coils", PUMP) == 1
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [50])
+    wait_value(desk, "half", 25)
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [10])
+    wait_value(desk, "pump", "off")
 
 
 # ---- each phase of a scan ----------------------------------------------------------------------------

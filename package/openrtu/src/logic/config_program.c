@@ -91,13 +91,13 @@ static const char *load(struct logic_reading *reading)
 	return logic_load(&reading->logic, reading->memory, reading->file, reading->instance->size);
 }
 
-static uint32_t retained_slots(const struct logic *logic)
+static void count_kept(struct logic_reading *reading)
 {
-	uint32_t slots = 0;
+	const struct logic *logic = &reading->logic;
 
 	for (uint16_t i = 0; i < logic->head->retained; i++)
-		slots += logic->retained[i].slots;
-	return slots;
+		reading->instance->retained += logic->retained[i].slots;
+	reading->instance->commands = logic->head->commands;
 }
 
 bool logic_read_program(struct config_loader *loader, struct logic_reading *reading, const char *path)
@@ -121,7 +121,7 @@ bool logic_read_program(struct config_loader *loader, struct logic_reading *read
 				     "\"%s\": %s, expected a file that openrtu-logic compile has written",
 				     whole, refusal);
 		else
-			reading->instance->retained = retained_slots(&reading->logic);
+			count_kept(reading);
 	}
 	free(whole);
 	return refusal == NULL;

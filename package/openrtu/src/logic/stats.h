@@ -28,14 +28,32 @@ struct logic_kept {
 	uint32_t quality;
 };
 
+/* Of a COMMAND: no process of the module asks for what a former one has asked for. */
+struct logic_asked {
+	_Atomic uint32_t raised; /* EXECUTE was true in the last scan */
+	_Atomic uint32_t end; /* enum map_command_state << 8 | enum map_command_result; 0: it has not ended */
+};
+_Static_assert(sizeof(struct logic_asked) % sizeof(union logic_cell) == 0, "the cells are aligned");
+
 static inline uint32_t logic_kept_count(const struct logic_instance *instance)
 {
 	return instance->retained + instance->set_points;
 }
 
-static inline size_t logic_memory_place(const struct logic_instance *instance)
+static inline size_t logic_asked_place(const struct logic_instance *instance)
 {
 	return sizeof(struct logic_stats) + 2 * sizeof(struct logic_kept) * logic_kept_count(instance);
+}
+
+static inline size_t logic_memory_place(const struct logic_instance *instance)
+{
+	return logic_asked_place(instance) + instance->commands * sizeof(struct logic_asked);
+}
+
+static inline struct logic_asked *logic_asked_of(struct logic_stats *stats,
+						 const struct logic_instance *instance)
+{
+	return (void *)((uint8_t *)stats + logic_asked_place(instance));
 }
 
 static inline size_t logic_section_size(const struct logic_instance *instance)

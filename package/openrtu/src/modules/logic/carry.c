@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* A program takes another one's place: what both retain, and points that masters have set, pass over by name and type. */
+/*
+ * A program takes another one's place: what both retain, and points that masters have set, pass over by name and type; of
+ * COMMANDs what was asked for, by the point and by their order.
+ */
 #include "modules/logic/carry.h"
 
 #include <stdlib.h>
@@ -106,17 +109,58 @@ static void carry(struct program *from, const struct logic_kept *kept, struct pr
 	}
 }
 
+static const char *command_name(const struct logic *logic, uint16_t number)
+{
+	return logic_name(logic, logic->commands[number].name);
+}
+
+/* Of the COMMANDs of one point, which one it is. */
+static uint16_t order_of(const struct logic *logic, uint16_t number)
+{
+	uint16_t order = 0;
+
+	for (uint16_t i = 0; i < number; i++)
+		if (strcmp(command_name(logic, i), command_name(logic, number)) == 0)
+			order++;
+	return order;
+}
+
+static const struct logic_asked *find_asked(const struct logic *from, const struct logic_asked *asked,
+					    const struct logic *to, uint16_t number)
+{
+	for (uint16_t i = 0; i < from->head->commands; i++)
+		if (strcmp(command_name(from, i), command_name(to, number)) == 0 &&
+		    order_of(from, i) == order_of(to, number))
+			return &asked[i];
+	return NULL;
+}
+
+static void carry_asked(const struct logic *from, const struct logic_asked *asked, const struct logic *to,
+			struct logic_asked *out)
+{
+	for (uint16_t i = 0; i < to->head->commands; i++) {
+		const struct logic_asked *found = find_asked(from, asked, to, i);
+
+		if (found == NULL)
+			continue;
+		atomic_store(&out[i].raised, atomic_load(&found->raised));
+		atomic_store(&out[i].end, atomic_load(&found->end));
+	}
+}
+
 void logic_carry_kept(const struct map_config *before, const struct logic_instance *was, const void *from,
 		      const struct map_config *now, const struct logic_instance *is, void *to)
 {
 	struct program old = {.config = before, .instance = was}, new = {.config = now, .instance = is};
 	const struct logic_stats *left = from;
+	const struct logic_asked *asked = (const void *)((const uint8_t *)from + logic_asked_place(was));
 	struct logic_stats *begun = to;
 	const uint32_t which = atomic_load_explicit(&left->kept, memory_order_acquire);
 
 	if (which != 0 && load(&old) && load(&new)) {
 		const struct logic_kept *first = (const void *)(left + 1);
 
+		carry_asked(&old.logic, asked, &new.logic, logic_asked_of(begun, is));
 		carry(&old, first + (which == 1 ? 0 : logic_kept_count(was)), &new,
 		      (struct logic_kept *)(void *)(begun + 1));
 		atomic_store(&begun->kept, 1);

@@ -9,8 +9,29 @@ void commands_before(struct host *host, int64_t now_ns)
 
 	commanding_take_answers(host->map, host->commanding, logic->head->commands, now_ns);
 	for (uint16_t i = 0; i < logic->head->commands; i++) {
-		logic_tell(logic, logic->commands[i].state, host->commanding[i].state);
-		logic_tell(logic, logic->commands[i].result, host->commanding[i].result);
+		const struct commanding *commanding = &host->commanding[i];
+		const bool ended = commanding->phase == COMMANDING_ENDED;
+
+		logic_tell(logic, logic->commands[i].state, commanding->state);
+		logic_tell(logic, logic->commands[i].result, commanding->result);
+		atomic_store(&host->commands[i].asked->end,
+			     ended ? (uint32_t)commanding->state << 8 | commanding->result : 0);
+	}
+}
+
+/* A former process has asked for what still is wanted. What had not ended then is of unknown fate. */
+void commands_restore(struct host *host)
+{
+	for (uint16_t i = 0; i < host->logic.head->commands; i++) {
+		const struct logic_asked *asked = host->commands[i].asked;
+		const uint32_t end = atomic_load(&asked->end);
+
+		if (!atomic_load(&asked->raised))
+			continue;
+		if (end != 0)
+			commanding_end(&host->commanding[i], end >> 8, end & 0xff);
+		else
+			commanding_end(&host->commanding[i], MAP_REFUSED_COMMAND, MAP_RESULT_UNKNOWN_FATE);
 	}
 }
 
@@ -35,9 +56,9 @@ void commands_after(struct host *host, int64_t now_ns)
 		struct host_command *command = &host->commands[i];
 		struct commanding *commanding = &host->commanding[i];
 		enum logic_wish wish = logic_wish(&host->logic, &host->logic.commands[i]);
-		bool rises = wish != LOGIC_NOTHING && !command->raised;
+		bool rises = wish != LOGIC_NOTHING && !atomic_load(&command->asked->raised);
 
-		command->raised = wish != LOGIC_NOTHING;
+		atomic_store(&command->asked->raised, wish != LOGIC_NOTHING); /* before anything is posted */
 		if (wish == LOGIC_NOTHING && commanding->phase == COMMANDING_ENDED)
 			commanding_reset(commanding);
 		if (!rises || commanding_is_open(commanding))

@@ -22,7 +22,7 @@ struct host_point {
 struct host_command {
 	const struct host_point *point;
 	enum logic_type type; /* the program's of the point */
-	bool raised;          /* EXECUTE of the scan before */
+	struct logic_asked *asked;
 };
 
 /* A REQUEST of the program. */
@@ -67,6 +67,8 @@ struct host_point *points_named(const struct host *host, uint16_t name);
 
 /* Answers that have come, and owners that have gone; then what the program sees of its commands in this scan. */
 void commands_before(struct host *host, int64_t now_ns);
+/* Before the first scan. */
+void commands_restore(struct host *host);
 /* What the program wants. */
 void commands_after(struct host *host, int64_t now_ns);
 

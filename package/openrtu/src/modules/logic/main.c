@@ -235,6 +235,7 @@ static void link_blocks(void)
 	for (uint16_t i = 0; i < logic->head->commands; i++) {
 		host.commands[i].point = points_named(&host, logic->commands[i].name);
 		host.commands[i].type = logic->points[host.commands[i].point - host.points].type;
+		host.commands[i].asked = &logic_asked_of(host.stats, host.instance)[i];
 	}
 	for (uint16_t i = 0; i < logic->head->requests; i++)
 		host.requests[i].point = points_named(&host, logic->requests[i].name);
@@ -276,6 +277,7 @@ static bool start(void)
 	link_points(config);
 	link_blocks();
 	kept_restore(&host);
+	commands_restore(&host);
 	end_turn();
 	name_counters();
 	synched_begin(&host.synched, host.map, host.instance->name);
