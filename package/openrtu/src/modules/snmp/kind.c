@@ -187,7 +187,8 @@ static void carry_stations(const struct map_config *now, const struct snmp_share
 	for (uint32_t i = 0; i < now->set_count; i++) {
 		const uint16_t ca = now->sets[i].ca;
 
-		to->initialised[ca / 8] |= from->initialised[ca / 8] & (uint8_t)(1u << ca % 8);
+		to->initialised[ca / 8] =
+		    (uint8_t)(to->initialised[ca / 8] | (from->initialised[ca / 8] & 1u << ca % 8));
 	}
 	to->changed = true;
 }
