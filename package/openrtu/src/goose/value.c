@@ -1,25 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "goose/value.h"
 
+#include "ber/quality.h"
 #include "map/type.h"
 
 #define DOUBLE_SIZE    2
 #define PER_NORMALIZED 32768.0f
-
-/* Bit i of the standard, of which bit 0 is the first. */
-#define BIT(i) (1u << (GOOSE_QUALITY_SIZE - 1 - (i)))
-
-/* 6.2.1 and its table 5: the two bits of validity are 00 good, 01 invalid, 11 questionable. */
-enum quality_bits {
-	VALIDITY = BIT(0) | BIT(1),
-	INVALID = BIT(1),
-	QUESTIONABLE = BIT(0) | BIT(1),
-	OVERFLOW = BIT(2),
-	OLD_DATA = BIT(7),
-	SUBSTITUTED = BIT(10),
-	TEST = BIT(11),
-	OPERATOR_BLOCKED = BIT(12),
-};
+#define UNUSED_BITS    (16 - BER_QUALITY_BITS)
 
 struct goose_item goose_value_out(enum map_type type, union map_value value)
 {
@@ -96,34 +83,27 @@ bool goose_value_in(enum map_type type, const struct goose_item *item, union map
 
 struct goose_item goose_quality_out(uint8_t quality)
 {
-	struct goose_item item = {.kind = GOOSE_BITS, .size = GOOSE_QUALITY_SIZE};
-
-	if (quality & MAP_INVALID)
-		item.bits |= INVALID;
-	else if (quality & (MAP_NOT_TOPICAL | MAP_OVERFLOW))
-		item.bits |= QUESTIONABLE;
-	item.bits |= quality & MAP_NOT_TOPICAL ? OLD_DATA : 0;
-	item.bits |= quality & MAP_OVERFLOW ? OVERFLOW : 0;
-	item.bits |= quality & MAP_SUBSTITUTED ? SUBSTITUTED : 0;
-	item.bits |= quality & MAP_BLOCKED ? OPERATOR_BLOCKED : 0;
-	return item;
+	return (struct goose_item){.kind = GOOSE_BITS,
+				   .size = BER_QUALITY_BITS,
+				   .bits = (uint32_t)ber_quality_of(quality) >> UNUSED_BITS};
 }
 
 bool goose_quality_in(const struct goose_item *item, uint8_t *out)
 {
-	const uint32_t bits = item->bits;
+	const uint32_t bits = item->bits << UNUSED_BITS;
+	const uint32_t validity = bits & BER_Q_VALIDITY;
 
-	if (item->kind != GOOSE_BITS || item->size != GOOSE_QUALITY_SIZE)
+	if (item->kind != GOOSE_BITS || item->size != BER_QUALITY_BITS)
 		return false;
 	*out = 0;
-	if ((bits & VALIDITY) == INVALID || (bits & TEST))
+	if (validity == BER_Q_INVALID || (bits & BER_Q_TEST))
 		*out |= MAP_INVALID;
-	if (bits & OVERFLOW)
+	if (bits & BER_Q_OVERFLOW)
 		*out |= MAP_OVERFLOW;
 	/* Questionable for any other reason, and the reserved validity: no more than the last that was known. */
-	if ((bits & OLD_DATA) || ((bits & BIT(0)) && !(bits & OVERFLOW)))
+	if ((bits & BER_Q_OLD_DATA) || ((validity & ~BER_Q_INVALID) && !(bits & BER_Q_OVERFLOW)))
 		*out |= MAP_NOT_TOPICAL;
-	*out |= bits & SUBSTITUTED ? MAP_SUBSTITUTED : 0;
-	*out |= bits & OPERATOR_BLOCKED ? MAP_BLOCKED : 0;
+	*out |= bits & BER_Q_SUBSTITUTED ? MAP_SUBSTITUTED : 0;
+	*out |= bits & BER_Q_OPERATOR_BLOCKED ? MAP_BLOCKED : 0;
 	return true;
 }

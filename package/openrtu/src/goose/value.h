@@ -6,8 +6,6 @@
 #include "goose/message.h"
 #include "map/map.h"
 
-#define GOOSE_QUALITY_SIZE 13 /* bits of a quality */
-
 /*
  * single: BOOLEAN; double: CODED ENUM of 2 bits; float and normalized: FLOAT32 (normalized from -1 to 1); bitstring: INT32U; any other:
  * INT32, an angle in 1e-7 degree.

@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include "ber/ber.h"
+#include "ber/quality.h"
 #include "iec61850/value.h"
 
 static void test_integers_take_as_few_octets_as_they_need(void **state)
@@ -74,14 +75,14 @@ static void test_what_has_no_room_is_full(void **state)
 static void test_quality_says_why(void **state)
 {
 	(void)state;
-	assert_int_equal(iec61850_quality_of(MAP_GOOD), 0);
-	assert_int_equal(iec61850_quality_of(MAP_INVALID), IEC61850_Q_INVALID | IEC61850_Q_FAILURE);
-	assert_int_equal(iec61850_quality_of(MAP_NOT_TOPICAL), IEC61850_Q_QUESTIONABLE | IEC61850_Q_OLD_DATA);
-	assert_int_equal(iec61850_quality_of(MAP_OVERFLOW), IEC61850_Q_QUESTIONABLE | IEC61850_Q_OVERFLOW);
-	assert_int_equal(iec61850_quality_of(MAP_SUBSTITUTED), IEC61850_Q_SUBSTITUTED);
-	assert_int_equal(iec61850_quality_of(MAP_BLOCKED), IEC61850_Q_OPERATOR_BLOCKED);
-	assert_int_equal(iec61850_quality_of(MAP_INVALID | MAP_NOT_TOPICAL),
-			 IEC61850_Q_INVALID | IEC61850_Q_FAILURE | IEC61850_Q_OLD_DATA);
+	assert_int_equal(ber_quality_of(MAP_GOOD), 0);
+	assert_int_equal(ber_quality_of(MAP_INVALID), BER_Q_INVALID | BER_Q_FAILURE);
+	assert_int_equal(ber_quality_of(MAP_NOT_TOPICAL), BER_Q_QUESTIONABLE | BER_Q_OLD_DATA);
+	assert_int_equal(ber_quality_of(MAP_OVERFLOW), BER_Q_QUESTIONABLE | BER_Q_OVERFLOW);
+	assert_int_equal(ber_quality_of(MAP_SUBSTITUTED), BER_Q_SUBSTITUTED);
+	assert_int_equal(ber_quality_of(MAP_BLOCKED), BER_Q_OPERATOR_BLOCKED);
+	assert_int_equal(ber_quality_of(MAP_INVALID | MAP_NOT_TOPICAL),
+			 BER_Q_INVALID | BER_Q_FAILURE | BER_Q_OLD_DATA);
 }
 
 static void test_time_says_how_good_the_clock_is(void **state)

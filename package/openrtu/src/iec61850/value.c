@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "ber/quality.h"
 #include "map/type.h"
 
 /* Tags of Data. Those of TypeSpecification are the same, but for a structure's parts. */
@@ -23,7 +24,6 @@ enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TY
 
 #define DAYS_TO_1984   5113 /* from 1970: binary times count from there */
 #define TEXT_MAX       255
-#define QUALITY_BITS   13
 #define EXPONENT_WIDTH 8 /* of a number of 32 bits after IEEE 754 */
 
 /* Values of Mod, Beh, Health (IEC 61850-7-3, 7-4). */
@@ -40,22 +40,7 @@ struct state {
 	const struct iec61850_block *block;   /* NULL: it is no control block */
 };
 
-/* ---- quality and time -------------------------------------------------------------------- */
-
-uint16_t iec61850_quality_of(uint8_t quality)
-{
-	uint16_t q = 0;
-
-	if (quality & MAP_INVALID)
-		q = IEC61850_Q_INVALID | IEC61850_Q_FAILURE;
-	else if (quality & (MAP_NOT_TOPICAL | MAP_OVERFLOW))
-		q = IEC61850_Q_QUESTIONABLE;
-	q |= quality & MAP_NOT_TOPICAL ? IEC61850_Q_OLD_DATA : 0;
-	q |= quality & MAP_OVERFLOW ? IEC61850_Q_OVERFLOW : 0;
-	q |= quality & MAP_SUBSTITUTED ? IEC61850_Q_SUBSTITUTED : 0;
-	q |= quality & MAP_BLOCKED ? IEC61850_Q_OPERATOR_BLOCKED : 0;
-	return q;
-}
+/* ---- time -------------------------------------------------------------------- */
 
 /* How many bits of the fraction of a second are right. */
 static uint8_t accuracy(uint32_t error_us)
@@ -124,7 +109,7 @@ static void set_sample(const struct iec61850_model *model, const struct map_poin
 			out->real /= 32768;
 		break;
 	}
-	out->quality = iec61850_quality_of(sample.quality);
+	out->quality = ber_quality_of(sample.quality);
 	set_time(model, sample.time_ns, out);
 }
 
@@ -289,7 +274,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put_integer(writer, INTEGER, control_model(model, state->object));
 		return;
 	case IEC61850_QUALITY:
-		iec61850_put_bits(writer, state->quality, QUALITY_BITS);
+		iec61850_put_bits(writer, state->quality, BER_QUALITY_BITS);
 		return;
 	case IEC61850_TIME:
 		ber_put(writer, UTC_TIME, state->time, sizeof(state->time));
@@ -503,7 +488,7 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		ber_close(writer, FLOAT_TYPE, end);
 		return;
 	case IEC61850_QUALITY:
-		ber_put_integer(writer, BIT_STRING, -QUALITY_BITS); /* below 0: at most so many */
+		ber_put_integer(writer, BIT_STRING, -BER_QUALITY_BITS); /* below 0: at most so many */
 		return;
 	case IEC61850_TIME:
 		ber_put(writer, UTC_TIME, NULL, 0);

@@ -6,18 +6,6 @@
 #include "ber/ber.h"
 #include "iec61850/model.h"
 
-/* Of q (IEC 61850-8-1, table 32), the first bit in the most significant place of 13. */
-enum iec61850_quality {
-	IEC61850_Q_INVALID = 0x4000,
-	IEC61850_Q_QUESTIONABLE = 0xc000,
-	IEC61850_Q_OVERFLOW = 0x2000,
-	IEC61850_Q_FAILURE = 0x0200,
-	IEC61850_Q_OLD_DATA = 0x0100,
-	IEC61850_Q_SUBSTITUTED = 0x0020,
-	IEC61850_Q_OPERATOR_BLOCKED = 0x0008,
-};
-
-uint16_t iec61850_quality_of(uint8_t quality);
 /* A UtcTime: seconds, a fraction of 24 bits, the quality of the clock (IEC 61850-8-1, 8.1.3.7). wall_ns 0: there is no time yet. */
 void iec61850_time_of(int64_t wall_ns, const struct map_clock *clock, uint8_t out[8]);
 
