@@ -222,12 +222,12 @@ def test_quality_is_told(bay: Bay, hearer: Peer) -> None:
     assert values(heard)[5] == "1100000100000"
     bay.wait_quality("copy.current", "not topical")
     bay.qualities(current=0x80)
-    hearer.wait(lambda m: values(m)[5] == "0100000000000", "an invalid current")
+    hearer.wait(lambda m: values(m)[5] == "0100001000000", "an invalid current")
 
 
 def test_dead_owner_is_invalid(bay: Bay, hearer: Peer) -> None:
     bay.gateway.kill("bay")
-    hearer.wait(lambda m: values(m)[1::2] == ["0100000000000"] * 4, "all of it invalid")
+    hearer.wait(lambda m: values(m)[1::2] == ["0100001000000"] * 4, "all of it invalid")
     bay.wait_quality("copy.tap", "invalid")
     bay.wait_running("bay")
 
