@@ -605,7 +605,7 @@ def test_noise_makes_no_other_command_run(to: Noise, back: Noise, seed: int) -> 
     assert wrong_deeds(to, back, seed) == []
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_noise_makes_no_other_command_run_in_thousands_of_sessions() -> None:
     loud = Noise(drop=0.003, change=0.003, insert=0.003, double=0.003)
     assert [wrong for seed in range(2000) for wrong in wrong_deeds(loud, loud, seed)] == []

@@ -135,8 +135,11 @@ def boots(board: Board) -> None:
 
 @pytest.mark.parametrize(
     "bad",
-    [set(), {17}, {16, 20, 38, 55, 56, 60, 176, 180, 181}],
-    ids=["no bad block", "one", "several"],
+    [
+        pytest.param(set(), id="no bad block"),
+        pytest.param({17}, id="one", marks=pytest.mark.soak),
+        pytest.param({16, 20, 38, 55, 56, 60, 176, 180, 181}, id="several"),
+    ],
 )
 def test_flash_holds_the_images_and_boots(bench: Bench, bad: set[int]) -> None:
     for block in bad:
@@ -218,7 +221,14 @@ def test_typed_is_what_the_dry_run_shows(bench: Bench, capsys: pytest.CaptureFix
 # ---- blocks that fail
 
 
-@pytest.mark.parametrize("worn", [(20,), (16, 17, 40), (56,)], ids=["in the kernel", "three", "device tree"])
+@pytest.mark.parametrize(
+    "worn",
+    [
+        pytest.param((20,), id="in the kernel", marks=pytest.mark.soak),
+        pytest.param((16, 17, 40), id="three"),
+        pytest.param((56,), id="device tree"),
+    ],
+)
 def test_worn_blocks_are_marked_and_left_out(bench: Bench, worn: tuple[int, ...]) -> None:
     board = bench.start()
     write_tables(board)
@@ -338,7 +348,15 @@ def test_boot_loader_is_written_for_who_knows(bench: Bench, uboot: Path) -> None
 # ---- interrupted on the host
 
 
-@pytest.mark.parametrize("word", ["Back up", "Load kernel", "erase and write", "read back"])
+@pytest.mark.parametrize(
+    "word",
+    [
+        pytest.param("Back up", marks=pytest.mark.soak),
+        "Load kernel",
+        "erase and write",
+        pytest.param("read back", marks=pytest.mark.soak),
+    ],
+)
 def test_tool_that_is_killed_is_resumed(bench: Bench, word: str) -> None:
     board = bench.start()
     fill(board, 17, 56)

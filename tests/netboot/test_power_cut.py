@@ -233,7 +233,7 @@ def test_cut_at_every_step(bench: Bench, monkeypatch: pytest.MonkeyPatch, step: 
     cut_and_go_on(bench, cut, monkeypatch)
 
 
-@pytest.mark.parametrize("number", often(0, 100, 6))
+@pytest.mark.parametrize("number", often(0, 100, 2))
 def test_cut_at_any_moment(bench: Bench, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     chance = random.Random(SEED * 1000 + number)
     cut = Cut(1, chance.uniform(0, 1.5), chance.random() < 0.5, chance.random() < 0.5, number)
