@@ -31,7 +31,7 @@ RUNS = {
     "mms-transport": 20_000,
 }
 SEED_SIZE_MAX = 1024
-SEEDS_MAX = 140
+SEEDS_MAX = 160
 
 
 @pytest.mark.slow
