@@ -28,8 +28,8 @@ ROOT = HERE.parents[1]
 PROGRAMS = HERE / "programs"
 CROSS = os.environ.get("CROSS_COMPILE", "arm-linux-gnueabi-")
 
-LOAD_SECONDS = 20
-SLOW = 600.0  # seconds for what takes 20 on an idle host and a kernel that does not watch
+LOAD_SECONDS = 40
+SLOW = 600.0  # seconds for what takes 40 on an idle host and a kernel that does not watch
 TFTP_FILE = 300_000  # bytes
 
 # A volume for the load. rtu-data would read the whole partition first, to see that it is empty.
