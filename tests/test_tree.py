@@ -265,6 +265,7 @@ ROOMS = [
     "map",
     "modbus",
     "modules",
+    "quality",
     "rtuctl",
     "rtud",
     "snmp",
@@ -334,7 +335,7 @@ def test_files_of_a_room_use_each_other_in_no_circle(room: str) -> None:
         ("map", set()),
         ("config", {"map"}),
         *((room, {"config", "map"}) for room in OF_ONE_KIND if room not in OF_IEC_61850),
-        *((room, {"ber", "config", "map"}) for room in OF_IEC_61850),
+        *((room, {"ber", "config", "map", "quality"}) for room in OF_IEC_61850),
     ],
 )
 def test_a_room_includes_only_itself_and_what_is_below(room: str, below: set[str]) -> None:

@@ -96,12 +96,7 @@ class Compiler(Declarations):
             self.unit(unit, scope)
             self.program.points.sort(key=lambda point: point.name)
             functions = [scope for scope, _ in self.functions.values() if not scope.unit.library]
-            self.program.debug = debug_of(scope, functions, own)
-            self.program.debug.enumerations = {
-                kind.name: {number: name for name, number in kind.values.items()}
-                for kind in self.types.values()
-                if isinstance(kind, Enumeration)
-            }
+            self.program.debug = debug_of(scope, functions, own, self.types.values())
         return self.program
 
     # ---- units and their variables -----------------------------------------------------------------

@@ -6,12 +6,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from logic.binary import Debug, Slot
-from logic.layout import Stored, elements_of
+from logic.layout import Enumeration, Stored, Type, elements_of
 from logic.routine import Instance, Scope
 from logic.syntax import Unit
 
 
-def debug_of(program: Scope, functions: Iterable[Scope], units: Iterable[Unit]) -> Debug:
+def debug_of(
+    program: Scope, functions: Iterable[Scope], units: Iterable[Unit], types: Iterable[Type]
+) -> Debug:
     """Paths are in capitals, as `A`, `TIMER.ET`, `TABLE[3].HIGH`; those of a function begin with its name."""
     debug = Debug()
     places: dict[str, list[str]] = {program.unit.name: [""]}
@@ -19,6 +21,11 @@ def debug_of(program: Scope, functions: Iterable[Scope], units: Iterable[Unit]) 
     for scope in functions:
         places[scope.unit.name] = [f"{scope.unit.name}."]
         add_scope(debug, places, scope, f"{scope.unit.name}.")
+    debug.enumerations = {
+        kind.name: {number: name for name, number in kind.values.items()}
+        for kind in types
+        if isinstance(kind, Enumeration)
+    }
     debug.units = sorted((unit.place.line, places.get(unit.name, [])) for unit in units)
     return debug
 

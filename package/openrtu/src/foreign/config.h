@@ -35,8 +35,8 @@ struct foreign_module {
 };
 
 struct foreign_point {
-	uint32_t unit, description; /* by their places among FOREIGN_TEXTS */
-	double initial;             /* NaN: none, it is invalid until it is written */
+	uint32_t description; /* by its place among FOREIGN_TEXTS */
+	double initial;       /* NaN: none, it is invalid until it is written */
 };
 
 static inline uint32_t foreign_count(const struct map_config *config)

@@ -243,7 +243,6 @@ static void add_point(struct config_loader *loader, const struct config_place *p
 	if (values[POINT_UNIT].given)
 		config_keep_unit(loader->config, point, values[POINT_UNIT].text);
 	own->points[own->point_count++] = (struct foreign_point){
-	    .unit = values[POINT_UNIT].given ? keep_text(own, values[POINT_UNIT].text) : 0,
 	    .description =
 		values[POINT_DESCRIPTION].given ? keep_text(own, values[POINT_DESCRIPTION].text) : 0,
 	    .initial = initial_of(loader, place, type, &values[POINT_INITIAL]),

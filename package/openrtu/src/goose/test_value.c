@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "ber/quality.h"
 #include "goose/value.h"
+#include "quality/quality.h"
 
 static void there_and_back(enum map_type type, union map_value value)
 {
@@ -69,7 +69,7 @@ static void test_each_quality_there_and_back(void **state)
 		for (unsigned i = 0; i < 5; i++)
 			quality |= set & 1u << i ? bits[i] : 0;
 		item = goose_quality_out(quality);
-		assert_int_equal(item.bits << 3, ber_quality_of(quality)); /* as MMS says it */
+		assert_int_equal(item.bits << 3, quality_of_map(quality)); /* as MMS says it */
 		assert_true(goose_quality_in(&item, &back));
 		assert_int_equal(back, quality);
 	}

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "goose/value.h"
 
-#include "ber/quality.h"
 #include "map/type.h"
+#include "quality/quality.h"
 
 #define DOUBLE_SIZE    2
 #define PER_NORMALIZED 32768.0f
-#define UNUSED_BITS    (16 - BER_QUALITY_BITS)
+#define UNUSED_BITS    (16 - QUALITY_BITS)
 
 struct goose_item goose_value_out(enum map_type type, union map_value value)
 {
@@ -84,26 +84,26 @@ bool goose_value_in(enum map_type type, const struct goose_item *item, union map
 struct goose_item goose_quality_out(uint8_t quality)
 {
 	return (struct goose_item){.kind = GOOSE_BITS,
-				   .size = BER_QUALITY_BITS,
-				   .bits = (uint32_t)ber_quality_of(quality) >> UNUSED_BITS};
+				   .size = QUALITY_BITS,
+				   .bits = (uint32_t)quality_of_map(quality) >> UNUSED_BITS};
 }
 
 bool goose_quality_in(const struct goose_item *item, uint8_t *out)
 {
 	const uint32_t bits = item->bits << UNUSED_BITS;
-	const uint32_t validity = bits & BER_Q_VALIDITY;
+	const uint32_t validity = bits & QUALITY_VALIDITY;
 
-	if (item->kind != GOOSE_BITS || item->size != BER_QUALITY_BITS)
+	if (item->kind != GOOSE_BITS || item->size != QUALITY_BITS)
 		return false;
 	*out = 0;
-	if (validity == BER_Q_INVALID || (bits & BER_Q_TEST))
+	if (validity == QUALITY_INVALID || (bits & QUALITY_TEST))
 		*out |= MAP_INVALID;
-	if (bits & BER_Q_OVERFLOW)
+	if (bits & QUALITY_OVERFLOW)
 		*out |= MAP_OVERFLOW;
 	/* Questionable for any other reason, and the reserved validity: no more than the last that was known. */
-	if ((bits & BER_Q_OLD_DATA) || ((validity & ~BER_Q_INVALID) && !(bits & BER_Q_OVERFLOW)))
+	if ((bits & QUALITY_OLD_DATA) || ((validity & ~QUALITY_INVALID) && !(bits & QUALITY_OVERFLOW)))
 		*out |= MAP_NOT_TOPICAL;
-	*out |= bits & BER_Q_SUBSTITUTED ? MAP_SUBSTITUTED : 0;
-	*out |= bits & BER_Q_OPERATOR_BLOCKED ? MAP_BLOCKED : 0;
+	*out |= bits & QUALITY_SUBSTITUTED ? MAP_SUBSTITUTED : 0;
+	*out |= bits & QUALITY_OPERATOR_BLOCKED ? MAP_BLOCKED : 0;
 	return true;
 }

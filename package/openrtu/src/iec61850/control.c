@@ -4,13 +4,12 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "iec61850/tags.h"
 #include "iec61850/value.h"
 
 /* No command begins after its deadline; a device, its read-back and the end of a pulse take less than this. */
 #define LONGEST_NS (60 * NS_PER_S)
 
-/* DataAccessError (ISO 9506-2, 14.4.3). */
-enum { TEMPORARILY_UNAVAILABLE = 2, OBJECT_ACCESS_DENIED = 3 };
 /* Tags of the PDUs (ISO 9506-2, clauses 7 and 14). */
 enum {
 	CONFIRMED_RESPONSE = 0xa1,
@@ -18,16 +17,9 @@ enum {
 	WRITE = 0xa5,
 	FAILURE = 0x80,
 	SUCCESS = 0x81,
-	UNCONFIRMED = 0xa3,
-	INFORMATION_REPORT = 0xa0,
-	LIST_OF_VARIABLE = 0xa0,
 	VARIABLE_NAME = 0xa0,
-	VMD_SPECIFIC = 0x80,
 	DOMAIN_SPECIFIC = 0xa1,
-	RESULTS = 0xa0
 };
-/* Tags of Data. */
-enum { STRUCTURE = 0xa2, INTEGER = 0x85, UNSIGNED = 0x86, OCTET_STRING = 0x89, VISIBLE_STRING = 0x8a };
 
 /* AddCause (IEC 61850-7-2, table 54; 8-1, table 103). */
 enum add_cause {
@@ -411,7 +403,7 @@ static enum iec61850_error take(struct iec61850_server *server, const struct iec
 	    objected != 0 || selected == NULL ? begin(server, object, wish) : selected;
 
 	if (control == NULL) {
-		*error = TEMPORARILY_UNAVAILABLE;
+		*error = IEC61850_ACCESS_UNAVAILABLE;
 		return IEC61850_NO_ERROR;
 	}
 	if (objected != 0)
@@ -431,7 +423,7 @@ enum iec61850_error iec61850_control_write(struct iec61850_server *server,
 	if (point == MAP_NONE || object->node == NULL ||
 	    (object->node->leaf != IEC61850_SBOW && object->node->leaf != IEC61850_OPER &&
 	     object->node->leaf != IEC61850_CANCEL)) {
-		*error = OBJECT_ACCESS_DENIED;
+		*error = IEC61850_ACCESS_DENIED;
 		return IEC61850_NO_ERROR;
 	}
 	*error = iec61850_wish_read(&server->model.config->points[point], object->node, data, &wish);
@@ -493,17 +485,17 @@ static void put_error_value(struct ber_writer *writer, const struct iec61850_mod
 	char service[IEC61850_REFERENCE_SIZE];
 	size_t origin;
 
-	ber_put_integer(writer, INTEGER, control->cause);
-	ber_put_integer(writer, UNSIGNED, control->wish.number);
+	ber_put_integer(writer, IEC61850_TAG_INTEGER, control->cause);
+	ber_put_integer(writer, IEC61850_TAG_UNSIGNED, control->wish.number);
 	origin = writer->at;
-	ber_put(writer, OCTET_STRING, control->wish.identity, control->wish.identity_size);
-	ber_put_integer(writer, INTEGER, control->wish.category);
-	ber_close(writer, STRUCTURE, origin);
-	ber_put_integer(writer, INTEGER,
+	ber_put(writer, IEC61850_TAG_OCTET_STRING, control->wish.identity, control->wish.identity_size);
+	ber_put_integer(writer, IEC61850_TAG_INTEGER, control->wish.category);
+	ber_close(writer, IEC61850_TAG_STRUCTURE, origin);
+	ber_put_integer(writer, IEC61850_TAG_INTEGER,
 			control->cause == TIME_LIMIT_OVER ? TIMEOUT_TEST_NOT_OK : UNKNOWN_ERROR);
 	service_name(model, &control->object, service);
 	iec61850_put_reference(writer, model, control->object.device, service);
-	ber_close(writer, STRUCTURE, end);
+	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
 }
 
 static void close_variable(struct ber_writer *writer, size_t end)
@@ -520,10 +512,10 @@ static void put_information(struct ber_writer *writer, const struct iec61850_mod
 	size_t names, name;
 
 	if (service)
-		ber_put(writer, STRUCTURE, control->wish.octets, control->wish.octet_count);
+		ber_put(writer, IEC61850_TAG_STRUCTURE, control->wish.octets, control->wish.octet_count);
 	if (error)
 		put_error_value(writer, model, control);
-	ber_close(writer, RESULTS, end);
+	ber_close(writer, IEC61850_TAG_RESULTS, end);
 	names = writer->at;
 	if (service) {
 		put_name(writer, model, &control->object);
@@ -531,12 +523,12 @@ static void put_information(struct ber_writer *writer, const struct iec61850_mod
 	}
 	name = writer->at;
 	if (error) {
-		ber_put_text(writer, VMD_SPECIFIC, "LastApplError");
+		ber_put_text(writer, IEC61850_TAG_VMD_SPECIFIC, "LastApplError");
 		close_variable(writer, name);
 	}
-	ber_close(writer, LIST_OF_VARIABLE, names);
-	ber_close(writer, INFORMATION_REPORT, end);
-	ber_close(writer, UNCONFIRMED, end);
+	ber_close(writer, IEC61850_TAG_VARIABLES, names);
+	ber_close(writer, IEC61850_TAG_INFORMATION_REPORT, end);
+	ber_close(writer, IEC61850_TAG_UNCONFIRMED, end);
 }
 
 /* The answer to a Read of SBO: the name of what is selected, or nothing (7-2, 20.3.2). */
@@ -550,7 +542,7 @@ static void put_selected(struct ber_writer *writer, const struct iec61850_model 
 	if (control->accepted)
 		iec61850_put_reference(writer, model, control->object.device, name);
 	else
-		ber_put(writer, VISIBLE_STRING, NULL, 0);
+		ber_put(writer, IEC61850_TAG_VISIBLE_STRING, NULL, 0);
 	ber_close(writer, 0xa1, end);
 	ber_close(writer, READ, end);
 }
@@ -566,7 +558,7 @@ static void put_answer(struct ber_writer *writer, const struct iec61850_model *m
 		if (control->accepted)
 			ber_put(writer, SUCCESS, NULL, 0);
 		else
-			ber_put_integer(writer, FAILURE, OBJECT_ACCESS_DENIED);
+			ber_put_integer(writer, FAILURE, IEC61850_ACCESS_DENIED);
 		ber_close(writer, WRITE, end);
 	}
 	ber_put_integer(writer, BER_INTEGER, control->invoke_id);

@@ -5,17 +5,11 @@
 #include "iec61850/control.h"
 #include "iec61850/mms.h"
 #include "iec61850/report.h"
+#include "iec61850/tags.h"
 #include "iec61850/value.h"
 
 enum { WITH_SPECIFICATION = 0x80, SPECIFICATION = 0xa1, VARIABLES = 0xa0, LIST_NAME = 0xa1 };
 enum { VARIABLE_NAME = 0xa0, ALTERNATE_ACCESS = 0xa5 };
-
-/* DataAccessError (14.4.3). */
-enum {
-	TEMPORARILY_UNAVAILABLE = 2,
-	OBJECT_ACCESS_UNSUPPORTED = 9,
-	OBJECT_NON_EXISTENT = 10,
-};
 
 enum { FAILURE = 0x80, SUCCESS = 0x81, DATA = 0xa0 }; /* FAILURE: of an AccessResult, or of a WriteResponse */
 
@@ -41,8 +35,8 @@ static int find(const struct iec61850_server *server, const struct ber_element *
 	struct ber_element name, part;
 
 	if (!ber_find(variable, VARIABLE_NAME, &name) || ber_find(variable, ALTERNATE_ACCESS, &part))
-		return OBJECT_ACCESS_UNSUPPORTED;
-	return iec61850_variable(server, &name, out) ? 0 : OBJECT_NON_EXISTENT;
+		return IEC61850_ACCESS_UNSUPPORTED;
+	return iec61850_variable(server, &name, out) ? 0 : IEC61850_ACCESS_NON_EXISTENT;
 }
 
 static void put_result(struct iec61850_server *server, const struct ber_element *variable,
@@ -55,7 +49,7 @@ static void put_result(struct iec61850_server *server, const struct ber_element 
 	iec61850_count(server, IEC61850_COUNT_READS);
 	if (error == 0 && !iec61850_put_value(writer, &server->model, &object)) {
 		writer->at = end;
-		error = TEMPORARILY_UNAVAILABLE;
+		error = IEC61850_ACCESS_UNAVAILABLE;
 	}
 	if (error != 0)
 		ber_put_integer(writer, FAILURE, error);
@@ -75,7 +69,7 @@ static enum iec61850_error read_list(struct iec61850_server *server, const struc
 		iec61850_count(server, IEC61850_COUNT_READS);
 		if (!iec61850_put_value(writer, &server->model, &object)) {
 			writer->at = member;
-			ber_put_integer(writer, FAILURE, TEMPORARILY_UNAVAILABLE);
+			ber_put_integer(writer, FAILURE, IEC61850_ACCESS_UNAVAILABLE);
 		}
 	}
 	ber_close(writer, 0xa1, end);
@@ -130,7 +124,7 @@ static void write_one(struct iec61850_server *server, const struct ber_element *
 	int error = find(server, variable, &object);
 
 	if (error == 0 && object.fc == IEC61850_CO)
-		error = OBJECT_ACCESS_UNSUPPORTED; /* a command is a Write of its own */
+		error = IEC61850_ACCESS_UNSUPPORTED; /* a command is a Write of its own */
 	if (error == 0)
 		error = iec61850_block_write(server, &object, data);
 	if (error != 0)

@@ -4,26 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "iec61850/tags.h"
 #include "iec61850/value.h"
-
-/* DataAccessError (ISO 9506-2, 14.4.3). */
-enum {
-	TEMPORARILY_UNAVAILABLE = 2,
-	OBJECT_ACCESS_DENIED = 3,
-	TYPE_INCONSISTENT = 7,
-	OBJECT_VALUE_INVALID = 11,
-};
-/* Tags of Data. */
-enum {
-	BOOLEAN = 0x83,
-	BIT_STRING = 0x84,
-	INTEGER = 0x85,
-	UNSIGNED = 0x86,
-	OCTET_STRING = 0x89,
-	VISIBLE_STRING = 0x8a
-};
-/* Tags of the PDU (ISO 9506-2, 14.14). */
-enum { UNCONFIRMED = 0xa3, INFORMATION_REPORT = 0xa0, LIST_NAME = 0xa1, VMD_SPECIFIC = 0x80, RESULTS = 0xa0 };
 
 /* ---- pending ----------------------------------------------------------------------------- */
 
@@ -215,8 +197,8 @@ static int write_entry(const struct iec61850_server *server, const struct ber_el
 	const uint32_t first = first_of(server, block), next = server->model.buffer.next;
 	uint32_t start, number;
 
-	if (data->tag != OCTET_STRING || data->size != IEC61850_ENTRY_ID_OCTETS)
-		return TYPE_INCONSISTENT;
+	if (data->tag != IEC61850_TAG_OCTET_STRING || data->size != IEC61850_ENTRY_ID_OCTETS)
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
 	start = word_of(data->value);
 	number = word_of(data->value + 4);
 	if (start == 0 && number == 0) {
@@ -226,7 +208,7 @@ static int write_entry(const struct iec61850_server *server, const struct ber_el
 	}
 	if (start != server->model.buffer.kept->start || (int32_t)(number + 1 - first) < 0 ||
 	    (int32_t)(next - number) <= 0)
-		return OBJECT_VALUE_INVALID;
+		return IEC61850_ACCESS_VALUE_INVALID;
 	block->kept->overflow = false;
 	block->kept->next = number + 1;
 	return 0;
@@ -236,10 +218,11 @@ static int write_number(const struct ber_element *data, uint32_t *out)
 {
 	int64_t value;
 
-	if ((data->tag != UNSIGNED && data->tag != INTEGER) || !ber_integer(data, &value))
-		return TYPE_INCONSISTENT;
+	if ((data->tag != IEC61850_TAG_UNSIGNED && data->tag != IEC61850_TAG_INTEGER) ||
+	    !ber_integer(data, &value))
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
 	if (value < 0 || value > UINT32_MAX)
-		return OBJECT_VALUE_INVALID;
+		return IEC61850_ACCESS_VALUE_INVALID;
 	*out = (uint32_t)value;
 	return 0;
 }
@@ -247,18 +230,18 @@ static int write_number(const struct ber_element *data, uint32_t *out)
 /* In the most significant places of 16. */
 static int write_bits(const struct ber_element *data, size_t octets, uint16_t *out)
 {
-	if (data->tag != BIT_STRING || data->size != 1 + octets)
-		return TYPE_INCONSISTENT;
+	if (data->tag != IEC61850_TAG_BIT_STRING || data->size != 1 + octets)
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
 	*out = (uint16_t)(data->value[1] << 8 | (octets > 1 ? data->value[2] : 0));
 	return 0;
 }
 
 static int write_id(const struct ber_element *data, struct iec61850_block *block)
 {
-	if (data->tag != VISIBLE_STRING)
-		return TYPE_INCONSISTENT;
+	if (data->tag != IEC61850_TAG_VISIBLE_STRING)
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
 	if (data->size >= IEC61850_RPT_ID_SIZE || memchr(data->value, '\0', data->size) != NULL)
-		return OBJECT_VALUE_INVALID;
+		return IEC61850_ACCESS_VALUE_INVALID;
 	memcpy(block->id, data->value, data->size);
 	block->id[data->size] = '\0';
 	return 0;
@@ -273,9 +256,9 @@ static int write_set(struct iec61850_server *server, const struct iec61850_objec
 	iec61850_device_name(&server->model, object->device, device);
 	snprintf(name, sizeof(name), "%s/%s", device,
 		 iec61850_set_name(iec61850_set_of(object->device, block)));
-	if (data->tag != VISIBLE_STRING)
-		return TYPE_INCONSISTENT;
-	return ber_is(data, name, strlen(name)) ? 0 : OBJECT_VALUE_INVALID;
+	if (data->tag != IEC61850_TAG_VISIBLE_STRING)
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
+	return ber_is(data, name, strlen(name)) ? 0 : IEC61850_ACCESS_VALUE_INVALID;
 }
 
 static int write_attribute(struct iec61850_server *server, const struct iec61850_object *object,
@@ -306,7 +289,7 @@ static int write_attribute(struct iec61850_server *server, const struct iec61850
 	case IEC61850_ENTRY_ID:
 		return write_entry(server, data, block);
 	default:
-		return OBJECT_ACCESS_DENIED;
+		return IEC61850_ACCESS_DENIED;
 	}
 }
 
@@ -337,19 +320,19 @@ static int write_switch(struct iec61850_server *server, const struct iec61850_ob
 		return 0;
 	case IEC61850_GI:
 		if (!block->enabled)
-			return TEMPORARILY_UNAVAILABLE;
+			return IEC61850_ACCESS_UNAVAILABLE;
 		if (on)
 			mark_all(object->device, block, IEC61850_GENERAL, server->now_ns);
 		return 0;
 	case IEC61850_PURGE_BUF:
 		if (block->enabled)
-			return TEMPORARILY_UNAVAILABLE;
+			return IEC61850_ACCESS_UNAVAILABLE;
 		if (on)
 			purge(server, block);
 		return 0;
 	default:
 		if (block->enabled)
-			return TEMPORARILY_UNAVAILABLE;
+			return IEC61850_ACCESS_UNAVAILABLE;
 		block->reserved = on;
 		if (!on)
 			block->owner = NULL;
@@ -363,20 +346,20 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 	struct iec61850_block *block = iec61850_block_of(object->device, object->ln, object->number);
 
 	if (block == NULL || object->node == NULL)
-		return OBJECT_ACCESS_DENIED;
+		return IEC61850_ACCESS_DENIED;
 	if (block->owner != NULL && block->owner != server->client)
-		return TEMPORARILY_UNAVAILABLE;
+		return IEC61850_ACCESS_UNAVAILABLE;
 	block->owner = server->client;
 	switch (object->node->leaf) {
 	case IEC61850_RPT_ENA:
 	case IEC61850_RESV:
 	case IEC61850_GI:
 	case IEC61850_PURGE_BUF:
-		if (data->tag != BOOLEAN || data->size != 1)
-			return TYPE_INCONSISTENT;
+		if (data->tag != IEC61850_TAG_BOOLEAN || data->size != 1)
+			return IEC61850_ACCESS_TYPE_INCONSISTENT;
 		return write_switch(server, object, data->value[0] != 0, block);
 	default:
-		return block->enabled ? TEMPORARILY_UNAVAILABLE : write_kept(server, object, data, block);
+		return block->enabled ? IEC61850_ACCESS_UNAVAILABLE : write_kept(server, object, data, block);
 	}
 }
 
@@ -469,7 +452,7 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 	for (uint32_t i = 0; i < count; i++)
 		server->names[1 + server->chosen[i].member / 8] |=
 		    (uint8_t)(0x80 >> server->chosen[i].member % 8);
-	ber_put(writer, BIT_STRING, server->names, octets + 1);
+	ber_put(writer, IEC61850_TAG_BIT_STRING, server->names, octets + 1);
 }
 
 /* Of an entry it is when it happened. */
@@ -485,23 +468,23 @@ static void put_head(struct iec61850_server *server, struct ber_writer *writer,
 	const struct iec61850_model *model = &server->model;
 
 	if (block->options & IEC61850_SEGMENTATION) {
-		ber_put(writer, BOOLEAN, (const uint8_t[]){more}, 1);
-		ber_put_integer(writer, UNSIGNED, block->segment);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){more}, 1);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, block->segment);
 	}
 	if (block->options & IEC61850_CONF_REVISION)
-		ber_put_integer(writer, UNSIGNED, model->revision);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, model->revision);
 	if (block->options & IEC61850_ENTRY)
 		iec61850_put_entry_id(writer, model,
 				      server->entry != NULL ? server->entry->number : block->kept->next - 1);
 	if (block->options & IEC61850_OVERFLOW)
-		ber_put(writer, BOOLEAN, (const uint8_t[]){block->kept->overflow}, 1);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){block->kept->overflow}, 1);
 	if (block->options & IEC61850_SET_NAME)
 		iec61850_put_reference(writer, model, object->device,
 				       iec61850_set_name(iec61850_set_of(object->device, block)));
 	if (block->options & IEC61850_TIME_STAMP)
 		put_time_of_entry(writer, server);
 	if (block->options & IEC61850_SEQUENCE)
-		ber_put_integer(writer, UNSIGNED,
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED,
 				block->kept != NULL ? block->number : (uint8_t)block->number);
 	iec61850_put_bits(writer, block->options, 10);
 	iec61850_put_block_id(writer, model, object, block);
@@ -516,12 +499,12 @@ static void put_report(struct iec61850_server *server, struct ber_writer *writer
 
 	put_members(server, writer, object->device, block, count);
 	put_head(server, writer, object, block, more);
-	ber_close(writer, RESULTS, end);
+	ber_close(writer, IEC61850_TAG_RESULTS, end);
 	name = writer->at;
-	ber_put_text(writer, VMD_SPECIFIC, "RPT");
-	ber_close(writer, LIST_NAME, name);
-	ber_close(writer, INFORMATION_REPORT, end);
-	ber_close(writer, UNCONFIRMED, end);
+	ber_put_text(writer, IEC61850_TAG_VMD_SPECIFIC, "RPT");
+	ber_close(writer, IEC61850_TAG_LIST_NAME, name);
+	ber_close(writer, IEC61850_TAG_INFORMATION_REPORT, end);
+	ber_close(writer, IEC61850_TAG_UNCONFIRMED, end);
 }
 
 /* What did not fit is due at once, as a further segment or a report of its own. */

@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "ber/ber.h"
-#include "ber/quality.h"
 #include "iec61850/value.h"
+#include "quality/quality.h"
 
 static void test_integers_take_as_few_octets_as_they_need(void **state)
 {
@@ -75,14 +75,14 @@ static void test_what_has_no_room_is_full(void **state)
 static void test_quality_says_why(void **state)
 {
 	(void)state;
-	assert_int_equal(ber_quality_of(MAP_GOOD), 0);
-	assert_int_equal(ber_quality_of(MAP_INVALID), BER_Q_INVALID | BER_Q_FAILURE);
-	assert_int_equal(ber_quality_of(MAP_NOT_TOPICAL), BER_Q_QUESTIONABLE | BER_Q_OLD_DATA);
-	assert_int_equal(ber_quality_of(MAP_OVERFLOW), BER_Q_QUESTIONABLE | BER_Q_OVERFLOW);
-	assert_int_equal(ber_quality_of(MAP_SUBSTITUTED), BER_Q_SUBSTITUTED);
-	assert_int_equal(ber_quality_of(MAP_BLOCKED), BER_Q_OPERATOR_BLOCKED);
-	assert_int_equal(ber_quality_of(MAP_INVALID | MAP_NOT_TOPICAL),
-			 BER_Q_INVALID | BER_Q_FAILURE | BER_Q_OLD_DATA);
+	assert_int_equal(quality_of_map(MAP_GOOD), 0);
+	assert_int_equal(quality_of_map(MAP_INVALID), QUALITY_INVALID | QUALITY_FAILURE);
+	assert_int_equal(quality_of_map(MAP_NOT_TOPICAL), QUALITY_QUESTIONABLE | QUALITY_OLD_DATA);
+	assert_int_equal(quality_of_map(MAP_OVERFLOW), QUALITY_QUESTIONABLE | QUALITY_OVERFLOW);
+	assert_int_equal(quality_of_map(MAP_SUBSTITUTED), QUALITY_SUBSTITUTED);
+	assert_int_equal(quality_of_map(MAP_BLOCKED), QUALITY_OPERATOR_BLOCKED);
+	assert_int_equal(quality_of_map(MAP_INVALID | MAP_NOT_TOPICAL),
+			 QUALITY_INVALID | QUALITY_FAILURE | QUALITY_OLD_DATA);
 }
 
 static void test_time_says_how_good_the_clock_is(void **state)

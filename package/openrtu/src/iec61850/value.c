@@ -4,22 +4,11 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "ber/quality.h"
+#include "iec61850/tags.h"
 #include "map/type.h"
+#include "quality/quality.h"
 
-/* Tags of Data. Those of TypeSpecification are the same, but for a structure's parts. */
-enum {
-	STRUCTURE = 0xa2,
-	BOOLEAN = 0x83,
-	BIT_STRING = 0x84,
-	INTEGER = 0x85,
-	UNSIGNED = 0x86,
-	FLOATING_POINT = 0x87,
-	OCTET_STRING = 0x89,
-	VISIBLE_STRING = 0x8a,
-	BINARY_TIME = 0x8c,
-	UTC_TIME = 0x91,
-};
+/* Of TypeSpecification. */
 enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TYPE = 0xa7 };
 
 #define DAYS_TO_1984   5113 /* from 1970: binary times count from there */
@@ -40,7 +29,7 @@ struct state {
 	const struct iec61850_block *block;   /* NULL: it is no control block */
 };
 
-/* ---- time -------------------------------------------------------------------- */
+/* ---- time ------------------------------------------------------------------------------ */
 
 /* How many bits of the fraction of a second are right. */
 static uint8_t accuracy(uint32_t error_us)
@@ -109,7 +98,7 @@ static void set_sample(const struct iec61850_model *model, const struct map_poin
 			out->real /= 32768;
 		break;
 	}
-	out->quality = ber_quality_of(sample.quality);
+	out->quality = quality_of_map(sample.quality);
 	set_time(model, sample.time_ns, out);
 }
 
@@ -169,7 +158,7 @@ void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count)
 {
 	const uint8_t octets[] = {(uint8_t)((8 - count % 8) % 8), (uint8_t)(bits >> 8), (uint8_t)bits};
 
-	ber_put(writer, BIT_STRING, octets, 1 + (count + 7) / 8);
+	ber_put(writer, IEC61850_TAG_BIT_STRING, octets, 1 + (count + 7) / 8);
 }
 
 static void put_float(struct ber_writer *writer, float value)
@@ -180,7 +169,7 @@ static void put_float(struct ber_writer *writer, float value)
 	memcpy(&bits, &value, sizeof(bits));
 	for (unsigned i = 0; i < 4; i++)
 		octets[1 + i] = (uint8_t)(bits >> (24 - 8 * i));
-	ber_put(writer, FLOATING_POINT, octets, sizeof(octets));
+	ber_put(writer, IEC61850_TAG_FLOATING_POINT, octets, sizeof(octets));
 }
 
 void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,
@@ -190,7 +179,7 @@ void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_mod
 
 	iec61850_device_name(model, device, ld);
 	snprintf(text, sizeof(text), "%s/%s", ld, name);
-	ber_put_text(writer, VISIBLE_STRING, text);
+	ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, text);
 }
 
 void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_model *model, int64_t time_ns)
@@ -201,7 +190,7 @@ void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_m
 	const uint8_t octets[] = {(uint8_t)(ms >> 24), (uint8_t)(ms >> 16),  (uint8_t)(ms >> 8),
 				  (uint8_t)ms,         (uint8_t)(days >> 8), (uint8_t)days};
 
-	ber_put(writer, BINARY_TIME, octets, sizeof(octets));
+	ber_put(writer, IEC61850_TAG_BINARY_TIME, octets, sizeof(octets));
 }
 
 void iec61850_put_entry_id(struct ber_writer *writer, const struct iec61850_model *model, uint32_t number)
@@ -213,7 +202,7 @@ void iec61850_put_entry_id(struct ber_writer *writer, const struct iec61850_mode
 		octets[i] = (uint8_t)(start >> (24 - 8 * i));
 		octets[4 + i] = (uint8_t)(number >> (24 - 8 * i));
 	}
-	ber_put(writer, OCTET_STRING, octets, sizeof(octets));
+	ber_put(writer, IEC61850_TAG_OCTET_STRING, octets, sizeof(octets));
 }
 
 void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_model *model,
@@ -222,7 +211,7 @@ void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_mode
 	char name[IEC61850_NAME_SIZE];
 
 	if (block->id[0] != '\0') {
-		ber_put_text(writer, VISIBLE_STRING, block->id);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, block->id);
 		return;
 	}
 	iec61850_object_name(model, object, name);
@@ -251,10 +240,10 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 	case IEC61850_CANCEL:
 		for (unsigned i = node->count; i-- > 0;)
 			put_node(writer, model, &node->children[i], state);
-		ber_close(writer, STRUCTURE, end);
+		ber_close(writer, IEC61850_TAG_STRUCTURE, end);
 		return;
 	case IEC61850_BOOLEAN:
-		ber_put(writer, BOOLEAN, (const uint8_t[]){state->number != 0 ? 1 : 0}, 1);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){state->number != 0 ? 1 : 0}, 1);
 		return;
 	case IEC61850_DOUBLE:
 		iec61850_put_bits(writer, (uint16_t)((state->number & 3) << 14), 2);
@@ -262,7 +251,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 	case IEC61850_ENUM:
 	case IEC61850_INTEGER:
 	case IEC61850_TOTAL:
-		ber_put_integer(writer, INTEGER, state->number);
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, state->number);
 		return;
 	case IEC61850_FLOAT:
 		put_float(writer, state->real);
@@ -271,38 +260,38 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		put_float(writer, 1.0f);
 		return;
 	case IEC61850_CTL_MODEL:
-		ber_put_integer(writer, INTEGER, control_model(model, state->object));
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, control_model(model, state->object));
 		return;
 	case IEC61850_QUALITY:
-		iec61850_put_bits(writer, state->quality, BER_QUALITY_BITS);
+		iec61850_put_bits(writer, state->quality, QUALITY_BITS);
 		return;
 	case IEC61850_TIME:
-		ber_put(writer, UTC_TIME, state->time, sizeof(state->time));
+		ber_put(writer, IEC61850_TAG_UTC_TIME, state->time, sizeof(state->time));
 		return;
 	case IEC61850_DESCRIPTION:
-		ber_put_text(writer, VISIBLE_STRING, state->text);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, state->text);
 		return;
 	case IEC61850_VENDOR:
-		ber_put_text(writer, VISIBLE_STRING, "OpenRTU");
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, "OpenRTU");
 		return;
 	case IEC61850_REVISION:
-		ber_put_text(writer, VISIBLE_STRING, OPENRTU_VERSION);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, OPENRTU_VERSION);
 		return;
 	case IEC61850_CONFIGURATION:
 		snprintf(number, sizeof(number), "%08x", (unsigned)model->revision);
-		ber_put_text(writer, VISIBLE_STRING, number);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, number);
 		return;
 	case IEC61850_NAME_SPACE:
-		ber_put_text(writer, VISIBLE_STRING, "IEC 61850-7-4:2007B");
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, "IEC 61850-7-4:2007B");
 		return;
 	case IEC61850_SBO:
-		ber_put(writer, VISIBLE_STRING, NULL, 0);
+		ber_put(writer, IEC61850_TAG_VISIBLE_STRING, NULL, 0);
 		return;
 	case IEC61850_OR_IDENT:
-		ber_put(writer, OCTET_STRING, NULL, 0);
+		ber_put(writer, IEC61850_TAG_OCTET_STRING, NULL, 0);
 		return;
 	case IEC61850_CTL_NUM:
-		ber_put_integer(writer, UNSIGNED, 0);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 0);
 		return;
 	case IEC61850_CHECK:
 		iec61850_put_bits(writer, 0, 2);
@@ -316,17 +305,17 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		    iec61850_set_name(iec61850_set_of(state->object->device, state->block)));
 		return;
 	case IEC61850_RPT_ENA:
-		ber_put(writer, BOOLEAN, (const uint8_t[]){state->block->enabled}, 1);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){state->block->enabled}, 1);
 		return;
 	case IEC61850_RESV:
-		ber_put(writer, BOOLEAN, (const uint8_t[]){state->block->owner != NULL}, 1);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){state->block->owner != NULL}, 1);
 		return;
 	case IEC61850_GI:
 	case IEC61850_PURGE_BUF:
-		ber_put(writer, BOOLEAN, (const uint8_t[]){0}, 1);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){0}, 1);
 		return;
 	case IEC61850_CONF_REV:
-		ber_put_integer(writer, UNSIGNED, model->revision);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, model->revision);
 		return;
 	case IEC61850_OPT_FLDS:
 		iec61850_put_bits(writer, state->block->options, 10);
@@ -335,16 +324,16 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_bits(writer, (uint16_t)(state->block->triggers << 8), 6);
 		return;
 	case IEC61850_BUF_TM:
-		ber_put_integer(writer, UNSIGNED, state->block->buffer_ms);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, state->block->buffer_ms);
 		return;
 	case IEC61850_INTG_PD:
-		ber_put_integer(writer, UNSIGNED, state->block->integrity_ms);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, state->block->integrity_ms);
 		return;
 	case IEC61850_SQ_NUM:
-		ber_put_integer(writer, UNSIGNED, (uint8_t)state->block->number);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, (uint8_t)state->block->number);
 		return;
 	case IEC61850_LONG_SQ_NUM:
-		ber_put_integer(writer, UNSIGNED, state->block->number);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, state->block->number);
 		return;
 	case IEC61850_ENTRY_ID:
 		iec61850_put_entry_id(writer, model, state->block->kept->next - 1);
@@ -366,7 +355,7 @@ void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model 
 	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
 	for (unsigned i = inside.count; i-- > 0;)
 		put_node(writer, model, &inside.nodes[i], &state);
-	ber_close(writer, STRUCTURE, end);
+	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
 }
 
 static bool put_object(struct ber_writer *writer, const struct iec61850_model *model,
@@ -383,7 +372,7 @@ static bool put_object(struct ber_writer *writer, const struct iec61850_model *m
 	}
 	for (unsigned i = inside.count; i-- > 0;)
 		put_node(writer, model, &inside.nodes[i], &state);
-	ber_close(writer, STRUCTURE, end);
+	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
 	return true;
 }
 
@@ -407,7 +396,7 @@ static bool put_fc(struct ber_writer *writer, const struct iec61850_model *model
 		if (inside.count > 0 && !writer->full && !put_object(writer, model, &each, inside))
 			return false;
 	}
-	ber_close(writer, STRUCTURE, end);
+	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
 	return true;
 }
 
@@ -421,7 +410,7 @@ static bool put_ln(struct ber_writer *writer, const struct iec61850_model *model
 		if (iec61850_has(model, object->device, object->ln, (enum iec61850_fc)each.fc) &&
 		    !put_fc(writer, model, &each))
 			return false;
-	ber_close(writer, STRUCTURE, end);
+	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
 	return true;
 }
 
@@ -449,7 +438,7 @@ static void name_component(struct ber_writer *writer, const char *name, size_t e
 static void close_type(struct ber_writer *writer, size_t end)
 {
 	ber_close(writer, COMPONENTS, end);
-	ber_close(writer, STRUCTURE, end);
+	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
 }
 
 static void put_nodes_type(struct ber_writer *writer, struct iec61850_nodes inside);
@@ -466,20 +455,20 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		put_nodes_type(writer, (struct iec61850_nodes){node->children, node->count});
 		return;
 	case IEC61850_BOOLEAN:
-		ber_put(writer, BOOLEAN, NULL, 0);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, NULL, 0);
 		return;
 	case IEC61850_DOUBLE:
-		ber_put_integer(writer, BIT_STRING, 2);
+		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, 2);
 		return;
 	case IEC61850_ENUM:
 	case IEC61850_CTL_MODEL:
-		ber_put_integer(writer, INTEGER, 8);
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, 8);
 		return;
 	case IEC61850_INTEGER:
-		ber_put_integer(writer, INTEGER, 32);
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, 32);
 		return;
 	case IEC61850_TOTAL:
-		ber_put_integer(writer, INTEGER, 64);
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, 64);
 		return;
 	case IEC61850_FLOAT:
 	case IEC61850_UNIT:
@@ -488,60 +477,61 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		ber_close(writer, FLOAT_TYPE, end);
 		return;
 	case IEC61850_QUALITY:
-		ber_put_integer(writer, BIT_STRING, -BER_QUALITY_BITS); /* below 0: at most so many */
+		ber_put_integer(writer, IEC61850_TAG_BIT_STRING,
+				-QUALITY_BITS); /* below 0: at most so many */
 		return;
 	case IEC61850_TIME:
-		ber_put(writer, UTC_TIME, NULL, 0);
+		ber_put(writer, IEC61850_TAG_UTC_TIME, NULL, 0);
 		return;
 	case IEC61850_DESCRIPTION:
 	case IEC61850_VENDOR:
 	case IEC61850_REVISION:
 	case IEC61850_CONFIGURATION:
 	case IEC61850_NAME_SPACE:
-		ber_put_integer(writer, VISIBLE_STRING, -TEXT_MAX);
+		ber_put_integer(writer, IEC61850_TAG_VISIBLE_STRING, -TEXT_MAX);
 		return;
 	case IEC61850_OR_IDENT:
-		ber_put_integer(writer, OCTET_STRING, -IEC61850_OR_IDENT_SIZE);
+		ber_put_integer(writer, IEC61850_TAG_OCTET_STRING, -IEC61850_OR_IDENT_SIZE);
 		return;
 	case IEC61850_CTL_NUM:
-		ber_put_integer(writer, UNSIGNED, 8);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 8);
 		return;
 	case IEC61850_CHECK:
-		ber_put_integer(writer, BIT_STRING, -2);
+		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, -2);
 		return;
 	case IEC61850_SBO:
 	case IEC61850_RPT_ID:
 	case IEC61850_DAT_SET:
-		ber_put_integer(writer, VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
+		ber_put_integer(writer, IEC61850_TAG_VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
 		return;
 	case IEC61850_RPT_ENA:
 	case IEC61850_RESV:
 	case IEC61850_GI:
 	case IEC61850_PURGE_BUF:
-		ber_put(writer, BOOLEAN, NULL, 0);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, NULL, 0);
 		return;
 	case IEC61850_CONF_REV:
 	case IEC61850_BUF_TM:
 	case IEC61850_INTG_PD:
-		ber_put_integer(writer, UNSIGNED, 32);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 32);
 		return;
 	case IEC61850_LONG_SQ_NUM:
-		ber_put_integer(writer, UNSIGNED, 16);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 16);
 		return;
 	case IEC61850_ENTRY_ID:
-		ber_put_integer(writer, OCTET_STRING, IEC61850_ENTRY_ID_OCTETS);
+		ber_put_integer(writer, IEC61850_TAG_OCTET_STRING, IEC61850_ENTRY_ID_OCTETS);
 		return;
 	case IEC61850_TIME_OF_ENTRY:
-		ber_put(writer, BINARY_TIME, (const uint8_t[]){1}, 1);
+		ber_put(writer, IEC61850_TAG_BINARY_TIME, (const uint8_t[]){1}, 1);
 		return;
 	case IEC61850_SQ_NUM:
-		ber_put_integer(writer, UNSIGNED, 8);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 8);
 		return;
 	case IEC61850_OPT_FLDS:
-		ber_put_integer(writer, BIT_STRING, -10);
+		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, -10);
 		return;
 	case IEC61850_TRG_OPS:
-		ber_put_integer(writer, BIT_STRING, -6);
+		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, -6);
 		return;
 	}
 }

@@ -4,20 +4,8 @@
 #include <string.h>
 
 #include "iec61850/control.h"
+#include "iec61850/tags.h"
 #include "map/type.h"
-
-/* Tags of Data. */
-enum {
-	STRUCTURE = 0xa2,
-	BOOLEAN = 0x83,
-	BIT_STRING = 0x84,
-	INTEGER = 0x85,
-	UNSIGNED = 0x86,
-	FLOATING_POINT = 0x87,
-	OCTET_STRING = 0x89,
-	UTC_TIME = 0x91
-};
-enum { TYPE_INCONSISTENT = 7, OBJECT_VALUE_INVALID = 11 }; /* DataAccessError */
 
 enum { OFF = 1, ON = 2 };                /* of a double point */
 enum { STEP_LOW = -64, STEP_HIGH = 63 }; /* of a step position */
@@ -27,7 +15,7 @@ static bool read_boolean(struct ber_reader *reader, bool *out)
 {
 	struct ber_element element;
 
-	if (!ber_expect(reader, BOOLEAN, &element) || element.size != 1)
+	if (!ber_expect(reader, IEC61850_TAG_BOOLEAN, &element) || element.size != 1)
 		return false;
 	*out = element.value[0] != 0;
 	return true;
@@ -40,11 +28,11 @@ static bool read_float(struct ber_reader *reader, float *out)
 	struct ber_reader inside;
 	uint32_t bits;
 
-	if (!ber_expect(reader, STRUCTURE, &structure))
+	if (!ber_expect(reader, IEC61850_TAG_STRUCTURE, &structure))
 		return false;
 	inside = ber_inside(&structure);
-	if (!ber_expect(&inside, FLOATING_POINT, &element) || inside.at != inside.end || element.size != 5 ||
-	    element.value[0] != EXPONENT_WIDTH)
+	if (!ber_expect(&inside, IEC61850_TAG_FLOATING_POINT, &element) || inside.at != inside.end ||
+	    element.size != 5 || element.value[0] != EXPONENT_WIDTH)
 		return false;
 	bits = (uint32_t)element.value[1] << 24 | (uint32_t)element.value[2] << 16 |
 	       (uint32_t)element.value[3] << 8 | element.value[4];
@@ -85,7 +73,7 @@ static bool read_value(const struct map_point *point, struct ber_reader *reader,
 	case MAP_STEP:
 	case MAP_BITSTRING:
 	case MAP_INTEGER:
-		if (!ber_expect(reader, INTEGER, &element) || !ber_integer(&element, &number))
+		if (!ber_expect(reader, IEC61850_TAG_INTEGER, &element) || !ber_integer(&element, &number))
 			return false;
 		out->out_of_range = !take_number(point, number, &out->value);
 		return true;
@@ -108,7 +96,8 @@ static bool read_unsigned(struct ber_reader *reader, int64_t limit, uint8_t *out
 	struct ber_element element;
 	int64_t number;
 
-	if (!ber_next(reader, &element) || (element.tag != INTEGER && element.tag != UNSIGNED) ||
+	if (!ber_next(reader, &element) ||
+	    (element.tag != IEC61850_TAG_INTEGER && element.tag != IEC61850_TAG_UNSIGNED) ||
 	    !ber_integer(&element, &number) || number < 0 || number > limit)
 		return false;
 	*out = (uint8_t)number;
@@ -120,11 +109,11 @@ static bool read_origin(struct ber_reader *reader, struct iec61850_wish *out)
 	struct ber_element origin, identity;
 	struct ber_reader inside;
 
-	if (!ber_expect(reader, STRUCTURE, &origin))
+	if (!ber_expect(reader, IEC61850_TAG_STRUCTURE, &origin))
 		return false;
 	inside = ber_inside(&origin);
 	if (!read_unsigned(&inside, CATEGORY_MAX, &out->category) ||
-	    !ber_expect(&inside, OCTET_STRING, &identity) || inside.at != inside.end ||
+	    !ber_expect(&inside, IEC61850_TAG_OCTET_STRING, &identity) || inside.at != inside.end ||
 	    identity.size > sizeof(out->identity))
 		return false;
 	memcpy(out->identity, identity.value, identity.size);
@@ -139,19 +128,20 @@ int iec61850_wish_read(const struct map_point *point, const struct iec61850_node
 	struct ber_element element;
 
 	*out = (struct iec61850_wish){.octet_count = (uint16_t)data->size};
-	if (data->tag != STRUCTURE)
-		return TYPE_INCONSISTENT;
+	if (data->tag != IEC61850_TAG_STRUCTURE)
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
 	if (data->size > sizeof(out->octets))
-		return OBJECT_VALUE_INVALID;
+		return IEC61850_ACCESS_VALUE_INVALID;
 	memcpy(out->octets, data->value, data->size);
 	if (!read_value(point, &reader, out) || !read_origin(&reader, out) ||
-	    !read_unsigned(&reader, UINT8_MAX, &out->number) || !ber_expect(&reader, UTC_TIME, &element) ||
-	    element.size != 8 || !read_boolean(&reader, &out->test))
-		return TYPE_INCONSISTENT;
+	    !read_unsigned(&reader, UINT8_MAX, &out->number) ||
+	    !ber_expect(&reader, IEC61850_TAG_UTC_TIME, &element) || element.size != 8 ||
+	    !read_boolean(&reader, &out->test))
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
 	if (node->leaf != IEC61850_CANCEL &&
-	    (!ber_expect(&reader, BIT_STRING, &element) || element.size != 2))
-		return TYPE_INCONSISTENT;
-	return reader.at == reader.end ? 0 : TYPE_INCONSISTENT;
+	    (!ber_expect(&reader, IEC61850_TAG_BIT_STRING, &element) || element.size != 2))
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
+	return reader.at == reader.end ? 0 : IEC61850_ACCESS_TYPE_INCONSISTENT;
 }
 
 bool iec61850_wish_is_same(const struct iec61850_wish *a, const struct iec61850_wish *b)

@@ -243,37 +243,22 @@ const char *openrtu_point_type(const struct openrtu *rtu, int point)
 	return is_point(rtu, point) ? map_types[type_of(rtu, point)].name : NULL;
 }
 
-/* What the file says of a point of "modules", whoever owns it; NULL: it is a device's. */
-static const struct foreign_point *described(const struct openrtu *rtu, int point)
-{
-	const struct map_config *config = map_config(rtu->map);
-	const struct foreign_module *modules = foreign_modules(config);
-	const struct foreign_point *points = map_records(config, FOREIGN_POINTS, sizeof(*points));
-	const uint16_t set = config->points[rtu->points[point]].set;
-
-	for (uint32_t i = 0; i < foreign_count(config); i++)
-		if (modules[i].set == set)
-			return &points[modules[i].first_point + rtu->points[point] -
-				       config->sets[set].first_point];
-	return NULL;
-}
-
 const char *openrtu_point_unit(const struct openrtu *rtu, int point)
 {
-	const struct foreign_point *found = is_point(rtu, point) ? described(rtu, point) : NULL;
+	const struct map_config *config = map_config(rtu->map);
 
-	return found != NULL          ? foreign_text(map_config(rtu->map), found->unit)
-	       : is_point(rtu, point) ? ""
-				      : NULL;
+	return is_point(rtu, point) ? map_unit_of(config, &config->points[rtu->points[point]]) : NULL;
 }
 
 const char *openrtu_point_description(const struct openrtu *rtu, int point)
 {
-	const struct foreign_point *found = is_point(rtu, point) ? described(rtu, point) : NULL;
+	const struct map_config *config = map_config(rtu->map);
+	const struct foreign_point *found;
 
-	return found != NULL          ? foreign_text(map_config(rtu->map), found->description)
-	       : is_point(rtu, point) ? ""
-				      : NULL;
+	if (!is_point(rtu, point))
+		return NULL;
+	found = foreign_point_of(config, rtu->points[point]);
+	return found != NULL ? foreign_text(config, found->description) : "";
 }
 
 /* ---- log and time ------------------------------------------------------------------------ */

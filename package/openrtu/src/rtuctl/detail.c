@@ -98,15 +98,16 @@ static json_t *scale_register(const struct modbus_point *point)
 								 : json_null();
 }
 
-/* What people are told of it: those of a module of others may have it. */
+/* What people are told of it. */
 static void add_meaning(const struct map_config *config, uint32_t point, json_t *row)
 {
 	const struct foreign_point *own = foreign_point_of(config, point);
+	const char *unit = map_unit_of(config, &config->points[point]);
 
+	if (*unit != '\0')
+		json_object_set_new(row, "unit", json_string(unit));
 	if (own == NULL)
 		return;
-	if (own->unit != 0)
-		json_object_set_new(row, "unit", json_string(foreign_text(config, own->unit)));
 	if (own->description != 0)
 		json_object_set_new(row, "description", json_string(foreign_text(config, own->description)));
 	json_object_set_new(row, "retain", json_boolean(config->points[point].flags & MAP_POINT_RETAIN));

@@ -74,8 +74,10 @@ static bool same_points(const struct map_config *a, const struct foreign_module 
 	for (uint32_t i = 0; i < count; i++) {
 		const struct foreign_point *point = &in_a[of_a->first_point + i];
 		const struct foreign_point *other = &in_b[of_b->first_point + i];
+		const uint32_t number = a->sets[of_a->set].first_point + i;
+		const uint32_t now = b->sets[of_b->set].first_point + i;
 
-		if (strcmp(foreign_text(a, point->unit), foreign_text(b, other->unit)) != 0 ||
+		if (strcmp(map_unit_of(a, &a->points[number]), map_unit_of(b, &b->points[now])) != 0 ||
 		    strcmp(foreign_text(a, point->description), foreign_text(b, other->description)) != 0 ||
 		    memcmp(&point->initial, &other->initial, sizeof(point->initial)) != 0)
 			return false;

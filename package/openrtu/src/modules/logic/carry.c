@@ -128,9 +128,10 @@ static uint16_t order_of(const struct logic *logic, uint16_t number)
 static const struct logic_asked *find_asked(const struct logic *from, const struct logic_asked *asked,
 					    const struct logic *to, uint16_t number)
 {
+	uint16_t before = order_of(to, number);
+
 	for (uint16_t i = 0; i < from->head->commands; i++)
-		if (strcmp(command_name(from, i), command_name(to, number)) == 0 &&
-		    order_of(from, i) == order_of(to, number))
+		if (strcmp(command_name(from, i), command_name(to, number)) == 0 && before-- == 0)
 			return &asked[i];
 	return NULL;
 }
