@@ -522,7 +522,7 @@ bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does 
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
 	$(MAKE) bench-polls
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
-	PYTHONPATH=scripts $(PYTHON) $(BENCH)/scans.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/logic_scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/module_scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/managers.py

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * `scan_cost PROGRAM SCANS`: the machine of rtu-logic by itself, with inputs that change from scan to scan. Prints the
- * nanoseconds of CPU and the octets of its memory, then each output. scans.py compares it with the same program in C.
+ * nanoseconds of CPU and the octets of its memory, then each output. logic_scans.py compares it with the same program in C.
  */
 #include <inttypes.h>
 #include <stdio.h>

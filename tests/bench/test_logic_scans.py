@@ -3,9 +3,9 @@
 
 from pathlib import Path
 
+import logic_scans
 import pytest
-import scans
-from scans import agree, built, in_python, timed
+from logic_scans import agree, built, in_python, timed
 
 MEMORY_MAX = 64 << 10
 
@@ -16,10 +16,10 @@ def test_what_is_compared_is_the_same_program(tmp_path: Path) -> None:
     ours = timed(programs["machine native"], 230)
     agree([ours, timed(programs["plain native"], 230), in_python(230)])
     assert ours.memory <= MEMORY_MAX
-    with pytest.raises(scans.BenchError, match="are not the same"):
+    with pytest.raises(logic_scans.BenchError, match="are not the same"):
         agree([ours, in_python(231)])
 
 
 def test_it_has_1000_statements() -> None:
-    assert scans.PART.count(":=") - 2 + 3 == 20  # without IN and PT; the call, IF and CASE
-    assert scans.PARTS * 20 == 1000
+    assert logic_scans.PART.count(":=") - 2 + 3 == 20  # without IN and PT; the call, IF and CASE
+    assert logic_scans.PARTS * 20 == 1000
