@@ -132,6 +132,7 @@ REACH = [
     ("scripts/build-*.sh", "test-linux"),
     ("scripts/debian-package.sh", "test-linux test-bench"),
     ("scripts/no-buildroot.sh", "test-image"),
+    ("scripts/offline-toolchain.sh", "test-image"),
     ("scripts/release-files.sh", "test-image"),
     ("scripts/setup-sysroot.sh", "cross test-linux"),
     ("scripts/armel.ini", "cross test-linux"),

@@ -37,6 +37,10 @@ LINUX_PATCHES = https://example.net/patch-5.10.140-rt73.patch
 show-info:
 	@echo $(LINUX_CPE_ID_VERSION)
 """
+SHOW_PACKAGES = """\
+show-info:
+	@echo '{}'
+"""
 GENERATE = """\
 #!/usr/bin/env python3
 import json, sys
@@ -70,7 +74,12 @@ class Tree:
         (folder / ".venv").mkdir()
         for name in ("bin", "lib", "pyvenv.cfg"):
             (folder / ".venv" / name).symlink_to(Path(sys.prefix) / name)
-        for done in ("build/packages.done", "build/packages-image.done", ".venv/done"):
+        for done in (
+            "build/packages.done",
+            "build/packages-image.done",
+            "build/packages-offline.done",
+            ".venv/done",
+        ):
             (folder / done).touch()
         self.buildroot = folder / "buildroot"
         self.buildroot.mkdir()
@@ -149,6 +158,28 @@ def test_image_for_development_is_beside_the_others(tree: Tree) -> None:
         (tree.folder / "configs" / name).read_text()
         for name in ("nuc980_gateway_defconfig", "parts/development.config")
     )
+
+
+@pytest.mark.slow
+def test_image_offline_gets_its_compiler_and_overrides(tree: Tree) -> None:
+    (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_PACKAGES)
+    (tree.folder / "configs/offline.toml").write_text("source = []\n[programs]\n")  # nothing to fetch
+    done = tree.make_with_stand_in("image-offline")
+    assert done.returncode == 0, done.stderr
+    for image in ("nuc980_gateway_lts", "nuc980_uboot"):
+        config = tree.folder / f"build/{image}-offline/.config"
+        files = [tree.folder / "configs" / name for name in (f"{image}_defconfig", "parts/offline.config")]
+        assert config.read_text() == "".join(file.read_text() for file in files)
+        assert tree.built(f"{image}-offline")["O"] == str(config.parent)
+    assert (tree.folder / "build/offline/toolchain/bin/arm-linux-gnueabi-gcc").exists()
+    assert (tree.folder / "build/offline/overrides.mk").exists()
+
+
+def test_image_offline_without_buildroot_is_said_before_anything_is_fetched(tree: Tree) -> None:
+    done = tree.make("image-offline", "BUILDROOT_DIR=nowhere")
+    assert done.returncode == 2
+    assert "BUILDROOT_DIR=nowhere is not a Buildroot checkout" in done.stderr
+    assert not (tree.folder / "build/offline").exists()
 
 
 @pytest.mark.parametrize("image", IMAGES)
