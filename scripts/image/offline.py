@@ -141,7 +141,7 @@ def overrides(table: Table) -> str:
 
 
 def stands_in(name: str, package: Mapping[str, Any], table: Table) -> bool:
-    """Whether this machine's programs do for a package: one of the host that Buildroot would have to download."""
+    """Whether this machine's programs do: for a host package that Buildroot would download."""
     replaced = {each.package for each in table.sources}
     return package["type"] == "host" and bool(package.get("downloads")) and name not in replaced
 
