@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -326,8 +326,20 @@ image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: the board's 
 # The same from Debian's sources and compiler, without what Buildroot downloads: configs/offline.toml.
 OFFLINE        = PYTHONPATH=scripts python3 -m image.offline
 OFFLINE_IMAGES := nuc980_gateway_lts-offline nuc980_uboot-offline
+OFFLINE_WANTED = $(filter %-offline,$(IMAGES))
 
 image-offline: $(OFFLINE_IMAGES:%=build/%/images/manifest.json) ## Build: that of Linux 6.1, from Debian's sources alone (BUILDROOT_DIR=, SITE=)
+
+# Everything that one build needs beside this tree and the machine's packages, for a machine without network.
+source: $(if $(OFFLINE_WANTED),build/offline/overrides.mk $(BUILDROOT_DIR)/Makefile,$(IMAGES:%=build/%/.config)) ## Build: all sources of IMAGES= in build/source, for a build without network
+	rm -rf build/source
+	mkdir -p build/source/{build,dl}
+	rsync --archive --exclude=.git $(BUILDROOT_DIR)/ build/source/buildroot
+ifeq ($(OFFLINE_WANTED),)
+	$(foreach image,$(IMAGES),BR2_DL_DIR=$(CURDIR)/build/source/dl $(call buildroot,$(image)) source &&) true
+else
+	for name in $$($(OFFLINE) targets); do mkdir -p build/source/$${name%/*}; cp --archive $${name%/*}/debian{,.dsc} build/source/$${name%/*}; done
+endif
 
 # The names of before.
 .PHONY: system image
@@ -367,7 +379,7 @@ sbom: build/$(IMAGE)/.config $(VENV)
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
-$(patsubst %,build/%/images/manifest.json,$(IMAGES) $(OFFLINE_IMAGES)): build/%/images/manifest.json: build/%/.config FORCE
+$(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE
 	$(LOGGED) $* $(call buildroot,$*)
 
 $(patsubst %,build/%/.config,$(filter-out %-development %-offline,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done

@@ -15,7 +15,7 @@ import shutil
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,8 @@ class Source:
     version: str = ""
     sha256: str = ""
     autoreconf: bool = False
+    edits: Mapping[str, str] = field(default_factory=dict)
+    """sed's expression for a file."""
     folder: str = ""
     """Where it is if other targets make it: then those say which version it is."""
 
@@ -136,6 +138,10 @@ def overrides(table: Table) -> str:
         lines.append(f"{name}_OVERRIDE_SRCDIR = {each.path}")
         if each.autoreconf:
             lines.append(f"{name}_AUTORECONF = YES")
+        if each.edits:
+            lines.append(f"define {name}_OFFLINE_EDITS")
+            lines += [f"\tsed -i '{expression}' $(@D)/{file}" for file, expression in each.edits.items()]
+            lines += ["endef", f"{name}_POST_RSYNC_HOOKS += {name}_OFFLINE_EDITS"]
         lines.append(f"{name}_CPE_ID_VERSION = {release(version_of(each.description))}")
     return "\n".join(lines) + "\n"
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import time
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -53,6 +55,13 @@ bill = {"bomFormat": "CycloneDX", "specVersion": "1.6", "metadata": {"component"
 bill |= {"components": [linux, gateway], "dependencies": [{"ref": name, "dependsOn": ["linux", "openrtu"]}]}
 json.dump(bill, open(write, "w"))
 """
+
+
+def command_of_the_page() -> str:
+    """What the page tells to type where there is no network."""
+    found = re.search(r"^cp -a .*debian\.dsc$", (ROOT / "docs/image-buildroot.md").read_text(), re.MULTILINE)
+    assert found
+    return found[0].replace("folder/source", "build/source")
 
 
 class Tree:
@@ -180,6 +189,39 @@ def test_image_offline_without_buildroot_is_said_before_anything_is_fetched(tree
     assert done.returncode == 2
     assert "BUILDROOT_DIR=nowhere is not a Buildroot checkout" in done.stderr
     assert not (tree.folder / "build/offline").exists()
+
+
+@pytest.mark.slow
+def test_source_is_one_folder_for_a_build_without_network(tree: Tree) -> None:
+    """The other tree's make must fetch nothing: its debian-source.sh would fail."""
+    (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_PACKAGES)
+    (tree.buildroot / ".git").mkdir()
+    text = "Version: 1-1\n"
+    row = f'package = "a"\ndebian = "a"\nversion = "1-1"\nsha256 = "{sha256(text.encode()).hexdigest()}"'
+    (tree.folder / "configs/offline.toml").write_text(f"[[source]]\n{row}\n[programs]\n")
+    (tree.folder / "build/packages-twin.done").touch()
+    fetcher = tree.folder / "scripts/debian-source.sh"
+    fetcher.write_text(f"#!/bin/sh\nmkdir -p $2 && echo source > $2/file && printf '{text}' > $2.dsc\n")
+    done = tree.make_with_stand_in("source", "IMAGES=nuc980_uboot-offline")
+    assert done.returncode == 0, done.stderr
+    source = tree.folder / "build/source"
+    assert (source / "build/a/debian/file").read_text() == "source\n"
+    assert not (source / "buildroot/.git").exists()
+    shutil.rmtree(tree.folder / "build/a")
+    shutil.rmtree(tree.folder / "build/offline")
+    fetcher.write_text("#!/bin/sh\nexit 1\n")
+    subprocess.run(["bash", "-c", command_of_the_page()], cwd=tree.folder, check=True)
+    done = tree.make("build/offline/overrides.mk", "BUILDROOT_DIR=build/source/buildroot")
+    assert done.returncode == 0, done.stderr
+
+
+def test_source_of_what_buildroot_downloads_is_its_own_targets(tree: Tree) -> None:
+    recorded = "source:\n\techo $(O) >> $(BR2_DL_DIR)/asked\n"
+    (tree.buildroot / "Makefile").write_text(BUILDROOT + recorded)
+    done = tree.make_with_stand_in("source", "IMAGES=nuc980_gateway nuc980_uboot")
+    assert done.returncode == 0, done.stderr
+    asked = (tree.folder / "build/source/dl/asked").read_text().split()
+    assert [Path(folder).name for folder in asked] == ["nuc980_gateway", "nuc980_uboot"]
 
 
 @pytest.mark.parametrize("image", IMAGES)

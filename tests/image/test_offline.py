@@ -83,7 +83,8 @@ def fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> offline.Source:
     file.parent.mkdir(parents=True)
     file.write_text(text)
     sha256 = hashlib.sha256(text.encode()).hexdigest()
-    return offline.Source("libmodbus", "libmodbus", "1:3.1.6-2.1", sha256, autoreconf=True)
+    edits = {"a.h": "/one/a two"}
+    return offline.Source("libmodbus", "libmodbus", "1:3.1.6-2.1", sha256, autoreconf=True, edits=edits)
 
 
 def test_overrides_name_source_and_release(fetched: offline.Source, tmp_path: Path) -> None:
@@ -91,6 +92,10 @@ def test_overrides_name_source_and_release(fetched: offline.Source, tmp_path: Pa
     assert offline.overrides(offline.Table((fetched,), {})).splitlines()[1:] == [
         f"LIBMODBUS_OVERRIDE_SRCDIR = {tmp_path}/build/libmodbus/debian",
         "LIBMODBUS_AUTORECONF = YES",
+        "define LIBMODBUS_OFFLINE_EDITS",
+        "\tsed -i '/one/a two' $(@D)/a.h",
+        "endef",
+        "LIBMODBUS_POST_RSYNC_HOOKS += LIBMODBUS_OFFLINE_EDITS",
         "LIBMODBUS_CPE_ID_VERSION = 3.1.6",
     ]
 
@@ -189,6 +194,15 @@ def test_toolchain_knows_nothing_of_the_machines_libraries(toolchain: Path, tmp_
     assert subprocess.run(["qemu-arm", "-L", sysroot, tmp_path / "time"], check=False).returncode in range(
         256
     )
+
+
+def test_container_has_what_is_copied_into_it() -> None:
+    """Nothing here can build it."""
+    lines = (ROOT / "scripts/Containerfile").read_text().splitlines()
+    copied = [word for line in lines if line.startswith("COPY ") for word in line.split()[1:-1]]
+    assert all(list(ROOT.glob(word)) for word in copied)
+    lists = {file for word in copied for file in ROOT.glob(word) if file.name.startswith("packages")}
+    assert lists == set((ROOT / "scripts").glob("packages*.txt"))
 
 
 def test_machine_without_the_compiler_is_told_what_to_do(tmp_path: Path) -> None:
