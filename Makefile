@@ -379,8 +379,8 @@ sbom: build/$(IMAGE)/.config $(VENV)
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
-$(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE
-	$(LOGGED) $* $(call buildroot,$*)
+$(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE # +: with -j, several packages at a time
+	+$(LOGGED) $* $(call buildroot,$*)
 
 $(patsubst %,build/%/.config,$(filter-out %-development %-offline,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
