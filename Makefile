@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -323,6 +323,24 @@ endif
 
 image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: the board's images with Buildroot (SITE=folder)
 
+# The same from Debian's sources and compiler, without what Buildroot downloads: configs/offline.toml.
+OFFLINE        = PYTHONPATH=scripts python3 -m image.offline
+OFFLINE_IMAGES := nuc980_gateway_lts-offline nuc980_uboot-offline
+OFFLINE_WANTED = $(filter %-offline,$(IMAGES))
+
+image-offline: $(OFFLINE_IMAGES:%=build/%/images/manifest.json) ## Build: that of Linux 6.1, from Debian's sources alone (BUILDROOT_DIR=, SITE=)
+
+# Everything that one build needs beside this tree and the machine's packages, for a machine without network.
+source: $(if $(OFFLINE_WANTED),build/offline/overrides.mk $(BUILDROOT_DIR)/Makefile,$(IMAGES:%=build/%/.config)) ## Build: all sources of IMAGES= in build/source, for a build without network
+	rm -rf build/source
+	mkdir -p build/source/{build,dl}
+	rsync --archive --exclude=.git $(BUILDROOT_DIR)/ build/source/buildroot
+ifeq ($(OFFLINE_WANTED),)
+	$(foreach image,$(IMAGES),BR2_DL_DIR=$(CURDIR)/build/source/dl $(call buildroot,$(image)) source &&) true
+else
+	for name in $$($(OFFLINE) targets); do mkdir -p build/source/$${name%/*}; cp --archive $${name%/*}/debian{,.dsc} build/source/$${name%/*}; done
+endif
+
 # The names of before.
 .PHONY: system image
 system: image-debian
@@ -361,10 +379,10 @@ sbom: build/$(IMAGE)/.config $(VENV)
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
-$(IMAGES:%=build/%/images/manifest.json): build/%/images/manifest.json: build/%/.config FORCE
+$(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE
 	$(LOGGED) $* $(call buildroot,$*)
 
-$(patsubst %,build/%/.config,$(filter-out %-development,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+$(patsubst %,build/%/.config,$(filter-out %-development %-offline,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
 
 # What development needs besides. Never the image of a station: its name says so wherever it is shown.
@@ -372,6 +390,22 @@ build/%-development/.config: configs/%_defconfig configs/parts/development.confi
 	@mkdir -p $(@D)
 	cat $(wordlist 1,2,$^) > $(@D)/$*-development_defconfig
 	$(call buildroot,$*-development) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-development_defconfig defconfig
+
+# Buildroot has no word for a program that the machine has: offline.py marks the package as built.
+build/%-offline/.config: configs/%_defconfig configs/parts/offline.config $(BUILDROOT_DIR)/Makefile build/offline/overrides.mk build/offline/toolchain/done \
+  | build/packages-image.done build/packages-offline.done
+	@mkdir -p $(@D)
+	cat $(wordlist 1,2,$^) > $(@D)/$*-offline_defconfig
+	$(call buildroot,$*-offline) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-offline_defconfig defconfig
+	$(call buildroot,$*-offline) --silent show-info > $(@D)/show-info.json
+	$(OFFLINE) seed $(@D) $(@D)/show-info.json || { rm $@; exit 2; }
+
+build/offline/overrides.mk: configs/offline.toml scripts/image/offline.py
+	$(MAKE) $$($(OFFLINE) targets)
+	$(OFFLINE) overrides $@
+
+build/offline/toolchain/done: scripts/offline-toolchain.sh | build/packages-offline.done $(PACKAGES)
+	scripts/offline-toolchain.sh $(@D)
 
 build/buildroot/Makefile: configs/kas.yml | $(VENV)
 	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \
