@@ -115,6 +115,7 @@ SCHEMA = {
         "centre": {"type": "object", "additionalProperties": False, "properties": CENTRE},
     },
 }
+POSTGRESQL = ("postgresql://", "postgres://")
 PMTILES = b"PMTiles\x03"  # how a file begins
 TYPES = {"SC": "single", "DC": "double", "RC": "step", "BO": "bits"}
 SET_POINTS = {
@@ -181,7 +182,7 @@ class Tls:
 class Settings:
     collector: Json  # rtu-centre's file
     socket: Path
-    database: Path
+    database: Path | str  # a file of SQLite; the address of a server of PostgreSQL
     address: str = "127.0.0.1"
     port: int = 8104
     gap_s: float = 120.0
@@ -225,10 +226,11 @@ def load(path: Path) -> Settings:
         for station in content["stations"]
     ]
     folder = path.resolve().parent
+    database = own.get("database", "centre.db")
     return Settings(
         collector,
         folder / content.get("socket", "consumer"),
-        folder / own.get("database", "centre.db"),
+        database if database.startswith(POSTGRESQL) else folder / database,
         own.get("address", "127.0.0.1"),
         own.get("port", 8104),
         own.get("gap_s", 120.0),
