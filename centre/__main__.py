@@ -61,16 +61,20 @@ async def serve(what: settings.Settings, page: Path) -> None:
         logging.getLogger("centre").info(
             "serves http%s://%s:%s", "s" if secured else "", what.address, what.port
         )
-        keeping = asyncio.create_task(centre.keep())
+        working = [asyncio.create_task(centre.keep())]
+        if what.mqtt:
+            from centre.bus import Bus  # who has no broker needs no paho
+
+            working.append(asyncio.create_task(Bus(centre, what.mqtt).run()))
         collecting = asyncio.create_task(centre.collect())
         ending = asyncio.create_task(ended.wait())
         await asyncio.wait((collecting, ending), return_when=asyncio.FIRST_COMPLETED)
         if collecting.done():
             collecting.result()
         centre.ending = True
-        for task in (collecting, keeping):
+        for task in (collecting, *working):
             task.cancel()
-        await asyncio.gather(collecting, keeping, return_exceptions=True)
+        await asyncio.gather(collecting, *working, return_exceptions=True)
         await runner.cleanup()
     finally:
         centre.close()
