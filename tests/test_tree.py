@@ -266,6 +266,7 @@ ROOMS = [
     "modbus",
     "modules",
     "quality",
+    "rows",
     "rtuctl",
     "rtud",
     "snmp",
