@@ -13,6 +13,7 @@
 
 #define REQUEST_MEMORY  8192 /* octets of a request's head and of what of its answer is written at a time */
 #define SILENT_S        60   /* the front's limit comes first */
+#define STEPS_A_TURN    16
 #define COOKIE_SIZE     32
 #define CONNECTIONS_MAX (2u * FRONTS_MAX)
 
@@ -310,9 +311,16 @@ int http_fd(void)
 	return MHD_get_daemon_info(daemon_of_http, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd;
 }
 
-void http_serve(void)
+bool http_serve(void)
 {
-	MHD_run(daemon_of_http);
+	MHD_UNSIGNED_LONG_LONG wait_ms = 0;
+
+	for (int i = 0; i < STEPS_A_TURN; i++) {
+		MHD_run(daemon_of_http);
+		if (MHD_get_timeout(daemon_of_http, &wait_ms) != MHD_YES || wait_ms > 0)
+			return true;
+	}
+	return false;
 }
 
 void http_end(void)

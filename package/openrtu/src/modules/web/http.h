@@ -34,8 +34,8 @@ struct http_site {
 bool http_begin(struct http_site *site);
 /* For poll; the library's own epoll. */
 int http_fd(void);
-/* Lets the library read, answer and write what it can. */
-void http_serve(void);
+/* Lets the library read, answer and write what it can. False: there is more, which no descriptor tells of. */
+bool http_serve(void);
 front_taker http_take;
 void http_end(void);
 

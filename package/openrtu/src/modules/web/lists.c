@@ -128,18 +128,27 @@ static struct list *new_list(const struct http_site *site, const struct http_req
 
 /* ---- points and commands ----------------------------------------------------------------- */
 
+bool list_is_bad(const struct map *map, uint32_t point)
+{
+	const struct map_config *config = map_config(map);
+	struct map_sample sample;
+
+	if (config->sets[config->points[point].set].never_read) /* of a broadcast, which nobody answers */
+		return false;
+	return !map_read(map, point, &sample) || sample.quality != MAP_GOOD;
+}
+
 static bool is_wanted(const struct list *list, uint32_t point)
 {
 	const struct map_config *config = map_config(list->map);
 	char name[MAP_NAME_SIZE];
-	struct map_sample sample;
 
 	if (list->search[0] != '\0') {
 		map_point_name(config, &config->points[point], name);
 		if (strcasestr(name, list->search) == NULL)
 			return false;
 	}
-	return !list->bad || !map_read(list->map, point, &sample) || sample.quality != MAP_GOOD;
+	return !list->bad || list_is_bad(list->map, point);
 }
 
 static json_t *next_point(struct list *list)

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "map/address.h"
+#include "modules/web/lists.h"
 #include "rows/rows.h"
 #include "rows/words.h"
 
@@ -192,11 +193,10 @@ struct http_answer login_end(struct http_site *site, struct http_request *reques
 
 static uint32_t bad_points(const struct map *map)
 {
-	struct map_sample sample;
 	uint32_t bad = 0;
 
 	for (uint32_t i = 0; i < map_config(map)->point_count; i++)
-		bad += !map_read(map, i, &sample) || sample.quality != MAP_GOOD;
+		bad += list_is_bad(map, i);
 	return bad;
 }
 

@@ -61,17 +61,19 @@ static void run(int stop)
 	    [HTTP] = {.fd = http_fd(), .events = POLLIN},
 	};
 
+	bool served = true;
+
 	while (map_may_run(site.map) && (waits[STOP].revents & POLLIN) == 0) {
 		const bool pending = front_wait(&waits[FRONTS]);
 
-		poll(waits, FRONTS + FRONT_POLLS, pending ? 0 : IDLE_MS);
+		poll(waits, FRONTS + FRONT_POLLS, pending || !served ? 0 : IDLE_MS);
 		site.now_ns = map_begin_cycle(site.map);
 		map_heartbeat(site.map);
 		map_bell_clear(site.map);
 		renew();
 		commands_tick(&site);
 		front_serve(&waits[FRONTS], site.now_ns);
-		http_serve();
+		served = http_serve();
 	}
 }
 

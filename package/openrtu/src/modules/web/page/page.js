@@ -5,6 +5,7 @@
 const PAGE_ROWS = 200, PERIOD_MS = 1000, LATE_MS = 10000;
 const $ = (id) => document.getElementById(id);
 let me = null; // who is logged in
+let busy = false; // a command waits for its end, which is shown whatever happens
 let view = "points", from = 0, search = "", timer = 0, turn = 0;
 
 // ---- parts of the page -------------------------------------------------------------------------
@@ -121,7 +122,12 @@ const query = (values) => new URLSearchParams(values).toString();
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 async function order(action, name, wanted) {
-  let said = await ask("/api/order", { action, name, value: wanted });
+  let said;
+  try {
+    said = await ask("/api/order", { action, name, value: wanted });
+  } catch (error) {
+    throw Object.assign(error, { refused: error.said });
+  }
   while (!said.ended) {
     await pause(200);
     said = await ask(`/api/command?${query({ number: said.number })}`);
@@ -130,10 +136,13 @@ async function order(action, name, wanted) {
   return said;
 }
 
+// The device may have acted.
+const UNKNOWN = ["unknown fate", "time-out"];
+
 function outcome(said) {
   const why = said.exception !== undefined ? `${said.result} ${said.exception}` : said.result;
   if (!said.ended) return { kind: "none", title: said.state, text: "the gateway waits for the device" };
-  if (said.result === "unknown fate" || said.result === "timeout" || said.result === "time-out") {
+  if (UNKNOWN.includes(said.result)) {
     return { kind: "unknown", title: "Fate unknown", text: `${why}: the device may or may not have acted. Look at the point before you do anything.` };
   }
   if (said.state === "accepted selection") return { kind: "good", title: "Selected", text: "the device's owner has accepted the selection" };
@@ -154,15 +163,18 @@ function openCommand(row) {
   const dialog = $("dialog");
   const wanted = element("input", { name: "value", required: true, autocomplete: "off" });
   let selected = false;
-  const act = async (action, name) => {
+  const act = async (action) => {
+    busy = true;
     for (const button of dialog.querySelectorAll("button")) button.disabled = true;
     try {
       const said = await order(action, row.name, wanted.value);
       tell(said);
       selected = action === "select" && said.state === "accepted selection";
     } catch (error) {
-      tell({ ended: true, state: name, result: error.said ? error.message : "the gateway does not answer: unknown fate" });
+      // What the gateway refused to begin did not happen; of all else nobody knows.
+      tell({ ended: true, state: action, result: error.refused ? error.message : "unknown fate" });
     }
+    busy = false;
     for (const button of dialog.querySelectorAll("button")) button.disabled = false;
     wanted.disabled = selected;
     select.hidden = !row.select || selected;
@@ -170,9 +182,9 @@ function openCommand(row) {
     cancel.hidden = !selected;
     (selected ? execute : close).focus();
   };
-  const select = element("button", { type: "button", class: "main", hidden: !row.select, click: () => wanted.value && act("select", "select") }, "Select");
-  const execute = element("button", { type: "button", class: "main", hidden: row.select, click: () => wanted.value && act("execute", "execute") }, "Execute");
-  const cancel = element("button", { type: "button", hidden: true, click: () => act("cancel", "cancel") }, "Give up");
+  const select = element("button", { type: "button", class: "main", hidden: !row.select, click: () => wanted.value && act("select") }, "Select");
+  const execute = element("button", { type: "button", class: "main", hidden: row.select, click: () => wanted.value && act("execute") }, "Execute");
+  const cancel = element("button", { type: "button", hidden: true, click: () => act("cancel") }, "Give up");
   const close = element("button", { type: "button", click: () => dialog.close() }, "Close");
   dialog.replaceChildren(
     element("h2", { id: "dialog-name" }, row.name),
@@ -186,7 +198,7 @@ function openCommand(row) {
 
 // ---- views -------------------------------------------------------------------------------------
 
-const number = (title, key) => ({ title, class: "number", show: (row) => row[key] });
+const number = (title, key, more = "") => ({ title, class: `number ${more}`.trim(), show: (row) => row[key] });
 const text = (title, key, more = "") => ({ title, class: `text ${more}`.trim(), show: (row) => row[key] });
 const flag = (title, key, good, bad) => ({ title, show: (row) => (row[key] ? state("good", "✓", good) : state("bad", "✗", bad)) });
 
@@ -197,15 +209,15 @@ const pointColumns = [
   { title: "Age", class: "number", show: (row) => age(row.age_s) },
   { title: "Time (UTC)", class: "number clutter", show: timeOf },
   text("Type", "type", "clutter"),
-  number("CA", "ca"),
-  number("IOA", "ioa"),
+  number("CA", "ca", "clutter"),
+  number("IOA", "ioa", "clutter"),
   text("Owner", "owner", "clutter"),
 ];
 
 const commandState = (row) => {
-  const unknown = row.result === "unknown fate";
+  const unknown = UNKNOWN.includes(row.result);
   if (row.state === "executed command") return state("good", "✓", row.state);
-  if (unknown) return state("old", "?", `${row.state}: fate unknown`);
+  if (unknown) return state("old", "?", `${row.state}: ${row.result}`);
   if (row.state.startsWith("refused")) return state("bad", "✗", `${row.state}: ${row.result}`);
   return state("none", "·", row.state);
 };
@@ -386,7 +398,7 @@ function show(who) {
   else {
     shown = null;
     $("view").replaceChildren();
-    if ($("dialog").open) $("dialog").close();
+    if ($("dialog").open && !busy) $("dialog").close();
     document.querySelector("[name=name]").focus();
   }
 }
