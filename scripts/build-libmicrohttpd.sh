@@ -18,7 +18,7 @@ cflags="--sysroot=$sysroot -march=armv5te -mfloat-abi=soft -marm -Os -fPIE -ffun
 cflags+=" -fstack-protector-strong -D_FORTIFY_SOURCE=2 -D_TIME_BITS=64 -D_FILE_OFFSET_BITS=64"
 options=("--host=${prefix%-}" --prefix=/usr --enable-static --disable-shared --disable-https --disable-bauth --disable-dauth
 	--disable-postprocessor --disable-messages --disable-doc --disable-examples --disable-curl --disable-httpupgrade
-	--enable-epoll --disable-sendfile --with-threads=none)
+	--enable-epoll --disable-sendfile)
 
 inputs() {
 	echo "$debian $prefix $cflags ${options[*]}"
