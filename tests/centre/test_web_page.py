@@ -13,7 +13,14 @@ from web import DEVICE, HOSTILE, PASSWORD, WAIT_S, Page, page_of
 
 STATION = "<img src=x onerror=document.title='X'>"
 PHONE = {"width": 360, "height": 740}
-LETTERS = {"good": "G", "invalid": "I", "not topical": "N", "blocked": "B", "substituted": "S", "overflow": "O"}
+LETTERS = {
+    "good": "G",
+    "invalid": "I",
+    "not topical": "N",
+    "blocked": "B",
+    "substituted": "S",
+    "overflow": "O",
+}
 
 pytestmark = pytest.mark.slow
 
@@ -95,7 +102,13 @@ def test_no_text_becomes_a_part_of_the_page(tab: Tab) -> None:
 
 
 def test_views_by_the_keyboard_alone(tab: Tab) -> None:
-    for key, text in (("2", "All modules run."), ("5", "ttyS1"), ("6", "rtu-web"), ("7", "logged in from"), ("3", "change")):
+    for key, text in (
+        ("2", "All modules run."),
+        ("5", "ttyS1"),
+        ("6", "rtu-web"),
+        ("7", "logged in from"),
+        ("3", "change"),
+    ):
         tab.keyboard.press(key)
         expect(tab.locator("#view")).to_contain_text(text, timeout=LIMIT_MS)
     tab.keyboard.press("1")
