@@ -92,8 +92,8 @@ REACH = [
     ),
     (
         "package/openrtu/src/*web/*",
-        f"{C} fuzzers {ON_BOARD} tests/test_web.py tests/centre/test_web_page.py tests/test_config.py tests/test_fuzz.py"
-        " tests/test_installation.py",
+        f"{C} fuzzers {ON_BOARD} tests/test_web.py tests/centre/test_web_page.py"
+        " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),

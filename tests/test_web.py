@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""rtu-web as whoever may come sees it: rows as rtuctl's, who may have them, commands, hostile requests. tests/centre looks at the page."""
+"""rtu-web by HTTP: rows as rtuctl's, who may have them, commands, hostile requests.
+
+tests/centre/test_web_page.py looks at the page in a browser.
+"""
 
 import contextlib
 import json

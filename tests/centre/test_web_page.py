@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The page of rtu-web in a browser: what it shows is what rtuctl says, and no text of the gateway becomes part of the page."""
+"""The page of rtu-web in a browser: it shows what rtuctl says, and no text of the gateway runs in it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -71,7 +71,8 @@ def tab(gateway: Page, browser: Browser) -> Iterator[Tab]:
 def shown(tab: Tab) -> dict[str, list[str]]:
     """The cells of each row, by the name of its point, all of one moment."""
     rows: list[list[str]] = tab.evaluate(
-        "[...document.querySelectorAll('tbody tr')].map((row) => [...row.cells].map((cell) => cell.textContent))"
+        "[...document.querySelectorAll('tbody tr')].map((row) =>"
+        " [...row.cells].map((cell) => cell.textContent))"
     )
     return {row[0]: row for row in rows}
 
@@ -83,7 +84,7 @@ def test_each_point_is_as_rtuctl_has_it(gateway: Page, tab: Tab) -> None:
     assert rows.keys() == points.keys()
     for name, point in points.items():
         _, value, quality, age, _, kind, ca, ioa, owner = rows[name]
-        assert value == ("–" if point["value"] is None else str(point["value"]))
+        assert value == str(point["value"])
         assert quality == LETTERS[point["quality"]] + point["quality"]
         assert age.endswith(" s")
         assert (kind, ca, ioa, owner) == (
