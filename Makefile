@@ -89,16 +89,16 @@ fuzz: fuzzers $(VENV) ## Test: search with the fuzzers for FUZZ_SECONDS=60 each;
 	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
 
 build/native/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true
 
 # -O1 and the lines alone in the debug information: half of the time that the compiler takes, and the same checks.
 build/asan/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Db_sanitize=address,undefined \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Db_sanitize=address,undefined \
 	  -Doptimization=1 -Dc_args='-fno-sanitize-recover=all -g1'
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
 build/fuzz/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Db_lundef=false -Db_sanitize=address,undefined \
+	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Dweb=true -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -g1 -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini
@@ -140,7 +140,7 @@ INSTALLED = build/installed$(subst /,_,$(PREFIX))
 MAN = build/man
 
 $(INSTALLED)/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dman=true \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dweb=true -Dman=true \
 	  -Dsystemd=true
 
 install: $(INSTALLED)/build.ninja ## Build: install the gateway on this machine (PREFIX=/usr/local, DESTDIR=)
@@ -273,6 +273,10 @@ build/net-snmp/done: scripts/build-net-snmp.sh build/net-snmp/debian.dsc $(SYSRO
 	$(LOGGED) net-snmp scripts/build-net-snmp.sh build/net-snmp/debian $(@D)
 	@touch $@
 
+build/libmicrohttpd/done: scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian.dsc $(SYSROOT)
+	$(LOGGED) libmicrohttpd scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian $(@D)
+	@touch $@
+
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
 	$(LOGGED) chrony scripts/build-chrony.sh build/chrony/debian $(@D)
 	@touch $@
@@ -284,7 +288,7 @@ build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | b
 	@touch $@
 
 build/root/gateway.done: build/arm-release/build.ninja
-build/root/gateway-tls.done: build/arm-release-tls/build.ninja build/net-snmp/done
+build/root/gateway-tls.done: build/arm-release-tls/build.ninja build/net-snmp/done build/libmicrohttpd/done
 build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f)
 	$(LOGGED) $(notdir $(@:.done=)) ninja -C $(patsubst build/root/gateway%.done,build/arm-release%,$@)
 	@rm -rf $(@:.done=)
@@ -292,10 +296,10 @@ build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f
 	  meson install -C $(patsubst build/root/gateway%.done,build/arm-release%,$@) --strip --no-rebuild --quiet
 	@touch $@
 
-build/arm-release-tls/build.ninja: | build/net-snmp/done
+build/arm-release-tls/build.ninja: | build/net-snmp/done build/libmicrohttpd/done
 build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false \
-	  $(foreach option,tls snmp,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
+	  $(foreach option,tls snmp web,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
 	  --cross-file $< --cross-file scripts/armel.ini
 
 build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
