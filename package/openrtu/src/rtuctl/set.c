@@ -10,8 +10,8 @@
 #include <jansson.h>
 
 #include "map/time_ns.h"
+#include "rows/words.h"
 #include "rtuctl/listing.h"
-#include "rtuctl/words.h"
 
 #define MARGIN_MS        4000 /* the device's answer may come just before the deadline, its read-back 3 s later */
 #define EXPLANATION_SIZE 96
