@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import c104
 import pytest
@@ -20,6 +21,7 @@ from lab.manager import CENTRE, USERS, Manager, free_udp_port, make_keys
 from lab.master import Master
 from lab.operator import operate
 from lab.raw_master import RawMaster
+from web import make_user
 
 WAIT_S = 60.0
 CA, DEVICE = 1005, "1.5"
@@ -187,6 +189,17 @@ def test_an_agent_of_snmp_comes_and_goes(desk: Running) -> None:
         desk.gateway.wait_for(lambda on=on: desk.lamp() == on, WAIT_S, "it was commanded")
         desk.gateway.wait_for(lambda: manager.state(row) == EXECUTED, WAIT_S, "it has ended")
         assert "rtu-snmp is removed\n" in desk.take()
+
+
+def test_a_page_comes_and_goes(desk: Running) -> None:
+    port, users = free_port(), desk.folder / "web.users"
+    make_user(users, "operator", "operator")
+    page = {"address": "127.0.0.1", "port": port, "users": str(users)}
+    for commands in (False, True):
+        assert "rtu-web " in desk.take(web=page | {"commands": commands})
+        status = urlopen(f"http://127.0.0.1:{port}/", timeout=WAIT_S).status
+        assert status == 200
+    assert "rtu-web is removed\n" in desk.take()
 
 
 # ---- the journal ------------------------------------------------------------------------------------
