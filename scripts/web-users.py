@@ -71,7 +71,9 @@ def change(arguments: argparse.Namespace) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("file", type=Path, help="what the gateway gets as web.users")
     parser.add_argument("name", help="of the user, one word")
     parser.add_argument("--role", choices=ROLES)

@@ -62,6 +62,7 @@ REACH = [
     ("docs/figures/blocks/*", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/goose.md", "tests/test_goose.py"),
+    ("docs/web.md", "tests/test_docs_commands.py"),
     ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
     ("docs/iec61850.md", "tests/test_iec61850*.py"),
@@ -89,6 +90,11 @@ REACH = [
         "package/openrtu/src/centre/*",
         f"{C} fuzzers test-centre tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
+    (
+        "package/openrtu/src/*web/*",
+        f"{C} fuzzers {ON_BOARD} tests/test_web.py tests/centre/test_web_page.py"
+        " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
+    ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
@@ -106,6 +112,7 @@ REACH = [
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
+    ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (
         "scripts/openrtu-logic",
         "lint tests/test_logic.py tests/test_logic_gateway.py tests/test_event_journal.py",

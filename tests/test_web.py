@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""rtu-web as whoever may come sees it: rows as rtuctl's, who may have them, commands, hostile requests. tests/centre looks at the page."""
+"""rtu-web by HTTP: rows as rtuctl's, who may have them, commands, hostile requests.
+
+tests/centre/test_web_page.py looks at the page in a browser.
+"""
 
 import contextlib
 import json
@@ -229,7 +232,9 @@ def test_a_command_whose_owner_dies_is_of_unknown_fate(page: Page, operator: Cli
     assert not answer["ended"]
     page.gateway.kill("rtu-modbus-1")
     page.gateway.wait_for(
-        lambda: operator.ask(f"/api/command?number={answer['number']}").json()["ended"], WAIT_S, "it has ended"
+        lambda: operator.ask(f"/api/command?number={answer['number']}").json()["ended"],
+        WAIT_S,
+        "it has ended",
     )
     said = operator.ask(f"/api/command?number={answer['number']}").json()
     assert said["result"] == "unknown fate"
@@ -332,7 +337,9 @@ def test_a_slow_client_is_closed(page: Page, viewer: Client) -> None:
                 ended = True
         assert ended
     assert time.monotonic() - begun > LATE_S - 2
-    counters = {row["counter"]: row["value"] for row in viewer.rows("/api/counters") if row["module"] == "rtu-web"}
+    counters = {
+        row["counter"]: row["value"] for row in viewer.rows("/api/counters") if row["module"] == "rtu-web"
+    }
     assert counters["connections_late"] >= 1
 
 

@@ -23,9 +23,7 @@ WEB_USER = 61218  # rtu-web's, if rtud is root's
 PASSWORD = "correct horse battery"
 DEVICE = "1.10"
 HOSTILE = "<svg/onload=document.title='X'>"  # a point's name has no space, and no character of a pattern
-INITIAL = {
-    DEVICE: {"coils": {"0": 0, "1": 0}, "input_registers": {"0": 50, "1": 60}}
-}
+INITIAL = {DEVICE: {"coils": {"0": 0, "1": 0}, "input_registers": {"0": 50, "1": 60}}}
 WAIT_S = 60.0
 
 

@@ -4,12 +4,7 @@
 #include <string.h>
 
 #include "map/time_ns.h"
-
-static void write_secret(const uint8_t octets[WEB_SECRET_OCTETS], char out[WEB_SECRET_SIZE])
-{
-	for (unsigned i = 0; i < WEB_SECRET_OCTETS; i++)
-		snprintf(out + 2 * i, 3, "%02x", octets[i]);
-}
+#include "web/hex.h"
 
 static bool is_over(const struct web_session *session, int64_t now_ns)
 {
@@ -31,8 +26,8 @@ struct web_session *web_session_begin(struct web_sessions *sessions, const struc
 				      .used_ns = now_ns,
 				      .until_ns = now_ns + seconds * NS_PER_S};
 	memcpy(place->name, user->name, sizeof(place->name));
-	write_secret(random, place->token);
-	write_secret(random + WEB_SECRET_OCTETS, place->csrf);
+	web_hex_write(random, WEB_SECRET_OCTETS, place->token);
+	web_hex_write(random + WEB_SECRET_OCTETS, WEB_SECRET_OCTETS, place->csrf);
 	return place;
 }
 

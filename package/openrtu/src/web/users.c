@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "web/hex.h"
+
 enum { NAME, ROLE, ALGORITHM, N, R, P, SALT, HASH, WORDS };
 
 static const char *const roles[] = {"viewer", "operator", "engineer"};
@@ -36,30 +38,6 @@ static bool read_number(const char *text, uint32_t most, uint32_t *out)
 	return text[0] >= '0' && text[0] <= '9' && *end == '\0' && number >= 1 && number <= most;
 }
 
-static int digit(char c)
-{
-	if (c >= '0' && c <= '9')
-		return c - '0';
-	return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
-/* Returns how many octets there are; 0: it is no such text. */
-static uint8_t read_octets(const char *text, uint8_t *out, size_t most)
-{
-	const size_t size = strlen(text) / 2;
-
-	if (size == 0 || size > most || strlen(text) % 2 != 0)
-		return 0;
-	for (size_t i = 0; i < size; i++) {
-		const int high = digit(text[2 * i]), low = digit(text[2 * i + 1]);
-
-		if (high < 0 || low < 0)
-			return 0;
-		out[i] = (uint8_t)(high << 4 | low);
-	}
-	return (uint8_t)size;
-}
-
 static bool read_role(const char *text, uint8_t *out)
 {
 	for (uint8_t i = 0; i < sizeof(roles) / sizeof(roles[0]); i++)
@@ -88,10 +66,10 @@ bool web_user_read(char line[WEB_LINE_SIZE], struct web_user *out)
 	    strcmp(words[ALGORITHM], "scrypt") != 0)
 		return false;
 	snprintf(out->name, sizeof(out->name), "%s", words[NAME]);
-	out->salt_size = read_octets(words[SALT], out->salt, sizeof(out->salt));
+	out->salt_size = web_hex_read(words[SALT], out->salt, sizeof(out->salt));
 	return read_role(words[ROLE], &out->role) && read_number(words[N], WEB_MEMORY_MAX, &out->n) &&
 	       read_number(words[R], 64, &out->r) && read_number(words[P], 64, &out->p) && is_bearable(out) &&
-	       out->salt_size >= 8 && read_octets(words[HASH], out->hash, WEB_HASH_SIZE) == WEB_HASH_SIZE;
+	       out->salt_size >= 8 && web_hex_read(words[HASH], out->hash, WEB_HASH_SIZE) == WEB_HASH_SIZE;
 }
 
 bool web_user_find(FILE *file, const char *name, struct web_user *out, unsigned *wrong)

@@ -139,17 +139,17 @@ static struct http_answer show(const struct http_site *site, const struct order 
 		      "ended", order->id == 0, "age_s", (double)(site->now_ns - order->begun_ns) / NS_PER_S);
 	if (order->result == MAP_RESULT_EXCEPTION)
 		json_object_set_new(row, "exception", json_integer(order->detail));
-	return http_json(MHD_HTTP_OK, row);
+	return answer_json(MHD_HTTP_OK, row);
 }
 
 struct http_answer command_state(struct http_site *site, struct http_request *request)
 {
-	const uint32_t number = http_number(request, "number", UINT32_MAX, 0);
+	const uint32_t number = request_number(request, "number", UINT32_MAX, 0);
 
 	for (unsigned i = 0; number != 0 && i < ORDERS_MAX; i++)
 		if (orders[i].number == number && orders[i].session == request->session->number)
 			return show(site, &orders[i]);
-	return http_refusal(MHD_HTTP_NOT_FOUND, "unknown", "there is no such command of yours");
+	return answer_refusal(MHD_HTTP_NOT_FOUND, "unknown", "there is no such command of yours");
 }
 
 /* A free place, or that of the oldest that has ended. NULL: all wait. */
@@ -210,12 +210,12 @@ static struct http_answer begin(struct http_site *site, const struct http_reques
 	struct order *order = place_of_order();
 
 	if (wish.point == MAP_NONE || !(config->points[wish.point].flags & MAP_POINT_COMMAND))
-		return http_refusal(MHD_HTTP_NOT_FOUND, "unknown", "there is no such command");
+		return answer_refusal(MHD_HTTP_NOT_FOUND, "unknown", "there is no such command");
 	if (!words_parse_value(config->points[wish.point].type, value, &wish.value))
-		return http_refusal(MHD_HTTP_BAD_REQUEST, "value",
-				    words_expected_value(config->points[wish.point].type));
+		return answer_refusal(MHD_HTTP_BAD_REQUEST, "value",
+				      words_expected_value(config->points[wish.point].type));
 	if (order == NULL)
-		return http_refusal(MHD_HTTP_SERVICE_UNAVAILABLE, "busy", "too many commands wait");
+		return answer_refusal(MHD_HTTP_SERVICE_UNAVAILABLE, "busy", "too many commands wait");
 	*order = (struct order){.number = ++last_number,
 				.session = wish.session,
 				.point = wish.point,
@@ -238,11 +238,12 @@ struct http_answer command_order(struct http_site *site, struct http_request *re
 	uint8_t known;
 
 	if (!site->settings->commands)
-		answer = http_refusal(MHD_HTTP_FORBIDDEN, "read_only",
-				      "the page is read-only: \"commands\": true in \"web\" lets it command");
+		answer =
+		    answer_refusal(MHD_HTTP_FORBIDDEN, "read_only",
+				   "the page is read-only: \"commands\": true in \"web\" lets it command");
 	else if (json_unpack(row, "{s:s, s:s, s:s}", "action", &action, "name", &name, "value", &value) < 0 ||
 		 !find_action(action, &known))
-		answer = http_refusal(MHD_HTTP_BAD_REQUEST, "form", "expected action, name and value");
+		answer = answer_refusal(MHD_HTTP_BAD_REQUEST, "form", "expected action, name and value");
 	else
 		answer = begin(site, request, known, name, value);
 	json_decref(row);

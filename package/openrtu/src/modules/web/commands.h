@@ -6,7 +6,7 @@
 #ifndef OPENRTU_MODULES_WEB_COMMANDS_H
 #define OPENRTU_MODULES_WEB_COMMANDS_H
 
-#include "modules/web/http.h"
+#include "modules/web/answer.h"
 
 /* {"action": "select" | "execute" | "cancel", "name": POINT, "value": TEXT}: begins it; answers as command_state. */
 http_route command_order;

@@ -9,7 +9,6 @@
 #include "modules/web/files.h"
 #include "modules/web/lists.h"
 #include "modules/web/login.h"
-#include "rows/rows.h"
 
 #define REQUEST_MEMORY  8192 /* octets of a request's head and of what of its answer is written at a time */
 #define SILENT_S        60   /* the front's limit comes first */
@@ -51,44 +50,6 @@ static struct connection {
 	struct http_request request;
 } connections[CONNECTIONS_MAX];
 
-/* ---- answers ----------------------------------------------------------------------------- */
-
-struct http_answer http_json(unsigned status, json_t *row)
-{
-	char *text = json_dumps(row, ROWS_FORMAT | JSON_COMPACT);
-	struct http_answer answer = {.status = status};
-
-	json_decref(row);
-	if (text == NULL)
-		return answer;
-	answer.response = MHD_create_response_from_buffer(strlen(text), text, MHD_RESPMEM_MUST_FREE);
-	MHD_add_response_header(answer.response, MHD_HTTP_HEADER_CONTENT_TYPE, "application/json");
-	return answer;
-}
-
-struct http_answer http_refusal(unsigned status, const char *why, const char *text)
-{
-	map_count(&site->stats->counters[WEB_COUNT_DENIED], 1);
-	return http_json(status, json_pack("{s:s, s:s}", "error", why, "text", text));
-}
-
-const char *http_text(const struct http_request *request, const char *key)
-{
-	const char *text = MHD_lookup_connection_value(request->connection, MHD_GET_ARGUMENT_KIND, key);
-
-	return text != NULL ? text : "";
-}
-
-uint32_t http_number(const struct http_request *request, const char *key, uint32_t most, uint32_t fallback)
-{
-	const char *text = http_text(request, key);
-	char *end;
-	const unsigned long number = strtoul(text, &end, 10);
-
-	return text[0] >= '0' && text[0] <= '9' && *end == '\0' && number <= most ? (uint32_t)number
-										  : fallback;
-}
-
 /* ---- who may ----------------------------------------------------------------------------- */
 
 static const char *header(const struct http_request *request, const char *name)
@@ -123,12 +84,12 @@ static struct http_answer answer_to(const struct route *route, struct http_reque
 	if (route->open)
 		request->session = NULL; /* who logs in is nobody yet */
 	else if (request->session == NULL)
-		return http_refusal(MHD_HTTP_UNAUTHORIZED, "login", "log in first");
+		return answer_refusal(MHD_HTTP_UNAUTHORIZED, "login", "log in first");
 	if (route->posted && !is_of_the_page(request))
-		return http_refusal(MHD_HTTP_FORBIDDEN, "csrf",
-				    "this did not come from the page: load it again");
+		return answer_refusal(MHD_HTTP_FORBIDDEN, "csrf",
+				      "this did not come from the page: load it again");
 	if (request->session != NULL && request->session->role < route->role)
-		return http_refusal(MHD_HTTP_FORBIDDEN, "role", "your role may not do this");
+		return answer_refusal(MHD_HTTP_FORBIDDEN, "role", "your role may not do this");
 	return route->make(site, request);
 }
 
@@ -150,6 +111,8 @@ static enum MHD_Result queue(struct MHD_Connection *connection, struct http_answ
 
 	if (answer.response == NULL)
 		return MHD_NO;
+	if (answer.status >= MHD_HTTP_BAD_REQUEST)
+		map_count(&site->stats->counters[WEB_COUNT_DENIED], 1);
 	for (unsigned i = 0; i < sizeof(headers) / sizeof(headers[0]); i++)
 		MHD_add_response_header(answer.response, headers[i][0], headers[i][1]);
 	result = MHD_queue_response(connection, answer.status, answer.response);
@@ -171,7 +134,7 @@ static struct http_answer answer_with_file(const char *path)
 	struct http_answer answer = {.status = MHD_HTTP_OK};
 
 	if (file == NULL)
-		return http_refusal(MHD_HTTP_NOT_FOUND, "unknown", "there is no such page");
+		return answer_refusal(MHD_HTTP_NOT_FOUND, "unknown", "there is no such page");
 	answer.response = MHD_create_response_from_buffer(file->size, (void *)(uintptr_t)file->octets,
 							  MHD_RESPMEM_PERSISTENT);
 	MHD_add_response_header(answer.response, MHD_HTTP_HEADER_CONTENT_TYPE, file->type);
@@ -185,7 +148,8 @@ static bool is_reading(const char *method)
 
 static struct http_answer wrong_method(const char *allowed)
 {
-	struct http_answer answer = http_refusal(MHD_HTTP_METHOD_NOT_ALLOWED, "method", "not by this method");
+	struct http_answer answer =
+	    answer_refusal(MHD_HTTP_METHOD_NOT_ALLOWED, "method", "not by this method");
 
 	if (answer.response != NULL)
 		MHD_add_response_header(answer.response, MHD_HTTP_HEADER_ALLOW, allowed);
@@ -205,9 +169,9 @@ static bool refuse_early(const struct route *route, const char *method, const st
 	} else if (strcmp(method, MHD_HTTP_METHOD_POST) != 0) {
 		*answer = wrong_method("POST");
 	} else if (length == NULL) {
-		*answer = http_refusal(MHD_HTTP_LENGTH_REQUIRED, "length", "how long is it?");
+		*answer = answer_refusal(MHD_HTTP_LENGTH_REQUIRED, "length", "how long is it?");
 	} else if (strtoul(length, NULL, 10) > HTTP_BODY_MAX) {
-		*answer = http_refusal(MHD_HTTP_CONTENT_TOO_LARGE, "length", "too long");
+		*answer = answer_refusal(MHD_HTTP_CONTENT_TOO_LARGE, "length", "too long");
 	} else {
 		return false;
 	}

@@ -120,9 +120,9 @@ static struct list *new_list(const struct http_site *site, const struct http_req
 		return NULL;
 	list->map = site->map;
 	list->row = row;
-	list->left = http_number(request, "count", ROWS_MAX, ROWS_MAX);
-	snprintf(list->search, sizeof(list->search), "%s", http_text(request, "search"));
-	list->bad = http_number(request, "bad", 1, 0) == 1;
+	list->left = request_number(request, "count", ROWS_MAX, ROWS_MAX);
+	snprintf(list->search, sizeof(list->search), "%s", request_text(request, "search"));
+	list->bad = request_number(request, "bad", 1, 0) == 1;
 	return list;
 }
 
@@ -164,7 +164,7 @@ static json_t *next_point(struct list *list)
 
 struct http_answer list_points(struct http_site *site, struct http_request *request)
 {
-	const uint32_t from = http_number(request, "from", UINT32_MAX, 0);
+	const uint32_t from = request_number(request, "from", UINT32_MAX, 0);
 	struct list *list = new_list(site, request, next_point);
 	uint32_t total = 0;
 
@@ -309,7 +309,7 @@ static uint32_t put_entry(struct entry *entries, uint32_t count, uint32_t most, 
 struct http_answer list_log(struct http_site *site, struct http_request *request)
 {
 	struct list *list = new_list(site, request, next_entry);
-	const uint32_t most = http_number(request, "count", LOG_MAX, LOG_MAX);
+	const uint32_t most = request_number(request, "count", LOG_MAX, LOG_MAX);
 	struct entry entry;
 	uint32_t total = 0;
 

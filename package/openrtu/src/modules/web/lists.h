@@ -3,7 +3,7 @@
 #ifndef OPENRTU_MODULES_WEB_LISTS_H
 #define OPENRTU_MODULES_WEB_LISTS_H
 
-#include "modules/web/http.h"
+#include "modules/web/answer.h"
 
 /* from, count, search (a part of the name), bad=1 (those alone that are not good); total: how many there are of these */
 http_route list_points;

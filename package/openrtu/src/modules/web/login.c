@@ -124,7 +124,8 @@ static struct http_answer let_in(struct http_site *site, struct http_request *re
 	char peer[MAP_ADDRESS_SIZE];
 
 	if (RAND_bytes(random, sizeof(random)) != 1)
-		return http_refusal(MHD_HTTP_INTERNAL_SERVER_ERROR, "random", "there are no random numbers");
+		return answer_refusal(MHD_HTTP_INTERNAL_SERVER_ERROR, "random",
+				      "there are no random numbers");
 	request->session =
 	    web_session_begin(&site->sessions, user, random, site->now_ns, site->settings->session_s);
 	explicit_bzero(random, sizeof(random));
@@ -132,7 +133,7 @@ static struct http_answer let_in(struct http_site *site, struct http_request *re
 	map_address_text(&request->peer, peer);
 	map_log(site->map, MAP_LOG_INFO, "%s (%s) logged in from %s", user->name, web_role_name(user->role),
 		peer);
-	return set_cookie(site, http_json(MHD_HTTP_OK, who(request->session)), request->session->token);
+	return set_cookie(site, answer_json(MHD_HTTP_OK, who(request->session)), request->session->token);
 }
 
 static struct http_answer keep_out(struct http_site *site, const struct http_request *request)
@@ -142,7 +143,7 @@ static struct http_answer keep_out(struct http_site *site, const struct http_req
 	map_count(&site->stats->counters[WEB_COUNT_LOGINS_FAILED], 1);
 	map_address_text(&request->peer, peer);
 	map_log(site->map, MAP_LOG_WARNING, "a login from %s failed", peer);
-	return http_refusal(MHD_HTTP_UNAUTHORIZED, "wrong", "wrong name or password");
+	return answer_refusal(MHD_HTTP_UNAUTHORIZED, "wrong", "wrong name or password");
 }
 
 static struct http_answer put_off(struct http_site *site, unsigned wait_s)
@@ -153,7 +154,7 @@ static struct http_answer put_off(struct http_site *site, unsigned wait_s)
 	map_count(&site->stats->counters[WEB_COUNT_LOGINS_LIMITED], 1);
 	snprintf(text, sizeof(text), "too many tries: try again in %u s", wait_s);
 	snprintf(seconds, sizeof(seconds), "%u", wait_s);
-	answer = http_refusal(MHD_HTTP_TOO_MANY_REQUESTS, "tries", text);
+	answer = answer_refusal(MHD_HTTP_TOO_MANY_REQUESTS, "tries", text);
 	if (answer.response != NULL)
 		MHD_add_response_header(answer.response, MHD_HTTP_HEADER_RETRY_AFTER, seconds);
 	return answer;
@@ -170,7 +171,7 @@ struct http_answer login_begin(struct http_site *site, struct http_request *requ
 
 	if (json_unpack(row, "{s:s, s:s}", "name", &name, "password", &password) < 0) {
 		json_decref(row);
-		return http_refusal(MHD_HTTP_BAD_REQUEST, "form", "expected name and password");
+		return answer_refusal(MHD_HTTP_BAD_REQUEST, "form", "expected name and password");
 	}
 	if (web_may_try(&site->tries, &request->peer, site->now_ns, &wait_s)) {
 		known = find_user(site, name, &user);
@@ -186,7 +187,7 @@ struct http_answer login_begin(struct http_site *site, struct http_request *requ
 struct http_answer login_end(struct http_site *site, struct http_request *request)
 {
 	web_session_end(request->session);
-	return set_cookie(site, http_json(MHD_HTTP_OK, json_object()), "");
+	return set_cookie(site, answer_json(MHD_HTTP_OK, json_object()), "");
 }
 
 /* ---- what the page's head shows ---------------------------------------------------------- */
@@ -216,5 +217,5 @@ struct http_answer login_state(struct http_site *site, struct http_request *requ
 			    json_boolean(site->settings->commands && request->session->role >= WEB_OPERATOR));
 	json_object_set_new(row, "points", json_integer(map_config(site->map)->point_count));
 	json_object_set_new(row, "bad", json_integer(bad_points(site->map)));
-	return http_json(MHD_HTTP_OK, row);
+	return answer_json(MHD_HTTP_OK, row);
 }

@@ -3,7 +3,7 @@
 #ifndef OPENRTU_MODULES_WEB_LOGIN_H
 #define OPENRTU_MODULES_WEB_LOGIN_H
 
-#include "modules/web/http.h"
+#include "modules/web/answer.h"
 
 http_route login_begin, login_end, login_state;
 
