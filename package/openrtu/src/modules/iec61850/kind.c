@@ -74,10 +74,25 @@ static int open_socket(const struct map_config *config)
 	return -1;
 }
 
+static bool same_settings(const struct map_config *a, const struct map_config *b)
+{
+	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
+}
+
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
+	const uint32_t count = map_record_count(b, IEC61850_ASSIGNMENTS);
+
 	(void)module, (void)name;
-	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
+	return same_settings(a, b) && map_record_count(a, IEC61850_ASSIGNMENTS) == count &&
+	       (count == 0 || memcmp(iec61850_assignments(a), iec61850_assignments(b),
+				     count * sizeof(struct iec61850_assignment)) == 0);
+}
+
+/* Other settings need other memory; for other names of points, clients browse anew. */
+static enum kind_change change(const struct map_config *before, const struct map_config *now)
+{
+	return same_settings(before, now) ? KIND_STARTS_AGAIN : KIND_EXCHANGED;
 }
 
 const struct kind iec61850_kind = {
@@ -88,6 +103,7 @@ const struct kind iec61850_kind = {
     .program_count = 1,
     .open = open_socket,
     .same = same,
+    .change = change,
     .fixed = "iec61850",
     .by_numbers = true, /* clients have browsed the points, and have to do so anew when they are others */
 };
