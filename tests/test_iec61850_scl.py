@@ -167,6 +167,23 @@ def test_a_point_is_the_data_object_that_the_file_says(gateway: Gateway) -> None
         ) == [(0x85, b"\1"), (0x83, b"\0"), (0x84, invalid), (0x91, unknown), (0x85, b"\1")]
 
 
+def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
+    config = gateway.configuration()
+    port = config["iec61850"]["port"]
+    changed = json.loads(json.dumps(config).replace("Q1XSWI1.Pos", "Q2XSWI1.Pos"))
+    for document, there in ((changed, "Q2XSWI1"), (config, "Q1XSWI1")):
+        gateway.ctl("reload", gateway.put(document))
+
+        def renamed(name: str = there) -> bool:
+            try:
+                with mms.Client(port, 65000) as client:
+                    return name in client.names(0, DEVICE)
+            except (OSError, AssertionError, ValueError):
+                return False  # it ends, or has not begun
+
+        gateway.wait_for(renamed, 20, "the point has its other name")
+
+
 def test_an_icd_is_of_any_such_ied(describe: Describe) -> None:
     text = describe(site_config(102))
     assert scl.errors(text) == []
