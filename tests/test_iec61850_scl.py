@@ -167,6 +167,24 @@ def test_a_point_is_the_data_object_that_the_file_says(gateway: Gateway) -> None
         ) == [(0x85, b"\1"), (0x83, b"\0"), (0x84, invalid), (0x91, unknown), (0x85, b"\1")]
 
 
+def test_rtuctl_shows_who_has_which_block(gateway: Gateway) -> None:
+    block, yes = "LLN0$RP$urcbStatus01", bytes.fromhex("8301ff")
+
+    def shown() -> dict[str, Any]:
+        (found,) = gateway.query("iec61850")
+        return found
+
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 2000) as client:
+        assert client.write(DEVICE, (f"{block}$RptEna", yes)) == [mms.DONE]
+        gateway.wait_for(lambda: len(shown()["blocks"]) == 1, 10, "the block is shown")
+        (association,), (reserved,) = shown()["associations"], shown()["blocks"]
+        assert (association["peer"], association["associated"]) == ("127.0.0.1", True)
+        assert association["pdu"] == 2000
+        assert reserved == {"block": f"{DEVICE}/{block}", "peer": "127.0.0.1", "enabled": True, "sqnum": 0}
+        assert f"{DEVICE}/{block}" in gateway.ctl("iec61850", "blocks")
+    gateway.wait_for(lambda: not shown()["associations"] and not shown()["blocks"], 10, "nobody is shown")
+
+
 def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
     config = gateway.configuration()
     port = config["iec61850"]["port"]
