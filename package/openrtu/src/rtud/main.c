@@ -15,6 +15,7 @@
 /* What meson's options of these names say. */
 static const struct config_modules modules = {.iec104 = OPENRTU_IEC104,
 					      .iec61850 = OPENRTU_IEC61850,
+					      .web = OPENRTU_WEB,
 					      .modbus = OPENRTU_MODBUS,
 					      .snmp = OPENRTU_SNMP,
 					      .tls = OPENRTU_TLS};

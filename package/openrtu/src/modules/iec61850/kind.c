@@ -74,25 +74,22 @@ static int open_socket(const struct map_config *config)
 	return -1;
 }
 
-static bool same_settings(const struct map_config *a, const struct map_config *b)
-{
-	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
-}
-
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
 	const uint32_t count = map_record_count(b, IEC61850_ASSIGNMENTS);
 
 	(void)module, (void)name;
-	return same_settings(a, b) && map_record_count(a, IEC61850_ASSIGNMENTS) == count &&
+	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0 &&
+	       map_record_count(a, IEC61850_ASSIGNMENTS) == count &&
 	       (count == 0 || memcmp(iec61850_assignments(a), iec61850_assignments(b),
 				     count * sizeof(struct iec61850_assignment)) == 0);
 }
 
-/* Other settings need other memory; for other names of points, clients browse anew. */
+/* Its clients browse anew. */
 static enum kind_change change(const struct map_config *before, const struct map_config *now)
 {
-	return same_settings(before, now) ? KIND_STARTS_AGAIN : KIND_EXCHANGED;
+	(void)before, (void)now;
+	return KIND_STARTS_AGAIN;
 }
 
 const struct kind iec61850_kind = {
@@ -104,6 +101,5 @@ const struct kind iec61850_kind = {
     .open = open_socket,
     .same = same,
     .change = change,
-    .fixed = "iec61850",
     .by_numbers = true, /* clients have browsed the points, and have to do so anew when they are others */
 };
