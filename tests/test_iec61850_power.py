@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Buffered reports of IEC 61850 over a power cut: all processes killed at once, the map gone."""
 
+import itertools
 import os
+import random
 import signal
 import struct
 from collections.abc import Iterator
@@ -32,6 +34,7 @@ from test_iec61850_buffered import (
     taken,
 )
 
+SEED, KILLS = 61850, 10
 ENTRY = 0x83  # cause: package/openrtu/src/journal/record.h
 ALL_TRIGGERS = element(0x84, b"\2\x64")  # dchg, qchg, GI: what a block does not begin with
 
@@ -160,3 +163,49 @@ def test_what_the_journal_has_not_is_told_as_lost(plant: Plant, journal: Path) -
         assert of_start(entries[0]) != of_start(more[0])
         plant.change()
         assert not any(entry.lost for entry in taken(client, INPUTS))
+
+
+def check_sequence(entries: list[Entry], written: dict[bytes, int]) -> None:
+    """In order, each once; what is missing was not written when the power was cut. written: by start."""
+    for before, after in itertools.pairwise(entries):
+        if before.key[:4] == after.key[:4]:
+            assert after.place == before.place + 1 and not after.lost
+        else:
+            end = written[before.key[:4]]
+            assert after.place == end + 1
+            assert before.place == end or (before.place > end and after.lost)
+
+
+@pytest.mark.parametrize(
+    "cuts", [pytest.param(1, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.soak)]
+)
+def test_kills_and_cuts_at_any_moment(plant: Plant, journal: Path, cuts: int) -> None:
+    """Ten kills of the module to a cut, while reports are on their way; the client goes on behind its last."""
+    chance = random.Random(SEED)
+    entries: list[Entry] = []
+    written: dict[bytes, int] = {}
+    with Client(plant.port) as client:
+        put(client, PurgeBuf=YES)
+    for _ in range(cuts):
+        for kill in range(1 + KILLS):
+            plant.change()
+            with Client(plant.port) as client:
+                begin(client, entries[-1].key if entries else None)
+                entries += taken(client, chance.randrange(1, INPUTS))
+                if kill < KILLS:
+                    plant.restart()
+            with Client(plant.port) as client:
+                begin(client, entries[-1].key)
+                entries += taken(client, 1)
+                while not nothing_more(client):
+                    entries += taken(client, len(client.reports))
+        plant.change()
+        cut_power(plant.gateway)
+        written[entries[-1].key[:4]] = newest(journal)
+        start_again(plant)
+    plant.change()
+    with Client(plant.port) as client:
+        begin(client, entries[-1].key)
+        entries += taken(client, INPUTS)
+    check_sequence(entries, written)
+    assert len(entries) >= cuts * KILLS * INPUTS
