@@ -180,7 +180,7 @@ def check_sequence(entries: list[Entry], written: dict[bytes, int]) -> None:
     "cuts", [pytest.param(1, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.soak)]
 )
 def test_kills_and_cuts_at_any_moment(plant: Plant, journal: Path, cuts: int) -> None:
-    """Ten kills of the module to a cut, while reports are on their way; the client goes on behind its last."""
+    """Ten kills of the module to a cut, as reports are on their way; the client goes on behind its last."""
     chance = random.Random(SEED)
     entries: list[Entry] = []
     written: dict[bytes, int] = {}

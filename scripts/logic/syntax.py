@@ -79,7 +79,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Text:
-    """'…', of a MESSAGE."""
+    """'…', a STRING, or what a MESSAGE says."""
 
     place: Place
     text: str
@@ -114,6 +114,7 @@ class Spelled:
     place: Place
     name: str
     bounds: tuple[tuple[Expression, Expression], ...] = ()
+    length: Expression | None = None  # of a STRING
 
 
 @dataclass(frozen=True)

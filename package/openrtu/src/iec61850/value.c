@@ -78,15 +78,6 @@ static void set_former_time(int64_t wall_ns, uint8_t time, struct state *out)
 	iec61850_time_of(wall_ns, &clock, out->time);
 }
 
-/* A name of a point may have letters that a VisibleString has not. */
-static void set_text(const struct iec61850_model *model, uint32_t point, struct state *out)
-{
-	map_point_name(model->config, &model->config->points[point], out->text);
-	for (char *c = out->text; *c != '\0'; c++)
-		if (*c < ' ' || *c > '~')
-			*c = '?';
-}
-
 static void set_sample(const struct iec61850_model *model, const struct map_point *point,
 		       struct map_sample sample, struct state *out)
 {
@@ -147,12 +138,9 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 		out->number = 0;
 		return true;
 	}
-	if (point != MAP_NONE) {
-		set_text(model, point, out);
+	iec61850_description(model, object, out->text);
+	if (point != MAP_NONE)
 		return load_point(model, point, out);
-	}
-	snprintf(out->text, sizeof(out->text), "%s",
-		 model->config->sets[model->config->points[model->points[object->device->first]].set].name);
 	set_time(model, model->started_ns, out);
 	if ((object->ln == IEC61850_LLN0 && object->number == 1) ||
 	    (object->ln == IEC61850_LPHD1 && object->number == 0))
@@ -291,7 +279,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, number);
 		return;
 	case IEC61850_NAME_SPACE:
-		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, "IEC 61850-7-4:2007B");
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, IEC61850_DATA_NAME_SPACE);
 		return;
 	case IEC61850_SBO:
 		ber_put(writer, IEC61850_TAG_VISIBLE_STRING, NULL, 0);
@@ -324,7 +312,8 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){0}, 1);
 		return;
 	case IEC61850_CONF_REV:
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, model->revision);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED,
+				iec61850_conf_rev(state->object->device, state->block));
 		return;
 	case IEC61850_OPT_FLDS:
 		iec61850_put_bits(writer, state->block->options, 10);
