@@ -103,8 +103,8 @@ static void fuzz_changes(struct iec61850_server *server)
 {
 	struct map_cursor cursor = {0};
 
-	if (server->model.buffer.kept != NULL)
-		server->model.buffer.kept->start = 0;
+	if (server->model.buffer.history.head != NULL)
+		server->model.buffer.history.head->start = server->model.buffer.history.head->former = 0;
 	iec61850_report_begin(server, server->stats, &cursor, 1);
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
 		iec61850_buffer_add(&server->model.buffer, i, IEC61850_DATA_CHANGE,

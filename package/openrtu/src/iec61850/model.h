@@ -73,8 +73,9 @@ struct iec61850_block {
 	uint32_t buffer_ms, integrity_ms;
 	int64_t due_ns;                   /* of what is pending; 0: nothing is */
 	int64_t integrity_ns;             /* of the next integrity report */
-	struct iec61850_kept_block *kept; /* of a buffered one */
-	uint8_t *reasons;                 /* of each member: why it is to be reported, 0: it is not */
+	struct iec61850_kept_block *kept; /* of a buffered one, in its reader */
+	struct map_history_reader *reader;
+	uint8_t *reasons; /* of each member: why it is to be reported, 0: it is not */
 };
 
 struct iec61850_device {

@@ -72,6 +72,14 @@ static void set_time(const struct iec61850_model *model, int64_t time_ns, struct
 	iec61850_time_of(time_ns == 0 ? 0 : map_wall_ns(clock, time_ns), &clock, out->time);
 }
 
+/* Of before a power cut all that is known of the clock is whether it was set. */
+static void set_former_time(int64_t wall_ns, uint8_t time, struct state *out)
+{
+	const struct map_clock clock = {.set = time == MAP_TIME_WALL, .source = MAP_CLOCK_BY_MASTER};
+
+	iec61850_time_of(wall_ns, &clock, out->time);
+}
+
 static void set_sample(const struct iec61850_model *model, const struct map_point *point,
 		       struct map_sample sample, struct state *out)
 {
@@ -185,10 +193,11 @@ void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_mod
 	ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, text);
 }
 
-void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_model *model, int64_t time_ns)
+void iec61850_put_binary_time(struct ber_writer *writer, int64_t wall_ns)
 {
-	const int64_t wall_ms = map_wall_ns(map_clock_read(model->map), time_ns) / NS_PER_MS;
-	const int64_t day_ms = S_PER_DAY * MS_PER_S, days = wall_ms / day_ms - DAYS_TO_1984;
+	const int64_t day_ms = S_PER_DAY * MS_PER_S, first_ms = DAYS_TO_1984 * day_ms;
+	const int64_t wall_ms = wall_ns / NS_PER_MS < first_ms ? first_ms : wall_ns / NS_PER_MS;
+	const int64_t days = wall_ms / day_ms - DAYS_TO_1984;
 	const uint32_t ms = (uint32_t)(wall_ms % day_ms);
 	const uint8_t octets[] = {(uint8_t)(ms >> 24), (uint8_t)(ms >> 16),  (uint8_t)(ms >> 8),
 				  (uint8_t)ms,         (uint8_t)(days >> 8), (uint8_t)days};
@@ -198,7 +207,7 @@ void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_m
 
 void iec61850_put_entry_id(struct ber_writer *writer, const struct iec61850_model *model, uint32_t number)
 {
-	const uint32_t start = number != 0 ? model->buffer.kept->start : 0;
+	const uint32_t start = number != 0 ? iec61850_buffer_start(&model->buffer, number) : 0;
 	uint8_t octets[IEC61850_ENTRY_ID_OCTETS];
 
 	for (unsigned i = 0; i < 4; i++) {
@@ -354,13 +363,13 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_entry_id(writer, model, state->block->kept->next - 1);
 		return;
 	case IEC61850_TIME_OF_ENTRY:
-		iec61850_put_binary_time(writer, model, state->block->kept->told_ns);
+		iec61850_put_binary_time(writer, state->block->kept->told_ns);
 		return;
 	}
 }
 
 void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
-			 const struct iec61850_object *object, const struct map_sample *sample)
+			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time)
 {
 	const struct iec61850_nodes inside = iec61850_nodes_of(model, object->device, object->ln,
 							       object->number, (enum iec61850_fc)object->fc);
@@ -368,6 +377,8 @@ void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model 
 	struct state state = {.object = object};
 
 	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
+	if (time != MAP_TIME_MONOTONIC)
+		set_former_time(sample->time_ns, time, &state);
 	for (unsigned i = inside.count; i-- > 0;)
 		put_node(writer, model, &inside.nodes[i], &state);
 	ber_close(writer, IEC61850_TAG_STRUCTURE, end);

@@ -85,6 +85,9 @@ static void report(struct map *map, const struct map_kept *kept, const struct jo
 			"another type",
 			findings->dropped);
 	map_log(map, MAP_LOG_INFO, "%u events restored from the journal", kept->event_count);
+	if (kept->history.start != 0)
+		map_log(map, MAP_LOG_INFO, "%u changes for buffered reports restored from the journal",
+			kept->history.entry_count);
 	if (kept->sample_count != 0)
 		map_log(map, MAP_LOG_INFO, "%u retained points restored from the journal, as not topical",
 			kept->sample_count);
@@ -100,8 +103,7 @@ static void restore(struct map *map, const uint8_t *bytes, size_t size)
 		map_log(map, MAP_LOG_ERROR, "cannot restore the journal's events: %s", error);
 	else
 		report(map, &kept, &findings);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 }
 
 void journal_give_folder(struct map *map, const struct map_config *config, uid_t owner, gid_t group)

@@ -111,8 +111,7 @@ static struct journal_findings cut_power(struct scene *scene)
 	assert_true(journal_restore(scene->stage->rtud, scene->file, scene->size, &kept, &findings));
 	if (map_restore(scene->stage->rtud, &kept, error) < 0)
 		fail_msg("%s", error);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	scene->first = start(scene->stage, FIRST);
 	scene->second = start(scene->stage, SECOND);
 	scene->station = start(scene->stage, STATION);
@@ -359,8 +358,7 @@ static void test_lines_of_one_process_keep_the_order(void **state)
 	make_again(scene.stage);
 	assert_true(journal_restore(scene.stage->rtud, scene.file, scene.size, &kept, &findings));
 	assert_int_equal(map_restore(scene.stage->rtud, &kept, error), 0);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	scene.station = start(scene.stage, STATION);
 	assert_waits(&scene, CENTRE, 2, 6);
 	map_detach(scene.station);
@@ -430,8 +428,7 @@ static void assert_says(const struct scene *scene, const uint8_t *bytes, size_t 
 		assert_int_equal(kept.events[i].event.point, value % 2 ? 1 : 5);
 		assert_int_equal(kept.events[i].wanted, 1u << CENTRE);
 	}
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 }
 
 static uint32_t whole_records(const size_t ends[3], size_t size)
@@ -519,8 +516,7 @@ static void test_records_that_lie(void **state)
 	    journal_restore(scene.stage->rtud, scene.memory, scene.follower.record.used, &kept, &findings));
 	assert_int_equal(findings.unknown, 5);
 	assert_int_equal(kept.event_count, 1);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 
 	for (unsigned i = 0; i < MAP_QUEUES;
 	     i++) { /* more addresses than there is room for beside the groups */
@@ -536,8 +532,7 @@ static void test_records_that_lie(void **state)
 	assert_string_equal(kept.addresses[MAP_NAMED_QUEUES_MAX],
 			    "192.0.2.8"); /* those before were unused longest */
 	assert_string_equal(kept.addresses[MAP_QUEUES - 1], "192.0.2.31");
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	end(&scene);
 }
 
@@ -635,8 +630,7 @@ static void test_a_retained_point_has_its_old_time(void **state)
 			assert_in_range(age_ns, cases[i].later_ns + 3 * S, cases[i].later_ns + 60 * S);
 		else
 			assert_in_range(age_ns, 0, 60 * S);
-		free(kept.events);
-		free(kept.samples);
+		journal_forget(&kept);
 	}
 	end(&scene);
 }
@@ -689,8 +683,7 @@ static unsigned points_said(const struct scene *scene, size_t size)
 
 	assert_true(journal_restore(scene->stage->rtud, scene->file, size, &kept, &findings));
 	count = kept.sample_count;
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	return count;
 }
 
@@ -749,8 +742,7 @@ static void test_retained_points_that_lie(void **state)
 		assert_int_equal(kept.samples[i].sample.value.i, 3);
 		assert_in_range(map_now_ns() - kept.samples[i].sample.time_ns, 0, 60 * S);
 	}
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	end(&scene);
 }
 

@@ -38,6 +38,9 @@ static bool plan(struct map_config *config)
 	    .rings = {.requests = commands ? REQUESTS : 1, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
 	    .section_size = settings == NULL ? 0 : (uint32_t)iec61850_section_size(config),
+	    .history = {.at = IEC61850_HISTORY_AT,
+			.readers = IEC61850_KEPT_ALL,
+			.entries = settings == NULL ? 0 : settings->report_buffer},
 	    .counters = IEC61850_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};
