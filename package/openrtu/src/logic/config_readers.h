@@ -13,7 +13,7 @@
 struct logic_own_point {
 	const char *name;
 	uint8_t type, group;
-	bool select, has_initial;
+	bool select, has_initial, retain;
 	uint32_t ioa;
 	float deadband, initial;
 };
