@@ -31,9 +31,11 @@ from bench import machine
 from lab.gateway import REPOSITORY, free_port
 
 sys.path.insert(0, str(REPOSITORY))
+from centre.database import open_store
 from centre.intake import SPONTANEOUS, Intake
 from centre.records import TAGGED, Content, Kind, Record
 from centre.settings import StationSettings
+from centre.sqlite import SqliteStore
 from centre.store import Store
 
 TRANSACTION = 4096  # records: what the centre takes at most
@@ -81,8 +83,18 @@ class Cost:
         )
 
 
-def intake(what: str, stations: int, transactions: int, folder: Path) -> Cost:
-    store = Store(folder / f"{what}-{stations}.db")
+def octets_of(store: Store) -> int:
+    """Of the database on the disk."""
+    if isinstance(store, SqliteStore):
+        store.database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        return store.path.stat().st_size
+    sql = "SELECT pg_database_size(current_database())"
+    return int(store.transaction(lambda database: database.execute(sql).fetchone()[0]))
+
+
+def intake(what: str, stations: int, transactions: int, where: Path | str) -> Cost:
+    """`where`: a folder for files of SQLite, or the address of a server."""
+    store = open_store(where / f"{what}-{stations}.db" if isinstance(where, Path) else where, alone=True)
     settings = {f"rtu{number}": StationSettings(f"rtu{number}") for number in range(stations)}
     taker = store.transaction(lambda database: Intake(database, settings))
     taker.stored()
@@ -104,17 +116,13 @@ def intake(what: str, stations: int, transactions: int, folder: Path) -> Cost:
     ]
     for batch in batches[:rounds]:
         put(batch)
-    store.database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    size = store.path.stat().st_size
+    size = octets_of(store)
     begun, used = time.perf_counter(), time.process_time()
     for batch in batches[rounds:]:
         put(batch)
     used, begun = time.process_time() - used, time.perf_counter() - begun
-    store.database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     count = transactions * TRANSACTION
-    cost = Cost(
-        what, stations, used / count * 1e6, begun / count * 1e6, (store.path.stat().st_size - size) / count
-    )
+    cost = Cost(what, stations, used / count * 1e6, begun / count * 1e6, (octets_of(store) - size) / count)
     store.close()
     return cost
 
@@ -229,7 +237,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="The control centre as a store.")
     parser.add_argument("--quick", action="store_true", help="a try of some ten seconds")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build", help="folder for the text")
+    parser.add_argument("--database", default="", help="only what it costs a server, by its address")
     arguments = parser.parse_args()
+    if arguments.database:
+        for what in (EVENTS, POSITIONS):
+            print(intake(what, 100, 3 if arguments.quick else 30, arguments.database), flush=True)
+        return 0
     missing = [str(program) for program in (RTUS, PROGRAM) if not program.exists()]
     if missing:
         print(f"not built: {', '.join(missing)}; type `make bench`, which builds them", file=sys.stderr)

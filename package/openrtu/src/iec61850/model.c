@@ -100,6 +100,8 @@ static const struct iec61850_node buffered_block[] = {{"RptID", IEC61850_RPT_ID,
 static const struct iec61850_node physical_plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0}};
 
 enum cdc { SPS, INS, ENS, ENC, MV, BCR, SPC, DPC, INC, APC, LPL, DPL, CDCS };
+static const char *const cdc_names[CDCS] = {"SPS", "INS", "ENS", "ENC", "MV",  "BCR",
+					    "SPC", "DPC", "INC", "APC", "LPL", "DPL"};
 
 #define NODES(nodes)                                                                                         \
 	{                                                                                                    \
@@ -135,11 +137,17 @@ static const struct iec61850_nodes services[CDCS][IEC61850_CTL_MODELS] = {
 struct fixed {
 	const char *name;
 	enum cdc cdc;
+	enum iec61850_enumeration enumeration;
 };
 
-static const struct fixed lln0[] = {{"Beh", ENS}, {"Health", ENS}, {"Mod", ENC}, {"NamPlt", LPL}};
-static const struct fixed lphd1[] = {{"PhyHealth", ENS}, {"PhyNam", DPL}, {"Proxy", SPS}};
-static const struct fixed ggio1[] = {{"Beh", ENS}};
+static const struct fixed lln0[] = {{"Beh", ENS, IEC61850_BEHAVIOUR_KIND},
+				    {"Health", ENS, IEC61850_HEALTH_KIND},
+				    {"Mod", ENC, IEC61850_BEHAVIOUR_KIND},
+				    {"NamPlt", LPL, IEC61850_NO_ENUMERATION}};
+static const struct fixed lphd1[] = {{"PhyHealth", ENS, IEC61850_HEALTH_KIND},
+				     {"PhyNam", DPL, IEC61850_NO_ENUMERATION},
+				     {"Proxy", SPS, IEC61850_NO_ENUMERATION}};
+static const struct fixed ggio1[] = {{"Beh", ENS, IEC61850_BEHAVIOUR_KIND}};
 
 static const struct {
 	const char *name;
@@ -148,6 +156,12 @@ static const struct {
 } nodes[IEC61850_LNS] = {[IEC61850_LLN0] = {"LLN0", lln0, COUNT(lln0)},
 			 [IEC61850_LPHD1] = {"LPHD1", lphd1, COUNT(lphd1)},
 			 [IEC61850_GGIO1] = {"GGIO1", ggio1, COUNT(ggio1)}};
+
+static const struct {
+	const char *name;
+	enum iec61850_fc fc;
+} sets[IEC61850_SETS] = {
+    [IEC61850_STATUS] = {"LLN0$status", IEC61850_ST}, [IEC61850_MEASURED] = {"LLN0$measured", IEC61850_MX}};
 
 static const char *const block_names[IEC61850_BLOCKS] = {"urcbStatus01",   "urcbStatus02",  "urcbMeasured01",
 							 "urcbMeasured02", "brcbStatus01",  "brcbStatus02",
@@ -171,22 +185,22 @@ static struct fixed kind_of(const struct map_point *point)
 
 	switch ((enum map_type)point->type) {
 	case MAP_SINGLE:
-		return command ? (struct fixed){"SPCSO", SPC} : (struct fixed){"Ind", SPS};
+		return command ? (struct fixed){"SPCSO", SPC, 0} : (struct fixed){"Ind", SPS, 0};
 	case MAP_DOUBLE:
-		return (struct fixed){"DPCSO", DPC};
+		return (struct fixed){"DPCSO", DPC, 0};
 	case MAP_STEP:
 	case MAP_BITSTRING:
 	case MAP_INTEGER:
-		return command ? (struct fixed){"ISCSO", INC} : (struct fixed){"IntIn", INS};
+		return command ? (struct fixed){"ISCSO", INC, 0} : (struct fixed){"IntIn", INS, 0};
 	case MAP_NORMALIZED:
 	case MAP_SCALED:
 	case MAP_FLOAT:
 	case MAP_ANGLE:
-		return command ? (struct fixed){"AnOut", APC} : (struct fixed){"AnIn", MV};
+		return command ? (struct fixed){"AnOut", APC, 0} : (struct fixed){"AnIn", MV, 0};
 	case MAP_COUNTER:
 		break;
 	}
-	return (struct fixed){"CntRs", BCR};
+	return (struct fixed){"CntRs", BCR, 0};
 }
 
 static const struct map_point *point_at(const struct iec61850_model *model,
@@ -282,6 +296,30 @@ bool iec61850_has(const struct iec61850_model *model, const struct iec61850_devi
 	return false;
 }
 
+struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
+					const struct iec61850_object *object)
+{
+	const uint32_t point = iec61850_point_of(model, object);
+	const struct fixed what = point == MAP_NONE ? nodes[object->ln].fixed[object->number]
+						    : kind_of(&model->config->points[point]);
+
+	return (struct iec61850_class){
+	    .name = cdc_names[what.cdc],
+	    .enumeration = what.enumeration,
+	    .controllable = point != MAP_NONE && classes[what.cdc][IEC61850_CF].nodes == controlled,
+	    .control = point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point)};
+}
+
+struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point)
+{
+	const struct iec61850_place *place = &model->places[point];
+
+	return (struct iec61850_object){.device = &model->devices[place->device],
+					.ln = IEC61850_GGIO1,
+					.fc = sets[place->set].fc,
+					.number = place->number};
+}
+
 uint32_t iec61850_point_of(const struct iec61850_model *model, const struct iec61850_object *object)
 {
 	if (!is_point(object->ln, object->number))
@@ -331,6 +369,23 @@ void iec61850_object_name(const struct iec61850_model *model, const struct iec61
 		snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%s%u", ln, fc_names[object->fc], kind_of(point).name,
 			 (unsigned)point->ioa);
 	}
+}
+
+/* A name may have letters that a VisibleString has not. */
+void iec61850_description(const struct iec61850_model *model, const struct iec61850_object *object,
+			  char out[MAP_NAME_SIZE])
+{
+	const struct map_config *config = model->config;
+	const uint32_t point = iec61850_point_of(model, object);
+	const uint32_t first = model->points[object->device->first];
+
+	if (point != MAP_NONE)
+		map_point_name(config, &config->points[point], out);
+	else
+		snprintf(out, MAP_NAME_SIZE, "%s", config->sets[config->points[first].set].name);
+	for (char *c = out; *c != '\0'; c++)
+		if (*c < ' ' || *c > '~')
+			*c = '?';
 }
 
 /* A part of a name, between two $. */
@@ -480,11 +535,10 @@ struct iec61850_object iec61850_block_object(const struct iec61850_device *devic
 
 /* ---- data sets --------------------------------------------------------------------------- */
 
-static const struct {
-	const char *name;
-	enum iec61850_fc fc;
-} sets[IEC61850_SETS] = {
-    [IEC61850_STATUS] = {"LLN0$status", IEC61850_ST}, [IEC61850_MEASURED] = {"LLN0$measured", IEC61850_MX}};
+uint32_t iec61850_conf_rev(const struct iec61850_device *device, const struct iec61850_block *block)
+{
+	return device->revisions[iec61850_set_of(device, block)];
+}
 
 const char *iec61850_set_name(enum iec61850_set set)
 {
@@ -549,6 +603,26 @@ static int by_address(const void *a, const void *b, void *context)
 	return config->points[one].ioa < config->points[other].ioa ? -1 : 1;
 }
 
+/* FNV-1a */
+#define HASH_BASIS 2166136261u
+static uint32_t hash_of(uint32_t hash, const void *octets, size_t size)
+{
+	for (size_t i = 0; i < size; i++)
+		hash = (hash ^ ((const uint8_t *)octets)[i]) * 16777619u;
+	return hash;
+}
+
+/* A member is what its name is, and what stands under it. */
+static uint32_t hash_member(const struct iec61850_model *model, const struct iec61850_object *object,
+			    uint32_t hash)
+{
+	const char *const class = iec61850_class_of(model, object).name;
+	char name[IEC61850_NAME_SIZE];
+
+	iec61850_object_name(model, object, name);
+	return hash_of(hash_of(hash, name, strlen(name)), class, strlen(class));
+}
+
 static void make_devices(struct iec61850_model *model)
 {
 	struct iec61850_device *device = NULL;
@@ -575,10 +649,14 @@ static void make_blocks(struct iec61850_model *model)
 		device->blocks = &model->blocks[i * IEC61850_BLOCKS];
 		for (unsigned set = 0; set < IEC61850_SETS; set++) {
 			struct iec61850_object object = iec61850_before_first(device, (enum iec61850_set)set);
+			uint32_t hash = HASH_BASIS;
 
-			while (iec61850_next_member(model, &object))
+			while (iec61850_next_member(model, &object)) {
 				model->places[iec61850_point_of(model, &object)] = (struct iec61850_place){
 				    i, device->members[set]++, object.number, (uint8_t)set};
+				hash = hash_member(model, &object, hash);
+			}
+			device->revisions[set] = hash == 0 ? 1 : hash; /* 0 would be: not configured */
 		}
 		for (unsigned j = 0; j < IEC61850_BLOCKS; j++) {
 			struct iec61850_block *block = &device->blocks[j];
@@ -589,30 +667,34 @@ static void make_blocks(struct iec61850_model *model)
 	}
 }
 
-/* FNV-1a over what the model is made of. */
+/* What the model is made of. */
 static uint32_t number_of_configuration(const struct iec61850_model *model)
 {
-	uint32_t hash = 2166136261u;
+	uint32_t hash = HASH_BASIS;
 
 	for (uint32_t i = 0; i < model->config->point_count; i++) {
 		const struct map_point *point = &model->config->points[model->points[i]];
 		const uint32_t words[] = {ca_of(model->config, model->points[i]), point->ioa, point->type,
 					  point->flags};
 
-		for (size_t j = 0; j < sizeof(words); j++)
-			hash = (hash ^ (words[j / 4] >> 8 * (j % 4) & 0xff)) * 16777619u;
+		hash = hash_of(hash, words, sizeof(words));
 	}
 	return hash;
 }
 
 bool iec61850_model_begin(struct iec61850_model *model, const struct map *map)
 {
-	const struct map_config *config = map_config(map);
+	const bool begun = iec61850_model_of(model, map_config(map));
 
-	*model = (struct iec61850_model){.map = map,
-					 .config = config,
+	model->map = map;
+	model->started_ns = map_now_ns();
+	return begun;
+}
+
+bool iec61850_model_of(struct iec61850_model *model, const struct map_config *config)
+{
+	*model = (struct iec61850_model){.config = config,
 					 .settings = iec61850_settings(config),
-					 .started_ns = map_now_ns(),
 					 .points = calloc(config->point_count + 1, sizeof(*model->points)),
 					 .devices = calloc(config->set_count + 1, sizeof(*model->devices))};
 	model->blocks = calloc((size_t)config->set_count * IEC61850_BLOCKS + 1, sizeof(*model->blocks));

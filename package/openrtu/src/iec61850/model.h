@@ -11,9 +11,10 @@
 #include "iec61850/kept.h"
 #include "map/map.h"
 
-#define IEC61850_NAME_SIZE      65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
-#define IEC61850_OR_IDENT_SIZE  64
-#define IEC61850_REFERENCE_SIZE (2 * IEC61850_NAME_SIZE)
+#define IEC61850_NAME_SIZE       65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
+#define IEC61850_OR_IDENT_SIZE   64
+#define IEC61850_DATA_NAME_SPACE "IEC 61850-7-4:2007B" /* ldNs */
+#define IEC61850_REFERENCE_SIZE  (2 * IEC61850_NAME_SIZE)
 
 /* Functional constraints (IEC 61850-7-2, table 18), in the order of their names. */
 enum iec61850_fc {
@@ -85,6 +86,16 @@ enum iec61850_leaf {
 	IEC61850_TIME_OF_ENTRY,
 };
 
+/* What the numbers of an enumeration mean, by its name in IEC 61850-7-3 and 7-4. */
+enum iec61850_enumeration {
+	IEC61850_NO_ENUMERATION,
+	IEC61850_BEHAVIOUR_KIND,
+	IEC61850_HEALTH_KIND,
+	IEC61850_CTL_MODEL_KIND,
+	IEC61850_ORIGINATOR_KIND,
+	IEC61850_ENUMERATIONS,
+};
+
 struct iec61850_node {
 	const char *name;
 	enum iec61850_leaf leaf;
@@ -148,7 +159,8 @@ struct iec61850_device {
 	uint16_t ca;
 	uint32_t first, count; /* of the model's points */
 	uint32_t members[IEC61850_SETS];
-	struct iec61850_block *blocks; /* IEC61850_BLOCKS */
+	uint32_t revisions[IEC61850_SETS]; /* ConfRev: another one when the members are others */
+	struct iec61850_block *blocks;     /* IEC61850_BLOCKS */
 };
 
 /* Where a point is in the model. */
@@ -185,7 +197,17 @@ struct iec61850_object {
 	const struct iec61850_node *node; /* NULL: all of the data object under fc */
 };
 
-/* False: no memory. The configuration and the map stay. */
+/* What a data object is made of. */
+struct iec61850_class {
+	const char *name;                      /* its common data class */
+	enum iec61850_enumeration enumeration; /* of its stVal */
+	bool controllable;
+	enum iec61850_ctl_model control;
+};
+
+/* The model of a configuration, without what happens in its map. False: no memory. The configuration stays. */
+bool iec61850_model_of(struct iec61850_model *model, const struct map_config *config);
+/* The same of a map's. */
 bool iec61850_model_begin(struct iec61850_model *model, const struct map *map);
 void iec61850_model_end(struct iec61850_model *model);
 
@@ -204,6 +226,10 @@ const char *iec61850_fc_name(uint32_t fc);
 void iec61850_object_name(const struct iec61850_model *model, const struct iec61850_object *object,
 			  char out[IEC61850_NAME_SIZE]);
 
+/* d: the point's name, or the device's. */
+void iec61850_description(const struct iec61850_model *model, const struct iec61850_object *object,
+			  char out[MAP_NAME_SIZE]);
+
 /* ---- structure --------------------------------------------------------------------------- */
 
 /* How many data objects a logical node has. */
@@ -215,6 +241,11 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 /* Whether a logical node has anything under it. */
 bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,
 		  enum iec61850_ln ln, enum iec61850_fc fc);
+/* The class of a data object, which is no control block. */
+struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
+					const struct iec61850_object *object);
+/* The data object of a point. */
+struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point);
 /* How a point is controlled: as the configuration has it, if anybody may. */
 enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
 /* The report control block that a data object of LLN0 is; NULL: it is none. */
@@ -227,6 +258,8 @@ static inline enum iec61850_set iec61850_set_of(const struct iec61850_device *de
 {
 	return (enum iec61850_set)((block - device->blocks) % IEC61850_UNBUFFERED / IEC61850_BLOCKS_A_SET);
 }
+/* What its ConfRev says. */
+uint32_t iec61850_conf_rev(const struct iec61850_device *device, const struct iec61850_block *block);
 /* The name of a data set in its logical device, as LLN0$status. */
 const char *iec61850_set_name(enum iec61850_set set);
 /* The data set of this name. IEC61850_SETS: there is none, or it has no members. */

@@ -472,7 +472,7 @@ static void put_head(struct iec61850_server *server, struct ber_writer *writer,
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, block->segment);
 	}
 	if (block->options & IEC61850_CONF_REVISION)
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, model->revision);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, iec61850_conf_rev(object->device, block));
 	if (block->options & IEC61850_ENTRY)
 		iec61850_put_entry_id(writer, model,
 				      server->entry != NULL ? server->entry->number : block->kept->next - 1);

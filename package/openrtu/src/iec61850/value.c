@@ -70,15 +70,6 @@ static void set_time(const struct iec61850_model *model, int64_t time_ns, struct
 	iec61850_time_of(time_ns == 0 ? 0 : map_wall_ns(clock, time_ns), &clock, out->time);
 }
 
-/* A name of a point may have letters that a VisibleString has not. */
-static void set_text(const struct iec61850_model *model, uint32_t point, struct state *out)
-{
-	map_point_name(model->config, &model->config->points[point], out->text);
-	for (char *c = out->text; *c != '\0'; c++)
-		if (*c < ' ' || *c > '~')
-			*c = '?';
-}
-
 static void set_sample(const struct iec61850_model *model, const struct map_point *point,
 		       struct map_sample sample, struct state *out)
 {
@@ -139,12 +130,9 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 		out->number = 0;
 		return true;
 	}
-	if (point != MAP_NONE) {
-		set_text(model, point, out);
+	iec61850_description(model, object, out->text);
+	if (point != MAP_NONE)
 		return load_point(model, point, out);
-	}
-	snprintf(out->text, sizeof(out->text), "%s",
-		 model->config->sets[model->config->points[model->points[object->device->first]].set].name);
 	set_time(model, model->started_ns, out);
 	if ((object->ln == IEC61850_LLN0 && object->number == 1) ||
 	    (object->ln == IEC61850_LPHD1 && object->number == 0))
@@ -282,7 +270,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, number);
 		return;
 	case IEC61850_NAME_SPACE:
-		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, "IEC 61850-7-4:2007B");
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, IEC61850_DATA_NAME_SPACE);
 		return;
 	case IEC61850_SBO:
 		ber_put(writer, IEC61850_TAG_VISIBLE_STRING, NULL, 0);
@@ -315,7 +303,8 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){0}, 1);
 		return;
 	case IEC61850_CONF_REV:
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, model->revision);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED,
+				iec61850_conf_rev(state->object->device, state->block));
 		return;
 	case IEC61850_OPT_FLDS:
 		iec61850_put_bits(writer, state->block->options, 10);

@@ -104,28 +104,37 @@ static void restore(struct map *map, const uint8_t *bytes, size_t size)
 	free(kept.samples);
 }
 
-void journal_begin_again(struct map *map, uid_t owner, gid_t group)
+void journal_give_folder(struct map *map, const struct map_config *config, uid_t owner, gid_t group)
 {
-	const struct journal_settings *settings = journal_settings(map_config(map));
-	const char *path;
-	uint8_t *bytes;
-	size_t size;
-	int folder, error;
+	const struct journal_settings *settings = journal_settings(config);
+	int folder;
 
 	if (settings == NULL)
 		return;
-	path = settings->path;
-	folder = map_open_folder(path);
+	folder = map_open_folder(settings->path);
 	if (folder < 0) {
-		map_log(map, MAP_LOG_ERROR, "no journal: %s: %s", path, strerror(errno));
+		map_log(map, MAP_LOG_ERROR, "no journal: %s: %s", settings->path, strerror(errno));
 		return;
 	}
 	give_folder(map, folder, owner, group);
-	warn_of_memory(map, folder, path);
+	warn_of_memory(map, folder, settings->path);
+	close(folder);
+}
+
+void journal_restore_from_file(struct map *map)
+{
+	const struct journal_settings *settings = journal_settings(map_config(map));
+	const int folder = settings == NULL ? -1 : map_open_folder(settings->path);
+	uint8_t *bytes;
+	size_t size;
+	int error;
+
+	if (folder < 0)
+		return; /* the log has it */
 	bytes = read_file(folder, &size, &error);
 	if (error != 0 && error != ENOENT)
-		map_log(map, MAP_LOG_ERROR, "the journal %s/%s cannot be read: %s", path, JOURNAL_FILE,
-			strerror(error));
+		map_log(map, MAP_LOG_ERROR, "the journal %s/%s cannot be read: %s", settings->path,
+			JOURNAL_FILE, strerror(error));
 	if (bytes != NULL)
 		restore(map, bytes, size);
 	free(bytes);

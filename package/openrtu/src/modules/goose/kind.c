@@ -20,8 +20,8 @@
 #define HEARTBEAT_LIMIT_MS 1000
 
 static const struct call_rule calls[] = {
-    CALL(poll), CALL(ppoll_time64), CALL(ppoll),  CALL(recv),
-    CALL(send), CALL(recvfrom),     CALL(sendto), CALL(getsockopt),
+    CALL(poll),     CALL(ppoll_time64), CALL(ppoll),      CALL(recv),    CALL(send),
+    CALL(recvfrom), CALL(sendto),       CALL(getsockopt), RENEWAL_CALLS,
 };
 
 static const struct kind_program program = {

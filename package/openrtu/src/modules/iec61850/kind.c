@@ -80,6 +80,13 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
 }
 
+/* Its clients browse anew. */
+static enum kind_change change(const struct map_config *before, const struct map_config *now)
+{
+	(void)before, (void)now;
+	return KIND_STARTS_AGAIN;
+}
+
 const struct kind iec61850_kind = {
     .name = IEC61850_KIND,
     .part = &iec61850_part,
@@ -88,6 +95,6 @@ const struct kind iec61850_kind = {
     .program_count = 1,
     .open = open_socket,
     .same = same,
-    .fixed = "iec61850",
+    .change = change,
     .by_numbers = true, /* clients have browsed the points, and have to do so anew when they are others */
 };
