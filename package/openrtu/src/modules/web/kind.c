@@ -103,9 +103,9 @@ static int open_socket(const struct map_config *config)
 }
 
 /* The file of users is the module's alone, whoever brought it. */
-static void begin(struct map *map, uid_t user, gid_t group)
+static void begin(struct map *map, const struct map_config *config, uid_t user, gid_t group)
 {
-	const struct web_settings *settings = web_settings(map_config(map));
+	const struct web_settings *settings = web_settings(config);
 	struct stat status;
 	int fd;
 
@@ -145,5 +145,4 @@ const struct kind web_kind = {
     .open = open_socket,
     .same = same,
     .change = change,
-    .fixed = "web",
 };
