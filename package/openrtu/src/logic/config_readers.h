@@ -14,7 +14,7 @@ struct logic_own_point {
 	const char *name;
 	const char *ln; /* its name in IEC 61850, NULL: none; the file's */
 	uint8_t type, group;
-	bool select, has_initial;
+	bool select, has_initial, retain;
 	uint32_t ioa;
 	float deadband, initial;
 };
