@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -383,8 +383,8 @@ sbom: build/$(IMAGE)/.config $(VENV)
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
-$(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE
-	$(LOGGED) $* $(call buildroot,$*)
+$(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE # +: with -j, several packages at a time
+	+$(LOGGED) $* $(call buildroot,$*)
 
 $(patsubst %,build/%/.config,$(filter-out %-development %-offline,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
@@ -553,6 +553,9 @@ twin: qemu uboot $(VENV) ## See it: the emulated board: from reset to a file ove
 bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions and their octets alone: figure 9
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/octets.py
+
+bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of the control centre's map
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/frames.py
 
 bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py

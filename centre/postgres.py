@@ -276,7 +276,7 @@ class PostgresStore(Store):
         session = self._session
         if session is None or session.connection.is_closed():
             session = self._connect()
-        number = None
+        number = 0
         committing = False
         try:
             session.script("BEGIN")
@@ -287,11 +287,16 @@ class PostgresStore(Store):
             committing = True
             session.script("COMMIT")
         except BaseException as error:
-            self._roll_back(session)
+            # A connection that is lost is a PostgresError of asyncpg's, too, though no server has said it.
+            is_refused = isinstance(error, asyncpg.PostgresError) and not session.connection.is_closed()
+            in_doubt = committing and not is_refused and number
+            if in_doubt:
+                session.connection.terminate()
+            else:
+                self._roll_back(session)
             if not isinstance(error, FAULTS):
                 raise
-            in_doubt = committing and not isinstance(error, asyncpg.PostgresError)
-            if not (in_doubt and number and self._was_stored(number)):
+            if not (in_doubt and self._was_stored(number)):
                 raise StoreError(_text(error)) from error
         return answer
 

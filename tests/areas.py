@@ -70,9 +70,10 @@ REACH = [
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
+    ("docs/examples/modules/plant.py", "lint tests/test_plant.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
     ("docs/synch.md", "tests/test_synch.py"),
-    ("docs/examples/logic/*", "tests/test_logic*.py tests/test_show.py"),
+    ("docs/examples/logic/*", "tests/test_logic*.py tests/test_plant.py tests/test_show.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
     ("*.md", TREE),
@@ -107,8 +108,8 @@ REACH = [
     # the tools
     (
         "scripts/logic/*",
-        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py"
-        " tests/test_event_journal.py",
+        "tests/test_logic*.py tests/test_plant.py tests/test_retained.py tests/test_show.py"
+        " tests/test_synch.py tests/test_docs_commands.py tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
@@ -119,7 +120,7 @@ REACH = [
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
     ("scripts/lab/manager.py", "lint tests/test_snmp.py tests/test_show.py tests/linux/test_system_tls.py"),
-    ("scripts/lab/managed.py", "lint tests/test_show.py"),
+    ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),

@@ -32,10 +32,12 @@ pair : STRUCT n : INT; d : DINT := 7; END_STRUCT
 unit : STRUCT m : mode := RUN; p : pair := (n := 4); v : ARRAY[0..2] OF INT := [1, 2(5)]; END_STRUCT
 END_TYPE
 FUNCTION half : DINT VAR_INPUT q : pair; END_VAR half := q.d / 2; END_FUNCTION
-FUNCTION_BLOCK turn VAR_IN_OUT q : pair; END_VAR q.n := q.n MOD 7 + 1; END_FUNCTION_BLOCK"""
+FUNCTION_BLOCK turn VAR_IN_OUT q : pair; END_VAR q.n := q.n MOD 7 + 1; END_FUNCTION_BLOCK
+FUNCTION_BLOCK adds VAR_INPUT v : INT; END_VAR VAR_OUTPUT s : INT; END_VAR
+s := (s + v) MOD 100; END_FUNCTION_BLOCK"""
 DECLARED = """VAR a : ARRAY[-2..5] OF INT; n1, n2, n3 : INT; m : ARRAY[1..3, -1..1] OF INT := [3(2), 4, 5];
 s, t : unit; u : ARRAY[2..3, 0..1] OF unit; b : turn;
-k : STRING(12) := 'abc'; l : STRING(5); z : ARRAY[1..3] OF STRING(7); END_VAR"""
+k : STRING(12) := 'abc'; l : STRING(5); z : ARRAY[1..3] OF STRING(7); c : ARRAY[1..3] OF adds; END_VAR"""
 # The dimensions and the type behind each variable: indices, or members.
 PAIR = {"n": "INT", "d": "DINT"}
 UNIT = {"m": "MODE", "p": PAIR, "v": [(0, 2), "INT"]}
@@ -46,7 +48,9 @@ PLACES = {
     "t": UNIT,
     "u": [(2, 3), (0, 1), UNIT],
     "z": [(1, 3), "STRING"],
+    "c": [(1, 3), {"v": "INT", "s": "INT"}],
 }
+BLOCKS = ("c",)  # their outputs are written by a call only
 Tagged = tuple  # value, quality
 Key = tuple  # the name of a variable, members, indices
 
@@ -69,6 +73,8 @@ PRIME = 1_000_003
 def initial(key: Key) -> int | str:
     if key[0] == "z":
         return ""
+    if key[0] == "c":
+        return 0
     members = [step for step in key if isinstance(step, str)]
     if key[0] == "m":
         return [2, 2, 2, 4, 5, 0, 0, 0, 0][(key[1] - 1) * 3 + key[2] + 1]
@@ -95,6 +101,12 @@ class Random:
         while True:
             found = self.walk(self.random.choice(list(PLACES)), wanted, depth)
             if found is not None:
+                return found
+
+    def target(self, wanted: str) -> tuple:
+        while True:
+            found = self.place(wanted, 1)
+            if found[1] not in BLOCKS:
                 return found
 
     def walk(self, name: str, wanted: str, depth: int) -> tuple | None:
@@ -276,7 +288,7 @@ class Random:
                 )
             if which < 0.68:
                 kind = self.random.choice(["INT", "INT", "DINT", "MODE", "STRING"])
-                return ("store", self.place(kind, 1), self.expression(kind))
+                return ("store", self.target(kind), self.expression(kind))
             if which < 0.76:
                 kind = self.random.choice(["PAIR", "UNIT"])
                 return ("copy", self.place(kind, 1), self.place(kind, 1))
@@ -284,6 +296,8 @@ class Random:
                 return self.message()
             if which < 0.81:
                 return ("turn", self.place("PAIR", 1))
+            if which < 0.85:
+                return ("adds", (1, 3, self.index(1, 3, 1)), self.expression("INT"))
             name = self.random.choice([*OUTPUTS, *TEXTS])
             return ("assign", name, self.expression((OUTPUTS | TEXTS)[name]))
         finally:
@@ -359,6 +373,8 @@ def lines(statements: list[tuple]) -> list[str]:
             case ("say", number, values):
                 said = "".join(f", {shown(value)}" for _, value in values)
                 found.append(f"MESSAGE('{number}{' {}' * len(values)}'{said});")
+            case ("adds", step, value):
+                found.append(f"c[{shown(step[2])}](v := {shown(value)});")
             case ("turn", place):
                 found.append(f"b(q := {shown(place)});")
             case ("leave", word):
@@ -444,6 +460,8 @@ def written(statements: list[tuple]) -> set[object]:
                 found |= {("said", number, place) for place in range(len(values))}
             case ("store" | "copy", place, _) | ("turn", place):
                 found |= touched(place)
+            case ("adds", step, _):
+                found |= touched(("place", "c", (step,)))
             case ("if", branches, otherwise) | ("case", _, branches, otherwise):
                 found |= written(otherwise).union(*(written(body) for _, body in branches))
             case ("for", name, _, _, _, body):
@@ -574,6 +592,15 @@ class Reference:
                         self.values[("said", number, place)] = self.value(value)
                     if number in self.said or len(self.said) < 7:  # and the first one
                         self.said[number] = [kind for kind, _ in values]
+                case ("adds", step, value):
+                    place = ("place", "c", (step,))
+                    key, *rest = reached = self.reached(place)
+                    state = {name: self.read((*key, name), *rest) for name in ("v", "s")}
+                    state["v"] = self.value(value)
+                    added = self.computed("+", "INT", state["s"], state["v"])
+                    state["s"] = self.computed("MOD", "INT", added, (100, 0))
+                    for name, new in state.items():
+                        self.put(place, reached, new, (name,))
                 case ("turn", place):
                     pair = dict(zip(PAIR, self.copied(place), strict=True))
                     n, quality = pair["n"]

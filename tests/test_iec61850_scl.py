@@ -14,12 +14,43 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from peers import mms, scl
 
 DEVICE = "OpenRTUCA1010"
+NODES = {  # points of DEVICE that are more than GGIO's
+    "feeder10.breaker-command": "Q0CSWI1.Pos",
+    "feeder10.breaker-position": "Q0XCBR1.Pos",
+    "feeder10.disconnector-position": "Q1XSWI1.Pos",
+    "feeder10.spring-charged": "Q0XCBR1.LocKey",
+    "feeder10.protection-trip": "PTOC1.Op",
+    "feeder10.active-power": "MMXU1.TotW",
+    "feeder10.cubicle-temperature": "STMP1.Tmp",
+}
 
 
 def site_config(port: int) -> dict[str, Any]:
-    return chapter_5() | {
+    config = chapter_5() | {
         "iec61850": {"address": "127.0.0.1", "port": port, "controllers": ["127.0.0.1"], "max_pdu": 65000}
     }
+    tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
+    for each in (each for s in config["port"][0]["slaves"] for table in tables for each in s[table]):
+        if each["name"] in NODES:
+            each["ln"] = NODES[each["name"]]
+    config["modules"] = [TRANSFORMER]
+    return config
+
+
+TRANSFORMER = {
+    "name": "transformer",
+    "program": "/bin/false",
+    "ca": 7,
+    "points": [
+        {"name": "t1.tap", "type": "step", "ioa": 1, "ln": "T1YLTC1.TapPos"},
+        {"name": "t1.commanded-tap", "type": "step", "ioa": 2, "ln": "T1YLTC1.TapChg"},
+        {"name": "q9.kind", "type": "integer", "ioa": 3, "ln": "Q9XSWI1.SwTyp"},
+        {"name": "t1.energy", "type": "counter", "ioa": 4, "ln": "T1MMTR1.SupWh"},
+        {"name": "t1.trip", "type": "single", "ioa": 5, "ln": "T1PTRC1.Str"},
+        {"name": "t1.limit", "type": "float", "ioa": 6, "command": True, "ln": "T1GGIO2.AnOut17"},
+        {"name": "t1.state", "type": "bitstring", "ioa": 7},
+    ],
+}
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +145,61 @@ def test_the_file_says_what_the_server_answers(gateway: Gateway, describe: Descr
     assert scl.errors(text) == []
     with mms.Client(config["iec61850"]["port"], 65000) as client:
         check_same(client, scl.File(text))
+
+
+def test_a_point_is_the_data_object_that_the_file_says(gateway: Gateway) -> None:
+    invalid, unknown = bytes.fromhex("034200"), bytes(8)
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        names = set(client.names(0, DEVICE))
+        for point, name in NODES.items():
+            node, _, data = name.partition(".")
+            (value,) = client.values((DEVICE, f"{node}$DC${data}$d"))
+            assert value == (0x8A, point.encode())
+        assert "Q0CSWI1$CO$Pos$SBOw" in names and not any(name.startswith("Q0XCBR1$CO") for name in names)
+        assert "Q0XCBR1$ST$Loc$stVal" in names and "Q0CSWI1$ST$Loc$stVal" not in names
+        # What the class has to have, and no point is: there, and not valid.
+        assert client.values(
+            (DEVICE, "Q0XCBR1$ST$Beh$stVal"),
+            (DEVICE, "Q0XCBR1$ST$BlkOpn$stVal"),
+            (DEVICE, "Q0XCBR1$ST$BlkOpn$q"),
+            (DEVICE, "Q0XCBR1$ST$OpCnt$t"),
+            (DEVICE, "Q1XSWI1$ST$SwTyp$stVal"),
+        ) == [(0x85, b"\1"), (0x83, b"\0"), (0x84, invalid), (0x91, unknown), (0x85, b"\1")]
+
+
+def test_rtuctl_shows_who_has_which_block(gateway: Gateway) -> None:
+    block, yes = "LLN0$RP$urcbStatus01", bytes.fromhex("8301ff")
+
+    def shown() -> dict[str, Any]:
+        (found,) = gateway.query("iec61850")
+        return found
+
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 2000) as client:
+        assert client.write(DEVICE, (f"{block}$RptEna", yes)) == [mms.DONE]
+        gateway.wait_for(lambda: len(shown()["blocks"]) == 1, 10, "the block is shown")
+        (association,), (reserved,) = shown()["associations"], shown()["blocks"]
+        assert (association["peer"], association["associated"]) == ("127.0.0.1", True)
+        assert association["pdu"] == 2000
+        assert reserved == {"block": f"{DEVICE}/{block}", "peer": "127.0.0.1", "enabled": True, "sqnum": 0}
+        assert f"{DEVICE}/{block}" in gateway.ctl("iec61850", "blocks")
+    gateway.wait_for(lambda: not shown()["associations"] and not shown()["blocks"], 10, "nobody is shown")
+
+
+def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
+    config = gateway.configuration()
+    port = config["iec61850"]["port"]
+    changed = json.loads(json.dumps(config).replace("Q1XSWI1.Pos", "Q2XSWI1.Pos"))
+    for document, there in ((changed, "Q2XSWI1"), (config, "Q1XSWI1")):
+        gateway.ctl("reload", gateway.put(document))
+
+        def renamed(name: str = there) -> bool:
+            try:
+                with mms.Client(port, 65000) as client:
+                    return name in client.names(0, DEVICE)
+            except (OSError, AssertionError, ValueError):
+                return False  # it ends, or has not begun
+
+        gateway.wait_for(renamed, 20, "the point has its other name")
 
 
 def test_an_icd_is_of_any_such_ied(describe: Describe) -> None:

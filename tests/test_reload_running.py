@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import c104
 import pytest
@@ -20,6 +21,7 @@ from lab.manager import CENTRE, USERS, Manager, free_udp_port, make_keys
 from lab.master import Master
 from lab.operator import operate
 from lab.raw_master import RawMaster
+from web import make_user
 
 WAIT_S = 60.0
 CA, DEVICE = 1005, "1.5"
@@ -189,6 +191,17 @@ def test_an_agent_of_snmp_comes_and_goes(desk: Running) -> None:
         assert "rtu-snmp is removed\n" in desk.take()
 
 
+def test_a_page_comes_and_goes(desk: Running) -> None:
+    port, users = free_port(), desk.folder / "web.users"
+    make_user(users, "operator", "operator")
+    page = {"address": "127.0.0.1", "port": port, "users": str(users)}
+    for commands in (False, True):
+        assert "rtu-web " in desk.take(web=page | {"commands": commands})
+        status = urlopen(f"http://127.0.0.1:{port}/", timeout=WAIT_S).status
+        assert status == 200
+    assert "rtu-web is removed\n" in desk.take()
+
+
 # ---- the journal ------------------------------------------------------------------------------------
 
 
@@ -240,3 +253,33 @@ def test_event_rings_grow_and_shrink_around_what_waits(desk: Running) -> None:
         assert "event_ring changes for all\n" in desk.take(event_ring=size)
         desk.change()
     desk.take()
+
+
+# ---- redundancy groups --------------------------------------------------------------------------------
+
+
+def waiting(desk: Running) -> dict[str, int]:
+    return {row["name"]: row["waiting"] for row in desk.gateway.query("iec104", "queues") if row["group"]}
+
+
+def group(name: str, address: str) -> Config:
+    return {"name": name, "masters": [address]}
+
+
+def test_groups_come_and_go_around_one_that_stays(desk: Running) -> None:
+    """It keeps what waits for it wherever it stands in the file; a new one begins with what happens then."""
+    stays, goes, comes = group("b", "192.0.2.2"), group("a", "192.0.2.1"), group("c", "192.0.2.3")
+    assert "redundancy_groups changes for all\n" in desk.take(redundancy_groups=[goes, stays])
+    desk.change()
+    before = waiting(desk)
+    assert before["a"] == before["b"] > 0
+    desk.take(redundancy_groups=[stays, comes])
+    desk.gateway.wait_for(lambda: set(waiting(desk)) == {"b", "c"}, WAIT_S, "the new group is there")
+    assert (waiting(desk)["b"], waiting(desk)["c"]) == (before["b"], 0)
+    desk.change()
+    desk.gateway.wait_for(lambda: waiting(desk)["c"] > 0, WAIT_S, "events wait for it")
+    desk.take(redundancy_groups=[comes, goes])
+    desk.gateway.wait_for(lambda: set(waiting(desk)) == {"a", "c"}, WAIT_S, "it is as new")
+    assert waiting(desk)["a"] == 0 < waiting(desk)["c"]
+    desk.take()
+    desk.gateway.wait_for(lambda: waiting(desk) == {}, WAIT_S, "there is none")

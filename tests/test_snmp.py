@@ -16,7 +16,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,7 @@ from desk import Desk, chapter_5, desk_of, everything_read
 from lab.gateway import free_port, remove, run_directory
 from lab.manager import (
     CENTRE,
+    ENGINE,
     ENGINEER,
     USERS,
     WATCH,
@@ -74,7 +75,7 @@ OFF, ON = 2, 3  # of a double point
 ) = range(1, 11)
 NONE, DONE, TIMEOUT, NOT_SELECTED = 1, 2, 4, 6
 UNKNOWN_FATE = 10
-CYCLIC = 9  # of rtuEventKind
+COMMAND, CYCLIC = 5, 9  # of rtuEventKind
 INCONSISTENT = 12  # of RFC 3416's errors
 NO_BITS = b"\0"
 
@@ -549,9 +550,9 @@ def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("races", [10, pytest.param(1000, marks=pytest.mark.soak)])
 def test_of_several_managers_one_acts(site: Site, quick: Quick, races: int) -> None:
-    """Two users of SNMP and a controlling station of IEC 60870-5-104 at a time: one write on the line."""
+    """Two users of SNMP and a controlling station of IEC 60870-5-104 at a time: a write for each who acts."""
     ca, ioa = map(int, LAMP.split("."))
-    row = [f"rtuCommand{name}.{LAMP}" for name in ("SpinLock", "State", "Result")]
+    row = [f"rtuCommand{name}.{LAMP}" for name in ("SpinLock", "State")]
 
     async def state_of(*wanted: int) -> list[int]:
         deadline = Deadline(20)
@@ -560,22 +561,38 @@ def test_of_several_managers_one_acts(site: Site, quick: Quick, races: int) -> N
             await asyncio.sleep(0.01)
         return found
 
+    async def told(number: int) -> int:
+        """The state of the lamp's command that an event tells; 0: it tells something else."""
+        columns = ("Kind", "CommonAddress", "ObjectAddress", "Value")
+        *what, state = await quick.get(CENTRE, *(f"rtuEvent{column}.{number}" for column in columns))
+        return state if what == [COMMAND, ca, ioa] else 0
+
     async def race() -> None:
         mark = site.desk.lines.mark()
         spin, *_ = await state_of(INACTIVE)
+        (seen,) = await quick.get(CENTRE, "rtuEventLast.0")
         confirming = asyncio.to_thread(site.desk.master.command, ca, ioa, "C_SC_NA_1", c104.SingleCmd(True))
         wishes = [quick.wish(user, LAMP, spin, EXECUTE, 2) for user in (CENTRE, ENGINEER)]
         first, second, confirmed = await asyncio.gather(*wishes, confirming)
         assert not (first and second)
-        by_user = False
         if first or second:
-            spin, state, result = await state_of(REFUSED, EXECUTED)
-            by_user = state == EXECUTED or result == TIMEOUT
+            spin, _ = await state_of(REFUSED, EXECUTED)
             assert await quick.wish(CENTRE if first else ENGINEER, LAMP, spin, INACTIVE)
         await state_of(INACTIVE)
-        # That of the controlling station came first, was refused, or came when the other had ended.
-        assert max(by_user, confirmed) <= site.writes(mark) <= by_user + 1
-        assert site.writes(mark) >= 1
+        # A busy host may let a device miss a request, or its answer: a command is refused then, not repeated.
+        states: list[int] = []
+        deadline = Deadline(20)
+
+        def all_told() -> bool:
+            done, refused, begun = (states.count(state) for state in (EXECUTED, REFUSED, EXECUTING))
+            return 0 < begun <= done + refused and done <= site.writes(mark) <= begun
+
+        while not all_told():
+            assert not deadline.over, (states, site.desk.lines.frames(mark))
+            (last,) = await quick.get(CENTRE, "rtuEventLast.0")
+            states += [state for number in range(seen + 1, last + 1) if (state := await told(number))]
+            seen = last
+        assert states.count(EXECUTED) >= confirmed
 
     for _ in range(races):
         quick.loop.run_until_complete(race())
@@ -828,6 +845,34 @@ def pass_on(relay: socket.socket, port: int, messages: list[bytes], done: thread
         else:
             asker = source
             relay.sendto(octets, ("127.0.0.1", port))
+
+
+def test_tshark_with_the_keys_reads_it(site: Site, tmp_path: Path) -> None:
+    """A request and its answer, authentic by tshark's own reckoning, decrypted and decoded."""
+    messages: list[bytes] = []
+    with relayed(site.port, messages) as port:
+        name, number = replace(site.manager(), port=port).get(f"rtuPointName.{BREAKER}", "rtuEventLast.0")
+    assert isinstance(name, bytes)
+    dump, packets = tmp_path / "dump", tmp_path / "packets"
+    # Each octet has its line: text2pcap wants no more than the offset.
+    lines = ("".join(f"{at:06x} {octet:02x}\n" for at, octet in enumerate(each)) for each in messages)
+    dump.write_text("\n".join(lines))
+    subprocess.run(["text2pcap", "-q", "-u", "40000,161", dump, packets], check=True)
+    words = (CENTRE.name, "SHA2-256", CENTRE.authentication, "AES", CENTRE.encryption)
+    users = ",".join([ENGINE, *(f'"{word}"' for word in words)])
+    wanted = ("snmp.authentication_ok", "snmp.name", "snmp.value.octets", "snmp.value.g32")
+    read = subprocess.run(
+        ["tshark", "-r", packets, "-o", f"uat:snmp_users:{users}", "-T", "fields"]
+        + [word for field in wanted for word in ("-e", field)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    names = f"{oid(f'rtuPointName.{BREAKER}')},{oid('rtuEventLast.0')}"
+    *_, request, answer = (line.split("\t") for line in read.stdout.splitlines())
+    assert request[1] == names
+    assert answer[1:] == [names, name.hex(), str(number)]
+    assert request[0] and answer[0]
 
 
 # ---- events --------------------------------------------------------------------------------------

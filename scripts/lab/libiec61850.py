@@ -14,6 +14,15 @@ def check(error: int, what: str) -> None:
         sys.exit(f"{what}: error {error}")
 
 
+def texts_of(linked: Any) -> list[str]:
+    """A list of libiec61850's."""
+    found, each = [], lib.LinkedList_getNext(linked)
+    while each:
+        found.append(lib.toCharP(lib.LinkedList_getData(each)))
+        each = lib.LinkedList_getNext(each)
+    return found
+
+
 def connected(port: int) -> Any:
     """An association. Some take no request: two threads of libiec61850 have overtaken each other."""
     for _ in range(TRIES):

@@ -1,22 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A gateway that a manager of SNMPv3 watches and commands: the tools of Net-SNMP, and its snmptrapd."""
+"""The management system of the shows: Net-SNMP's commands as a manager, and its receiver of informs."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lab.gateway import Gateway, free_port, listening_on
-from lab.linesim import LineSim
-from lab.manager import CENTRE, USERS, Manager, Receiver, free_udp_port, make_keys, receiver
+from lab.manager import (
+    CENTRE,
+    USERS,
+    Manager,
+    Receiver,
+    free_udp_port,
+    make_keys,
+    receiver,
+)
 
 BREAKER = "1010.1"  # with selection
 ON = 3  # of a double point
-SELECT, ACCEPTED, EXECUTE, EXECUTING, EXECUTED = 2, 3, 7, 8, 10
+INACTIVE, SELECT, ACCEPTED, EXECUTE, EXECUTING, EXECUTED = 1, 2, 3, 7, 8, 10
 NAMES = {ACCEPTED: "acceptedSelection", EXECUTING: "executing", EXECUTED: "executedCommand"}
 
 
@@ -24,44 +29,44 @@ NAMES = {ACCEPTED: "acceptedSelection", EXECUTING: "executing", EXECUTED: "execu
 class Managed:
     """Who asks, and who is told."""
 
-    gateway: Gateway
     manager: Manager
     received: Receiver
 
-    def told(self, state: int) -> str:
-        """The inform of this state, in words. Waits for it."""
-        count = 1 + (ACCEPTED, EXECUTING, EXECUTED).index(state)
-        inform = self.received.wait_for("rtuCommandChanged", count)[count - 1]
-        assert inform.value("rtuCommandState") == state, inform
+    def last(self) -> int:
+        """The number of the last event."""
+        (number,) = self.manager.get("rtuEventLast.0")
+        assert isinstance(number, int)
+        return number
+
+    def told(self, state: int, after: int) -> str:
+        """The inform of this state of the breaker's command behind that event, in words. Waits for it."""
+        wanted = {
+            f"rtuCommandState.{BREAKER}": state,
+            f"rtuCommandOwner.{BREAKER}": self.manager.user.name.encode(),  # what others did is told late
+        }
+        inform = self.received.wait_until(
+            "rtuCommandChanged",
+            lambda each: wanted.items() <= each.objects.items() and each.numbers[0] > after,
+        )
         return f"inform {inform.numbers[0]}: {NAMES[state]}"
 
 
-def configuration(config: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The same with SNMP, on ports that are free now."""
-    sink = {"name": "nms", "address": "127.0.0.1", "port": free_udp_port(), "user": CENTRE.name}
-    return listening_on(config, free_port()) | {
-        "snmp": {
-            "address": "127.0.0.1",
-            "port": free_udp_port(),
-            "users": [{"name": user.name, "role": role} for user, role in USERS.items()],
-            "sinks": [sink],
-            "keys": str(folder / "keys"),
-            "state": str(folder / "state"),
-        }
-    }
+def settings(sink_address: str, **more: Any) -> dict[str, Any]:
+    """The object `snmp`: the users of the shows, and a sink at a port of this machine that is free now."""
+    sink = {"name": "nms", "address": sink_address, "port": free_udp_port(), "user": CENTRE.name}
+    users = [{"name": user.name, "role": role} for user, role in USERS.items()]
+    return {"users": users, "sinks": [sink], **more}
+
+
+def keys_of(folder: Path) -> Path:
+    """Where `managed` has made those of the agent."""
+    return folder / "keys"
 
 
 @contextlib.contextmanager
-def managed(folder: Path, config: dict[str, Any], values: Path) -> Iterator[Managed]:
-    """A gateway of its own on lines of its own, in a new folder."""
+def managed(folder: Path, snmp: dict[str, Any], port: int) -> Iterator[Managed]:
+    """The manager of an agent with these settings, reached at this port; a new folder gets its keys."""
     folder.mkdir()
-    config = configuration(config, folder)
-    snmp = config["snmp"]
-    make_keys(config, folder)
-    lines = folder / "linesim.json"
-    lines.write_text(json.dumps(config))
-    with contextlib.ExitStack() as stack:
-        received = stack.enter_context(receiver(snmp["sinks"][0]["port"], folder / "receiver"))
-        stack.enter_context(LineSim(lines, values, folder / "dev"))
-        gateway = stack.enter_context(Gateway(config, folder))
-        yield Managed(gateway, Manager(snmp["port"], folder, timeout_s=30), received)
+    make_keys({"snmp": snmp}, folder)
+    with receiver(snmp["sinks"][0]["port"], folder / "receiver") as received:
+        yield Managed(Manager(port, folder, timeout_s=60), received)

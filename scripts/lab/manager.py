@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -246,9 +246,16 @@ class Receiver:
 
     def wait_for(self, name: str, count: int = 1, after: int = 0) -> list[Notification]:
         """That many of this kind with numbers behind after."""
+        return self._wait(name, count, lambda each: (each.numbers or [0])[0] > after)
+
+    def wait_until(self, name: str, wanted: Callable[[Notification], bool]) -> Notification:
+        """The first one of this kind that is wanted."""
+        return self._wait(name, 1, wanted)[0]
+
+    def _wait(self, name: str, count: int, wanted: Callable[[Notification], bool]) -> list[Notification]:
         deadline = Deadline(20)
         while True:
-            fitting = [n for n in self.notifications() if n.name == name and (n.numbers or [0])[0] > after]
+            fitting = [each for each in self.notifications() if each.name == name and wanted(each)]
             if len(fitting) >= count:
                 return fitting
             assert not deadline.over, f"{len(fitting)} of {count} {name}"

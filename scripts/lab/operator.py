@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-libiec61850's client commands: port, data object, value, then what to do: select, operate, cancel.
-Prints the control model, what became of each, and the termination, as JSON.
+libiec61850's client commands: port, data object, value, then what to do: browse, report, select, operate,
+cancel.
+Prints the control model, what became of each, the termination and what was reported, as JSON.
 """
 
 import json
@@ -9,15 +10,17 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
 from lab.errors import LabError
-from lab.libiec61850 import connected
+from lab.libiec61850 import check, connected, texts_of
+from lab.patience import Deadline
 
-TERMINATION_S = 10
+ANSWER_S = 10.0
 
 
 class OperatorError(LabError):
@@ -35,6 +38,62 @@ class Termination(lib.CommandTermHandler):  # type: ignore[misc]
     def trigger(self) -> None:
         last = lib.ControlObjectClient_getLastApplError(self.control)
         self.seen.append({"error": last.error, "cause": last.addCause})
+
+
+class Reported(lib.RCBHandler):  # type: ignore[misc]
+    """Takes reports, in a thread of libiec61850's: which members of the data set changed, by index."""
+
+    def __init__(self, members: int) -> None:
+        super().__init__()
+        self.members = members
+        self.seen: list[int] = []
+
+    def trigger(self) -> None:
+        reasons = [
+            lib.ClientReport_getReasonForInclusion(self._client_report, at) for at in range(self.members)
+        ]
+        changed = lib.IEC61850_REASON_DATA_CHANGE
+        self.seen += [at for at, reason in enumerate(reasons) if reason == changed]
+
+
+class Reports:
+    """Of a device: what changes under ST, from now on, through its first unbuffered block that is for it."""
+
+    def __init__(self, connection: Any, device: str) -> None:
+        listed, error = lib.IedConnection_getDataSetDirectory(connection, f"{device}/LLN0.status", None)
+        check(error, "data set")
+        self.members = texts_of(listed)
+        reference = f"{device}/LLN0.RP.urcbStatus01"
+        block = lib.ClientReportControlBlock_create(reference)
+        _, error = lib.IedConnection_getRCBValues(connection, reference, block)
+        check(error, reference)
+        self.handler, self.subscriber = Reported(len(self.members)), lib.RCBSubscriber()
+        self.subscriber.setIedConnection(connection)
+        self.subscriber.setRcbReference(reference)
+        self.subscriber.setRcbRptId(lib.ClientReportControlBlock_getRptId(block))
+        self.subscriber.setEventHandler(self.handler.__disown__())
+        self.subscriber.subscribe()
+        lib.ClientReportControlBlock_setTrgOps(block, lib.TRG_OPT_DATA_CHANGED)
+        lib.ClientReportControlBlock_setOptFlds(block, lib.RPT_OPT_REASON_FOR_INCLUSION)
+        lib.ClientReportControlBlock_setRptEna(block, True)
+        written = lib.RCB_ELEMENT_TRG_OPS | lib.RCB_ELEMENT_OPT_FLDS | lib.RCB_ELEMENT_RPT_ENA
+        _, error = lib.IedConnection_setRCBValues(connection, block, written, True)
+        check(error, reference)
+
+    def changed(self) -> list[str]:
+        return [self.members[at] for at in self.handler.seen]
+
+
+def browsed(connection: Any) -> dict[str, int]:
+    """The logical devices, and how many logical nodes each has."""
+    listed, error = lib.IedConnection_getLogicalDeviceList(connection)
+    check(error, "logical devices")
+    found = {}
+    for device in texts_of(listed):
+        nodes, error = lib.IedConnection_getLogicalDeviceDirectory(connection, device)
+        check(error, device)
+        found[device] = len(texts_of(nodes))
+    return found
 
 
 def value_of(text: str, kind: int) -> Any:
@@ -73,6 +132,13 @@ def operate(port: int, reference: str, value: str, *actions: str) -> dict[str, A
     return said
 
 
+def wait(condition: Callable[[], bool]) -> None:
+    """Until it is so, or has not become so in time: what was seen tells."""
+    deadline = Deadline(ANSWER_S)
+    while not condition() and not deadline.over:
+        time.sleep(0.01)
+
+
 def main() -> None:
     port, reference, text, *actions = sys.argv[1:]
     connection = connected(int(port))
@@ -86,16 +152,20 @@ def main() -> None:
     subscriber.subscribe()
     value = value_of(text, lib.ControlObjectClient_getCtlValType(control))
     said: dict[str, Any] = {"model": model}
+    reports = None
     for action in actions:
-        said[action] = outcome(control, act(control, action, value))
-    deadline = time.monotonic() + TERMINATION_S
-    while (
-        model in (lib.CONTROL_MODEL_DIRECT_ENHANCED, lib.CONTROL_MODEL_SBO_ENHANCED)
-        and said.get("operate", {}).get("done")
-        and not handler.seen
-        and time.monotonic() < deadline
-    ):
-        time.sleep(0.01)
+        if action == "browse":
+            said[action] = browsed(connection)
+        elif action == "report":
+            reports = Reports(connection, reference.partition("/")[0])
+        else:
+            said[action] = outcome(control, act(control, action, value))
+    if said.get("operate", {}).get("done"):
+        if model in (lib.CONTROL_MODEL_DIRECT_ENHANCED, lib.CONTROL_MODEL_SBO_ENHANCED):
+            wait(lambda: bool(handler.seen))
+        if reports:
+            wait(lambda: bool(reports.changed()))
+            said["report"] = reports.changed()
     print(json.dumps(said | {"terminations": handler.seen}), flush=True)
     lib.IedConnection_close(connection)
 

@@ -40,6 +40,8 @@ from lab.gateway import (
     run_directory,
 )
 from lab.linesim import Frame, LineSim
+from lab.managed import Managed
+from lab.manager import free_udp_port
 from lab.master import Master, Report
 from lab.modules import EXAMPLES, compiled, place, program
 from lab.verdict import Verdict, run
@@ -50,8 +52,10 @@ STATION = 3067  # port 3, slave 67
 DEVICE = "3.67"
 LEVEL = ("input_registers", 2)  # of that device, for the modules of others
 MODULES = (921, 922, 923)  # their stations
-PROGRAMS = REPOSITORY / "docs/examples/logic"
-INTERLOCK, FILLING = 931, 932  # their stations
+SOURCES = REPOSITORY / "docs/examples/logic"
+INTERLOCK, FILLING = 931, 932
+PROGRAMS = {"interlock": INTERLOCK, "filling": FILLING}  # their stations
+LIMIT = 90  # of the sequence
 ORDER = "order"  # has no value until somebody gives one
 BREAKER, PUMP, EARTHED = ("coils", 3), ("coils", 1), ("discrete_inputs", 0)  # of the device
 NEWCOMER = "5.51"
@@ -103,13 +107,17 @@ def configuration() -> dict[str, Any]:
     return config
 
 
-def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
-    """Three modules of others, in Python and C, around a register of the device, as the level of a tank."""
-    place(directory, build)
+def name_level(config: dict[str, Any]) -> None:
+    """A register of the device is the level of a tank, for programs and modules of others."""
     slaves = [slave for port in config["port"] for slave in port["slaves"] if slave["id"] == 67]
     for register in slaves[0]["input_registers"]:
         if register["address"] == LEVEL[1]:
             register["name"] = "tank.level"
+
+
+def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
+    """Three modules of others, in Python and C, around the level of the tank."""
+    place(directory, build)
     settings = {"low": 20, "high": 40, "full": 90}
     point = {"ioa": 1, "type": "single"}
     programs = {
@@ -138,40 +146,49 @@ def add_modules(config: dict[str, Any], directory: Path, build: Path) -> None:
     config["synch"] = ["line3 -> filter"]
 
 
-def add_iec61850(config: dict[str, Any]) -> None:
-    """A server of IEC 61850 for clients of this machine, which may command."""
-    address = "127.0.0.1"
-    config["iec61850"] = {"address": address, "port": free_port(), "controllers": [address]}
+def add_iec61850(config: dict[str, Any], address: str, controller: str, **more: Any) -> None:
+    """A server of IEC 61850 at this address, and who may command."""
+    config["iec61850"] = {"address": address, "controllers": [controller], **more}
 
 
-def add_logic(config: dict[str, Any], directory: Path) -> None:
+def compile_programs(directory: Path) -> None:
+    """Those of `add_logic`, as files of this folder."""
+    for name in PROGRAMS:
+        file = directory / f"{name}.rtul"
+        with contextlib.redirect_stdout(None):
+            code = openrtu_logic(["compile", str(SOURCES / f"{name}.st"), "-o", str(file)])
+        check(code == 0, f"{name}.st is not compiled")
+
+
+def add_logic(config: dict[str, Any], directory: str) -> None:
     """Two programs of Structured Text: an interlock before the breaker, and a sequence that pumps."""
     points = {
-        "interlock": (INTERLOCK, [{"name": ORDER, "ioa": 1}, {"name": "locked", "ioa": 2}]),
-        "filling": (
-            FILLING,
-            [{"name": "limit", "ioa": 1, "value": 90}, {"name": "phase", "ioa": 2}],
-        ),
+        "interlock": [{"name": ORDER, "ioa": 1}, {"name": "locked", "ioa": 2}],
+        "filling": [{"name": "limit", "ioa": 1, "value": LIMIT}, {"name": "phase", "ioa": 2}],
     }
     names = {
         "interlock": {"breaker": f"p{DEVICE}.c{BREAKER[1]}", "earthed": f"p{DEVICE}.d{EARTHED[1]}"},
         "filling": {"pump": f"p{DEVICE}.c{PUMP[1]}", "level": "tank.level"},
     }
-    for name in points:
-        compiled_file = directory / f"{name}.rtul"
-        with contextlib.redirect_stdout(None):
-            code = openrtu_logic(["compile", str(PROGRAMS / f"{name}.st"), "-o", str(compiled_file)])
-        check(code == 0, f"{name}.st is not compiled")
     config["logic"] = [
         {
             "name": name,
             "program": f"{directory}/{name}.rtul",
             "ca": ca,
-            "points": own,
+            "points": points[name],
             "names": names[name],
         }
-        for name, (ca, own) in points.items()
+        for name, ca in PROGRAMS.items()
     ]
+
+
+def with_limit(config: dict[str, Any], limit: int) -> dict[str, Any]:
+    """The configuration with another limit of the sequence."""
+    for one in config["logic"]:
+        for point in one["points"]:
+            if point["name"] == "limit":
+                point["value"] = limit
+    return config
 
 
 @dataclass
@@ -181,6 +198,14 @@ class Desk:
     lines: LineSim
     gateway: Rtu
     master: Master
+
+
+@dataclass
+class ServedDesk(Desk):
+    """The same with a manager of SNMPv3 and a client of IEC 61850."""
+
+    managed: Managed
+    iec61850: int  # the port of this machine that leads to the server
 
 
 def say(text: str = "") -> None:
@@ -386,7 +411,7 @@ def logic(desk: Desk) -> None:
         line = "earthed" if earthed else "not earthed"
         say(f"     master       breaker {'on' if on else 'off'}, the line is {line}: {answer}")
 
-    # The step before left a level at which the sequence pumps.
+    # A step before may have left a level at which the sequence pumps.
     desk.lines.set(DEVICE, *LEVEL, 50)
     desk.gateway.wait_for(
         lambda: desk.gateway.points("phase")["phase"]["value"] == 0,
@@ -407,6 +432,11 @@ def logic(desk: Desk) -> None:
     limit = c104.ScaledCmd(target=c104.Int16(60))
     check(desk.master.command(FILLING, 1, "C_SE_NB_1", limit), "the limit was not taken")
     say("     master       limit of the sequence = 60, the level is 70: activation confirmed")
+    pumps(desk, since)
+
+
+def pumps(desk: Desk, since: int) -> None:
+    """The sequence has started the pump."""
     event(
         desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (FILLING, 2, 2), since, DEADLINE_S), "it pumps"
     )
@@ -439,6 +469,18 @@ def without_newcomer(config: dict[str, Any]) -> dict[str, Any]:
 def reload(desk: Desk, *file: str) -> None:
     """Without a file, rtud's own."""
     desk.gateway.ctl("reload", *file)
+
+
+def limit_reloaded(desk: Desk) -> None:
+    """A reload changes the limit of a program: its sequence starts the pump"""
+    since = desk.master.mark()
+    desk.lines.set(DEVICE, *LEVEL, 85)
+    desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30003, 85), since, DEADLINE_S)
+    say(f"     device {DEVICE}  input register {LEVEL[1]} = 85, the level; the limit is {LIMIT}")
+    check(desk.lines.get(DEVICE, *PUMP) == 0, "the pump runs")
+    reload(desk, desk.gateway.put(with_limit(desk.gateway.configuration(), 80)))
+    say("     rtuctl       reload with a limit of 80")
+    pumps(desk, since)
 
 
 def longest_pause_ms(desk: Desk, port: int, since: int) -> float:
@@ -484,37 +526,40 @@ def position(desk: Desk) -> None:
     say(f"     rtuctl       reload: line {drive.PORT} has its devices again, all points are good")
 
 
-def operated_by_iec61850(desk: Desk) -> None:
-    """IEC 61850: a client of libiec61850 operates a breaker, select before operate, enhanced security"""
-    port = desk.gateway.configuration()["iec61850"]["port"]
+def operated_by_iec61850(desk: ServedDesk) -> None:
+    """IEC 61850: a client browses, a breaker is operated (SBO, enhanced security), a report tells it"""
     since = desk.master.mark()
-    said = operator.operate(port, SWITCH, "false", "select", "operate")
+    said = operator.operate(desk.iec61850, SWITCH, "false", "browse", "report", "select", "operate")
+    devices = said["browse"]
+    check(len(devices) > 1, f"it sees the logical devices {devices}")
+    say(f"     libiec61850  {len(devices)} logical devices, {sum(devices.values())} logical nodes")
     check(said["model"] == SBO_ENHANCED, f"ctlModel is {said['model']}")
     for service, words in (("select", "SBOw"), ("operate", "Oper, confirmed by the device")):
         check(said[service]["done"], f"{service} was refused: {said[service]}")
         say(f"     libiec61850  {SWITCH}: {words}")
     check([each["cause"] for each in said["terminations"]] == [0], "no positive CommandTermination")
     say("     libiec61850  CommandTermination, behind the value that was read back")
+    check(said["report"] != [], "no report has told it")
+    say(f"     libiec61850  report of urcbStatus01, data change: {said['report'][0]}")
     event(desk.master.wait(lambda r: (r.ca, r.ioa) == (1010, 1), since, DEADLINE_S))
 
 
-def managed_by_snmp(desk: Desk) -> None:
-    """SNMPv3, at a second gateway: a manager interrogates, selects and executes; informs tell it"""
-    folder = desk.gateway.directory / "managed"
-    with managed.managed(folder, configuration(), CHAPTER_5 / "values.json") as site:
-        site.gateway.wait_for(lambda: all_read(site.gateway), DEADLINE_S, "every device has been read")
-        manager, row = site.manager, managed.BREAKER
-        qualities = [*manager.walk("rtuMeasuredQuality").values()]
-        good = sum(quality == b"\0" for quality in qualities)
-        say(f"     snmpbulkwalk rtuMeasuredQuality: {good} of {len(qualities)} measured values are good")
-        check(good > 0, "no measured value is good")
-        manager.wish(row, managed.SELECT, value=managed.ON)
-        say(f"     snmpset      rtuCommandState.{row} = selectionRequest, rtuCommandValue.{row} = on")
-        say(f"     snmptrapd    {site.told(managed.ACCEPTED)}")
-        manager.wish(row, managed.EXECUTE)
-        say(f"     snmpset      rtuCommandState.{row} = executionRequest")
-        say(f"     snmptrapd    {site.told(managed.EXECUTING)}")
-        say(f"     snmptrapd    {site.told(managed.EXECUTED)}, confirmed by the device")
+def managed_by_snmp(desk: ServedDesk) -> None:
+    """SNMPv3: a manager interrogates, selects and executes; informs tell it"""
+    manager, row = desk.managed.manager, managed.BREAKER
+    qualities = [*manager.walk("rtuMeasuredQuality").values()]
+    good = sum(quality == b"\0" for quality in qualities)
+    say(f"     snmpbulkwalk rtuMeasuredQuality: {good} of {len(qualities)} measured values are good")
+    check(good > 0, "no measured value is good")
+    before = desk.managed.last()
+    manager.wish(row, managed.SELECT, value=managed.ON)
+    say(f"     snmpset      rtuCommandState.{row} = selectionRequest, rtuCommandValue.{row} = on")
+    say(f"     snmptrapd    {desk.managed.told(managed.ACCEPTED, before)}")
+    manager.wish(row, managed.EXECUTE)
+    say(f"     snmpset      rtuCommandState.{row} = executionRequest")
+    say(f"     snmptrapd    {desk.managed.told(managed.EXECUTING, before)}")
+    say(f"     snmptrapd    {desk.managed.told(managed.EXECUTED, before)}, confirmed by the device")
+    manager.wish(row, managed.INACTIVE)
 
 
 NATIVE_STEPS: tuple[Step, ...] = (
@@ -657,18 +702,26 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     """Runs the show; raises what went wrong."""
     ports.check_free(port, f"make run-native{' KEEP=1' if keep else ''}")
     directory = run_directory()
-    config = listening_on(configuration(), port)
+    config, here = listening_on(configuration(), port), "127.0.0.1"
+    name_level(config)
     add_modules(config, directory, default_build())
-    add_iec61850(config)
-    add_logic(config, directory)
+    add_iec61850(config, here, here, port=free_port())
+    compile_programs(directory)
+    add_logic(config, str(directory))
+    folder, snmp_port = directory / "management", free_udp_port()
+    config["snmp"] = managed.settings(
+        here, address=here, port=snmp_port, keys=f"{managed.keys_of(folder)}", state=f"{directory}/snmp"
+    )
     say("OpenRTU: Modbus devices on six lines, seen and commanded over IEC 60870-5-104")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
         config_file = directory / "linesim.json"
         config_file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, config_file, verdict)
+        management = stack.enter_context(managed.managed(folder, config["snmp"], snmp_port))
         gateway = start_gateway(stack, directory, config, verdict)
-        desk = Desk(lines, gateway, start_master(stack, gateway, verdict))
+        master = start_master(stack, gateway, verdict)
+        desk = ServedDesk(lines, gateway, master, management, config["iec61850"]["port"])
         run_steps(desk, NATIVE_STEPS, verdict)
         if keep:
             keep_up(desk)

@@ -13,7 +13,7 @@ from logic.declare import Declarations
 from logic.errors import Findings, Place, SourceError
 from logic.layout import Characters, Enumeration, Stored, is_single, name_of
 from logic.parser import parse
-from logic.routine import Body, Bound, Instance, Loop, Scope, writes
+from logic.routine import Body, Bound, Instance, Instances, Loop, Scope, writes
 from logic.syntax import (
     Argument,
     Assign,
@@ -33,7 +33,7 @@ from logic.syntax import (
     While,
 )
 from logic.types import BITS, INTEGERS
-from logic.values import BUILT_IN, OF_TEXTS, Reference
+from logic.values import BUILT_IN, COPY_MAX, OF_TEXTS, Reference
 
 # The standard's function blocks, and those of docs/blocks.md.
 BLOCKS = Path(__file__).with_name("blocks")
@@ -214,7 +214,7 @@ class Compiler(Declarations):
 
     def writable(self, target: Name) -> Reference:
         bound = self.bound(target)
-        if isinstance(bound.what, Instance):
+        if isinstance(bound.what, Instance | Instances):
             raise SourceError(target.place, f"{target.name} is a block; call it: {target.name}(…)")
         if bound.variable is not self.body.scope.names[target.name].variable:
             raise SourceError(
@@ -426,8 +426,11 @@ class Compiler(Declarations):
             return
         if bound is None and self.is_function(call.name):
             raise SourceError(call.place, f"the result of {call.name} is not used")
+        if bound is not None and isinstance(bound.what, Instances):
+            self.call_one(call, bound.what)
+            return
         bound = self.bound(Name(call.place, call.name))
-        if not isinstance(bound.what, Instance):
+        if not isinstance(bound.what, Instance) or call.path:
             raise SourceError(call.place, f"{call.name} is not a function block")
         bound.read = True
         instance = bound.what
@@ -442,11 +445,41 @@ class Compiler(Declarations):
             self.program.requests.append(Request(point.name, parts_of(instance, REQUEST_PARTS)))
         if instance.unit.library and instance.unit.name in ("COMMAND", "REQUEST"):
             arguments = [one for one in arguments if one.name != "POINT"]
+        self.work(instance, arguments, call)
+        self.fetch(instance.scope, arguments)
+
+    def work(self, instance: Instance, arguments: Sequence[Argument], call: Call) -> None:
         self.hand_over(instance.scope, arguments, call)
         if instance.routine is None:
             instance.routine = self.unit(instance.unit, instance.scope)
         self.body.emit("CALL", "BOOL", instance.routine)
-        self.fetch(instance.scope, arguments)
+
+    def call_one(self, call: Call, blocks: Instances) -> None:
+        """What a block of an array remembers goes to where it works, and back."""
+        found, steps = self.block_at(Name(call.place, call.name, call.path), blocks)
+        if steps < len(call.path):
+            raise SourceError(call.place, f"{call.name}[…] is a block; call it: {call.name}[…](…)")
+        at, working = self.settle(found), blocks.working
+        if all(isinstance(index, int) for index in at):
+            one = self.chosen_block(blocks, at)
+            self.body.block(working.slots, one.slots[0])
+            self.work(working, call.arguments, call)
+            self.body.block(one.slots, working.slots[0])
+        else:
+            if len(working.slots) > COPY_MAX:
+                raise SourceError(
+                    call.place,
+                    f"{working.unit.name} has {len(working.slots)} values; with an index that is no constant "
+                    f"a block of an array has {COPY_MAX} at most",
+                )
+            for slot, leaf in zip(working.slots, blocks.leaves, strict=True):
+                with self.body.temporaries():
+                    self.body.emit("LOAD", slot.type, slot, *self.element(leaf, at))
+            self.work(working, call.arguments, call)
+            for slot, leaf in zip(working.slots, blocks.leaves, strict=True):
+                with self.body.temporaries():
+                    self.body.emit("STORE", slot.type, slot, *self.element(leaf, at))
+        self.fetch(working.scope, call.arguments)
 
     def message(self, call: Call) -> None:
         """The machine notes that it was said; the host makes the text, of the values in these variables."""

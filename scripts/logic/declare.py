@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 from logic.binary import Point, Slot
 from logic.errors import Findings, Place, SourceError
@@ -15,6 +16,7 @@ from logic.layout import (
     Characters,
     Enumeration,
     Initials,
+    Leaf,
     Stored,
     Structure,
     Type,
@@ -25,7 +27,7 @@ from logic.layout import (
     size_of,
     words_of,
 )
-from logic.routine import Bound, Instance, Scope
+from logic.routine import Bound, Instance, Instances, Scope
 from logic.syntax import (
     Choice,
     Declared,
@@ -285,7 +287,8 @@ class Declarations(Texts):
             raise SourceError(variable.place, "points belong to the PROGRAM; pass them as inputs")
         block = self.units.get(variable.type.name)
         if block is not None and block.kind == "FUNCTION_BLOCK":
-            scope.names[variable.name] = Bound(variable, self.instance(scope, variable, block, path))
+            what = self.blocks if variable.type.bounds else self.instance
+            scope.names[variable.name] = Bound(variable, what(scope, variable, block, path))
             return
         kind, default = self.resolved(variable.type)
         if (
@@ -347,12 +350,7 @@ class Declarations(Texts):
             )
 
     def instance(self, scope: Scope, variable: Variable, block: Unit, path: str) -> Instance:
-        if (
-            variable.type.bounds
-            or variable.initial is not None
-            or variable.constant
-            or variable.section == "VAR_EXTERNAL"
-        ):
+        if variable.initial is not None or variable.constant or variable.section == "VAR_EXTERNAL":
             raise SourceError(variable.place, f"an instance of {block.name} must be a plain variable")
         if scope.unit.kind == "FUNCTION" or variable.section == "VAR_TEMP":
             raise SourceError(
@@ -361,9 +359,29 @@ class Declarations(Texts):
         if block is scope.unit or block.name in self.open_blocks:
             raise SourceError(variable.place, f"{block.name} contains itself")
         self.open_blocks.append(block.name)
+        first = len(self.program.slots)
         inner = self.scope_of(block, f"{path}{variable.name}.")
         self.open_blocks.pop()
-        return Instance(block, inner)
+        return Instance(block, inner, self.program.slots[first:])
+
+    def blocks(self, scope: Scope, variable: Variable, block: Unit, path: str) -> Instances:
+        if block.library and block.name in ("COMMAND", "REQUEST"):
+            raise SourceError(variable.place, f"a {block.name} has one point; it must be a plain variable")
+        bounds = tuple(self.limits(*pair) for pair in variable.type.bounds)
+        kept = len(self.program.retained)
+        working = self.instance(scope, variable, block, path)
+        del self.program.retained[kept:]
+        if not working.slots:
+            raise SourceError(variable.place, f"{block.name} has no variables; call one of it")
+        places = list(product(*(range(low, high + 1) for low, high in bounds)))
+        self.within(len(places) * len(working.slots), variable.type.place)
+        elements = []
+        for place in places:
+            name = f"{variable.name}[{','.join(map(str, place))}]"
+            elements.append(self.instance(scope, replace(variable, name=name), block, path))
+        slots = zip(*(element.slots for element in elements), strict=True)
+        leaves = [Leaf(self.kind_of_slot(alike[0]), bounds, slots=list(alike)) for alike in slots]
+        return Instances(bounds, elements, working, leaves)
 
 
 def before(initial: Initial | None, default: Initials) -> Initials:

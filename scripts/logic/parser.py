@@ -410,6 +410,8 @@ class Parser:
             self.expect(";", f"after {head.word}")
             return Leave(head.place, head.word)
         target = self.primary("a statement")
+        if isinstance(target, Name) and target.path and self.accept("("):
+            target = Call(target.place, target.name, self.arguments(), target.path)
         if isinstance(target, Call):
             self.expect(";", "after the call")
             return target

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from logic.binary import Instruction, Point, Program, Routine, Slot, String
 from logic.errors import SourceError
-from logic.layout import Stored
+from logic.layout import Bounds, Leaf, Stored
 from logic.syntax import (
     Literal,
     Unit,
@@ -28,7 +28,22 @@ class Instance:
 
     unit: Unit
     scope: Scope
+    slots: list[Slot]  # all that it remembers
     routine: Routine | None = None
+
+
+@dataclass
+class Instances:
+    """An array of blocks. One of them works at a time, in a place of its own: the routine is there once."""
+
+    bounds: tuple[Bounds, ...]
+    elements: list[Instance]
+    working: Instance
+    leaves: list[Leaf] = field(default_factory=list)  # of each slot, those of all elements
+
+    @property
+    def unit(self) -> Unit:
+        return self.working.unit
 
 
 @dataclass
@@ -36,7 +51,7 @@ class Bound:
     """What a name stands for."""
 
     variable: Variable
-    what: Slot | Stored | Instance | Literal
+    what: Slot | Stored | Instance | Instances | Literal
     point: Point | None = None
     read: bool = False
     written: bool = False

@@ -75,6 +75,7 @@ class Call:
     place: Place
     name: str
     arguments: tuple[Argument, ...]
+    path: tuple[Indexed | Member, ...] = ()  # to a block of an array
 
 
 @dataclass(frozen=True)

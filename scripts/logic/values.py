@@ -26,7 +26,7 @@ from logic.layout import (
     name_of,
     size_of,
 )
-from logic.routine import Body, Bound, Instance, Scope
+from logic.routine import Body, Bound, Instance, Instances, Scope
 from logic.syntax import (
     Binary,
     Call,
@@ -129,19 +129,66 @@ class Values:
         if bound is None:
             choices = [*scope.names, *(value for one in self.enumerations for value in one.values)]
             raise SourceError(name.place, f"unknown name {name.name}{self.meant(name.name, choices)}")
+        if isinstance(bound.what, Instances):
+            return self.output_of_one(name, bound.what)
         if not isinstance(bound.what, Instance) or not name.path:
             return bound, name.path
         step = name.path[0]
         if isinstance(step, Indexed):
             raise SourceError(step.place, f"{name.name} is a block, not an array")
         bound.read = True
-        inner = bound.what.scope.names.get(step.name)
+        return self.output(name, bound.what, step), name.path[1:]
+
+    def output(self, name: Name, instance: Instance, step: Member) -> Bound:
+        inner = instance.scope.names.get(step.name)
         if inner is None or inner.variable.section not in ("VAR_OUTPUT", "VAR_INPUT"):
-            outputs = [v.name for v in bound.what.unit.variables if v.section == "VAR_OUTPUT"]
+            outputs = [v.name for v in instance.unit.variables if v.section == "VAR_OUTPUT"]
             raise SourceError(
                 step.place, f"{name.name} has no output {step.name}{self.meant(step.name, outputs)}"
             )
-        return inner, name.path[1:]
+        return inner
+
+    def block_at(self, name: Name, blocks: Instances) -> tuple[Reference, int]:
+        """Which one of an array of blocks; and how many steps of the path say so."""
+        shape = ArrayOf("", blocks.bounds)
+        found = Reference(self.body.scope.names[name.name], name.place, name.name, shape)
+        steps = 0
+        while isinstance(found.type, ArrayOf) and steps < len(name.path):
+            step = name.path[steps]
+            if not isinstance(step, Indexed):
+                break
+            self.step_into(found, step)
+            steps += 1
+        if isinstance(found.type, ArrayOf):
+            raise SourceError(name.place, f"{name.name} is an array of blocks; name one: {name.name}[…]")
+        found.bound.read = True
+        return found, steps
+
+    def output_of_one(self, name: Name, blocks: Instances) -> tuple[Bound, tuple[Indexed | Member, ...]]:
+        """Of a block of an array. With an index that is no constant, an element of an array of outputs."""
+        found, steps = self.block_at(name, blocks)
+        step = name.path[steps] if steps < len(name.path) else None
+        if not isinstance(step, Member):
+            raise SourceError(name.place, f"{name.name}[…] is a block; name one of its outputs")
+        if all(self.folded(index) is not None for index, _ in found.indices):
+            block = self.chosen_block(blocks, self.settle(found))
+            return self.output(name, block, step), name.path[steps + 1 :]
+        one = self.output(name, blocks.working, step)
+        if not isinstance(one.what, Slot):
+            raise SourceError(step.place, f"{step.name} is not one value; it needs a constant as index")
+        leaf = blocks.leaves[blocks.working.slots.index(one.what)]
+        stored = Stored(ArrayOf(leaf.kind, leaf.bounds), {"": leaf})
+        return Bound(one.variable, stored, read=True), (*name.path[:steps], *name.path[steps + 1 :])
+
+    @staticmethod
+    def chosen_block(blocks: Instances, at: Sequence[int]) -> Instance:
+        shape = blocks.leaves[0]
+        steps = zip(at, shape.bounds, shape.steps, strict=True)
+        return blocks.elements[sum((index - low) * step for index, (low, _), step in steps)]
+
+    def kind_of_slot(self, slot: Slot) -> str | Enumeration:
+        kind = self.types.get(slot.type)
+        return kind if is_enumeration(kind) else slot.type
 
     def reference(self, name: Name) -> Reference:
         bound, path = self.head(name)

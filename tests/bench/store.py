@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import datetime
 import json
 import os
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -195,12 +197,10 @@ def resident_mib(pid: int) -> float:
     return pages * resource.getpagesize() / 2**20
 
 
-def whole(count: int, seconds: float) -> str:
-    with (
-        tempfile.TemporaryDirectory(prefix="store-") as name,
-        simulated(count, "h") as of_rtus,
-    ):
-        folder, port = Path(name), free_port()
+@contextlib.contextmanager
+def running(count: int, port: int, folder: Path, kind: str = "h") -> Iterator[tuple[int, int]]:
+    """RTUs of a kind, rtu-centre, and the centre at that port: the processes of the last two."""
+    with simulated(count, kind) as of_rtus:
         file = configuration(count, port, of_rtus, folder)
         told(file, "user", USER, stdin=PASSWORD)
         (folder / "rtu-centre.json").write_text(told(file, "collector"))
@@ -209,15 +209,22 @@ def whole(count: int, seconds: float) -> str:
         serving = [sys.executable, "-m", "centre", file, "serve"]
         centre = subprocess.Popen(serving, cwd=REPOSITORY, **quiet)
         try:
-            began = cpu_ns(collector.pid), cpu_ns(centre.pid), time.monotonic()
-            seen, begun, ended = asyncio.run(watch(port, count, seconds))
-            passed = time.monotonic() - began[2]
-            used = cpu_ns(collector.pid) - began[0], cpu_ns(centre.pid) - began[1]
-            memory = resident_mib(collector.pid), resident_mib(centre.pid)
+            yield collector.pid, centre.pid
         finally:
             for process in (centre, collector):
                 process.terminate()
                 process.wait()
+
+
+def whole(count: int, seconds: float) -> str:
+    with tempfile.TemporaryDirectory(prefix="store-") as name:
+        folder, port = Path(name), free_port()
+        with running(count, port, folder) as processes:
+            began = [*map(cpu_ns, processes)], time.monotonic()
+            seen, begun, ended = asyncio.run(watch(port, count, seconds))
+            passed = time.monotonic() - began[1]
+            used = [cpu_ns(pid) - before for pid, before in zip(processes, began[0], strict=True)]
+            memory = [*map(resident_mib, processes)]
         with sqlite3.connect(folder / "centre.db") as database:
             sql = "SELECT count(*) FROM track WHERE at_ns BETWEEN ? AND ?"
             stored = database.execute(sql, (begun, ended)).fetchone()[0]

@@ -6,6 +6,7 @@ import doctest
 import time
 from collections.abc import Iterator
 
+import asyncpg
 import pytest
 
 from centre import postgres as module
@@ -91,6 +92,7 @@ def test_lost_answer_to_commit_is_found_out(
             if stored:
                 whole(session, text)
             session.connection.terminate()
+            raise asyncpg.ConnectionDoesNotExistError("as asyncpg says it of a server that is killed")
         whole(session, text)
 
     monkeypatch.setattr(Session, "script", script)

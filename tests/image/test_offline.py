@@ -45,10 +45,16 @@ def test_each_package_of_a_defconfig_has_a_row(defconfig: str) -> None:
 
 
 def test_what_the_gateway_is_linked_with_has_a_row() -> None:
-    lines = re.findall(r"OPENRTU_DEPENDENCIES \+?= (.*)", (ROOT / "package/openrtu/openrtu.mk").read_text())
-    assert lines
-    needed = {PROVIDED.get(name, name) for line in lines for name in line.split()}
-    assert needed <= PACKAGES
+    chosen = set_symbols("nuc980_gateway_lts_defconfig")
+    asked, needed = "", set()
+    for line in (ROOT / "package/openrtu/openrtu.mk").read_text().splitlines():
+        if found := re.fullmatch(r"ifeq \(\$\((BR2_\w+)\),y\)", line):
+            asked = found[1]
+        elif line in ("else", "endif"):
+            asked = ""
+        elif (found := re.match(r"OPENRTU_DEPENDENCIES \+?= (.*)", line)) and (not asked or asked in chosen):
+            needed |= {PROVIDED.get(name, name) for name in found[1].split()}
+    assert {"jansson", "libopenssl", "netsnmp"} <= needed <= {*PACKAGES, *TABLE.programs}
 
 
 def test_what_no_symbol_names_has_a_row() -> None:

@@ -10,15 +10,7 @@ from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
-from lab.libiec61850 import check, connected
-
-
-def texts_of(linked: Any) -> list[str]:
-    found, each = [], lib.LinkedList_getNext(linked)
-    while each:
-        found.append(lib.toCharP(lib.LinkedList_getData(each)))
-        each = lib.LinkedList_getNext(each)
-    return found
+from lab.libiec61850 import check, connected, texts_of
 
 
 def python_of(value: Any) -> Any:

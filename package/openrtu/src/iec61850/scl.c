@@ -65,7 +65,7 @@ struct ln_name {
 
 static struct ln_name parts_of(const struct iec61850_object *object)
 {
-	const char *name = iec61850_ln_name(object->ln);
+	const char *name = object->device->lns[object->ln].name;
 	struct ln_name parts = {.instance = ""};
 	size_t size = strlen(name);
 
@@ -95,7 +95,7 @@ static void do_name(const struct iec61850_scl *scl, const struct iec61850_object
 
 static struct iec61850_object first_object(const struct iec61850_device *device, unsigned ln)
 {
-	return (struct iec61850_object){.device = device, .ln = (enum iec61850_ln)ln};
+	return (struct iec61850_object){.device = device, .ln = ln};
 }
 
 /* Whether the number is of a data object, not of a control block, nor behind the last. */
@@ -322,16 +322,19 @@ static bool has_node(const struct iec61850_nodes inside, enum iec61850_leaf leaf
 static void put_instance(const struct iec61850_scl *scl, const struct iec61850_object *object)
 {
 	const struct iec61850_nodes described = inside_of(scl, object, IEC61850_DC);
+	const bool has_text = has_node(described, IEC61850_DESCRIPTION);
+	const bool is_point = iec61850_point_of(scl->model, object) != MAP_NONE;
 	char name[IEC61850_NAME_SIZE], text[MAP_NAME_SIZE];
 
-	if (!has_node(described, IEC61850_DESCRIPTION))
+	if (!has_text && !is_point)
 		return;
 	do_name(scl, object, name);
 	line(scl, 6, "<DOI name=\"%s\">", name);
-	if (iec61850_point_of(scl->model, object) != MAP_NONE)
+	if (is_point)
 		put_addresses(scl, *object);
 	iec61850_description(scl->model, object, text);
-	put_value(scl, "d", text);
+	if (has_text)
+		put_value(scl, "d", text);
 	if (has_node(described, IEC61850_CONFIGURATION)) {
 		snprintf(text, sizeof(text), "%08x", (unsigned)scl->model->revision);
 		put_value(scl, "configRev", text);
@@ -341,7 +344,7 @@ static void put_instance(const struct iec61850_scl *scl, const struct iec61850_o
 
 static void put_ln_type_name(const struct iec61850_scl *scl, const struct iec61850_object *object)
 {
-	fprintf(scl->out, "CA%u_%s", (unsigned)object->device->ca, iec61850_ln_name(object->ln));
+	fprintf(scl->out, "CA%u_%s", (unsigned)object->device->ca, object->device->lns[object->ln].name);
 }
 
 static void put_ln(const struct iec61850_scl *scl, const struct iec61850_device *device, unsigned number)
@@ -379,7 +382,7 @@ static void put_device(const struct iec61850_scl *scl, const struct iec61850_dev
 
 	iec61850_description(scl->model, &object, name);
 	line(scl, 4, "<LDevice inst=\"CA%u\" desc=\"%s\">", (unsigned)device->ca, escaped(name, safe));
-	for (unsigned ln = 0; ln < IEC61850_LNS; ln++)
+	for (unsigned ln = 0; ln < device->ln_count; ln++)
 		put_ln(scl, device, ln);
 	line(scl, 4, "</LDevice>");
 }
@@ -419,11 +422,20 @@ static void put_ied(const struct iec61850_scl *scl)
 
 static const struct {
 	const char *name;
-	const char *values[6]; /* from the first number on; "": it has none */
+	const char *values[12]; /* from the first number on */
 	int first;
 } enumerations[IEC61850_ENUMERATIONS] = {
     [IEC61850_BEHAVIOUR_KIND] = {"BehaviourModeKind", {"on", "blocked", "test", "test/blocked", "off"}, 1},
     [IEC61850_HEALTH_KIND] = {"HealthKind", {"Ok", "Warning", "Alarm"}, 1},
+    [IEC61850_SWITCH_KIND] = {"SwitchFunctionKind",
+			      {"Load Break", "Disconnector", "Earthing Switch", "High Speed Earthing Switch"},
+			      1},
+    [IEC61850_RECLOSING_KIND] = {"AutoReclosingKind",
+				 {"Ready", "InProgress", "Successful", "WaitingForTrip", "TripFromProtection",
+				  "FaultDisappeared", "WaitToComplete", "CBclosed", "CycleUnsuccessful",
+				  "Unsuccessful", "Aborted", "NotReady"},
+				 1},
+    [IEC61850_DIRECTION_KIND] = {"FaultDirectionKind", {"unknown", "forward", "backward", "both"}, 0},
     [IEC61850_CTL_MODEL_KIND] = {"CtlModelKind",
 				 {"status-only", "direct-with-normal-security", "sbo-with-normal-security",
 				  "direct-with-enhanced-security", "sbo-with-enhanced-security"},
@@ -450,12 +462,17 @@ static const char *basic_type(enum iec61850_leaf leaf)
 {
 	switch (leaf) {
 	case IEC61850_BOOLEAN:
+	case IEC61850_TRANSIENT:
+	case IEC61850_PERSISTENT:
 		return "BOOLEAN";
 	case IEC61850_DOUBLE:
 		return "Dbpos";
 	case IEC61850_ENUM:
+	case IEC61850_DIRECTION:
 	case IEC61850_CTL_MODEL:
 		return "Enum";
+	case IEC61850_STEP:
+		return "INT8";
 	case IEC61850_INTEGER:
 		return "INT32";
 	case IEC61850_TOTAL:
@@ -492,6 +509,8 @@ static enum iec61850_enumeration enumeration_of(const struct iec61850_node *node
 {
 	if (node->leaf == IEC61850_CTL_MODEL)
 		return IEC61850_CTL_MODEL_KIND;
+	if (node->leaf == IEC61850_DIRECTION)
+		return IEC61850_DIRECTION_KIND;
 	return strcmp(node->name, "orCat") == 0 ? IEC61850_ORIGINATOR_KIND : class->enumeration;
 }
 
@@ -649,7 +668,7 @@ static void put_types(const struct iec61850_scl *scl)
 
 	line(scl, 1, "<DataTypeTemplates>");
 	for (uint32_t i = 0; i < scl->model->device_count; i++)
-		for (unsigned ln = 0; ln < IEC61850_LNS; ln++)
+		for (unsigned ln = 0; ln < scl->model->devices[i].ln_count; ln++)
 			put_ln_type(scl, first_object(&scl->model->devices[i], ln), &types);
 	for (unsigned i = 0; i < types.count; i++)
 		put_type(scl, &types.objects[i]);

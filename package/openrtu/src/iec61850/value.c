@@ -16,12 +16,14 @@ enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TY
 #define EXPONENT_WIDTH 8 /* of a number of 32 bits after IEEE 754 */
 
 /* Values of Mod, Beh, Health (IEC 61850-7-3, 7-4). */
+enum { TRANSIENT_BIT = 1 }; /* of a step position's detail */
 enum { MODE_ON = 1, HEALTH_OK = 1, HEALTH_ALARM = 3 };
 
 /* A data object as it is now. */
 struct state {
 	int64_t number;
 	float real;
+	bool transient;
 	uint16_t quality;
 	uint8_t time[8];
 	char text[MAP_NAME_SIZE];
@@ -97,6 +99,7 @@ static void set_sample(const struct iec61850_model *model, const struct map_poin
 			out->real /= 32768;
 		break;
 	}
+	out->transient = point->type == MAP_STEP && (sample.detail & TRANSIENT_BIT) != 0;
 	out->quality = quality_of_map(sample.quality);
 	set_time(model, sample.time_ns, out);
 }
@@ -125,15 +128,25 @@ static bool load_health(const struct iec61850_model *model, const struct iec6185
 	return true;
 }
 
+/* What a class has to have, and no point is. An enumeration has no 0. */
+static void set_unknown(enum iec61850_enumeration enumeration, struct state *out)
+{
+	out->number = enumeration != IEC61850_NO_ENUMERATION;
+	out->quality = quality_of_map(MAP_INVALID);
+	memset(out->time, 0, sizeof(out->time));
+}
+
 static bool load(const struct iec61850_model *model, const struct iec61850_object *object, struct state *out)
 {
-	const uint32_t point = iec61850_point_of(model, object);
+	enum iec61850_enumeration enumeration;
+	uint32_t point;
 
 	*out = (struct state){.number = MODE_ON,
 			      .object = object,
 			      .block = iec61850_block_of(object->device, object->ln, object->number)};
 	if (out->block != NULL)
 		return true;
+	point = iec61850_point_of(model, object);
 	if (object->fc == IEC61850_CO) {
 		out->number = 0;
 		return true;
@@ -142,9 +155,11 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 	if (point != MAP_NONE)
 		return load_point(model, point, out);
 	set_time(model, model->started_ns, out);
-	if ((object->ln == IEC61850_LLN0 && object->number == 1) ||
-	    (object->ln == IEC61850_LPHD1 && object->number == 0))
+	enumeration = iec61850_class_of(model, object).enumeration;
+	if (enumeration == IEC61850_HEALTH_KIND)
 		return load_health(model, object->device, out);
+	if (object->ln >= IEC61850_LNS_FIXED && enumeration != IEC61850_BEHAVIOUR_KIND)
+		set_unknown(enumeration, out);
 	return true; /* Mod and Beh are on; Proxy is true, since another device is shown */
 }
 
@@ -246,9 +261,20 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_bits(writer, (uint16_t)((state->number & 3) << 14), 2);
 		return;
 	case IEC61850_ENUM:
+	case IEC61850_STEP:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, (int8_t)state->number);
+		return;
 	case IEC61850_INTEGER:
 	case IEC61850_TOTAL:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, state->number);
+		return;
+	case IEC61850_DIRECTION:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, 0);
+		return;
+	case IEC61850_TRANSIENT:
+	case IEC61850_PERSISTENT:
+		ber_put(writer, IEC61850_TAG_BOOLEAN,
+			(const uint8_t[]){node->leaf == IEC61850_TRANSIENT && state->transient}, 1);
 		return;
 	case IEC61850_FLOAT:
 		put_float(writer, state->real);
@@ -461,6 +487,8 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, 2);
 		return;
 	case IEC61850_ENUM:
+	case IEC61850_STEP:
+	case IEC61850_DIRECTION:
 	case IEC61850_CTL_MODEL:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, 8);
 		return;
@@ -504,6 +532,8 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_DAT_SET:
 		ber_put_integer(writer, IEC61850_TAG_VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
 		return;
+	case IEC61850_TRANSIENT:
+	case IEC61850_PERSISTENT:
 	case IEC61850_RPT_ENA:
 	case IEC61850_RESV:
 	case IEC61850_GI:

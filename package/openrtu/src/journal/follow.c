@@ -33,7 +33,7 @@ static void note_queue(const struct map *map, uint32_t slot, struct journal_queu
 
 	map_queue(map, slot, &queue);
 	map_queue_place(map, slot, &place);
-	out->kind = slot < map_config(map)->settings.queue_count ? JOURNAL_GROUP : JOURNAL_ADDRESS;
+	out->kind = slot < MAP_NAMED_QUEUES_MAX ? JOURNAL_GROUP : JOURNAL_ADDRESS;
 	memcpy(out->name, queue.name, sizeof(out->name));
 	memcpy(out->next, place.cursor.next, sizeof(out->next));
 }

@@ -27,7 +27,7 @@ static uint32_t group_slot(const struct map_settings *settings, const char *name
 {
 	for (uint32_t i = 0; i < settings->queue_count; i++)
 		if (strcmp(settings->queues[i].name, name) == 0)
-			return i;
+			return settings->queues[i].slot;
 	return MAP_NONE;
 }
 
@@ -44,12 +44,12 @@ static uint32_t count_addresses(const struct journal_record *record)
 	return count;
 }
 
-/* Where more groups are configured now, the addresses unused longest have no room. */
+/* Where there are more than there were places for, the addresses unused longest have no room. */
 static void take_queues(const struct map *map, const struct journal_record *record, struct readers *readers,
 			struct map_kept *kept)
 {
 	const struct map_settings *settings = &map_config(map)->settings;
-	uint32_t slot = settings->queue_count, room = MAP_QUEUES - slot, addresses = count_addresses(record);
+	uint32_t slot = MAP_NAMED_QUEUES_MAX, room = MAP_QUEUES - slot, addresses = count_addresses(record);
 	const uint8_t *at = record->queues;
 
 	for (uint32_t i = 0; i < record->queue_count; i++) {

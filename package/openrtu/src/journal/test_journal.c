@@ -10,8 +10,8 @@
 #include "journal/restore.h"
 
 #define STATION  "rtu-iec104"
-#define CENTRE   0 /* the group's queue */
-#define OWN      5 /* a queue of an address */
+#define CENTRE   0                          /* the group's queue */
+#define OWN      (MAP_NAMED_QUEUES_MAX + 5) /* a queue of an address */
 #define ADDRESS  "192.0.2.7"
 #define S        1000000000LL
 #define WALL_NS  (1700000000 * S)
@@ -158,8 +158,8 @@ static void test_each_queue_has_what_it_did_not_acknowledge(void **state)
 	assert_int_equal(journal_pending(&scene.follower), 5);
 	assert_int_equal(cut_power(&scene).records, 3);
 	assert_waits(&scene, CENTRE, 3, 7);
-	assert_waits(&scene, 1, 7, 7); /* the first queue behind the groups' */
-	map_queue(scene.station, 1, &queue);
+	assert_waits(&scene, MAP_NAMED_QUEUES_MAX, 7, 7); /* the first queue behind the groups' */
+	map_queue(scene.station, MAP_NAMED_QUEUES_MAX, &queue);
 	assert_string_equal(queue.name, ADDRESS);
 	end(&scene);
 }
@@ -519,7 +519,7 @@ static void test_records_that_lie(void **state)
 	journal_forget(&kept);
 
 	for (unsigned i = 0; i < MAP_QUEUES;
-	     i++) { /* more addresses than there is room for beside the group */
+	     i++) { /* more addresses than there is room for beside the groups */
 		queues[i].kind = JOURNAL_ADDRESS;
 		snprintf(queues[i].name, sizeof(queues[i].name), "192.0.2.%u", i);
 	}
@@ -529,7 +529,8 @@ static void test_records_that_lie(void **state)
 	    journal_restore(scene.stage->rtud, scene.memory, scene.follower.record.used, &kept, &findings));
 	assert_int_equal(findings.records, 1);
 	assert_string_equal(kept.addresses[0], "");
-	assert_string_equal(kept.addresses[1], "192.0.2.1"); /* 192.0.2.0 was unused longest */
+	assert_string_equal(kept.addresses[MAP_NAMED_QUEUES_MAX],
+			    "192.0.2.8"); /* those before were unused longest */
 	assert_string_equal(kept.addresses[MAP_QUEUES - 1], "192.0.2.31");
 	journal_forget(&kept);
 	end(&scene);

@@ -119,6 +119,8 @@ enum map_clock_mode {
 struct map_queue_plan {
 	char name[MAP_NAME_SIZE];
 	uint32_t limit; /* events that may wait in it, less than event_ring */
+	uint32_t
+	    slot; /* which of the queues it is, below MAP_NAMED_QUEUES_MAX; the same in all configurations that have the name */
 };
 
 /* What holds for all modules. */

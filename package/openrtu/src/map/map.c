@@ -324,7 +324,8 @@ static void begin_generation(struct map *map)
 	totals_recover(map);
 	forces_recover(map);
 	atomic_store(&header->carried, 0);
-	map_heartbeat(map);
+	atomic_store_explicit(&header->heartbeat_ms, now_ms(), memory_order_release);
+	forces_follow(map);
 	if (map->modules[map->self].plan.flags & MAP_IS_LOCAL)
 		atomic_fetch_add(&header->generation, 1);
 	else

@@ -93,7 +93,7 @@ static void put_queues(struct map *map, struct restoration *restoration, const s
 	while (!(map->modules[station].plan.flags & MAP_KEEPS_QUEUES))
 		station++;
 	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
-		if (queue >= map->config.settings.queue_count && kept->addresses[queue][0] == '\0')
+		if (map_queue_plan(&map->config.settings, queue) == NULL && kept->addresses[queue][0] == '\0')
 			continue;
 		place_at_end(map, restoration, queue);
 		put_queue(&restoration->segments[station].queues[queue], kept->addresses[queue],

@@ -57,6 +57,7 @@ rtuctl_command rtuctl_suggest;        /* lines --suggest */
 rtuctl_command rtuctl_gps;
 rtuctl_command rtuctl_logic;
 rtuctl_command rtuctl_iec104;
+rtuctl_command rtuctl_iec61850;
 rtuctl_command rtuctl_synch;
 rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;

@@ -108,6 +108,51 @@ static void sort_modules(struct change *change)
 	change->again = compare_again(change->map, now, live_and_kept(change), has_moved(change));
 }
 
+/* ---- redundancy groups ----------------------------------------------------------------------- */
+
+static const struct map_queue_plan *find_group(const struct map_settings *settings, const char *name)
+{
+	for (uint32_t i = 0; i < settings->queue_count; i++)
+		if (strcmp(settings->queues[i].name, name) == 0)
+			return &settings->queues[i];
+	return NULL;
+}
+
+/* A queue that another group had until now is told from this one's by its slot. MAP_NONE: there is none left. */
+static uint32_t free_slot(const struct map_settings *before, uint32_t taken)
+{
+
+	for (uint32_t i = 0; i < before->queue_count; i++)
+		taken |= 1u << before->queues[i].slot;
+	for (uint32_t i = 0; i < MAP_NAMED_QUEUES_MAX; i++)
+		if (!(taken & 1u << i))
+			return i;
+	return MAP_NONE;
+}
+
+static bool keep_slots(const struct change *change)
+{
+	const struct map_settings *before = &change->before->settings;
+	struct map_settings *now = &change->now->settings;
+	uint32_t given = 0;
+
+	for (uint32_t i = 0; i < now->queue_count; i++) {
+		struct map_queue_plan *group = &now->queues[i];
+		const struct map_queue_plan *former = find_group(before, group->name);
+
+		group->slot = former != NULL ? former->slot : free_slot(before, given);
+		if (group->slot == MAP_NONE) {
+			fprintf(change->report,
+				"redundancy_groups: there is no room for %s beside the groups that go, %d at "
+				"once: take these out first, and then reload with the new ones\n",
+				group->name, MAP_NAMED_QUEUES_MAX);
+			return false;
+		}
+		given |= 1u << group->slot;
+	}
+	return true;
+}
+
 /* ---- what needs a restart of rtud -------------------------------------------------------- */
 
 static bool refuse(const struct change *change, const char *what, const char *because)
@@ -382,7 +427,7 @@ enum change_result change_prepare(const struct map *map, const struct map *befor
 	struct change change = {.map = map, .before = map_config(map), .now = &now, .report = report};
 	char error[MAP_ERROR_SIZE];
 
-	if (!load(plan, before, &now, report) || !plan_modules(&change))
+	if (!load(plan, before, &now, report) || !keep_slots(&change) || !plan_modules(&change))
 		return CHANGE_REFUSED;
 	sort_modules(&change);
 	if (!is_possible(&change))

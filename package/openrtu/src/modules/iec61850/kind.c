@@ -79,8 +79,13 @@ static int open_socket(const struct map_config *config)
 
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
+	const uint32_t count = map_record_count(b, IEC61850_ASSIGNMENTS);
+
 	(void)module, (void)name;
-	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
+	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0 &&
+	       map_record_count(a, IEC61850_ASSIGNMENTS) == count &&
+	       (count == 0 || memcmp(iec61850_assignments(a), iec61850_assignments(b),
+				     count * sizeof(struct iec61850_assignment)) == 0);
 }
 
 /* Its clients browse anew. */
