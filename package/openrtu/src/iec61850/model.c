@@ -165,7 +165,7 @@ static bool is_buffered(const struct iec61850_device *device, const struct iec61
 	return block - device->blocks >= IEC61850_UNBUFFERED;
 }
 
-enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
+enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
 {
 	const struct iec61850_settings *settings = model->settings;
 	const uint8_t flags = model->config->points[point].flags;
