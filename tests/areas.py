@@ -119,7 +119,10 @@ REACH = [
         "lint tests/test_logic.py tests/test_logic_gateway.py tests/test_event_journal.py",
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
-    ("scripts/lab/manager.py", "lint tests/test_snmp.py tests/test_show.py tests/linux/test_system_tls.py"),
+    (
+        "scripts/lab/manager.py",
+        "lint tests/test_snmp.py tests/test_reload_running.py tests/test_show.py tests/linux/test_system_tls.py",
+    ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
