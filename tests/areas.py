@@ -121,7 +121,8 @@ REACH = [
     ("scripts/lab/twin_show.py", "test-twin"),
     (
         "scripts/lab/manager.py",
-        "lint tests/test_snmp.py tests/test_reload_running.py tests/test_show.py tests/linux/test_system_tls.py",
+        "lint tests/test_snmp.py tests/test_reload_running.py tests/test_show.py "
+        "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
