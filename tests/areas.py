@@ -116,7 +116,8 @@ REACH = [
     ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (
         "scripts/openrtu-logic",
-        "lint tests/test_logic.py tests/test_logic_gateway.py tests/test_event_journal.py",
+        "lint tests/test_logic.py tests/test_logic_findings.py tests/test_logic_gateway.py "
+        "tests/test_event_journal.py",
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
     (
@@ -172,7 +173,8 @@ REACH = [
     ("tests/bare.py", DESK),
     ("tests/capture.py", DESK),
     ("tests/changed.py", "tests/test_changed.py"),
-    ("tests/logic_reference.py", "tests/test_logic.py"),
+    ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
+    ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/fuzzing.py", "tests/test_fuzz.py"),
     ("tests/fixtures/corpus/*", "tests/test_fuzz.py"),
     ("tests/fixtures/*", DESK),
