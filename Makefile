@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -89,16 +89,16 @@ fuzz: fuzzers $(VENV) ## Test: search with the fuzzers for FUZZ_SECONDS=60 each;
 	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
 
 build/native/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true
 
 # -O1 and the lines alone in the debug information: half of the time that the compiler takes, and the same checks.
 build/asan/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Db_sanitize=address,undefined \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Db_sanitize=address,undefined \
 	  -Doptimization=1 -Dc_args='-fno-sanitize-recover=all -g1'
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
 build/fuzz/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Db_lundef=false -Db_sanitize=address,undefined \
+	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Dweb=true -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -g1 -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini
@@ -140,7 +140,7 @@ INSTALLED = build/installed$(subst /,_,$(PREFIX))
 MAN = build/man
 
 $(INSTALLED)/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dman=true \
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dweb=true -Dman=true \
 	  -Dsystemd=true
 
 install: $(INSTALLED)/build.ninja ## Build: install the gateway on this machine (PREFIX=/usr/local, DESTDIR=)
@@ -273,6 +273,10 @@ build/net-snmp/done: scripts/build-net-snmp.sh build/net-snmp/debian.dsc $(SYSRO
 	$(LOGGED) net-snmp scripts/build-net-snmp.sh build/net-snmp/debian $(@D)
 	@touch $@
 
+build/libmicrohttpd/done: scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian.dsc $(SYSROOT)
+	$(LOGGED) libmicrohttpd scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian $(@D)
+	@touch $@
+
 build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
 	$(LOGGED) chrony scripts/build-chrony.sh build/chrony/debian $(@D)
 	@touch $@
@@ -284,7 +288,7 @@ build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | b
 	@touch $@
 
 build/root/gateway.done: build/arm-release/build.ninja
-build/root/gateway-tls.done: build/arm-release-tls/build.ninja build/net-snmp/done
+build/root/gateway-tls.done: build/arm-release-tls/build.ninja build/net-snmp/done build/libmicrohttpd/done
 build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f)
 	$(LOGGED) $(notdir $(@:.done=)) ninja -C $(patsubst build/root/gateway%.done,build/arm-release%,$@)
 	@rm -rf $(@:.done=)
@@ -292,10 +296,10 @@ build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f
 	  meson install -C $(patsubst build/root/gateway%.done,build/arm-release%,$@) --strip --no-rebuild --quiet
 	@touch $@
 
-build/arm-release-tls/build.ninja: | build/net-snmp/done
+build/arm-release-tls/build.ninja: | build/net-snmp/done build/libmicrohttpd/done
 build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false \
-	  $(foreach option,tls snmp,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
+	  $(foreach option,tls snmp web,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
 	  --cross-file $< --cross-file scripts/armel.ini
 
 build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
@@ -322,6 +326,24 @@ export SITE_SETTINGS := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
 endif
 
 image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: the board's images with Buildroot (SITE=folder)
+
+# The same from Debian's sources and compiler, without what Buildroot downloads: configs/offline.toml.
+OFFLINE        = PYTHONPATH=scripts python3 -m image.offline
+OFFLINE_IMAGES := nuc980_gateway_lts-offline nuc980_uboot-offline
+OFFLINE_WANTED = $(filter %-offline,$(IMAGES))
+
+image-offline: $(OFFLINE_IMAGES:%=build/%/images/manifest.json) ## Build: that of Linux 6.1, from Debian's sources alone (BUILDROOT_DIR=, SITE=)
+
+# Everything that one build needs beside this tree and the machine's packages, for a machine without network.
+source: $(if $(OFFLINE_WANTED),build/offline/overrides.mk $(BUILDROOT_DIR)/Makefile,$(IMAGES:%=build/%/.config)) ## Build: all sources of IMAGES= in build/source, for a build without network
+	rm -rf build/source
+	mkdir -p build/source/{build,dl}
+	rsync --archive --exclude=.git $(BUILDROOT_DIR)/ build/source/buildroot
+ifeq ($(OFFLINE_WANTED),)
+	$(foreach image,$(IMAGES),BR2_DL_DIR=$(CURDIR)/build/source/dl $(call buildroot,$(image)) source &&) true
+else
+	for name in $$($(OFFLINE) targets); do mkdir -p build/source/$${name%/*}; cp --archive $${name%/*}/debian{,.dsc} build/source/$${name%/*}; done
+endif
 
 # The names of before.
 .PHONY: system image
@@ -361,10 +383,10 @@ sbom: build/$(IMAGE)/.config $(VENV)
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
-$(IMAGES:%=build/%/images/manifest.json): build/%/images/manifest.json: build/%/.config FORCE
-	$(LOGGED) $* $(call buildroot,$*)
+$(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE # +: with -j, several packages at a time
+	+$(LOGGED) $* $(call buildroot,$*)
 
-$(patsubst %,build/%/.config,$(filter-out %-development,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
+$(patsubst %,build/%/.config,$(filter-out %-development %-offline,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig
 
 # What development needs besides. Never the image of a station: its name says so wherever it is shown.
@@ -372,6 +394,22 @@ build/%-development/.config: configs/%_defconfig configs/parts/development.confi
 	@mkdir -p $(@D)
 	cat $(wordlist 1,2,$^) > $(@D)/$*-development_defconfig
 	$(call buildroot,$*-development) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-development_defconfig defconfig
+
+# Buildroot has no word for a program that the machine has: offline.py marks the package as built.
+build/%-offline/.config: configs/%_defconfig configs/parts/offline.config $(BUILDROOT_DIR)/Makefile build/offline/overrides.mk build/offline/toolchain/done \
+  | build/packages-image.done build/packages-offline.done
+	@mkdir -p $(@D)
+	cat $(wordlist 1,2,$^) > $(@D)/$*-offline_defconfig
+	$(call buildroot,$*-offline) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-offline_defconfig defconfig
+	$(call buildroot,$*-offline) --silent show-info > $(@D)/show-info.json
+	$(OFFLINE) seed $(@D) $(@D)/show-info.json || { rm $@; exit 2; }
+
+build/offline/overrides.mk: configs/offline.toml scripts/image/offline.py
+	$(MAKE) $$($(OFFLINE) targets)
+	$(OFFLINE) overrides $@
+
+build/offline/toolchain/done: scripts/offline-toolchain.sh | build/packages-offline.done $(PACKAGES)
+	scripts/offline-toolchain.sh $(@D)
 
 build/buildroot/Makefile: configs/kas.yml | $(VENV)
 	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \
@@ -515,6 +553,9 @@ twin: qemu uboot $(VENV) ## See it: the emulated board: from reset to a file ove
 bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions and their octets alone: figure 9
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/octets.py
+
+bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of the control centre's map
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/frames.py
 
 bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py

@@ -21,8 +21,8 @@ from aiohttp import web
 from centre import settings, users
 from centre.api import ROUTES
 from centre.centre import Centre
+from centre.database import open_store
 from centre.errors import CentreError
-from centre.store import Store
 from centre.web import Server
 
 PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
@@ -61,15 +61,20 @@ async def serve(what: settings.Settings, page: Path) -> None:
         logging.getLogger("centre").info(
             "serves http%s://%s:%s", "s" if secured else "", what.address, what.port
         )
-        keeping = asyncio.create_task(centre.keep())
+        working = [asyncio.create_task(centre.keep())]
+        if what.mqtt:
+            from centre.bus import Bus  # who has no broker needs no paho
+
+            working.append(asyncio.create_task(Bus(centre, what.mqtt).run()))
         collecting = asyncio.create_task(centre.collect())
         ending = asyncio.create_task(ended.wait())
         await asyncio.wait((collecting, ending), return_when=asyncio.FIRST_COMPLETED)
         if collecting.done():
             collecting.result()
-        for task in (collecting, keeping):
+        centre.ending = True
+        for task in (collecting, *working):
             task.cancel()
-        await asyncio.gather(collecting, keeping, return_exceptions=True)
+        await asyncio.gather(collecting, *working, return_exceptions=True)
         await runner.cleanup()
     finally:
         centre.close()
@@ -78,7 +83,7 @@ async def serve(what: settings.Settings, page: Path) -> None:
 def add_user(what: settings.Settings, name: str, role: str, groups: list[str]) -> None:
     """Asks for the password at a terminal; takes a line of stdin otherwise."""
     password = getpass.getpass() if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
-    store = Store(what.database)
+    store = open_store(what.database, alone=False)
     try:
         store.transaction(lambda database: users.put(database, name, role, password, "command line", groups))
     finally:

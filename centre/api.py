@@ -7,7 +7,6 @@ import json
 import logging
 import math
 import re
-import sqlite3
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
@@ -16,7 +15,7 @@ from typing import Any
 from aiohttp import web
 
 from centre import formats, users
-from centre.errors import RefusedError
+from centre.errors import RefusedError, StoreError
 from centre.formats import Place, Writer, moment
 from centre.intake import COMMAND_COLUMNS
 from centre.model import NS_PER_MS, Alarm, Command, Json
@@ -26,10 +25,12 @@ from centre.web import HEADERS, Asked, Route
 
 log = logging.getLogger("centre")
 
+COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
 ROWS_AT_ONCE = 2000  # of a file: what is in memory
 DAY_S = 86400.0
 TOKEN_DAYS_MOST = 366
+STRETCH_NS = 60 * 10**9
 INTEGER_MOST = 2**63 - 1
 
 
@@ -74,7 +75,7 @@ async def _file(asked: Asked, pieces: AsyncIterator[str], kind: str, name: str) 
         async for piece in pieces:
             if piece:
                 await response.write(piece.encode())
-    except sqlite3.Error as error:
+    except StoreError as error:
         log.error("%s ends before its end: %s", name, error)
         if asked.request.transport:
             asked.request.transport.abort()
@@ -86,18 +87,40 @@ async def _file(asked: Asked, pieces: AsyncIterator[str], kind: str, name: str) 
 async def _rows(
     asked: Asked, sql: str, key: str, begin: int, end: int, *values: Any
 ) -> AsyncIterator[list[Row]]:
-    """Rows of a time by and by, oldest first. `sql` ends with a condition; `key` is unique for a time."""
+    """Rows of a time by and by, oldest first. `sql` ends with a condition; `key` is unique for a time.
+
+    A stretch at a time: a store that knows but roughly where a time lies sorts what is in the stretch.
+    """
     after: tuple[int, int] = (begin - 1, INTEGER_MOST)
-    while True:
+    stretch = STRETCH_NS
+    while after[0] < end:
+        until = min(after[0] + stretch, end)
         rows = await asked.centre.store.read(
-            f"{sql} AND (at_ns, {key}) > (?, ?) AND at_ns <= ? ORDER BY at_ns, {key} LIMIT ?",
-            *values, *after, end, ROWS_AT_ONCE,
+            f"{sql} AND (at_ns, {key}) > (?, ?) AND at_ns BETWEEN ? AND ? ORDER BY at_ns, {key} LIMIT ?",
+            *values, *after, after[0], until, ROWS_AT_ONCE,
         )  # fmt: skip
         if rows:
             yield rows
-        if len(rows) < ROWS_AT_ONCE:
-            return
-        after = rows[-1]["at_ns"], rows[-1]["key"]
+        if len(rows) == ROWS_AT_ONCE:
+            after = rows[-1]["at_ns"], rows[-1]["key"]
+            stretch = max(stretch // 2, STRETCH_NS)
+        else:
+            after = until, INTEGER_MOST
+            stretch *= 2
+
+
+async def _newest(asked: Asked, sql: str, at: str, begin: int, end: int, *values: Any) -> list[Row]:
+    """The last rows of a time, newest first, by stretches for the same reason."""
+    found: list[Row] = []
+    stretch = STRETCH_NS
+    while end >= begin and len(found) < ROWS:
+        since = max(begin, end - stretch)
+        found += await asked.centre.store.read(
+            f"{sql} AND {at} BETWEEN ? AND ? ORDER BY {at} DESC LIMIT ?",
+            *values, since, end, ROWS - len(found),
+        )  # fmt: skip
+        end, stretch = since - 1, stretch * 4
+    return found
 
 
 async def _export(asked: Asked, what: str) -> None:
@@ -187,13 +210,12 @@ async def events(asked: Asked) -> Any:
     if asked.query.get("format") == "csv":
         await _export(asked, "events")
         return await _file(asked, _event_lines(asked, seen, begin, end), "text/csv", "events.csv")
-    return await asked.centre.store.read(
+    sql = (
         "SELECT history.id, history.at_ns / 1000000 AS at, points.station, history.point, history.value,"
         " history.quality, history.cause FROM history JOIN points ON points.id = history.point"
-        " WHERE history.at_ns BETWEEN ? AND ? AND points.station IN (SELECT value FROM json_each(?))"
-        " ORDER BY history.at_ns DESC LIMIT ?",
-        begin, end, json.dumps(list(seen)), ROWS,
-    )  # fmt: skip
+        f" WHERE points.station {asked.centre.store.among}"
+    )
+    return await _newest(asked, sql, "history.at_ns", begin, end, json.dumps(list(seen)))
 
 
 async def _event_lines(asked: Asked, seen: set[int], begin: int, end: int) -> AsyncIterator[str]:
@@ -310,7 +332,7 @@ async def alarms(asked: Asked) -> list[Json]:
         return [alarm.view() for alarm in asked.centre.model.alarms.values() if asked.sees(alarm.station)]
     begin, end = _span(asked, DAY_S)
     rows = await asked.centre.store.read(
-        "SELECT * FROM alarms WHERE since_ns BETWEEN ? AND ? AND station IN (SELECT value FROM json_each(?))"
+        f"SELECT * FROM alarms WHERE since_ns BETWEEN ? AND ? AND station {asked.centre.store.among}"
         " ORDER BY since_ns DESC LIMIT ?",
         begin, end, json.dumps(list(asked.stations())), ROWS,
     )  # fmt: skip
@@ -337,17 +359,15 @@ async def shelve(asked: Asked) -> Json:
 async def commands(asked: Asked) -> list[Json]:
     """Newest first."""
     rows = await asked.centre.store.read(
-        f"SELECT {', '.join(COMMAND_COLUMNS)} FROM commands WHERE point IN"
-        " (SELECT id FROM points WHERE station IN (SELECT value FROM json_each(?))) ORDER BY id DESC LIMIT ?",
+        f"SELECT {COMMANDS} FROM commands WHERE point IN"
+        f" (SELECT id FROM points WHERE station {asked.centre.store.among}) ORDER BY id DESC LIMIT ?",
         json.dumps(list(asked.stations())), ROWS,
     )  # fmt: skip
     return [Command(**row).view() for row in rows]
 
 
 async def one_command(asked: Asked) -> Json:
-    rows = await asked.centre.store.read(
-        f"SELECT {', '.join(COMMAND_COLUMNS)} FROM commands WHERE id = ?", _id(asked)
-    )
+    rows = await asked.centre.store.read(f"SELECT {COMMANDS} FROM commands WHERE id = ?", _id(asked))
     if not rows or not asked.sees(asked.centre.model.points[rows[0]["point"]].station):
         raise RefusedError(404, "unknown", f"there is no command {asked.path['id']}")
     return Command(**rows[0]).view()
@@ -386,7 +406,7 @@ async def interrogate(asked: Asked) -> Json:
 async def audited(asked: Asked) -> list[Json]:
     """Newest first."""
     return await asked.centre.store.read(
-        "SELECT id, at_ns / 1000000 AS at, user, action, detail FROM audit ORDER BY id DESC LIMIT ?", ROWS
+        'SELECT id, at_ns / 1000000 AS at, "user", action, detail FROM audit ORDER BY id DESC LIMIT ?', ROWS
     )
 
 

@@ -6,9 +6,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
-import sqlite3
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -16,17 +15,19 @@ from itertools import count
 from typing import Any, Protocol, TypeVar
 
 from centre import records
-from centre.errors import CentreError, RefusedError
+from centre.database import open_store
+from centre.errors import CentreError, RefusedError, StoreError
 from centre.intake import Intake
 from centre.keep import Keeper
 from centre.model import Alarm, Changes, Command, Model, Point, Station
 from centre.records import ENDED, Ask, Result, State
 from centre.settings import Keep, Settings
-from centre.store import Store, audit
+from centre.store import Database, audit
 
 Answer = TypeVar("Answer")
 log = logging.getLogger("centre")
 
+SLOW_S = 5.0  # a database that takes longer is said to be at fault
 AGAIN_S = 1.0  # until the next attempt: to connect, to store
 KEEP_EVERY_S, KEEP_REST_S = 3600.0, 0.02  # between rounds, and between steps that are full
 RELEASE_S = 60.0  # a command that nothing was sent of waits so long for the second person
@@ -43,7 +44,7 @@ class Watcher(Protocol):
 class Centre:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.store = Store(settings.database)
+        self.store = open_store(settings.database, alone=True)
         self.intake: Intake = self.store.transaction(
             lambda database: Intake(database, settings.stations, settings.areas)
         )
@@ -53,6 +54,7 @@ class Centre:
             getattr(self.model, kind).update(getattr(self.intake.model, kind))
         self.watchers: set[Watcher] = set()
         self.fault = ""  # why nothing can be stored now
+        self.ending = False  # a database that does not work then is not waited for
         self._sockets: dict[int, socket.socket] = {}  # by shard of rtu-centre
         self._ids = count(REQUEST_IDS)
         self._tasks: set[asyncio.Task[None]] = set()
@@ -66,7 +68,7 @@ class Centre:
 
     # ---- the database ------------------------------------------------------------------------
 
-    async def change(self, work: Callable[[sqlite3.Connection], Answer]) -> Answer:
+    async def change(self, work: Callable[[Database], Answer]) -> Answer:
         """Work in a transaction; then all who watch are told. Nothing is told that is not on the disk."""
 
         def whole() -> tuple[Answer, Changes]:
@@ -74,7 +76,7 @@ class Centre:
             answer = self.store.transaction(work)
             return answer, self.intake.stored()
 
-        answer, changes = await self.store.in_writer(whole)
+        answer, changes = await self._patiently(self.store.in_writer(whole))
         linked = {
             id_
             for id_, station in changes.stations.items()
@@ -89,22 +91,40 @@ class Centre:
                 watcher.changed(changes, linked)
         return answer
 
-    async def _store(self, work: Callable[[sqlite3.Connection], None]) -> None:
+    async def _patiently(self, storing: Awaitable[Answer]) -> Answer:
+        """A database that does not answer is a fault, too, though what was asked may be done yet."""
+        task = asyncio.ensure_future(storing)
+        done, _ = await asyncio.wait({task}, timeout=SLOW_S)
+        slow = f"it has not answered for {SLOW_S:g} s"
+        if not done and not self.fault:
+            self._say(slow)
+        answer = await task
+        if self.fault == slow:
+            self._say("")
+        return answer
+
+    def _say(self, fault: str) -> None:
+        if fault and fault != self.fault:
+            log.error("the database: %s; nothing is acknowledged until it works again", fault)
+        elif self.fault and not fault:
+            log.info("the database works again")
+        changed = fault != self.fault
+        self.fault = fault
+        if changed:
+            self._tell()
+
+    async def _store(self, work: Callable[[Database], None]) -> None:
         """Until it is stored: what is not acknowledged the stations keep."""
         while True:
             try:
                 await self.change(work)
-            except sqlite3.Error as error:
-                if str(error) != self.fault:
-                    log.error("the database: %s; nothing is acknowledged until it works again", error)
-                self.fault = str(error)
-                self._tell()
+            except StoreError as error:
+                if self.ending:
+                    raise
+                self._say(str(error))
                 await asyncio.sleep(AGAIN_S)
             else:
-                if self.fault:
-                    log.info("the database works again")
-                    self.fault = ""
-                    self._tell()
+                self._say("")
                 return
 
     def _tell(self) -> None:
@@ -115,8 +135,8 @@ class Centre:
     async def keep(self) -> None:
         """Lets go of what is too old, for ever."""
         while self.settings.keep != Keep():
-            keeper = Keeper(self.settings.keep, self.settings.gap_s)
-            steps: list[Callable[[sqlite3.Connection], bool]] = [keeper.old_rows]
+            keeper = Keeper(self.settings.keep, self.settings.gap_s, drop_weeks=self.store.drop_weeks)
+            steps: list[Callable[[Database], bool]] = [keeper.old_rows]
             for point in list(self.model.points.values()):
                 if point.is_position:
                     steps.append(partial(keeper.track, point=point.id))
@@ -124,7 +144,7 @@ class Centre:
                 try:
                     while await self.store.write(step):
                         await asyncio.sleep(KEEP_REST_S)
-                except sqlite3.Error as error:
+                except StoreError as error:
                     log.warning("what is too old stays for now: %s", error)
                     break
                 await asyncio.sleep(0)
@@ -258,7 +278,7 @@ class Centre:
             int(release),
         )
 
-        def add(database: sqlite3.Connection) -> Command:
+        def add(database: Database) -> Command:
             audit(
                 database,
                 now_ns,
@@ -285,7 +305,7 @@ class Centre:
         """Nobody has released it. Of a selection at a station the station itself sees to that."""
         await asyncio.sleep(RELEASE_S)
 
-        def end(database: sqlite3.Connection) -> None:
+        def end(database: Database) -> None:
             now = self.intake.model.commands.get(id_)
             if now and now.state == State.ACCEPTED_SELECTION:
                 self.intake.end_command(database, id_, State.INTERRUPTED_SELECTION, Result.NONE)
@@ -321,7 +341,7 @@ class Centre:
         if command.held and not execute:
             state = State.INTERRUPTED_SELECTION
 
-        def put(database: sqlite3.Connection) -> Command:
+        def put(database: Database) -> Command:
             now = self.intake.model.commands.get(id_)
             if not now or now.state != State.ACCEPTED_SELECTION:
                 raise RefusedError(409, "not_selected", f"command {id_} is not selected any more")
@@ -361,7 +381,7 @@ class Centre:
     async def acknowledge(self, user: str, id_: int) -> Alarm:
         """Who comes second is told who came first."""
 
-        def put(database: sqlite3.Connection) -> Alarm:
+        def put(database: Database) -> Alarm:
             alarm = self._open_alarm(id_)
             if alarm.acknowledged_ns is not None:
                 raise RefusedError(409, "acknowledged", f"{alarm.acknowledged_by} has acknowledged it")
@@ -375,7 +395,7 @@ class Centre:
     async def shelve(self, user: str, id_: int, minutes: float) -> Alarm:
         """Out of sight for a time; 0 brings it back."""
 
-        def put(database: sqlite3.Connection) -> Alarm:
+        def put(database: Database) -> Alarm:
             until_ns = time.time_ns() + int(minutes * 60e9) if minutes else 0
             alarm = replace(self._open_alarm(id_), shelved_until_ns=until_ns)
             audit(database, time.time_ns(), user, "shelve", f"alarm {id_}: {alarm.kind}, {minutes:g} min")

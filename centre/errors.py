@@ -15,3 +15,7 @@ class RefusedError(CentreError):
         super().__init__(text)
         self.status = status
         self.code = code
+
+
+class StoreError(CentreError):
+    """The database did not do it; nothing of it is stored. It may be done again."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import sqlite3
+import math
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -25,6 +25,7 @@ from centre.records import (
     State,
 )
 from centre.settings import Meaning, StationSettings
+from centre.store import Database, inserted, put
 
 SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
 EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
@@ -45,11 +46,6 @@ ALARM_COLUMNS = [column.name for column in fields(Alarm)]
 COMMAND_COLUMNS = [column.name for column in fields(Command)]
 
 
-def _row(columns: list[str]) -> str:
-    """Of an INSERT: the columns, and places for their values."""
-    return f"({', '.join(columns)}) VALUES ({', '.join('?' * len(columns))})"
-
-
 class Intake:
     """Owns the current state; only the writer's thread calls it, within a transaction.
 
@@ -58,7 +54,7 @@ class Intake:
 
     def __init__(
         self,
-        database: sqlite3.Connection,
+        database: Database,
         settings: dict[str, StationSettings],
         areas: tuple[Area, ...] = (),
     ) -> None:
@@ -82,10 +78,10 @@ class Intake:
 
     # ---- at the start ------------------------------------------------------------------------
 
-    def _load(self, database: sqlite3.Connection) -> None:
+    def _load(self, database: Database) -> None:
         """What was stored, and each station and point of the file."""
         for name in self.settings:
-            database.execute("INSERT OR IGNORE INTO stations (name) VALUES (?)", (name,))
+            database.execute("INSERT INTO stations (name) VALUES (?) ON CONFLICT DO NOTHING", (name,))
         for row in database.execute("SELECT * FROM stations"):
             said = dict(row)
             settings = self.settings.get(said.pop("name")) or StationSettings(row["name"])
@@ -94,7 +90,7 @@ class Intake:
             self.by_name[row["name"]] = row["id"]
         for name, settings in self.settings.items():
             database.executemany(
-                "INSERT OR IGNORE INTO points (station, ca, ioa, quality) VALUES (?, ?, ?, ?)",
+                "INSERT INTO points (station, ca, ioa, quality) VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING",
                 [(self.by_name[name], ca, ioa, INVALID | NOT_TOPICAL) for ca, ioa in settings.points],
             )
         for row in database.execute("SELECT * FROM points"):
@@ -110,16 +106,14 @@ class Intake:
         self._forgotten_areas(database)
         self.stranded(database)
 
-    def _forgotten_areas(self, database: sqlite3.Connection) -> None:
+    def _forgotten_areas(self, database: Database) -> None:
         """An alarm of an area that the file has no more would never end."""
         known = {(area.alarm, area.name) for area in self.areas}
         for alarm in self.model.alarms.values():
             if alarm.area is not None and alarm.gone_ns is None and (alarm.kind, alarm.area) not in known:
                 self.put_alarm(database, replace(alarm, gone_ns=time.time_ns()))
 
-    def stranded(
-        self, database: sqlite3.Connection, of: Callable[[Station], bool] = lambda station: True
-    ) -> None:
+    def stranded(self, database: Database, of: Callable[[Station], bool] = lambda station: True) -> None:
         """Their collector is gone: what became of the commands that were not ended, nobody can say."""
         gone = {station.id for station in self.model.stations.values() if of(station)}
         rows = database.execute(
@@ -166,7 +160,7 @@ class Intake:
             self.by_name[station.settings.name] = station.id
         return self.changes
 
-    def take(self, database: sqlite3.Connection, records: Iterable[Record]) -> None:
+    def take(self, database: Database, records: Iterable[Record]) -> None:
         """Stores records, and what follows from them."""
         for record in records:
             if record.kind == Kind.STATION:
@@ -183,13 +177,13 @@ class Intake:
             elif record.kind == Kind.PROGRESS:
                 self._progress(database, record)
         database.executemany(
-            "INSERT OR IGNORE INTO track VALUES (?, ?, ?, ?, ?, ?, ?)", self.places_of_tracks
+            "INSERT INTO track VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", self.places_of_tracks
         )
         self._store_heard()
         self._quality_alarms(database)
         self._store_last(database)
 
-    def _store_last(self, database: sqlite3.Connection) -> None:
+    def _store_last(self, database: Database) -> None:
         database.executemany(UPDATE_POINT, map(OF_POINT, self.changes.points.values()))
         database.executemany(UPDATE_STATION, map(OF_STATION, self.changes.stations.values()))
 
@@ -198,10 +192,10 @@ class Intake:
     def _station(self, id_: int) -> Station:
         return self.changes.stations.get(id_) or self.model.stations[id_]
 
-    def _station_named(self, database: sqlite3.Connection, record: Record) -> None:
+    def _station_named(self, database: Database, record: Record) -> None:
         id_ = self.by_name.get(record.name)
         if id_ is None:
-            id_ = database.execute("INSERT INTO stations (name) VALUES (?)", (record.name,)).lastrowid or 0
+            id_ = inserted(database, "INSERT INTO stations (name) VALUES (?)", (record.name,))
             station = Station(id_, self.settings.get(record.name) or StationSettings(record.name))
         else:
             station = self._station(id_)
@@ -235,7 +229,7 @@ class Intake:
             )  # fmt: skip
         self.heard.clear()
 
-    def _link(self, database: sqlite3.Connection, record: Record) -> None:
+    def _link(self, database: Database, record: Record) -> None:
         station = self._station(self.places[record.station])
         state, reason, error, _ = record.link
         if state == Link.CONNECTING and station.link == Link.DOWN:
@@ -256,14 +250,14 @@ class Intake:
 
     # ---- points ------------------------------------------------------------------------------
 
-    def _point(self, database: sqlite3.Connection, record: Record) -> Point:
+    def _point(self, database: Database, record: Record) -> Point:
         station = self.places[record.station]
         address = (station, record.ca, record.ioa)
         id_ = self.by_address.get(address) or self.new_points.get(address)
         if id_ is not None:
             return self.changes.points.get(id_) or self.model.points[id_]
-        row = database.execute("INSERT INTO points (station, ca, ioa) VALUES (?, ?, ?)", address)
-        point = Point(row.lastrowid or 0, *address, self._meaning(station, record.ca, record.ioa))
+        id_ = inserted(database, "INSERT INTO points (station, ca, ioa) VALUES (?, ?, ?)", address)
+        point = Point(id_, *address, self._meaning(station, record.ca, record.ioa))
         self.changes.points[point.id] = point
         self.new_points[address] = point.id
         return point
@@ -271,29 +265,31 @@ class Intake:
     def _meaning(self, station: int, ca: int, ioa: int) -> Meaning:
         return self._station(station).settings.points.get((ca, ioa)) or Meaning(f"{ca}.{ioa}")
 
-    def _information(self, database: sqlite3.Connection, record: Record) -> None:
+    def _information(self, database: Database, record: Record) -> None:
         point = self._point(database, record)
         at_ns = record.tag_ns if record.tagged else record.received_ns
-        value = record.value
-        changed = (value, record.quality) != (point.value, point.quality) or not point.at_ns
+        value, quality = record.value, record.quality
+        if not math.isfinite(value):  # a float of the wire may be no number: neither JSON nor a chart has it
+            value, quality = point.value or 0.0, quality | INVALID
+        changed = (value, quality) != (point.value, point.quality) or not point.at_ns
         if changed or record.cause in EVENTS:
             stored = database.execute(
-                "INSERT OR IGNORE INTO history (point, at_ns, received_ns, value, quality, cause, tagged)"
-                " VALUES (?, ?, ?, ?, ?, ?, ?)",
-                (point.id, at_ns, record.received_ns, value, record.quality, record.cause, record.tagged),
+                "INSERT INTO history (point, at_ns, received_ns, value, quality, cause, tagged)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+                (point.id, at_ns, record.received_ns, value, quality, record.cause, record.tagged),
             )
             if not stored.rowcount:
                 return  # it came before, and its acknowledgement did not reach the station
         point = Point(
             point.id, point.station, point.ca, point.ioa, point.meaning,
-            record.content, value, record.quality, record.cause,
+            record.content, value, quality, record.cause,
             at_ns, record.received_ns, int(record.tagged),
             point.latitude, point.longitude, point.altitude, record.detail,
         )  # fmt: skip
         self.changes.points[point.id] = point
         self._point_alarms(database, point)
 
-    def _position(self, database: sqlite3.Connection, record: Record) -> None:
+    def _position(self, database: Database, record: Record) -> None:
         point = self._point(database, record)
         sane = record.tagged and record.tag_ns <= record.received_ns + FUTURE_NS
         at_ns = record.tag_ns if sane else record.received_ns
@@ -315,7 +311,7 @@ class Intake:
 
     # ---- alarms ------------------------------------------------------------------------------
 
-    def _point_alarms(self, database: sqlite3.Connection, point: Point) -> None:
+    def _point_alarms(self, database: Database, point: Point) -> None:
         """Of limits and of a state. A value that is not valid says nothing about them."""
         meaning = point.meaning
         if point.quality & INVALID or point.value is None:
@@ -331,9 +327,7 @@ class Intake:
             else:
                 self._clear(database, key, point.at_ns)
 
-    def _area_alarms(
-        self, database: sqlite3.Connection, point: Point, latitude: float, longitude: float
-    ) -> None:
+    def _area_alarms(self, database: Database, point: Point, latitude: float, longitude: float) -> None:
         if point.station not in self.areas_of:
             group = self._station(point.station).settings.group
             self.areas_of[point.station] = Areas(self.areas, group)
@@ -344,7 +338,7 @@ class Intake:
             else:
                 self._clear(database, key, point.at_ns)
 
-    def _quality_alarms(self, database: sqlite3.Connection) -> None:
+    def _quality_alarms(self, database: Database) -> None:
         """One for all points of a common address: a dead device is one fault, however many points it has."""
         touched: defaultdict[tuple[int, int], list[Point]] = defaultdict(list)
         for point in self.changes.points.values():
@@ -370,7 +364,7 @@ class Intake:
 
     def _raise(
         self,
-        database: sqlite3.Connection,
+        database: Database,
         key: AlarmKey,
         priority: int,
         at_ns: int,
@@ -385,49 +379,42 @@ class Intake:
         kind, station, place, area = key
         ca = place if kind == "quality" else point and point.ca
         value = point.value if point else value
-        row = database.execute(
+        id_ = inserted(
+            database,
             "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns, area)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             (kind, station, point and point.id, ca, priority, value, at_ns, area),
         )
-        id_ = row.lastrowid or 0
         self.changes.alarms[id_] = Alarm(
             id_, kind, station, point and point.id, ca, priority, value, at_ns, area=area
         )
         self.new_alarms[key] = id_
 
-    def _clear(self, database: sqlite3.Connection, key: AlarmKey, at_ns: int) -> None:
+    def _clear(self, database: Database, key: AlarmKey, at_ns: int) -> None:
         alarm = self._alarm(key)
         if alarm and alarm.gone_ns is None:
             self.put_alarm(database, replace(alarm, gone_ns=at_ns))
 
-    def put_alarm(self, database: sqlite3.Connection, alarm: Alarm) -> None:
-        database.execute(
-            f"REPLACE INTO alarms {_row(ALARM_COLUMNS)}",
-            astuple(alarm),
-        )
+    def put_alarm(self, database: Database, alarm: Alarm) -> None:
+        put(database, "alarms", ALARM_COLUMNS, astuple(alarm))
         self.changes.alarms[alarm.id] = alarm
 
     # ---- commands ----------------------------------------------------------------------------
 
-    def put_command(self, database: sqlite3.Connection, command: Command) -> None:
-        database.execute(
-            f"REPLACE INTO commands {_row(COMMAND_COLUMNS)}",
-            astuple(command),
-        )
+    def put_command(self, database: Database, command: Command) -> None:
+        put(database, "commands", COMMAND_COLUMNS, astuple(command))
         self.changes.commands[command.id] = command
 
-    def add_command(self, database: sqlite3.Connection, command: Command) -> Command:
+    def add_command(self, database: Database, command: Command) -> Command:
         """With an id of its own: it is stored before it is sent."""
-        row = database.execute(
-            f"INSERT INTO commands {_row(COMMAND_COLUMNS[1:])}",
-            astuple(command)[1:],
-        )
-        command = replace(command, id=row.lastrowid or 0)
+        columns = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS[1:])
+        places = ", ".join("?" * len(COMMAND_COLUMNS[1:]))
+        id_ = inserted(database, f"INSERT INTO commands ({columns}) VALUES ({places})", astuple(command)[1:])
+        command = replace(command, id=id_)
         self.changes.commands[command.id] = command
         return command
 
-    def end_command(self, database: sqlite3.Connection, id_: int, state: State, result: Result) -> None:
+    def end_command(self, database: Database, id_: int, state: State, result: Result) -> None:
         """It was not sent."""
         command = self.model.commands.get(id_)
         if command:
@@ -435,7 +422,7 @@ class Intake:
                 database, replace(command, state=state, result=result, changed_ns=time.time_ns())
             )
 
-    def _progress(self, database: sqlite3.Connection, record: Record) -> None:
+    def _progress(self, database: Database, record: Record) -> None:
         state, result, id_ = record.progress
         command = self.changes.commands.get(id_) or self.model.commands.get(id_)
         if not command or command.state in ENDED:

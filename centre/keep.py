@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import sqlite3
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from centre.areas import distance_m
 from centre.records import ENDED, INVALID
 from centre.settings import Keep
+from centre.store import Database, put
 
 ROWS_AT_ONCE = 2000
 DAY_NS = 86400 * 10**9
@@ -57,7 +57,7 @@ def superfluous(marks: Iterable[Mark], metres: float, gap_ns: int) -> Iterator[M
         here = following
 
 
-def _delete(database: sqlite3.Connection, table: str, key: str, where: str, *values: int) -> int:
+def _delete(database: Database, table: str, key: str, where: str, *values: int) -> int:
     """So many rows at most; how many it was."""
     return database.execute(
         f"DELETE FROM {table} WHERE ({key}) IN"
@@ -69,19 +69,32 @@ def _delete(database: sqlite3.Connection, table: str, key: str, where: str, *val
 class Keeper:
     """The work of a round, as steps: each is a transaction of its own and says whether it has more to do."""
 
-    def __init__(self, keep: Keep, gap_s: float, now_ns: int | None = None) -> None:
+    def __init__(
+        self,
+        keep: Keep,
+        gap_s: float,
+        now_ns: int | None = None,
+        drop_weeks: Callable[[Database, str, int], None] | None = None,
+    ) -> None:
         self.keep = keep
+        self.drop_weeks = drop_weeks  # of a store that keeps history and tracks by weeks
         self.gap_ns = int(gap_s * 1e9)
         self.now_ns = time.time_ns() if now_ns is None else now_ns
 
     def _before(self, days: float) -> int:
         return self.now_ns - int(days * DAY_NS)
 
-    def old_rows(self, database: sqlite3.Connection) -> bool:
-        """All but tracks."""
+    def old_rows(self, database: Database) -> bool:
+        """All but tracks; of a store by weeks, tracks too."""
+        events_days = self.keep.events_days
+        if self.drop_weeks:
+            for table, days in (("history", events_days), ("track", self.keep.tracks_days)):
+                if days is not None:
+                    self.drop_weeks(database, table, self._before(days))
+            events_days = None
         ended = ", ".join(str(int(state)) for state in ENDED)
         tables = (
-            ("history", "id", "at_ns < ?", self.keep.events_days),
+            ("history", "id", "at_ns < ?", events_days),
             ("alarms", "id", "gone_ns < ?1 AND acknowledged_ns < ?1", self.keep.alarms_days),
             ("audit", "id", "at_ns < ?", self.keep.audit_days),
             ("commands", "id", f"changed_ns < ? AND state IN ({ended})", self.keep.audit_days),
@@ -94,10 +107,10 @@ class Keeper:
             ]
         )
 
-    def track(self, database: sqlite3.Connection, point: int) -> bool:
+    def track(self, database: Database, point: int) -> bool:
         """Of one vehicle."""
         more = False
-        if self.keep.tracks_days is not None:
+        if self.keep.tracks_days is not None and not self.drop_weeks:
             before = self._before(self.keep.tracks_days)
             more = (
                 _delete(database, "track", "point, at_ns", "point = ? AND at_ns < ?", point, before)
@@ -107,7 +120,7 @@ class Keeper:
             more |= self._thin(database, point, self.keep.thin_m)
         return more
 
-    def _thin(self, database: sqlite3.Connection, point: int, metres: float) -> bool:
+    def _thin(self, database: Database, point: int, metres: float) -> bool:
         """From the last place that an earlier step has kept."""
         row = database.execute("SELECT until_ns FROM thinned WHERE point = ?", (point,)).fetchone()
         begin, end = row[0] if row else 0, self._before(self.keep.thin_after_days)
@@ -123,5 +136,5 @@ class Keeper:
             return False
         away = [(point, mark.at_ns) for mark in superfluous(marks, metres, self.gap_ns)]
         database.executemany("DELETE FROM track WHERE point = ? AND at_ns = ?", away)
-        database.execute("REPLACE INTO thinned VALUES (?, ?)", (point, marks[-1].at_ns))
+        put(database, "thinned", ("point", "until_ns"), (point, marks[-1].at_ns), "point")
         return len(marks) == ROWS_AT_ONCE

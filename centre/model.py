@@ -81,19 +81,25 @@ class Point:
 
     def view(self) -> Json:
         meaning = self.meaning
-        said: Json = {
-            "id": self.id,
+        return {
             "station": self.station,
             "ca": self.ca,
             "ioa": self.ioa,
             "name": meaning.name,
             "unit": meaning.unit,
             "device": meaning.device,
-            "content": self.content if self.content is not None else meaning.content,
             "command": meaning.command,
             "selects": meaning.selects,
             "minimum": meaning.minimum,
             "maximum": meaning.maximum,
+            **self.news(),
+        }
+
+    def news(self) -> Json:
+        """What changes with a record; all else is of the list of points."""
+        said: Json = {
+            "id": self.id,
+            "content": self.content if self.content is not None else self.meaning.content,
             "value": self.value,
             "quality": self.quality,
             "at": milliseconds(self.at_ns),

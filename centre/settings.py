@@ -86,6 +86,26 @@ TLS = {
     "required": ["certificate", "key"],
     "properties": {"certificate": {"type": "string"}, "key": {"type": "string"}},
 }
+MQTT = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["host"],
+    "dependentRequired": {"user": ["password_file"], "password_file": ["user"]},
+    "properties": {
+        "host": {"type": "string", "minLength": 1},
+        "port": {"type": "integer", "minimum": 1, "maximum": 65535},
+        "prefix": {"type": "string", "pattern": "^[^+#$][^+#]*[^+#/]$"},
+        "user": {"type": "string"},
+        "password_file": {"type": "string"},
+        "tls": {
+            "type": "object",
+            "additionalProperties": False,
+            "dependentRequired": {"certificate": ["key"], "key": ["certificate"]},
+            "properties": {key: {"type": "string"} for key in ("ca", "certificate", "key")},
+        },
+        "commands": {"type": "boolean"},
+    },
+}
 CENTRE = {
     "address": {"type": "string"},
     "port": {"type": "integer", "minimum": 1, "maximum": 65535},
@@ -97,6 +117,7 @@ CENTRE = {
     "tls": TLS,
     "areas": {"type": "array", "items": AREA},
     "keep": KEEP,
+    "mqtt": MQTT,
 }
 SCHEMA = {
     "type": "object",
@@ -115,6 +136,7 @@ SCHEMA = {
         "centre": {"type": "object", "additionalProperties": False, "properties": CENTRE},
     },
 }
+POSTGRESQL = ("postgresql://", "postgres://")
 PMTILES = b"PMTiles\x03"  # how a file begins
 TYPES = {"SC": "single", "DC": "double", "RC": "step", "BO": "bits"}
 SET_POINTS = {
@@ -178,10 +200,41 @@ class Tls:
 
 
 @dataclass(frozen=True)
+class ClientTls:
+    """Of a client: without a CA those of the system count."""
+
+    ca: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+
+
+@dataclass(frozen=True)
+class Mqtt:
+    host: str
+    port: int
+    prefix: str = "openrtu"
+    user: str = ""
+    password_file: Path | None = None
+    tls: ClientTls | None = None
+    commands: bool = False
+
+    def password(self) -> str:
+        """Its file's first line."""
+        if not self.password_file:
+            return ""
+        try:
+            if self.password_file.stat().st_mode & 0o077:
+                raise CentreError(f"mqtt: {self.password_file}: others may read it: chmod 600")
+            return self.password_file.read_text().partition("\n")[0]
+        except OSError as error:
+            raise CentreError(f"mqtt: {self.password_file}: {error.strerror}") from error
+
+
+@dataclass(frozen=True)
 class Settings:
     collector: Json  # rtu-centre's file
     socket: Path
-    database: Path
+    database: Path | str  # a file of SQLite; the address of a server of PostgreSQL
     address: str = "127.0.0.1"
     port: int = 8104
     gap_s: float = 120.0
@@ -193,6 +246,7 @@ class Settings:
     keep: Keep = field(default_factory=Keep)
     tiles: Path | None = None  # a map of one's own
     shards: int = 1
+    mqtt: Mqtt | None = None
 
     @property
     def sockets(self) -> list[Path]:
@@ -225,10 +279,11 @@ def load(path: Path) -> Settings:
         for station in content["stations"]
     ]
     folder = path.resolve().parent
+    database = own.get("database", "centre.db")
     return Settings(
         collector,
         folder / content.get("socket", "consumer"),
-        folder / own.get("database", "centre.db"),
+        database if database.startswith(POSTGRESQL) else folder / database,
         own.get("address", "127.0.0.1"),
         own.get("port", 8104),
         own.get("gap_s", 120.0),
@@ -240,6 +295,20 @@ def load(path: Path) -> Settings:
         Keep(**own.get("keep", {})),
         _tiles(own.get("map"), folder),
         content.get("shards", 1),
+        _mqtt(own["mqtt"], folder) if "mqtt" in own else None,
+    )
+
+
+def _mqtt(wanted: Json, folder: Path) -> Mqtt:
+    tls = wanted.get("tls")
+    return Mqtt(
+        wanted["host"],
+        wanted.get("port", 1883 if tls is None else 8883),
+        wanted.get("prefix", "openrtu"),
+        wanted.get("user", ""),
+        folder / wanted["password_file"] if "password_file" in wanted else None,
+        None if tls is None else ClientTls(**{key: folder / name for key, name in tls.items()}),
+        wanted.get("commands", False),
     )
 
 

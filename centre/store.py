@@ -1,207 +1,102 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The database: one file of SQLite. One thread writes; a transaction is on the disk when it ends."""
+"""The database: a file of SQLite, or a server of PostgreSQL. One thread writes; no reader waits for it."""
 
 from __future__ import annotations
 
 import asyncio
-import sqlite3
 import threading
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any, TypeVar
-
-from centre.errors import CentreError
+from typing import Any, Protocol, TypeVar
 
 Answer = TypeVar("Answer")
 Row = dict[str, Any]
 
 READERS = 2
-BUSY_S = 30.0
-CACHE_KIB = 16 * 1024
 
-# What brings a file from each version to the next. Only ever add to its end.
-MIGRATIONS = (
+
+class Answered(Protocol):
+    """What a statement has answered: sqlite3's cursor, as far as both stores have it."""
+
+    @property
+    def rowcount(self) -> int: ...
+
+    def fetchone(self) -> Any: ...
+
+    def __iter__(self) -> Iterator[Any]: ...
+
+
+class Database(Protocol):
+    """A transaction under way, in SQL that both understand. A row is read by place and by name.
+
+    Values stand as `?`; a word that is PostgreSQL's own, as "user", is quoted.
     """
-    CREATE TABLE stations (
-        id INTEGER PRIMARY KEY,
-        name TEXT NOT NULL UNIQUE,
-        link INTEGER NOT NULL DEFAULT 0,
-        reason INTEGER NOT NULL DEFAULT 0,
-        error INTEGER NOT NULL DEFAULT 0,
-        since_ns INTEGER NOT NULL DEFAULT 0,
-        heard_ns INTEGER NOT NULL DEFAULT 0,
-        sessions INTEGER NOT NULL DEFAULT 0,
-        records INTEGER NOT NULL DEFAULT 0
-    );
-    CREATE TABLE points (
-        id INTEGER PRIMARY KEY,
-        station INTEGER NOT NULL REFERENCES stations,
-        ca INTEGER NOT NULL,
-        ioa INTEGER NOT NULL,
-        content INTEGER,
-        value REAL,
-        quality INTEGER NOT NULL DEFAULT 0,
-        cause INTEGER NOT NULL DEFAULT 0,
-        at_ns INTEGER NOT NULL DEFAULT 0,
-        received_ns INTEGER NOT NULL DEFAULT 0,
-        tagged INTEGER NOT NULL DEFAULT 0,
-        latitude INTEGER, longitude INTEGER, altitude INTEGER, detail INTEGER NOT NULL DEFAULT 0,
-        UNIQUE (station, ca, ioa)
-    );
-    CREATE TABLE history (
-        id INTEGER PRIMARY KEY,
-        point INTEGER NOT NULL REFERENCES points,
-        at_ns INTEGER NOT NULL,
-        received_ns INTEGER NOT NULL,
-        value REAL NOT NULL,
-        quality INTEGER NOT NULL,
-        cause INTEGER NOT NULL,
-        tagged INTEGER NOT NULL
-    );
-    -- A station sends again what it knows not to be acknowledged; the time tag tells that it is the same.
-    CREATE UNIQUE INDEX history_once ON history (point, at_ns, value, quality) WHERE tagged;
-    CREATE INDEX history_point ON history (point, at_ns);
-    CREATE INDEX history_at ON history (at_ns);
-    CREATE TABLE track (
-        point INTEGER NOT NULL REFERENCES points,
-        at_ns INTEGER NOT NULL,
-        latitude INTEGER NOT NULL, longitude INTEGER NOT NULL, altitude INTEGER NOT NULL,
-        quality INTEGER NOT NULL, detail INTEGER NOT NULL,
-        PRIMARY KEY (point, at_ns)
-    ) WITHOUT ROWID;
-    CREATE TABLE alarms (
-        id INTEGER PRIMARY KEY,
-        kind TEXT NOT NULL,
-        station INTEGER NOT NULL REFERENCES stations,
-        point INTEGER REFERENCES points,
-        ca INTEGER,
-        priority INTEGER NOT NULL,
-        value REAL,
-        since_ns INTEGER NOT NULL,
-        gone_ns INTEGER,
-        acknowledged_ns INTEGER,
-        acknowledged_by TEXT,
-        shelved_until_ns INTEGER NOT NULL DEFAULT 0
-    );
-    CREATE INDEX alarms_open ON alarms (id) WHERE gone_ns IS NULL OR acknowledged_ns IS NULL;
-    CREATE TABLE commands (
-        id INTEGER PRIMARY KEY AUTOINCREMENT,
-        user TEXT NOT NULL,
-        point INTEGER NOT NULL REFERENCES points,
-        value REAL NOT NULL,
-        selects INTEGER NOT NULL,
-        state INTEGER NOT NULL,
-        result INTEGER NOT NULL DEFAULT 0,
-        cause INTEGER NOT NULL DEFAULT 0,
-        begun_ns INTEGER NOT NULL,
-        changed_ns INTEGER NOT NULL
-    );
-    CREATE TABLE users (
-        name TEXT PRIMARY KEY,
-        role TEXT NOT NULL CHECK (role IN ('viewer', 'operator', 'engineer')),
-        salt BLOB NOT NULL,
-        hash BLOB NOT NULL
-    ) WITHOUT ROWID;
-    -- Of a browser and of a program (label): what is stored is a hash of the secret.
-    CREATE TABLE sessions (
-        hash BLOB PRIMARY KEY,
-        user TEXT NOT NULL REFERENCES users ON DELETE CASCADE,
-        csrf TEXT NOT NULL,
-        label TEXT NOT NULL,
-        expires_s INTEGER NOT NULL
-    ) WITHOUT ROWID;
-    CREATE TABLE audit (
-        id INTEGER PRIMARY KEY,
-        at_ns INTEGER NOT NULL,
-        user TEXT NOT NULL,
-        action TEXT NOT NULL,
-        detail TEXT NOT NULL
-    );
-    """,
-    """
-    ALTER TABLE alarms ADD COLUMN area TEXT;
-    ALTER TABLE users ADD COLUMN groups TEXT NOT NULL DEFAULT ''; -- of stations, one a line; none: all
-    CREATE TABLE thinned (point INTEGER PRIMARY KEY REFERENCES points, until_ns INTEGER NOT NULL);
-    """,
-    "ALTER TABLE commands ADD COLUMN release INTEGER NOT NULL DEFAULT 0;",
-)
+
+    def execute(self, sql: str, parameters: Sequence[Any] = ..., /) -> Answered: ...
+
+    def executemany(self, sql: str, parameters: Iterable[Sequence[Any]], /) -> Any: ...
 
 
-class Store:
-    """An open database. Raises CentreError when it cannot be opened."""
+class Store(ABC):
+    """An open database. What goes wrong with it is a StoreError, and can be tried again."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._writer = ThreadPoolExecutor(1, "store-writer")
-        self._readers = ThreadPoolExecutor(READERS, "store-reader")
-        self._reading = threading.local()
-        self._opened: list[sqlite3.Connection] = []
-        try:
-            self.database = self._connect()
-            self.database.execute("PRAGMA journal_mode = WAL")
-            self.database.execute("PRAGMA synchronous = FULL")  # what is acknowledged survives a power cut
-            self._migrate()
-        except sqlite3.Error as error:
-            raise CentreError(
-                f"{path}: {error}; is its folder there and writable, and no other centre at work on it?"
-            ) from error
+    among = ""  # a condition: one of the list of numbers that is given as JSON
+    # Lets go of what is older in a table that is kept by weeks; None: its rows are deleted.
+    drop_weeks: Callable[[Database, str, int], None] | None = None
 
-    def _connect(self) -> sqlite3.Connection:
-        database = sqlite3.connect(self.path, BUSY_S, isolation_level=None, check_same_thread=False)
-        database.row_factory = sqlite3.Row
-        database.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
-        database.execute("PRAGMA foreign_keys = ON")
-        self._opened.append(database)
-        return database
+    def __init__(self) -> None:
+        self._here = threading.local()  # is the writer's thread
+        self._writer = ThreadPoolExecutor(1, "store-writer", lambda: setattr(self._here, "writes", True))
 
-    def _migrate(self) -> None:
-        version = self.database.execute("PRAGMA user_version").fetchone()[0]
-        if version > len(MIGRATIONS):
-            raise CentreError(f"{self.path} is of a newer centre: start that one, or restore a backup")
-        for number, script in enumerate(MIGRATIONS[version:], version + 1):
-            self.database.executescript(f"BEGIN; {script}; PRAGMA user_version = {number}; COMMIT;")
+    @abstractmethod
+    def _transaction(self, work: Callable[[Database], Answer]) -> Answer:
+        """In the writer's thread."""
+
+    @abstractmethod
+    async def read(self, sql: str, *values: Any) -> list[Row]:
+        """The rows, as they were last stored."""
 
     def close(self) -> None:
-        """Ends what is under way and closes the file."""
+        """Ends what is under way and closes the database."""
         self._writer.shutdown()
-        self._readers.shutdown()
-        for database in self._opened:
-            database.close()
 
-    def transaction(self, work: Callable[[sqlite3.Connection], Answer]) -> Answer:
-        """In the thread that calls: work, and it is on the disk; or an exception, and nothing of it is."""
-        self.database.execute("BEGIN IMMEDIATE")
-        try:
-            answer = work(self.database)
-            self.database.execute("COMMIT")
-        except BaseException:
-            if self.database.in_transaction:
-                self.database.execute("ROLLBACK")
-            raise
-        return answer
+    def transaction(self, work: Callable[[Database], Answer]) -> Answer:
+        """From any thread, which waits: work, and it is on the disk; or an exception, and nothing is."""
+        if getattr(self._here, "writes", False):
+            return self._transaction(work)
+        return self._writer.submit(self._transaction, work).result()
 
-    async def write(self, work: Callable[[sqlite3.Connection], Answer]) -> Answer:
+    async def write(self, work: Callable[[Database], Answer]) -> Answer:
         """A transaction in the writer's thread."""
-        return await self.in_writer(lambda: self.transaction(work))
+        return await self.in_writer(lambda: self._transaction(work))
 
     async def in_writer(self, work: Callable[[], Answer]) -> Answer:
         """What belongs to the writer's thread; one after the other."""
         return await asyncio.get_running_loop().run_in_executor(self._writer, work)
 
-    async def read(self, sql: str, *values: Any) -> list[Row]:
-        """The rows, from a reader's thread; they do not wait for the writer."""
-        return await asyncio.get_running_loop().run_in_executor(self._readers, self._read, sql, values)
 
-    def _read(self, sql: str, values: tuple[Any, ...]) -> list[Row]:
-        if not hasattr(self._reading, "database"):
-            self._reading.database = self._connect()
-            self._reading.database.execute("PRAGMA query_only = ON")
-        return [dict(row) for row in self._reading.database.execute(sql, values)]
+def inserted(database: Database, sql: str, values: Sequence[Any]) -> int:
+    """Executes an INSERT; the row's id."""
+    [(id_,)] = list(database.execute(f"{sql} RETURNING id", values))
+    return int(id_)
 
 
-def audit(database: sqlite3.Connection, at_ns: int, user: str, action: str, detail: str = "") -> None:
+def put(
+    database: Database, table: str, columns: Sequence[str], values: Sequence[Any], key: str = "id"
+) -> None:
+    """The whole row, whether it is there or not."""
+    names = [f'"{column}"' for column in columns]
+    following = ", ".join(f"{name} = excluded.{name}" for name in names)
+    database.execute(
+        f"INSERT INTO {table} ({', '.join(names)}) VALUES ({', '.join('?' * len(names))})"
+        f" ON CONFLICT ({key}) DO UPDATE SET {following}",
+        values,
+    )
+
+
+def audit(database: Database, at_ns: int, user: str, action: str, detail: str = "") -> None:
     """Who did what. It is part of the transaction that does it."""
     database.execute(
-        "INSERT INTO audit (at_ns, user, action, detail) VALUES (?, ?, ?, ?)", (at_ns, user, action, detail)
+        'INSERT INTO audit (at_ns, "user", action, detail) VALUES (?, ?, ?, ?)', (at_ns, user, action, detail)
     )

@@ -4,17 +4,61 @@
 from __future__ import annotations
 
 import asyncio
+import math
+from dataclasses import dataclass
 from typing import Any
 
 from aiohttp import WSMsgType, web
 
 from centre.centre import Centre
-from centre.model import Changes, Json, Point
+from centre.model import Changes, Json, Point, Station
 from centre.users import Session
 
 PERIOD_S = 1.0
 MESSAGE_MOST = 4096  # a page says which view it shows, and nothing else
 VIEWS = ("map", "points", "alarms", "stations")
+TOLD = ("stations", "points", "gone", "alarms", "commands")
+SEARCH_MOST = 64  # characters
+
+
+@dataclass(frozen=True)
+class View:
+    """What a page shows: of the map a part, one that is followed, and those whose name has a text."""
+
+    name: str = ""
+    station: int = 0  # of the view "points"
+    bounds: tuple[float, float, float, float] | None = None  # south, west, north, east
+    chosen: int = 0  # a point
+    search: str = ""
+
+    @classmethod
+    def read(cls, said: Any) -> View:
+        """Raises ValueError."""
+        if not isinstance(said, dict) or said.get("view") not in VIEWS:
+            raise ValueError(f"a view is one of {', '.join(VIEWS)}")
+        numbers = [said.get(key, 0) for key in ("station", "chosen")]
+        bounds, search = said.get("bounds"), said.get("search", "")
+        if not all(isinstance(number, int) for number in numbers) or not isinstance(search, str):
+            raise ValueError("station and chosen are numbers, search is a text")
+        if bounds is not None and not (
+            isinstance(bounds, list)
+            and len(bounds) == 4
+            and all(isinstance(each, int | float) and math.isfinite(each) for each in bounds)
+        ):
+            raise ValueError("bounds are south, west, north and east")
+        where = None if bounds is None else tuple(map(float, bounds))
+        return cls(said["view"], numbers[0], where, numbers[1], search[:SEARCH_MOST].casefold())
+
+    def has(self, latitude: float, longitude: float) -> bool:
+        """The map goes round: west may be less than -180, and east more than 180.
+
+        >>> [View("map", 0, (0, 170, 10, 190)).has(5, longitude) for longitude in (169, 175, -175, -169)]
+        [False, True, True, False]
+        """
+        if self.bounds is None:
+            return True
+        south, west, north, east = self.bounds
+        return south <= latitude <= north and (east - west >= 360 or (longitude - west) % 360 <= east - west)
 
 
 class Stream:
@@ -24,10 +68,11 @@ class Stream:
         self.session = session
         self.centre = centre
         self.socket = socket
-        self.view = ""
-        self.station = 0
-        self.whole = False
+        self.view = View()
+        self.whole = False  # it shows another view, and knows nothing of it
+        self.looked = False  # it shows another part of the view
         self.waiting: dict[str, set[int]] = {kind: set() for kind in ("stations", "points")}
+        self.shown: dict[str, set[int]] = {kind: set() for kind in ("stations", "points")}  # what it knows
         self.alarms: dict[int, Json] = {}  # an alarm that ends is no longer in the model
         self.commands: dict[int, Json] = {}  # and neither is a command
         self.something = asyncio.Event()
@@ -40,65 +85,123 @@ class Stream:
         return self.sees(self.centre.model.points[point].station)
 
     def shows(self, point: Point) -> bool:
-        return (
-            (self.view == "map" and point.is_position)
-            or (self.view == "points" and point.station == self.station)
-        ) and self.sees(point.station)
+        view = self.view
+        if view.name == "points":
+            shown = point.station == view.station
+        else:
+            shown = view.name == "map" and point.is_position and self._on_map(point)
+        return shown and self.sees(point.station)
+
+    def _on_map(self, point: Point) -> bool:
+        """A text is searched everywhere."""
+        view = self.view
+        if point.id == view.chosen:
+            return True
+        if view.search:
+            name = self.centre.model.stations[point.station].settings.name
+            return view.search in name.casefold() or self._is_inside(point)
+        return self._is_inside(point)
+
+    def _is_inside(self, point: Point) -> bool:
+        return self.view.has((point.latitude or 0) / 1e7, (point.longitude or 0) / 1e7)
+
+    def shows_station(self, station: Station, with_points: set[int]) -> bool:
+        """On the map those that have a place there, and those of what is shown."""
+        if not self.session.sees(station):
+            return False
+        if self.view.name != "map" or station.id in with_points:
+            return True
+        place = station.settings.location
+        return place is not None and (
+            self.view.has(*place)
+            or bool(self.view.search and self.view.search in station.settings.name.casefold())
+        )
 
     def changed(self, changes: Changes, linked: set[int]) -> None:
         """Links, alarms and commands concern every view: they stand in the page's head."""
-        if not self.view:
+        view = self.view.name
+        if not view:
             return
-        told = changes.stations.keys() if self.view == "stations" else linked
-        self.waiting["stations"] |= {id_ for id_ in told if self.sees(id_)}
-        self.waiting["points"] |= {id_ for id_, point in changes.points.items() if self.shows(point)}
+        if view == "stations":
+            self.waiting["stations"] |= changes.stations.keys()
+        else:
+            self.waiting["stations"] |= linked
+        if view in ("map", "points"):
+            self.waiting["points"] |= changes.points.keys()
         self.commands |= {
             id_: command.view() for id_, command in changes.commands.items() if self.sees_point(command.point)
         }
         self.alarms |= {
             id_: alarm.view() for id_, alarm in changes.alarms.items() if self.sees(alarm.station)
         }
-        if (changes.stations and not linked and self.view != "stations") and not (
-            self.waiting["points"] or self.alarms or self.commands
-        ):
-            return
         self.something.set()
 
     def look(self, said: Any) -> None:
-        """The page shows another view: it is told all of it once."""
-        if not isinstance(said, dict) or said.get("view") not in VIEWS:
-            raise ValueError(f"a view is one of {', '.join(VIEWS)}")
-        self.view = said["view"]
-        station = said.get("station", 0)
-        self.station = station if isinstance(station, int) else 0
-        self.whole = True
+        """The page shows another view, and is told all of it once; or another part: what is new of it."""
+        view = View.read(said)
+        if (view.name, view.station) != (self.view.name, self.view.station):
+            self.whole = True
+        self.view = view
+        self.looked = True
         self.something.set()
 
     def message(self) -> Json:
-        """What the page does not know yet."""
+        """What the page does not know, whole; of what it knows, what changes; and what it shall forget."""
         model = self.centre.model
         said: Json = self.centre.state()
+        known, waiting = self.shown, self.waiting
         if self.whole:
             said["whole"] = True
-            stations = [id_ for id_ in model.stations if self.sees(id_)]
-            points = [id_ for id_, point in model.points.items() if self.shows(point)]
+            for ids in known.values():
+                ids.clear()
             said["alarms"] = [alarm.view() for alarm in model.alarms.values() if self.sees(alarm.station)]
             said["commands"] = [
                 command.view() for command in model.commands.values() if self.sees_point(command.point)
             ]
         else:
-            stations = list(self.waiting["stations"])
-            points = list(self.waiting["points"])
             said["alarms"] = list(self.alarms.values())
             said["commands"] = list(self.commands.values())
-        said["stations"] = [model.stations[id_].view() for id_ in stations]
-        said["points"] = [model.points[id_].view() for id_ in points]
-        self.whole = False
-        self.alarms = {}
-        self.commands = {}
-        for ids in self.waiting.values():
-            ids.clear()
+        candidates = model.points if self.looked else waiting["points"]
+        shown = {id_ for id_ in candidates if self.shows(model.points[id_])}
+        gone = {id_ for id_ in candidates if id_ in known["points"]} - shown
+        fresh = shown - known["points"]
+        said["points"] = [model.points[id_].view() for id_ in fresh]
+        said["points"] += [model.points[id_].news() for id_ in shown & known["points"] & waiting["points"]]
+        said["gone"] = list(gone)
+        known["points"] = (known["points"] | fresh) - gone
+        owners = {model.points[id_].station for id_ in fresh}
+        stations = model.stations if self.looked else waiting["stations"] | owners
+        concerned = owners | known["stations"]
+        told = {id_ for id_ in stations if self.shows_station(model.stations[id_], concerned)}
+        told = {id_ for id_ in told if id_ not in known["stations"] or id_ in waiting["stations"]}
+        said["stations"] = [model.stations[id_].view() for id_ in told]
+        known["stations"] |= told
+        if self.looked and self.view.name == "map":
+            said |= self._extent()
+        self.whole = self.looked = False
+        self.alarms, self.commands = {}, {}
+        self.waiting = {kind: set() for kind in waiting}
         return said
+
+    def _extent(self) -> Json:
+        """How many have a place, and where all of them are: south, west, north, east."""
+        model = self.centre.model
+        places = [
+            station.settings.location
+            for station in model.stations.values()
+            if station.settings.location and self.session.sees(station)
+        ]
+        vehicles = [
+            ((point.latitude or 0) / 1e7, (point.longitude or 0) / 1e7)
+            for point in model.points.values()
+            if point.is_position and self.sees(point.station)
+        ]
+        places += vehicles
+        if not places:
+            return {"vehicles": 0, "extent": None}
+        latitudes, longitudes = zip(*places, strict=True)
+        extent = [min(latitudes), min(longitudes), max(latitudes), max(longitudes)]
+        return {"vehicles": len(vehicles), "extent": extent}
 
     async def run(self, still_allowed: Any) -> None:
         """Until the page leaves, or its session has ended."""
@@ -110,18 +213,23 @@ class Stream:
                     break
                 try:
                     self.look(message.json())
-                except ValueError:
+                except (ValueError, RecursionError):
                     break
         finally:
             self.centre.watchers.discard(self)
             sender.cancel()
 
     async def _send(self, still_allowed: Any) -> None:
+        before: tuple[bool, str] | None = None  # the centre itself, as it was last told
         while True:
             await self.something.wait()
             self.something.clear()
             if not await still_allowed():
                 await self.socket.close(code=4401)
                 return
-            await self.socket.send_json(self.message())
+            said = self.message()
+            state = said["collects"], said["fault"]
+            if state != before or said.keys() & {"whole", "extent"} or any(said[kind] for kind in TOLD):
+                await self.socket.send_json(said)
+            before = state
             await asyncio.sleep(PERIOD_S)

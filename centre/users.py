@@ -6,14 +6,13 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
-import sqlite3
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from centre.errors import RefusedError
 from centre.model import Station
-from centre.store import Row, audit
+from centre.store import Database, Row, audit
 
 ROLES = ("viewer", "operator", "engineer")  # each may do what the ones before may
 PASSWORD_LEAST = 10
@@ -46,9 +45,7 @@ def _hash_secret(secret: str) -> bytes:
     return hashlib.sha256(secret.encode()).digest()
 
 
-def put(
-    database: sqlite3.Connection, name: str, role: str, password: str, by: str, groups: Iterable[str] = ()
-) -> None:
+def put(database: Database, name: str, role: str, password: str, by: str, groups: Iterable[str] = ()) -> None:
     """Adds a user, or gives a new role and password, which ends all sessions of that user."""
     wanted = sorted({*groups})
     if role not in ROLES:
@@ -63,7 +60,7 @@ def put(
     if any(not group or "\n" in group for group in wanted):
         raise RefusedError(400, "groups", "a group is a word of the centre's file")
     salt = secrets.token_bytes(16)
-    database.execute("DELETE FROM sessions WHERE user = ?", (name,))
+    database.execute('DELETE FROM sessions WHERE "user" = ?', (name,))
     database.execute(
         "INSERT INTO users (name, role, salt, hash, groups) VALUES (?1, ?2, ?3, ?4, ?5)"
         " ON CONFLICT (name) DO UPDATE SET role = ?2, salt = ?3, hash = ?4, groups = ?5",
@@ -72,7 +69,7 @@ def put(
     audit(database, time.time_ns(), by, "user", f"{name}: {role}{', of '.join(['', *wanted])}")
 
 
-def remove(database: sqlite3.Connection, name: str, by: str) -> None:
+def remove(database: Database, name: str, by: str) -> None:
     if not database.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount:
         raise RefusedError(404, "unknown", f"there is no user {name}")
     audit(database, time.time_ns(), by, "user removed", name)
@@ -84,25 +81,25 @@ def fits(password: str, row: dict[str, bytes] | None) -> bool:
     return hmac.compare_digest(_hash(password, salt), row["hash"] if row else bytes(64)) and row is not None
 
 
-def begin(database: sqlite3.Connection, user: str, label: str, seconds: float) -> str:
+def begin(database: Database, user: str, label: str, seconds: float) -> str:
     """A new session or token; its secret, which nobody can read again."""
     secret = secrets.token_urlsafe(32)
     now_s = int(time.time())
     database.execute("DELETE FROM sessions WHERE expires_s <= ?", (now_s,))
     database.execute(
-        "INSERT INTO sessions (hash, user, csrf, label, expires_s) VALUES (?, ?, ?, ?, ?)",
+        'INSERT INTO sessions (hash, "user", csrf, label, expires_s) VALUES (?, ?, ?, ?, ?)',
         (_hash_secret(secret), user, secrets.token_urlsafe(24), label, now_s + int(seconds)),
     )
     audit(database, time.time_ns(), user, "token" if label else "login", label)
     return secret
 
 
-def end(database: sqlite3.Connection, secret: str) -> None:
+def end(database: Database, secret: str) -> None:
     database.execute("DELETE FROM sessions WHERE hash = ?", (_hash_secret(secret),))
 
 
 FIND = (
-    "SELECT users.name AS user, role, csrf, label, groups FROM sessions"
+    'SELECT users.name AS "user", role, csrf, label, groups FROM sessions'
     " JOIN users ON users.name = sessions.user WHERE sessions.hash = ? AND expires_s > ?"
 )
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-import sqlite3
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ from aiohttp import web
 
 from centre import users
 from centre.centre import Centre
-from centre.errors import RefusedError
+from centre.errors import RefusedError, StoreError
 from centre.model import Point, Station
 from centre.stream import MESSAGE_MOST, Stream
 from centre.users import Session
@@ -125,7 +124,7 @@ class Server:
             response = web.json_response({"code": error.code, "error": str(error)}, status=error.status)
         except web.HTTPException as error:
             response = web.json_response({"code": "http", "error": error.reason}, status=error.status)
-        except sqlite3.Error as error:
+        except StoreError as error:
             log.error("%s %s: %s", request.method, request.path, error)
             response = web.json_response({"code": "store", "error": f"the database: {error}"}, status=503)
         if not response.prepared:
@@ -222,6 +221,8 @@ class Server:
                 await self.session(request)
             except RefusedError:
                 return False
+            except StoreError:
+                pass  # nobody can say; and while nothing is stored, nothing but that is told
             return True
 
         await Stream(self.centre, socket, session).run(still_allowed)

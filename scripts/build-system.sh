@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # build-system.sh FOLDER GATEWAY [FRAGMENT...]: the image for the board from Debian's packages, of what `make image-debian` made in
-# build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL and Net-SNMP. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
+# build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL, Net-SNMP and libmicrohttpd. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
 # FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
 # in it. SITE_SETTINGS in the environment names a folder with the settings of a site; with "update.pem" there the image
@@ -22,7 +22,7 @@ pull=
 [ ! -f "${SITE_SETTINGS:-}/update-server" ] || pull=yes
 fragments=("$@" "$board/system.fragment" "$parts/initramfs.fragment")
 sources=(linux busybox chrony ${update:+swupdate} ${pull:+curl})
-[ "$gateway" != gateway-tls ] || sources+=(net-snmp)
+[ "$gateway" != gateway-tls ] || sources+=(net-snmp libmicrohttpd)
 umask 022
 
 image_tool() {

@@ -47,7 +47,7 @@ check_image() {
 
 # check_configuration NAME ARGUMENT: an image that configs/ describes, or one for development.
 check_configuration() {
-	[[ $1 =~ ^[a-z0-9_]+(-development)?$ && -f configs/${1%-development}_defconfig ]] || refuse "$2: there is no configs/${1}_defconfig; there are" \
+	[[ $1 =~ ^[a-z0-9_]+(-development|-offline)?$ && -f configs/${1%-*}_defconfig ]] || refuse "$2: there is no configs/${1}_defconfig; there are" \
 		"$(cd configs && some ./*_defconfig | sed 's|[.]/||g; s/_defconfig//g')"
 }
 
@@ -89,7 +89,7 @@ for goal; do
 		check_board_ip
 		[[ -z ${IMAGE_TYPED:-} ]] || check_image "build/$IMAGE"
 		;;
-	image | image-buildroot) for image in $IMAGES; do check_configuration "$image" "IMAGES=$image"; done ;;
+	image | image-buildroot | source) for image in $IMAGES; do check_configuration "$image" "IMAGES=$image"; done ;;
 	menuconfig | linux-menuconfig | savedefconfig | sdk | legal-info | sbom) check_configuration "$IMAGE" "IMAGE=$IMAGE" ;;
 	dtb)
 		check_board

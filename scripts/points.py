@@ -30,7 +30,7 @@ TYPES = {
 }
 NEEDED = ("ca", "ioa", "type", "name", "port", "id", "table", "address")
 DERIVED = ("ca", "type", "event_type", "command_type", "direction", "device", "port", "id", "table")
-TEXTS = ("name", "unit", "format", "word_order", "byte_order", "bit_order")
+TEXTS = ("name", "unit", "ln", "format", "word_order", "byte_order", "bit_order")
 TEXTS += ("blocked_by", "substituted_by", "not_topical_by")
 OF_OBJECTS = (*TABLES, "template", "overrides", "name_prefix", "ioa_offset", "ca")
 IN_ROWS = (*OF_OBJECTS, "period_ms", "read_back")  # what each point of the list has itself

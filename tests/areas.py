@@ -62,6 +62,7 @@ REACH = [
     ("docs/figures/blocks/*", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/goose.md", "tests/test_goose.py"),
+    ("docs/web.md", "tests/test_docs_commands.py"),
     ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
     ("docs/iec61850.md", "tests/test_iec61850*.py"),
@@ -69,9 +70,10 @@ REACH = [
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
+    ("docs/examples/modules/plant.py", "lint tests/test_plant.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
     ("docs/synch.md", "tests/test_synch.py"),
-    ("docs/examples/logic/*", "tests/test_logic*.py tests/test_show.py"),
+    ("docs/examples/logic/*", "tests/test_logic*.py tests/test_plant.py tests/test_show.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
     ("*.md", TREE),
@@ -89,6 +91,11 @@ REACH = [
         "package/openrtu/src/centre/*",
         f"{C} fuzzers test-centre tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
+    (
+        "package/openrtu/src/*web/*",
+        f"{C} fuzzers {ON_BOARD} tests/test_web.py tests/centre/test_web_page.py"
+        " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
+    ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
@@ -101,11 +108,12 @@ REACH = [
     # the tools
     (
         "scripts/logic/*",
-        "tests/test_logic*.py tests/test_show.py tests/test_synch.py tests/test_docs_commands.py"
-        " tests/test_event_journal.py",
+        "tests/test_logic*.py tests/test_plant.py tests/test_retained.py tests/test_show.py"
+        " tests/test_synch.py tests/test_docs_commands.py tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
+    ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (
         "scripts/openrtu-logic",
         "lint tests/test_logic.py tests/test_logic_gateway.py tests/test_event_journal.py",
@@ -127,11 +135,13 @@ REACH = [
     ("scripts/build-qemu.sh", BOARDS),
     ("scripts/build-uboot.sh", BOARDS),
     ("scripts/patched-source.sh", BOARDS),
-    ("scripts/debian-source.sh", BOARDS),
+    ("scripts/debian-source.sh", f"test-image {BOARDS}"),
     ("scripts/build-deb.sh", "tests/test_installation.py"),
     ("scripts/build-*.sh", "test-linux"),
     ("scripts/debian-package.sh", "test-linux test-bench"),
     ("scripts/no-buildroot.sh", "test-image"),
+    ("scripts/offline-toolchain.sh", "test-image"),
+    ("scripts/Containerfile", "test-image"),
     ("scripts/release-files.sh", "test-image"),
     ("scripts/setup-sysroot.sh", "cross test-linux"),
     ("scripts/armel.ini", "cross test-linux"),

@@ -32,6 +32,7 @@ TARGETS = {  # by the name of its corpus: the program
     "synch": "synch/fuzz_synch",
     "requests": "map/fuzz_requests",
     "snmp": "modules/fuzz_snmp",
+    "web": "web/fuzz_web",
     "mms-association": "iec61850/fuzz_association",
     "mms-service": "iec61850/fuzz_mms_service",
     "mms-transport": "iec61850/fuzz_transport",

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 INVALID, OVERFLOW = 0x80, 0x01
 RANGES = {"INT": (-32768, 32767), "DINT": (-(1 << 31), (1 << 31) - 1), "WORD": (0, 65535)}
+TEXTS = {"k": "STRING", "l": "STRING"}
+ROOM = {"k": 12, "l": 5, "z": 7}  # of a STRING
 INPUTS = {"b_in": "BOOL", "i_in": "INT", "d_in": "DINT", "x_in": "LREAL", "r_in": "REAL"}
 OUTPUTS = {
     "b_out": "BOOL",
@@ -30,9 +32,12 @@ pair : STRUCT n : INT; d : DINT := 7; END_STRUCT
 unit : STRUCT m : mode := RUN; p : pair := (n := 4); v : ARRAY[0..2] OF INT := [1, 2(5)]; END_STRUCT
 END_TYPE
 FUNCTION half : DINT VAR_INPUT q : pair; END_VAR half := q.d / 2; END_FUNCTION
-FUNCTION_BLOCK turn VAR_IN_OUT q : pair; END_VAR q.n := q.n MOD 7 + 1; END_FUNCTION_BLOCK"""
+FUNCTION_BLOCK turn VAR_IN_OUT q : pair; END_VAR q.n := q.n MOD 7 + 1; END_FUNCTION_BLOCK
+FUNCTION_BLOCK adds VAR_INPUT v : INT; END_VAR VAR_OUTPUT s : INT; END_VAR
+s := (s + v) MOD 100; END_FUNCTION_BLOCK"""
 DECLARED = """VAR a : ARRAY[-2..5] OF INT; n1, n2, n3 : INT; m : ARRAY[1..3, -1..1] OF INT := [3(2), 4, 5];
-s, t : unit; u : ARRAY[2..3, 0..1] OF unit; b : turn; END_VAR"""
+s, t : unit; u : ARRAY[2..3, 0..1] OF unit; b : turn;
+k : STRING(12) := 'abc'; l : STRING(5); z : ARRAY[1..3] OF STRING(7); c : ARRAY[1..3] OF adds; END_VAR"""
 # The dimensions and the type behind each variable: indices, or members.
 PAIR = {"n": "INT", "d": "DINT"}
 UNIT = {"m": "MODE", "p": PAIR, "v": [(0, 2), "INT"]}
@@ -42,7 +47,10 @@ PLACES = {
     "s": UNIT,
     "t": UNIT,
     "u": [(2, 3), (0, 1), UNIT],
+    "z": [(1, 3), "STRING"],
+    "c": [(1, 3), {"v": "INT", "s": "INT"}],
 }
+BLOCKS = ("c",)  # their outputs are written by a call only
 Tagged = tuple  # value, quality
 Key = tuple  # the name of a variable, members, indices
 
@@ -62,7 +70,11 @@ ELEMENTS = [((name, *key), its) for name, kind in PLACES.items() for key, its in
 PRIME = 1_000_003
 
 
-def initial(key: Key) -> int:
+def initial(key: Key) -> int | str:
+    if key[0] == "z":
+        return ""
+    if key[0] == "c":
+        return 0
     members = [step for step in key if isinstance(step, str)]
     if key[0] == "m":
         return [2, 2, 2, 4, 5, 0, 0, 0, 0][(key[1] - 1) * 3 + key[2] + 1]
@@ -89,6 +101,12 @@ class Random:
         while True:
             found = self.walk(self.random.choice(list(PLACES)), wanted, depth)
             if found is not None:
+                return found
+
+    def target(self, wanted: str) -> tuple:
+        while True:
+            found = self.place(wanted, 1)
+            if found[1] not in BLOCKS:
                 return found
 
     def walk(self, name: str, wanted: str, depth: int) -> tuple | None:
@@ -118,8 +136,15 @@ class Random:
 
     def expression(self, kind: str, depth: int = 0) -> tuple:
         pick = self.random.choice
-        names = [name for name, its in (INPUTS | OUTPUTS).items() if its == kind]
-        if kind == "MODE" or (kind in ("INT", "DINT") and depth < 4 and self.random.random() < 0.15):
+        names = [name for name, its in (INPUTS | OUTPUTS | TEXTS).items() if its == kind]
+        if kind == "STRING" and depth < 4 and self.random.random() < 0.6:
+            return self.text(depth)
+        if kind == "INT" and depth < 4 and self.random.random() < 0.1:
+            texts = [self.expression("STRING", depth + 1) for _ in "ab"]
+            return ("text", *pick([("LEN", texts[0]), ("FIND", *texts)]))
+        if kind == "MODE" or (
+            kind in ("INT", "DINT", "STRING") and depth < 4 and self.random.random() < 0.15
+        ):
             if kind == "MODE" and (depth > 3 or self.random.random() < 0.4):
                 return ("literal", kind, pick(list(MODES)))
             if kind == "DINT" and self.random.random() < 0.3:
@@ -134,8 +159,8 @@ class Random:
         if kind == "BOOL":
             which = self.random.random()
             if which < 0.5:
-                of = pick(["INT", "DINT", "LREAL", "REAL"])
-                operators = ["<", ">", "<=", ">="] + (["=", "<>"] if of in RANGES else [])
+                of = pick(["INT", "DINT", "LREAL", "REAL", "STRING"])
+                operators = ["<", ">", "<=", ">="] + (["=", "<>"] if of in RANGES or of == "STRING" else [])
                 return (
                     "binary",
                     pick(operators),
@@ -160,7 +185,7 @@ class Random:
                 kind,
                 *(self.expression(kind, depth + 1) for _ in "ab"),
             )
-        if self.random.random() < 0.15:
+        if kind == "STRING" or self.random.random() < 0.15:
             return (
                 "choose",
                 self.expression("BOOL", depth + 1),
@@ -189,7 +214,28 @@ class Random:
             self.expression(kind, depth + 1),
         )
 
-    def literal(self, kind: str) -> bool | int | float:
+    def text(self, depth: int) -> tuple:
+        """What a function makes of texts, or a number as text."""
+        if self.random.random() < 0.3:
+            source = self.random.choice(["INT", "DINT", "BOOL", "WORD", "REAL", "LREAL", "MODE"])
+            return ("convert", source, "STRING", self.expression(source, depth + 1))
+        name, texts, numbers = self.random.choice(
+            [
+                ("CONCAT", 2, 0),
+                ("LEFT", 1, 1),
+                ("RIGHT", 1, 1),
+                ("MID", 1, 2),
+                ("INSERT", 2, 1),
+                ("DELETE", 1, 2),
+                ("REPLACE", 2, 2),
+            ]
+        )
+        of = [self.expression("STRING", depth + 1) for _ in range(texts)]
+        return ("text", name, *of, *(self.expression_small() for _ in range(numbers)))
+
+    def literal(self, kind: str) -> bool | int | float | str:
+        if kind == "STRING":
+            return self.random.choice(["", "a", "bc", "it's", "abcabc"])
         if kind == "BOOL":
             return self.random.random() < 0.5
         if kind in RANGES:
@@ -241,8 +287,8 @@ class Random:
                     [],
                 )
             if which < 0.68:
-                kind = self.random.choice(["INT", "INT", "DINT", "MODE"])
-                return ("store", self.place(kind, 1), self.expression(kind))
+                kind = self.random.choice(["INT", "INT", "DINT", "MODE", "STRING"])
+                return ("store", self.target(kind), self.expression(kind))
             if which < 0.76:
                 kind = self.random.choice(["PAIR", "UNIT"])
                 return ("copy", self.place(kind, 1), self.place(kind, 1))
@@ -250,14 +296,16 @@ class Random:
                 return self.message()
             if which < 0.81:
                 return ("turn", self.place("PAIR", 1))
-            name = self.random.choice(list(OUTPUTS))
-            return ("assign", name, self.expression(OUTPUTS[name]))
+            if which < 0.85:
+                return ("adds", (1, 3, self.index(1, 3, 1)), self.expression("INT"))
+            name = self.random.choice([*OUTPUTS, *TEXTS])
+            return ("assign", name, self.expression((OUTPUTS | TEXTS)[name]))
         finally:
             self.depth -= 1
 
     def message(self) -> tuple:
         self.messages += 1
-        kinds = self.random.choices([*OUTPUTS.values(), "MODE"], k=self.random.randint(0, 3))
+        kinds = self.random.choices([*OUTPUTS.values(), "MODE", "STRING"], k=self.random.randint(0, 3))
         values = [(kind, self.expression(kind, 2)) for kind in kinds]
         return ("say", self.messages, [one for one in values if not is_constant(one[1])])
 
@@ -293,6 +341,10 @@ def shown(node: tuple) -> str:
             return f"half({shown(operand)})"
         case ("name", name, _):
             return name
+        case ("literal", "STRING", value):
+            return "'" + value.replace("'", "$'") + "'"
+        case ("text", name, *operands):
+            return f"{name}({', '.join(map(shown, operands))})"
         case ("literal", kind, value):
             return str(value).upper() if kind == "BOOL" else f"{kind}#{value}"
         case ("good", name):
@@ -321,6 +373,8 @@ def lines(statements: list[tuple]) -> list[str]:
             case ("say", number, values):
                 said = "".join(f", {shown(value)}" for _, value in values)
                 found.append(f"MESSAGE('{number}{' {}' * len(values)}'{said});")
+            case ("adds", step, value):
+                found.append(f"c[{shown(step[2])}](v := {shown(value)});")
             case ("turn", place):
                 found.append(f"b(q := {shown(place)});")
             case ("leave", word):
@@ -343,8 +397,9 @@ def seen(key: Key, kind: str) -> list[str]:
     """All elements and members are in two sums, whatever the statements did to them."""
     name = "".join(f".{step}" if isinstance(step, str) else f"[{step}]" for step in key)[1:]
     name = name.replace("][", ", ")
+    value = f"LEN(AS_GOOD({name}))" if kind == "STRING" else f"{kind}_TO_LINT(AS_GOOD({name}))"
     return [
-        f"values := (values * 31 + {kind}_TO_LINT(AS_GOOD({name}))) MOD {PRIME};",
+        f"values := (values * 31 + {value}) MOD {PRIME};",
         f"flags := (flags * 31 + BYTE_TO_LINT(QUALITY({name}))) MOD {PRIME};",
     ]
 
@@ -356,6 +411,7 @@ def text_of(statements: list[tuple]) -> str:
             f"{TYPES}\nPROGRAM random\nVAR_EXTERNAL {points}; values, flags : LINT; END_VAR",
             DECLARED,
             *[f"{name} := {name};" for name in OUTPUTS],  # so all of them are outputs
+            "MESSAGE('0 {} {} {} {} {}', k, l, z[1], z[2], z[3]);",
             *lines(statements),
             "values := 0; flags := 0;",
             *(line for key, kind in ELEMENTS for line in seen(key, kind)),
@@ -404,6 +460,8 @@ def written(statements: list[tuple]) -> set[object]:
                 found |= {("said", number, place) for place in range(len(values))}
             case ("store" | "copy", place, _) | ("turn", place):
                 found |= touched(place)
+            case ("adds", step, _):
+                found |= touched(("place", "c", (step,)))
             case ("if", branches, otherwise) | ("case", _, branches, otherwise):
                 found |= written(otherwise).union(*(written(body) for _, body in branches))
             case ("for", name, _, _, _, body):
@@ -430,6 +488,8 @@ def fits_tail(key: Key, place: tuple, tail: Key) -> bool:
 
 def said(kind: str, tagged: Tagged) -> str:
     value, quality = tagged
+    if kind == "STRING":
+        return value + ("!" if quality & 0xC1 else "")
     texts = {"BOOL": str(bool(value)).upper(), "REAL": f"{value:.7g}", "LREAL": f"{value:.15g}"}
     if kind == "MODE":
         texts["MODE"] = next((name for name, number in MODES.items() if number == value), str(value))
@@ -448,7 +508,9 @@ class Reference:
     def __init__(self) -> None:
         self.values: dict[object, Tagged] = {name: (zero(kind), 0) for name, kind in OUTPUTS.items()}
         self.values |= {name: (0, 0) for name in ("n1", "n2", "n3")}
+        self.values |= {"k": ("abc", 0), "l": ("", 0)}
         self.values |= {key: (initial(key), 0) for key, _ in ELEMENTS}
+        self.first = ""  # what the scan says before its statements
         self.said: dict[int, list[str]] = {}  # of this scan: the types of each message's values
         self.faults = 0
         self.doubts: list[int] = []
@@ -456,10 +518,14 @@ class Reference:
     def scan(self, statements: list[tuple], inputs: dict[str, Tagged]) -> dict[str, Tagged]:
         self.values |= inputs
         self.said.clear()
+        texts = [self.values[key] for key in ("k", "l", ("z", 1), ("z", 2), ("z", 3))]
+        self.first = " ".join(["0", *(said("STRING", text) for text in texts)])
         self.run(statements)
         values = flags = 0
         for key, _ in ELEMENTS:
-            values = int(math.fmod(values * 31 + self.values[key][0], PRIME))
+            value = self.values[key][0]
+            value = len(value) if isinstance(value, str) else value
+            values = int(math.fmod(values * 31 + value, PRIME))
             flags = (flags * 31 + self.values[key][1]) % PRIME
         sums = {"values": (values, 0), "flags": (flags, 0)}
         return {name: self.values[name] for name in OUTPUTS} | sums
@@ -486,13 +552,16 @@ class Reference:
         if inside:
             return (self.values[key][0], self.values[key][1] | quality)
         self.faults += 1
+        if key[0] == "z":  # its length, and its octets
+            self.faults += 1
+            return ("", quality | INVALID)
         return (0, quality | INVALID)
 
     def write(self, key: Key, quality: int, inside: bool, new: Tagged, might: set[object]) -> None:
         if inside:
             self.values[key] = new
         else:
-            self.faults += 1
+            self.faults += 2 if key[0] == "z" else 1
             quality |= INVALID
         self.doubt(might, quality)
 
@@ -510,10 +579,10 @@ class Reference:
         for statement in statements:
             match statement:
                 case ("assign", name, value):
-                    self.values[name] = self.value(value)
+                    self.values[name] = fitting(name, self.value(value))
                 case ("store", place, value):
                     new = self.value(value)
-                    self.put(place, self.reached(place), new, ())
+                    self.put(place, self.reached(place), fitting(place[1], new), ())
                 case ("copy", place, source):
                     to, of = self.reached(place), self.reached(source)
                     for tail, _ in paths(kind_at(place)):
@@ -521,8 +590,17 @@ class Reference:
                 case ("say", number, values):
                     for place, (_, value) in enumerate(values):
                         self.values[("said", number, place)] = self.value(value)
-                    if number in self.said or len(self.said) < 8:
+                    if number in self.said or len(self.said) < 7:  # and the first one
                         self.said[number] = [kind for kind, _ in values]
+                case ("adds", step, value):
+                    place = ("place", "c", (step,))
+                    key, *rest = reached = self.reached(place)
+                    state = {name: self.read((*key, name), *rest) for name in ("v", "s")}
+                    state["v"] = self.value(value)
+                    added = self.computed("+", "INT", state["s"], state["v"])
+                    state["s"] = self.computed("MOD", "INT", added, (100, 0))
+                    for name, new in state.items():
+                        self.put(place, reached, new, (name,))
                 case ("turn", place):
                     pair = dict(zip(PAIR, self.copied(place), strict=True))
                     n, quality = pair["n"]
@@ -546,7 +624,7 @@ class Reference:
 
     def messages(self) -> list[str]:
         """The values as they are when the scan ends: what a condition doubts is marked."""
-        lines = []
+        lines = [self.first]
         for number, kinds in self.said.items():
             values = [self.values[("said", number, place)] for place in range(len(kinds))]
             lines.append(" ".join([str(number), *(said(*pair) for pair in zip(kinds, values, strict=True))]))
@@ -590,6 +668,8 @@ class Reference:
             case ("half", place):
                 _, (d, quality) = self.copied(place)
                 return (int(d / 2), quality)
+            case ("text", name, *operands):
+                return self.text(name, [self.value(one) for one in operands])
             case ("good", name):
                 return ((self.values[name][1] & 0xC1) == 0, 0)
             case ("unary", operator, kind, operand):
@@ -604,12 +684,53 @@ class Reference:
                 return (chosen[0], chosen[1] | which[1])
             case ("convert", source, target, operand):
                 value, quality = self.value(operand)
+                if target == "STRING":
+                    return (said(source, (value, 0)), quality)
                 if source == "LREAL":
                     return self.fitted(target, round(value), quality)
                 return self.fitted(target, float(value) if target in ("LREAL", "REAL") else value, quality)
             case ("binary", operator, kind, left, right):
                 return self.computed(operator, kind, self.value(left), self.value(right))
         raise ValueError(node)
+
+    def part(self, which: str, text: Tagged, number: Tagged, less: int = 0) -> Tagged:
+        (value, quality), count = text, number[0] - less
+        if count < 0:
+            self.faults += 1
+            return ("", quality | number[1] | INVALID)
+        if which == "last":
+            value = value[max(0, len(value) - count) :]
+        else:
+            value = value[:count] if which == "first" else value[count:]
+        return (value, quality | number[1])
+
+    def text(self, name: str, given: list[Tagged]) -> Tagged:
+        first, *rest = given
+        parts: list[Tagged] = []
+        match name:
+            case "LEN":
+                return (len(first[0]), first[1])
+            case "FIND":
+                found = first[0].find(rest[0][0]) + 1 if rest[0][0] else 0
+                return (found, first[1] | rest[0][1])
+            case "CONCAT":
+                parts = given
+            case "LEFT":
+                parts = [self.part("first", first, rest[0])]
+            case "RIGHT":
+                parts = [self.part("last", first, rest[0])]
+            case "MID":
+                parts = [self.part("first", self.part("rest", first, rest[1], 1), rest[0])]
+            case "INSERT":
+                parts = [self.part("first", first, rest[1]), rest[0], self.part("rest", first, rest[1])]
+            case "DELETE" | "REPLACE":
+                *new, length, at = rest
+                behind = self.part("rest", self.part("rest", first, at, 1), length)
+                parts = [self.part("first", first, at, 1), *new, behind]
+        quality = 0
+        for _, its in parts:
+            quality |= its
+        return ("".join(text for text, _ in parts), quality)
 
     def computed(self, operator: str, kind: str, left: Tagged, right: Tagged) -> Tagged:
         (a, first), (b, second) = left, right
@@ -637,6 +758,13 @@ class Reference:
             return (value, quality)
         self.faults += 1
         return (zero(kind), quality | INVALID | OVERFLOW)
+
+
+def fitting(name: str, new: Tagged) -> Tagged:
+    """What a variable has no room for is cut."""
+    if name not in ROOM or len(new[0]) <= ROOM[name]:
+        return new
+    return (new[0][: ROOM[name]], new[1] | OVERFLOW)
 
 
 def zero(kind: str) -> bool | int | float:

@@ -893,6 +893,25 @@ def test_killed_shard_takes_no_other_with_it(programs: Path, centre: Start) -> N
         assert not any(socket_of(running, shard).exists() for shard in range(SHARDS))
 
 
+@pytest.mark.slow
+def test_hung_shard_is_killed_and_begins_again(programs: Path, centre: Start) -> None:
+    with sharded(programs, centre) as (running, consumers):
+        os.kill(shards_of(running)[1], signal.SIGSTOP)
+        running.said("shard 1 has made no turn for 10 s and is killed")
+        running.said("shard 1 was ended by signal 9")
+        all_polled(consumers[0], 0)
+        consumers[1].close()
+        consumers[1] = Consumer(socket_of(running, 1))
+        all_polled(consumers[1], 1)
+
+
+@pytest.mark.slow
+def test_hung_shard_does_not_hold_up_the_end(programs: Path, centre: Start) -> None:
+    with sharded(programs, centre) as (running, _):
+        os.kill(shards_of(running)[2], signal.SIGSTOP)
+        assert running.stop() == 0
+
+
 def test_shard_takes_requests_of_its_stations_only(programs: Path, centre: Start) -> None:
     with sharded(programs, centre) as (_, consumers):
         for place, result in (

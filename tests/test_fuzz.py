@@ -26,6 +26,7 @@ RUNS = {
     "synch": 20_000,
     "requests": 12_000,
     "snmp": 4_000,
+    "web": 100_000,
     "mms-association": 40_000,
     "mms-service": 60_000,
     "mms-transport": 20_000,

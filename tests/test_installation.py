@@ -28,6 +28,7 @@ MODULES = {
     "rtu-snmp",
     "rtu-iec61850",
     "rtu-synch",
+    "rtu-web",
 }
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}

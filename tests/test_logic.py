@@ -20,6 +20,7 @@ from logic.desk import Desk, Scan, Value, desk_command
 from logic.errors import Findings
 from logic.parser import KEYWORDS
 from logic.table import ANSWERS
+from logic.texts import OCTETS_MAX
 from logic.types import TYPES
 from logic.watch import Inside, Sight, named, page
 from logic_reference import INPUTS, Random, Reference, text_of
@@ -237,8 +238,37 @@ UNIT = "TYPE unit : STRUCT n : INT; v : ARRAY[1..3] OF REAL; END_STRUCT; END_TYP
             "expected ')' or ',' after the values that are repeated, found ';'",
         ),
         ("", "x : (A, B);", "", "expected the name of a type, found '('; declare it in TYPE … END_TYPE"),
-        ("", "x : STRING;", "", "there are no variables of STRING; MESSAGE('…', value) has a text"),
-        ("", "x : INT;", "x := 'a';", "2:6: error: a text stands in MESSAGE('…', value, …) only"),
+        ("", "x : WSTRING;", "", "there is no WSTRING; STRING has ASCII characters"),
+        ("", "x : STRING(256);", "", "a STRING has 1 to 255 characters, not 256"),
+        ("", "x : STRING(0);", "", "a STRING has 1 to 255 characters, not 0"),
+        ("", "x : STRING(4;", "", "expected ')' after the length of the STRING, found ';'"),
+        ("", "x : STRING(4) := 'abcde';", "", "STRING(4) has 4 ASCII characters at most"),
+        ("", "x : STRING(4) := 5;", "", "expected a text of STRING(4): '…'"),
+        ("", "x : STRING;", "x := 'š';", "2:6: error: a STRING has ASCII characters only"),
+        ("", "x : STRING;", f"x := '{'a' * 256}';", "a STRING has 255 characters at most"),
+        ("", "x : STRING; y : INT;", "x := y;", "expected STRING, found INT; INT_TO_STRING(…) is its text"),
+        ("", "x : STRING;", "x := 5;", "2:6: error: expected STRING, found a number"),
+        ("", "x : STRING; y : INT;", "y := x;", "2:6: error: expected INT, found STRING"),
+        ("", "x : STRING;", "x := x + 'a';", "2:8: error: + needs numbers, found STRING"),
+        ("", "x : STRING;", "IF x THEN x := 'a'; END_IF;", "2:4: error: expected BOOL, found STRING"),
+        ("", "x : STRING; y : BOOL;", "y := x = 5;", "2:8: error: expected STRING, found 5; write it as '…'"),
+        ("", "x : STRING;", "x[1] := 'a';", "x is not an array"),
+        ("", "x : STRING; y : REAL;", "x := LEFT(x, y);", "expected a number of characters, found REAL"),
+        ("", "x : STRING;", "x := MUX(1, x, 'a');", "MUX has no STRING; an array of them has"),
+        (
+            "",
+            "x : STRING; y : DT;",
+            "x := DT_TO_STRING(y);",
+            "DT_TO_STRING is not a conversion of the language",
+        ),
+        (
+            "",
+            "x : STRING; y : INT;",
+            "y := STRING_TO_INT(x);",
+            "STRING_TO_INT is not a conversion of the language",
+        ),
+        ("", "x : INT;", "x := 'a';", "2:6: error: expected INT, found STRING"),
+        ("", "x : STRING;", "MESSAGE('a {}', 'b');", "2:17: error: a constant can stand in the text itself"),
         ("", "x : INT;", "MESSAGE('a {}');", "2:9: error: 1 {} in the text, 0 values; 8 at most"),
         ("", "x : INT;", "MESSAGE('a', x);", "2:9: error: 0 {} in the text, 1 values; 8 at most"),
         ("", "x : INT;", f"MESSAGE('{'{}' * 9}'{', x' * 9});", "9 {} in the text, 9 values; 8 at most"),
@@ -398,6 +428,7 @@ def test_operations_are_those_of_the_machine() -> None:
     text = (ROOT / "package/openrtu/src/logic/format.h").read_text()
     assert re.findall(r"^\tOP\((\w+),", text, re.MULTILINE) == OPERATIONS
     assert f"#define LOGIC_MESSAGE_VALUES {MESSAGE_VALUES}\n" in text
+    assert f"#define LOGIC_STRING_MAX {OCTETS_MAX}\n" in text
     text = (ROOT / "package/openrtu/src/map/map.h").read_text()
     assert f"#define MAP_LOG_TEXT_SIZE {MESSAGE_OCTETS + 1}\n" in text
 
@@ -583,6 +614,169 @@ FOR i := 1 TO 3 DO MESSAGE('{} of {} {}', i, w, t); END_FOR;"""
     assert scan.messages == ((4, "TRIP0 TRIP"),)
     (scan,) = scans("\n".join(f"MESSAGE('{n}');" for n in range(9)), declared)
     assert [text for _, text in scan.messages] == list("01234567")
+
+
+OF_TEXTS = [
+    ("'it$'s $$5'", "it's $5"),
+    ("CONCAT(s, '-', s, '!')", "pump 7-pump 7!"),
+    ("LEFT(s, 4)", "pump"),
+    ("LEFT(s, 99)", "pump 7"),
+    ("RIGHT(s, 1)", "7"),
+    ("RIGHT(s, 0)", ""),
+    ("MID(s, 2, 3)", "mp"),
+    ("MID(s, 9, 6)", "7"),
+    ("MID(s, 2, 9)", ""),
+    ("INSERT(s, 's', 4)", "pumps 7"),
+    ("INSERT(s, '<', 0)", "<pump 7"),
+    ("DELETE(s, 2, 4)", "pum7"),
+    ("REPLACE(s, 'valve', 4, 1)", "valve 7"),
+    ("SEL(n > 3, 'low', 'high')", "high"),
+    ("MAX(s, 'pump 65', 'pum')", "pump 7"),
+    ("f(LEFT(s, 2))", "pupu"),
+    ("words[n - 4]", "two"),
+    ("table[2].t", "second"),
+    ("DINT_TO_STRING(-n * 7)", "-35"),
+    ("BOOL_TO_STRING(n > 3)", "TRUE"),
+    ("LREAL_TO_STRING(1.0 / 3.0)", "0.333333333333333"),
+    ("TIME_TO_STRING(T#90s)", "90 s"),
+    ("WORD_TO_STRING(WORD#16#FF)", "16#FF"),
+    ("mode_TO_STRING(mode#RUN)", "RUN"),
+    ("CONCAT(cut, '')", "abcd"),
+]
+
+
+def test_texts() -> None:
+    units = """TYPE mode : (OFF, RUN); row : STRUCT t : STRING(6) := 'first'; n : INT; END_STRUCT; END_TYPE
+FUNCTION f : STRING(12) VAR_INPUT t : STRING(3); END_VAR f := CONCAT(t, t); END_FUNCTION
+"""
+    declared = """VAR s : STRING := 'pump 7'; n : INT := 5; cut : STRING[4]; shown : STRING(40);
+words : ARRAY[0..1] OF STRING(3) := ['one', 'two']; table : ARRAY[1..2] OF row; END_VAR"""
+    told = []
+    for number in range(0, len(OF_TEXTS), 8):  # so many messages a scan
+        say = [f"shown := {one}; MESSAGE(shown);" for one, _ in OF_TEXTS[number : number + 8]]
+        (scan,) = scans(
+            "cut := 'abcdef'; table[n - 3].t := 'second'; " + "\n".join(say), declared, units=units
+        )
+        assert sum(scan.faults) == 0
+        told += [text for _, text in scan.messages]
+    assert told == [
+        text if text != "abcd" else "abcd!"  # what was cut is overflown
+        for _, text in OF_TEXTS
+    ]
+
+
+@pytest.mark.parametrize(
+    ("expression", "kind", "expected"),
+    [
+        ("LEN(s)", "INT", Value(3)),
+        ("FIND(s, 'c')", "INT", Value(3)),
+        ("FIND(s, 'd')", "INT", Value(0)),
+        ("FIND(s, '')", "INT", Value(0)),
+        ("s = 'abc' AND s <> 'abcd' AND s < 'abcd' AND s >= 'ab' AND 'b' > s", "BOOL", Value(True)),
+        ("LEN(LEFT(s, -1))", "INT", Value(0, 0x80)),
+        ("LEN(MID(s, 1, 0))", "INT", Value(0, 0x80)),
+        ("LEN(bad)", "INT", Value(1, 0x40)),
+        ("s = bad", "BOOL", Value(False, 0x40)),
+        ("LEN(CONCAT(s, AS_GOOD(bad)))", "INT", Value(4)),
+        ("QUALITY(CONCAT(s, bad))", "BYTE", Value(0x40)),
+        ("LEN(INT_TO_STRING(x))", "INT", Value(1, 0x40)),
+        ("LEN(words[x])", "INT", Value(0, 0xC0)),  # no such element
+        ("LEN(DOUBTFUL_AS(s, x))", "INT", Value(3, 0x40)),
+    ],
+)
+def test_numbers_of_texts(expression: str, kind: str, expected: Value) -> None:
+    declared = f"""VAR_EXTERNAL x : INT; out : {kind}; END_VAR
+VAR s : STRING(3) := 'abc'; bad : STRING(8); words : ARRAY[1..2] OF STRING(9); END_VAR"""
+    (scan,) = scans(f"bad := INT_TO_STRING(x); out := {expression};", declared, {"x": Value(7, 0x40)})
+    assert scan.outputs["out"] == expected
+
+
+MOTORS = """FUNCTION_BLOCK motor VAR_INPUT go : BOOL; END_VAR VAR_OUTPUT runs : BOOL; last : STRING(5);
+END_VAR VAR_OUTPUT RETAIN starts : INT; END_VAR VAR late : TON; edge : R_TRIG; END_VAR
+late(IN := go, PT := T#1s); runs := late.Q; edge(CLK := runs);
+IF edge.Q THEN starts := starts + 1; last := INT_TO_STRING(starts); END_IF; END_FUNCTION_BLOCK
+"""
+
+
+def test_blocks_in_an_array_remember_each_their_own() -> None:
+    declared = """VAR_EXTERNAL i, n, one : INT; x, up : BOOL; END_VAR
+VAR m : ARRAY[1..3] OF motor; k : INT; c : ARRAY[0..1, 1..2] OF CTU; END_VAR"""
+    body = """FOR k := 1 TO 3 DO m[k](go := k = i); END_FOR; n := m[i].starts; one := m[1].starts;
+x := m[2].runs; c[1, 2](CU := m[2].runs, PV := 1, Q => up); MESSAGE(m[2].last);"""
+    given = [{"i": Value(i)} for i in (1, 1, 2, 2, 1, 1, 2, 2)]
+    found = scans(body, declared, *given, units=MOTORS)
+    shown = [
+        "".join(str(int(scan.outputs[name].value)) for scan in found) for name in ("n", "one", "x", "up")
+    ]
+    assert shown == ["01011212", "01111222", "00010001", "00011111"]
+    assert [text for scan in found for _, text in scan.messages][-2:] == ["1", "2"]
+    (outside,) = scans(body, declared, {"i": Value(4)}, units=MOTORS)
+    assert (outside.outputs["n"], outside.faults[2]) == (Value(0, 0x80), 1)
+    (doubtful,) = scans("m[i](go := TRUE); n := m[1].starts;", declared, {"i": Value(2, 0x40)}, units=MOTORS)
+    assert doubtful.outputs["n"] == Value(0, 0x40)  # it might have been the first one
+
+
+def test_blocks_in_an_array_are_retained_and_watched() -> None:
+    text = (
+        MOTORS
+        + """PROGRAM p VAR_EXTERNAL n : INT; END_VAR VAR m : ARRAY[{0}] OF motor; END_VAR
+m[2](go := TRUE); n := m[2].starts; END_PROGRAM"""
+    )
+    program = compile_text(text.format("1..2"), Findings())
+    assert {"M[1].STARTS", "M[2].LATE.ET", "M[2].LAST"} <= set(program.debug.variables)
+    with Desk(program) as desk:
+        values = [desk.scan(n * SECOND, SECOND, 0, {}).outputs["n"].value for n in range(3)]
+        assert desk.reload(compile_text(text.format("2..5"), Findings())) == 1
+        values += [desk.scan(n * SECOND, SECOND, 0, {}).outputs["n"].value for n in range(3)]
+    assert values == [0, 1, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("m(go := TRUE);", "M is an array of blocks; name one: M[…]"),
+        ("m[4](go := TRUE);", "the index 4 is outside of 1..3"),
+        ("m[1].late(IN := TRUE);", "M[…] is a block; call it: M[…](…)"),
+        ("x := m.runs;", "M is an array of blocks; name one: M[…]"),
+        ("x := m[1];", "M[…] is a block; name one of its outputs"),
+        ("x := m[1].late;", "M has no output LATE; did you mean LAST?"),
+        ("m[1].runs := x;", "only the block itself writes M.RUNS"),
+        ("m[1] := x;", "M[…] is a block; name one of its outputs"),
+        ("MESSAGE(m[i].last);", "LAST is not one value; it needs a constant as index"),
+        ("m[1, 2](go := TRUE);", "m has 1 dimension, found 2 indices"),
+        ("x[1](go := TRUE);", "X is not a function block"),
+    ],
+)
+def test_mistakes_with_arrays_of_blocks(body: str, expected: str) -> None:
+    declared = "VAR_EXTERNAL x : BOOL; i : INT; END_VAR VAR m : ARRAY[1..3] OF motor; END_VAR"
+    found = findings_of(f"{MOTORS}PROGRAM p {declared}\n{body}\nEND_PROGRAM")
+    assert any(finding.lower().endswith(expected.lower()) for finding in found), found
+    declared = "VAR c : ARRAY[1..2] OF COMMAND; END_VAR"
+    assert any(
+        "it must be a plain variable" in one for one in findings_of(f"PROGRAM p {declared} END_PROGRAM")
+    )
+
+
+def test_texts_of_blocks_are_handed_over_and_retained() -> None:
+    text = """FUNCTION_BLOCK log VAR_INPUT new : STRING; END_VAR VAR_IN_OUT all : STRING(8); END_VAR
+VAR_OUTPUT last : STRING(4); END_VAR last := all; all := CONCAT(all, new); END_FUNCTION_BLOCK
+PROGRAM p VAR_EXTERNAL n : INT; END_VAR VAR RETAIN all : STRING({0}); END_VAR
+VAR l : log; last : ARRAY[1..2] OF STRING(9); i : INT := 2; END_VAR
+l(new := 'ab', all := all, last => last[i]); MESSAGE('{{}} {{}} {{}}', all, last[2], l.last); n := LEN(all);
+END_PROGRAM"""
+    with Desk(compile_text(text.format(8), Findings())) as desk:
+        told = [desk.scan(n, 1, n, {}).messages[0][1] for n in range(5)]
+        assert told == [
+            "ab  ",
+            "abab ab ab",
+            "ababab abab abab",
+            "abababab abab! abab!",
+            "abababab! abab! abab!",
+        ]
+        assert desk.reload(compile_text(text.format(8), Findings())) == 1
+        assert desk.scan(5, 1, 5, {}).outputs["n"] == Value(8, 1)
+        assert desk.reload(compile_text(text.format(7), Findings())) == 0
+        assert desk.scan(6, 1, 6, {}).outputs["n"] == Value(2)
 
 
 def test_run_prints_what_a_program_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -872,7 +1066,7 @@ u[2].n := 5; u[1].v[2] := 6; u[1].w[1, 1] := 7; m := RUN; END_PROGRAM"""
 
 def test_random_programs_do_what_a_second_interpreter_does() -> None:
     faults = doubtful = compared = 0
-    for seed in range(40):
+    for seed in range(25):
         chance = random.Random(seed)
         tree = Random(chance).block(12)
         findings = Findings()
@@ -896,7 +1090,7 @@ def test_random_programs_do_what_a_second_interpreter_does() -> None:
                 assert sum(scan.faults) == reference.faults, f"seed {seed}, scan {n}\n{text_of(tree)}"
                 doubtful += sum(quality != 0 for _, quality in expected.values())
         faults += reference.faults
-    assert compared > 25 and faults > 100 and doubtful > 100, "the programs hardly do anything"
+    assert compared > 15 and faults > 100 and doubtful > 100, "the programs hardly do anything"
 
 
 def given(kind: str, chance: random.Random) -> bool | int | float:

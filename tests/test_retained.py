@@ -13,11 +13,16 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.modules import place, program
 from lab.raw_master import RawMaster
+from logic.binary import encode
+from logic.compile import compile_text
+from logic.errors import Findings
 from test_event_journal import cut_power
 from test_foreign_commands import ACT_CON, C_CS, cp56
 
 FIXTURES = Path(__file__).resolve().parent / "fixtures/foreign"
 PATIENCE_S = 60.0
+TOTAL = """PROGRAM total VAR_EXTERNAL limit, total : DINT; END_VAR
+IF total < limit THEN total := total + 1; END_IF; END_PROGRAM"""
 SLACK_S = 0.7  # rtuctl's answer may wait for the processor
 
 
@@ -29,7 +34,7 @@ def directory() -> Iterator[Path]:
 
 
 def configuration(directory: Path) -> dict[str, Any]:
-    """A module that takes commands of two points, and retains one."""
+    """A module that takes commands and retains one of two points; a program that retains both of its own."""
     (directory / "drive.json").write_text("{}")
     point = {"type": "scaled", "command": True, "initial": 0}
     drive = {
@@ -45,7 +50,19 @@ def configuration(directory: Path) -> dict[str, Any]:
         "config": {"file": str(directory / "drive.json")},
     }
     journal = {"path": str(directory / "journal"), "interval_s": 1, "volume_mb": 1048576}
-    return listening_on({"port": [], "modules": [drive], "journal": journal}, free_port())
+    (directory / "total.rtul").write_bytes(encode(compile_text(TOTAL, Findings())))
+    total = {
+        "name": "total",
+        "program": str(directory / "total.rtul"),
+        "period_ms": 20,
+        "ca": 923,
+        "points": [
+            {"name": "limit", "ioa": 1, "value": 5, "retain": True},
+            {"name": "total", "ioa": 2, "retain": True},
+        ],
+    }
+    sections = {"port": [], "modules": [drive], "logic": [total], "journal": journal}
+    return listening_on(sections, free_port())
 
 
 def found(gateway: Gateway, name: str) -> tuple[Any, str]:
@@ -89,7 +106,7 @@ def test_more_than_a_record_can_hold_are_an_error(programs: Path, tmp_path: Path
     file.write_text(json.dumps(config))
     done = subprocess.run([programs / "rtud/rtud", "--check", file], capture_output=True, text=True)
     assert done.returncode == 1
-    assert "journal: has no room for 401 retained points" in done.stderr
+    assert "journal: has no room for 403 retained points" in done.stderr
     del points[100:]
     file.write_text(json.dumps(config))
     subprocess.run([programs / "rtud/rtud", "--check", file], capture_output=True, check=True)
@@ -103,6 +120,8 @@ def test_setpoint_outlives_the_power(programs: Path, directory: Path) -> None:
     with Gateway(config, directory, programs) as gateway:
         wait_found(gateway, "setpoint", 0, "good")
         set_clock(gateway)
+        gateway.ctl("set", "limit", "7")
+        wait_found(gateway, "total", 7, "good")
         gateway.ctl("set", "setpoint", "31")
         gateway.ctl("set", "scratch", "32")
         before = moment(wait_found(gateway, "setpoint", 31, "good"))
@@ -116,8 +135,12 @@ def test_setpoint_outlives_the_power(programs: Path, directory: Path) -> None:
         gateway.start()
         after = wait_found(gateway, "setpoint", 31, "not topical")
         wait_found(gateway, "scratch", 0, "good")
+        wait_found(gateway, "limit", 7, "good")
+        wait_found(gateway, "total", 7, "not topical")
+        gateway.ctl("set", "limit", "9")
+        wait_found(gateway, "total", 9, "not topical")
         assert abs(moment(after) - before) < SLACK_S
-        assert "1 retained points restored from the journal" in gateway.log(1000)
+        assert "3 retained points restored from the journal" in gateway.log(1000)
         assert "the journal's last 50 bytes are incomplete" in gateway.log(1000)
 
         gateway.ctl("set", "setpoint", "-5")

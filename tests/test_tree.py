@@ -266,10 +266,12 @@ ROOMS = [
     "modbus",
     "modules",
     "quality",
+    "rows",
     "rtuctl",
     "rtud",
     "snmp",
     "synch",
+    "web",
 ]
 ROOMS += [
     "modules/goose",
@@ -281,6 +283,7 @@ ROOMS += [
     "modules/modbus",
     "modules/snmp",
     "modules/synch",
+    "modules/web",
 ]
 NOT_OF_PROGRAMS = ("test_", "fuzz_", "fake_")
 COMMENT_OR_STRING = re.compile(r"/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
@@ -291,7 +294,7 @@ DEFINITION = re.compile(
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
 OF_IEC_61850 = ["goose", "iec61850"]
-OF_ONE_KIND = ["goose", "gps", "iec104", "iec61850", "journal", "logic", "modbus", "snmp", "synch"]
+OF_ONE_KIND = ["goose", "gps", "iec104", "iec61850", "journal", "logic", "modbus", "snmp", "synch", "web"]
 
 
 def uses_of(room: Path) -> dict[str, set[str]]:

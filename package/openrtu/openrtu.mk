@@ -31,6 +31,7 @@ define OPENRTU_USERS
 	$(OPENRTU_MODBUS_USER)
 	$(OPENRTU_SNMP_USER)
 	$(OPENRTU_IEC61850_USER)
+	$(OPENRTU_WEB_USER)
 	rtu-gps 61215 openrtu 61200 * - - dialout OpenRTU positions
 endef
 
@@ -68,6 +69,16 @@ define OPENRTU_SNMP_USER
 endef
 else
 OPENRTU_CONF_OPTS += -Dsnmp=false
+endif
+
+ifeq ($(BR2_PACKAGE_OPENRTU_WEB),y)
+OPENRTU_CONF_OPTS += -Dweb=true
+OPENRTU_DEPENDENCIES += host-python3 libmicrohttpd openssl
+define OPENRTU_WEB_USER
+	rtu-web 61218 openrtu 61200 * - - - OpenRTU page
+endef
+else
+OPENRTU_CONF_OPTS += -Dweb=false
 endif
 
 ifeq ($(BR2_PACKAGE_OPENRTU_IEC61850),y)

@@ -263,7 +263,7 @@ def needs_openssl(site: Path) -> bool:
     except ValueError as error:
         raise UnusableInput(f"{file} is not JSON: {error}") from error
     return isinstance(configuration, dict) and not configuration.keys().isdisjoint(
-        {"tls", "outstations_tls", "snmp"}
+        {"tls", "outstations_tls", "snmp", "web"}
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from logic.errors import LogicError
 from logic.types import machine_type
 
-VERSION = 2  # LOGIC_VERSION
+VERSION = 3  # LOGIC_VERSION
 NO_SLOT = 0xFFFF
 SLOTS_MAX = 0xFFFE
 CODE_MAX = 0x7FFF
@@ -81,6 +81,15 @@ OPERATIONS = [
     "GOOD",
     "AS_GOOD",
     "MESSAGE",
+    "TEXT",
+    "JOIN",
+    "HEAD",
+    "TAIL",
+    "LAST",
+    "LENGTH",
+    "FIND",
+    "COMPARE",
+    "FORMAT",
 ]
 
 
@@ -91,6 +100,16 @@ class Slot:
     type: str
     variable: bool  # not a temporary result, nor a constant
     number: int = -1
+
+
+@dataclass(eq=False)
+class String:
+    slots: list[Slot]  # its length, and its octets
+    octets: int  # at most
+
+    @property
+    def type(self) -> str:
+        return "STRING"
 
 
 @dataclass(eq=False)
@@ -147,7 +166,7 @@ class Request:
 class Debug:
     """What no file has: the names of the machine's memory, for the tool that has the text."""
 
-    variables: dict[str, Slot] = field(default_factory=dict)
+    variables: dict[str, Slot | String] = field(default_factory=dict)
     outputs: dict[str, list[str]] = field(default_factory=dict)  # of each instance of a block
     enumerations: dict[str, dict[int, str]] = field(default_factory=dict)  # of its values
     # Of each unit of the text its first line, and the paths that what it names begins with.
@@ -194,6 +213,9 @@ def encode(program: Program) -> bytes:
             f"the program is too large: {len(everything)} variables and constants of {SLOTS_MAX}, "
             f"{code} instructions of {CODE_MAX}"
         )
+    operands = [operand for one in program.instructions for operand in one.operands]
+    found = dict.fromkeys(place_of(operand) for operand in operands if isinstance(operand, String))
+    texts = {place: number for number, place in enumerate(found)}
     names, places = bytearray(), {}
 
     def name(text: str) -> int:
@@ -247,8 +269,9 @@ def encode(program: Program) -> bytes:
             struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), machine_type(slots[0].type), 0)
             for kept, slots in program.retained
         ),
+        b"".join(struct.pack("<HH", *place) for place in texts),
         b"".join(
-            code_of(instruction, program, starts[id(routine)], name)
+            code_of(instruction, program, starts[id(routine)], name, texts)
             for routine in program.routines
             for instruction in routine.code
         ),
@@ -272,18 +295,30 @@ def encode(program: Program) -> bytes:
         len(program.requests),
     ]
     body = struct.pack("<14HI", *counts, len(names)) + b"".join(sections) + names
-    return struct.pack("<4sHHII", b"RTUL", VERSION, 0, len(body) + 16, zlib.crc32(body)) + body
+    return struct.pack("<4sHHII", b"RTUL", VERSION, len(texts), len(body) + 16, zlib.crc32(body)) + body
+
+
+def place_of(text: String) -> tuple[int, int]:
+    return text.slots[0].number, text.octets
 
 
 def filled(octets: bytes) -> bytes:
     return octets + bytes(-len(octets) % 4)
 
 
-def code_of(instruction: Instruction, program: Program, start: int, name: Callable[[str], int]) -> bytes:
+def code_of(
+    instruction: Instruction,
+    program: Program,
+    start: int,
+    name: Callable[[str], int],
+    texts: dict[tuple[int, int], int],
+) -> bytes:
     numbers = []
     for operand in instruction.operands:
         if isinstance(operand, Slot):
             numbers.append(operand.number)
+        elif isinstance(operand, String):
+            numbers.append(texts[place_of(operand)])
         elif isinstance(operand, Array):
             numbers.append(program.arrays.index(operand))
         elif isinstance(operand, str):

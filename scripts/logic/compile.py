@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
-from logic.binary import Command, Point, Program, Request, Routine, Slot
+from logic.binary import Command, Point, Program, Request, Routine, Slot, String
 from logic.debug import debug_of
 from logic.declare import Declarations
 from logic.errors import Findings, Place, SourceError
-from logic.layout import Enumeration, Stored, is_single, name_of
+from logic.layout import Characters, Enumeration, Stored, is_single, name_of
 from logic.parser import parse
-from logic.routine import Body, Bound, Instance, Loop, Scope, writes
+from logic.routine import Body, Bound, Instance, Instances, Loop, Scope, writes
 from logic.syntax import (
     Argument,
     Assign,
@@ -33,7 +33,7 @@ from logic.syntax import (
     While,
 )
 from logic.types import BITS, INTEGERS
-from logic.values import BUILT_IN, Reference
+from logic.values import BUILT_IN, COPY_MAX, OF_TEXTS, Reference
 
 # The standard's function blocks, and those of docs/blocks.md.
 BLOCKS = Path(__file__).with_name("blocks")
@@ -207,12 +207,14 @@ class Compiler(Declarations):
         target = self.writable(statement.target)
         if is_single(target.type):
             self.store(target, self.value(statement.value, name_of(target.type)))
+        elif isinstance(target.type, Characters):
+            self.store_text(target, self.text(statement.value))
         else:
             self.copy(target, self.source(statement.value, target.type, statement.value.place))
 
     def writable(self, target: Name) -> Reference:
         bound = self.bound(target)
-        if isinstance(bound.what, Instance):
+        if isinstance(bound.what, Instance | Instances):
             raise SourceError(target.place, f"{target.name} is a block; call it: {target.name}(…)")
         if bound.variable is not self.body.scope.names[target.name].variable:
             raise SourceError(
@@ -424,8 +426,11 @@ class Compiler(Declarations):
             return
         if bound is None and self.is_function(call.name):
             raise SourceError(call.place, f"the result of {call.name} is not used")
+        if bound is not None and isinstance(bound.what, Instances):
+            self.call_one(call, bound.what)
+            return
         bound = self.bound(Name(call.place, call.name))
-        if not isinstance(bound.what, Instance):
+        if not isinstance(bound.what, Instance) or call.path:
             raise SourceError(call.place, f"{call.name} is not a function block")
         bound.read = True
         instance = bound.what
@@ -440,18 +445,52 @@ class Compiler(Declarations):
             self.program.requests.append(Request(point.name, parts_of(instance, REQUEST_PARTS)))
         if instance.unit.library and instance.unit.name in ("COMMAND", "REQUEST"):
             arguments = [one for one in arguments if one.name != "POINT"]
+        self.work(instance, arguments, call)
+        self.fetch(instance.scope, arguments)
+
+    def work(self, instance: Instance, arguments: Sequence[Argument], call: Call) -> None:
         self.hand_over(instance.scope, arguments, call)
         if instance.routine is None:
             instance.routine = self.unit(instance.unit, instance.scope)
         self.body.emit("CALL", "BOOL", instance.routine)
-        self.fetch(instance.scope, arguments)
+
+    def call_one(self, call: Call, blocks: Instances) -> None:
+        """What a block of an array remembers goes to where it works, and back."""
+        found, steps = self.block_at(Name(call.place, call.name, call.path), blocks)
+        if steps < len(call.path):
+            raise SourceError(call.place, f"{call.name}[…] is a block; call it: {call.name}[…](…)")
+        at, working = self.settle(found), blocks.working
+        if all(isinstance(index, int) for index in at):
+            one = self.chosen_block(blocks, at)
+            self.body.block(working.slots, one.slots[0])
+            self.work(working, call.arguments, call)
+            self.body.block(one.slots, working.slots[0])
+        else:
+            if len(working.slots) > COPY_MAX:
+                raise SourceError(
+                    call.place,
+                    f"{working.unit.name} has {len(working.slots)} values; with an index that is no constant "
+                    f"a block of an array has {COPY_MAX} at most",
+                )
+            for slot, leaf in zip(working.slots, blocks.leaves, strict=True):
+                with self.body.temporaries():
+                    self.body.emit("LOAD", slot.type, slot, *self.element(leaf, at))
+            self.work(working, call.arguments, call)
+            for slot, leaf in zip(working.slots, blocks.leaves, strict=True):
+                with self.body.temporaries():
+                    self.body.emit("STORE", slot.type, slot, *self.element(leaf, at))
+        self.fetch(working.scope, call.arguments)
 
     def message(self, call: Call) -> None:
         """The machine notes that it was said; the host makes the text, of the values in these variables."""
         text = call.arguments[0].value if call.arguments else None
-        if not isinstance(text, Text) or any(one.name for one in call.arguments):
-            raise SourceError(call.place, "expected MESSAGE('a text with {}', a value for each {})")
         given = call.arguments[1:]
+        alone = text is not None and not isinstance(text, Text) and not given
+        if alone:  # a STRING
+            text, given = Text(call.place, "{}"), call.arguments
+        expected = SourceError(call.place, "expected MESSAGE('a text with {}', a value for each {})")
+        if not isinstance(text, Text) or any(one.name for one in call.arguments):
+            raise expected
         places = text.text.count("{}")
         if places != len(given) or places > MESSAGE_VALUES:
             raise SourceError(
@@ -462,10 +501,12 @@ class Compiler(Declarations):
             raise SourceError(
                 text.place, f"{octets} octets are too many; a line of the log has {MESSAGE_OCTETS}"
             )
-        values: list[Slot] = []
+        values: list[Slot | String] = []
         for argument in given:
             value = self.any_value(argument.value)
-            if isinstance(value, Literal):
+            if alone and not isinstance(value, String):
+                raise expected
+            if isinstance(value, Literal) or isinstance(argument.value, Text):
                 raise SourceError(argument.place, "a constant can stand in the text itself")
             if value.type == "DATE_AND_TIME":
                 raise SourceError(argument.place, "a message has no DATE_AND_TIME; the log has the time")
@@ -474,18 +515,9 @@ class Compiler(Declarations):
         said = pieces[0] + "".join(
             self.placed(value) + piece for value, piece in zip(values, pieces[1:], strict=True)
         )
-        slots = [self.program.add(Slot(value.type, True)) for value in values]
-        for slot, value in zip(slots, values, strict=True):
-            self.body.emit("MOVE", slot.type, slot, value)
+        slots = self.said(values)
         first = slots[0] if slots else self.body.doubt
         self.body.emit("MESSAGE", "BOOL", said, first, len(slots))
-
-    def placed(self, value: Slot) -> str:
-        """Where a value stands in a text; logic/message.c reads the names of an enumeration there."""
-        kind = self.types.get(value.type)
-        if not isinstance(kind, Enumeration):
-            return "{}"
-        return f"\x01{','.join(f'{number}={name}' for name, number in kind.values.items())}\x02"
 
     def served_point(self, call: Call, instance: Instance, arguments: list[Argument]) -> Point:
         block = instance.unit.name
@@ -509,6 +541,7 @@ class Compiler(Declarations):
         given: set[str] = set()
         values: list[tuple[Slot, Slot]] = []
         copies: list[tuple[Reference, Reference]] = []
+        texts: list[tuple[Reference, String]] = []
         for number, argument in enumerate(arguments):
             name = argument.name
             if name is None:
@@ -531,7 +564,9 @@ class Compiler(Declarations):
             target.read = True
             if argument.output:
                 continue
-            if isinstance(target.what, Stored):
+            if isinstance(target.what, Stored) and isinstance(target.what.type, Characters):
+                texts.append((whole(target, argument.place), self.text(argument.value)))
+            elif isinstance(target.what, Stored):
                 source = self.source(argument.value, target.what.type, argument.place)
                 self.settle(source)
                 copies.append((whole(target, argument.place), source))
@@ -544,13 +579,15 @@ class Compiler(Declarations):
         ]
         if missing:
             raise SourceError(call.place, f"{call.name} lacks {', '.join(missing)}")
-        if len(values) == 1 and not copies:
+        if len(values) == 1 and not copies and not texts:
             self.move(*values[0])
         else:
             for target, value in values:
                 self.body.emit("MOVE", target.type, target, value)
         for target, source in copies:
             self.copy(target, source)
+        for target, text in texts:
+            self.store_text(target, text)
 
     def fetch(self, scope: Scope, arguments: Sequence[Argument]) -> None:
         """Outputs, and what the caller lent (VAR_IN_OUT is copied in and out), to the caller's variables."""
@@ -562,6 +599,9 @@ class Compiler(Declarations):
             if not isinstance(argument.value, Name):
                 raise SourceError(argument.place, f"{source.variable.name} needs a variable to write to")
             target, of = self.writable(argument.value), whole(source, argument.place)
+            if isinstance(target.type, Characters) and isinstance(of.type, Characters):
+                self.store_text(target, self.characters_at(of))
+                continue
             if name_of(target.type) != name_of(of.type):
                 raise SourceError(
                     argument.place,
@@ -574,7 +614,12 @@ class Compiler(Declarations):
 
     def is_function(self, name: str) -> bool:
         unit = self.units.get(name)
-        return (unit is not None and unit.kind == "FUNCTION") or name in BUILT_IN or "_TO_" in name
+        return (
+            (unit is not None and unit.kind == "FUNCTION")
+            or name in BUILT_IN
+            or name in OF_TEXTS
+            or "_TO_" in name
+        )
 
     def function(self, unit: Unit, place: Place) -> tuple[Scope, Routine]:
         if unit.name not in self.functions:
@@ -586,17 +631,17 @@ class Compiler(Declarations):
             raise SourceError(place, f"{unit.name} calls itself")
         return scope, routine
 
-    def call_function(self, call: Call, unit: Unit) -> Slot:
+    def call_function(self, call: Call, unit: Unit) -> Slot | String:
         scope, routine = self.function(unit, call.place)
         if unit.name in scope.broken:
             raise scope.broken[unit.name]
         self.hand_over(scope, call.arguments, call)
-        result = scope.names[unit.name].what
+        result = scope.names[unit.name]
         self.body.emit("CALL", "BOOL", routine)
         self.fetch(scope, call.arguments)
-        copy = self.body.temporary(result.type)
-        self.body.emit("MOVE", result.type, copy, result)
-        return copy
+        if isinstance(result.what, Stored):
+            return self.copied(self.characters_at(whole(result, call.place)))
+        return self.copied(result.what)
 
 
 def whole(bound: Bound, place: Place) -> Reference:

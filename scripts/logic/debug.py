@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import product
 
 from logic.binary import Debug, Slot
 from logic.layout import Enumeration, Stored, Type, elements_of
-from logic.routine import Instance, Scope
+from logic.routine import Instance, Instances, Scope
 from logic.syntax import Unit
 
 
@@ -39,9 +40,15 @@ def add_scope(debug: Debug, places: dict[str, list[str]], scope: Scope, path: st
                 for element, slot in elements_of(bound.what):
                     debug.variables[path + name + element] = slot
             case Instance():
-                inner = bound.what.scope
-                places.setdefault(inner.unit.name, []).append(f"{path}{name}.")
-                debug.outputs[path + name] = [
-                    variable.name for variable in inner.unit.variables if variable.section == "VAR_OUTPUT"
-                ]
-                add_scope(debug, places, inner, f"{path}{name}.")
+                add_instance(debug, places, bound.what, path + name)
+            case Instances():
+                ranges = (range(low, high + 1) for low, high in bound.what.bounds)
+                for place, one in zip(product(*ranges), bound.what.elements, strict=True):
+                    add_instance(debug, places, one, f"{path}{name}[{','.join(map(str, place))}]")
+
+
+def add_instance(debug: Debug, places: dict[str, list[str]], instance: Instance, path: str) -> None:
+    unit = instance.unit
+    places.setdefault(unit.name, []).append(f"{path}.")
+    debug.outputs[path] = [variable.name for variable in unit.variables if variable.section == "VAR_OUTPUT"]
+    add_scope(debug, places, instance.scope, f"{path}.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 from logic.binary import Point, Slot
 from logic.errors import Findings, Place, SourceError
@@ -12,8 +13,10 @@ from logic.layout import (
     ELEMENTS_MAX,
     ArrayOf,
     Bounds,
+    Characters,
     Enumeration,
     Initials,
+    Leaf,
     Stored,
     Structure,
     Type,
@@ -22,8 +25,9 @@ from logic.layout import (
     name_of,
     retained_name,
     size_of,
+    words_of,
 )
-from logic.routine import Bound, Instance, Scope
+from logic.routine import Bound, Instance, Instances, Scope
 from logic.syntax import (
     Choice,
     Declared,
@@ -33,14 +37,17 @@ from logic.syntax import (
     Listed,
     Literal,
     Spelled,
+    Text,
     Unit,
     Variable,
 )
+from logic.texts import OCTETS_MAX, Texts
 from logic.types import ALIASES, TYPES, pack
-from logic.values import Values
+
+STRING_OCTETS = 80  # of a STRING without a length
 
 
-class Declarations(Values):
+class Declarations(Texts):
     def __init__(self, units: Sequence[Unit], types: Sequence[Declared], findings: Findings) -> None:
         super().__init__(findings)
         self.declared: dict[str, Declared] = {}
@@ -56,7 +63,7 @@ class Declarations(Values):
                 findings.error(unit.place, f"{unit.name} is defined twice")
             self.units[unit.name] = unit
         for one in types:
-            if one.name in (*TYPES, *ALIASES, *self.units, *self.declared):
+            if one.name in ("STRING", *TYPES, *ALIASES, *self.units, *self.declared):
                 findings.error(one.place, f"{one.name} is defined already; give this type another name")
             else:
                 self.declared[one.name] = one
@@ -80,8 +87,8 @@ class Declarations(Values):
             block = self.units.get(name)
             if block is not None and block.kind == "FUNCTION_BLOCK":
                 raise SourceError(place, f"an instance of {name} must be a plain variable")
-            if name in ("STRING", "WSTRING"):
-                raise SourceError(place, f"there are no variables of {name}; MESSAGE('…', value) has a text")
+            if name == "WSTRING":
+                raise SourceError(place, "there is no WSTRING; STRING has ASCII characters")
             raise SourceError(place, f"unknown type {name}{close}")
         if name in self.open_types:
             raise SourceError(place, f"{name} contains itself")
@@ -137,7 +144,11 @@ class Declarations(Values):
 
     def resolved(self, spelled: Spelled) -> tuple[Type, Initials]:
         """The type, and what its declaration says of initial values."""
-        kind = self.type_named(spelled.name, spelled.place)
+        kind = (
+            self.characters(spelled)
+            if spelled.name == "STRING"
+            else self.type_named(spelled.name, spelled.place)
+        )
         default = self.defaults.get(spelled.name, ())
         if not spelled.bounds:
             return kind, default
@@ -152,6 +163,16 @@ class Declarations(Values):
             kind = ArrayOf(kind, bounds, default)
         self.within(size_of(kind), spelled.place)
         return kind, ()
+
+    def characters(self, spelled: Spelled) -> Characters:
+        if spelled.length is None:
+            return Characters(STRING_OCTETS)
+        octets = int(self.constant(spelled.length, "DINT"))
+        if not 1 <= octets <= OCTETS_MAX:
+            raise SourceError(
+                spelled.length.place, f"a STRING has 1 to {OCTETS_MAX} characters, not {octets}"
+            )
+        return Characters(octets)
 
     def limits(self, first: Expression, last: Expression) -> Bounds:
         low, high = int(self.constant(first, "DINT")), int(self.constant(last, "DINT"))
@@ -183,12 +204,25 @@ class Declarations(Values):
             for name, member in kind.members.items():
                 said = tuple(one[name] for one in given if name in one)
                 self.fill(values, member, said + kind.defaults[name], f"{path}.{name}", at)
+        elif isinstance(kind, Characters):
+            words = words_of(self.initial_text(kind, initials), kind.octets)
+            values[path][at * kind.size : (at + 1) * kind.size] = words
         elif initials:
             if isinstance(initials[0], Listed | Filled):
                 raise SourceError(initials[0].place, f"expected a value of {name_of(kind)}, not of many")
             values[path][at] = self.constant(initials[0], name_of(kind))
         elif isinstance(kind, Enumeration):
             values[path][at] = next(iter(kind.values.values()))
+
+    def initial_text(self, kind: Characters, initials: Initials) -> str:
+        if not initials:
+            return ""
+        text = initials[0]
+        if not isinstance(text, Text):
+            raise SourceError(text.place, f"expected a text of {kind.name}: '…'")
+        if len(text.text) > kind.octets or not text.text.isascii():
+            raise SourceError(text.place, f"{kind.name} has {kind.octets} ASCII characters at most")
+        return text.text
 
     def members_of(self, kind: Structure, initial: Initial) -> dict[str, Initial]:
         if not isinstance(initial, Filled):
@@ -253,10 +287,15 @@ class Declarations(Values):
             raise SourceError(variable.place, "points belong to the PROGRAM; pass them as inputs")
         block = self.units.get(variable.type.name)
         if block is not None and block.kind == "FUNCTION_BLOCK":
-            scope.names[variable.name] = Bound(variable, self.instance(scope, variable, block, path))
+            what = self.blocks if variable.type.bounds else self.instance
+            scope.names[variable.name] = Bound(variable, what(scope, variable, block, path))
             return
         kind, default = self.resolved(variable.type)
-        if variable.name == scope.unit.name and scope.unit.kind == "FUNCTION" and not is_single(kind):
+        if (
+            variable.name == scope.unit.name
+            and scope.unit.kind == "FUNCTION"
+            and not isinstance(kind, str | Enumeration | Characters)
+        ):
             raise SourceError(
                 variable.place, f"the result of a FUNCTION is one value; return {name_of(kind)} by VAR_OUTPUT"
             )
@@ -301,7 +340,8 @@ class Declarations(Values):
         if not is_single(kind) or variable.initial is not None:
             raise SourceError(
                 variable.place,
-                f"the point {variable.spelling} cannot be an array or a structure, or have an initial value",
+                f"the point {variable.spelling} cannot be an array, a structure or a STRING, "
+                "or have an initial value",
             )
         if isinstance(kind, Enumeration):
             raise SourceError(
@@ -310,12 +350,7 @@ class Declarations(Values):
             )
 
     def instance(self, scope: Scope, variable: Variable, block: Unit, path: str) -> Instance:
-        if (
-            variable.type.bounds
-            or variable.initial is not None
-            or variable.constant
-            or variable.section == "VAR_EXTERNAL"
-        ):
+        if variable.initial is not None or variable.constant or variable.section == "VAR_EXTERNAL":
             raise SourceError(variable.place, f"an instance of {block.name} must be a plain variable")
         if scope.unit.kind == "FUNCTION" or variable.section == "VAR_TEMP":
             raise SourceError(
@@ -324,9 +359,29 @@ class Declarations(Values):
         if block is scope.unit or block.name in self.open_blocks:
             raise SourceError(variable.place, f"{block.name} contains itself")
         self.open_blocks.append(block.name)
+        first = len(self.program.slots)
         inner = self.scope_of(block, f"{path}{variable.name}.")
         self.open_blocks.pop()
-        return Instance(block, inner)
+        return Instance(block, inner, self.program.slots[first:])
+
+    def blocks(self, scope: Scope, variable: Variable, block: Unit, path: str) -> Instances:
+        if block.library and block.name in ("COMMAND", "REQUEST"):
+            raise SourceError(variable.place, f"a {block.name} has one point; it must be a plain variable")
+        bounds = tuple(self.limits(*pair) for pair in variable.type.bounds)
+        kept = len(self.program.retained)
+        working = self.instance(scope, variable, block, path)
+        del self.program.retained[kept:]
+        if not working.slots:
+            raise SourceError(variable.place, f"{block.name} has no variables; call one of it")
+        places = list(product(*(range(low, high + 1) for low, high in bounds)))
+        self.within(len(places) * len(working.slots), variable.type.place)
+        elements = []
+        for place in places:
+            name = f"{variable.name}[{','.join(map(str, place))}]"
+            elements.append(self.instance(scope, replace(variable, name=name), block, path))
+        slots = zip(*(element.slots for element in elements), strict=True)
+        leaves = [Leaf(self.kind_of_slot(alike[0]), bounds, slots=list(alike)) for alike in slots]
+        return Instances(bounds, elements, working, leaves)
 
 
 def before(initial: Initial | None, default: Initials) -> Initials:

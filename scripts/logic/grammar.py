@@ -10,7 +10,7 @@ from pathlib import Path
 from logic.compile import library
 from logic.parser import KEYWORDS
 from logic.types import ALIASES, TYPES
-from logic.values import BUILT_IN
+from logic.values import BUILT_IN, OF_TEXTS
 from nuc980 import VERSION
 
 OPERATORS = ("AND", "OR", "XOR", "NOT", "MOD")
@@ -25,7 +25,12 @@ def words(scope: str, names: Iterable[str]) -> dict[str, str]:
 def grammar() -> dict[str, object]:
     """In this order: what is found first counts."""
     blocks = [unit.name for unit in library() if unit.kind == "FUNCTION_BLOCK"]
-    functions = [*BUILT_IN, *(unit.name for unit in library() if unit.kind == "FUNCTION"), "MESSAGE"]
+    functions = [
+        *BUILT_IN,
+        *OF_TEXTS,
+        *(unit.name for unit in library() if unit.kind == "FUNCTION"),
+        "MESSAGE",
+    ]
     sections = ("VAR", "PROGRAM", "FUNCTION", "TYPE", "STRUCT")
     storage = {word for word in KEYWORDS if word.removeprefix("END_").startswith(sections)} | {
         "CONSTANT",
@@ -55,7 +60,7 @@ def grammar() -> dict[str, object]:
         words("keyword.operator.word", OPERATORS),
         words("storage.modifier", storage),
         words("keyword.control", control),
-        words("storage.type", [*TYPES, *ALIASES]),
+        words("storage.type", ["STRING", *TYPES, *ALIASES]),
         words("support.class", blocks),
         {"name": f"support.function.{NAME}", "match": r"(?i)\b[A-Z]\w*_TO_\w+(?=\s*\()"},
         {**words("support.function", functions), "match": words("", functions)["match"] + r"(?=\s*\()"},

@@ -8,14 +8,14 @@ behind the other. An array of structures is an array of each member, its dimensi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from math import prod
 from operator import mul
 
-from logic.binary import Array, Slot
+from logic.binary import Array, Slot, String
 from logic.syntax import Initial
 
 Bounds = tuple[int, int]
@@ -47,8 +47,23 @@ class Structure:
 
 
 @dataclass(frozen=True)
+class Characters:
+    """A STRING of so many at most: an array of LINT of the machine, the first of which counts them."""
+
+    octets: int
+
+    @property
+    def name(self) -> str:
+        return f"STRING({self.octets})"
+
+    @property
+    def size(self) -> int:
+        return 1 + (self.octets + 7) // 8
+
+
+@dataclass(frozen=True)
 class ArrayOf:
-    element: str | Enumeration | Structure
+    element: str | Enumeration | Structure | Characters
     bounds: tuple[Bounds, ...]
     default: Initials = field(default=(), compare=False)  # of each element
 
@@ -62,7 +77,7 @@ class ArrayOf:
         return f"ARRAY[{inside}] OF {name_of(self.element)}"
 
 
-Type = str | Enumeration | Structure | ArrayOf
+Type = str | Enumeration | Structure | Characters | ArrayOf
 
 
 def name_of(kind: Type) -> str:
@@ -81,6 +96,7 @@ class Leaf:
 
     kind: str | Enumeration
     bounds: tuple[Bounds, ...]
+    octets: int = 0  # of a STRING
     slots: list[Slot] = field(default_factory=list)
     arrays: dict[tuple[int, int, int, int], Array] = field(default_factory=dict)
 
@@ -97,9 +113,9 @@ class Leaf:
 
 @dataclass(eq=False)
 class Stored:
-    """A variable of a structure or an array: its leaves lie one behind the other."""
+    """A variable of a structure, an array or a STRING: its leaves lie one behind the other."""
 
-    type: Structure | ArrayOf
+    type: Structure | ArrayOf | Characters
     leaves: dict[str, Leaf]  # by the path of members, such as ".LIMIT.HIGH"
 
     @property
@@ -117,14 +133,18 @@ def leaves_of(kind: Type, path: str = "", bounds: tuple[Bounds, ...] = ()) -> It
     elif isinstance(kind, Structure):
         for name, member in kind.members.items():
             yield from leaves_of(member, f"{path}.{name}", bounds)
+    elif isinstance(kind, Characters):
+        yield path, Leaf("LINT", (*bounds, (0, kind.size - 1)), kind.octets)
     else:
         yield path, Leaf(kind, bounds)
 
 
-def elements_of(stored: Stored) -> Iterator[tuple[str, Slot]]:
+def elements_of(stored: Stored) -> Iterator[tuple[str, Slot | String]]:
     """The elementary variables, by what stands behind the variable's name: `[3].HIGH`, `[1,2]`."""
 
-    def below(kind: Type, shown: str, path: str, index: tuple[int, ...]) -> Iterator[tuple[str, Slot]]:
+    def below(
+        kind: Type, shown: str, path: str, index: tuple[int, ...]
+    ) -> Iterator[tuple[str, Slot | String]]:
         if isinstance(kind, ArrayOf):
             for place in product(*(range(low, high + 1) for low, high in kind.bounds)):
                 moved = tuple(at - low for at, (low, _) in zip(place, kind.bounds, strict=True))
@@ -134,6 +154,10 @@ def elements_of(stored: Stored) -> Iterator[tuple[str, Slot]]:
                 yield from below(member, f"{shown}.{name}", f"{path}.{name}", index)
         else:
             leaf = stored.leaves[path]
+            if isinstance(kind, Characters):
+                first = sum(map(mul, index, leaf.steps))
+                yield shown, String(leaf.slots[first : first + kind.size], kind.octets)
+                return
             yield shown, leaf.slots[sum(map(mul, index, leaf.steps))]
 
     return below(stored.type, "", "", ())
@@ -143,7 +167,7 @@ def size_of(kind: Type) -> int:
     """How many variables of the machine hold it."""
     if isinstance(kind, ArrayOf):
         return kind.count * size_of(kind.element)
-    return kind.size if isinstance(kind, Structure) else 1
+    return kind.size if isinstance(kind, Structure | Characters) else 1
 
 
 def retained_name(path: str, leaf: Leaf) -> str:
@@ -152,4 +176,19 @@ def retained_name(path: str, leaf: Leaf) -> str:
     values = ""
     if isinstance(leaf.kind, Enumeration):
         values = f"({','.join(f'{name}={number}' for name, number in leaf.kind.values.items())})"
-    return path + shape + values
+    text = f"'{leaf.octets}" if leaf.octets else ""
+    return path + shape + values + text
+
+
+def inner(leaf: Leaf, at: Sequence[int]) -> list[Slot]:
+    """What an element of the first dimensions holds."""
+    first = sum(
+        (index - low) * step for index, (low, _), step in zip(at, leaf.bounds, leaf.steps, strict=False)
+    )
+    return leaf.slots[first : first + (leaf.steps[len(at) - 1] if at else leaf.size)]
+
+
+def words_of(text: str, octets: int) -> list[int]:
+    """The cells of a STRING of so many at most, with this text."""
+    filled = text.encode("ascii").ljust((octets + 7) // 8 * 8, b"\0")
+    return [len(text), *(int.from_bytes(filled[at : at + 8], "little") for at in range(0, len(filled), 8))]

@@ -324,7 +324,11 @@ class Parser:
                 self.next.place,
                 f"expected the name of a type, found {self.next.shown}; declare it in TYPE … END_TYPE",
             )
-        return Spelled(place, self.name("a type").text.upper(), tuple(bounds))
+        name, length = self.name("a type").text.upper(), None
+        if name == "STRING" and (opening := self.accept("(", "[")):
+            length = self.expression()
+            self.expect({"(": ")", "[": "]"}[opening.word], "after the length of the STRING")
+        return Spelled(place, name, tuple(bounds), length)
 
     def initial(self) -> Initial:
         place, after = self.next.place, self.tokens[min(self.at + 2, len(self.tokens) - 1)].word
@@ -406,6 +410,8 @@ class Parser:
             self.expect(";", f"after {head.word}")
             return Leave(head.place, head.word)
         target = self.primary("a statement")
+        if isinstance(target, Name) and target.path and self.accept("("):
+            target = Call(target.place, target.name, self.arguments(), target.path)
         if isinstance(target, Call):
             self.expect(";", "after the call")
             return target

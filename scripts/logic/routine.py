@@ -12,9 +12,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from logic.binary import Instruction, Point, Program, Routine, Slot
+from logic.binary import Instruction, Point, Program, Routine, Slot, String
 from logic.errors import SourceError
-from logic.layout import Stored
+from logic.layout import Bounds, Leaf, Stored
 from logic.syntax import (
     Literal,
     Unit,
@@ -28,7 +28,22 @@ class Instance:
 
     unit: Unit
     scope: Scope
+    slots: list[Slot]  # all that it remembers
     routine: Routine | None = None
+
+
+@dataclass
+class Instances:
+    """An array of blocks. One of them works at a time, in a place of its own: the routine is there once."""
+
+    bounds: tuple[Bounds, ...]
+    elements: list[Instance]
+    working: Instance
+    leaves: list[Leaf] = field(default_factory=list)  # of each slot, those of all elements
+
+    @property
+    def unit(self) -> Unit:
+        return self.working.unit
 
 
 @dataclass
@@ -36,7 +51,7 @@ class Bound:
     """What a name stands for."""
 
     variable: Variable
-    what: Slot | Stored | Instance | Literal
+    what: Slot | Stored | Instance | Instances | Literal
     point: Point | None = None
     read: bool = False
     written: bool = False
@@ -64,7 +79,8 @@ class Body:
         self.scope = scope
         self.routine = Routine()
         self.free: dict[str, list[Slot]] = {}
-        self.live: list[Slot] = []
+        self.free_texts: dict[int, list[String]] = {}
+        self.live: list[Slot | String] = []
         self.loops: list[Loop] = []
         self.returns: list[int] = []
         self.doubt: Slot | None = None  # of the conditions that decided about a RETURN
@@ -95,13 +111,29 @@ class Body:
         self.live.append(slot)
         return slot
 
+    def text(self, octets: int) -> String:
+        """A temporary STRING, with room for so many at least."""
+        octets = min(255, (octets + 7) // 8 * 8)
+        pool = self.free_texts.setdefault(octets, [])
+        if pool:
+            text = pool.pop()
+        else:
+            text = String(
+                [self.program.add(Slot("LINT", False)) for _ in range(1 + (octets + 7) // 8)], octets
+            )
+        self.live.append(text)
+        return text
+
     @contextmanager
     def temporaries(self) -> Iterator[None]:
         """Those made inside are free again behind it."""
         before = len(self.live)
         yield
         for slot in self.live[before:]:
-            self.free[slot.type].append(slot)
+            if isinstance(slot, String):
+                self.free_texts[slot.octets].append(slot)
+            else:
+                self.free[slot.type].append(slot)
         del self.live[before:]
 
     def spread(self, doubt: Slot, start: int) -> None:
@@ -131,4 +163,5 @@ def writes(instruction: Instruction) -> list[Slot]:
     if operation in ("JUMP", "IF", "ELSIF", "CLEAN", "RETURN", "SPREAD", "MESSAGE"):
         # IF writes a temporary; what SPREAD covers was written before.
         return []
-    return [operands[0]] if operands[0].variable else []
+    written = operands[0].slots if isinstance(operands[0], String) else operands[:1]
+    return [slot for slot in written if slot.variable]

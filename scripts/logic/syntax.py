@@ -75,11 +75,12 @@ class Call:
     place: Place
     name: str
     arguments: tuple[Argument, ...]
+    path: tuple[Indexed | Member, ...] = ()  # to a block of an array
 
 
 @dataclass(frozen=True)
 class Text:
-    """'…', of a MESSAGE."""
+    """'…', a STRING, or what a MESSAGE says."""
 
     place: Place
     text: str
@@ -114,6 +115,7 @@ class Spelled:
     place: Place
     name: str
     bounds: tuple[tuple[Expression, Expression], ...] = ()
+    length: Expression | None = None  # of a STRING
 
 
 @dataclass(frozen=True)

@@ -68,8 +68,10 @@ def common(left: str, right: str) -> str | None:
     return next((name for name in TYPES if widens(left, name) and widens(right, name)), None)
 
 
-def literal(kind: str, value: float) -> str:
+def literal(kind: str, value: float | str) -> str:
     """A value as the text of a program has it: `TRUE`, `T#1.5s`, `16#FF`."""
+    if kind == "STRING":
+        return "'" + str(value).replace("$", "$$").replace("'", "$'") + "'"
     if kind == "BOOL":
         return str(bool(value)).upper()
     if kind in BITS:

@@ -9,22 +9,24 @@ from difflib import get_close_matches
 from itertools import product
 from typing import TypeGuard
 
-from logic.binary import FUNCTIONS, Array, Program, Slot
+from logic.binary import FUNCTIONS, Array, Program, Slot, String
 from logic.constants import ARITHMETIC, COMPARED, fitted, fold, fold_one
 from logic.errors import Findings, Place, SourceError
 from logic.layout import (
     ArrayOf,
     Bounds,
+    Characters,
     Enumeration,
     Leaf,
     Stored,
     Structure,
     Type,
+    inner,
     is_single,
     name_of,
     size_of,
 )
-from logic.routine import Body, Bound, Instance, Scope
+from logic.routine import Body, Bound, Instance, Instances, Scope
 from logic.syntax import (
     Binary,
     Call,
@@ -50,6 +52,13 @@ BUILT_IN = {
     **{name: (0, 0) for name in CLOCKS},
     **{name: (1, 1) for name in ("IS_GOOD", "QUALITY", "TIME_OF", "AS_GOOD")},
     "DOUBTFUL_AS": (2, 2),
+}
+OF_TEXTS = {
+    "LEN": (1, 1),
+    **{name: (2, 2) for name in ("LEFT", "RIGHT", "FIND")},
+    "CONCAT": (2, 16),
+    **{name: (3, 3) for name in ("MID", "INSERT", "DELETE")},
+    "REPLACE": (4, 4),
 }
 
 
@@ -85,6 +94,26 @@ class Values:
         """A function of the text: its statements are the Compiler's."""
         raise NotImplementedError
 
+    # What Texts does with a STRING.
+
+    def text_constant(self, text: Text) -> String:
+        raise NotImplementedError
+
+    def text_function(self, call: Call) -> Slot | String:
+        raise NotImplementedError
+
+    def text_of_value(self, call: Call, source: str) -> String:
+        raise NotImplementedError
+
+    def characters_at(self, reference: Reference) -> String:
+        raise NotImplementedError
+
+    def compared_texts(self, left: String, right: String) -> tuple[Slot, Slot]:
+        raise NotImplementedError
+
+    def copied(self, value: Slot | String) -> Slot | String:
+        raise NotImplementedError
+
     # ---- names and values --------------------------------------------------------------------------
 
     def bound(self, name: Name) -> Bound:
@@ -100,19 +129,66 @@ class Values:
         if bound is None:
             choices = [*scope.names, *(value for one in self.enumerations for value in one.values)]
             raise SourceError(name.place, f"unknown name {name.name}{self.meant(name.name, choices)}")
+        if isinstance(bound.what, Instances):
+            return self.output_of_one(name, bound.what)
         if not isinstance(bound.what, Instance) or not name.path:
             return bound, name.path
         step = name.path[0]
         if isinstance(step, Indexed):
             raise SourceError(step.place, f"{name.name} is a block, not an array")
         bound.read = True
-        inner = bound.what.scope.names.get(step.name)
+        return self.output(name, bound.what, step), name.path[1:]
+
+    def output(self, name: Name, instance: Instance, step: Member) -> Bound:
+        inner = instance.scope.names.get(step.name)
         if inner is None or inner.variable.section not in ("VAR_OUTPUT", "VAR_INPUT"):
-            outputs = [v.name for v in bound.what.unit.variables if v.section == "VAR_OUTPUT"]
+            outputs = [v.name for v in instance.unit.variables if v.section == "VAR_OUTPUT"]
             raise SourceError(
                 step.place, f"{name.name} has no output {step.name}{self.meant(step.name, outputs)}"
             )
-        return inner, name.path[1:]
+        return inner
+
+    def block_at(self, name: Name, blocks: Instances) -> tuple[Reference, int]:
+        """Which one of an array of blocks; and how many steps of the path say so."""
+        shape = ArrayOf("", blocks.bounds)
+        found = Reference(self.body.scope.names[name.name], name.place, name.name, shape)
+        steps = 0
+        while isinstance(found.type, ArrayOf) and steps < len(name.path):
+            step = name.path[steps]
+            if not isinstance(step, Indexed):
+                break
+            self.step_into(found, step)
+            steps += 1
+        if isinstance(found.type, ArrayOf):
+            raise SourceError(name.place, f"{name.name} is an array of blocks; name one: {name.name}[…]")
+        found.bound.read = True
+        return found, steps
+
+    def output_of_one(self, name: Name, blocks: Instances) -> tuple[Bound, tuple[Indexed | Member, ...]]:
+        """Of a block of an array. With an index that is no constant, an element of an array of outputs."""
+        found, steps = self.block_at(name, blocks)
+        step = name.path[steps] if steps < len(name.path) else None
+        if not isinstance(step, Member):
+            raise SourceError(name.place, f"{name.name}[…] is a block; name one of its outputs")
+        if all(self.folded(index) is not None for index, _ in found.indices):
+            block = self.chosen_block(blocks, self.settle(found))
+            return self.output(name, block, step), name.path[steps + 1 :]
+        one = self.output(name, blocks.working, step)
+        if not isinstance(one.what, Slot):
+            raise SourceError(step.place, f"{step.name} is not one value; it needs a constant as index")
+        leaf = blocks.leaves[blocks.working.slots.index(one.what)]
+        stored = Stored(ArrayOf(leaf.kind, leaf.bounds), {"": leaf})
+        return Bound(one.variable, stored, read=True), (*name.path[:steps], *name.path[steps + 1 :])
+
+    @staticmethod
+    def chosen_block(blocks: Instances, at: Sequence[int]) -> Instance:
+        shape = blocks.leaves[0]
+        steps = zip(at, shape.bounds, shape.steps, strict=True)
+        return blocks.elements[sum((index - low) * step for index, (low, _), step in steps)]
+
+    def kind_of_slot(self, slot: Slot) -> str | Enumeration:
+        kind = self.types.get(slot.type)
+        return kind if is_enumeration(kind) else slot.type
 
     def reference(self, name: Name) -> Reference:
         bound, path = self.head(name)
@@ -191,13 +267,15 @@ class Values:
 
     def become(self, value: Slot | Literal, kind: str, place: Place) -> Slot:
         if isinstance(value, Literal):
+            if kind == "STRING":
+                raise SourceError(place, f"expected STRING, found {value.value}; write it as '…'")
             return self.literal(kind, fitted(value, kind, place))
         if value.type == kind:
             return value
         if not widens(value.type, kind):
             how = (
                 f"; {value.type}_TO_{kind}(…) converts it"
-                if value.type != "BOOL" and kind in NUMBERS + BITS
+                if value.type not in ("BOOL", "STRING") and kind in NUMBERS + BITS
                 else ""
             )
             raise SourceError(place, f"expected {kind}, found {value.type}{how}")
@@ -403,7 +481,7 @@ class Values:
             case Enumerated():
                 return self.enumerated(expression)
             case Text():
-                raise SourceError(expression.place, "a text stands in MESSAGE('…', value, …) only")
+                return self.text_constant(expression)
             case Unary():
                 return self.unary(expression)
             case Binary():
@@ -418,6 +496,8 @@ class Values:
                 return value
         reference = self.reference(name)
         reference.bound.read = True
+        if isinstance(reference.type, Characters):
+            return self.characters_at(reference)
         return self.load(reference)
 
     def unary(self, expression: Unary) -> Slot | Literal:
@@ -492,6 +572,8 @@ class Values:
             )
         if (left.type == "BOOL" or left.type in self.types) and operator not in ("=", "<>"):
             raise SourceError(place, f"{operator} needs numbers, found {left.type}")
+        if isinstance(left, String):
+            left, right = self.compared_texts(left, right)
         operation, swapped = COMPARED[operator]
         if swapped:
             left, right = right, left
@@ -602,8 +684,15 @@ class Values:
         source, separator, target = call.name.partition("_TO_")
         if separator:
             return self.conversion(call, ALIASES.get(source, source), ALIASES.get(target, target))
+        if call.name in OF_TEXTS:
+            self.count(call, *OF_TEXTS[call.name])
+            return self.text_function(call)
         if call.name not in BUILT_IN:
-            names = [*BUILT_IN, *(name for name, unit in self.units.items() if unit.kind == "FUNCTION")]
+            names = [
+                *BUILT_IN,
+                *OF_TEXTS,
+                *(name for name, unit in self.units.items() if unit.kind == "FUNCTION"),
+            ]
             raise SourceError(call.place, f"unknown function {call.name}{self.meant(call.name, names)}")
         named = [argument for argument in call.arguments if argument.output]
         if named:
@@ -633,6 +722,11 @@ class Values:
         value = self.any_value(argument)
         if isinstance(value, Literal):
             raise SourceError(argument.place, f"{call.name} of a constant is meaningless")
+        if isinstance(value, String) and call.name == "AS_GOOD":
+            text = self.copied(value)
+            self.body.emit("AS_GOOD", "LINT", flagged(text), flagged(text))
+            return text
+        value = flagged(value)
         kind = {"IS_GOOD": "BOOL", "QUALITY": "BYTE"}.get(call.name, value.type)
         result = self.body.temporary(kind)
         operation = {"IS_GOOD": "GOOD", "QUALITY": "QUALITY", "AS_GOOD": "AS_GOOD"}[call.name]
@@ -646,13 +740,14 @@ class Values:
         value, other = self.any_value(first), self.any_value(second)
         if isinstance(value, Literal) or isinstance(other, Literal):
             raise SourceError(call.place, "DOUBTFUL_AS needs two values that can be doubtful, not a constant")
-        result = self.body.temporary(value.type)
-        self.body.emit("MOVE", value.type, result, value)
-        self.body.emit("SPREAD", "BOOL", result, other, 1)
+        result = self.copied(value)
+        self.body.emit("SPREAD", "BOOL", flagged(result), flagged(other), 1)
         return result
 
     def conversion(self, call: Call, source: str, target: str) -> Slot:
         """By value, rounded; bits keep their low ones; TIME is counted in milliseconds."""
+        if target == "STRING":
+            return self.text_of_value(call, source)
         if is_enumeration(self.types.get(source)) and target in INTEGERS:
             self.count(call, 1)
             return self.converted(self.value(call.arguments[0].value, source), target)
@@ -751,6 +846,8 @@ class Values:
         given = [self.any_value(one.value, wanted) for one in call.arguments[1:]]
         values = self.alike(given, call.place, wanted)
         kind = values[0].type
+        if kind == "STRING":
+            raise SourceError(call.place, "MUX has no STRING; an array of them has")
         slots = [self.program.add(Slot(kind, True)) for _ in values]
         for slot, value in zip(slots, values, strict=True):
             self.body.emit("MOVE", kind, slot, value)
@@ -766,21 +863,25 @@ class Values:
             smaller = self.compared("<", result, value, place)
             best = self.chosen(smaller, *((result, value) if which == "MIN" else (value, result)))
             for operand in (result, value):
-                self.body.emit("SPREAD", "BOOL", best, operand, 1)
+                self.body.emit("SPREAD", "BOOL", flagged(best), flagged(operand), 1)
             result = best
         return result
 
     def chosen(self, condition: Slot, if_true: Slot, if_false: Slot) -> Slot:
         """One of two values, with its own quality and that of the condition."""
         body = self.body
-        result, doubt = body.temporary(if_true.type), body.temporary("BOOL")
+        doubt = body.temporary("BOOL")
+        if isinstance(if_true, String):
+            operation, kind, result = "TEXT", "BOOL", body.text(max(if_true.octets, if_false.octets))
+        else:
+            operation, kind, result = "MOVE", if_true.type, body.temporary(if_true.type)
         jump = body.emit("IF", "BOOL", condition, 0, doubt)
-        body.emit("MOVE", result.type, result, if_true)
+        body.emit(operation, kind, result, if_true)
         end = body.emit("JUMP", "BOOL", 0)
         body.patch(jump)
-        body.emit("MOVE", result.type, result, if_false)
+        body.emit(operation, kind, result, if_false)
         body.patch(end)
-        body.emit("SPREAD", "BOOL", result, doubt, 1)
+        body.emit("SPREAD", "BOOL", flagged(result), doubt, 1)
         return result
 
 
@@ -788,12 +889,9 @@ def is_enumeration(kind: Type | None) -> TypeGuard[Enumeration]:
     return isinstance(kind, Enumeration)
 
 
-def inner(leaf: Leaf, at: Sequence[int]) -> list[Slot]:
-    """What an element of the first dimensions holds."""
-    first = sum(
-        (index - low) * step for index, (low, _), step in zip(at, leaf.bounds, leaf.steps, strict=False)
-    )
-    return leaf.slots[first : first + (leaf.steps[len(at) - 1] if at else leaf.size)]
+def flagged(value: Slot | String) -> Slot:
+    """What has the value's quality."""
+    return value.slots[0] if isinstance(value, String) else value
 
 
 def follows(before: Sequence[Slot], after: Sequence[Slot]) -> bool:

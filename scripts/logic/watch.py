@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from logic.binary import Program, encode
+from logic.binary import Program, String, encode
 from logic.desk import Value
 from logic.errors import LogicError
 from logic.types import literal, unpack
@@ -127,9 +127,17 @@ def look_inside(command: Sequence[str], program: Program, running: str) -> Insid
         return Inside({}, kinds, f"{running} runs another text than this one: compile it, and rtuctl reload")
     values = {}
     for path, slot in program.debug.variables.items():
-        bits, quality = (int(part, 16) for part in row["cells"][slot.number].split(":"))
-        values[path] = Value(unpack(slot.type, bits), quality)
+        slots = slot.slots if isinstance(slot, String) else [slot]
+        cells = [tuple(int(part, 16) for part in row["cells"][one.number].split(":")) for one in slots]
+        bits, quality = cells[0]
+        values[path] = Value(text_in(cells) if isinstance(slot, String) else unpack(slot.type, bits), quality)
     return Inside(values, kinds, enumerations=program.debug.enumerations)
+
+
+def text_in(cells: Sequence[tuple[int, ...]]) -> str:
+    """Of a STRING: how many octets, and they."""
+    octets = b"".join(bits.to_bytes(8, "little") for bits, _ in cells[1:])
+    return octets[: cells[0][0]].decode("ascii", "replace")
 
 
 def shown(name: str, point: dict[str, Any] | None) -> str:

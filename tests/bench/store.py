@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import datetime
 import json
 import os
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,9 +33,11 @@ from bench import machine
 from lab.gateway import REPOSITORY, free_port
 
 sys.path.insert(0, str(REPOSITORY))
+from centre.database import open_store
 from centre.intake import SPONTANEOUS, Intake
 from centre.records import TAGGED, Content, Kind, Record
 from centre.settings import StationSettings
+from centre.sqlite import SqliteStore
 from centre.store import Store
 
 TRANSACTION = 4096  # records: what the centre takes at most
@@ -81,8 +85,18 @@ class Cost:
         )
 
 
-def intake(what: str, stations: int, transactions: int, folder: Path) -> Cost:
-    store = Store(folder / f"{what}-{stations}.db")
+def octets_of(store: Store) -> int:
+    """Of the database on the disk."""
+    if isinstance(store, SqliteStore):
+        store.database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        return store.path.stat().st_size
+    sql = "SELECT pg_database_size(current_database())"
+    return int(store.transaction(lambda database: database.execute(sql).fetchone()[0]))
+
+
+def intake(what: str, stations: int, transactions: int, where: Path | str) -> Cost:
+    """`where`: a folder for files of SQLite, or the address of a server."""
+    store = open_store(where / f"{what}-{stations}.db" if isinstance(where, Path) else where, alone=True)
     settings = {f"rtu{number}": StationSettings(f"rtu{number}") for number in range(stations)}
     taker = store.transaction(lambda database: Intake(database, settings))
     taker.stored()
@@ -104,17 +118,13 @@ def intake(what: str, stations: int, transactions: int, folder: Path) -> Cost:
     ]
     for batch in batches[:rounds]:
         put(batch)
-    store.database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    size = store.path.stat().st_size
+    size = octets_of(store)
     begun, used = time.perf_counter(), time.process_time()
     for batch in batches[rounds:]:
         put(batch)
     used, begun = time.process_time() - used, time.perf_counter() - begun
-    store.database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     count = transactions * TRANSACTION
-    cost = Cost(
-        what, stations, used / count * 1e6, begun / count * 1e6, (store.path.stat().st_size - size) / count
-    )
+    cost = Cost(what, stations, used / count * 1e6, begun / count * 1e6, (octets_of(store) - size) / count)
     store.close()
     return cost
 
@@ -187,12 +197,10 @@ def resident_mib(pid: int) -> float:
     return pages * resource.getpagesize() / 2**20
 
 
-def whole(count: int, seconds: float) -> str:
-    with (
-        tempfile.TemporaryDirectory(prefix="store-") as name,
-        simulated(count, "h") as of_rtus,
-    ):
-        folder, port = Path(name), free_port()
+@contextlib.contextmanager
+def running(count: int, port: int, folder: Path, kind: str = "h") -> Iterator[tuple[int, int]]:
+    """RTUs of a kind, rtu-centre, and the centre at that port: the processes of the last two."""
+    with simulated(count, kind) as of_rtus:
         file = configuration(count, port, of_rtus, folder)
         told(file, "user", USER, stdin=PASSWORD)
         (folder / "rtu-centre.json").write_text(told(file, "collector"))
@@ -201,15 +209,22 @@ def whole(count: int, seconds: float) -> str:
         serving = [sys.executable, "-m", "centre", file, "serve"]
         centre = subprocess.Popen(serving, cwd=REPOSITORY, **quiet)
         try:
-            began = cpu_ns(collector.pid), cpu_ns(centre.pid), time.monotonic()
-            seen, begun, ended = asyncio.run(watch(port, count, seconds))
-            passed = time.monotonic() - began[2]
-            used = cpu_ns(collector.pid) - began[0], cpu_ns(centre.pid) - began[1]
-            memory = resident_mib(collector.pid), resident_mib(centre.pid)
+            yield collector.pid, centre.pid
         finally:
             for process in (centre, collector):
                 process.terminate()
                 process.wait()
+
+
+def whole(count: int, seconds: float) -> str:
+    with tempfile.TemporaryDirectory(prefix="store-") as name:
+        folder, port = Path(name), free_port()
+        with running(count, port, folder) as processes:
+            began = [*map(cpu_ns, processes)], time.monotonic()
+            seen, begun, ended = asyncio.run(watch(port, count, seconds))
+            passed = time.monotonic() - began[1]
+            used = [cpu_ns(pid) - before for pid, before in zip(processes, began[0], strict=True)]
+            memory = [*map(resident_mib, processes)]
         with sqlite3.connect(folder / "centre.db") as database:
             sql = "SELECT count(*) FROM track WHERE at_ns BETWEEN ? AND ?"
             stored = database.execute(sql, (begun, ended)).fetchone()[0]
@@ -229,7 +244,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="The control centre as a store.")
     parser.add_argument("--quick", action="store_true", help="a try of some ten seconds")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build", help="folder for the text")
+    parser.add_argument("--database", default="", help="only what it costs a server, by its address")
     arguments = parser.parse_args()
+    if arguments.database:
+        for what in (EVENTS, POSITIONS):
+            print(intake(what, 100, 3 if arguments.quick else 30, arguments.database), flush=True)
+        return 0
     missing = [str(program) for program in (RTUS, PROGRAM) if not program.exists()]
     if missing:
         print(f"not built: {', '.join(missing)}; type `make bench`, which builds them", file=sys.stderr)

@@ -8,6 +8,9 @@ import pytest
 
 from control_room import POINTS, Site, Stations, described
 from lab.vehicles import Station
+from postgres import Server
+
+STORES = ("sqlite", "postgresql")
 
 
 @pytest.fixture(scope="module")
@@ -33,9 +36,25 @@ def south(stations: Stations) -> Iterator[Station]:
     stations.do(made.stop())
 
 
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[Server]:
+    with Server() as server:
+        yield server
+
+
+@pytest.fixture(scope="module", params=STORES)
+def server(request: pytest.FixtureRequest) -> Server | None:
+    """A server of PostgreSQL, or None: SQLite."""
+    return request.getfixturevalue("postgresql") if request.param == "postgresql" else None
+
+
 @pytest.fixture(scope="module")
 def site(
-    programs: Path, north: Station, south: Station, tmp_path_factory: pytest.TempPathFactory
+    programs: Path,
+    north: Station,
+    south: Station,
+    server: Server | None,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[Site]:
     """The centre of these tests, with these stations."""
     folder = tmp_path_factory.mktemp("site")
@@ -58,5 +77,5 @@ def site(
         described(north, folder, group="water"),
         described(south, folder, "south", points, group="water", release=True),
     ]
-    with Site(programs, folder, here, centre={"areas": areas}) as started:
+    with Site(programs, folder, here, centre={"areas": areas}, server=server) as started:
         yield started

@@ -4,21 +4,31 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import signal
+import sqlite3
 import ssl
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Coroutine, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
+from unittest import mock
 
+import aiohttp
+
+from centre.database import open_store
+from centre.settings import load
+from centre.users import put
 from lab.centre_client import LIMIT_S, AnswerError, Client
 from lab.gateway import free_port
 from lab.vehicles import Station
+from postgres import Server
 
 ROOT = Path(__file__).resolve().parents[2]
 PASSWORD = "correct horse battery"
@@ -33,12 +43,12 @@ POINTS = """ca,ioa,type,command_type,name,unit,select,min,max,high,state
 """
 
 
-def until(found: Callable[[], Any], what: str) -> Any:
+def until(found: Callable[[], Any], what: str, pause_s: float = 0.02) -> Any:
     """What is found, once there is something. The time is for a hang only."""
     end = time.monotonic() + LIMIT_S
     while not (something := found()):
         assert time.monotonic() < end, f"not seen: {what}"
-        time.sleep(0.02)
+        time.sleep(pause_s)
     return something
 
 
@@ -76,8 +86,11 @@ class Site:
         stations: list[dict[str, Any]],
         page: Path | None = None,
         users: Iterable[str] = USERS,
+        server: Server | None = None,
         **keys: Any,
     ) -> None:
+        """With a server its database is a new one there, else a file of SQLite."""
+        self.server = server
         self.folder = folder
         self.port = free_port()
         self.file = folder / "centre.json"
@@ -85,6 +98,8 @@ class Site:
         self.tls: ssl.SSLContext | None = None  # with which it is asked
         content = {"retry_ms": 50, "retry_max_ms": 200, "stations": stations, **keys}
         content["centre"] = {"port": self.port, **keys.get("centre", {})}
+        if server:
+            content["centre"]["database"] = server.new_database()
         self.file.write_text(json.dumps(content))
         self.environment = {
             **os.environ,
@@ -94,8 +109,14 @@ class Site:
         self.program = programs / "centre" / "rtu-centre"
         self.collector: subprocess.Popen[str] | None = None
         self.centre: subprocess.Popen[str] | None = None
-        for name in users:  # each costs a process and a slow hash
+        for name in list(users)[:1]:
             self.run("user", name, "--role", USERS[name], stdin=PASSWORD)
+        with (
+            mock.patch.dict(os.environ, self.environment),
+            contextlib.closing(open_store(load(self.file).database, alone=False)) as store,
+        ):
+            for name in list(users)[1:]:  # each would cost a process
+                store.transaction(partial(put, name=name, role=USERS[name], password=PASSWORD, by="tests"))
 
     def run(self, *words: str, stdin: str = "") -> str:
         done = subprocess.run(
@@ -118,6 +139,13 @@ class Site:
         command = [sys.executable, "-m", "centre", str(self.file), "serve", *page]
         self.centre = subprocess.Popen(command, stderr=log, text=True, env=self.environment)
         until(self.answers, f"the centre answers: {self.log()}")
+
+    def rows(self, sql: str) -> list[tuple[Any, ...]]:
+        """Of the database, whichever it is; asked by a program that is not the centre's."""
+        if self.server:
+            return self.server.rows(sql)
+        with contextlib.closing(sqlite3.connect(self.folder / "centre.db")) as database:
+            return list(database.execute(sql))
 
     def log(self) -> str:
         return (self.folder / "centre.log").read_text() if (self.folder / "centre.log").exists() else ""
@@ -164,3 +192,38 @@ def described(
     (folder / f"{station.port}.csv").write_text(points)
     address = {"address": "127.0.0.1", "port": station.port, "common_addresses": [station.ca]}
     return {"name": name, **address, "points": f"{station.port}.csv", **keys}
+
+
+class Watch:
+    """A page that watches, without a browser: all that it is told, in a thread of the stations'."""
+
+    def __init__(self, stations: Stations, client: Client, view: dict[str, Any]) -> None:
+        self.said: list[dict[str, Any]] = []
+        self.client = client
+        self.socket: aiohttp.ClientWebSocketResponse | None = None
+        self.stations = stations
+        self.listening = asyncio.run_coroutine_threadsafe(self._listen(view), stations.loop)
+
+    async def _listen(self, view: dict[str, Any]) -> None:
+        async with (
+            aiohttp.ClientSession(headers=self.client.headers) as session,
+            session.ws_connect(f"http://127.0.0.1:{self.client.port}/api/stream") as self.socket,
+        ):
+            await self.socket.send_json(view)
+            async for message in self.socket:
+                self.said.append(message.json())
+
+    def look(self, view: dict[str, Any]) -> None:
+        assert self.socket
+        self.stations.do(self.socket.send_json(view))
+
+    @property
+    def fault(self) -> str:
+        return str(self.said[-1]["fault"]) if self.said else ""
+
+    def __enter__(self) -> Self:
+        until(lambda: self.said, "the page is told all once")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.listening.cancel()

@@ -11,7 +11,7 @@ from centre import keep
 from centre.formats import Csv, Place
 from centre.keep import DAY_NS, Keeper
 from centre.settings import Keep
-from centre.store import MIGRATIONS, Store
+from centre.sqlite import MIGRATIONS, SqliteStore
 
 NOW = 1000 * DAY_NS
 S = 10**9
@@ -19,15 +19,15 @@ GAP_S = 60
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    made = Store(tmp_path / "centre.db")
+def store(tmp_path: Path) -> Iterator[SqliteStore]:
+    made = SqliteStore(tmp_path / "centre.db")
     made.database.execute("INSERT INTO stations (name) VALUES ('north')")
     made.database.execute("INSERT INTO points (station, ca, ioa) VALUES (1, 1, 1)")
     yield made
     made.close()
 
 
-def put_track(store: Store, places: list[tuple[int, float, int]]) -> None:
+def put_track(store: SqliteStore, places: list[tuple[int, float, int]]) -> None:
     """Nanoseconds, metres to the north, quality."""
     rows = [(1, at, round(metres / 111195 * 1e7), 0, 0, quality, 0) for at, metres, quality in places]
     store.transaction(
@@ -35,11 +35,11 @@ def put_track(store: Store, places: list[tuple[int, float, int]]) -> None:
     )
 
 
-def track(store: Store) -> list[tuple[int, int, int]]:
+def track(store: SqliteStore) -> list[tuple[int, int, int]]:
     return [tuple(row) for row in store.database.execute("SELECT at_ns, latitude, quality FROM track")]
 
 
-def rounds(store: Store, wanted: Keep) -> int:
+def rounds(store: SqliteStore, wanted: Keep) -> int:
     """Steps until there is nothing more to do."""
     keeper, steps = Keeper(wanted, GAP_S, NOW), 1
     while store.transaction(lambda database: keeper.track(database, 1) | keeper.old_rows(database)):
@@ -47,7 +47,7 @@ def rounds(store: Store, wanted: Keep) -> int:
     return steps
 
 
-def segments(store: Store) -> list[int]:
+def segments(store: SqliteStore) -> list[int]:
     writer = Csv(GAP_S)
     writer.track("north", 1)
     ways = []
@@ -58,7 +58,7 @@ def segments(store: Store) -> list[int]:
 
 
 def test_one_that_stands_keeps_no_more_than_its_gaps_need(
-    store: Store, monkeypatch: pytest.MonkeyPatch
+    store: SqliteStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It drives, stands for an hour, is silent for one, loses its fix, and drives on."""
     monkeypatch.setattr(keep, "ROWS_AT_ONCE", 500)
@@ -81,7 +81,7 @@ def test_one_that_stands_keeps_no_more_than_its_gaps_need(
     assert track(store) == kept
 
 
-def test_what_is_not_old_stays_whole(store: Store) -> None:
+def test_what_is_not_old_stays_whole(store: SqliteStore) -> None:
     places = [(NOW - DAY_NS + i * S, 0.0, 0) for i in range(100)]
     put_track(store, places)
     rounds(store, Keep(thin_m=10, thin_after_days=1.5, tracks_days=2))
@@ -92,7 +92,7 @@ def test_what_is_not_old_stays_whole(store: Store) -> None:
     assert len(track(store)) == 50
 
 
-def test_old_rows_go_and_what_somebody_must_see_stays(store: Store) -> None:
+def test_old_rows_go_and_what_somebody_must_see_stays(store: SqliteStore) -> None:
     old, new = NOW - 40 * DAY_NS, NOW - 20 * DAY_NS
     for number, at in enumerate((old, new)):
         store.database.execute(
@@ -127,7 +127,7 @@ def test_file_of_the_first_version_is_brought_on(tmp_path: Path) -> None:
     with sqlite3.connect(file) as database:
         database.executescript(f"{MIGRATIONS[0]} PRAGMA user_version = 1;")
         database.execute("INSERT INTO users VALUES ('anna', 'viewer', x'00', x'00')")
-    store = Store(file)
+    store = SqliteStore(file)
     rows = [tuple(row) for row in store.database.execute("SELECT name, role, groups FROM users")]
     store.close()
     assert rows == [("anna", "viewer", "")]

@@ -1,73 +1,149 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Processes of the control centre are killed at random: no event is lost, none is stored twice."""
 
+import contextlib
 import os
 import random
 import signal
 import sqlite3
+import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from centre.records import Result, State
-from control_room import Site, Stations, described, until
+from control_room import Site, Stations, Watch, described, until
+from lab.centre_client import LIMIT_S
 from lab.vehicles import M_ME_TF_1, measured
+from postgres import SEGMENT_MIB, Server
 
 pytestmark = pytest.mark.slow
 
-EVENTS = 3000
+EVENTS = 1500
 KILLS = 6
+PAUSE_S = 0.2  # between questions that cost a process
+EVENTS_AT_ONCE = 200
 
 
 def stored(site: Site) -> list[int]:
-    with sqlite3.connect(site.folder / "centre.db") as database:
-        rows = database.execute("SELECT value FROM history WHERE tagged ORDER BY id")
-        return [int(row[0]) for row in rows]
+    return [
+        int(float(row[0])) for row in site.rows("SELECT value FROM history WHERE tagged <> 0 ORDER BY id")
+    ]
 
 
-def test_no_event_is_lost_and_none_comes_twice(programs: Path, stations: Stations, tmp_path: Path) -> None:
+def test_no_event_is_lost_and_none_comes_twice(
+    programs: Path, stations: Stations, server: Server | None, tmp_path: Path
+) -> None:
     chance = random.Random(26)
+    kills = KILLS // 2 if server else KILLS
     station = stations.station()
     begin_ms = time.time_ns() // 1_000_000 - EVENTS
     said = 0
-    with Site(programs, tmp_path, [described(station, tmp_path)], users=()) as site:
-        for kill in range(KILLS):
-            for _ in range(EVENTS // KILLS):
+    with Site(programs, tmp_path, [described(station, tmp_path)], users=(), server=server) as site:
+        for kill in range(kills):
+            for _ in range(EVENTS // kills):
                 stations.say(station, 4, M_ME_TF_1, measured(begin_ms + said, float(said)))
                 said += 1
-            wanted = len(stored(site)) + chance.randrange(EVENTS // KILLS // 2)
-            until(lambda wanted=wanted: len(stored(site)) >= min(wanted, EVENTS), "some are stored")
-            if kill % 2:
+            wanted = len(stored(site)) + chance.randrange(EVENTS // kills // 2)
+            until(lambda wanted=wanted: len(stored(site)) >= min(wanted, EVENTS), "some are stored", PAUSE_S)
+            if server and kill % 3 == 2:
+                server.stop()
+                server.start()
+            elif kill % 2:
                 site.kill(site.collector)
                 site.start_collector()
             else:
                 site.kill(site.centre)
                 site.start_centre()
-        until(lambda: len(set(stored(site))) == EVENTS, "all are stored")
+        until(lambda: len(set(stored(site))) == EVENTS, "all are stored", PAUSE_S)
         assert not station.queue
-        assert station.connections >= KILLS
+        assert station.connections >= kills // 2
     assert stored(site) == list(range(said))
     stations.do(station.stop())
 
 
-def test_disk_that_is_busy_holds_the_events_back(programs: Path, stations: Stations, tmp_path: Path) -> None:
-    """While the database takes nothing, nothing is acknowledged, and the page can say so."""
+@contextlib.contextmanager
+def locked(site: Site) -> Iterator[None]:
+    """Somebody else holds what the centre wants to write to."""
+    if site.server:
+        session = site.server.psql()
+        assert session.stdin
+        assert session.stdout
+        session.stdin.write("BEGIN; LOCK TABLE history;\n\\echo locked\n")
+        session.stdin.flush()
+        assert session.stdout.readline() == "locked\n"
+        yield
+        session.communicate("ROLLBACK;\n", LIMIT_S)
+        return
+    with contextlib.closing(sqlite3.connect(site.folder / "centre.db", isolation_level=None)) as database:
+        database.execute("BEGIN IMMEDIATE")
+        yield
+        database.execute("ROLLBACK")
+
+
+@contextlib.contextmanager
+def full(site: Site) -> Iterator[None]:
+    """No file may grow: the kernel does not say ENOSPC, but it says no at the same place."""
+    assert site.centre
+    most = 1
+    processes = [site.centre.pid]
+    if site.server:
+        # The server's log must go on, in segments of a size: so the table is made larger than one of them.
+        site.server.rows(
+            "INSERT INTO history (point, at_ns, received_ns, value, quality, cause, tagged)"
+            f" SELECT 0, {time.time_ns()}, 0, 0, 0, 0, 0 FROM generate_series(1, 16000)"
+        )
+        [(size,)] = site.server.rows(
+            "SELECT max(pg_relation_size(inhrelid)) FROM pg_inherits WHERE inhparent = 'history'::regclass"
+        )
+        most = int(size)
+        assert most > SEGMENT_MIB << 20
+        processes = site.server.processes()
+    before = site.server.before if site.server else []  # whoever the process belongs to
+    for limit in str(most), "unlimited":
+        for process in processes:
+            limited = ("prlimit", "--pid", str(process), f"--fsize={limit}:unlimited")
+            subprocess.run([*before, *limited], check=False)  # one may have ended
+        if limit != "unlimited":
+            yield
+
+
+@contextlib.contextmanager
+def gone(site: Site) -> Iterator[None]:
+    assert site.server
+    site.server.stop()
+    yield
+    site.server.start()
+
+
+def test_database_that_takes_nothing_holds_the_events_back(
+    programs: Path, stations: Stations, server: Server | None, tmp_path: Path
+) -> None:
+    """Nothing is acknowledged then, the page is told why, and all is stored at last, once."""
     station = stations.station()
-    with Site(programs, tmp_path, [described(station, tmp_path)], users=("vera",)) as site:
+    said: list[int] = []
+    troubles = {locked: "not answered", full: "File too large" if server else "disk I/O error"}
+    if server:  # a file that is open cannot go
+        troubles[gone] = ""
+    with Site(programs, tmp_path, [described(station, tmp_path)], users=("vera",), server=server) as site:
         client = site.client("vera")
         until(lambda: client.get("/api/stations")[0]["link"] == 3, "connected")
-        locked = sqlite3.connect(site.folder / "centre.db", isolation_level=None)
-        locked.execute("BEGIN IMMEDIATE")
-        stations.say(station, 4, M_ME_TF_1, measured(time.time_ns() // 1_000_000, 7.0))
-        fault = until(lambda: client.get("/api/me")["fault"], "the centre says what is wrong")
-        assert "locked" in fault
+        with Watch(stations, client, {"view": "stations"}) as page:
+            for trouble, why in troubles.items():
+                with trouble(site):
+                    for _ in range(EVENTS_AT_ONCE):
+                        said.append(len(said) + 1)
+                        event = measured(time.time_ns() // 1_000_000, float(said[-1]))
+                        stations.say(station, 4, M_ME_TF_1, event)
+                    assert why in until(lambda: page.fault, f"the page is told of {trouble.__name__}")
+                    assert station.queue
+                until(lambda: set(stored(site)) >= set(said), "all is stored at last", PAUSE_S)
+                until(lambda: not page.fault, "all is well")
         assert station.connections == 1
-        locked.execute("ROLLBACK")
-        locked.close()
-        until(lambda: 7 in stored(site), "it is stored at last")
-        until(lambda: not client.get("/api/me")["fault"], "all is well")
+        assert stored(site) == said
     stations.do(station.stop())
 
 

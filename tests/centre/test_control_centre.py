@@ -3,7 +3,9 @@
 
 import asyncio
 import csv
+import doctest
 import io
+import itertools
 import json
 import time
 from collections.abc import Iterator
@@ -14,9 +16,11 @@ from typing import Any
 import aiohttp
 import pytest
 
+from centre import stream
 from centre.api import ROUTES, document
 from centre.records import Result, State
-from control_room import PASSWORD, USERS, Site, Stations, until
+from centre.stream import View
+from control_room import PASSWORD, USERS, Site, Stations, Watch, until
 from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 
@@ -469,6 +473,53 @@ def told(client: Client, port: int, view: str) -> dict[str, list[Any]]:
 
     said = asyncio.run(listen())
     return {kind: said[kind] for kind in ("stations", "points", "alarms", "commands")}
+
+
+def test_page_is_told_what_its_view_shows_and_only_what_changes(
+    site: Site, stations: Stations, north: Station
+) -> None:
+    def go(latitude: float, longitude: float) -> None:
+        stations.say(north, 1, POSITION, position(now_ms(), latitude, longitude, 117))
+
+    def told_of(page: Watch, begin: int, kind: str = "points") -> list[Any]:
+        return [each for message in page.said[begin:] for each in message[kind]]
+
+    client = site.client("vera")
+    go(44.8, 20.5)
+    place = point(client, "place")["id"]
+    until(lambda: point(client, "place")["latitude"] == 44.8, "it is there")
+    here, there = [44, 20, 45, 21], [9, 9, 11, 11]
+    with Watch(stations, client, {"view": "map", "bounds": here}) as page:
+        first = page.said[0]
+        assert [(each["id"], each["name"]) for each in first["points"]] == [(place, "place")]
+        assert first["vehicles"] == 1
+        assert first["extent"] == [44.8, 20.5, 44.8, 20.5]
+        assert [each["name"] for each in first["stations"]] == ["north"]
+        for step in range(1, 30):  # more often than a page is told
+            go(44.8 + step / 1000, 20.5)
+            time.sleep(0.05)
+        until(lambda: told_of(page, 1) and told_of(page, 1)[-1]["latitude"] == 44.829, "it moves")
+        assert not any("name" in each for each in told_of(page, 1))
+        moments = [message["now"] for message in page.said]
+        assert all(b - a > 900 for a, b in itertools.pairwise(moments)), moments
+        begin = len(page.said)
+        go(10, 10)
+        until(lambda: told_of(page, begin, "gone") == [place], "it has left the view")
+        begin = len(page.said)
+        stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.25))  # no view of a map shows it
+        go(10.5, 10)
+        until(lambda: point(client, "place")["latitude"] == 10.5, "it moves elsewhere")
+        page.look({"view": "map", "bounds": there})
+        assert [each["name"] for each in until(lambda: told_of(page, begin), "the other part")] == ["place"]
+        begin = len(page.said)
+        page.look({"view": "map", "bounds": here})
+        until(lambda: told_of(page, begin, "gone") == [place], "back again")
+        page.look({"view": "map", "bounds": here, "search": "NOR"})
+        assert until(lambda: told_of(page, begin), "searched everywhere")[0]["latitude"] == 10.5
+    for wrong in ({"view": "map", "bounds": [1, 2, 3]}, {"view": "map", "bounds": "all"}, [], {"view": "x"}):
+        with pytest.raises(ValueError, match=r"view|bounds"):
+            View.read(wrong)
+    assert doctest.testmod(stream).failed == 0
 
 
 def test_who_manages_users_sees_all(site: Site) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import time
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -37,6 +39,10 @@ LINUX_PATCHES = https://example.net/patch-5.10.140-rt73.patch
 show-info:
 	@echo $(LINUX_CPE_ID_VERSION)
 """
+SHOW_PACKAGES = """\
+show-info:
+	@echo '{}'
+"""
 GENERATE = """\
 #!/usr/bin/env python3
 import json, sys
@@ -49,6 +55,13 @@ bill = {"bomFormat": "CycloneDX", "specVersion": "1.6", "metadata": {"component"
 bill |= {"components": [linux, gateway], "dependencies": [{"ref": name, "dependsOn": ["linux", "openrtu"]}]}
 json.dump(bill, open(write, "w"))
 """
+
+
+def command_of_the_page() -> str:
+    """What the page tells to type where there is no network."""
+    found = re.search(r"^cp -a .*debian\.dsc$", (ROOT / "docs/image-buildroot.md").read_text(), re.MULTILINE)
+    assert found
+    return found[0].replace("folder/source", "build/source")
 
 
 class Tree:
@@ -70,7 +83,12 @@ class Tree:
         (folder / ".venv").mkdir()
         for name in ("bin", "lib", "pyvenv.cfg"):
             (folder / ".venv" / name).symlink_to(Path(sys.prefix) / name)
-        for done in ("build/packages.done", "build/packages-image.done", ".venv/done"):
+        for done in (
+            "build/packages.done",
+            "build/packages-image.done",
+            "build/packages-offline.done",
+            ".venv/done",
+        ):
             (folder / done).touch()
         self.buildroot = folder / "buildroot"
         self.buildroot.mkdir()
@@ -149,6 +167,61 @@ def test_image_for_development_is_beside_the_others(tree: Tree) -> None:
         (tree.folder / "configs" / name).read_text()
         for name in ("nuc980_gateway_defconfig", "parts/development.config")
     )
+
+
+@pytest.mark.slow
+def test_image_offline_gets_its_compiler_and_overrides(tree: Tree) -> None:
+    (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_PACKAGES)
+    (tree.folder / "configs/offline.toml").write_text("source = []\n[programs]\n")  # nothing to fetch
+    done = tree.make_with_stand_in("image-offline")
+    assert done.returncode == 0, done.stderr
+    for image in ("nuc980_gateway_lts", "nuc980_uboot"):
+        config = tree.folder / f"build/{image}-offline/.config"
+        files = [tree.folder / "configs" / name for name in (f"{image}_defconfig", "parts/offline.config")]
+        assert config.read_text() == "".join(file.read_text() for file in files)
+        assert tree.built(f"{image}-offline")["O"] == str(config.parent)
+    assert (tree.folder / "build/offline/toolchain/bin/arm-linux-gnueabi-gcc").exists()
+    assert (tree.folder / "build/offline/overrides.mk").exists()
+
+
+def test_image_offline_without_buildroot_is_said_before_anything_is_fetched(tree: Tree) -> None:
+    done = tree.make("image-offline", "BUILDROOT_DIR=nowhere")
+    assert done.returncode == 2
+    assert "BUILDROOT_DIR=nowhere is not a Buildroot checkout" in done.stderr
+    assert not (tree.folder / "build/offline").exists()
+
+
+@pytest.mark.slow
+def test_source_is_one_folder_for_a_build_without_network(tree: Tree) -> None:
+    """The other tree's make must fetch nothing: its debian-source.sh would fail."""
+    (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_PACKAGES)
+    (tree.buildroot / ".git").mkdir()
+    text = "Version: 1-1\n"
+    row = f'package = "a"\ndebian = "a"\nversion = "1-1"\nsha256 = "{sha256(text.encode()).hexdigest()}"'
+    (tree.folder / "configs/offline.toml").write_text(f"[[source]]\n{row}\n[programs]\n")
+    (tree.folder / "build/packages-twin.done").touch()
+    fetcher = tree.folder / "scripts/debian-source.sh"
+    fetcher.write_text(f"#!/bin/sh\nmkdir -p $2 && echo source > $2/file && printf '{text}' > $2.dsc\n")
+    done = tree.make_with_stand_in("source", "IMAGES=nuc980_uboot-offline")
+    assert done.returncode == 0, done.stderr
+    source = tree.folder / "build/source"
+    assert (source / "build/a/debian/file").read_text() == "source\n"
+    assert not (source / "buildroot/.git").exists()
+    shutil.rmtree(tree.folder / "build/a")
+    shutil.rmtree(tree.folder / "build/offline")
+    fetcher.write_text("#!/bin/sh\nexit 1\n")
+    subprocess.run(["bash", "-c", command_of_the_page()], cwd=tree.folder, check=True)
+    done = tree.make("build/offline/overrides.mk", "BUILDROOT_DIR=build/source/buildroot")
+    assert done.returncode == 0, done.stderr
+
+
+def test_source_of_what_buildroot_downloads_is_its_own_targets(tree: Tree) -> None:
+    recorded = "source:\n\techo $(O) >> $(BR2_DL_DIR)/asked\n"
+    (tree.buildroot / "Makefile").write_text(BUILDROOT + recorded)
+    done = tree.make_with_stand_in("source", "IMAGES=nuc980_gateway nuc980_uboot")
+    assert done.returncode == 0, done.stderr
+    asked = (tree.folder / "build/source/dl/asked").read_text().split()
+    assert [Path(folder).name for folder in asked] == ["nuc980_gateway", "nuc980_uboot"]
 
 
 @pytest.mark.parametrize("image", IMAGES)

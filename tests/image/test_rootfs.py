@@ -77,6 +77,7 @@ def test_users_are_those_of_the_buildroot_package(etc: Path) -> None:
         "rtu-snmp": ("61216", "61200", "/bin/false"),
         "rtu-gps": ("61215", "61200", "/bin/false"),
         "rtu-iec61850": ("61217", "61200", "/bin/false"),
+        "rtu-web": ("61218", "61200", "/bin/false"),
     }
     groups = (etc / "group").read_text()
     assert groups == GROUPS.format(members="rtu-gps,rtu-modbus") + "openrtu:x:61200:\n"
@@ -192,6 +193,7 @@ def test_unusable_table_is_said(tmp_path: Path, text: str) -> None:
         ('{"outstations_tls": {}}', True),
         ('{"port": [], "tls": {}}', True),
         ('{"snmp": {}}', True),
+        ('{"web": {}}', True),
         ('{"port": []}', False),
         ('["tls"]', False),
     ],

@@ -123,7 +123,10 @@ def lines(linesim_program: Path) -> Iterator[LineSim]:
     remove(directory)
 
 
-@pytest.fixture(scope="module", params=["GATEWAY_PDMA=0", "GATEWAY_PDMA=1"])
+# With DMA, the drivers run all of their code but the PIO that each other boot of tests/linux runs too.
+@pytest.fixture(
+    scope="module", params=[pytest.param("GATEWAY_PDMA=0", marks=pytest.mark.soak), "GATEWAY_PDMA=1"]
+)
 def linux(
     request: pytest.FixtureRequest,
     boot: Callable[..., Linux],

@@ -22,7 +22,15 @@ from nuc980.twin.nand import DATA, PAGE, NandImage
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = "usr/sbin/rtu-update"
 WAITS = {"HEALTHY_SECONDS=60": "HEALTHY_SECONDS=20"}
-HEALTHY_S = 60  # the script's own
+HEALTHY_S = 60  # the script's own, three times what it is here
+# A module that ends again and again, and a version before it whose module did not.
+FLAPPING = """\
+#!/bin/sh
+[ "$1" = start ] || exit 0
+mkdir -p /data/update
+echo "module rtu-iec104" >/data/update/before
+while [ ! -e /run/well ]; do sleep 7; kill -9 $(pidof rtu-iec104); done >/dev/null 2>&1 &
+"""
 # On a busy machine.
 CONFIRMED_SECONDS = 900.0
 # The board's time leaps over its waits: nobody sits through them.
@@ -60,11 +68,24 @@ def extra_files(folder: Path) -> dict[str, Path | str]:
         assert f"\n{long}\n" in text
         text = text.replace(long, short)
     script.write_text(text)
-    return {"etc/openrtu/gateway.json": json.dumps(chapter_5()), SCRIPT: script}
+    flapping = folder / "S16flapping"
+    flapping.write_text(FLAPPING)
+    flapping.chmod(0o755)
+    return {
+        "etc/openrtu/gateway.json": json.dumps(chapter_5()),
+        "etc/init.d/S16flapping": flapping,
+        SCRIPT: script,
+    }
 
 
 def held(nand: NandImage, area: Area) -> bytes:
     return nand.read(area.offset // DATA)[:DATA]
+
+
+def test_version_whose_module_ends_again_and_again_is_not(linux: Linux, nand: NandImage) -> None:
+    linux.run(f"sleep {HEALTHY_S}", seconds=CONFIRMED_SECONDS)
+    assert held(nand, TRIAL) == page(TRIAL_WORD, "b")
+    linux.run("touch /run/well")
 
 
 def test_healthy_version_is_confirmed(linux: Linux, nand: NandImage) -> None:

@@ -174,6 +174,14 @@ def test_a_board_after_install(board: Ssh) -> None:
     ]
 
 
+def test_environment_of_uboot_is_there_to_read(board: Ssh) -> None:
+    assert board.run("fw_printenv bootcmd bootdelay").splitlines() == [
+        "bootcmd=run rtu_trial; run rtu_base",
+        "bootdelay=0",
+    ]
+    assert board.run("command -v fw_setenv || true") == ""
+
+
 def damaged(content: bytes, at: int) -> bytes:
     return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
 

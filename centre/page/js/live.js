@@ -6,7 +6,7 @@ export const stations = new Map();
 export const points = new Map();
 export const alarms = new Map();
 export const commands = new Map();
-export const centre = { connected: false, collects: true, fault: "" };
+export const centre = { connected: false, collects: true, fault: "", vehicles: 0 };
 
 const AGAIN_MS = [500, 1000, 2000, 5000];
 const changed = new Set();
@@ -42,7 +42,7 @@ export function may(role) {
   return roles.indexOf(session.role) >= roles.indexOf(role);
 }
 
-// Calls back with what changed: {whole, points: [...], stations, alarms, commands}. Returns what ends it.
+// Calls back with what changed: {whole, points: [...], gone, stations, alarms, commands}. Returns what ends it.
 export function watch(callback) {
   changed.add(callback);
   return () => changed.delete(callback);
@@ -52,14 +52,17 @@ function tell(said) {
   for (const callback of changed) callback(said);
 }
 
-const NOTHING = { whole: false, stations: [], points: [], alarms: [], commands: [] };
+const NOTHING = { whole: false, stations: [], points: [], gone: [], alarms: [], commands: [] };
 
 function take(said) {
   offset = said.now - Date.now();
   Object.assign(centre, { connected: true, collects: said.collects, fault: said.fault });
   if (said.whole) [stations, points, alarms, commands].forEach((table) => table.clear());
   for (const station of said.stations) stations.set(station.id, station);
-  for (const point of said.points) points.set(point.id, point);
+  // A point that is known is told by what changes of it.
+  for (const point of said.points) points.set(point.id, { ...points.get(point.id), ...point });
+  for (const id of said.gone) points.delete(id);
+  if (said.vehicles !== undefined) centre.vehicles = said.vehicles;
   for (const command of said.commands) commands.set(command.id, command);
   for (const alarm of said.alarms) {
     if (alarm.gone && alarm.acknowledged) alarms.delete(alarm.id);

@@ -10,6 +10,8 @@ import { age, t, time } from "./words.js";
 
 maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
 
+const LIST_MOST = 200; // in the list beside the map; who looks for another one searches
+const LOOK_MS = 250; // after the map has moved
 const TRACK_MS = 5000; // a track is asked for again no more often
 const SIZE = 44; // of a symbol: two for each pixel
 const METRES_A_DEGREE = 111195;
@@ -112,7 +114,20 @@ function places() {
     const name = live.stations.get(point.station)?.name ?? point.name;
     found.push({ id: `p${point.id}`, name, ...quality(point), at: point.at, lngLat: [point.longitude, point.latitude], point });
   }
-  return found.sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
+  return found;
+}
+
+// By name. Names are compared only when there are others than the last time: that of 10 000 takes longest of all.
+function inOrder() {
+  const { compare } = new Intl.Collator(undefined, { numeric: true });
+  let rank = new Map();
+  return (all) => {
+    if (all.length !== rank.size || all.some((place) => !rank.has(place.id))) {
+      const sorted = [...all].sort((a, b) => compare(a.name, b.name));
+      rank = new Map(sorted.map((place, number) => [place.id, number]));
+    }
+    return [...all].sort((a, b) => rank.get(a.id) - rank.get(b.id));
+  };
 }
 
 function feature(place, now) {
@@ -127,11 +142,12 @@ export function showMap(main) {
   const about = h("section", { class: "about", hidden: true });
   const list = h("ul", { class: "list" });
   const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
+  const more = h("div", { class: "muted more" });
   const all = h("button", { class: "grow", onclick: () => showAll() }, t("whole_map"));
   const replay = new Replay(() => update());
   const again = h("button", { class: "grow", onclick: () => replay.open(Number(chosen.id.slice(1))) }, t("replay"));
   main.append(
-    h("div", { class: "side" }, h("div", { class: "top" }, search, h("div", { class: "row" }, all, again)), list),
+    h("div", { class: "side" }, h("div", { class: "top" }, search, h("div", { class: "row" }, all, again)), list, more),
     h("div", { class: "map" }, canvas, legend, about, replay.element));
 
   const map = new maplibre.Map({ container: canvas, style: style(), center: [15, 47], zoom: 3.2, attributionControl: false,
@@ -148,6 +164,7 @@ export function showMap(main) {
   const found = () => (replay.active ? replay.places() : places());
   let areas = [];
   let shown = false;
+  let fits = true; // the map shows all as soon as it is known where they are
   let ready = false;
 
   function dress() {
@@ -193,15 +210,30 @@ export function showMap(main) {
     if (difference.add.length || difference.remove.length || difference.update.length) marks.updateData(difference);
   }
 
+  // The centre tells what this part of the map has, the chosen one and what is searched; and where all of them are.
+  let looking = 0;
+  function look() {
+    clearTimeout(looking);
+    const bounds = map.getBounds();
+    live.look({ view: "map", chosen: chosen.id.startsWith("p") ? Number(chosen.id.slice(1)) : 0, search: search.value.slice(0, 64),
+      bounds: [bounds.getSouth(), bounds.getWest(), bounds.getNorth(), bounds.getEast()] });
+  }
+
+  function lookSoon() {
+    clearTimeout(looking);
+    looking = setTimeout(look, LOOK_MS);
+  }
+
   function showAll() {
-    const all = found();
-    if (!all.length) return;
-    const bounds = new maplibre.LngLatBounds();
-    all.forEach((place) => bounds.extend(place.lngLat));
+    fits = true;
     chosen.follow = false;
-    map.fitBounds(bounds, { padding: { top: 60, bottom: 90, left: 60, right: 70 }, maxZoom: 12, animate: shown });
+    look();
+  }
+
+  function fit([south, west, north, east]) {
+    fits = false;
+    map.fitBounds([[west, south], [east, north]], { padding: { top: 60, bottom: 90, left: 60, right: 70 }, maxZoom: 12, animate: shown });
     shown = true;
-    showChosen(all);
   }
 
   // ---- the chosen one ----
@@ -226,6 +258,7 @@ export function showMap(main) {
     const place = found().find((each) => each.id === id);
     if (place) map.easeTo({ center: place.lngLat, zoom: Math.max(map.getZoom(), 10), duration: 400 });
     about.dataset.of = "";
+    look();
     update();
   }
 
@@ -289,13 +322,16 @@ export function showMap(main) {
     setText(trackText, gaps < 0 ? t("track_empty") : gaps ? `${t("track_hour")}, ${t("gaps", { n: gaps })}` : t("track_hour"));
   }
 
-  function update() {
+  const ordered = inOrder();
+  function update(said) {
     const all = found();
-    if (!shown && all.length && ready) showAll();
+    if (said?.extent && fits) fit(said.extent);
     draw(all);
     const words = search.value.toLocaleLowerCase();
-    const fitting = all.filter((place) => place.name.toLocaleLowerCase().includes(words));
-    rows.show(fitting.map((place) => [place.id, place]));
+    const fitting = ordered(all).filter((place) => place.name.toLocaleLowerCase().includes(words));
+    rows.show(fitting.slice(0, LIST_MOST).map((place) => [place.id, place]));
+    const others = (replay.active ? all.length : Math.max(live.centre.vehicles, all.length)) - Math.min(fitting.length, LIST_MOST);
+    setText(more, others > 0 && !words ? t("more_search", { n: others }) : "");
     showChosen(all);
     track();
   }
@@ -305,16 +341,17 @@ export function showMap(main) {
   map.on("click", "marks", (event) => choose(event.features[0].properties.id));
   map.on("mouseenter", "marks", () => (map.getCanvas().style.cursor = "pointer"));
   map.on("mouseleave", "marks", () => (map.getCanvas().style.cursor = ""));
-  map.on("movestart", (event) => { if (event.originalEvent) shown = true; }); // the user's place is kept
+  map.on("movestart", (event) => { if (event.originalEvent) { shown = true; fits = false; } }); // the user's place is kept
+  map.on("moveend", lookSoon);
   map.on("dragstart", () => { if (chosen.follow) { chosen.follow = false; update(); } });
-  search.addEventListener("input", update);
+  search.addEventListener("input", () => { update(); lookSoon(); });
   let own = null; // the map of one's own
   let gone = false;
   const themed = () => { ready = false; map.setStyle(style(own), { diff: false }); map.once("style.load", dress); };
   addEventListener("theme", themed);
   const unwatch = live.watch(update);
   const tick = setInterval(update, 1000);
-  live.look({ view: "map" });
+  look();
   if (live.session.tiles) {
     readTiles(maplibre).then((said) => {
       if (gone) return;
@@ -329,6 +366,7 @@ export function showMap(main) {
   }).catch(() => {});
   return () => {
     unwatch();
+    clearTimeout(looking);
     gone = true;
     replay.close();
     clearInterval(tick);

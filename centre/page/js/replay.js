@@ -66,7 +66,7 @@ export class Replay {
     this.run(false);
     const [begin, end] = [this.from, this.to].map((input) => new Date(input.value).getTime());
     if (!(begin < end)) return setText(this.said, t("replay_order"));
-    const vehicles = [...live.points.values()].filter((point) => point.latitude !== undefined).length;
+    const { vehicles } = live.centre;
     if (vehicles > VEHICLES_MOST && !this.only) return setText(this.said, t("replay_many", { n: VEHICLES_MOST }));
     const step = Math.floor(Math.min((end - begin) / STEPS, live.session.gap_s * 500));
     const only = vehicles > VEHICLES_MOST ? `&point=${this.only}` : "";

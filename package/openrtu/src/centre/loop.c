@@ -16,10 +16,9 @@
 #include "centre/consumer.h"
 #include "map/time_ns.h"
 
-#define READY_MAX   128 /* stations a turn, so that no flood delays the consumer */
-#define DUE_MAX     128
-#define SOURCES     4
-#define WAIT_MAX_MS 3600000
+#define READY_MAX 128 /* stations a turn, so that no flood delays the consumer */
+#define DUE_MAX   128
+#define SOURCES   4
 
 enum source { SOURCE_SIGNAL, SOURCE_LISTENER, SOURCE_CONSUMER, SOURCE_STATIONS };
 
@@ -122,10 +121,10 @@ static int wait_ms(const struct centre *centre)
 	int64_t left_ns = due_ns - centre->now.monotonic_ns;
 
 	if (!stations_may_speak(centre) || due_ns == INT64_MAX)
-		return WAIT_MAX_MS;
+		return CENTRE_TURN_MAX_MS;
 	if (left_ns <= 0)
 		return 0;
-	return (int)earlier(left_ns / NS_PER_MS + 1, WAIT_MAX_MS);
+	return (int)earlier(left_ns / NS_PER_MS + 1, CENTRE_TURN_MAX_MS);
 }
 
 static void serve(struct loop *loop, enum source source)
@@ -177,7 +176,7 @@ static bool open_loop(struct loop *loop)
 	       watch(loop, EPOLL_CTL_ADD, loop->centre->epoll, SOURCE_STATIONS, 0);
 }
 
-int centre_loop(struct centre *centre, int listener, const char *path)
+int centre_loop(struct centre *centre, int listener, const char *path, atomic_uint *turns)
 {
 	struct loop loop = {.centre = centre, .listener = listener};
 
@@ -186,7 +185,7 @@ int centre_loop(struct centre *centre, int listener, const char *path)
 		return 1;
 	}
 	fprintf(stderr, "rtu-centre: waits for a consumer on %s\n", path);
-	for (look_at_clock(centre); !loop.stop;)
+	for (look_at_clock(centre); !loop.stop; atomic_fetch_add_explicit(turns, 1, memory_order_relaxed))
 		turn(&loop);
 	centre_consumer_drop(centre, "rtu-centre ends");
 	close(loop.signals);

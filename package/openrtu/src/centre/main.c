@@ -162,7 +162,7 @@ static void close_all(const struct start *start, bool unlinks)
 }
 
 /* In its process, where the configuration becomes its own. */
-static int run_shard(void *context, uint32_t shard)
+static int run_shard(void *context, uint32_t shard, atomic_uint *turns)
 {
 	static struct channel_owner owner = {.controlling = true, .say = say};
 	static struct centre centre;
@@ -181,7 +181,7 @@ static int run_shard(void *context, uint32_t shard)
 	if (config->secure && !channel_start(&owner))
 		return 1;
 	if (centre_stations_init(&centre, config)) {
-		code = centre_loop(&centre, listener, start->paths[shard]);
+		code = centre_loop(&centre, listener, start->paths[shard], turns);
 	} else {
 		fprintf(stderr, "rtu-centre: no memory for %" PRIu32 " stations: %s\n", config->station_count,
 			strerror(errno));
@@ -194,6 +194,7 @@ static int run_shard(void *context, uint32_t shard)
 static int run(struct centre_config *config, const char *path)
 {
 	static struct start start;
+	atomic_uint turns = 0; /* that nobody watches: one process has no keeper */
 	int code = 1;
 
 	start.config = config;
@@ -207,7 +208,7 @@ static int run(struct centre_config *config, const char *path)
 	prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
 	if (listen_on_all(&start))
 		code = config->shards > 1 ? centre_shards_keep(config->shards, run_shard, &start)
-					  : run_shard(&start, 0);
+					  : run_shard(&start, 0, &turns);
 	close_all(&start, true);
 	return code;
 }

@@ -4,7 +4,8 @@
  * or each in its own. KINDS says by letters, again and again, what the stations are:
  *
  *	h  answers at once: reads (by a position of type 201), interrogations, clock synchronisation, commands
- *	f  the same, reads by a short float, for who does not know type 201
+ *	v  the same, and each drives on a road of its own
+ *	f  as h, reads by a short float, for who does not know type 201
  *	s  as h, each answer after DELAY_MS
  *	d  dead: nobody listens
  *	m  mute: takes the connection and says nothing
@@ -44,6 +45,10 @@
 #define OUTPUT_SIZE  1024
 #define LATITUDE     522190650
 #define LONGITUDE    210108517
+#define ROADS        100
+#define ROAD_APART   500000 /* 0.05 degree */
+#define ROAD_S       600
+#define ROAD_STEP    1000 /* of 1e-7 degree, in a second */
 #define BACKLOG      1024
 #define FILES_BESIDE 16 /* open files beside listeners and connections */
 
@@ -112,9 +117,17 @@ static void send_object(struct rtu *rtu, const struct iec104_asdu *header, uint3
 	send_asdu(rtu, builder.bytes, builder.size);
 }
 
+/* Roads lie beside one another; a vehicle goes north for ROAD_S at 11 m/s, and begins again. */
+static void drive(struct iec104_geoposition *position, uint32_t number)
+{
+	position->latitude += ((int32_t)(number % ROADS) - ROADS / 2) * ROAD_APART +
+			      (int32_t)((position->wall_ns / NS_PER_S + number) % ROAD_S) * ROAD_STEP;
+	position->longitude += ((int32_t)(number / ROADS % ROADS) - ROADS / 2) * ROAD_APART;
+}
+
 static void send_position(struct rtu *rtu, const struct iec104_asdu *request, uint32_t ioa)
 {
-	const struct iec104_geoposition position = {
+	struct iec104_geoposition position = {
 	    .latitude = LATITUDE, .longitude = LONGITUDE, .fix = 1, .satellites = 8, .wall_ns = wall_ns()};
 	const struct iec104_asdu header = {.type = IEC104_GEOPOSITION,
 					   .cause = IEC104_REQUEST,
@@ -122,6 +135,8 @@ static void send_position(struct rtu *rtu, const struct iec104_asdu *request, ui
 					   .ca = request->ca};
 	uint8_t element[IEC104_GEOPOSITION_SIZE];
 
+	if (rtu->kind == 'v')
+		drive(&position, first + (uint32_t)(rtu - rtus));
 	iec104_geoposition_encode(element, &position, &zone);
 	send_object(rtu, &header, ioa, element, sizeof(element));
 }

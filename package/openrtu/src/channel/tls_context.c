@@ -117,7 +117,8 @@ static bool use_crl(SSL_CTX *context, const char *path, char *error)
 static bool use_files(SSL_CTX *context, const struct iec104_tls *settings, char *error)
 {
 	return use_certificate(context, settings->certificate, error) &&
-	       use_key(context, settings->key, error) && use_ca(context, settings->ca, error) &&
+	       use_key(context, settings->key, error) &&
+	       (settings->ca[0] == '\0' || use_ca(context, settings->ca, error)) &&
 	       (settings->crl[0] == '\0' || use_crl(context, settings->crl, error));
 }
 
@@ -173,7 +174,8 @@ static bool use_rules(SSL_CTX *context, const struct iec104_tls *settings, bool 
 	SSL_CTX_clear_mode(context, SSL_MODE_AUTO_RETRY);
 	SSL_CTX_set_max_send_fragment(context, IEC104_OUTPUT_SIZE);
 	SSL_CTX_set_dh_auto(context, 1);
-	SSL_CTX_set_verify(context, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verify);
+	if (verify != NULL)
+		SSL_CTX_set_verify(context, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verify);
 	if (controlling)
 		use_client_sessions(context, settings->resumption_s);
 	else

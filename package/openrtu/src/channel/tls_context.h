@@ -12,7 +12,7 @@
 
 /*
  * Reads the files of the settings. controlling: of the side that connects. verify: OpenSSL's callback for each certificate that
- * the peer shows. NULL: a file is
+ * the peer shows; NULL: it need not show any, and there is no CA. NULL: a file is
  * missing, unfit, or a key that others may read; error, of TLS_ERROR_SIZE bytes, says which and why.
  */
 SSL_CTX *tls_context_create(const struct iec104_tls *settings, bool controlling, SSL_verify_cb verify,

@@ -10,6 +10,7 @@
 
 #include "config/index.h"
 #include "config/keys.h"
+#include "config/names.h"
 #include "map/config.h"
 
 #define CONFIG_FILE_SIZE_MAX (4u * 1024u * 1024u)
@@ -58,7 +59,20 @@ struct config_loader {
 	struct config_scanner scanners[CONFIG_SCANNERS_MAX];
 	uint32_t scanner_count;
 	struct config_index index; /* of the points */
+	/* What a point's key CONFIG_KEY_LN says is for one room to understand. NULL: it is not there. */
+	void (*take_ln)(struct config_loader *loader, const struct config_place *place, uint32_t point,
+			const char *text);
 };
+
+/* of: the place of the point in the file. */
+static inline void config_take_ln(struct config_loader *loader, const struct config_place *of, uint32_t point,
+				  const char *text)
+{
+	const struct config_place here = config_key_of(of, CONFIG_KEY_LN);
+
+	if (loader->take_ln != NULL)
+		loader->take_ln(loader, &here, point, text);
+}
 
 /* An array of zeros, of at least one element, so that NULL means no memory. */
 void *config_allocate(uint32_t count, size_t size);

@@ -8,6 +8,14 @@
 
 #define CONFIG_KEY_NAME "name" /* of whatever is a point */
 
+/* A point's name in IEC 61850, for the readers of points of all rooms. */
+#define CONFIG_KEY_LN  "ln"
+#define CONFIG_LN_SIZE 30
+#define CONFIG_LN_RULE                                                                                       \
+	{                                                                                                    \
+		CONFIG_KEY_LN, CONFIG_TEXT, .low = 1, .high = CONFIG_LN_SIZE - 1                             \
+	}
+
 /* Gives the point a name of its own; there is room for one each. */
 void config_keep_name(struct map_config *config, struct map_point *point, const char *name);
 /* Gives the point a unit: the 256th of a configuration is none. */

@@ -29,6 +29,7 @@ const struct config_rule foreign_point_rules[POINT_KEYS] = {
     [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = map_type_names},
     [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215},
     [POINT_UNIT] = {"unit", CONFIG_TEXT, .low = 1, .high = 15},
+    [POINT_LN] = CONFIG_LN_RULE,
     [POINT_DESCRIPTION] = {"description", CONFIG_TEXT, .low = 1, .high = 127},
     [POINT_INITIAL] = {"initial", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},

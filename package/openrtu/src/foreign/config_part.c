@@ -240,6 +240,8 @@ static void add_point(struct config_loader *loader, const struct config_place *p
 	config_set_commands(&commands, point);
 	point->counter_group = (uint8_t)values[POINT_COUNTER_GROUP].integer;
 	point->freeze_s = (uint32_t)values[POINT_FREEZE].integer;
+	if (values[POINT_LN].given)
+		config_take_ln(loader, place, loader->config->point_count - 1, values[POINT_LN].text);
 	if (values[POINT_UNIT].given)
 		config_keep_unit(loader->config, point, values[POINT_UNIT].text);
 	own->points[own->point_count++] = (struct foreign_point){

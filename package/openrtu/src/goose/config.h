@@ -6,6 +6,8 @@
 #include "goose/message.h"
 #include "map/config.h"
 
+#define GOOSE_KIND "goose"
+
 #define GOOSE_SETTINGS      MAP_SECTION_ID('G', 'O', 'O', 'S')
 #define GOOSE_PUBLICATIONS  MAP_SECTION_ID('G', 'O', 'P', 'U')
 #define GOOSE_SUBSCRIPTIONS MAP_SECTION_ID('G', 'O', 'S', 'U')

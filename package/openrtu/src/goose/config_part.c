@@ -65,13 +65,14 @@ static const struct config_rule subscribed_rules[SUBSCRIBED_KEYS] = {
     [DATA] = {"data", CONFIG_ARRAY, .required = true, .high = GOOSE_ITEMS_MAX},
 };
 
-enum { POINT_NAME, POINT_TYPE, POINT_IOA, POINT_DEADBAND, POINT_GROUP, POINT_KEYS };
+enum { POINT_NAME, POINT_TYPE, POINT_IOA, POINT_DEADBAND, POINT_GROUP, POINT_LN, POINT_KEYS };
 static const struct config_rule point_rules[POINT_KEYS] = {
     [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
     [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = map_type_names},
     [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215},
     [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
+    [POINT_LN] = CONFIG_LN_RULE,
 };
 
 struct own {
@@ -138,6 +139,8 @@ static void add_point(struct config_loader *loader, const struct config_place *p
 	config_check_name(&loader->report, &name, values[POINT_NAME].text);
 	point->deadband = (float)values[POINT_DEADBAND].number;
 	point->group = (uint8_t)values[POINT_GROUP].integer;
+	if (values[POINT_LN].given)
+		config_take_ln(loader, place, loader->config->point_count - 1, values[POINT_LN].text);
 }
 
 /* An element of "data": a point, or a word for what it is to the point before. */

@@ -87,6 +87,7 @@ static void read_group(struct config_loader *loader, const struct config_place *
 	struct config_value values[GROUP_KEYS];
 
 	config_read_keys(&loader->report, place, json, group_rules, GROUP_KEYS, values);
+	queue->slot = index;
 	queue->limit = read_queue(loader, place, &values[GROUP_QUEUE]);
 	if (values[GROUP_NAME].given) {
 		snprintf(queue->name, sizeof(queue->name), "%s", values[GROUP_NAME].text);

@@ -100,8 +100,8 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 	*out = map->queues[slot];
 	out->limit = map_queue_limit(settings, slot);
 	out->waiting = map_events_behind(map, &map->places[slot].cursor);
-	if (slot < settings->queue_count)
-		snprintf(out->name, sizeof(out->name), "%s", settings->queues[slot].name);
+	if (map_queue_plan(settings, slot) != NULL)
+		snprintf(out->name, sizeof(out->name), "%s", map_queue_plan(settings, slot)->name);
 }
 
 void map_queue_place(const struct map *map, unsigned slot, struct map_queue_place *out)
@@ -120,6 +120,12 @@ void map_queue_assign(struct map *map, unsigned slot, const char *address,
 	map->queues[slot] = (struct map_queue){.lost = 0};
 	snprintf(map->queues[slot].name, sizeof(map->queues[slot].name), "%s", address);
 	map->places[slot] = *place;
+}
+
+/* Its groups are what the configuration says. */
+void map_queue_adopt(struct map *map, unsigned slot)
+{
+	(void)map, (void)slot;
 }
 
 void map_queue_free(struct map *map, unsigned slot)

@@ -10,12 +10,12 @@
 /* Of a redundancy group its queue; the last one is for the queues of all addresses without a group. */
 static bool is_losing(struct iec104_station *station, uint32_t group)
 {
-	uint32_t groups = station->config->settings.queue_count;
+	const struct map_settings *settings = &station->config->settings;
 	bool any = false;
 
-	if (group < groups)
-		return iec104_queue_recovers(station, group);
-	for (uint32_t queue = groups; queue < MAP_QUEUES; queue++)
+	if (group < settings->queue_count)
+		return iec104_queue_recovers(station, settings->queues[group].slot);
+	for (uint32_t queue = MAP_NAMED_QUEUES_MAX; queue < MAP_QUEUES; queue++)
 		any |= (station->queues & 1u << queue) != 0 && iec104_queue_recovers(station, queue);
 	return any;
 }
@@ -24,7 +24,7 @@ static uint32_t lost_of_group(const struct iec104_station *station, uint32_t gro
 {
 	struct map_queue queue;
 
-	map_queue(station->map, group, &queue);
+	map_queue(station->map, station->config->settings.queues[group].slot, &queue);
 	return queue.lost;
 }
 

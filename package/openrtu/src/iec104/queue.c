@@ -194,7 +194,7 @@ static uint32_t former_queue(struct iec104_station *station, const struct iec104
 	uint32_t found = MAP_NONE, last_used = 0;
 	struct map_queue queue;
 
-	for (uint32_t slot = station->config->settings.queue_count; slot < MAP_QUEUES; slot++) {
+	for (uint32_t slot = MAP_NAMED_QUEUES_MAX; slot < MAP_QUEUES; slot++) {
 		map_queue(station->map, slot, &queue);
 		if (strcmp(queue.name, connection->address) != 0 || holder_of(station, slot) != NULL)
 			continue;
@@ -214,7 +214,7 @@ static uint32_t unused_queue(struct iec104_station *station)
 	uint32_t found = MAP_QUEUES - 1, first_used = UINT32_MAX;
 	struct map_queue queue;
 
-	for (uint32_t slot = station->config->settings.queue_count; slot < MAP_QUEUES; slot++) {
+	for (uint32_t slot = MAP_NAMED_QUEUES_MAX; slot < MAP_QUEUES; slot++) {
 		map_queue(station->map, slot, &queue);
 		if (queue.used < first_used && holder_of(station, slot) == NULL) {
 			found = slot;
@@ -320,12 +320,23 @@ void iec104_release_queue(struct iec104_station *station, struct iec104_connecti
 	}
 }
 
+void iec104_adopt_groups(struct iec104_station *station)
+{
+	for (uint32_t slot = 0; slot < MAP_NAMED_QUEUES_MAX; slot++) {
+		const bool is_there = map_queue_plan(&station->config->settings, slot) != NULL;
+
+		map_queue_adopt(station->map, slot);
+		station->queues = (station->queues & ~(1u << slot)) | (uint32_t)is_there << slot;
+	}
+}
+
 void iec104_find_queues(struct iec104_station *station)
 {
 	_Static_assert(MAP_QUEUES <= 32, "station->queues has a bit for each");
 	struct map_queue queue;
 
 	station->queues = 0;
+	iec104_adopt_groups(station);
 	for (uint32_t slot = 0; slot < MAP_QUEUES; slot++) {
 		map_queue_set_unacknowledged(station->map, slot, 0);
 		map_queue(station->map, slot, &queue);

@@ -18,7 +18,9 @@ struct iec104_times iec104_times_of(const struct iec104_settings *settings)
 
 uint32_t iec104_group_of(const struct iec104_station *station, uint32_t party)
 {
-	return party < station->config->settings.queue_count ? party : MAP_NONE;
+	const struct map_settings *settings = &station->config->settings;
+
+	return party < settings->queue_count ? settings->queues[party].slot : MAP_NONE;
 }
 
 void iec104_station_init(struct iec104_station *station, struct map *map, int64_t *sent_ns,

@@ -112,7 +112,7 @@ struct iec104_connection {
 	uint32_t next_initialised; /* of this device next */
 
 	uint32_t party;           /* as in struct iec104_peer */
-	uint32_t group;           /* its redundancy group; MAP_NONE: none */
+	uint32_t group;           /* the queue of its redundancy group; MAP_NONE: none */
 	uint32_t queue;           /* the event queue it has, or had last; MAP_NONE: none */
 	bool holds_queue;         /* and is sent its events now */
 	struct map_cursor cursor; /* the events to be sent */
@@ -240,7 +240,7 @@ void iec104_station_refuse(struct iec104_station *station, const char *name, int
 /* The connection is gone; logs why. Commands under way end at their devices, unanswered here; selections end. */
 void iec104_station_disconnect(struct iec104_station *station, struct iec104_connection *connection);
 
-/* The redundancy group of a party (struct iec104_peer); MAP_NONE: none. */
+/* The queue of the redundancy group of a party (struct iec104_peer); MAP_NONE: it has none. */
 uint32_t iec104_group_of(const struct iec104_station *station, uint32_t party);
 
 /* The map has another configuration (map_renew), whose k and number of connections are the same. */

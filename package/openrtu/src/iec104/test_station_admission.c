@@ -25,6 +25,8 @@ static int set_up(void **state)
 {
 	(void)state;
 	fake_begin();
+	for (unsigned i = 0; i < MAP_NAMED_QUEUES_MAX; i++)
+		fake.config.settings.queues[i].slot = i;
 	fake.settings.max_connections = PLACES;
 	fake.settings.connections_per_address = PLACES;
 	iec104_station_init(&station, &fake, sent_ns, places);

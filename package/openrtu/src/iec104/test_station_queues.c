@@ -348,7 +348,7 @@ static void test_groups_are_apart(void **state)
 {
 	(void)state;
 	fake.config.settings.queue_count = 2;
-	fake.config.settings.queues[1] = (struct map_queue_plan){.name = "reserve", .limit = 1000};
+	fake.config.settings.queues[1] = (struct map_queue_plan){.name = "reserve", .limit = 1000, .slot = 1};
 	iec104_station_init(&station, &fake, sent_ns, places);
 	connect_from(0, "10.0.0.1", 0);
 	connect_from(1, "10.0.0.2", 1);
@@ -453,7 +453,7 @@ static void test_queue_unused_longest_is_given_up(void **state)
 	(void)state;
 	send_event(0, 1);
 	iec104_station_disconnect(&station, masters[0].connection);
-	for (unsigned i = 1; i < MAP_QUEUES; i++) {
+	for (unsigned i = 1; i < MAP_QUEUES - MAP_NAMED_QUEUES_MAX; i++) {
 		snprintf(address, sizeof(address), "10.1.0.%u", i);
 		connect_from(0, address, MAP_NONE);
 		start(0);

@@ -5,8 +5,9 @@
 
 #include "map/config.h"
 
-#define IEC61850_KIND     "iec61850"
-#define IEC61850_SETTINGS MAP_SECTION_ID('6', '8', '5', '0')
+#define IEC61850_KIND        "iec61850"
+#define IEC61850_SETTINGS    MAP_SECTION_ID('6', '8', '5', '0')
+#define IEC61850_ASSIGNMENTS MAP_SECTION_ID('6', '8', 'L', 'N')
 
 #define IEC61850_ASSOCIATIONS_MAX 16
 #define IEC61850_CLIENTS_MAX      16
@@ -28,6 +29,22 @@ struct iec61850_settings {
 	uint16_t port;
 	bool normal_security; /* of commands: without a CommandTermination */
 };
+
+#define IEC61850_LN_SIZE 17 /* a prefix and an instance of 12 characters together, the class between them */
+
+/* Which data object a point is, if not one of GGIO1. In the order of the points. */
+struct iec61850_assignment {
+	uint32_t point;
+	char ln[IEC61850_LN_SIZE]; /* Q1XCBR2 */
+	uint8_t class;             /* of iec61850_ln_classes */
+	uint8_t data;              /* of the class's */
+	uint16_t number;           /* behind its name; 0: there is none */
+};
+
+static inline struct iec61850_assignment *iec61850_assignments(const struct map_config *config)
+{
+	return map_records(config, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment));
+}
 
 /* NULL: IEC 61850 is not configured. */
 static inline struct iec61850_settings *iec61850_settings(const struct map_config *config)

@@ -99,29 +99,49 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	settings->normal_security = keys[SECURITY].integer == 1;
 }
 
-/* A name of a data object ends with the point's address, and is too short for the longest of them. */
+static bool begin(struct config_loader *loader, void *own, const json_t *root)
+{
+	void *assignments = config_allocate(1, sizeof(struct iec61850_assignment));
+
+	(void)own, (void)root;
+	map_add_section(loader->config, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment), 0,
+			assignments);
+	loader->take_ln = iec61850_take_ln;
+	return assignments != NULL;
+}
+
+/* A name of a data object of GGIO1 ends with the point's address, and is too short for the longest of them. */
 static bool check_points(struct config_loader *loader, void *own)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place place = config_key_of(&file, file_rule.name);
 	const struct map_config *config = loader->config;
+	const struct iec61850_assignment *assigned = iec61850_assignments(config);
+	uint32_t left = map_record_count(config, IEC61850_ASSIGNMENTS);
 
 	(void)own;
+	if (!iec61850_check_lns(loader, &place))
+		return false;
 	if (iec61850_settings(config) == NULL)
 		return true;
 	for (uint32_t i = 0; i < config->point_count; i++) {
 		char name[MAP_NAME_SIZE];
 
+		if (left > 0 && assigned->point == i) {
+			assigned++;
+			left--;
+			continue;
+		}
 		if (config->points[i].ioa <= IEC61850_IOA_MAX)
 			continue;
 		map_point_name(config, &config->points[i], name);
-		config_error(
-		    &loader->report, &place,
-		    "\"%s\" has the IOA %u, which is no number of a data object; give it one of %u at most",
-		    name, (unsigned)config->points[i].ioa, IEC61850_IOA_MAX);
+		config_error(&loader->report, &place,
+			     "\"%s\" has the IOA %u, which is no number of a data object; give it one of %u "
+			     "at most, or \"ln\"",
+			     name, (unsigned)config->points[i].ioa, IEC61850_IOA_MAX);
 	}
 	return true;
 }
 
 const struct config_part iec61850_part = {
-    .keys = &file_rule, .key_count = 1, .read = read_part, .link = check_points};
+    .keys = &file_rule, .key_count = 1, .begin = begin, .read = read_part, .link = check_points};

@@ -7,4 +7,12 @@
 /* "iec61850": an object; without it there is no server. */
 extern const struct config_part iec61850_part;
 
+/* ---- config_ln.c ------------------------------------------------------------------------- */
+
+/* Keeps what a point's "ln" says, or reports what is wrong with it. */
+void iec61850_take_ln(struct config_loader *loader, const struct config_place *place, uint32_t point,
+		      const char *text);
+/* Reports what is wrong with all of them together. False: no memory. */
+bool iec61850_check_lns(struct config_loader *loader, const struct config_place *place);
+
 #endif

@@ -127,8 +127,7 @@ static void post(struct iec61850_server *server, struct iec61850_control *contro
 	control->phase = (uint8_t)phase;
 	control->request.action = (uint8_t)action;
 	control->request.time_ns = server->now_ns;
-	control->request.deadline_ns =
-	    server->now_ns + server->model.config->settings.command_timeout_s * NS_PER_S;
+	control->request.deadline_ns = server->now_ns + map_command_timeout_s(server->map) * NS_PER_S;
 	control->request.id = map_request_post(server->map, control->request);
 	if (control->request.id == 0)
 		refuse(server, control, BLOCKED_BY_HEALTH);

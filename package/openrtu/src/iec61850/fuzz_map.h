@@ -19,6 +19,10 @@ static struct iec61850_settings fuzz_settings = {.ied = "RTU",
 						 .associations = 1,
 						 .controller_count = 1,
 						 .report_buffer = IEC61850_BUFFER_MIN};
+/* The second device's double, step and float points; fuzz_server knows the classes. */
+static struct iec61850_assignment fuzz_assignments[] = {{.point = MAP_TYPES + MAP_DOUBLE, .ln = "Q1XCBR1"},
+							{.point = MAP_TYPES + MAP_STEP, .ln = "YLTC1"},
+							{.point = MAP_TYPES + MAP_FLOAT, .ln = "MMXU1"}};
 static struct map_config fuzz_config = {.sets = fuzz_sets,
 					.points = fuzz_points,
 					.set_count = 2,
@@ -26,8 +30,12 @@ static struct map_config fuzz_config = {.sets = fuzz_sets,
 					.sections = {{.id = IEC61850_SETTINGS,
 						      .record_size = sizeof(fuzz_settings),
 						      .count = 1,
-						      .records = &fuzz_settings}},
-					.section_count = 1};
+						      .records = &fuzz_settings},
+						     {.id = IEC61850_ASSIGNMENTS,
+						      .record_size = sizeof(fuzz_assignments[0]),
+						      .count = 3,
+						      .records = fuzz_assignments}},
+					.section_count = 2};
 
 const struct map_config *map_config(const struct map *map)
 {
@@ -95,12 +103,20 @@ static void fuzz_changes(struct iec61850_server *server)
 {
 	struct map_cursor cursor = {0};
 
-	if (server->model.buffer.kept != NULL)
-		server->model.buffer.kept->start = 0;
+	if (server->model.buffer.history.head != NULL)
+		server->model.buffer.history.head->start = server->model.buffer.history.head->former = 0;
 	iec61850_report_begin(server, server->stats, &cursor, 1);
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
 		iec61850_buffer_add(&server->model.buffer, i, IEC61850_DATA_CHANGE,
 				    &(struct map_sample){.value.i = -7, .time_ns = NS_PER_S});
+}
+
+static void fuzz_assign(struct iec61850_assignment *out, const char *class, const char *data)
+{
+	while (strcmp(iec61850_ln_classes[out->class].name, class) != 0)
+		out->class ++;
+	while (strcmp(iec61850_ln_classes[out->class].data[out->data].name, data) != 0)
+		out->data++;
 }
 
 /* A server with these points, begun once. */
@@ -120,6 +136,9 @@ static struct iec61850_server *fuzz_server(void)
 		    .type = (uint8_t)(i % MAP_TYPES),
 		    .flags = i % 2 ? MAP_POINT_COMMAND | (i % 4 == 3 ? MAP_POINT_SELECT : 0u) : 0u,
 		    .ioa = 1 + i * 1000};
+	fuzz_assign(&fuzz_assignments[0], "XCBR", "Pos");
+	fuzz_assign(&fuzz_assignments[1], "YLTC", "TapPos");
+	fuzz_assign(&fuzz_assignments[2], "MMXU", "TotW");
 	CHECK(iec61850_model_begin(&server.model, NULL));
 	server.stats = (void *)section;
 	server.names = names;

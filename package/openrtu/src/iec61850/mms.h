@@ -68,8 +68,8 @@ struct iec61850_server {
 	const void *client;
 	uint32_t session; /* of it, as selections are told apart */
 	bool may_control;
-	bool catching_up;                   /* with the events of a former process */
-	const struct iec61850_entry *entry; /* that is being told; NULL: none */
+	bool catching_up;                      /* with the events of a former process */
+	const struct map_history_entry *entry; /* that is being told; NULL: none */
 	int64_t invoke_id;
 	int64_t now_ns;
 };

@@ -8,71 +8,11 @@
 #include "map/type.h"
 
 #define COUNT(array) ((unsigned)(sizeof(array) / sizeof((array)[0])))
-
-/* ---- common data classes (IEC 61850-7-3) ------------------------------------------------- */
-
-static const struct iec61850_node analogue[] = {{"f", IEC61850_FLOAT, NULL, 0}};
-
-#define STATUS(name, leaf)                                                                                   \
-	static const struct iec61850_node name[] = {                                                         \
-	    {"stVal", leaf, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}}
-#define MEASURED(name, value)                                                                                \
-	static const struct iec61850_node name[] = {{value, IEC61850_STRUCTURE, analogue, COUNT(analogue)},  \
-						    {"q", IEC61850_QUALITY, NULL, 0},                        \
-						    {"t", IEC61850_TIME, NULL, 0}}
-
-STATUS(sps, IEC61850_BOOLEAN);
-STATUS(dps, IEC61850_DOUBLE);
-STATUS(ins, IEC61850_INTEGER);
-STATUS(ens, IEC61850_ENUM);
-MEASURED(mv, "mag");
-MEASURED(apc, "mxVal");
-static const struct iec61850_node bcr[] = {
-    {"actVal", IEC61850_TOTAL, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
-static const struct iec61850_node described[] = {{"d", IEC61850_DESCRIPTION, NULL, 0}};
-static const struct iec61850_node controlled[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}};
-
-/* The services of a command (8-1, 20.5 and annex E): which there are, the model says. */
-static const struct iec61850_node origin[] = {{"orCat", IEC61850_ENUM, NULL, 0},
-					      {"orIdent", IEC61850_OR_IDENT, NULL, 0}};
-#define SERVICE(name, leaf, children)                                                                        \
+#define NODES(nodes)                                                                                         \
 	{                                                                                                    \
-		name, leaf, children, COUNT(children)                                                        \
+		nodes, COUNT(nodes)                                                                          \
 	}
-#define CANCELLING(...)                                                                                      \
-	{__VA_ARGS__}, {"origin", IEC61850_STRUCTURE, origin, COUNT(origin)},                                \
-	    {"ctlNum", IEC61850_CTL_NUM, NULL, 0}, {"T", IEC61850_TIME, NULL, 0},                            \
-	{                                                                                                    \
-		"Test", IEC61850_BOOLEAN, NULL, 0                                                            \
-	}
-#define OPERATING(...)                                                                                       \
-	CANCELLING(__VA_ARGS__),                                                                             \
-	{                                                                                                    \
-		"Check", IEC61850_CHECK, NULL, 0                                                             \
-	}
-#define CONTROLS(value, ...)                                                                                 \
-	static const struct iec61850_node value##_operate[] = {OPERATING(__VA_ARGS__)};                      \
-	static const struct iec61850_node value##_cancel[] = {CANCELLING(__VA_ARGS__)};                      \
-	static const struct iec61850_node value##_direct[] = {                                               \
-	    SERVICE("Oper", IEC61850_OPER, value##_operate)};                                                \
-	static const struct iec61850_node value##_sbo[] = {                                                  \
-	    {"SBO", IEC61850_SBO, NULL, 0},                                                                  \
-	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
-	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)};                                             \
-	static const struct iec61850_node value##_sbow[] = {                                                 \
-	    SERVICE("SBOw", IEC61850_SBOW, value##_operate),                                                 \
-	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
-	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)}
 
-CONTROLS(binary, "ctlVal", IEC61850_BOOLEAN, NULL, 0);
-CONTROLS(integer, "ctlVal", IEC61850_INTEGER, NULL, 0);
-CONTROLS(set_point, "ctlVal", IEC61850_STRUCTURE, analogue, COUNT(analogue));
-static const struct iec61850_node pulses[] = {{"pulsQty", IEC61850_UNIT, NULL, 0}};
-static const struct iec61850_node plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0},
-					     {"swRev", IEC61850_REVISION, NULL, 0},
-					     {"d", IEC61850_DESCRIPTION, NULL, 0},
-					     {"configRev", IEC61850_CONFIGURATION, NULL, 0}};
-static const struct iec61850_node name_space[] = {{"ldNs", IEC61850_NAME_SPACE, NULL, 0}};
 static const struct iec61850_node report_block[] = {{"RptID", IEC61850_RPT_ID, NULL, 0},
 						    {"RptEna", IEC61850_RPT_ENA, NULL, 0},
 						    {"Resv", IEC61850_RESV, NULL, 0},
@@ -97,126 +37,127 @@ static const struct iec61850_node buffered_block[] = {{"RptID", IEC61850_RPT_ID,
 						      {"PurgeBuf", IEC61850_PURGE_BUF, NULL, 0},
 						      {"EntryID", IEC61850_ENTRY_ID, NULL, 0},
 						      {"TimeofEntry", IEC61850_TIME_OF_ENTRY, NULL, 0}};
-static const struct iec61850_node physical_plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0}};
-
-enum cdc { SPS, INS, ENS, ENC, MV, BCR, SPC, DPC, INC, APC, LPL, DPL, CDCS };
-
-#define NODES(nodes)                                                                                         \
-	{                                                                                                    \
-		nodes, COUNT(nodes)                                                                          \
-	}
-static const struct iec61850_nodes classes[CDCS][IEC61850_FCS] = {
-    [SPS] = {[IEC61850_ST] = NODES(sps), [IEC61850_DC] = NODES(described)},
-    [INS] = {[IEC61850_ST] = NODES(ins), [IEC61850_DC] = NODES(described)},
-    [ENS] = {[IEC61850_ST] = NODES(ens)},
-    [ENC] = {[IEC61850_ST] = NODES(ens), [IEC61850_CF] = NODES(controlled)},
-    [MV] = {[IEC61850_MX] = NODES(mv), [IEC61850_DC] = NODES(described)},
-    [BCR] = {[IEC61850_ST] = NODES(bcr), [IEC61850_CF] = NODES(pulses), [IEC61850_DC] = NODES(described)},
-    [SPC] = {[IEC61850_ST] = NODES(sps), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
-    [DPC] = {[IEC61850_ST] = NODES(dps), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
-    [INC] = {[IEC61850_ST] = NODES(ins), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
-    [APC] = {[IEC61850_MX] = NODES(apc), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
-    [LPL] = {[IEC61850_DC] = NODES(plate), [IEC61850_EX] = NODES(name_space)},
-    [DPL] = {[IEC61850_DC] = NODES(physical_plate)},
-};
-
-#define MODELS(value)                                                                                        \
-	{                                                                                                    \
-		[IEC61850_DIRECT_NORMAL] = NODES(value##_direct),                                            \
-		[IEC61850_SBO_NORMAL] = NODES(value##_sbo),                                                  \
-		[IEC61850_DIRECT_ENHANCED] = NODES(value##_direct),                                          \
-		[IEC61850_SBO_ENHANCED] = NODES(value##_sbow)                                                \
-	}
-static const struct iec61850_nodes services[CDCS][IEC61850_CTL_MODELS] = {
-    [SPC] = MODELS(binary), [DPC] = MODELS(binary), [INC] = MODELS(integer), [APC] = MODELS(set_point)};
-
-/* ---- logical nodes (IEC 61850-7-4) ------------------------------------------------------- */
-
-struct fixed {
-	const char *name;
-	enum cdc cdc;
-};
-
-static const struct fixed lln0[] = {{"Beh", ENS}, {"Health", ENS}, {"Mod", ENC}, {"NamPlt", LPL}};
-static const struct fixed lphd1[] = {{"PhyHealth", ENS}, {"PhyNam", DPL}, {"Proxy", SPS}};
-static const struct fixed ggio1[] = {{"Beh", ENS}};
 
 static const struct {
 	const char *name;
-	const struct fixed *fixed; /* what it has beside points */
-	unsigned count;
-} nodes[IEC61850_LNS] = {[IEC61850_LLN0] = {"LLN0", lln0, COUNT(lln0)},
-			 [IEC61850_LPHD1] = {"LPHD1", lphd1, COUNT(lphd1)},
-			 [IEC61850_GGIO1] = {"GGIO1", ggio1, COUNT(ggio1)}};
+	enum iec61850_fc fc;
+} sets[IEC61850_SETS] = {
+    [IEC61850_STATUS] = {"LLN0$status", IEC61850_ST}, [IEC61850_MEASURED] = {"LLN0$measured", IEC61850_MX}};
 
 static const char *const block_names[IEC61850_BLOCKS] = {"urcbStatus01",   "urcbStatus02",  "urcbMeasured01",
 							 "urcbMeasured02", "brcbStatus01",  "brcbStatus02",
 							 "brcbMeasured01", "brcbMeasured02"};
 static const char *const fc_names[IEC61850_FCS] = {"BR", "CF", "CO", "DC", "EX", "MX", "RP", "ST"};
 
-const char *iec61850_ln_name(enum iec61850_ln ln)
-{
-	return nodes[ln].name;
-}
-
 const char *iec61850_fc_name(uint32_t fc)
 {
 	return fc_names[fc];
 }
 
+/* ---- data objects ------------------------------------------------------------------------ */
+
+/* What a data object is, and the number behind its name; 0: it has none. */
+struct what {
+	const char *name;
+	enum iec61850_cdc cdc;
+	enum iec61850_enumeration enumeration;
+	uint32_t number;
+};
+
 /* What GGIO has for a point. Without a command an xxC shows its status only. */
-static struct fixed kind_of(const struct map_point *point)
+static struct what default_of(const struct map_point *point)
 {
 	const bool command = (point->flags & MAP_POINT_COMMAND) != 0;
 
 	switch ((enum map_type)point->type) {
 	case MAP_SINGLE:
-		return command ? (struct fixed){"SPCSO", SPC} : (struct fixed){"Ind", SPS};
+		return command ? (struct what){"SPCSO", IEC61850_SPC, 0, point->ioa}
+			       : (struct what){"Ind", IEC61850_SPS, 0, point->ioa};
 	case MAP_DOUBLE:
-		return (struct fixed){"DPCSO", DPC};
+		return (struct what){"DPCSO", IEC61850_DPC, 0, point->ioa};
 	case MAP_STEP:
 	case MAP_BITSTRING:
 	case MAP_INTEGER:
-		return command ? (struct fixed){"ISCSO", INC} : (struct fixed){"IntIn", INS};
+		return command ? (struct what){"ISCSO", IEC61850_INC, 0, point->ioa}
+			       : (struct what){"IntIn", IEC61850_INS, 0, point->ioa};
 	case MAP_NORMALIZED:
 	case MAP_SCALED:
 	case MAP_FLOAT:
 	case MAP_ANGLE:
-		return command ? (struct fixed){"AnOut", APC} : (struct fixed){"AnIn", MV};
+		return command ? (struct what){"AnOut", IEC61850_APC, 0, point->ioa}
+			       : (struct what){"AnIn", IEC61850_MV, 0, point->ioa};
 	case MAP_COUNTER:
 		break;
 	}
-	return (struct fixed){"CntRs", BCR};
+	return (struct what){"CntVal", IEC61850_BCR, 0, point->ioa};
 }
 
-static const struct map_point *point_at(const struct iec61850_model *model,
-					const struct iec61850_device *device, uint32_t number)
+static struct what data_of(const struct iec61850_ln_class *class, unsigned number)
 {
-	return &model->config->points[model->points[device->first + number - nodes[IEC61850_GGIO1].count]];
+	const struct iec61850_data *data = &class->data[number];
+
+	return (struct what){data->name, (enum iec61850_cdc)data->cdc,
+			     (enum iec61850_enumeration)data->enumeration, 0};
 }
 
-static bool is_point(enum iec61850_ln ln, uint32_t number)
+static struct what what_of_point(const struct iec61850_model *model, uint32_t point)
 {
-	return ln == IEC61850_GGIO1 && number >= nodes[ln].count;
+	const struct iec61850_assignment *assigned = model->assigned[point];
+	struct what what;
+
+	if (assigned == NULL)
+		return default_of(&model->config->points[point]);
+	what = data_of(&iec61850_ln_classes[assigned->class], assigned->data);
+	what.number = assigned->number;
+	return what;
 }
 
-struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, enum iec61850_ln ln,
-					 uint32_t number)
+/* The class's data of the number-th bit of those that are there without a point. */
+static unsigned data_without(const struct iec61850_ln *ln, uint32_t number)
 {
-	return ln == IEC61850_LLN0 && number >= nodes[ln].count ? &device->blocks[number - nodes[ln].count]
-								: NULL;
+	unsigned bit = 0;
+
+	for (;; bit++)
+		if ((ln->without & 1u << bit) && number-- == 0)
+			return bit;
 }
 
-uint32_t iec61850_object_count(const struct iec61850_device *device, enum iec61850_ln ln)
+static const struct iec61850_ln *ln_of(const struct iec61850_object *object)
 {
-	switch (ln) {
-	case IEC61850_LLN0:
-		return nodes[ln].count + IEC61850_BLOCKS;
-	case IEC61850_GGIO1:
-		return nodes[ln].count + device->count;
-	default:
-		return nodes[ln].count;
-	}
+	return &object->device->lns[object->ln];
+}
+
+uint32_t iec61850_point_of(const struct iec61850_model *model, const struct iec61850_object *object)
+{
+	const struct iec61850_ln *ln = ln_of(object);
+
+	if (object->number < ln->fixed || object->number - ln->fixed >= ln->count)
+		return MAP_NONE;
+	return model->points[ln->first + object->number - ln->fixed];
+}
+
+/* Of no control block. */
+static struct what what_of(const struct iec61850_model *model, const struct iec61850_object *object)
+{
+	const uint32_t point = iec61850_point_of(model, object);
+	const struct iec61850_ln *ln = ln_of(object);
+
+	return point != MAP_NONE ? what_of_point(model, point)
+				 : data_of(ln->class, data_without(ln, object->number));
+}
+
+struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, uint32_t ln, uint32_t number)
+{
+	const uint32_t fixed = device->lns[ln].fixed;
+
+	return ln == IEC61850_LLN0 && number >= fixed && number - fixed < IEC61850_BLOCKS
+		   ? &device->blocks[number - fixed]
+		   : NULL;
+}
+
+uint32_t iec61850_object_count(const struct iec61850_device *device, uint32_t ln)
+{
+	return device->lns[ln].fixed + device->lns[ln].count + (ln == IEC61850_LLN0 ? IEC61850_BLOCKS : 0);
 }
 
 static bool is_buffered(const struct iec61850_device *device, const struct iec61850_block *block)
@@ -229,19 +170,14 @@ enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, u
 	const struct iec61850_settings *settings = model->settings;
 	const uint8_t flags = model->config->points[point].flags;
 
-	if (settings->controller_count == 0 || !(flags & MAP_POINT_COMMAND))
+	const enum iec61850_cdc cdc = what_of_point(model, point).cdc;
+
+	if (settings->controller_count == 0 || !(flags & MAP_POINT_COMMAND) ||
+	    iec61850_cdc_services(cdc, IEC61850_DIRECT_NORMAL).count == 0)
 		return IEC61850_STATUS_ONLY;
 	if (flags & MAP_POINT_SELECT)
 		return settings->normal_security ? IEC61850_SBO_NORMAL : IEC61850_SBO_ENHANCED;
 	return settings->normal_security ? IEC61850_DIRECT_NORMAL : IEC61850_DIRECT_ENHANCED;
-}
-
-static struct iec61850_nodes nodes_of_point(const struct iec61850_model *model, uint32_t number,
-					    enum iec61850_fc fc)
-{
-	const enum cdc cdc = kind_of(&model->config->points[number]).cdc;
-
-	return fc == IEC61850_CO ? services[cdc][iec61850_ctl_model(model, number)] : classes[cdc][fc];
 }
 
 static struct iec61850_nodes nodes_of_block(const struct iec61850_model *model,
@@ -259,20 +195,26 @@ static struct iec61850_nodes nodes_of_block(const struct iec61850_model *model,
 }
 
 struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
-					const struct iec61850_device *device, enum iec61850_ln ln,
-					uint32_t number, enum iec61850_fc fc)
+					const struct iec61850_device *device, uint32_t ln, uint32_t number,
+					enum iec61850_fc fc)
 {
 	const struct iec61850_block *block = iec61850_block_of(device, ln, number);
+	const struct iec61850_object object = {.device = device, .ln = ln, .number = number};
+	uint32_t point;
+	enum iec61850_cdc cdc;
 
 	if (block != NULL)
 		return nodes_of_block(model, device, block, fc);
-	if (is_point(ln, number))
-		return nodes_of_point(model, model->points[device->first + number - nodes[ln].count], fc);
-	return classes[nodes[ln].fixed[number].cdc][fc];
+	cdc = what_of(model, &object).cdc;
+	if (fc != IEC61850_CO)
+		return iec61850_cdc_nodes(cdc, fc);
+	point = iec61850_point_of(model, &object);
+	return point == MAP_NONE ? (struct iec61850_nodes){0}
+				 : iec61850_cdc_services(cdc, iec61850_ctl_model(model, point));
 }
 
-bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,
-		  enum iec61850_ln ln, enum iec61850_fc fc)
+bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device, uint32_t ln,
+		  enum iec61850_fc fc)
 {
 	const uint32_t count = iec61850_object_count(device, ln);
 
@@ -282,14 +224,40 @@ bool iec61850_has(const struct iec61850_model *model, const struct iec61850_devi
 	return false;
 }
 
-uint32_t iec61850_point_of(const struct iec61850_model *model, const struct iec61850_object *object)
+struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
+					const struct iec61850_object *object)
 {
-	if (!is_point(object->ln, object->number))
-		return MAP_NONE;
-	return model->points[object->device->first + object->number - nodes[object->ln].count];
+	const uint32_t point = iec61850_point_of(model, object);
+	const struct what what = what_of(model, object);
+	const struct iec61850_nodes settings = iec61850_cdc_nodes(what.cdc, IEC61850_CF);
+
+	return (struct iec61850_class){
+	    .name = iec61850_cdc_names[what.cdc],
+	    .enumeration = what.enumeration,
+	    .controllable = settings.count > 0 && settings.nodes->leaf == IEC61850_CTL_MODEL,
+	    .control = point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point)};
+}
+
+struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point)
+{
+	const struct iec61850_place *place = &model->places[point];
+
+	return (struct iec61850_object){.device = &model->devices[place->device],
+					.ln = place->ln,
+					.fc = sets[place->set].fc,
+					.number = place->number};
 }
 
 /* ---- names ------------------------------------------------------------------------------- */
+
+/* A data object's own name. */
+static void print_what(const struct what *what, char out[IEC61850_NAME_SIZE])
+{
+	if (what->number > 0)
+		snprintf(out, IEC61850_NAME_SIZE, "%s%u", what->name, (unsigned)what->number);
+	else
+		snprintf(out, IEC61850_NAME_SIZE, "%s", what->name);
+}
 
 void iec61850_device_name(const struct iec61850_model *model, const struct iec61850_device *device,
 			  char out[IEC61850_NAME_SIZE])
@@ -313,24 +281,42 @@ const struct iec61850_device *iec61850_find_device(const struct iec61850_model *
 void iec61850_object_name(const struct iec61850_model *model, const struct iec61850_object *object,
 			  char out[IEC61850_NAME_SIZE])
 {
-	const char *ln = nodes[object->ln].name;
+	const struct iec61850_ln *ln = ln_of(object);
+	char own[IEC61850_NAME_SIZE];
 
-	if (object->fc == IEC61850_WHOLE)
-		snprintf(out, IEC61850_NAME_SIZE, "%s", ln);
-	else if (object->number == IEC61850_WHOLE)
-		snprintf(out, IEC61850_NAME_SIZE, "%s$%s", ln, fc_names[object->fc]);
-	else if (iec61850_block_of(object->device, object->ln, object->number) != NULL)
-		snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%s", ln, fc_names[object->fc],
-			 block_names[object->number - nodes[object->ln].count]);
-	else if (!is_point(object->ln, object->number))
-		snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%s", ln, fc_names[object->fc],
-			 nodes[object->ln].fixed[object->number].name);
-	else {
-		const struct map_point *point = point_at(model, object->device, object->number);
-
-		snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%s%u", ln, fc_names[object->fc], kind_of(point).name,
-			 (unsigned)point->ioa);
+	if (object->fc == IEC61850_WHOLE) {
+		snprintf(out, IEC61850_NAME_SIZE, "%s", ln->name);
+		return;
 	}
+	if (object->number == IEC61850_WHOLE) {
+		snprintf(out, IEC61850_NAME_SIZE, "%s$%s", ln->name, fc_names[object->fc]);
+		return;
+	}
+	if (iec61850_block_of(object->device, object->ln, object->number) != NULL) {
+		snprintf(own, sizeof(own), "%s", block_names[object->number - ln->fixed]);
+	} else {
+		const struct what what = what_of(model, object);
+
+		print_what(&what, own);
+	}
+	snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%.30s", ln->name, fc_names[object->fc], own);
+}
+
+/* A name may have letters that a VisibleString has not. */
+void iec61850_description(const struct iec61850_model *model, const struct iec61850_object *object,
+			  char out[MAP_NAME_SIZE])
+{
+	const struct map_config *config = model->config;
+	const uint32_t point = iec61850_point_of(model, object);
+	const uint32_t first = model->points[object->device->first];
+
+	if (point != MAP_NONE)
+		map_point_name(config, &config->points[point], out);
+	else
+		snprintf(out, MAP_NAME_SIZE, "%s", config->sets[config->points[first].set].name);
+	for (char *c = out; *c != '\0'; c++)
+		if (*c < ' ' || *c > '~')
+			*c = '?';
 }
 
 /* A part of a name, between two $. */
@@ -364,52 +350,56 @@ static bool is(const struct part *part, const char *name)
 }
 
 /* The point of a data object's name: letters, then the IOA without leading zeros. */
-static bool find_point(const struct iec61850_model *model, const struct iec61850_device *device,
-		       const struct part *name, uint32_t *number)
+/* Of the points of GGIO1, which are in the order of their IOAs. */
+static bool find_by_ioa(const struct iec61850_model *model, const struct iec61850_ln *ln,
+			const struct part *name, uint32_t *number)
 {
-	uint32_t ioa = 0, low = 0, high = device->count;
+	uint32_t ioa = 0, low = 0, high = ln->count;
 	size_t letters = 0;
-	const struct map_point *point;
 
 	while (letters < name->size && (name->text[letters] < '0' || name->text[letters] > '9'))
 		letters++;
-	if (letters == name->size || name->text[letters] == '0' || name->size - letters > 7)
+	if (name->size - letters > 7)
 		return false;
-	for (size_t i = letters; i < name->size; i++) {
-		if (name->text[i] < '0' || name->text[i] > '9')
-			return false;
+	for (size_t i = letters; i < name->size; i++)
 		ioa = 10 * ioa + (uint32_t)(name->text[i] - '0');
-	}
 	while (low < high) {
 		const uint32_t middle = low + (high - low) / 2;
 
-		if (model->config->points[model->points[device->first + middle]].ioa < ioa)
+		if (model->config->points[model->points[ln->first + middle]].ioa < ioa)
 			low = middle + 1;
 		else
 			high = middle;
 	}
-	*number = nodes[IEC61850_GGIO1].count + low;
-	if (low == device->count)
-		return false;
-	point = point_at(model, device, *number);
-	return point->ioa == ioa && strlen(kind_of(point).name) == letters &&
-	       memcmp(kind_of(point).name, name->text, letters) == 0;
+	*number = ln->fixed + low;
+	return low < ln->count;
+}
+
+static bool is_named(const struct iec61850_model *model, const struct iec61850_object *object,
+		     const struct part *name)
+{
+	const struct what what = what_of(model, object);
+	char own[IEC61850_NAME_SIZE];
+
+	print_what(&what, own);
+	return is(name, own);
 }
 
 static bool find_object(const struct iec61850_model *model, const struct part *name,
 			struct iec61850_object *out)
 {
-	for (uint32_t i = 0; i < nodes[out->ln].count; i++)
-		if (is(name, nodes[out->ln].fixed[i].name)) {
-			out->number = i;
-			return true;
-		}
+	const struct iec61850_ln *ln = ln_of(out);
+	const uint32_t count = ln->fixed + ln->count;
+
 	for (uint32_t i = 0; out->ln == IEC61850_LLN0 && i < IEC61850_BLOCKS; i++)
 		if (is(name, block_names[i])) {
-			out->number = nodes[out->ln].count + i;
+			out->number = ln->fixed + i;
 			return true;
 		}
-	return out->ln == IEC61850_GGIO1 && find_point(model, out->device, name, &out->number);
+	for (out->number = 0; out->number < (ln->sorted ? ln->fixed : count); out->number++)
+		if (is_named(model, out, name))
+			return true;
+	return ln->sorted && find_by_ioa(model, ln, name, &out->number) && is_named(model, out, name);
 }
 
 static const struct iec61850_node *find_node(const struct iec61850_node *in, unsigned count,
@@ -423,11 +413,9 @@ static const struct iec61850_node *find_node(const struct iec61850_node *in, uns
 
 static bool find_ln(const struct part *name, struct iec61850_object *out)
 {
-	for (unsigned i = 0; i < IEC61850_LNS; i++)
-		if (is(name, nodes[i].name)) {
-			out->ln = (enum iec61850_ln)i;
+	for (out->ln = 0; out->ln < out->device->ln_count; out->ln++)
+		if (is(name, ln_of(out)->name))
 			return true;
-		}
 	return false;
 }
 
@@ -475,16 +463,15 @@ struct iec61850_object iec61850_block_object(const struct iec61850_device *devic
 	return (struct iec61850_object){.device = device,
 					.ln = IEC61850_LLN0,
 					.fc = block < IEC61850_UNBUFFERED ? IEC61850_RP : IEC61850_BR,
-					.number = nodes[IEC61850_LLN0].count + block};
+					.number = device->lns[IEC61850_LLN0].fixed + block};
 }
 
 /* ---- data sets --------------------------------------------------------------------------- */
 
-static const struct {
-	const char *name;
-	enum iec61850_fc fc;
-} sets[IEC61850_SETS] = {
-    [IEC61850_STATUS] = {"LLN0$status", IEC61850_ST}, [IEC61850_MEASURED] = {"LLN0$measured", IEC61850_MX}};
+uint32_t iec61850_conf_rev(const struct iec61850_device *device, const struct iec61850_block *block)
+{
+	return device->revisions[iec61850_set_of(device, block)];
+}
 
 const char *iec61850_set_name(enum iec61850_set set)
 {
@@ -504,31 +491,51 @@ enum iec61850_set iec61850_find_set(const struct iec61850_device *device, const 
 struct iec61850_object iec61850_before_first(const struct iec61850_device *device, enum iec61850_set set)
 {
 	return (struct iec61850_object){.device = device,
-					.ln = IEC61850_GGIO1,
+					.ln = IEC61850_LNS_FIXED,
 					.fc = sets[set].fc,
-					.number = nodes[IEC61850_GGIO1].count - 1};
+					.number = device->lns[IEC61850_LNS_FIXED].fixed - 1};
+}
+
+struct iec61850_object iec61850_behind_last(const struct iec61850_device *device, enum iec61850_set set)
+{
+	const uint32_t last = device->ln_count - 1;
+
+	return (struct iec61850_object){
+	    .device = device, .ln = last, .fc = sets[set].fc, .number = iec61850_object_count(device, last)};
+}
+
+/* Of a point's data object. */
+static bool is_member(const struct iec61850_model *model, const struct iec61850_object *object)
+{
+	return iec61850_nodes_of(model, object->device, object->ln, object->number,
+				 (enum iec61850_fc)object->fc)
+		   .count > 0;
 }
 
 bool iec61850_next_member(const struct iec61850_model *model, struct iec61850_object *object)
 {
-	const uint32_t count = iec61850_object_count(object->device, object->ln);
+	const struct iec61850_device *device = object->device;
 
-	while (++object->number < count)
-		if (iec61850_nodes_of(model, object->device, object->ln, object->number,
-				      (enum iec61850_fc)object->fc)
-			.count > 0)
-			return true;
-	return false;
+	for (;;) {
+		while (++object->number < iec61850_object_count(device, object->ln))
+			if (is_member(model, object))
+				return true;
+		if (object->ln + 1 == device->ln_count)
+			return false;
+		object->number = device->lns[++object->ln].fixed - 1;
+	}
 }
 
 bool iec61850_member_before(const struct iec61850_model *model, struct iec61850_object *object)
 {
-	while (object->number-- > nodes[object->ln].count)
-		if (iec61850_nodes_of(model, object->device, object->ln, object->number,
-				      (enum iec61850_fc)object->fc)
-			.count > 0)
-			return true;
-	return false;
+	for (;;) {
+		while (object->number-- > ln_of(object)->fixed)
+			if (is_member(model, object))
+				return true;
+		if (object->ln == IEC61850_LNS_FIXED)
+			return false;
+		object->number = iec61850_object_count(object->device, --object->ln);
+	}
 }
 
 /* ---- begin, end -------------------------------------------------------------------------- */
@@ -538,30 +545,109 @@ static uint16_t ca_of(const struct map_config *config, uint32_t point)
 	return config->sets[config->points[point].set].ca;
 }
 
+/* "" of GGIO1: before all others. */
+static const char *ln_name_of(const struct iec61850_model *model, uint32_t point)
+{
+	return model->assigned[point] == NULL ? "" : model->assigned[point]->ln;
+}
+
 static int by_address(const void *a, const void *b, void *context)
 {
-	const struct map_config *config = context;
+	const struct iec61850_model *model = context;
+	const struct map_config *config = model->config;
 	const uint32_t one = *(const uint32_t *)a, other = *(const uint32_t *)b;
 	const uint16_t ca = ca_of(config, one), other_ca = ca_of(config, other);
+	const int by_ln = strcmp(ln_name_of(model, one), ln_name_of(model, other));
 
 	if (ca != other_ca)
 		return ca < other_ca ? -1 : 1;
+	if (by_ln != 0)
+		return by_ln;
 	return config->points[one].ioa < config->points[other].ioa ? -1 : 1;
+}
+
+/* A logical node with all that its class has to have, until points take some of it. */
+static struct iec61850_ln *add_ln(struct iec61850_model *model, struct iec61850_device *device,
+				  unsigned class, const char *name)
+{
+	struct iec61850_ln *ln = &model->lns[model->ln_count++];
+
+	*ln = (struct iec61850_ln){.class = &iec61850_ln_classes[class]};
+	snprintf(ln->name, sizeof(ln->name), "%s", name);
+	for (unsigned i = 0; i < ln->class->count; i++)
+		if (ln->class->data[i].presence & IEC61850_MANDATORY) {
+			ln->without |= 1u << i;
+			ln->fixed++;
+		}
+	device->ln_count++;
+	return ln;
+}
+
+static void add_point(struct iec61850_model *model, struct iec61850_ln *ln, uint32_t number)
+{
+	const struct iec61850_assignment *assigned = model->assigned[model->points[number]];
+
+	if (ln->count++ == 0)
+		ln->first = number;
+	if (assigned == NULL || !(ln->class->data[assigned->data].presence & IEC61850_MANDATORY))
+		return;
+	ln->without &= ~(1u << assigned->data);
+	ln->fixed--;
+}
+
+static struct iec61850_device *add_device(struct iec61850_model *model, uint16_t ca, uint32_t first)
+{
+	struct iec61850_device *device = &model->devices[model->device_count++];
+
+	*device = (struct iec61850_device){.ca = ca, .first = first, .lns = &model->lns[model->ln_count]};
+	add_ln(model, device, IEC61850_CLASS_LLN0, "LLN0");
+	add_ln(model, device, IEC61850_CLASS_LPHD, "LPHD1");
+	return device;
 }
 
 static void make_devices(struct iec61850_model *model)
 {
 	struct iec61850_device *device = NULL;
+	struct iec61850_ln *ln = NULL;
+	const char *name = NULL;
 
 	for (uint32_t i = 0; i < model->config->point_count; i++) {
-		const uint16_t ca = ca_of(model->config, model->points[i]);
+		const uint32_t point = model->points[i];
+		const struct iec61850_assignment *assigned = model->assigned[point];
 
-		if (device == NULL || device->ca != ca) {
-			device = &model->devices[model->device_count++];
-			*device = (struct iec61850_device){.ca = ca, .first = i};
+		if (device == NULL || device->ca != ca_of(model->config, point)) {
+			device = add_device(model, ca_of(model->config, point), i);
+			name = NULL;
 		}
+		if (name == NULL || strcmp(name, ln_name_of(model, point)) != 0) {
+			name = ln_name_of(model, point);
+			ln = assigned == NULL ? add_ln(model, device, IEC61850_CLASS_GGIO, "GGIO1")
+					      : add_ln(model, device, assigned->class, name);
+			ln->sorted = assigned == NULL;
+		}
+		add_point(model, ln, i);
 		device->count++;
 	}
+}
+
+/* FNV-1a */
+#define HASH_BASIS 2166136261u
+static uint32_t hash_of(uint32_t hash, const void *octets, size_t size)
+{
+	for (size_t i = 0; i < size; i++)
+		hash = (hash ^ ((const uint8_t *)octets)[i]) * 16777619u;
+	return hash;
+}
+
+/* A member is what its name is, and what stands under it. */
+static uint32_t hash_member(const struct iec61850_model *model, const struct iec61850_object *object,
+			    uint32_t hash)
+{
+	const char *const class = iec61850_class_of(model, object).name;
+	char name[IEC61850_NAME_SIZE];
+
+	iec61850_object_name(model, object, name);
+	return hash_of(hash_of(hash, name, strlen(name)), class, strlen(class));
 }
 
 /* A control block has a reason for each member of its data set. */
@@ -575,10 +661,14 @@ static void make_blocks(struct iec61850_model *model)
 		device->blocks = &model->blocks[i * IEC61850_BLOCKS];
 		for (unsigned set = 0; set < IEC61850_SETS; set++) {
 			struct iec61850_object object = iec61850_before_first(device, (enum iec61850_set)set);
+			uint32_t hash = HASH_BASIS;
 
-			while (iec61850_next_member(model, &object))
+			while (iec61850_next_member(model, &object)) {
 				model->places[iec61850_point_of(model, &object)] = (struct iec61850_place){
-				    i, device->members[set]++, object.number, (uint8_t)set};
+				    i, device->members[set]++, object.ln, object.number, (uint8_t)set};
+				hash = hash_member(model, &object, hash);
+			}
+			device->revisions[set] = hash == 0 ? 1 : hash; /* 0 would be: not configured */
 		}
 		for (unsigned j = 0; j < IEC61850_BLOCKS; j++) {
 			struct iec61850_block *block = &device->blocks[j];
@@ -589,30 +679,43 @@ static void make_blocks(struct iec61850_model *model)
 	}
 }
 
-/* FNV-1a over what the model is made of. */
+static uint32_t hash_assignment(uint32_t hash, const struct iec61850_assignment *assigned)
+{
+	const uint32_t words[] = {assigned->class, assigned->data, assigned->number};
+
+	return hash_of(hash_of(hash, assigned->ln, strlen(assigned->ln)), words, sizeof(words));
+}
+
+/* What the model is made of. */
 static uint32_t number_of_configuration(const struct iec61850_model *model)
 {
-	uint32_t hash = 2166136261u;
+	uint32_t hash = HASH_BASIS;
 
 	for (uint32_t i = 0; i < model->config->point_count; i++) {
 		const struct map_point *point = &model->config->points[model->points[i]];
 		const uint32_t words[] = {ca_of(model->config, model->points[i]), point->ioa, point->type,
 					  point->flags};
 
-		for (size_t j = 0; j < sizeof(words); j++)
-			hash = (hash ^ (words[j / 4] >> 8 * (j % 4) & 0xff)) * 16777619u;
+		hash = hash_of(hash, words, sizeof(words));
+		if (model->assigned[model->points[i]] != NULL)
+			hash = hash_assignment(hash, model->assigned[model->points[i]]);
 	}
 	return hash;
 }
 
 bool iec61850_model_begin(struct iec61850_model *model, const struct map *map)
 {
-	const struct map_config *config = map_config(map);
+	const bool begun = iec61850_model_of(model, map_config(map));
 
-	*model = (struct iec61850_model){.map = map,
-					 .config = config,
+	model->map = map;
+	model->started_ns = map_now_ns();
+	return begun;
+}
+
+bool iec61850_model_of(struct iec61850_model *model, const struct map_config *config)
+{
+	*model = (struct iec61850_model){.config = config,
 					 .settings = iec61850_settings(config),
-					 .started_ns = map_now_ns(),
 					 .points = calloc(config->point_count + 1, sizeof(*model->points)),
 					 .devices = calloc(config->set_count + 1, sizeof(*model->devices))};
 	model->blocks = calloc((size_t)config->set_count * IEC61850_BLOCKS + 1, sizeof(*model->blocks));
@@ -620,13 +723,20 @@ bool iec61850_model_begin(struct iec61850_model *model, const struct map *map)
 	model->reasons = calloc((size_t)config->point_count * IEC61850_BLOCKS / IEC61850_SETS + 1, 1);
 	model->places = calloc(config->point_count + 1, sizeof(*model->places));
 	model->image = calloc(config->point_count + 1, sizeof(*model->image));
+	model->assigned = calloc(config->point_count + 1, sizeof(*model->assigned));
+	/* Each device has GGIO1 at most besides those of the configuration. */
+	model->lns = calloc((size_t)config->set_count * (IEC61850_LNS_FIXED + 1) +
+				map_record_count(config, IEC61850_ASSIGNMENTS) + 1,
+			    sizeof(*model->lns));
 	if (model->points == NULL || model->devices == NULL || model->blocks == NULL ||
-	    model->reasons == NULL || model->places == NULL || model->image == NULL)
+	    model->reasons == NULL || model->places == NULL || model->image == NULL ||
+	    model->assigned == NULL || model->lns == NULL)
 		return false;
 	for (uint32_t i = 0; i < config->point_count; i++)
 		model->points[i] = i;
-	qsort_r(model->points, config->point_count, sizeof(*model->points), by_address,
-		(void *)(uintptr_t)config);
+	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++)
+		model->assigned[iec61850_assignments(config)[i].point] = &iec61850_assignments(config)[i];
+	qsort_r(model->points, config->point_count, sizeof(*model->points), by_address, model);
 	make_devices(model);
 	make_blocks(model);
 	model->revision = number_of_configuration(model);
@@ -641,4 +751,6 @@ void iec61850_model_end(struct iec61850_model *model)
 	free(model->reasons);
 	free(model->places);
 	free(model->image);
+	free(model->assigned);
+	free(model->lns);
 }

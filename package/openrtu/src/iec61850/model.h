@@ -1,101 +1,34 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * The map as a server of IEC 61850 shows it. A common address, which is a device, is a logical device: IED + "CA" + number. In it
- * LLN0, LPHD1, and GGIO1 with a data object for each point, whose name ends with the point's IOA. Nothing of it is stored
- * but the order of the points: names are made and found as they are asked for.
+ * LLN0 and LPHD1, the logical nodes that the configuration has given points to, and GGIO1 with a data object for each other
+ * point, whose name ends with the point's IOA. Nothing of it is stored but the order of the points and of their logical nodes: names are
+ * made and found as they are asked for.
  */
 #ifndef OPENRTU_IEC61850_MODEL_H
 #define OPENRTU_IEC61850_MODEL_H
 
+#include "iec61850/cdc.h"
 #include "iec61850/config.h"
 #include "iec61850/kept.h"
 #include "map/map.h"
 
-#define IEC61850_NAME_SIZE      65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
-#define IEC61850_OR_IDENT_SIZE  64
-#define IEC61850_REFERENCE_SIZE (2 * IEC61850_NAME_SIZE)
+#define IEC61850_NAME_SIZE       65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
+#define IEC61850_OR_IDENT_SIZE   64
+#define IEC61850_DATA_NAME_SPACE "IEC 61850-7-4:2007B" /* ldNs */
+#define IEC61850_REFERENCE_SIZE  (2 * IEC61850_NAME_SIZE)
 
-/* Functional constraints (IEC 61850-7-2, table 18), in the order of their names. */
-enum iec61850_fc {
-	IEC61850_BR,
-	IEC61850_CF,
-	IEC61850_CO,
-	IEC61850_DC,
-	IEC61850_EX,
-	IEC61850_MX,
-	IEC61850_RP,
-	IEC61850_ST,
-	IEC61850_FCS,
-};
+/* The first two logical nodes of each logical device. */
+enum { IEC61850_LLN0, IEC61850_LPHD1, IEC61850_LNS_FIXED };
 
-/* How a data object is controlled (IEC 61850-7-3, CtlModelKind). */
-enum iec61850_ctl_model {
-	IEC61850_STATUS_ONLY,
-	IEC61850_DIRECT_NORMAL,
-	IEC61850_SBO_NORMAL,
-	IEC61850_DIRECT_ENHANCED,
-	IEC61850_SBO_ENHANCED,
-	IEC61850_CTL_MODELS,
-};
-
-enum iec61850_ln { IEC61850_LLN0, IEC61850_LPHD1, IEC61850_GGIO1, IEC61850_LNS };
-
-/* What a data attribute is: its type on the wire, and which part of a data object's state it shows. */
-enum iec61850_leaf {
-	IEC61850_STRUCTURE,
-	IEC61850_BOOLEAN,   /* number */
-	IEC61850_DOUBLE,    /* number: a bit string of two */
-	IEC61850_ENUM,      /* number, 8 bits */
-	IEC61850_INTEGER,   /* number, 32 bits */
-	IEC61850_TOTAL,     /* number, 64 bits */
-	IEC61850_FLOAT,     /* real */
-	IEC61850_UNIT,      /* of a counter's pulse: 1 */
-	IEC61850_CTL_MODEL, /* how it is controlled */
-	IEC61850_QUALITY,
-	IEC61850_TIME,
-	IEC61850_DESCRIPTION,
-	IEC61850_VENDOR,
-	IEC61850_REVISION,
-	IEC61850_CONFIGURATION,
-	IEC61850_NAME_SPACE,
-	/* Of a command: what is read of them means nothing. */
-	IEC61850_SBO,
-	IEC61850_SBOW, /* this and the next two: structures */
-	IEC61850_OPER,
-	IEC61850_CANCEL,
-	IEC61850_OR_IDENT,
-	IEC61850_CTL_NUM,
-	IEC61850_CHECK,
-	/* Of a report control block: */
-	IEC61850_RPT_ID,
-	IEC61850_RPT_ENA,
-	IEC61850_RESV,
-	IEC61850_DAT_SET,
-	IEC61850_CONF_REV,
-	IEC61850_OPT_FLDS,
-	IEC61850_BUF_TM,
-	IEC61850_SQ_NUM,
-	IEC61850_TRG_OPS,
-	IEC61850_INTG_PD,
-	IEC61850_GI,
-	/* Of a buffered one besides: */
-	IEC61850_LONG_SQ_NUM,
-	IEC61850_PURGE_BUF,
-	IEC61850_ENTRY_ID,
-	IEC61850_TIME_OF_ENTRY,
-};
-
-struct iec61850_node {
-	const char *name;
-	enum iec61850_leaf leaf;
-	const struct iec61850_node *children;
-	unsigned count;
-};
-
-/* The nodes of a data object under a functional constraint. */
-struct iec61850_nodes {
-	const struct iec61850_node *nodes;
-	unsigned count;
+/* A logical node: what it has without points, then its points. */
+struct iec61850_ln {
+	const struct iec61850_ln_class *class;
+	char name[IEC61850_LN_SIZE];
+	uint32_t without;      /* bit n: data n of the class is there without a point */
+	uint32_t fixed;        /* so many bits */
+	uint32_t first, count; /* of the model's points */
+	bool sorted;           /* in the order of their IOAs, by which they are named */
 };
 
 /* The data sets of a logical device: what its points have under ST, and under MX. */
@@ -140,21 +73,25 @@ struct iec61850_block {
 	uint32_t buffer_ms, integrity_ms;
 	int64_t due_ns;                   /* of what is pending; 0: nothing is */
 	int64_t integrity_ns;             /* of the next integrity report */
-	struct iec61850_kept_block *kept; /* of a buffered one */
-	uint8_t *reasons;                 /* of each member: why it is to be reported, 0: it is not */
+	struct iec61850_kept_block *kept; /* of a buffered one, in its reader */
+	struct map_history_reader *reader;
+	uint8_t *reasons; /* of each member: why it is to be reported, 0: it is not */
 };
 
 struct iec61850_device {
 	uint16_t ca;
-	uint32_t first, count; /* of the model's points */
+	uint32_t first, count;         /* of the model's points */
+	const struct iec61850_ln *lns; /* in the order in which clients see them */
+	uint32_t ln_count;
 	uint32_t members[IEC61850_SETS];
-	struct iec61850_block *blocks; /* IEC61850_BLOCKS */
+	uint32_t revisions[IEC61850_SETS]; /* ConfRev: another one when the members are others */
+	struct iec61850_block *blocks;     /* IEC61850_BLOCKS */
 };
 
 /* Where a point is in the model. */
 struct iec61850_place {
 	uint32_t device, member; /* of its data set */
-	uint32_t number;         /* of its data object */
+	uint32_t ln, number;     /* of its data object */
 	uint8_t set;             /* enum iec61850_set */
 };
 
@@ -162,7 +99,10 @@ struct iec61850_model {
 	const struct map *map;
 	const struct map_config *config;
 	const struct iec61850_settings *settings;
-	uint32_t *points; /* sorted by common address and IOA */
+	uint32_t *points;                            /* sorted by common address, logical node, and IOA */
+	const struct iec61850_assignment **assigned; /* to each point; NULL: it is one of GGIO1 */
+	struct iec61850_ln *lns;                     /* of all devices */
+	uint32_t ln_count;
 	struct iec61850_device *devices;
 	uint32_t device_count;
 	struct iec61850_block *blocks;
@@ -179,13 +119,23 @@ struct iec61850_model {
 /* A named variable: a logical node, a functional constraint in it, a data object, or an attribute. */
 struct iec61850_object {
 	const struct iec61850_device *device;
-	enum iec61850_ln ln;
+	uint32_t ln;                      /* of the device's */
 	uint32_t fc;                      /* enum iec61850_fc; IEC61850_WHOLE: all */
 	uint32_t number;                  /* of the data object in its logical node; IEC61850_WHOLE: all */
 	const struct iec61850_node *node; /* NULL: all of the data object under fc */
 };
 
-/* False: no memory. The configuration and the map stay. */
+/* What a data object is made of. */
+struct iec61850_class {
+	const char *name;                      /* its common data class */
+	enum iec61850_enumeration enumeration; /* of its stVal */
+	bool controllable;
+	enum iec61850_ctl_model control;
+};
+
+/* The model of a configuration, without what happens in its map. False: no memory. The configuration stays. */
+bool iec61850_model_of(struct iec61850_model *model, const struct map_config *config);
+/* The same of a map's. */
 bool iec61850_model_begin(struct iec61850_model *model, const struct map *map);
 void iec61850_model_end(struct iec61850_model *model);
 
@@ -199,27 +149,34 @@ const struct iec61850_device *iec61850_find_device(const struct iec61850_model *
 /* Finds a variable as MMS names it, like GGIO1$MX$AnIn30001$mag$f. */
 bool iec61850_find(const struct iec61850_model *model, const struct iec61850_device *device,
 		   const uint8_t *name, size_t size, struct iec61850_object *out);
-const char *iec61850_ln_name(enum iec61850_ln ln);
 const char *iec61850_fc_name(uint32_t fc);
 void iec61850_object_name(const struct iec61850_model *model, const struct iec61850_object *object,
 			  char out[IEC61850_NAME_SIZE]);
 
+/* d: the point's name, or the device's. */
+void iec61850_description(const struct iec61850_model *model, const struct iec61850_object *object,
+			  char out[MAP_NAME_SIZE]);
+
 /* ---- structure --------------------------------------------------------------------------- */
 
 /* How many data objects a logical node has. */
-uint32_t iec61850_object_count(const struct iec61850_device *device, enum iec61850_ln ln);
+uint32_t iec61850_object_count(const struct iec61850_device *device, uint32_t ln);
 /* What a data object has under a functional constraint; nothing: count 0. */
 struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
-					const struct iec61850_device *device, enum iec61850_ln ln,
-					uint32_t number, enum iec61850_fc fc);
+					const struct iec61850_device *device, uint32_t ln, uint32_t number,
+					enum iec61850_fc fc);
 /* Whether a logical node has anything under it. */
-bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device,
-		  enum iec61850_ln ln, enum iec61850_fc fc);
+bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device, uint32_t ln,
+		  enum iec61850_fc fc);
+/* The class of a data object, which is no control block. */
+struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
+					const struct iec61850_object *object);
+/* The data object of a point. */
+struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point);
 /* How a point is controlled: as the configuration has it, if anybody may. */
 enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
 /* The report control block that a data object of LLN0 is; NULL: it is none. */
-struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, enum iec61850_ln ln,
-					 uint32_t number);
+struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, uint32_t ln, uint32_t number);
 /* The object of a logical device's control block. */
 struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block);
 static inline enum iec61850_set iec61850_set_of(const struct iec61850_device *device,
@@ -227,15 +184,18 @@ static inline enum iec61850_set iec61850_set_of(const struct iec61850_device *de
 {
 	return (enum iec61850_set)((block - device->blocks) % IEC61850_UNBUFFERED / IEC61850_BLOCKS_A_SET);
 }
+/* What its ConfRev says. */
+uint32_t iec61850_conf_rev(const struct iec61850_device *device, const struct iec61850_block *block);
 /* The name of a data set in its logical device, as LLN0$status. */
 const char *iec61850_set_name(enum iec61850_set set);
 /* The data set of this name. IEC61850_SETS: there is none, or it has no members. */
 enum iec61850_set iec61850_find_set(const struct iec61850_device *device, const uint8_t *name, size_t size);
 /* The member behind object, which begins as iec61850_before_first. False: there is none. */
 bool iec61850_next_member(const struct iec61850_model *model, struct iec61850_object *object);
-/* The one before; object begins behind the last data object. */
+/* The one before; object begins as iec61850_behind_last. */
 bool iec61850_member_before(const struct iec61850_model *model, struct iec61850_object *object);
 struct iec61850_object iec61850_before_first(const struct iec61850_device *device, enum iec61850_set set);
+struct iec61850_object iec61850_behind_last(const struct iec61850_device *device, enum iec61850_set set);
 /* The point that a data object shows; MAP_NONE: it is the logical device's own. */
 uint32_t iec61850_point_of(const struct iec61850_model *model, const struct iec61850_object *object);
 

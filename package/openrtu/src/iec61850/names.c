@@ -90,7 +90,7 @@ static void add_ln(struct list *list, const struct iec61850_model *model, struct
 
 	object.fc = first->fc;
 	if (object.fc == IEC61850_WHOLE) {
-		add(list, iec61850_ln_name(object.ln));
+		add(list, object.device->lns[object.ln].name);
 		object.fc = 0;
 	}
 	for (; object.fc < IEC61850_FCS && !list->more; object.fc++, number = IEC61850_WHOLE)
@@ -108,10 +108,8 @@ static bool add_variables(struct list *list, const struct iec61850_model *model,
 
 	if (list->after != NULL && !iec61850_find(model, device, list->after, list->after_size, &first))
 		return false;
-	for (unsigned i = first.ln; i < IEC61850_LNS && !list->more; i++) {
-		object.ln = (enum iec61850_ln)i;
-		add_ln(list, model, object, i == (unsigned)first.ln ? &first : &whole);
-	}
+	for (object.ln = first.ln; object.ln < device->ln_count && !list->more; object.ln++)
+		add_ln(list, model, object, object.ln == first.ln ? &first : &whole);
 	return true;
 }
 

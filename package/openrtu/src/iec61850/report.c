@@ -44,7 +44,7 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 	model->image[point] = *sample;
 	if (reason != 0 || again)
 		iec61850_buffer_add(&server->model.buffer, point,
-				    reason != 0 ? reason : (unsigned)IEC61850_DATA_CHANGE, sample);
+				    (uint8_t)(reason != 0 ? reason : (unsigned)IEC61850_DATA_CHANGE), sample);
 	for (unsigned i = 0; reason != 0 && i < IEC61850_BLOCKS_A_SET; i++)
 		mark(&device->blocks[place->set * IEC61850_BLOCKS_A_SET + i], place->member, reason, now_ns);
 }
@@ -97,16 +97,19 @@ static uint32_t numbering(const struct iec61850_model *model)
 	return hash;
 }
 
-static void load_block(struct iec61850_block *block, struct iec61850_kept_block *kept, bool known)
+static void load_block(struct iec61850_block *block, struct map_history_reader *reader)
 {
+	struct iec61850_kept_block *kept = (void *)reader->octets;
+
 	block->kept = kept;
-	if (!known) {
+	block->reader = reader;
+	if (!reader->used) {
 		kept->triggers = IEC61850_DATA_CHANGE | IEC61850_QUALITY_CHANGE;
 		kept->options = IEC61850_SEQUENCE | IEC61850_TIME_STAMP | IEC61850_REASON |
 				IEC61850_OVERFLOW | IEC61850_ENTRY;
 	}
-	block->triggers = kept->triggers;
-	block->options = kept->options;
+	block->triggers = kept->triggers & IEC61850_TRIGGERS; /* it may be of a file */
+	block->options = kept->options & IEC61850_ALL_OPTIONS;
 	block->buffer_ms = kept->buffer_ms;
 	block->integrity_ms = kept->integrity_ms;
 	kept->id[sizeof(kept->id) - 1] = '\0';
@@ -124,15 +127,21 @@ static void save_block(const struct iec61850_block *block)
 	memcpy(kept->id, block->id, sizeof(kept->id));
 }
 
-/* The image as the last entries have it: what happens next is a change from there. */
-static void take_image(struct iec61850_model *model)
+/*
+ * The image as the last entries have it: what happens next is a change from there. Where the events begin with the gateway, nothing
+ * is known of a point without an entry.
+ */
+static void take_image(struct iec61850_model *model, enum iec61850_begun begun)
 {
 	const struct iec61850_buffer *buffer = &model->buffer;
 
 	for (uint32_t i = 0; i < model->config->point_count; i++)
-		map_read(model->map, i, &model->image[i]);
+		if (begun == IEC61850_GOES_ON_LATER)
+			model->image[i] = (struct map_sample){.quality = MAP_INVALID};
+		else
+			map_read(model->map, i, &model->image[i]);
 	for (uint32_t number = iec61850_buffer_oldest(buffer); number != buffer->next; number++) {
-		const struct iec61850_entry *entry = iec61850_buffer_entry(buffer, number);
+		const struct map_history_entry *entry = iec61850_buffer_entry(buffer, number);
 
 		if (entry != NULL && entry->point < model->config->point_count)
 			model->image[entry->point] = entry->sample;
@@ -145,14 +154,20 @@ void iec61850_report_begin(struct iec61850_server *server, void *section, struct
 	struct iec61850_model *model = &server->model;
 	struct iec61850_buffer *buffer = &model->buffer;
 
-	server->catching_up = iec61850_buffer_begin(buffer, section, model->config, numbering(model), start);
+	const enum iec61850_begun begun =
+	    iec61850_buffer_begin(buffer, section, model->config, numbering(model), start);
+
+	server->catching_up = begun == IEC61850_GOES_ON;
 	for (uint32_t i = 0; i < model->device_count && i < IEC61850_KEPT_DEVICES; i++)
 		for (uint32_t j = 0; j < IEC61850_KEPT_BLOCKS; j++)
 			load_block(&model->devices[i].blocks[IEC61850_UNBUFFERED + j],
-				   &buffer->blocks[i * IEC61850_KEPT_BLOCKS + j], server->catching_up);
-	take_image(model);
-	if (server->catching_up)
+				   &buffer->history.readers[i * IEC61850_KEPT_BLOCKS + j]);
+	take_image(model, begun);
+	if (begun == IEC61850_GOES_ON)
 		*cursor = iec61850_buffer_cursor(buffer);
+	else if (begun == IEC61850_GOES_ON_LATER)
+		*cursor =
+		    (struct map_cursor){.lost = 0}; /* behind it is all that was since the gateway started */
 	else
 		iec61850_buffer_settle(buffer, cursor);
 }
@@ -194,8 +209,11 @@ static uint32_t word_of(const uint8_t *octets)
 static int write_entry(const struct iec61850_server *server, const struct ber_element *data,
 		       struct iec61850_block *block)
 {
-	const uint32_t first = first_of(server, block), next = server->model.buffer.next;
+	const struct iec61850_buffer *buffer = &server->model.buffer;
+	const struct map_history_head *head = buffer->history.head;
+	const uint32_t first = first_of(server, block);
 	uint32_t start, number;
+	bool gap;
 
 	if (data->tag != IEC61850_TAG_OCTET_STRING || data->size != IEC61850_ENTRY_ID_OCTETS)
 		return IEC61850_ACCESS_TYPE_INCONSISTENT;
@@ -206,10 +224,14 @@ static int write_entry(const struct iec61850_server *server, const struct ber_el
 		block->kept->next = first;
 		return 0;
 	}
-	if (start != server->model.buffer.kept->start || (int32_t)(number + 1 - first) < 0 ||
-	    (int32_t)(next - number) <= 0)
+	/* Who was told more than the journal has kept goes on behind the gap. */
+	gap = start == head->former && (int32_t)(number - head->first) >= 0;
+	if (gap)
+		number = head->first - 1;
+	if ((!gap && start != iec61850_buffer_start(buffer, number)) || (int32_t)(number + 1 - first) < 0 ||
+	    (int32_t)(buffer->next - number) <= 0)
 		return IEC61850_ACCESS_VALUE_INVALID;
-	block->kept->overflow = false;
+	block->kept->overflow = gap;
 	block->kept->next = number + 1;
 	return 0;
 }
@@ -350,6 +372,8 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 	if (block->owner != NULL && block->owner != server->client)
 		return IEC61850_ACCESS_UNAVAILABLE;
 	block->owner = server->client;
+	if (block->reader != NULL)
+		block->reader->used = 1;
 	switch (object->node->leaf) {
 	case IEC61850_RPT_ENA:
 	case IEC61850_RESV:
@@ -414,11 +438,13 @@ static void put_member(struct iec61850_server *server, struct ber_writer *writer
 		       const struct iec61850_object *object, unsigned reason)
 {
 	const uint32_t point = iec61850_point_of(&server->model, object);
-	struct map_sample sample = server->entry != NULL ? server->entry->sample : server->model.image[point];
+	const struct map_history_entry *entry = server->entry;
+	struct map_sample sample = entry != NULL ? entry->sample : server->model.image[point];
 
 	if (reason & (IEC61850_GENERAL | IEC61850_INTEGRITY))
 		map_read(server->model.map, point, &sample);
-	iec61850_put_sample(writer, &server->model, object, &sample);
+	iec61850_put_sample(writer, &server->model, object, &sample,
+			    entry != NULL ? entry->time : (uint8_t)MAP_TIME_MONOTONIC);
 }
 
 /* What is said of the chosen members, from the last to the first: reasons, values, references, inclusion. */
@@ -456,10 +482,15 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 }
 
 /* Of an entry it is when it happened. */
-static void put_time_of_entry(struct ber_writer *writer, const struct iec61850_server *server)
+static int64_t time_of_report(const struct iec61850_server *server)
 {
-	iec61850_put_binary_time(writer, &server->model,
-				 server->entry != NULL ? server->entry->sample.time_ns : server->now_ns);
+	const struct map_clock clock = map_clock_read(server->model.map);
+	const struct map_history_entry *entry = server->entry;
+	const struct map_event event = {.time = entry != NULL ? entry->time : (uint8_t)MAP_TIME_MONOTONIC,
+					.sample.time_ns =
+					    entry != NULL ? entry->sample.time_ns : server->now_ns};
+
+	return map_event_wall_ns(&event, clock);
 }
 
 static void put_head(struct iec61850_server *server, struct ber_writer *writer,
@@ -472,17 +503,17 @@ static void put_head(struct iec61850_server *server, struct ber_writer *writer,
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, block->segment);
 	}
 	if (block->options & IEC61850_CONF_REVISION)
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, model->revision);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, iec61850_conf_rev(object->device, block));
 	if (block->options & IEC61850_ENTRY)
 		iec61850_put_entry_id(writer, model,
 				      server->entry != NULL ? server->entry->number : block->kept->next - 1);
 	if (block->options & IEC61850_OVERFLOW)
-		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){block->kept->overflow}, 1);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){block->kept->overflow != 0}, 1);
 	if (block->options & IEC61850_SET_NAME)
 		iec61850_put_reference(writer, model, object->device,
 				       iec61850_set_name(iec61850_set_of(object->device, block)));
 	if (block->options & IEC61850_TIME_STAMP)
-		put_time_of_entry(writer, server);
+		iec61850_put_binary_time(writer, time_of_report(server));
 	if (block->options & IEC61850_SEQUENCE)
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED,
 				block->kept != NULL ? block->number : (uint8_t)block->number);
@@ -546,7 +577,7 @@ static bool put_block(struct iec61850_server *server, struct ber_writer *writer,
 
 /* Whether an entry is a report of this block. */
 static bool tells(const struct iec61850_server *server, const struct iec61850_device *device,
-		  const struct iec61850_block *block, const struct iec61850_entry *entry)
+		  const struct iec61850_block *block, const struct map_history_entry *entry)
 {
 	const struct iec61850_place *place = &server->model.places[entry->point];
 
@@ -556,7 +587,7 @@ static bool tells(const struct iec61850_server *server, const struct iec61850_de
 
 static bool put_one(struct iec61850_server *server, struct ber_writer *writer,
 		    const struct iec61850_object *object, struct iec61850_block *block,
-		    const struct iec61850_entry *entry)
+		    const struct map_history_entry *entry)
 {
 	const struct iec61850_place *place = &server->model.places[entry->point];
 	const uint8_t pending = block->reasons[place->member];
@@ -566,6 +597,7 @@ static bool put_one(struct iec61850_server *server, struct ber_writer *writer,
 	block->reasons[place->member] = (uint8_t)(entry->reason & block->triggers);
 	put_report(server, writer, object, block, 1, false);
 	block->reasons[place->member] = pending;
+	block->kept->told_ns = time_of_report(server);
 	server->entry = NULL;
 	if (writer->full) { /* not even one member fits */
 		enable(object->device, block, false, server->now_ns);
@@ -587,13 +619,12 @@ static bool put_kept(struct iec61850_server *server, struct ber_writer *writer,
 		kept->overflow = true;
 	}
 	while (kept->next != buffer->next) {
-		const struct iec61850_entry *entry = iec61850_buffer_entry(buffer, kept->next);
+		const struct map_history_entry *entry = iec61850_buffer_entry(buffer, kept->next);
 
 		if (entry != NULL && entry->point < server->model.config->point_count &&
 		    tells(server, object->device, block, entry)) {
 			if (!put_one(server, writer, object, block, entry))
 				return false;
-			kept->told_ns = entry->sample.time_ns;
 			kept->overflow = false;
 			kept->next++;
 			return true;

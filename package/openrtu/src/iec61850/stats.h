@@ -6,6 +6,8 @@
 #include <stdatomic.h>
 #include <stdint.h>
 
+#include "iec61850/config.h"
+
 enum iec61850_counter {
 	IEC61850_COUNT_CONNECTIONS,
 	IEC61850_COUNT_REFUSED,      /* of no client, or there was no place */
@@ -22,8 +24,34 @@ enum iec61850_counter {
 	IEC61850_COUNT_OF_COUNTERS
 };
 
+/* What rtuctl shows of clients and of the control blocks that they have. */
+#define IEC61850_SHOWN_BLOCKS 64
+#define IEC61850_SHOWN_NAME   96 /* of a logical device and a name in it */
+
+struct iec61850_shown_association {
+	char peer[MAP_ADDRESS_SIZE];
+	bool associated;
+	uint32_t pdu; /* octets that were agreed */
+	int64_t since_ns;
+};
+
+struct iec61850_shown_block {
+	char name[IEC61850_SHOWN_NAME];
+	char peer[MAP_ADDRESS_SIZE];
+	bool enabled;
+	uint16_t reports; /* SqNum of the next one */
+};
+
+struct iec61850_shown {
+	uint32_t association_count, block_count;
+	struct iec61850_shown_association associations[IEC61850_ASSOCIATIONS_MAX];
+	struct iec61850_shown_block blocks[IEC61850_SHOWN_BLOCKS];
+};
+
 struct iec61850_stats {
 	_Atomic uint32_t counters[IEC61850_COUNT_OF_COUNTERS];
+	_Atomic uint32_t which; /* copy that readers take; the other one is being written */
+	struct iec61850_shown shown[2];
 };
 
 #endif

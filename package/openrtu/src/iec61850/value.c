@@ -16,12 +16,14 @@ enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TY
 #define EXPONENT_WIDTH 8 /* of a number of 32 bits after IEEE 754 */
 
 /* Values of Mod, Beh, Health (IEC 61850-7-3, 7-4). */
+enum { TRANSIENT_BIT = 1 }; /* of a step position's detail */
 enum { MODE_ON = 1, HEALTH_OK = 1, HEALTH_ALARM = 3 };
 
 /* A data object as it is now. */
 struct state {
 	int64_t number;
 	float real;
+	bool transient;
 	uint16_t quality;
 	uint8_t time[8];
 	char text[MAP_NAME_SIZE];
@@ -70,13 +72,12 @@ static void set_time(const struct iec61850_model *model, int64_t time_ns, struct
 	iec61850_time_of(time_ns == 0 ? 0 : map_wall_ns(clock, time_ns), &clock, out->time);
 }
 
-/* A name of a point may have letters that a VisibleString has not. */
-static void set_text(const struct iec61850_model *model, uint32_t point, struct state *out)
+/* Of before a power cut all that is known of the clock is whether it was set. */
+static void set_former_time(int64_t wall_ns, uint8_t time, struct state *out)
 {
-	map_point_name(model->config, &model->config->points[point], out->text);
-	for (char *c = out->text; *c != '\0'; c++)
-		if (*c < ' ' || *c > '~')
-			*c = '?';
+	const struct map_clock clock = {.set = time == MAP_TIME_WALL, .source = MAP_CLOCK_BY_MASTER};
+
+	iec61850_time_of(wall_ns, &clock, out->time);
 }
 
 static void set_sample(const struct iec61850_model *model, const struct map_point *point,
@@ -98,6 +99,7 @@ static void set_sample(const struct iec61850_model *model, const struct map_poin
 			out->real /= 32768;
 		break;
 	}
+	out->transient = point->type == MAP_STEP && (sample.detail & TRANSIENT_BIT) != 0;
 	out->quality = quality_of_map(sample.quality);
 	set_time(model, sample.time_ns, out);
 }
@@ -126,29 +128,38 @@ static bool load_health(const struct iec61850_model *model, const struct iec6185
 	return true;
 }
 
+/* What a class has to have, and no point is. An enumeration has no 0. */
+static void set_unknown(enum iec61850_enumeration enumeration, struct state *out)
+{
+	out->number = enumeration != IEC61850_NO_ENUMERATION;
+	out->quality = quality_of_map(MAP_INVALID);
+	memset(out->time, 0, sizeof(out->time));
+}
+
 static bool load(const struct iec61850_model *model, const struct iec61850_object *object, struct state *out)
 {
-	const uint32_t point = iec61850_point_of(model, object);
+	enum iec61850_enumeration enumeration;
+	uint32_t point;
 
 	*out = (struct state){.number = MODE_ON,
 			      .object = object,
 			      .block = iec61850_block_of(object->device, object->ln, object->number)};
 	if (out->block != NULL)
 		return true;
+	point = iec61850_point_of(model, object);
 	if (object->fc == IEC61850_CO) {
 		out->number = 0;
 		return true;
 	}
-	if (point != MAP_NONE) {
-		set_text(model, point, out);
+	iec61850_description(model, object, out->text);
+	if (point != MAP_NONE)
 		return load_point(model, point, out);
-	}
-	snprintf(out->text, sizeof(out->text), "%s",
-		 model->config->sets[model->config->points[model->points[object->device->first]].set].name);
 	set_time(model, model->started_ns, out);
-	if ((object->ln == IEC61850_LLN0 && object->number == 1) ||
-	    (object->ln == IEC61850_LPHD1 && object->number == 0))
+	enumeration = iec61850_class_of(model, object).enumeration;
+	if (enumeration == IEC61850_HEALTH_KIND)
 		return load_health(model, object->device, out);
+	if (object->ln >= IEC61850_LNS_FIXED && enumeration != IEC61850_BEHAVIOUR_KIND)
+		set_unknown(enumeration, out);
 	return true; /* Mod and Beh are on; Proxy is true, since another device is shown */
 }
 
@@ -182,10 +193,11 @@ void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_mod
 	ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, text);
 }
 
-void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_model *model, int64_t time_ns)
+void iec61850_put_binary_time(struct ber_writer *writer, int64_t wall_ns)
 {
-	const int64_t wall_ms = map_wall_ns(map_clock_read(model->map), time_ns) / NS_PER_MS;
-	const int64_t day_ms = S_PER_DAY * MS_PER_S, days = wall_ms / day_ms - DAYS_TO_1984;
+	const int64_t day_ms = S_PER_DAY * MS_PER_S, first_ms = DAYS_TO_1984 * day_ms;
+	const int64_t wall_ms = wall_ns / NS_PER_MS < first_ms ? first_ms : wall_ns / NS_PER_MS;
+	const int64_t days = wall_ms / day_ms - DAYS_TO_1984;
 	const uint32_t ms = (uint32_t)(wall_ms % day_ms);
 	const uint8_t octets[] = {(uint8_t)(ms >> 24), (uint8_t)(ms >> 16),  (uint8_t)(ms >> 8),
 				  (uint8_t)ms,         (uint8_t)(days >> 8), (uint8_t)days};
@@ -195,7 +207,7 @@ void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_m
 
 void iec61850_put_entry_id(struct ber_writer *writer, const struct iec61850_model *model, uint32_t number)
 {
-	const uint32_t start = number != 0 ? model->buffer.kept->start : 0;
+	const uint32_t start = number != 0 ? iec61850_buffer_start(&model->buffer, number) : 0;
 	uint8_t octets[IEC61850_ENTRY_ID_OCTETS];
 
 	for (unsigned i = 0; i < 4; i++) {
@@ -249,9 +261,20 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_bits(writer, (uint16_t)((state->number & 3) << 14), 2);
 		return;
 	case IEC61850_ENUM:
+	case IEC61850_STEP:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, (int8_t)state->number);
+		return;
 	case IEC61850_INTEGER:
 	case IEC61850_TOTAL:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, state->number);
+		return;
+	case IEC61850_DIRECTION:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, 0);
+		return;
+	case IEC61850_TRANSIENT:
+	case IEC61850_PERSISTENT:
+		ber_put(writer, IEC61850_TAG_BOOLEAN,
+			(const uint8_t[]){node->leaf == IEC61850_TRANSIENT && state->transient}, 1);
 		return;
 	case IEC61850_FLOAT:
 		put_float(writer, state->real);
@@ -282,7 +305,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, number);
 		return;
 	case IEC61850_NAME_SPACE:
-		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, "IEC 61850-7-4:2007B");
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, IEC61850_DATA_NAME_SPACE);
 		return;
 	case IEC61850_SBO:
 		ber_put(writer, IEC61850_TAG_VISIBLE_STRING, NULL, 0);
@@ -315,7 +338,8 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){0}, 1);
 		return;
 	case IEC61850_CONF_REV:
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, model->revision);
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED,
+				iec61850_conf_rev(state->object->device, state->block));
 		return;
 	case IEC61850_OPT_FLDS:
 		iec61850_put_bits(writer, state->block->options, 10);
@@ -339,13 +363,13 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_entry_id(writer, model, state->block->kept->next - 1);
 		return;
 	case IEC61850_TIME_OF_ENTRY:
-		iec61850_put_binary_time(writer, model, state->block->kept->told_ns);
+		iec61850_put_binary_time(writer, state->block->kept->told_ns);
 		return;
 	}
 }
 
 void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
-			 const struct iec61850_object *object, const struct map_sample *sample)
+			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time)
 {
 	const struct iec61850_nodes inside = iec61850_nodes_of(model, object->device, object->ln,
 							       object->number, (enum iec61850_fc)object->fc);
@@ -353,6 +377,8 @@ void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model 
 	struct state state = {.object = object};
 
 	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
+	if (time != MAP_TIME_MONOTONIC)
+		set_former_time(sample->time_ns, time, &state);
 	for (unsigned i = inside.count; i-- > 0;)
 		put_node(writer, model, &inside.nodes[i], &state);
 	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
@@ -461,6 +487,8 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, 2);
 		return;
 	case IEC61850_ENUM:
+	case IEC61850_STEP:
+	case IEC61850_DIRECTION:
 	case IEC61850_CTL_MODEL:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, 8);
 		return;
@@ -504,6 +532,8 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_DAT_SET:
 		ber_put_integer(writer, IEC61850_TAG_VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
 		return;
+	case IEC61850_TRANSIENT:
+	case IEC61850_PERSISTENT:
 	case IEC61850_RPT_ENA:
 	case IEC61850_RESV:
 	case IEC61850_GI:

@@ -12,15 +12,15 @@ void iec61850_time_of(int64_t wall_ns, const struct map_clock *clock, uint8_t ou
 /* Puts a variable's value. False: it cannot be read now; what was put is of no use then. */
 bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *model,
 			const struct iec61850_object *object);
-/* The same of a point's data object with this sample. */
+/* The same of a point's data object with this sample, whose time is that (enum map_event_time). */
 void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
-			 const struct iec61850_object *object, const struct map_sample *sample);
+			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time);
 void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count);
 /* Puts the reference of a variable's logical device, /, and a name in it. */
 void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,
 			    const struct iec61850_device *device, const char *name);
 /* Milliseconds of the day, and days since 1984 (IEC 61850-8-1, 8.1.3.6). */
-void iec61850_put_binary_time(struct ber_writer *writer, const struct iec61850_model *model, int64_t time_ns);
+void iec61850_put_binary_time(struct ber_writer *writer, int64_t wall_ns);
 /* number: of an entry; 0: of none. */
 void iec61850_put_entry_id(struct ber_writer *writer, const struct iec61850_model *model, uint32_t number);
 /* Puts a control block's RptID. */

@@ -41,7 +41,6 @@ bool iec61850_variable_list(const struct iec61850_server *server, const struct b
 	set = iec61850_find_set(device, item.value, item.size);
 	if (set == IEC61850_SETS)
 		return false;
-	*behind_last = iec61850_before_first(device, set);
-	behind_last->number = iec61850_object_count(device, behind_last->ln);
+	*behind_last = iec61850_behind_last(device, set);
 	return true;
 }

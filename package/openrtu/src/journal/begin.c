@@ -85,6 +85,9 @@ static void report(struct map *map, const struct map_kept *kept, const struct jo
 			"another type",
 			findings->dropped);
 	map_log(map, MAP_LOG_INFO, "%u events restored from the journal", kept->event_count);
+	if (kept->history.start != 0)
+		map_log(map, MAP_LOG_INFO, "%u changes for buffered reports restored from the journal",
+			kept->history.entry_count);
 	if (kept->sample_count != 0)
 		map_log(map, MAP_LOG_INFO, "%u retained points restored from the journal, as not topical",
 			kept->sample_count);
@@ -100,32 +103,40 @@ static void restore(struct map *map, const uint8_t *bytes, size_t size)
 		map_log(map, MAP_LOG_ERROR, "cannot restore the journal's events: %s", error);
 	else
 		report(map, &kept, &findings);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 }
 
-void journal_begin_again(struct map *map, uid_t owner, gid_t group)
+void journal_give_folder(struct map *map, const struct map_config *config, uid_t owner, gid_t group)
 {
-	const struct journal_settings *settings = journal_settings(map_config(map));
-	const char *path;
-	uint8_t *bytes;
-	size_t size;
-	int folder, error;
+	const struct journal_settings *settings = journal_settings(config);
+	int folder;
 
 	if (settings == NULL)
 		return;
-	path = settings->path;
-	folder = map_open_folder(path);
+	folder = map_open_folder(settings->path);
 	if (folder < 0) {
-		map_log(map, MAP_LOG_ERROR, "no journal: %s: %s", path, strerror(errno));
+		map_log(map, MAP_LOG_ERROR, "no journal: %s: %s", settings->path, strerror(errno));
 		return;
 	}
 	give_folder(map, folder, owner, group);
-	warn_of_memory(map, folder, path);
+	warn_of_memory(map, folder, settings->path);
+	close(folder);
+}
+
+void journal_restore_from_file(struct map *map)
+{
+	const struct journal_settings *settings = journal_settings(map_config(map));
+	const int folder = settings == NULL ? -1 : map_open_folder(settings->path);
+	uint8_t *bytes;
+	size_t size;
+	int error;
+
+	if (folder < 0)
+		return; /* the log has it */
 	bytes = read_file(folder, &size, &error);
 	if (error != 0 && error != ENOENT)
-		map_log(map, MAP_LOG_ERROR, "the journal %s/%s cannot be read: %s", path, JOURNAL_FILE,
-			strerror(error));
+		map_log(map, MAP_LOG_ERROR, "the journal %s/%s cannot be read: %s", settings->path,
+			JOURNAL_FILE, strerror(error));
 	if (bytes != NULL)
 		restore(map, bytes, size);
 	free(bytes);

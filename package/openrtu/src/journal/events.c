@@ -26,7 +26,7 @@ static void print_record(const struct journal_record *record)
 	for (uint32_t i = 0; i < record->event_count; i++) {
 		struct journal_event event = journal_event(record, i);
 
-		if (event.type < MAP_TYPES)
+		if (event.type < MAP_TYPES && event.cause <= JOURNAL_RETAINED)
 			printf("%" PRId64 " %u %" PRIu32 " %s %.17g %x\n", event.wall_ns, event.ca, event.ioa,
 			       map_type_names[event.type], number_of(&event), event.quality);
 	}

@@ -33,7 +33,7 @@ static void note_queue(const struct map *map, uint32_t slot, struct journal_queu
 
 	map_queue(map, slot, &queue);
 	map_queue_place(map, slot, &place);
-	out->kind = slot < map_config(map)->settings.queue_count ? JOURNAL_GROUP : JOURNAL_ADDRESS;
+	out->kind = slot < MAP_NAMED_QUEUES_MAX ? JOURNAL_GROUP : JOURNAL_ADDRESS;
 	memcpy(out->name, queue.name, sizeof(out->name));
 	memcpy(out->next, place.cursor.next, sizeof(out->next));
 }
@@ -179,6 +179,100 @@ static void keep_points(struct journal_follower *follower, struct map_clock cloc
 			keep_point(follower, i, clock);
 }
 
+/* ---- the history ------------------------------------------------------------------------- */
+
+/* The first entry that a file without any begins with. */
+static uint32_t oldest_entry(const struct map_history *history, uint32_t next)
+{
+	return next > history->size ? next - history->size : 1;
+}
+
+/* Where the entries of a record begin: a file begins with the newest that fit, and what was overwritten is no more. */
+static uint32_t begin_entries(const struct journal_follower *follower, const struct map_history *history,
+			      uint32_t next, bool first, uint32_t room)
+{
+	const uint32_t oldest = oldest_entry(history, next), from = follower->written.entry;
+
+	if (!first && follower->written.start != 0 && (int32_t)(from - oldest) >= 0)
+		return from;
+	return first && next - oldest > room ? next - room : oldest;
+}
+
+static bool add_entry(struct journal_follower *follower, const struct map_history_entry *entry,
+		      struct map_clock clock)
+{
+	const struct map_event event = {.point = entry->point, .time = entry->time, .sample = entry->sample};
+	struct journal_event out;
+
+	if (entry->point >= map_config(follower->map)->point_count)
+		return true;
+	out = translate(follower->map, &event, entry->number, clock);
+	out.module = entry->reason;
+	out.cause = JOURNAL_ENTRY;
+	return journal_add(&follower->record, &out);
+}
+
+/* room: of pieces for entries, and the places before them. Returns the number of the entry that the next record begins with. */
+static uint32_t add_entries(struct journal_follower *follower, const struct map_history *history,
+			    uint32_t from, uint32_t next, size_t room, struct map_clock clock)
+{
+	const size_t end = follower->record.used + room * JOURNAL_EVENT_SIZE;
+	const uint32_t revision = history->head->revision;
+	struct map_history_entry entry;
+	uint32_t start = 0;
+
+	for (; from != next; from++) {
+		if (!map_history_read(history, from, &entry))
+			continue;
+		if (follower->record.used + 2 * JOURNAL_EVENT_SIZE > end ||
+		    (entry.start != start && !journal_place(&follower->record, entry.start, revision, from)))
+			break;
+		start = entry.start;
+		if (!add_entry(follower, &entry, clock))
+			break;
+	}
+	return from;
+}
+
+static void keep_readers(struct journal_follower *follower, const struct map_history *history)
+{
+	for (uint32_t i = 0; i < history->reader_count; i++)
+		if (history->readers[i].used)
+			journal_keep_reader(&follower->record, i, history->readers[i].octets);
+}
+
+static bool is_read(const struct map_history *history)
+{
+	for (uint32_t i = 0; i < history->reader_count; i++)
+		if (history->readers[i].used)
+			return true;
+	return false;
+}
+
+/* The history, if one has begun and somebody reads it: else it wears nothing out. */
+static bool find_history(const struct journal_follower *follower, struct map_history *out)
+{
+	return map_history(follower->map, out) && out->head->start != 0 && is_read(out);
+}
+
+/* Half of what is left is for entries. */
+static void add_history(struct journal_follower *follower, const struct map_history *history, bool first,
+			struct map_clock clock)
+{
+	struct journal_content *now = &follower->next;
+	const uint32_t start = now->start, next = map_history_place(history)->next;
+	size_t room;
+
+	keep_readers(follower, history);
+	now->said = follower->record.said;
+	room = (follower->record.size - follower->record.used) / JOURNAL_EVENT_SIZE / 2;
+	if (room < 4)
+		return;
+	now->entry = begin_entries(follower, history, next, first, (uint32_t)room - 4);
+	now->entry = add_entries(follower, history, now->entry, next, room - 1, clock);
+	journal_place(&follower->record, start, history->head->revision, now->entry);
+}
+
 /* ---- records ----------------------------------------------------------------------------- */
 
 static bool clock_moved(struct map_clock written, struct map_clock now)
@@ -206,12 +300,17 @@ bool journal_make(struct journal_follower *follower, bool anew)
 	const uint32_t modules = map_module_count(follower->map);
 	const struct map_clock clock = map_clock_read(follower->map);
 	struct map_cursor cursor;
+	struct map_history history;
+	const bool read = find_history(follower, &history);
 	bool first;
 
 	note_queues(follower->map, now);
 	memcpy(now->heads, follower->written.heads, sizeof(now->heads));
+	now->start = read ? history.head->start : 0;
+	now->entry = follower->written.entry;
 	first = anew || !follower->begun ||
-		(clock_moved(follower->written.clock, clock) && anything_wanted(now, modules));
+		(follower->written.start != 0 && now->start != follower->written.start) ||
+		(clock_moved(follower->written.clock, clock) && (anything_wanted(now, modules) || read));
 	now->clock = first ? clock : follower->written.clock;
 	now->number = first ? 0 : follower->written.number;
 	cursor = begin_at(follower, now, first, modules);
@@ -219,11 +318,13 @@ bool journal_make(struct journal_follower *follower, bool anew)
 	journal_begin(&follower->record, now->number, modules, now->queues, now->queue_count);
 	keep_points(follower, clock);
 	now->said = follower->record.said;
+	if (read)
+		add_history(follower, &history, first, clock);
 	if (first)
 		follower->left_out =
 		    skip_oldest(follower->map, &cursor, follower->record.size - follower->record.used);
 	add_events(follower, &cursor, clock);
-	if (!first && follower->record.events == follower->record.points &&
+	if (!first && follower->record.events == follower->record.states &&
 	    now->said == follower->written.said && same_wishes(&follower->written, now, modules))
 		return false;
 	memcpy(now->heads, cursor.next, sizeof(now->heads));

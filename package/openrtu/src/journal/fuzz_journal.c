@@ -17,6 +17,10 @@
 #define POINTS   4
 #define RETAINED 2 /* the first of them */
 #define FILE_MAX 8192
+/* Of the history, which this module keeps. */
+#define KEEPER  2
+#define READERS 3
+#define ENTRIES 8
 
 static char directory[] = "/dev/shm/fuzz_journal.XXXXXX";
 static struct map *map;
@@ -45,6 +49,8 @@ static void make_map(void)
 		    .type = MAP_SCALED, .ioa = i + 1u, .flags = i < RETAINED ? MAP_POINT_RETAIN : 0};
 	CHECK(mkdtemp(directory) != NULL);
 	plan_modules(&config, modules, NULL);
+	modules[KEEPER].section_size = (uint32_t)map_history_size(READERS, ENTRIES);
+	modules[KEEPER].history = (struct map_history_plan){.readers = READERS, .entries = ENTRIES};
 	CHECK(map_create(&map, directory, &config, 0, error) == 0);
 	atexit(remove_map);
 }
@@ -121,6 +127,23 @@ static void check_queues(void)
 	}
 }
 
+static void check_history(const struct map_kept_history *kept, size_t size)
+{
+	struct map_history history;
+	struct map_history_entry entry;
+
+	CHECK(kept->entry_count <= size / JOURNAL_EVENT_SIZE && kept->reader_count == READERS);
+	CHECK(map_history(map, &history) && history.head->start == 0);
+	for (uint32_t i = 0; i < ENTRIES; i++) {
+		const uint32_t number = history.entries[i].number;
+
+		if (!map_history_read(&history, number, &entry))
+			continue;
+		CHECK(number % ENTRIES == i && entry.point < POINTS && entry.start != 0);
+		CHECK(entry.time == MAP_TIME_WALL || entry.time == MAP_TIME_WALL_UNSET);
+	}
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	static uint8_t file[FILE_MAX];
@@ -138,8 +161,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	check_kept(&kept, &findings, file_size);
 	CHECK(map_restore(map, &kept, error) == 0);
 	check_samples(&kept, file_size);
+	check_history(&kept.history, file_size);
 	check_queues();
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	return 0;
 }

@@ -74,7 +74,7 @@ void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t mo
 	for (uint32_t i = 0; i < queue_count; i++)
 		at = put_queue(at, &queues[i], modules);
 	builder->used = (size_t)(at - builder->bytes);
-	builder->events = builder->points = 0;
+	builder->events = builder->states = 0;
 	builder->said = UINT32_MAX;
 }
 
@@ -109,8 +109,66 @@ bool journal_keep(struct journal_builder *builder, const struct journal_event *p
 	entry.cause = JOURNAL_RETAINED;
 	if (!journal_add(builder, &entry))
 		return false;
-	builder->points++;
+	builder->states++;
 	builder->said = crc_add(builder->said, at, WITHOUT_TIME);
+	return true;
+}
+
+bool journal_place(struct journal_builder *builder, uint32_t start, uint32_t revision, uint32_t next)
+{
+	const struct journal_event place = {
+	    .ioa = revision, .number = next, .value = start, .cause = JOURNAL_HISTORY};
+
+	if (!journal_add(builder, &place))
+		return false;
+	builder->states++;
+	return true;
+}
+
+static struct journal_event piece_of(uint32_t reader, uint32_t part, const uint32_t *octets)
+{
+	const uint32_t *words = octets + part * (JOURNAL_READER_PART / 4);
+
+	return (struct journal_event){.ioa = words[0],
+				      .number = reader << 8 | part,
+				      .value = words[1],
+				      .cause = JOURNAL_READER,
+				      .wall_ns = (int64_t)((uint64_t)words[3] << 32 | words[2])};
+}
+
+bool journal_keep_reader(struct journal_builder *builder, uint32_t reader, const uint32_t *octets)
+{
+	const uint32_t part_words = JOURNAL_READER_PART / 4;
+	uint32_t words = MAP_HISTORY_READER_SIZE / 4;
+
+	while (words > 0 && octets[words - 1] == 0)
+		words--;
+	for (uint32_t part = 0; part * part_words < words; part++) {
+		const uint8_t *at = builder->bytes + builder->used;
+		const struct journal_event piece = piece_of(reader, part, octets);
+
+		if (!journal_add(builder, &piece))
+			return false;
+		builder->states++;
+		builder->said = crc_add(builder->said, at, JOURNAL_EVENT_SIZE);
+	}
+	return true;
+}
+
+bool journal_take_reader(const struct journal_event *piece, struct map_history_reader *readers,
+			 uint32_t reader_count)
+{
+	const uint32_t reader = piece->number >> 8, part = piece->number & UINT8_MAX;
+	uint32_t *words;
+
+	if (reader >= reader_count || (part + 1) * JOURNAL_READER_PART > MAP_HISTORY_READER_SIZE)
+		return false;
+	words = readers[reader].octets + part * (JOURNAL_READER_PART / 4);
+	words[0] = piece->ioa;
+	words[1] = piece->value;
+	words[2] = (uint32_t)piece->wall_ns;
+	words[3] = (uint32_t)((uint64_t)piece->wall_ns >> 32);
+	readers[reader].used = 1;
 	return true;
 }
 

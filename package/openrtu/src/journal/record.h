@@ -13,6 +13,10 @@
  * Every record also holds what each retained point was, as an event with JOURNAL_RETAINED in the place of the cause: a
  * version before there were such points drops it as no event that can be, and reads the rest.
  *
+ * In the same way a record holds what is new of the history (map/history.h): JOURNAL_HISTORY, the start (value), revision (IOA) and the
+ * number with which the entries go on that follow, JOURNAL_ENTRY with the reason as module; and in each record after them the same of the entries
+ * to come, and what is known of its readers, JOURNAL_READER, so many octets at a time: in IOA, value and nanoseconds.
+ *
  * A point is what it is to a controlling station, CA, IOA and type: a changed configuration keeps what is still there.
  */
 #ifndef OPENRTU_JOURNAL_RECORD_H
@@ -22,6 +26,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "map/history.h"
 #include "map/station.h"
 
 #define JOURNAL_FILE         "events"     /* in the journal's folder */
@@ -31,6 +36,10 @@
 #define JOURNAL_EVENT_SIZE   28u
 #define JOURNAL_RECORD_LEAST 8u
 #define JOURNAL_RETAINED     0x80u
+#define JOURNAL_HISTORY      0x81u
+#define JOURNAL_READER       0x82u
+#define JOURNAL_READER_PART  16u
+#define JOURNAL_ENTRY        0x83u
 /* Of a record without events; less than a quarter of the smallest file. */
 #define JOURNAL_QUEUES_SIZE                                                                                  \
 	(JOURNAL_HEAD_SIZE + JOURNAL_RECORD_LEAST +                                                          \
@@ -61,8 +70,8 @@ struct journal_event {
 struct journal_builder {
 	uint8_t *bytes;
 	size_t size, used;
-	uint32_t events, points; /* points: of these, what retained points were */
-	uint32_t said;           /* a CRC of what they were, without times */
+	uint32_t events, states; /* states: of these, what retained points and readers were */
+	uint32_t said;           /* a CRC of these, without times of points */
 };
 
 void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t modules,
@@ -71,6 +80,10 @@ void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t mo
 bool journal_add(struct journal_builder *builder, const struct journal_event *event);
 /* What a retained point was; number and cause are not looked at. Before all events. False: as above. */
 bool journal_keep(struct journal_builder *builder, const struct journal_event *point);
+/* A place of the history that the journal has reached; false: as above. */
+bool journal_place(struct journal_builder *builder, uint32_t start, uint32_t revision, uint32_t next);
+/* What is known of a reader of the history, in as few pieces as hold it; false: there is no room for all. */
+bool journal_keep_reader(struct journal_builder *builder, uint32_t reader, const uint32_t *octets);
 /* Afterwards bytes[0..used) is a record. */
 void journal_end(struct journal_builder *builder);
 
@@ -90,5 +103,9 @@ bool journal_parse(const uint8_t *bytes, size_t size, uint32_t number, struct jo
 void journal_take_queue(const struct journal_record *record, const uint8_t **at, struct journal_queue *out);
 /* index < event_count */
 struct journal_event journal_event(const struct journal_record *record, uint32_t index);
+
+/* Puts a piece of a reader into its octets. False: it is of no reader, or of no place in it. */
+bool journal_take_reader(const struct journal_event *piece, struct map_history_reader *readers,
+			 uint32_t reader_count);
 
 #endif

@@ -27,7 +27,7 @@ static uint32_t group_slot(const struct map_settings *settings, const char *name
 {
 	for (uint32_t i = 0; i < settings->queue_count; i++)
 		if (strcmp(settings->queues[i].name, name) == 0)
-			return i;
+			return settings->queues[i].slot;
 	return MAP_NONE;
 }
 
@@ -44,12 +44,12 @@ static uint32_t count_addresses(const struct journal_record *record)
 	return count;
 }
 
-/* Where more groups are configured now, the addresses unused longest have no room. */
+/* Where there are more than there were places for, the addresses unused longest have no room. */
 static void take_queues(const struct map *map, const struct journal_record *record, struct readers *readers,
 			struct map_kept *kept)
 {
 	const struct map_settings *settings = &map_config(map)->settings;
-	uint32_t slot = settings->queue_count, room = MAP_QUEUES - slot, addresses = count_addresses(record);
+	uint32_t slot = MAP_NAMED_QUEUES_MAX, room = MAP_QUEUES - slot, addresses = count_addresses(record);
 	const uint8_t *at = record->queues;
 
 	for (uint32_t i = 0; i < record->queue_count; i++) {
@@ -111,7 +111,7 @@ static void take_events(const struct map *map, const struct journal_record *reco
 		const struct journal_event event = journal_event(record, i);
 		struct map_kept_event *out = &kept->events[kept->event_count];
 
-		if (event.cause == JOURNAL_RETAINED)
+		if (event.cause >= JOURNAL_RETAINED)
 			continue;
 		if (event.module >= record->modules || !translate(map, &event, &out->event)) {
 			findings->unknown++;
@@ -120,6 +120,79 @@ static void take_events(const struct map *map, const struct journal_record *reco
 		out->wanted = who_wants(readers, &event);
 		kept->event_count += out->wanted != 0;
 	}
+}
+
+/* ---- the history ------------------------------------------------------------------------- */
+
+static void take_entry(const struct map *map, const struct journal_event *event, uint32_t start,
+		       struct map_kept_history *history, struct journal_findings *findings)
+{
+	struct journal_event change = *event;
+	struct map_event now;
+
+	change.cause = MAP_SPONTANEOUS;
+	if (start == 0 || event->number == 0 || !translate(map, &change, &now)) {
+		findings->unknown++;
+		return;
+	}
+	history->entries[history->entry_count++] = (struct map_history_entry){
+	    .number = event->number,
+	    .point = now.point,
+	    .start = start,
+	    .reason = event->module,
+	    .time = now.time,
+	    .sample = now.sample,
+	};
+}
+
+/* Readers as the last record has them. */
+static void take_history_of(const struct map *map, const struct journal_record *record, bool last,
+			    struct map_kept_history *history, struct journal_findings *findings)
+{
+	uint32_t start = 0;
+
+	for (uint32_t i = 0; i < record->event_count; i++) {
+		const struct journal_event event = journal_event(record, i);
+
+		if (event.cause == JOURNAL_ENTRY)
+			take_entry(map, &event, start, history, findings);
+		if (event.cause == JOURNAL_READER && last)
+			journal_take_reader(&event, history->readers, history->reader_count);
+		if (event.cause != JOURNAL_HISTORY)
+			continue;
+		start = history->start = event.value;
+		history->revision = event.ioa;
+		history->next = event.number;
+	}
+}
+
+static bool take_history(const struct map *map, const uint8_t *bytes, size_t size, uint32_t events,
+			 struct map_kept_history *history, struct journal_findings *findings)
+{
+	struct journal_record record;
+	struct map_history now;
+
+	if (!map_history(map, &now))
+		return true;
+	history->reader_count = now.reader_count;
+	history->readers = calloc(now.reader_count, sizeof(*history->readers));
+	history->entries = calloc(events + 1u, sizeof(*history->entries));
+	if (history->readers == NULL || history->entries == NULL)
+		return false;
+	for (uint32_t i = 0; i < findings->records; i++, bytes += record.size) {
+		journal_parse(bytes, size, i, &record);
+		size -= record.size;
+		take_history_of(map, &record, i + 1 == findings->records, history, findings);
+	}
+	return true;
+}
+
+void journal_forget(struct map_kept *kept)
+{
+	free(kept->events);
+	free(kept->samples);
+	free(kept->history.entries);
+	free(kept->history.readers);
 }
 
 /* ---- retained points --------------------------------------------------------------------- */
@@ -234,7 +307,8 @@ bool journal_restore(const struct map *map, const uint8_t *bytes, size_t size, s
 	*findings = (struct journal_findings){.records = 0};
 	events = count_events(bytes, size, findings, &record);
 	kept->events = calloc(events + 1u, sizeof(*kept->events));
-	if (kept->events == NULL || !take_points(map, &record, kept, findings))
+	if (kept->events == NULL || !take_points(map, &record, kept, findings) ||
+	    !take_history(map, bytes, size, events, &kept->history, findings))
 		return false;
 	take_queues(map, &record, &readers, kept); /* as the last record has them */
 	for (uint32_t i = 0; i < findings->records; i++, bytes += record.size) {

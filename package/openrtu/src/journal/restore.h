@@ -13,10 +13,11 @@ struct journal_findings {
 
 /*
  * Reads a journal's file, which may be anything, for the configuration of this map. Gives what its whole records say:
- * the events that a queue of now has not acknowledged, the queues, and the points that were retained and are. The caller frees
- * kept->events and kept->samples. False: out of memory.
+ * the events that a queue of now has not acknowledged, the queues, the points that were retained and are, and the history. False:
+ * out of memory. journal_forget frees what it has, in any case.
  */
 bool journal_restore(const struct map *map, const uint8_t *bytes, size_t size, struct map_kept *kept,
 		     struct journal_findings *findings);
+void journal_forget(struct map_kept *kept);
 
 #endif

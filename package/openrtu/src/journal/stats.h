@@ -19,6 +19,7 @@ struct journal_stats {
 	_Atomic uint32_t written_s;  /* CLOCK_MONOTONIC, of the last record; 0: none */
 	_Atomic uint32_t longest_ms; /* that a record took */
 	_Atomic uint32_t failing;    /* 1: the last record could not be written */
+	_Atomic uint32_t moved;      /* 1: another folder than the one that the former process wrote in */
 };
 
 #define JOURNAL_COUNTERS 7 /* of these, that have names for all: map_name_counter */

@@ -10,8 +10,8 @@
 #include "journal/restore.h"
 
 #define STATION  "rtu-iec104"
-#define CENTRE   0 /* the group's queue */
-#define OWN      5 /* a queue of an address */
+#define CENTRE   0                          /* the group's queue */
+#define OWN      (MAP_NAMED_QUEUES_MAX + 5) /* a queue of an address */
 #define ADDRESS  "192.0.2.7"
 #define S        1000000000LL
 #define WALL_NS  (1700000000 * S)
@@ -111,8 +111,7 @@ static struct journal_findings cut_power(struct scene *scene)
 	assert_true(journal_restore(scene->stage->rtud, scene->file, scene->size, &kept, &findings));
 	if (map_restore(scene->stage->rtud, &kept, error) < 0)
 		fail_msg("%s", error);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	scene->first = start(scene->stage, FIRST);
 	scene->second = start(scene->stage, SECOND);
 	scene->station = start(scene->stage, STATION);
@@ -159,8 +158,8 @@ static void test_each_queue_has_what_it_did_not_acknowledge(void **state)
 	assert_int_equal(journal_pending(&scene.follower), 5);
 	assert_int_equal(cut_power(&scene).records, 3);
 	assert_waits(&scene, CENTRE, 3, 7);
-	assert_waits(&scene, 1, 7, 7); /* the first queue behind the groups' */
-	map_queue(scene.station, 1, &queue);
+	assert_waits(&scene, MAP_NAMED_QUEUES_MAX, 7, 7); /* the first queue behind the groups' */
+	map_queue(scene.station, MAP_NAMED_QUEUES_MAX, &queue);
 	assert_string_equal(queue.name, ADDRESS);
 	end(&scene);
 }
@@ -359,8 +358,7 @@ static void test_lines_of_one_process_keep_the_order(void **state)
 	make_again(scene.stage);
 	assert_true(journal_restore(scene.stage->rtud, scene.file, scene.size, &kept, &findings));
 	assert_int_equal(map_restore(scene.stage->rtud, &kept, error), 0);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	scene.station = start(scene.stage, STATION);
 	assert_waits(&scene, CENTRE, 2, 6);
 	map_detach(scene.station);
@@ -430,8 +428,7 @@ static void assert_says(const struct scene *scene, const uint8_t *bytes, size_t 
 		assert_int_equal(kept.events[i].event.point, value % 2 ? 1 : 5);
 		assert_int_equal(kept.events[i].wanted, 1u << CENTRE);
 	}
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 }
 
 static uint32_t whole_records(const size_t ends[3], size_t size)
@@ -519,11 +516,10 @@ static void test_records_that_lie(void **state)
 	    journal_restore(scene.stage->rtud, scene.memory, scene.follower.record.used, &kept, &findings));
 	assert_int_equal(findings.unknown, 5);
 	assert_int_equal(kept.event_count, 1);
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 
 	for (unsigned i = 0; i < MAP_QUEUES;
-	     i++) { /* more addresses than there is room for beside the group */
+	     i++) { /* more addresses than there is room for beside the groups */
 		queues[i].kind = JOURNAL_ADDRESS;
 		snprintf(queues[i].name, sizeof(queues[i].name), "192.0.2.%u", i);
 	}
@@ -533,10 +529,10 @@ static void test_records_that_lie(void **state)
 	    journal_restore(scene.stage->rtud, scene.memory, scene.follower.record.used, &kept, &findings));
 	assert_int_equal(findings.records, 1);
 	assert_string_equal(kept.addresses[0], "");
-	assert_string_equal(kept.addresses[1], "192.0.2.1"); /* 192.0.2.0 was unused longest */
+	assert_string_equal(kept.addresses[MAP_NAMED_QUEUES_MAX],
+			    "192.0.2.8"); /* those before were unused longest */
 	assert_string_equal(kept.addresses[MAP_QUEUES - 1], "192.0.2.31");
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	end(&scene);
 }
 
@@ -634,8 +630,7 @@ static void test_a_retained_point_has_its_old_time(void **state)
 			assert_in_range(age_ns, cases[i].later_ns + 3 * S, cases[i].later_ns + 60 * S);
 		else
 			assert_in_range(age_ns, 0, 60 * S);
-		free(kept.events);
-		free(kept.samples);
+		journal_forget(&kept);
 	}
 	end(&scene);
 }
@@ -688,8 +683,7 @@ static unsigned points_said(const struct scene *scene, size_t size)
 
 	assert_true(journal_restore(scene->stage->rtud, scene->file, size, &kept, &findings));
 	count = kept.sample_count;
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	return count;
 }
 
@@ -748,8 +742,7 @@ static void test_retained_points_that_lie(void **state)
 		assert_int_equal(kept.samples[i].sample.value.i, 3);
 		assert_in_range(map_now_ns() - kept.samples[i].sample.time_ns, 0, 60 * S);
 	}
-	free(kept.events);
-	free(kept.samples);
+	journal_forget(&kept);
 	end(&scene);
 }
 

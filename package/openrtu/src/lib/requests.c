@@ -105,7 +105,7 @@ enum map_cause requests_cause(const struct openrtu *rtu, uint32_t own)
 /* A module that does not decide, or does not look. */
 static bool is_too_late(const struct openrtu *rtu, const struct asked *asked)
 {
-	int64_t patience_ns = map_config(rtu->map)->settings.command_timeout_s * NS_PER_S;
+	int64_t patience_ns = map_command_timeout_s(rtu->map) * NS_PER_S;
 
 	if (asked->phase == ASKED_CONFIRMED)
 		patience_ns += PASSED_ON_NS + asked->command.pulse_ms * NS_PER_MS;

@@ -18,6 +18,8 @@ enum {
 	POINT_SELECT,
 	POINT_DEADBAND,
 	POINT_VALUE,
+	POINT_RETAIN,
+	POINT_LN,
 	POINT_KEYS
 };
 static const struct config_rule point_rules[POINT_KEYS] = {
@@ -28,6 +30,8 @@ static const struct config_rule point_rules[POINT_KEYS] = {
     [POINT_SELECT] = {"select", CONFIG_BOOLEAN},
     [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [POINT_VALUE] = {"value", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
+    [POINT_RETAIN] = {"retain", CONFIG_BOOLEAN},
+    [POINT_LN] = CONFIG_LN_RULE,
 };
 
 /* Its number, or MAP_TYPES: there is none of this name. */
@@ -102,8 +106,10 @@ static void read_point(struct config_loader *loader, struct logic_reading *readi
 		return;
 	*out = (struct logic_own_point){
 	    .name = values[POINT_NAME].text,
+	    .ln = values[POINT_LN].given ? values[POINT_LN].text : NULL,
 	    .group = (uint8_t)values[POINT_GROUP].integer,
 	    .select = values[POINT_SELECT].integer != 0,
+	    .retain = values[POINT_RETAIN].integer != 0,
 	    .ioa = (uint32_t)values[POINT_IOA].integer,
 	    .deadband = (float)values[POINT_DEADBAND].number,
 	    .has_initial = values[POINT_VALUE].given,
@@ -156,5 +162,9 @@ void logic_add_set(struct config_loader *loader, struct logic_reading *reading)
 		point->deadband = own->deadband;
 		if (is_commanded(&reading->logic, own))
 			point->flags = MAP_POINT_COMMAND | (own->select ? MAP_POINT_SELECT : 0);
+		point->flags |= own->retain ? MAP_POINT_RETAIN : 0;
+		if (own->ln != NULL)
+			config_take_ln(loader, logic_place_point(&place, reading, i),
+				       loader->config->point_count - 1, own->ln);
 	}
 }

@@ -12,8 +12,9 @@
 /* A point of a program's own, as the file has it. */
 struct logic_own_point {
 	const char *name;
+	const char *ln; /* its name in IEC 61850, NULL: none; the file's */
 	uint8_t type, group;
-	bool select, has_initial;
+	bool select, has_initial, retain;
 	uint32_t ioa;
 	float deadband, initial;
 };

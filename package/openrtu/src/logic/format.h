@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #define LOGIC_MAGIC   "RTUL"
-#define LOGIC_VERSION 2
+#define LOGIC_VERSION 3
 #define LOGIC_NO_SLOT 0xffff
 
 /*
@@ -19,6 +19,7 @@
  *   commands  u16 name of the point, u16 slots of execute, value, select, state, result
  *   requests  u16 name of the point, u16 slots of active, value, refuse, state, result
  *   retained  u16 name, u16 first slot, u16 slots, u8 type, u8 0
+ *   strings   u16 first slot, u16 octets
  *   code      u8 operation, u8 type, u16 a, u16 b, u16 c
  *   lines     u16 of each instruction, filled up to a multiple of 4
  *   names     octets, each name ends with 0
@@ -26,7 +27,7 @@
 struct logic_head {
 	char magic[4];
 	uint16_t version;
-	uint16_t reserved;
+	uint16_t strings;
 	uint32_t size; /* of the file */
 	uint32_t crc;  /* CRC-32 of what follows */
 	uint16_t constants;
@@ -94,6 +95,12 @@ struct logic_retained {
 	uint8_t reserved;
 };
 
+/* The number of octets, and they, 8 in a slot; all of LINT. */
+struct logic_string {
+	uint16_t first;
+	uint16_t octets; /* at most */
+};
+
 struct logic_instruction {
 	uint8_t operation;
 	uint8_t type;
@@ -125,7 +132,7 @@ enum logic_type {
  * operand: t T slot of the instruction's type; b B slot of BOOL; i slot that is not REAL or LREAL; Q of BYTE;
  *   f F of REAL; d D of LREAL; * + any slot; x array to read; X array to write; j instruction of the
  *   routine; k routine before this one; m function; n number of slots; v the same, 0 as well;
- *   l place among the names; - 0
+ *   l place among the names; N slot of INT; r string to read; S string to write; - 0
  */
 #define LOGIC_OPERATIONS(OP)                                                                                 \
 	OP(MOVE, ".", "Tt-")  /* a := b */                                                                   \
@@ -191,10 +198,22 @@ enum logic_type {
 	OP(QUALITY, "-", "Q*-")                                                                              \
 	OP(GOOD, "-", "B*-")                                                                                 \
 	OP(AS_GOOD, ".", "Tt-")                                                                              \
-	OP(MESSAGE, "-", "l*v") /* says the text a with the values of c slots from b */
+	OP(MESSAGE, "-", "l*v") /* says the text a with the values of c slots from b */                      \
+	OP(TEXT, "-", "Sr-")    /* a := b */                                                                 \
+	OP(JOIN, "-", "Srr")    /* a := b and c behind it */                                                 \
+	OP(HEAD, "-", "Sri")    /* a := the first c octets of b */                                           \
+	OP(TAIL, "-", "Sri")    /* a := b without them */                                                    \
+	OP(LAST, "-", "Sri")    /* a := the last c octets of b */                                            \
+	OP(LENGTH, "-", "Nr-")                                                                               \
+	OP(FIND, "-", "Nrr")    /* a := where c begins in b, from 1; 0: nowhere */                           \
+	OP(COMPARE, "-", "Nrr") /* a := -1, 0 or 1 */                                                        \
+	OP(FORMAT, "-", "Sl*")  /* a := the text b with the value c, as MESSAGE has it */
 
-/* A MESSAGE has at most so many values. */
+/* A STRING has at most so many octets. */
+#define LOGIC_STRING_MAX 255
+/* A MESSAGE has at most so many values, any of them a STRING. */
 #define LOGIC_MESSAGE_VALUES 8
+#define LOGIC_MESSAGE_SLOTS  (LOGIC_MESSAGE_VALUES * (1 + (LOGIC_STRING_MAX + 7) / 8))
 
 enum logic_operation {
 #define LOGIC_NAME(name, type, operands) LOGIC_##name,

@@ -22,8 +22,8 @@ static void fit(struct logic_head *head, uint8_t *octets, size_t size)
 	    head->arrays * sizeof(struct logic_array) + head->routines * sizeof(struct logic_routine) +
 	    head->points * sizeof(struct logic_point) + head->commands * sizeof(struct logic_command) +
 	    head->requests * sizeof(struct logic_request) + head->retained * sizeof(struct logic_retained) +
-	    head->code * sizeof(struct logic_instruction) + (head->slots + 3U) / 4 * 4 +
-	    (head->code + 1U) / 2 * 4;
+	    head->strings * sizeof(struct logic_string) + head->code * sizeof(struct logic_instruction) +
+	    (head->slots + 3U) / 4 * 4 + (head->code + 1U) / 2 * 4;
 
 	head->size = (uint32_t)size;
 	head->names = size > sections ? (uint32_t)(size - sections) : 0;

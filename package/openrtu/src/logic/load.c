@@ -39,7 +39,7 @@ static size_t sections_size(const struct logic_head *head)
 	       head->arrays * sizeof(struct logic_array) + head->routines * sizeof(struct logic_routine) +
 	       head->points * sizeof(struct logic_point) + head->commands * sizeof(struct logic_command) +
 	       head->requests * sizeof(struct logic_request) +
-	       head->retained * sizeof(struct logic_retained) +
+	       head->retained * sizeof(struct logic_retained) + head->strings * sizeof(struct logic_string) +
 	       head->code * sizeof(struct logic_instruction) + filled(head->code * sizeof(uint16_t)) +
 	       head->names;
 }
@@ -144,7 +144,13 @@ static bool operand_fits(const struct logic *logic, uint16_t routine, uint8_t ty
 	case 'n':
 		return value > 0;
 	case 'v':
-		return value <= LOGIC_MESSAGE_VALUES;
+		return value <= LOGIC_MESSAGE_SLOTS;
+	case 'N':
+		return variable_is(logic, value, LOGIC_INT);
+	case 'r':
+		return value < logic->head->strings;
+	case 'S':
+		return value < logic->head->strings && logic->strings[value].first >= logic->head->constants;
 	case 'l':
 		return value < logic->head->names;
 	default:
@@ -219,6 +225,18 @@ static bool place_fits(const struct logic *logic, uint16_t slot, uint8_t type)
 	return slot == LOGIC_NO_SLOT || variable_is(logic, slot, type);
 }
 
+static bool string_fits(const struct logic *logic, const struct logic_string *string)
+{
+	uint32_t end = string->first + logic_string_slots(string->octets);
+
+	if (string->octets == 0 || string->octets > LOGIC_STRING_MAX || end > logic->head->slots)
+		return false;
+	for (uint32_t slot = string->first; slot < end; slot++)
+		if (logic->types[slot] != LOGIC_LINT)
+			return false;
+	return true;
+}
+
 static const char *check_tables(const struct logic *logic)
 {
 	const struct logic_head *head = logic->head;
@@ -240,6 +258,9 @@ static const char *check_tables(const struct logic *logic)
 			if (logic->types[slot] != array->type)
 				return "an array has elements of several types";
 	}
+	for (uint16_t i = 0; i < head->strings; i++)
+		if (!string_fits(logic, &logic->strings[i]))
+			return "a string has no memory";
 	for (uint16_t i = 0; i < head->points; i++)
 		if (!variable_is(logic, logic->points[i].slot, logic->points[i].type) ||
 		    !place_fits(logic, logic->points[i].time, LOGIC_DT) ||
@@ -333,6 +354,7 @@ const char *logic_load(struct logic *logic, void *memory, const void *file, size
 	logic->commands = (const void *)SECTION(logic->head->commands * sizeof(struct logic_command));
 	logic->requests = (const void *)SECTION(logic->head->requests * sizeof(struct logic_request));
 	logic->retained = (const void *)SECTION(logic->head->retained * sizeof(struct logic_retained));
+	logic->strings = (const void *)SECTION(logic->head->strings * sizeof(struct logic_string));
 	logic->code = (const void *)SECTION(logic->head->code * sizeof(struct logic_instruction));
 	logic->lines = (const void *)SECTION(filled(logic->head->code * sizeof(uint16_t)));
 	logic->names = (const char *)at;

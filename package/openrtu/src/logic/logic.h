@@ -64,6 +64,7 @@ struct logic {
 	const struct logic_command *commands;
 	const struct logic_request *requests;
 	const struct logic_retained *retained;
+	const struct logic_string *strings;
 	const struct logic_instruction *code;
 	const uint16_t *lines;
 	const char *names;
@@ -134,6 +135,18 @@ struct logic_verdict {
 
 /* After a scan in which the request was active. What the program doubts it refuses, unless it has passed the command on. */
 struct logic_verdict logic_judge(const struct logic *logic, const struct logic_request *request);
+
+/* The slots of a STRING. */
+static inline uint32_t logic_string_slots(uint32_t octets)
+{
+	return 1 + (octets + 7) / 8;
+}
+
+/* Of an operation with a STRING: what it costs of the budget; false: it wants a negative number of octets. */
+uint32_t logic_text_cost(const struct logic *logic, const struct logic_instruction *at);
+bool logic_text(struct logic *logic, const struct logic_instruction *at);
+/* A text of the file with the value of one slot in it. */
+void logic_format(const struct logic *logic, uint16_t text, uint16_t slot, char *out, size_t size);
 
 /* In words, as "division by zero". */
 const char *logic_fault_name(enum logic_fault fault);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * What a program says: its text, with a value in place of each {}, and of each "\x01NUMBER=NAME,NUMBER=NAME\x02" the value's
- * name. The text is the file's, so nothing is known of it.
+ * What a program says: its text, with a value in place of each {}, of each "\x01NUMBER=NAME,NUMBER=NAME\x02" the value's
+ * name, and of each "\x03OCTETS\x02" the STRING of so many. The text is the file's, so nothing is known of it.
  */
 #include <inttypes.h>
 #include <stdarg.h>
@@ -16,8 +16,9 @@ struct text {
 	size_t left; /* with the octet for the end */
 };
 
-#define NAMES "\x01"
-#define END   "\x02"
+#define NAMES  "\x01"
+#define END    "\x02"
+#define STRING "\x03"
 
 /* A line of a log has no control characters. */
 static void put_octet(struct text *text, char octet)
@@ -98,26 +99,62 @@ static const char *put_name(struct text *text, const char *names, union logic_ce
 	return end + (*end != '\0');
 }
 
+/* The octets of a STRING, whose slots begin here; the text of the file is hostile, so that all of them are checked. */
+static const char *put_string(struct text *text, const char *octets, const struct logic *logic, uint16_t slot,
+			      uint16_t slots, uint32_t *taken)
+{
+	char *end;
+	unsigned long room = strtoul(octets, &end, 10);
+	const char *from = (const char *)&logic->cells[slot + 1];
+	int64_t length = logic->cells[slot].i;
+
+	*taken = 1;
+	if (room > 0 && room <= LOGIC_STRING_MAX && logic_string_slots((uint32_t)room) <= slots) {
+		*taken = logic_string_slots((uint32_t)room);
+		for (int64_t i = 0; i < length && i < (int64_t)room; i++)
+			put_octet(text, from[i]);
+		if (logic->quality[slot] & LOGIC_NOT_GOOD)
+			put_octet(text, '!');
+	}
+	return end + (*end == *END);
+}
+
+/* The text with so many slots from this one on. */
+static void fill(struct text *text, const struct logic *logic, const char *from, uint16_t slot,
+		 uint16_t slots, bool marks)
+{
+	*text->at = '\0';
+	while (*from != '\0') {
+		uint8_t quality = slots > 0 && marks ? logic->quality[slot] : 0;
+		uint32_t taken = 1;
+
+		if (slots > 0 && *from == *NAMES) {
+			from = put_name(text, from + 1, logic->cells[slot], quality);
+		} else if (slots > 0 && *from == *STRING) {
+			from = put_string(text, from + 1, logic, slot, slots, &taken);
+		} else if (slots > 0 && from[0] == '{' && from[1] == '}') {
+			put_value(text, (enum logic_type)logic->types[slot], logic->cells[slot], quality);
+			from += 2;
+		} else {
+			put_octet(text, *from++);
+			continue;
+		}
+		slot = (uint16_t)(slot + taken);
+		slots = (uint16_t)(slots - taken);
+	}
+}
+
 void logic_message(const struct logic *logic, unsigned message, char *out, size_t size)
 {
 	const struct logic_instruction *at = &logic->code[logic->said[message]];
 	struct text text = {out, size};
-	uint16_t value = 0;
 
-	*out = '\0';
-	for (const char *from = logic_name(logic, at->a); *from != '\0';) {
-		uint16_t slot = (uint16_t)(at->b + value);
+	fill(&text, logic, logic_name(logic, at->a), at->b, at->c, true);
+}
 
-		if (value < at->c && *from == *NAMES) {
-			from = put_name(&text, from + 1, logic->cells[slot], logic->quality[slot]);
-			value++;
-		} else if (value < at->c && from[0] == '{' && from[1] == '}') {
-			put_value(&text, (enum logic_type)logic->types[slot], logic->cells[slot],
-				  logic->quality[slot]);
-			from += 2;
-			value++;
-		} else {
-			put_octet(&text, *from++);
-		}
-	}
+void logic_format(const struct logic *logic, uint16_t text, uint16_t slot, char *out, size_t size)
+{
+	struct text made = {out, size};
+
+	fill(&made, logic, logic_name(logic, text), slot, 1, false);
 }

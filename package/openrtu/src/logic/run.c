@@ -470,6 +470,20 @@ static bool run(struct logic *logic, uint32_t budget)
 		case LOGIC_MESSAGE:
 			say(logic, (uint16_t)(at - code));
 			break;
+		case LOGIC_TEXT:
+		case LOGIC_JOIN:
+		case LOGIC_HEAD:
+		case LOGIC_TAIL:
+		case LOGIC_LAST:
+		case LOGIC_LENGTH:
+		case LOGIC_FIND:
+		case LOGIC_COMPARE:
+		case LOGIC_FORMAT:
+			if (!spend(&budget, logic_text_cost(logic, at)))
+				goto over;
+			if (!logic_text(logic, at))
+				count_fault(logic, at, LOGIC_DOMAIN);
+			break;
 		case LOGIC_OPERATION_COUNT:
 			return true;
 		}

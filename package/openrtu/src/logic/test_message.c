@@ -117,7 +117,7 @@ static void test_what_the_verifier_refuses(void **state)
 	assert_null(loaded("a", UPTIME, 1));
 	assert_string_equal(loaded("a", UPTIME, 2), why);
 	assert_string_equal(loaded("a", SLOTS, 0), why);
-	assert_string_equal(loaded("a", IN, LOGIC_MESSAGE_VALUES + 1), why);
+	assert_string_equal(loaded("a", IN, LOGIC_MESSAGE_SLOTS + 1), why);
 	program.code[0] = (struct logic_instruction){LOGIC_MESSAGE, 0, sizeof(program.names), IN, 0};
 	seal(&program, sizeof(program));
 	assert_string_equal(logic_load(&logic, &memory, &program, sizeof(program)), why);

@@ -46,6 +46,6 @@ void bell_ring(const struct map *map, uint32_t module)
 void bell_ring_event_readers(const struct map *map)
 {
 	for (uint32_t i = 0; i < map_module_count(map); i++)
-		if (map->modules[i].plan.flags & MAP_HEARS_EVENTS)
+		if ((map->modules[i].plan.flags & (MAP_HEARS_EVENTS | MAP_IS_GONE)) == MAP_HEARS_EVENTS)
 			bell_ring(map, i);
 }

@@ -139,6 +139,30 @@ static int open_segment(const struct map *map, uint32_t module, struct segment *
 	return 0;
 }
 
+static void change_slot(const struct carriage *carriage, uint32_t *slot)
+{
+	*slot =
+	    *slot < carriage->map->modules[carriage->module].point_count ? carriage->slots[*slot] : MAP_NONE;
+}
+
+static void change_event(const struct carriage *carriage, void *record)
+{
+	struct map_event *event = record;
+
+	if (event->kind == MAP_EVENT_CHANGE)
+		change_slot(carriage, &event->point);
+}
+
+/* Of a ring that was smaller, a reader who was too late for these is told nothing, as if they were of points that are gone. */
+static void put_void_events(const struct ring *to, uint32_t from, uint32_t end)
+{
+	const struct map_event nothing = {.point = MAP_NONE, .kind = MAP_EVENT_CHANGE};
+
+	atomic_store(to->head, from);
+	while (ring_head(to) != end)
+		ring_put(to, &nothing);
+}
+
 /* Numbers go on: readers keep their places. change: what becomes of a record; NULL: it stays. */
 static void carry_ring(const struct carriage *carriage, const struct ring *from, const struct ring *to,
 		       void (*change)(const struct carriage *carriage, void *record))
@@ -153,6 +177,8 @@ static void carry_ring(const struct carriage *carriage, const struct ring *from,
 
 	if (ring_head(from) < from->capacity)
 		next = 0;
+	if (next != 0 && change == change_event && to->capacity > from->capacity)
+		put_void_events(to, ring_head(from) - to->capacity, next + 1);
 	atomic_store(to->head, next);
 	while (ring_peek(from, &next, &record, &lost)) {
 		if (change)
@@ -162,20 +188,6 @@ static void carry_ring(const struct carriage *carriage, const struct ring *from,
 		next++;
 	}
 	atomic_store(to->head, ring_head(from));
-}
-
-static void change_slot(const struct carriage *carriage, uint32_t *slot)
-{
-	*slot =
-	    *slot < carriage->map->modules[carriage->module].point_count ? carriage->slots[*slot] : MAP_NONE;
-}
-
-static void change_event(const struct carriage *carriage, void *record)
-{
-	struct map_event *event = record;
-
-	if (event->kind == MAP_EVENT_CHANGE)
-		change_slot(carriage, &event->point);
 }
 
 static void change_answer(const struct carriage *carriage, void *record)
@@ -412,6 +424,7 @@ int map_switch(const struct map *map, const struct map *next, const struct map_s
 					strerror(errno));
 	}
 	forces_renumber(map, renumber, &(const struct carriage){.map = map, .next = next});
+	settings_put(map, &next->config.settings);
 	atomic_store_explicit(&map->directory->epoch, next->file->epoch, memory_order_release);
 	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(map); i++)
 		bell_ring(map, i);

@@ -320,7 +320,7 @@ static void move(struct map *map, struct command_cell *cell, const struct map_re
 	struct map_command command = command_of(map, request, state, result);
 
 	if (state == MAP_ACCEPTED_SELECTION)
-		command.until_ns = command.time_ns + map->config.settings.select_timeout_s * NS_PER_S;
+		command.until_ns = command.time_ns + map_select_timeout_s(map) * NS_PER_S;
 	store(cell, &command);
 	answer(map, &command, request->point, request->action);
 }

@@ -119,6 +119,8 @@ enum map_clock_mode {
 struct map_queue_plan {
 	char name[MAP_NAME_SIZE];
 	uint32_t limit; /* events that may wait in it, less than event_ring */
+	uint32_t
+	    slot; /* which of the queues it is, below MAP_NAMED_QUEUES_MAX; the same in all configurations that have the name */
 };
 
 /* What holds for all modules. */
@@ -155,6 +157,11 @@ struct map_rings {
 	uint32_t requests, answers, events, log;
 };
 
+/* The history in a module's own section (map/history.h): at so many octets, of so many readers and entries. No entries: there is none. */
+struct map_history_plan {
+	uint32_t at, readers, entries;
+};
+
 /* A module, as the map is made for it. rtud's segment keeps it: no reader has to know a kind. */
 struct map_module_plan {
 	char name[MAP_NAME_SIZE];
@@ -164,6 +171,7 @@ struct map_module_plan {
 	uint32_t heartbeat_limit_ms; /* how old its heartbeat may be */
 	uint32_t section_size;       /* octets of its own section (map_section) */
 	uint32_t counters;           /* so many in that section have a name at most (map_name_counter) */
+	struct map_history_plan history;
 	uint32_t first_listed, listed_count; /* with MAP_REQUESTS_LISTED: its part of MAP_LISTED */
 	uint32_t
 	    user; /* what rtud adds to the first of the modules' users: no other's, or 0: no process of rtud's */

@@ -315,6 +315,12 @@ static int open_directory(const char *dir, char *error)
 	return -1;
 }
 
+void settings_put(const struct map *map, const struct map_settings *settings)
+{
+	atomic_store(&map->directory->select_timeout_s, settings->select_timeout_s);
+	atomic_store(&map->directory->command_timeout_s, settings->command_timeout_s);
+}
+
 int map_create(struct map **map, const char *dir, const struct map_config *config, uint32_t group,
 	       char *error)
 {
@@ -331,6 +337,7 @@ int map_create(struct map **map, const char *dir, const struct map_config *confi
 	}
 	close((*map)->directory_fd);
 	(*map)->directory_fd = fd;
+	settings_put(*map, &config->settings);
 	rtud = &(*map)->directory->modules[MAP_RTUD];
 	atomic_store(&rtud->state, MAP_MODULE_RUNNING);
 	atomic_store(&rtud->pid, (uint32_t)getpid());

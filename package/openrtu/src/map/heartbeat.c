@@ -6,4 +6,5 @@ void map_heartbeat(struct map *map)
 {
 	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
 	forces_follow(map);
+	requesters_follow(map);
 }

@@ -151,6 +151,8 @@ struct config_layout {
 struct directory {
 	_Atomic uint32_t epoch;  /* of the configuration in force */
 	_Atomic uint32_t starts; /* map_starts */
+	_Atomic uint32_t select_timeout_s,
+	    command_timeout_s; /* of that configuration, for all that go on in another */
 	map_latch clock_latch;
 	struct map_clock clock[2];
 	map_latch forces_latch;
@@ -208,8 +210,11 @@ struct map {
 	struct directory *directory;
 	const struct config_header *file;   /* of the configuration that is in use here */
 	const struct config_header *before; /* of the one before, until map_forget; NULL: none */
-	const struct module_entry *modules; /* the file's */
-	struct map_config config;           /* its arrays lie in the file */
+	uint32_t followed;                  /* epoch of the requesters: requesters_follow */
+	uint32_t module_count;
+	struct module_entry
+	    modules[MAP_MODULES_MAX]; /* the file's, and of another epoch those of requesters */
+	struct map_config config;     /* its arrays lie in the file */
 	const uint32_t *by_address;
 	const uint32_t *owned; /* points, by module and slot */
 	struct segment segments[MAP_MODULES_MAX];
@@ -252,6 +257,9 @@ __attribute__((format(printf, 2, 3))) int map_fail(char *error, const char *form
  */
 int config_create(int directory_fd, const struct map_config *config, uint32_t epoch, const uint32_t *made,
 		  uint32_t group, char *error);
+
+/* What processes look at that have another configuration than the one in force. */
+void settings_put(const struct map *map, const struct map_settings *settings);
 
 /* Removes the files of the map's folder, those whose names have the mark in them; NULL: all. */
 void map_sweep(int directory_fd, const char *mark);
@@ -334,6 +342,11 @@ void forces_recover(struct map *map);
 void forces_renumber(const struct map *map,
 		     uint32_t (*renumber)(const void *context, uint32_t module, uint32_t slot),
 		     const void *context);
+
+/* ---- map.c ------------------------------------------------------------------------------- */
+
+/* An owner that goes on with a former configuration hears modules that request, and rings those that hear of events, as of now. */
+void requesters_follow(struct map *map);
 
 /* ------------------------------------------------------------------------------------------ */
 

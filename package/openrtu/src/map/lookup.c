@@ -12,9 +12,19 @@ uint32_t map_self(const struct map *map)
 	return map->self;
 }
 
+uint32_t map_select_timeout_s(const struct map *map)
+{
+	return atomic_load(&map->directory->select_timeout_s);
+}
+
+uint32_t map_command_timeout_s(const struct map *map)
+{
+	return atomic_load(&map->directory->command_timeout_s);
+}
+
 uint32_t map_module_count(const struct map *map)
 {
-	return map->file->module_count;
+	return map->module_count;
 }
 
 uint32_t map_epoch(const struct map *map)

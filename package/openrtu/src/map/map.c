@@ -143,7 +143,9 @@ static int place_tables(struct map *map, const struct config_header *file, size_
 		return map_fail(error, "the configuration has %zu bytes, its contents need %zu", size,
 				layout.size);
 	map->file = file;
-	map->modules = file->modules;
+	map->followed = file->epoch;
+	map->module_count = file->module_count;
+	memcpy(map->modules, file->modules, sizeof(map->modules));
 	map->config.sets = (void *)(memory + layout.sets);
 	map->config.points = (void *)(memory + layout.points);
 	map->by_address = (void *)(memory + layout.by_address);
@@ -322,7 +324,8 @@ static void begin_generation(struct map *map)
 	totals_recover(map);
 	forces_recover(map);
 	atomic_store(&header->carried, 0);
-	map_heartbeat(map);
+	atomic_store_explicit(&header->heartbeat_ms, now_ms(), memory_order_release);
+	forces_follow(map);
 	if (map->modules[map->self].plan.flags & MAP_IS_LOCAL)
 		atomic_fetch_add(&header->generation, 1);
 	else
@@ -474,6 +477,63 @@ int map_renew(struct map *map, struct map_config *before, char *error)
 	fresh.before = map->file;
 	*map = fresh;
 	return 0;
+}
+
+/* ---- who requests, in a configuration that the caller does not take ------------------------- */
+
+/* Of a module that owns points here, what this configuration says of them is true of the segment that it had. */
+static int follow_module(struct map *map, const struct map *newest, uint32_t module, char *error)
+{
+	const struct module_entry *entry = &newest->modules[module];
+	const bool known = module < map->module_count;
+	struct segment segment = {.bell = known ? map->segments[module].bell : -1};
+
+	if (known && map->modules[module].made == entry->made) {
+		map->modules[module].plan.flags |= entry->plan.flags & MAP_IS_GONE;
+		return 0;
+	}
+	if (known && map->modules[module].point_count != 0)
+		return 0;
+	if (attach_segment(newest, module, &segment, error) < 0)
+		return -1;
+	if (known)
+		munmap(map->segments[module].header, map->segments[module].size);
+	map->segments[module] = segment;
+	map->modules[module] = *entry;
+	map->modules[module].point_count = 0; /* they have no numbers here */
+	map->modules[module].plan.listed_count = 0;
+	if (!known)
+		map->module_count++;
+	return 0;
+}
+
+static int follow_modules(struct map *map, char *error)
+{
+	struct map newest = {
+	    .directory_fd = map->directory_fd, .directory = map->directory, .self = map->self};
+	int result = 0;
+
+	if (open_newest_config(&newest, 0, false, error) < 0)
+		return -1;
+	map->followed = newest.followed;
+	for (uint32_t i = 0; result == 0 && i < newest.module_count; i++)
+		result = follow_module(map, &newest, i, error);
+	munmap((void *)(uintptr_t)newest.file, newest.file->size);
+	return result < 0 ? -1 : attach_bells(map, error);
+}
+
+void requesters_follow(struct map *map)
+{
+	const uint32_t epoch = atomic_load_explicit(&map->directory->epoch, memory_order_acquire);
+	char error[MAP_ERROR_SIZE];
+
+	if (epoch == map->followed || !(map->modules[map->self].plan.flags & MAP_MAY_OWN))
+		return;
+	map->followed = epoch;
+	if (follow_modules(map, error) < 0)
+		map_log(map, MAP_LOG_ERROR, "hears no commands of new modules until it starts again: %s",
+			error);
+	bell_ring(map, map->self); /* they may have asked already */
 }
 
 uint32_t map_number_now(const struct map *map, const struct map_config *before, uint32_t point)

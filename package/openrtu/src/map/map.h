@@ -123,6 +123,9 @@ void map_forget(struct map *map);
 uint32_t map_number_now(const struct map *map, const struct map_config *before, uint32_t point);
 
 const struct map_config *map_config(const struct map *map);
+/* Of all protocols, as the configuration in force has them, whichever is in use here. */
+uint32_t map_select_timeout_s(const struct map *map);
+uint32_t map_command_timeout_s(const struct map *map);
 uint32_t map_self(const struct map *map); /* own index in the module table, MAP_NONE for an observer */
 uint32_t map_module_count(const struct map *map);
 /* What is known of a module. index < map_module_count. */

@@ -17,7 +17,8 @@ struct restoration {
 
 static bool has_part(const struct module_entry *entry)
 {
-	return entry->point_count > 0 || (entry->plan.flags & MAP_KEEPS_QUEUES);
+	return entry->point_count > 0 || (entry->plan.flags & MAP_KEEPS_QUEUES) ||
+	       entry->plan.history.entries != 0;
 }
 
 static bool open_segment(const struct map *map, uint32_t module, struct segment *out)
@@ -92,7 +93,7 @@ static void put_queues(struct map *map, struct restoration *restoration, const s
 	while (!(map->modules[station].plan.flags & MAP_KEEPS_QUEUES))
 		station++;
 	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
-		if (queue >= map->config.settings.queue_count && kept->addresses[queue][0] == '\0')
+		if (map_queue_plan(&map->config.settings, queue) == NULL && kept->addresses[queue][0] == '\0')
 			continue;
 		place_at_end(map, restoration, queue);
 		put_queue(&restoration->segments[station].queues[queue], kept->addresses[queue],
@@ -110,6 +111,28 @@ static void put_sample(const struct map *map, const struct restoration *restorat
 		segment->samples[copy][slot_of(map, kept->point)] = kept->sample;
 }
 
+/* Its keeper's first process sees by a start that is none that this is of a former gateway. */
+static void put_history(const struct map *map, const struct restoration *restoration,
+			const struct map_kept_history *kept)
+{
+	const uint32_t keeper = map_history_keeper(map);
+	const struct map_history_plan *plan;
+	struct map_history history;
+
+	if (kept->start == 0 || keeper == MAP_NONE)
+		return;
+	plan = &map->modules[keeper].plan.history;
+	history = map_history_at((uint8_t *)restoration->segments[keeper].own + plan->at, plan->readers,
+				 plan->entries);
+	history.head->former = kept->start;
+	history.head->revision = kept->revision;
+	history.head->places[0].next = kept->next;
+	for (uint32_t i = 0; i < kept->entry_count; i++)
+		history.entries[kept->entries[i].number & (history.size - 1)] = kept->entries[i];
+	for (uint32_t i = 0; i < kept->reader_count && i < history.reader_count; i++)
+		history.readers[i] = kept->readers[i];
+}
+
 int map_restore(struct map *map, const struct map_kept *kept, char *error)
 {
 	struct restoration restoration = {0};
@@ -121,8 +144,10 @@ int map_restore(struct map *map, const struct map_kept *kept, char *error)
 		put_event(map, &restoration, &kept->events[i]);
 	for (uint32_t i = 0; opened && i < kept->sample_count; i++)
 		put_sample(map, &restoration, &kept->samples[i]);
-	if (opened)
+	if (opened) {
 		put_queues(map, &restoration, kept);
+		put_history(map, &restoration, &kept->history);
+	}
 	for (uint32_t i = 0; opened && i < map_module_count(map); i++)
 		if (has_part(&map->modules[i]))
 			map->directory->modules[i].restored = ring_head(&restoration.segments[i].events);

@@ -100,6 +100,43 @@ void map_queue_free(struct map *map, unsigned slot)
 	atomic_store(&cell->used, 0);
 }
 
+/* ---- named queues ------------------------------------------------------------------------ */
+
+#define GONE "\177" /* which no name is: of a queue that the configuration has no more */
+
+/* What the place is named after; empty: nobody has named it since the map's start, where the journal may have set it. */
+static bool is_named(const struct map *map, unsigned slot, const char *name)
+{
+	return strncmp(queue_cell(map, slot)->name, name, MAP_ADDRESS_SIZE) == 0;
+}
+
+static bool is_adopted(const struct map *map, unsigned slot)
+{
+	const struct map_queue_plan *plan = map_queue_plan(&map->config.settings, slot);
+
+	return plan != NULL && (is_named(map, slot, "") || is_named(map, slot, plan->name));
+}
+
+/* The place comes before the name: whoever is killed between them leaves no name at another's place. */
+void map_queue_adopt(struct map *map, unsigned slot)
+{
+	const struct map_queue_plan *plan = map_queue_plan(&map->config.settings, slot);
+	const char *name = plan != NULL ? plan->name : GONE;
+	struct map_queue_place place = {.refresh = 0};
+
+	if (is_named(map, slot, name))
+		return;
+	if (is_adopted(map, slot)) {
+		map_queue_place(map, slot, &place);
+	} else {
+		map_cursor_to_end(map, &place.cursor);
+		map_queue_move(map, slot, &place);
+	}
+	map_queue_assign(map, slot, name, &place);
+}
+
+/* ---- queues of addresses ------------------------------------------------------------------ */
+
 static bool is_address_character(char c)
 {
 	return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f') || c == '.' || c == ':';
@@ -129,10 +166,10 @@ void map_queue(const struct map *map, unsigned slot, struct map_queue *out)
 	    .lost = atomic_load(&cell->lost),
 	    .used = atomic_load(&cell->used),
 	};
-	if (slot < settings->queue_count)
-		memcpy(out->name, settings->queues[slot].name, sizeof(settings->queues[slot].name));
-	else
+	if (slot >= MAP_NAMED_QUEUES_MAX)
 		copy_address(out->name, cell->name);
+	else if (is_adopted(map, slot))
+		memcpy(out->name, map_queue_plan(settings, slot)->name, MAP_NAME_SIZE);
 	if (out->unacknowledged > out->waiting)
 		out->unacknowledged = out->waiting;
 }

@@ -3,7 +3,8 @@
  * What rtu-iec104 keeps in its segment: event queues, which outlive connections and the process, and counters.
  *
  * An event queue is a place in the modules' event rings, which is moved when a controlling station has acknowledged.
- * Queue i is named queue i of the configuration, of a redundancy group; those behind belong to addresses without a group.
+ * The first MAP_NAMED_QUEUES_MAX are for named queues of the configuration, of redundancy groups; those behind belong to
+ * addresses without a group.
  * All is written by rtu-iec104 alone and may be read by anyone.
  */
 #ifndef OPENRTU_MAP_STATION_H
@@ -34,10 +35,21 @@ struct map_queue {
 	uint32_t used;               /* the turn in which it was last taken or left: larger is later */
 };
 
+/* The named queue in this slot; NULL: there is none. */
+static inline const struct map_queue_plan *map_queue_plan(const struct map_settings *settings, unsigned slot)
+{
+	for (unsigned i = 0; i < settings->queue_count; i++)
+		if (settings->queues[i].slot == slot)
+			return &settings->queues[i];
+	return NULL;
+}
+
 /* How many events may wait in it. */
 static inline uint32_t map_queue_limit(const struct map_settings *settings, unsigned slot)
 {
-	return slot < settings->queue_count ? settings->queues[slot].limit : settings->event_ring - 1;
+	const struct map_queue_plan *plan = map_queue_plan(settings, slot);
+
+	return plan != NULL ? plan->limit : settings->event_ring - 1;
 }
 /* What is known of a queue: its place's and counters' state now. slot < MAP_QUEUES. */
 void map_queue(const struct map *map, unsigned slot, struct map_queue *out);
@@ -46,6 +58,11 @@ void map_queue_place(const struct map *map, unsigned slot, struct map_queue_plac
 
 /* ---- of the own segment, for rtu-iec104 */
 
+/*
+ * Names a named queue's place after what the configuration has there: one that had another name begins anew, with what happens
+ * from now on. Until then it is no queue.
+ */
+void map_queue_adopt(struct map *map, unsigned slot);
 /* Gives a queue behind the groups' to an address, empty and at this place. */
 void map_queue_assign(struct map *map, unsigned slot, const char *address,
 		      const struct map_queue_place *place);

@@ -5,6 +5,7 @@
 #ifndef OPENRTU_MAP_SUPERVISE_H
 #define OPENRTU_MAP_SUPERVISE_H
 
+#include "map/history.h"
 #include "map/map.h"
 #include "map/station.h"
 
@@ -48,12 +49,22 @@ struct map_kept_sample {
 	struct map_sample sample;
 };
 
+/* The history of before a power cut, and its readers; start 0: there was none. */
+struct map_kept_history {
+	uint32_t start, revision, next;    /* next: the number behind the last entry */
+	struct map_history_entry *entries; /* oldest first, of points that there are, with wall times */
+	uint32_t entry_count;
+	struct map_history_reader *readers; /* as many as the plan has */
+	uint32_t reader_count;
+};
+
 /* What the journal held. Queues of addresses lie behind the groups', the one unused longest first. */
 struct map_kept {
 	struct map_kept_event *events; /* oldest first */
 	uint32_t event_count;
 	struct map_kept_sample *samples;
 	uint32_t sample_count;
+	struct map_kept_history history;
 	char addresses[MAP_QUEUES][MAP_ADDRESS_SIZE]; /* empty: a group's, or none */
 };
 

@@ -148,7 +148,7 @@ static void test_a_selection_ends_by_itself(void **state)
 	struct stage *stage = *state;
 	struct command_stage commands = start_commands(stage);
 
-	commands.owner->config.settings.select_timeout_s = 0;
+	atomic_store(&stage->rtud->directory->select_timeout_s, 0);
 	assert_false(post(&commands, request(3, MAP_SELECT, 1, 9)));
 	assert_answer(&commands, MAP_ACCEPTED_SELECTION, MAP_RESULT_NONE);
 	assert_command(stage, 3, MAP_INTERRUPTED_SELECTION); /* before anybody asks its owner for more */

@@ -321,6 +321,7 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	entry.point.set = (uint16_t)(loader->config->set_count - 1);
 	if (values[OBJECT_UNIT].given)
 		config_keep_unit(loader->config, &entry.point, values[OBJECT_UNIT].text);
+	entry.ln = values[OBJECT_LN].given ? values[OBJECT_LN].text : NULL;
 	if (values[OBJECT_DECIMALS].given)
 		entry.point.decimals = (uint8_t)(values[OBJECT_DECIMALS].integer + 1);
 	if (!modbus_object_scale(loader, place, values, &entry.wire))

@@ -30,6 +30,7 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
     [OBJECT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [OBJECT_UNIT] = {"unit", CONFIG_TEXT, .low = 1, .high = 15},
     [OBJECT_DECIMALS] = {"decimals", CONFIG_INTEGER, .low = 0, .high = 7},
+    [OBJECT_LN] = CONFIG_LN_RULE,
     [OBJECT_IOA] = {"ioa", CONFIG_INTEGER, .low = 1, .high = MODBUS_IOA_MAX},
     [OBJECT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
     [OBJECT_SELECT] = {"select", CONFIG_BOOLEAN},

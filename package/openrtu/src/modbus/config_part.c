@@ -113,6 +113,7 @@ static void check_point_count(struct modbus_loader *loader, const struct config_
 static void keep_points(struct modbus_loader *loader)
 {
 	struct map_config *config = loader->config;
+	struct config_place links[MODBUS_ENTRY_LINKS];
 
 	for (uint32_t i = 0; i < config->point_count; i++) {
 		const struct modbus_entry *entry = &loader->entries[i];
@@ -121,6 +122,8 @@ static void keep_points(struct modbus_loader *loader)
 		*(struct modbus_point *)map_next_record(config, MODBUS_POINTS) = entry->wire;
 		if (entry->named)
 			config_keep_name(config, &config->points[i], entry->name);
+		if (entry->ln != NULL)
+			config_take_ln(loader->files, modbus_entry_place(entry, links), i, entry->ln);
 	}
 }
 

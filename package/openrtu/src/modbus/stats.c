@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modbus/stats.h"
 
+#include <stddef.h>
+#include <string.h>
+
 #include "modbus/config.h"
 
 /* What lies before it in its module's section, or of all lines of that process. */
@@ -55,25 +58,89 @@ static void *stats_of(const struct map *map, const struct modbus_port *port)
 	return map_section(map, port->module, modbus_stats_size(map_config(map), port->process));
 }
 
+static size_t offset_of_line(const struct map_config *config, uint32_t line)
+{
+	const struct modbus_port *port = &modbus_ports(config)[line];
+
+	return place_of(config, port->process, line).lines * sizeof(struct modbus_line_stats);
+}
+
+static size_t offset_of_device(const struct map_config *config, uint32_t device)
+{
+	const uint32_t line = modbus_slaves(config)[device].port;
+	const struct modbus_port *port = &modbus_ports(config)[line];
+	const uint32_t lines = place_of(config, port->process, modbus_port_count(config)).lines;
+	const uint32_t devices = place_of(config, port->process, line).devices + device - port->first_device;
+
+	return lines * sizeof(struct modbus_line_stats) + devices * sizeof(struct modbus_device_stats);
+}
+
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line)
 {
 	const struct map_config *config = map_config(map);
-	const struct modbus_port *port = &modbus_ports(config)[line];
-	struct modbus_line_stats *lines = stats_of(map, port);
+	uint8_t *section = stats_of(map, &modbus_ports(config)[line]);
 
-	return &lines[place_of(config, port->process, line).lines];
+	return (void *)(section + offset_of_line(config, line));
 }
 
 struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device)
 {
 	const struct map_config *config = map_config(map);
-	const uint32_t line = modbus_slaves(config)[device].port;
-	const struct modbus_port *port = &modbus_ports(config)[line];
-	struct modbus_line_stats *lines = stats_of(map, port);
-	struct modbus_device_stats *devices =
-	    (void *)&lines[place_of(config, port->process, modbus_port_count(config)).lines];
+	uint8_t *section = stats_of(map, &modbus_ports(config)[modbus_slaves(config)[device].port]);
 
-	return &devices[place_of(config, port->process, line).devices + device - port->first_device];
+	return (void *)(section + offset_of_device(config, device));
+}
+
+/* ---- what passes over to another process ------------------------------------------------------ */
+
+static uint32_t find_line(const struct map_config *config, const struct modbus_port *port)
+{
+	const struct modbus_port *ports = modbus_ports(config);
+
+	for (uint32_t i = 0; i < modbus_port_count(config); i++)
+		if (ports[i].port == port->port && ports[i].process == port->process)
+			return i;
+	return MAP_NONE;
+}
+
+static uint32_t find_device(const struct map_config *config, const struct modbus_port *port, uint8_t unit)
+{
+	for (uint32_t i = port->first_device; i < port->first_device + port->device_count; i++)
+		if (modbus_slaves(config)[i].unit == unit)
+			return i;
+	return MAP_NONE;
+}
+
+static void carry_devices(const struct map_config *before, const struct modbus_port *former,
+			  const uint8_t *from, const struct map_config *now, const struct modbus_port *port,
+			  uint8_t *to)
+{
+	for (uint32_t i = port->first_device; i < port->first_device + port->device_count; i++) {
+		const uint32_t device = find_device(before, former, modbus_slaves(now)[i].unit);
+
+		if (device != MAP_NONE)
+			memcpy(to + offset_of_device(now, i), from + offset_of_device(before, device),
+			       offsetof(struct modbus_device_stats, alive));
+	}
+}
+
+/* What has a name passes over by that: map_name_counter. */
+void modbus_carry_stats(const struct map_config *before, const void *from, const struct map_config *now,
+			void *to, uint16_t process)
+{
+	const size_t named = offsetof(struct modbus_line_stats, wakeups);
+
+	for (uint32_t i = 0; i < modbus_port_count(now); i++) {
+		const struct modbus_port *port = &modbus_ports(now)[i];
+		const uint32_t line = port->process == process ? find_line(before, port) : MAP_NONE;
+
+		if (line == MAP_NONE)
+			continue;
+		memcpy((uint8_t *)to + offset_of_line(now, i) + named,
+		       (const uint8_t *)from + offset_of_line(before, line) + named,
+		       sizeof(struct modbus_line_stats) - named);
+		carry_devices(before, &modbus_ports(before)[line], from, now, port, to);
+	}
 }
 
 void modbus_name_counters(struct map *map, uint32_t line)

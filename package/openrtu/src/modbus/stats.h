@@ -56,12 +56,13 @@ struct modbus_device_stats {
 	_Atomic uint32_t answers;
 	_Atomic uint32_t exceptions;
 	_Atomic uint32_t timeouts;
-	_Atomic uint32_t errors;           /* crc, wrong answers */
+	_Atomic uint32_t errors;         /* crc, wrong answers */
+	_Atomic uint32_t missed_periods; /* in which a read with a period was not begun */
+	/* What the process that runs knows: the next one begins anew. */
 	_Atomic uint32_t alive;            /* 1: the last request was answered */
 	_Atomic uint32_t next_probe_ms;    /* back-off now in force, 0 when alive */
 	_Atomic uint32_t latency_us;       /* last: end of request to first byte */
 	_Atomic uint32_t planned_requests; /* reads of one scan */
-	_Atomic uint32_t missed_periods;   /* in which a read with a period was not begun */
 	_Atomic uint32_t latency_least_us, latency_typical_us, latency_most_us; /* 0: there was no answer */
 	struct modbus_learned_stats learned;
 };
@@ -75,6 +76,10 @@ struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t 
 
 /* Owner: names the counters of a line by its port, as in "p1.crc_errors". */
 void modbus_name_counters(struct map *map, uint32_t line);
+
+/* rtud: to another configuration's section, of the lines and devices that both have in that process. */
+void modbus_carry_stats(const struct map_config *before, const void *from, const struct map_config *now,
+			void *to, uint16_t process);
 
 /* Whether this program was built for the records that the map has of Modbus. What reads them asks first. */
 bool modbus_is_known(const struct map *map);

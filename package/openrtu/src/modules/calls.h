@@ -34,7 +34,7 @@ struct call_rule {
 		.call = SCMP_SYS(name), .count = 1, .arguments = { argument }                                \
 	}
 
-/* map_renew: the map's files are opened, and none is made. */
+/* map_renew, and map_heartbeat of an owner: the map's files are opened, and none is made. */
 #define RENEWAL_CALLS                                                                                        \
 	CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)), CALL(newfstatat), CALL(statx),       \
 	    CALL(fstatat64), CALL(fstat), CALL(fstat64)

@@ -54,7 +54,7 @@ static void post(struct map *map, struct commanding *command, enum map_action ac
 
 void commanding_begin(struct map *map, struct commanding *command, bool select, int64_t now_ns)
 {
-	int64_t patience_ns = map_config(map)->settings.command_timeout_s * NS_PER_S;
+	int64_t patience_ns = map_command_timeout_s(map) * NS_PER_S;
 
 	command->request.time_ns = now_ns;
 	command->request.deadline_ns = now_ns + patience_ns;

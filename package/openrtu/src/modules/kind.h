@@ -51,8 +51,10 @@ struct kind {
 	int (*priority)(const struct map_config *config);
 	/* Of a kind that runs programs of others: fills in what is not as it is for all modules. Left out: nothing. */
 	void (*run)(const struct map_config *config, const char *module, struct kind_run *out);
-	/* Before any module is started, with the module's user and group (0: rtud's own). Left out: nothing. */
-	void (*begin)(struct map *map, uid_t user, gid_t group);
+	/* Before any module is started, and before one that a reload adds or changes: with its user and group (0: rtud's own). Left out: nothing. */
+	void (*begin)(struct map *map, const struct map_config *config, uid_t user, gid_t group);
+	/* After that, before any module is started: what is left of before a power cut. Left out: nothing. */
+	void (*restore)(struct map *map);
 	/*
 	 * Whether what only this kind knows of a module is the same in both configurations, whatever numbers the module's sets
 	 * and points have there. Left out: there is nothing.
@@ -69,13 +71,14 @@ struct kind {
 		      void *to, const char *module);
 	/* The module's point of others' number i, which it knows by its number; MAP_NONE: it has no more. Left out: none. */
 	uint32_t (*reads)(const struct map_config *config, const char *module, uint32_t i);
-	const char *
-	    fixed; /* the key of what only rtud's restart changes; NULL: its modules change while rtud runs */
+	/* The key of what only rtud's restart changes, and why. NULL: its modules change while rtud runs. */
+	const char *fixed, *fixed_because;
 	bool by_numbers; /* its modules keep numbers of points: whenever these may change, they start again */
 	const char *group; /* a further one of its processes, by name; NULL: none */
 	/*
 	 * Opens what its user may not, as a socket with a privileged port: in the new process, before that gives up rtud's
-	 * rights. The module gets it as --socket. -1 with errno: it cannot, and the process ends. Left out: nothing.
+	 * rights. The module gets it as --socket. -1 with errno: it cannot, and the process ends. Since two cannot have it at
+	 * once, a process that takes another's place begins when that has ended. Left out: nothing.
 	 */
 	int (*open)(const struct map_config *config);
 };

@@ -5,8 +5,8 @@
 #include <jansson.h>
 
 #include "map/time_ns.h"
+#include "rows/words.h"
 #include "rtuctl/listing.h"
-#include "rtuctl/words.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 

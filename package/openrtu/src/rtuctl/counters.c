@@ -2,6 +2,7 @@
 /* The counters that modules have named, whatever module it is. */
 #include <string.h>
 
+#include "rows/rows.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rtuctl.h"
 
@@ -16,8 +17,7 @@ static void list_module(const struct map *map, uint32_t index, const char *name,
 	struct map_counter counter;
 
 	for (uint32_t i = 0; map_counter(map, index, i, &counter); i++)
-		listing_add(listing, json_pack("{s:s, s:s, s:I}", "module", name, "counter", counter.name,
-					       "value", (json_int_t)counter.value));
+		listing_add(listing, rows_counter(name, &counter));
 }
 
 int rtuctl_counters(struct map *map, const struct rtuctl_request *request)

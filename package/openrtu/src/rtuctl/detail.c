@@ -11,8 +11,9 @@
 #include "foreign/config.h"
 #include "map/type.h"
 #include "modbus/config.h"
+#include "rows/rows.h"
+#include "rows/words.h"
 #include "rtuctl/listing.h"
-#include "rtuctl/words.h"
 
 #define KEY_WIDTH 15
 
@@ -140,7 +141,7 @@ int rtuctl_show(struct map *map, const struct rtuctl_request *request)
 
 	if (point == MAP_NONE)
 		return RTUCTL_FAILED;
-	row = rtuctl_point_row(map, point);
+	row = rows_point(map, point);
 	wire = wire_of(map_config(map), point);
 	json_object_set_new(row, "period_ms", period(wire));
 	json_object_set_new(row, "scale_register", scale_register(wire));

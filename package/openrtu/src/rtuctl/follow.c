@@ -10,60 +10,17 @@
 
 #include <jansson.h>
 
+#include "rows/rows.h"
+#include "rows/words.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/renew.h"
-#include "rtuctl/words.h"
 
 #define LINES_A_LOOK 1024 /* of each module's log; more than it keeps */
 
 /* Nobody rings an observer's bell: it looks for events often enough for a reader's eye. */
 static const struct timespec LOOK_PERIOD = {.tv_nsec = 50 * 1000 * 1000};
 
-static void event_time(const struct map *map, int64_t time_ns, char *out)
-{
-	words_time(map_wall_ns(map_clock_read(map), time_ns), out);
-}
-
 /* ---- events ------------------------------------------------------------------------------ */
-
-static json_t *change_row(const struct map *map, const struct map_event *event)
-{
-	const struct map_point *point = &map_config(map)->points[event->point];
-	char time[WORDS_SIZE], quality[WORDS_SIZE];
-	json_t *row = json_object();
-
-	words_time(map_event_wall_ns(event, map_clock_read(map)), time);
-	words_quality(event->sample.quality, quality);
-	json_object_set_new(row, "time", json_string(time));
-	json_object_set_new(row, "event", json_string("change"));
-	json_object_set_new(row, "name", rtuctl_point_name(map_config(map), event->point));
-	json_object_set_new(row, "type", json_string(words_type(point->type)));
-	json_object_set_new(row, "value", words_value(point->type, &event->sample.value));
-	if (point->type == MAP_STEP)
-		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));
-	json_object_set_new(row, "quality", json_string(quality));
-	json_object_set_new(row, "cause", json_string(words_cause(event->cause)));
-	return row;
-}
-
-static json_t *other_row(const struct map *map, const struct map_event *event)
-{
-	static const char *const words[] = {[MAP_EVENT_MODULE_DOWN] = "module down",
-					    [MAP_EVENT_MODULE_UP] = "module up",
-					    [MAP_EVENT_CLOCK] = "clock set"};
-	char time[WORDS_SIZE];
-	json_t *row = json_object();
-	struct map_module module;
-
-	event_time(map, event->sample.time_ns, time);
-	json_object_set_new(row, "time", json_string(time));
-	json_object_set_new(row, "event", json_string(words[event->kind]));
-	if (event->kind != MAP_EVENT_CLOCK) {
-		map_module(map, event->point, &module);
-		json_object_set_new(row, "name", json_string(module.name));
-	}
-	return row;
-}
 
 static const char *text_of(const json_t *row, const char *key)
 {
@@ -92,7 +49,7 @@ static void print_change(const json_t *row)
 static void print_event(const struct map *map, const struct map_event *event, bool json)
 {
 	bool change = event->kind == MAP_EVENT_CHANGE;
-	json_t *row = change ? change_row(map, event) : other_row(map, event);
+	json_t *row = rows_event(map, event);
 
 	if (json) {
 		listing_print_json(row);
@@ -106,17 +63,6 @@ static void print_event(const struct map *map, const struct map_event *event, bo
 }
 
 /* ---- lines of the log -------------------------------------------------------------------- */
-
-static json_t *log_row(const struct map *map, uint32_t module, const struct map_log_line *line)
-{
-	struct map_module description;
-	char time[WORDS_SIZE];
-
-	map_module(map, module, &description);
-	event_time(map, line->time_ns, time);
-	return json_pack("{s:s, s:s, s:s, s:s}", "time", time, "module", description.name, "level",
-			 words_log_level(line->level), "text", line->text);
-}
 
 static void print_log_row(json_t *row, bool json)
 {
@@ -152,7 +98,7 @@ static void follow_logs(const struct map *map, uint32_t positions[MAP_MODULES_MA
 		for (unsigned i = 0; i < LINES_A_LOOK && map_log_next(map, module, &positions[module], &line);
 		     i++)
 			if (shown && line.level <= MAP_LOG_WARNING) {
-				json_t *row = log_row(map, module, &line);
+				json_t *row = rows_log(map, module, &line);
 
 				json_object_set_new(row, "event", json_string("log"));
 				print_log_row(row, json);
@@ -261,7 +207,7 @@ int rtuctl_log(struct map *map, const struct rtuctl_request *request)
 	if (request->count != 0 && log.count > request->count)
 		first = log.count - request->count;
 	for (size_t i = first; i < log.count; i++)
-		print_log_row(log_row(map, log.entries[i].module, &log.entries[i].line), request->json);
+		print_log_row(rows_log(map, log.entries[i].module, &log.entries[i].line), request->json);
 	free(log.entries);
 	return RTUCTL_DONE;
 }

@@ -7,10 +7,11 @@
 #include <time.h>
 
 #include "map/time_ns.h"
+#include "rows/rows.h"
+#include "rows/words.h"
 #include "rtuctl/ask.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rtuctl.h"
-#include "rtuctl/words.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
@@ -130,7 +131,7 @@ static int finish(const struct map *map, const struct map_request *request, cons
 		fprintf(stderr, "rtuctl: it comes true when %s runs: see \"rtuctl modules\"\n", owner.name);
 	}
 	if (json)
-		listing_print_json(rtuctl_point_row(map, request->point));
+		listing_print_json(rows_point(map, request->point));
 	else
 		rtuctl_print_forces(map, stdout);
 	return RTUCTL_DONE;

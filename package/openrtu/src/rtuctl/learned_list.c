@@ -4,7 +4,9 @@
 
 #include "modbus/config.h"
 #include "modbus/stats.h"
-#include "rtuctl/learned.h"
+#include "rows/learned.h"
+#include "rows/rows.h"
+#include "rtuctl/learned_list.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rtuctl.h"
 
@@ -71,7 +73,7 @@ static json_t *refused_text(const struct modbus_learned_stats *learned)
 static json_t *row_of(const struct map *map, uint32_t index)
 {
 	const struct modbus_learned_stats *learned = &modbus_device_stats(map, index)->learned;
-	json_t *row = rtuctl_device_row(map, index);
+	json_t *row = rows_device(map, index);
 
 	json_object_set_new(row, "given_bits", json_integer(learned->given_bits));
 	json_object_set_new(row, "given_registers", json_integer(learned->given_registers));

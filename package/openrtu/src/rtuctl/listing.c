@@ -6,16 +6,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "rows/rows.h"
+#include "rows/words.h"
 #include "rtuctl/rtuctl.h"
 #include "rtuctl/terminal.h"
-#include "rtuctl/words.h"
 
-#define REAL_DIGITS 10 /* what an angle needs to be read back; a 32-bit float needs 9 */
-#define GAP         2
+#define GAP 2
 
 static void print_json(const json_t *row)
 {
-	json_dumpf(row, stdout, JSON_REAL_PRECISION(REAL_DIGITS));
+	json_dumpf(row, stdout, ROWS_FORMAT);
 }
 
 void listing_print_json(json_t *row)

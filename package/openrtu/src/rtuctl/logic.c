@@ -8,6 +8,7 @@
 
 #include "logic/stats.h"
 #include "map/time_ns.h"
+#include "rows/rows.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rtuctl.h"
 
@@ -64,8 +65,7 @@ static json_t *row_of(const struct program *program)
 		return row;
 	json_object_set_new(row, "scans", json_integer(program->stats->scans.count));
 	json_object_set_new(row, "late", json_integer(program->stats->scans.missed));
-	json_object_set_new(row, "longest_ms",
-			    rtuctl_milliseconds(program->stats->scans.durations.longest_us));
+	json_object_set_new(row, "longest_ms", rows_milliseconds(program->stats->scans.durations.longest_us));
 	json_object_set_new(row, "faults", json_integer(faults_of(program->stats)));
 	if (program->stats->last_line != 0)
 		json_object_set_new(row, "line", json_integer(program->stats->last_line));

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "map/time_ns.h"
+#include "rows/words.h"
 #include "rtuctl/ask.h"
 #include "rtuctl/rtuctl.h"
-#include "rtuctl/words.h"
 
 #define ANSWER_MS  2000
 #define OUTCOME_MS 15000 /* rtud kills what does not end after 3 s, or does not start within 10 s */

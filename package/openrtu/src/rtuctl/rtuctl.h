@@ -57,6 +57,7 @@ rtuctl_command rtuctl_suggest;        /* lines --suggest */
 rtuctl_command rtuctl_gps;
 rtuctl_command rtuctl_logic;
 rtuctl_command rtuctl_iec104;
+rtuctl_command rtuctl_iec61850;
 rtuctl_command rtuctl_synch;
 rtuctl_command rtuctl_watch;
 rtuctl_command rtuctl_events;
@@ -69,18 +70,8 @@ rtuctl_command rtuctl_forces;
 
 /* The point of that name; MAP_NONE: there is none. */
 uint32_t rtuctl_find_point(const struct map_config *config, const char *name);
-/* A point's name. A new reference. */
-json_t *rtuctl_point_name(const struct map_config *config, uint32_t point);
-/* A point as a row of the list. A new reference. */
-json_t *rtuctl_point_row(const struct map *map, uint32_t index);
-/* What forces a point, as a row; null: nothing does. A new reference. */
-json_t *rtuctl_force_row(const struct map *map, uint32_t point);
 /* The forced points as a table, if there are some, with an empty line before or behind it. */
 void rtuctl_print_forces(const struct map *map, FILE *out);
-/* A device as a row of the list, and more. A new reference. */
-json_t *rtuctl_device_row(const struct map *map, uint32_t index);
-/* Microseconds as milliseconds. A new reference. */
-json_t *rtuctl_milliseconds(uint32_t us);
 /* True when the point's name matches the pattern; no pattern matches all. */
 bool rtuctl_matches(const struct map_config *config, uint32_t point, const char *pattern);
 

@@ -10,8 +10,8 @@
 #include <jansson.h>
 
 #include "map/time_ns.h"
+#include "rows/words.h"
 #include "rtuctl/listing.h"
-#include "rtuctl/words.h"
 
 #define MARGIN_MS        4000 /* the device's answer may come just before the deadline, its read-back 3 s later */
 #define EXPLANATION_SIZE 96
@@ -67,7 +67,7 @@ static struct map_answer await(struct map *map, const struct map_request *reques
 /* Posts one step of the command and waits for its end. */
 static struct map_answer step(struct map *map, struct map_request request, enum map_action action)
 {
-	int64_t patience_ns = map_config(map)->settings.command_timeout_s * NS_PER_S;
+	int64_t patience_ns = map_command_timeout_s(map) * NS_PER_S;
 	uint32_t id;
 
 	if (!(map_config(map)->points[request.point].flags &

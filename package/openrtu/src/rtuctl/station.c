@@ -91,7 +91,7 @@ static json_t *queue_rows(const struct map *map)
 			continue;
 		row = json_object();
 		json_object_set_new(row, "name", json_string(queue.name));
-		json_object_set_new(row, "group", json_boolean(slot < map_config(map)->settings.queue_count));
+		json_object_set_new(row, "group", json_boolean(slot < MAP_NAMED_QUEUES_MAX));
 		json_object_set_new(row, "waiting", json_integer(queue.waiting));
 		json_object_set_new(row, "unacknowledged", json_integer(queue.unacknowledged));
 		json_object_set_new(row, "lost", json_integer(queue.lost));

@@ -12,7 +12,7 @@
 #include "modbus/config.h"
 #include "modbus/configured.h"
 #include "modbus/stats.h"
-#include "rtuctl/learned.h"
+#include "rows/learned.h"
 #include "rtuctl/rtuctl.h"
 
 #define ILLEGAL_ADDRESS 2 /* MODBUS Application Protocol V1.1b3, 7 */

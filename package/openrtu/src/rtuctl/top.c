@@ -13,11 +13,12 @@
 #include "map/time_ns.h"
 #include "modbus/config.h"
 #include "modbus/stats.h"
+#include "rows/rows.h"
+#include "rows/words.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rates.h"
 #include "rtuctl/renew.h"
 #include "rtuctl/terminal.h"
-#include "rtuctl/words.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
@@ -203,7 +204,7 @@ static void choose_points(struct top *top)
 
 static json_t *point_row(const struct top *top, uint32_t index)
 {
-	json_t *row = rtuctl_point_row(top->map, index);
+	json_t *row = rows_point(top->map, index);
 	const char *quality = json_string_value(json_object_get(row, "quality"));
 	const char *colour = strcmp(quality, "good") == 0 ? GREEN : strstr(quality, "invalid") ? RED : YELLOW;
 

@@ -16,6 +16,7 @@ struct change {
 	struct map_config *now;
 	uint32_t kept, exchanged, added, gone; /* modules, a bit each */
 	uint32_t taking, again; /* of the kept ones, those that take new settings, or start again with them */
+	bool set;               /* settings of all modules have changed */
 	FILE *report;
 };
 
@@ -107,22 +108,75 @@ static void sort_modules(struct change *change)
 	change->again = compare_again(change->map, now, live_and_kept(change), has_moved(change));
 }
 
+/* ---- redundancy groups ----------------------------------------------------------------------- */
+
+static const struct map_queue_plan *find_group(const struct map_settings *settings, const char *name)
+{
+	for (uint32_t i = 0; i < settings->queue_count; i++)
+		if (strcmp(settings->queues[i].name, name) == 0)
+			return &settings->queues[i];
+	return NULL;
+}
+
+/* A queue that another group had until now is told from this one's by its slot. MAP_NONE: there is none left. */
+static uint32_t free_slot(const struct map_settings *before, uint32_t taken)
+{
+
+	for (uint32_t i = 0; i < before->queue_count; i++)
+		taken |= 1u << before->queues[i].slot;
+	for (uint32_t i = 0; i < MAP_NAMED_QUEUES_MAX; i++)
+		if (!(taken & 1u << i))
+			return i;
+	return MAP_NONE;
+}
+
+static bool keep_slots(const struct change *change)
+{
+	const struct map_settings *before = &change->before->settings;
+	struct map_settings *now = &change->now->settings;
+	uint32_t given = 0;
+
+	for (uint32_t i = 0; i < now->queue_count; i++) {
+		struct map_queue_plan *group = &now->queues[i];
+		const struct map_queue_plan *former = find_group(before, group->name);
+
+		group->slot = former != NULL ? former->slot : free_slot(before, given);
+		if (group->slot == MAP_NONE) {
+			fprintf(change->report,
+				"redundancy_groups: there is no room for %s beside the groups that go, %d at "
+				"once: take these out first, and then reload with the new ones\n",
+				group->name, MAP_NAMED_QUEUES_MAX);
+			return false;
+		}
+		given |= 1u << group->slot;
+	}
+	return true;
+}
+
 /* ---- what needs a restart of rtud -------------------------------------------------------- */
 
-static bool refuse(const struct change *change, const char *what, const char *why)
+static bool refuse(const struct change *change, const char *what, const char *because)
 {
-	fprintf(change->report, "%s %s: this needs a restart of rtud\n", what, why);
+	fprintf(change->report, "%s has changed: this needs a restart of rtud, because %s\n", what, because);
 	return false;
 }
 
-static bool settings_are_kept(const struct change *change)
+/* The settings of all modules. */
+static bool take_settings(struct change *change)
 {
-	const char *key = compare_settings(&change->before->settings, &change->now->settings);
+	const struct compare_setting *setting;
+	bool possible = true;
+	uint32_t next = 0;
 
-	return key == NULL || refuse(change, key, "has changed");
+	while ((setting = compare_settings(&change->before->settings, &change->now->settings, &next)) !=
+	       NULL) {
+		change->set = true;
+		if (setting->because != NULL)
+			possible = refuse(change, setting->key, setting->because);
+	}
+	return possible;
 }
 
-/* Who asks others is known to them by a segment that they have mapped: whoever he may ask has to be exchanged with him. */
 static bool may_be_exchanged(const struct change *change, uint32_t module)
 {
 	const struct map_module_plan *plan = &change->now->modules[module];
@@ -131,18 +185,17 @@ static bool may_be_exchanged(const struct change *change, uint32_t module)
 	const uint32_t flags = plan->flags | (known ? map_plan_of(change->map, module)->flags : 0);
 
 	if (kind->fixed != NULL)
-		return refuse(change, kind->fixed, "has changed");
-	if ((flags & MAP_MAY_REQUEST) && kind->reads == NULL)
-		return refuse(change, plan->name, "has changed and may command others");
+		return refuse(change, kind->fixed, kind->fixed_because);
 	if (flags & MAP_TAKES_PART)
-		return refuse(change, plan->name, "has changed and others wait for it, or it for them");
+		return refuse(change, plan->name,
+			      "it stands in the net, where others wait for it, or it for them");
 	return true;
 }
 
-static bool is_possible(const struct change *change)
+static bool is_possible(struct change *change)
 {
 	const uint32_t changed = change->exchanged | change->added | change->gone;
-	bool possible = settings_are_kept(change);
+	bool possible = take_settings(change);
 
 	for (uint32_t i = 0; i < change->now->module_count; i++)
 		if (changed & 1u << i)
@@ -289,8 +342,18 @@ static bool has_process(const struct map_module_plan *plan)
 	return kind->programs != NULL || kind->run != NULL;
 }
 
+static void print_settings(const struct change *change)
+{
+	const struct compare_setting *setting;
+	uint32_t next = 0;
+
+	while ((setting = compare_settings(&change->before->settings, &change->now->settings, &next)) != NULL)
+		fprintf(change->report, "%s changes for all\n", setting->key);
+}
+
 static void print_changes(const struct change *change)
 {
+	print_settings(change);
 	for (uint32_t i = 0; i < change->now->module_count; i++)
 		if (has_process(&change->now->modules[i]) &&
 		    (!(change->now->modules[i].flags & MAP_IS_GONE) || (change->gone & 1u << i)))
@@ -364,13 +427,13 @@ enum change_result change_prepare(const struct map *map, const struct map *befor
 	struct change change = {.map = map, .before = map_config(map), .now = &now, .report = report};
 	char error[MAP_ERROR_SIZE];
 
-	if (!load(plan, before, &now, report) || !plan_modules(&change))
+	if (!load(plan, before, &now, report) || !keep_slots(&change) || !plan_modules(&change))
 		return CHANGE_REFUSED;
 	sort_modules(&change);
 	if (!is_possible(&change))
 		return CHANGE_REFUSED;
 	make_room_for_counters(&change);
-	if (!has_moved(&change) && !(change.taking | change.again)) {
+	if (!has_moved(&change) && !(change.taking | change.again) && !change.set) {
 		fputs("nothing changes\n", report);
 		return CHANGE_NONE;
 	}

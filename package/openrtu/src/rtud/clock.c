@@ -167,12 +167,15 @@ static int64_t hold_ns(const struct map_clock *clock)
 
 static void hold(struct map *map, struct map_clock *clock, const struct clock_reading *system)
 {
-	if (clock->source == MAP_CLOCK_SYNCHRONISED && system->now_ns - clock->seen_ns > CLOCK_LOST_NS) {
+	/* One that is synchronised all the same is not to be followed any more: clock_mode_changed. */
+	if (clock->source == MAP_CLOCK_SYNCHRONISED &&
+	    (system->synchronised || system->now_ns - clock->seen_ns > CLOCK_LOST_NS)) {
 		set_source(clock, MAP_CLOCK_HELD, system->now_ns);
 		clock->until_ns = clock->seen_ns + hold_ns(clock);
 		clock->leap_due_s = 0;
 		map_log(map, MAP_LOG_WARNING,
-			"the system's clock is no longer synchronised: time tags are valid for %.1f h more",
+			"the system's clock is no longer %s: time tags are valid for %.1f h more",
+			system->synchronised ? "followed" : "synchronised",
 			seconds(hold_ns(clock)) / S_PER_HOUR);
 	}
 	if (clock->source == MAP_CLOCK_HELD && system->now_ns > clock->until_ns) {
@@ -207,9 +210,7 @@ void clock_follow(struct map *map, const struct clock_reading *system)
 	enum map_clock_mode mode = (enum map_clock_mode)map_config(map)->settings.clock;
 	struct map_clock clock = before;
 
-	if (mode == MAP_CLOCK_MASTERS)
-		return;
-	if (system->synchronised) {
+	if (system->synchronised && mode != MAP_CLOCK_MASTERS) {
 		take_synchronised(map, &clock, system);
 	} else {
 		if (mode == MAP_CLOCK_SYSTEM)
@@ -229,6 +230,21 @@ static int set_system_clock(int64_t wall_ns)
 				      .tv_nsec = (long)(wall_ns % NS_PER_S)};
 
 	return clock_settime(CLOCK_REALTIME, &wall);
+}
+
+void clock_mode_changed(struct map *map, enum map_clock_mode before)
+{
+	const enum map_clock_mode mode = (enum map_clock_mode)map_config(map)->settings.clock;
+	struct map_clock clock = map_clock_read(map);
+
+	if (mode == before || mode != MAP_CLOCK_SYSTEM || clock.source != MAP_CLOCK_BY_MASTER ||
+	    set_system_clock(map_now_ns() + clock.offset_ns) == 0)
+		return;
+	map_log(map, MAP_LOG_WARNING,
+		"cannot set the system's clock: %s: time tags are invalid until it is set", strerror(errno));
+	set_source(&clock, MAP_CLOCK_UNSET, map_now_ns());
+	map_clock_write(map, clock);
+	map_announce(map, MAP_EVENT_CLOCK, MAP_RTUD);
 }
 
 /* No sum with such an offset overflows. */

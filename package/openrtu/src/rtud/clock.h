@@ -39,6 +39,8 @@ struct clock_reading clock_read(int (*kernel)(struct timex *));
 void clock_begin(struct map *map, const struct clock_reading *system);
 /* Takes up what became of the system's clock. Once a tick. */
 void clock_follow(struct map *map, const struct clock_reading *system);
+/* The configuration has another mode than before: a clock that a controlling station has set becomes the system's, if that counts now. */
+void clock_mode_changed(struct map *map, enum map_clock_mode before);
 /* Carries out and answers a MAP_SET_CLOCK request. */
 void clock_set(struct map *map, const struct map_request *request);
 

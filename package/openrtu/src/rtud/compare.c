@@ -6,24 +6,71 @@
 #include "map/supervise.h"
 #include "rtud/kinds.h"
 
-const char *compare_settings(const struct map_settings *a, const struct map_settings *b)
+/* ---- settings of all modules ----------------------------------------------------------------- */
+
+static bool same_clock(const struct map_settings *a, const struct map_settings *b)
 {
-	if (a->clock != b->clock)
-		return "clock";
-	if (memcmp(&a->zone, &b->zone, sizeof(a->zone)) != 0)
-		return "timezone";
-	if (a->event_ring != b->event_ring)
-		return "event_ring";
-	if (a->force_max_s != b->force_max_s)
-		return "force_max_s";
-	if (a->select_timeout_s != b->select_timeout_s || a->command_timeout_s != b->command_timeout_s)
-		return "commands";
-	if (a->queue_count != b->queue_count)
-		return "redundancy_groups";
-	for (uint32_t i = 0; i < a->queue_count; i++)
-		if (strcmp(a->queues[i].name, b->queues[i].name) != 0 ||
-		    a->queues[i].limit != b->queues[i].limit)
-			return "redundancy_groups";
+	return a->clock == b->clock;
+}
+
+static bool same_zone(const struct map_settings *a, const struct map_settings *b)
+{
+	return memcmp(&a->zone, &b->zone, sizeof(a->zone)) == 0;
+}
+
+static bool same_ring(const struct map_settings *a, const struct map_settings *b)
+{
+	return a->event_ring == b->event_ring;
+}
+
+static bool same_force(const struct map_settings *a, const struct map_settings *b)
+{
+	return a->force_max_s == b->force_max_s;
+}
+
+static bool same_timeouts(const struct map_settings *a, const struct map_settings *b)
+{
+	return a->select_timeout_s == b->select_timeout_s && a->command_timeout_s == b->command_timeout_s;
+}
+
+static bool same_groups(const struct map_settings *a, const struct map_settings *b)
+{
+	for (uint32_t i = 0; i < a->queue_count && i < b->queue_count; i++)
+		if (strcmp(a->queues[i].name, b->queues[i].name) != 0)
+			return false;
+	return a->queue_count == b->queue_count;
+}
+
+static bool same_limits(const struct map_settings *a, const struct map_settings *b)
+{
+	for (uint32_t i = 0; i < a->queue_count && i < b->queue_count; i++)
+		if (a->queues[i].limit != b->queues[i].limit)
+			return false;
+	return true;
+}
+
+static const struct {
+	struct compare_setting setting;
+	bool (*same)(const struct map_settings *a, const struct map_settings *b);
+} settings[] = {
+    {{"clock", NULL}, same_clock},
+    {{"timezone", NULL}, same_zone},
+    {{"event_ring", NULL}, same_ring},
+    {{"force_max_s", NULL}, same_force},
+    {{"commands", NULL}, same_timeouts},
+    {{"redundancy_groups", NULL}, same_groups},
+    {{"redundancy_groups.queue", NULL}, same_limits},
+};
+
+const struct compare_setting *compare_settings(const struct map_settings *a, const struct map_settings *b,
+					       uint32_t *next)
+{
+	while (*next < sizeof(settings) / sizeof(settings[0])) {
+		const uint32_t i = (*next)++;
+
+		if (!settings[i].same(a, b))
+			return &settings[i].setting;
+	}
 	return NULL;
 }
 

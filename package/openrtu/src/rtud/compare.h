@@ -6,8 +6,15 @@
 #include "map/map.h"
 #include "modules/kind.h"
 
-/* The key of a setting of all modules that differs; NULL: none does. */
-const char *compare_settings(const struct map_settings *a, const struct map_settings *b);
+/* A setting that holds for all modules. */
+struct compare_setting {
+	const char *key;
+	const char *because; /* it needs a restart of rtud; NULL: it is taken as all runs */
+};
+
+/* One that differs, from number *next on, which moves behind it; NULL: there is no more. */
+const struct compare_setting *compare_settings(const struct map_settings *a, const struct map_settings *b,
+					       uint32_t *next);
 /* What becomes of a module that both have: how it is planned, its sets and points, and what its kind knows besides. */
 enum kind_change compare_modules(const struct map *map, const struct map_config *now, uint32_t module);
 /* Of a module that keeps its segment: what its kind alone knows. */

@@ -20,7 +20,7 @@ enum config_result {
 
 /* The modules that there are programs of. */
 struct config_modules {
-	bool iec104, iec61850, modbus, snmp, tls;
+	bool iec104, iec61850, modbus, snmp, tls, web;
 };
 
 /*

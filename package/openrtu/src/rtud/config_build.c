@@ -37,6 +37,10 @@ void config_check_modules(struct config_loader *loader, const json_t *root, stru
 		refuse(loader, "snmp",
 		       "rtu-snmp: remove the object, or build with -Dsnmp=true, in Buildroot "
 		       "BR2_PACKAGE_OPENRTU_SNMP");
+	if (!modules.web && json_object_get(root, "web") != NULL)
+		refuse(loader, "web",
+		       "rtu-web: remove the object, or build with -Dweb=true, in Buildroot "
+		       "BR2_PACKAGE_OPENRTU_WEB");
 	if (!modules.iec61850 && json_object_get(root, "iec61850") != NULL)
 		refuse(loader, "iec61850",
 		       "rtu-iec61850: remove the object, or build with -Diec61850=true, in Buildroot "

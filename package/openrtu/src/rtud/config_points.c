@@ -45,6 +45,7 @@ static const unsigned object_columns[] = {
     OBJECT_SCALE_TABLE,
     OBJECT_SCALE_REGISTER,
     OBJECT_UNIMPLEMENTED,
+    OBJECT_LN,
     OBJECT_DEADBAND,
     OBJECT_CYCLIC,
     OBJECT_BACKGROUND,

@@ -64,10 +64,13 @@ void force_tick(struct map *map)
 	struct map_force forces[MAP_FORCES_MAX];
 	const unsigned count = map_forces(map, forces);
 	const int64_t now_ns = map_now_ns();
+	/* Another one than when it began, if a reload has changed it. */
+	const int64_t longest_ns = map_config(map)->settings.force_max_s * NS_PER_S;
 	char name[MAP_NAME_SIZE];
 
 	for (unsigned i = 0; i < count; i++)
-		if (now_ns >= forces[i].until_ns && map_unforce(map, forces[i].point))
+		if ((now_ns >= forces[i].until_ns || now_ns >= forces[i].since_ns + longest_ns) &&
+		    map_unforce(map, forces[i].point))
 			map_log(map, MAP_LOG_WARNING, "%s is no longer forced: its time is over",
 				name_of(map, forces[i].point, name));
 }

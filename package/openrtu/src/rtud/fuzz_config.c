@@ -80,7 +80,7 @@ static void check_order(const struct map_config *config)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	static const struct config_modules all = {
-	    .iec104 = true, .iec61850 = true, .modbus = true, .snmp = true};
+	    .iec104 = true, .iec61850 = true, .modbus = true, .snmp = true, .web = true};
 	static FILE *messages;
 	int fd = memfd_create("config", MFD_CLOEXEC);
 	struct map_config config;

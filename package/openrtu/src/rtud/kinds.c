@@ -19,6 +19,7 @@
 	KIND(logic)                                                                                          \
 	KIND(snmp)                                                                                           \
 	KIND(iec61850)                                                                                       \
+	KIND(web)                                                                                            \
 	KIND(foreign)                                                                                        \
 	KIND(synch)
 

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "rtud/config.h"
+#include "rtud/scl.h"
 #include "rtud/supervise.h"
 
 #define UID_BASE 61200 /* systemd's range of users that need no account, 61184..65519 */
@@ -14,6 +15,7 @@
 /* What meson's options of these names say. */
 static const struct config_modules modules = {.iec104 = OPENRTU_IEC104,
 					      .iec61850 = OPENRTU_IEC61850,
+					      .web = OPENRTU_WEB,
 					      .modbus = OPENRTU_MODBUS,
 					      .snmp = OPENRTU_SNMP,
 					      .tls = OPENRTU_TLS};
@@ -23,13 +25,15 @@ static const char usage[] =
     "  or:  rtud --check FILE\n"
     "  or:  rtud --plan FILE\n"
     "  or:  rtud --points FILE\n"
+    "  or:  rtud --scl FILE\n"
     "\n"
     "Runs the gateway that the configuration FILE describes. --check reports every error in FILE instead,\n"
     "or each line's shortest scan; --plan the same, with the requests to each device; --points lists every\n"
-    "point, by common address and IOA.\n"
+    "point, by common address and IOA; --scl describes the server of IEC 61850 for an engineer's tools.\n"
     "\n"
     "  --csv            list as CSV, from which scripts/points.py makes a configuration   [the default]\n"
     "  --markdown       list as a table for an interoperability sheet\n"
+    "  --cid            with --scl: a CID, with the IED's name and addresses; without it an ICD\n"
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
     "  --dev DIR        folder of the serial devices            [/dev]\n"
     "  --modules DIR    folder of the module programs           [" OPENRTU_MODULES "]\n"
@@ -49,6 +53,7 @@ struct arguments {
 	bool check;
 	bool plan;
 	bool points;
+	bool scl, cid;
 	enum config_list list;
 	bool help;
 	bool version;
@@ -79,6 +84,8 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 	    {"check", no_argument, NULL, 'c'},
 	    {"plan", no_argument, NULL, 'l'},
 	    {"points", no_argument, NULL, 't'},
+	    {"scl", no_argument, NULL, 's'},
+	    {"cid", no_argument, NULL, 'i'},
 	    {"csv", no_argument, NULL, 'v'},
 	    {"markdown", no_argument, NULL, 'k'},
 	    {"map", required_argument, NULL, 'm'},
@@ -102,6 +109,12 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 			break;
 		case 't':
 			arguments->points = true;
+			break;
+		case 's':
+			arguments->scl = true;
+			break;
+		case 'i':
+			arguments->cid = true;
 			break;
 		case 'v':
 			arguments->list = CONFIG_CSV;
@@ -165,6 +178,17 @@ static int run(const struct arguments *arguments)
 	return code;
 }
 
+static int print_scl(const struct arguments *arguments)
+{
+#if OPENRTU_IEC61850
+	return scl_print(arguments->file, modules, arguments->cid);
+#else
+	(void)arguments;
+	fputs("rtud: --scl needs rtu-iec61850: build with -Diec61850=true\n", stderr);
+	return CONFIG_UNUSABLE;
+#endif
+}
+
 int main(int argc, char **argv)
 {
 	struct arguments arguments = {
@@ -187,6 +211,8 @@ int main(int argc, char **argv)
 		puts("rtud (OpenRTU) " OPENRTU_VERSION);
 		return 0;
 	}
+	if (arguments.scl)
+		return print_scl(&arguments);
 	if (arguments.points)
 		return config_points(arguments.file, modules, arguments.list);
 	return arguments.check ? config_check(arguments.file, modules, arguments.plan) : run(&arguments);

@@ -16,6 +16,7 @@
 #include "map/supervise.h"
 #include "map/time_ns.h"
 #include "rtud/change.h"
+#include "rtud/clock.h"
 #include "rtud/compare.h"
 #include "rtud/kinds.h"
 #include "rtud/process.h"
@@ -251,15 +252,36 @@ static void sort_modules(struct supervisor *supervisor)
 				      (reload->exchanged | reload->added | reload->gone) != 0);
 }
 
+static void begin_module(const struct supervisor *supervisor, const struct map *map, uint32_t index)
+{
+	struct map_module module;
+	const struct kind *kind;
+
+	map_module(map, index, &module);
+	kind = kinds_find(module.kind);
+	if (kind->begin != NULL)
+		kind->begin(supervisor->map, map_config(map), start_user(supervisor, &module),
+			    supervisor->options->uid_base);
+}
+
+/* What the former process has opened, the new one cannot have beside it. */
+static bool waits_for_the_former(const struct reload *reload, uint32_t index)
+{
+	return (reload->exchanged & 1u << index) &&
+	       kinds_find(map_plan_of(reload->next, index)->kind)->open != NULL;
+}
+
 static bool start_incoming(struct supervisor *supervisor, uint32_t index)
 {
 	struct reload *reload = &supervisor->reload;
 	struct map_module module;
 
-	if (supervisor->children[index].held && (reload->exchanged & 1u << index))
+	if ((supervisor->children[index].held && (reload->exchanged & 1u << index)) ||
+	    waits_for_the_former(reload, index))
 		return true;
 	if (reload->added & 1u << index)
 		map_module_starting(supervisor->map, index);
+	begin_module(supervisor, reload->next, index);
 	map_module(reload->next, index, &module);
 	reload->incoming[index] = start_process(supervisor, reload->next, index, &module);
 	if (reload->incoming[index] > 0)
@@ -380,31 +402,29 @@ static void adopt(struct supervisor *supervisor, uint32_t index)
 static void start_again(struct supervisor *supervisor, uint32_t index)
 {
 	struct reload *reload = &supervisor->reload;
-	struct map_module module;
-	const struct kind *kind;
 
-	map_module(supervisor->map, index, &module);
-	kind = kinds_find(module.kind);
-	if (kind->begin != NULL)
-		kind->begin(supervisor->map, start_user(supervisor, &module), supervisor->options->uid_base);
+	begin_module(supervisor, supervisor->map, index);
 	map_module_ended(supervisor->map, index, false);
 	map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, index);
 	supervisor->children[index].restart_at_ns = 0;
 	supervisor->children[index].attached = false;
-	if (supervisor->children[index].held)
-		reload->again &= ~(1u << index); /* nothing is to be proven */
+	if (supervisor->children[index].held) { /* nothing is to be proven */
+		reload->again &= ~(1u << index);
+		reload->exchanged &= ~(1u << index);
+	}
 }
 
-static void begin_proof(struct supervisor *supervisor, uint32_t seamless)
+static void begin_proof(struct supervisor *supervisor, uint32_t seamless, uint32_t late)
 {
 	struct reload *reload = &supervisor->reload;
 
+	reload->again |= late;
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
 		const uint32_t bit = 1u << i;
 
 		if (reload->gone & bit)
 			map_module_ended(supervisor->map, i, false);
-		if ((reload->gone | (reload->exchanged & ~seamless)) & bit)
+		if ((reload->gone | (reload->exchanged & ~seamless & ~reload->again)) & bit)
 			map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, i);
 		if (reload->again & bit)
 			start_again(supervisor, i);
@@ -444,6 +464,7 @@ static void put_into_force(struct supervisor *supervisor)
 	struct map_config before;
 	char error[MAP_ERROR_SIZE];
 	struct map_switching how = {.again = reload->again, .carry = carry_section};
+	uint32_t late = 0;
 
 	if (!have_ended(supervisor, ending(reload)))
 		return;
@@ -458,12 +479,15 @@ static void put_into_force(struct supervisor *supervisor)
 		give_up(supervisor, "rtud", error);
 		return;
 	}
+	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
+		late |= waits_for_the_former(reload, i) ? 1u << i : 0;
 	map_unlink_former(supervisor->map, reload->next);
 	if (map_renew(supervisor->map, &before, error) < 0)
 		abort(); /* what is mapped already cannot be mapped again: the watchdog or init starts rtud anew */
+	clock_mode_changed(supervisor->map, (enum map_clock_mode)before.settings.clock);
 	map_forget(supervisor->map);
 	drop_map(&reload->next);
-	begin_proof(supervisor, how.seamless);
+	begin_proof(supervisor, how.seamless, late);
 	start_allow_memory(supervisor);
 }
 

@@ -605,8 +605,10 @@ static void begin_modules(const struct supervisor *supervisor)
 		map_module(supervisor->map, i, &module);
 		kind = kinds_find(module.kind);
 		if (kind->begin != NULL)
-			kind->begin(supervisor->map, start_user(supervisor, &module),
-				    supervisor->options->uid_base);
+			kind->begin(supervisor->map, map_config(supervisor->map),
+				    start_user(supervisor, &module), supervisor->options->uid_base);
+		if (kind->restore != NULL)
+			kind->restore(supervisor->map);
 	}
 }
 

@@ -39,7 +39,7 @@ static enum config_result load_with(struct config_modules modules, const char *t
 static struct map_config load(const char *text)
 {
 	const struct config_modules all = {
-	    .iec104 = true, .iec61850 = true, .modbus = true, .snmp = true, .tls = true};
+	    .iec104 = true, .iec61850 = true, .modbus = true, .snmp = true, .tls = true, .web = true};
 	struct map_config config;
 
 	assert_int_equal(load_with(all, text, &config, stderr), CONFIG_GOOD);

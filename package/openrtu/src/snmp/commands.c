@@ -203,7 +203,7 @@ static void take_answer(struct snmp_agent *agent, uint32_t row, const struct map
 	}
 	enter(agent, row, answer->state, answer->result, answer->detail);
 	if (answer->state == MAP_ACCEPTED_SELECTION)
-		command->until_ns = agent->now_ns + agent->config->settings.select_timeout_s * NS_PER_S;
+		command->until_ns = agent->now_ns + map_select_timeout_s(agent->map) * NS_PER_S;
 }
 
 void snmp_command_answered(struct snmp_agent *agent, const struct map_answer *answer)
@@ -466,7 +466,7 @@ static enum snmp_error make_request(const struct snmp_agent *agent, uint32_t row
 /* Of a time of issue that is given, the clock is known and it lies within the limit, or what is old is refused as such. */
 static enum snmp_error check_issued(const struct snmp_agent *agent, struct snmp_change *change)
 {
-	const int64_t limit_ms = agent->config->settings.command_timeout_s * 1000;
+	const int64_t limit_ms = map_command_timeout_s(agent->map) * 1000;
 	const int64_t now_ms = map_wall_ns(agent->clock, agent->now_ns) / NS_PER_MS;
 	const int64_t issued_ms = change->number[SNMP_COMMAND_ISSUED];
 
@@ -572,7 +572,7 @@ static void apply_command(struct snmp_agent *agent, const struct snmp_change *ch
 		make_request(agent, row, &again, &request);
 	request.session = held ? command->request.session : session_of(agent, change->user);
 	request.time_ns = issued_ns(agent, change);
-	request.deadline_ns = request.time_ns + agent->config->settings.command_timeout_s * NS_PER_S;
+	request.deadline_ns = request.time_ns + map_command_timeout_s(agent->map) * NS_PER_S;
 	command->user = change->user;
 	if (snmp_sets(change, SNMP_COMMAND_VALUE)) {
 		command->shown = (int32_t)change->number[SNMP_COMMAND_VALUE];
@@ -622,8 +622,8 @@ const struct snmp_table snmp_command_table = {
 		return true;                                                                                 \
 	}
 
-SECONDS(read_select_time, agent->config->settings.select_timeout_s)
-SECONDS(read_time_limit, agent->config->settings.command_timeout_s)
+SECONDS(read_select_time, map_select_timeout_s(agent->map))
+SECONDS(read_time_limit, map_command_timeout_s(agent->map))
 SECONDS(read_release_time, agent->settings->release_s)
 
 const struct snmp_table snmp_command_scalars[3] = {

@@ -138,7 +138,7 @@ static void ask_owner(struct snmp_agent *agent, const struct snmp_freeze *freeze
 		.detail = freeze->action,
 		.value.u = freeze->group | (freeze->ca == ALL_STATIONS ? MAP_FREEZE_ALL_DEVICES : 0),
 		.time_ns = agent->now_ns,
-		.deadline_ns = agent->now_ns + agent->config->settings.command_timeout_s * NS_PER_S});
+		.deadline_ns = agent->now_ns + map_command_timeout_s(agent->map) * NS_PER_S});
 }
 
 static void apply_freeze(struct snmp_agent *agent, const struct snmp_change *change)

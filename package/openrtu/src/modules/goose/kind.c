@@ -15,13 +15,12 @@
 #include "goose/stats.h"
 #include "modules/calls.h"
 
-#define KIND               "goose"
 #define USER               18 /* docs/architecture.md */
 #define HEARTBEAT_LIMIT_MS 1000
 
 static const struct call_rule calls[] = {
-    CALL(poll), CALL(ppoll_time64), CALL(ppoll),  CALL(recv),
-    CALL(send), CALL(recvfrom),     CALL(sendto), CALL(getsockopt),
+    CALL(poll),     CALL(ppoll_time64), CALL(ppoll),      CALL(recv),    CALL(send),
+    CALL(recvfrom), CALL(sendto),       CALL(getsockopt), RENEWAL_CALLS,
 };
 
 static const struct kind_program program = {
@@ -35,7 +34,7 @@ static bool plan(struct map_config *config)
 	const uint32_t count = map_record_count(config, GOOSE_SUBSCRIPTIONS);
 	const struct map_module_plan module = {
 	    .name = "rtu-goose",
-	    .kind = KIND,
+	    .kind = GOOSE_KIND,
 	    .flags = MAP_MAY_OWN | MAP_HEARS_EVENTS,
 	    .rings = {.requests = 1,
 		      .answers = 256,
@@ -163,7 +162,7 @@ static uint32_t reads(const struct map_config *config, const char *module, uint3
 }
 
 const struct kind goose_kind = {
-    .name = KIND,
+    .name = GOOSE_KIND,
     .part = &goose_part,
     .plan = plan,
     .programs = &program,

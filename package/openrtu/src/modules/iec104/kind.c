@@ -88,4 +88,6 @@ const struct kind iec104_kind = {
     .same = same,
     .change = change,
     .fixed = "iec104.own_ca",
+    .fixed_because =
+	"the process that has the masters' connections owns these points too, some for each redundancy group",
 };

@@ -13,7 +13,8 @@
 #define TLS_HEARTBEAT_LIMIT_MS 5000 /* a signature takes the board's processor a while */
 
 static const struct call_rule calls[] = {
-    CALL(poll), CALL(ppoll_time64), CALL(ppoll), CALL(send), CALL(sendto), TCP_CONNECTION_CALLS,
+    CALL(poll),   CALL(ppoll_time64),   CALL(ppoll),   CALL(send),
+    CALL(sendto), TCP_CONNECTION_CALLS, RENEWAL_CALLS,
 };
 
 static const struct call_rule tls_calls[] = {

@@ -38,6 +38,9 @@ static bool plan(struct map_config *config)
 	    .rings = {.requests = commands ? REQUESTS : 1, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
 	    .section_size = settings == NULL ? 0 : (uint32_t)iec61850_section_size(config),
+	    .history = {.at = IEC61850_HISTORY_AT,
+			.readers = IEC61850_KEPT_ALL,
+			.entries = settings == NULL ? 0 : settings->report_buffer},
 	    .counters = IEC61850_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};
@@ -76,8 +79,20 @@ static int open_socket(const struct map_config *config)
 
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
+	const uint32_t count = map_record_count(b, IEC61850_ASSIGNMENTS);
+
 	(void)module, (void)name;
-	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0;
+	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0 &&
+	       map_record_count(a, IEC61850_ASSIGNMENTS) == count &&
+	       (count == 0 || memcmp(iec61850_assignments(a), iec61850_assignments(b),
+				     count * sizeof(struct iec61850_assignment)) == 0);
+}
+
+/* Its clients browse anew. */
+static enum kind_change change(const struct map_config *before, const struct map_config *now)
+{
+	(void)before, (void)now;
+	return KIND_STARTS_AGAIN;
 }
 
 const struct kind iec61850_kind = {
@@ -88,6 +103,6 @@ const struct kind iec61850_kind = {
     .program_count = 1,
     .open = open_socket,
     .same = same,
-    .fixed = "iec61850",
+    .change = change,
     .by_numbers = true, /* clients have browsed the points, and have to do so anew when they are others */
 };

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <netinet/tcp.h>
 #include <poll.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -232,6 +233,71 @@ static int wait_ms(int64_t now_ns)
 	return left_ns >= IDLE_MS * NS_PER_MS ? IDLE_MS : (int)((left_ns + NS_PER_MS - 1) / NS_PER_MS);
 }
 
+/* ---- what people see --------------------------------------------------------------------- */
+
+static const char *peer_of(const void *association)
+{
+	for (uint32_t i = 0; i < server.model.settings->associations; i++)
+		if (connections[i].fd >= 0 && association == &connections[i].association)
+			return connections[i].peer;
+	return "";
+}
+
+static void show_block(struct iec61850_shown *shown, const struct iec61850_device *device, uint32_t number)
+{
+	const struct iec61850_object object = iec61850_block_object(device, number);
+	const struct iec61850_block *block = &device->blocks[number];
+	struct iec61850_shown_block *out = &shown->blocks[shown->block_count++];
+	char ld[IEC61850_NAME_SIZE], name[IEC61850_NAME_SIZE];
+
+	iec61850_device_name(&server.model, device, ld);
+	iec61850_object_name(&server.model, &object, name);
+	snprintf(out->name, sizeof(out->name), "%.45s/%.45s", ld, name);
+	snprintf(out->peer, sizeof(out->peer), "%s", peer_of(block->owner));
+	out->enabled = block->enabled;
+	out->reports = block->number;
+}
+
+static void show_blocks(struct iec61850_shown *shown)
+{
+	shown->block_count = 0;
+	for (uint32_t i = 0; i < server.model.device_count; i++)
+		for (uint32_t j = 0; j < IEC61850_BLOCKS && shown->block_count < IEC61850_SHOWN_BLOCKS; j++)
+			if (server.model.devices[i].blocks[j].owner != NULL)
+				show_block(shown, &server.model.devices[i], j);
+}
+
+static void show_associations(struct iec61850_shown *shown)
+{
+	shown->association_count = 0;
+	for (uint32_t i = 0; i < server.model.settings->associations; i++) {
+		const struct iec61850_association *association = &connections[i].association;
+		struct iec61850_shown_association *out = &shown->associations[shown->association_count];
+
+		if (connections[i].fd < 0)
+			continue;
+		shown->association_count++;
+		*out = (struct iec61850_shown_association){.associated = association->associated,
+							   .pdu = association->max_pdu,
+							   .since_ns = association->opened_ns};
+		snprintf(out->peer, sizeof(out->peer), "%s", connections[i].peer);
+	}
+}
+
+/* Not for each message: people look now and then. */
+static void show(int64_t now_ns)
+{
+	static int64_t shown_ns;
+	const uint32_t next = 1 - (atomic_load(&server.stats->which) & 1u);
+
+	if (now_ns - shown_ns < IDLE_MS * NS_PER_MS)
+		return;
+	shown_ns = now_ns;
+	show_associations(&server.stats->shown[next]);
+	show_blocks(&server.stats->shown[next]);
+	atomic_store(&server.stats->which, next);
+}
+
 /* ---- the loop ---------------------------------------------------------------------------- */
 
 static void run(int stop, int listener)
@@ -263,6 +329,7 @@ static void run(int stop, int listener)
 		for (int i = 0; (waits[LISTENER].revents & POLLIN) && i < CONNECTIONS_A_TURN; i++)
 			if (!accept_one(listener, now_ns))
 				break;
+		show(now_ns);
 	}
 }
 

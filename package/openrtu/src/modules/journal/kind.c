@@ -45,13 +45,33 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(journal_settings(a), journal_settings(b), sizeof(struct journal_settings)) == 0;
 }
 
+/* What bounds its file is set when it begins. */
+static enum kind_change change(const struct map_config *before, const struct map_config *now)
+{
+	(void)before, (void)now;
+	return KIND_STARTS_AGAIN;
+}
+
+/* In another folder there is no file yet, and a power cut may come soon. */
+static void carry(const struct map_config *before, const void *from, const struct map_config *now, void *to,
+		  const char *module)
+{
+	struct journal_stats *stats = to;
+
+	(void)from, (void)module;
+	if (strcmp(journal_settings(before)->path, journal_settings(now)->path) != 0)
+		atomic_store(&stats->moved, 1);
+}
+
 const struct kind journal_kind = {
     .name = JOURNAL_KIND,
     .part = &journal_part,
     .plan = plan,
     .programs = &program,
     .program_count = 1,
-    .begin = journal_begin_again,
+    .begin = journal_give_folder,
+    .restore = journal_restore_from_file,
     .same = same,
-    .fixed = "journal",
+    .change = change,
+    .carry = carry,
 };

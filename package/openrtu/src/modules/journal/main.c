@@ -113,8 +113,8 @@ static void run(int stop)
 	struct pollfd asked = {.fd = stop, .events = POLLIN};
 	const int64_t interval_ns = settings->interval_s * NS_PER_S;
 	/* At once, since what was restored may have been acknowledged; a process that dies often wears nothing out. */
-	int64_t next_ns =
-	    *map_kept_number(map) == 0 ? map_now_ns() : *map_kept_number(map) * NS_PER_S + interval_ns;
+	const bool at_once = *map_kept_number(map) == 0 || atomic_exchange(&stats->moved, 0) != 0;
+	int64_t next_ns = at_once ? map_now_ns() : *map_kept_number(map) * NS_PER_S + interval_ns;
 
 	while (map_may_run(map)) {
 		map_heartbeat(map);

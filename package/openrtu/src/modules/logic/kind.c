@@ -14,7 +14,7 @@
 /* A program never holds its module up for longer than its budget, which is some 500 ms on the board at most. */
 #define HEARTBEAT_LIMIT_MS 1000
 
-static const struct call_rule calls[] = {CALL(poll), CALL(ppoll_time64), CALL(ppoll)};
+static const struct call_rule calls[] = {CALL(poll), CALL(ppoll_time64), CALL(ppoll), RENEWAL_CALLS};
 
 static const struct kind_program program = {
     .name = "rtu-logic",

@@ -228,6 +228,35 @@ static void link_points(const struct map_config *config)
 	}
 }
 
+/*
+ * Own points that outlive a process and, with a journal, a power cut: what the program writes begins with the value that it
+ * had. What masters have set is in force, so that it is as topical as it was.
+ */
+static void restore_points(const struct map_config *config)
+{
+	const bool first =
+	    atomic_load(&host.stats->kept) == 0; /* else a former process has said what was set */
+
+	for (uint16_t i = 0; i < host.logic.head->points; i++) {
+		const struct logic_point *variable = &host.logic.points[i];
+		struct host_point *point = &host.points[i];
+		struct map_sample sample;
+		struct logic_value value;
+
+		if (!point->own || !(config->points[point->point].flags & MAP_POINT_RETAIN))
+			continue;
+		sample = map_own_sample(host.map, point->point);
+		if (sample.time_ns == 0 || (!variable->written && !first))
+			continue;
+		if (!variable->written)
+			sample.quality &= (uint8_t)~MAP_NOT_TOPICAL;
+		point->sample = sample;
+		logic_take_sample(point->type, variable->type, &sample, &value);
+		value.time_us = 0;
+		logic_set(&host.logic, variable, &value);
+	}
+}
+
 static void link_blocks(void)
 {
 	const struct logic *logic = &host.logic;
@@ -277,6 +306,7 @@ static bool start(void)
 	link_points(config);
 	link_blocks();
 	kept_restore(&host);
+	restore_points(config);
 	commands_restore(&host);
 	end_turn();
 	name_counters();

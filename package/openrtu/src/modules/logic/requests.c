@@ -125,7 +125,7 @@ static void finish(struct host *host, struct host_request *request, uint8_t resu
 static bool is_too_late(const struct host *host, const struct host_request *request,
 			const struct logic_request *block, int64_t now_ns)
 {
-	int64_t patience_ns = map_config(host->map)->settings.command_timeout_s * NS_PER_S;
+	int64_t patience_ns = map_command_timeout_s(host->map) * NS_PER_S;
 
 	if (host->logic.cells[block->state].i != MAP_INACTIVE)
 		patience_ns += PASSED_ON_NS;

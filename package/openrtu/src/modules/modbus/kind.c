@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Modbus lines: a module for each process number among them. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "modbus/config.h"
@@ -10,7 +11,8 @@
 #include "modules/kind.h"
 #include "synch/config.h"
 
-#define FIRST_USER 3 /* those before are of modules that there is one of */
+#define FIRST_USER 3             /* those before are of modules that there is one of */
+#define NAME       "rtu-modbus-" /* and the number of the process */
 
 static const struct call_rule calls[] = {
     CALL(pread64), /* what the scheduler counts of this process (modules/heartbeat.c) */
@@ -53,7 +55,7 @@ static bool plan(struct map_config *config)
 		uint32_t before = config->module_count, number;
 		char line[MAP_NAME_SIZE];
 
-		snprintf(module.name, sizeof(module.name), "rtu-modbus-%u", modbus_ports(config)[i].process);
+		snprintf(module.name, sizeof(module.name), NAME "%u", modbus_ports(config)[i].process);
 		module.section_size = (uint32_t)modbus_stats_size(config, modbus_ports(config)[i].process);
 		module.counters = MODBUS_LINE_COUNTERS * lines_of(config, modbus_ports(config)[i].process);
 		number = map_plan_module(config, &module);
@@ -158,6 +160,12 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return i == modbus_port_count(a) && j == modbus_port_count(b);
 }
 
+static void carry(const struct map_config *before, const void *from, const struct map_config *now, void *to,
+		  const char *module)
+{
+	modbus_carry_stats(before, from, now, to, (uint16_t)strtoul(module + strlen(NAME), NULL, 10));
+}
+
 const struct kind modbus_kind = {
     .name = MODBUS_KIND,
     .part = &modbus_part,
@@ -166,5 +174,6 @@ const struct kind modbus_kind = {
     .program_count = 1,
     .priority = priority,
     .same = same,
+    .carry = carry,
     .group = "dialout", /* to which Debian and Buildroot give serial devices */
 };

@@ -62,6 +62,58 @@ static void show_device(struct modbus_device_stats *stats, struct modbus_device 
 	}
 }
 
+/* ---- of a former process ---------------------------------------------------------------------- */
+
+static void take_histogram(struct modbus_histogram *histogram, const struct map_histogram *shown)
+{
+	for (uint32_t i = 0; i < MODBUS_BUCKETS; i++)
+		histogram->counts[i] = shown->counts[i];
+	histogram->longest_us = shown->longest_us;
+}
+
+static void take_device(struct modbus_device *device, const struct modbus_device_stats *stats)
+{
+	device->counters = (struct modbus_device_counters){
+	    .requests = stats->requests,
+	    .answers = stats->answers,
+	    .exceptions = stats->exceptions,
+	    .timeouts = stats->timeouts,
+	    .errors = stats->errors,
+	    .missed_periods = stats->missed_periods,
+	};
+}
+
+void line_counters_take(struct port *port)
+{
+	const struct modbus_line_stats *stats = modbus_line_stats(port->map, port->number);
+	struct modbus_line_counters *counters = &port->line.counters;
+
+	*counters = (struct modbus_line_counters){
+	    .requests = stats->requests,
+	    .answers = stats->answers,
+	    .exceptions = stats->exceptions,
+	    .timeouts = stats->timeouts,
+	    .crc_errors = stats->crc_errors,
+	    .wrong_units = stats->wrong_units,
+	    .wrong_functions = stats->wrong_functions,
+	    .wrong_lengths = stats->wrong_lengths,
+	    .wrong_answers = stats->wrong_answers,
+	    .late_answers = stats->late_answers,
+	    .unasked_frames = stats->unasked_frames,
+	    .echoes = stats->echoes,
+	    .noise_bytes = stats->noise_bytes,
+	    .stuck_s = stats->stuck_s,
+	    .commands = stats->commands,
+	};
+	take_histogram(&counters->transactions, &stats->transactions);
+	take_histogram(&port->wakeups, &stats->wakeups);
+	for (uint32_t i = 0; i < port->line.device_count; i++)
+		take_device(&port->line.devices[i],
+			    modbus_device_stats(port->map, port->config->first_device + i));
+}
+
+/* ---- of this one ------------------------------------------------------------------------------ */
+
 void line_counters_show(struct port *port)
 {
 	const struct modbus_line_counters *counters = &port->line.counters;

@@ -5,6 +5,8 @@
 
 #include "modules/modbus/port.h"
 
+/* Goes on counting where a former process has ended: what it showed. */
+void line_counters_take(struct port *port);
 /* Shows the counters as they are now, and of each device what has been learned of it since the last time. */
 void line_counters_show(struct port *port);
 

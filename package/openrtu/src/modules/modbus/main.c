@@ -152,6 +152,7 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 	if (!modbus_line_configure(&port->line, gateway->config, number))
 		out_of_memory();
 	modbus_name_counters(gateway->map, number);
+	line_counters_take(port);
 	snprintf(name, sizeof(name), "line%u", port->config->port);
 	synched_begin(&gateway->scans[gateway->port_count].synched, gateway->map, name);
 	gateway->port_count++;

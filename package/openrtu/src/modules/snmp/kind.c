@@ -90,9 +90,9 @@ static void give_keys(struct map *map, const char *path, uid_t user, gid_t group
 	close(fd);
 }
 
-static void begin(struct map *map, uid_t user, gid_t group)
+static void begin(struct map *map, const struct map_config *config, uid_t user, gid_t group)
 {
-	const struct snmp_settings *settings = snmp_settings(map_config(map));
+	const struct snmp_settings *settings = snmp_settings(config);
 	int folder;
 
 	if (settings == NULL)
@@ -219,6 +219,5 @@ const struct kind snmp_kind = {
     .same = same,
     .change = change,
     .carry = carry,
-    .fixed = "snmp",
     .by_numbers = true, /* of its lists */
 };

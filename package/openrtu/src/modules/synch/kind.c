@@ -53,4 +53,5 @@ const struct kind synch_kind = {
     .priority = priority,
     .same = same,
     .fixed = "net",
+    .fixed_because = "tokens that modules hold have no place in another net",
 };

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "rtuctl/learned.h"
+#include "rows/learned.h"
 
 #include <stdio.h>
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What a line's process has learned of its devices, for people and for scripts. */
-#ifndef OPENRTU_RTUCTL_LEARNED_H
-#define OPENRTU_RTUCTL_LEARNED_H
+#ifndef OPENRTU_ROWS_LEARNED_H
+#define OPENRTU_ROWS_LEARNED_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -23,7 +23,5 @@ static inline bool learned_is_of_bits(uint32_t function)
 
 /* A new reference. */
 json_t *learned_json(const struct modbus_learned_stats *learned);
-/* Prints a table with a row for each device. */
-void learned_list(const struct map *map);
 
 #endif

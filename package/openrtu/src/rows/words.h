@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Values, qualities and times as an engineer reads and writes them. */
-#ifndef OPENRTU_RTUCTL_WORDS_H
-#define OPENRTU_RTUCTL_WORDS_H
+#ifndef OPENRTU_ROWS_WORDS_H
+#define OPENRTU_ROWS_WORDS_H
 
 #include <stdbool.h>
 #include <stddef.h>

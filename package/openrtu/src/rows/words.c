@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "rtuctl/words.h"
+#include "rows/words.h"
 
 #include <errno.h>
 #include <math.h>

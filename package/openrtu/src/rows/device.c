@@ -5,15 +5,15 @@
 #include "map/time_ns.h"
 #include "modbus/config.h"
 #include "modbus/stats.h"
-#include "rtuctl/learned.h"
-#include "rtuctl/rtuctl.h"
+#include "rows/learned.h"
+#include "rows/rows.h"
 
-json_t *rtuctl_milliseconds(uint32_t us)
+json_t *rows_milliseconds(uint32_t us)
 {
 	return json_real(us / (double)US_PER_MS);
 }
 
-json_t *rtuctl_device_row(const struct map *map, uint32_t index)
+json_t *rows_device(const struct map *map, uint32_t index)
 {
 	const struct map_config *config = map_config(map);
 	const struct map_set *set = &config->sets[index];
@@ -26,10 +26,10 @@ json_t *rtuctl_device_row(const struct map *map, uint32_t index)
 	json_object_set_new(row, "description", json_string(set->name));
 	json_object_set_new(row, "ca", json_integer(set->ca));
 	json_object_set_new(row, "alive", json_boolean(stats->alive));
-	json_object_set_new(row, "latency_ms", rtuctl_milliseconds(stats->latency_us));
-	json_object_set_new(row, "latency_least_ms", rtuctl_milliseconds(stats->latency_least_us));
-	json_object_set_new(row, "latency_typical_ms", rtuctl_milliseconds(stats->latency_typical_us));
-	json_object_set_new(row, "latency_most_ms", rtuctl_milliseconds(stats->latency_most_us));
+	json_object_set_new(row, "latency_ms", rows_milliseconds(stats->latency_us));
+	json_object_set_new(row, "latency_least_ms", rows_milliseconds(stats->latency_least_us));
+	json_object_set_new(row, "latency_typical_ms", rows_milliseconds(stats->latency_typical_us));
+	json_object_set_new(row, "latency_most_ms", rows_milliseconds(stats->latency_most_us));
 	json_object_set_new(row, "learned", learned_json(&stats->learned));
 	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
 	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));

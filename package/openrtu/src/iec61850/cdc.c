@@ -1,0 +1,136 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec61850/cdc.h"
+
+#define COUNT(array) ((unsigned)(sizeof(array) / sizeof((array)[0])))
+
+static const struct iec61850_node analogue[] = {{"f", IEC61850_FLOAT, NULL, 0}};
+
+#define STATUS(name, leaf)                                                                                   \
+	static const struct iec61850_node name[] = {                                                         \
+	    {"stVal", leaf, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}}
+#define MEASURED(name, value)                                                                                \
+	static const struct iec61850_node name[] = {{value, IEC61850_STRUCTURE, analogue, COUNT(analogue)},  \
+						    {"q", IEC61850_QUALITY, NULL, 0},                        \
+						    {"t", IEC61850_TIME, NULL, 0}}
+
+STATUS(sps, IEC61850_BOOLEAN);
+STATUS(dps, IEC61850_DOUBLE);
+STATUS(ins, IEC61850_INTEGER);
+STATUS(ens, IEC61850_ENUM);
+static const struct iec61850_node act[] = {
+    {"general", IEC61850_BOOLEAN, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
+static const struct iec61850_node acd[] = {{"general", IEC61850_BOOLEAN, NULL, 0},
+					   {"dirGeneral", IEC61850_DIRECTION, NULL, 0},
+					   {"q", IEC61850_QUALITY, NULL, 0},
+					   {"t", IEC61850_TIME, NULL, 0}};
+static const struct iec61850_node step[] = {{"posVal", IEC61850_STEP, NULL, 0},
+					    {"transInd", IEC61850_TRANSIENT, NULL, 0}};
+MEASURED(mv, "mag");
+MEASURED(apc, "mxVal");
+static const struct iec61850_node tap[] = {{"valWTr", IEC61850_STRUCTURE, step, COUNT(step)},
+					   {"q", IEC61850_QUALITY, NULL, 0},
+					   {"t", IEC61850_TIME, NULL, 0}};
+static const struct iec61850_node bcr[] = {
+    {"actVal", IEC61850_TOTAL, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
+static const struct iec61850_node described[] = {{"d", IEC61850_DESCRIPTION, NULL, 0}};
+static const struct iec61850_node controlled[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}};
+
+static const struct iec61850_node stepped[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0},
+					       {"persistent", IEC61850_PERSISTENT, NULL, 0}};
+
+/* The services of a command (8-1, 20.5 and annex E): which there are, the model says. */
+static const struct iec61850_node origin[] = {{"orCat", IEC61850_ENUM, NULL, 0},
+					      {"orIdent", IEC61850_OR_IDENT, NULL, 0}};
+#define SERVICE(name, leaf, children)                                                                        \
+	{                                                                                                    \
+		name, leaf, children, COUNT(children)                                                        \
+	}
+#define CANCELLING(...)                                                                                      \
+	{__VA_ARGS__}, {"origin", IEC61850_STRUCTURE, origin, COUNT(origin)},                                \
+	    {"ctlNum", IEC61850_CTL_NUM, NULL, 0}, {"T", IEC61850_TIME, NULL, 0},                            \
+	{                                                                                                    \
+		"Test", IEC61850_BOOLEAN, NULL, 0                                                            \
+	}
+#define OPERATING(...)                                                                                       \
+	CANCELLING(__VA_ARGS__),                                                                             \
+	{                                                                                                    \
+		"Check", IEC61850_CHECK, NULL, 0                                                             \
+	}
+#define CONTROLS(value, ...)                                                                                 \
+	static const struct iec61850_node value##_operate[] = {OPERATING(__VA_ARGS__)};                      \
+	static const struct iec61850_node value##_cancel[] = {CANCELLING(__VA_ARGS__)};                      \
+	static const struct iec61850_node value##_direct[] = {                                               \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate)};                                                \
+	static const struct iec61850_node value##_sbo[] = {                                                  \
+	    {"SBO", IEC61850_SBO, NULL, 0},                                                                  \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
+	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)};                                             \
+	static const struct iec61850_node value##_sbow[] = {                                                 \
+	    SERVICE("SBOw", IEC61850_SBOW, value##_operate),                                                 \
+	    SERVICE("Oper", IEC61850_OPER, value##_operate),                                                 \
+	    SERVICE("Cancel", IEC61850_CANCEL, value##_cancel)}
+
+CONTROLS(binary, "ctlVal", IEC61850_BOOLEAN, NULL, 0);
+CONTROLS(integer, "ctlVal", IEC61850_INTEGER, NULL, 0);
+CONTROLS(set_point, "ctlVal", IEC61850_STRUCTURE, analogue, COUNT(analogue));
+static const struct iec61850_node pulses[] = {{"pulsQty", IEC61850_UNIT, NULL, 0}};
+static const struct iec61850_node plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0},
+					     {"swRev", IEC61850_REVISION, NULL, 0},
+					     {"d", IEC61850_DESCRIPTION, NULL, 0},
+					     {"configRev", IEC61850_CONFIGURATION, NULL, 0}};
+static const struct iec61850_node name_space[] = {{"ldNs", IEC61850_NAME_SPACE, NULL, 0}};
+static const struct iec61850_node physical_plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0}};
+
+#define NODES(nodes)                                                                                         \
+	{                                                                                                    \
+		nodes, COUNT(nodes)                                                                          \
+	}
+static const struct iec61850_nodes classes[IEC61850_CDCS][IEC61850_FCS] = {
+    [IEC61850_SPS] = {[IEC61850_ST] = NODES(sps), [IEC61850_DC] = NODES(described)},
+    [IEC61850_DPS] = {[IEC61850_ST] = NODES(dps), [IEC61850_DC] = NODES(described)},
+    [IEC61850_ACT] = {[IEC61850_ST] = NODES(act), [IEC61850_DC] = NODES(described)},
+    [IEC61850_ACD] = {[IEC61850_ST] = NODES(acd), [IEC61850_DC] = NODES(described)},
+    [IEC61850_BSC] =
+	{[IEC61850_ST] = NODES(tap), [IEC61850_CF] = NODES(stepped), [IEC61850_DC] = NODES(described)},
+    [IEC61850_ISC] =
+	{[IEC61850_ST] = NODES(tap), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
+    [IEC61850_INS] = {[IEC61850_ST] = NODES(ins), [IEC61850_DC] = NODES(described)},
+    [IEC61850_ENS] = {[IEC61850_ST] = NODES(ens)},
+    [IEC61850_ENC] = {[IEC61850_ST] = NODES(ens), [IEC61850_CF] = NODES(controlled)},
+    [IEC61850_MV] = {[IEC61850_MX] = NODES(mv), [IEC61850_DC] = NODES(described)},
+    [IEC61850_BCR] =
+	{[IEC61850_ST] = NODES(bcr), [IEC61850_CF] = NODES(pulses), [IEC61850_DC] = NODES(described)},
+    [IEC61850_SPC] =
+	{[IEC61850_ST] = NODES(sps), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
+    [IEC61850_DPC] =
+	{[IEC61850_ST] = NODES(dps), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
+    [IEC61850_INC] =
+	{[IEC61850_ST] = NODES(ins), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
+    [IEC61850_APC] =
+	{[IEC61850_MX] = NODES(apc), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
+    [IEC61850_LPL] = {[IEC61850_DC] = NODES(plate), [IEC61850_EX] = NODES(name_space)},
+    [IEC61850_DPL] = {[IEC61850_DC] = NODES(physical_plate)},
+};
+
+#define MODELS(value)                                                                                        \
+	{                                                                                                    \
+		[IEC61850_DIRECT_NORMAL] = NODES(value##_direct),                                            \
+		[IEC61850_SBO_NORMAL] = NODES(value##_sbo),                                                  \
+		[IEC61850_DIRECT_ENHANCED] = NODES(value##_direct),                                          \
+		[IEC61850_SBO_ENHANCED] = NODES(value##_sbow)                                                \
+	}
+static const struct iec61850_nodes services[IEC61850_CDCS][IEC61850_CTL_MODELS] = {
+    [IEC61850_SPC] = MODELS(binary),
+    [IEC61850_DPC] = MODELS(binary),
+    [IEC61850_INC] = MODELS(integer),
+    [IEC61850_APC] = MODELS(set_point)};
+
+struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc fc)
+{
+	return classes[cdc][fc];
+}
+
+struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_model model)
+{
+	return services[cdc][model];
+}

@@ -1,0 +1,694 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec61850/scl.h"
+
+#include <arpa/inet.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "map/address.h"
+
+#define TEXT_SIZE    (6 * MAP_NAME_SIZE) /* of a name, each character an entity */
+#define ID_SIZE      256                 /* tAnyName */
+#define LN_NAME_MAX  4                   /* letters of a class */
+#define TEMPLATE_IED "TEMPLATE"          /* IEC 61850-6, 9.3.1 */
+#define NS_104       "http://www.iec.ch/61850-80-1/2007/IEC_60870-5-104"
+#define COUNT(array) ((unsigned)(sizeof(array) / sizeof((array)[0])))
+
+/* ---- text -------------------------------------------------------------------------------- */
+
+/* A line, so deep in the tree. What it is made of needs no escaping, or has it. */
+__attribute__((format(printf, 3, 4))) static void line(const struct iec61850_scl *scl, int depth,
+						       const char *format, ...)
+{
+	va_list arguments;
+
+	fprintf(scl->out, "%*s", 2 * depth, "");
+	va_start(arguments, format);
+	vfprintf(scl->out, format, arguments);
+	va_end(arguments);
+	fputc('\n', scl->out);
+}
+
+static const char *escaped(const char *text, char out[TEXT_SIZE])
+{
+	size_t size = 0;
+
+	for (; *text != '\0' && size < TEXT_SIZE - sizeof("&quot;"); text++) {
+		const char *entity = *text == '&'   ? "&amp;"
+				     : *text == '<' ? "&lt;"
+				     : *text == '"' ? "&quot;"
+						    : NULL;
+
+		size += (size_t)snprintf(out + size, TEXT_SIZE - size, entity != NULL ? "%s" : "%.1s",
+					 entity != NULL ? entity : text);
+	}
+	out[size] = '\0';
+	return out;
+}
+
+static const char *yes(bool it_is)
+{
+	return it_is ? "true" : "false";
+}
+
+static const char *ied_of(const struct iec61850_scl *scl)
+{
+	return scl->configured ? scl->model->settings->ied : TEMPLATE_IED;
+}
+
+/* The parts of a logical node's name: Q1XCBR2 is the prefix Q1, the class XCBR and the instance 2. */
+struct ln_name {
+	char prefix[IEC61850_NAME_SIZE], class[LN_NAME_MAX + 1];
+	const char *instance;
+};
+
+static struct ln_name parts_of(const struct iec61850_object *object)
+{
+	const char *name = object->device->lns[object->ln].name;
+	struct ln_name parts = {.instance = ""};
+	size_t size = strlen(name);
+
+	if (object->ln != IEC61850_LLN0) {
+		while (size > LN_NAME_MAX && name[size - 1] >= '0' && name[size - 1] <= '9')
+			size--;
+		parts.instance = name + size;
+	}
+	if (object->ln == IEC61850_LLN0)
+		size = LN_NAME_MAX;
+	snprintf(parts.prefix, sizeof(parts.prefix), "%.*s", (int)(size - LN_NAME_MAX), name);
+	snprintf(parts.class, sizeof(parts.class), "%.4s", name + size - LN_NAME_MAX);
+	return parts;
+}
+
+/* The name of a data object, without what it is in. */
+static void do_name(const struct iec61850_scl *scl, const struct iec61850_object *object,
+		    char out[IEC61850_NAME_SIZE])
+{
+	char name[IEC61850_NAME_SIZE];
+
+	iec61850_object_name(scl->model, object, name);
+	snprintf(out, IEC61850_NAME_SIZE, "%s", strrchr(name, '$') + 1);
+}
+
+/* ---- walks ------------------------------------------------------------------------------- */
+
+static struct iec61850_object first_object(const struct iec61850_device *device, unsigned ln)
+{
+	return (struct iec61850_object){.device = device, .ln = ln};
+}
+
+/* Whether the number is of a data object, not of a control block, nor behind the last. */
+static bool is_object(const struct iec61850_object *object)
+{
+	return object->number < iec61850_object_count(object->device, object->ln) &&
+	       iec61850_block_of(object->device, object->ln, object->number) == NULL;
+}
+
+static struct iec61850_nodes inside_of(const struct iec61850_scl *scl, const struct iec61850_object *object,
+				       unsigned fc)
+{
+	return iec61850_nodes_of(scl->model, object->device, object->ln, object->number,
+				 (enum iec61850_fc)fc);
+}
+
+/* ---- communication ----------------------------------------------------------------------- */
+
+static void put_host(const struct iec61850_scl *scl)
+{
+	const char *text = scl->model->settings->address;
+	struct in6_addr address;
+	const uint8_t *o = address.s6_addr;
+
+	if (!map_address_parse(text, &address))
+		return;
+	if (IN6_IS_ADDR_V4MAPPED(&address))
+		line(scl, 5, "<P type=\"IP\">%u.%u.%u.%u</P>", o[12], o[13], o[14], o[15]);
+	else
+		line(scl, 5, "<P type=\"IPv6\">%x:%x:%x:%x:%x:%x:%x:%x</P>", o[0] << 8 | o[1],
+		     o[2] << 8 | o[3], o[4] << 8 | o[5], o[6] << 8 | o[7], o[8] << 8 | o[9],
+		     o[10] << 8 | o[11], o[12] << 8 | o[13], o[14] << 8 | o[15]);
+}
+
+static void put_goose_address(const struct iec61850_scl *scl, const struct iec61850_scl_goose *goose)
+{
+	const uint8_t *mac = goose->destination;
+
+	line(scl, 4, "<GSE ldInst=\"CA%u\" cbName=\"%s\">", (unsigned)goose->device->ca, goose->name);
+	line(scl, 5, "<Address>");
+	line(scl, 6, "<P type=\"MAC-Address\">%02X-%02X-%02X-%02X-%02X-%02X</P>", mac[0], mac[1], mac[2],
+	     mac[3], mac[4], mac[5]);
+	line(scl, 6, "<P type=\"APPID\">%04X</P>", (unsigned)goose->app_id);
+	if (goose->tagged) {
+		line(scl, 6, "<P type=\"VLAN-ID\">%03X</P>", (unsigned)goose->vlan);
+		line(scl, 6, "<P type=\"VLAN-PRIORITY\">%u</P>", goose->vlan_priority);
+	}
+	line(scl, 5, "</Address>");
+	line(scl, 5, "<MinTime unit=\"s\" multiplier=\"m\">%u</MinTime>", goose->least_ms);
+	line(scl, 5, "<MaxTime unit=\"s\" multiplier=\"m\">%u</MaxTime>", goose->most_ms);
+	line(scl, 4, "</GSE>");
+}
+
+static void put_communication(const struct iec61850_scl *scl)
+{
+	line(scl, 1, "<Communication>");
+	line(scl, 2, "<SubNetwork name=\"station\" type=\"8-MMS\">");
+	line(scl, 3, "<ConnectedAP iedName=\"%s\" apName=\"AP1\">", ied_of(scl));
+	line(scl, 4, "<Address>");
+	put_host(scl);
+	line(scl, 5, "<P type=\"OSI-TSEL\">0001</P>");
+	line(scl, 5, "<P type=\"OSI-SSEL\">0001</P>");
+	line(scl, 5, "<P type=\"OSI-PSEL\">00000001</P>");
+	line(scl, 5, "<P type=\"MMS-Port\">%u</P>", (unsigned)scl->model->settings->port);
+	line(scl, 4, "</Address>");
+	for (uint32_t i = 0; i < scl->goose_count; i++)
+		put_goose_address(scl, &scl->goose[i]);
+	line(scl, 3, "</ConnectedAP>");
+	line(scl, 2, "</SubNetwork>");
+	line(scl, 1, "</Communication>");
+}
+
+/* ---- data sets, control blocks ----------------------------------------------------------- */
+
+/* attribute: of the data object; NULL: all of it under its functional constraint. */
+static void put_member(const struct iec61850_scl *scl, const struct iec61850_object *object,
+		       const char *attribute)
+{
+	const struct ln_name ln = parts_of(object);
+	char name[IEC61850_NAME_SIZE];
+
+	do_name(scl, object, name);
+	fprintf(scl->out, "%*s<FCDA ldInst=\"CA%u\"", 14, "", (unsigned)object->device->ca);
+	if (ln.prefix[0] != '\0')
+		fprintf(scl->out, " prefix=\"%s\"", ln.prefix);
+	fprintf(scl->out, " lnClass=\"%s\" lnInst=\"%s\" doName=\"%s\"", ln.class, ln.instance, name);
+	if (attribute != NULL)
+		fprintf(scl->out, " daName=\"%s\"", attribute);
+	fprintf(scl->out, " fc=\"%s\"/>\n", iec61850_fc_name(object->fc));
+}
+
+static void put_set(const struct iec61850_scl *scl, const struct iec61850_device *device, unsigned set)
+{
+	struct iec61850_object object = iec61850_before_first(device, (enum iec61850_set)set);
+
+	line(scl, 6, "<DataSet name=\"%s\">", strchr(iec61850_set_name((enum iec61850_set)set), '$') + 1);
+	while (iec61850_next_member(scl->model, &object))
+		put_member(scl, &object, NULL);
+	line(scl, 6, "</DataSet>");
+}
+
+/* What is read first under the object's functional constraint: stVal, mag.f, ... */
+static void put_value_member(const struct iec61850_scl *scl, const struct iec61850_object *object)
+{
+	const struct iec61850_node *node = inside_of(scl, object, object->fc).nodes;
+	char name[IEC61850_NAME_SIZE];
+
+	snprintf(name, sizeof(name), "%s%s%s", node->name, node->count > 0 ? "." : "",
+		 node->count > 0 ? node->children->name : "");
+	put_member(scl, object, name);
+}
+
+static void put_goose_set(const struct iec61850_scl *scl, const struct iec61850_scl_goose *goose)
+{
+	line(scl, 6, "<DataSet name=\"%s\">", goose->set);
+	for (uint32_t i = 0; i < goose->member_count; i++) {
+		const struct iec61850_object object = iec61850_object_of(scl->model, goose->members[i]);
+
+		put_value_member(scl, &object);
+		if (goose->with_quality)
+			put_member(scl, &object, "q");
+		if (goose->with_time)
+			put_member(scl, &object, "t");
+	}
+	line(scl, 6, "</DataSet>");
+}
+
+static void put_goose_block(const struct iec61850_scl *scl, const struct iec61850_scl_goose *goose)
+{
+	char id[TEXT_SIZE];
+
+	line(scl, 6, "<GSEControl name=\"%s\" type=\"GOOSE\" datSet=\"%s\" confRev=\"%u\" appID=\"%s\"/>",
+	     goose->name, goose->set, goose->conf_rev, escaped(goose->id, id));
+}
+
+/* The control blocks of one data set, buffered or not, are one that is indexed. What clients may set is as it is at first. */
+static void put_report(const struct iec61850_scl *scl, const struct iec61850_device *device, unsigned block)
+{
+	const struct iec61850_object object = iec61850_block_object(device, block);
+	const struct iec61850_block *first = &device->blocks[block];
+	const enum iec61850_set set = iec61850_set_of(device, first);
+	const bool buffered = object.fc == IEC61850_BR;
+	char name[IEC61850_NAME_SIZE];
+
+	if (inside_of(scl, &object, object.fc).count == 0)
+		return;
+	do_name(scl, &object, name);
+	name[strlen(name) - 2] = '\0'; /* 01 */
+	line(scl, 6,
+	     "<ReportControl name=\"%s\" datSet=\"%s\" confRev=\"%u\" buffered=\"%s\" bufTime=\"0\" "
+	     "intgPd=\"0\" "
+	     "indexed=\"true\">",
+	     name, strchr(iec61850_set_name(set), '$') + 1, iec61850_conf_rev(device, first), yes(buffered));
+	line(scl, 7, "<TrgOps dchg=\"%s\" qchg=\"%s\" gi=\"false\"/>", yes(buffered), yes(buffered));
+	line(scl, 7,
+	     "<OptFields seqNum=\"%s\" timeStamp=\"%s\" reasonCode=\"%s\" entryID=\"%s\" bufOvfl=\"%s\"/>",
+	     yes(buffered), yes(buffered), yes(buffered), yes(buffered), yes(buffered));
+	line(scl, 7, "<RptEnabled max=\"%u\"/>", IEC61850_BLOCKS_A_SET);
+	line(scl, 6, "</ReportControl>");
+}
+
+/* ---- instances --------------------------------------------------------------------------- */
+
+static void put_value(const struct iec61850_scl *scl, const char *attribute, const char *text)
+{
+	char safe[TEXT_SIZE];
+
+	line(scl, 7, "<DAI name=\"%s\">", attribute);
+	line(scl, 8, "<Val>%s</Val>", escaped(text, safe));
+	line(scl, 7, "</DAI>");
+}
+
+static void put_private(const struct iec61850_scl *scl, const struct iec61850_object *object, unsigned type)
+{
+	const struct map_point *point = &scl->model->config->points[iec61850_point_of(scl->model, object)];
+
+	line(scl, 9,
+	     "<Private type=\"IEC_60870_5_104\"><IEC_60870_5_104:Address casdu=\"%u\" ioa=\"%u\" "
+	     "ti=\"%u\"/></Private>",
+	     (unsigned)object->device->ca, point->ioa, type);
+}
+
+/* The address of a node, or of the first one in it. */
+static void put_addressed(const struct iec61850_scl *scl, const struct iec61850_object *object,
+			  const struct iec61850_node *node, unsigned type)
+{
+	const bool structure = node->count > 0;
+
+	if (structure)
+		line(scl, 7, "<SDI name=\"%s\">", node->name);
+	if (structure && node->children->count > 0) {
+		put_addressed(scl, object, node->children, type);
+	} else {
+		line(scl, 8, "<DAI name=\"%s\">", structure ? node->children->name : node->name);
+		put_private(scl, object, type);
+		line(scl, 8, "</DAI>");
+	}
+	if (structure)
+		line(scl, 7, "</SDI>");
+}
+
+static void put_addresses(const struct iec61850_scl *scl, struct iec61850_object object)
+{
+	const uint32_t point = iec61850_point_of(scl->model, &object);
+	const struct iec61850_scl_address address = scl->address(&scl->model->config->points[point]);
+	const struct iec61850_nodes services = inside_of(scl, &object, IEC61850_CO);
+
+	object = iec61850_object_of(scl->model, point);
+	if (address.type != 0)
+		put_addressed(scl, &object, inside_of(scl, &object, object.fc).nodes, address.type);
+	for (unsigned i = 0; i < services.count && address.command_type != 0; i++)
+		if (services.nodes[i].leaf == IEC61850_OPER)
+			put_addressed(scl, &object, &services.nodes[i], address.command_type);
+}
+
+static bool has_node(const struct iec61850_nodes inside, enum iec61850_leaf leaf)
+{
+	for (unsigned i = 0; i < inside.count; i++)
+		if (inside.nodes[i].leaf == leaf)
+			return true;
+	return false;
+}
+
+static void put_instance(const struct iec61850_scl *scl, const struct iec61850_object *object)
+{
+	const struct iec61850_nodes described = inside_of(scl, object, IEC61850_DC);
+	const bool has_text = has_node(described, IEC61850_DESCRIPTION);
+	const bool is_point = iec61850_point_of(scl->model, object) != MAP_NONE;
+	char name[IEC61850_NAME_SIZE], text[MAP_NAME_SIZE];
+
+	if (!has_text && !is_point)
+		return;
+	do_name(scl, object, name);
+	line(scl, 6, "<DOI name=\"%s\">", name);
+	if (is_point)
+		put_addresses(scl, *object);
+	iec61850_description(scl->model, object, text);
+	if (has_text)
+		put_value(scl, "d", text);
+	if (has_node(described, IEC61850_CONFIGURATION)) {
+		snprintf(text, sizeof(text), "%08x", (unsigned)scl->model->revision);
+		put_value(scl, "configRev", text);
+	}
+	line(scl, 6, "</DOI>");
+}
+
+static void put_ln_type_name(const struct iec61850_scl *scl, const struct iec61850_object *object)
+{
+	fprintf(scl->out, "CA%u_%s", (unsigned)object->device->ca, object->device->lns[object->ln].name);
+}
+
+static void put_ln(const struct iec61850_scl *scl, const struct iec61850_device *device, unsigned number)
+{
+	struct iec61850_object object = first_object(device, number);
+	const struct ln_name ln = parts_of(&object);
+	const char *const element = number == IEC61850_LLN0 ? "LN0" : "LN";
+
+	fprintf(scl->out, "%*s<%s", 10, "", element);
+	if (ln.prefix[0] != '\0')
+		fprintf(scl->out, " prefix=\"%s\"", ln.prefix);
+	fprintf(scl->out, " lnClass=\"%s\" inst=\"%s\" lnType=\"", ln.class, ln.instance);
+	put_ln_type_name(scl, &object);
+	fputs("\">\n", scl->out);
+	for (unsigned set = 0; number == IEC61850_LLN0 && set < IEC61850_SETS; set++)
+		if (device->members[set] > 0)
+			put_set(scl, device, set);
+	for (uint32_t i = 0; number == IEC61850_LLN0 && i < scl->goose_count; i++)
+		if (scl->goose[i].device == device)
+			put_goose_set(scl, &scl->goose[i]);
+	for (unsigned i = 0; number == IEC61850_LLN0 && i < IEC61850_BLOCKS; i += IEC61850_BLOCKS_A_SET)
+		put_report(scl, device, i);
+	for (; is_object(&object); object.number++)
+		put_instance(scl, &object);
+	for (uint32_t i = 0; number == IEC61850_LLN0 && i < scl->goose_count; i++)
+		if (scl->goose[i].device == device)
+			put_goose_block(scl, &scl->goose[i]);
+	line(scl, 5, "</%s>", element);
+}
+
+static void put_device(const struct iec61850_scl *scl, const struct iec61850_device *device)
+{
+	const struct iec61850_object object = first_object(device, IEC61850_LLN0);
+	char name[MAP_NAME_SIZE], safe[TEXT_SIZE];
+
+	iec61850_description(scl->model, &object, name);
+	line(scl, 4, "<LDevice inst=\"CA%u\" desc=\"%s\">", (unsigned)device->ca, escaped(name, safe));
+	for (unsigned ln = 0; ln < device->ln_count; ln++)
+		put_ln(scl, device, ln);
+	line(scl, 4, "</LDevice>");
+}
+
+static void put_ied(const struct iec61850_scl *scl)
+{
+	line(scl, 1,
+	     "<IED name=\"%s\" type=\"gateway\" manufacturer=\"OpenRTU\" configVersion=\"%08x\" "
+	     "originalSclVersion=\"2007\" originalSclRevision=\"B\" originalSclRelease=\"4\">",
+	     ied_of(scl), (unsigned)scl->model->revision);
+	line(scl, 2, "<Services nameLength=\"64\">");
+	line(scl, 3, "<GetDirectory/>");
+	line(scl, 3, "<GetDataObjectDefinition/>");
+	line(scl, 3, "<DataObjectDirectory/>");
+	line(scl, 3, "<GetDataSetValue/>");
+	line(scl, 3, "<DataSetDirectory/>");
+	line(scl, 3, "<ReadWrite/>");
+	line(scl, 3, "<ConfReportControl max=\"%u\"/>", IEC61850_BLOCKS * scl->model->device_count);
+	line(scl, 3, "<GetCBValues/>");
+	line(scl, 3,
+	     "<ReportSettings cbName=\"Fix\" datSet=\"Fix\" rptID=\"Dyn\" optFields=\"Dyn\" bufTime=\"Dyn\" "
+	     "trgOps=\"Dyn\" intgPd=\"Dyn\"/>");
+	if (scl->goose_count > 0)
+		line(scl, 3, "<GOOSE max=\"%u\"/>", scl->goose_count);
+	line(scl, 2, "</Services>");
+	line(scl, 2, "<AccessPoint name=\"AP1\">");
+	line(scl, 3, "<Server>");
+	line(scl, 4, "<Authentication none=\"true\"/>");
+	for (uint32_t i = 0; i < scl->model->device_count; i++)
+		put_device(scl, &scl->model->devices[i]);
+	line(scl, 3, "</Server>");
+	line(scl, 2, "</AccessPoint>");
+	line(scl, 1, "</IED>");
+}
+
+/* ---- types ------------------------------------------------------------------------------- */
+
+static const struct {
+	const char *name;
+	const char *values[12]; /* from the first number on */
+	int first;
+} enumerations[IEC61850_ENUMERATIONS] = {
+    [IEC61850_BEHAVIOUR_KIND] = {"BehaviourModeKind", {"on", "blocked", "test", "test/blocked", "off"}, 1},
+    [IEC61850_HEALTH_KIND] = {"HealthKind", {"Ok", "Warning", "Alarm"}, 1},
+    [IEC61850_SWITCH_KIND] = {"SwitchFunctionKind",
+			      {"Load Break", "Disconnector", "Earthing Switch", "High Speed Earthing Switch"},
+			      1},
+    [IEC61850_RECLOSING_KIND] = {"AutoReclosingKind",
+				 {"Ready", "InProgress", "Successful", "WaitingForTrip", "TripFromProtection",
+				  "FaultDisappeared", "WaitToComplete", "CBclosed", "CycleUnsuccessful",
+				  "Unsuccessful", "Aborted", "NotReady"},
+				 1},
+    [IEC61850_DIRECTION_KIND] = {"FaultDirectionKind", {"unknown", "forward", "backward", "both"}, 0},
+    [IEC61850_CTL_MODEL_KIND] = {"CtlModelKind",
+				 {"status-only", "direct-with-normal-security", "sbo-with-normal-security",
+				  "direct-with-enhanced-security", "sbo-with-enhanced-security"},
+				 0},
+    [IEC61850_ORIGINATOR_KIND] = {"OriginatorCategoryKind",
+				  {"not-supported", "bay-control", "station-control", "remote-control",
+				   "automatic-bay", "automatic-station"},
+				  0},
+};
+
+/* The name of a data object's type: its class, and what of it is another one in some. */
+static void type_id(const struct iec61850_class *class, char out[ID_SIZE])
+{
+	snprintf(out, ID_SIZE, "%s", class->name);
+	if (class->enumeration != IEC61850_NO_ENUMERATION)
+		snprintf(out, ID_SIZE, "%s_%s", class->name, enumerations[class->enumeration].name);
+	else if (class->controllable)
+		snprintf(out, ID_SIZE, "%s_%s", class->name,
+			 enumerations[IEC61850_CTL_MODEL_KIND].values[class->control]);
+}
+
+/* The basic type of an attribute (IEC 61850-6, table 46). */
+static const char *basic_type(enum iec61850_leaf leaf)
+{
+	switch (leaf) {
+	case IEC61850_BOOLEAN:
+	case IEC61850_TRANSIENT:
+	case IEC61850_PERSISTENT:
+		return "BOOLEAN";
+	case IEC61850_DOUBLE:
+		return "Dbpos";
+	case IEC61850_ENUM:
+	case IEC61850_DIRECTION:
+	case IEC61850_CTL_MODEL:
+		return "Enum";
+	case IEC61850_STEP:
+		return "INT8";
+	case IEC61850_INTEGER:
+		return "INT32";
+	case IEC61850_TOTAL:
+		return "INT64";
+	case IEC61850_FLOAT:
+	case IEC61850_UNIT:
+		return "FLOAT32";
+	case IEC61850_QUALITY:
+		return "Quality";
+	case IEC61850_TIME:
+		return "Timestamp";
+	case IEC61850_DESCRIPTION:
+	case IEC61850_VENDOR:
+	case IEC61850_REVISION:
+	case IEC61850_CONFIGURATION:
+	case IEC61850_NAME_SPACE:
+		return "VisString255";
+	case IEC61850_SBO:
+		return "ObjRef";
+	case IEC61850_OR_IDENT:
+		return "Octet64";
+	case IEC61850_CTL_NUM:
+		return "INT8U";
+	case IEC61850_CHECK:
+		return "Check";
+	default:
+		return "Struct";
+	}
+}
+
+/* An attribute's enumeration. orCat is the other one but stVal. */
+static enum iec61850_enumeration enumeration_of(const struct iec61850_node *node,
+						const struct iec61850_class *class)
+{
+	if (node->leaf == IEC61850_CTL_MODEL)
+		return IEC61850_CTL_MODEL_KIND;
+	if (node->leaf == IEC61850_DIRECTION)
+		return IEC61850_DIRECTION_KIND;
+	return strcmp(node->name, "orCat") == 0 ? IEC61850_ORIGINATOR_KIND : class->enumeration;
+}
+
+/* What is the same for all objects of the type. */
+static const char *constant_of(const struct iec61850_node *node, const struct iec61850_class *class)
+{
+	switch (node->leaf) {
+	case IEC61850_CTL_MODEL:
+		return enumerations[IEC61850_CTL_MODEL_KIND].values[class->control];
+	case IEC61850_VENDOR:
+		return "OpenRTU";
+	case IEC61850_REVISION:
+		return OPENRTU_VERSION;
+	case IEC61850_NAME_SPACE:
+		return IEC61850_DATA_NAME_SPACE;
+	case IEC61850_UNIT:
+		return "1";
+	default:
+		return NULL;
+	}
+}
+
+/* element: DA or BDA, with those of its attributes that are not of all. */
+static void put_attribute(const struct iec61850_scl *scl, const char *element, const char *more,
+			  const struct iec61850_node *node, const struct iec61850_class *class,
+			  const char *in)
+{
+	const char *const basic = basic_type(node->leaf), *const constant = constant_of(node, class);
+
+	fprintf(scl->out, "      <%s name=\"%s\"%s bType=\"%s\"", element, node->name, more, basic);
+	if (node->count > 0)
+		fprintf(scl->out, " type=\"%s_%s\"", in, node->name);
+	else if (strcmp(basic, "Enum") == 0)
+		fprintf(scl->out, " type=\"%s\"", enumerations[enumeration_of(node, class)].name);
+	if (constant == NULL)
+		fputs("/>\n", scl->out);
+	else
+		fprintf(scl->out, "><Val>%s</Val></%s>\n", constant, element);
+}
+
+/* The types of structures in a type, each of which is named as its place. */
+static void put_structures(const struct iec61850_scl *scl, struct iec61850_nodes inside,
+			   const struct iec61850_class *class, const char *in)
+{
+	for (unsigned i = 0; i < inside.count; i++) {
+		const struct iec61850_node *node = &inside.nodes[i];
+		const struct iec61850_nodes children = {node->children, node->count};
+		char id[ID_SIZE];
+
+		if (node->count == 0)
+			continue;
+		snprintf(id, sizeof(id), "%.200s_%s", in, node->name);
+		line(scl, 2, "<DAType id=\"%s\">", id);
+		for (unsigned j = 0; j < children.count; j++)
+			put_attribute(scl, "BDA", "", &children.nodes[j], class, id);
+		line(scl, 2, "</DAType>");
+		put_structures(scl, children, class, id);
+	}
+}
+
+static void put_type(const struct iec61850_scl *scl, const struct iec61850_object *object)
+{
+	const struct iec61850_class class = iec61850_class_of(scl->model, object);
+	char id[ID_SIZE], more[64];
+
+	type_id(&class, id);
+	line(scl, 2, "<DOType id=\"%s\" cdc=\"%s\">", id, class.name);
+	for (unsigned fc = 0; fc < IEC61850_FCS; fc++) {
+		const struct iec61850_nodes inside = inside_of(scl, object, fc);
+		const bool reported = fc == IEC61850_ST || fc == IEC61850_MX;
+
+		for (unsigned i = 0; i < inside.count; i++) {
+			const enum iec61850_leaf leaf = inside.nodes[i].leaf;
+
+			snprintf(more, sizeof(more), " fc=\"%s\"%s", iec61850_fc_name(fc),
+				 !reported || leaf == IEC61850_TIME ? ""
+				 : leaf == IEC61850_QUALITY         ? " qchg=\"true\""
+								    : " dchg=\"true\"");
+			put_attribute(scl, "DA", more, &inside.nodes[i], &class, id);
+		}
+	}
+	line(scl, 2, "</DOType>");
+}
+
+static void put_type_structures(const struct iec61850_scl *scl, const struct iec61850_object *object)
+{
+	const struct iec61850_class class = iec61850_class_of(scl->model, object);
+	char id[ID_SIZE];
+
+	type_id(&class, id);
+	for (unsigned fc = 0; fc < IEC61850_FCS; fc++)
+		put_structures(scl, inside_of(scl, object, fc), &class, id);
+}
+
+/* An object of each type that the model has. */
+#define TYPES_MAX 128
+struct types {
+	struct iec61850_object objects[TYPES_MAX];
+	unsigned count;
+};
+
+static void note_type(const struct iec61850_scl *scl, struct types *types,
+		      const struct iec61850_object *object)
+{
+	const struct iec61850_class class = iec61850_class_of(scl->model, object);
+	char id[ID_SIZE], other[ID_SIZE];
+
+	type_id(&class, id);
+	for (unsigned i = 0; i < types->count; i++) {
+		const struct iec61850_class of = iec61850_class_of(scl->model, &types->objects[i]);
+
+		type_id(&of, other);
+		if (strcmp(id, other) == 0)
+			return;
+	}
+	if (types->count == TYPES_MAX)
+		abort(); /* the classes, with all that is another one in them, outgrew TYPES_MAX */
+	types->objects[types->count++] = *object;
+}
+
+static void put_ln_type(const struct iec61850_scl *scl, struct iec61850_object object, struct types *types)
+{
+	const struct ln_name ln = parts_of(&object);
+	char id[ID_SIZE], name[IEC61850_NAME_SIZE];
+
+	fputs("    <LNodeType id=\"", scl->out);
+	put_ln_type_name(scl, &object);
+	fprintf(scl->out, "\" lnClass=\"%s\">\n", ln.class);
+	for (; is_object(&object); object.number++) {
+		const struct iec61850_class class = iec61850_class_of(scl->model, &object);
+
+		type_id(&class, id);
+		do_name(scl, &object, name);
+		line(scl, 3, "<DO name=\"%s\" type=\"%s\"/>", name, id);
+		note_type(scl, types, &object);
+	}
+	line(scl, 2, "</LNodeType>");
+}
+
+static void put_enumerations(const struct iec61850_scl *scl)
+{
+	for (unsigned i = IEC61850_NO_ENUMERATION + 1; i < IEC61850_ENUMERATIONS; i++) {
+		line(scl, 2, "<EnumType id=\"%s\">", enumerations[i].name);
+		for (unsigned j = 0; j < COUNT(enumerations[i].values) && enumerations[i].values[j] != NULL;
+		     j++)
+			line(scl, 3, "<EnumVal ord=\"%d\">%s</EnumVal>", enumerations[i].first + (int)j,
+			     enumerations[i].values[j]);
+		line(scl, 2, "</EnumType>");
+	}
+}
+
+static void put_types(const struct iec61850_scl *scl)
+{
+	struct types types = {.count = 0};
+
+	line(scl, 1, "<DataTypeTemplates>");
+	for (uint32_t i = 0; i < scl->model->device_count; i++)
+		for (unsigned ln = 0; ln < scl->model->devices[i].ln_count; ln++)
+			put_ln_type(scl, first_object(&scl->model->devices[i], ln), &types);
+	for (unsigned i = 0; i < types.count; i++)
+		put_type(scl, &types.objects[i]);
+	for (unsigned i = 0; i < types.count; i++)
+		put_type_structures(scl, &types.objects[i]);
+	put_enumerations(scl);
+	line(scl, 1, "</DataTypeTemplates>");
+}
+
+void iec61850_scl_write(const struct iec61850_scl *scl)
+{
+	line(scl, 0, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
+	line(scl, 0,
+	     "<SCL xmlns=\"http://www.iec.ch/61850/2003/SCL\" xmlns:IEC_60870_5_104=\"" NS_104
+	     "\" version=\"2007\" revision=\"B\" release=\"4\">");
+	line(scl, 1, "<Header id=\"%s\" version=\"%s\" revision=\"%08x\" toolID=\"rtud\"/>", ied_of(scl),
+	     OPENRTU_VERSION, (unsigned)scl->model->revision);
+	if (scl->configured)
+		put_communication(scl);
+	put_ied(scl);
+	put_types(scl);
+	line(scl, 0, "</SCL>");
+}

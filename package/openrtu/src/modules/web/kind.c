@@ -1,0 +1,148 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The page: one module, if the configuration has "web". */
+#include "modules/kind.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "map/address.h"
+#include "modules/calls.h"
+#include "web/config.h"
+#include "web/config_part.h"
+#include "web/stats.h"
+
+#define USER    18 /* behind rtu-iec61850's */
+#define BACKLOG 16
+/*
+ * Of address space, much of it the code of libraries: libmicrohttpd may be built with GnuTLS, which the page does not use. The
+ * hash of a password takes 16 MiB at most, for as long as it is computed.
+ */
+#define MEMORY (64u << 20)
+
+static const struct call_rule calls[] = {
+    TLS_CALLS,
+    CALL(poll),
+    CALL(ppoll_time64),
+    CALL(ppoll),
+    CALL(epoll_ctl),
+    CALL(epoll_wait),
+    CALL(epoll_pwait),
+    CALL(epoll_pwait2),
+    CALL(accept4),
+    CALL(recv),
+    CALL(recvfrom),
+    CALL(send),
+    CALL(sendto),
+    CALL(sendmsg),
+    CALL(writev),
+    CALL(shutdown),
+    CALL(getsockopt),
+    CALL(setsockopt),
+    CALL(fcntl),
+    CALL(fcntl64),
+    CALL(madvise), /* of malloc */
+    CALL_WITH(socketpair, EQUAL(0, AF_UNIX)),
+};
+
+static const struct kind_program program = {
+    .name = "rtu-web",
+    .calls = calls,
+    .call_count = sizeof(calls) / sizeof(calls[0]),
+};
+
+static bool plan(struct map_config *config)
+{
+	const struct web_settings *settings = web_settings(config);
+	const struct map_module_plan module = {
+	    .name = "rtu-web",
+	    .kind = WEB_KIND,
+	    .flags = settings != NULL && settings->commands ? MAP_MAY_REQUEST : 0,
+	    .rings = {.requests = 64, .answers = 1, .events = 1, .log = 128},
+	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
+	    .section_size = sizeof(struct web_stats),
+	    .counters = WEB_COUNT_OF_COUNTERS,
+	    .user = USER,
+	};
+
+	return settings == NULL || map_plan_module(config, &module) != MAP_NONE;
+}
+
+static void run(const struct map_config *config, const char *module, struct kind_run *out)
+{
+	(void)config, (void)module;
+	out->memory = MEMORY;
+}
+
+/* A port below 1024 is root's. */
+static int open_socket(const struct map_config *config)
+{
+	const struct web_settings *settings = web_settings(config);
+	struct sockaddr_in6 six = {.sin6_family = AF_INET6, .sin6_port = htons(settings->port)};
+	struct sockaddr_in four = {.sin_family = AF_INET, .sin_port = htons(settings->port)};
+	const int on = 1;
+	bool is_four;
+	int fd;
+
+	if (!map_address_parse(settings->address, &six.sin6_addr))
+		return -1;
+	is_four = IN6_IS_ADDR_V4MAPPED(&six.sin6_addr);
+	memcpy(&four.sin_addr, &six.sin6_addr.s6_addr[12], sizeof(four.sin_addr));
+	fd = socket(is_four ? AF_INET : AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (fd < 0)
+		return -1;
+	setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
+	if (bind(fd, is_four ? (const struct sockaddr *)&four : (const struct sockaddr *)&six,
+		 is_four ? sizeof(four) : sizeof(six)) == 0 &&
+	    listen(fd, BACKLOG) == 0)
+		return fd;
+	close(fd);
+	return -1;
+}
+
+/* The file of users is the module's alone, whoever brought it. */
+static void begin(struct map *map, const struct map_config *config, uid_t user, gid_t group)
+{
+	const struct web_settings *settings = web_settings(config);
+	struct stat status;
+	int fd;
+
+	if (settings == NULL || user == 0)
+		return;
+	fd = open(settings->users, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+	if (fd < 0)
+		return; /* the module says what is wrong with it */
+	if (fstat(fd, &status) == 0 && S_ISREG(status.st_mode) &&
+	    (fchown(fd, user, group) < 0 || fchmod(fd, 0400) < 0))
+		map_log(map, MAP_LOG_ERROR, "cannot give the users of the page to rtu-web: %s",
+			strerror(errno));
+	close(fd);
+}
+
+static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
+{
+	(void)module, (void)name;
+	return memcmp(web_settings(a), web_settings(b), sizeof(struct web_settings)) == 0;
+}
+
+/* Its socket is what it was started with. */
+static enum kind_change change(const struct map_config *before, const struct map_config *now)
+{
+	(void)before, (void)now;
+	return KIND_STARTS_AGAIN;
+}
+
+const struct kind web_kind = {
+    .name = WEB_KIND,
+    .part = &web_part,
+    .plan = plan,
+    .programs = &program,
+    .program_count = 1,
+    .run = run,
+    .begin = begin,
+    .open = open_socket,
+    .same = same,
+    .change = change,
+};

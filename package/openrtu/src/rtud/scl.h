@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* rtud --scl: the configuration as IEC 61850's tools read it. */
+#ifndef OPENRTU_RTUD_SCL_H
+#define OPENRTU_RTUD_SCL_H
+
+#include "rtud/config.h"
+
+/*
+ * Prints the server of IEC 61850 on stdout, as an ICD, or with its name and addresses as a CID. Errors as config_check. Returns the
+ * exit code.
+ */
+int scl_print(const char *path, struct config_modules modules, bool configured);
+
+#endif

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * The file of users, which scripts/web-users.py makes. A line is
+ *	NAME ROLE scrypt N R P SALT HASH
+ * with salt and hash in hexadecimal digits (RFC 7914); an empty line or one that begins with # is none.
+ */
+#ifndef OPENRTU_WEB_USERS_H
+#define OPENRTU_WEB_USERS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#define WEB_USER_SIZE  33 /* of a name, terminator included */
+#define WEB_LINE_SIZE  320
+#define WEB_SALT_MAX   32
+#define WEB_HASH_SIZE  32
+#define WEB_MEMORY_MAX (16u << 20) /* octets that a hash may take */
+#define WEB_EFFORT_MAX 4           /* times as long as one that takes that */
+
+/* What a user may do; each may what the one before may. */
+enum web_role { WEB_VIEWER, WEB_OPERATOR, WEB_ENGINEER };
+
+struct web_user {
+	char name[WEB_USER_SIZE];
+	uint8_t role; /* enum web_role */
+	uint32_t n, r, p;
+	uint8_t salt[WEB_SALT_MAX];
+	uint8_t salt_size;
+	uint8_t hash[WEB_HASH_SIZE];
+};
+
+/* A line of the file, which is cut in pieces. False: it is none. */
+bool web_user_read(char line[WEB_LINE_SIZE], struct web_user *out);
+/* Looks a user up. False: there is none of this name. wrong counts the lines that are none. */
+bool web_user_find(FILE *file, const char *name, struct web_user *out, unsigned *wrong);
+const char *web_role_name(uint8_t role);
+
+#endif

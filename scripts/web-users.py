@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes the file of users of rtu-web: on the engineer's machine, so that no password ever lies on a gateway.
+
+Adds a user to the file, or gives a new password and role to one that is there.
+"""
+
+import argparse
+import getpass
+import hashlib
+import os
+import secrets
+import sys
+from pathlib import Path
+
+ROLES = ("viewer", "operator", "engineer")
+SHORTEST = 10  # characters of a password
+# RFC 7914: 8 MiB for as long as a login takes, which a gateway with 64 MiB has.
+N, R, P = 8192, 8, 1
+SALT_OCTETS, HASH_OCTETS = 16, 32
+NAME_MOST = 32  # octets
+
+
+class UsersError(Exception):
+    """What the engineer has to know: one line."""
+
+
+def line_of(name: str, role: str, password: str) -> str:
+    """A line of the file: docs/web.md."""
+    salt = secrets.token_bytes(SALT_OCTETS)
+    digest = hashlib.scrypt(password.encode(), salt=salt, n=N, r=R, p=P, dklen=HASH_OCTETS)
+    return f"{name} {role} scrypt {N} {R} {P} {salt.hex()} {digest.hex()}"
+
+
+def ask_password(name: str) -> str:
+    """From the terminal, twice; else a line of standard input."""
+    if not sys.stdin.isatty():
+        return sys.stdin.readline().rstrip("\n")
+    password = getpass.getpass(f"password of {name}: ")
+    if getpass.getpass("once more: ") != password:
+        raise UsersError("the two are not the same")
+    return password
+
+
+def write(path: Path, lines: list[str]) -> None:
+    """The whole file or none of it, for nobody else's eyes."""
+    new = path.with_name(f".{path.name}.new")
+    new.unlink(missing_ok=True)
+    with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o400), "w") as file:
+        file.write("".join(f"{line}\n" for line in lines))
+    new.replace(path)
+
+
+def change(arguments: argparse.Namespace) -> None:
+    name, path = arguments.name, arguments.file
+    lines = path.read_text().splitlines() if path.exists() else []
+    others = [line for line in lines if line.split()[:1] != [name]]
+    if not name or len(name.split()) != 1 or len(name.encode()) > NAME_MOST or name.startswith("#"):
+        raise UsersError(f'"{name}": expected a name of one word, at most {NAME_MOST} octets')
+    if arguments.remove:
+        if others == lines:
+            raise UsersError(f"{path} has no user {name}")
+        write(path, others)
+        return
+    if arguments.role is None:
+        raise UsersError(f"expected --role, one of {', '.join(ROLES)}")
+    password = ask_password(name)
+    if len(password) < SHORTEST:
+        raise UsersError(f"too short: a password has at least {SHORTEST} characters")
+    write(path, [*others, line_of(name, arguments.role, password)])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("file", type=Path, help="what the gateway gets as web.users")
+    parser.add_argument("name", help="of the user, one word")
+    parser.add_argument("--role", choices=ROLES)
+    parser.add_argument("--remove", action="store_true", help="remove the user instead")
+    try:
+        change(parser.parse_args())
+    except (UsersError, OSError, UnicodeDecodeError) as error:
+        print(f"web-users: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

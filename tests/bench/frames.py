@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""
+`make bench-map`: how fluent the control centre's map is in Debian's Chromium, with RTUs that drive, polled at
+1 Hz: frames a second, the longest time without one, and how many markers have moved. No time is asserted.
+Exit codes: 0 done, 1 something did not work, 2 not built.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import socket
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from playwright.sync_api import CDPSession, Error
+from polls import PROGRAM, RTUS, PollError
+from store import PASSWORD, STARTS_S, USER, running
+
+from bench import machine
+from lab.gateway import REPOSITORY, free_port
+
+sys.path.insert(0, str(REPOSITORY / "tests" / "centre"))
+from browser import LIMIT_MS, chromium, log_in
+
+PAGE = REPOSITORY / "build" / "centre" / "page" / "done"
+SIZE = {"width": 1280, "height": 800}
+MARKERS = "async () => (await openrtuMap.getSource('marks').getData()).features.length"
+MEASURE = """async (seconds) => {
+  const marks = openrtuMap.getSource("marks"), told = marks.updateData.bind(marks);
+  let frames = 0, moved = 0, longest = 0, last = performance.now(), drawn = 0;
+  marks.updateData = (difference) => { moved += difference.update.length; return told(difference); };
+  const count = () => { drawn += 1; };
+  openrtuMap.on("render", count);
+  const begun = last;
+  await new Promise((done) => {
+    const step = (now) => {
+      frames += 1;
+      longest = Math.max(longest, now - last);
+      last = now;
+      if (now - begun < seconds * 1000) requestAnimationFrame(step); else done();
+    };
+    requestAnimationFrame(step);
+  });
+  openrtuMap.off("render", count);
+  delete marks.updateData;
+  const passed = (last - begun) / 1000;
+  return { frames: frames / passed, drawn: drawn / passed, moved: moved / passed, longest };
+}"""
+
+
+def scripts_s(metrics: CDPSession) -> float:
+    """How long the page's scripts have run."""
+    said = metrics.send("Performance.getMetrics")["metrics"]
+    return float(next(each["value"] for each in said if each["name"] == "ScriptDuration"))
+
+
+def answers(port: int) -> None:
+    """10 000 stations that are new take the centre a while."""
+    end = time.monotonic() + STARTS_S
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+            return
+        except OSError as error:
+            if time.monotonic() > end:
+                raise PollError(f"the centre does not answer: {error}") from error
+            time.sleep(0.1)
+
+
+def frames(count: int, seconds: int) -> str:
+    with tempfile.TemporaryDirectory(prefix="frames-") as name:
+        port = free_port()
+        with running(count, port, Path(name), "v"), chromium() as browser:
+            answers(port)
+            page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
+            log_in(page, port, USER, PASSWORD)
+            page.wait_for_function("Boolean(window.openrtuMap?.getSource('marks'))", timeout=LIMIT_MS)
+            while page.evaluate(MARKERS) < count:
+                page.wait_for_timeout(500)
+            metrics = page.context.new_cdp_session(page)
+            metrics.send("Performance.enable")
+            before = scripts_s(metrics)
+            begun = time.monotonic()
+            seen = page.evaluate(MEASURE, seconds)
+            busy = (scripts_s(metrics) - before) / (time.monotonic() - begun)
+    return (
+        f"{count} moving markers in {SIZE['width']} x {SIZE['height']}, drawn by the processor:"
+        f" {seen['frames']:.1f} frames a second, of which {seen['drawn']:.1f} draw the map;"
+        f" {seen['longest']:.0f} ms the longest time without one;"
+        f" {seen['moved']:.0f} markers moved a second;"
+        f" the page's own scripts took {busy * 1000:.0f} ms of a second"
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="How fluent the control centre's map is.")
+    parser.add_argument("--quick", action="store_true", help="100 markers only")
+    parser.add_argument("--output", type=Path, default=REPOSITORY / "build", help="folder for the text")
+    arguments = parser.parse_args()
+    missing = [str(file) for file in (RTUS, PROGRAM, PAGE) if not file.exists()]
+    if missing:
+        print(f"not built: {', '.join(missing)}; type `make bench-map`, which builds them", file=sys.stderr)
+        return 2
+    lines = [f"{machine()}; load {os.getloadavg()[0]:.1f}; {datetime.date.today()}."]
+    print(lines[0], flush=True)
+    try:
+        for count in (100,) if arguments.quick else (1000, 10_000):
+            lines.append(frames(count, 3 if arguments.quick else 20))
+            print(lines[-1], flush=True)
+    except (PollError, OSError, TimeoutError, Error) as error:
+        print(f"the bench ended early: {error}", file=sys.stderr)
+        return 1
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    (arguments.output / "frames.txt").write_text("\n\n".join(lines) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What only the store on a server of PostgreSQL has: weeks, a lock, and answers that are lost."""
+
+import contextlib
+import doctest
+import time
+from collections.abc import Iterator
+
+import asyncpg
+import pytest
+
+from centre import postgres as module
+from centre.errors import CentreError, StoreError
+from centre.keep import DAY_NS, Keeper
+from centre.postgres import WEEK_NS, PostgresStore, Session
+from centre.settings import Keep
+from centre.store import Database
+from postgres import Server
+
+NOW = time.time_ns()
+
+
+@pytest.fixture(scope="module")
+def address(postgresql: Server) -> str:
+    return postgresql.new_database()
+
+
+@pytest.fixture
+def store(address: str) -> Iterator[PostgresStore]:
+    with contextlib.closing(PostgresStore(address, alone=True)) as made:
+        yield made
+        made.transaction(lambda database: database.execute("DELETE FROM history"))
+
+
+def put_event(database: Database, at_ns: int, value: float = 0) -> None:
+    database.execute(
+        "INSERT INTO history (point, at_ns, received_ns, value, quality, cause, tagged)"
+        " VALUES (1, ?, 0, ?, 0, 3, 1) ON CONFLICT DO NOTHING", (at_ns, value),
+    )  # fmt: skip
+
+
+def test_event_is_in_its_week_and_once(store: PostgresStore, postgresql: Server) -> None:
+    """A tag of a wrong clock has its place, too."""
+    for at_ns in (NOW, NOW, NOW - 3 * WEEK_NS, 0, NOW + 500 * WEEK_NS):
+        store.transaction(lambda database, at_ns=at_ns: put_event(database, at_ns))
+    rows = postgresql.rows("SELECT tableoid::regclass, count(*) FROM history GROUP BY 1 ORDER BY 1")
+    week = NOW // WEEK_NS
+    assert {*rows} == {("history_other", "2"), (f"history_{week - 3}", "1"), (f"history_{week}", "1")}
+    plan = postgresql.rows(f"SET enable_seqscan = off; EXPLAIN SELECT 1 FROM history WHERE at_ns > {NOW}")
+    assert any("history" in line and "at_ns_idx" in line for (line,) in plan)
+
+
+def test_what_came_before_its_week_was_made_moves_there(
+    store: PostgresStore, postgresql: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ahead = NOW + 4 * WEEK_NS
+    store.transaction(lambda database: put_event(database, ahead))
+    monkeypatch.setattr(module, "WEEKS_AHEAD", 4)
+    store.transaction(lambda database: put_event(database, NOW))
+    [(table,)] = postgresql.rows(f"SELECT tableoid::regclass FROM history WHERE at_ns = {ahead}")
+    assert table == f"history_{ahead // WEEK_NS}"
+
+
+def test_whole_weeks_go(store: PostgresStore, postgresql: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    ages = [0, 1, 4, 5, 600]
+    for weeks in ages:
+        store.transaction(lambda database, weeks=weeks: put_event(database, NOW - weeks * WEEK_NS))
+    monkeypatch.setattr(module, "WEEKS_BACK", 4)  # the fifth is no more written to
+    keeper = Keeper(Keep(events_days=14), 60, NOW, store.drop_weeks)
+    assert not store.transaction(keeper.old_rows)
+    left = [int(row[0]) for row in postgresql.rows("SELECT at_ns FROM history")]
+    assert sorted((NOW - at) // WEEK_NS for at in left) == [0, 1]
+    assert all((NOW - at) < 14 * DAY_NS + WEEK_NS for at in left)
+    named = [
+        name for (name,) in postgresql.rows("SELECT relname FROM pg_class WHERE relname LIKE 'history%'")
+    ]
+    assert f"history_{NOW // WEEK_NS - 5}" not in named
+    assert f"history_{NOW // WEEK_NS - 4}" in named
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_lost_answer_to_commit_is_found_out(
+    store: PostgresStore, monkeypatch: pytest.MonkeyPatch, stored: bool
+) -> None:
+    """The connection ends with the COMMIT: after the server has done it, or before."""
+    whole = Session.script
+    lost: list[str] = []
+
+    def script(session: Session, text: str) -> None:
+        if text == "COMMIT" and not lost:
+            lost.append(text)
+            if stored:
+                whole(session, text)
+            session.connection.terminate()
+            raise asyncpg.ConnectionDoesNotExistError("as asyncpg says it of a server that is killed")
+        whole(session, text)
+
+    monkeypatch.setattr(Session, "script", script)
+    if stored:
+        store.transaction(lambda database: put_event(database, NOW, 7))
+    else:
+        with pytest.raises(StoreError):
+            store.transaction(lambda database: put_event(database, NOW, 7))
+    count = store.transaction(lambda database: database.execute("SELECT count(*) FROM history").fetchone())
+    assert count[0] == int(stored)
+    assert lost
+
+
+def test_one_centre_works_on_a_database(
+    store: PostgresStore, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "LOCK_TRIES", 1)
+    with pytest.raises(CentreError, match="another centre works on this database: stop it"):
+        PostgresStore(address, alone=True)
+    PostgresStore(address, alone=False).close()  # the command line adds a user meanwhile
+
+
+def test_newer_database_and_no_server(postgresql: Server) -> None:
+    address = postgresql.new_database()
+    PostgresStore(address, alone=True).close()
+    postgresql.rows("INSERT INTO version VALUES (99)")
+    with pytest.raises(CentreError, match="of a newer centre: start that one, or restore a backup"):
+        PostgresStore(address, alone=True)
+    with pytest.raises(CentreError, match="does the server run"):
+        PostgresStore("postgresql://nobody@/none?host=/nowhere", alone=True)
+    assert doctest.testmod(module).failed == 0

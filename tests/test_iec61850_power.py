@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Buffered reports of IEC 61850 over a power cut: all processes killed at once, the map gone."""
+
+import itertools
+import os
+import random
+import signal
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from desk import gateway_on_lines
+from lab.gateway import free_port, remove, run_directory
+from peers.mms import Client, element
+from test_event_journal import cut_power
+from test_iec61850_buffered import BLOCK as BUFFERED
+from test_iec61850_buffered import (
+    CA,
+    DOMAIN,
+    INPUTS,
+    INVALID,
+    NO,
+    NOTHING,
+    YES,
+    Entry,
+    Plant,
+    begin,
+    check_order,
+    configuration,
+    nothing_more,
+    put,
+    taken,
+)
+
+SEED, KILLS = 61850, 10
+ENTRY = 0x83  # cause: package/openrtu/src/journal/record.h
+ALL_TRIGGERS = element(0x84, b"\2\x64")  # dchg, qchg, GI: what a block does not begin with
+
+
+@pytest.fixture
+def journal() -> Iterator[Path]:
+    folder = run_directory()
+    yield folder / "journal"
+    remove(folder)
+
+
+@pytest.fixture
+def plant(programs: Path, journal: Path) -> Iterator[Plant]:
+    port = free_port()
+    config = configuration(port)
+    config["journal"] = {"path": str(journal), "interval_s": 1, "volume_mb": 1048576}
+    config["port"][0]["slaves"][0]["retries"] = 5
+    with gateway_on_lines(config, programs, initial={}) as (lines, gateway):
+        plant = Plant(lines, gateway, port)
+        plant.wait_all_good(CA)
+        yield plant
+
+
+def newest(journal: Path) -> int:
+    """The number of the newest change for buffered reports in the journal's file."""
+    octets, found = (journal / "events").read_bytes(), 0
+    while octets:
+        size, count = 16 + struct.unpack_from("<I", octets, 4)[0], struct.unpack_from("<I", octets, 20)[0]
+        for at in range(size - 28 * count, size, 28):
+            if octets[at + 18] == ENTRY:
+                found = max(found, struct.unpack_from("<I", octets, at + 8)[0])
+        octets = octets[size:]
+    return found
+
+
+def wait_kept(plant: Plant, journal: Path, entry: int) -> None:
+    plant.gateway.wait_for(
+        lambda: (journal / "events").exists() and newest(journal) >= entry,
+        30.0,
+        f"entry {entry} is in the journal",
+    )
+
+
+def start_again(plant: Plant) -> None:
+    plant.gateway.start()
+    plant.wait_all_good(CA)
+
+
+def of_start(entry: Entry) -> bytes:
+    return entry.key[:4]
+
+
+@pytest.mark.slow
+def test_a_power_cut_loses_and_repeats_nothing(plant: Plant, journal: Path) -> None:
+    """What was told is not told again, what was kept is told with its EntryID and time, and settings stay."""
+    first = not plant.on
+    with Client(plant.port) as client:
+        put(
+            client,
+            TrgOps=ALL_TRIGGERS,
+            RptID=element(0x8A, b"A name of the client, in several pieces"),
+        )
+        put(client, RptID=element(0x8A, b""), PurgeBuf=YES)
+        begin(client)
+        plant.change()
+        told = taken(client, INPUTS)
+        put(client, RptEna=NO)
+    plant.change()
+    with Client(plant.port) as client:  # to see what is kept; the block is left behind what was told
+        begin(client)
+        kept = taken(client, INPUTS)
+        times = client.values((DOMAIN, f"{BUFFERED}$TimeofEntry"))
+    wait_kept(plant, journal, kept[-1].place)
+    cut_power(plant.gateway)
+    start_again(plant)
+    assert "changes for buffered reports restored" in plant.gateway.log(100)
+    with Client(plant.port) as client:
+        assert client.values((DOMAIN, f"{BUFFERED}$TrgOps")) == [(0x84, b"\2\x64")]
+        put(client, TrgOps=ALL_TRIGGERS)
+        begin(client, told[-1].key)
+        again = taken(client, INPUTS)
+        assert [entry.key for entry in again] == [entry.key for entry in kept]
+        assert client.values((DOMAIN, f"{BUFFERED}$TimeofEntry")) == times
+        assert nothing_more(client)  # nothing has changed meanwhile
+        plant.change()
+        new = taken(client, INPUTS)
+        check_order(told + again + new, first)
+        assert not any(entry.lost for entry in told + again + new)
+        assert {of_start(entry) for entry in told + again} != {of_start(entry) for entry in new}
+    wait_kept(plant, journal, new[-1].place)
+    cut_power(plant.gateway)
+    start_again(plant)
+    with Client(plant.port) as client:  # entries of two starts before
+        for behind, count in ((told[4].key, 3 * INPUTS - 5), (new[0].key, INPUTS - 1), (NOTHING, 3 * INPUTS)):
+            begin(client, behind)
+            assert [entry.key for entry in taken(client, count)] == [
+                entry.key for entry in (told + again + new)[-count:]
+            ]
+            assert nothing_more(client)
+            put(client, RptEna=NO)
+        for wrong in (b"\1" + told[0].key[1:], new[0].key[:4] + told[0].key[4:]):
+            assert client.write(DOMAIN, (f"{BUFFERED}$EntryID", element(0x89, wrong))) == [INVALID]
+
+
+@pytest.mark.slow
+def test_what_the_journal_has_not_is_told_as_lost(plant: Plant, journal: Path) -> None:
+    """A client that was told more than was written goes on behind the gap, and hears of it once."""
+    with Client(plant.port) as client:
+        put(client, PurgeBuf=YES)
+        begin(client)
+        plant.change()
+        kept = taken(client, INPUTS)
+        wait_kept(plant, journal, kept[-1].place)
+        os.kill(plant.gateway.modules()["rtu-journal"]["pid"], signal.SIGSTOP)
+        plant.change()
+        more = taken(client, INPUTS)
+    cut_power(plant.gateway)
+    assert newest(journal) == kept[-1].place
+    start_again(plant)
+    with Client(plant.port) as client:
+        begin(client, more[-1].key)
+        # Against what is kept the inputs have changed.
+        entries = taken(client, INPUTS)
+        assert [entry.lost for entry in entries] == [True] + (INPUTS - 1) * [False]
+        assert {entry.on for entry in entries} == {plant.on}
+        assert of_start(entries[0]) != of_start(more[0])
+        plant.change()
+        assert not any(entry.lost for entry in taken(client, INPUTS))
+
+
+def check_sequence(entries: list[Entry], written: dict[bytes, int]) -> None:
+    """In order, each once; what is missing was not written when the power was cut. written: by start."""
+    for before, after in itertools.pairwise(entries):
+        if before.key[:4] == after.key[:4]:
+            assert after.place == before.place + 1 and not after.lost
+        else:
+            end = written[before.key[:4]]
+            assert after.place == end + 1
+            assert before.place == end or (before.place > end and after.lost)
+
+
+@pytest.mark.parametrize(
+    "cuts", [pytest.param(1, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.soak)]
+)
+def test_kills_and_cuts_at_any_moment(plant: Plant, journal: Path, cuts: int) -> None:
+    """Ten kills of the module to a cut, as reports are on their way; the client goes on behind its last."""
+    chance = random.Random(SEED)
+    entries: list[Entry] = []
+    written: dict[bytes, int] = {}
+    with Client(plant.port) as client:
+        put(client, PurgeBuf=YES)
+    for _ in range(cuts):
+        for kill in range(1 + KILLS):
+            plant.change()
+            with Client(plant.port) as client:
+                begin(client, entries[-1].key if entries else None)
+                entries += taken(client, chance.randrange(1, INPUTS))
+                if kill < KILLS:
+                    plant.restart()
+            with Client(plant.port) as client:
+                begin(client, entries[-1].key)
+                entries += taken(client, 1)
+                while not nothing_more(client):
+                    entries += taken(client, len(client.reports))
+        plant.change()
+        cut_power(plant.gateway)
+        written[entries[-1].key[:4]] = newest(journal)
+        start_again(plant)
+    plant.change()
+    with Client(plant.port) as client:
+        begin(client, entries[-1].key)
+        entries += taken(client, INPUTS)
+    check_sequence(entries, written)
+    assert len(entries) >= cuts * KILLS * INPUTS

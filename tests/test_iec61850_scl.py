@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`rtud --scl`: IEC's schema takes it, and it says what the server answers, by name and type."""
+
+import json
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from desk import chapter_5
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from peers import mms, scl
+
+DEVICE = "OpenRTUCA1010"
+NODES = {  # points of DEVICE that are more than GGIO's
+    "feeder10.breaker-command": "Q0CSWI1.Pos",
+    "feeder10.breaker-position": "Q0XCBR1.Pos",
+    "feeder10.disconnector-position": "Q1XSWI1.Pos",
+    "feeder10.spring-charged": "Q0XCBR1.LocKey",
+    "feeder10.protection-trip": "PTOC1.Op",
+    "feeder10.active-power": "MMXU1.TotW",
+    "feeder10.cubicle-temperature": "STMP1.Tmp",
+}
+
+
+def site_config(port: int) -> dict[str, Any]:
+    config = chapter_5() | {
+        "iec61850": {"address": "127.0.0.1", "port": port, "controllers": ["127.0.0.1"], "max_pdu": 65000}
+    }
+    tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
+    for each in (each for s in config["port"][0]["slaves"] for table in tables for each in s[table]):
+        if each["name"] in NODES:
+            each["ln"] = NODES[each["name"]]
+    config["modules"] = [TRANSFORMER]
+    return config
+
+
+TRANSFORMER = {
+    "name": "transformer",
+    "program": "/bin/false",
+    "ca": 7,
+    "points": [
+        {"name": "t1.tap", "type": "step", "ioa": 1, "ln": "T1YLTC1.TapPos"},
+        {"name": "t1.commanded-tap", "type": "step", "ioa": 2, "ln": "T1YLTC1.TapChg"},
+        {"name": "q9.kind", "type": "integer", "ioa": 3, "ln": "Q9XSWI1.SwTyp"},
+        {"name": "t1.energy", "type": "counter", "ioa": 4, "ln": "T1MMTR1.SupWh"},
+        {"name": "t1.trip", "type": "single", "ioa": 5, "ln": "T1PTRC1.Str"},
+        {"name": "t1.limit", "type": "float", "ioa": 6, "command": True, "ln": "T1GGIO2.AnOut17"},
+        {"name": "t1.state", "type": "bitstring", "ioa": 7},
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def gateway(programs: Path) -> Iterator[Gateway]:
+    """Its lines have no devices: names and types need none."""
+    directory = run_directory()
+    try:
+        with Gateway(listening_on(site_config(free_port()), free_port()), directory, programs) as running:
+            yield running
+    finally:
+        remove(directory)
+
+
+Describe = Callable[..., bytes]
+
+
+@pytest.fixture
+def describe(programs: Path, tmp_path: Path) -> Describe:
+    """What `rtud --scl` prints of a configuration; `said`: on stderr."""
+
+    def run(config: dict[str, Any], *options: str, code: int = 0, said: str = "") -> bytes:
+        file = tmp_path / "gateway.json"
+        file.write_text(json.dumps(config))
+        command = [programs / "rtud/rtud", "--scl", *options, file]
+        result = subprocess.run(command, capture_output=True, check=False)
+        assert result.returncode == code, result.stderr
+        assert said in result.stderr.decode()
+        return result.stdout
+
+    return run
+
+
+def type_of(octets: bytes) -> Any:
+    """A TypeSpecification, as peers.scl has it."""
+    ((tag, content),) = mms.elements(octets)
+    if tag == 0xA2:
+        ((_, components),) = mms.elements(content)
+        parts = []
+        for _, component in mms.elements(components):
+            (_, name), (_, kind) = mms.elements(component)
+            parts.append((name.decode(), type_of(kind)))
+        return parts
+    sized = tag in (0x84, 0x85, 0x86, 0x89, 0x8A)
+    return tag, int.from_bytes(content, "big", signed=True) if sized else None
+
+
+def served_type(client: mms.Client, device: str, name: str) -> Any:
+    tag, ((_, content),) = client.ask(mms.element(mms.TYPE, mms.element(0xA0, mms.name(device, name))))
+    assert tag == mms.RESPONSE, name
+    _, (_, kind) = mms.elements(content)
+    return type_of(kind)
+
+
+def served_members(client: mms.Client, device: str, name: str) -> list[str]:
+    tag, ((_, content),) = client.ask(mms.element(mms.LIST_ATTRIBUTES, mms.name(device, name)))
+    assert tag == mms.RESPONSE, name
+    return mms.variable_names(mms.elements(content)[1][1])
+
+
+def shown(octets: tuple[int, bytes]) -> str:
+    """A value, as SCL writes it."""
+    models = ("status-only", "direct-with-normal-security", "sbo-with-normal-security")
+    models += ("direct-with-enhanced-security", "sbo-with-enhanced-security")
+    tag, content = octets
+    if tag == 0x85:
+        return models[content[0]]
+    return "1" if tag == 0x87 else content.decode()
+
+
+def check_same(client: mms.Client, file: scl.File) -> None:
+    """Every name, type, data set and value of the file is the server's, and the server has no other."""
+    assert client.names(9) == list(file.devices)
+    for name, device in file.devices.items():
+        assert set(client.names(0, name)) == device.names
+        assert client.names(2, name) == sorted(device.sets)
+        for variable, kind in device.types.items():
+            assert served_type(client, name, variable) == kind, variable
+        for data_set, members in device.sets.items():
+            assert served_members(client, name, data_set) == members
+        variables = list(device.values)
+        for i in range(0, len(variables), 100):
+            some = variables[i : i + 100]
+            answers = client.values(*[(name, variable) for variable in some])
+            assert [shown(answer) for answer in answers] == [device.values[variable] for variable in some]
+        revisions = client.values(*[(name, f"{block}$ConfRev") for block in device.revisions])
+        assert [int.from_bytes(content, "big") for _, content in revisions] == list(device.revisions.values())
+
+
+def test_the_file_says_what_the_server_answers(gateway: Gateway, describe: Describe) -> None:
+    config = gateway.configuration()
+    text = describe(config, "--cid")
+    assert scl.errors(text) == []
+    with mms.Client(config["iec61850"]["port"], 65000) as client:
+        check_same(client, scl.File(text))
+
+
+def test_a_point_is_the_data_object_that_the_file_says(gateway: Gateway) -> None:
+    invalid, unknown = bytes.fromhex("034200"), bytes(8)
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        names = set(client.names(0, DEVICE))
+        for point, name in NODES.items():
+            node, _, data = name.partition(".")
+            (value,) = client.values((DEVICE, f"{node}$DC${data}$d"))
+            assert value == (0x8A, point.encode())
+        assert "Q0CSWI1$CO$Pos$SBOw" in names and not any(name.startswith("Q0XCBR1$CO") for name in names)
+        assert "Q0XCBR1$ST$Loc$stVal" in names and "Q0CSWI1$ST$Loc$stVal" not in names
+        # What the class has to have, and no point is: there, and not valid.
+        assert client.values(
+            (DEVICE, "Q0XCBR1$ST$Beh$stVal"),
+            (DEVICE, "Q0XCBR1$ST$BlkOpn$stVal"),
+            (DEVICE, "Q0XCBR1$ST$BlkOpn$q"),
+            (DEVICE, "Q0XCBR1$ST$OpCnt$t"),
+            (DEVICE, "Q1XSWI1$ST$SwTyp$stVal"),
+        ) == [(0x85, b"\1"), (0x83, b"\0"), (0x84, invalid), (0x91, unknown), (0x85, b"\1")]
+
+
+def test_rtuctl_shows_who_has_which_block(gateway: Gateway) -> None:
+    block, yes = "LLN0$RP$urcbStatus01", bytes.fromhex("8301ff")
+
+    def shown() -> dict[str, Any]:
+        (found,) = gateway.query("iec61850")
+        return found
+
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 2000) as client:
+        assert client.write(DEVICE, (f"{block}$RptEna", yes)) == [mms.DONE]
+        gateway.wait_for(lambda: len(shown()["blocks"]) == 1, 10, "the block is shown")
+        (association,), (reserved,) = shown()["associations"], shown()["blocks"]
+        assert (association["peer"], association["associated"]) == ("127.0.0.1", True)
+        assert association["pdu"] == 2000
+        assert reserved == {"block": f"{DEVICE}/{block}", "peer": "127.0.0.1", "enabled": True, "sqnum": 0}
+        assert f"{DEVICE}/{block}" in gateway.ctl("iec61850", "blocks")
+    gateway.wait_for(lambda: not shown()["associations"] and not shown()["blocks"], 10, "nobody is shown")
+
+
+def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
+    config = gateway.configuration()
+    port = config["iec61850"]["port"]
+    changed = json.loads(json.dumps(config).replace("Q1XSWI1.Pos", "Q2XSWI1.Pos"))
+    for document, there in ((changed, "Q2XSWI1"), (config, "Q1XSWI1")):
+        gateway.ctl("reload", gateway.put(document))
+
+        def renamed(name: str = there) -> bool:
+            try:
+                with mms.Client(port, 65000) as client:
+                    return name in client.names(0, DEVICE)
+            except (OSError, AssertionError, ValueError):
+                return False  # it ends, or has not begun
+
+        gateway.wait_for(renamed, 20, "the point has its other name")
+
+
+def test_an_icd_is_of_any_such_ied(describe: Describe) -> None:
+    text = describe(site_config(102))
+    assert scl.errors(text) == []
+    file = scl.File(text)
+    assert file.ied.get("name") == "TEMPLATE"
+    assert file.root.find("Communication", scl.NS) is None
+    assert describe(chapter_5(), code=1, said='has no object "iec61850"') == b""
+
+
+def test_names_are_escaped(describe: Describe) -> None:
+    config = site_config(102)
+    config["port"][0]["slaves"][0]["description"] = 'Müller & <Söhne> "1"'
+    text = describe(config)
+    assert scl.errors(text) == []
+    names = [each.get("desc") for each in scl.File(text).ied.iterfind(".//LDevice", scl.NS)]
+    assert 'M??ller & <S??hne> "1"' in names
+
+
+def test_each_point_has_its_address_of_104(programs: Path, describe: Describe, tmp_path: Path) -> None:
+    config = site_config(102)
+    file = scl.File(describe(config))
+    found = {}
+    for address in file.root.iter(f"{{{scl.NS_104}}}Address"):
+        key = int(address.get("casdu")), int(address.get("ioa"))
+        found.setdefault(key, []).append(int(address.get("ti")))
+    (tmp_path / "points.json").write_text(json.dumps(config))
+    command = [programs / "rtud/rtud", "--points", tmp_path / "points.json"]
+    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    columns = [line.split(",")[:5] for line in lines[1:]]
+    assert {(int(ca), int(ioa)) for ca, ioa, *_ in columns} == found.keys()
+    numbers = {"M_SP_TB_1": 30, "M_DP_TB_1": 31, "M_ST_TB_1": 32, "M_BO_TB_1": 33, "M_ME_TD_1": 34}
+    numbers |= {"M_ME_TE_1": 35, "M_ME_TF_1": 36, "M_IT_TB_1": 37, "M_ME_ND_1": 21}
+    numbers |= {"C_SC_NA_1": 45, "C_DC_NA_1": 46, "C_SE_NA_1": 48, "C_SE_NB_1": 49, "C_SE_NC_1": 50}
+    numbers |= {"C_BO_NA_1": 51}
+    for ca, ioa, _, event, command_type in columns:
+        wanted = [numbers[event]] + [numbers[name] for name in command_type.split()[:1]]
+        assert found[int(ca), int(ioa)] == wanted, (ca, ioa)
+
+
+def test_conf_rev_changes_with_the_data_set_alone(describe: Describe) -> None:
+    def revisions(change: Callable[[dict[str, Any]], None] = lambda _: None) -> dict[str, dict[str, int]]:
+        config = site_config(102)
+        change(config)
+        return {
+            name: device.revisions for name, device in scl.File(describe(config, "--cid")).devices.items()
+        }
+
+    def harmless(config: dict[str, Any]) -> None:
+        slave = config["port"][0]["slaves"][1]
+        slave["description"] = "another"
+        slave["retries"] = 1
+        config["iec61850"]["controllers"] = []
+
+    def grow(config: dict[str, Any]) -> None:
+        slave = next(s for s in config["port"][0]["slaves"] if s["id"] == 10)
+        slave.setdefault("coils", []).append({"address": 900, "type": "single", "ioa": 9900})
+
+    before = revisions()
+    assert revisions(harmless) == before
+    after = revisions(grow)
+    changed = {
+        (device, block)
+        for device, blocks in before.items()
+        for block in blocks
+        if after[device][block] != blocks[block]
+    }
+    assert {device for device, _ in changed} == {DEVICE}
+    assert {block.split("$")[2][4:-2] for _, block in changed} == {"Status"}
+
+
+def test_goose_control_blocks_of_the_ied_are_in_it(describe: Describe) -> None:
+    def publication(name: str, device: str) -> dict[str, Any]:
+        return {
+            "name": name,
+            "control_block": f"{device}/LLN0$GO${name}",
+            "data_set": f"{device}/LLN0${name}",
+            "destination": "01:0c:cd:01:00:0a",
+            "app_id": 10,
+            "vlan": 17,
+            "points": ["feeder10.breaker-command"],
+        }
+
+    config = site_config(102)
+    config["goose"] = {
+        "interface": "eth1",
+        "publish": [publication("bay", DEVICE), publication("x", "GW1LD0")],
+    }
+    text = describe(config, "--cid", said="goose.publish[1] is left out")
+    assert scl.errors(text) == []
+    file = scl.File(text)
+    (block,) = file.root.iter(f"{{{scl.NS['']}}}GSEControl")
+    assert (block.get("name"), block.get("datSet"), block.get("confRev")) == ("bay", "bay", "1")
+    (address,) = file.root.iter(f"{{{scl.NS['']}}}GSE")
+    assert (address.get("ldInst"), address.get("cbName")) == ("CA1010", "bay")
+    parts = {each.get("type"): each.text for each in address.iterfind("Address/P", scl.NS)}
+    assert parts == {
+        "MAC-Address": "01-0C-CD-01-00-0A",
+        "APPID": "000A",
+        "VLAN-ID": "011",
+        "VLAN-PRIORITY": "4",
+    }
+    (data_set,) = (
+        each for each in block.getparent().iterfind("DataSet", scl.NS) if each.get("name") == "bay"
+    )
+    assert [each.get("daName") for each in data_set] == ["stVal", "q"]
