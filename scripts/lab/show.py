@@ -182,6 +182,15 @@ def add_logic(config: dict[str, Any], directory: str) -> None:
     ]
 
 
+def with_limit(config: dict[str, Any], limit: int) -> dict[str, Any]:
+    """The configuration with another limit of the sequence."""
+    for one in config["logic"]:
+        for point in one["points"]:
+            if point["name"] == "limit":
+                point["value"] = limit
+    return config
+
+
 @dataclass
 class Desk:
     """A gateway on simulated lines, with a master: what the steps work on."""
@@ -460,6 +469,18 @@ def without_newcomer(config: dict[str, Any]) -> dict[str, Any]:
 def reload(desk: Desk, *file: str) -> None:
     """Without a file, rtud's own."""
     desk.gateway.ctl("reload", *file)
+
+
+def limit_reloaded(desk: Desk) -> None:
+    """A reload changes the limit of a program: its sequence starts the pump"""
+    since = desk.master.mark()
+    desk.lines.set(DEVICE, *LEVEL, 85)
+    desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30003, 85), since, DEADLINE_S)
+    say(f"     device {DEVICE}  input register {LEVEL[1]} = 85, the level; the limit is {LIMIT}")
+    check(desk.lines.get(DEVICE, *PUMP) == 0, "the pump runs")
+    reload(desk, desk.gateway.put(with_limit(desk.gateway.configuration(), 80)))
+    say("     rtuctl       reload with a limit of 80")
+    pumps(desk, since)
 
 
 def longest_pause_ms(desk: Desk, port: int, since: int) -> float:

@@ -74,6 +74,10 @@ def test_all_of_it_is_seen(story: Story) -> None:
         r"^ +rtu-iec104 .*running",
         r"^ +uart8 .*connected$",
         r"^ +board +kill -9 \d+ ",
+        r"^ +rtuctl +reload with a limit of 80$",
+        r"^ +log +a command of order was refused: interlock$",
+        r"^ +libiec61850 +report of urcbStatus01, data change: ",
+        r"^ +snmptrapd +inform \d+: executedCommand, ",
         r"^ +Verdict: ",
     ],
 )
@@ -84,7 +88,9 @@ def test_it_shows(story: Story, words: str) -> None:
 def devices_values() -> dict[tuple[int, int], int]:
     """What the simulated devices have in the end, for objects that come as they are."""
     cells = values()
-    cells["3.67"]["coils"]["3"] = 1
+    cells["3.67"]["coils"] |= {"1": 1, "3": 1}
+    cells["3.67"]["discrete_inputs"]["0"] = 0
+    cells["3.67"]["input_registers"]["2"] = 70
     cells["3.67"]["holding_registers"]["2"] = 255
     cells["3.67"]["input_registers"]["0"] = 1510
     found = {}
