@@ -88,21 +88,25 @@ FUZZ_SECONDS := 60
 fuzz: fuzzers $(VENV) ## Test: search with the fuzzers for FUZZ_SECONDS=60 each; keeps what it learned
 	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
 
-build/native/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true
+# A build that a former version of the tree has configured gets the options that came since.
+BUILD_OPTIONS := $(SRC)/meson_options.txt
+SETUP = meson setup $(if $(wildcard $@),--reconfigure) $(@D) $(SRC)
+
+build/native/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
+	$(LOGGED) $(notdir $(@D))-setup $(SETUP) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true
 
 # -O1 and the lines alone in the debug information: half of the time that the compiler takes, and the same checks.
-build/asan/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Db_sanitize=address,undefined \
+build/asan/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
+	$(LOGGED) $(notdir $(@D))-setup $(SETUP) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Db_sanitize=address,undefined \
 	  -Doptimization=1 -Dc_args='-fno-sanitize-recover=all -g1'
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
-build/fuzz/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup env CC=clang meson setup $(@D) $(SRC) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Dweb=true -Db_lundef=false -Db_sanitize=address,undefined \
+build/fuzz/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
+	$(LOGGED) $(notdir $(@D))-setup env CC=clang $(SETUP) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Dweb=true -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -g1 -Wno-missing-field-initializers'
 
-build/arm/build.ninja: build/sysroot.ini
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
+build/arm/build.ninja: build/sysroot.ini $(BUILD_OPTIONS)
+	$(LOGGED) $(notdir $(@D))-setup $(SETUP) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
 
 build/sysroot.ini: | $(SYSROOT)
 	@printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
@@ -139,8 +143,8 @@ DESTDIR :=
 INSTALLED = build/installed$(subst /,_,$(PREFIX))
 MAN = build/man
 
-$(INSTALLED)/build.ninja: | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dweb=true -Dman=true \
+$(INSTALLED)/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
+	$(LOGGED) $(notdir $(@D))-setup $(SETUP) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dweb=true -Dman=true \
 	  -Dsystemd=true
 
 install: $(INSTALLED)/build.ninja ## Build: install the gateway on this machine (PREFIX=/usr/local, DESTDIR=)
@@ -297,8 +301,8 @@ build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f
 	@touch $@
 
 build/arm-release-tls/build.ninja: | build/net-snmp/done build/libmicrohttpd/done
-build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini
-	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(SRC) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false \
+build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini $(BUILD_OPTIONS)
+	$(LOGGED) $(notdir $(@D))-setup $(SETUP) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false \
 	  $(foreach option,tls snmp web,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
 	  --cross-file $< --cross-file scripts/armel.ini
 

@@ -183,9 +183,7 @@ def test_what_needs_a_restart_says_why(site: Site) -> None:
     config["iec104"] = config.get("iec104", {}) | {"own_ca": 9}
     before = pids(site)
     code, _, errors = site.reload(config)
-    said = (
-        "iec104.own_ca has changed: this needs a restart of rtud, because the process that has"
-    )
+    said = "iec104.own_ca has changed: this needs a restart of rtud, because the process that has"
     assert (code, said in errors) == (1, True), errors
     assert pids(site) == before
     assert not [name for name in site.gateway.map.iterdir() if "+1" in name.name]

@@ -16,9 +16,8 @@ import pytest
 from centre.errors import CentreError
 from centre.records import State
 from centre.settings import load
-from control_room import Site, Stations, described, until
+from control_room import Site, Stations, described, free_port, until
 from lab.centre_client import LIMIT_S
-from lab.gateway import free_port
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
 
 LEVEL = "openrtu/station/north%2Fone/point/1/4"

@@ -130,7 +130,7 @@ struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc
 	return classes[cdc][fc];
 }
 
-struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_model model)
+struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_kind model)
 {
 	return services[cdc][model];
 }

@@ -19,7 +19,7 @@ enum iec61850_fc {
 };
 
 /* How a data object is controlled (IEC 61850-7-3, CtlModelKind). */
-enum iec61850_ctl_model {
+enum iec61850_ctl_kind {
 	IEC61850_STATUS_ONLY,
 	IEC61850_DIRECT_NORMAL,
 	IEC61850_SBO_NORMAL,
@@ -93,6 +93,6 @@ struct iec61850_nodes {
 /* What data of a class has under a functional constraint but CO; nothing: count 0. */
 struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc fc);
 /* What it has under CO when it is controlled so. */
-struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_model model);
+struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_kind model);
 
 #endif

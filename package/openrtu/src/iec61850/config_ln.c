@@ -148,10 +148,12 @@ static void check_type(struct config_loader *loader, const struct config_place *
 static struct iec61850_assignment *next(struct config_loader *loader)
 {
 	const uint32_t count = map_record_count(loader->config, IEC61850_ASSIGNMENTS);
-	struct iec61850_assignment *all = iec61850_assignments(loader->config);
 
 	if ((count & (count - 1)) == 0) { /* it has as much room as the power of two says */
-		all = realloc(all, (count == 0 ? 1 : 2 * (size_t)count) * sizeof(*all));
+		struct iec61850_assignment *all =
+		    realloc(iec61850_assignments(loader->config),
+			    (count == 0 ? 1 : 2 * (size_t)count) * sizeof(*all));
+
 		if (all == NULL) {
 			config_out_of_memory(&loader->report);
 			return NULL;

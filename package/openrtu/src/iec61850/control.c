@@ -77,7 +77,7 @@ static struct iec61850_control *find_free(struct iec61850_server *server)
 
 static bool is_enhanced(const struct iec61850_server *server, const struct iec61850_control *control)
 {
-	const enum iec61850_ctl_model model = iec61850_ctl_model(&server->model, control->request.point);
+	const enum iec61850_ctl_kind model = iec61850_ctl_model(&server->model, control->request.point);
 
 	return model == IEC61850_DIRECT_ENHANCED || model == IEC61850_SBO_ENHANCED;
 }

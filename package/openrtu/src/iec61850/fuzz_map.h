@@ -72,6 +72,12 @@ uint32_t map_request_post(struct map *map, struct map_request request)
 	return ++number % 7;
 }
 
+uint32_t map_command_timeout_s(const struct map *map)
+{
+	(void)map;
+	return 10;
+}
+
 bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
 {
 	(void)map;

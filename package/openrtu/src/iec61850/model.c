@@ -165,7 +165,7 @@ static bool is_buffered(const struct iec61850_device *device, const struct iec61
 	return block - device->blocks >= IEC61850_UNBUFFERED;
 }
 
-enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
+enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
 {
 	const struct iec61850_settings *settings = model->settings;
 	const uint8_t flags = model->config->points[point].flags;
@@ -209,8 +209,9 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 	if (fc != IEC61850_CO)
 		return iec61850_cdc_nodes(cdc, fc);
 	point = iec61850_point_of(model, &object);
-	return point == MAP_NONE ? (struct iec61850_nodes){0}
-				 : iec61850_cdc_services(cdc, iec61850_ctl_model(model, point));
+	if (point == MAP_NONE)
+		return (struct iec61850_nodes){0};
+	return iec61850_cdc_services(cdc, iec61850_ctl_model(model, point));
 }
 
 bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device, uint32_t ln,

@@ -130,7 +130,7 @@ struct iec61850_class {
 	const char *name;                      /* its common data class */
 	enum iec61850_enumeration enumeration; /* of its stVal */
 	bool controllable;
-	enum iec61850_ctl_model control;
+	enum iec61850_ctl_kind control;
 };
 
 /* The model of a configuration, without what happens in its map. False: no memory. The configuration stays. */
@@ -174,7 +174,7 @@ struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
 /* The data object of a point. */
 struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point);
 /* How a point is controlled: as the configuration has it, if anybody may. */
-enum iec61850_ctl_model iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
+enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
 /* The report control block that a data object of LLN0 is; NULL: it is none. */
 struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, uint32_t ln, uint32_t number);
 /* The object of a logical device's control block. */

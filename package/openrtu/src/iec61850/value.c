@@ -231,8 +231,8 @@ void iec61850_put_block_id(struct ber_writer *writer, const struct iec61850_mode
 }
 
 /* Mod, the other one that has a ctlModel, only shows. */
-static enum iec61850_ctl_model control_model(const struct iec61850_model *model,
-					     const struct iec61850_object *object)
+static enum iec61850_ctl_kind control_model(const struct iec61850_model *model,
+					    const struct iec61850_object *object)
 {
 	const uint32_t point = iec61850_point_of(model, object);
 

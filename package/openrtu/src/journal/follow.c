@@ -181,10 +181,10 @@ static void keep_points(struct journal_follower *follower, struct map_clock cloc
 
 /* ---- the history ------------------------------------------------------------------------- */
 
-/* The first entry that a file without any begins with. */
+/* The first entry that there may be: from there to next is a bounded way, whatever its keeper writes. */
 static uint32_t oldest_entry(const struct map_history *history, uint32_t next)
 {
-	return next > history->size ? next - history->size : 1;
+	return next > history->size ? next - history->size : next != 0;
 }
 
 /* Where the entries of a record begin: a file begins with the newest that fit, and what was overwritten is no more. */
@@ -193,7 +193,7 @@ static uint32_t begin_entries(const struct journal_follower *follower, const str
 {
 	const uint32_t oldest = oldest_entry(history, next), from = follower->written.entry;
 
-	if (!first && follower->written.start != 0 && (int32_t)(from - oldest) >= 0)
+	if (!first && follower->written.start != 0 && from - oldest <= next - oldest)
 		return from;
 	return first && next - oldest > room ? next - room : oldest;
 }

@@ -69,7 +69,7 @@ static void test_points_are_invalid_when_the_heartbeat_stops(void **state)
 		assert_true(before - beaten_before <= (MAP_HEARTBEAT_LIMIT_MS + 1) * 1000000LL);
 	}
 	assert_true(map_now_ns() - beaten_after >= (MAP_HEARTBEAT_LIMIT_MS - 1) * 1000000LL);
-	set_heartbeat_limit(stage, FIRST, PATIENT_MS);
+	set_heartbeat_limit(stage->rtud, index_of(stage, FIRST), PATIENT_MS);
 	map_heartbeat(owner);
 	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
 	map_detach(owner);
@@ -83,7 +83,7 @@ static void test_a_heartbeat_lives_on_when_the_millisecond_counter_wraps(void **
 	struct map_module module;
 	uint32_t before;
 
-	set_heartbeat_limit(stage, FIRST, PATIENT_MS);
+	set_heartbeat_limit(stage->rtud, index_of(stage, FIRST), PATIENT_MS);
 	wrap_in_ms(20);
 	owner = start(stage, FIRST);
 	map_publish(owner, &update, 1);

@@ -261,8 +261,7 @@ static void test_a_module_without_scans(void **state)
 {
 	struct stage *stage = *state;
 	const uint32_t index = index_of(stage, FIRST);
-	struct config_header *file = (void *)(uintptr_t)stage->rtud->file;
-	struct map_module_plan *plan = &file->modules[index].plan;
+	struct map_module_plan *plan = &stage->rtud->modules[index].plan;
 
 	assert_null(map_scans_of(stage->rtud, index));
 	plan->flags |= MAP_SHOWS_SCANS;

@@ -87,11 +87,9 @@ uint32_t index_of(const struct stage *stage, const char *name)
 	return MAP_NONE;
 }
 
-void set_heartbeat_limit(const struct stage *stage, const char *name, uint32_t limit_ms)
+void set_heartbeat_limit(struct map *map, uint32_t module, uint32_t limit_ms)
 {
-	struct config_header *file = (void *)(uintptr_t)stage->rtud->file;
-
-	file->modules[index_of(stage, name)].plan.heartbeat_limit_ms = limit_ms;
+	map->modules[module].plan.heartbeat_limit_ms = limit_ms;
 }
 
 struct map *start(struct stage *stage, const char *name)

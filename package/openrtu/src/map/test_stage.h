@@ -40,8 +40,8 @@ void make_again(struct stage *stage);
 
 /* The module's number. */
 uint32_t index_of(const struct stage *stage, const char *name);
-/* In the configuration that is in force, for all who have it. */
-void set_heartbeat_limit(const struct stage *stage, const char *name, uint32_t limit_ms);
+/* As the process with this map sees it. */
+void set_heartbeat_limit(struct map *map, uint32_t module, uint32_t limit_ms);
 /* A new generation of a module, in this process. */
 struct map *start(struct stage *stage, const char *name);
 

@@ -135,10 +135,9 @@ static void test_flapping_fills_no_log(void **state)
 
 static void test_the_configured_limit_counts(void **state)
 {
-	struct stage *stage = *state;
-	struct late late = late_of(stage);
+	struct late late = late_of(*state);
 
-	set_heartbeat_limit(stage, FIRST, 400);
+	set_heartbeat_limit(late.map, map_self(late.map), 400);
 	beat_after(&late, 400);
 	assert_said_nothing(&late);
 	beat_after(&late, 401);
