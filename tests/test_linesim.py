@@ -760,8 +760,8 @@ def test_hostile_bytes_on_a_line(sim: LineSim) -> None:
         sim.wait_frame(lambda frame: frame.kind == "crc_error", since=mark)
         mark = sim.mark()
         line.port.write(framed(40, *chance.randbytes(chance.randrange(1, 250))))
-        sim.wait_frame(lambda frame: frame.kind == "sent", since=mark)
-    line.port.reset_input_buffer()
+        sent = sim.wait_frame(lambda frame: frame.kind == "sent", since=mark)
+        assert line.port.read(len(sent.bytes)) == sent.bytes
     assert line.exchange(framed(40, 2, 0, 0, 0, 2), 6) == framed(40, 2, 1, 0)
 
 

@@ -400,7 +400,10 @@ def test_net_and_who_stands_in_it_need_a_restart(returning: Ring) -> None:
     turned["start"] = ["b"]
     slower = json.loads(json.dumps(running))
     slower["modules"][0]["period_ms"] = 10
-    for config, why in ((turned, "net has changed"), (slower, "a has changed and others wait for it")):
+    for config, why in (
+        (turned, "net has changed"),
+        (slower, "it stands in the net, where others wait for it"),
+    ):
         file.write_text(json.dumps(config))
         done = subprocess.run(
             [returning.gateway.build / "rtuctl/rtuctl", "--map", returning.gateway.map, "reload", file],

@@ -30,7 +30,9 @@ from logic.errors import Findings
 
 SOURCE = REPOSITORY / "package/openrtu/src"
 DRIVER = REPOSITORY / "tests/bench/scan_cost.c"
-MACHINE = [SOURCE / "logic" / f"{name}.c" for name in ("load", "range", "real", "run", "serve")]
+MACHINE = [
+    SOURCE / "logic" / f"{name}.c" for name in ("load", "message", "range", "real", "run", "serve", "text")
+]
 AS_BUILT = "-fno-crossjumping"  # logic/meson.build
 OPTIONS = ["-O2", "-std=gnu11", "-D_GNU_SOURCE", "-ffp-contract=off", f"-I{SOURCE}"]
 NATIVE = ["cc"]

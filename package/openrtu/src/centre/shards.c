@@ -145,7 +145,7 @@ static void reap(struct shards *shards)
 static void wait_until(struct shards *shards, int64_t due_ns)
 {
 	const int64_t left_ns = later(0, due_ns - now_ns());
-	const struct timespec time = {left_ns / NS_PER_S, left_ns % NS_PER_S};
+	const struct timespec time = {left_ns / NS_PER_S, (long)(left_ns % NS_PER_S)};
 	int signal = sigtimedwait(&shards->signals, NULL, &time);
 
 	if (signal == SIGTERM || signal == SIGINT)

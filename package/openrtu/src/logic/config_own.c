@@ -16,10 +16,10 @@ enum {
 	POINT_IOA,
 	POINT_GROUP,
 	POINT_SELECT,
+	POINT_LN,
 	POINT_DEADBAND,
 	POINT_VALUE,
 	POINT_RETAIN,
-	POINT_LN,
 	POINT_KEYS
 };
 static const struct config_rule point_rules[POINT_KEYS] = {
@@ -28,10 +28,10 @@ static const struct config_rule point_rules[POINT_KEYS] = {
     [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215},
     [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
     [POINT_SELECT] = {"select", CONFIG_BOOLEAN},
+    [POINT_LN] = CONFIG_LN_RULE,
     [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
     [POINT_VALUE] = {"value", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
     [POINT_RETAIN] = {"retain", CONFIG_BOOLEAN},
-    [POINT_LN] = CONFIG_LN_RULE,
 };
 
 /* Its number, or MAP_TYPES: there is none of this name. */

@@ -83,4 +83,16 @@ struct kind {
 	int (*open)(const struct map_config *config);
 };
 
+/* ---- what several kinds do alike --------------------------------------------------------- */
+
+/* For change: whatever has changed, it begins anew. */
+enum kind_change kind_starts_again(const struct map_config *before, const struct map_config *now);
+/* For open: a socket of type (SOCK_STREAM, which listens, or SOCK_DGRAM) at address and port. -1 with errno. */
+int kind_open_port(const char *address, uint16_t port, int type);
+/*
+ * For begin: a file of secrets, whoever brought it, becomes user's alone (0400). what: for the log, as "the keys of SNMP to
+ * rtu-snmp". One that is no file stays as it is: its module says so.
+ */
+void kind_give_secret(struct map *map, const char *path, const char *what, uid_t user, gid_t group);
+
 #endif

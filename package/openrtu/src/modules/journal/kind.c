@@ -45,13 +45,6 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(journal_settings(a), journal_settings(b), sizeof(struct journal_settings)) == 0;
 }
 
-/* What bounds its file is set when it begins. */
-static enum kind_change change(const struct map_config *before, const struct map_config *now)
-{
-	(void)before, (void)now;
-	return KIND_STARTS_AGAIN;
-}
-
 /* In another folder there is no file yet, and a power cut may come soon. */
 static void carry(const struct map_config *before, const void *from, const struct map_config *now, void *to,
 		  const char *module)
@@ -72,6 +65,6 @@ const struct kind journal_kind = {
     .begin = journal_give_folder,
     .restore = journal_restore_from_file,
     .same = same,
-    .change = change,
+    .change = kind_starts_again, /* what bounds its file is set when it begins */
     .carry = carry,
 };

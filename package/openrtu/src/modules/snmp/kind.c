@@ -4,13 +4,11 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <stddef.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "map/address.h"
 #include "map/folder.h"
 #include "modules/calls.h"
 #include "snmp/config.h"
@@ -49,45 +47,22 @@ static bool plan(struct map_config *config)
 
 /* ---- what the module's user may not ------------------------------------------------------ */
 
-/* A port below 1024 is root's. */
+/* A port below 1024 is root's. An answer leaves from the address that was asked. */
 static int open_socket(const struct map_config *config)
 {
 	const struct snmp_settings *settings = snmp_settings(config);
-	const uint16_t port = htons(settings->port);
-	struct sockaddr_in6 six = {.sin6_family = AF_INET6, .sin6_port = port};
-	struct sockaddr_in four = {.sin_family = AF_INET, .sin_port = port};
-	const int on = 1;
-	bool is_four;
-	int fd;
-
-	if (!map_address_parse(settings->address, &six.sin6_addr))
-		return -1;
-	is_four = IN6_IS_ADDR_V4MAPPED(&six.sin6_addr);
-	memcpy(&four.sin_addr, &six.sin6_addr.s6_addr[12], sizeof(four.sin_addr));
-	fd = socket(is_four ? AF_INET : AF_INET6, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-	if (fd < 0)
-		return -1;
-	setsockopt(fd, is_four ? IPPROTO_IP : IPPROTO_IPV6, is_four ? IP_PKTINFO : IPV6_RECVPKTINFO, &on,
-		   sizeof(on));
-	if (bind(fd, is_four ? (const struct sockaddr *)&four : (const struct sockaddr *)&six,
-		 is_four ? sizeof(four) : sizeof(six)) == 0)
-		return fd;
-	close(fd);
-	return -1;
-}
-
-/* The keys are the module's alone, whoever brought them. */
-static void give_keys(struct map *map, const char *path, uid_t user, gid_t group)
-{
-	const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
-	struct stat status;
+	const int fd = kind_open_port(settings->address, settings->port, SOCK_DGRAM), on = 1;
+	int family = AF_UNSPEC;
+	socklen_t size = sizeof(family);
 
 	if (fd < 0)
-		return; /* the module says what is wrong with them */
-	if (fstat(fd, &status) == 0 && S_ISREG(status.st_mode) &&
-	    (fchown(fd, user, group) < 0 || fchmod(fd, 0400) < 0))
-		map_log(map, MAP_LOG_ERROR, "cannot give the keys of SNMP to rtu-snmp: %s", strerror(errno));
-	close(fd);
+		return -1;
+	getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &family, &size);
+	if (family == AF_INET)
+		setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &on, sizeof(on));
+	else
+		setsockopt(fd, IPPROTO_IPV6, IPV6_RECVPKTINFO, &on, sizeof(on));
+	return fd;
 }
 
 static void begin(struct map *map, const struct map_config *config, uid_t user, gid_t group)
@@ -108,7 +83,7 @@ static void begin(struct map *map, const struct map_config *config, uid_t user, 
 			strerror(errno));
 	close(folder);
 	if (user != 0)
-		give_keys(map, settings->keys, user, group);
+		kind_give_secret(map, settings->keys, "the keys of SNMP to rtu-snmp", user, group);
 }
 
 /* What only SNMP shows of points. */
@@ -128,13 +103,6 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	(void)module, (void)name;
 	return memcmp(snmp_settings(a), snmp_settings(b), sizeof(struct snmp_settings)) == 0 &&
 	       same_units(a, b);
-}
-
-/* The agent keeps what its sessions were opened with. */
-static enum kind_change change(const struct map_config *before, const struct map_config *now)
-{
-	(void)before, (void)now;
-	return KIND_STARTS_AGAIN;
 }
 
 /* ---- what passes over to a changed configuration ----------------------------------------- */
@@ -217,7 +185,7 @@ const struct kind snmp_kind = {
     .begin = begin,
     .open = open_socket,
     .same = same,
-    .change = change,
+    .change = kind_starts_again, /* the agent keeps what its sessions were opened with */
     .carry = carry,
     .by_numbers = true, /* of its lists */
 };

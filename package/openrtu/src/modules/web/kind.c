@@ -2,20 +2,15 @@
 /* The page: one module, if the configuration has "web". */
 #include "modules/kind.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
+#include <sys/socket.h>
 
-#include "map/address.h"
 #include "modules/calls.h"
 #include "web/config.h"
 #include "web/config_part.h"
 #include "web/stats.h"
 
-#define USER    18 /* behind rtu-iec61850's */
-#define BACKLOG 16
+#define USER 18 /* behind rtu-iec61850's */
 /*
  * Of address space, much of it the code of libraries: libmicrohttpd may be built with GnuTLS, which the page does not use. The
  * hash of a password takes 16 MiB at most, for as long as it is computed.
@@ -80,58 +75,22 @@ static void run(const struct map_config *config, const char *module, struct kind
 static int open_socket(const struct map_config *config)
 {
 	const struct web_settings *settings = web_settings(config);
-	struct sockaddr_in6 six = {.sin6_family = AF_INET6, .sin6_port = htons(settings->port)};
-	struct sockaddr_in four = {.sin_family = AF_INET, .sin_port = htons(settings->port)};
-	const int on = 1;
-	bool is_four;
-	int fd;
 
-	if (!map_address_parse(settings->address, &six.sin6_addr))
-		return -1;
-	is_four = IN6_IS_ADDR_V4MAPPED(&six.sin6_addr);
-	memcpy(&four.sin_addr, &six.sin6_addr.s6_addr[12], sizeof(four.sin_addr));
-	fd = socket(is_four ? AF_INET : AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-	if (fd < 0)
-		return -1;
-	setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
-	if (bind(fd, is_four ? (const struct sockaddr *)&four : (const struct sockaddr *)&six,
-		 is_four ? sizeof(four) : sizeof(six)) == 0 &&
-	    listen(fd, BACKLOG) == 0)
-		return fd;
-	close(fd);
-	return -1;
+	return kind_open_port(settings->address, settings->port, SOCK_STREAM);
 }
 
-/* The file of users is the module's alone, whoever brought it. */
 static void begin(struct map *map, const struct map_config *config, uid_t user, gid_t group)
 {
 	const struct web_settings *settings = web_settings(config);
-	struct stat status;
-	int fd;
 
-	if (settings == NULL || user == 0)
-		return;
-	fd = open(settings->users, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
-	if (fd < 0)
-		return; /* the module says what is wrong with it */
-	if (fstat(fd, &status) == 0 && S_ISREG(status.st_mode) &&
-	    (fchown(fd, user, group) < 0 || fchmod(fd, 0400) < 0))
-		map_log(map, MAP_LOG_ERROR, "cannot give the users of the page to rtu-web: %s",
-			strerror(errno));
-	close(fd);
+	if (settings != NULL && user != 0)
+		kind_give_secret(map, settings->users, "the users of the page to rtu-web", user, group);
 }
 
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
 	(void)module, (void)name;
 	return memcmp(web_settings(a), web_settings(b), sizeof(struct web_settings)) == 0;
-}
-
-/* Its socket is what it was started with. */
-static enum kind_change change(const struct map_config *before, const struct map_config *now)
-{
-	(void)before, (void)now;
-	return KIND_STARTS_AGAIN;
 }
 
 const struct kind web_kind = {
@@ -144,5 +103,5 @@ const struct kind web_kind = {
     .begin = begin,
     .open = open_socket,
     .same = same,
-    .change = change,
+    .change = kind_starts_again, /* its socket is what it was started with */
 };
