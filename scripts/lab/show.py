@@ -403,7 +403,8 @@ def logic(desk: Desk) -> None:
     """Programs of Structured Text: an interlock refuses a command, a sequence starts a pump"""
 
     def order(on: bool, earthed: bool) -> None:
-        confirmed = desk.master.command(INTERLOCK, 1, "C_SC_NA_1", c104.SingleCmd(on=on))
+        command = c104.SingleCmd(on=on)
+        confirmed = desk.master.command_to_its_end(INTERLOCK, 1, "C_SC_NA_1", command)
         check(confirmed != (on and earthed), "the interlock decided otherwise")
         answer = (
             "activation confirmed, by the device" if confirmed else "negative confirmation, by the interlock"
