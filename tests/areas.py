@@ -97,7 +97,10 @@ REACH = [
         " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
-    ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
+    (
+        "package/openrtu/python/*",
+        "lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py",
+    ),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre

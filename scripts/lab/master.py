@@ -322,14 +322,19 @@ class Master(Monitor):
     ) -> None:
         """The operator's points are commands; what reports is the monitor's."""
 
-    def command(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
-        """Sends a direct command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively."""
+    def command(self, ca: int, ioa: int, type_name: str, info: Any, *, select: bool = False) -> bool:
+        """Sends a command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively.
+
+        select: c104 selects first, and executes once that is confirmed, which is what is told here.
+        """
         self.commands.add_station(common_address=ca)  # None where it is there already
         station = self.commands.get_station(ca)
         if station.get_point(ioa):
             station.remove_point(ioa)
         point = station.add_point(io_address=ioa, type=getattr(c104.Type, type_name))
         point.info = info
+        if select:
+            point.command_mode = c104.CommandMode.SELECT_AND_EXECUTE
         sent = self._raw_mark()
         point.transmit(cause=c104.Cot.ACTIVATION)
         return self._confirmed(sent, point.type, ca, ioa)

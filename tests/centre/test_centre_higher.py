@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A town's centre as a controlled station of a city's: c104 is the city, a gateway's module is between."""
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import c104
+import pytest
+
+from centre.errors import CentreError
+from centre.higher import PROGRAM, gateway
+from centre.settings import load
+from control_room import POINTS, Site, Stations, described, until
+from lab.gateway import Gateway, default_build, free_port, listening_on, remove, run_directory
+from lab.master import Master, Report
+from lab.modules import library
+from lab.vehicles import M_ME_TF_1, POSITION, Station, measured, position
+
+CA, ADDED = 500, 1000
+PLACE, PUMP, LAMP, LEVEL = (ADDED + ioa for ioa in range(1, 5))
+LISTED = POINTS.replace("1,1,,,place", "1,1,position,,place")
+LONGITUDE = PLACE + 1_000_000
+BAD = "NonTopical+Invalid"  # and the last value that is known
+
+
+@dataclass
+class City:
+    """The higher centre, and what it sees."""
+
+    master: Master
+    gateway: Gateway
+    site: Site
+
+    def sees(self, ioa: int) -> Report | None:
+        """As it was told last."""
+        told = [each for each in self.master.reports_since(0) if (each.ca, each.ioa) == (CA, ioa)]
+        return told[-1] if told else None
+
+    def wait(self, ioa: int, value: Any, quality: str = "good") -> Report:
+        def there() -> Report | None:
+            report = self.sees(ioa)
+            same = report and report.quality == quality and report.value == pytest.approx(value, rel=1e-6)
+            return report if same else None
+
+        return until(there, f"{ioa} is {value}, {quality}: {self.gateway.log(5)}")
+
+    def command(self, ioa: int, on: bool) -> bool:
+        return self.master.command(CA, ioa, "C_SC_NA_1", c104.SingleCmd(on=on), select=ioa == PUMP)
+
+
+@pytest.fixture(scope="module")
+def city(
+    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[City]:
+    folder = tmp_path_factory.mktemp("town")
+    higher = {"ca": CA, "token_file": "token", "gateway": listening_on({}, free_port())}
+    here = [described(north, folder, points=LISTED, higher={"1": ADDED})]
+    stations.say(north, 1, POSITION, position(int(time.time() * 1000), 44.8125, 20.4612))
+    directory = run_directory()
+    program = directory / "run-station"  # rtud gives a module no environment
+    program.write_text(f'#!/bin/sh\nOPENRTU_LIBRARY={library(default_build())} exec {PROGRAM} "$@"\n')
+    program.chmod(0o755)
+    with Site(programs, folder, here, users=["olga"], centre={"higher": higher}) as site:
+        (folder / "token").write_text(site.run("token", "olga", "--label", "the city"))
+        configuration = json.loads(site.run("station"))
+        configuration["modules"][0]["program"] = str(program)
+        made = Gateway(configuration, directory)
+        if os.geteuid() == 0:  # this Python is where only root may be
+            made.options = ["--uid-base", "0"]
+        with made, Master(*made.address) as master:
+            master.interrogate(CA)
+            yield City(master, made, site)
+    remove(directory)
+
+
+def test_the_city_sees_the_towns_points(city: City, stations: Stations, north: Station) -> None:
+    """Value, quality and the station's time; a change and back within one scan are two events."""
+    city.wait(PLACE, 44.8125)
+    city.wait(LONGITUDE, 20.4612)
+    at_ms = int(time.time() * 1000) - 5000
+    mark = city.master.mark()
+    stations.say(north, 4, M_ME_TF_1, measured(at_ms, 1.5))
+    stations.say(north, 4, M_ME_TF_1, measured(at_ms + 7, 2.5))
+    stations.say(north, 4, M_ME_TF_1, measured(at_ms + 9, 1.5, 0x10))
+    city.wait(LEVEL, 1.5, "Blocked")
+    events = [
+        each for each in city.master.reports_since(mark) if each.ioa == LEVEL and each.cause == "SPONTANEOUS"
+    ][-3:]
+    assert [(each.value, each.quality) for each in events] == [(1.5, "good"), (2.5, "good"), (1.5, "Blocked")]
+    times = [each.recorded_at.timestamp() * 1000 for each in events if each.recorded_at]
+    assert times == pytest.approx([at_ms, at_ms + 7, at_ms + 9], abs=2)
+
+
+def test_commands_go_down_to_the_station(city: City, north: Station) -> None:
+    """The pump is selected there and executed; the lamp takes none, or says nothing."""
+    assert city.command(PUMP, True)
+    until(lambda: north.commanded[-1:] == [(2, 1)], "the pump is commanded")
+    city.wait(PUMP, True)
+    north.manner = "refuse"
+    try:
+        assert not city.command(LAMP, True)
+    finally:
+        north.manner = "done"
+    assert {row[0] for row in city.site.rows('SELECT "user" FROM commands')} == {"olga"}
+
+
+def test_nothing_waits_for_a_station_that_is_away(city: City, stations: Stations, north: Station) -> None:
+    city.wait(PUMP, True)
+    stations.do(north.stop())
+    city.wait(PUMP, True, BAD)
+    before = list(north.commanded)
+    assert not city.command(LAMP, True)
+    stations.do(north.listen())
+    city.wait(PUMP, True)
+    assert north.commanded == before
+    assert city.command(LAMP, True)
+
+
+def test_a_centre_that_is_gone_is_seen(city: City, north: Station) -> None:
+    """Its points are invalid; when it is back they are told again."""
+    city.wait(PUMP, True)
+    city.site.kill(city.site.centre)
+    city.wait(PUMP, True, BAD)
+    before = list(north.commanded)
+    assert not city.command(PUMP, False)
+    city.site.start_centre()
+    city.wait(PUMP, True)
+    assert north.commanded == before
+
+
+def test_what_cannot_be_told_is_refused(tmp_path: Path) -> None:
+    """Two points of one address, no station at all, a name that is too long."""
+
+    def told(points: str, **keys: Any) -> Any:
+        (tmp_path / "p.csv").write_text("ca,ioa,type,name\n" + points)
+        station = {"name": "north", "points": "p.csv", **keys}
+        content = {"stations": [station], "centre": {"higher": {"ca": 7, "token_file": "t"}}}
+        (tmp_path / "c.json").write_text(json.dumps(content))
+        return gateway(load(tmp_path / "c.json"))
+
+    with pytest.raises(CentreError, match="have the address 6: "):
+        told("1,1,M_SP_NA_1,a\n2,2,M_SP_NA_1,b\n", higher={"1": 5, "2": 4})
+    with pytest.raises(CentreError, match="no station"):
+        told("1,1,M_SP_NA_1,a\n")
+    with pytest.raises(CentreError, match="longer than 39"):
+        told(f"1,1,M_SP_NA_1,{'a' * 34}\n", higher={"1": 0})
+    configuration, left_out = told("1,1,,a\n1,2,M_SP_NA_1,b b\n", higher={"1": 0})
+    assert [point["name"] for point in configuration["modules"][0]["points"]] == ["north/b-b"]
+    assert left_out == ["north: a: its list says no type"]
