@@ -129,7 +129,7 @@ REACH = [
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
-    ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
+    ("scripts/lab/*", f"{DESK} test-netboot test-linux tests/centre/test_centre_higher.py"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),
     ("scripts/nuc980/netboot/slots/*", f"{NETBOOT} test-image"),

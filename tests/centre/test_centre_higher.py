@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A town's centre as a controlled station of a city's: c104 is the city, a gateway's module is between."""
+"""What others see of a station by a centre.
+
+A city's centre: the town's is a controlled station of it, c104 is the city, a gateway's module is between. An
+engineer: the frames of a connection, as tshark sees them.
+"""
 
 import json
 import os
+import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,10 +17,13 @@ from typing import Any
 import c104
 import pytest
 
+from capture import PORT, Connection, write_pcap
+from centre.apdu import CAUSES, NAMES, decode
 from centre.errors import CentreError
 from centre.higher import PROGRAM, gateway
 from centre.settings import load
 from control_room import POINTS, Site, Stations, described, until
+from lab.centre_client import AnswerError
 from lab.gateway import Gateway, default_build, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from lab.modules import library
@@ -65,7 +73,7 @@ def city(
     program = directory / "run-station"  # rtud gives a module no environment
     program.write_text(f'#!/bin/sh\nOPENRTU_LIBRARY={library(default_build())} exec {PROGRAM} "$@"\n')
     program.chmod(0o755)
-    with Site(programs, folder, here, users=["olga"], centre={"higher": higher}) as site:
+    with Site(programs, folder, here, users=["olga", "emil"], centre={"higher": higher}) as site:
         (folder / "token").write_text(site.run("token", "olga", "--label", "the city"))
         configuration = json.loads(site.run("station"))
         configuration["modules"][0]["program"] = str(program)
@@ -131,6 +139,62 @@ def test_a_centre_that_is_gone_is_seen(city: City, north: Station) -> None:
     city.site.start_centre()
     city.wait(PUMP, True)
     assert north.commanded == before
+
+
+def tshark(frames: list[dict[str, Any]], pcap: Path) -> list[list[str]]:
+    """Type, cause, common address and addresses of each, by another program."""
+    carried = Connection("", [(not frame["sent"], bytes.fromhex(frame["octets"])) for frame in frames])
+    with pcap.open("wb") as file:
+        write_pcap(file, [carried])
+    fields = [f"-eiec60870_asdu.{name}" for name in ("typeid", "causetx", "addr", "ioa", "float")]
+    command = ["tshark", "-r", pcap, "-d", f"tcp.port=={PORT},iec60870_104", "-T", "fields", *fields]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return [line.split("\t") for line in done.stdout.splitlines()]
+
+
+def test_an_engineer_sees_the_frames(city: City, stations: Stations, north: Station, tmp_path: Path) -> None:
+    """On demand, and nobody else; both directions; what tshark says of the same octets is the same."""
+    emil, olga = city.site.client("emil"), city.site.client("olga")
+    with pytest.raises(AnswerError, match="403"):
+        olga.get("/api/stations/1/trace")
+    until(lambda: emil.get("/api/stations/1/trace") == [], "it is traced")
+    stations.say(north, 4, M_ME_TF_1, measured(int(time.time() * 1000), 3.25))
+    stations.say(north, 1, POSITION, position(int(time.time() * 1000), -33.5, 151.25))
+    olga.post("/api/stations/1/interrogate")
+
+    def seen() -> list[dict[str, Any]] | None:
+        frames = emil.get("/api/stations/1/trace")
+        return frames if any(frame.get("cause") == "actterm" for frame in frames) else None
+
+    frames = until(seen, "an interrogation has ended")
+    for frame, (type_, cause, ca, ioas, floats) in zip(
+        frames, tshark(frames, tmp_path / "pcap"), strict=True
+    ):
+        if frame["kind"] != "I":
+            assert not type_
+            continue
+        assert NAMES[int(type_)] == frame["type"]
+        assert CAUSES[int(cause)] == frame["cause"]
+        assert (int(ca), ioas) == (frame["ca"], ",".join(str(ioa) for ioa, _ in frame["objects"]))
+        assert not floats or frame["objects"][0][1].startswith(f"{float(floats):g}")
+    told = [(frame["sent"], frame["type"], text) for frame in frames for _, text in frame.get("objects", [])]
+    assert (True, "C_IC_NA_1", "20") in told
+    assert any(type_ == "M_ME_TF_1" and text.startswith("3.25 20") for _, type_, text in told)
+    assert any(text.startswith("-33.5000000 151.2500000 0 m fix 1, 9 satellites") for _, _, text in told)
+    assert emil.get(f"/api/stations/1/trace?after={frames[-1]['number']}") == []
+    assert ("emil", "trace") in city.site.rows('SELECT "user", action FROM audit')
+
+
+def test_frames_that_are_none_are_told_as_they_are() -> None:
+    """Cut at every octet, of every type, with more objects than there are."""
+    for type_ in range(256):
+        whole = bytes([0x68, 50, 2, 0, 4, 0, type_, 127, 0x83, 0, 1, 0, *range(40)])
+        for size in range(len(whole)):
+            decode(whole[:size])
+    assert decode(bytes.fromhex("680401000a00")).what == "5"
+    assert decode(bytes.fromhex("680443000000")).what == "TESTFR act"
+    two = decode(bytes.fromhex("6814000000000d82030001000100000000803f900000004080"))
+    assert two.objects == [(1, "1 BL IV"), (2, "2 IV")]
 
 
 def test_what_cannot_be_told_is_refused(tmp_path: Path) -> None:
