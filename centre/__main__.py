@@ -23,6 +23,7 @@ from centre.api import ROUTES
 from centre.centre import Centre
 from centre.database import open_store
 from centre.errors import CentreError
+from centre.push import Pusher
 from centre.web import Server
 
 PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
@@ -66,6 +67,8 @@ async def serve(what: settings.Settings, page: Path) -> None:
             from centre.bus import Bus  # who has no broker needs no paho
 
             working.append(asyncio.create_task(Bus(centre, what.mqtt).run()))
+        if what.push:
+            working.append(asyncio.create_task(Pusher(centre, what.push).run()))
         collecting = asyncio.create_task(centre.collect())
         ending = asyncio.create_task(ended.wait())
         await asyncio.wait((collecting, ending), return_when=asyncio.FIRST_COMPLETED)

@@ -111,6 +111,17 @@ MQTT = {
         "commands": {"type": "boolean"},
     },
 }
+PUSH = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["url"],
+    "properties": {
+        "url": {"type": "string", "pattern": "^https?://"},
+        "period_s": {"type": "number", "minimum": 1},
+        "token_file": {"type": "string"},
+        "ca": {"type": "string"},
+    },
+}
 HIGHER = {
     "type": "object",
     "additionalProperties": False,
@@ -136,6 +147,7 @@ CENTRE = {
     "keep": KEEP,
     "mqtt": MQTT,
     "higher": HIGHER,
+    "push": PUSH,
 }
 SCHEMA = {
     "type": "object",
@@ -241,15 +253,32 @@ class Mqtt:
     commands: bool = False
 
     def password(self) -> str:
-        """Its file's first line."""
-        if not self.password_file:
-            return ""
-        try:
-            if self.password_file.stat().st_mode & 0o077:
-                raise CentreError(f"mqtt: {self.password_file}: others may read it: chmod 600")
-            return self.password_file.read_text().partition("\n")[0]
-        except OSError as error:
-            raise CentreError(f"mqtt: {self.password_file}: {error.strerror}") from error
+        return _secret(self.password_file, "mqtt")
+
+
+@dataclass(frozen=True)
+class Push:
+    """A service of the web that is told positions."""
+
+    url: str
+    period_s: float = 10.0
+    token_file: Path | None = None
+    ca: Path | None = None
+
+    def token(self) -> str:
+        return _secret(self.token_file, "push")
+
+
+def _secret(file: Path | None, whose: str) -> str:
+    """A file's first line."""
+    if not file:
+        return ""
+    try:
+        if file.stat().st_mode & 0o077:
+            raise CentreError(f"{whose}: {file}: others may read it: chmod 600")
+        return file.read_text().partition("\n")[0]
+    except OSError as error:
+        raise CentreError(f"{whose}: {file}: {error.strerror}") from error
 
 
 @dataclass(frozen=True)
@@ -279,6 +308,7 @@ class Settings:
     shards: int = 1
     mqtt: Mqtt | None = None
     higher: Higher | None = None
+    push: Push | None = None
 
     @property
     def sockets(self) -> list[Path]:
@@ -329,7 +359,13 @@ def load(path: Path) -> Settings:
         content.get("shards", 1),
         _mqtt(own["mqtt"], folder) if "mqtt" in own else None,
         _higher(own, folder) if "higher" in own else None,
+        _push(own["push"], folder) if "push" in own else None,
     )
+
+
+def _push(wanted: Json, folder: Path) -> Push:
+    files = {key: folder / wanted[key] for key in ("token_file", "ca") if key in wanted}
+    return Push(wanted["url"], wanted.get("period_s", 10.0), **files)
 
 
 def _higher(own: Json, folder: Path) -> Higher:

@@ -2,15 +2,18 @@
 """What others see of a station by a centre.
 
 A city's centre: the town's is a controlled station of it, c104 is the city, a gateway's module is between. An
-engineer: the frames of a connection, as tshark sees them.
+engineer: the frames of a connection, as tshark sees them. A service of the web: where it is.
 """
 
 import json
 import os
+import re
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +39,28 @@ LONGITUDE = PLACE + 1_000_000
 BAD = "NonTopical+Invalid"  # and the last value that is known
 
 
+class Service(ThreadingHTTPServer):
+    """Of the web, which is out of order at first; it keeps what it was told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[str | None, bytes]] = []
+        super().__init__(("127.0.0.1", 0), Telling)
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+
+class Telling(BaseHTTPRequestHandler):
+    server: Service
+
+    def do_POST(self) -> None:
+        content = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.told.append((self.headers["Authorization"], content))
+        self.send_response(503 if len(self.server.told) == 1 else 204)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""
+
+
 @dataclass
 class City:
     """The higher centre, and what it sees."""
@@ -43,6 +68,7 @@ class City:
     master: Master
     gateway: Gateway
     site: Site
+    service: Service
 
     def sees(self, ioa: int) -> Report | None:
         """As it was told last."""
@@ -69,11 +95,18 @@ def city(
     higher = {"ca": CA, "token_file": "token", "gateway": listening_on({}, free_port())}
     here = [described(north, folder, points=LISTED, higher={"1": ADDED})]
     stations.say(north, 1, POSITION, position(int(time.time() * 1000), 44.8125, 20.4612))
+    service = Service()
+    (folder / "secret").write_text("a secret\n")
+    (folder / "secret").chmod(0o600)
+    url = f"http://127.0.0.1:{service.server_port}/here"
+    push = {"url": url, "period_s": 1, "token_file": "secret"}
     directory = run_directory()
     program = directory / "run-station"  # rtud gives a module no environment
     program.write_text(f'#!/bin/sh\nOPENRTU_LIBRARY={library(default_build())} exec {PROGRAM} "$@"\n')
     program.chmod(0o755)
-    with Site(programs, folder, here, users=["olga", "emil"], centre={"higher": higher}) as site:
+    with Site(
+        programs, folder, here, users=["olga", "emil"], centre={"higher": higher, "push": push}
+    ) as site:
         (folder / "token").write_text(site.run("token", "olga", "--label", "the city"))
         configuration = json.loads(site.run("station"))
         configuration["modules"][0]["program"] = str(program)
@@ -82,7 +115,9 @@ def city(
             made.options = ["--uid-base", "0"]
         with made, Master(*made.address) as master:
             master.interrogate(CA)
-            yield City(master, made, site)
+            yield City(master, made, site, service)
+    service.shutdown()
+    service.server_close()
     remove(directory)
 
 
@@ -102,6 +137,19 @@ def test_the_city_sees_the_towns_points(city: City, stations: Stations, north: S
     assert [(each.value, each.quality) for each in events] == [(1.5, "good"), (2.5, "good"), (1.5, "Blocked")]
     times = [each.recorded_at.timestamp() * 1000 for each in events if each.recorded_at]
     assert times == pytest.approx([at_ms, at_ms + 7, at_ms + 9], abs=2)
+
+
+def test_a_service_is_told_where_the_vehicle_is(city: City) -> None:
+    """As GPX, once more when it had not taken it, and only what is new."""
+    told = city.service.told
+    until(lambda: len(told) >= 2, "it is told again")
+    authorization, content = told[1]
+    assert authorization == "Bearer a secret"
+    assert re.findall(rb'<wpt lat="([\d.]+)" lon="([\d.]+)".*<name>(\w+)</name>', content) == [
+        (b"44.8125000", b"20.4612000", b"north")
+    ]
+    assert told[0][1] == content
+    assert "it answers 503" in city.site.log()
 
 
 def test_commands_go_down_to_the_station(city: City, north: Station) -> None:
