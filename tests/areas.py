@@ -66,7 +66,7 @@ REACH = [
     ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
     ("docs/iec61850.md", "tests/test_iec61850*.py"),
-    ("docs/logic.md", "tests/test_logic.py"),
+    ("docs/logic.md", "tests/test_logic.py tests/test_docs_commands.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
@@ -97,7 +97,10 @@ REACH = [
         " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
-    ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
+    (
+        "package/openrtu/python/*",
+        "lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py",
+    ),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
@@ -112,6 +115,7 @@ REACH = [
         " tests/test_synch.py tests/test_docs_commands.py tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
+    ("scripts/scl.py", "lint tests/test_iec61850_cid.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (
@@ -126,7 +130,7 @@ REACH = [
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
-    ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
+    ("scripts/lab/*", f"{DESK} test-netboot test-linux tests/centre/test_centre_higher.py"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),
     ("scripts/nuc980/netboot/slots/*", f"{NETBOOT} test-image"),
