@@ -14,8 +14,8 @@
 
 #include "qemu/osdep.h"
 #include "chardev/char-serial.h"
-#include "hw/core/cpu.h"
 #include "hw/char/nuc980_uart.h"
+#include "hw/core/cpu.h"
 #include "hw/irq.h"
 #include "hw/misc/nuc980_unimp.h"
 #include "hw/qdev-clock.h"
@@ -642,7 +642,7 @@ static uint64_t uart_read_reg(NUC980UARTState *s, hwaddr offset)
 /*
  * A boot loader at its prompt reads the state of an idle line again and again.
  * The host need not work for that: the processor rests, until something comes
- * or for a moment. Not where time is counted in instructions, which rest too.
+ * or for a moment. Not with -icount: the guest's time would stand still.
  */
 #define POLLS_TO_REST   100
 #define REST_MS         1
