@@ -175,7 +175,7 @@ REACH = [
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
-    ("tests/capture.py", DESK),
+    ("tests/capture.py", f"{DESK} tests/centre/test_centre_higher.py"),
     ("tests/changed.py", "tests/test_changed.py"),
     ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),
