@@ -112,6 +112,7 @@ REACH = [
         " tests/test_synch.py tests/test_docs_commands.py tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
+    ("scripts/scl.py", "lint tests/test_iec61850_cid.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (

@@ -194,7 +194,7 @@ struct map_section {
 	void *records;
 };
 
-#define MAP_SECTIONS_MAX 32
+#define MAP_SECTIONS_MAX 40
 #define MAP_SECTION_ID(a, b, c, d)                                                                           \
 	((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
 

@@ -44,7 +44,27 @@ static bool is_set_point(const struct program *program, uint16_t point)
 	       program->config->points[link_of(program, point)->point].set == program->instance->set;
 }
 
-/* Behind the retained slots. NULL: none of these names and types. */
+static struct map_retained_value initial_of(const struct program *program, uint16_t point)
+{
+	const struct logic_link *link = link_of(program, point);
+	union map_value initial = {0};
+
+	if (!link->has_initial)
+		return (struct map_retained_value){.quality = MAP_INVALID | MAP_RETAINED_KNOWN};
+	logic_map_value(type_of(program, point), program->logic.points[point].type, (double)link->initial,
+			&initial);
+	return (struct map_retained_value){.low = initial.u, .quality = MAP_RETAINED_KNOWN};
+}
+
+/* A master that has set the very value that the point began with has changed nothing either. */
+static bool has_been_set(const struct program *from, uint16_t point, const struct map_retained_value *kept)
+{
+	const struct map_retained_value initial = initial_of(from, point);
+
+	return kept->low != initial.low || kept->quality != initial.quality;
+}
+
+/* Behind the retained slots. NULL: none of these names and types, or none that a master has set. */
 static const struct map_retained_value *find_set_point(const struct program *from,
 						       const struct map_retained_value *kept,
 						       const char *name, uint8_t type)
@@ -55,21 +75,10 @@ static const struct map_retained_value *find_set_point(const struct program *fro
 			continue;
 		if (type_of(from, i) == type &&
 		    strcmp(logic_name(&from->logic, from->logic.points[i].name), name) == 0)
-			return kept;
+			return has_been_set(from, i, kept) ? kept : NULL;
 		kept++;
 	}
 	return NULL;
-}
-
-static struct map_retained_value initial_of(const struct program *to, uint16_t point)
-{
-	const struct logic_link *link = link_of(to, point);
-	union map_value initial = {0};
-
-	if (!link->has_initial)
-		return (struct map_retained_value){.quality = MAP_INVALID | MAP_RETAINED_KNOWN};
-	logic_map_value(type_of(to, point), to->logic.points[point].type, (double)link->initial, &initial);
-	return (struct map_retained_value){.low = initial.u, .quality = MAP_RETAINED_KNOWN};
 }
 
 /* NULL: the former program did not retain it. */
