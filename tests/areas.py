@@ -97,7 +97,10 @@ REACH = [
         " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
-    ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
+    (
+        "package/openrtu/python/*",
+        "lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py",
+    ),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
@@ -127,7 +130,7 @@ REACH = [
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
-    ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
+    ("scripts/lab/*", f"{DESK} test-netboot test-linux tests/centre/test_centre_higher.py"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),
     ("scripts/nuc980/netboot/slots/*", f"{NETBOOT} test-image"),
