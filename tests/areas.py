@@ -112,7 +112,8 @@ REACH = [
     (
         "scripts/logic/*",
         "tests/test_logic*.py tests/test_plant.py tests/test_retained.py tests/test_show.py"
-        " tests/test_synch.py tests/test_docs_commands.py tests/test_event_journal.py",
+        " tests/test_reload_settings.py tests/test_synch.py tests/test_docs_commands.py"
+        " tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/scl.py", "lint tests/test_iec61850_cid.py"),

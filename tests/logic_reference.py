@@ -34,10 +34,12 @@ END_TYPE
 FUNCTION half : DINT VAR_INPUT q : pair; END_VAR half := q.d / 2; END_FUNCTION
 FUNCTION_BLOCK turn VAR_IN_OUT q : pair; END_VAR q.n := q.n MOD 7 + 1; END_FUNCTION_BLOCK
 FUNCTION_BLOCK adds VAR_INPUT v : INT; END_VAR VAR_OUTPUT s : INT; END_VAR
-s := (s + v) MOD 100; END_FUNCTION_BLOCK"""
+s := (s + v) MOD 100; END_FUNCTION_BLOCK
+TYPE holder : STRUCT first : INT; a : adds; last : INT; END_STRUCT END_TYPE"""
 DECLARED = """VAR a : ARRAY[-2..5] OF INT; n1, n2, n3 : INT; m : ARRAY[1..3, -1..1] OF INT := [3(2), 4, 5];
 s, t : unit; u : ARRAY[2..3, 0..1] OF unit; b : turn;
-k : STRING(12) := 'abc'; l : STRING(5); z : ARRAY[1..3] OF STRING(7); c : ARRAY[1..3] OF adds; END_VAR"""
+k : STRING(12) := 'abc'; l : STRING(5); z : ARRAY[1..3] OF STRING(7); c : ARRAY[1..3] OF adds;
+h : ARRAY[1..3] OF holder; END_VAR"""
 # The dimensions and the type behind each variable: indices, or members.
 PAIR = {"n": "INT", "d": "DINT"}
 UNIT = {"m": "MODE", "p": PAIR, "v": [(0, 2), "INT"]}
@@ -49,8 +51,9 @@ PLACES = {
     "u": [(2, 3), (0, 1), UNIT],
     "z": [(1, 3), "STRING"],
     "c": [(1, 3), {"v": "INT", "s": "INT"}],
+    "h": [(1, 3), {"a": {"v": "INT", "s": "INT"}}],
 }
-BLOCKS = ("c",)  # their outputs are written by a call only
+BLOCKS = ("c", "h")  # their outputs are written by a call only
 Tagged = tuple  # value, quality
 Key = tuple  # the name of a variable, members, indices
 
@@ -73,7 +76,7 @@ PRIME = 1_000_003
 def initial(key: Key) -> int | str:
     if key[0] == "z":
         return ""
-    if key[0] == "c":
+    if key[0] in BLOCKS:
         return 0
     members = [step for step in key if isinstance(step, str)]
     if key[0] == "m":
@@ -297,11 +300,16 @@ class Random:
             if which < 0.81:
                 return ("turn", self.place("PAIR", 1))
             if which < 0.85:
-                return ("adds", (1, 3, self.index(1, 3, 1)), self.expression("INT"))
+                return ("adds", self.adds(self.index(1, 3, 1)), self.expression("INT"))
             name = self.random.choice([*OUTPUTS, *TEXTS])
             return ("assign", name, self.expression((OUTPUTS | TEXTS)[name]))
         finally:
             self.depth -= 1
+
+    def adds(self, index: tuple) -> tuple:
+        """A block of an array, or in a structure of one."""
+        step = (1, 3, index)
+        return self.random.choice([("place", "c", (step,)), ("place", "h", (step, "a"))])
 
     def message(self) -> tuple:
         self.messages += 1
@@ -373,8 +381,8 @@ def lines(statements: list[tuple]) -> list[str]:
             case ("say", number, values):
                 said = "".join(f", {shown(value)}" for _, value in values)
                 found.append(f"MESSAGE('{number}{' {}' * len(values)}'{said});")
-            case ("adds", step, value):
-                found.append(f"c[{shown(step[2])}](v := {shown(value)});")
+            case ("adds", (_, name, steps), value):
+                found.append(f"{shown_place(name, steps)}(v := {shown(value)});")
             case ("turn", place):
                 found.append(f"b(q := {shown(place)});")
             case ("leave", word):
@@ -460,8 +468,8 @@ def written(statements: list[tuple]) -> set[object]:
                 found |= {("said", number, place) for place in range(len(values))}
             case ("store" | "copy", place, _) | ("turn", place):
                 found |= touched(place)
-            case ("adds", step, _):
-                found |= touched(("place", "c", (step,)))
+            case ("adds", place, _):
+                found |= touched(place)
             case ("if", branches, otherwise) | ("case", _, branches, otherwise):
                 found |= written(otherwise).union(*(written(body) for _, body in branches))
             case ("for", name, _, _, _, body):
@@ -592,8 +600,7 @@ class Reference:
                         self.values[("said", number, place)] = self.value(value)
                     if number in self.said or len(self.said) < 7:  # and the first one
                         self.said[number] = [kind for kind, _ in values]
-                case ("adds", step, value):
-                    place = ("place", "c", (step,))
+                case ("adds", place, value):
                     key, *rest = reached = self.reached(place)
                     state = {name: self.read((*key, name), *rest) for name in ("v", "s")}
                     state["v"] = self.value(value)

@@ -55,6 +55,9 @@ CONFORMITY = [
     ("-7 / 2", "DINT", -3),
     ("i ** 3", "LREAL", 1000.0),
     ("i > 3 AND NOT (i = 4) XOR FALSE", "BOOL", True),
+    ("SUB(ADD(i, 2, MUL(3, i, 2)), DIV(i, MOD(i, 4)))", "DINT", 67),
+    ("AND(GT(i, 9), GE(i, 10), LT(i, 11), LE(10, i), NE(i, 9)) AND OR(FALSE, EQ(i, 10))", "BOOL", True),
+    ("XOR(i > 3, TRUE, MOVE(i) = 10)", "BOOL", True),
     ("16#FF", "BYTE", 255),
     ("2#1010_1010", "BYTE", 170),
     ("SHL(BYTE#16#81, 1)", "BYTE", 2),
@@ -670,6 +673,21 @@ n := k; k := k + 1; m := l; l := 9; END_PROGRAM"""
         assert desk.reload(new) == 1
         scan = desk.scan(3, 1, 3, {})
     assert (scan.outputs["n"].value, scan.outputs["m"].value) == (3, 4)
+
+
+def test_what_blocks_remember_goes_on_in_a_changed_program() -> None:
+    """The library's: a timer runs on, an edge is not seen twice. What own blocks keep begins anew."""
+    text = """FUNCTION_BLOCK own VAR_OUTPUT n : INT; END_VAR n := n + 1; END_FUNCTION_BLOCK
+PROGRAM p VAR_EXTERNAL n, edges, own_n : INT; x : BOOL; END_VAR
+VAR {}t : TON; e : R_TRIG; c : CTU; pair : ARRAY[1..2] OF CTU; o : own; END_VAR
+t(IN := TRUE, PT := T#3s); e(CLK := TRUE); c(CU := e.Q, PV := 9); pair[2](CU := t.Q); o();
+x := t.Q; edges := c.CV; own_n := o.n; n := pair[2].CV; END_PROGRAM"""
+    with Desk(compile_text(text.format(""), Findings())) as desk:
+        found = [desk.scan(n * SECOND, SECOND, 0, {}).outputs for n in range(2)]
+        assert desk.reload(compile_text(text.format("first : TOF; "), Findings())) == 0
+        found += [desk.scan(n * SECOND, SECOND, 0, {}).outputs for n in range(2, 5)]
+    seen = [[one[name].value for one in found] for name in ("x", "edges", "own_n", "n")]
+    assert seen == [[False, False, False, True, True], [1] * 5, [1, 2, 1, 2, 3], [0, 0, 0, 1, 1]]
 
 
 def test_structures_are_retained_member_by_member() -> None:

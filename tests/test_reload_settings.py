@@ -16,6 +16,9 @@ from desk import Desk, gateway_on_lines
 from lab.gateway import Gateway, free_port, remove, run_directory
 from lab.master import Master
 from lab.raw_master import RawMaster, StationError
+from logic.binary import encode
+from logic.compile import compile_text
+from logic.errors import Findings
 from test_logic_gateway import CA as PROGRAM_CA
 from test_logic_gateway import (
     DEVICE,
@@ -116,7 +119,10 @@ def test_a_new_station_says_that_it_is_initialised(site: Site) -> None:
 
 # ---- programs ---------------------------------------------------------------------------------------
 
-TWICE = FILLING.replace("half := level / 2", "half := level * 2")
+AGED = FILLING.replace("rises : R_TRIG;", "rises : R_TRIG; age : TON;").replace(
+    "half := level / 2;", "age(IN := TRUE, PT := T#1h); half := level / 2;"
+)
+TWICE = AGED.replace("half := level / 2", "half := level * 2").replace("VAR above", "VAR new : TON; above")
 LINE = "rtu-modbus-1"
 
 
@@ -146,6 +152,7 @@ def plant(programs: Path) -> Iterator[Plant]:
     folder = run_directory()
     config = configuration(folder)
     config["logic"] = [program for program in config["logic"] if program["name"] == "filling"]
+    config["logic"][0]["program"] = compiled(AGED, folder, "aged")
     try:
         with gateway_on_lines(config, programs, INITIAL) as (lines, gateway):
             gateway.wait_for(lambda: settled(gateway), WAIT_S, "all is valid")
@@ -153,6 +160,14 @@ def plant(programs: Path) -> Iterator[Plant]:
                 yield Plant(Desk(lines, gateway, master), config, folder)
     finally:
         remove(folder)
+
+
+def age_s(gateway: Gateway, text: str) -> float:
+    """Of the program, as its timer says."""
+    program = compile_text(text, Findings())
+    encode(program)
+    cell = gateway.query("logic", "filling")[0]["cells"][program.debug.variables["AGE.ET"].number]
+    return int(cell.split(":")[0], 16) / 1e6
 
 
 def test_another_program_goes_on_with_what_both_retain(plant: Plant) -> None:
@@ -172,8 +187,9 @@ def test_another_program_goes_on_with_what_both_retain(plant: Plant) -> None:
     changed["logic"][0]["points"][0]["value"] = 70  # not for a limit that a master has set
     wait_idle(desk)
     assert desk.master.interrogate(desk.gateway.points("pump")["pump"]["ca"])  # behind what was told before
-    mark = desk.master.mark()
+    mark, age = desk.master.mark(), age_s(desk.gateway, AGED)
     assert "rtu-logic-filling gets a new process\n" in plant.reload(changed)
+    assert age_s(desk.gateway, TWICE) >= age + 1.0  # in which the new processes had to live
     plant.wait("half", 100)
     plant.wait("limit", 65)
     plant.wait("starts", starts)

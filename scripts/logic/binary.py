@@ -185,6 +185,7 @@ class Program:
     commands: list[Command] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     retained: list[tuple[str, list[Slot]]] = field(default_factory=list)
+    remembered: list[tuple[str, list[Slot]]] = field(default_factory=list)  # of the library's blocks
     clocks: dict[str, Slot] = field(default_factory=dict)  # UPTIME, SCAN_TIME, NOW
     debug: Debug = field(default_factory=Debug)
 
@@ -266,8 +267,9 @@ def encode(program: Program) -> bytes:
             for request in program.requests
         ),
         b"".join(
-            struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), machine_type(slots[0].type), 0)
-            for kept, slots in program.retained
+            struct.pack("<HHHBB", name(kept), slots[0].number, len(slots), machine_type(slots[0].type), only)
+            for only, all_of in enumerate((program.retained, program.remembered))
+            for kept, slots in all_of
         ),
         b"".join(struct.pack("<HH", *place) for place in texts),
         b"".join(
@@ -285,7 +287,7 @@ def encode(program: Program) -> bytes:
         len(program.routines),
         len(program.points),
         len(program.commands),
-        len(program.retained),
+        len(program.retained) + len(program.remembered),
         code,
         own_name,
         *(

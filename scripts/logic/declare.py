@@ -359,9 +359,11 @@ class Declarations(Texts):
                 leaf.slots.append(slot)
                 if value:
                     self.program.initial[slot] = pack(machine, value)
+            kept = retained_name(f"{path}{variable.name}{name}", leaf)
             if variable.retain:
-                kept = retained_name(f"{path}{variable.name}{name}", leaf)
                 self.program.retained.append((kept, leaf.slots))
+            elif self.scope.unit.library and self.scope.unit.name not in ("COMMAND", "REQUEST"):
+                self.program.remembered.append((kept, leaf.slots))
         if not is_single(kind):
             return Bound(variable, Stored(kind, leaves))
         bound = Bound(variable, leaves[""].slots[0])
@@ -410,9 +412,9 @@ class Declarations(Texts):
     ) -> Instances:
         if block.library and block.name in ("COMMAND", "REQUEST"):
             raise SourceError(variable.place, f"a {block.name} has one point; it must be a plain variable")
-        kept = len(self.program.retained)
+        kept, remembered = len(self.program.retained), len(self.program.remembered)
         working = self.instance(scope, variable, block, path)
-        del self.program.retained[kept:]
+        del self.program.retained[kept:], self.program.remembered[remembered:]
         if not working.slots:
             raise SourceError(variable.place, f"{block.name} has no variables; call one of it")
         self.within(len(places) * len(working.slots), variable.type.place)

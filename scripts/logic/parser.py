@@ -524,7 +524,9 @@ class Parser:
             return Enumerated(token.place, kind, value)
         if token.kind in ("integer", "based", "real", "time", "date", "typed"):
             return literal(self.take())
-        name = self.name(what).text.upper()
+        after = self.tokens[min(self.at + 1, len(self.tokens) - 1)].word
+        named = token.word in ("AND", "OR", "XOR", "MOD") and after == "("
+        name = (self.take() if named else self.name(what)).text.upper()
         if self.accept("("):
             return Call(token.place, name, self.arguments())
         return Name(token.place, name, self.path(token.text))

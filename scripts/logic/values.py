@@ -46,7 +46,14 @@ from logic.types import ALIASES, BITS, INTEGERS, NUMBERS, REALS, TYPES, common, 
 
 CLOCKS = {"UPTIME": "TIME", "SCAN_TIME": "TIME", "NOW": "DATE_AND_TIME"}
 LETTER = {"REAL": "R", "LREAL": "D"}
+# Functions that are operators; the first ones take many arguments.
+OPERATORS = {"ADD": "+", "MUL": "*", "AND": "AND", "OR": "OR", "XOR": "XOR"}
+EXTENSIBLE = tuple(OPERATORS)
+OPERATORS |= {"SUB": "-", "DIV": "/", "MOD": "MOD"}
+OPERATORS |= {"GT": ">", "GE": ">=", "EQ": "=", "LE": "<=", "LT": "<", "NE": "<>"}
 BUILT_IN = {
+    **{name: (2, 16 if name in EXTENSIBLE else 2) for name in OPERATORS},
+    "MOVE": (1, 1),
     **{name: (1, 1) for name in (*FUNCTIONS, "ABS", "TRUNC")},
     **{name: (2, 2) for name in ("SHL", "SHR", "ROL", "ROR", "EXPT")},
     **{name: (3, 3) for name in ("SEL", "LIMIT")},
@@ -814,6 +821,11 @@ class Values:
         place = call.place
         least, most = BUILT_IN[call.name]
         self.count(call, least, most)
+        if call.name in OPERATORS or call.name == "MOVE":
+            first, *others = (argument.value for argument in call.arguments)
+            for other in others:
+                first = Binary(place, OPERATORS[call.name], first, other)
+            return self.any_value(first, wanted)
         if call.name in ("SEL", "MIN", "MAX", "LIMIT"):
             return self.choice(call, wanted)
         if call.name == "MUX":

@@ -96,7 +96,9 @@ static void count_kept(struct logic_reading *reading)
 	const struct logic *logic = &reading->logic;
 
 	for (uint16_t i = 0; i < logic->head->retained; i++)
-		reading->instance->retained += logic->retained[i].slots;
+		*(logic->retained[i].ends_with_power ? &reading->instance->remembered
+						     : &reading->instance->retained) +=
+		    logic->retained[i].slots;
 	reading->instance->commands = logic->head->commands;
 }
 

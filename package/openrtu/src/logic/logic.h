@@ -49,7 +49,8 @@ struct logic_value {
 };
 
 struct logic_times {
-	int64_t uptime_us;  /* monotonic, since the program's start */
+	int64_t
+	    uptime_us; /* monotonic, since the program's start; its next process and a changed program go on */
 	int64_t elapsed_us; /* since the scan before */
 	int64_t now_us;     /* UTC, since 1970 */
 };
@@ -162,7 +163,10 @@ bool logic_holds(enum logic_type type, union logic_cell value);
 /* Two programs retain the same variable: by name, type and size. */
 bool logic_retains_alike(const struct logic *a, const struct logic_retained *in_a, const struct logic *b,
 			 const struct logic_retained *in_b);
-/* Copies the retained variables that both have, by name, type and size, with their qualities; returns how many. */
+/*
+ * Copies the retained variables that both have, by name, type and size, with their qualities, and what the library's blocks remember;
+ * returns how many of the former.
+ */
 unsigned logic_carry(struct logic *to, const struct logic *from);
 
 #endif

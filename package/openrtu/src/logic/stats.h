@@ -17,6 +17,7 @@ struct logic_stats {
 	_Alignas(union logic_cell) struct map_scans scans; /* which others find at its beginning */
 	_Atomic uint32_t last_fault, last_line;            /* 0: there was none */
 	_Atomic uint32_t faults[LOGIC_FAULTS];
+	int64_t begun_ns;      /* when the program began; 0: not yet */
 	_Atomic uint32_t turn; /* of the memory behind what is retained; odd: a scan is changing it */
 };
 _Static_assert(sizeof(struct logic_stats) % sizeof(union logic_cell) == 0, "the cells are aligned");
@@ -28,10 +29,10 @@ struct logic_asked {
 };
 _Static_assert(sizeof(struct logic_asked) % sizeof(union logic_cell) == 0, "the cells are aligned");
 
-/* Slots of retained variables, then points that masters set. */
+/* Slots of retained variables, of what blocks remember, then points that masters set. */
 static inline uint32_t logic_kept_count(const struct logic_instance *instance)
 {
-	return instance->retained + instance->set_points;
+	return instance->retained + instance->remembered + instance->set_points;
 }
 
 static inline struct map_retained *logic_kept_of(struct logic_stats *stats)

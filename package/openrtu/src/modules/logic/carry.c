@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * A program takes another one's place: what both retain, and points that masters have set, pass over by name and type; of
- * COMMANDs what was asked for, by the point and by their order.
+ * A program takes another one's place: what both retain, what the library's blocks in both remember, and points that
+ * masters have set, pass over by name and type; of COMMANDs what was asked for, by the point and by their order.
  */
 #include "modules/logic/carry.h"
 
@@ -69,7 +69,7 @@ static const struct map_retained_value *find_set_point(const struct program *fro
 						       const struct map_retained_value *kept,
 						       const char *name, uint8_t type)
 {
-	kept += from->instance->retained;
+	kept += from->instance->retained + from->instance->remembered;
 	for (uint16_t i = 0; i < from->logic.head->points; i++) {
 		if (!is_set_point(from, i))
 			continue;
@@ -172,6 +172,7 @@ void logic_carry_kept(const struct map_config *before, const struct logic_instan
 		carry_asked(&old.logic, asked, &new.logic, logic_asked_of(to, is));
 		carry(&old, left->values + whole * logic_kept_count(was), &new, begun->values);
 		atomic_store(&begun->latch, 0);
+		((struct logic_stats *)to)->begun_ns = ((const struct logic_stats *)from)->begun_ns;
 	}
 	free(old.memory);
 	free(new.memory);

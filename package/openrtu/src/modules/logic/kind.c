@@ -99,8 +99,7 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 
 	(void)module;
 	return of_a->period_ms == of_b->period_ms && of_a->budget == of_b->budget &&
-	       of_a->size == of_b->size && of_a->retained == of_b->retained &&
-	       of_a->set_points == of_b->set_points &&
+	       of_a->size == of_b->size && of_a->set_points == of_b->set_points &&
 	       memcmp(logic_programs(a) + of_a->program, logic_programs(b) + of_b->program, of_a->size) ==
 		   0 &&
 	       links_of(a, of_a) == links_of(b, of_b) && same_initials(a, of_a, b, of_b);

@@ -168,8 +168,10 @@ static void run(int stop)
 {
 	struct pollfd waited[] = {{.fd = stop, .events = POLLIN},
 				  {.fd = map_bell_fd(host.map), .events = POLLIN}};
-	int64_t begun_ns = map_now_ns(), due_ns = begun_ns, last_ns = begun_ns;
+	int64_t due_ns = map_now_ns(), last_ns = due_ns;
 
+	if (host.stats->begun_ns == 0)
+		host.stats->begun_ns = due_ns;
 	while (map_may_run(host.map)) {
 		int64_t now_ns;
 
@@ -179,7 +181,7 @@ static void run(int stop)
 		hear_net();
 		requests_take(&host, now_ns);
 		if (now_ns >= due_ns && may_scan()) {
-			struct logic_times times = times_of(now_ns, begun_ns, last_ns);
+			struct logic_times times = times_of(now_ns, host.stats->begun_ns, last_ns);
 
 			if (!synched_waits(&host.synched)) /* or it waited for others */
 				map_histogram_add(&host.stats->scans.wakeups, now_ns - due_ns);
