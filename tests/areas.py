@@ -126,7 +126,7 @@ REACH = [
     ("scripts/lab/twin_show.py", "test-twin"),
     (
         "scripts/lab/manager.py",
-        "lint tests/test_snmp.py tests/test_reload_running.py tests/test_show.py "
+        "lint tests/test_snmp.py tests/test_reload.py tests/test_reload_running.py tests/test_show.py "
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
@@ -175,7 +175,7 @@ REACH = [
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
-    ("tests/capture.py", DESK),
+    ("tests/capture.py", f"{DESK} tests/centre/test_centre_higher.py"),
     ("tests/changed.py", "tests/test_changed.py"),
     ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),
