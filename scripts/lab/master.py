@@ -331,7 +331,7 @@ class Master(Monitor):
         return self._confirmed(sent, point.type, ca, ioa)
 
     def command_to_its_end(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
-        """The same; if it was confirmed, it is terminated too, so that another command can follow."""
+        """A direct command; if it was confirmed, it is terminated too, so that another command can follow."""
         point, sent = self._sent(ca, ioa, type_name, info)
         confirmed = self._confirmed(sent, point.type, ca, ioa)
         if confirmed:
