@@ -224,6 +224,11 @@ build/gpsd/done: build/gpsd/debian.dsc scripts/debian-package.sh | build/package
 	$(LOGGED) gpsd scripts/debian-package.sh $(@D)/packages gpsd libbluetooth3 libdbus-1-3 libusb-1.0-0
 	@touch $@
 
+# What weighs a receiver's time; installed it would be a service, and take the place of the one that is there.
+build/chronyd/done: scripts/debian-package.sh | build/packages-twin.done
+	$(LOGGED) chronyd scripts/debian-package.sh $(@D) chrony libcap2 libseccomp2
+	@touch $@
+
 # MIBs that ours refers to: Debian has the texts of the IETF's in this package of its main archive.
 build/mibs/done: scripts/debian-package.sh | build/packages-twin.done
 	$(LOGGED) mibs scripts/debian-package.sh $(@D) erlang-snmp
@@ -467,7 +472,7 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(TESTED) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: $(TESTED) ## Test: the images' configuration and what makes them
@@ -486,7 +491,7 @@ test-linux: linux linux-debug image-debian build/swupdate/done build/curl/done l
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
@@ -496,7 +501,7 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 # (nice). What both need is built before, by one make. Of the downloads and the configuring, which wait as well, two run at a
 # time. The tests themselves run one part after another: two cores with more than three workers make tests late.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
-  build/gpsd/done build/mibs/done
+  build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux linux-debug build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 

@@ -3,7 +3,7 @@
 # build-chrony.sh DEBIAN FOLDER: chrony for the gateway board, from Debian's unpacked source.
 #
 # Debian's own package would bring GnuTLS for NTS, 5 MB of libraries that nothing else names. What is left out here is what
-# a client without a clock of its own does not need; libcap stays, so that it runs as a user with CAP_SYS_TIME alone.
+# a client without a clock of its own does not need, but for a receiver of rtu-gps (refclock SOCK); libcap stays, so that it runs as a user with CAP_SYS_TIME alone.
 # FOLDER/root gets usr/sbin/chronyd and usr/bin/chronyc, stripped.
 set -euo pipefail
 
@@ -19,7 +19,7 @@ ldflags="--sysroot=$sysroot -pie -Wl,-z,relro -Wl,-z,now"
 options=(--prefix=/usr --localstatedir=/var --chronyrundir=/run/chrony --chronyvardir=/data/chrony
 	--host-system=Linux --host-release=6.1 --host-machine=armv5tel --with-user=chrony
 	--disable-nts --without-nettle --without-nss --without-tomcrypt --without-gnutls --without-editline --without-seccomp
-	--disable-phc --disable-pps --disable-refclock)
+	--disable-phc --disable-pps)
 
 inputs() {
 	echo "$debian $prefix $cflags $ldflags ${options[*]}"

@@ -148,6 +148,12 @@ def gpsd() -> Path:
 
 
 @pytest.fixture(scope="session")
+def chrony() -> Path:
+    """The programs of Debian's chrony, for slow tests."""
+    return built("OPENRTU_CHRONY", "build/chronyd") / "usr"
+
+
+@pytest.fixture(scope="session")
 def mibs() -> Path:
     """MIBs of others, for slow tests: those of Debian's erlang-snmp."""
     (folder,) = built("OPENRTU_MIBS", "build/mibs").glob("usr/lib/erlang/lib/snmp-*/mibs")

@@ -4,6 +4,7 @@
 import datetime
 import json
 import os
+import pwd
 import signal
 import subprocess
 import time
@@ -265,3 +266,58 @@ def test_mistakes_in_the_file(programs: Path, tmp_path: Path, receiver: dict[str
     )
     assert run.returncode == 1
     assert run.stderr == f"{file}:1: {message}\n"
+
+
+@pytest.mark.slow
+def test_time_reaches_chrony(programs: Path, directory: Path, chrony: Path) -> None:
+    """As a source that chronyd uses, 2 s behind its clock; it runs as a user and touches no clock."""
+    socket_ = directory / "clock"
+    settings = directory / "chrony.conf"
+    settings.write_text(
+        f"refclock SOCK {socket_} refid GPS poll 0 filter 1 delay 0.5\npidfile {directory}/chronyd.pid\n"
+        f"port 0\ncmdport 0\nbindcmdaddress {directory}/asked/socket\n"
+    )
+    (directory / "asked").mkdir(mode=0o770)
+    command: list[str | Path] = [
+        chrony / "sbin/chronyd",
+        "-x",
+        "-d",
+        "-U",
+        "-u",
+        pwd.getpwuid(os.geteuid()).pw_name,
+    ]
+    with (
+        Receiver(directory / "dev/gps1") as receiver,
+        Gateway(config({"device": "gps1", "clock_socket": str(socket_)}), directory, programs) as gateway,
+        (directory / "chrony.log").open("w") as log,
+        subprocess.Popen([*command, "-f", settings], stdout=log, stderr=log) as chronyd,
+    ):
+        try:
+            gateway.wait_for(socket_.exists, 30.0, "chronyd has its socket")
+            socket_.chmod(0o666)  # on the board the folder's group says who may
+
+            def told() -> list[str]:
+                query = [chrony / "bin/chronyc", "-c", "-h", directory / "asked/socket", "sources"]
+                done = subprocess.run(query, capture_output=True, text=True, check=False)
+                return done.stdout.strip().split(",")
+
+            def says(method: int) -> None:
+                before = gateway.query("gps")[0]["fixes"]
+                at = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=2)
+                receiver.say(burst(at, *DEPOT, method=method))
+                gateway.wait_for(
+                    lambda: gateway.query("gps")[0]["fixes"] != before, 30.0, "the burst is a fix"
+                )
+
+            gateway.wait_for(lambda: gateway.query("gps")[0]["open"], 30.0, "the line is open")
+            says(7)  # typed
+            assert told()[2:6] == ["GPS", "0", "0", "0"]
+
+            def reached() -> bool:
+                says(1)
+                return told()[5] != "0"
+
+            gateway.wait_for(reached, 60.0, "chronyd has samples of it")
+            assert float(told()[8]) == pytest.approx(2, abs=1.5)
+        finally:
+            chronyd.terminate()

@@ -12,7 +12,8 @@
 
 #define GPS_NAME_SIZE     21
 #define GPS_RECEIVERS_MAX 8
-#define GPS_FENCES_MAX    64 /* of a receiver */
+#define GPS_FENCES_MAX    64  /* of a receiver */
+#define GPS_SOCKET_SIZE   108 /* as a Unix socket's address has it */
 
 /*
  * The points of a receiver, in the order of its set; those of its fences are behind them. Before them is the position as a whole
@@ -36,6 +37,7 @@ struct gps_settings {
 	char name[GPS_NAME_SIZE];
 	char device[MAP_FILE_SIZE];  /* of a serial port; empty: behind gpsd */
 	char gpsd[MAP_ADDRESS_SIZE]; /* its address */
+	char clock[GPS_SOCKET_SIZE]; /* chrony's socket, which is told its time; empty: none is */
 	uint16_t gpsd_port;
 	uint16_t set;  /* its place among the sets */
 	uint8_t whole; /* points before GPS_POINT_LATITUDE: 1 with the position as a whole, else 0 */

@@ -36,6 +36,7 @@ enum {
 	GPS_CA,
 	GPS_IOA,
 	GPS_POSITION_IOA,
+	GPS_CLOCK_SOCKET,
 	GPS_TOPICAL,
 	GPS_MAX_SPEED,
 	GPS_SLACK,
@@ -57,6 +58,7 @@ static const struct config_rule receiver_rules[GPS_KEYS] = {
     [GPS_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534},
     [GPS_IOA] = {"ioa", CONFIG_INTEGER, .low = 1, .high = 16777000, .fallback = 1},
     [GPS_POSITION_IOA] = {"position_ioa", CONFIG_INTEGER, .low = 1, .high = 16777215},
+    [GPS_CLOCK_SOCKET] = {"clock_socket", CONFIG_TEXT, .low = 1, .high = GPS_SOCKET_SIZE - 1},
     [GPS_TOPICAL] = {"topical_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 5},
     [GPS_MAX_SPEED] = {"max_speed_km_h", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 400},
     [GPS_SLACK] = {"slack_m", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 50},
@@ -193,6 +195,8 @@ static void read_source(struct config_loader *loader, const struct config_place 
 			     values[GPS_DEVICE].given ? "two sources" : "no source");
 	if (values[GPS_DEVICE].given)
 		snprintf(receiver->device, sizeof(receiver->device), "%s", values[GPS_DEVICE].text);
+	if (values[GPS_CLOCK_SOCKET].given)
+		snprintf(receiver->clock, sizeof(receiver->clock), "%s", values[GPS_CLOCK_SOCKET].text);
 	if (values[GPS_GPSD].given)
 		config_read_address(&loader->report, &gpsd, values[GPS_GPSD].text, receiver->gpsd);
 	receiver->gpsd_port = (uint16_t)values[GPS_GPSD_PORT].integer;

@@ -12,7 +12,7 @@
 #define HEARTBEAT_LIMIT_MS 1000 /* a receiver speaks once a second */
 
 static const struct call_rule calls[] = {
-    CALL(poll), CALL(ppoll_time64), CALL(ppoll), SERIAL_PORT_CALLS, TCP_CONNECTION_CALLS,
+    CALL(poll), CALL(ppoll_time64), CALL(ppoll), CALL(sendto), SERIAL_PORT_CALLS, TCP_CONNECTION_CALLS,
 };
 
 static const struct kind_program program = {

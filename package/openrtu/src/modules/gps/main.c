@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "map/time_ns.h"
+#include "modules/gps/clock.h"
 #include "modules/gps/publish.h"
 #include "modules/gps/source.h"
 #include "modules/module.h"
@@ -24,10 +25,14 @@ struct receiver {
 static struct map *map;
 static struct receiver *receivers;
 static uint32_t count;
+static int clock_fd = -1;
 
 static void take(void *context, struct gps_fix *fix)
 {
+	const struct publisher *publisher = context;
+
 	publisher_take(context, fix);
+	clock_tell(clock_fd, publisher->settings, fix);
 }
 
 /* False: there is no memory. */
@@ -95,6 +100,7 @@ int main(int argc, char **argv)
 		map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(errno));
 		return MODULE_FAILED;
 	}
+	clock_fd = clock_socket();
 	if (!module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	run(stop);
