@@ -67,7 +67,7 @@ REACH = [
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
     ("docs/iec61850.md", "tests/test_iec61850*.py"),
     ("docs/conformance-61850.md", "tests/test_iec61850_conformance.py"),
-    ("docs/logic.md", "tests/test_logic.py"),
+    ("docs/logic.md", "tests/test_logic.py tests/test_docs_commands.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),

@@ -5,6 +5,7 @@ import contextlib
 import copy
 import csv
 import io
+import itertools
 import json
 import os
 import random
@@ -24,7 +25,9 @@ import pytest
 from desk import Substation, chapter_5, everything_read, values_of
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
+from lab.manager import CENTRE, USERS, free_udp_port, make_keys
 from lab.master import Master, Report
+from web import make_user
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
@@ -422,26 +425,75 @@ def running(gateway: Gateway) -> set[tuple[str, int, int]]:
     return {(name, row["ca"], row["ioa"]) for name, row in gateway.points().items()}
 
 
+OPTIONAL = {"snmp": "rtu-snmp", "iec61850": "rtu-iec61850", "web": "rtu-web", "journal": "rtu-journal"}
+
+
+def of_all_kinds(site: Site, chance: random.Random) -> Iterator[Config]:
+    """Endless: modules that command, the journal, settings of all and devices come, change and go."""
+    folder = site.gateway.directory
+    ports = [free_udp_port(), free_port(), free_port()]
+    users = [{"name": user.name, "role": role} for user, role in USERS.items()]
+    sink = {"name": "nms", "address": "127.0.0.1", "port": free_udp_port(), "user": CENTRE.name}
+    snmp = {"address": "127.0.0.1", "port": ports[0], "users": users, "sinks": [sink]}
+    snmp |= {"keys": str(folder / "keys"), "state": str(folder / "state")}
+    server = {"address": "127.0.0.1", "port": ports[1], "controllers": ["127.0.0.1"]}
+    page = {"address": "127.0.0.1", "port": ports[2], "users": str(folder / "web.users")}
+    make_keys(site.config | {"snmp": snmp}, folder)
+    make_user(folder / "web.users", "operator", "operator")
+    groups = [{"name": name, "masters": [f"192.0.2.{i}"]} for i, name in enumerate("abcd", 1)]
+    values: dict[str, list[Any]] = {
+        "snmp": [snmp, snmp | {"rate": 500}, None],
+        "iec61850": [server, server | {"report_buffer": 512}, None],
+        "web": [page, page | {"commands": True}, None],
+        "journal": [{"path": str(folder / "first")}, {"path": str(folder / "second")}, None],
+        "force_max_s": [600, None],
+        "timezone": ["CET-1", None],
+        "clock": ["gateway", "masters", None],
+        "commands": [{"select_timeout": 5}, None],
+        "event_ring": [256, 2048, None],
+        "redundancy_groups": [groups[:2], groups[1:], None],
+    }
+    devices = [SMALL, (STEADY_DEVICE, "3.67", "2.20")]
+    while True:
+        chosen = {key: chance.choice(choices) for key, choices in values.items()}
+        extra = {key: value for key, value in chosen.items() if value is not None}
+        yield reduced(site.config, *chance.choice(devices)) | extra
+
+
+def is_whole(gateway: Gateway, config: Config) -> bool:
+    """What runs is this configuration, all of it and nothing else."""
+    modules = gateway.modules()
+    wanted = {module for key, module in OPTIONAL.items() if key in config}
+    groups = {row["name"] for row in gateway.query("iec104", "queues") if row["group"]}
+    assert set(modules) & set(OPTIONAL.values()) == wanted
+    assert groups == {group["name"] for group in config.get("redundancy_groups", [])}
+    assert running(gateway) == listed(gateway, gateway.config_file)
+    return everything_read(gateway) and all(modules[name]["alive"] for name in wanted)
+
+
 @pytest.mark.slow
-def test_killed_rtud_leaves_the_old_or_the_new_whole(site: Site) -> None:
-    """SIGKILL at any moment of a reload: the next start has the points of its file, all."""
+@pytest.mark.parametrize("kills", [KILLS, pytest.param(200, marks=pytest.mark.soak)])
+def test_killed_rtud_leaves_the_old_or_the_new_whole(site: Site, kills: int) -> None:
+    """SIGKILL at any moment of a reload: the next start has all of its file, and nothing of the other one."""
     gateway, chance = site.gateway, random.Random(24)
-    files = [reduced(site.config, *SMALL), reduced(site.config, STEADY_DEVICE, "3.67", "2.20")]
-    for number in range(KILLS):
+    moments = []
+    for config in itertools.islice(of_all_kinds(site, chance), kills):
         new = gateway.directory / "new.json"
-        new.write_text(json.dumps(files[number % 2 - 1]))
+        new.write_text(json.dumps(listening_on(config, gateway.address[1])))
         new.replace(gateway.config_file)
         assert gateway.process
+        begun = time.monotonic()
         gateway.process.send_signal(signal.SIGHUP)
-        time.sleep(chance.uniform(0, 0.12))  # the moment that is tried
+        time.sleep(chance.choice([0.12, 0.4]) * chance.random())  # the moment that is tried
         os.kill(child_of(gateway), signal.SIGKILL)
+        moments.append(time.monotonic() - begun)
         gateway.process.wait()
         gateway.start()
-        assert running(gateway) == listed(gateway, gateway.config_file)
-        gateway.wait_for(lambda: everything_read(gateway), 30.0, "every device has been read")
+        gateway.wait_for(lambda config=config: is_whole(gateway, config), 60.0, "all of it runs")
         assert not [
             file for file in gateway.map.iterdir() if "+" in file.name and file.name != "rtud+0.config"
         ]
+    print("killed after", [f"{moment:.3f} s" for moment in moments])
 
 
 def child_of(gateway: Gateway) -> int:

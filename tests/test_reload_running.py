@@ -283,3 +283,50 @@ def test_groups_come_and_go_around_one_that_stays(desk: Running) -> None:
     assert waiting(desk)["a"] == 0 < waiting(desk)["c"]
     desk.take()
     desk.gateway.wait_for(lambda: waiting(desk) == {}, WAIT_S, "there is none")
+
+
+def queues(desk: Running) -> dict[str, int]:
+    """How many events wait, in groups and for addresses."""
+    return {row["name"]: row["waiting"] for row in desk.gateway.query("iec104", "queues")}
+
+
+def test_what_waits_for_a_master_goes_with_it_into_a_new_group(desk: Running) -> None:
+    """From its address into one, and into another; nobody else has it, and it comes once."""
+    moved, other = "127.0.9.1", "127.0.9.2"
+    for address in (moved, other):
+        with RawMaster(*desk.gateway.address, source=address):
+            pass
+    desk.change()
+    before = queues(desk)
+    assert before[moved] == before[other] > 0
+    desk.take(redundancy_groups=[group("first", moved)])
+    desk.gateway.wait_for(lambda: "first" in queues(desk), WAIT_S, "the group is there")
+    now = queues(desk)
+    assert (now["first"], now[other], moved in now) == (before[moved], before[other], False)
+    desk.change()
+    desk.take(redundancy_groups=[group("second", moved), group("third", "127.0.9.3")])
+    desk.gateway.wait_for(lambda: set(waiting(desk)) == {"second", "third"}, WAIT_S, "and another")
+    assert (waiting(desk)["second"], waiting(desk)["third"]) == (queues(desk)[other], 0)
+    told = []
+    with RawMaster(*desk.gateway.address, source=moved) as master:
+        deadline = time.monotonic() + WAIT_S
+        while len(told) < 2:
+            told += [o.value for o in master.spontaneous(deadline) if o.ioa == 30001 + LEVEL]
+    assert told == desk.sent[1:]
+    desk.take()
+
+
+def test_a_ninth_group_is_refused_while_eight_go(desk: Running) -> None:
+    """Queues that go are told from those that come; when they are gone there is room."""
+    eight = [group(f"g{i}", f"192.0.2.{10 + i}") for i in range(8)]
+    ninth = group("ninth", "192.0.2.20")
+    desk.take(redundancy_groups=eight)
+    desk.gateway.wait_for(lambda: len(waiting(desk)) == 8, WAIT_S, "all are there")
+    with pytest.raises(GatewayError, match="there is no room for ninth beside the groups that go"):
+        desk.take(redundancy_groups=[*eight[1:], ninth])
+    assert set(waiting(desk)) == {row["name"] for row in eight}
+    desk.take(redundancy_groups=eight[1:])
+    desk.take(redundancy_groups=[*eight[1:], ninth])
+    desk.gateway.wait_for(lambda: "ninth" in waiting(desk), WAIT_S, "there is room")
+    desk.take()
+    desk.gateway.wait_for(lambda: waiting(desk) == {}, WAIT_S, "there is none")

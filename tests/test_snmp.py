@@ -8,7 +8,6 @@ import os
 import re
 import signal
 import socket
-import statistics
 import struct
 import subprocess
 import threading
@@ -122,7 +121,8 @@ class Site:
 
 METER_POWER, ALARMS, POWER_FACTOR = "2020.30015", "2020.30013", "2020.30007"
 PERIOD_MS = 400
-CYCLES = 10
+METER, FIRST, AT_ONCE = "4.40", 100, 20  # registers that change together
+GET_S, SINK_TIMEOUT_S = 0.05, 0.5
 
 
 def with_units(config: dict[str, Any]) -> dict[str, Any]:
@@ -132,6 +132,8 @@ def with_units(config: dict[str, Any]) -> dict[str, Any]:
     by_address[14] |= {"cyclic_ms": PERIOD_MS, "unit": "kW"}
     by_address[12]["background_ms"] = 86_400_000
     by_address[6]["decimals"] = 5
+    registers = [{"address": FIRST + i, "type": "scaled"} for i in range(AT_ONCE)]
+    config["port"][3]["slaves"][0]["input_registers"] += registers
     return config
 
 
@@ -192,7 +194,8 @@ def quick(site: Site) -> Iterator[Quick]:
 
 def configuration(folder: Path, port: int, sink_port: int, **more: Any) -> dict[str, Any]:
     users = [{"name": user.name, "role": role} for user, role in USERS.items()]
-    sink = {"name": "nms", "address": "127.0.0.1", "port": sink_port, "user": CENTRE.name, "timeout_ms": 500}
+    sink = {"name": "nms", "address": "127.0.0.1", "port": sink_port, "user": CENTRE.name}
+    sink["timeout_ms"] = int(SINK_TIMEOUT_S * 1000)
     snmp = {"address": "127.0.0.1", "port": port, "users": users, "sinks": [sink], "rate": 100000}
     return with_units(chapter_5()) | {
         "snmp": snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")} | more
@@ -900,55 +903,59 @@ def test_no_number_is_left_out_or_told_twice_by_an_informed_sink(site: Site) -> 
     assert numbers == list(range(1, numbers[-1] + 1))
 
 
+def waited_s(pid: int | str) -> float:
+    """How long a process was ready to run and had no processor: what is the host's doing, not its own."""
+    return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [2.0, pytest.param(60.0, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("seconds", [2, pytest.param(60, marks=pytest.mark.soak)])
 def test_a_sink_that_is_killed_gets_all_later_and_disturbs_nobody(
-    site: Site, quick: Quick, seconds: float
+    site: Site, quick: Quick, seconds: int
 ) -> None:
-    """Events go on meanwhile, memory does not grow with them, and no answer waits for the sink."""
-    row = [f"rtuCommandSpinLock.{BREAKER}", f"rtuCommandState.{BREAKER}"]
+    """100 events a second go on, memory does not grow with them, and no answer waits for the sink."""
+    agent = site.desk.gateway.modules()["rtu-snmp"]["pid"]
     times: list[float] = []
 
     def memory_kib() -> int:
-        status = Path(f"/proc/{site.desk.gateway.modules()['rtu-snmp']['pid']}/status").read_text()
+        status = Path(f"/proc/{agent}/status").read_text()
         return int(re.findall(r"^RssAnon:\s+(\d+) kB", status, re.MULTILINE)[0])
 
-    async def state_of(state: int) -> int:
-        deadline = Deadline(20)
-        while True:
-            begun = time.perf_counter()
-            spin, found = await quick.get(CENTRE, *row)
-            times.append(time.perf_counter() - begun)
-            if found == state:
-                return spin
-            assert not deadline.over, found
+    def last_event() -> int:
+        waited, begun = waited_s(agent) + waited_s("thread-self"), time.perf_counter()
+        (last,) = quick.loop.run_until_complete(quick.get(CENTRE, "rtuEventLast.0"))
+        elapsed = time.perf_counter() - begun
+        times.append(elapsed - (waited_s(agent) + waited_s("thread-self") - waited))
+        return last
 
-    async def cycle() -> None:
-        """Two events, and nothing on the line."""
-        assert await quick.wish(CENTRE, BREAKER, await state_of(INACTIVE), SELECT, OFF)
-        assert await quick.wish(CENTRE, BREAKER, await state_of(ACCEPTED), INTERRUPT)
-        assert await quick.wish(CENTRE, BREAKER, await state_of(INTERRUPTED), INACTIVE)
+    def make_events(seconds: int, first: int) -> int:
+        """Each fifth of a second all registers of a meter change, or as often as its line is read."""
+        last = last_event()
+        for step in range(5 * seconds):
+            again = time.monotonic() + 0.2
+            site.desk.lines.set(METER, "input_registers", FIRST, *[first + step] * AT_ONCE)
+            site.desk.gateway.wait_for(lambda last=last: last_event() >= last + AT_ONCE, 60.0, "events")
+            last = last_event()
+            time.sleep(max(0.0, again - time.monotonic()))
+        return last
 
-    for _ in range(CYCLES):
-        quick.loop.run_until_complete(cycle())
-    before, kib, with_sink_s = site.last(), memory_kib(), statistics.median(times)
-    times.clear()
+    before = make_events(2, 1)
+    kib, after = memory_kib(), len(times)
     site.received.stop()
-    cycles, until = 0, time.monotonic() + seconds
-    while cycles < CYCLES or time.monotonic() < until:
-        quick.loop.run_until_complete(cycle())
-        cycles += 1
-    last, grown = site.last(), memory_kib() - kib
+    last = make_events(seconds, 1000)
+    grown, found = memory_kib() - kib, sorted(times[after:])
     site.received.start()
-    assert last >= before + 2 * cycles
-    # Who waits for a sink waits for seconds; a busy host is busy with and without it.
-    assert statistics.median(times) < 10 * with_sink_s + 0.5
-    assert grown <= 256
+    assert last >= before + 100 * seconds
+    # A machine that others use stops now and then; who waits for a sink waits for its timeout, at the least.
+    assert found[len(found) * 9 // 10] < GET_S
+    assert found[-1] < SINK_TIMEOUT_S
+    assert grown <= 512
     site.desk.gateway.wait_for(lambda: last in site.received.numbers(), 120.0, "the sink has all events")
     numbers = sorted(set(site.received.numbers()))
     assert numbers == list(range(1, numbers[-1] + 1))
     print(
-        f"{(last - before) / seconds:.0f} events a second, {grown} KiB more, the slowest GET {max(times)} s"
+        f"{last - before} events, {grown} KiB more, {len(found)} GETs, "
+        f"half of them below {found[len(found) // 2] * 1e3:.1f} ms, the slowest {found[-1] * 1e3:.1f} ms"
     )
 
 

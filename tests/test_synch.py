@@ -356,6 +356,14 @@ def test_line_leads_a_module_and_that_a_program(programs: Path, tmp_path: Path) 
             gateway.kill("rtu-logic-counter")
             line.wait(lambda: line.restarts("rtu-logic-counter") > restarts, "the program died")
             line.wait(lambda: line.value("times") > 3, "it counts again")
+            file = directory / "changed.json"
+            arrows = ["line1 -> watcher", "watcher -(3)-> counter"]
+            file.write_text(json.dumps(gateway.configuration() | {"synch": arrows}))
+            report = gateway.ctl("reload", str(file))
+            for name in ("rtu-modbus-1", "watcher", "rtu-logic-counter"):
+                assert f"{name} gets a new process" in report
+            before = line.value("times")
+            line.wait(lambda: line.value("times") > before + 3, "it counts by the new net")
     finally:
         remove(directory)
 
@@ -392,32 +400,31 @@ def test_net_of_the_page_is_good(programs: Path, tmp_path: Path) -> None:
     ]
 
 
-def test_net_and_who_stands_in_it_need_a_restart(returning: Ring) -> None:
-    """And whoever does not is exchanged as ever, while the ring goes round."""
-    running = json.loads(returning.gateway.config_file.read_text())
-    file = returning.gateway.directory / "changed.json"
-    turned = json.loads(json.dumps(running))
-    turned["start"] = ["b"]
-    slower = json.loads(json.dumps(running))
-    slower["modules"][0]["period_ms"] = 10
-    for config, why in (
-        (turned, "net has changed"),
-        (slower, "it stands in the net, where others wait for it"),
-    ):
-        file.write_text(json.dumps(config))
-        done = subprocess.run(
-            [returning.gateway.build / "rtuctl/rtuctl", "--map", returning.gateway.map, "reload", file],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 1
-        assert why in done.stdout + done.stderr
-    more = json.loads(json.dumps(running))
-    directory = returning.gateway.directory
-    more["modules"].append(stage(directory, "d", 9, "c"))
-    file.write_text(json.dumps(more))
-    returning.gateway.ctl("reload", str(file))
+def test_net_begins_anew_when_anything_in_it_changes(returning: Ring) -> None:
+    """Another pace and one more in it, and back: whoever stands in it begins with its first marking."""
+    gateway, directory = returning.gateway, returning.gateway.directory
+    begun = json.loads(gateway.config_file.read_text())
+    file = directory / "changed.json"
+
+    def take(**more: Any) -> str:
+        file.write_text(json.dumps(begun | more))
+        return gateway.ctl("reload", str(file))
+
+    wider = [begun["modules"][0] | {"period_ms": 3}, begun["modules"][1]]
+    wider += [stage(directory, "c", 2, "d"), stage(directory, "d", 3, "b")]
+    arrows = ["a -> b", "b -> d", "d -> c", "c -> a"]
+    everybody = [COORDINATOR, *RING]
+    for more in ({"modules": wider, "synch": arrows}, {}):
+        pids = {name: returning.pid(name) for name in everybody}
+        report = take(**more)
+        assert all(f"{name} gets a new process" in report for name in everybody), report
+        assert all(returning.pid(name) not in (0, pid) for name, pid in pids.items())
+        returning.wait_rounds(10)
+        returning.assert_nothing_was_left_out()
+    assert "d" not in gateway.modules()
+    pids = {name: returning.pid(name) for name in everybody}
+    take(modules=[*begun["modules"], stage(directory, "d", 9, "c")])  # beside it: the ring does not notice
     returning.wait(lambda: returning.value("d.scans") > 0, "d scans")
-    returning.wait_rounds(50)
+    assert {name: returning.pid(name) for name in everybody} == pids
+    returning.wait_rounds(10)
     returning.assert_nothing_was_left_out()

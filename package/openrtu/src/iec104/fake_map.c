@@ -123,9 +123,9 @@ void map_queue_assign(struct map *map, unsigned slot, const char *address,
 }
 
 /* Its groups are what the configuration says. */
-void map_queue_adopt(struct map *map, unsigned slot)
+void map_queue_adopt(struct map *map, unsigned slot, const struct map_queue_place *anew)
 {
-	(void)map, (void)slot;
+	(void)map, (void)slot, (void)anew;
 }
 
 void map_queue_free(struct map *map, unsigned slot)

@@ -11,6 +11,8 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "map/address.h"
+
 /* The connection that is sent the events of a queue; NULL: none is. */
 static struct iec104_connection *holder_of(struct iec104_station *station, uint32_t queue)
 {
@@ -320,12 +322,101 @@ void iec104_release_queue(struct iec104_station *station, struct iec104_connecti
 	}
 }
 
-void iec104_adopt_groups(struct iec104_station *station)
-{
-	for (uint32_t slot = 0; slot < MAP_NAMED_QUEUES_MAX; slot++) {
-		const bool is_there = map_queue_plan(&station->config->settings, slot) != NULL;
+/* ---- groups that come ----------------------------------------------------------------------- */
 
-		map_queue_adopt(station->map, slot);
+/* What waits behind either place. */
+static void join(struct map_queue_place *to, const struct map_queue_place *from)
+{
+	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
+		if ((int32_t)(from->cursor.next[i] - to->cursor.next[i]) < 0)
+			to->cursor.next[i] = from->cursor.next[i];
+	to->refresh =
+	    (to->refresh | from->refresh) & MAP_REFRESH_ALL ? MAP_REFRESH_ALL : to->refresh | from->refresh;
+}
+
+static bool is_member(const struct iec104_group *group, const char *text)
+{
+	struct in6_addr address;
+
+	return map_address_parse(text, &address) &&
+	       map_address_place(group->masters, group->master_count, &address) < group->master_count;
+}
+
+static bool shares_member(const struct iec104_group *group, const struct iec104_group *other)
+{
+	for (uint32_t i = 0; i < other->master_count; i++)
+		if (is_member(group, other->masters[i]))
+			return true;
+	return false;
+}
+
+/* The queues that its members had by their addresses: a bit each. */
+static uint32_t queues_of_members(const struct iec104_station *station, const struct iec104_group *group)
+{
+	struct map_queue queue;
+	uint32_t found = 0;
+
+	for (uint32_t slot = MAP_NAMED_QUEUES_MAX; slot < MAP_QUEUES; slot++) {
+		map_queue(station->map, slot, &queue);
+		if (is_member(group, queue.name))
+			found |= 1u << slot;
+	}
+	return found;
+}
+
+/* Of the groups of before that a member was in. NULL: nobody knows them. */
+static uint32_t groups_of_members(const struct iec104_group *group, const struct map_config *before)
+{
+	uint32_t found = 0;
+
+	for (uint32_t i = 0; before != NULL && i < before->settings.queue_count; i++)
+		if (shares_member(group, &iec104_settings(before)->groups[i]))
+			found |= 1u << before->settings.queues[i].slot;
+	return found;
+}
+
+/* Its masters have the group's queue from now on. */
+static void give_up_queue(struct iec104_station *station, uint32_t slot)
+{
+	struct iec104_connection *holder = holder_of(station, slot);
+
+	if (holder != NULL)
+		iec104_release_queue(station, holder);
+	map_queue_free(station->map, slot);
+	station->queues &= ~(1u << slot);
+}
+
+/* A new one begins with what waited for its members, wherever that was, else with what happens from now on. */
+static void adopt_group(struct iec104_station *station, uint32_t index, const struct map_config *before)
+{
+	const struct iec104_group *group = &station->settings->groups[index];
+	const uint32_t slot = station->config->settings.queues[index].slot;
+	const uint32_t own = queues_of_members(station, group);
+	uint32_t former = own | groups_of_members(group, before);
+	struct map_queue_place anew = {.refresh = 0}, place;
+
+	map_cursor_to_end(station->map, &anew.cursor);
+	for (; former != 0; former &= former - 1) {
+		map_queue_place(station->map, (uint32_t)__builtin_ctz(former), &place);
+		join(&anew, &place);
+	}
+	map_queue_adopt(station->map, slot, &anew);
+	for (former = own; former != 0; former &= former - 1)
+		give_up_queue(station, (uint32_t)__builtin_ctz(former));
+}
+
+void iec104_adopt_groups(struct iec104_station *station, const struct map_config *before)
+{
+	const struct map_settings *settings = &station->config->settings;
+	struct map_queue_place end = {.refresh = 0};
+
+	for (uint32_t i = 0; i < settings->queue_count; i++)
+		adopt_group(station, i, before);
+	map_cursor_to_end(station->map, &end.cursor);
+	for (uint32_t slot = 0; slot < MAP_NAMED_QUEUES_MAX; slot++) {
+		const bool is_there = map_queue_plan(settings, slot) != NULL;
+
+		map_queue_adopt(station->map, slot, &end);
 		station->queues = (station->queues & ~(1u << slot)) | (uint32_t)is_there << slot;
 	}
 }
@@ -336,7 +427,7 @@ void iec104_find_queues(struct iec104_station *station)
 	struct map_queue queue;
 
 	station->queues = 0;
-	iec104_adopt_groups(station);
+	iec104_adopt_groups(station, NULL);
 	for (uint32_t slot = 0; slot < MAP_QUEUES; slot++) {
 		map_queue_set_unacknowledged(station->map, slot, 0);
 		map_queue(station->map, slot, &queue);

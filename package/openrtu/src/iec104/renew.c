@@ -123,7 +123,7 @@ void iec104_station_renew(struct iec104_station *station, const struct map_confi
 	station->settings = iec104_settings(station->config);
 	station->times = iec104_times_of(station->settings);
 	iec104_note_new_stations(station, before);
-	iec104_adopt_groups(station);
+	iec104_adopt_groups(station, before);
 	station->points_asked = 0;
 	station->losses_changed = true;
 	renew_requests(station, before);

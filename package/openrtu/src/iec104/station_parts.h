@@ -52,8 +52,8 @@ void iec104_trim_queues(struct iec104_station *station);
 bool iec104_queue_recovers(struct iec104_station *station, uint32_t queue);
 /* Those that a former process of this station has left. */
 void iec104_find_queues(struct iec104_station *station);
-/* The groups are those of the configuration. */
-void iec104_adopt_groups(struct iec104_station *station);
+/* The groups are those of the configuration. A new one has what waited for its members; before: NULL, or the former one. */
+void iec104_adopt_groups(struct iec104_station *station, const struct map_config *before);
 
 /* ---- losses.c ---------------------------------------------------------------------------- */
 

@@ -153,10 +153,10 @@ static void change_event(const struct carriage *carriage, void *record)
 		change_slot(carriage, &event->point);
 }
 
-/* Of a ring that was smaller, a reader who was too late for these is told nothing, as if they were of points that are gone. */
+/* Of a ring that was smaller, a reader who was too late for these has lost them. */
 static void put_void_events(const struct ring *to, uint32_t from, uint32_t end)
 {
-	const struct map_event nothing = {.point = MAP_NONE, .kind = MAP_EVENT_CHANGE};
+	const struct map_event nothing = {.point = MAP_NONE, .kind = EVENT_OVERWRITTEN};
 
 	atomic_store(to->head, from);
 	while (ring_head(to) != end)

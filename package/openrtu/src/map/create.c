@@ -8,10 +8,15 @@
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "map/layout.h"
 #include "map/supervise.h"
+#include "map/time_ns.h"
+
+#define LOCK_MS    500
+#define LOCK_TRIES 50
 
 /* ---- modules and their points ------------------------------------------------------------ */
 
@@ -279,6 +284,19 @@ int config_create(int directory_fd, const struct map_config *config, uint32_t ep
 
 /* ---- the map ----------------------------------------------------------------------------- */
 
+/* The child of an rtud that was killed, which reads a configuration or becomes a module, ends a moment later and holds it until then. */
+static bool lock(int fd)
+{
+	static const struct timespec moment = {.tv_nsec = LOCK_MS / LOCK_TRIES * NS_PER_MS};
+
+	for (unsigned tries = 1; flock(fd, LOCK_EX | LOCK_NB) < 0; tries++) {
+		if (tries > LOCK_TRIES)
+			return false;
+		nanosleep(&moment, NULL);
+	}
+	return true;
+}
+
 /*
  * A folder that somebody else may write to, made before us in a place like /tmp, would let him exchange the
  * segments.
@@ -292,7 +310,7 @@ static int take_directory(int fd, const char *dir, char *error)
 				"another user owns the map's folder %s or may write to it: remove it or use "
 				"another --map",
 				dir);
-	if (flock(fd, LOCK_EX | LOCK_NB) < 0)
+	if (!lock(fd))
 		return map_fail(error, "another rtud runs on the map in %s: stop it or use another --map",
 				dir);
 	return 0;

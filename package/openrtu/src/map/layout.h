@@ -352,5 +352,7 @@ void requesters_follow(struct map *map);
 
 /* Puts an event of an update, whatever the last one said. */
 void event_put(struct map *map, const struct map_update *update);
+#define EVENT_OVERWRITTEN                                                                                    \
+	0xff /* kind of an event that was lost before its ring grew: nobody is told it, whoever wanted it has lost it */
 
 #endif

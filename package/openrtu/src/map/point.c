@@ -200,6 +200,7 @@ static bool peek_event(const struct map *map, struct map_cursor *cursor, uint32_
 				out->point = point_in(map, writer, out->point);
 			return true;
 		}
+		cursor->lost += out->kind == EVENT_OVERWRITTEN;
 		cursor->next[writer]++;
 	}
 	return false;

@@ -118,20 +118,18 @@ static bool is_adopted(const struct map *map, unsigned slot)
 }
 
 /* The place comes before the name: whoever is killed between them leaves no name at another's place. */
-void map_queue_adopt(struct map *map, unsigned slot)
+void map_queue_adopt(struct map *map, unsigned slot, const struct map_queue_place *anew)
 {
 	const struct map_queue_plan *plan = map_queue_plan(&map->config.settings, slot);
 	const char *name = plan != NULL ? plan->name : GONE;
-	struct map_queue_place place = {.refresh = 0};
+	struct map_queue_place place = *anew;
 
 	if (is_named(map, slot, name))
 		return;
-	if (is_adopted(map, slot)) {
+	if (is_adopted(map, slot))
 		map_queue_place(map, slot, &place);
-	} else {
-		map_cursor_to_end(map, &place.cursor);
+	else
 		map_queue_move(map, slot, &place);
-	}
 	map_queue_assign(map, slot, name, &place);
 }
 

@@ -59,10 +59,10 @@ void map_queue_place(const struct map *map, unsigned slot, struct map_queue_plac
 /* ---- of the own segment, for rtu-iec104 */
 
 /*
- * Names a named queue's place after what the configuration has there: one that had another name begins anew, with what happens
- * from now on. Until then it is no queue.
+ * Names a named queue's place after what the configuration has there: one that had another name begins anew, at this place.
+ * Until then it is no queue.
  */
-void map_queue_adopt(struct map *map, unsigned slot);
+void map_queue_adopt(struct map *map, unsigned slot, const struct map_queue_place *anew);
 /* Gives a queue behind the groups' to an address, empty and at this place. */
 void map_queue_assign(struct map *map, unsigned slot, const char *address,
 		      const struct map_queue_place *place);

@@ -265,6 +265,71 @@ static void test_another_generation_begins_as_after_a_crash(void **state)
 	map_detach(owner);
 }
 
+/* With so many events in the first line's ring. Returns the cursor of a reader who has read none of them. */
+static struct map_cursor resize_ring(struct change *change, int32_t events, uint32_t size)
+{
+	struct map_module_plan modules[MAP_MODULES_MAX];
+	struct map *owner = start(change->stage, FIRST);
+	struct map_cursor cursor;
+	char error[MAP_ERROR_SIZE];
+
+	map_cursor_to_end(change->stage->rtud, &cursor);
+	for (int32_t value = 1; value <= events; value++)
+		publish(owner, 0, value);
+	plan_change(change);
+	memcpy(modules, change->config.modules, sizeof(modules));
+	modules[index_of(change->stage, FIRST)].rings.events = size;
+	change->config.modules = modules;
+	if (map_prepare(change->stage->rtud, &change->config, KEPT_LINES, 0, error) < 0 ||
+	    map_attach_again(&change->next, change->stage->rtud, 1, error) < 0)
+		fail_msg("%s", error);
+	map_detach(owner);
+	put_into_force(change, true);
+	return cursor;
+}
+
+/* Whatever the reader is told is of these events, in order, up to the last one; the rest he has lost. */
+static void assert_told(const struct change *change, struct map_cursor *cursor, int32_t events, int32_t told)
+{
+	struct map *owner = attach(change->stage, FIRST);
+	struct map_event event;
+
+	for (int32_t value = events - told + 1; value <= events; value++)
+		assert_event(change->stage->rtud, cursor, 5, value, MAP_GOOD);
+	assert_int_equal(cursor->lost, events - told);
+	while (map_event_next(change->stage->rtud, cursor, &event)) /* the point that is gone */
+		assert_int_equal(event.point, 8);
+	publish(owner, 5, events + 1);
+	assert_event(change->stage->rtud, cursor, 5, events + 1, MAP_GOOD);
+	assert_int_equal(cursor->lost, events - told);
+	map_detach(owner);
+}
+
+static void test_a_ring_that_grows(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map_cursor cursor = resize_ring(&change, 40, 256);
+
+	assert_told(&change, &cursor, 40, 40);
+}
+
+/* A ring of 64 keeps 63: who was too late before is told no more and no less for it. */
+static void test_a_ring_that_grows_around_what_was_overwritten(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map_cursor cursor = resize_ring(&change, 100, 256);
+
+	assert_told(&change, &cursor, 100, 63);
+}
+
+static void test_a_ring_that_shrinks(void **state)
+{
+	struct change change = {.stage = *state};
+	struct map_cursor cursor = resize_ring(&change, 60, 16);
+
+	assert_told(&change, &cursor, 60, 14); /* and the point that is gone */
+}
+
 static void test_what_was_prepared_can_be_dropped(void **state)
 {
 	struct change change = {.stage = *state};
@@ -333,6 +398,9 @@ int main(void)
 	    TEST(test_counters_go_on_by_their_names),
 	    TEST(test_another_generation_begins_as_after_a_crash),
 	    TEST(test_what_is_forced_stays_so),
+	    TEST(test_a_ring_that_grows),
+	    TEST(test_a_ring_that_grows_around_what_was_overwritten),
+	    TEST(test_a_ring_that_shrinks),
 	    TEST(test_what_was_prepared_can_be_dropped),
 	};
 

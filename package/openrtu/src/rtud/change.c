@@ -80,6 +80,38 @@ static void make_room_for_counters(const struct change *change)
 	}
 }
 
+static bool stands_in_net(const struct change *change, uint32_t module)
+{
+	const uint32_t was =
+	    module < map_module_count(change->map) ? map_plan_of(change->map, module)->flags : MAP_IS_GONE;
+	const uint32_t is = change->now->modules[module].flags;
+
+	return (((was & MAP_IS_GONE ? 0 : was) | (is & MAP_IS_GONE ? 0 : is)) &
+		(MAP_TAKES_PART | MAP_COORDINATES)) != 0;
+}
+
+/* Tokens that a module holds have no place in a net without it: if anything in the net has changed, all of it begins anew. */
+static uint32_t begin_net_anew(const struct change *change)
+{
+	uint32_t net = 0;
+
+	for (uint32_t i = 0; i < change->now->module_count; i++)
+		net |= stands_in_net(change, i) ? 1u << i : 0;
+	return net & (change->exchanged | change->added | change->gone) ? net & live_and_kept(change) : 0;
+}
+
+/* Those that have not changed themselves, but what they read, command, or wait for. */
+static void exchange_others(struct change *change)
+{
+	uint32_t others;
+
+	do {
+		others = compare_others(change->map, change->now, change->kept) | begin_net_anew(change);
+		change->exchanged |= others;
+		change->kept &= ~others;
+	} while (others != 0);
+}
+
 static void sort_modules(struct change *change)
 {
 	struct map_config *now = change->now;
@@ -103,8 +135,7 @@ static void sort_modules(struct change *change)
 			change->taking |= what == KIND_TAKES ? bit : 0;
 		}
 	}
-	change->exchanged |= compare_others(change->map, now, change->kept);
-	change->kept &= ~change->exchanged;
+	exchange_others(change);
 	change->again = compare_again(change->map, now, live_and_kept(change), has_moved(change));
 }
 
@@ -179,17 +210,9 @@ static bool take_settings(struct change *change)
 
 static bool may_be_exchanged(const struct change *change, uint32_t module)
 {
-	const struct map_module_plan *plan = &change->now->modules[module];
-	const struct kind *kind = kinds_find(plan->kind);
-	const bool known = module < map_module_count(change->map);
-	const uint32_t flags = plan->flags | (known ? map_plan_of(change->map, module)->flags : 0);
+	const struct kind *kind = kinds_find(change->now->modules[module].kind);
 
-	if (kind->fixed != NULL)
-		return refuse(change, kind->fixed, kind->fixed_because);
-	if (flags & MAP_TAKES_PART)
-		return refuse(change, plan->name,
-			      "it stands in the net, where others wait for it, or it for them");
-	return true;
+	return kind->fixed == NULL || refuse(change, kind->fixed, kind->fixed_because);
 }
 
 static bool is_possible(struct change *change)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The gateway's clock: what it makes of the system's, and of whoever reaches the request ring. */
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -7,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -455,6 +457,109 @@ static void test_impossible_times_are_refused(void **state)
 	assert_true(map_clock_read(station).offset_ns == before);
 }
 
+/* ---- a configuration with another mode ----------------------------------------------------- */
+
+static int64_t system_set_ns; /* to what; 0: nobody has set it */
+static int settable;          /* 0, or why it is not */
+
+/* Nobody's clock is set here. */
+int clock_settime(clockid_t clock, const struct timespec *time)
+{
+	assert_int_equal(clock, CLOCK_REALTIME);
+	errno = settable;
+	if (settable != 0)
+		return -1;
+	system_set_ns = time->tv_sec * SECOND + time->tv_nsec;
+	return 0;
+}
+
+static struct map_clock change_mode(enum map_clock_mode mode)
+{
+	const struct map_config *config = map_config(rtud);
+	const enum map_clock_mode before = (enum map_clock_mode)config->settings.clock;
+
+	((struct map_config *)(uintptr_t)config)->settings.clock = (uint8_t)mode;
+	system_set_ns = 0;
+	clock_mode_changed(rtud, before);
+	return map_clock_read(station);
+}
+
+static bool told(struct map_cursor *cursor)
+{
+	struct map_event event;
+
+	return map_event_next(station, cursor, &event) && event.kind == MAP_EVENT_CLOCK;
+}
+
+/* A controlling station's time stays, whoever may set it from now on. */
+static void test_modes_that_follow_nobody_else(void **state)
+{
+	int64_t at;
+
+	(void)state;
+	start(MAP_CLOCK_GATEWAY, false);
+	at = map_now_ns();
+	assert_int_equal(set_clock(at, wall + HOUR), MAP_RESULT_DONE);
+	assert_true(change_mode(MAP_CLOCK_MASTERS).set);
+	now.synchronised = true; /* which is nothing to this mode */
+	assert_true(after(HOUR).offset_ns == wall + HOUR - at);
+	assert_true(change_mode(MAP_CLOCK_GATEWAY).offset_ns == wall + HOUR - at);
+	assert_int_equal(after(50 * MS).source, MAP_CLOCK_SYNCHRONISED);
+	assert_in_range(map_clock_read(station).offset_ns, now.earliest_ns, now.latest_ns);
+	assert_true(system_set_ns == 0);
+}
+
+static void test_a_synchronised_clock_runs_on_and_may_be_set(void **state)
+{
+	int64_t at;
+
+	(void)state;
+	start(MAP_CLOCK_GATEWAY, true);
+	at = map_now_ns();
+	assert_int_equal(set_clock(at, wall + HOUR), MAP_RESULT_INTERLOCK);
+	change_mode(MAP_CLOCK_MASTERS);
+	assert_int_equal(after(50 * MS).source, MAP_CLOCK_HELD);
+	assert_true(said("no longer followed"));
+	assert_true(map_clock_read(station).set);
+	assert_int_equal(set_clock(at, wall + HOUR), MAP_RESULT_DONE);
+	assert_true(after(HOUR).offset_ns == wall + HOUR - at);
+}
+
+static void test_a_set_clock_becomes_the_systems(void **state)
+{
+	struct map_cursor cursor;
+	int64_t at, least;
+
+	(void)state;
+	start(MAP_CLOCK_GATEWAY, false);
+	settable = 0;
+	at = map_now_ns();
+	assert_int_equal(set_clock(at, wall + HOUR), MAP_RESULT_DONE);
+	map_cursor_to_end(station, &cursor);
+	least = wall + HOUR + map_now_ns() - at;
+	assert_true(change_mode(MAP_CLOCK_SYSTEM).set);
+	assert_in_range(system_set_ns, least, wall + HOUR + map_now_ns() - at);
+	assert_false(told(&cursor)); /* nothing has changed */
+	change_mode(MAP_CLOCK_SYSTEM);
+	assert_true(system_set_ns == 0); /* it is the system's already */
+}
+
+static void test_a_system_that_cannot_be_set_leaves_times_invalid(void **state)
+{
+	struct map_cursor cursor;
+
+	(void)state;
+	start(MAP_CLOCK_MASTERS, false);
+	settable = EPERM;
+	assert_int_equal(set_clock(map_now_ns(), wall + HOUR), MAP_RESULT_DONE);
+	map_cursor_to_end(station, &cursor);
+	assert_false(change_mode(MAP_CLOCK_SYSTEM).set);
+	assert_true(said("cannot set the system's clock: Operation not permitted"));
+	assert_true(told(&cursor));
+	now.synchronised = true;
+	assert_true(after(50 * MS).set);
+}
+
 #define WITH_GATEWAY(test) cmocka_unit_test_teardown(test, stop)
 
 int main(void)
@@ -477,6 +582,10 @@ int main(void)
 	    WITH_GATEWAY(test_the_masters_clock_is_theirs),
 	    WITH_GATEWAY(test_the_systems_clock_is_followed_also_unsynchronised),
 	    WITH_GATEWAY(test_impossible_times_are_refused),
+	    WITH_GATEWAY(test_modes_that_follow_nobody_else),
+	    WITH_GATEWAY(test_a_synchronised_clock_runs_on_and_may_be_set),
+	    WITH_GATEWAY(test_a_set_clock_becomes_the_systems),
+	    WITH_GATEWAY(test_a_system_that_cannot_be_set_leaves_times_invalid),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -52,6 +52,4 @@ const struct kind synch_kind = {
     .program_count = 1,
     .priority = priority,
     .same = same,
-    .fixed = "net",
-    .fixed_because = "tokens that modules hold have no place in another net",
 };
