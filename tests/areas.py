@@ -66,6 +66,7 @@ REACH = [
     ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
     ("docs/iec61850.md", "tests/test_iec61850*.py"),
+    ("docs/conformance-61850.md", "tests/test_iec61850_conformance.py"),
     ("docs/logic.md", "tests/test_logic.py tests/test_docs_commands.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from iec61850 import ClientReport, IedConnection, RcbWriteMask
+from iec61850 import ClientReport, IedConnection, RcbWriteMask, TriggerOptions
 
 from desk import Substation, gateway_on_lines
 from lab.gateway import free_port
@@ -287,3 +287,36 @@ def test_the_rust_client_takes_buffered_reports(plant: Plant) -> None:
     keys = [bytes(report.entry_id) for report in reports]
     numbers = [int.from_bytes(key[4:], "big") for key in keys]
     assert numbers == list(range(numbers[0], numbers[0] + INPUTS))
+
+
+def test_the_rust_client_interrogates_a_buffered_block(plant: Plant) -> None:
+    """GI and integrity reports have all members; the block is the client's for a while after it has gone."""
+    reference = f"{DOMAIN}/LLN0.BR.brcbStatus02"
+
+    async def reports_of() -> tuple[list[ClientReport], bytes, int]:
+        connection = await IedConnection.connect(f"127.0.0.1:{plant.port}")
+        block = await connection.get_rcb_values(reference)
+        reports: asyncio.Queue[ClientReport] = asyncio.Queue()
+        await connection.install_report_handler(reference, reports.put_nowait, rpt_id=block.rpt_id)
+        block.resv_tms = 1
+        await connection.set_rcb_values(block, RcbWriteMask.fields("resv_tms"))
+        block.trigger_options = TriggerOptions(integrity=True, general_interrogation=True)
+        block.integrity_period_ms = 100
+        await connection.set_rcb_values(block, RcbWriteMask.fields("trigger_options", "integrity_period"))
+        block.rpt_ena = block.gi = True
+        await connection.set_rcb_values(block, RcbWriteMask.fields("rpt_ena"))
+        await connection.set_rcb_values(block, RcbWriteMask.fields("gi"))
+        while reports.qsize() < 3:
+            await connection.poll_reports(100)
+        shown = await connection.get_rcb_values(reference)
+        await connection.disconnect()
+        return [reports.get_nowait() for _ in range(3)], bytes(shown.owner), shown.resv_tms
+
+    reports, owner, reserved = asyncio.run(asyncio.wait_for(reports_of(), 20))
+    assert (owner, reserved) == (bytes([127, 0, 0, 1]), 1)
+    assert [len(report.entries) for report in reports] == 3 * [INPUTS]
+    reasons = [entry.reason for report in reports for entry in report.entries]
+    assert all(reason.integrity or reason.general_interrogation for reason in reasons)
+    assert any(reason.integrity for reason in reasons)
+    assert any(reason.general_interrogation for reason in reasons)
+    assert not any(reason.data_change or reason.quality_change for reason in reasons)

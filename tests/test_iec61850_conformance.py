@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""docs/conformance-61850.md says what the server is: its tables against wire, source and schema."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from peers import mms
+from test_iec61850_scl import DEVICE, site_config
+
+ROOT = Path(__file__).parents[1]
+STATEMENT = (ROOT / "docs/conformance-61850.md").read_text()
+SOURCE = (ROOT / "package/openrtu/src/iec61850/ln_class.c").read_text()
+SCHEMA = json.loads((ROOT / "package/openrtu/src/rtud/config.schema.json").read_text())["$defs"]
+
+
+def rows(heading: str) -> list[list[str]]:
+    """The first table below a heading, without its head."""
+    lines = STATEMENT.partition(f"# {heading}\n")[2].splitlines()
+    table = [line for line in lines[: lines.index("", lines.index("") + 2)] if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table[2:]]
+
+
+@pytest.fixture(scope="module")
+def port(programs: Path) -> Iterator[int]:
+    directory, port = run_directory(), free_port()
+    try:
+        with Gateway(listening_on(site_config(port), free_port()), directory, programs):
+            yield port
+    finally:
+        remove(directory)
+
+
+def asked(tag: bytes) -> bytes:
+    """A request of a service, with what it needs."""
+    whole = {
+        b"\xa1": mms.name_list(9),
+        b"\xa4": mms.read((DEVICE, "LLN0")),
+        b"\xa6": mms.element(mms.TYPE, mms.element(0xA0, mms.name(DEVICE, "LLN0"))),
+        b"\xac": mms.element(mms.LIST_ATTRIBUTES, mms.name(DEVICE, "LLN0$status")),
+        b"\xa5": mms.element(
+            mms.WRITE,
+            mms.element(0xA0, mms.element(mms.SEQUENCE, mms.element(0xA0, mms.name(DEVICE, "LLN0")))),
+            mms.element(0xA0, bytes.fromhex("830100")),
+        ),
+    }
+    return whole.get(tag, tag + b"\0")
+
+
+def test_services_are_answered_as_stated(port: int) -> None:
+    services = rows("MMS")
+    assert len({row[0] for row in services}) == 2
+    with mms.Client(port) as client:
+        for stated, service, tag in services:
+            client.number += 1
+            request = mms.request(client.number, asked(bytes.fromhex(tag)))
+            client.send(mms.tpkt(mms.data(request)))
+            assert client.mms()[0] == (mms.RESPONSE if stated == "X" else mms.REJECT), service
+
+
+def test_classes_are_those_of_the_source() -> None:
+    nodes = re.findall(r'CLASS\("(\w+)"', SOURCE)
+    names = SOURCE.partition("iec61850_cdc_names")[2].partition(";")[0]
+    assert [name for (name,) in rows("Logical nodes")] == nodes
+    assert [name for (name,) in rows("Common data classes")] == re.findall(r'"(\w+)"', names)
+
+
+def test_numbers_are_those_of_the_schema() -> None:
+    numbers = rows("PIXIT: what tests have to know")
+    assert len(numbers) > 8
+    for what, value, key in numbers:
+        of, name, rule = re.fullmatch(r"`(\w+)\.(\w+)` (\w+)", key).groups()
+        assert SCHEMA[of]["properties"][name][rule] == int(value), what

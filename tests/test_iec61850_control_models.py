@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Each control model of IEC 61850 with each way that a command can go, a station of 104 among them."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from desk import gateway_on_lines
+from lab.gateway import free_port
+from lab.raw_master import RawMaster
+from peers import mms
+from peers.mms import CHECK, Client, command, element
+from test_iec61850_control import (
+    ACT_CON,
+    BREAKER,
+    BY_PROCESS,
+    C_DC,
+    C_SC,
+    CA,
+    DENIED,
+    DEVICE,
+    DOMAIN,
+    DONE,
+    IN_EXECUTION,
+    LAMP,
+    LOCKED,
+    LOST,
+    NOT_SELECTED,
+    ON,
+    SELECT,
+    TOO_LATE,
+    Plant,
+    act,
+    cause,
+    configuration,
+    ended,
+)
+
+MODELS = {
+    "direct-with-normal-security": (1, "normal", LAMP),
+    "sbo-with-normal-security": (2, "normal", BREAKER),
+    "direct-with-enhanced-security": (3, "enhanced", LAMP),
+    "sbo-with-enhanced-security": (4, "enhanced", BREAKER),
+}
+FUNCTIONS = {LAMP: 5, BREAKER: 15}  # of Modbus, that write it
+NON_EXISTENT = (0x80, b"\x0a")
+
+
+@pytest.fixture(scope="module", params=["enhanced", "normal"])
+def running(request: pytest.FixtureRequest, programs: Path) -> Iterator[tuple[Plant, str]]:
+    port = free_port()
+    config = configuration(port)
+    config["iec61850"]["control_security"] = request.param
+    with gateway_on_lines(config, programs, initial={}) as (lines, gateway):
+        plant = Plant(lines, gateway, port)
+        plant.wait_all_good(CA)
+        yield plant, request.param
+
+
+class Try:
+    """A point of one control model, off, and a client that commands it."""
+
+    def __init__(self, plant: Plant, client: Client, model: str) -> None:
+        self.plant, self.client = plant, client
+        self.number, self.security, self.point = MODELS[model]
+        self.selects, self.mark = self.point == BREAKER, plant.lines.mark()
+
+    def select(self, client: Client | None = None) -> bool:
+        client = client or self.client
+        if self.security == "enhanced":
+            return act(client, "SBOw", self.point) == DONE
+        ((_, answer),) = client.values((DOMAIN, f"GGIO1$CO${self.point}$SBO"))
+        return answer != b""
+
+    def select_if_needed(self) -> None:
+        assert not self.selects or self.select()
+
+    def is_on(self) -> bool:
+        return self.plant.coil(3 if self.point == BREAKER else 0) == 1
+
+    def refused(self, why: int, client: Client | None = None) -> None:
+        client = client or self.client
+        assert act(client, "Oper", self.point) == DENIED
+        assert cause(client, self.point) == why
+
+    def begin(self) -> None:
+        """Oper, which the device takes and does not answer."""
+        self.plant.lines.fault(DEVICE, "mute")
+        self.client.number += 1
+        item = element(mms.SEQUENCE, element(0xA0, mms.name(DOMAIN, f"GGIO1$CO${self.point}$Oper")))
+        oper = element(0xA2, *command(ON), CHECK)
+        write = element(mms.WRITE, element(0xA0, item), element(0xA0, oper))
+        self.client.send(mms.tpkt(mms.data(mms.request(self.client.number, write))))
+        self.plant.lines.wait_frame(
+            lambda f: f.kind == "received" and f.bytes[1] == FUNCTIONS[self.point], since=self.mark
+        )
+
+    def end(self) -> int:
+        """AddCause of the Oper that has begun."""
+        answer = self.client.mms()
+        while answer[0] == mms.REPORT:
+            self.client.keep(answer[1])
+            answer = self.client.mms()
+        assert mms.elements(mms.elements(answer[1])[1][1]) == [DENIED]
+        return cause(self.client, self.point)
+
+    def ask_104(self, master: RawMaster, value: int) -> None:
+        """A station commands the point."""
+        if self.point == BREAKER:
+            master.request(C_DC, CA, 3, bytes([value + 1]))
+        else:
+            master.request(C_SC, CA, 1, bytes([value]))
+
+
+def success(case: Try) -> None:
+    case.select_if_needed()
+    assert act(case.client, "Oper", case.point) == DONE
+    if case.security == "enhanced":
+        assert ended(case.client, case.point) == 0
+    case.plant.gateway.wait_for(case.plant.is_free, 60.0, "the value was read back")
+    assert case.is_on() and len(case.plant.writes(case.mark)) == 1 and case.client.information == []
+
+
+def exception(case: Try) -> None:
+    case.plant.lines.fault(DEVICE, "exception", 4, FUNCTIONS[case.point])
+    case.select_if_needed()
+    case.refused(BY_PROCESS)
+    assert not case.is_on()
+
+
+def silence(case: Try) -> None:
+    case.select_if_needed()
+    case.begin()
+    assert case.end() == TOO_LATE
+    assert len(case.plant.writes(case.mark)) == 1
+
+
+def cancel(case: Try) -> None:
+    if not case.selects:
+        assert act(case.client, "Cancel", case.point) == NON_EXISTENT
+        return
+    assert case.select()
+    assert act(case.client, "Cancel", case.point) == DONE
+    case.refused(NOT_SELECTED)
+    assert case.plant.writes(case.mark) == []
+
+
+def other_client(case: Try) -> None:
+    with case.plant.client() as other:
+        if case.selects:
+            assert case.select(other) and not case.select()
+            case.client.information.clear()
+            case.refused(LOCKED)
+        else:
+            case.begin()
+            case.refused(IN_EXECUTION, other)
+            assert case.end() == TOO_LATE
+    assert len(case.plant.writes(case.mark)) <= 1
+
+
+def station_104(case: Try) -> None:
+    """Its selection, or its command under way, keeps clients out; then theirs keeps it out."""
+    if case.selects:
+        with RawMaster(*case.plant.gateway.address) as master:
+            master.request(C_DC, CA, 3, bytes([SELECT | 2]))
+            assert master.answer(C_DC).cause == ACT_CON
+            assert not case.select()
+            case.client.information.clear()
+            case.refused(LOCKED)
+    else:
+        case.plant.lines.fault(DEVICE, "mute")
+        with RawMaster(*case.plant.gateway.address) as master:
+            case.ask_104(master, 1)
+            case.plant.lines.wait_frame(
+                lambda f: f.kind == "received" and f.bytes[1] == FUNCTIONS[case.point], since=case.mark
+            )
+            case.refused(IN_EXECUTION)
+    case.plant.lines.fault(DEVICE, "clear")
+    case.plant.gateway.wait_for(case.plant.is_free, 60.0, "the station's command is over")
+    case.plant.wait_all_good(CA)
+    case.mark = case.plant.lines.mark()
+    case.select_if_needed()
+    if not case.selects:
+        case.begin()
+    with RawMaster(*case.plant.gateway.address) as master:
+        case.ask_104(master, 0)
+        assert master.answer(C_DC if case.selects else C_SC).cause & 0x40  # negative
+    if not case.selects:
+        assert case.end() == TOO_LATE
+    assert len(case.plant.writes(case.mark)) <= 1
+
+
+def time_out(case: Try) -> None:
+    """Of a selection; of an execution it is silence."""
+    if case.selects:
+        assert case.select()
+        case.plant.gateway.wait_for(case.plant.is_free, 60.0, "the selection is over")
+        case.refused(NOT_SELECTED)
+
+
+def kill(case: Try) -> None:
+    case.select_if_needed()
+    case.begin()
+    case.plant.gateway.kill("rtu-modbus-1")
+    assert case.end() in (LOST, TOO_LATE)
+    case.plant.lines.fault(DEVICE, "clear")
+    case.plant.wait_all_good(CA)
+    assert not case.is_on() and len(case.plant.writes(case.mark)) <= 1
+    case.mark = case.plant.lines.mark()
+    success(case)  # the next one is not the former
+
+
+WAYS = [success, exception, silence, cancel, other_client, station_104, time_out, kill]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
+def test_a_command_goes_every_way(running: tuple[Plant, str], way: Callable[[Try], None]) -> None:
+    plant, security = running
+    for model in (name for name, (_, of, _) in MODELS.items() if of == security):
+        plant.lines.set(DEVICE, "coils", 0, 0)
+        plant.lines.set(DEVICE, "coils", 2, 1, 0)
+        with plant.client() as client:
+            case = Try(plant, client, model)
+            ((_, shown),) = client.values((DOMAIN, f"GGIO1$CF${case.point}$ctlModel"))
+            assert shown == bytes([case.number])
+            try:
+                way(case)
+            except AssertionError as error:
+                raise AssertionError(f"{model}: {error}") from error
+            finally:
+                plant.lines.fault(DEVICE, "clear")
+        plant.gateway.wait_for(plant.is_free, 60.0, "no command is under way")
+        plant.wait_all_good(CA)
